@@ -1,0 +1,1 @@
+//! One chart kind a file; each returns one inline SVG whose colours come from the page's style sheet.

@@ -1,0 +1,31 @@
+//! `report.html` of one adaptation: one file that opens offline and asks the network for nothing.
+
+mod data;
+mod nullable;
+
+pub use data::{
+    AdaptReport, Bound, Comparison, ComparisonEntry, JointDistribution, JointTrace, OptimizerRun, Parameter,
+    PublishedRange, Quantity, Score, Setting, Validation,
+};
+
+use minijinja::{Environment, Value, context};
+
+/// Why no page came out.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// The page template and the data disagree: a defect of this crate, not of the data.
+    #[error("the report page could not be filled in ({0}); report this with the run's metrics file")]
+    Template(#[from] minijinja::Error),
+}
+
+/// Renders the page as UTF-8 HTML.
+///
+/// # Errors
+/// [`ReportError::Template`] if the embedded template cannot be filled in.
+pub fn render(report: &AdaptReport) -> Result<String, ReportError> {
+    let mut environment = Environment::new();
+    environment.add_template("adapt.html", include_str!("adapt.html"))?;
+    Ok(environment
+        .get_template("adapt.html")?
+        .render(context! { report => Value::from_serialize(report) })?)
+}
