@@ -8,7 +8,8 @@ pub use data::{
     PublishedRange, Quantity, Score, Setting, Validation,
 };
 
-use minijinja::{Environment, Value, context};
+use minijinja::value::Serde;
+use minijinja::{Environment, context};
 
 /// Why no page came out.
 #[derive(Debug, thiserror::Error)]
@@ -27,5 +28,5 @@ pub fn render(report: &AdaptReport) -> Result<String, ReportError> {
     environment.add_template("adapt.html", include_str!("adapt.html"))?;
     Ok(environment
         .get_template("adapt.html")?
-        .render(context! { report => Value::from_serialize(report) })?)
+        .render(context! { report => Serde(report) })?)
 }
