@@ -1,0 +1,99 @@
+//! What can be wrong with the two sides of a comparison.
+
+use super::Signal;
+
+/// Why a cost could not be computed. Recordings, samples and columns count from 0; samples include the pre-roll.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CostError {
+    /// The simulation of this candidate diverged. The one error that speaks of the candidate, not of the setup:
+    /// rank it last and go on.
+    #[error("simulated {signal} of joint {joint} is not finite at sample {sample} of recording {recording}")]
+    NotFinite {
+        /// Which signal.
+        signal: Signal,
+        /// Joint name.
+        joint: String,
+        /// Recording number.
+        recording: usize,
+        /// Sample number.
+        sample: usize,
+    },
+    /// The robot's log holds NaN or infinity.
+    #[error(
+        "recorded {signal} of joint {joint} is not finite at sample {sample} of recording {recording}; cut or repair the log"
+    )]
+    TargetNotFinite {
+        /// Which signal.
+        signal: Signal,
+        /// Joint name.
+        joint: String,
+        /// Recording number.
+        recording: usize,
+        /// Sample number.
+        sample: usize,
+    },
+    /// No recordings, no joints, or nothing left after the pre-roll.
+    #[error("the target is empty: {0}")]
+    EmptyTarget(String),
+    /// A matrix is not `samples × joints`.
+    #[error("{signal} of recording {recording} has {len} values, which is not {expected}")]
+    Shape {
+        /// Which signal.
+        signal: Signal,
+        /// Recording number.
+        recording: usize,
+        /// Values found.
+        len: usize,
+        /// What it should be, in words.
+        expected: String,
+    },
+    /// A signal has a positive weight but one of the sides lacks it.
+    #[error("{signal} has a positive weight but {side} has no {signal}; set its weight to 0 or supply it")]
+    MissingSignal {
+        /// Which signal.
+        signal: Signal,
+        /// Which side.
+        side: String,
+    },
+    /// Every joint of a weighted signal is constant on the robot, so there is no scale.
+    #[error(
+        "recorded {0} is constant in every joint and has no scale; set its weight to 0 or use a log that moves"
+    )]
+    AllConstant(Signal),
+    /// A weight is negative or not finite, or all are zero.
+    #[error(
+        "weights of position, velocity and action must be finite, not negative and not all zero, but are {0:?}"
+    )]
+    Weights([f64; 3]),
+    /// A log lacks a joint.
+    #[error("recording {recording} has no joint {joint}; it has {available}")]
+    UnknownJoint {
+        /// Recording number.
+        recording: usize,
+        /// The joint sought.
+        joint: String,
+        /// The joints found.
+        available: String,
+    },
+    /// Recording number beyond the target's.
+    #[error("recording {recording} was simulated, but the target has {count}")]
+    UnknownRecording {
+        /// Recording number.
+        recording: usize,
+        /// Number of recordings of the target.
+        count: usize,
+    },
+    /// A time-aligned cost got a recording twice.
+    #[error("recording {0} was added twice for one candidate")]
+    Repeated(usize),
+    /// A time-aligned cost lacks a recording, or a pooled one has no samples at all.
+    #[error("recording {0} was not added for this candidate")]
+    Missing(usize),
+}
+
+impl CostError {
+    /// Whether the candidate, not the setup, is at fault; such candidates are ranked last.
+    pub fn is_candidate_failure(&self) -> bool {
+        matches!(self, Self::NotFinite { .. })
+    }
+}

@@ -1,0 +1,63 @@
+//! How far simulated joint signals are from the robot's.
+//!
+//! The robot side is prepared once ([`Target`]); a [`Cost`] compares candidates with it. A new cost implements
+//! [`Cost`] and [`Accumulator`] and touches nothing else.
+//!
+//! ```no_run
+//! # use gaitfit_adapt::cost::*;
+//! # use std::sync::Arc;
+//! # fn f(target: Target, runs: Vec<Vec<f32>>) -> Result<(), CostError> {
+//! let target = Arc::new(target);
+//! let cost = Wass::new(Arc::clone(&target), Weights::of(&target))?;
+//! let mut accumulator = cost.begin();
+//! for (recording, run) in runs.iter().enumerate() {
+//!     accumulator.add(recording, Simulated { position: run, velocity: run, action: None })?;
+//! }
+//! println!("{}", accumulator.finish()?.total);
+//! # Ok(()) }
+//! ```
+
+mod breakdown;
+mod error;
+mod match_o;
+mod rmse;
+mod signal;
+mod target;
+mod wass;
+mod wasserstein1;
+
+pub use breakdown::{Breakdown, GroupCost};
+pub use error::CostError;
+pub use match_o::MatchO;
+pub use rmse::{PositionRmse, position_rmse};
+pub use signal::{Signal, Simulated, Weights};
+pub use target::{Dimension, Recorded, Target};
+pub use wass::Wass;
+pub use wasserstein1::{sort_f32, wasserstein1};
+
+/// A distance between simulated and recorded joint signals. Shared by worker threads; each thread, or each
+/// candidate, has its own [`Accumulator`].
+pub trait Cost: Send + Sync {
+    /// Short name, as in configuration files.
+    fn name(&self) -> &'static str;
+
+    /// An empty accumulator for one candidate. It can be reused for the next after [`Accumulator::finish`], which
+    /// saves its allocations.
+    fn begin(&self) -> Box<dyn Accumulator + '_>;
+}
+
+/// Collects the simulated recordings of one candidate.
+pub trait Accumulator: Send {
+    /// Adds the simulated signals of target recording number `recording` (from 0), pre-roll included. The order of
+    /// the calls does not change the result.
+    ///
+    /// # Errors
+    /// [`CostError::NotFinite`] if a sample is NaN or infinite, and shape errors. The accumulator is then empty.
+    fn add(&mut self, recording: usize, simulated: Simulated<'_>) -> Result<(), CostError>;
+
+    /// The cost of everything added since the last `finish`, smaller is closer; leaves the accumulator empty.
+    ///
+    /// # Errors
+    /// If recordings the cost needs were not added.
+    fn finish(&mut self) -> Result<Breakdown, CostError>;
+}

@@ -1,0 +1,328 @@
+//! The robot side of every cost, prepared once.
+
+use super::{CostError, Signal};
+use gaitfit_log::Trajectory;
+
+/// Ranges below this (rad, rad/s, unitless) count as constant: nothing of a joint's motion is that small, and the
+/// scale 2 / range would blow rounding errors up to the size of real differences.
+const MIN_RANGE: f64 = 1e-9;
+
+/// One recorded run: `samples × joints` matrices, row-major, all in the target's joint order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// Joint positions, rad.
+    pub position: Vec<f64>,
+    /// Joint velocities, rad/s.
+    pub velocity: Vec<f64>,
+    /// Policy actions, unitless.
+    pub action: Option<Vec<f64>>,
+}
+
+impl Recorded {
+    /// The signals of `trajectory` with its columns reordered by name to `joints`; `recording` is the number used
+    /// in errors.
+    ///
+    /// # Errors
+    /// [`CostError::UnknownJoint`] if the log lacks one of `joints`.
+    pub fn from_trajectory(
+        trajectory: &Trajectory,
+        joints: &[String],
+        recording: usize,
+    ) -> Result<Self, CostError> {
+        let columns: Vec<usize> = joints
+            .iter()
+            .map(|joint| {
+                trajectory.joint(joint).ok_or_else(|| CostError::UnknownJoint {
+                    recording,
+                    joint: joint.clone(),
+                    available: trajectory.joints.join(", "),
+                })
+            })
+            .collect::<Result<_, _>>()?;
+        let width = trajectory.joints.len();
+        let pick = |matrix: &Vec<f64>| -> Vec<f64> {
+            matrix
+                .chunks_exact(width)
+                .flat_map(|row| columns.iter().map(move |column| row[*column]))
+                .collect()
+        };
+        Ok(Self {
+            position: pick(&trajectory.position),
+            velocity: pick(&trajectory.velocity),
+            action: trajectory.action.as_ref().map(pick),
+        })
+    }
+
+    fn get(&self, signal: Signal) -> Option<&Vec<f64>> {
+        match signal {
+            Signal::Position => Some(&self.position),
+            Signal::Velocity => Some(&self.velocity),
+            Signal::Action => self.action.as_ref(),
+        }
+    }
+}
+
+/// One joint of one signal over all recordings, pre-roll cut off.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dimension {
+    /// Smallest recorded value.
+    pub min: f64,
+    /// Largest recorded value.
+    pub max: f64,
+    /// 2 / (max − min), which maps the robot's range to [−1, 1]; `None` if the robot's value is constant. The
+    /// shift is −(max + min) / (max − min); it cancels in every distance and is not stored.
+    pub scale: Option<f64>,
+    /// All samples, ascending.
+    pub(crate) sorted: Vec<f64>,
+}
+
+/// The matrices and dimensions of one signal.
+#[derive(Clone, Debug, PartialEq)]
+struct TargetSignal {
+    dimensions: Vec<Dimension>,
+    /// One matrix a recording, pre-roll cut off.
+    recordings: Vec<Vec<f64>>,
+}
+
+/// The robot's recordings with scale and shift per dimension, fixed for a whole adaptation: every dimension is
+/// mapped to [−1, 1] by the robot's own minimum and maximum over all recordings.
+///
+/// A dimension that is constant on the robot (range below 1e-9) has no scale. It is left out of the mean over
+/// joints and named by [`Target::constant`], which callers must show; if a weighted signal has no other dimension
+/// the cost is refused.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Target {
+    joints: Vec<String>,
+    skip: usize,
+    /// Position, velocity, action.
+    signals: [Option<TargetSignal>; 3],
+}
+
+impl Target {
+    /// Prepares `recordings`, whose columns are `joints`. The first `skip` samples of every recording, on both
+    /// sides, do not count (pre-roll: the start is unlike the rest, or its state is unknown). The action is
+    /// compared only if every recording has it.
+    ///
+    /// # Errors
+    /// [`CostError::EmptyTarget`], [`CostError::Shape`], [`CostError::TargetNotFinite`].
+    pub fn new(joints: Vec<String>, recordings: &[Recorded], skip: usize) -> Result<Self, CostError> {
+        if joints.is_empty() || recordings.is_empty() {
+            return Err(CostError::EmptyTarget("it needs at least one joint and one recording".into()));
+        }
+        let mut signals = [None, None, None];
+        for (slot, signal) in signals.iter_mut().zip(Signal::ALL) {
+            *slot = TargetSignal::new(signal, &joints, recordings, skip)?;
+        }
+        Ok(Self { joints, skip, signals })
+    }
+
+    /// Joint names in column order.
+    pub fn joints(&self) -> &[String] {
+        &self.joints
+    }
+
+    /// Number of recordings.
+    pub fn recordings(&self) -> usize {
+        self.signals[0].as_ref().map_or(0, |signal| signal.recordings.len())
+    }
+
+    /// Samples at the start of each recording that do not count.
+    pub fn skip(&self) -> usize {
+        self.skip
+    }
+
+    /// Samples of recording `recording`, pre-roll included; 0 if there is no such recording.
+    pub fn samples(&self, recording: usize) -> usize {
+        self.recording(Signal::Position, recording)
+            .map_or(0, |matrix| matrix.len() / self.joints.len() + self.skip)
+    }
+
+    /// Whether every recording has `signal`.
+    pub fn has(&self, signal: Signal) -> bool {
+        self.signals[signal as usize].is_some()
+    }
+
+    /// Range and scale of every joint of `signal`, in joint order.
+    pub fn dimensions(&self, signal: Signal) -> Option<&[Dimension]> {
+        self.signals[signal as usize].as_ref().map(|signal| signal.dimensions.as_slice())
+    }
+
+    /// The dimensions that are constant on the robot and therefore left out, as (signal, joint name).
+    pub fn constant(&self) -> Vec<(Signal, &str)> {
+        let mut found = Vec::new();
+        for signal in Signal::ALL {
+            for (joint, dimension) in self.joints.iter().zip(self.dimensions(signal).unwrap_or_default()) {
+                if dimension.scale.is_none() {
+                    found.push((signal, joint.as_str()));
+                }
+            }
+        }
+        found
+    }
+
+    /// Recorded matrix without the pre-roll.
+    pub(crate) fn recording(&self, signal: Signal, recording: usize) -> Option<&[f64]> {
+        self.signals[signal as usize].as_ref()?.recordings.get(recording).map(Vec::as_slice)
+    }
+
+    /// The part of a simulated matrix that counts, checked for whole rows and finite values.
+    pub(crate) fn checked<'a>(
+        &self,
+        signal: Signal,
+        recording: usize,
+        matrix: Option<&'a [f32]>,
+    ) -> Result<&'a [f32], CostError> {
+        let matrix =
+            matrix.ok_or_else(|| CostError::MissingSignal { signal, side: "the simulation".into() })?;
+        let width = self.joints.len();
+        if !matrix.len().is_multiple_of(width) {
+            return Err(CostError::Shape {
+                signal,
+                recording,
+                len: matrix.len(),
+                expected: format!("a multiple of {width} joints"),
+            });
+        }
+        let start = (self.skip * width).min(matrix.len());
+        let counted = &matrix[start..];
+        // One branch-free pass that vectorises, and a search only on failure.
+        if counted.iter().fold(false, |bad, value| bad | !value.is_finite())
+            && let Some(bad) = counted.iter().position(|value| !value.is_finite())
+        {
+            return Err(CostError::NotFinite {
+                signal,
+                joint: self.joints[bad % width].clone(),
+                recording,
+                sample: (start + bad) / width,
+            });
+        }
+        Ok(counted)
+    }
+}
+
+impl TargetSignal {
+    fn new(
+        signal: Signal,
+        joints: &[String],
+        recordings: &[Recorded],
+        skip: usize,
+    ) -> Result<Option<Self>, CostError> {
+        let width = joints.len();
+        let mut matrices = Vec::with_capacity(recordings.len());
+        for (number, recorded) in recordings.iter().enumerate() {
+            let Some(matrix) = recorded.get(signal) else { return Ok(None) };
+            if matrix.len() != recorded.position.len() || !matrix.len().is_multiple_of(width) {
+                return Err(CostError::Shape {
+                    signal,
+                    recording: number,
+                    len: matrix.len(),
+                    expected: format!(
+                        "samples × {width} joints, as many as positions ({})",
+                        recorded.position.len()
+                    ),
+                });
+            }
+            if let Some(bad) = matrix.iter().position(|value| !value.is_finite()) {
+                return Err(CostError::TargetNotFinite {
+                    signal,
+                    joint: joints[bad % width].clone(),
+                    recording: number,
+                    sample: bad / width,
+                });
+            }
+            if matrix.len() <= skip * width {
+                return Err(CostError::EmptyTarget(format!(
+                    "recording {number} has {} samples and the first {skip} are skipped",
+                    matrix.len() / width
+                )));
+            }
+            matrices.push(matrix[skip * width..].to_vec());
+        }
+        let dimensions = (0..width).map(|joint| Dimension::new(&matrices, joint, width)).collect();
+        Ok(Some(Self { dimensions, recordings: matrices }))
+    }
+}
+
+impl Dimension {
+    fn new(matrices: &[Vec<f64>], joint: usize, width: usize) -> Self {
+        let mut sorted: Vec<f64> =
+            matrices.iter().flat_map(|matrix| matrix.iter().skip(joint).step_by(width).copied()).collect();
+        sorted.sort_unstable_by(f64::total_cmp);
+        let (min, max) = (sorted[0], sorted[sorted.len() - 1]);
+        let range = max - min;
+        Self { min, max, scale: (range >= MIN_RANGE).then(|| 2.0 / range), sorted }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    fn names(names: &[&str]) -> Vec<String> {
+        names.iter().map(ToString::to_string).collect()
+    }
+
+    fn recorded(position: &[f64], velocity: &[f64]) -> Recorded {
+        Recorded { position: position.to_vec(), velocity: velocity.to_vec(), action: None }
+    }
+
+    #[test]
+    fn scale_maps_the_counted_range_to_two_and_names_constants() {
+        let runs = [
+            recorded(&[9.0, 1.0, 0.0, 1.0, 3.0, 1.0], &[0.0, 5.0, 1.0, 6.0, 2.0, 8.0]),
+            recorded(&[9.0, 1.0, -1.0, 1.0], &[0.0, 0.0, 0.0, 7.0]),
+        ];
+        let target = Target::new(names(&["hip", "calf"]), &runs, 1).unwrap();
+        let hip = &target.dimensions(Signal::Position).unwrap()[0];
+        assert_eq!((hip.min, hip.max, hip.scale), (-1.0, 3.0, Some(0.5)));
+        assert_eq!(hip.sorted, [-1.0, 0.0, 3.0]);
+        assert_eq!(target.constant(), [(Signal::Position, "calf")]);
+        assert_eq!((target.samples(0), target.samples(1), target.samples(2)), (3, 2, 0));
+        assert!(!target.has(Signal::Action));
+    }
+
+    #[test]
+    fn bad_targets_are_named() {
+        let joints = names(&["hip", "calf"]);
+        let nan = recorded(&[0.0, 1.0, 2.0, 3.0], &[0.0, 1.0, 2.0, f64::NAN]);
+        let error = Target::new(joints.clone(), &[nan], 0).unwrap_err();
+        assert_eq!(
+            error,
+            CostError::TargetNotFinite {
+                signal: Signal::Velocity,
+                joint: "calf".into(),
+                recording: 0,
+                sample: 1
+            }
+        );
+        let short = recorded(&[0.0, 1.0], &[0.0, 1.0]);
+        assert!(matches!(Target::new(joints.clone(), &[short], 1), Err(CostError::EmptyTarget(_))));
+        let ragged = recorded(&[0.0, 1.0, 2.0], &[0.0, 1.0, 2.0]);
+        assert!(matches!(Target::new(joints.clone(), &[ragged], 0), Err(CostError::Shape { .. })));
+        assert!(matches!(Target::new(joints, &[], 0), Err(CostError::EmptyTarget(_))));
+    }
+
+    #[test]
+    fn trajectories_are_reordered_by_name() {
+        let trajectory = Trajectory {
+            source: None,
+            robot: None,
+            joints: names(&["calf", "hip"]),
+            time: vec![0.0, 0.02],
+            rate_hz: 50.0,
+            position: vec![1.0, 2.0, 3.0, 4.0],
+            velocity: vec![5.0, 6.0, 7.0, 8.0],
+            target: None,
+            action: Some(vec![0.1, 0.2, 0.3, 0.4]),
+            command: None,
+            base: None,
+            gains: None,
+        };
+        let recorded = Recorded::from_trajectory(&trajectory, &names(&["hip", "calf"]), 0).unwrap();
+        assert_eq!(recorded.position, [2.0, 1.0, 4.0, 3.0]);
+        assert_eq!(recorded.action.unwrap(), [0.2, 0.1, 0.4, 0.3]);
+        let error = Recorded::from_trajectory(&trajectory, &names(&["knee"]), 4).unwrap_err();
+        assert!(error.to_string().contains("recording 4 has no joint knee"));
+    }
+}
