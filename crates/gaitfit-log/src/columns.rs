@@ -1,0 +1,194 @@
+//! What each column of a header means: the names of the quantities a log may hold.
+//!
+//! | columns | meaning |
+//! | --- | --- |
+//! | `time` | s |
+//! | `q_J`, `dq_J` | position (rad) and velocity (rad/s) of joint J; both needed for every joint |
+//! | `qdes_J`, `act_J` | position target (rad), policy action; for all joints or none |
+//! | `vx_cmd`, `vy_cmd`, `wz_cmd` (or `cmd_vx`, …) | command, m/s and rad/s |
+//! | `base_pos_x` … `z` | base position, m, world frame |
+//! | `base_quat_w`, `x`, `y`, `z` | base orientation, wxyz |
+//! | `roll`, `pitch`, `yaw` | base orientation, rad, R = Rz(yaw)·Ry(pitch)·Rx(roll); read where there is no `base_quat_` |
+//! | `base_vel_x` … `z` | base linear velocity, m/s, world frame |
+//! | `wx`, `wy`, `wz` | base angular velocity, rad/s, body frame |
+
+use crate::{IgnoredColumn, LogError};
+use std::collections::HashMap;
+use std::path::Path;
+
+pub(crate) const COMMAND: [&str; 3] = ["vx_cmd", "vy_cmd", "wz_cmd"];
+const COMMAND_ALIAS: [&str; 3] = ["cmd_vx", "cmd_vy", "cmd_wz"];
+pub(crate) const BASE_POSITION: [&str; 3] = ["base_pos_x", "base_pos_y", "base_pos_z"];
+pub(crate) const BASE_QUATERNION: [&str; 4] = ["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z"];
+const ROLL_PITCH_YAW: [&str; 3] = ["roll", "pitch", "yaw"];
+pub(crate) const BASE_VELOCITY: [&str; 3] = ["base_vel_x", "base_vel_y", "base_vel_z"];
+pub(crate) const BASE_RATES: [&str; 3] = ["wx", "wy", "wz"];
+
+/// Column numbers (from 0) of everything the reader takes.
+#[derive(Debug)]
+pub(crate) struct Layout {
+    pub names: Vec<String>,
+    pub time: usize,
+    pub joints: Vec<String>,
+    pub position: Vec<usize>,
+    pub velocity: Vec<usize>,
+    pub target: Option<Vec<usize>>,
+    pub action: Option<Vec<usize>>,
+    pub command: Option<Vec<usize>>,
+    pub base_position: Option<Vec<usize>>,
+    pub base_quaternion: Option<Vec<usize>>,
+    pub roll_pitch_yaw: Option<Vec<usize>>,
+    pub base_velocity: Option<Vec<usize>>,
+    pub base_rates: Option<Vec<usize>>,
+    pub ignored: Vec<IgnoredColumn>,
+}
+
+/// Sorts out a header. `path` and `line` are for messages.
+pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layout, LogError> {
+    let mut index: HashMap<&str, usize> = HashMap::with_capacity(names.len());
+    for (column, name) in names.iter().enumerate() {
+        let quantity = match COMMAND_ALIAS.iter().position(|alias| alias == name) {
+            Some(i) => COMMAND[i],
+            None => name.as_str(),
+        };
+        if let Some(first) = index.insert(quantity, column) {
+            return Err(LogError::DuplicateColumn {
+                path: path.to_owned(),
+                line,
+                column: column + 1,
+                first: first + 1,
+                name: name.clone(),
+            });
+        }
+    }
+    let missing = |name: &str, remedy: String| LogError::MissingColumn {
+        path: path.to_owned(),
+        line,
+        name: name.to_owned(),
+        remedy,
+    };
+
+    let time = *index.get("time").ok_or_else(|| missing("time", time_remedy(&names)))?;
+    let (position, joints): (Vec<usize>, Vec<String>) = names
+        .iter()
+        .enumerate()
+        .filter_map(|(column, name)| Some((column, name.strip_prefix("q_")?.to_owned())))
+        .filter(|(_, joint)| !joint.is_empty())
+        .unzip();
+    if joints.is_empty() {
+        return Err(missing(
+            "q_<joint>",
+            "joint positions are columns such as `q_FL_hip` and velocities `dq_FL_hip`; rename the file's columns".into(),
+        ));
+    }
+    let mut used = vec![false; names.len()];
+    used[time] = true;
+    let mut take = |columns: &[usize]| columns.iter().for_each(|&column| used[column] = true);
+    take(&position);
+
+    let mut orphans = Vec::new();
+    let mut per_joint = |prefix: &str, needed: bool| -> Result<Option<Vec<usize>>, LogError> {
+        let columns: Vec<Option<usize>> =
+            joints.iter().map(|joint| index.get(format!("{prefix}{joint}").as_str()).copied()).collect();
+        for (column, name) in names.iter().enumerate() {
+            if let Some(joint) = name.strip_prefix(prefix)
+                && !joint.is_empty()
+                && !joints.iter().any(|known| known == joint)
+            {
+                orphans.push((column, format!("there is no `q_{joint}`")));
+            }
+        }
+        if !needed && columns.iter().all(Option::is_none) {
+            return Ok(None);
+        }
+        let found = columns.iter().flatten().count();
+        if let Some(lacking) = columns.iter().position(Option::is_none) {
+            let joint = &joints[lacking];
+            let remedy = if needed {
+                format!("`q_{joint}` needs its velocity; log the encoder's velocity, rad/s, under that name")
+            } else {
+                format!(
+                    "{found} of {} joints have a `{prefix}` column; log all of them or none",
+                    joints.len()
+                )
+            };
+            return Err(missing(&format!("{prefix}{joint}"), remedy));
+        }
+        let columns: Vec<usize> = columns.into_iter().flatten().collect();
+        take(&columns);
+        Ok(Some(columns))
+    };
+    let velocity = per_joint("dq_", true)?.unwrap_or_default();
+    let target = per_joint("qdes_", false)?;
+    let action = per_joint("act_", false)?;
+
+    let mut group = |wanted: &[&str]| -> Option<Vec<usize>> {
+        let columns: Vec<usize> = wanted.iter().filter_map(|name| index.get(name).copied()).collect();
+        if columns.len() == wanted.len() {
+            take(&columns);
+            return Some(columns);
+        }
+        for &column in &columns {
+            orphans.push((column, format!("incomplete: {} belong together", wanted.join(", "))));
+        }
+        None
+    };
+    let command = group(&COMMAND);
+    let base_position = group(&BASE_POSITION);
+    let base_quaternion = group(&BASE_QUATERNION);
+    let mut roll_pitch_yaw = group(&ROLL_PITCH_YAW);
+    let base_velocity = group(&BASE_VELOCITY);
+    let base_rates = group(&BASE_RATES);
+    if base_quaternion.is_some()
+        && let Some(columns) = roll_pitch_yaw.take()
+    {
+        orphans.extend(columns.into_iter().map(|column| (column, "base_quat_ says it already".to_owned())));
+    }
+
+    let mut ignored: Vec<(usize, String)> = orphans;
+    for (column, used) in used.iter().enumerate() {
+        if !used && !ignored.iter().any(|(known, _)| *known == column) {
+            ignored.push((column, "unknown name".to_owned()));
+        }
+    }
+    ignored.sort();
+    let ignored = ignored
+        .into_iter()
+        .map(|(column, reason)| IgnoredColumn { column: column + 1, name: names[column].clone(), reason })
+        .collect();
+    Ok(Layout {
+        time,
+        joints,
+        position,
+        velocity,
+        target,
+        action,
+        command,
+        base_position,
+        base_quaternion,
+        roll_pitch_yaw,
+        base_velocity,
+        base_rates,
+        ignored,
+        names,
+    })
+}
+
+fn time_remedy(names: &[String]) -> String {
+    if let [only] = names
+        && (only.contains(';') || only.contains('\t'))
+    {
+        return "the header has one column; cells are separated by commas here, convert the file".into();
+    }
+    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
+        return "the first line holds numbers; put the header line before it, without a leading `#`".into();
+    }
+    let similar = names.iter().find(|name| {
+        let name = name.to_lowercase();
+        ["t", "stamp", "secs"].contains(&name.as_str()) || name.contains("time") || name.contains("sec")
+    });
+    match similar {
+        Some(name) => format!("if `{name}` is the sample time, rename it to `time` and give it in seconds"),
+        None => "add the sample time in seconds".into(),
+    }
+}

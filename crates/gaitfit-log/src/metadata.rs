@@ -1,0 +1,207 @@
+//! What a log says about itself besides samples: robot, rate, gains. From header comments, sidecar TOML
+//! files and the caller's options.
+
+use crate::LogError;
+use globset::Glob;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// One number for every joint.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum PerJoint {
+    /// The same for all joints.
+    All(f64),
+    /// One a joint, in the order of the file's `q_` columns.
+    List(Vec<f64>),
+    /// By joint name or pattern, for example `{ "*_hip" = 20, "*_calf" = 40 }`; every joint must match exactly
+    /// one entry, except that a plain name goes before patterns.
+    Named(BTreeMap<String, f64>),
+}
+
+impl PerJoint {
+    /// One value for each of `joints`; the error says what does not fit.
+    pub(crate) fn resolve(&self, what: &str, joints: &[String]) -> Result<Vec<f64>, String> {
+        let values = match self {
+            PerJoint::All(value) => vec![*value; joints.len()],
+            PerJoint::List(values) if values.len() == joints.len() => values.clone(),
+            PerJoint::List(values) => {
+                return Err(format!(
+                    "{what} has {} entries for {} joints; give one a joint in the order of the q_ columns, one \
+                     number for all, or a table by joint name",
+                    values.len(),
+                    joints.len()
+                ));
+            }
+            PerJoint::Named(entries) => resolve_named(what, entries, joints)?,
+        };
+        match values.iter().position(|value| !(value.is_finite() && *value >= 0.0)) {
+            Some(i) => {
+                Err(format!("{what} of {} is {}; gains are finite and not negative", joints[i], values[i]))
+            }
+            None => Ok(values),
+        }
+    }
+}
+
+fn resolve_named(what: &str, entries: &BTreeMap<String, f64>, joints: &[String]) -> Result<Vec<f64>, String> {
+    let mut matchers = Vec::with_capacity(entries.len());
+    for (pattern, value) in entries {
+        let glob = Glob::new(pattern).map_err(|error| format!("{what}: pattern `{pattern}`: {error}"))?;
+        matchers.push((pattern, glob.compile_matcher(), *value));
+    }
+    if let Some((pattern, ..)) = matchers.iter().find(|(_, glob, _)| !joints.iter().any(|j| glob.is_match(j)))
+    {
+        return Err(format!("{what}: `{pattern}` matches no joint of the log ({})", joints.join(", ")));
+    }
+    joints
+        .iter()
+        .map(|joint| {
+            if let Some(value) = entries.get(joint) {
+                return Ok(*value);
+            }
+            let mut hits = matchers.iter().filter(|(_, glob, _)| glob.is_match(joint));
+            match (hits.next(), hits.next()) {
+                (Some((.., value)), None) => Ok(*value),
+                (None, _) => Err(format!("{what}: no entry matches joint {joint}; add one")),
+                (Some((first, ..)), Some((second, ..))) => {
+                    Err(format!("{what}: both `{first}` and `{second}` match joint {joint}; keep one"))
+                }
+            }
+        })
+        .collect()
+}
+
+/// Where one statement was found, for messages.
+#[derive(Clone, Debug)]
+pub(crate) struct Sourced<T> {
+    pub value: T,
+    pub place: String,
+}
+
+/// Statements collected so far; the first writer of a field wins, so sources are added strongest first.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Metadata {
+    pub robot: Option<Sourced<String>>,
+    pub rate_hz: Option<Sourced<f64>>,
+    pub kp: Option<Sourced<PerJoint>>,
+    pub kd: Option<Sourced<PerJoint>>,
+}
+
+/// The keys of header comments and sidecar files.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Statements {
+    pub robot: Option<String>,
+    pub rate_hz: Option<f64>,
+    pub kp: Option<PerJoint>,
+    pub kd: Option<PerJoint>,
+    /// Free remarks of the recorder; not used.
+    #[serde(rename = "notes")]
+    pub _notes: Option<toml::Table>,
+}
+
+const KEYS: [&str; 4] = ["robot", "rate_hz", "kp", "kd"];
+
+impl Metadata {
+    /// Takes what `statements` says and nothing stronger has said.
+    pub fn add(&mut self, statements: Statements, place: &str) {
+        fn fill<T>(slot: &mut Option<Sourced<T>>, value: Option<T>, place: &str) {
+            if slot.is_none() {
+                *slot = value.map(|value| Sourced { value, place: place.to_owned() });
+            }
+        }
+        fill(&mut self.robot, statements.robot, place);
+        fill(&mut self.rate_hz, statements.rate_hz, place);
+        fill(&mut self.kp, statements.kp, place);
+        fill(&mut self.kd, statements.kd, place);
+    }
+
+    /// One header comment, without its `#`. Returns the key of a `key = value` line that means nothing here.
+    pub fn add_comment(&mut self, comment: &str, place: &str) -> Result<Option<String>, LogError> {
+        let refuse = |problem: String| LogError::Metadata { place: place.to_owned(), problem };
+        let Some((key, _)) = comment.split_once('=') else { return Ok(None) };
+        let key = key.trim();
+        let is_key = !key.is_empty() && key.chars().all(|c| c.is_alphanumeric() || "_-.".contains(c));
+        if !is_key {
+            return Ok(None);
+        }
+        if !KEYS.contains(&key) {
+            let folded: String = key.to_lowercase().chars().filter(|c| c.is_alphanumeric()).collect();
+            let meant = match folded.as_str() {
+                "robot" | "robotname" => "robot",
+                "rate" | "ratehz" | "hz" | "frequency" | "samplerate" => "rate_hz",
+                "kp" | "pgain" => "kp",
+                "kd" | "dgain" => "kd",
+                _ => return Ok(Some(key.to_owned())),
+            };
+            return Err(refuse(format!("`{key}` is not a key of log headers; write `{meant} = …`")));
+        }
+        let statements: Statements = toml::from_str(comment).map_err(|error| {
+            refuse(format!(
+                "`{}` is not TOML for `{key}`: {}; write for example `# robot = \"go2\"`, `# rate_hz = 200`, \
+                 `# kp = 25` or `# kp = {{ \"*_hip\" = 20, \"*_thigh\" = 20, \"*_calf\" = 40 }}`, one a line",
+                comment.trim(),
+                error.message()
+            ))
+        })?;
+        let repeated = match key {
+            "robot" => self.robot.as_ref().map(|said| &said.place),
+            "rate_hz" => self.rate_hz.as_ref().map(|said| &said.place),
+            "kp" => self.kp.as_ref().map(|said| &said.place),
+            _ => self.kd.as_ref().map(|said| &said.place),
+        };
+        if let Some(first) = repeated {
+            return Err(refuse(format!("`{key}` is stated twice, first at {first}; keep one")));
+        }
+        self.add(statements, place);
+        Ok(None)
+    }
+
+    /// Fills what `other`, a weaker source, says and `self` does not.
+    pub fn or(self, other: Metadata) -> Metadata {
+        Metadata {
+            robot: self.robot.or(other.robot),
+            rate_hz: self.rate_hz.or(other.rate_hz),
+            kp: self.kp.or(other.kp),
+            kd: self.kd.or(other.kd),
+        }
+    }
+}
+
+/// Largest sidecar file, bytes: it holds a handful of numbers.
+const SIDECAR_LIMIT: u64 = 1 << 20;
+
+/// What `<stem>.toml` and then `log.toml` beside `path` say, where they exist. Returns the files used.
+pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), LogError> {
+    let mut metadata = Metadata::default();
+    let mut used = Vec::new();
+    for sidecar in [path.with_extension("toml"), path.with_file_name("log.toml")] {
+        if used.contains(&sidecar) || !sidecar.is_file() {
+            continue;
+        }
+        let io = |source| LogError::Io {
+            path: sidecar.clone(),
+            action: "read the log's sidecar file",
+            source,
+            remedy: "check its permissions, or read without sidecar files",
+        };
+        let refuse = |problem: String| LogError::Metadata { place: sidecar.display().to_string(), problem };
+        if sidecar.metadata().map_err(io)?.len() > SIDECAR_LIMIT {
+            return Err(refuse(format!(
+                "larger than {SIDECAR_LIMIT} bytes; a log's sidecar holds only gains, rate and robot"
+            )));
+        }
+        let text = std::fs::read_to_string(&sidecar).map_err(io)?;
+        let statements: Statements = toml::from_str(&text).map_err(|error| {
+            refuse(format!(
+                "{}a log's sidecar has the keys robot, rate_hz, kp, kd and the table notes",
+                error
+            ))
+        })?;
+        metadata.add(statements, &sidecar.display().to_string());
+        used.push(sidecar);
+    }
+    Ok((metadata, used))
+}

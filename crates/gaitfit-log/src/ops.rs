@@ -1,0 +1,353 @@
+//! Taking trajectories apart: columns, slices, joint order, sample rate, and whether the arrays fit together.
+
+use crate::{BaseState, Gains, LogError, Trajectory};
+use serde::{Deserialize, Serialize};
+
+/// A signal that has one column a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Signal {
+    /// Joint position, rad.
+    Position,
+    /// Joint velocity, rad/s.
+    Velocity,
+    /// Position target, rad.
+    Target,
+    /// Policy action.
+    Action,
+}
+
+impl Signal {
+    /// All of them.
+    pub const ALL: [Signal; 4] = [Signal::Position, Signal::Velocity, Signal::Target, Signal::Action];
+
+    /// Prefix of the signal's CSV columns.
+    pub fn prefix(self) -> &'static str {
+        match self {
+            Signal::Position => "q_",
+            Signal::Velocity => "dq_",
+            Signal::Target => "qdes_",
+            Signal::Action => "act_",
+        }
+    }
+}
+
+impl std::fmt::Display for Signal {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Signal::Position => "position",
+            Signal::Velocity => "velocity",
+            Signal::Target => "target",
+            Signal::Action => "action",
+        })
+    }
+}
+
+/// Largest resampled trajectory, values (400 MB).
+const RESAMPLE_LIMIT: f64 = 5e7;
+
+impl Trajectory {
+    /// Nominal sample interval 1 / `rate_hz`, s.
+    pub fn dt(&self) -> f64 {
+        1.0 / self.rate_hz
+    }
+
+    /// Time from the first to the last sample, s; 0 for fewer than two samples.
+    pub fn duration(&self) -> f64 {
+        match (self.time.first(), self.time.last()) {
+            (Some(first), Some(last)) => last - first,
+            _ => 0.0,
+        }
+    }
+
+    /// A joint signal, `len × joints`, if the log has it.
+    pub fn signal(&self, signal: Signal) -> Option<&[f64]> {
+        match signal {
+            Signal::Position => Some(&self.position),
+            Signal::Velocity => Some(&self.velocity),
+            Signal::Target => self.target.as_deref(),
+            Signal::Action => self.action.as_deref(),
+        }
+    }
+
+    /// One joint's column of a signal, `len` values. `None` when the log lacks the signal or the joint.
+    pub fn column(&self, signal: Signal, joint: &str) -> Option<Vec<f64>> {
+        self.column_at(signal, self.joint(joint)?)
+    }
+
+    /// As [`Trajectory::column`], by the joint's column number.
+    pub fn column_at(&self, signal: Signal, joint: usize) -> Option<Vec<f64>> {
+        let width = self.joints.len();
+        if joint >= width {
+            return None;
+        }
+        Some(self.signal(signal)?.iter().skip(joint).step_by(width).copied().collect())
+    }
+
+    /// Whether all arrays have the sizes that `time` and `joints` say, joint names are distinct and not empty,
+    /// times finite, rate and gains usable numbers. Says nothing about the values.
+    pub fn validate(&self) -> Result<(), LogError> {
+        let refuse = |what: &str, problem: String| Err(LogError::Shape { what: what.to_owned(), problem });
+        let (samples, joints) = (self.len(), self.joints.len());
+        if joints == 0 {
+            return refuse("joints", "none; a trajectory has at least one joint".into());
+        }
+        for (i, name) in self.joints.iter().enumerate() {
+            if name.is_empty() {
+                return refuse("joints", format!("joint {i} has no name"));
+            }
+            if self.joints[..i].contains(name) {
+                return refuse("joints", format!("`{name}` twice; joint names must be distinct"));
+            }
+        }
+        if let Some(bad) = self.time.iter().position(|time| !time.is_finite()) {
+            return refuse(
+                "time",
+                format!("{} at sample {bad}; every sample has a finite time", self.time[bad]),
+            );
+        }
+        let empty = BaseState::default();
+        let base = self.base.as_ref().unwrap_or(&empty);
+        let arrays = [
+            ("position", Some(&self.position), joints),
+            ("velocity", Some(&self.velocity), joints),
+            ("target", self.target.as_ref(), joints),
+            ("action", self.action.as_ref(), joints),
+            ("command", self.command.as_ref(), 3),
+            ("base.position", base.position.as_ref(), 3),
+            ("base.quaternion", base.quaternion.as_ref(), 4),
+            ("base.linear_velocity", base.linear_velocity.as_ref(), 3),
+            ("base.angular_velocity", base.angular_velocity.as_ref(), 3),
+        ];
+        for (what, values, width) in arrays {
+            if let Some(values) = values
+                && Some(values.len()) != samples.checked_mul(width)
+            {
+                return refuse(what, format!("{} values for {samples} samples × {width}", values.len()));
+            }
+        }
+        if !(self.rate_hz.is_finite() && self.rate_hz > 0.0) {
+            return refuse("rate_hz", format!("{}; give a positive sample rate in Hz", self.rate_hz));
+        }
+        if let Some(gains) = &self.gains {
+            for (what, values) in [("gains.kp", &gains.kp), ("gains.kd", &gains.kd)] {
+                if values.len() != joints {
+                    return refuse(what, format!("{} values for {joints} joints", values.len()));
+                }
+                if let Some(bad) = values.iter().position(|gain| !(gain.is_finite() && *gain >= 0.0)) {
+                    return refuse(
+                        what,
+                        format!(
+                            "{} for {}; gains are finite and not negative",
+                            values[bad], self.joints[bad]
+                        ),
+                    );
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Samples `range` (by index, end excluded). Times are kept, not shifted.
+    pub fn slice(&self, range: std::ops::Range<usize>) -> Result<Trajectory, LogError> {
+        if range.start > range.end || range.end > self.len() {
+            return Err(LogError::Range {
+                what: "slice",
+                problem: format!("samples {}..{} of {}", range.start, range.end, self.len()),
+            });
+        }
+        Ok(self.map_arrays(self.joints.clone(), self.gains.clone(), |values, width| {
+            values[range.start * width..range.end * width].to_vec()
+        }))
+    }
+
+    /// Samples with `from <= time < to`, s. Needs increasing time.
+    pub fn slice_time(&self, from: f64, to: f64) -> Result<Trajectory, LogError> {
+        self.require_increasing_time("slice_time")?;
+        let index = |at: f64| self.time.partition_point(|time| *time < at);
+        if from.is_nan() || to.is_nan() || from > to {
+            return Err(LogError::Range { what: "slice_time", problem: format!("from {from} s to {to} s") });
+        }
+        self.slice(index(from)..index(to))
+    }
+
+    /// The same samples with exactly the joints `names`, in that order. Joints not named are left out.
+    /// Errors: a name the log lacks, or one named twice.
+    pub fn select_joints<S: AsRef<str>>(&self, names: &[S]) -> Result<Trajectory, LogError> {
+        let mut columns = Vec::with_capacity(names.len());
+        for name in names {
+            let name = name.as_ref();
+            let column = self.joint(name).ok_or_else(|| LogError::NoSuchJoint {
+                name: name.to_owned(),
+                available: self.joints.join(", "),
+            })?;
+            if columns.contains(&column) {
+                return Err(LogError::Range {
+                    what: "select_joints",
+                    problem: format!("`{name}` twice; name each joint once"),
+                });
+            }
+            columns.push(column);
+        }
+        let width = self.joints.len();
+        let pick = |values: &[f64]| -> Vec<f64> {
+            values.chunks_exact(width).flat_map(|row| columns.iter().map(|&column| row[column])).collect()
+        };
+        let gains = self.gains.as_ref().map(|gains| Gains { kp: pick(&gains.kp), kd: pick(&gains.kd) });
+        let joints = columns.iter().map(|&column| self.joints[column].clone()).collect();
+        Ok(Trajectory {
+            joints,
+            gains,
+            position: pick(&self.position),
+            velocity: pick(&self.velocity),
+            target: self.target.as_deref().map(pick),
+            action: self.action.as_deref().map(pick),
+            ..self.clone()
+        })
+    }
+
+    /// The same run at `rate_hz`, from the first sample's time on: positions, velocities and base states by
+    /// linear interpolation (quaternions along the shorter arc, normalised), targets, actions and commands by
+    /// holding the last value, as the controller does. No low-pass filter: lowering the rate aliases motion
+    /// above half of it. Needs finite, strictly increasing time.
+    pub fn resample(&self, rate_hz: f64) -> Result<Trajectory, LogError> {
+        self.validate()?;
+        self.require_increasing_time("resample")?;
+        if !(rate_hz.is_finite() && rate_hz > 0.0) || self.is_empty() {
+            return Err(LogError::Range {
+                what: "resample",
+                problem: format!("{} samples to {rate_hz} Hz; give a positive rate and a log", self.len()),
+            });
+        }
+        // A tolerance, so that a duration of a whole number of periods keeps its last sample.
+        let periods = (self.duration() * rate_hz + 1e-6).floor();
+        if (periods + 1.0) * (4 * self.joints.len() + 17) as f64 > RESAMPLE_LIMIT {
+            return Err(LogError::Range {
+                what: "resample",
+                problem: format!(
+                    "{} s at {rate_hz} Hz are too many samples; slice the log first",
+                    self.duration()
+                ),
+            });
+        }
+        let start = self.time[0];
+        let time: Vec<f64> = (0..=periods as usize).map(|i| start + i as f64 / rate_hz).collect();
+        // For each new time: the sample at or before it, and the fraction of the way to the next.
+        let places: Vec<(usize, f64)> = time
+            .iter()
+            .map(|&at| {
+                let after = self.time.partition_point(|known| *known <= at + 1e-9);
+                let before = after.saturating_sub(1);
+                match self.time.get(before + 1) {
+                    Some(next) => {
+                        let known = self.time[before];
+                        (before, ((at - known) / (next - known)).clamp(0.0, 1.0))
+                    }
+                    None => (before, 0.0),
+                }
+            })
+            .collect();
+        let hold = |values: &[f64], width: usize| -> Vec<f64> {
+            places.iter().flat_map(|&(at, _)| values[at * width..(at + 1) * width].iter().copied()).collect()
+        };
+        let blend = |values: &[f64], width: usize| -> Vec<f64> {
+            let mut out = Vec::with_capacity(places.len() * width);
+            for &(at, fraction) in &places {
+                for column in 0..width {
+                    let here = values[at * width + column];
+                    out.push(match fraction {
+                        // Not 0 × next: next may be NaN or not exist.
+                        0.0 => here,
+                        _ => here + fraction * (values[(at + 1) * width + column] - here),
+                    });
+                }
+            }
+            out
+        };
+        let joints = self.joints.len();
+        Ok(Trajectory {
+            position: blend(&self.position, joints),
+            velocity: blend(&self.velocity, joints),
+            target: self.target.as_deref().map(|values| hold(values, joints)),
+            action: self.action.as_deref().map(|values| hold(values, joints)),
+            command: self.command.as_deref().map(|values| hold(values, 3)),
+            base: self.base.as_ref().map(|base| BaseState {
+                position: base.position.as_deref().map(|values| blend(values, 3)),
+                quaternion: base.quaternion.as_deref().map(|values| blend_quaternions(values, &places)),
+                linear_velocity: base.linear_velocity.as_deref().map(|values| blend(values, 3)),
+                angular_velocity: base.angular_velocity.as_deref().map(|values| blend(values, 3)),
+            }),
+            time,
+            rate_hz,
+            source: self.source.clone(),
+            robot: self.robot.clone(),
+            joints: self.joints.clone(),
+            gains: self.gains.clone(),
+        })
+    }
+
+    fn require_increasing_time(&self, what: &'static str) -> Result<(), LogError> {
+        let bad = self.time.windows(2).position(|pair| !(pair[1] > pair[0] && pair[1].is_finite()));
+        match bad {
+            Some(i) => Err(LogError::Range {
+                what,
+                problem: format!(
+                    "time goes from {} s to {} s at sample {}; it must increase: cut the log there",
+                    self.time[i],
+                    self.time[i + 1],
+                    i + 1
+                ),
+            }),
+            None => Ok(()),
+        }
+    }
+
+    /// Applies `map(values, width)` to every sample array.
+    fn map_arrays(
+        &self,
+        joints: Vec<String>,
+        gains: Option<Gains>,
+        map: impl Fn(&[f64], usize) -> Vec<f64>,
+    ) -> Trajectory {
+        let width = self.joints.len();
+        let optional = |values: &Option<Vec<f64>>, width| values.as_deref().map(|values| map(values, width));
+        Trajectory {
+            source: self.source.clone(),
+            robot: self.robot.clone(),
+            joints,
+            time: map(&self.time, 1),
+            rate_hz: self.rate_hz,
+            position: map(&self.position, width),
+            velocity: map(&self.velocity, width),
+            target: optional(&self.target, width),
+            action: optional(&self.action, width),
+            command: optional(&self.command, 3),
+            base: self.base.as_ref().map(|base| BaseState {
+                position: optional(&base.position, 3),
+                quaternion: optional(&base.quaternion, 4),
+                linear_velocity: optional(&base.linear_velocity, 3),
+                angular_velocity: optional(&base.angular_velocity, 3),
+            }),
+            gains,
+        }
+    }
+}
+
+/// Normalised linear interpolation along the shorter arc.
+fn blend_quaternions(values: &[f64], places: &[(usize, f64)]) -> Vec<f64> {
+    let mut out = Vec::with_capacity(places.len() * 4);
+    for &(at, fraction) in places {
+        let here = &values[at * 4..at * 4 + 4];
+        if fraction == 0.0 {
+            out.extend_from_slice(here);
+            continue;
+        }
+        let next = &values[at * 4 + 4..at * 4 + 8];
+        let dot: f64 = here.iter().zip(next).map(|(a, b)| a * b).sum();
+        let sign = if dot < 0.0 { -1.0 } else { 1.0 };
+        let mixed: Vec<f64> = here.iter().zip(next).map(|(a, b)| a + fraction * (sign * b - a)).collect();
+        let norm = mixed.iter().map(|value| value * value).sum::<f64>().sqrt();
+        out.extend(mixed.iter().map(|value| value / norm));
+    }
+    out
+}

@@ -1,0 +1,73 @@
+//! One recorded run of one robot.
+
+use std::path::PathBuf;
+
+/// Joint signals of one robot over time. All matrices are row-major, one row a sample, one column a joint
+/// in the order of `joints`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// Where it was read from, if from a file.
+    pub source: Option<PathBuf>,
+    /// Robot name, if the log says it.
+    pub robot: Option<String>,
+    /// Joint names in column order, for example `FL_hip`.
+    pub joints: Vec<String>,
+    /// Sample times, s, finite; `len` samples. As recorded: strictly increasing unless the checks say
+    /// otherwise.
+    pub time: Vec<f64>,
+    /// Nominal sample rate, Hz.
+    pub rate_hz: f64,
+    /// Joint positions, rad; `len × joints`.
+    pub position: Vec<f64>,
+    /// Joint velocities, rad/s; `len × joints`.
+    pub velocity: Vec<f64>,
+    /// Joint position targets of the PD controller, rad; `len × joints`; may be absent.
+    pub target: Option<Vec<f64>>,
+    /// Policy actions (unitless); `len × joints`; may be absent.
+    pub action: Option<Vec<f64>>,
+    /// Commands: vx (m/s), vy (m/s), yaw rate (rad/s); `len × 3`; may be absent.
+    pub command: Option<Vec<f64>>,
+    /// Base state, where a log has it (simulated robots, motion capture); may be absent.
+    pub base: Option<BaseState>,
+    /// PD gains in force while recording, one a joint; may be absent.
+    pub gains: Option<Gains>,
+}
+
+/// PD gains of the recording, one entry a joint in the trajectory's joint order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gains {
+    /// Position gain, N·m/rad.
+    pub kp: Vec<f64>,
+    /// Velocity gain, N·m·s/rad.
+    pub kd: Vec<f64>,
+}
+
+/// Base pose and velocity, one row a sample. Parts a log lacks are absent.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BaseState {
+    /// Position, m, world frame; `len × 3`.
+    pub position: Option<Vec<f64>>,
+    /// Orientation, wxyz; `len × 4`.
+    pub quaternion: Option<Vec<f64>>,
+    /// Linear velocity, m/s, world frame; `len × 3`.
+    pub linear_velocity: Option<Vec<f64>>,
+    /// Angular velocity, rad/s, body frame; `len × 3`.
+    pub angular_velocity: Option<Vec<f64>>,
+}
+
+impl Trajectory {
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.time.len()
+    }
+
+    /// Whether there are no samples.
+    pub fn is_empty(&self) -> bool {
+        self.time.is_empty()
+    }
+
+    /// Column of the joint called `name`.
+    pub fn joint(&self, name: &str) -> Option<usize> {
+        self.joints.iter().position(|joint| joint == name)
+    }
+}

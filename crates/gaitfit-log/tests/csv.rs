@@ -1,0 +1,364 @@
+//! Reading and writing CSV logs: round trips, and one case for every way a file can be wrong.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use gaitfit_log::*;
+use std::path::{Path, PathBuf};
+
+fn read_text(text: &str) -> Result<(Trajectory, ReadReport), LogError> {
+    read_bytes(text.as_bytes(), &ReadOptions::default())
+}
+
+fn read_bytes(bytes: &[u8], options: &ReadOptions) -> Result<(Trajectory, ReadReport), LogError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.csv");
+    std::fs::write(&path, bytes).unwrap();
+    read_csv_report(&path, options)
+}
+
+fn message(text: &str) -> String {
+    let error = read_text(text).unwrap_err().to_string();
+    // Drop the folder, which differs from run to run.
+    error[error.find("log.csv").unwrap_or(0)..].to_owned()
+}
+
+const SMALL: &str = "time,q_a,dq_a\n0,1,2\n0.01,3,4\n";
+
+fn full_trajectory() -> Trajectory {
+    // Values that a careless printer would change: many digits, extremes, signed zero.
+    let awkward = [0.1 + 0.2, -0.0, 1e300, 5e-324, f64::MAX, 1.0 / 3.0, -2.5e-17, 123456789.123456789];
+    let take = |from: usize, count: usize| (0..count).map(|i| awkward[(from + i) % 8]).collect::<Vec<_>>();
+    Trajectory {
+        source: None,
+        robot: Some("go2 \"blue\" \\ 7".into()),
+        joints: vec!["FR_hip".into(), "FL_hip".into()],
+        time: vec![0.1, 0.1 + 1.0 / 3.0, 1.0],
+        rate_hz: 1.0 / 0.3,
+        position: take(0, 6),
+        velocity: take(1, 6),
+        target: Some(take(2, 6)),
+        action: Some(take(3, 6)),
+        command: Some(take(4, 9)),
+        base: Some(BaseState {
+            position: Some(take(5, 9)),
+            quaternion: Some(take(6, 12)),
+            linear_velocity: Some(take(7, 9)),
+            angular_velocity: Some(take(0, 9)),
+        }),
+        gains: Some(Gains { kp: vec![20.0, 1.0 / 7.0], kd: vec![0.0, 1e-9] }),
+    }
+}
+
+#[test]
+fn what_is_written_reads_back_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.csv");
+    let mut log = full_trajectory();
+    write_csv(&path, &log).unwrap();
+    let back = read_csv(&path, &ReadOptions::default()).unwrap();
+    log.source = Some(path.clone());
+    assert_eq!(back, log);
+    // `==` takes −0 for 0; bits do not.
+    let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(&back.position), bits(&log.position));
+
+    // A bare log, with NaN and infinity in its signals, over the first one.
+    let bare = Trajectory {
+        robot: None,
+        target: None,
+        action: None,
+        command: None,
+        base: None,
+        gains: None,
+        position: vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, 1.0, 2.0],
+        ..log
+    };
+    write_csv(&path, &bare).unwrap();
+    let back = read_csv(&path, &ReadOptions::default()).unwrap();
+    assert!(back.position[0].is_nan());
+    assert_eq!(back.position[1..], bare.position[1..]);
+    assert_eq!((back.target, back.base, back.gains), (None, None, None));
+    // Nothing but the log is left in the folder.
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn a_failed_write_leaves_the_old_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.csv");
+    std::fs::write(&path, "precious").unwrap();
+    let mut log = full_trajectory();
+    log.velocity.pop();
+    let error = write_csv(&path, &log).unwrap_err().to_string();
+    assert_eq!(error, "velocity: 5 values for 3 samples × 2");
+    log = full_trajectory();
+    log.joints[0] = "FR,hip".into();
+    assert!(matches!(write_csv(&path, &log), Err(LogError::Shape { .. })));
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "precious");
+    let nowhere = folder.path().join("missing/run.csv");
+    let error = write_csv(&nowhere, &full_trajectory()).unwrap_err().to_string();
+    assert!(error.contains("cannot create a temporary file") && error.contains("unchanged"), "{error}");
+}
+
+#[test]
+fn columns_are_found_by_name_in_any_order() {
+    let (log, report) = read_text(
+        "dq_b,foo,q_b,time,q_a,vy_cmd,cmd_vx,wz_cmd,dq_a,act_b,act_a,wx,wy\n\
+         1,text,2,0,3,4,5,6,7,8,9,10,11\r\n\n1,,2,0.5,3,4,5,6,7,8,9,10,11",
+    )
+    .unwrap();
+    assert_eq!(log.joints, ["b", "a"]);
+    assert_eq!(log.position[..2], [2.0, 3.0]);
+    assert_eq!(log.velocity[2..], [1.0, 7.0]);
+    assert_eq!(log.action.unwrap()[..2], [8.0, 9.0]);
+    assert_eq!(log.command.unwrap()[..3], [5.0, 4.0, 6.0]);
+    assert_eq!((log.rate_hz, log.target, log.base), (2.0, None, None));
+    let ignored: Vec<_> = report.ignored.iter().map(|i| (i.column, i.name.as_str())).collect();
+    assert_eq!(ignored, [(2, "foo"), (12, "wx"), (13, "wy")]);
+    assert_eq!(report.ignored[1].reason, "incomplete: wx, wy, wz belong together");
+}
+
+#[test]
+fn angles_become_a_quaternion_and_empty_base_cells_nan() {
+    let half = std::f64::consts::FRAC_PI_2;
+    let (log, report) = read_text(&format!(
+        "time,q_a,dq_a,roll,pitch,yaw,wx,wy,wz\n0,0,0,{half},0,0,nan,,nan\n1,0,0,0,0,{half},nan,nan,nan\n2,0,0,,,,,,\n"
+    ))
+    .unwrap();
+    let base = log.base.unwrap();
+    let quaternion = base.quaternion.unwrap();
+    let r = std::f64::consts::FRAC_1_SQRT_2;
+    for (got, want) in quaternion.iter().zip([r, r, 0.0, 0.0, r, 0.0, 0.0, r]) {
+        assert!((got - want).abs() < 1e-15, "{quaternion:?}");
+    }
+    assert!(quaternion[8..].iter().all(|value| value.is_nan()));
+    assert_eq!(base.angular_velocity, None);
+    assert_eq!(report.ignored[0].reason, "every body rate cell is NaN");
+
+    // All three turned: the matrix of the quaternion is Rz·Ry·Rx, here by its bottom row,
+    // (−sin pitch, cos pitch·sin roll, cos pitch·cos roll).
+    let (log, _) = read_text("time,q_a,dq_a,roll,pitch,yaw\n0,0,0,0.3,-0.4,1.1\n1,0,0,0,0,0\n").unwrap();
+    let q = log.base.unwrap().quaternion.unwrap();
+    let (w, x, y, z) = (q[0], q[1], q[2], q[3]);
+    let row = [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)];
+    let want = [-(-0.4f64).sin(), (-0.4f64).cos() * 0.3f64.sin(), (-0.4f64).cos() * 0.3f64.cos()];
+    for (got, want) in row.iter().zip(want) {
+        assert!((got - want).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn comments_state_gains_rate_and_robot() {
+    let (log, report) = read_text(
+        "# recorded on a Monday = cold\n#robot = 'go2'\n# rate_hz = 100\n# kp = [20, 40.5]\n# kd = { a = 1, \"*\" = 2 }\n\
+         # firmware = 1.2\ntime,q_a,q_b,dq_a,dq_b\n0,0,0,0,0\n",
+    )
+    .unwrap();
+    assert_eq!(log.robot.as_deref(), Some("go2"));
+    assert_eq!(log.rate_hz, 100.0);
+    assert_eq!(log.gains, Some(Gains { kp: vec![20.0, 40.5], kd: vec![1.0, 2.0] }));
+    assert_eq!(report.unknown_keys, ["firmware"]);
+    assert!(report.rate_from.unwrap().ends_with("log.csv:3"));
+
+    for (comment, part) in [
+        ("kp = 20", "kp without kd"),
+        ("kp = [20", "log.csv:1: `kp = [20` is not TOML for `kp`"),
+        ("Kp = 20", "write `kp = …`"),
+        ("rate = 20", "write `rate_hz = …`"),
+        ("rate_hz = -3", "give a positive sample rate"),
+        ("kp = 1\n# kp = 2", "log.csv:2: `kp` is stated twice"),
+        ("kp = [1, 2]\n# kd = 1", "kp has 2 entries for 1 joints"),
+        ("kp = { b = 1 }\n# kd = 1", "`b` matches no joint"),
+        ("kp = { \"a*\" = 1, \"*\" = 2 }\n# kd = 1", "both `*` and `a*` match joint a"),
+        ("kp = -1\n# kd = 1", "gains are finite and not negative"),
+        ("kp = \"soft\"\n# kd = 1", "is not TOML for `kp`"),
+    ] {
+        let error = message(&format!("# {comment}\n{SMALL}"));
+        assert!(error.contains(part), "{comment}: {error}");
+    }
+}
+
+#[test]
+fn options_beat_comments_beat_sidecars() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("log.toml"), "robot = 'folder'\nkp = 1\nkd = 1\nrate_hz = 1\nnotes.by = 'me'").unwrap();
+    std::fs::write(at("run.toml"), "kp = 2\nrate_hz = 2").unwrap();
+    std::fs::write(at("run.csv"), format!("# rate_hz = 3\n{SMALL}")).unwrap();
+    let read = |options: &ReadOptions| read_csv_report(&at("run.csv"), options);
+    let (log, report) = read(&ReadOptions::default()).unwrap();
+    assert_eq!((log.robot.as_deref(), log.rate_hz), (Some("folder"), 3.0));
+    assert_eq!(log.gains, Some(Gains { kp: vec![2.0], kd: vec![1.0] }));
+    assert_eq!(report.sidecars, [at("run.toml"), at("log.toml")]);
+
+    let named = PerJoint::Named([("*".to_owned(), 9.0)].into());
+    let options = ReadOptions { rate_hz: Some(4.0), kp: Some(named), ..Default::default() };
+    let log = read(&options).unwrap().0;
+    assert_eq!((log.rate_hz, log.gains.unwrap().kp), (4.0, vec![9.0]));
+    let log = read(&ReadOptions { sidecar: false, ..Default::default() }).unwrap().0;
+    assert_eq!((log.robot, log.gains), (None, None));
+
+    std::fs::write(at("log.toml"), "kP = 1").unwrap();
+    let error = read(&ReadOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("log.toml") && error.contains("unknown field `kP`"), "{error}");
+}
+
+#[test]
+fn the_rate_is_the_median_interval_rounded_when_near() {
+    let rate = |times: &[f64]| {
+        let rows: String = times.iter().map(|time| format!("{time},0,0\n")).collect();
+        read_text(&format!("time,q_a,dq_a\n{rows}")).map(|(log, _)| log.rate_hz)
+    };
+    assert_eq!(rate(&[0.0, 0.005001, 0.010002, 0.015003]).unwrap(), 200.0);
+    assert_eq!(rate(&[0.0, 0.02, 0.04, 1.0]).unwrap(), 50.0);
+    assert_eq!(rate(&[0.0, 0.03, 0.06]).unwrap(), 1.0 / 0.03);
+    assert!(rate(&[0.0]).unwrap_err().to_string().contains("# rate_hz = 200"));
+    assert!(rate(&[1.0, 1.0, 1.0]).is_err());
+}
+
+#[test]
+fn bad_files_say_where_and_what_to_do() {
+    for (text, want) in [
+        ("", "log.csv: empty file"),
+        ("\n# only = 'comments'\n", "log.csv: empty file"),
+        ("time,q_a,dq_a\n\n", "log.csv: a header but no samples"),
+        (
+            "time,q_a,dq_a\n0,1,2\n0.01,3\n",
+            "log.csv:3: 2 cells where the header names 3; the row is cut short",
+        ),
+        ("time,q_a,dq_a\n0,1,2,5\n", "log.csv:2: 4 cells where the header names 3; a comma too many"),
+        ("\n# x\ntime,q_a,dq_a\n\n0,1,2\n0,1,x2\n", "log.csv:6: column 3 `dq_a`: \"x2\" is not a number"),
+        ("time,q_a,dq_a\n0,,2\n", "log.csv:2: column 2 `q_a`: \"\" is empty; write `nan`"),
+        ("time,q_a,dq_a\nnan,1,2\n", "log.csv:2: column 1 `time`: \"NaN\" is no sample time"),
+        ("time,q_a,dq_a,q_a\n0,1,2,3\n", "log.csv:1: column 4 `q_a` repeats column 2"),
+        ("time,q_a,dq_a,vx_cmd,cmd_vx\n", "log.csv:1: column 5 `cmd_vx` repeats column 4"),
+        ("q_a,dq_a\n0,1\n", "log.csv:1: no column `time`; add the sample time in seconds"),
+        ("t,q_a,dq_a\n0,1,1\n", "log.csv:1: no column `time`; if `t` is the sample time, rename it"),
+        ("0,1,2\n1,2,3\n", "log.csv:1: no column `time`; the first line holds numbers"),
+        (
+            "time;q_a;dq_a\n0;1;2\n",
+            "log.csv:1: no column `time`; the header has one column; cells are separated",
+        ),
+        ("time,x\n0,1\n", "log.csv:1: no column `q_<joint>`"),
+        ("time,q_a\n0,1\n", "log.csv:1: no column `dq_a`; `q_a` needs its velocity"),
+        (
+            "time,q_a,dq_a,q_b,dq_b,qdes_a\n",
+            "log.csv:1: no column `qdes_b`; 1 of 2 joints have a `qdes_` column",
+        ),
+        ("time,q_a,dq_a\n\"0\",\" 1 \",\"2\n", "log.csv:2: column 3 `dq_a`: \"\\\"2\" is not a number"),
+    ] {
+        let error = message(text);
+        assert!(error.starts_with(want), "{text:?}\n  gave {error}\n  want {want}");
+    }
+    // A velocity without a position is reported, not fatal.
+    let (_, report) = read_text("time,q_a,dq_a,dq_b\n0,1,2,3\n0.1,1,2,3\n").unwrap();
+    assert_eq!(report.ignored[0].reason, "there is no `q_b`");
+    // A byte-order mark and quoted names, as spreadsheets write them.
+    let (log, _) = read_text("\u{feff}\"time\",\"q_a\",\"dq_a\"\r\n\"0\",1,2\r\n\"0.1\",1,2\r\n").unwrap();
+    assert_eq!(log.rate_hz, 10.0);
+}
+
+#[test]
+fn size_limits_and_binary_files() {
+    let small = |max_bytes, max_columns| ReadOptions { max_bytes, max_columns, ..Default::default() };
+    let fails = |bytes: &[u8], options: &ReadOptions| read_bytes(bytes, options).unwrap_err();
+    assert!(matches!(fails(SMALL.as_bytes(), &small(20, 9)), LogError::TooLarge { limit: 20, .. }));
+    assert!(matches!(fails(SMALL.as_bytes(), &small(99, 2)), LogError::TooManyColumns { columns: 3, .. }));
+    let long = vec![b'x'; (1 << 20) + 10];
+    assert!(matches!(fails(&long, &ReadOptions::default()), LogError::LineTooLong { line: 1, .. }));
+    let latin1 = b"time,q_a,dq_a\n0,1,2\n0,\xb0,1\n";
+    assert!(matches!(fails(latin1, &ReadOptions::default()), LogError::NotUtf8 { line: 3, .. }));
+    for (bytes, hint) in
+        [(&b"\xff\xfet\0"[..], "UTF-16"), (b"\x1f\x8b\x08\0", "gzip"), (b"PK\x03\x04", "spreadsheet")]
+    {
+        let error = fails(bytes, &ReadOptions::default()).to_string();
+        assert!(error.contains(hint), "{error}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let options = ReadOptions::default();
+    assert!(matches!(read_csv(folder.path(), &options), Err(LogError::NotAFile { .. })));
+    assert!(matches!(read_csv(&folder.path().join("no.csv"), &options), Err(LogError::Io { .. })));
+}
+
+/// Deterministic mutations of a small log: bytes flipped, cut, doubled, lines shuffled. Reading gives a
+/// trajectory that is well formed, or an error; never a panic. What reads also writes and reads back.
+#[test]
+fn mutated_logs_never_panic() {
+    let seed = "# robot = \"go2\"\n# rate_hz = 50\n# kp = [20.0, 25]\n# kd = {\"*\" = 0.5}\n\
+                time,q_a,q_b,dq_a,dq_b,qdes_a,qdes_b,roll,pitch,yaw,wx,wy,wz,vx_cmd,vy_cmd,wz_cmd,note\n\
+                0,0.1,-2e-3,1,2,0.1,0,0.01,0,nan,,,0,1,0,0,\"hi, you\"\n\
+                0.02,0.1,-2e-3,1,2,0.1,0,0.01,0,1,1,,0,1,0,0,x\n\
+                0.04,inf,NaN,1,2,0.1,0,0.01,0,1,1,,0,1,0,0,x\n";
+    let alphabet = b"\0\n\r,\"#=[]{}-+.eE019nai_q\xff\xc3\xa9;\t ";
+    let folder = tempfile::tempdir().unwrap();
+    let (path, again) = (folder.path().join("log.csv"), folder.path().join("again.csv"));
+    let options = ReadOptions { max_bytes: 1 << 16, max_columns: 64, ..Default::default() };
+    // SplitMix64 (Steele, Lea and Flood 2014): enough for picking bytes.
+    let mut state = 7u64;
+    let mut draw = |below: usize| {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) % below.max(1) as u64) as usize
+    };
+    let mut read = 0;
+    for _ in 0..4000 {
+        let mut bytes = seed.replace("\"hi, you\"", "hi").into_bytes();
+        for _ in 0..=draw(3) {
+            let at = draw(bytes.len());
+            match draw(5) {
+                0 => bytes[at] = alphabet[draw(alphabet.len())],
+                1 => bytes.insert(at, alphabet[draw(alphabet.len())]),
+                2 => drop(bytes.remove(at)),
+                3 => {
+                    let end = (at + draw(40)).min(bytes.len());
+                    let copy = bytes[at..end].to_vec();
+                    let to = draw(bytes.len());
+                    bytes.splice(to..to, copy);
+                }
+                _ => bytes.truncate(bytes.len() - draw(30).min(bytes.len() - 1)),
+            }
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        if let Ok(log) = read_csv(&path, &options) {
+            log.validate().unwrap();
+            read += 1;
+            if read % 50 == 0 && write_csv(&again, &log).is_ok() {
+                let back = read_csv(&again, &options).unwrap();
+                // Text, because NaN is not equal to itself.
+                let text = |log: &Trajectory| format!("{:?}", Trajectory { source: None, ..log.clone() });
+                assert_eq!(text(&back), text(&log));
+            }
+        }
+    }
+    assert!(read > 100, "only {read} mutants were readable: the mutations are too coarse to test anything");
+}
+
+fn shared(name: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("skipped: no {} beside the repository", path.display());
+    None
+}
+
+#[test]
+fn the_recorded_go2_logs_read_as_they_are() {
+    let Some(air) = shared("go2_air/run_0.csv") else { return };
+    let (log, report) = read_csv_report(&air, &ReadOptions::default()).unwrap();
+    assert_eq!((log.len(), log.joints.len(), log.rate_hz), (4781, 12, 200.0));
+    assert_eq!(log.joints[..4], ["FL_hip", "FL_thigh", "FL_calf", "FR_hip"]);
+    assert_eq!(report.ignored, []);
+    assert_eq!(log.column(Signal::Target, "FL_calf").unwrap()[0], -2.5);
+
+    let Some(trot) = shared("go2_ground/trot.csv") else { return };
+    let (log, report) = read_csv_report(&trot, &ReadOptions::default()).unwrap();
+    assert_eq!((log.len(), log.rate_hz), (204, 50.0));
+    assert!(log.action.is_some() && log.command.is_some());
+    let base = log.base.unwrap();
+    assert!(base.quaternion.is_some() && base.angular_velocity.is_none());
+    let unknown: Vec<_> = report.ignored.iter().map(|ignored| ignored.name.as_str()).collect();
+    assert_eq!(unknown[..4], ["timestep", "wx", "wy", "wz"]);
+    assert!(unknown.contains(&"tau_pd_RR_calf"));
+}
