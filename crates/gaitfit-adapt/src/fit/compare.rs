@@ -1,0 +1,168 @@
+//! Two fits of one θ by different costs, side by side: do they agree, and if not, why.
+
+use super::{CostOutcome, FitError, ParameterOutcome};
+use serde::{Deserialize, Serialize};
+
+/// One parameter as two fits see it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Agreement {
+    /// Name.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// Value of the first fit.
+    pub first: f64,
+    /// Its spread.
+    pub first_spread: Option<f64>,
+    /// Value of the second fit.
+    pub second: f64,
+    /// Its spread.
+    pub second_spread: Option<f64>,
+    /// Whether they differ by at most twice the larger spread; `None` when there is no spread.
+    pub agrees: Option<bool>,
+    /// Why they do not agree, measured: how much each cost minds the other's value.
+    pub reason: Option<String>,
+}
+
+/// A rise of a cost below this part counts as not seeing the parameter.
+const UNSEEN: f64 = 0.01;
+
+/// Compares two fits of one θ. `first_cost` and `second_cost` evaluate candidates (`None`: diverged); they are
+/// called once each, with one candidate a disagreeing parameter, where only that parameter takes the other
+/// fit's value.
+pub fn compare(
+    first: &CostOutcome,
+    second: &CostOutcome,
+    first_cost: impl FnOnce(&[Vec<f64>]) -> Result<Vec<Option<f64>>, FitError>,
+    second_cost: impl FnOnce(&[Vec<f64>]) -> Result<Vec<Option<f64>>, FitError>,
+) -> Result<Vec<Agreement>, FitError> {
+    let pairs: Vec<(&ParameterOutcome, &ParameterOutcome)> =
+        first.parameters.iter().zip(&second.parameters).collect();
+    let verdict = |(a, b): &(&ParameterOutcome, &ParameterOutcome)| {
+        let spread = a.spread.into_iter().chain(b.spread).reduce(f64::max)?;
+        Some((a.value - b.value).abs() <= 2.0 * spread)
+    };
+    let verdicts: Vec<Option<bool>> = pairs.iter().map(verdict).collect();
+    let apart: Vec<usize> = (0..pairs.len()).filter(|&index| verdicts[index] == Some(false)).collect();
+    let swapped = |own: &CostOutcome, other: &CostOutcome| -> Vec<Vec<f64>> {
+        let swap = |&index: &usize| {
+            let mut values = own.values();
+            values[index] = other.parameters[index].value;
+            values
+        };
+        apart.iter().map(swap).collect()
+    };
+    let first_rise = first_cost(&swapped(first, second))?;
+    let second_rise = second_cost(&swapped(second, first))?;
+
+    let mut agreements = Vec::with_capacity(pairs.len());
+    for (index, (a, b)) in pairs.iter().enumerate() {
+        let reason = apart.iter().position(|&one| one == index).map(|at| {
+            let rise = |found: &[Option<f64>], best: f64| found.get(at).copied().flatten().map(|cost| cost / best - 1.0);
+            reason(first, rise(&first_rise, first.best_cost), a, second, rise(&second_rise, second.best_cost), b)
+        });
+        agreements.push(Agreement {
+            name: a.name.clone(),
+            unit: a.unit.clone(),
+            first: a.value,
+            first_spread: a.spread,
+            second: b.value,
+            second_spread: b.spread,
+            agrees: verdicts[index],
+            reason,
+        });
+    }
+    Ok(agreements)
+}
+
+fn reason(
+    first: &CostOutcome,
+    first_rise: Option<f64>,
+    a: &ParameterOutcome,
+    second: &CostOutcome,
+    second_rise: Option<f64>,
+    b: &ParameterOutcome,
+) -> String {
+    let said = |rise: Option<f64>| match rise {
+        Some(rise) => format!("{:+.1} %", 100.0 * rise),
+        None => "until the simulation diverges".to_owned(),
+    };
+    let mut text = format!(
+        "{}: with the other fit's value, all else equal, the {} cost changes by {} and the {} cost by {}",
+        a.name,
+        first.cost,
+        said(first_rise),
+        second.cost,
+        said(second_rise)
+    );
+    let blind = |rise: Option<f64>| rise.is_some_and(|rise| rise.abs() < UNSEEN);
+    let why = match (blind(first_rise), blind(second_rise)) {
+        (true, true) => "neither cost determines it on these logs".to_owned(),
+        (true, false) => format!("{} hardly sees it on these logs", first.cost),
+        (false, true) => format!("{} hardly sees it on these logs", second.cost),
+        (false, false) => {
+            "both costs see it and want different values: what the model cannot express is weighed differently \
+             with and without a time axis"
+                .to_owned()
+        }
+    };
+    text.push_str("; ");
+    text.push_str(&why);
+    for (outcome, parameter) in [(first, a), (second, b)] {
+        if parameter.at_bound {
+            text.push_str(&format!("; the {} value rests on a bound", outcome.cost));
+        }
+    }
+    text.push('.');
+    text
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    fn outcome(cost: &str, values: &[f64], spread: f64) -> CostOutcome {
+        let parameter = |(index, &value): (usize, &f64)| ParameterOutcome {
+            name: format!("p{index}"),
+            value,
+            unit: "-".into(),
+            spread: Some(spread),
+            lower: 0.0,
+            upper: 1.0,
+            start: 0.0,
+            at_bound: false,
+            per_run: vec![value],
+        };
+        CostOutcome {
+            cost: cost.into(),
+            best_cost: 2.0,
+            parameters: values.iter().enumerate().map(parameter).collect(),
+            runs: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn within_two_spreads_agrees_and_beyond_says_what_each_cost_sees() {
+        let first = outcome("matcho", &[0.5, 0.2], 0.01);
+        let second = outcome("wass", &[0.519, 0.3], 0.01);
+        let agreements = compare(
+            &first,
+            &second,
+            |candidates| {
+                assert_eq!(candidates, [vec![0.5, 0.3]]);
+                Ok(vec![Some(3.0)])
+            },
+            |candidates| {
+                assert_eq!(candidates, [vec![0.519, 0.2]]);
+                Ok(vec![Some(2.001)])
+            },
+        )
+        .unwrap();
+        assert_eq!(agreements[0].agrees, Some(true));
+        assert_eq!(agreements[0].reason, None);
+        assert_eq!(agreements[1].agrees, Some(false));
+        let reason = agreements[1].reason.as_deref().unwrap();
+        assert!(reason.contains("+50.0 %") && reason.contains("wass hardly sees it"), "{reason}");
+    }
+}

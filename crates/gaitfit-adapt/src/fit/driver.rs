@@ -1,0 +1,161 @@
+//! The driver: all runs in lock-step, one batch a generation.
+
+use super::evaluate::{Job, evaluate};
+use super::run::{Best, Checkpoint, Run, Stop};
+use super::{CostOutcome, FitError};
+use crate::cost::Cost;
+use crate::{Simulator, Theta};
+use serde::{Deserialize, Serialize};
+
+/// Settings of a fit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FitOptions {
+    /// Candidates a generation; 0 takes 4 + ⌊3 ln n⌋.
+    pub population: usize,
+    /// Generations of every run.
+    pub generations: usize,
+    /// Seeds: one run for each and each cost.
+    pub seeds: Vec<u64>,
+    /// Diagonal covariance only.
+    pub separable: bool,
+    /// A run stops once the largest standard deviation of any parameter fell to this part of its initial
+    /// deviation; 0 never stops early.
+    pub tolerance: f64,
+}
+
+/// A fit in progress.
+pub struct Fit<'a> {
+    simulator: &'a dyn Simulator,
+    theta: &'a Theta,
+    costs: &'a [Box<dyn Cost>],
+    options: FitOptions,
+    runs: Vec<Run>,
+    generation: usize,
+}
+
+/// What one generation of all runs did.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Generation {
+    /// Number, from 1.
+    pub generation: usize,
+    /// Candidates simulated on all recordings.
+    pub evaluations: usize,
+    /// The runs that took part.
+    pub runs: Vec<RunGeneration>,
+}
+
+/// What one generation of one run did.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunGeneration {
+    /// Cost name.
+    pub cost: String,
+    /// Seed.
+    pub seed: u64,
+    /// Smallest cost of the generation.
+    pub best: f64,
+    /// Mean of its finite costs.
+    pub mean: f64,
+    /// CMA-ES step size; multiplies the entries' initial deviations.
+    pub sigma: f64,
+    /// Candidates whose simulation diverged.
+    pub diverged: usize,
+    /// Smallest cost so far.
+    pub best_so_far: f64,
+    /// Its θ.
+    pub best_values: Vec<f64>,
+    /// Why the run ended, if this was its last generation.
+    pub stop: Option<Stop>,
+}
+
+impl<'a> Fit<'a> {
+    /// A fresh fit.
+    pub fn new(
+        simulator: &'a dyn Simulator,
+        theta: &'a Theta,
+        costs: &'a [Box<dyn Cost>],
+        options: FitOptions,
+    ) -> Result<Self, FitError> {
+        let mut runs = Vec::new();
+        for cost in 0..costs.len() {
+            for &seed in &options.seeds {
+                runs.push(Run::new(cost, seed, theta, &options)?);
+            }
+        }
+        Ok(Self { simulator, theta, costs, options, runs, generation: 0 })
+    }
+
+    /// Goes on from a checkpoint of a fit with the same arguments.
+    pub fn resume(
+        simulator: &'a dyn Simulator,
+        theta: &'a Theta,
+        costs: &'a [Box<dyn Cost>],
+        options: FitOptions,
+        checkpoint: Checkpoint,
+    ) -> Result<Self, FitError> {
+        let mut fit = Self::new(simulator, theta, costs, options)?;
+        let names: Vec<&str> = fit.runs.iter().map(|run| costs[run.cost].name()).collect();
+        fit.runs = checkpoint.restore(theta, &names, &fit.runs)?;
+        fit.generation = checkpoint.generation;
+        Ok(fit)
+    }
+
+    /// The state, to be saved; small.
+    pub fn checkpoint(&self) -> Checkpoint {
+        let names = |run: &Run| self.costs[run.cost].name().to_owned();
+        Checkpoint::new(self.generation, self.theta, self.runs.iter().map(|run| (names(run), run)))
+    }
+
+    /// Generations done.
+    pub fn generation(&self) -> usize {
+        self.generation
+    }
+
+    /// Whether every run has ended.
+    pub fn finished(&self) -> bool {
+        self.runs.iter().all(|run| run.stop.is_some())
+    }
+
+    /// Runs one generation of every run that has not ended. `Ok(None)` once all have.
+    pub fn step(&mut self) -> Result<Option<Generation>, FitError> {
+        let active: Vec<usize> = (0..self.runs.len()).filter(|&run| self.runs[run].stop.is_none()).collect();
+        if active.is_empty() {
+            return Ok(None);
+        }
+        let mut jobs = Vec::new();
+        let mut sizes = Vec::with_capacity(active.len());
+        for &index in &active {
+            let run = &mut self.runs[index];
+            let asked = run.ask()?;
+            sizes.push(asked.len());
+            jobs.extend(asked.into_iter().map(|values| Job { cost: run.cost, values }));
+        }
+        let found = evaluate(self.simulator, self.theta, self.costs, &jobs)?;
+        let generation = self.generation + 1;
+        let mut reports = Vec::with_capacity(active.len());
+        let mut from = 0;
+        for (&index, &size) in active.iter().zip(&sizes) {
+            let batch = from..from + size;
+            from += size;
+            let run = &mut self.runs[index];
+            let cost = self.costs[run.cost].name();
+            reports.push(run.tell(cost, generation, &jobs[batch.clone()], &found[batch], &self.options)?);
+        }
+        self.generation = generation;
+        Ok(Some(Generation { generation, evaluations: jobs.len(), runs: reports }))
+    }
+
+    /// The best candidate so far of the cost called `cost`.
+    pub fn best(&self, cost: usize) -> Option<&Best> {
+        let runs = self.runs.iter().filter(|run| run.cost == cost);
+        runs.filter_map(|run| run.best.as_ref()).min_by(|a, b| a.cost.total_cmp(&b.cost))
+    }
+
+    /// What has been found, one outcome a cost; empty for a cost without a finite value yet.
+    pub fn outcomes(&self) -> Vec<CostOutcome> {
+        let outcome = |cost: usize| {
+            let runs = self.runs.iter().filter(|run| run.cost == cost).filter_map(Run::outcome).collect();
+            CostOutcome::new(self.costs[cost].name().to_owned(), self.theta, runs)
+        };
+        (0..self.costs.len()).filter_map(outcome).collect()
+    }
+}

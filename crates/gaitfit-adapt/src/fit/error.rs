@@ -1,0 +1,37 @@
+//! Why a fit cannot go on.
+
+use crate::SimulatorError;
+use crate::cost::CostError;
+
+/// Why a fit cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum FitError {
+    /// The simulator failed as a whole.
+    #[error("the simulation failed: {0}")]
+    Simulator(#[from] SimulatorError),
+    /// A cost could not be computed, through no fault of a candidate.
+    #[error("the cost cannot be computed: {0}")]
+    Cost(#[source] CostError),
+    /// The optimiser refused its settings or a generation.
+    #[error("the optimiser stopped: {0}")]
+    Optimizer(String),
+    /// The simulator did not deliver every recording of every candidate.
+    #[error("the simulator left out recordings of a candidate; it must report each once")]
+    Incomplete,
+    /// A generation without a single finite cost.
+    #[error(
+        "every candidate of generation {generation} ({cost}, seed {seed}) diverged: narrow the bounds, lower the \
+         deviations or take a smaller simulation timestep"
+    )]
+    AllDiverged {
+        /// Cost.
+        cost: String,
+        /// Seed.
+        seed: u64,
+        /// Generation, from 1.
+        generation: usize,
+    },
+    /// A checkpoint does not belong to this fit.
+    #[error("the checkpoint does not belong to this fit: {0}; start afresh without resuming")]
+    Checkpoint(String),
+}

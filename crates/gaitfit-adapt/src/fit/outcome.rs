@@ -1,0 +1,129 @@
+//! What a fit found: values, their spread over seeds, and the bounds they rest on.
+
+use crate::Theta;
+use serde::{Deserialize, Serialize};
+
+use super::run::Stop;
+
+/// What one cost's runs found together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CostOutcome {
+    /// Cost name.
+    pub cost: String,
+    /// Smallest cost of any run.
+    pub best_cost: f64,
+    /// θ of the best run, in the entries' order.
+    pub parameters: Vec<ParameterOutcome>,
+    /// The runs, in seed order.
+    pub runs: Vec<RunOutcome>,
+}
+
+/// One entry of θ as found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParameterOutcome {
+    /// Name.
+    pub name: String,
+    /// Value of the run with the smallest cost.
+    pub value: f64,
+    /// Unit.
+    pub unit: String,
+    /// Standard deviation of the runs' best values (n − 1); `None` with one run.
+    pub spread: Option<f64>,
+    /// Lower bound.
+    pub lower: f64,
+    /// Upper bound.
+    pub upper: f64,
+    /// Where the search began.
+    pub start: f64,
+    /// Whether the value rests on a bound.
+    pub at_bound: bool,
+    /// Best value of each run.
+    pub per_run: Vec<f64>,
+}
+
+/// What one run found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RunOutcome {
+    /// Seed.
+    pub seed: u64,
+    /// Smallest cost.
+    pub best_cost: f64,
+    /// Its θ.
+    pub values: Vec<f64>,
+    /// Generations done.
+    pub generations: usize,
+    /// Why it ended; `None` if it was cut short.
+    pub stop: Option<Stop>,
+    /// Candidates whose simulation diverged.
+    pub diverged: usize,
+}
+
+impl CostOutcome {
+    /// Puts the runs of one cost together; `None` without a run that has a finite cost.
+    pub fn new(cost: String, theta: &Theta, runs: Vec<RunOutcome>) -> Option<Self> {
+        let best = runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost))?;
+        let parameters = theta
+            .entries
+            .iter()
+            .enumerate()
+            .map(|(index, entry)| {
+                let per_run: Vec<f64> = runs.iter().map(|run| run.values[index]).collect();
+                ParameterOutcome {
+                    name: entry.name.clone(),
+                    value: best.values[index],
+                    unit: entry.unit.clone(),
+                    spread: spread(&per_run),
+                    lower: entry.lower,
+                    upper: entry.upper,
+                    start: entry.start,
+                    at_bound: entry.at_bound(best.values[index]),
+                    per_run,
+                }
+            })
+            .collect();
+        Some(Self { cost, best_cost: best.best_cost, parameters, runs })
+    }
+
+    /// θ of the best run.
+    pub fn values(&self) -> Vec<f64> {
+        self.parameters.iter().map(|parameter| parameter.value).collect()
+    }
+}
+
+/// Standard deviation with n − 1; `None` below two values.
+fn spread(values: &[f64]) -> Option<f64> {
+    let count = values.len() as f64;
+    if values.len() < 2 {
+        return None;
+    }
+    let mean = values.iter().sum::<f64>() / count;
+    Some((values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::ParameterRule;
+
+    #[test]
+    fn the_best_runs_value_and_the_spread_over_all() {
+        let joints = ["FL_hip".to_owned()];
+        let groups = [("hip".to_owned(), vec!["*_hip".to_owned()])];
+        let theta = Theta::from_rules(&ParameterRule::fric_arm(), &groups, &joints).unwrap();
+        let run = |seed, best_cost, value| RunOutcome {
+            seed,
+            best_cost,
+            values: vec![value, 0.0],
+            generations: 9,
+            stop: None,
+            diverged: 0,
+        };
+        let runs = vec![run(1, 0.5, 0.1), run(2, 0.2, 0.2), run(3, 0.4, 0.3)];
+        let outcome = CostOutcome::new("matcho".into(), &theta, runs).unwrap();
+        assert_eq!((outcome.best_cost, outcome.values()), (0.2, vec![0.2, 0.0]));
+        assert!((outcome.parameters[0].spread.unwrap() - 0.1).abs() < 1e-12);
+        assert!(!outcome.parameters[0].at_bound && outcome.parameters[1].at_bound);
+        assert!(CostOutcome::new("matcho".into(), &theta, Vec::new()).is_none());
+    }
+}

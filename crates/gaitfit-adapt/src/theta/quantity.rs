@@ -1,0 +1,102 @@
+//! The quantities θ can change.
+
+use serde::{Deserialize, Serialize};
+
+/// A quantity of a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    /// Dry (Coulomb) friction torque, N·m.
+    #[serde(rename = "frictionloss")]
+    FrictionLoss,
+    /// Reflected rotor inertia, kg·m².
+    Armature,
+    /// Viscous damping, N·m·s/rad.
+    Damping,
+    /// Time from a position target being sent to it acting, s.
+    Delay,
+    /// Encoder reading minus true joint angle, rad.
+    EncoderBias,
+    /// Delivered torque over commanded torque.
+    TorqueScale,
+    /// True position gain over the stated one.
+    KpScale,
+    /// True velocity gain over the stated one.
+    KdScale,
+}
+
+/// What an entry takes when its rule is silent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Defaults {
+    /// Lower bound.
+    pub lower: f64,
+    /// Upper bound.
+    pub upper: f64,
+    /// First mean.
+    pub start: f64,
+    /// First standard deviation.
+    pub deviation: f64,
+}
+
+impl Quantity {
+    /// Every quantity.
+    pub const ALL: [Quantity; 8] = [
+        Quantity::FrictionLoss,
+        Quantity::Armature,
+        Quantity::Damping,
+        Quantity::Delay,
+        Quantity::EncoderBias,
+        Quantity::TorqueScale,
+        Quantity::KpScale,
+        Quantity::KdScale,
+    ];
+
+    /// Name in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Quantity::FrictionLoss => "frictionloss",
+            Quantity::Armature => "armature",
+            Quantity::Damping => "damping",
+            Quantity::Delay => "delay",
+            Quantity::EncoderBias => "encoder_bias",
+            Quantity::TorqueScale => "torque_scale",
+            Quantity::KpScale => "kp_scale",
+            Quantity::KdScale => "kd_scale",
+        }
+    }
+
+    /// Unit; `-` for a ratio.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Quantity::FrictionLoss => "N·m",
+            Quantity::Armature => "kg·m²",
+            Quantity::Damping => "N·m·s/rad",
+            Quantity::Delay => "s",
+            Quantity::EncoderBias => "rad",
+            Quantity::TorqueScale | Quantity::KpScale | Quantity::KdScale => "-",
+        }
+    }
+
+    /// Bounds, start and deviation of a rule that does not give them. Friction loss and armature: Dao and
+    /// Fern's FricArm.
+    pub fn defaults(self) -> Defaults {
+        let (lower, upper, start, deviation) = match self {
+            Quantity::FrictionLoss => (0.0, 0.5, 0.0, 0.1),
+            Quantity::Armature => (0.0, 0.5, 0.0, 0.05),
+            Quantity::Damping => (0.0, 2.0, 0.0, 0.1),
+            Quantity::Delay => (0.0, 0.1, 0.0, 0.01),
+            Quantity::EncoderBias => (-0.1, 0.1, 0.0, 0.01),
+            Quantity::TorqueScale => (0.5, 1.5, 1.0, 0.05),
+            Quantity::KpScale | Quantity::KdScale => (0.5, 2.0, 1.0, 0.1),
+        };
+        Defaults { lower, upper, start, deviation }
+    }
+
+    /// Smallest value with a meaning.
+    pub fn least(self) -> f64 {
+        match self {
+            Quantity::EncoderBias => f64::NEG_INFINITY,
+            _ => 0.0,
+        }
+    }
+}

@@ -1,0 +1,13 @@
+//! `gaitfit config`: every setting with its default.
+
+use crate::cli::ConfigOf;
+use crate::config::DEFAULTS;
+use crate::exit::Failure;
+use crate::output;
+
+/// Prints the settings of a command, commented, as a file to start from.
+pub fn run(args: &crate::cli::Config) -> Result<(), Failure> {
+    match args.of {
+        ConfigOf::Adapt => output::print(DEFAULTS),
+    }
+}

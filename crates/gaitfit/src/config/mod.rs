@@ -1,0 +1,224 @@
+//! The configuration of `gaitfit adapt`: its settings and their defaults. `gaitfit config` prints them.
+
+mod load;
+mod per_joint;
+mod text;
+
+pub use load::load;
+pub use text::DEFAULTS;
+
+use gaitfit_adapt::ParameterRule;
+use gaitfit_log::PerJoint;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// All settings of one adaptation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AdaptConfig {
+    /// Name of the run and of its folder; the configuration file's stem when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Robot file (MJCF or URDF).
+    pub robot: String,
+    /// Drop what the engine does not honour in the robot file instead of refusing it.
+    pub lenient: bool,
+    /// How the robot's base was held while recording.
+    pub base: Base,
+    /// Logs to fit.
+    pub logs: Vec<String>,
+    /// Logs to validate on, not used in the fit.
+    pub validate: Vec<String>,
+    /// Costs to fit, one independent fit each.
+    pub costs: Vec<CostName>,
+    /// Folder that holds the run folders.
+    pub runs: String,
+    /// Seconds between checkpoints.
+    pub checkpoint_seconds: f64,
+    /// Joint names of the logs → joint names of the robot, where they differ.
+    pub joint_names: BTreeMap<String, String>,
+    /// PD gains of logs that do not state their own.
+    pub gains: GainsConfig,
+    /// PD gains of single validation logs; they win over the log's own.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub validate_gains: Vec<FileGains>,
+    /// Joint groups by name: patterns over the robot's joint names.
+    pub groups: BTreeMap<String, Vec<String>>,
+    /// What to fit.
+    pub parameter: Vec<ParameterRule>,
+    /// How logs are replayed.
+    pub simulation: SimulationConfig,
+    /// The optimiser.
+    pub optimizer: OptimizerConfig,
+    /// Checks on the result; a failed one ends the program with exit code 3.
+    pub check: CheckConfig,
+    /// True values by parameter name, where they are known (simulated robots): shown beside the fit.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub truth: BTreeMap<String, f64>,
+}
+
+/// How the robot's base was held while recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Base {
+    /// Clamped, legs in the air.
+    Fixed,
+}
+
+/// A cost by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CostName {
+    /// Time-aligned squared distance over joint position, velocity and action.
+    MatchO,
+    /// Wasserstein-1 distance of the signals' distributions; no time axis.
+    Wass,
+}
+
+impl CostName {
+    /// The name in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            CostName::MatchO => "matcho",
+            CostName::Wass => "wass",
+        }
+    }
+}
+
+/// PD gains: one number for all joints, or numbers by joint name or pattern.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GainsConfig {
+    /// Position gain, N·m/rad.
+    #[serde(with = "per_joint", skip_serializing_if = "Option::is_none")]
+    pub kp: Option<PerJoint>,
+    /// Velocity gain, N·m·s/rad.
+    #[serde(with = "per_joint", skip_serializing_if = "Option::is_none")]
+    pub kd: Option<PerJoint>,
+}
+
+/// PD gains of some validation logs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FileGains {
+    /// Patterns over file names or paths, for example `run_9.csv` or `*stiff*`.
+    pub files: Vec<String>,
+    /// Position gain, N·m/rad.
+    #[serde(with = "per_joint")]
+    pub kp: Option<PerJoint>,
+    /// Velocity gain, N·m·s/rad.
+    #[serde(with = "per_joint")]
+    pub kd: Option<PerJoint>,
+}
+
+/// How logs are replayed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimulationConfig {
+    /// Largest physics step, s; each log sample is split into the fewest equal steps not above it.
+    pub timestep: f64,
+    /// Solver effort.
+    pub preset: PresetName,
+    /// Seconds at the start of each log that do not count in costs and errors.
+    pub skip_seconds: f64,
+    /// Threads; 0 takes one for each core.
+    pub threads: usize,
+}
+
+/// Solver effort by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PresetName {
+    /// Two Newton iterations.
+    Fast,
+    /// Four Newton iterations with line search.
+    Accurate,
+    /// Until converged.
+    Converged,
+}
+
+/// The optimiser.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OptimizerConfig {
+    /// Candidates a generation; 0 takes 4 + ⌊3 ln n⌋.
+    pub population: usize,
+    /// Generations of every seed.
+    pub generations: usize,
+    /// Independent fits; the spread of a parameter is its standard deviation over them.
+    pub seeds: usize,
+    /// First seed; the others follow it.
+    pub seed: u64,
+    /// Covariance model.
+    pub covariance: CovarianceName,
+    /// A seed stops once its search distribution is this small: largest standard deviation of any
+    /// parameter, relative to its initial deviation. 0 never stops early.
+    pub tolerance: f64,
+    /// Wall time after which the fit stops with what it has, s; 0 has no limit.
+    pub max_seconds: f64,
+}
+
+/// Covariance model by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CovarianceName {
+    /// Full matrix.
+    Full,
+    /// Diagonal only, for many parameters.
+    Separable,
+}
+
+/// Checks on the result.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CheckConfig {
+    /// Largest free-running position RMSE over the validation logs, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rmse_rad: Option<f64>,
+}
+
+impl Default for AdaptConfig {
+    fn default() -> Self {
+        let group = |name: &str| (name.to_owned(), vec![format!("*_{name}*")]);
+        Self {
+            name: None,
+            robot: String::new(),
+            lenient: false,
+            base: Base::Fixed,
+            logs: Vec::new(),
+            validate: Vec::new(),
+            costs: vec![CostName::MatchO],
+            runs: "runs".to_owned(),
+            checkpoint_seconds: 5.0,
+            joint_names: BTreeMap::new(),
+            gains: GainsConfig::default(),
+            validate_gains: Vec::new(),
+            groups: ["hip", "thigh", "calf"].map(group).into(),
+            parameter: ParameterRule::fric_arm(),
+            simulation: SimulationConfig::default(),
+            optimizer: OptimizerConfig::default(),
+            check: CheckConfig::default(),
+            truth: BTreeMap::new(),
+        }
+    }
+}
+
+impl Default for SimulationConfig {
+    fn default() -> Self {
+        Self { timestep: 0.005, preset: PresetName::Fast, skip_seconds: 0.0, threads: 0 }
+    }
+}
+
+impl Default for OptimizerConfig {
+    fn default() -> Self {
+        Self {
+            population: 0,
+            generations: 200,
+            seeds: 5,
+            seed: 1,
+            covariance: CovarianceName::Full,
+            tolerance: 1e-4,
+            max_seconds: 0.0,
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! `gaitfit`: fits a legged robot's simulator to the real robot from its joint sensors.
+
+mod cli;
+mod commands;
+mod config;
+mod exit;
+mod interrupt;
+mod machine;
+mod output;
+mod paths;
+mod progress;
+mod run_folder;
+
+use clap::Parser;
+use cli::{Cli, Command};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let done = match &cli.command {
+        Command::Config(args) => commands::config::run(args),
+        Command::Doctor(args) => commands::doctor::run(args),
+        _ => Ok(()),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            output::note(&format!("error: {failure}"));
+            failure.exit.into()
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! The folder of one run. Every file in it is written whole or not at all, and no run writes into another's.
+
+use crate::exit::Failure;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+/// A run's folder, locked by this process.
+#[derive(Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+    /// Held open for its lock, which the system drops with the process.
+    _lock: File,
+}
+
+/// Most runs of one name.
+const MOST_RUNS: usize = 10_000;
+
+impl RunFolder {
+    /// A new folder `runs/name`, or `runs/name-2`, … where that exists.
+    pub fn fresh(runs: &Path, name: &str) -> Result<Self, Failure> {
+        check_name(name)?;
+        fs::create_dir_all(runs).map_err(|error| unwritable(runs, &error))?;
+        for number in 1..=MOST_RUNS {
+            let path = numbered(runs, name, number);
+            match fs::create_dir(&path) {
+                Ok(()) => return Self::lock(path),
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(unwritable(&path, &error)),
+            }
+        }
+        let runs = runs.display();
+        Err(Failure::failed(format!("{runs} holds {MOST_RUNS} runs called {name}; take another --name")))
+    }
+
+    /// The latest folder of that name, if there is one.
+    pub fn latest(runs: &Path, name: &str) -> Result<Option<Self>, Failure> {
+        check_name(name)?;
+        let existing =
+            (1..=MOST_RUNS).map(|number| numbered(runs, name, number)).take_while(|path| path.is_dir());
+        existing.last().map(Self::lock).transpose()
+    }
+
+    fn lock(path: PathBuf) -> Result<Self, Failure> {
+        let file = path.join(".lock");
+        let lock = File::create(&file).map_err(|error| unwritable(&file, &error))?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Self { path, _lock: lock }),
+            Err(fs::TryLockError::WouldBlock) => Err(Failure::failed(format!(
+                "another process is working on {}; wait for it, or take another --name",
+                path.display()
+            ))),
+            Err(fs::TryLockError::Error(error)) => Err(unwritable(&file, &error)),
+        }
+    }
+
+    /// The folder's path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Name of the folder itself, for example `go2-air-2`.
+    pub fn name(&self) -> String {
+        self.path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+
+    /// Writes a file whole: a temporary file beside it, synced, then renamed.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
+        let path = self.path.join(name);
+        let whole = || -> std::io::Result<()> {
+            let mut file = tempfile::Builder::new().prefix(".writing-").tempfile_in(&self.path)?;
+            file.write_all(bytes)?;
+            file.as_file().sync_all()?;
+            file.persist(&path).map_err(|error| error.error)?;
+            // The rename itself reaches the disk with the folder.
+            File::open(&self.path)?.sync_all()
+        };
+        whole().map_err(|error| unwritable(&path, &error))
+    }
+
+    /// Reads a file; `None` where there is none.
+    pub fn read(&self, name: &str) -> Result<Option<String>, Failure> {
+        let path = self.path.join(name);
+        match fs::read_to_string(&path) {
+            Ok(text) => Ok(Some(text)),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(Failure::failed(format!("cannot read {}: {error}", path.display()))),
+        }
+    }
+
+    /// Adds lines to a file. A line cut short by a crash is mended by [`RunFolder::write`] on resuming.
+    pub fn append(&self, name: &str, text: &str) -> Result<(), Failure> {
+        let path = self.path.join(name);
+        let add = || fs::OpenOptions::new().create(true).append(true).open(&path)?.write_all(text.as_bytes());
+        add().map_err(|error| unwritable(&path, &error))
+    }
+}
+
+fn numbered(runs: &Path, name: &str, number: usize) -> PathBuf {
+    if number == 1 { runs.join(name) } else { runs.join(format!("{name}-{number}")) }
+}
+
+fn check_name(name: &str) -> Result<(), Failure> {
+    let plain = |letter: char| letter.is_alphanumeric() || "._-".contains(letter);
+    if name.is_empty() || name.starts_with('.') || name.len() > 100 || !name.chars().all(plain) {
+        return Err(Failure::usage(format!(
+            "`{name}` cannot name a run folder; use letters, digits, `-`, `_` and `.`, not beginning with a dot"
+        )));
+    }
+    Ok(())
+}
+
+fn unwritable(path: &Path, error: &std::io::Error) -> Failure {
+    let remedy = match error.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free some space, then continue with --resume",
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+            "make it writable, or write elsewhere with --set runs=FOLDER"
+        }
+        ErrorKind::NotADirectory | ErrorKind::AlreadyExists => {
+            "something else has that name: move it away, or write elsewhere with --set runs=FOLDER"
+        }
+        _ => "check the disk, or write elsewhere with --set runs=FOLDER",
+    };
+    Failure::failed(format!(
+        "cannot write {}: {error}; {remedy}. Earlier results are intact.",
+        path.display()
+    ))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_second_run_gets_its_own_folder_and_the_latest_is_found() {
+        let runs = tempfile::tempdir().unwrap();
+        assert!(RunFolder::latest(runs.path(), "a").unwrap().is_none());
+        let first = RunFolder::fresh(runs.path(), "a").unwrap();
+        first.write("theta.toml", b"one").unwrap();
+        let second = RunFolder::fresh(runs.path(), "a").unwrap();
+        assert_eq!((first.name().as_str(), second.name().as_str()), ("a", "a-2"));
+        assert_eq!(first.read("theta.toml").unwrap().as_deref(), Some("one"));
+        assert_eq!(second.read("theta.toml").unwrap(), None);
+        let busy = RunFolder::latest(runs.path(), "a").unwrap_err();
+        assert!(busy.message.contains("another process"), "{busy}");
+        drop(second);
+        assert_eq!(RunFolder::latest(runs.path(), "a").unwrap().unwrap().name(), "a-2");
+    }
+
+    #[test]
+    fn a_write_replaces_the_whole_file_and_leaves_nothing_behind() {
+        let runs = tempfile::tempdir().unwrap();
+        let folder = RunFolder::fresh(runs.path(), "a").unwrap();
+        folder.write("x", b"a long first version").unwrap();
+        folder.write("x", b"short").unwrap();
+        folder.append("x", " tail").unwrap();
+        assert_eq!(folder.read("x").unwrap().as_deref(), Some("short tail"));
+        let names: Vec<_> =
+            fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(names.len(), 2, "{names:?}");
+    }
+
+    #[test]
+    fn names_that_leave_the_folder_are_refused() {
+        for name in ["", ".", "..", "../a", "a/b", ".a"] {
+            assert!(check_name(name).is_err(), "{name}");
+        }
+        assert!(check_name("go2-air_1.5").is_ok());
+    }
+
+    #[test]
+    fn a_file_in_the_way_is_named() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let error = RunFolder::fresh(file.path(), "a").unwrap_err();
+        assert!(error.message.contains(&file.path().display().to_string()), "{error}");
+        assert!(error.message.contains("--set runs="), "{error}");
+    }
+}
