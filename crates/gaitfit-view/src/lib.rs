@@ -4,6 +4,7 @@
 //! get text back; writing it to disk is theirs.
 
 mod charts;
+mod format;
 pub mod report;
 
 pub use report::{AdaptReport, ReportError, render};

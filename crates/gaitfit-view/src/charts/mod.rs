@@ -1,1 +1,18 @@
-//! One chart kind a file; each returns one inline SVG whose colours come from the page's style sheet.
+//! One chart kind a file; each returns inline SVG whose colours come from the page's style sheet.
+//!
+//! Charts with axes have a fixed shape and scale with the page; bars and intervals place their marks in percent of
+//! the width, so that they stretch without stretching their text.
+
+pub(crate) mod bars;
+pub(crate) mod convergence;
+pub(crate) mod distribution;
+pub(crate) mod intervals;
+mod panel;
+mod path;
+pub(crate) mod scale;
+pub(crate) mod traces;
+
+/// A position in percent of the width.
+fn percent(x: f64) -> String {
+    format!("{}%", path::coordinate(x))
+}

@@ -1,7 +1,13 @@
 //! `report.html` of one adaptation: one file that opens offline and asks the network for nothing.
 
 mod data;
+mod joints;
 mod nullable;
+mod page;
+mod parameters;
+mod runs;
+mod scores;
+mod validation;
 
 pub use data::{
     AdaptReport, Bound, Comparison, ComparisonEntry, JointDistribution, JointTrace, OptimizerRun, Parameter,
@@ -9,7 +15,8 @@ pub use data::{
 };
 
 use minijinja::value::Serde;
-use minijinja::{Environment, context};
+use minijinja::{AutoEscape, Environment, UndefinedBehavior};
+use page::Page;
 
 /// Why no page came out.
 #[derive(Debug, thiserror::Error)]
@@ -25,8 +32,9 @@ pub enum ReportError {
 /// [`ReportError::Template`] if the embedded template cannot be filled in.
 pub fn render(report: &AdaptReport) -> Result<String, ReportError> {
     let mut environment = Environment::new();
+    // Names of logs and joints come from files: everything is escaped but the crate's own pictures.
+    environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    environment.set_undefined_behavior(UndefinedBehavior::Strict);
     environment.add_template("adapt.html", include_str!("adapt.html"))?;
-    Ok(environment
-        .get_template("adapt.html")?
-        .render(context! { report => Serde(report) })?)
+    Ok(environment.get_template("adapt.html")?.render(Serde(Page::new(report)))?)
 }

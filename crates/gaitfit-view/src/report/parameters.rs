@@ -1,0 +1,247 @@
+//! θ as pictures on one axis a unit and as a table, and two fits of it side by side.
+
+use super::{Bound, Comparison, Parameter};
+use crate::charts::intervals::{self, Mark, Row};
+use crate::format::{UNKNOWN, clean, round_number, with_spread};
+use serde::Serialize;
+
+/// Parameters shown at most; networks have thousands.
+const MOST_PARAMETERS: usize = 200;
+
+#[derive(Serialize)]
+pub(super) struct ParameterTable {
+    groups: Vec<Group>,
+    rows: Vec<ParameterRow>,
+    at_bound: usize,
+    total: usize,
+    left_out: usize,
+    has_published: bool,
+    /// Distinct sources of the published ranges.
+    sources: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Group {
+    unit: String,
+    rows: Vec<Picture>,
+    axis: String,
+}
+
+#[derive(Serialize)]
+struct Picture {
+    name: String,
+    text: String,
+    flagged: bool,
+    svg: String,
+}
+
+#[derive(Serialize)]
+struct ParameterRow {
+    name: String,
+    unit: String,
+    value: String,
+    spread: String,
+    lower: String,
+    upper: String,
+    start: String,
+    published: String,
+    notes: Vec<&'static str>,
+}
+
+#[derive(Serialize)]
+pub(super) struct ComparisonTable {
+    first: String,
+    second: String,
+    groups: Vec<Group>,
+    rows: Vec<ComparisonRow>,
+    agreeing: usize,
+    judged: usize,
+    reasons: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct ComparisonRow {
+    name: String,
+    unit: String,
+    first: String,
+    first_spread: String,
+    second: String,
+    second_spread: String,
+    agrees: Option<bool>,
+}
+
+pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
+    let shown = &parameters[..parameters.len().min(MOST_PARAMETERS)];
+    if shown.is_empty() {
+        return None;
+    }
+    let pictures: Vec<(String, String, String, bool, Row)> = shown.iter().map(picture).collect();
+    let mut sources: Vec<String> = Vec::new();
+    for range in shown.iter().filter_map(|p| p.published.as_ref()) {
+        let source = clean(&range.source);
+        if !source.is_empty() && !sources.contains(&source) {
+            sources.push(source);
+        }
+    }
+    Some(ParameterTable {
+        groups: group(pictures),
+        rows: shown.iter().map(table_row).collect(),
+        at_bound: parameters.iter().filter(|p| p.at_bound.is_some()).count(),
+        total: parameters.len(),
+        left_out: parameters.len() - shown.len(),
+        has_published: shown.iter().any(|p| p.published.is_some()),
+        sources,
+    })
+}
+
+/// Unit, name, value text, whether to flag it, and its picture's row.
+fn picture(parameter: &Parameter) -> (String, String, String, bool, Row) {
+    let flagged = parameter.at_bound.is_some();
+    let row = Row {
+        bounds: Some((parameter.lower, parameter.upper)),
+        published: parameter.published.as_ref().map(|r| (r.lower, r.upper)),
+        start: Some(parameter.start),
+        marks: vec![Mark {
+            value: parameter.value,
+            spread: parameter.spread,
+            runs: parameter.per_run.iter().copied().take(100).collect(),
+            class: if flagged { "hit" } else { "first" },
+        }],
+    };
+    let (value, spread) = with_spread(parameter.value, parameter.spread);
+    let text = if spread == UNKNOWN { value } else { format!("{value} ± {spread}") };
+    (clean(&parameter.unit), clean(&parameter.name), text, flagged, row)
+}
+
+fn table_row(parameter: &Parameter) -> ParameterRow {
+    let (value, spread) = with_spread(parameter.value, parameter.spread);
+    let mut notes = Vec::new();
+    match parameter.at_bound {
+        Some(Bound::Lower) => notes.push("at lower bound"),
+        Some(Bound::Upper) => notes.push("at upper bound"),
+        None => {}
+    }
+    if parameter.identified == Some(false) {
+        notes.push("not determined by these logs");
+    }
+    if let Some(range) = &parameter.published
+        && (parameter.value < range.lower || parameter.value > range.upper)
+    {
+        notes.push("outside published range");
+    }
+    let published =
+        |r: &super::PublishedRange| format!("{} … {}", round_number(r.lower), round_number(r.upper));
+    ParameterRow {
+        name: clean(&parameter.name),
+        unit: clean(&parameter.unit),
+        value,
+        spread,
+        lower: round_number(parameter.lower),
+        upper: round_number(parameter.upper),
+        start: round_number(parameter.start),
+        published: parameter.published.as_ref().map_or(UNKNOWN.to_string(), published),
+        notes,
+    }
+}
+
+/// Pictures of one unit share an axis; units come in order of appearance.
+fn group(pictures: Vec<(String, String, String, bool, Row)>) -> Vec<Group> {
+    let mut by_unit: Vec<(String, Vec<(String, String, bool, Row)>)> = Vec::new();
+    for (unit, name, text, flagged, row) in pictures {
+        match by_unit.iter_mut().find(|(known, _)| *known == unit) {
+            Some((_, rows)) => rows.push((name, text, flagged, row)),
+            None => by_unit.push((unit, vec![(name, text, flagged, row)])),
+        }
+    }
+    by_unit
+        .into_iter()
+        .map(|(unit, entries)| {
+            let rows: Vec<Row> = entries.iter().map(|(_, _, _, row)| row.clone()).collect();
+            let scale = intervals::shared_scale(&rows);
+            let rows = entries
+                .into_iter()
+                .map(|(name, text, flagged, row)| Picture {
+                    name,
+                    text,
+                    flagged,
+                    svg: intervals::row(&row, &scale),
+                })
+                .collect();
+            Group { unit, rows, axis: intervals::axis(&scale) }
+        })
+        .collect()
+}
+
+pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
+    let entries = &comparison.entries[..comparison.entries.len().min(MOST_PARAMETERS)];
+    if entries.is_empty() {
+        return None;
+    }
+    let mark = |value, spread, class| Mark { value, spread, runs: Vec::new(), class };
+    let pictures = entries
+        .iter()
+        .map(|e| {
+            let marks =
+                vec![mark(e.first, e.first_spread, "first"), mark(e.second, e.second_spread, "second")];
+            let text = match e.agrees {
+                Some(true) => "agrees",
+                Some(false) => "differs",
+                None => UNKNOWN,
+            };
+            let row = Row { marks, ..Row::default() };
+            (clean(&e.unit), clean(&e.name), text.to_string(), e.agrees == Some(false), row)
+        })
+        .collect();
+    let rows = entries
+        .iter()
+        .map(|e| {
+            let (first, first_spread) = with_spread(e.first, e.first_spread);
+            let (second, second_spread) = with_spread(e.second, e.second_spread);
+            let (name, unit) = (clean(&e.name), clean(&e.unit));
+            ComparisonRow { name, unit, first, first_spread, second, second_spread, agrees: e.agrees }
+        })
+        .collect();
+    Some(ComparisonTable {
+        first: clean(&comparison.first),
+        second: clean(&comparison.second),
+        groups: group(pictures),
+        rows,
+        agreeing: comparison.entries.iter().filter(|e| e.agrees == Some(true)).count(),
+        judged: comparison.entries.iter().filter(|e| e.agrees.is_some()).count(),
+        reasons: comparison
+            .reasons
+            .iter()
+            .take(100)
+            .map(|r| r.chars().take(2000).collect::<String>())
+            .collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::PublishedRange;
+
+    #[test]
+    fn what_is_wrong_with_a_value_is_said() {
+        let parameter = Parameter {
+            value: 0.5,
+            upper: 0.5,
+            at_bound: Some(Bound::Upper),
+            identified: Some(false),
+            published: Some(PublishedRange { lower: 0.1, upper: 0.2, source: "x".into() }),
+            ..Parameter::default()
+        };
+        let row = table_row(&parameter);
+        assert_eq!(row.notes, ["at upper bound", "not determined by these logs", "outside published range"]);
+        assert_eq!((row.spread.as_str(), row.lower.as_str()), ("–", "–"));
+    }
+
+    #[test]
+    fn units_share_an_axis() {
+        let parameter = |unit: &str| Parameter { unit: unit.into(), value: 1.0, ..Parameter::default() };
+        let table = build(&[parameter("N·m"), parameter("s"), parameter("N·m")]);
+        let sizes: Vec<usize> = table.iter().flat_map(|t| &t.groups).map(|g| g.rows.len()).collect();
+        assert_eq!(sizes, [2, 1]);
+    }
+}
