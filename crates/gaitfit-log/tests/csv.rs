@@ -25,7 +25,7 @@ const SMALL: &str = "time,q_a,dq_a\n0,1,2\n0.01,3,4\n";
 
 fn full_trajectory() -> Trajectory {
     // Values that a careless printer would change: many digits, extremes, signed zero.
-    let awkward = [0.1 + 0.2, -0.0, 1e300, 5e-324, f64::MAX, 1.0 / 3.0, -2.5e-17, 123456789.123456789];
+    let awkward = [0.1 + 0.2, -0.0, 1e300, 5e-324, f64::MAX, 1.0 / 3.0, -2.5e-17, 123_456_789.123_456_79];
     let take = |from: usize, count: usize| (0..count).map(|i| awkward[(from + i) % 8]).collect::<Vec<_>>();
     Trajectory {
         source: None,

@@ -1,0 +1,224 @@
+//! Checks of a log's content, each finding with a named reason, a place and a remedy.
+//!
+//! Thresholds are constants beside each check, with the reason for their value. They are set so that healthy
+//! recordings of real robots pass: a robot standing under a zero command, legs swept in the air, a trot with
+//! soft gains and noisy velocities.
+
+mod following;
+mod joints;
+mod saturation;
+pub(crate) mod stats;
+mod time;
+mod values;
+mod velocity;
+
+use crate::Trajectory;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// What the checks may know about the robot. Everything is optional and by joint name; joints that the maps
+/// lack are not held to a limit.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CheckSpec {
+    /// The robot's joints in its own order.
+    pub joints: Option<Vec<String>>,
+    /// Position limits, rad.
+    pub position_limits: BTreeMap<String, [f64; 2]>,
+    /// Speed limits, rad/s.
+    pub velocity_limits: BTreeMap<String, f64>,
+    /// Torque limits, N·m.
+    pub effort_limits: BTreeMap<String, f64>,
+    /// Pose the robot stands in, rad.
+    pub default_pose: BTreeMap<String, f64>,
+    /// Base height below which the robot lies, m, world frame, ground at 0.
+    pub lying_height: Option<f64>,
+}
+
+/// How bad a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// Worth knowing; nothing to do.
+    Note,
+    /// Results may suffer.
+    Warning,
+    /// The log, or the part named, must not be used as it is.
+    Error,
+}
+
+/// The reason of a finding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum FindingKind {
+    /// The arrays do not fit together ([`Trajectory::validate`] says no); nothing else was checked.
+    Malformed,
+    /// A joint of the robot is not in the log.
+    MissingJoint,
+    /// A joint of the log is not on the robot.
+    ExtraJoint,
+    /// The log's joint order is not the robot's.
+    JointOrder,
+    /// Fewer samples than anything can be said about.
+    TooShort,
+    /// Time stands still or runs backwards.
+    NonMonotonicTime,
+    /// Samples are missing.
+    TimeGap,
+    /// Sample intervals vary.
+    IrregularTime,
+    /// The stated sample rate is not the rate of the samples.
+    RateMismatch,
+    /// Many rows repeat the one before: the recorder ran faster than the robot reports.
+    RepeatedRows,
+    /// NaN or infinite values.
+    NotFinite,
+    /// Positions or targets beyond the joint's limits.
+    BeyondPositionLimit,
+    /// Velocities beyond the joint's limit.
+    BeyondVelocityLimit,
+    /// Values that look like another unit.
+    SuspectUnit,
+    /// A signal that never changes.
+    ConstantSignal,
+    /// No joint's target ever changes.
+    FrozenTarget,
+    /// The velocity is not the derivative of the position.
+    VelocityMismatch,
+    /// A signal or torque that is cut off at a bound.
+    Saturated,
+    /// One joint does not do what its target asks.
+    JointNotFollowing,
+    /// The robot's joints do not do what their targets or the command ask: it is stuck, held or lies.
+    Stuck,
+    /// The robot rests far from where its targets or its standing pose are, or its base is on the floor.
+    Lying,
+    /// The base is tilted far from upright: the robot fell.
+    Fallen,
+}
+
+/// A stretch of samples.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Span {
+    /// First sample.
+    pub start: usize,
+    /// One past the last sample.
+    pub end: usize,
+    /// Time of the first sample, s.
+    pub from_s: f64,
+    /// Time of the last sample, s.
+    pub to_s: f64,
+}
+
+/// One thing a check found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Finding {
+    /// Reason.
+    pub kind: FindingKind,
+    /// How bad it is.
+    pub severity: Severity,
+    /// Joints concerned; empty: not a matter of joints.
+    pub joints: Vec<String>,
+    /// Samples concerned; absent: the whole log.
+    pub span: Option<Span>,
+    /// What was found, in numbers, and what to do.
+    pub message: String,
+}
+
+impl std::fmt::Display for FindingKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            FindingKind::Malformed => "malformed",
+            FindingKind::MissingJoint => "missing joint",
+            FindingKind::ExtraJoint => "extra joint",
+            FindingKind::JointOrder => "joint order",
+            FindingKind::TooShort => "too short",
+            FindingKind::NonMonotonicTime => "non-monotonic time",
+            FindingKind::TimeGap => "time gap",
+            FindingKind::IrregularTime => "irregular time",
+            FindingKind::RateMismatch => "rate mismatch",
+            FindingKind::RepeatedRows => "repeated rows",
+            FindingKind::NotFinite => "not finite",
+            FindingKind::BeyondPositionLimit => "beyond position limit",
+            FindingKind::BeyondVelocityLimit => "beyond velocity limit",
+            FindingKind::SuspectUnit => "suspect unit",
+            FindingKind::ConstantSignal => "constant signal",
+            FindingKind::FrozenTarget => "frozen target",
+            FindingKind::VelocityMismatch => "velocity mismatch",
+            FindingKind::Saturated => "saturated",
+            FindingKind::JointNotFollowing => "joint not following",
+            FindingKind::Stuck => "stuck",
+            FindingKind::Lying => "lying",
+            FindingKind::Fallen => "fallen",
+        })
+    }
+}
+
+impl std::fmt::Display for Finding {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let severity = match self.severity {
+            Severity::Note => "note",
+            Severity::Warning => "warning",
+            Severity::Error => "error",
+        };
+        write!(f, "{severity}: {}: {}", self.kind, self.message)
+    }
+}
+
+/// All findings, the worst first. An empty list: nothing suspicious.
+pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
+    let mut findings = Findings { log, list: Vec::new() };
+    if let Err(error) = log.validate() {
+        findings.add(FindingKind::Malformed, Severity::Error, &[], None, error.to_string());
+        return findings.list;
+    }
+    joints::check(&mut findings, spec);
+    if log.len() < 2 {
+        let message = format!("{} sample(s); record at least a second", log.len());
+        findings.add(FindingKind::TooShort, Severity::Error, &[], None, message);
+        return findings.list;
+    }
+    time::check(&mut findings);
+    values::check(&mut findings, spec);
+    velocity::check(&mut findings);
+    saturation::check(&mut findings, spec);
+    following::check(&mut findings, spec);
+    findings.list.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
+    findings.list
+}
+
+/// The growing list, and the log it is about.
+struct Findings<'a> {
+    log: &'a Trajectory,
+    list: Vec<Finding>,
+}
+
+impl Findings<'_> {
+    /// Adds a finding about joints given by column number and, if not the whole log, samples `span`.
+    fn add(
+        &mut self,
+        kind: FindingKind,
+        severity: Severity,
+        joints: &[usize],
+        span: Option<std::ops::Range<usize>>,
+        message: String,
+    ) {
+        let time = &self.log.time;
+        let span = span.filter(|span| span.start < span.end && span.end <= time.len()).map(|span| Span {
+            start: span.start,
+            end: span.end,
+            from_s: time[span.start],
+            to_s: time[span.end - 1],
+        });
+        let joints = joints.iter().map(|&joint| self.log.joints[joint].clone()).collect();
+        self.list.push(Finding { kind, severity, joints, span, message });
+    }
+
+    /// Joint names for a message: all of them, or how many.
+    fn names(&self, joints: &[usize]) -> String {
+        if joints.len() == self.log.joints.len() && joints.len() > 1 {
+            return format!("all {} joints", joints.len());
+        }
+        joints.iter().map(|&joint| self.log.joints[joint].as_str()).collect::<Vec<_>>().join(", ")
+    }
+}

@@ -1,0 +1,99 @@
+//! Is time increasing and regular, at the stated rate, with new data in every row?
+
+use super::stats::{median, rms};
+use super::{FindingKind, Findings, Severity};
+
+/// An interval this many medians long has lost samples.
+const GAP: f64 = 1.5;
+/// A gap this long, s, ends a joint's free motion: replaying across it means nothing.
+const LONG_GAP_S: f64 = 0.1;
+/// RMS deviation of the intervals, relative to their median. Python loops on an idle machine reach 2–4 %.
+const JITTER: f64 = 0.05;
+/// Relative error of the stated rate; clocks and rounding stay far below it.
+const RATE_ERROR: f64 = 0.02;
+/// Share of repeated rows. A bus that is read a little faster than it updates repeats 5–10 %.
+const REPEATED: f64 = 0.3;
+
+pub(super) fn check(findings: &mut Findings) {
+    let log = findings.log;
+    let steps: Vec<f64> = log.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let backward: Vec<usize> = (0..steps.len()).filter(|&i| steps[i] <= 0.0).collect();
+    if let Some(&first) = backward.first() {
+        let message = format!(
+            "time goes from {} s to {} s at sample {}{}; cut the log there, or remove the repeated rows",
+            log.time[first],
+            log.time[first + 1],
+            first + 1,
+            match backward.len() {
+                1 => String::new(),
+                count => format!(", and does not increase at {} more places", count - 1),
+            }
+        );
+        let span = first..first + 2;
+        findings.add(FindingKind::NonMonotonicTime, Severity::Error, &[], Some(span), message);
+    }
+
+    let mut forward: Vec<f64> = steps.iter().copied().filter(|step| *step > 0.0).collect();
+    let Some(typical) = median(&mut forward) else { return };
+    if (typical * log.rate_hz - 1.0).abs() > RATE_ERROR {
+        let hint = match typical * log.rate_hz {
+            ratio if (500.0..2000.0).contains(&ratio) => {
+                "time is in milliseconds, it seems: divide it by 1000"
+            }
+            ratio if (5e5..2e6).contains(&ratio) => "time is in microseconds, it seems: divide it by 1e6",
+            _ => "correct the stated rate, or the time column",
+        };
+        let message = format!(
+            "the stated rate is {} Hz, but samples are {typical} s apart ({:.4} Hz); {hint}",
+            log.rate_hz,
+            1.0 / typical
+        );
+        findings.add(FindingKind::RateMismatch, Severity::Error, &[], None, message);
+    }
+
+    let gaps: Vec<usize> = (0..steps.len()).filter(|&i| steps[i] > GAP * typical).collect();
+    if let Some(&longest) = gaps.iter().max_by(|&&a, &&b| steps[a].total_cmp(&steps[b])) {
+        let lost: f64 = gaps.iter().map(|&i| (steps[i] / typical).round() - 1.0).sum();
+        let message = format!(
+            "{} gap(s), about {lost} samples lost; the longest is {:.4} s after {} s; use the stretches between \
+             gaps, or resample the log if a held value will do",
+            gaps.len(),
+            steps[longest],
+            log.time[longest]
+        );
+        let severity =
+            if steps[longest] > LONG_GAP_S.max(3.0 * typical) { Severity::Error } else { Severity::Warning };
+        findings.add(FindingKind::TimeGap, severity, &[], Some(longest..longest + 2), message);
+    }
+
+    let regular: Vec<f64> = steps
+        .iter()
+        .filter(|step| **step > 0.0 && **step <= GAP * typical)
+        .map(|step| step / typical - 1.0)
+        .collect();
+    let jitter = rms(&regular);
+    if jitter > JITTER {
+        let message = format!(
+            "sample intervals vary by {:.1} % RMS around {typical:.6} s; record from a real-time loop, or resample",
+            100.0 * jitter
+        );
+        findings.add(FindingKind::IrregularTime, Severity::Warning, &[], None, message);
+    }
+
+    let width = log.joints.len();
+    let moving = super::stats::range(&log.velocity).is_some_and(|(low, high)| high > low);
+    let repeats =
+        |values: &[f64], i: usize| values[i * width..(i + 1) * width] == values[(i - 1) * width..i * width];
+    let repeated = (1..log.len()).filter(|&i| repeats(&log.position, i) && repeats(&log.velocity, i)).count();
+    let share = repeated as f64 / (log.len() - 1) as f64;
+    // A log where nothing moves at all repeats every row for another reason, reported elsewhere.
+    if moving && share > REPEATED {
+        let message = format!(
+            "{:.0} % of the rows repeat positions and velocities of the row before; the robot reports at about \
+             {:.0} Hz: record or resample at that rate",
+            100.0 * share,
+            (1.0 - share) / typical
+        );
+        findings.add(FindingKind::RepeatedRows, Severity::Warning, &[], None, message);
+    }
+}

@@ -1,0 +1,226 @@
+//! Are the values numbers, within limits, in the right unit, and alive?
+
+use super::stats::{deviation, range};
+use super::{CheckSpec, FindingKind, Findings, Severity};
+use crate::Signal;
+
+/// Overshoot of a position limit that compliance and calibration explain, rad.
+const POSITION_SLACK: f64 = 0.02;
+/// Beyond this overshoot, rad, the value cannot be that joint's position.
+const POSITION_IMPOSSIBLE: f64 = 0.2;
+/// Measured speed may exceed the actuator's limit when the ground drives the joint; not this many times.
+const SPEED_IMPOSSIBLE: f64 = 2.0;
+/// No leg joint turns two full turns, rad; in degrees it does so in any step.
+const TWO_TURNS: f64 = 12.6;
+/// Fewer samples may be equal by chance or rest.
+const ENOUGH: usize = 20;
+/// A position that moves more than this, rad, moves.
+const MOVES: f64 = 0.01;
+
+pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
+    not_finite(findings);
+    position_limits(findings, spec);
+    velocity_limits(findings, spec);
+    units(findings, spec);
+    if findings.log.len() >= ENOUGH {
+        constant(findings);
+    }
+}
+
+fn not_finite(findings: &mut Findings) {
+    let log = findings.log;
+    let width = log.joints.len();
+    for signal in Signal::ALL {
+        let Some(values) = log.signal(signal) else { continue };
+        let bad: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_finite()).collect();
+        let (Some(first), Some(last)) = (bad.first(), bad.last()) else { continue };
+        let mut joints: Vec<usize> = bad.iter().map(|i| i % width).collect();
+        joints.sort_unstable();
+        joints.dedup();
+        let message = format!(
+            "{} {signal} value(s) of {} are NaN or infinite, the first at {} s; cut the log there or record again",
+            bad.len(),
+            findings.names(&joints),
+            log.time[first / width]
+        );
+        let span = first / width..last / width + 1;
+        findings.add(FindingKind::NotFinite, Severity::Error, &joints, Some(span), message);
+    }
+    let base = log.base.clone().unwrap_or_default();
+    for (what, values, width, severity) in [
+        ("command", &log.command, 3, Severity::Error),
+        ("base position", &base.position, 3, Severity::Warning),
+        ("base orientation", &base.quaternion, 4, Severity::Warning),
+        ("base velocity", &base.linear_velocity, 3, Severity::Warning),
+        ("body rate", &base.angular_velocity, 3, Severity::Warning),
+    ] {
+        let Some(values) = values else { continue };
+        let count = values.iter().filter(|value| !value.is_finite()).count();
+        if let Some(first) = values.iter().position(|value| !value.is_finite()) {
+            let message = format!(
+                "{count} {what} value(s) are NaN or infinite, the first at {} s; what needs the {what} cannot use \
+                 these samples",
+                log.time[first / width]
+            );
+            findings.add(FindingKind::NotFinite, severity, &[], None, message);
+        }
+    }
+}
+
+fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
+    let log = findings.log;
+    for (signal, mild) in [(Signal::Position, Severity::Warning), (Signal::Target, Severity::Note)] {
+        let mut worst: Option<(usize, f64)> = None;
+        let mut joints = Vec::new();
+        for (joint, name) in log.joints.iter().enumerate() {
+            let (Some([low, high]), Some(column)) =
+                (spec.position_limits.get(name), log.column_at(signal, joint))
+            else {
+                continue;
+            };
+            let Some((least, most)) = range(&column) else { continue };
+            let over = (low - least).max(most - high);
+            if over > POSITION_SLACK {
+                joints.push(joint);
+                if worst.is_none_or(|(_, most)| over > most) {
+                    worst = Some((joint, over));
+                }
+            }
+        }
+        let Some((joint, over)) = worst else { continue };
+        let name = &log.joints[joint];
+        let [low, high] = spec.position_limits[name];
+        let impossible = signal == Signal::Position && over > POSITION_IMPOSSIBLE;
+        let message = format!(
+            "{signal} of {} beyond limits, most {name}, {over:.3} rad outside [{low}, {high}]; {}",
+            findings.names(&joints),
+            if impossible {
+                "check unit (rad), sign, zero and which column is which joint"
+            } else if signal == Signal::Target {
+                "a PD controller may ask for that to push against its limit; the joint will not get there"
+            } else {
+                "compliance explains a little; check the joint's zero and the model's limits"
+            }
+        );
+        let severity = if impossible { Severity::Error } else { mild };
+        findings.add(FindingKind::BeyondPositionLimit, severity, &joints, None, message);
+    }
+}
+
+fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
+    let log = findings.log;
+    let mut worst: Option<(usize, f64, f64)> = None;
+    let mut joints = Vec::new();
+    for (joint, name) in log.joints.iter().enumerate() {
+        let (Some(&limit), Some(column)) =
+            (spec.velocity_limits.get(name), log.column_at(Signal::Velocity, joint))
+        else {
+            continue;
+        };
+        let Some((low, high)) = range(&column) else { continue };
+        let ratio = high.max(-low) / limit;
+        if ratio > 1.0 {
+            joints.push(joint);
+            if worst.is_none_or(|(_, most, _)| ratio > most) {
+                worst = Some((joint, ratio, high.max(-low)));
+            }
+        }
+    }
+    let Some((joint, ratio, speed)) = worst else { return };
+    let name = &log.joints[joint];
+    let limit = spec.velocity_limits[name];
+    let impossible = ratio > SPEED_IMPOSSIBLE;
+    let message = format!(
+        "velocity of {} beyond limits, most {name} with {speed:.2} of {limit} rad/s; {}",
+        findings.names(&joints),
+        if impossible {
+            "check the unit (rad/s)"
+        } else {
+            "impacts do that; a fit should not weigh these peaks"
+        }
+    );
+    let severity = if impossible { Severity::Error } else { Severity::Warning };
+    findings.add(FindingKind::BeyondVelocityLimit, severity, &joints, None, message);
+}
+
+fn units(findings: &mut Findings, spec: &CheckSpec) {
+    let log = findings.log;
+    for signal in [Signal::Position, Signal::Target] {
+        let joints: Vec<usize> = (0..log.joints.len())
+            .filter(|&joint| !spec.position_limits.contains_key(&log.joints[joint]))
+            .filter(|&joint| {
+                let column = log.column_at(signal, joint).unwrap_or_default();
+                range(&column).is_some_and(|(low, high)| high.max(-low) > TWO_TURNS)
+            })
+            .collect();
+        if !joints.is_empty() {
+            let message = format!(
+                "{signal} of {} exceeds two full turns; it is in degrees, it seems: multiply by π/180",
+                findings.names(&joints)
+            );
+            findings.add(FindingKind::SuspectUnit, Severity::Error, &joints, None, message);
+        }
+    }
+}
+
+fn constant(findings: &mut Findings) {
+    let log = findings.log;
+    let joints = log.joints.len();
+    let columns = |signal: Signal| -> Vec<Vec<f64>> {
+        (0..joints).filter_map(|joint| log.column_at(signal, joint)).collect()
+    };
+    let is_constant = |column: &Vec<f64>| range(column).is_some_and(|(low, high)| low == high);
+    let pick =
+        |test: &dyn Fn(usize) -> bool| -> Vec<usize> { (0..joints).filter(|&joint| test(joint)).collect() };
+    let (position, velocity) = (columns(Signal::Position), columns(Signal::Velocity));
+    let (target, action) = (columns(Signal::Target), columns(Signal::Action));
+    let asked = |joint: usize| target.get(joint).is_some_and(|column| deviation(column) > MOVES);
+    let moves = |joint: usize| range(&position[joint]).is_some_and(|(low, high)| high - low > MOVES);
+
+    let dead = pick(&|joint| is_constant(&position[joint]) && asked(joint));
+    if !dead.is_empty() {
+        let message = format!(
+            "position of {} never changes while its target does; the encoder is not read, or the columns are mixed up",
+            findings.names(&dead)
+        );
+        findings.add(FindingKind::ConstantSignal, Severity::Error, &dead, None, message);
+    }
+    let still = pick(&|joint| is_constant(&position[joint]) && !asked(joint));
+    if !still.is_empty() {
+        let message = format!(
+            "position of {} never changes, not even by encoder noise; nothing can be learned of it from this log",
+            findings.names(&still)
+        );
+        findings.add(FindingKind::ConstantSignal, Severity::Warning, &still, None, message);
+    }
+    let deaf = pick(&|joint| is_constant(&velocity[joint]) && moves(joint));
+    if !deaf.is_empty() {
+        let message = format!(
+            "velocity of {} is constant while the position moves; log the encoder's velocity",
+            findings.names(&deaf)
+        );
+        findings.add(FindingKind::ConstantSignal, Severity::Error, &deaf, None, message);
+    }
+    if !action.is_empty() {
+        let idle = pick(&|joint| is_constant(&action[joint]));
+        if !idle.is_empty() {
+            let message =
+                format!("action of {} never changes; was the policy running?", findings.names(&idle));
+            findings.add(FindingKind::ConstantSignal, Severity::Warning, &idle, None, message);
+        }
+    }
+    if !target.is_empty() {
+        let fixed = pick(&|joint| is_constant(&target[joint]));
+        if fixed.len() == joints {
+            let message =
+                "no joint's target ever changes; such a log identifies nothing: record a motion".to_owned();
+            findings.add(FindingKind::FrozenTarget, Severity::Warning, &[], None, message);
+        } else if !fixed.is_empty() {
+            let message = format!(
+                "target of {} never changes; its parameters will be poorly known",
+                findings.names(&fixed)
+            );
+            findings.add(FindingKind::ConstantSignal, Severity::Note, &fixed, None, message);
+        }
+    }
+}
