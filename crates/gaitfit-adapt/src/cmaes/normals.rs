@@ -1,0 +1,23 @@
+//! Where standard normal draws come from.
+
+use gaitfit_random::{Purpose, Stream};
+
+/// Standard normals by address. Must be a pure function of its arguments: a population is made anew on resumption.
+pub trait NormalSource {
+    /// Fills `out` (one entry a coordinate) for attempt `attempt` at candidate `candidate` of `generation`.
+    fn fill(&self, generation: u32, candidate: u32, attempt: u32, out: &mut [f64]);
+}
+
+/// The normals of [`gaitfit_random`] under one seed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AddressedNormals {
+    /// Seed of the run.
+    pub seed: u64,
+}
+
+impl NormalSource for AddressedNormals {
+    fn fill(&self, generation: u32, candidate: u32, attempt: u32, out: &mut [f64]) {
+        let stream = Stream::new(self.seed, Purpose::CMAES).environment(candidate).step(generation);
+        stream.fill_normals(attempt.wrapping_mul(out.len() as u32), out);
+    }
+}
