@@ -85,8 +85,11 @@ fn invented() -> AdaptReport {
     }
 }
 
+/// Name, unit, value, spread, upper bound, published range.
+type Invented = (&'static str, &'static str, f64, f64, f64, Option<(f64, f64)>);
+
 fn parameters() -> Vec<Parameter> {
-    let rows: [(&str, &str, f64, f64, f64, Option<(f64, f64)>); 14] = [
+    let rows: [Invented; 14] = [
         ("frictionloss[*_hip]", "N·m", 0.213, 0.004, 0.5, Some((0.20, 0.23))),
         ("frictionloss[*_thigh]", "N·m", 0.188, 0.006, 0.5, Some((0.15, 0.21))),
         ("frictionloss[*_calf]", "N·m", 0.463, 0.011, 1.5, Some((0.57, 0.82))),
@@ -102,32 +105,30 @@ fn parameters() -> Vec<Parameter> {
         ("encoder_bias[FL_hip]", "rad", -0.0031, 0.0004, 0.05, None),
         ("encoder_bias[RR_calf]", "rad", 0.0118, 0.0009, 0.05, None),
     ];
-    let invent =
-        |(i, (name, unit, value, spread, upper, published)): (usize, (&str, &str, f64, f64, f64, _))| {
-            let published: Option<(f64, f64)> = published;
-            let lower = match unit {
-                "" => 0.8,
-                "rad" => -upper,
-                _ => 0.0,
-            };
-            Parameter {
-                name: name.into(),
-                unit: unit.into(),
-                value,
+    let invent = |(i, (name, unit, value, spread, upper, published)): (usize, Invented)| {
+        let lower = match unit {
+            "" => 0.8,
+            "rad" => -upper,
+            _ => 0.0,
+        };
+        Parameter {
+            name: name.into(),
+            unit: unit.into(),
+            value,
+            lower,
+            upper,
+            start: if unit.is_empty() { 1.0 } else { 0.0 },
+            spread,
+            per_run: (0..SEEDS).map(|s| (value + 1.4 * spread * noise(i, s)).min(upper)).collect(),
+            at_bound: (value >= upper).then_some(Bound::Upper),
+            published: published.map(|(lower, upper)| PublishedRange {
                 lower,
                 upper,
-                start: if unit.is_empty() { 1.0 } else { 0.0 },
-                spread,
-                per_run: (0..SEEDS).map(|s| (value + 1.4 * spread * noise(i, s)).min(upper)).collect(),
-                at_bound: (value >= upper).then_some(Bound::Upper),
-                published: published.map(|(lower, upper)| PublishedRange {
-                    lower,
-                    upper,
-                    source: "published real fits of this robot".into(),
-                }),
-                identified: (name == "torque_scale[*_calf]").then_some(false),
-            }
-        };
+                source: "published real fits of this robot".into(),
+            }),
+            identified: (name == "torque_scale[*_calf]").then_some(false),
+        }
+    };
     rows.into_iter().enumerate().map(invent).collect()
 }
 

@@ -5,6 +5,8 @@ pub(crate) const UNKNOWN: &str = "–";
 
 /// Longest name printed in full, characters; the rest becomes "…".
 const LONGEST_NAME: usize = 200;
+/// The same for sentences and settings.
+const LONGEST_PROSE: usize = 4000;
 
 /// `x` with `digits` significant digits; powers of ten outside 10⁻⁴ … 10⁶.
 pub(crate) fn significant(x: f64, digits: usize) -> String {
@@ -57,9 +59,9 @@ pub(crate) fn fixed(x: f64, decimals: usize) -> String {
     minus(if is_zero { text.trim_start_matches('-') } else { &text })
 }
 
-/// How long something took: seconds below two minutes, minutes and hours above.
+/// How long something took, unknown unless positive: seconds below two minutes, minutes and hours above.
 pub(crate) fn duration(seconds: f64) -> String {
-    if !seconds.is_finite() || seconds < 0.0 {
+    if !seconds.is_finite() || seconds <= 0.0 {
         UNKNOWN.to_string()
     } else if seconds < 120.0 {
         format!("{}\u{a0}s", significant(seconds, 3))
@@ -72,17 +74,26 @@ pub(crate) fn duration(seconds: f64) -> String {
 
 /// A name fit to print: no control or direction-changing characters, at most [`LONGEST_NAME`] characters.
 pub(crate) fn clean(name: &str) -> String {
+    printable(name, LONGEST_NAME)
+}
+
+/// As [`clean`], for sentences and settings.
+pub(crate) fn clean_prose(text: &str) -> String {
+    printable(text, LONGEST_PROSE)
+}
+
+fn printable(text: &str, longest: usize) -> String {
     let hidden = |c: &char| {
         c.is_control()
             || matches!(*c, '\u{200b}'..='\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}'
                 | '\u{feff}' | '\u{fffe}' | '\u{ffff}')
     };
-    let mut shown = name.chars().filter(|c| !hidden(c));
-    let mut text: String = shown.by_ref().take(LONGEST_NAME).collect();
+    let mut shown = text.chars().map(|c| if c == '\n' { ' ' } else { c }).filter(|c| !hidden(c));
+    let mut printed: String = shown.by_ref().take(longest).collect();
     if shown.next().is_some() {
-        text.push('…');
+        printed.push('…');
     }
-    text
+    printed
 }
 
 /// `text` for element content and double-quoted attributes.
@@ -163,7 +174,7 @@ mod tests {
 
     #[test]
     fn names_lose_what_hides() {
-        assert_eq!(clean("a\u{0}b\u{202e}c\n"), "abc");
+        assert_eq!(clean("a\u{0}b\u{202e}c\nd"), "abc d");
         assert_eq!(clean(&"x".repeat(10_000)).chars().count(), LONGEST_NAME + 1);
         assert_eq!(escape("<b a='1'>&\""), "&lt;b a=&#39;1&#39;&gt;&amp;&quot;");
     }

@@ -21,7 +21,7 @@ pub(crate) fn convergence(title: &str, y_title: &str, lines: &[Line]) -> Option<
     let all = || lines.iter().flat_map(|l| l.values.iter().copied());
     let (low, high) = scale::extent(all())?;
     let generations = lines.iter().map(|l| l.values.len()).max()?;
-    let (left, right, top, bottom) = (58.0, 470.0, 24.0, 240.0);
+    let (left, right, top, bottom) = (58.0, 470.0, 26.0, 240.0);
     let y = if low > 0.0 {
         Scale::log(low / 1.05, high * 1.05, bottom, top)
     } else {

@@ -40,7 +40,7 @@ pub(crate) fn distribution(data: &JointDistribution) -> Option<String> {
     let all = measured.iter().chain(&nominal).chain(&fitted).copied();
     let highest = scale::extent(all)?.1;
     let unit = data.quantity.unit();
-    let (left, right, top, bottom) = (46.0, 352.0, 20.0, 130.0);
+    let (left, right, top, bottom) = (46.0, 352.0, 24.0, 134.0);
     let chart = Panel {
         x: Scale::linear(Some((edges[0], edges[edges.len() - 1])), left, right),
         y: Scale::linear(Some((0.0, highest * 1.05)), bottom, top),
@@ -53,7 +53,7 @@ pub(crate) fn distribution(data: &JointDistribution) -> Option<String> {
         x_ticks: 5,
         y_ticks: 3,
     };
-    let mut svg = panel::open_svg(360.0, 166.0, &format!("{} of {}", quantity_name(data), data.joint));
+    let mut svg = panel::open_svg(360.0, 170.0, &format!("{} of {}", quantity_name(data), data.joint));
     chart.open(&mut svg);
     for (class, density) in [("area", &measured), ("nominal", &nominal), ("fitted", &fitted)] {
         let d = stairs(&chart, &edges, density);

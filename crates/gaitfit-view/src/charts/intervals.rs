@@ -96,22 +96,10 @@ pub(crate) fn row(row: &Row, scale: &Scale) -> String {
 
 /// The axis below the rows.
 pub(crate) fn axis(scale: &Scale) -> String {
-    let mut svg = String::from(r#"<svg class="strip" width="100%" height="20" aria-hidden="true">"#);
+    let mut svg = String::from(r#"<svg class="strip ticks" width="100%" height="20" aria-hidden="true">"#);
     for tick in scale.ticks(6) {
-        let position = scale.at(tick.value);
-        let anchor = if position < 6.0 {
-            "start"
-        } else if position > 94.0 {
-            "end"
-        } else {
-            "middle"
-        };
-        let _ = write!(
-            svg,
-            r#"<text class="t" text-anchor="{anchor}" x="{}" y="14">{}</text>"#,
-            percent(position),
-            tick.label
-        );
+        let x = percent(scale.at(tick.value));
+        let _ = write!(svg, r#"<text class="t m" x="{x}" y="14">{}</text>"#, tick.label);
     }
     svg.push_str("</svg>");
     svg

@@ -57,7 +57,7 @@ impl Panel<'_> {
             let _ = write!(svg, r#"<text class="t m" x="{x}" y="{y}">{}</text>"#, escape(self.x_title));
         }
         if !self.y_title.is_empty() {
-            let y = coordinate(self.top - 7.0);
+            let y = coordinate(self.top - 11.0);
             let _ = write!(svg, r#"<text class="t" x="2" y="{y}">{}</text>"#, escape(self.y_title));
         }
     }

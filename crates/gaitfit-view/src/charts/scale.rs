@@ -82,7 +82,12 @@ impl Scale {
     fn linear_ticks(&self, wanted: usize) -> Vec<Tick> {
         let raw = (self.high - self.low) / wanted.max(1) as f64;
         let power = 10_f64.powf(raw.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|s| *s >= raw).unwrap_or(raw);
+        let steps = [0.5, 1.0, 2.0, 5.0, 10.0].map(|m| m * power);
+        let count = |step: f64| (self.high / step + 1e-9).floor() - (self.low / step - 1e-9).ceil() + 1.0;
+        let fitting = steps.iter().position(|s| *s >= raw * (1.0 - 1e-9)).unwrap_or(4).max(1);
+        // One tick tells no scale: a step too many is better.
+        let step =
+            if wanted > 2 && count(steps[fitting]) < 3.0 { steps[fitting - 1] } else { steps[fitting] };
         let first = (self.low / step - 1e-9).ceil();
         // Ticks count from `first`; far from zero and close together they would round to one another.
         let count = ((self.high / step + 1e-9).floor() - first).clamp(0.0, 4.0 * wanted as f64) as usize;

@@ -50,10 +50,10 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, look: &Look) -> Opt
     let all = measured.iter().chain(&fitted).chain(&nominal).chain(&target).copied();
     let values = scale::extent(all)?;
 
-    let (left, right, top) = (52.0, look.width - 8.0, 20.0);
+    let (left, right, top) = (52.0, look.width - 8.0, 24.0);
     let residual_bottom = look.height - 36.0;
     let residual_top = residual_bottom - look.residual;
-    let bottom = residual_top - 28.0;
+    let bottom = residual_top - 30.0;
     let x = Scale::linear(Some(times), left, right);
     let x_ticks = (look.width / 70.0) as usize;
     let upper = Panel {
@@ -91,7 +91,7 @@ pub(crate) fn trace(trace: &JointTrace, range: Range<usize>, look: &Look) -> Opt
         x_title: "time (s)",
         y_title: "simulated − measured (rad)",
         x_ticks,
-        y_ticks: 2,
+        y_ticks: 4,
     };
     lower.open(&mut svg);
     if !counted.is_empty() {

@@ -17,7 +17,7 @@ pub struct AdaptReport {
     pub robot: String,
     /// When the fit ended, as it is to be printed (ISO 8601 by preference).
     pub created: String,
-    /// Wall-clock time of the fit, s.
+    /// Wall-clock time of the fit, s; zero or NaN when unknown.
     #[serde(with = "nullable::scalar")]
     pub wall_seconds: f64,
     /// Logs the fit used.

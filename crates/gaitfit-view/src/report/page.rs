@@ -6,7 +6,7 @@ use super::runs::{self, Runs};
 use super::scores::{self, Scores};
 use super::validation::{self, ValidationTable};
 use super::{AdaptReport, Setting};
-use crate::format::{clean, duration};
+use crate::format::{clean, clean_prose, duration};
 use serde::Serialize;
 
 /// Settings and warnings listed at most.
@@ -35,9 +35,9 @@ pub(super) struct Page {
 
 impl Page {
     pub fn new(report: &AdaptReport) -> Page {
-        let names = |list: &[String]| list.iter().take(MOST_LINES).map(|s| clean(s)).collect();
+        let names = |list: &[String]| list.iter().take(MOST_LINES).map(|s| clean_prose(s)).collect();
         let settings = |list: &[Setting]| {
-            let cleaned = |s: &Setting| Setting { name: clean(&s.name), value: clean(&s.value) };
+            let cleaned = |s: &Setting| Setting { name: clean(&s.name), value: clean_prose(&s.value) };
             list.iter().take(MOST_LINES).map(cleaned).collect()
         };
         Page {

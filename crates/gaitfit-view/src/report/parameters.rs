@@ -2,7 +2,7 @@
 
 use super::{Bound, Comparison, Parameter};
 use crate::charts::intervals::{self, Mark, Row};
-use crate::format::{UNKNOWN, clean, round_number, with_spread};
+use crate::format::{UNKNOWN, clean, clean_prose, round_number, with_spread};
 use serde::Serialize;
 
 /// Parameters shown at most; networks have thousands.
@@ -75,7 +75,6 @@ pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
     if shown.is_empty() {
         return None;
     }
-    let pictures: Vec<(String, String, String, bool, Row)> = shown.iter().map(picture).collect();
     let mut sources: Vec<String> = Vec::new();
     for range in shown.iter().filter_map(|p| p.published.as_ref()) {
         let source = clean(&range.source);
@@ -84,7 +83,7 @@ pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
         }
     }
     Some(ParameterTable {
-        groups: group(pictures),
+        groups: group(shown.iter().map(entry).collect()),
         rows: shown.iter().map(table_row).collect(),
         at_bound: parameters.iter().filter(|p| p.at_bound.is_some()).count(),
         total: parameters.len(),
@@ -94,23 +93,32 @@ pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
     })
 }
 
-/// Unit, name, value text, whether to flag it, and its picture's row.
-fn picture(parameter: &Parameter) -> (String, String, String, bool, Row) {
+/// A parameter before it has an axis.
+struct Entry {
+    unit: String,
+    name: String,
+    text: String,
+    flagged: bool,
+    row: Row,
+}
+
+fn entry(parameter: &Parameter) -> Entry {
     let flagged = parameter.at_bound.is_some();
+    let mark = Mark {
+        value: parameter.value,
+        spread: parameter.spread,
+        runs: parameter.per_run.iter().copied().take(100).collect(),
+        class: if flagged { "hit" } else { "first" },
+    };
     let row = Row {
         bounds: Some((parameter.lower, parameter.upper)),
         published: parameter.published.as_ref().map(|r| (r.lower, r.upper)),
         start: Some(parameter.start),
-        marks: vec![Mark {
-            value: parameter.value,
-            spread: parameter.spread,
-            runs: parameter.per_run.iter().copied().take(100).collect(),
-            class: if flagged { "hit" } else { "first" },
-        }],
+        marks: vec![mark],
     };
     let (value, spread) = with_spread(parameter.value, parameter.spread);
     let text = if spread == UNKNOWN { value } else { format!("{value} ± {spread}") };
-    (clean(&parameter.unit), clean(&parameter.name), text, flagged, row)
+    Entry { unit: clean(&parameter.unit), name: clean(&parameter.name), text, flagged, row }
 }
 
 fn table_row(parameter: &Parameter) -> ParameterRow {
@@ -145,31 +153,27 @@ fn table_row(parameter: &Parameter) -> ParameterRow {
 }
 
 /// Pictures of one unit share an axis; units come in order of appearance.
-fn group(pictures: Vec<(String, String, String, bool, Row)>) -> Vec<Group> {
-    let mut by_unit: Vec<(String, Vec<(String, String, bool, Row)>)> = Vec::new();
-    for (unit, name, text, flagged, row) in pictures {
-        match by_unit.iter_mut().find(|(known, _)| *known == unit) {
-            Some((_, rows)) => rows.push((name, text, flagged, row)),
-            None => by_unit.push((unit, vec![(name, text, flagged, row)])),
+fn group(entries: Vec<Entry>) -> Vec<Group> {
+    let mut by_unit: Vec<Vec<Entry>> = Vec::new();
+    for entry in entries {
+        match by_unit.iter_mut().find(|known| known[0].unit == entry.unit) {
+            Some(known) => known.push(entry),
+            None => by_unit.push(vec![entry]),
         }
     }
-    by_unit
-        .into_iter()
-        .map(|(unit, entries)| {
-            let rows: Vec<Row> = entries.iter().map(|(_, _, _, row)| row.clone()).collect();
-            let scale = intervals::shared_scale(&rows);
-            let rows = entries
-                .into_iter()
-                .map(|(name, text, flagged, row)| Picture {
-                    name,
-                    text,
-                    flagged,
-                    svg: intervals::row(&row, &scale),
-                })
-                .collect();
-            Group { unit, rows, axis: intervals::axis(&scale) }
-        })
-        .collect()
+    let draw = |entries: Vec<Entry>| {
+        let rows: Vec<Row> = entries.iter().map(|e| e.row.clone()).collect();
+        let scale = intervals::shared_scale(&rows);
+        let unit = entries[0].unit.clone();
+        let picture = |e: Entry| Picture {
+            svg: intervals::row(&e.row, &scale),
+            name: e.name,
+            text: e.text,
+            flagged: e.flagged,
+        };
+        Group { unit, rows: entries.into_iter().map(picture).collect(), axis: intervals::axis(&scale) }
+    };
+    by_unit.into_iter().map(draw).collect()
 }
 
 pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
@@ -178,7 +182,7 @@ pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
         return None;
     }
     let mark = |value, spread, class| Mark { value, spread, runs: Vec::new(), class };
-    let pictures = entries
+    let drawn = entries
         .iter()
         .map(|e| {
             let marks =
@@ -189,7 +193,8 @@ pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
                 None => UNKNOWN,
             };
             let row = Row { marks, ..Row::default() };
-            (clean(&e.unit), clean(&e.name), text.to_string(), e.agrees == Some(false), row)
+            let (unit, name) = (clean(&e.unit), clean(&e.name));
+            Entry { unit, name, text: text.to_string(), flagged: e.agrees == Some(false), row }
         })
         .collect();
     let rows = entries
@@ -204,16 +209,11 @@ pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
     Some(ComparisonTable {
         first: clean(&comparison.first),
         second: clean(&comparison.second),
-        groups: group(pictures),
+        groups: group(drawn),
         rows,
         agreeing: comparison.entries.iter().filter(|e| e.agrees == Some(true)).count(),
         judged: comparison.entries.iter().filter(|e| e.agrees.is_some()).count(),
-        reasons: comparison
-            .reasons
-            .iter()
-            .take(100)
-            .map(|r| r.chars().take(2000).collect::<String>())
-            .collect(),
+        reasons: comparison.reasons.iter().take(100).map(|r| clean_prose(r)).collect(),
     })
 }
 

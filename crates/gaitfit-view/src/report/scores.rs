@@ -2,7 +2,7 @@
 
 use super::{AdaptReport, Score};
 use crate::charts::{bars, scale};
-use crate::format::{UNKNOWN, clean, significant};
+use crate::format::{UNKNOWN, clean, fixed, significant};
 use serde::Serialize;
 
 /// Headline and score table.
@@ -47,11 +47,13 @@ pub(super) fn build(report: &AdaptReport) -> Scores {
     let rmse = |s: &Score| if on_validation { s.rmse_validation_rad } else { s.rmse_fit_rad };
     let all = || std::iter::once(&report.nominal).chain(&report.baselines).chain([&report.fitted]);
     let largest = scale::extent(all().map(rmse).chain(report.noise_floor_rad)).map_or(1.0, |(_, high)| high);
+    // Four decimals line up under one another; values they would round away keep their digits instead.
+    let plain = all().map(rmse).filter(|x| x.is_finite()).all(|x| (0.001..100.0).contains(&x));
     let row = |score: &Score, is_fit: bool| ScoreRow {
         name: name_of(score, if is_fit { "fitted simulator" } else { "nominal simulator" }),
         is_fit,
         bar: bars::bar(rmse(score), largest, report.noise_floor_rad, is_fit),
-        headline: significant(rmse(score), 3),
+        headline: if plain { fixed(rmse(score), 4) } else { significant(rmse(score), 2) },
         fit: significant(score.rmse_fit_rad, 3),
         validation: significant(score.rmse_validation_rad, 3),
         cost: significant(score.cost, 4),
