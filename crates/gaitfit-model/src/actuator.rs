@@ -1,0 +1,224 @@
+//! MJCF actuators on joints: motor, position, velocity, general without dynamics.
+
+use crate::attributes::{Attributes, Context};
+use crate::error::ModelError;
+use crate::joint::{AUTO, LIMITED, resolve_range};
+use crate::model::{Actuator, Joint};
+use crate::options::Compiler;
+use crate::xml::Element;
+
+/// Actuator elements that are honoured.
+pub(crate) const KINDS: [&str; 4] = ["general", "motor", "position", "velocity"];
+/// Actuator elements of MuJoCo that are not.
+pub(crate) const FOREIGN_KINDS: [&str; 9] =
+    ["intvelocity", "damper", "cylinder", "muscle", "adhesion", "dcmotor", "orientation", "pid", "plugin"];
+
+/// An actuator as written, over its default class. As in MuJoCo one class has a single actuator
+/// default, which every kind of actuator element starts from.
+#[derive(Clone, Debug)]
+pub(crate) struct ActuatorForm {
+    /// The last servo element read: another kind of servo does not inherit its gains.
+    servo: Option<&'static str>,
+    gain: f64,
+    /// 0 none, 1 affine.
+    bias_type: usize,
+    bias: [f64; 3],
+    gear: f64,
+    ctrlrange: [f64; 2],
+    ctrllimited: usize,
+    forcerange: [f64; 2],
+    forcelimited: usize,
+    inherit_range: f64,
+}
+
+impl Default for ActuatorForm {
+    fn default() -> Self {
+        Self {
+            servo: None,
+            gain: 1.0,
+            bias_type: 0,
+            bias: [0.0; 3],
+            gear: 1.0,
+            ctrlrange: [0.0; 2],
+            ctrllimited: AUTO,
+            forcerange: [0.0; 2],
+            forcelimited: AUTO,
+            inherit_range: 0.0,
+        }
+    }
+}
+
+const NO_STATE: &str = "actuators with an activation state are not simulated";
+
+impl ActuatorForm {
+    /// Reads one actuator element over the present values; the caller finishes the attributes.
+    pub fn apply(&mut self, ctx: &mut Context, a: &mut Attributes) -> Result<(), ModelError> {
+        let kind = a.element().name.as_str();
+        let mut gear = [self.gear, 0.0, 0.0, 0.0, 0.0, 0.0];
+        a.prefix(ctx, "gear", &mut gear)?;
+        self.gear = gear[0];
+        a.set_array(ctx, "ctrlrange", &mut self.ctrlrange)?;
+        a.set_array(ctx, "forcerange", &mut self.forcerange)?;
+        if let Some(limited) = a.word(ctx, "ctrllimited", &LIMITED)? {
+            self.ctrllimited = limited;
+        }
+        if let Some(limited) = a.word(ctx, "forcelimited", &LIMITED)? {
+            self.forcelimited = limited;
+        }
+        a.refuse_nonzero(ctx, "delay", "use the simulator's delay parameter", "remove it")?;
+        for name in ["damping", "armature"] {
+            a.refuse_nonzero(ctx, name, "only joints carry it here", "move it to the joint")?;
+        }
+        a.ignore(&["group", "user", "lengthrange", "nsample", "interp"]);
+        match kind {
+            "motor" => {
+                self.gain = 1.0;
+                self.bias_type = 0;
+                self.servo = None;
+            }
+            "position" => self.apply_position(ctx, a)?,
+            "velocity" => {
+                let mut kv = if matches!(self.servo, None | Some("velocity")) { self.gain } else { 1.0 };
+                a.set_nonnegative(ctx, "kv", &mut kv)?;
+                (self.gain, self.bias_type, self.bias) = (kv, 1, [0.0, 0.0, -kv]);
+                self.servo = Some("velocity");
+            }
+            _ => self.apply_general(ctx, a)?,
+        }
+        Ok(())
+    }
+
+    fn apply_position(&mut self, ctx: &mut Context, a: &mut Attributes) -> Result<(), ModelError> {
+        if self.servo == Some("velocity") {
+            (self.gain, self.bias) = (1.0, [0.0; 3]);
+        }
+        let mut kp = self.gain;
+        a.set_nonnegative(ctx, "kp", &mut kp)?;
+        let mut kv = -self.bias[2];
+        if let Some(given) = a.number(ctx, "kv")? {
+            if given < 0.0 {
+                return Err(ctx.invalid(a.at("kv"), "negative `kv`", "give zero or more"));
+            }
+            kv = given;
+        }
+        (self.gain, self.bias_type) = (kp, 1);
+        self.bias[1] = -kp;
+        self.bias[2] = if kv == 0.0 { 0.0 } else { -kv };
+        self.servo = Some("position");
+        a.refuse_nonzero(ctx, "dampratio", "damping from a ratio is not computed", "give `kv`")?;
+        a.refuse_nonzero(ctx, "timeconst", NO_STATE, "remove it")?;
+        a.set_nonnegative(ctx, "inheritrange", &mut self.inherit_range)
+    }
+
+    fn apply_general(&mut self, ctx: &mut Context, a: &mut Attributes) -> Result<(), ModelError> {
+        let label = a.element().label();
+        if let Some(text) = a.text("dyntype").filter(|t| *t != "none") {
+            let what = format!("{label} with dyntype {}", crate::xml::shorten(text));
+            ctx.refuse(a.at("dyntype"), what, NO_STATE, "use dyntype=\"none\"")?;
+        }
+        if let Some(text) = a.text("gaintype").filter(|t| *t != "fixed") {
+            let what = format!("{label} with gaintype {}", crate::xml::shorten(text));
+            ctx.refuse(a.at("gaintype"), what, "only fixed gains", "use gaintype=\"fixed\"")?;
+        }
+        match a.text("biastype") {
+            None => {}
+            Some("none") => self.bias_type = 0,
+            Some("affine") => self.bias_type = 1,
+            Some(text) => {
+                let what = format!("{label} with biastype {}", crate::xml::shorten(text));
+                ctx.refuse(a.at("biastype"), what, "only none and affine", "use biastype=\"affine\"")?;
+            }
+        }
+        let mut gain = [self.gain, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        a.prefix(ctx, "gainprm", &mut gain)?;
+        self.gain = gain[0];
+        let mut bias = [0.0; 10];
+        bias[..3].copy_from_slice(&self.bias);
+        a.prefix(ctx, "biasprm", &mut bias)?;
+        self.bias = [bias[0], bias[1], bias[2]];
+        a.refuse_nonzero(ctx, "actrange", NO_STATE, "remove it")?;
+        if a.boolean(ctx, "actearly")? == Some(true) {
+            ctx.refuse(a.at("actearly"), format!("`actearly` of {label}"), NO_STATE, "remove it")?;
+        }
+        a.ignore(&["actlimited", "actdim", "dynprm"]);
+        Ok(())
+    }
+
+    /// The actuator, or `None` when it was refused and read leniently.
+    pub fn finish(
+        &self,
+        ctx: &mut Context,
+        element: &Element,
+        a: &mut Attributes,
+        compiler: &Compiler,
+        joints: &[&Joint],
+    ) -> Result<Option<Actuator>, ModelError> {
+        let at = element.at;
+        let label = element.label();
+        for name in ["tendon", "site", "refsite", "body", "slidersite", "cranksite", "cranklength"] {
+            if a.text(name).is_some() {
+                ctx.refuse(a.at(name), format!("{label} on a {name}"), "only joints", "use `joint`")?;
+                return Ok(None);
+            }
+        }
+        let Some(target) = a.text("joint").or_else(|| a.text("jointinparent")) else {
+            return Err(ctx.invalid(at, format!("{label} drives nothing"), "add joint=\"...\""));
+        };
+        let Some(joint) = joints.iter().position(|j| !j.name.is_empty() && j.name == target) else {
+            let message = format!(
+                "{label} names joint \"{}\", which is no hinge of the file",
+                crate::xml::shorten(target)
+            );
+            if ctx.lenient {
+                ctx.refuse(at, message, "its joint is missing or was dropped", "correct the name")?;
+                return Ok(None);
+            }
+            return Err(ctx.invalid(at, message, "name one of the file's hinge joints"));
+        };
+        let mut ctrlrange = self.ctrlrange;
+        if self.inherit_range > 0.0 && self.bias_type == 1 && self.gain == -self.bias[1] {
+            if ctrlrange != [0.0; 2] {
+                return Err(ctx.invalid(
+                    at,
+                    format!("{label} has both `ctrlrange` and `inheritrange`"),
+                    "keep one",
+                ));
+            }
+            let Some([low, high]) = joints[joint].range else {
+                return Err(ctx.invalid(
+                    at,
+                    format!("{label} inherits the range of a joint without one"),
+                    "give the joint a range, or the actuator a `ctrlrange`",
+                ));
+            };
+            let (mean, radius) = (0.5 * (high + low), 0.5 * (high - low) * self.inherit_range);
+            ctrlrange = [mean - radius, mean + radius];
+        }
+        if self.bias_type == 1 && self.gain == -self.bias[1] && self.bias[2] > 0.0 {
+            ctx.refuse(
+                at,
+                label.clone(),
+                "a positive third `biasprm` means a damping ratio, which is not computed",
+                "give a negative velocity gain",
+            )?;
+            return Ok(None);
+        }
+        Ok(Some(Actuator {
+            name: element.get("name").unwrap_or("").to_string(),
+            joint,
+            gear: self.gear,
+            ctrlrange: resolve_range(ctx, at, &label, "ctrlrange", self.ctrllimited, ctrlrange, compiler)?,
+            forcerange: resolve_range(
+                ctx,
+                at,
+                &label,
+                "forcerange",
+                self.forcelimited,
+                self.forcerange,
+                compiler,
+            )?,
+            gain: self.gain,
+            bias: if self.bias_type == 1 { self.bias } else { [0.0; 3] },
+        }))
+    }
+}

@@ -1,0 +1,369 @@
+//! MJCF `<worldbody>`: bodies, frames, inertials, joints, geoms and sites, depth first.
+
+use crate::attributes::{Attributes, Context};
+use crate::defaults::Defaults;
+use crate::error::ModelError;
+use crate::inertia::{Inertial, combine, principal};
+use crate::joint::Finished;
+use crate::options::{Compiler, InertiaFromGeom};
+use crate::orientation::{IDENTITY, Quat, Vec3, compose, read_orientation};
+use crate::spec::{BodySpec, MAX_BODIES, MAX_ITEMS, MAX_JOINTS};
+use crate::xml::{At, Element};
+
+/// Reads bodies into a list that starts with the world.
+pub(crate) struct BodyReader<'c, 's> {
+    pub ctx: &'c mut Context<'s>,
+    pub compiler: &'c Compiler,
+    pub defaults: &'c Defaults,
+    pub bodies: Vec<BodySpec>,
+    joints: usize,
+    geoms: usize,
+    sites: usize,
+}
+
+/// What enclosing bodies and frames hand down.
+#[derive(Clone, Copy)]
+struct Scope {
+    body: usize,
+    class: usize,
+    /// Pose of the enclosing `<frame>` elements in the body.
+    frame: (Vec3, Quat),
+}
+
+/// What the elements of one body say about its mass.
+#[derive(Default)]
+struct MassSources {
+    explicit: Option<Inertial>,
+    /// What each geom adds; `None` where it cannot be computed.
+    geoms: Vec<(Option<Inertial>, At, String, bool, bool)>,
+}
+
+impl<'c, 's> BodyReader<'c, 's> {
+    /// Starts with the world alone.
+    pub fn new(ctx: &'c mut Context<'s>, compiler: &'c Compiler, defaults: &'c Defaults) -> Self {
+        let world = BodySpec::new("world".to_string(), At::default(), 0);
+        Self { ctx, compiler, defaults, bodies: vec![world], joints: 0, geoms: 0, sites: 0 }
+    }
+
+    /// Reads one `<worldbody>` section.
+    pub fn read_world(&mut self, element: &Element) -> Result<(), ModelError> {
+        let mut a = Attributes::new(element);
+        let class = self.class_of(&mut a, "childclass", 0)?;
+        a.ignore(&["name"]);
+        a.finish(self.ctx)?;
+        let scope = Scope { body: 0, class, frame: ([0.0; 3], IDENTITY) };
+        self.read_children(element, scope, &mut MassSources::default())
+    }
+
+    fn class_of(&self, a: &mut Attributes, attribute: &str, inherited: usize) -> Result<usize, ModelError> {
+        match a.text(attribute) {
+            Some(name) => self.defaults.find(self.ctx, a.at(attribute), name),
+            None => Ok(inherited),
+        }
+    }
+
+    fn read_children(
+        &mut self,
+        element: &Element,
+        scope: Scope,
+        mass: &mut MassSources,
+    ) -> Result<(), ModelError> {
+        for child in &element.children {
+            let in_world = scope.body == 0;
+            match child.name.as_str() {
+                "body" => self.read_body(child, scope)?,
+                "frame" => self.read_frame(child, scope, mass)?,
+                "inertial" | "joint" | "freejoint" if in_world => {
+                    return Err(self.ctx.invalid(
+                        child.at,
+                        format!("{} in the world", child.label()),
+                        "put it into a body",
+                    ));
+                }
+                "inertial" if scope.frame != ([0.0; 3], IDENTITY) => self.ctx.refuse(
+                    child.at,
+                    "<inertial> inside a moved <frame>",
+                    "whether the frame moves it is ambiguous",
+                    "put it directly into the body",
+                )?,
+                "inertial" => {
+                    if mass.explicit.is_some() {
+                        return Err(self.ctx.invalid(child.at, "second <inertial> of a body", "keep one"));
+                    }
+                    mass.explicit = Some(self.read_inertial(child)?);
+                }
+                "joint" => self.read_joint(child, scope)?,
+                "freejoint" => {
+                    let mut a = Attributes::new(child);
+                    a.ignore(&["name", "group", "align"]);
+                    a.finish(self.ctx)?;
+                    self.add_free(child, scope)?;
+                }
+                "geom" => self.read_geom(child, scope, mass)?,
+                "site" => self.read_site(child, scope)?,
+                "camera" | "light" => {}
+                "composite" | "flexcomp" | "replicate" | "attach" | "plugin" => self.ctx.refuse(
+                    child.at,
+                    child.label(),
+                    "generated and attached parts are not expanded",
+                    "save the compiled model from MuJoCo and read that file",
+                )?,
+                _ => self.ctx.refuse(child.at, child.label(), "not known in a body", "remove it")?,
+            }
+        }
+        Ok(())
+    }
+
+    fn read_frame(
+        &mut self,
+        element: &Element,
+        scope: Scope,
+        mass: &mut MassSources,
+    ) -> Result<(), ModelError> {
+        let mut a = Attributes::new(element);
+        let class = self.class_of(&mut a, "childclass", scope.class)?;
+        a.ignore(&["name"]);
+        let pose = self.read_pose(&mut a)?;
+        a.finish(self.ctx)?;
+        let inner = Scope { class, frame: compose(scope.frame, pose), ..scope };
+        self.read_children(element, inner, mass)
+    }
+
+    fn read_pose(&mut self, a: &mut Attributes) -> Result<(Vec3, Quat), ModelError> {
+        let mut pos = [0.0; 3];
+        let mut quat = IDENTITY;
+        a.set_array(self.ctx, "pos", &mut pos)?;
+        read_orientation(a, self.ctx, self.compiler.units, &mut quat)?;
+        Ok((pos, quat))
+    }
+
+    fn read_body(&mut self, element: &Element, scope: Scope) -> Result<(), ModelError> {
+        if self.bodies.len() > MAX_BODIES {
+            return Err(self.ctx.too_many(element.at, "bodies", MAX_BODIES));
+        }
+        let mut a = Attributes::new(element);
+        let name = a.text("name").unwrap_or("").to_string();
+        let class = self.class_of(&mut a, "childclass", scope.class)?;
+        let pose = self.read_pose(&mut a)?;
+        if a.boolean(self.ctx, "mocap")? == Some(true) {
+            let at = a.at("mocap");
+            self.ctx.refuse(at, format!("mocap {}", element.label()), "not simulated", "remove it")?;
+        }
+        a.refuse_nonzero(self.ctx, "gravcomp", "gravity compensation is not simulated", "remove it")?;
+        a.ignore(&["user", "sleep", "simple"]);
+        a.finish(self.ctx)?;
+
+        let index = self.bodies.len();
+        let mut body = BodySpec::new(name, element.at, scope.body);
+        (body.pos, body.quat) = compose(scope.frame, pose);
+        self.bodies.push(body);
+        let mut mass = MassSources::default();
+        let inner = Scope { body: index, class, frame: ([0.0; 3], IDENTITY) };
+        self.read_children(element, inner, &mut mass)?;
+        self.bodies[index].inertial = self.settle_mass(element, mass)?;
+        Ok(())
+    }
+
+    /// The body's inertia: explicit, or from its geoms, as `inertiafromgeom` says.
+    fn settle_mass(&mut self, element: &Element, mass: MassSources) -> Result<Inertial, ModelError> {
+        let from_geoms = match self.compiler.inertia_from_geom {
+            InertiaFromGeom::Always => true,
+            InertiaFromGeom::Never => false,
+            InertiaFromGeom::Auto => mass.explicit.is_none(),
+        };
+        let mut inertial = mass.explicit.unwrap_or(crate::inertia::MASSLESS);
+        if from_geoms {
+            let mut parts = Vec::new();
+            for (part, at, label, always, auto) in &mass.geoms {
+                let counts = if mass.explicit.is_some() { *always } else { *auto };
+                match part {
+                    _ if !counts => {}
+                    Some(part) => parts.push(*part),
+                    None => self.ctx.refuse(
+                        *at,
+                        format!("mass of {label}"),
+                        format!(
+                            "{} has no <inertial>, and this geom's mass is not computed",
+                            element.label()
+                        ),
+                        "give the body an <inertial>, or the geom mass=\"0\"",
+                    )?,
+                }
+            }
+            // MuJoCo keeps an explicit inertial when no geom has mass.
+            if !parts.iter().all(|p| p.mass <= 1e-14) {
+                inertial = combine(&parts);
+            }
+        }
+        let c = self.compiler;
+        inertial.mass = inertial.mass.max(c.bound_mass);
+        inertial.inertia = inertial.inertia.map(|i| i.max(c.bound_inertia));
+        check_inertia(self.ctx, element.at, &element.label(), inertial, c.balance_inertia)
+    }
+
+    fn read_inertial(&mut self, element: &Element) -> Result<Inertial, ModelError> {
+        let ctx = &mut *self.ctx;
+        let mut a = Attributes::new(element);
+        let missing =
+            |name: &str| (element.at, format!("<inertial> without `{name}`"), format!("add `{name}`"));
+        let Some(pos) = a.array::<3>(ctx, "pos")? else {
+            let (at, what, remedy) = missing("pos");
+            return Err(ctx.invalid(at, what, remedy));
+        };
+        let Some(mass) = a.number(ctx, "mass")? else {
+            let (at, what, remedy) = missing("mass");
+            return Err(ctx.invalid(at, what, remedy));
+        };
+        if mass < 0.0 {
+            return Err(ctx.invalid(a.at("mass"), format!("mass is {mass}"), "give zero or more"));
+        }
+        let mut quat = IDENTITY;
+        let oriented = read_orientation(&mut a, ctx, self.compiler.units, &mut quat)?;
+        let diagonal = a.array::<3>(ctx, "diaginertia")?;
+        let full = a.array::<6>(ctx, "fullinertia")?;
+        a.finish(ctx)?;
+        let inertia = match (diagonal, full) {
+            (Some(diagonal), None) => diagonal,
+            (None, None) => [0.0; 3],
+            (None, Some(full)) if !oriented => {
+                let (values, axes) = principal(full);
+                if values[2] < 1e-14 {
+                    return Err(ctx.invalid(
+                        element.at,
+                        format!("`fullinertia` has a principal moment of {}", values[2]),
+                        "give a positive definite tensor: xx yy zz xy xz yz",
+                    ));
+                }
+                quat = axes;
+                values
+            }
+            (_, Some(_)) => {
+                return Err(ctx.invalid(
+                    element.at,
+                    "`fullinertia` together with `diaginertia` or an orientation",
+                    "keep one form",
+                ));
+            }
+        };
+        Ok(Inertial { mass, pos, quat, inertia })
+    }
+
+    fn read_joint(&mut self, element: &Element, scope: Scope) -> Result<(), ModelError> {
+        let mut a = Attributes::new(element);
+        let class = self.class_of(&mut a, "class", scope.class)?;
+        let mut form = self.defaults.class(class).joint.clone();
+        a.ignore(&["name"]);
+        form.apply(self.ctx, &mut a)?;
+        a.finish(self.ctx)?;
+        match form.finish(self.ctx, element, self.compiler, scope.frame)? {
+            Finished::Dropped => {}
+            Finished::Free => self.add_free(element, scope)?,
+            Finished::Hinge(joint) => {
+                self.joints += 1;
+                if self.joints > MAX_JOINTS {
+                    return Err(self.ctx.too_many(element.at, "joints", MAX_JOINTS));
+                }
+                let body = &mut self.bodies[scope.body];
+                body.joints.push((*joint, element.at));
+                if body.joints.len() > 6 || body.free.is_some() {
+                    return Err(self.ctx.invalid(
+                        element.at,
+                        "more than six degrees of freedom in one body",
+                        "spread the joints over more bodies",
+                    ));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn add_free(&mut self, element: &Element, scope: Scope) -> Result<(), ModelError> {
+        let body = &mut self.bodies[scope.body];
+        if body.parent != 0 || body.free.is_some() || !body.joints.is_empty() {
+            return Err(self.ctx.invalid(
+                element.at,
+                "a free joint below another body, or beside another joint",
+                "a free joint stands alone, in a child of the world",
+            ));
+        }
+        body.free = Some(element.at);
+        Ok(())
+    }
+
+    fn read_geom(
+        &mut self,
+        element: &Element,
+        scope: Scope,
+        mass: &mut MassSources,
+    ) -> Result<(), ModelError> {
+        self.geoms += 1;
+        if self.geoms > MAX_ITEMS {
+            return Err(self.ctx.too_many(element.at, "geoms", MAX_ITEMS));
+        }
+        let mut a = Attributes::new(element);
+        let class = self.class_of(&mut a, "class", scope.class)?;
+        let mut form = self.defaults.class(class).geom.clone();
+        a.ignore(&["name"]);
+        form.apply(self.ctx, &mut a, self.compiler)?;
+        a.finish(self.ctx)?;
+        for child in &element.children {
+            self.ctx.refuse(child.at, child.label(), "geom plugins are not simulated", "remove it")?;
+        }
+        let (mut geom, part) = form.finish(self.ctx, element)?;
+        (geom.pos, geom.quat) = compose(scope.frame, (geom.pos, geom.quat));
+        let part = part.map(|p| {
+            let (pos, quat) = compose(scope.frame, (p.pos, p.quat));
+            Inertial { pos, quat, ..p }
+        });
+        let counts = |explicit| form.counts(self.compiler, explicit);
+        mass.geoms.push((part, element.at, element.label(), counts(true), counts(false)));
+        self.bodies[scope.body].geoms.push(geom);
+        Ok(())
+    }
+
+    fn read_site(&mut self, element: &Element, scope: Scope) -> Result<(), ModelError> {
+        self.sites += 1;
+        if self.sites > MAX_ITEMS {
+            return Err(self.ctx.too_many(element.at, "sites", MAX_ITEMS));
+        }
+        let mut a = Attributes::new(element);
+        let class = self.class_of(&mut a, "class", scope.class)?;
+        let mut form = self.defaults.class(class).site.clone();
+        a.ignore(&["name"]);
+        form.apply(self.ctx, &mut a, self.compiler)?;
+        a.finish(self.ctx)?;
+        let site = form.finish(self.ctx, element, scope.frame)?;
+        self.bodies[scope.body].sites.push(site);
+        Ok(())
+    }
+}
+
+/// Non-negative, and physical: no principal moment exceeds the sum of the other two.
+pub(crate) fn check_inertia(
+    ctx: &Context,
+    at: At,
+    label: &str,
+    mut inertial: Inertial,
+    balance: bool,
+) -> Result<Inertial, ModelError> {
+    let [a, b, c] = inertial.inertia;
+    let finite = inertial.mass.is_finite() && (a + b + c).is_finite();
+    if !finite || inertial.mass < 0.0 || a < 0.0 || b < 0.0 || c < 0.0 {
+        return Err(ctx.invalid(
+            at,
+            format!("{label}: mass {} or inertia [{a}, {b}, {c}] is negative or not finite", inertial.mass),
+            "give a mass and principal moments of zero or more",
+        ));
+    }
+    if a + b < c || a + c < b || b + c < a {
+        if !balance {
+            return Err(ctx.invalid(
+                at,
+                format!("{label}: principal moments [{a}, {b}, {c}] violate A + B >= C"),
+                "correct the inertia, or set <compiler balanceinertia=\"true\"/>",
+            ));
+        }
+        inertial.inertia = [(a + b + c) / 3.0; 3];
+    }
+    Ok(inertial)
+}

@@ -1,0 +1,429 @@
+//! From a file's content to one robot: choose the root, number everything, check it can move.
+
+use std::collections::HashSet;
+
+use crate::attributes::Context;
+use crate::contact::{candidates, numbered, self_collisions};
+use crate::error::ModelError;
+use crate::model::{Body, Geom, Keyframe, Model, Plane, Root};
+use crate::orientation::{IDENTITY, Quat, Vec3, compose, normalize};
+use crate::spec::{GeomKind, KeySpec, Spec};
+use crate::xml::{At, shorten};
+
+/// Below this a moving mass or inertia counts as none (`mjMINVAL`).
+const MIN_MASS: f64 = 1e-15;
+
+/// Builds the model. `stem` names it if the file does not; `wanted` overrides how the root is attached.
+pub(crate) fn compile(
+    ctx: &mut Context,
+    mut spec: Spec,
+    stem: &str,
+    wanted: Option<Root>,
+) -> Result<Model, ModelError> {
+    name_everything(ctx, &mut spec)?;
+    scale_total_mass(&mut spec);
+    let Some(robot) = choose_robot(ctx, &spec)? else {
+        return Err(ctx.invalid(
+            spec.bodies.get(1).map_or(At::default(), |b| b.at),
+            "no body of the file can move",
+            "give the robot hinge joints",
+        ));
+    };
+    let root = robot.root;
+    let attachment = attach(ctx, &spec, root, wanted)?;
+    let floating = attachment == Root::Floating;
+    let others_move = robot.others_move;
+
+    // Bodies of the robot are contiguous in depth-first order.
+    let member: Vec<bool> = (0..spec.bodies.len()).map(|b| is_below(&spec, b, root)).collect();
+    let welds = weld_roots(&spec, root, floating, &member);
+    check_masses(ctx, &spec, &welds, &member)?;
+    let pairs = candidates(ctx, &spec, &welds, &member)?;
+    let ignored = self_collisions(&spec, &welds, &member);
+    if ignored > 0 {
+        ctx.drop_quietly(
+            At::default(),
+            format!("self-collision ({ignored} geom pairs)"),
+            "contacts are computed between the robot and ground planes only",
+        );
+        if let Some(last) = ctx.dropped.last_mut() {
+            (last.line, last.column) = (0, 0);
+        }
+    }
+    if spec.disabled.contact {
+        ctx.drop_quietly(At::default(), "all contacts", "the file's option flags switch them off");
+    }
+
+    let mut model = Model {
+        name: spec.name.clone().unwrap_or_else(|| stem.to_string()),
+        options: spec.options.clone(),
+        root: attachment,
+        bodies: Vec::new(),
+        joints: Vec::new(),
+        geoms: Vec::new(),
+        planes: Vec::new(),
+        pairs: Vec::new(),
+        actuators: Vec::new(),
+        keyframes: Vec::new(),
+        sites: Vec::new(),
+        dropped: Vec::new(),
+    };
+    if spec.disabled.gravity {
+        model.options.gravity = [0.0; 3];
+    }
+    let joint_numbers = fill_bodies(&mut model, &spec, root, &member);
+    fill_geoms(ctx, &mut model, &spec, &member, &welds, &pairs)?;
+    for mut actuator in spec.actuators.drain(..) {
+        match joint_numbers[actuator.joint] {
+            Some(joint) => {
+                actuator.joint = joint;
+                if spec.disabled.clampctrl {
+                    actuator.ctrlrange = None;
+                }
+                model.actuators.push(actuator);
+            }
+            None => ctx.drop_quietly(
+                At::default(),
+                format!("actuator \"{}\"", shorten(&actuator.name)),
+                "its joint belongs to a body that was dropped",
+            ),
+        }
+    }
+    if !others_move {
+        fill_keyframes(ctx, &mut model, &spec, root)?;
+    }
+    model.dropped = std::mem::take(&mut ctx.dropped);
+    Ok(model)
+}
+
+/// Gives unnamed things names and refuses names used twice.
+fn name_everything(ctx: &Context, spec: &mut Spec) -> Result<(), ModelError> {
+    let mut bodies = Vec::new();
+    let mut joints = Vec::new();
+    let mut geoms = Vec::new();
+    let mut sites = Vec::new();
+    for body in &mut spec.bodies {
+        let at = body.at;
+        bodies.push((&mut body.name, at));
+        joints.extend(body.joints.iter_mut().map(|(j, at)| (&mut j.name, *at)));
+        geoms.extend(body.geoms.iter_mut().map(|g| (&mut g.name, g.at)));
+        sites.extend(body.sites.iter_mut().map(|s| (&mut s.name, at)));
+    }
+    unique(ctx, "body", bodies)?;
+    unique(ctx, "joint", joints)?;
+    unique(ctx, "geom", geoms)?;
+    unique(ctx, "site", sites)?;
+    unique(ctx, "actuator", spec.actuators.iter_mut().map(|a| (&mut a.name, At::default())).collect())?;
+    unique(ctx, "keyframe", spec.keys.iter_mut().map(|k| (&mut k.name, k.at)).collect())
+}
+
+fn unique(ctx: &Context, kind: &str, names: Vec<(&mut String, At)>) -> Result<(), ModelError> {
+    let mut seen: HashSet<String> = HashSet::new();
+    for (name, at) in &names {
+        if !name.is_empty() && !seen.insert((*name).clone()) {
+            return Err(ctx.invalid(
+                *at,
+                format!("{kind} name \"{}\" is used twice", shorten(name)),
+                "names must differ",
+            ));
+        }
+    }
+    for (index, (name, _)) in names.into_iter().enumerate() {
+        if name.is_empty() {
+            let mut made = format!("{kind}{index}");
+            while seen.contains(&made) {
+                made.push('_');
+            }
+            seen.insert(made.clone());
+            *name = made;
+        }
+    }
+    Ok(())
+}
+
+fn scale_total_mass(spec: &mut Spec) {
+    let sum: f64 = spec.bodies.iter().map(|b| b.inertial.mass).sum();
+    if let Some(wanted) = spec.total_mass.filter(|_| sum > MIN_MASS) {
+        for body in &mut spec.bodies {
+            body.inertial.mass *= wanted / sum;
+            body.inertial.inertia = body.inertial.inertia.map(|i| i * (wanted / sum));
+        }
+    }
+}
+
+fn is_below(spec: &Spec, mut body: usize, root: usize) -> bool {
+    while body > root {
+        body = spec.bodies[body].parent;
+    }
+    body == root
+}
+
+struct Robot {
+    root: usize,
+    /// The file has other moving bodies, which were dropped.
+    others_move: bool,
+}
+
+/// The one child of the world with joints below it (or on it).
+fn choose_robot(ctx: &mut Context, spec: &Spec) -> Result<Option<Robot>, ModelError> {
+    let mut best: Option<(usize, usize)> = None;
+    let mut moving = Vec::new();
+    for (index, body) in spec.bodies.iter().enumerate().skip(1).filter(|(_, b)| b.parent == 0) {
+        let joints: usize = (index..spec.bodies.len())
+            .filter(|&b| is_below(spec, b, index))
+            .map(|b| spec.bodies[b].joints.len())
+            .sum();
+        if joints == 0 && body.free.is_none() {
+            continue;
+        }
+        moving.push(index);
+        if best.is_none_or(|(_, most)| joints > most) {
+            best = Some((index, joints));
+        }
+    }
+    let Some((root, _)) = best else { return Ok(None) };
+    for &other in moving.iter().filter(|&&b| b != root) {
+        ctx.refuse(
+            spec.bodies[other].at,
+            format!("body \"{}\"", shorten(&spec.bodies[other].name)),
+            format!("a second moving body beside \"{}\"", shorten(&spec.bodies[root].name)),
+            "keep one robot in the file",
+        )?;
+    }
+    Ok(Some(Robot { root, others_move: moving.len() > 1 }))
+}
+
+fn attach(ctx: &Context, spec: &Spec, root: usize, wanted: Option<Root>) -> Result<Root, ModelError> {
+    let body = &spec.bodies[root];
+    let own = if body.free.is_some() { Root::Floating } else { Root::Fixed };
+    match wanted {
+        Some(Root::Floating) if !body.joints.is_empty() => Err(ctx.invalid(
+            body.at,
+            format!("root body \"{}\" hangs on hinge joints and cannot float", shorten(&body.name)),
+            "leave the base as the file has it",
+        )),
+        Some(other) => Ok(other),
+        None => Ok(own),
+    }
+}
+
+/// For every body the topmost body it is rigidly joined to; 0 is the world.
+fn weld_roots(spec: &Spec, root: usize, floating: bool, member: &[bool]) -> Vec<usize> {
+    let mut welds = vec![0; spec.bodies.len()];
+    for (index, body) in spec.bodies.iter().enumerate().skip(1) {
+        let moves = if index == root {
+            floating || !body.joints.is_empty()
+        } else {
+            !body.joints.is_empty() || (body.free.is_some() && !member[index])
+        };
+        welds[index] = if moves { index } else { welds[body.parent] };
+    }
+    welds
+}
+
+/// Everything that moves needs mass and inertia, its own or of parts welded to it.
+fn check_masses(ctx: &Context, spec: &Spec, welds: &[usize], member: &[bool]) -> Result<(), ModelError> {
+    for (index, body) in spec.bodies.iter().enumerate().skip(1) {
+        if welds[index] != index || !member[index] {
+            continue;
+        }
+        let parts = || (index..welds.len()).filter(|&b| welds[b] == index).map(|b| spec.bodies[b].inertial);
+        let mass: f64 = parts().map(|p| p.mass).sum();
+        if mass < MIN_MASS || !parts().any(|p| p.inertia.iter().any(|i| *i >= MIN_MASS)) {
+            return Err(ctx.invalid(
+                body.at,
+                format!("body \"{}\" moves, but has no mass or no inertia", shorten(&body.name)),
+                "give it an <inertial>, or geoms with mass",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Bodies, joints and sites; returns for each joint of the file its place in the model.
+fn fill_bodies(model: &mut Model, spec: &Spec, root: usize, member: &[bool]) -> Vec<Option<usize>> {
+    let mut numbers = Vec::new();
+    for (index, body) in spec.bodies.iter().enumerate() {
+        if !member[index] {
+            numbers.extend(body.joints.iter().map(|_| None));
+            continue;
+        }
+        let place = index - root;
+        model.bodies.push(Body {
+            name: body.name.clone(),
+            parent: (index != root).then(|| body.parent - root),
+            pos: body.pos,
+            quat: body.quat,
+            mass: body.inertial.mass,
+            ipos: body.inertial.pos,
+            iquat: body.inertial.quat,
+            inertia: body.inertial.inertia,
+        });
+        for (joint, _) in &body.joints {
+            let mut joint = joint.clone();
+            joint.body = place;
+            if spec.disabled.limit {
+                joint.range = None;
+            }
+            if spec.disabled.frictionloss {
+                joint.frictionloss = 0.0;
+            }
+            if spec.disabled.spring {
+                joint.stiffness = 0.0;
+            }
+            if spec.disabled.damper {
+                joint.damping = 0.0;
+            }
+            numbers.push(Some(model.joints.len()));
+            model.joints.push(joint);
+        }
+        for site in &body.sites {
+            model.sites.push(crate::model::Site { body: place, ..site.clone() });
+        }
+    }
+    numbers
+}
+
+/// Geoms, planes and pairs. Shapes that cannot touch anything are dropped; those that could touch, but
+/// that the engine does not know, are refused.
+fn fill_geoms(
+    ctx: &mut Context,
+    model: &mut Model,
+    spec: &Spec,
+    member: &[bool],
+    welds: &[usize],
+    pairs: &[crate::contact::Candidate],
+) -> Result<(), ModelError> {
+    let root = member.iter().position(|m| *m).unwrap_or(0);
+    let mut places = Vec::new();
+    for (number, (body, geom)) in numbered(spec).into_iter().enumerate() {
+        let paired = pairs.iter().any(|p| p.geom == number || p.plane == number);
+        let visual = geom.surface.is_visual() && !paired;
+        let what = |kind: &str| format!("geom \"{}\" ({kind})", shorten(&geom.name));
+        let kind = match geom.kind {
+            GeomKind::Plane => "plane",
+            GeomKind::Solid(_) => "primitive",
+            GeomKind::Other(kind) => kind,
+        };
+        let mut place = None;
+        match geom.kind {
+            _ if visual => ctx.drop_quietly(geom.at, what(&format!("{kind}, visual")), "it touches nothing"),
+            GeomKind::Plane if welds[body] != 0 => {
+                return Err(ctx.invalid(
+                    geom.at,
+                    format!("{} is part of a moving body", what(kind)),
+                    "planes belong to the world",
+                ));
+            }
+            GeomKind::Plane => {
+                place = Some(model.planes.len());
+                let (pos, quat) = compose(world_pose(spec, body), (geom.pos, geom.quat));
+                model.planes.push(Plane { name: geom.name.clone(), pos, quat });
+            }
+            GeomKind::Solid(shape) if member[body] => {
+                place = Some(model.geoms.len());
+                model.geoms.push(Geom {
+                    name: geom.name.clone(),
+                    body: body - root,
+                    shape,
+                    pos: geom.pos,
+                    quat: geom.quat,
+                });
+            }
+            _ if !member[body] => ctx.refuse(
+                geom.at,
+                what(kind),
+                "the only obstacles are planes",
+                "remove it, or set contype and conaffinity to 0",
+            )?,
+            _ => ctx.refuse(
+                geom.at,
+                what(kind),
+                "this shape does not collide here",
+                "use spheres, capsules, cylinders or boxes for contact, or set contype and conaffinity to 0",
+            )?,
+        }
+        places.push(place);
+    }
+    for pair in pairs {
+        if let (Some(geom), Some(plane)) = (places[pair.geom], places[pair.plane]) {
+            model.pairs.push(crate::model::ContactPair { geom, plane, ..pair.parameters.clone() });
+        }
+    }
+    Ok(())
+}
+
+/// Pose of a body in the world with all joints at rest.
+fn world_pose(spec: &Spec, mut body: usize) -> (Vec3, Quat) {
+    let mut pose = ([0.0; 3], IDENTITY);
+    while body != 0 {
+        let b = &spec.bodies[body];
+        pose = compose((b.pos, b.quat), pose);
+        body = b.parent;
+    }
+    pose
+}
+
+fn fill_keyframes(ctx: &mut Context, model: &mut Model, spec: &Spec, root: usize) -> Result<(), ModelError> {
+    let body = &spec.bodies[root];
+    let in_file = if body.free.is_some() { Root::Floating } else { Root::Fixed };
+    let joints = model.joints.len();
+    let rest: Vec<f64> = model.joints.iter().map(|j| j.reference).collect();
+    let base: Vec<f64> = body.pos.iter().chain(&body.quat).copied().collect();
+    let (base_q, base_v) = if in_file == Root::Floating { (7, 6) } else { (0, 0) };
+    for key in &spec.keys {
+        let whole = |joint_part: &[f64]| -> Vec<f64> {
+            if base_q == 7 { base.iter().chain(joint_part).copied().collect() } else { joint_part.to_vec() }
+        };
+        let qpos = key.qpos.clone().unwrap_or_else(|| whole(&rest));
+        let qvel = key.qvel.clone().unwrap_or_else(|| vec![0.0; base_v + joints]);
+        let ctrl = key.ctrl.clone().unwrap_or_else(|| vec![0.0; model.actuators.len()]);
+        let lengths = [
+            ("qpos", qpos.len(), base_q + joints),
+            ("qvel", qvel.len(), base_v + joints),
+            ("ctrl", ctrl.len(), model.actuators.len()),
+        ];
+        if !accept_lengths(ctx, key, &lengths)? {
+            continue;
+        }
+        let (mut base_pose, joint_pos) = (qpos[..base_q].to_vec(), &qpos[base_q..]);
+        if base_q == 7 {
+            let quat = normalize([base_pose[3], base_pose[4], base_pose[5], base_pose[6]]);
+            base_pose[3..].copy_from_slice(&quat);
+        }
+        let (mut base_vel, joint_vel) = (qvel[..base_v].to_vec(), &qvel[base_v..]);
+        match (in_file, model.root) {
+            (Root::Floating, Root::Fixed) => {
+                base_pose.clear();
+                base_vel.clear();
+            }
+            (Root::Fixed, Root::Floating) => {
+                base_pose = base.clone();
+                base_vel = vec![0.0; 6];
+            }
+            _ => {}
+        }
+        base_pose.extend_from_slice(joint_pos);
+        base_vel.extend_from_slice(joint_vel);
+        model.keyframes.push(Keyframe { name: key.name.clone(), qpos: base_pose, qvel: base_vel, ctrl });
+    }
+    Ok(())
+}
+
+fn accept_lengths(
+    ctx: &mut Context,
+    key: &KeySpec,
+    lengths: &[(&str, usize, usize)],
+) -> Result<bool, ModelError> {
+    for (name, got, want) in lengths {
+        if got != want {
+            let what = format!("keyframe \"{}\": `{name}` has {got} numbers", shorten(&key.name));
+            if !ctx.lenient {
+                return Err(ctx.invalid(key.at, what, format!("give {want}")));
+            }
+            ctx.refuse(key.at, what, format!("the model needs {want}"), "correct it")?;
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}

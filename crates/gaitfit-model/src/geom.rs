@@ -1,0 +1,227 @@
+//! MJCF `<geom>`: attributes, size, pose, mass.
+
+use crate::attributes::{Attributes, Context};
+use crate::error::ModelError;
+use crate::inertia::{Inertial, MASSLESS, Solid};
+use crate::model::Shape;
+use crate::options::{Compiler, InertiaFromGeom};
+use crate::orientation::{IDENTITY, Quat, Vec3, add, dot, read_orientation, unit, z_to};
+use crate::spec::{GeomKind, GeomSpec, Surface};
+use crate::xml::Element;
+
+/// `geom type`, in MuJoCo's words.
+const TYPES: [&str; 9] =
+    ["sphere", "capsule", "cylinder", "box", "plane", "ellipsoid", "mesh", "hfield", "sdf"];
+
+/// A `<geom>` as written, over its default class.
+#[derive(Clone, Debug)]
+pub(crate) struct GeomForm {
+    kind: usize,
+    size: Vec3,
+    fromto: Option<[f64; 6]>,
+    pos: Vec3,
+    quat: Quat,
+    group: i32,
+    mass: Option<f64>,
+    density: f64,
+    shell: bool,
+    mesh: bool,
+    surface: Surface,
+}
+
+impl Default for GeomForm {
+    fn default() -> Self {
+        Self {
+            kind: 0,
+            size: [0.0; 3],
+            fromto: None,
+            pos: [0.0; 3],
+            quat: IDENTITY,
+            group: 0,
+            mass: None,
+            density: 1000.0,
+            shell: false,
+            mesh: false,
+            surface: Surface::default(),
+        }
+    }
+}
+
+impl GeomForm {
+    /// Reads attributes over the present values; the caller finishes the attributes.
+    pub fn apply(
+        &mut self,
+        ctx: &mut Context,
+        a: &mut Attributes,
+        compiler: &Compiler,
+    ) -> Result<(), ModelError> {
+        if let Some(kind) = a.word(ctx, "type", &TYPES)? {
+            self.kind = kind;
+        }
+        a.prefix(ctx, "size", &mut self.size)?;
+        if let Some(fromto) = a.array(ctx, "fromto")? {
+            self.fromto = Some(fromto);
+        }
+        a.set_array(ctx, "pos", &mut self.pos)?;
+        read_orientation(a, ctx, compiler.units, &mut self.quat)?;
+        if let Some(group) = a.integer(ctx, "group")? {
+            self.group = group;
+        }
+        if let Some(mass) = a.number(ctx, "mass")? {
+            if mass < 0.0 {
+                return Err(ctx.invalid(a.at("mass"), "negative geom mass", "give zero or more"));
+            }
+            self.mass = Some(mass);
+        }
+        a.set_nonnegative(ctx, "density", &mut self.density)?;
+        if let Some(shell) = a.boolean(ctx, "shellinertia")? {
+            self.shell = shell;
+        }
+        if a.text("mesh").is_some() || a.text("hfield").is_some() {
+            self.mesh = true;
+        }
+        let s = &mut self.surface;
+        for (name, target) in
+            [("contype", &mut s.contype), ("conaffinity", &mut s.conaffinity), ("priority", &mut s.priority)]
+        {
+            if let Some(value) = a.integer(ctx, name)? {
+                *target = value;
+            }
+        }
+        s.condim = read_condim(ctx, a)?.unwrap_or(s.condim);
+        a.prefix(ctx, "friction", &mut s.friction)?;
+        if s.friction.iter().any(|f| *f < 0.0) {
+            return Err(ctx.invalid(a.at("friction"), "negative friction", "give zero or more"));
+        }
+        a.set_nonnegative(ctx, "solmix", &mut s.solmix)?;
+        a.prefix(ctx, "solref", &mut s.solref)?;
+        a.prefix(ctx, "solimp", &mut s.solimp)?;
+        a.set(ctx, "margin", &mut s.margin)?;
+        a.set(ctx, "gap", &mut s.gap)?;
+        a.refuse_nonzero(ctx, "surfacevel", "moving surfaces are not simulated", "remove it")?;
+        a.refuse_nonzero(ctx, "adhesion", "adhesion is not simulated", "remove it")?;
+        // Drawing, and fluid forces that need a density or viscosity, which <option> refuses.
+        a.ignore(&["material", "rgba", "user", "fitscale", "fluidshape", "fluidcoef"]);
+        Ok(())
+    }
+
+    /// The geom in its body's frame, and what it adds to the body's inertia (`None`: unknown).
+    pub fn finish(
+        &self,
+        ctx: &mut Context,
+        element: &Element,
+    ) -> Result<(GeomSpec, Option<Inertial>), ModelError> {
+        let type_name = TYPES[self.kind];
+        let at = element.at;
+        let mut size = self.size;
+        let (mut pos, mut quat) = (self.pos, self.quat);
+        if let Some([x0, y0, z0, x1, y1, z1]) = self.fromto {
+            if !matches!(type_name, "capsule" | "cylinder" | "box" | "ellipsoid") {
+                return Err(ctx.invalid(
+                    at,
+                    format!("{}: `fromto` on a {type_name}", element.label()),
+                    "use `pos`, or a capsule, cylinder, box or ellipsoid",
+                ));
+            }
+            if pos != [0.0; 3] {
+                return Err(ctx.invalid(
+                    at,
+                    format!("{} has both `pos` and `fromto`", element.label()),
+                    "keep one",
+                ));
+            }
+            let along = [x0 - x1, y0 - y1, z0 - z1];
+            let direction = unit(along).ok_or_else(|| {
+                ctx.invalid(at, format!("{}: the points of `fromto` coincide", element.label()), "move one")
+            })?;
+            let half = dot(along, along).sqrt() / 2.0;
+            size = if matches!(type_name, "box" | "ellipsoid") {
+                [size[0], size[0], half]
+            } else {
+                [size[0], half, 0.0]
+            };
+            pos = add([x0, y0, z0], [x1, y1, z1]).map(|x| x / 2.0);
+            quat = z_to(direction);
+        }
+        let needed = match type_name {
+            "sphere" => 1,
+            "capsule" | "cylinder" => 2,
+            "box" | "ellipsoid" => 3,
+            _ => 0,
+        };
+        if !self.mesh && size[..needed].iter().any(|s| *s <= 0.0) {
+            return Err(ctx.invalid(
+                at,
+                format!("{}: a {type_name} needs {needed} sizes above zero", element.label()),
+                "complete `size`",
+            ));
+        }
+        let solid = match type_name {
+            _ if self.mesh => None,
+            "sphere" => Some(Solid::Sphere { radius: size[0] }),
+            "capsule" => Some(Solid::Capsule { radius: size[0], half_length: size[1] }),
+            "cylinder" => Some(Solid::Cylinder { radius: size[0], half_length: size[1] }),
+            "box" => Some(Solid::Box { half_size: size }),
+            "ellipsoid" => Some(Solid::Ellipsoid { semi_axes: size }),
+            _ => None,
+        };
+        let kind = match (type_name, solid) {
+            ("plane", _) => GeomKind::Plane,
+            (_, Some(Solid::Sphere { radius })) => GeomKind::Solid(Shape::Sphere { radius }),
+            (_, Some(Solid::Capsule { radius, half_length })) => {
+                GeomKind::Solid(Shape::Capsule { radius, half_length })
+            }
+            (_, Some(Solid::Cylinder { radius, half_length })) => {
+                GeomKind::Solid(Shape::Cylinder { radius, half_length })
+            }
+            (_, Some(Solid::Box { half_size })) => GeomKind::Solid(Shape::Box { half_size }),
+            ("sphere" | "capsule" | "cylinder" | "box", None) => {
+                GeomKind::Other("primitive fitted to a mesh")
+            }
+            (other, _) => GeomKind::Other(other),
+        };
+        let name = element.get("name").unwrap_or("").to_string();
+        let inertial = self.inertial(ctx, element, kind, solid, pos, quat)?;
+        Ok((GeomSpec { name, at, pos, quat, kind, surface: self.surface }, inertial))
+    }
+
+    fn inertial(
+        &self,
+        ctx: &mut Context,
+        element: &Element,
+        kind: GeomKind,
+        solid: Option<Solid>,
+        pos: Vec3,
+        quat: Quat,
+    ) -> Result<Option<Inertial>, ModelError> {
+        let massless = self.mass == Some(0.0) || (self.mass.is_none() && self.density == 0.0);
+        if massless || kind == GeomKind::Plane || element.get("hfield").is_some() {
+            return Ok(Some(MASSLESS));
+        }
+        let Some(solid) = solid.filter(|_| !self.shell) else { return Ok(None) };
+        let mass = self.mass.unwrap_or(self.density * solid.volume());
+        if !mass.is_finite() {
+            return Err(ctx.invalid(
+                element.at,
+                format!("{} has a mass too large to compute", element.label()),
+                "reduce `density` or `size`",
+            ));
+        }
+        Ok(Some(Inertial { mass, pos, quat, inertia: solid.inertia(mass) }))
+    }
+
+    /// Whether the body's inertia is computed from this geom.
+    pub fn counts(&self, compiler: &Compiler, explicit_inertial: bool) -> bool {
+        let wanted = match compiler.inertia_from_geom {
+            InertiaFromGeom::Never => false,
+            InertiaFromGeom::Always => true,
+            InertiaFromGeom::Auto => !explicit_inertial,
+        };
+        wanted && (compiler.inertia_groups[0]..=compiler.inertia_groups[1]).contains(&self.group)
+    }
+}
+
+/// `condim`, one of 1, 3, 4, 6.
+pub(crate) fn read_condim(ctx: &Context, a: &mut Attributes) -> Result<Option<u8>, ModelError> {
+    Ok(a.word(ctx, "condim", &["1", "3", "4", "6"])?.map(|index| [1, 3, 4, 6][index]))
+}

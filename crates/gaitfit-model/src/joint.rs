@@ -1,0 +1,200 @@
+//! MJCF `<joint>`: hinges; a free joint only at the root; what the engine lacks is refused.
+
+use crate::attributes::{Attributes, Context};
+use crate::error::ModelError;
+use crate::model::Joint;
+use crate::options::Compiler;
+use crate::orientation::{Quat, Vec3, add, rotate, unit};
+use crate::spec::default_joint;
+use crate::xml::{At, Element};
+
+/// `joint type`, in MuJoCo's words.
+const TYPES: [&str; 4] = ["hinge", "free", "slide", "ball"];
+
+/// `limited` and its like.
+pub(crate) const LIMITED: [&str; 3] = ["false", "true", "auto"];
+/// Index of `auto` in [`LIMITED`].
+pub(crate) const AUTO: usize = 2;
+
+/// A `<joint>` as written, over its default class. Angles are in the file's unit until finished.
+#[derive(Clone, Debug)]
+pub(crate) struct JointForm {
+    kind: usize,
+    joint: Joint,
+    range: [f64; 2],
+    limited: usize,
+    force_range: [f64; 2],
+    force_limited: usize,
+}
+
+impl Default for JointForm {
+    fn default() -> Self {
+        Self {
+            kind: 0,
+            joint: default_joint(),
+            range: [0.0; 2],
+            limited: AUTO,
+            force_range: [0.0; 2],
+            force_limited: AUTO,
+        }
+    }
+}
+
+/// What a `<joint>` turned out to be.
+pub(crate) enum Finished {
+    Hinge(Box<Joint>),
+    Free,
+    /// Refused, but read leniently.
+    Dropped,
+}
+
+impl JointForm {
+    /// Reads attributes over the present values; the caller finishes the attributes.
+    pub fn apply(&mut self, ctx: &mut Context, a: &mut Attributes) -> Result<(), ModelError> {
+        if let Some(kind) = a.word(ctx, "type", &TYPES)? {
+            self.kind = kind;
+        }
+        let j = &mut self.joint;
+        a.set_array(ctx, "pos", &mut j.pos)?;
+        a.set_array(ctx, "axis", &mut j.axis)?;
+        a.set_array(ctx, "range", &mut self.range)?;
+        a.set_array(ctx, "actuatorfrcrange", &mut self.force_range)?;
+        if let Some(limited) = a.word(ctx, "limited", &LIMITED)? {
+            self.limited = limited;
+        }
+        if let Some(limited) = a.word(ctx, "actuatorfrclimited", &LIMITED)? {
+            self.force_limited = limited;
+        }
+        a.prefix(ctx, "solreflimit", &mut j.solref_limit)?;
+        a.prefix(ctx, "solimplimit", &mut j.solimp_limit)?;
+        a.prefix(ctx, "solreffriction", &mut j.solref_friction)?;
+        a.prefix(ctx, "solimpfriction", &mut j.solimp_friction)?;
+        a.set_nonnegative(ctx, "armature", &mut j.armature)?;
+        a.set_nonnegative(ctx, "frictionloss", &mut j.frictionloss)?;
+        linear(ctx, a, "damping", &mut j.damping)?;
+        linear(ctx, a, "stiffness", &mut j.stiffness)?;
+        a.set(ctx, "margin", &mut j.margin)?;
+        a.set(ctx, "ref", &mut j.reference)?;
+        a.set(ctx, "springref", &mut j.springref)?;
+        a.refuse_nonzero(
+            ctx,
+            "springdamper",
+            "stiffness and damping from a time constant are not computed",
+            "give `stiffness` and `damping`",
+        )?;
+        if a.boolean(ctx, "actuatorgravcomp")? == Some(true) {
+            let at = a.at("actuatorgravcomp");
+            ctx.refuse(at, "`actuatorgravcomp`", "gravity compensation is not simulated", "remove it")?;
+        }
+        a.ignore(&["group", "user"]);
+        Ok(())
+    }
+
+    /// The joint in its body's frame; `frame` is the pose of enclosing `<frame>` elements.
+    pub fn finish(
+        &self,
+        ctx: &mut Context,
+        element: &Element,
+        compiler: &Compiler,
+        frame: (Vec3, Quat),
+    ) -> Result<Finished, ModelError> {
+        let at = element.at;
+        match TYPES[self.kind] {
+            "free" => {
+                let j = &self.joint;
+                if [j.armature, j.damping, j.frictionloss, j.stiffness].iter().any(|v| *v != 0.0) {
+                    ctx.refuse(
+                        at,
+                        element.label(),
+                        "armature, damping, friction loss or stiffness on the free joint (perhaps from a \
+                         default class) are not simulated",
+                        "use <freejoint/>, which takes no defaults",
+                    )?;
+                }
+                return Ok(Finished::Free);
+            }
+            "hinge" => {}
+            other => {
+                ctx.refuse(
+                    at,
+                    element.label(),
+                    format!("{other} joints are not simulated"),
+                    "replace it by hinges, or weld the body by removing the joint",
+                )?;
+                return Ok(Finished::Dropped);
+            }
+        }
+        let mut j = self.joint.clone();
+        j.name = element.get("name").unwrap_or("").to_string();
+        j.axis = unit(rotate(frame.1, j.axis)).ok_or_else(|| {
+            ctx.invalid(at, format!("{}: the axis is zero", element.label()), "give a direction")
+        })?;
+        j.pos = add(frame.0, rotate(frame.1, j.pos));
+        j.reference = compiler.units.radians(j.reference);
+        j.springref = compiler.units.radians(j.springref);
+        j.range = resolve_range(ctx, at, &element.label(), "range", self.limited, self.range, compiler)?
+            .map(|range| range.map(|angle| compiler.units.radians(angle)));
+        j.actuatorfrcrange = resolve_range(
+            ctx,
+            at,
+            &element.label(),
+            "actuatorfrcrange",
+            self.force_limited,
+            self.force_range,
+            compiler,
+        )?;
+        Ok(Finished::Hinge(Box::new(j)))
+    }
+}
+
+/// A coefficient that newer MuJoCo lets be a polynomial; only the linear part is simulated.
+fn linear(ctx: &mut Context, a: &mut Attributes, name: &str, target: &mut f64) -> Result<(), ModelError> {
+    let mut values = [*target, 0.0, 0.0];
+    a.prefix(ctx, name, &mut values)?;
+    if values[0] < 0.0 {
+        return Err(ctx.invalid(
+            a.at(name),
+            format!("`{name}` of {} is {}", a.element().label(), values[0]),
+            "give a value of zero or more",
+        ));
+    }
+    if values[1..] != [0.0; 2] {
+        let what = format!("`{name}` of {}", a.element().label());
+        ctx.refuse(a.at(name), what, "only the linear coefficient is simulated", "give one number")?;
+    }
+    *target = values[0];
+    Ok(())
+}
+
+/// MuJoCo's rule for `limited`: explicit, or by the presence of a range under `autolimits`.
+pub(crate) fn resolve_range(
+    ctx: &Context,
+    at: At,
+    label: &str,
+    name: &str,
+    limited: usize,
+    range: [f64; 2],
+    compiler: &Compiler,
+) -> Result<Option<[f64; 2]>, ModelError> {
+    let given = range != [0.0; 2];
+    let on = match LIMITED[limited] {
+        "true" => true,
+        "false" => false,
+        _ if given && !compiler.autolimits => {
+            return Err(ctx.invalid(
+                at,
+                format!("{label} has `{name}`, but autolimits is off and it does not say whether limited"),
+                "set the `limited` attribute, or autolimits=\"true\"",
+            ));
+        }
+        _ => given,
+    };
+    if on && range[0] >= range[1] {
+        return Err(ctx.invalid(
+            at,
+            format!("`{name}` of {label} is [{}, {}]", range[0], range[1]),
+            "give a lower and a higher bound",
+        ));
+    }
+    Ok(on.then_some(range))
+}

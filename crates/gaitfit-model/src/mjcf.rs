@@ -1,0 +1,158 @@
+//! The sections of an MJCF file, in the order in which they depend on each other.
+
+use crate::actuator::{FOREIGN_KINDS, KINDS};
+use crate::attributes::{Attributes, Context};
+use crate::bodies::BodyReader;
+use crate::defaults::Defaults;
+use crate::error::ModelError;
+use crate::model::Joint;
+use crate::options::{Compiler, default_options, read_option};
+use crate::pairs::read_contact;
+use crate::spec::{Disabled, KeySpec, MAX_ITEMS, Spec};
+use crate::xml::Element;
+
+/// Sections whose content has no influence on the motion.
+const IGNORED: [&str; 5] = ["size", "visual", "statistic", "asset", "custom"];
+/// Sections that are read.
+const READ: [&str; 7] = ["compiler", "option", "default", "worldbody", "contact", "actuator", "keyframe"];
+
+/// Reads the element tree of a `<mujoco>` document.
+pub(crate) fn read(ctx: &mut Context, document: &Element) -> Result<Spec, ModelError> {
+    let mut a = Attributes::new(document);
+    let name = a.text("model").filter(|name| !name.is_empty()).map(str::to_string);
+    a.finish(ctx)?;
+    let sections = |wanted: &'static str| document.children.iter().filter(move |c| c.name == wanted);
+
+    let mut compiler = Compiler::default();
+    for section in sections("compiler") {
+        compiler.read(ctx, section)?;
+    }
+    let mut options = default_options();
+    let mut disabled = Disabled::default();
+    for section in sections("option") {
+        read_option(ctx, section, &mut options, &mut disabled)?;
+    }
+    let mut defaults = Defaults::new();
+    for section in sections("default") {
+        defaults.read(ctx, section, &compiler)?;
+    }
+    let mut reader = BodyReader::new(ctx, &compiler, &defaults);
+    for section in sections("worldbody") {
+        reader.read_world(section)?;
+    }
+    let bodies = reader.bodies;
+
+    let mut spec = Spec {
+        name,
+        options,
+        disabled,
+        bodies,
+        excludes: Vec::new(),
+        pairs: Vec::new(),
+        actuators: Vec::new(),
+        keys: Vec::new(),
+        total_mass: compiler.total_mass,
+    };
+    for section in sections("contact") {
+        read_contact(ctx, section, &defaults, &spec.bodies, &mut spec.excludes, &mut spec.pairs)?;
+    }
+    for section in sections("actuator") {
+        read_actuators(ctx, section, &compiler, &defaults, &mut spec)?;
+    }
+    for section in sections("keyframe") {
+        read_keys(ctx, section, &mut spec)?;
+    }
+    for section in &document.children {
+        other_section(ctx, section)?;
+    }
+    Ok(spec)
+}
+
+/// Sections that are not read: harmless ones pass, sensors are listed, the rest is refused.
+fn other_section(ctx: &mut Context, section: &Element) -> Result<(), ModelError> {
+    let name = section.name.as_str();
+    if READ.contains(&name) || IGNORED.contains(&name) {
+        return Ok(());
+    }
+    let count = section.children.len();
+    match name {
+        _ if count == 0 && ["sensor", "equality", "tendon", "deformable", "extension"].contains(&name) => {
+            Ok(())
+        }
+        "sensor" => {
+            ctx.drop_quietly(section.at, format!("<sensor> ({count} sensors)"), "the state is known exactly");
+            Ok(())
+        }
+        "equality" | "tendon" | "deformable" => ctx.refuse(
+            section.at,
+            format!("<{name}> with {count} elements"),
+            "the engine simulates trees of hinges without loops, couplings or soft parts",
+            "remove the section",
+        ),
+        "extension" => ctx.refuse(section.at, "<extension>", "plugins are not loaded", "remove the section"),
+        _ => ctx.refuse(section.at, section.label(), "not a section of MJCF known here", "remove it"),
+    }
+}
+
+fn read_actuators(
+    ctx: &mut Context,
+    section: &Element,
+    compiler: &Compiler,
+    defaults: &Defaults,
+    spec: &mut Spec,
+) -> Result<(), ModelError> {
+    let joints: Vec<&Joint> = spec.bodies.iter().flat_map(|b| b.joints.iter().map(|(j, _)| j)).collect();
+    for element in &section.children {
+        let kind = element.name.as_str();
+        if !KINDS.contains(&kind) {
+            let why = if FOREIGN_KINDS.contains(&kind) {
+                "this kind of actuator is not simulated"
+            } else {
+                "not known in <actuator>"
+            };
+            ctx.refuse(element.at, element.label(), why, "use motor, position, velocity or general")?;
+            continue;
+        }
+        if spec.actuators.len() >= MAX_ITEMS {
+            return Err(ctx.too_many(element.at, "actuators", MAX_ITEMS));
+        }
+        let mut a = Attributes::new(element);
+        let class = match a.text("class") {
+            Some(name) => defaults.find(ctx, a.at("class"), name)?,
+            None => 0,
+        };
+        let mut form = defaults.class(class).actuator.clone();
+        a.ignore(&["name"]);
+        form.apply(ctx, &mut a)?;
+        if let Some(actuator) = form.finish(ctx, element, &mut a, compiler, &joints)? {
+            a.finish(ctx)?;
+            spec.actuators.push(actuator);
+        }
+    }
+    Ok(())
+}
+
+fn read_keys(ctx: &mut Context, section: &Element, spec: &mut Spec) -> Result<(), ModelError> {
+    for element in &section.children {
+        if element.name != "key" {
+            ctx.refuse(element.at, element.label(), "not known in <keyframe>", "remove it")?;
+            continue;
+        }
+        if spec.keys.len() >= MAX_ITEMS {
+            return Err(ctx.too_many(element.at, "keyframes", MAX_ITEMS));
+        }
+        let mut a = Attributes::new(element);
+        let filled = |values: Option<Vec<f64>>| values.filter(|v| !v.is_empty());
+        let key = KeySpec {
+            at: element.at,
+            name: a.text("name").unwrap_or("").to_string(),
+            qpos: filled(a.numbers(ctx, "qpos")?),
+            qvel: filled(a.numbers(ctx, "qvel")?),
+            ctrl: filled(a.numbers(ctx, "ctrl")?),
+        };
+        a.ignore(&["time", "act", "mpos", "mquat"]);
+        a.finish(ctx)?;
+        spec.keys.push(key);
+    }
+    Ok(())
+}

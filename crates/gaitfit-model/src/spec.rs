@@ -1,0 +1,214 @@
+//! What both readers fill: bodies below the world, resolved to SI units, before one robot is chosen.
+
+use crate::inertia::Inertial;
+use crate::model::{Actuator, ContactPair, Joint, Options, Shape, Site};
+use crate::orientation::{IDENTITY, Quat, Vec3};
+use crate::xml::At;
+
+/// Most bodies of one file.
+pub(crate) const MAX_BODIES: usize = 256;
+/// Most hinge joints of one file.
+pub(crate) const MAX_JOINTS: usize = 256;
+/// Most geoms, sites, pairs, excludes, actuators or keyframes of one file.
+pub(crate) const MAX_ITEMS: usize = 2048;
+/// Most geom–plane pairs of a model.
+pub(crate) const MAX_PAIRS: usize = 4096;
+
+/// A file's content.
+#[derive(Debug)]
+pub(crate) struct Spec {
+    /// Model name, if the file has one.
+    pub name: Option<String>,
+    pub options: Options,
+    /// Parts of the physics that the file switches off.
+    pub disabled: Disabled,
+    /// The world (index 0), then all bodies depth first: MuJoCo's body numbers.
+    pub bodies: Vec<BodySpec>,
+    /// Body pairs that never collide.
+    pub excludes: Vec<(usize, usize)>,
+    /// Explicit pairs.
+    pub pairs: Vec<PairSpec>,
+    /// Actuators with the joint's index in file order.
+    pub actuators: Vec<Actuator>,
+    pub keys: Vec<KeySpec>,
+    /// Masses are scaled to this sum (`compiler settotalmass`), kg.
+    pub total_mass: Option<f64>,
+}
+
+/// Constraint families switched off by `option flag`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Disabled {
+    pub contact: bool,
+    pub limit: bool,
+    pub frictionloss: bool,
+    pub spring: bool,
+    pub damper: bool,
+    pub gravity: bool,
+    pub clampctrl: bool,
+    /// Neighbouring bodies may collide (`filterparent` off).
+    pub filterparent: bool,
+}
+
+/// A body, or the world.
+#[derive(Clone, Debug)]
+pub(crate) struct BodySpec {
+    pub name: String,
+    pub at: At,
+    pub parent: usize,
+    pub pos: Vec3,
+    pub quat: Quat,
+    pub inertial: Inertial,
+    /// Position of the free joint element, if any.
+    pub free: Option<At>,
+    /// Hinges; `body` is not set yet.
+    pub joints: Vec<(Joint, At)>,
+    pub geoms: Vec<GeomSpec>,
+    /// Sites; `body` is not set yet.
+    pub sites: Vec<Site>,
+}
+
+/// A geom in its body's frame.
+#[derive(Clone, Debug)]
+pub(crate) struct GeomSpec {
+    pub name: String,
+    pub at: At,
+    pub pos: Vec3,
+    pub quat: Quat,
+    pub kind: GeomKind,
+    pub surface: Surface,
+}
+
+/// What a geom is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum GeomKind {
+    /// Infinite plane.
+    Plane,
+    /// A shape the engine collides with planes.
+    Solid(Shape),
+    /// A shape it does not: its name.
+    Other(&'static str),
+}
+
+/// Contact properties of one geom (MuJoCo's names and defaults).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Surface {
+    pub contype: i32,
+    pub conaffinity: i32,
+    pub condim: u8,
+    pub priority: i32,
+    pub friction: [f64; 3],
+    pub solmix: f64,
+    pub solref: [f64; 2],
+    pub solimp: [f64; 5],
+    pub margin: f64,
+    pub gap: f64,
+}
+
+/// MuJoCo's default reference: time constant 0.02 s, critically damped.
+pub(crate) const SOLREF: [f64; 2] = [0.02, 1.0];
+/// MuJoCo's default impedance.
+pub(crate) const SOLIMP: [f64; 5] = [0.9, 0.95, 0.001, 0.5, 2.0];
+
+impl Default for Surface {
+    fn default() -> Self {
+        Self {
+            contype: 1,
+            conaffinity: 1,
+            condim: 3,
+            priority: 0,
+            friction: [1.0, 0.005, 0.0001],
+            solmix: 1.0,
+            solref: SOLREF,
+            solimp: SOLIMP,
+            margin: 0.0,
+            gap: 0.0,
+        }
+    }
+}
+
+impl Surface {
+    /// Neither collides with anything nor is collided with.
+    pub fn is_visual(&self) -> bool {
+        self.contype == 0 && self.conaffinity == 0
+    }
+
+    /// MuJoCo's bit test.
+    pub fn may_touch(&self, other: &Surface) -> bool {
+        self.contype & other.conaffinity != 0 || other.contype & self.conaffinity != 0
+    }
+}
+
+/// An explicit pair: geoms by their number in file order over all bodies, world included.
+/// `parameters.geom` and `parameters.plane` are not set yet.
+#[derive(Clone, Debug)]
+pub(crate) struct PairSpec {
+    pub geoms: [usize; 2],
+    pub parameters: ContactPair,
+}
+
+/// A keyframe as written; missing arrays mean MuJoCo's defaults.
+#[derive(Clone, Debug)]
+pub(crate) struct KeySpec {
+    pub at: At,
+    pub name: String,
+    pub qpos: Option<Vec<f64>>,
+    pub qvel: Option<Vec<f64>>,
+    pub ctrl: Option<Vec<f64>>,
+}
+
+impl BodySpec {
+    /// A body without mass at its parent's frame.
+    pub fn new(name: String, at: At, parent: usize) -> Self {
+        Self {
+            name,
+            at,
+            parent,
+            pos: [0.0; 3],
+            quat: IDENTITY,
+            inertial: crate::inertia::MASSLESS,
+            free: None,
+            joints: Vec::new(),
+            geoms: Vec::new(),
+            sites: Vec::new(),
+        }
+    }
+}
+
+/// A joint with MuJoCo's defaults, about z, without limits.
+pub(crate) fn default_joint() -> Joint {
+    Joint {
+        name: String::new(),
+        body: 0,
+        pos: [0.0; 3],
+        axis: [0.0, 0.0, 1.0],
+        reference: 0.0,
+        range: None,
+        margin: 0.0,
+        solref_limit: SOLREF,
+        solimp_limit: SOLIMP,
+        solref_friction: SOLREF,
+        solimp_friction: SOLIMP,
+        armature: 0.0,
+        damping: 0.0,
+        frictionloss: 0.0,
+        stiffness: 0.0,
+        springref: 0.0,
+        actuatorfrcrange: None,
+        velocity_limit: None,
+    }
+}
+
+/// Contact parameters of an explicit pair before attributes: MuJoCo's fixed values, not the geoms'.
+pub(crate) fn default_pair() -> ContactPair {
+    ContactPair {
+        geom: 0,
+        plane: 0,
+        condim: 3,
+        friction: [1.0, 1.0, 0.005, 0.0001, 0.0001],
+        solref: SOLREF,
+        solreffriction: [0.0; 2],
+        solimp: SOLIMP,
+        margin: 0.0,
+        gap: 0.0,
+    }
+}

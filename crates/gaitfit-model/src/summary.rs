@@ -1,0 +1,242 @@
+//! What there is to say about a model at a glance, and joints found by a log's names.
+
+use serde::Serialize;
+
+use crate::model::{Dropped, Model, Root};
+
+/// Totals and tables of a model, for `gaitfit inspect`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Model name.
+    pub name: String,
+    /// How the root is attached.
+    pub root: Root,
+    /// Length of `qpos`.
+    pub nq: usize,
+    /// Length of `qvel`.
+    pub nv: usize,
+    /// Length of `ctrl`.
+    pub nu: usize,
+    /// Sum of all masses, kg.
+    pub total_mass: f64,
+    /// Bodies in model order.
+    pub bodies: Vec<BodySummary>,
+    /// Joints in model order.
+    pub joints: Vec<JointSummary>,
+    /// Actuators in model order.
+    pub actuators: Vec<ActuatorSummary>,
+    /// Contact geoms in model order.
+    pub geoms: Vec<GeomSummary>,
+    /// Ground planes.
+    pub planes: Vec<String>,
+    /// Number of geom–plane pairs.
+    pub pairs: usize,
+    /// Keyframe names.
+    pub keyframes: Vec<String>,
+    /// Site names.
+    pub sites: Vec<String>,
+    /// What was left out.
+    pub dropped: Vec<Dropped>,
+}
+
+/// A body's row.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BodySummary {
+    /// Name.
+    pub name: String,
+    /// Name of the parent body; `None` for the root.
+    pub parent: Option<String>,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Centre of mass in the body frame, m.
+    pub com: [f64; 3],
+    /// Principal moments of inertia, kg·m².
+    pub inertia: [f64; 3],
+}
+
+/// A joint's row.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JointSummary {
+    /// Name.
+    pub name: String,
+    /// Name of the body it moves.
+    pub body: String,
+    /// Axis in the body frame.
+    pub axis: [f64; 3],
+    /// Limits, rad.
+    pub range: Option<[f64; 2]>,
+    /// Largest torque that its actuators can give, N·m, where anything bounds it.
+    pub effort: Option<f64>,
+    /// Speed limit, rad/s, where the file has one.
+    pub velocity_limit: Option<f64>,
+    /// Armature, kg·m².
+    pub armature: f64,
+    /// Viscous damping, N·m·s/rad.
+    pub damping: f64,
+    /// Dry friction, N·m.
+    pub frictionloss: f64,
+}
+
+/// An actuator's row.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ActuatorSummary {
+    /// Name.
+    pub name: String,
+    /// Name of its joint.
+    pub joint: String,
+    /// `motor` (torque = gear · gain · u), `position`, `velocity`, or `affine` for anything else.
+    pub kind: &'static str,
+    /// Transmission ratio.
+    pub gear: f64,
+    /// Clamp on the control.
+    pub ctrlrange: Option<[f64; 2]>,
+    /// Clamp on the force.
+    pub forcerange: Option<[f64; 2]>,
+}
+
+/// A contact geom's row.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GeomSummary {
+    /// Name.
+    pub name: String,
+    /// Name of its body.
+    pub body: String,
+    /// `sphere`, `capsule`, `cylinder` or `box`.
+    pub shape: &'static str,
+    /// Number of planes it may touch.
+    pub pairs: usize,
+    /// Largest contact dimension among its pairs (0: none).
+    pub condim: u8,
+    /// Sliding friction of its first pair.
+    pub friction: Option<f64>,
+}
+
+impl Model {
+    /// Sum of all masses, kg.
+    pub fn total_mass(&self) -> f64 {
+        self.bodies.iter().map(|b| b.mass).sum()
+    }
+
+    /// The joint that a log calls `log_name`: the same name, or the same up to a `_joint` suffix on
+    /// either side (`FL_hip` and `FL_hip_joint`).
+    pub fn find_joint(&self, log_name: &str) -> Option<usize> {
+        let bare = |name: &str| name.strip_suffix("_joint").unwrap_or(name).to_string();
+        self.joint(log_name).or_else(|| {
+            let wanted = bare(log_name);
+            let mut matches = (0..self.joints.len()).filter(|&j| bare(&self.joints[j].name) == wanted);
+            // Two joints that differ only by the suffix are told apart by their full names alone.
+            matches.next().filter(|_| matches.next().is_none())
+        })
+    }
+
+    /// Largest torque that the actuators of joint `index` can give, N·m; `None` when nothing bounds it.
+    pub fn effort(&self, index: usize) -> Option<f64> {
+        let joint = self.joints.get(index)?;
+        let clamp = joint.actuatorfrcrange.map(|[low, high]| low.abs().max(high.abs()));
+        let mut sum = Some(0.0);
+        for actuator in self.actuators.iter().filter(|a| a.joint == index) {
+            let by_control = actuator
+                .ctrlrange
+                .filter(|_| actuator.bias == [0.0; 3])
+                .map(|[low, high]| actuator.gain.abs() * low.abs().max(high.abs()));
+            let by_force = actuator.forcerange.map(|[low, high]| low.abs().max(high.abs()));
+            let bound = match (by_control, by_force) {
+                (Some(a), Some(b)) => Some(a.min(b)),
+                (a, b) => a.or(b),
+            };
+            sum = sum.zip(bound).map(|(total, b): (f64, f64)| total + actuator.gear.abs() * b);
+        }
+        let driven = self.actuators.iter().any(|a| a.joint == index);
+        match (clamp, sum.filter(|_| driven)) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (a, b) => a.or(b),
+        }
+    }
+
+    /// Totals and tables.
+    pub fn summary(&self) -> Summary {
+        let body_name = |index: usize| self.bodies[index].name.clone();
+        Summary {
+            name: self.name.clone(),
+            root: self.root,
+            nq: self.nq(),
+            nv: self.nv(),
+            nu: self.nu(),
+            total_mass: self.total_mass(),
+            bodies: self
+                .bodies
+                .iter()
+                .map(|b| BodySummary {
+                    name: b.name.clone(),
+                    parent: b.parent.map(body_name),
+                    mass: b.mass,
+                    com: b.ipos,
+                    inertia: b.inertia,
+                })
+                .collect(),
+            joints: self
+                .joints
+                .iter()
+                .enumerate()
+                .map(|(index, j)| JointSummary {
+                    name: j.name.clone(),
+                    body: body_name(j.body),
+                    axis: j.axis,
+                    range: j.range,
+                    effort: self.effort(index),
+                    velocity_limit: j.velocity_limit,
+                    armature: j.armature,
+                    damping: j.damping,
+                    frictionloss: j.frictionloss,
+                })
+                .collect(),
+            actuators: self
+                .actuators
+                .iter()
+                .map(|a| ActuatorSummary {
+                    name: a.name.clone(),
+                    joint: self.joints[a.joint].name.clone(),
+                    kind: kind(a),
+                    gear: a.gear,
+                    ctrlrange: a.ctrlrange,
+                    forcerange: a.forcerange,
+                })
+                .collect(),
+            geoms: self
+                .geoms
+                .iter()
+                .enumerate()
+                .map(|(index, g)| {
+                    let pairs = || self.pairs.iter().filter(move |p| p.geom == index);
+                    GeomSummary {
+                        name: g.name.clone(),
+                        body: body_name(g.body),
+                        shape: match g.shape {
+                            crate::model::Shape::Sphere { .. } => "sphere",
+                            crate::model::Shape::Capsule { .. } => "capsule",
+                            crate::model::Shape::Cylinder { .. } => "cylinder",
+                            crate::model::Shape::Box { .. } => "box",
+                        },
+                        pairs: pairs().count(),
+                        condim: pairs().map(|p| p.condim).max().unwrap_or(0),
+                        friction: pairs().next().map(|p| p.friction[0]),
+                    }
+                })
+                .collect(),
+            planes: self.planes.iter().map(|p| p.name.clone()).collect(),
+            pairs: self.pairs.len(),
+            keyframes: self.keyframes.iter().map(|k| k.name.clone()).collect(),
+            sites: self.sites.iter().map(|s| s.name.clone()).collect(),
+            dropped: self.dropped.clone(),
+        }
+    }
+}
+
+fn kind(actuator: &crate::model::Actuator) -> &'static str {
+    match actuator.bias {
+        [0.0, 0.0, 0.0] => "motor",
+        [0.0, stiffness, _] if stiffness == -actuator.gain => "position",
+        [0.0, 0.0, damping] if damping == -actuator.gain => "velocity",
+        _ => "affine",
+    }
+}

@@ -1,0 +1,279 @@
+//! XML text to an owned element tree with byte positions; includes spliced in; sizes bounded.
+//!
+//! Robot files come from anywhere. Text, element count, depth and number of files are capped before
+//! anything is built from them, so that no input exhausts memory or the stack.
+
+use std::collections::HashSet;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use roxmltree::{Document, Node, ParsingOptions};
+
+use crate::error::{ModelError, Place};
+
+/// Bytes of all files together.
+const MAX_BYTES: usize = 16 << 20;
+/// XML nodes of one file (elements, texts and comments).
+const MAX_NODES: u32 = 200_000;
+/// Nesting of elements.
+pub(crate) const MAX_DEPTH: usize = 100;
+/// Files joined by `<include>`.
+const MAX_FILES: usize = 64;
+
+/// A byte of one of the files read; resolved to line and column only when a message needs it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub(crate) struct At {
+    file: u32,
+    byte: u32,
+}
+
+/// One attribute.
+#[derive(Clone, Debug)]
+pub(crate) struct Attribute {
+    pub name: String,
+    pub value: String,
+    pub at: At,
+}
+
+/// One element; texts and comments are not kept.
+#[derive(Clone, Debug)]
+pub(crate) struct Element {
+    pub name: String,
+    pub attributes: Vec<Attribute>,
+    pub children: Vec<Element>,
+    pub at: At,
+}
+
+impl Element {
+    /// The value of an attribute.
+    pub fn get(&self, name: &str) -> Option<&str> {
+        self.attributes.iter().find(|a| a.name == name).map(|a| a.value.as_str())
+    }
+
+    /// `<geom> "shell"`, or `<geom>` when it has no name.
+    pub fn label(&self) -> String {
+        match self.get("name") {
+            Some(name) => format!("<{}> \"{}\"", self.name, shorten(name)),
+            None => format!("<{}>", self.name),
+        }
+    }
+}
+
+/// Text for a message: at most 60 characters of it.
+pub(crate) fn shorten(text: &str) -> String {
+    if text.chars().count() <= 60 {
+        return text.to_string();
+    }
+    text.chars().take(57).chain("...".chars()).collect()
+}
+
+/// The texts read, kept for line numbers.
+#[derive(Debug, Default)]
+pub(crate) struct Sources {
+    files: Vec<(String, String)>,
+}
+
+impl Sources {
+    /// Line and column of a position.
+    pub fn place(&self, at: At) -> Place {
+        let Some((file, text)) = self.files.get(at.file as usize) else {
+            return Place { file: String::new(), line: 1, column: 1 };
+        };
+        let before = text.get(..at.byte as usize).unwrap_or("");
+        let line = before.bytes().filter(|&b| b == b'\n').count() as u32 + 1;
+        let column = before.rsplit('\n').next().unwrap_or("").chars().count() as u32 + 1;
+        Place { file: file.clone(), line, column }
+    }
+}
+
+/// Reads the file at `path` and what it includes.
+///
+/// # Errors
+/// [`ModelError::Io`], [`ModelError::Syntax`], [`ModelError::TooLarge`], [`ModelError::Invalid`] for a
+/// cyclic or repeated include.
+pub(crate) fn load(path: &Path, sources: &mut Sources) -> Result<Element, ModelError> {
+    let mut loader = Loader {
+        sources,
+        base: Some(path.parent().unwrap_or(Path::new("")).to_path_buf()),
+        seen: HashSet::new(),
+        bytes: 0,
+    };
+    let text = loader.read(path)?;
+    loader.seen.insert(canonical(path));
+    loader.parse(path.display().to_string(), text)
+}
+
+/// Parses a text called `name` in messages; includes are refused because there is no folder to look in.
+pub(crate) fn parse(name: &str, text: &str, sources: &mut Sources) -> Result<Element, ModelError> {
+    let mut loader = Loader { sources, base: None, seen: HashSet::new(), bytes: 0 };
+    loader.count(name, text.len())?;
+    loader.parse(name.to_string(), text.to_string())
+}
+
+struct Loader<'a> {
+    sources: &'a mut Sources,
+    /// Folder of the main file: MuJoCo resolves every include against it.
+    base: Option<PathBuf>,
+    seen: HashSet<PathBuf>,
+    bytes: usize,
+}
+
+impl Loader<'_> {
+    fn count(&mut self, name: &str, bytes: usize) -> Result<(), ModelError> {
+        self.bytes = self.bytes.saturating_add(bytes);
+        if self.bytes > MAX_BYTES {
+            return Err(ModelError::TooLarge {
+                place: Place { file: name.to_string(), line: 1, column: 1 },
+                message: format!("the robot's files exceed {} MiB", MAX_BYTES >> 20),
+                remedy: "a robot description holds no meshes or data; remove what is not part of it".into(),
+            });
+        }
+        Ok(())
+    }
+
+    fn read(&mut self, path: &Path) -> Result<String, ModelError> {
+        let io = |source| ModelError::Io { path: path.to_path_buf(), source };
+        let file = File::open(path).map_err(io)?;
+        if !file.metadata().map_err(io)?.is_file() {
+            return Err(io(std::io::Error::new(std::io::ErrorKind::InvalidInput, "not a regular file")));
+        }
+        let mut bytes = Vec::new();
+        file.take(MAX_BYTES as u64 + 1).read_to_end(&mut bytes).map_err(io)?;
+        let name = path.display().to_string();
+        self.count(&name, bytes.len())?;
+        String::from_utf8(bytes).map_err(|error| {
+            let valid = error.utf8_error().valid_up_to();
+            let before = &error.as_bytes()[..valid];
+            ModelError::Syntax {
+                place: Place {
+                    file: name,
+                    line: before.iter().filter(|&&b| b == b'\n').count() as u32 + 1,
+                    column: before.iter().rev().take_while(|&&b| b != b'\n').count() as u32 + 1,
+                },
+                message: "the file is not UTF-8 text".into(),
+                remedy: "give an MJCF or URDF file saved as UTF-8".into(),
+            }
+        })
+    }
+
+    fn parse(&mut self, name: String, text: String) -> Result<Element, ModelError> {
+        let file = self.sources.files.len() as u32;
+        self.sources.files.push((name.clone(), text.clone()));
+        let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..Default::default() };
+        let document = Document::parse_with_options(&text, options).map_err(|error| {
+            let pos = error.pos();
+            let place = Place { file: name, line: pos.row, column: pos.col };
+            match error {
+                roxmltree::Error::NodesLimitReached => ModelError::TooLarge {
+                    place,
+                    message: format!("more than {MAX_NODES} XML nodes"),
+                    remedy: "reduce the file to the robot's description".into(),
+                },
+                other => ModelError::Syntax {
+                    place,
+                    message: format!("not well-formed XML: {other}"),
+                    remedy: "correct the XML at this place".into(),
+                },
+            }
+        })?;
+        self.convert(document.root_element(), file, 1)
+    }
+
+    fn convert(&mut self, node: Node, file: u32, depth: usize) -> Result<Element, ModelError> {
+        let at = At { file, byte: node.range().start as u32 };
+        if depth > MAX_DEPTH {
+            return Err(ModelError::TooLarge {
+                place: self.sources.place(at),
+                message: format!("elements nested deeper than {MAX_DEPTH}"),
+                remedy: "flatten the file".into(),
+            });
+        }
+        let attributes = node
+            .attributes()
+            .map(|a| Attribute {
+                name: a.name().to_string(),
+                value: a.value().to_string(),
+                at: At { file, byte: a.range().start as u32 },
+            })
+            .collect();
+        let name = node.tag_name().name().to_string();
+        let mut element = Element { name, attributes, children: Vec::new(), at };
+        for child in node.children().filter(Node::is_element) {
+            if child.tag_name().name() == "include" {
+                let included = self.include(child, file)?;
+                element.children.extend(self.adopt(included, depth)?);
+            } else {
+                element.children.push(self.convert(child, file, depth + 1)?);
+            }
+        }
+        Ok(element)
+    }
+
+    /// The included root's children become children at `depth + 1`; their depth is checked again.
+    fn adopt(&self, included: Element, depth: usize) -> Result<Vec<Element>, ModelError> {
+        if depth + height(&included) - 1 > MAX_DEPTH {
+            return Err(ModelError::TooLarge {
+                place: self.sources.place(included.at),
+                message: format!("included elements end up nested deeper than {MAX_DEPTH}"),
+                remedy: "flatten the file".into(),
+            });
+        }
+        Ok(included.children)
+    }
+
+    fn include(&mut self, node: Node, file: u32) -> Result<Element, ModelError> {
+        let place = self.sources.place(At { file, byte: node.range().start as u32 });
+        let invalid = |message: String, remedy: &str| ModelError::Invalid {
+            place: place.clone(),
+            message,
+            remedy: remedy.to_string(),
+        };
+        if let Some(other) = node.attributes().find(|a| a.name() != "file") {
+            return Err(invalid(
+                format!("<include> has no attribute \"{}\"", shorten(other.name())),
+                "keep only `file`",
+            ));
+        }
+        let Some(wanted) = node.attribute("file") else {
+            return Err(invalid("<include> names no file".into(), "add file=\"...\""));
+        };
+        let Some(base) = &self.base else {
+            return Err(invalid(
+                "<include> in a text without a folder".into(),
+                "read the model from a file, or paste the included elements",
+            ));
+        };
+        if self.seen.len() >= MAX_FILES {
+            return Err(ModelError::TooLarge {
+                place,
+                message: format!("more than {MAX_FILES} files joined by <include>"),
+                remedy: "merge them".into(),
+            });
+        }
+        let path = base.join(wanted);
+        let text = self.read(&path).map_err(|error| match error {
+            ModelError::Io { source, .. } => {
+                invalid(format!("cannot include {}: {source}", path.display()), "correct the file name")
+            }
+            other => other,
+        })?;
+        if !self.seen.insert(canonical(&path)) {
+            return Err(invalid(
+                format!("{} is included twice, or includes itself", path.display()),
+                "include every file once",
+            ));
+        }
+        self.parse(path.display().to_string(), text)
+    }
+}
+
+/// Levels of elements, the element's own included. Recursion is bounded by [`MAX_DEPTH`].
+fn height(element: &Element) -> usize {
+    1 + element.children.iter().map(height).max().unwrap_or(0)
+}
+
+/// One name for one file, so that `a/../x.xml` and `x.xml` are the same include.
+fn canonical(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
+}
