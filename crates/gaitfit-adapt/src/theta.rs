@@ -103,7 +103,9 @@ pub enum ThetaError {
         found: String,
     },
     /// Two entries change the same quantity of the same joint.
-    #[error("parameters `{first}` and `{second}` both set {kind} of joint `{joint}`; limit one with `joints`")]
+    #[error(
+        "parameters `{first}` and `{second}` both set {kind} of joint `{joint}`; limit one with `joints`"
+    )]
     Overlap {
         /// One entry.
         first: String,
@@ -227,7 +229,10 @@ mod tests {
     use super::*;
 
     fn joints() -> Vec<String> {
-        ["FL", "FR"].iter().flat_map(|leg| ["hip", "thigh", "calf"].map(|part| format!("{leg}_{part}"))).collect()
+        ["FL", "FR"]
+            .iter()
+            .flat_map(|leg| ["hip", "thigh", "calf"].map(|part| format!("{leg}_{part}")))
+            .collect()
     }
 
     fn groups() -> Vec<(String, Vec<String>)> {

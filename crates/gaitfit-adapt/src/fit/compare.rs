@@ -58,8 +58,17 @@ pub fn compare(
     let mut agreements = Vec::with_capacity(pairs.len());
     for (index, (a, b)) in pairs.iter().enumerate() {
         let reason = apart.iter().position(|&one| one == index).map(|at| {
-            let rise = |found: &[Option<f64>], best: f64| found.get(at).copied().flatten().map(|cost| cost / best - 1.0);
-            reason(first, rise(&first_rise, first.best_cost), a, second, rise(&second_rise, second.best_cost), b)
+            let rise = |found: &[Option<f64>], best: f64| {
+                found.get(at).copied().flatten().map(|cost| cost / best - 1.0)
+            };
+            reason(
+                first,
+                rise(&first_rise, first.best_cost),
+                a,
+                second,
+                rise(&second_rise, second.best_cost),
+                b,
+            )
         });
         agreements.push(Agreement {
             name: a.name.clone(),

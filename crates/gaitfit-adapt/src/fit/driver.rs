@@ -1,7 +1,7 @@
 //! The driver: all runs in lock-step, one batch a generation.
 
 use super::evaluate::{Job, evaluate};
-use super::run::{Best, Checkpoint, Run, Stop};
+use super::run::{Checkpoint, Run, Stop};
 use super::{CostOutcome, FitError};
 use crate::cost::Cost;
 use crate::{Simulator, Theta};
@@ -93,16 +93,28 @@ impl<'a> Fit<'a> {
         checkpoint: Checkpoint,
     ) -> Result<Self, FitError> {
         let mut fit = Self::new(simulator, theta, costs, options)?;
-        let names: Vec<&str> = fit.runs.iter().map(|run| costs[run.cost].name()).collect();
-        fit.runs = checkpoint.restore(theta, &names, &fit.runs)?;
+        if checkpoint.parameters != fit.parameters() || checkpoint.runs.len() != fit.runs.len() {
+            let found = format!("{} runs of {}", checkpoint.runs.len(), checkpoint.parameters.join(", "));
+            return Err(FitError::Checkpoint(format!("it holds {found}")));
+        }
+        for (run, saved) in fit.runs.iter_mut().zip(checkpoint.runs) {
+            *run = run.restored(costs[run.cost].name(), saved)?;
+        }
         fit.generation = checkpoint.generation;
         Ok(fit)
     }
 
     /// The state, to be saved; small.
     pub fn checkpoint(&self) -> Checkpoint {
-        let names = |run: &Run| self.costs[run.cost].name().to_owned();
-        Checkpoint::new(self.generation, self.theta, self.runs.iter().map(|run| (names(run), run)))
+        Checkpoint {
+            generation: self.generation,
+            parameters: self.parameters(),
+            runs: self.runs.iter().map(|run| run.save(self.costs[run.cost].name())).collect(),
+        }
+    }
+
+    fn parameters(&self) -> Vec<String> {
+        self.theta.entries.iter().map(|entry| entry.name.clone()).collect()
     }
 
     /// Generations done.
@@ -125,7 +137,7 @@ impl<'a> Fit<'a> {
         let mut sizes = Vec::with_capacity(active.len());
         for &index in &active {
             let run = &mut self.runs[index];
-            let asked = run.ask()?;
+            let asked = run.ask();
             sizes.push(asked.len());
             jobs.extend(asked.into_iter().map(|values| Job { cost: run.cost, values }));
         }
@@ -138,16 +150,19 @@ impl<'a> Fit<'a> {
             from += size;
             let run = &mut self.runs[index];
             let cost = self.costs[run.cost].name();
-            reports.push(run.tell(cost, generation, &jobs[batch.clone()], &found[batch], &self.options)?);
+            reports.push(run.tell(cost, &found[batch], &self.options)?);
         }
         self.generation = generation;
         Ok(Some(Generation { generation, evaluations: jobs.len(), runs: reports }))
     }
 
-    /// The best candidate so far of the cost called `cost`.
-    pub fn best(&self, cost: usize) -> Option<&Best> {
-        let runs = self.runs.iter().filter(|run| run.cost == cost);
-        runs.filter_map(|run| run.best.as_ref()).min_by(|a, b| a.cost.total_cmp(&b.cost))
+    /// Smallest value so far of each cost, in the order of the costs.
+    pub fn best_costs(&self) -> Vec<Option<f64>> {
+        let best = |cost: usize| {
+            let runs = self.runs.iter().filter(|run| run.cost == cost);
+            runs.filter_map(Run::best_cost).reduce(f64::min)
+        };
+        (0..self.costs.len()).map(best).collect()
     }
 
     /// What has been found, one outcome a cost; empty for a cost without a finite value yet.

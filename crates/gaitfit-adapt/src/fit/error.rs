@@ -1,6 +1,7 @@
 //! Why a fit cannot go on.
 
 use crate::SimulatorError;
+use crate::cmaes::CmaError;
 use crate::cost::CostError;
 
 /// Why a fit cannot go on.
@@ -14,7 +15,7 @@ pub enum FitError {
     Cost(#[source] CostError),
     /// The optimiser refused its settings or a generation.
     #[error("the optimiser stopped: {0}")]
-    Optimizer(String),
+    Optimizer(#[source] CmaError),
     /// The simulator did not deliver every recording of every candidate.
     #[error("the simulator left out recordings of a candidate; it must report each once")]
     Incomplete,

@@ -1,6 +1,6 @@
 //! Costs of many candidates on all recordings, as one batch of the simulator.
 
-use super::FitError;
+use super::{FitError, Predicted};
 use crate::cost::{Accumulator, Cost, CostError, Simulated};
 use crate::{Signals, Simulator, Theta};
 use std::sync::Mutex;
@@ -71,4 +71,25 @@ pub fn evaluate(
         }
     };
     pending.into_iter().map(finish).collect()
+}
+
+/// The signals of one candidate on every recording, in their order.
+pub fn simulate_one(
+    simulator: &dyn Simulator,
+    theta: &Theta,
+    values: &[f64],
+) -> Result<Vec<Predicted>, FitError> {
+    let found: Vec<Mutex<Option<Predicted>>> =
+        (0..simulator.recordings()).map(|_| Mutex::new(None)).collect();
+    simulator.simulate(theta, &[values.to_vec()], &|_, recording, signals: Signals<'_>| {
+        if let Some(slot) = found.get(recording) {
+            let predicted =
+                Predicted { position: signals.position.to_vec(), velocity: signals.velocity.to_vec() };
+            *slot.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(predicted);
+        }
+    })?;
+    let take = |slot: Mutex<Option<Predicted>>| {
+        slot.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()).ok_or(FitError::Incomplete)
+    };
+    found.into_iter().map(take).collect()
 }

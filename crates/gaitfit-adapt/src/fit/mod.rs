@@ -15,6 +15,6 @@ pub use baseline::{Predicted, TargetSignal, best_delay, delayed};
 pub use compare::{Agreement, compare};
 pub use driver::{Fit, FitOptions, Generation, RunGeneration};
 pub use error::FitError;
-pub use evaluate::{Job, evaluate};
+pub use evaluate::{Job, evaluate, simulate_one};
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};
-pub use run::{Best, Checkpoint, Stop};
+pub use run::{Checkpoint, SavedRun, Stop};

@@ -89,9 +89,10 @@ impl ParameterRule {
                 let name = self.name.clone().unwrap_or_else(|| named_after(kind, &self.joints));
                 Ok(vec![self.entry(name, covered)])
             }
-            Sharing::Joint => {
-                Ok(covered.into_iter().map(|joint| self.entry(format!("{prefix}_{joint}"), vec![joint])).collect())
-            }
+            Sharing::Joint => Ok(covered
+                .into_iter()
+                .map(|joint| self.entry(format!("{prefix}_{joint}"), vec![joint]))
+                .collect()),
             Sharing::Group => {
                 let mut found: Vec<(&str, Vec<&String>)> = Vec::new();
                 let compiled: Vec<(&str, GlobSet)> = groups
@@ -99,8 +100,11 @@ impl ParameterRule {
                     .map(|(name, patterns)| Ok((name.as_str(), matcher(patterns)?)))
                     .collect::<Result<_, ThetaError>>()?;
                 for joint in covered {
-                    let of: Vec<&str> =
-                        compiled.iter().filter(|(_, set)| set.is_match(joint)).map(|(name, _)| *name).collect();
+                    let of: Vec<&str> = compiled
+                        .iter()
+                        .filter(|(_, set)| set.is_match(joint))
+                        .map(|(name, _)| *name)
+                        .collect();
                     let [group] = of[..] else {
                         let found = if of.is_empty() { "none".to_owned() } else { of.join(" and ") };
                         return Err(ThetaError::Group { kind, joint: joint.clone(), found });
@@ -110,7 +114,10 @@ impl ParameterRule {
                         None => found.push((group, vec![joint])),
                     }
                 }
-                Ok(found.into_iter().map(|(group, joints)| self.entry(format!("{prefix}_{group}"), joints)).collect())
+                Ok(found
+                    .into_iter()
+                    .map(|(group, joints)| self.entry(format!("{prefix}_{group}"), joints))
+                    .collect())
             }
         }
     }

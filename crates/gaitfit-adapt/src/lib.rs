@@ -1,0 +1,12 @@
+//! Fitting a simulator to a robot: θ, costs, CMA-ES and the loop that joins them.
+
+pub mod cmaes;
+pub mod cost;
+pub mod fit;
+mod replay;
+mod simulator;
+mod theta;
+
+pub use replay::ReplaySimulator;
+pub use simulator::{Consume, Signals, Simulator, SimulatorError};
+pub use theta::{Defaults, Entry, ParameterRule, Quantity, Sharing, Theta, ThetaError};

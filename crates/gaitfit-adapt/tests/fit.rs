@@ -1,0 +1,172 @@
+//! The fit driver against a simulator of two formulas: it finds known parameters, resumes to the same bits,
+//! counts divergence, and compares costs.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use gaitfit_adapt::cost::{Cost, MatchO, Recorded, Target, Wass, Weights};
+use gaitfit_adapt::fit::{Checkpoint, Fit, FitError, FitOptions, Job, Stop, compare, evaluate, simulate_one};
+use gaitfit_adapt::{Consume, ParameterRule, Quantity, Sharing, Signals, Simulator, SimulatorError, Theta};
+use std::sync::Arc;
+
+/// q = damping · sin(ω t) + bias, one frequency a recording: each value leaves its own mark.
+struct Sines {
+    joints: Vec<String>,
+    /// Damping above which the "simulation" is not a number.
+    limit: f64,
+}
+
+const SAMPLES: usize = 400;
+
+impl Simulator for Sines {
+    fn joints(&self) -> &[String] {
+        &self.joints
+    }
+
+    fn recordings(&self) -> usize {
+        2
+    }
+
+    fn simulate(
+        &self,
+        theta: &Theta,
+        candidates: &[Vec<f64>],
+        consume: &Consume<'_>,
+    ) -> Result<(), SimulatorError> {
+        for (candidate, values) in candidates.iter().enumerate() {
+            let mut size = vec![1.0; self.joints.len()];
+            let mut bias = vec![0.0; self.joints.len()];
+            theta.apply(values, &self.joints, |quantity, joint, value| match quantity {
+                Quantity::Damping => size[joint] = if value > self.limit { f64::NAN } else { value },
+                Quantity::EncoderBias => bias[joint] = value,
+                _ => {}
+            });
+            for recording in 0..2 {
+                let omega = 3.0 + recording as f64;
+                let mut position = Vec::new();
+                let mut velocity = Vec::new();
+                for sample in 0..SAMPLES {
+                    let t = sample as f64 * 0.01;
+                    for joint in 0..self.joints.len() {
+                        position.push((size[joint] * (omega * t).sin() + bias[joint]) as f32);
+                        velocity.push((size[joint] * omega * (omega * t).cos()) as f32);
+                    }
+                }
+                consume(candidate, recording, Signals { position: &position, velocity: &velocity });
+            }
+        }
+        Ok(())
+    }
+}
+
+const TRUTH: [f64; 3] = [0.8, 0.02, -0.03];
+
+fn sines(limit: f64) -> Sines {
+    Sines { joints: ["FL_hip", "FR_hip"].map(String::from).to_vec(), limit }
+}
+
+fn theta() -> Theta {
+    let damping = ParameterRule { per: Sharing::All, ..ParameterRule::new(Quantity::Damping) };
+    let bias = ParameterRule { per: Sharing::Joint, ..ParameterRule::new(Quantity::EncoderBias) };
+    Theta::from_rules(&[damping, bias], &[], &sines(9.0).joints).unwrap()
+}
+
+fn costs(simulator: &Sines) -> Vec<Box<dyn Cost>> {
+    let truth = simulate_one(simulator, &theta(), &TRUTH).unwrap();
+    let wide = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect::<Vec<f64>>();
+    let recorded: Vec<Recorded> = truth
+        .iter()
+        .map(|log| Recorded { position: wide(&log.position), velocity: wide(&log.velocity), action: None })
+        .collect();
+    let target = Arc::new(Target::new(simulator.joints.clone(), &recorded, 0).unwrap());
+    let weights = Weights::of(&target);
+    vec![
+        Box::new(MatchO::new(Arc::clone(&target), weights).unwrap()),
+        Box::new(Wass::new(target, weights).unwrap()),
+    ]
+}
+
+fn options(generations: usize) -> FitOptions {
+    FitOptions { population: 0, generations, seeds: vec![1, 2, 3], separable: false, tolerance: 1e-5 }
+}
+
+#[test]
+fn both_costs_find_the_truth_and_agree() {
+    let simulator = sines(9.0);
+    let (theta, costs) = (theta(), costs(&simulator));
+    let mut fit = Fit::new(&simulator, &theta, &costs, options(400)).unwrap();
+    let mut evaluations = 0;
+    while let Some(generation) = fit.step().unwrap() {
+        evaluations += generation.evaluations;
+    }
+    let outcomes = fit.outcomes();
+    assert_eq!(outcomes.iter().map(|outcome| outcome.cost.as_str()).collect::<Vec<_>>(), ["matcho", "wass"]);
+    let told: usize = outcomes.iter().flat_map(|outcome| &outcome.runs).map(|run| run.generations * 7).sum();
+    assert_eq!(evaluations, told);
+    for outcome in &outcomes {
+        for (parameter, truth) in outcome.parameters.iter().zip(TRUTH) {
+            assert!((parameter.value - truth).abs() < 1e-4, "{} {}: {parameter:?}", outcome.cost, truth);
+            assert!(parameter.spread.unwrap() < 1e-4 && !parameter.at_bound, "{parameter:?}");
+        }
+        assert!(outcome.runs.iter().all(|run| run.stop == Some(Stop::Tolerance)), "{:?}", outcome.runs);
+    }
+    let on = |cost: usize| {
+        let (simulator, theta, costs) = (&simulator, &theta, &costs);
+        move |values: &[Vec<f64>]| {
+            let jobs: Vec<Job> = values.iter().map(|values| Job { cost, values: values.clone() }).collect();
+            evaluate(simulator, theta, costs, &jobs)
+        }
+    };
+    let agreements = compare(&outcomes[0], &outcomes[1], on(0), on(1)).unwrap();
+    assert!(agreements.iter().all(|one| one.agrees == Some(one.reason.is_none())), "{agreements:?}");
+}
+
+#[test]
+fn a_resumed_fit_ends_with_the_same_bits() {
+    let simulator = sines(9.0);
+    let (theta, costs) = (theta(), costs(&simulator));
+    let mut whole = Fit::new(&simulator, &theta, &costs, options(30)).unwrap();
+    while whole.step().unwrap().is_some() {}
+
+    let mut part = Fit::new(&simulator, &theta, &costs, options(30)).unwrap();
+    for _ in 0..11 {
+        part.step().unwrap();
+    }
+    let saved = serde_json::to_string(&part.checkpoint()).unwrap();
+    let checkpoint: Checkpoint = serde_json::from_str(&saved).unwrap();
+    let mut resumed = Fit::resume(&simulator, &theta, &costs, options(30), checkpoint).unwrap();
+    assert_eq!(resumed.generation(), 11);
+    while resumed.step().unwrap().is_some() {}
+    assert_eq!(resumed.outcomes(), whole.outcomes());
+    assert_eq!(resumed.checkpoint(), whole.checkpoint());
+}
+
+#[test]
+fn a_checkpoint_of_another_fit_is_refused() {
+    let simulator = sines(9.0);
+    let (theta, costs) = (theta(), costs(&simulator));
+    let fit = Fit::new(&simulator, &theta, &costs, options(5)).unwrap();
+    let mut other = fit.checkpoint();
+    other.parameters[0] = "armature".into();
+    let error = Fit::resume(&simulator, &theta, &costs, options(5), other).err().unwrap();
+    assert!(matches!(error, FitError::Checkpoint(_)), "{error}");
+    let seeds = FitOptions { seeds: vec![7, 8, 9], ..options(5) };
+    let error = Fit::resume(&simulator, &theta, &costs, seeds, fit.checkpoint()).err().unwrap();
+    assert!(error.to_string().contains("seed 7"), "{error}");
+}
+
+#[test]
+fn diverged_candidates_are_counted_and_ranked_last() {
+    // The truth lies close below the limit, so part of each generation diverges.
+    let simulator = sines(0.81);
+    let (theta, costs) = (theta(), costs(&simulator));
+    let mut fit = Fit::new(&simulator, &theta, &costs[..1], options(300)).unwrap();
+    while fit.step().unwrap().is_some() {}
+    let outcome = &fit.outcomes()[0];
+    assert!(outcome.runs.iter().any(|run| run.diverged > 0));
+    assert!((outcome.parameters[0].value - TRUTH[0]).abs() < 1e-3, "{outcome:?}");
+    assert!(outcome.best_cost.is_finite());
+
+    let hopeless = sines(-1.0);
+    let mut fit = Fit::new(&hopeless, &theta, &costs[..1], options(5)).unwrap();
+    let error = fit.step().unwrap_err();
+    assert!(matches!(error, FitError::AllDiverged { generation: 1, .. }), "{error}");
+}

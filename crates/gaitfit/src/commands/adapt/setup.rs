@@ -1,0 +1,174 @@
+//! Everything a fit needs, read and checked before anything is written.
+
+use super::logs::{self, Log};
+use crate::config::{AdaptConfig, CostName, PresetName};
+use crate::exit::Failure;
+use crate::{machine, paths, robot};
+use gaitfit_adapt::cost::{Cost, CostError, MatchO, Recorded, Target, Wass, Weights};
+use gaitfit_adapt::fit::FitOptions;
+use gaitfit_adapt::{Quantity, ReplaySimulator, Theta};
+use gaitfit_model::Model;
+use gaitfit_physics::Preset;
+use gaitfit_sim::ReplayOptions;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A set of logs with the simulator that replays them and the robot side of every cost.
+pub struct LogSet {
+    /// The logs.
+    pub logs: Vec<Log>,
+    /// Replays them.
+    pub simulator: ReplaySimulator,
+    /// Their measured side.
+    pub target: Arc<Target>,
+}
+
+/// Everything a fit needs.
+pub struct Setup {
+    /// Where the robot was found.
+    pub robot_path: PathBuf,
+    /// The robot, clamped.
+    pub model: Model,
+    /// What is fitted.
+    pub theta: Theta,
+    /// The logs that are fitted.
+    pub fit: LogSet,
+    /// The logs that are not.
+    pub validate: Option<LogSet>,
+    /// The costs, in the configuration's order.
+    pub costs: Vec<Box<dyn Cost>>,
+    /// Optimiser settings.
+    pub options: FitOptions,
+    /// Things to know before trusting the result.
+    pub warnings: Vec<String>,
+}
+
+/// Reads robot and logs and checks the settings.
+pub fn setup(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -> Result<Setup, Failure> {
+    check(config, config_path)?;
+    let robot_path = paths::find(&config.robot, "robot", config_path)?;
+    let model = robot::read(&robot_path, config.lenient, robot::Hold::Clamped)?;
+    let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+    let groups: Vec<(String, Vec<String>)> =
+        config.groups.iter().map(|(name, patterns)| (name.clone(), patterns.clone())).collect();
+    let theta = Theta::from_rules(&config.parameter, &groups, &joints)
+        .map_err(|error| Failure::usage(format!("{}: {error}", config_path.display())))?;
+
+    let read = |named: &String, gains| logs::read(named, config_path, config, &joints, gains);
+    let fit_logs = config.logs.iter().map(|named| read(named, &[])).collect::<Result<Vec<_>, _>>()?;
+    let validate_logs =
+        config.validate.iter().map(|named| read(named, &config.validate_gains)).collect::<Result<Vec<_>, _>>()?;
+    let mut warnings = Vec::new();
+    for log in &validate_logs {
+        if fit_logs.iter().any(|fitted| fitted.path == log.path) {
+            warnings.push(format!("{} is fitted and validated on: its error there proves nothing", log.name));
+        }
+    }
+
+    let threads = threads.or(Some(config.simulation.threads).filter(|&threads| threads > 0));
+    let threads = threads.unwrap_or_else(machine::threads);
+    let set = |logs: Vec<Log>| log_set(config, &model, &theta, &joints, threads, logs);
+    let fit = set(fit_logs)?;
+    let validate = if validate_logs.is_empty() { None } else { Some(set(validate_logs)?) };
+    for (signal, joint) in fit.target.constant() {
+        warnings.push(format!("{signal} of joint {joint} is constant in the logs and left out of the costs"));
+    }
+    let costs = config.costs.iter().map(|&name| cost(name, &fit.target)).collect::<Result<Vec<_>, _>>();
+    let costs = costs.map_err(|error| Failure::failed(format!("the logs cannot be compared: {error}")))?;
+    Ok(Setup { robot_path, model, theta, fit, validate, costs, options: options(config), warnings })
+}
+
+fn check(config: &AdaptConfig, path: &Path) -> Result<(), Failure> {
+    let optimizer = &config.optimizer;
+    let not_negative = |value: f64| value.is_finite() && value >= 0.0;
+    let wrong = if config.robot.is_empty() {
+        "`robot` names no robot file"
+    } else if config.logs.is_empty() {
+        "`logs` names no log to fit"
+    } else if config.costs.is_empty() {
+        "`costs` names no cost; take \"matcho\", \"wass\" or both"
+    } else if (1..config.costs.len()).any(|index| config.costs[..index].contains(&config.costs[index])) {
+        "`costs` names one cost twice"
+    } else if optimizer.generations == 0 {
+        "`optimizer.generations` must be at least 1"
+    } else if optimizer.seeds == 0 || optimizer.seeds > 1000 {
+        "`optimizer.seeds` must be 1 to 1000"
+    } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none() {
+        "`optimizer.seed` is too large"
+    } else if optimizer.population == 1 || optimizer.population > 100_000 {
+        "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 100000"
+    } else if !not_negative(optimizer.tolerance) || optimizer.tolerance >= 1.0 {
+        "`optimizer.tolerance` must be at least 0 and below 1"
+    } else if !not_negative(optimizer.max_seconds) {
+        "`optimizer.max_seconds` must be at least 0"
+    } else if !not_negative(config.checkpoint_seconds) {
+        "`checkpoint_seconds` must be at least 0"
+    } else if !config.simulation.timestep.is_finite() || config.simulation.timestep < 1e-6 {
+        "`simulation.timestep` must be at least 1e-6 s"
+    } else if !not_negative(config.simulation.skip_seconds) {
+        "`simulation.skip_seconds` must be at least 0"
+    } else if config.check.rmse_rad.is_some() && config.validate.is_empty() {
+        "`check.rmse_rad` needs logs in `validate`"
+    } else {
+        return Ok(());
+    };
+    Err(Failure::usage(format!("{}: {wrong}. `gaitfit config` shows every setting.", path.display())))
+}
+
+/// Replays logs that share a sample rate closely enough to share a number of substeps.
+fn log_set(
+    config: &AdaptConfig,
+    model: &Model,
+    theta: &Theta,
+    joints: &[String],
+    threads: usize,
+    logs: Vec<Log>,
+) -> Result<LogSet, Failure> {
+    let longest = logs.iter().map(|log| log.recording.dt).fold(0.0, f64::max);
+    // A log at 5.001 ms and a step of 5 ms mean one step a sample: a percent is clock error, not a finer rate.
+    let substeps = (longest / config.simulation.timestep - 0.01).ceil().max(1.0) as usize;
+    let options = ReplayOptions {
+        substeps,
+        preset: match config.simulation.preset {
+            PresetName::Fast => Preset::Fast,
+            PresetName::Accurate => Preset::Accurate,
+            PresetName::Converged => Preset::Converged,
+        },
+        max_delay: theta.largest(Quantity::Delay).unwrap_or(0.0),
+    };
+    let recordings = logs.iter().map(|log| log.recording.clone()).collect();
+    let simulator = ReplaySimulator::new(model, recordings, options, threads).map_err(Failure::failed)?;
+    let recorded = |(number, log): (usize, &Log)| Recorded::from_trajectory(&log.trajectory, joints, number);
+    let target = || -> Result<Target, CostError> {
+        let recorded = logs.iter().enumerate().map(recorded).collect::<Result<Vec<_>, _>>()?;
+        let skip = (config.simulation.skip_seconds / longest).round() as usize;
+        Target::new(joints.to_vec(), &recorded, skip)
+    };
+    let target = target().map_err(|error| {
+        let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
+        Failure::failed(format!("{}: {error}.", names.join(", ")))
+    })?;
+    Ok(LogSet { logs, simulator, target: Arc::new(target) })
+}
+
+/// Actions carry no weight: a replay sends the log's own targets, so both sides act the same and the action's
+/// part of either cost is zero.
+fn cost(name: CostName, target: &Arc<Target>) -> Result<Box<dyn Cost>, CostError> {
+    let weights = Weights { position: 1.0, velocity: 1.0, action: 0.0 };
+    let target = Arc::clone(target);
+    Ok(match name {
+        CostName::MatchO => Box::new(MatchO::new(target, weights)?),
+        CostName::Wass => Box::new(Wass::new(target, weights)?),
+    })
+}
+
+fn options(config: &AdaptConfig) -> FitOptions {
+    let optimizer = &config.optimizer;
+    FitOptions {
+        population: optimizer.population,
+        generations: optimizer.generations,
+        seeds: (0..optimizer.seeds as u64).map(|offset| optimizer.seed + offset).collect(),
+        separable: optimizer.covariance == crate::config::CovarianceName::Separable,
+        tolerance: optimizer.tolerance,
+    }
+}
