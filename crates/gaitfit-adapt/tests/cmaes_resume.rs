@@ -11,7 +11,7 @@ fn cost(x: &[f64]) -> f64 {
 
 fn costs(x: &[Vec<f64>], generation: u32) -> Vec<f64> {
     // A failure now and then, so that failed costs pass through the saved history.
-    (0..).zip(x).map(|(k, x)| if (k + generation) % 11 == 0 { f64::NAN } else { cost(x) }).collect()
+    (0..).zip(x).map(|(k, x)| if (k + generation).is_multiple_of(11) { f64::NAN } else { cost(x) }).collect()
 }
 
 fn settings(covariance: CovarianceKind) -> Settings {

@@ -3,7 +3,9 @@
 use super::covariance::EPS;
 use super::settings::MEAN_MAX;
 use super::stop::{history_length, reason};
-use super::{AddressedNormals, Best, CmaError, Constants, NormalSource, Settings, State, StopReason};
+use super::{
+    AddressedNormals, Best, BoundHandling, CmaError, Constants, NormalSource, Settings, State, StopReason,
+};
 
 /// Largest step size, as the `cmaes` package.
 const SIGMA_MAX: f64 = 1e32;
@@ -80,7 +82,8 @@ impl Cma {
         Population { generation: self.state.generation, x, scaled }
     }
 
-    /// Draws until the point lies inside the bounds; after `max_resampling` draws one more is clipped.
+    /// A point in scaled coordinates. With resampling it lies inside the bounds: after `max_resampling` draws
+    /// outside, one more is clipped.
     fn sample(&self, candidate: u32, normals: &dyn NormalSource) -> Vec<f64> {
         let Settings { deviation, lower, upper, .. } = &self.settings;
         let n = deviation.len();
@@ -94,7 +97,7 @@ impl Cma {
                 *value = mean + self.state.sigma * *value;
             }
             let inside = (0..n).all(|i| point[i] >= bound(lower, i) && point[i] <= bound(upper, i));
-            if inside {
+            if inside || self.settings.bound_handling == BoundHandling::Reflect {
                 return point;
             }
             if attempt >= self.settings.max_resampling {
@@ -107,10 +110,19 @@ impl Cma {
         }
     }
 
-    /// Scaled coordinates in the problem's units; clamped, because rounding may step over a bound.
+    /// Scaled coordinates in the problem's units, inside the bounds (rounding may step over one).
     fn unscale(&self, point: &[f64]) -> Vec<f64> {
-        let Settings { deviation, lower, upper, .. } = &self.settings;
-        (0..point.len()).map(|i| (point[i] * deviation[i]).max(lower[i]).min(upper[i])).collect()
+        let Settings { deviation, lower, upper, bound_handling, .. } = &self.settings;
+        (0..point.len())
+            .map(|i| {
+                let x = point[i] * deviation[i];
+                let x = match bound_handling {
+                    BoundHandling::Resample => x,
+                    BoundHandling::Reflect => reflect(x, lower[i], upper[i]),
+                };
+                x.max(lower[i]).min(upper[i])
+            })
+            .collect()
     }
 
     /// Updates the distribution with one cost a candidate, in the population's order; smaller is better. Costs that
@@ -267,17 +279,52 @@ fn rank(costs: &[f64]) -> Vec<usize> {
     order
 }
 
+/// `x` mirrored at the bounds, either of which may be infinite, until it lies between them.
+fn reflect(x: f64, lower: f64, upper: f64) -> f64 {
+    let width = upper - lower;
+    if (lower..=upper).contains(&x) || width == 0.0 {
+        return x;
+    }
+    match (lower.is_finite(), upper.is_finite()) {
+        (true, true) => {
+            let offset = (x - lower).rem_euclid(2.0 * width);
+            lower + if offset > width { 2.0 * width - offset } else { offset }
+        }
+        (true, false) => lower + (lower - x),
+        _ => upper - (x - upper),
+    }
+}
+
 fn squared_norm(vector: &[f64]) -> f64 {
     vector.iter().map(|value| value * value).sum()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::rank;
+    use super::{rank, reflect};
 
     #[test]
     fn failed_candidates_rank_last_and_ties_by_number() {
         let costs = [f64::NAN, 2.0, f64::NEG_INFINITY, 1.0, 2.0, 0.0, -0.0, f64::INFINITY, -1.0];
         assert_eq!(rank(&costs), [8, 5, 6, 3, 1, 4, 0, 2, 7]);
+    }
+
+    #[test]
+    fn reflection_by_hand() {
+        let infinite = f64::INFINITY;
+        for (x, lower, upper, expected) in [
+            (0.25, 0.0, 1.0, 0.25),
+            (-0.25, 0.0, 1.0, 0.25),
+            (1.25, 0.0, 1.0, 0.75),
+            (2.25, 0.0, 1.0, 0.25),
+            (-3.25, 0.0, 1.0, 0.75),
+            (-5.0, -2.0, infinite, 1.0),
+            (9.0, -infinite, 7.0, 5.0),
+            (9.0, -infinite, infinite, 9.0),
+        ] {
+            assert_eq!(reflect(x, lower, upper), expected, "{x} in [{lower}, {upper}]");
+        }
+        // A coordinate without room is clamped by the caller.
+        assert_eq!(reflect(3.0, 2.0, 2.0), 3.0);
     }
 }

@@ -38,6 +38,6 @@ pub use covariance::Covariance;
 pub use error::CmaError;
 pub use normals::{AddressedNormals, NormalSource};
 pub use restart::{RestartPlan, RestartStart, RunSummary, Search, SearchState};
-pub use settings::{CovarianceKind, Settings};
+pub use settings::{BoundHandling, CovarianceKind, Settings};
 pub use state::{Best, State};
 pub use stop::{StopReason, Tolerances};

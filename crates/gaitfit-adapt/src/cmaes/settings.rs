@@ -17,6 +17,21 @@ pub enum CovarianceKind {
     Separable,
 }
 
+/// What happens to draws outside the bounds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BoundHandling {
+    /// Draw again, up to `max_resampling` times, then clip: the `cmaes` package. When the optimum lies on several
+    /// bounds at once the mean is pressed into the corner, p_σ never settles and σ may grow without bound; the
+    /// best candidate stays a little off the corner.
+    #[default]
+    Resample,
+    /// Mirror at the bounds, as often as needed: the distribution is unbounded, the cost seen by it is periodic and
+    /// even about every bound, and an optimum on bounds is an ordinary optimum. No draw is wasted. Prefer it where
+    /// optima on bounds are likely.
+    Reflect,
+}
+
 /// Settings of one run. All vectors have one entry a coordinate and are in the problem's own units.
 ///
 /// Coordinates are divided by `deviation` inside: with u = x / deviation, the algorithm runs on u with the scalar
@@ -34,6 +49,8 @@ pub struct Settings {
     pub lower: Vec<f64>,
     /// Upper bounds; +∞ for none (default).
     pub upper: Vec<f64>,
+    /// Treatment of draws outside the bounds; default resampling.
+    pub bound_handling: BoundHandling,
     /// Full or separable; default full.
     pub covariance: CovarianceKind,
     /// Candidates a generation; default 4 + ⌊3 ln n⌋ (eq. 48), at least 2.
@@ -54,6 +71,7 @@ impl Settings {
             lower: vec![f64::NEG_INFINITY; n],
             upper: vec![f64::INFINITY; n],
             sigma: 1.0,
+            bound_handling: BoundHandling::Resample,
             covariance: CovarianceKind::Full,
             population: default_population(n),
             seed,
