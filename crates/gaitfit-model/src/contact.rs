@@ -159,7 +159,7 @@ pub(crate) fn self_collisions(spec: &Spec, welds: &[usize], robot: &[bool]) -> u
             let (wa, wb) = (welds[a], welds[b]);
             let neighbours = wa != 0 && wb != 0 && (parent_weld(a) == wb || parent_weld(b) == wa);
             if wa != wb
-                && !(neighbours && !spec.disabled.filterparent)
+                && (!neighbours || spec.disabled.filterparent)
                 && surface.may_touch(other)
                 && !excluded.contains(&(a.min(b), a.max(b)))
                 && !explicit.contains(&[first.min(second), first.max(second)])

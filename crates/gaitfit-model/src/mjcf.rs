@@ -9,12 +9,13 @@ use crate::model::Joint;
 use crate::options::{Compiler, default_options, read_option};
 use crate::pairs::read_contact;
 use crate::spec::{Disabled, KeySpec, MAX_ITEMS, Spec};
-use crate::xml::Element;
+use crate::xml::{Element, shorten};
 
 /// Sections whose content has no influence on the motion.
-const IGNORED: [&str; 5] = ["size", "visual", "statistic", "asset", "custom"];
+const IGNORED: [&str; 4] = ["size", "visual", "statistic", "asset"];
 /// Sections that are read.
-const READ: [&str; 7] = ["compiler", "option", "default", "worldbody", "contact", "actuator", "keyframe"];
+const READ: [&str; 8] =
+    ["compiler", "option", "default", "worldbody", "contact", "actuator", "keyframe", "custom"];
 
 /// Reads the element tree of a `<mujoco>` document.
 pub(crate) fn read(ctx: &mut Context, document: &Element) -> Result<Spec, ModelError> {
@@ -61,6 +62,9 @@ pub(crate) fn read(ctx: &mut Context, document: &Element) -> Result<Spec, ModelE
     }
     for section in sections("keyframe") {
         read_keys(ctx, section, &mut spec)?;
+    }
+    for section in sections("custom") {
+        read_speed_limits(ctx, section, &mut spec)?;
     }
     for section in &document.children {
         other_section(ctx, section)?;
@@ -153,6 +157,36 @@ fn read_keys(ctx: &mut Context, section: &Element, spec: &mut Spec) -> Result<()
         a.ignore(&["time", "act", "mpos", "mquat"]);
         a.finish(ctx)?;
         spec.keys.push(key);
+    }
+    Ok(())
+}
+
+/// `<tuple name="velocity_limit">` of joints: the speed limits (rad/s) that MJCF has no attribute for.
+/// Other custom data is the user's own.
+fn read_speed_limits(ctx: &mut Context, section: &Element, spec: &mut Spec) -> Result<(), ModelError> {
+    let tuples = section.children.iter().filter(|c| c.name == "tuple");
+    for tuple in tuples.filter(|t| t.get("name") == Some("velocity_limit")) {
+        for element in &tuple.children {
+            let mut a = Attributes::new(element);
+            a.word(ctx, "objtype", &["joint"])?;
+            let wanted = a.text("objname").unwrap_or("");
+            let limit = a.number(ctx, "prm")?.filter(|limit| *limit > 0.0);
+            let joint = spec.bodies.iter_mut().flat_map(|b| &mut b.joints).find(|(j, _)| j.name == wanted);
+            match (joint, limit) {
+                (Some((joint, _)), Some(_)) if !wanted.is_empty() => joint.velocity_limit = limit,
+                _ => {
+                    return Err(ctx.invalid(
+                        element.at,
+                        format!(
+                            "velocity_limit of joint \"{}\": no such hinge, or no limit",
+                            shorten(wanted)
+                        ),
+                        "write <element objtype=\"joint\" objname=\"...\" prm=\"rad/s above zero\"/>",
+                    ));
+                }
+            }
+            a.finish(ctx)?;
+        }
     }
     Ok(())
 }

@@ -222,9 +222,10 @@ pub struct ContactPair {
     pub solreffriction: [f64; 2],
     /// Impedance.
     pub solimp: [f64; 5],
-    /// Detection distance, m (MuJoCo's margin of the pair).
+    /// Distance below which the contact's constraint is active, m (MuJoCo's `includemargin`).
     pub margin: f64,
-    /// Distance subtracted from `margin` before a force acts, m.
+    /// Distance beyond `margin` within which MuJoCo 4 lists the contact without a force, m; it does not
+    /// change the motion.
     pub gap: f64,
 }
 

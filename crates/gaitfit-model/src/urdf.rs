@@ -1,7 +1,7 @@
 //! URDF: links and joints to the same content as an MJCF file.
 //!
 //! What URDF cannot say has MuJoCo's defaults: contact parameters, solver options, no armature. A ground
-//! plane z = 0 is added, and a motor with control range ±effort on every revolute joint.
+//! plane z = 0 is added (not below a floating robot that the caller clamps), and a motor with control range ±effort on every revolute joint.
 
 use std::collections::HashMap;
 
@@ -146,22 +146,24 @@ fn assemble(
         children[connection.parent].push(index);
     }
 
-    let mut world = BodySpec::new("world".to_string(), at, 0);
-    world.geoms.push(GeomSpec {
-        name: "ground".to_string(),
-        at,
-        pos: [0.0; 3],
-        quat: IDENTITY,
-        kind: GeomKind::Plane,
-        surface: Surface::default(),
-    });
-    let mut bodies = vec![world];
+    let mut bodies = vec![BodySpec::new("world".to_string(), at, 0)];
     let mut actuators = Vec::new();
     let mut joints = 0;
     let mut bodyless: Vec<Option<BodySpec>> = links.into_iter().map(|l| Some(l.body)).collect();
     let is_world = bodyless[root].as_ref().is_some_and(|b| {
         b.name == "world" && b.inertial == MASSLESS && b.geoms.is_empty() && !children[root].is_empty()
     });
+    // A floating robot clamped on request hangs in the air: its file says nothing of a height.
+    if is_world || wanted != Some(Root::Fixed) {
+        bodies[0].geoms.push(GeomSpec {
+            name: "ground".to_string(),
+            at,
+            pos: [0.0; 3],
+            quat: IDENTITY,
+            kind: GeomKind::Plane,
+            surface: Surface::default(),
+        });
+    }
     // Depth first with an explicit stack; children reversed so that they come out in file order.
     let mut stack: Vec<(usize, usize)> = Vec::new();
     if is_world {
