@@ -2,7 +2,8 @@
 
 MuJoCo steps in C (mujoco.rollout, one MjData, no Python in the loop). Same conditions as gaitfit's benchmark: PD trot,
 pyramidal cone, 5 ms Euler steps, friction loss on, geoms against the ground only, the feet alone or every geom.
-MuJoCo's solver settings are its defaults unless given. Both programs run pinned to one core where the system can.
+MuJoCo's solver settings are its defaults unless given. Its time is CPU time, so that other programs on the core do
+not make it look slow; gaitfit states wall time, so a busy machine lowers the ratio. Both programs run pinned to one core where the system can.
 
 Usage: .venv/bin/python tools/bench_mujoco.py [--gaitfit target/release/gaitfit] [--json result.json ...]
 """
@@ -79,9 +80,9 @@ def measure(model, episodes, repeats):
     state = np.empty((episodes, EPISODE_STEPS, initial.shape[1]))
     rates = []
     for _ in range(repeats + 1):
-        begin = time.perf_counter()
+        begin = time.process_time()
         rollout.rollout(model, data, initial, control[None], state=state)
-        rates.append(episodes * EPISODE_STEPS / (time.perf_counter() - begin))
+        rates.append(episodes * EPISODE_STEPS / (time.process_time() - begin))
     contacts = []
     for row in state.reshape(-1, state.shape[2])[::97]:
         mujoco.mj_setState(model, data, row, spec)
