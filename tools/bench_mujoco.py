@@ -3,7 +3,8 @@
 MuJoCo steps in C (mujoco.rollout, one MjData, no Python in the loop). Same conditions as gaitfit's benchmark: PD trot,
 pyramidal cone, 5 ms Euler steps, friction loss on, geoms against the ground only, the feet alone or every geom.
 MuJoCo's solver settings are its defaults unless given. Its time is CPU time, so that other programs on the core do
-not make it look slow; gaitfit states wall time, so a busy machine lowers the ratio. Both programs run pinned to one core where the system can.
+not make it look slow; gaitfit states wall time, so a busy machine lowers the ratio. Both
+programs run pinned to one core where the system can.
 
 Usage: .venv/bin/python tools/bench_mujoco.py [--gaitfit target/release/gaitfit] [--json result.json ...]
 """
