@@ -5,6 +5,8 @@
 
 mod charts;
 mod format;
+mod log_picture;
 pub mod report;
 
+pub use log_picture::{log_picture_svg, log_picture_text};
 pub use report::{AdaptReport, ReportError, render};
