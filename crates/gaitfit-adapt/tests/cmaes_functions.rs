@@ -68,6 +68,13 @@ fn sphere_10() {
 }
 
 #[test]
+fn one_coordinate() {
+    for covariance in [CovarianceKind::Full, CovarianceKind::Separable] {
+        reaches("one coordinate", |seed| Settings { covariance, ..plain(1, seed) }, sphere, 1e-10, 400);
+    }
+}
+
+#[test]
 fn ellipsoid_10() {
     reaches("ellipsoid", |seed| plain(10, seed), ellipsoid, 1e-10, 8_000);
     reaches("rotated ellipsoid", |seed| plain(10, seed), rotated_ellipsoid, 1e-10, 8_000);
