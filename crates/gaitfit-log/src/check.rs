@@ -11,6 +11,7 @@ pub(crate) mod stats;
 mod time;
 mod values;
 mod velocity;
+mod windows;
 
 use crate::Trajectory;
 use serde::Serialize;

@@ -11,9 +11,11 @@
 //! # Ok::<(), gaitfit_log::LogError>(())
 //! ```
 
+mod assemble;
 mod check;
 mod columns;
 mod error;
+mod lines;
 mod metadata;
 mod ops;
 mod read;

@@ -178,7 +178,7 @@ pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), Log
     let mut metadata = Metadata::default();
     let mut used = Vec::new();
     for sidecar in [path.with_extension("toml"), path.with_file_name("log.toml")] {
-        if used.contains(&sidecar) || !sidecar.is_file() {
+        if sidecar == path || used.contains(&sidecar) || !sidecar.is_file() {
             continue;
         }
         let io = |source| LogError::Io {
@@ -196,7 +196,8 @@ pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), Log
         let text = std::fs::read_to_string(&sidecar).map_err(io)?;
         let statements: Statements = toml::from_str(&text).map_err(|error| {
             refuse(format!(
-                "{}a log's sidecar has the keys robot, rate_hz, kp, kd and the table notes",
+                "{}a log's sidecar has the keys robot, rate_hz, kp, kd and the table notes; if this file is something \
+                 else, rename it or read without sidecar files",
                 error
             ))
         })?;

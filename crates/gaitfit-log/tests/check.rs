@@ -365,6 +365,56 @@ fn the_base_tells_falls_and_lying() {
 }
 
 #[test]
+fn checks_take_any_values() {
+    let strange = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, f64::MIN, 5e-324, -0.0, 0.0, 1e18];
+    let mut limits = spec();
+    limits.lying_height = Some(0.1);
+    limits.default_pose.insert("j0".into(), 0.0);
+    for case in 0..400usize {
+        let mut log = healthy().slice(0..case % 130).unwrap();
+        let samples = log.len();
+        log.action = log.target.clone();
+        log.command = Some(vec![0.5; 3 * samples]);
+        log.base = Some(BaseState {
+            position: Some(vec![0.05; 3 * samples]),
+            quaternion: Some(vec![0.5; 4 * samples]),
+            ..BaseState::default()
+        });
+        if case % 3 == 0 {
+            log.target = None;
+        }
+        log.rate_hz = [100.0, 1e-9, 1e12][case % 7 % 3];
+        for hit in 0..case % 11 {
+            let value = strange[(case + hit) % strange.len()];
+            let base = log.base.as_mut().unwrap();
+            let arrays = [
+                &mut log.position,
+                &mut log.velocity,
+                log.action.as_mut().unwrap(),
+                log.command.as_mut().unwrap(),
+                base.quaternion.as_mut().unwrap(),
+                base.position.as_mut().unwrap(),
+            ];
+            for (i, array) in arrays.into_iter().enumerate() {
+                let length = array.len().max(1);
+                if let Some(slot) = array.get_mut((case * 31 + hit * 17 + i * 7) % length) {
+                    *slot = value;
+                }
+            }
+            if value.is_finite() && samples > 0 {
+                log.time[(case + hit) % samples] = value;
+            }
+        }
+        log.validate().unwrap();
+        for finding in check(&log, &limits) {
+            assert!(finding.span.is_none_or(|span| span.start < span.end && span.end <= samples));
+            assert!(finding.message.len() > 10);
+        }
+        assert_eq!(summary(&log).samples, samples);
+    }
+}
+
+#[test]
 fn summary_counts_by_hand() {
     let log = Trajectory {
         joints: vec!["a".into()],
@@ -437,6 +487,13 @@ fn the_recorded_go2_logs() {
     assert!(trot.iter().all(|finding| !down.contains(&finding.kind)), "{trot:#?}");
     let stuck = ground("stuck.csv");
     assert_eq!((stuck[0].kind, stuck[0].severity), (FindingKind::Stuck, Severity::Error));
+    // Without targets, the actions tell.
+    for (name, expected) in [("trot.csv", false), ("stuck.csv", true)] {
+        let mut log = read_csv(&data.join("go2_ground").join(name), &ReadOptions::default()).unwrap();
+        log.target = None;
+        let found = check(&log, &spec).iter().any(|finding| finding.kind == FindingKind::Stuck);
+        assert_eq!(found, expected, "{name}");
+    }
     let span = stuck[0].span.unwrap();
     assert!(span.from_s < 8.0 && span.end == 254, "{span:?}");
     assert!(stuck[0].message.contains("all 12 joints"), "{}", stuck[0]);

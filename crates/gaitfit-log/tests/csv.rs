@@ -302,7 +302,7 @@ fn mutated_logs_never_panic() {
         ((z ^ (z >> 31)) % below.max(1) as u64) as usize
     };
     let mut read = 0;
-    for _ in 0..4000 {
+    for _ in 0..2000 {
         let mut bytes = seed.replace("\"hi, you\"", "hi").into_bytes();
         for _ in 0..=draw(3) {
             let at = draw(bytes.len());
@@ -320,10 +320,13 @@ fn mutated_logs_never_panic() {
             }
         }
         std::fs::write(&path, &bytes).unwrap();
-        if let Ok(log) = read_csv(&path, &options) {
+        let result = read_csv(&path, &options);
+        // Some file systems flush a file that is overwritten; a new one is quicker.
+        std::fs::remove_file(&path).unwrap();
+        if let Ok(log) = result {
             log.validate().unwrap();
             read += 1;
-            if read % 50 == 0 && write_csv(&again, &log).is_ok() {
+            if read % 100 == 0 && write_csv(&again, &log).is_ok() {
                 let back = read_csv(&again, &options).unwrap();
                 // Text, because NaN is not equal to itself.
                 let text = |log: &Trajectory| format!("{:?}", Trajectory { source: None, ..log.clone() });

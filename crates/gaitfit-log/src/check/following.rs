@@ -1,38 +1,16 @@
 //! Does the robot do what it is asked? Tells a walking robot from one that is stuck, lies or fell.
 //!
-//! A PD-controlled joint, however soft, low-passes and delays its target: its position correlates with the
-//! target filtered so, and moves by a fair part of it, whether it carries load or swings freely. A joint that
-//! is held, or whose leg is under the robot, does neither. So, in windows of a second: where the target moves,
-//! take the best correlation over delays and filters; a joint below [`FOLLOWS`], or one that moves by less than
-//! [`MOVED_SHARE`] of what is asked, does not follow. On a real trot at kp 20 the median joint reaches
-//! 0.84–0.89 in every window; on the same robot lying, 0.0.
-//!
-//! Standing still under a constant target asks nothing and is no finding.
+//! Whether a joint follows its target is judged in windows ([`super::windows`]); a robot is stuck where most of
+//! the joints that are asked to move do not. Standing still under a constant target asks nothing and is no
+//! finding.
 
-use super::stats::{correlation, deviation, mean, median, rms};
+use super::stats::{mean, median};
+use super::windows::{Joint, Window, windows};
 use super::{CheckSpec, FindingKind, Findings, Severity};
 use crate::{Signal, Trajectory};
 
-/// Window length, s, and its least number of samples. Half a window is the step.
-const WINDOW_S: f64 = 1.0;
-const WINDOW_SAMPLES: usize = 20;
-/// Samples a second are thinned out to about this rate, Hz: joints move below 10 Hz.
-const RATE_HZ: f64 = 100.0;
-/// A target that deviates this much in a window, rad, asks for motion.
-const ASKS: f64 = 0.05;
-/// Longest delay tried, s: transport, policy hold and the joint's own lag.
-const DELAY_S: f64 = 0.2;
-/// Time constants of the low-pass filters tried, s: kd/kp of usual gains is 0.02–0.1.
-const FILTERS_S: [f64; 3] = [0.0, 0.05, 0.15];
-/// Least correlation of a joint that follows.
-const FOLLOWS: f64 = 0.4;
-/// Least motion of a joint that follows, as a share of the target's.
-const MOVED_SHARE: f64 = 0.03;
 /// Windows in a row that make a finding; they overlap by half, so this is 1.5 windows.
 const IN_A_ROW: usize = 2;
-/// RMS velocity (rad/s) and position deviation (rad) of a joint at rest.
-const REST_SPEED: f64 = 0.1;
-const REST_MOTION: f64 = 0.01;
 /// Distance from target or pose, rad, that no standing robot's load explains: a loaded Go2 calf at kp 20
 /// sags by 0.4.
 const FAR: f64 = 0.6;
@@ -43,31 +21,6 @@ const TILTED: f64 = 0.5;
 /// Time below it, s, that is a fall and not a stumble.
 const TILTED_S: f64 = 0.5;
 
-/// One joint in one window.
-#[derive(Clone, Copy, Default)]
-struct Joint {
-    /// The target moves.
-    asked: bool,
-    /// The position follows it.
-    follows: bool,
-    /// Nothing moves.
-    rests: bool,
-    /// Mean distance from the target, rad; NaN without a target.
-    distance: f64,
-    /// Deviations of target and position, rad.
-    target_motion: f64,
-    motion: f64,
-}
-
-/// Thinned samples `start..end` of the log, judged.
-struct Window {
-    start: usize,
-    end: usize,
-    joints: Vec<Joint>,
-    /// Mean command norm; 0 without one.
-    command: f64,
-}
-
 pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     let windows = windows(findings.log);
     let stuck: Vec<bool> = windows.iter().map(is_stuck).collect();
@@ -75,110 +28,6 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     single_joints(findings, &windows, &stuck);
     resting(findings, &windows, spec);
     base(findings, spec);
-}
-
-fn windows(log: &Trajectory) -> Vec<Window> {
-    let stride = ((log.rate_hz / RATE_HZ).floor() as usize).clamp(1, log.len().max(1));
-    let rate = log.rate_hz / stride as f64;
-    let length = ((WINDOW_S * rate).round() as usize).max(WINDOW_SAMPLES);
-    let lags = ((DELAY_S * rate).round() as usize).min(length);
-    let thin = |column: Vec<f64>| -> Vec<f64> { column.into_iter().step_by(stride).collect() };
-    let count = log.len().div_ceil(stride);
-    // A short log is one window, with what delays there is room for.
-    let length = length.min(count);
-    if length < WINDOW_SAMPLES {
-        return Vec::new();
-    }
-    // The last window ends with the log.
-    let last = count - length;
-    let step = (length / 2).max(1);
-    let mut windows: Vec<Window> = (0..last)
-        .step_by(step)
-        .chain([last])
-        .map(|start| Window {
-            start: start * stride,
-            end: ((start + length) * stride).min(log.len()),
-            joints: Vec::with_capacity(log.joints.len()),
-            command: 0.0,
-        })
-        .collect();
-    if let Some(command) = &log.command {
-        for window in &mut windows {
-            let rows = command[3 * window.start..3 * window.end].chunks_exact(3);
-            let norms: Vec<f64> = rows.map(|row| row.iter().map(|v| v * v).sum::<f64>().sqrt()).collect();
-            window.command = mean(&norms);
-        }
-    }
-    for joint in 0..log.joints.len() {
-        let column = |signal| log.column_at(signal, joint).map(thin);
-        let q = column(Signal::Position).unwrap_or_default();
-        let dq = column(Signal::Velocity).unwrap_or_default();
-        let target = column(Signal::Target);
-        let filtered: Vec<Vec<f64>> =
-            target.iter().flat_map(|target| FILTERS_S.map(|time| low_pass(target, time * rate))).collect();
-        for window in &mut windows {
-            let range = window.start / stride..(window.start / stride + length).min(count);
-            window.joints.push(judge(&q, &dq, target.as_deref(), &filtered, range, lags));
-        }
-    }
-    windows
-}
-
-fn judge(
-    q: &[f64],
-    dq: &[f64],
-    target: Option<&[f64]>,
-    filtered: &[Vec<f64>],
-    range: std::ops::Range<usize>,
-    lags: usize,
-) -> Joint {
-    let here = &q[range.clone()];
-    let mut joint = Joint {
-        // NaN compares false: a window with NaN neither rests nor asks.
-        rests: rms(&dq[range.clone()]) < REST_SPEED && deviation(here) < REST_MOTION,
-        motion: deviation(here),
-        distance: f64::NAN,
-        ..Joint::default()
-    };
-    let Some(target) = target else { return joint };
-    let target = &target[range.clone()];
-    let errors: Vec<f64> = here.iter().zip(target).map(|(q, target)| q - target).collect();
-    joint.distance = mean(&errors).abs();
-    joint.target_motion = deviation(target);
-    joint.asked = joint.target_motion > ASKS && joint.motion.is_finite();
-    if !joint.asked {
-        return joint;
-    }
-    joint.follows = (0..=lags).any(|lag| {
-        // Near the end of the log the later samples of the answer are missing: compare what there is.
-        let end = (range.end + lag).min(q.len());
-        let answer = &q[range.start + lag..end];
-        answer.len() >= WINDOW_SAMPLES
-            && deviation(answer) >= MOVED_SHARE * joint.target_motion
-            && filtered
-                .iter()
-                .any(|asked| correlation(&asked[range.start..range.start + answer.len()], answer) >= FOLLOWS)
-    });
-    joint
-}
-
-/// First-order low-pass with a time constant in samples (0: none), started at the first value.
-fn low_pass(values: &[f64], time_constant: f64) -> Vec<f64> {
-    if time_constant <= 0.0 {
-        return values.to_vec();
-    }
-    let keep = (-1.0 / time_constant).exp();
-    let mut state = values.first().copied().unwrap_or_default();
-    values
-        .iter()
-        .map(|&value| {
-            // NaN must not stay in the filter for good.
-            if value.is_finite() {
-                state = if state.is_finite() { keep * state + (1.0 - keep) * value } else { value };
-            }
-            if value.is_finite() { state } else { value }
-        })
-        .collect()
 }
 
 /// More than half of the joints that are asked to move, and at least two, do not.
@@ -244,9 +93,10 @@ fn not_following(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
         };
         let (asked, moved, away) = (of(|j| j.target_motion), of(|j| j.motion), of(|j| j.distance));
         let span = span(part);
+        let away = if away.is_finite() { format!(", {away:.2} rad away") } else { String::new() };
         let message = format!(
-            "{}, {} do not do what their targets ask (targets vary by {asked:.3} rad, the joints by {moved:.3} rad, \
-             {away:.2} rad away); the robot lies, is stuck or held, or its motors are off: leave this part out or \
+            "{}, {} do not do what they are asked (targets vary by {asked:.3} rad, the joints by {moved:.3} \
+             rad{away}); the robot lies, is stuck or held, or its motors are off: leave this part out or \
              record again",
             between(findings.log, &span),
             findings.names(&joints),

@@ -1,0 +1,146 @@
+//! From columns, samples and metadata to a trajectory.
+
+use crate::columns::Layout;
+use crate::metadata::Metadata;
+use crate::read::Samples;
+use crate::{BaseState, Gains, IgnoredColumn, LogError, ReadReport, Trajectory};
+use std::path::Path;
+
+/// Puts columns, samples and metadata together; `report` gains what assembly leaves out.
+pub(crate) fn assemble(
+    path: &Path,
+    layout: Layout,
+    samples: Samples,
+    metadata: Metadata,
+    mut report: ReadReport,
+) -> Result<(Trajectory, ReadReport), LogError> {
+    report.ignored = layout.ignored;
+    let joints = layout.joints;
+    let gains = resolve_gains(&metadata, &joints, &mut report)?;
+    let rate_hz = match &metadata.rate_hz {
+        Some(rate) if rate.value.is_finite() && rate.value > 0.0 => {
+            report.rate_from = Some(rate.place.clone());
+            rate.value
+        }
+        Some(rate) => {
+            return Err(LogError::Metadata {
+                place: rate.place.clone(),
+                problem: format!("rate_hz is {}; give a positive sample rate in Hz", rate.value),
+            });
+        }
+        None => measured_rate(&samples.time).ok_or_else(|| LogError::Metadata {
+            place: path.display().to_string(),
+            problem: "time does not say the sample rate (one sample, or time stands still); state it as \
+                      `# rate_hz = 200` above the header or in the sidecar"
+                .into(),
+        })?,
+    };
+
+    let mut channels = samples.channels.into_iter();
+    let mut next = || channels.next().unwrap_or_default();
+    let (position, velocity, target, action, command) = (next(), next(), next(), next(), next());
+    let mut base_channel = |name: &'static str, columns: Option<Vec<usize>>| {
+        let values = next();
+        if values.iter().all(|value| value.is_nan()) {
+            for column in columns.unwrap_or_default() {
+                report.ignored.push(IgnoredColumn {
+                    column: column + 1,
+                    name: layout.names[column].clone(),
+                    reason: format!("every {name} cell is NaN"),
+                });
+            }
+            return None;
+        }
+        Some(values)
+    };
+    let base_position = base_channel("base position", layout.base_position);
+    let quaternion = base_channel("base orientation", layout.base_quaternion);
+    let from_angles = base_channel("roll, pitch, yaw", layout.roll_pitch_yaw).map(|angles| {
+        angles.chunks_exact(3).flat_map(|rpy| quaternion_from_rpy(rpy[0], rpy[1], rpy[2])).collect()
+    });
+    let base = BaseState {
+        position: base_position,
+        quaternion: quaternion.or(from_angles),
+        linear_velocity: base_channel("base velocity", layout.base_velocity),
+        angular_velocity: base_channel("body rate", layout.base_rates),
+    };
+    report.ignored.sort_by_key(|ignored| ignored.column);
+    let trajectory = Trajectory {
+        source: Some(path.to_owned()),
+        robot: metadata.robot.map(|robot| robot.value),
+        joints,
+        time: samples.time,
+        rate_hz,
+        position,
+        velocity,
+        target: layout.target.map(|_| target),
+        action: layout.action.map(|_| action),
+        command: layout.command.map(|_| command),
+        base: (base != BaseState::default()).then_some(base),
+        gains,
+    };
+    trajectory.validate()?;
+    Ok((trajectory, report))
+}
+
+fn resolve_gains(
+    metadata: &Metadata,
+    joints: &[String],
+    report: &mut ReadReport,
+) -> Result<Option<Gains>, LogError> {
+    let (kp, kd) = match (&metadata.kp, &metadata.kd) {
+        (Some(kp), Some(kd)) => (kp, kd),
+        (None, None) => return Ok(None),
+        (Some(given), None) => return Err(lone_gain(&given.place, "kp", "kd")),
+        (None, Some(given)) => return Err(lone_gain(&given.place, "kd", "kp")),
+    };
+    let refuse = |place: &str, problem| LogError::Metadata { place: place.to_owned(), problem };
+    let gains = Gains {
+        kp: kp.value.resolve("kp", joints).map_err(|problem| refuse(&kp.place, problem))?,
+        kd: kd.value.resolve("kd", joints).map_err(|problem| refuse(&kd.place, problem))?,
+    };
+    report.gains_from = Some(if kp.place == kd.place {
+        kp.place.clone()
+    } else {
+        format!("kp: {}, kd: {}", kp.place, kd.place)
+    });
+    Ok(Some(gains))
+}
+
+fn lone_gain(place: &str, given: &str, lacking: &str) -> LogError {
+    LogError::Metadata {
+        place: place.to_owned(),
+        problem: format!("{given} without {lacking}; state both gains of the PD controller"),
+    }
+}
+
+/// 1 / median sample interval, rounded to a whole number of hertz where that is within 0.5 %: recorders run
+/// at round rates and write rounded times. `None` when the median interval is not positive.
+fn measured_rate(time: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if steps.is_empty() {
+        return None;
+    }
+    let middle = steps.len() / 2;
+    let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
+    let rate = 1.0 / *median;
+    if !(rate.is_finite() && rate > 0.0) {
+        return None;
+    }
+    let whole = rate.round();
+    Some(if (rate - whole).abs() <= 0.005 * whole { whole } else { rate })
+}
+
+/// Unit quaternion, wxyz, of R = Rz(yaw)·Ry(pitch)·Rx(roll) (Diebel 2006, "Representing Attitude", eq. 290
+/// with the ZYX sequence); NaN in, NaN out.
+fn quaternion_from_rpy(roll: f64, pitch: f64, yaw: f64) -> [f64; 4] {
+    let (sr, cr) = (0.5 * roll).sin_cos();
+    let (sp, cp) = (0.5 * pitch).sin_cos();
+    let (sy, cy) = (0.5 * yaw).sin_cos();
+    [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ]
+}

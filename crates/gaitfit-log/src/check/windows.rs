@@ -1,0 +1,181 @@
+//! A log in windows of a second, and what each joint does in each of them.
+//!
+//! A PD-controlled joint, however soft, low-passes and delays its target: its position correlates with the
+//! target filtered so, and moves by a fair part of it, whether it carries load or swings freely. A joint that
+//! is held, or whose leg is under the robot, does neither. So, where the target moves, take the best
+//! correlation over delays and filters; a joint below [`FOLLOWS`], or one that moves by less than
+//! [`MOVED_SHARE`] of what is asked, does not follow. On a real trot at kp 20 the median joint reaches
+//! 0.84–0.89 in every window; on the same robot lying, 0.0.
+
+use super::stats::{correlation, deviation, mean, rms};
+use crate::{Signal, Trajectory};
+
+/// Window length, s, and its least number of samples. Half a window is the step.
+const WINDOW_S: f64 = 1.0;
+const WINDOW_SAMPLES: usize = 20;
+/// Samples a second are thinned out to about this rate, Hz: joints move below 10 Hz.
+const RATE_HZ: f64 = 100.0;
+/// A target that deviates this much in a window, rad, asks for motion.
+const ASKS: f64 = 0.05;
+/// Longest delay tried, s: transport, policy hold and the joint's own lag.
+const DELAY_S: f64 = 0.2;
+/// Time constants of the low-pass filters tried, s: kd/kp of usual gains is 0.02–0.1.
+const FILTERS_S: [f64; 3] = [0.0, 0.05, 0.15];
+/// Least correlation of a joint that follows.
+const FOLLOWS: f64 = 0.4;
+/// Least motion of a joint that follows, as a share of the target's.
+const MOVED_SHARE: f64 = 0.03;
+/// RMS velocity (rad/s) and position deviation (rad) of a joint at rest.
+const REST_SPEED: f64 = 0.1;
+const REST_MOTION: f64 = 0.01;
+/// Radians a unit of action, to tell motion from rest where a log has actions and no targets; the usual scale.
+const ACTION_SCALE: f64 = 0.25;
+
+/// What a joint is asked to do: its position target, or up to an offset and a scale its action.
+enum Wish {
+    Target(Vec<f64>),
+    Action(Vec<f64>),
+}
+
+impl Wish {
+    fn values(&self) -> &[f64] {
+        match self {
+            Wish::Target(values) | Wish::Action(values) => values,
+        }
+    }
+}
+
+/// One joint in one window.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Joint {
+    /// The target moves.
+    pub asked: bool,
+    /// The position follows it.
+    pub follows: bool,
+    /// Nothing moves.
+    pub rests: bool,
+    /// Mean distance from the target, rad; NaN without a target.
+    pub distance: f64,
+    /// Deviations of target and position, rad.
+    pub target_motion: f64,
+    pub motion: f64,
+}
+
+/// Thinned samples `start..end` of the log, judged.
+pub(super) struct Window {
+    pub start: usize,
+    pub end: usize,
+    pub joints: Vec<Joint>,
+    /// Mean command norm; 0 without one.
+    pub command: f64,
+}
+
+/// The log's windows, each half over the one before; none when the log is too short to judge.
+pub(super) fn windows(log: &Trajectory) -> Vec<Window> {
+    let stride = ((log.rate_hz / RATE_HZ).floor() as usize).clamp(1, log.len().max(1));
+    let rate = log.rate_hz / stride as f64;
+    let length = ((WINDOW_S * rate).round() as usize).max(WINDOW_SAMPLES);
+    let lags = ((DELAY_S * rate).round() as usize).min(length);
+    let thin = |column: Vec<f64>| -> Vec<f64> { column.into_iter().step_by(stride).collect() };
+    let count = log.len().div_ceil(stride);
+    // A short log is one window, with what delays there is room for.
+    let length = length.min(count);
+    if length < WINDOW_SAMPLES {
+        return Vec::new();
+    }
+    // The last window ends with the log.
+    let last = count - length;
+    let step = (length / 2).max(1);
+    let mut windows: Vec<Window> = (0..last)
+        .step_by(step)
+        .chain([last])
+        .map(|start| Window {
+            start: start * stride,
+            end: ((start + length) * stride).min(log.len()),
+            joints: Vec::with_capacity(log.joints.len()),
+            command: 0.0,
+        })
+        .collect();
+    if let Some(command) = &log.command {
+        for window in &mut windows {
+            let rows = command[3 * window.start..3 * window.end].chunks_exact(3);
+            let norms: Vec<f64> = rows.map(|row| row.iter().map(|v| v * v).sum::<f64>().sqrt()).collect();
+            window.command = mean(&norms);
+        }
+    }
+    for joint in 0..log.joints.len() {
+        let column = |signal| log.column_at(signal, joint).map(thin);
+        let q = column(Signal::Position).unwrap_or_default();
+        let dq = column(Signal::Velocity).unwrap_or_default();
+        let wish = column(Signal::Target).map(Wish::Target).or_else(|| {
+            let action = column(Signal::Action)?;
+            Some(Wish::Action(action.iter().map(|action| ACTION_SCALE * action).collect()))
+        });
+        let filtered: Vec<Vec<f64>> =
+            wish.iter().flat_map(|wish| FILTERS_S.map(|time| low_pass(wish.values(), time * rate))).collect();
+        for window in &mut windows {
+            let range = window.start / stride..(window.start / stride + length).min(count);
+            window.joints.push(judge(&q, &dq, wish.as_ref(), &filtered, range, lags));
+        }
+    }
+    windows
+}
+
+fn judge(
+    q: &[f64],
+    dq: &[f64],
+    wish: Option<&Wish>,
+    filtered: &[Vec<f64>],
+    range: std::ops::Range<usize>,
+    lags: usize,
+) -> Joint {
+    let here = &q[range.clone()];
+    let mut joint = Joint {
+        // NaN compares false: a window with NaN neither rests nor asks.
+        rests: rms(&dq[range.clone()]) < REST_SPEED && deviation(here) < REST_MOTION,
+        motion: deviation(here),
+        distance: f64::NAN,
+        ..Joint::default()
+    };
+    let Some(wish) = wish else { return joint };
+    let target = &wish.values()[range.clone()];
+    if let Wish::Target(_) = wish {
+        let errors: Vec<f64> = here.iter().zip(target).map(|(q, target)| q - target).collect();
+        joint.distance = mean(&errors).abs();
+    }
+    joint.target_motion = deviation(target);
+    joint.asked = joint.target_motion > ASKS && joint.motion.is_finite();
+    if !joint.asked {
+        return joint;
+    }
+    joint.follows = (0..=lags).any(|lag| {
+        // Near the end of the log the later samples of the answer are missing: compare what there is.
+        let end = (range.end + lag).min(q.len());
+        let answer = &q[range.start + lag..end];
+        answer.len() >= WINDOW_SAMPLES
+            && deviation(answer) >= MOVED_SHARE * joint.target_motion
+            && filtered
+                .iter()
+                .any(|asked| correlation(&asked[range.start..range.start + answer.len()], answer) >= FOLLOWS)
+    });
+    joint
+}
+
+/// First-order low-pass with a time constant in samples (0: none), started at the first value.
+fn low_pass(values: &[f64], time_constant: f64) -> Vec<f64> {
+    if time_constant <= 0.0 {
+        return values.to_vec();
+    }
+    let keep = (-1.0 / time_constant).exp();
+    let mut state = values.first().copied().unwrap_or_default();
+    values
+        .iter()
+        .map(|&value| {
+            // NaN must not stay in the filter for good.
+            if value.is_finite() {
+                state = if state.is_finite() { keep * state + (1.0 - keep) * value } else { value };
+            }
+            if value.is_finite() { state } else { value }
+        })
+        .collect()
+}
