@@ -1,16 +1,4 @@
-//! What each column of a header means: the names of the quantities a log may hold.
-//!
-//! | columns | meaning |
-//! | --- | --- |
-//! | `time` | s |
-//! | `q_J`, `dq_J` | position (rad) and velocity (rad/s) of joint J; both needed for every joint |
-//! | `qdes_J`, `act_J` | position target (rad), policy action; for all joints or none |
-//! | `vx_cmd`, `vy_cmd`, `wz_cmd` (or `cmd_vx`, …) | command, m/s and rad/s |
-//! | `base_pos_x` … `z` | base position, m, world frame |
-//! | `base_quat_w`, `x`, `y`, `z` | base orientation, wxyz |
-//! | `roll`, `pitch`, `yaw` | base orientation, rad, R = Rz(yaw)·Ry(pitch)·Rx(roll); read where there is no `base_quat_` |
-//! | `base_vel_x` … `z` | base linear velocity, m/s, world frame |
-//! | `wx`, `wy`, `wz` | base angular velocity, rad/s, body frame |
+//! What each column of a header means: the table in the crate's documentation, as code.
 
 use crate::{IgnoredColumn, LogError};
 use std::collections::HashMap;

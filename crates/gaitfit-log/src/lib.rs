@@ -1,5 +1,25 @@
 //! Robot logs: the trajectory type, the CSV reader and writer, and the checks.
 //!
+//! # Columns of a CSV log
+//! In any order, found by name; other columns are left out and listed.
+//!
+//! | columns | meaning |
+//! | --- | --- |
+//! | `time` | s |
+//! | `q_J`, `dq_J` | position (rad) and velocity (rad/s) of joint J; both needed for every joint |
+//! | `qdes_J`, `act_J` | position target (rad), policy action; for all joints or none |
+//! | `vx_cmd`, `vy_cmd`, `wz_cmd` (or `cmd_vx`, …) | command, m/s and rad/s |
+//! | `base_pos_x` … `z` | base position, m, world frame |
+//! | `base_quat_w`, `x`, `y`, `z` | base orientation, wxyz |
+//! | `roll`, `pitch`, `yaw` | base orientation, rad, R = Rz(yaw)·Ry(pitch)·Rx(roll); read where there is no `base_quat_` |
+//! | `base_vel_x` … `z` | base linear velocity, m/s, world frame |
+//! | `wx`, `wy`, `wz` | base angular velocity, rad/s, body frame |
+//!
+//! Comment lines above the header, or a sidecar file `<stem>.toml` or `log.toml` beside the log, state the rest:
+//! `robot = "go2"`, `rate_hz = 200`, `kp = 25` or `kp = [20, 20, 40]` (in the order of the `q_` columns) or
+//! `kp = { "*_hip" = 20, "*_thigh" = 20, "*_calf" = 40 }`, and `kd` likewise.
+//!
+//! # Use
 //! ```no_run
 //! use gaitfit_log::{CheckSpec, ReadOptions, check, read_csv, summary};
 //!

@@ -77,7 +77,7 @@ pub fn read_csv(path: &Path, options: &ReadOptions) -> Result<Trajectory, LogErr
 ///
 /// The file: optional `#` comment lines (of these, `key = value` lines in TOML give `robot`, `rate_hz`, `kp`,
 /// `kd`), a header line that names the quantities (`time`, `q_FL_hip`, `dq_FL_hip`, `qdes_FL_hip`,
-/// `act_FL_hip`, `vx_cmd`, …; in any order; table in `columns.rs`), then one row of numbers a sample. Joints
+/// `act_FL_hip`, `vx_cmd`, …; in any order; table in the [crate documentation](crate)), then one row of numbers a sample. Joints
 /// keep the order of the `q_` columns. `nan` and `inf` are read as they are, for the checks to report; an empty cell is NaN in base columns and an error elsewhere; a base channel with nothing but NaN
 /// is left out.
 ///
