@@ -290,6 +290,15 @@ mod tests {
     }
 
     #[test]
+    fn patterns_and_names_leave_out_a_final_joint() {
+        let joints = ["FL_hip_joint".to_owned(), "FL_calf_joint".to_owned()];
+        let rules = [rule(Quantity::Delay, Sharing::Joint, &["*_hip"])];
+        let theta = Theta::from_rules(&rules, &groups(), &joints).unwrap();
+        assert_eq!(theta.entries[0].name, "delay_FL_hip");
+        assert_eq!(theta.entries[0].joints, ["FL_hip_joint"]);
+    }
+
+    #[test]
     fn a_bound_below_its_start_is_refused_by_name() {
         let mut low = rule(Quantity::Armature, Sharing::Group, &["*"]);
         low.upper = Some(0.1);

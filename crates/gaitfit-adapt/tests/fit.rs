@@ -2,6 +2,7 @@
 //! counts divergence, and compares costs.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
+use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::{Cost, MatchO, Recorded, Target, Wass, Weights};
 use gaitfit_adapt::fit::{Checkpoint, Fit, FitError, FitOptions, Job, Stop, compare, evaluate, simulate_one};
 use gaitfit_adapt::{Consume, ParameterRule, Quantity, Sharing, Signals, Simulator, SimulatorError, Theta};
@@ -85,7 +86,14 @@ fn costs(simulator: &Sines) -> Vec<Box<dyn Cost>> {
 }
 
 fn options(generations: usize) -> FitOptions {
-    FitOptions { population: 0, generations, seeds: vec![1, 2, 3], separable: false, tolerance: 1e-5 }
+    FitOptions {
+        population: 0,
+        generations,
+        seeds: vec![1, 2, 3],
+        covariance: CovarianceKind::Full,
+        bounds: BoundHandling::Reflect,
+        tolerance: 1e-5,
+    }
 }
 
 #[test]

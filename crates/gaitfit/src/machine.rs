@@ -58,3 +58,8 @@ fn features() -> Vec<&'static str> {
 fn features() -> Vec<&'static str> {
     Vec::new()
 }
+
+/// The present time, UTC, ISO 8601.
+pub fn now() -> String {
+    humantime::format_rfc3339_seconds(std::time::SystemTime::now()).to_string()
+}

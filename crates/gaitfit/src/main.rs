@@ -9,7 +9,9 @@ mod machine;
 mod output;
 mod paths;
 mod progress;
+mod robot;
 mod run_folder;
+mod table;
 
 use clap::Parser;
 use cli::{Cli, Command};
@@ -20,6 +22,8 @@ fn main() -> ExitCode {
     let done = match &cli.command {
         Command::Config(args) => commands::config::run(args),
         Command::Doctor(args) => commands::doctor::run(args),
+        Command::Inspect(args) => commands::inspect::run(args),
+        Command::Adapt(args) => commands::adapt::run(args),
         _ => Ok(()),
     };
     match done {

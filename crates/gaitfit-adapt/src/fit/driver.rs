@@ -3,6 +3,7 @@
 use super::evaluate::{Job, evaluate};
 use super::run::{Checkpoint, Run, Stop};
 use super::{CostOutcome, FitError};
+use crate::cmaes::{BoundHandling, CovarianceKind};
 use crate::cost::Cost;
 use crate::{Simulator, Theta};
 use serde::{Deserialize, Serialize};
@@ -16,8 +17,11 @@ pub struct FitOptions {
     pub generations: usize,
     /// Seeds: one run for each and each cost.
     pub seeds: Vec<u64>,
-    /// Diagonal covariance only.
-    pub separable: bool,
+    /// Covariance model.
+    pub covariance: CovarianceKind,
+    /// What happens to draws outside the bounds. A start or an optimum on bounds (dry friction of 0) is common,
+    /// and wants [`BoundHandling::Reflect`].
+    pub bounds: BoundHandling,
     /// A run stops once the largest standard deviation of any parameter fell to this part of its initial
     /// deviation; 0 never stops early.
     pub tolerance: f64,
@@ -160,9 +164,15 @@ impl<'a> Fit<'a> {
     pub fn best_costs(&self) -> Vec<Option<f64>> {
         let best = |cost: usize| {
             let runs = self.runs.iter().filter(|run| run.cost == cost);
-            runs.filter_map(Run::best_cost).reduce(f64::min)
+            runs.filter_map(Run::best).map(|best| best.cost).reduce(f64::min)
         };
         (0..self.costs.len()).map(best).collect()
+    }
+
+    /// θ of the best candidate so far of cost number `cost`.
+    pub fn best_values(&self, cost: usize) -> Option<&[f64]> {
+        let runs = self.runs.iter().filter(|run| run.cost == cost).filter_map(Run::best);
+        runs.min_by(|a, b| a.cost.total_cmp(&b.cost)).map(|best| best.x.as_slice())
     }
 
     /// What has been found, one outcome a cost; empty for a cost without a finite value yet.

@@ -3,9 +3,7 @@
 use super::driver::{FitOptions, RunGeneration};
 use super::{FitError, RunOutcome};
 use crate::Theta;
-use crate::cmaes::{
-    Cma, CmaError, CovarianceKind, Population, Settings, State, StopReason, default_population,
-};
+use crate::cmaes::{Best, Cma, CmaError, Population, Settings, State, StopReason, default_population};
 use serde::{Deserialize, Serialize};
 
 /// Why a run ended.
@@ -108,9 +106,9 @@ impl Run {
         })
     }
 
-    /// Smallest cost so far.
-    pub fn best_cost(&self) -> Option<f64> {
-        self.cma.best().map(|best| best.cost)
+    /// The best candidate so far.
+    pub fn best(&self) -> Option<&Best> {
+        self.cma.best()
     }
 
     /// State to save, under the cost's name.
@@ -149,7 +147,8 @@ fn settings(seed: u64, theta: &Theta, options: &FitOptions) -> Settings {
         .with_bounds(of(|entry| entry.lower), of(|entry| entry.upper));
     settings.population =
         if options.population == 0 { default_population(theta.len()) } else { options.population };
-    settings.covariance = if options.separable { CovarianceKind::Separable } else { CovarianceKind::Full };
+    settings.covariance = options.covariance;
+    settings.bound_handling = options.bounds;
     settings.tolerances.max_generations = Some(u32::try_from(options.generations).unwrap_or(u32::MAX));
     settings
 }

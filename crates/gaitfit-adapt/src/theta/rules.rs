@@ -26,7 +26,7 @@ pub struct ParameterRule {
     /// How many joints share a value.
     #[serde(default)]
     pub per: Sharing,
-    /// Patterns over joint names; a joint is covered when any matches.
+    /// Patterns over joint names, with or without a final `_joint`; a joint is covered when any matches.
     #[serde(default = "every_joint")]
     pub joints: Vec<String>,
     /// Name of the entry, or its first part where there are several.
@@ -78,7 +78,7 @@ impl ParameterRule {
     ) -> Result<Vec<Entry>, ThetaError> {
         let kind = self.kind.name();
         let patterns = matcher(&self.joints)?;
-        let covered: Vec<&String> = joints.iter().filter(|joint| patterns.is_match(joint)).collect();
+        let covered: Vec<&String> = joints.iter().filter(|joint| matches(&patterns, joint)).collect();
         if covered.is_empty() {
             let joints = joints.join(", ");
             return Err(ThetaError::NoJoint { kind, patterns: self.joints.clone(), joints });
@@ -91,7 +91,7 @@ impl ParameterRule {
             }
             Sharing::Joint => Ok(covered
                 .into_iter()
-                .map(|joint| self.entry(format!("{prefix}_{joint}"), vec![joint]))
+                .map(|joint| self.entry(format!("{prefix}_{}", plain(joint)), vec![joint]))
                 .collect()),
             Sharing::Group => {
                 let mut found: Vec<(&str, Vec<&String>)> = Vec::new();
@@ -102,7 +102,7 @@ impl ParameterRule {
                 for joint in covered {
                     let of: Vec<&str> = compiled
                         .iter()
-                        .filter(|(_, set)| set.is_match(joint))
+                        .filter(|(_, set)| matches(set, joint))
                         .map(|(name, _)| *name)
                         .collect();
                     let [group] = of[..] else {
@@ -135,6 +135,16 @@ impl ParameterRule {
             deviation: self.deviation.unwrap_or(defaults.deviation),
         }
     }
+}
+
+/// A joint's name without the `_joint` that robot files like to add and logs leave out.
+fn plain(joint: &str) -> &str {
+    joint.strip_suffix("_joint").unwrap_or(joint)
+}
+
+/// Whether a pattern matches the joint, with or without `_joint`: `*_hip` covers `FL_hip_joint`.
+fn matches(patterns: &GlobSet, joint: &str) -> bool {
+    patterns.is_match(joint) || patterns.is_match(plain(joint))
 }
 
 /// `damping` with `*_hip` is called `damping_hip`.

@@ -1,4 +1,6 @@
 //! The commands, one file each.
 
+pub mod adapt;
 pub mod config;
 pub mod doctor;
+pub mod inspect;

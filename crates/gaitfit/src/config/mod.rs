@@ -8,6 +8,7 @@ pub use load::load;
 pub use text::DEFAULTS;
 
 use gaitfit_adapt::ParameterRule;
+use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_log::PerJoint;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -150,22 +151,14 @@ pub struct OptimizerConfig {
     /// First seed; the others follow it.
     pub seed: u64,
     /// Covariance model.
-    pub covariance: CovarianceName,
+    pub covariance: CovarianceKind,
+    /// What happens to draws outside the bounds.
+    pub bounds: BoundHandling,
     /// A seed stops once its search distribution is this small: largest standard deviation of any
     /// parameter, relative to its initial deviation. 0 never stops early.
     pub tolerance: f64,
     /// Wall time after which the fit stops with what it has, s; 0 has no limit.
     pub max_seconds: f64,
-}
-
-/// Covariance model by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum CovarianceName {
-    /// Full matrix.
-    Full,
-    /// Diagonal only, for many parameters.
-    Separable,
 }
 
 /// Checks on the result.
@@ -216,7 +209,8 @@ impl Default for OptimizerConfig {
             generations: 200,
             seeds: 5,
             seed: 1,
-            covariance: CovarianceName::Full,
+            covariance: CovarianceKind::Full,
+            bounds: BoundHandling::Reflect,
             tolerance: 1e-4,
             max_seconds: 0.0,
         }

@@ -2,8 +2,11 @@
 
 use crate::config::{AdaptConfig, FileGains};
 use crate::exit::Failure;
-use crate::paths;
-use gaitfit_log::{PerJoint, ReadOptions, ReadReport, Trajectory, read_csv_report};
+use crate::{paths, robot};
+use gaitfit_log::{
+    Finding, FindingKind, PerJoint, ReadOptions, ReadReport, Severity, Trajectory, check, read_csv_report,
+};
+use gaitfit_model::Model;
 use gaitfit_sim::Recording;
 use globset::Glob;
 use std::path::{Path, PathBuf};
@@ -17,6 +20,10 @@ pub struct Log {
     pub path: PathBuf,
     /// Files beside it that were read too.
     pub sidecars: Vec<PathBuf>,
+    /// What the checks of a log say about it.
+    pub findings: Vec<Finding>,
+    /// The log's own names of the robot's joints, in the robot's order.
+    pub joints: Vec<String>,
     /// Its samples, joints in the robot's order under the robot's names.
     pub trajectory: Trajectory,
     /// What the simulator replays.
@@ -30,12 +37,12 @@ impl Log {
     }
 }
 
-/// Reads the log `named` for a robot with `joints`. `override_gains` are gains that win over the log's own.
+/// Reads the log `named` for a robot. `override_gains` are gains that win over the log's own.
 pub fn read(
     named: &str,
     config_path: &Path,
     config: &AdaptConfig,
-    joints: &[String],
+    model: &Model,
     override_gains: &[FileGains],
 ) -> Result<Log, Failure> {
     let path = paths::find(named, "log", config_path)?;
@@ -54,9 +61,39 @@ pub fn read(
         }
         (trajectory, report) = open(&path, &with_gains(config.gains.kp.clone(), config.gains.kd.clone()))?;
     }
-    let trajectory = by_robot_joints(&trajectory, &path, config, joints)?;
+    let (trajectory, joints) = by_robot_joints(&trajectory, &path, config, model)?;
+    let findings = check(&trajectory, &robot::check_spec(model, &trajectory.joints));
     let recording = recording(&trajectory, &path)?;
-    Ok(Log { name: named.to_owned(), path, sidecars: report.sidecars, trajectory, recording })
+    if let Some(broken) = findings.iter().find(|finding| unusable(finding)) {
+        return Err(Failure::failed(format!(
+            "{}: {}: {}. `gaitfit inspect` shows the log; cut or repair it.",
+            path.display(),
+            broken.kind,
+            broken.message.trim_end_matches('.')
+        )));
+    }
+    Ok(Log {
+        name: named.to_owned(),
+        path,
+        sidecars: report.sidecars,
+        findings,
+        joints,
+        trajectory,
+        recording,
+    })
+}
+
+/// Findings after which a replay means nothing. Others, such as a robot that does not follow, are warnings: an
+/// in-air log with strong friction looks like one that is held.
+fn unusable(finding: &Finding) -> bool {
+    let broken = [
+        FindingKind::Malformed,
+        FindingKind::TooShort,
+        FindingKind::NonMonotonicTime,
+        FindingKind::TimeGap,
+        FindingKind::NotFinite,
+    ];
+    finding.severity == Severity::Error && broken.contains(&finding.kind)
 }
 
 fn open(path: &Path, options: &ReadOptions) -> Result<(Trajectory, ReadReport), Failure> {
@@ -84,51 +121,49 @@ fn matching<'a>(gains: &'a [FileGains], named: &str, path: &Path) -> Result<Opti
     Ok(None)
 }
 
-/// The same samples with the robot's joint names, in the robot's order.
+/// The same samples with the robot's joint names, in the robot's order; and the log's own names in that order.
 fn by_robot_joints(
     trajectory: &Trajectory,
     path: &Path,
     config: &AdaptConfig,
-    joints: &[String],
-) -> Result<Trajectory, Failure> {
-    let plain = |name: &str| name.strip_suffix("_joint").unwrap_or(name).to_owned();
-    let robot_name = |of_log: &String| -> Option<&String> {
-        let asked = config.joint_names.get(of_log).unwrap_or(of_log);
-        let exact = joints.iter().find(|joint| *joint == asked);
-        exact.or_else(|| joints.iter().find(|joint| plain(joint) == plain(asked)))
-    };
+    model: &Model,
+) -> Result<(Trajectory, Vec<String>), Failure> {
+    let joints = &model.joints;
+    let listed = || joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", ");
+    let robot_joint = |of_log: &String| model.find_joint(config.joint_names.get(of_log).unwrap_or(of_log));
     let shown = path.display();
     let advice = "map names in [joint_names], or use the robot file the log was made with";
-    let mut found: Vec<(&String, &String)> = Vec::new();
+    let mut columns: Vec<Option<&String>> = vec![None; joints.len()];
     for of_log in &trajectory.joints {
-        let Some(joint) = robot_name(of_log) else {
+        let Some(joint) = robot_joint(of_log) else {
             return Err(Failure::failed(format!(
                 "{shown}: the log has a joint `{of_log}` that the robot lacks (it has {}); {advice}.",
-                joints.join(", ")
+                listed()
             )));
         };
-        if let Some((other, _)) = found.iter().find(|(_, known)| *known == joint) {
+        if let Some(other) = columns[joint].replace(of_log) {
             return Err(Failure::failed(format!(
-                "{shown}: the log's joints `{other}` and `{of_log}` are both the robot's `{joint}`; {advice}."
+                "{shown}: the log's joints `{other}` and `{of_log}` are both the robot's `{}`; {advice}.",
+                joints[joint].name
             )));
         }
-        found.push((of_log, joint));
     }
     let mut names = Vec::with_capacity(joints.len());
-    for joint in joints {
-        let Some((of_log, _)) = found.iter().find(|(_, known)| *known == joint) else {
+    for (joint, of_log) in joints.iter().zip(columns) {
+        let Some(of_log) = of_log else {
             return Err(Failure::failed(format!(
-                "{shown}: the log lacks the robot's joint `{joint}` (it has {}); {advice}.",
+                "{shown}: the log lacks the robot's joint `{}` (it has {}); {advice}.",
+                joint.name,
                 trajectory.joints.join(", ")
             )));
         };
-        names.push(*of_log);
+        names.push(of_log);
     }
-    let mut ordered = trajectory
-        .select_joints(&names)
-        .map_err(|error| Failure::failed(format!("{shown}: {error}")))?;
-    ordered.joints = joints.to_vec();
-    Ok(ordered)
+    let mut ordered =
+        trajectory.select_joints(&names).map_err(|error| Failure::failed(format!("{shown}: {error}")))?;
+    let of_robot = joints.iter().map(|joint| joint.name.clone()).collect();
+    let of_log = std::mem::replace(&mut ordered.joints, of_robot);
+    Ok((ordered, of_log))
 }
 
 fn recording(trajectory: &Trajectory, path: &Path) -> Result<Recording, Failure> {

@@ -5,8 +5,8 @@ use crate::config::AdaptConfig;
 use crate::exit::Failure;
 use gaitfit_adapt::cost::{Simulated, position_rmse};
 use gaitfit_adapt::fit::{
-    Agreement, CostOutcome, Job, ParameterOutcome, Predicted, RunOutcome, TargetSignal, best_delay, compare, delayed,
-    evaluate, simulate_one,
+    Agreement, CostOutcome, Job, ParameterOutcome, Predicted, RunOutcome, TargetSignal, best_delay, compare,
+    delayed, evaluate, simulate_one,
 };
 use gaitfit_adapt::{Simulator, Theta};
 use serde::{Deserialize, Serialize};
@@ -82,7 +82,7 @@ pub struct Validation {
     pub rmse_rad: Option<f64>,
     /// The same of the robot as its file says.
     pub nominal_rmse_rad: Option<f64>,
-    /// Position RMSE by joint, rad.
+    /// Position RMSE by joint (the log's names), rad.
     pub rmse_per_joint: BTreeMap<String, f64>,
 }
 
@@ -201,53 +201,71 @@ fn mean(values: impl Iterator<Item = Option<f64>>) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
-fn validation(setup: &Setup, theta: &Theta, values: &[f64], nominal: &Theta) -> Result<Vec<Validation>, Failure> {
-    let Some(set) = &setup.validate else { return Ok(Vec::new()) };
-    let fitted = simulate_one(&set.simulator, theta, values).map_err(Failure::failed)?;
-    let plain = simulate_one(&set.simulator, nominal, &[]).map_err(Failure::failed)?;
-    let joints = set.simulator.joints();
-    let of_log = |number: usize| {
-        let error = position_rmse(&set.target, number, &fitted[number].position).ok();
-        let nominal = position_rmse(&set.target, number, &plain[number].position).ok();
-        let per_joint = error.iter().flat_map(|error| joints.iter().cloned().zip(error.per_joint.iter().copied()));
-        Validation {
-            file: set.logs[number].name.clone(),
-            rmse_rad: error.as_ref().map(|error| error.total),
-            nominal_rmse_rad: nominal.map(|error| error.total),
-            rmse_per_joint: per_joint.collect(),
+fn validation(
+    setup: &Setup,
+    theta: &Theta,
+    values: &[f64],
+    nominal: &Theta,
+) -> Result<Vec<Validation>, Failure> {
+    let mut found = Vec::new();
+    for set in &setup.validate {
+        let fitted = simulate_one(&set.simulator, theta, values).map_err(Failure::failed)?;
+        let plain = simulate_one(&set.simulator, nominal, &[]).map_err(Failure::failed)?;
+        for (number, log) in set.logs.iter().enumerate() {
+            let error = position_rmse(&set.target, number, &fitted[number].position).ok();
+            let nominal = position_rmse(&set.target, number, &plain[number].position).ok();
+            let errors = error.iter().flat_map(|error| error.per_joint.iter().copied());
+            found.push(Validation {
+                file: log.name.clone(),
+                rmse_rad: error.as_ref().map(|error| error.total),
+                nominal_rmse_rad: nominal.map(|error| error.total),
+                rmse_per_joint: log.joints.iter().cloned().zip(errors).collect(),
+            });
         }
-    };
-    Ok((0..set.logs.len()).map(of_log).collect())
+    }
+    Ok(found)
 }
 
-/// Mean position RMSE of predictions over the logs of a set; `None` if one diverged.
-fn rmse(set: &LogSet, predicted: &[Predicted]) -> Option<f64> {
-    let of_log = |(number, log): (usize, &Predicted)| {
-        position_rmse(&set.target, number, &log.position).ok().map(|error| error.total)
-    };
-    mean(predicted.iter().enumerate().map(of_log))
+/// Predictions of the logs of each set.
+type Predictions = Vec<Vec<Predicted>>;
+
+/// Mean position RMSE of predictions over all logs of some sets; `None` if one diverged or there are none.
+fn rmse<'a>(sets: impl IntoIterator<Item = &'a LogSet>, predicted: &Predictions) -> Option<f64> {
+    let mut errors = Vec::new();
+    for (set, predicted) in sets.into_iter().zip(predicted) {
+        for (number, log) in predicted.iter().enumerate() {
+            errors.push(position_rmse(&set.target, number, &log.position).ok().map(|error| error.total));
+        }
+    }
+    mean(errors.into_iter())
 }
 
 fn simulated_score(name: &str, setup: &Setup, theta: &Theta, values: &[f64]) -> Result<Score, Failure> {
-    let on = |set: &LogSet| -> Result<Vec<Predicted>, Failure> {
-        simulate_one(&set.simulator, theta, values).map_err(Failure::failed)
-    };
-    let fit = on(&setup.fit)?;
-    let validate = setup.validate.as_ref().map(|set| on(set).map(|found| rmse(set, &found))).transpose()?;
-    Ok(score(name, setup, &fit, validate.flatten()))
+    score(name, setup, |set| simulate_one(&set.simulator, theta, values).map_err(Failure::failed))
 }
 
-fn score(name: &str, setup: &Setup, fit: &[Predicted], rmse_validation_rad: Option<f64>) -> Score {
+fn score(
+    name: &str,
+    setup: &Setup,
+    predict: impl Fn(&LogSet) -> Result<Vec<Predicted>, Failure>,
+) -> Result<Score, Failure> {
+    let fit = vec![predict(&setup.fit)?];
+    let validate: Predictions = setup.validate.iter().map(predict).collect::<Result<_, _>>()?;
     let cost = || {
         let mut accumulator = setup.costs[0].begin();
-        for (number, log) in fit.iter().enumerate() {
+        for (number, log) in fit[0].iter().enumerate() {
             let simulated = Simulated { position: &log.position, velocity: &log.velocity, action: None };
             accumulator.add(number, simulated).ok()?;
         }
         accumulator.finish().ok().map(|breakdown| breakdown.total).filter(|cost| cost.is_finite())
     };
-    let rmse_fit_rad = rmse(&setup.fit, fit);
-    Score { name: name.to_owned(), cost: cost(), rmse_fit_rad, rmse_validation_rad, delay_seconds: None }
+    Ok(Score {
+        name: name.to_owned(),
+        cost: cost(),
+        rmse_fit_rad: rmse([&setup.fit], &fit),
+        rmse_validation_rad: rmse(&setup.validate, &validate),
+        delay_seconds: None,
+    })
 }
 
 /// Longest pure delay looked at, s.
@@ -261,17 +279,14 @@ fn baselines(setup: &Setup) -> Result<Vec<Score>, Failure> {
         };
         set.logs.iter().map(of_log).collect()
     };
-    let score_late = |name: &str, delay: f64| {
-        let validate = setup.validate.as_ref().and_then(|set| rmse(set, &late(set, delay)));
-        score(name, setup, &late(&setup.fit, delay), validate)
-    };
+    let score_late = |name: &str, delay: f64| score(name, setup, |set| Ok(late(set, delay)));
     let step = setup.fit.logs.iter().map(|log| log.recording.dt).fold(LONGEST_DELAY, f64::min);
-    let error = |delay: f64| rmse(&setup.fit, &late(&setup.fit, delay)).unwrap_or(f64::INFINITY);
+    let error = |delay: f64| rmse([&setup.fit], &vec![late(&setup.fit, delay)]).unwrap_or(f64::INFINITY);
     let delay = best_delay(LONGEST_DELAY, step, error);
     let name = format!("best pure delay ({:.0} ms)", 1e3 * delay);
     Ok(vec![
         simulated_score("nominal model", setup, &Theta::default(), &[])?,
-        score_late("echo of the target", 0.0),
-        Score { delay_seconds: Some(delay), ..score_late(&name, delay) },
+        score_late("echo of the target", 0.0)?,
+        Score { delay_seconds: Some(delay), ..score_late(&name, delay)? },
     ])
 }

@@ -7,6 +7,7 @@ use crate::{machine, paths, robot};
 use gaitfit_adapt::cost::{Cost, CostError, MatchO, Recorded, Target, Wass, Weights};
 use gaitfit_adapt::fit::FitOptions;
 use gaitfit_adapt::{Quantity, ReplaySimulator, Theta};
+use gaitfit_log::Severity;
 use gaitfit_model::Model;
 use gaitfit_physics::Preset;
 use gaitfit_sim::ReplayOptions;
@@ -33,8 +34,8 @@ pub struct Setup {
     pub theta: Theta,
     /// The logs that are fitted.
     pub fit: LogSet,
-    /// The logs that are not.
-    pub validate: Option<LogSet>,
+    /// The logs that are not, a set each: they may differ in sample rate.
+    pub validate: Vec<LogSet>,
     /// The costs, in the configuration's order.
     pub costs: Vec<Box<dyn Cost>>,
     /// Optimiser settings.
@@ -54,10 +55,13 @@ pub fn setup(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -
     let theta = Theta::from_rules(&config.parameter, &groups, &joints)
         .map_err(|error| Failure::usage(format!("{}: {error}", config_path.display())))?;
 
-    let read = |named: &String, gains| logs::read(named, config_path, config, &joints, gains);
+    let read = |named: &String, gains| logs::read(named, config_path, config, &model, gains);
     let fit_logs = config.logs.iter().map(|named| read(named, &[])).collect::<Result<Vec<_>, _>>()?;
-    let validate_logs =
-        config.validate.iter().map(|named| read(named, &config.validate_gains)).collect::<Result<Vec<_>, _>>()?;
+    let validate_logs = config
+        .validate
+        .iter()
+        .map(|named| read(named, &config.validate_gains))
+        .collect::<Result<Vec<_>, _>>()?;
     let mut warnings = Vec::new();
     for log in &validate_logs {
         if fit_logs.iter().any(|fitted| fitted.path == log.path) {
@@ -68,8 +72,12 @@ pub fn setup(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -
     let threads = threads.or(Some(config.simulation.threads).filter(|&threads| threads > 0));
     let threads = threads.unwrap_or_else(machine::threads);
     let set = |logs: Vec<Log>| log_set(config, &model, &theta, &joints, threads, logs);
+    for log in fit_logs.iter().chain(&validate_logs) {
+        let findings = log.findings.iter().filter(|finding| finding.severity != Severity::Note);
+        warnings.extend(findings.map(|finding| format!("{}: {finding}", log.name)));
+    }
     let fit = set(fit_logs)?;
-    let validate = if validate_logs.is_empty() { None } else { Some(set(validate_logs)?) };
+    let validate = validate_logs.into_iter().map(|log| set(vec![log])).collect::<Result<Vec<_>, _>>()?;
     for (signal, joint) in fit.target.constant() {
         warnings.push(format!("{signal} of joint {joint} is constant in the logs and left out of the costs"));
     }
@@ -135,19 +143,19 @@ fn log_set(
             PresetName::Converged => Preset::Converged,
         },
         max_delay: theta.largest(Quantity::Delay).unwrap_or(0.0),
+        isa: None,
     };
     let recordings = logs.iter().map(|log| log.recording.clone()).collect();
-    let simulator = ReplaySimulator::new(model, recordings, options, threads).map_err(Failure::failed)?;
+    let names = logs.iter().map(|log| log.name.as_str()).collect::<Vec<_>>().join(", ");
+    let simulator = ReplaySimulator::new(model, recordings, options, threads)
+        .map_err(|error| Failure::failed(format!("{names}: {error}.")))?;
     let recorded = |(number, log): (usize, &Log)| Recorded::from_trajectory(&log.trajectory, joints, number);
     let target = || -> Result<Target, CostError> {
         let recorded = logs.iter().enumerate().map(recorded).collect::<Result<Vec<_>, _>>()?;
         let skip = (config.simulation.skip_seconds / longest).round() as usize;
         Target::new(joints.to_vec(), &recorded, skip)
     };
-    let target = target().map_err(|error| {
-        let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
-        Failure::failed(format!("{}: {error}.", names.join(", ")))
-    })?;
+    let target = target().map_err(|error| Failure::failed(format!("{names}: {error}.")))?;
     Ok(LogSet { logs, simulator, target: Arc::new(target) })
 }
 
@@ -168,7 +176,8 @@ fn options(config: &AdaptConfig) -> FitOptions {
         population: optimizer.population,
         generations: optimizer.generations,
         seeds: (0..optimizer.seeds as u64).map(|offset| optimizer.seed + offset).collect(),
-        separable: optimizer.covariance == crate::config::CovarianceName::Separable,
+        covariance: optimizer.covariance,
+        bounds: optimizer.bounds,
         tolerance: optimizer.tolerance,
     }
 }

@@ -1,0 +1,72 @@
+//! `gaitfit adapt`: fits the simulator's parameters to logs of a robot.
+
+mod files;
+mod fitting;
+mod inputs;
+mod logs;
+mod report;
+mod results;
+mod setup;
+mod table;
+
+use crate::cli;
+use crate::config;
+use crate::exit::{Exit, Failure};
+use crate::output::{self, note};
+use crate::run_folder::RunFolder;
+use results::Results;
+use std::path::Path;
+
+/// Runs or continues a fit and reports what it found.
+pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
+    let mut config = config::load(&args.config, &args.set)?;
+    let stem = || args.config.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    let name = args.name.clone().or_else(|| config.name.clone()).or_else(stem).unwrap_or_default();
+    config.name = Some(name.clone());
+    let threads = args.threads.map(std::num::NonZeroUsize::get);
+    let setup = setup::setup(&config, &args.config, threads)?;
+    for warning in &setup.warnings {
+        note(&format!("note: {warning}"));
+    }
+    let runs = Path::new(&config.runs);
+    let earlier = if args.resume { RunFolder::latest(runs, &name)? } else { None };
+    let folder = match earlier {
+        Some(folder) => folder,
+        None => {
+            if args.resume {
+                note(&format!("note: there is no run called {name} in {}; starting one", runs.display()));
+            }
+            RunFolder::fresh(runs, &name)?
+        }
+    };
+    let inputs = inputs::Inputs::new(&config, &setup)?;
+    let results = match files::finished(&folder, &inputs)? {
+        Some(results) => {
+            note(&format!("note: {} is finished; this is its result", folder.path().display()));
+            results
+        }
+        None => {
+            let begun = crate::machine::now();
+            files::begin(&folder, &config, &setup, &inputs, &begun)?;
+            let (outcomes, seconds) = fitting::fit(&config, &setup, &folder, &inputs)?;
+            let results = results::results(&config, &setup, &outcomes, &folder, seconds)?;
+            files::finish(&folder, &config, &setup, &inputs, &results, &begun)?;
+            results
+        }
+    };
+    report(&results, args.json)
+}
+
+/// Prints the result; a check that failed decides the exit code.
+fn report(results: &Results, json: bool) -> Result<(), Failure> {
+    if json {
+        output::print_json(results)?;
+    } else {
+        output::print(&table::text(results))?;
+    }
+    let failed: Vec<String> = results.checks.iter().filter(|check| !check.passed).map(table::check).collect();
+    if failed.is_empty() {
+        return Ok(());
+    }
+    Err(Failure { exit: Exit::Check, message: format!("a check failed: {}", failed.join("; ")) })
+}

@@ -1,0 +1,246 @@
+//! From results to the report's plain data.
+
+use super::fitting::Metric;
+use super::results::{OtherFit, Results};
+use super::setup::{LogSet, Setup};
+use crate::config::AdaptConfig;
+use crate::exit::Failure;
+use crate::machine::{machine, now};
+use gaitfit_adapt::Theta;
+use gaitfit_adapt::fit::{Predicted, simulate_one};
+use gaitfit_log::Signal;
+use gaitfit_view::report::{
+    Bound, Comparison, ComparisonEntry, JointDistribution, JointTrace, OptimizerRun, Parameter,
+    PublishedRange, Quantity, Score, Setting, Validation,
+};
+use gaitfit_view::{AdaptReport, render};
+
+/// Bins of a histogram.
+const BINS: usize = 60;
+
+/// The page of a finished run.
+pub fn page(
+    config: &AdaptConfig,
+    setup: &Setup,
+    results: &Results,
+    metrics: &str,
+) -> Result<String, Failure> {
+    let values: Vec<f64> = results.parameters.iter().map(|parameter| parameter.found.value).collect();
+    let shown = setup.validate.first().unwrap_or(&setup.fit);
+    let fitted = simulate_one(&shown.simulator, &setup.theta, &values).map_err(Failure::failed)?;
+    let nominal = simulate_one(&shown.simulator, &Theta::default(), &[]).map_err(Failure::failed)?;
+    let report = AdaptReport {
+        title: results.name.clone(),
+        robot: format!("{} ({})", results.robot, config.robot),
+        created: now(),
+        wall_seconds: results.wall_seconds,
+        fit_logs: config.logs.clone(),
+        cost_name: results.cost_name.clone(),
+        cost_unit: String::new(),
+        fitted: score(&results.fitted),
+        nominal: results.baselines.first().map(score).unwrap_or_default(),
+        baselines: results.baselines.iter().skip(1).map(score).collect(),
+        noise_floor_rad: None,
+        parameters: parameters(results),
+        runs: runs(results, metrics),
+        validation: validation(results),
+        comparison: results.other_fits.first().map(|other| comparison(&results.cost_name, other)),
+        traces: traces(shown, &fitted, &nominal),
+        distributions: distributions(shown, &fitted, &nominal),
+        warnings: warnings(results),
+        settings: settings(config)?,
+        versions: versions(),
+    };
+    render(&report).map_err(Failure::failed)
+}
+
+fn unknown(value: Option<f64>) -> f64 {
+    value.unwrap_or(f64::NAN)
+}
+
+fn score(score: &super::results::Score) -> Score {
+    Score {
+        name: score.name.clone(),
+        cost: unknown(score.cost),
+        rmse_fit_rad: unknown(score.rmse_fit_rad),
+        rmse_validation_rad: unknown(score.rmse_validation_rad),
+    }
+}
+
+fn parameters(results: &Results) -> Vec<Parameter> {
+    let parameter = |parameter: &super::results::Parameter| {
+        let found = &parameter.found;
+        let bound =
+            if found.value - found.lower < found.upper - found.value { Bound::Lower } else { Bound::Upper };
+        Parameter {
+            name: found.name.clone(),
+            unit: if found.unit == "-" { String::new() } else { found.unit.clone() },
+            value: found.value,
+            lower: found.lower,
+            upper: found.upper,
+            start: found.start,
+            spread: unknown(found.spread),
+            per_run: found.per_run.clone(),
+            at_bound: found.at_bound.then_some(bound),
+            published: parameter.truth.map(|truth| PublishedRange {
+                lower: truth,
+                upper: truth,
+                source: "the true value".to_owned(),
+            }),
+            identified: None,
+        }
+    };
+    results.parameters.iter().map(parameter).collect()
+}
+
+fn runs(results: &Results, metrics: &str) -> Vec<OptimizerRun> {
+    let metrics: Vec<Metric> = metrics.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+    let run = |run: &gaitfit_adapt::fit::RunOutcome| {
+        let own: Vec<&Metric> = metrics
+            .iter()
+            .filter(|metric| metric.run.cost == results.cost_name && metric.run.seed == run.seed)
+            .collect();
+        OptimizerRun {
+            label: format!("seed {}", run.seed),
+            best_cost: run.best_cost,
+            best: own.iter().map(|metric| metric.run.best).collect(),
+            mean: own.iter().map(|metric| metric.run.mean).collect(),
+            sigma: own.iter().map(|metric| metric.run.sigma).collect(),
+        }
+    };
+    results.runs.iter().map(run).collect()
+}
+
+fn validation(results: &Results) -> Vec<Validation> {
+    let log = |log: &super::results::Validation| Validation {
+        file: log.file.clone(),
+        rmse_rad: unknown(log.rmse_rad),
+        nominal_rmse_rad: unknown(log.nominal_rmse_rad),
+        rmse_per_joint: log.rmse_per_joint.iter().map(|(joint, error)| (joint.clone(), *error)).collect(),
+    };
+    results.validation.iter().map(log).collect()
+}
+
+fn comparison(first: &str, other: &OtherFit) -> Comparison {
+    Comparison {
+        first: first.to_owned(),
+        second: other.outcome.cost.clone(),
+        entries: other
+            .comparison
+            .iter()
+            .map(|one| ComparisonEntry {
+                name: one.name.clone(),
+                unit: one.unit.clone(),
+                first: one.first,
+                first_spread: unknown(one.first_spread),
+                second: one.second,
+                second_spread: unknown(one.second_spread),
+                agrees: one.agrees,
+            })
+            .collect(),
+        reasons: other.comparison.iter().filter_map(|one| one.reason.clone()).collect(),
+    }
+}
+
+/// One column of a `samples × joints` matrix.
+fn column(matrix: &[f32], joint: usize, joints: usize) -> Vec<f64> {
+    matrix.iter().skip(joint).step_by(joints).map(|value| f64::from(*value)).collect()
+}
+
+/// The first log of a set, joint by joint.
+fn traces(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) -> Vec<JointTrace> {
+    let log = &set.logs[0];
+    let joints = &log.joints;
+    let trace = |joint: usize| JointTrace {
+        joint: joints[joint].clone(),
+        file: log.name.clone(),
+        time_s: log.trajectory.time.clone(),
+        measured: log.trajectory.column_at(Signal::Position, joint).unwrap_or_default(),
+        fitted: column(&fitted[0].position, joint, joints.len()),
+        nominal: column(&nominal[0].position, joint, joints.len()),
+        target: log.trajectory.column_at(Signal::Target, joint).unwrap_or_default(),
+    };
+    (0..joints.len()).map(trace).collect()
+}
+
+fn distributions(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) -> Vec<JointDistribution> {
+    let log = &set.logs[0];
+    let joints = &log.joints;
+    let mut found = Vec::with_capacity(2 * joints.len());
+    for (joint, name) in joints.iter().enumerate() {
+        for (signal, quantity) in
+            [(Signal::Position, Quantity::Position), (Signal::Velocity, Quantity::Velocity)]
+        {
+            let of = |predicted: &Predicted| match quantity {
+                Quantity::Position => column(&predicted.position, joint, joints.len()),
+                Quantity::Velocity => column(&predicted.velocity, joint, joints.len()),
+            };
+            let measured = log.trajectory.column_at(signal, joint).unwrap_or_default();
+            let (nominal, fitted) = (of(&nominal[0]), of(&fitted[0]));
+            let histogram =
+                JointDistribution::from_samples(name, quantity, &measured, &nominal, &fitted, BINS);
+            found.push(JointDistribution {
+                distance_nominal: distance(&nominal, &measured),
+                distance_fitted: distance(&fitted, &measured),
+                ..histogram
+            });
+        }
+    }
+    found
+}
+
+/// Wasserstein-1 distance of simulated and measured samples; NaN where one is not finite.
+fn distance(simulated: &[f64], measured: &[f64]) -> f64 {
+    if simulated.iter().chain(measured).any(|value| !value.is_finite()) {
+        return f64::NAN;
+    }
+    let mut simulated: Vec<f32> = simulated.iter().map(|value| *value as f32).collect();
+    let mut measured = measured.to_vec();
+    simulated.sort_by(f32::total_cmp);
+    measured.sort_by(f64::total_cmp);
+    gaitfit_adapt::cost::wasserstein1(&simulated, &measured)
+}
+
+fn warnings(results: &Results) -> Vec<String> {
+    let failed = results.checks.iter().filter(|check| !check.passed);
+    let failed = failed.map(|check| format!("a check failed: {}", super::table::check(check)));
+    failed.chain(results.warnings.iter().cloned()).collect()
+}
+
+/// The resolved configuration, one line a value.
+fn settings(config: &AdaptConfig) -> Result<Vec<Setting>, Failure> {
+    fn flatten(name: &str, value: &toml::Value, into: &mut Vec<Setting>) {
+        match value {
+            toml::Value::Table(table) => {
+                for (key, value) in table {
+                    let name = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
+                    flatten(&name, value, into);
+                }
+            }
+            toml::Value::Array(array) if array.iter().any(toml::Value::is_table) => {
+                for (index, value) in array.iter().enumerate() {
+                    flatten(&format!("{name}.{index}"), value, into);
+                }
+            }
+            _ => into.push(Setting { name: name.to_owned(), value: value.to_string() }),
+        }
+    }
+    let value = toml::Value::try_from(config)
+        .map_err(|error| Failure::failed(format!("cannot list the settings: {error}")))?;
+    let mut settings = Vec::new();
+    flatten("", &value, &mut settings);
+    Ok(settings)
+}
+
+fn versions() -> Vec<Setting> {
+    let machine = machine();
+    [
+        ("gaitfit", machine.gaitfit.to_owned()),
+        ("platform", machine.platform),
+        ("processor", machine.processor),
+        ("threads", machine.threads.to_string()),
+        ("features", machine.features.join(", ")),
+    ]
+    .map(|(name, value)| Setting { name: name.to_owned(), value })
+    .to_vec()
+}

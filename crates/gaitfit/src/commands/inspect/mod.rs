@@ -1,0 +1,54 @@
+//! `gaitfit inspect`: what a robot file or a log holds.
+
+mod log;
+mod plot;
+mod robot;
+
+use crate::cli::Inspect;
+use crate::exit::Failure;
+
+/// Tells robots from logs by the file's ending and prints what they hold.
+pub fn run(args: &Inspect) -> Result<(), Failure> {
+    let ending = args.file.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    match ending.as_deref() {
+        Some("xml" | "mjcf" | "urdf") => {
+            if args.plot.is_some() || args.robot.is_some() {
+                return Err(Failure::usage("--plot and --robot are for logs (.csv)"));
+            }
+            robot::run(args)
+        }
+        Some("csv") => {
+            if args.lenient && args.robot.is_none() {
+                return Err(Failure::usage("--lenient is for robot files"));
+            }
+            log::run(args)
+        }
+        _ => Err(Failure::usage(format!(
+            "{}: neither a robot (.xml, .mjcf, .urdf) nor a log (.csv)",
+            args.file.display()
+        ))),
+    }
+}
+
+/// A number for a table: up to four digits that matter, "–" for none.
+fn number(value: Option<f64>) -> String {
+    match value {
+        None => "–".to_owned(),
+        Some(value) => {
+            let text = format!("{value:.4}");
+            if text.contains('.') {
+                text.trim_end_matches('0').trim_end_matches('.').to_owned()
+            } else {
+                text
+            }
+        }
+    }
+}
+
+/// An interval for a table.
+fn interval(range: Option<[f64; 2]>) -> String {
+    range.map_or_else(
+        || "–".to_owned(),
+        |[low, high]| format!("[{}, {}]", number(Some(low)), number(Some(high))),
+    )
+}
