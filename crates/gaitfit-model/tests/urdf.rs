@@ -1,0 +1,158 @@
+//! URDF against MJCF, and what URDF cannot be.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use std::path::{Path, PathBuf};
+
+use gaitfit_model::{Model, ModelError, ReadOptions, Root, Shape, read, read_urdf_str};
+
+fn asset(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets").join(name)
+}
+
+fn urdf(text: &str) -> Result<Model, ModelError> {
+    read_urdf_str(text, &ReadOptions::default())
+}
+
+fn near(a: &[f64], b: &[f64], tolerance: f64) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(x, y)| (x - y).abs() <= tolerance)
+}
+
+/// Rotates a vector by a wxyz quaternion.
+fn turn(q: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+    let [w, x, y, z] = q;
+    let t = [2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0])];
+    [
+        v[0] + w * t[0] + y * t[2] - z * t[1],
+        v[1] + w * t[1] + z * t[0] - x * t[2],
+        v[2] + w * t[2] + x * t[1] - y * t[0],
+    ]
+}
+
+#[test]
+fn go2_in_urdf_is_go2_in_mjcf() {
+    let a = read(&asset("go2.urdf"), &ReadOptions::default()).unwrap();
+    let b = read(&asset("go2.xml"), &ReadOptions::default()).unwrap();
+    assert_eq!((a.root, a.nq(), a.nv(), a.nu()), (b.root, b.nq(), b.nv(), b.nu()));
+    for (x, y) in a.bodies.iter().zip(&b.bodies) {
+        assert_eq!((&x.name, x.parent, x.quat, x.mass), (&y.name, y.parent, y.quat, y.mass));
+        assert!(y.parent.is_none() || x.pos == y.pos, "the root's height is not a matter of URDF");
+        assert!(near(&x.ipos, &y.ipos, 0.0) && near(&x.inertia, &y.inertia, 1e-15), "{}", x.name);
+        for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
+            // Principal axes are the same lines.
+            let (p, q) = (turn(x.iquat, axis), turn(y.iquat, axis));
+            let dot: f64 = p.iter().zip(q).map(|(a, b)| a * b).sum();
+            assert!((dot.abs() - 1.0).abs() < 1e-9, "{}", x.name);
+        }
+    }
+    assert_eq!(a.joints, b.joints);
+    assert_eq!(a.actuators, b.actuators);
+    assert_eq!(a.geoms.len(), b.geoms.len());
+    for (x, y) in a.geoms.iter().zip(&b.geoms) {
+        assert_eq!((&x.name, x.body, x.pos), (&y.name, y.body, y.pos));
+        assert!(near(&turn(x.quat, [0.1, 0.2, 0.3]), &turn(y.quat, [0.1, 0.2, 0.3]), 1e-12), "{}", x.name);
+        assert_eq!(x.shape, y.shape, "{}", x.name);
+    }
+    assert_eq!(a.planes.len(), 1);
+    let order = |m: &Model| m.pairs.iter().map(|p| (p.geom, p.plane)).collect::<Vec<_>>();
+    assert_eq!(order(&a), order(&b));
+    // URDF has no contact parameters: MuJoCo's defaults.
+    assert!(a.pairs.iter().all(|p| p.condim == 3 && p.friction == [1.0, 1.0, 0.005, 0.0001, 0.0001]));
+}
+
+const SMALL: &str = r#"<robot name="r">
+  <material name="grey"/>
+  <link name="base"><inertial><origin xyz="0 0 0.1" rpy="0 0 1.5707963267948966"/><mass value="2"/>
+    <inertia ixx="0.3" iyy="0.2" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><mesh filename="base.stl"/></geometry></visual>
+    <collision><geometry><mesh filename="base.stl"/></geometry></collision></link>
+  <link name="shoe"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0 0 -0.1" rpy="0.1 0.2 0.3"/><geometry><cylinder radius="0.1" length="0.4"/></geometry></collision></link>
+  <link name="sensor"/>
+  <joint name="weld" type="fixed"><parent link="shoe"/><child link="sensor"/><origin xyz="0 0 1"/></joint>
+  <joint name="turn" type="continuous"><parent link="base"/><child link="shoe"/><origin xyz="1 2 3" rpy="0.3 0.2 0.1"/>
+    <axis xyz="0 3 4"/><dynamics damping="0.5" friction="0.25"/><limit effort="9" velocity="4"/></joint>
+  <transmission name="t"/>
+</robot>"#;
+
+#[test]
+fn links_joints_and_shapes_are_read() {
+    let model = urdf(SMALL).unwrap();
+    assert_eq!(model.root, Root::Floating);
+    let names: Vec<&str> = model.bodies.iter().map(|b| b.name.as_str()).collect();
+    assert_eq!(names, ["base", "shoe", "sensor"]);
+    // The tensor is turned by the inertial's origin: x and y change places.
+    let base = &model.bodies[0];
+    let x = turn(base.iquat, [1.0, 0.0, 0.0]);
+    assert!(near(&base.inertia, &[0.3, 0.2, 0.1], 1e-15) && near(&x.map(f64::abs), &[0.0, 1.0, 0.0], 1e-12));
+    let joint = &model.joints[0];
+    assert!(near(&joint.axis, &[0.0, 0.6, 0.8], 1e-15));
+    assert_eq!((joint.damping, joint.frictionloss, joint.range), (0.5, 0.25, None));
+    assert_eq!(joint.velocity_limit, Some(4.0));
+    assert_eq!(model.actuators[0].ctrlrange, Some([-9.0, 9.0]));
+    assert_eq!(model.actuators[0].name, "turn");
+    // Fixed-axis roll 0.3, pitch 0.2, yaw 0.1: Rz Ry Rx applied to y by hand.
+    let (r, p, y): (f64, f64, f64) = (0.3, 0.2, 0.1);
+    let rolled = [0.0, r.cos(), r.sin()];
+    let pitched = [p.sin() * rolled[2], rolled[1], p.cos() * rolled[2]];
+    let yawed = [
+        y.cos() * pitched[0] - y.sin() * pitched[1],
+        y.sin() * pitched[0] + y.cos() * pitched[1],
+        pitched[2],
+    ];
+    assert!(near(&turn(model.bodies[1].quat, [0.0, 1.0, 0.0]), &yawed, 1e-15));
+    assert_eq!(model.geoms[0].shape, Shape::Cylinder { radius: 0.1, half_length: 0.2 });
+    assert_eq!(model.pairs.len(), 1);
+    assert!(model.dropped.iter().any(|d| d.what.contains("mesh") && d.line == 6));
+    assert!(model.dropped.iter().any(|d| d.what.contains("transmission")));
+}
+
+#[test]
+fn a_clamped_robot_hangs_in_the_air_and_a_world_link_is_the_world() {
+    let fixed = ReadOptions { root: Some(Root::Fixed), ..Default::default() };
+    let model = read_urdf_str(SMALL, &fixed).unwrap();
+    assert_eq!((model.root, model.planes.len(), model.nq()), (Root::Fixed, 0, 1));
+    let arm = SMALL.replace(
+        "<transmission name=\"t\"/>",
+        r#"<link name="world"/><joint name="bolt" type="fixed"><parent link="world"/><child link="base"/>
+           <origin xyz="0 0 2"/></joint>"#,
+    );
+    let model = urdf(&arm).unwrap();
+    assert_eq!((model.root, model.planes.len()), (Root::Fixed, 1));
+    assert_eq!((model.bodies[0].name.as_str(), model.bodies[0].pos), ("base", [0.0, 0.0, 2.0]));
+}
+
+#[test]
+fn what_urdf_says_but_the_engine_lacks_is_refused() {
+    for (from, to, want) in [
+        ("continuous", "prismatic", "prismatic"),
+        ("continuous", "floating", "floating"),
+        ("continuous", "planar", "planar"),
+        ("continuous", "revolute", "lower < upper"),
+        ("<axis xyz=\"0 3 4\"/>", "<axis xyz=\"0 3 4\"/><mimic joint=\"weld\"/>", "mimic"),
+        ("<axis xyz=\"0 3 4\"/>", "<axis xyz=\"0 0 0\"/>", "axis is zero"),
+        ("<child link=\"sensor\"/>", "<child link=\"base\"/>", "hangs on itself"),
+        ("<child link=\"sensor\"/>", "<child link=\"shoe\"/>", "child of two joints"),
+        ("<child link=\"sensor\"/>", "<child link=\"nobody\"/>", "does not exist"),
+        ("<child link=\"sensor\"/>", "", "without a parent or child"),
+        ("<link name=\"sensor\"/>", "<link/>", "without `name`"),
+        ("<link name=\"sensor\"/>", "<link name=\"sensor\"/><link name=\"lost\"/>", "have no parent"),
+        ("<link name=\"sensor\"/>", "<link name=\"sensor\"/><link name=\"base\"/>", "used twice"),
+        ("<mass value=\"2\"/>", "<mass value=\"-2\"/>", "negative"),
+        ("<mass value=\"2\"/>", "<mass value=\"nan\"/>", "nan"),
+        ("<mass value=\"2\"/>", "", "without mass"),
+        ("ixx=\"0.3\"", "ixx=\"-0.3\"", "principal moment"),
+        ("ixx=\"0.3\"", "ixx=\"3\"", "A + B >= C"),
+        ("<cylinder radius=\"0.1\" length=\"0.4\"/>", "<cylinder radius=\"0.1\"/>", "length"),
+        ("<cylinder radius=\"0.1\" length=\"0.4\"/>", "<torus radius=\"0.1\"/>", "torus"),
+    ] {
+        assert!(SMALL.contains(from), "{from}");
+        let error = urdf(&SMALL.replacen(from, to, 1)).unwrap_err().to_string();
+        assert!(error.contains(want), "{to}: {error}");
+        assert!(error.starts_with("<text>:"), "{error}");
+    }
+    let lenient = ReadOptions { lenient: true, ..Default::default() };
+    // Leniently a joint of another type is a weld; nothing moves then but the base.
+    let welded = read_urdf_str(&SMALL.replace("continuous", "prismatic"), &lenient).unwrap();
+    assert_eq!((welded.nv(), welded.bodies.len()), (6, 3));
+    assert!(welded.dropped.iter().any(|d| d.what.contains("prismatic")));
+}
