@@ -223,6 +223,14 @@ impl<'c, 's> BodyReader<'c, 's> {
         let full = a.array::<6>(ctx, "fullinertia")?;
         a.finish(ctx)?;
         let inertia = match (diagonal, full) {
+            // Checked before `boundinertia`, which would quietly lift it to zero.
+            (Some(diagonal), None) if diagonal.iter().any(|i| *i < 0.0) => {
+                return Err(ctx.invalid(
+                    element.at,
+                    "`diaginertia` has a negative principal moment",
+                    "give zero or more",
+                ));
+            }
             (Some(diagonal), None) => diagonal,
             (None, None) => [0.0; 3],
             (None, Some(full)) if !oriented => {

@@ -302,7 +302,7 @@ fn fill_geoms(
         let what = |kind: &str| format!("geom \"{}\" ({kind})", shorten(&geom.name));
         let kind = match geom.kind {
             GeomKind::Plane => "plane",
-            GeomKind::Solid(_) => "primitive",
+            GeomKind::Solid(shape) => shape.name(),
             GeomKind::Other(kind) => kind,
         };
         let mut place = None;

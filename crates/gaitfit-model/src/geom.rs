@@ -198,7 +198,12 @@ impl GeomForm {
         if massless || kind == GeomKind::Plane || element.get("hfield").is_some() {
             return Ok(Some(MASSLESS));
         }
-        let Some(solid) = solid.filter(|_| !self.shell) else { return Ok(None) };
+        let Some(solid) = solid else { return Ok(None) };
+        if self.shell {
+            let what = format!("`shellinertia` of {}", element.label());
+            let why = "shapes are solid here";
+            ctx.refuse(element.at, what, why, "give the body an <inertial>, and remove it")?;
+        }
         let mass = self.mass.unwrap_or(self.density * solid.volume());
         if !mass.is_finite() {
             return Err(ctx.invalid(

@@ -287,6 +287,18 @@ pub struct Dropped {
     pub column: u32,
 }
 
+impl Shape {
+    /// `sphere`, `capsule`, `cylinder` or `box`.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Shape::Sphere { .. } => "sphere",
+            Shape::Capsule { .. } => "capsule",
+            Shape::Cylinder { .. } => "cylinder",
+            Shape::Box { .. } => "box",
+        }
+    }
+}
+
 impl Model {
     /// Length of `qpos`: 7 for a floating root, then one a joint.
     pub fn nq(&self) -> usize {

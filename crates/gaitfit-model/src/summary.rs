@@ -211,12 +211,7 @@ impl Model {
                     GeomSummary {
                         name: g.name.clone(),
                         body: body_name(g.body),
-                        shape: match g.shape {
-                            crate::model::Shape::Sphere { .. } => "sphere",
-                            crate::model::Shape::Capsule { .. } => "capsule",
-                            crate::model::Shape::Cylinder { .. } => "cylinder",
-                            crate::model::Shape::Box { .. } => "box",
-                        },
+                        shape: g.shape.name(),
                         pairs: pairs().count(),
                         condim: pairs().map(|p| p.condim).max().unwrap_or(0),
                         friction: pairs().next().map(|p| p.friction[0]),
