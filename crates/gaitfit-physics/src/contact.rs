@@ -1,0 +1,212 @@
+//! Contact points of a shape against a plane, and their constraint rows.
+//!
+//! Points and distances are MuJoCo's (`engine_collision_primitive`): sphere 1 point, capsule 2, cylinder 4,
+//! box 4. A box gives the lower one of each pair of opposite corners, which is what "the corners below the
+//! centre" means except where a corner is exactly level with it.
+
+use crate::state::{Motion, Point, Work};
+use crate::tree::{GroundPlane, Impedance, LinkShape, Pair, TINY, Tree};
+use crate::vec3::*;
+use crate::{Params, Real};
+
+/// Smallest friction coefficient (`mjMINMU`).
+const MIN_FRICTION: f64 = 1e-5;
+
+/// Impedance at violation `pos` (MuJoCo, "Solver parameters", the d(r) curve).
+#[inline(always)]
+pub(crate) fn impedance<T: Real>(c: &Impedance<T::K>, pos: T) -> T {
+    let one = T::lit(1.0);
+    let x = (pos.abs() * T::k(c.per_width)).min(one);
+    let below = T::k(c.midpoint);
+    let base = T::select_lt(x, below, x, one - x);
+    let mut y = base;
+    let mut n = 1;
+    while n < c.power {
+        y = y * base;
+        n += 1;
+    }
+    let y = T::select_lt(x, below, T::k(c.low) * y, (T::k(c.high)).fnma(y, one));
+    y.fma(T::k(c.rise), T::k(c.dmin))
+}
+
+/// Contact points of the pairs `range`, all on a link that moves with `m`.
+#[inline(always)]
+pub(crate) fn link_contacts<T: Real>(
+    tree: &Tree<T::K>,
+    params: &Params<T>,
+    range: core::ops::Range<usize>,
+    m: &Motion<T>,
+    origin: V3<T>,
+    origin_velocity: V3<T>,
+    work: &mut Work<T>,
+) {
+    for index in range {
+        let pair = &tree.pairs[index];
+        let plane = &tree.planes[pair.plane];
+        let normal = k3::<T>(&plane.frame[0]);
+        let height = dot_add(normal, origin, -T::k(plane.offset));
+        let center = rotate_k_add(&m.rotation, &pair.center, m.position);
+        let level = dot_add(normal, center, height);
+        let active = !level.all_ge(T::k(pair.reach));
+        work.pairs[index].active = active;
+        if !active {
+            continue;
+        }
+        for k in 0..5 {
+            let mu = params.friction_scale * T::k(pair.friction[k]);
+            work.pairs[index].friction[k] = mu.max(T::lit(MIN_FRICTION));
+        }
+        let friction = work.pairs[index].friction[0];
+        let weight = params.pairs[index].translation;
+        let inverse_scale = row_scale(tree, pair, friction, weight);
+        let points = &mut work.points[pair.points.clone()];
+        shape_points(pair, plane, m, center, level, points);
+        for point in points {
+            point_rows(pair, m, origin_velocity, inverse_scale, point);
+        }
+    }
+}
+
+/// Factor by which `impedance/(1 − impedance)` becomes D of the normal row (elliptic, frictionless) or of the
+/// edges (pyramidal): MuJoCo's `mj_diagApprox` and `mj_makeImpedance`.
+#[inline(always)]
+fn row_scale<T: Real>(tree: &Tree<T::K>, pair: &Pair<T::K>, friction: T, weight: T) -> T {
+    if tree.elliptic || pair.condim == 1 {
+        weight
+    } else {
+        let mu2 = friction * friction;
+        (mu2 * T::lit(2.0 / tree.impratio.max(TINY))) * (mu2.fma(weight, weight))
+    }
+}
+
+/// Places and distances of the points.
+#[inline(always)]
+fn shape_points<T: Real>(
+    pair: &Pair<T::K>,
+    plane: &GroundPlane<T::K>,
+    m: &Motion<T>,
+    center: V3<T>,
+    level: T,
+    points: &mut [Point<T>],
+) {
+    let normal = k3::<T>(&plane.frame[0]);
+    let half = T::lit(-0.5);
+    let radius = T::k(pair.radius);
+    for point in points.iter_mut() {
+        point.frame = [normal, k3::<T>(&plane.frame[1]), k3::<T>(&plane.frame[2])];
+    }
+    match &pair.shape {
+        LinkShape::Sphere => {
+            let distance = level - radius;
+            points[0].distance = distance;
+            points[0].x = axpy(half.fma(distance, -radius), normal, center);
+        }
+        LinkShape::Capsule { axis, half_length } => {
+            let axis = rotate_k_add(&m.rotation, axis, zero3());
+            let segment = scale(T::k(*half_length), axis);
+            let rise = dot(normal, segment);
+            let frame = axis_frame(normal, axis, plane);
+            for (index, sign) in [1.0, -1.0].into_iter().enumerate() {
+                let sign = T::lit(sign);
+                let distance = sign.fma(rise, level) - radius;
+                let end = axpy(sign, segment, center);
+                points[index].distance = distance;
+                points[index].x = axpy(half.fma(distance, -radius), normal, end);
+                if !pair.aligned {
+                    points[index].frame = frame;
+                }
+            }
+        }
+        LinkShape::Cylinder { axis, x_axis, half_length } => {
+            let axis = rotate_k_add(&m.rotation, axis, zero3());
+            let slope = dot(normal, axis);
+            // The axis pointing into the plane.
+            let down = T::select_lt(T::zero(), slope, T::lit(-1.0), T::lit(1.0));
+            let (axis, slope) = (scale(down, axis), down * slope);
+            let across = sub(scale(slope, axis), normal);
+            let length2 = dot(across, across);
+            let tiny = T::lit(TINY * TINY);
+            let by = radius.div(length2.max(tiny).sqrt());
+            // A disk parallel to the plane has no lowest point: take its x axis, as MuJoCo does.
+            let x_axis = scale(radius, rotate_k_add(&m.rotation, x_axis, zero3()));
+            let rim = each3!(i => T::select_lt(length2, tiny, x_axis[i], by * across[i]));
+            let drop = dot(rim, normal);
+            let half_length = T::k(*half_length);
+            let (axis, slope) = (scale(half_length, axis), half_length * slope);
+            let side = cross(rim, axis);
+            let side_scale =
+                (radius * T::lit(3f64.sqrt() / 2.0)).div(dot(side, side).sqrt().max(T::lit(1e-30)));
+            let near = add(center, axis);
+            let third = axpy(half, rim, near);
+            let spots = [
+                (level + slope + drop, add(near, rim)),
+                (level - slope + drop, add(sub(center, axis), rim)),
+                (half.fma(drop, level + slope), axpy(side_scale, side, third)),
+                (half.fma(drop, level + slope), axpy(-side_scale, side, third)),
+            ];
+            for index in 0..4 {
+                points[index].distance = spots[index].0;
+                points[index].x = axpy(half * spots[index].0, normal, spots[index].1);
+            }
+        }
+        LinkShape::Box { edges } => {
+            let a = rotate_k_add(&m.rotation, &edges[0], zero3());
+            let b = rotate_k_add(&m.rotation, &edges[1], zero3());
+            let c = rotate_k_add(&m.rotation, &edges[2], zero3());
+            let corners = [add(add(a, b), c), sub(add(a, b), c), add(sub(a, b), c), sub(sub(a, b), c)];
+            for index in 0..4 {
+                let rise = dot(normal, corners[index]);
+                let sign = T::select_lt(T::zero(), rise, T::lit(-1.0), T::lit(1.0));
+                let distance = sign.fma(rise, level);
+                points[index].distance = distance;
+                points[index].x = axpy(half * distance, normal, axpy(sign, corners[index], center));
+            }
+        }
+    }
+}
+
+/// Contact frame whose first tangent lies along `axis` (MuJoCo's `mju_makeFrame`).
+#[inline(always)]
+fn axis_frame<T: Real>(normal: V3<T>, axis: V3<T>, plane: &GroundPlane<T::K>) -> M3<T> {
+    let along = axpy(-dot(normal, axis), normal, axis);
+    let length2 = dot(along, along);
+    let tiny = T::lit(TINY);
+    let by = T::lit(1.0).div(length2.max(tiny).sqrt());
+    let fallback = k3::<T>(&plane.frame[1]);
+    let t1 = each3!(i => T::select_lt(length2, tiny, fallback[i], by * along[i]));
+    [normal, t1, cross(normal, t1)]
+}
+
+/// Contact components of a world vector.
+#[inline(always)]
+pub(crate) fn components<T: Real>(pair: &Pair<T::K>, frame: &M3<T>, v: V3<T>) -> V3<T> {
+    if pair.aligned { [v[2], v[1], v[0]] } else { rotate(frame, v) }
+}
+
+/// Residual `J a − aref` and D of one point.
+#[inline(always)]
+fn point_rows<T: Real>(
+    pair: &Pair<T::K>,
+    m: &Motion<T>,
+    origin_velocity: V3<T>,
+    inverse_scale: T,
+    point: &mut Point<T>,
+) {
+    let depth = point.distance - T::k(pair.margin);
+    let imp = impedance(&pair.impedance, depth);
+    let d = imp * ((T::lit(1.0) - imp) * inverse_scale).recip();
+    point.d = T::select_lt(depth, T::zero(), d, T::zero());
+    let velocity = cross_add(m.velocity[0], point.x, add(m.velocity[1], origin_velocity));
+    let a = m.jacobian_acceleration;
+    let acceleration = cross_add(a[0], point.x, a[1]);
+    let v = components(pair, &point.frame, velocity);
+    let a = components(pair, &point.frame, acceleration);
+    let (b, bf) = (T::k(pair.reference.b), T::k(pair.friction_b));
+    let spring = T::k(pair.reference.k) * (imp * depth);
+    point.residual[0] = [b.fma(v[0], a[0] + spring), bf.fma(v[1], a[1]), bf.fma(v[2], a[2])];
+    if pair.condim > 3 {
+        let w = components(pair, &point.frame, m.velocity[0]);
+        let a = components(pair, &point.frame, m.jacobian_acceleration[0]);
+        point.residual[1] = each3!(i => bf.fma(w[i], a[i]));
+    }
+}

@@ -1,0 +1,247 @@
+//! Dense quantities in MuJoCo's coordinates, for comparisons and inspection (`f64`, allocates).
+//!
+//! Velocities are MuJoCo's: for a floating base linear velocity in world axes, angular velocity in body axes,
+//! then one a joint.
+
+use crate::contact::impedance;
+use crate::smooth::{hinge, root_motion, smooth};
+use crate::spatial::{Rigid, V6, add6, dot6, zero6};
+use crate::state::{State, Work};
+use crate::tree::Tree;
+use crate::vec3::*;
+use crate::{Drive, Params};
+
+/// What a constraint row belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RowKind {
+    /// Dry friction of a joint (index of the joint).
+    Friction(usize),
+    /// Limit of a joint (index of the joint).
+    Limit(usize),
+    /// Contact of a geom–plane pair (index in `Model::pairs`, point of the pair).
+    Contact(usize, usize),
+}
+
+/// One row of MuJoCo's constraint: cost s(J a − aref) with stiffness D.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// What it belongs to.
+    pub kind: RowKind,
+    /// Jacobian, `nv` long.
+    pub jacobian: Vec<f64>,
+    /// Reference acceleration.
+    pub aref: f64,
+    /// Stiffness D = 1/R.
+    pub d: f64,
+}
+
+/// Pose of every link about the reference point, world axes.
+pub(crate) fn poses(tree: &Tree<f64>, state: &State<f64>) -> Vec<(M3<f64>, V3<f64>)> {
+    let root = root_motion(tree, state);
+    let mut poses = vec![(root.rotation, root.position)];
+    for i in 1..tree.links.len() {
+        let link = &tree.links[i];
+        let (rotation, position) = poses[link.parent];
+        let turn = (state.q[i - 1] - link.reference_angle).sin_cos();
+        let (rotation, position, _) = hinge(link, turn, &rotation, position);
+        poses.push((rotation, position));
+    }
+    poses
+}
+
+/// Motion subspaces in MuJoCo's order, each with the link it moves.
+pub(crate) fn subspaces(tree: &Tree<f64>, state: &State<f64>, work: &Work<f64>) -> Vec<(usize, V6<f64>)> {
+    let mut all = Vec::with_capacity(tree.nv());
+    if tree.floating {
+        let r = quat_matrix(&state.base_quaternion);
+        for k in 0..3 {
+            let mut e = zero3();
+            e[k] = 1.0;
+            all.push((0, [zero3(), e]));
+        }
+        for k in 0..3 {
+            all.push((0, [[r[0][k], r[1][k], r[2][k]], zero3()]));
+        }
+    }
+    for i in 1..tree.links.len() {
+        all.push((i, work.links[i].axis));
+    }
+    all
+}
+
+/// Whether link `ancestor` carries link `link`.
+pub(crate) fn carries(tree: &Tree<f64>, ancestor: usize, mut link: usize) -> bool {
+    while link > ancestor {
+        link = tree.links[link].parent;
+    }
+    link == ancestor
+}
+
+fn drives(tree: &Tree<f64>) -> Vec<Drive<f64>> {
+    vec![Drive { torque: 0.0, damping: 0.0 }; tree.joints()]
+}
+
+fn at_zero_acceleration(state: &State<f64>) -> State<f64> {
+    let mut state = state.clone();
+    state.base_acceleration = zero6();
+    state.qacc.fill(0.0);
+    state
+}
+
+/// Mass matrix with armature, `nv × nv`, row-major (composite rigid bodies, Featherstone 2008, table 6.2).
+pub fn mass_matrix(
+    tree: &Tree<f64>,
+    params: &Params<f64>,
+    state: &State<f64>,
+    work: &mut Work<f64>,
+) -> Vec<f64> {
+    smooth(tree, params, state, &drives(tree), work);
+    let mut composite: Vec<Rigid<f64>> = work.links.iter().map(|link| link.rigid).collect();
+    for i in (1..composite.len()).rev() {
+        let child = composite[i];
+        let parent = &mut composite[tree.links[i].parent];
+        parent.m += child.m;
+        parent.h = add(parent.h, child.h);
+        for k in 0..6 {
+            parent.i[k] += child.i[k];
+        }
+    }
+    let axes = subspaces(tree, state, work);
+    let n = axes.len();
+    let mut m = vec![0.0; n * n];
+    for (b, (link_b, axis_b)) in axes.iter().enumerate() {
+        let force = composite[*link_b].mul(*axis_b);
+        for (a, (link_a, axis_a)) in axes.iter().enumerate().take(b + 1) {
+            if carries(tree, *link_a, *link_b) {
+                m[a * n + b] = dot6(*axis_a, force);
+                m[b * n + a] = m[a * n + b];
+            }
+        }
+    }
+    let first = n - tree.joints();
+    for (j, joint) in params.joints.iter().enumerate() {
+        m[(first + j) * (n + 1)] += joint.armature;
+    }
+    m
+}
+
+/// Coriolis, centrifugal and gravity forces, `nv` long (MuJoCo's `qfrc_bias`).
+pub fn bias(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>, work: &mut Work<f64>) -> Vec<f64> {
+    let state = at_zero_acceleration(state);
+    smooth(tree, params, &state, &drives(tree), work);
+    let mut wrenches: Vec<V6<f64>> = work.links.iter().map(|link| link.wrench).collect();
+    for i in (1..wrenches.len()).rev() {
+        let parent = tree.links[i].parent;
+        wrenches[parent] = add6(wrenches[parent], wrenches[i]);
+    }
+    subspaces(tree, &state, work).iter().map(|(link, axis)| dot6(*axis, wrenches[*link])).collect()
+}
+
+/// All constraint rows of a state: friction loss, limits, contacts in the order of `Model::pairs`.
+pub fn constraint_rows(
+    tree: &Tree<f64>,
+    params: &Params<f64>,
+    state: &State<f64>,
+    work: &mut Work<f64>,
+) -> Vec<Row> {
+    let state = at_zero_acceleration(state);
+    smooth(tree, params, &state, &drives(tree), work);
+    let axes = subspaces(tree, &state, work);
+    let n = axes.len();
+    let first = n - tree.joints();
+    let unit = |j: usize, sign: f64| {
+        let mut row = vec![0.0; n];
+        row[first + j] = sign;
+        row
+    };
+    let mut rows = Vec::new();
+    for (j, joint) in work.joints.iter().enumerate() {
+        if params.joints[j].frictionloss > 0.0 {
+            rows.push(Row {
+                kind: RowKind::Friction(j),
+                jacobian: unit(j, 1.0),
+                aref: joint.friction_aref,
+                d: joint.friction_d,
+            });
+        }
+    }
+    for (j, joint) in work.joints.iter().enumerate() {
+        if joint.limited && joint.limit_d > 0.0 {
+            rows.push(Row {
+                kind: RowKind::Limit(j),
+                jacobian: unit(j, joint.limit_sign),
+                aref: joint.limit_aref,
+                d: joint.limit_d,
+            });
+        }
+    }
+    let mut order: Vec<usize> = (0..tree.pairs.len()).collect();
+    order.sort_by_key(|&index| tree.pairs[index].model_pair);
+    for index in order {
+        let pair = &tree.pairs[index];
+        if !work.pairs[index].active {
+            continue;
+        }
+        let Some(link) = tree.links.iter().position(|link| link.pairs.contains(&index)) else { continue };
+        for (number, point) in work.points[pair.points.clone()].iter().enumerate() {
+            if point.d > 0.0 {
+                let kind = RowKind::Contact(pair.model_pair, number);
+                contact_rows(tree, index, kind, link, point, &axes, work, &mut rows);
+            }
+        }
+    }
+    rows
+}
+
+fn contact_rows(
+    tree: &Tree<f64>,
+    index: usize,
+    kind: RowKind,
+    link: usize,
+    point: &crate::state::Point<f64>,
+    axes: &[(usize, V6<f64>)],
+    work: &Work<f64>,
+    rows: &mut Vec<Row>,
+) {
+    let pair = &tree.pairs[index];
+    let mu = work.pairs[index].friction;
+    let n = axes.len();
+    let mut jacobian = vec![vec![0.0; n]; 6];
+    for (column, (moved, axis)) in axes.iter().enumerate() {
+        if carries(tree, *moved, link) {
+            let linear = crate::contact::components(pair, &point.frame, cross_add(axis[0], point.x, axis[1]));
+            let angular = crate::contact::components(pair, &point.frame, axis[0]);
+            for k in 0..3 {
+                jacobian[k][column] = linear[k];
+                jacobian[3 + k][column] = angular[k];
+            }
+        }
+    }
+    let residual = [point.residual[0], point.residual[1]].concat();
+    let aref = |k: usize| -residual[k];
+    if pair.condim == 1 {
+        rows.push(Row { kind, jacobian: jacobian[0].clone(), aref: aref(0), d: point.d });
+        return;
+    }
+    for k in 0..pair.condim {
+        if tree.elliptic {
+            let scale = if k == 0 { 1.0 } else { tree.impratio * (mu[k - 1] / mu[0]).powi(2) };
+            rows.push(Row { kind, jacobian: jacobian[k].clone(), aref: aref(k), d: point.d * scale });
+        } else if k > 0 {
+            for sign in [1.0, -1.0] {
+                let m = sign * mu[k - 1];
+                rows.push(Row {
+                    kind,
+                    jacobian: (0..n).map(|c| jacobian[0][c] + m * jacobian[k][c]).collect(),
+                    aref: aref(0) + m * aref(k),
+                    d: point.d,
+                });
+            }
+        }
+    }
+}
+
+/// Impedance of a limit curve, exposed for tests of the curve itself.
+pub fn limit_impedance(tree: &Tree<f64>, joint: usize, violation: f64) -> Option<f64> {
+    tree.links[joint + 1].limit.as_ref().map(|limit| impedance(&limit.impedance, violation))
+}

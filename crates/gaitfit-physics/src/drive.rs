@@ -1,0 +1,101 @@
+//! Torques from targets: the PD controller with its delay, and the model's own actuators.
+
+use gaitfit_model::Model;
+
+use crate::{Params, Real, State};
+
+/// What drives one joint during one physics step.
+#[derive(Clone, Copy, Debug)]
+pub struct Drive<T> {
+    /// Torque, N·m.
+    pub torque: T,
+    /// Minus its derivative by joint velocity, N·m·s/rad (used by implicit integration).
+    pub damping: T,
+}
+
+impl<T: Real> Drive<T> {
+    /// No torque.
+    pub fn zero() -> Self {
+        Self { torque: T::zero(), damping: T::zero() }
+    }
+}
+
+/// PD torques of all joints at substep `substep` of `substeps` in a control period.
+///
+/// `targets` holds the sent targets (rad), newest first: `targets[k · joints + j]` was sent `k` control periods
+/// ago. A target acts from its sending time plus the joint's delay until the next one does; the step uses the
+/// mean over its own duration of the target in force, so that the result is continuous in the delay. The oldest
+/// target stands for all before it.
+///
+/// torque = clamp(torque_scale · (kp (target − reading) − kd q̇), ± torque_limit), reading = q + encoder_bias.
+#[inline(always)]
+pub(crate) fn pd<T: Real>(
+    params: &Params<T>,
+    state: &State<T>,
+    targets: &[T],
+    substep: usize,
+    substeps: usize,
+    timestep: f64,
+    drives: &mut [Drive<T>],
+) {
+    let n = drives.len();
+    let taps = targets.len() / n;
+    let z = T::zero();
+    for j in 0..n {
+        let p = &params.joints[j];
+        let mut target = targets[j];
+        if taps > 1 {
+            // In units of one physics step: this step covers [start, start + 1] on the clock of effects.
+            let start = T::lit(substep as f64) - p.delay * T::lit(1.0 / timestep);
+            let end = start + T::lit(1.0);
+            let mut sum = z;
+            for k in 0..taps {
+                let until = T::lit((1.0 - k as f64) * substeps as f64);
+                let upper = if k == 0 { end } else { end.min(until) };
+                let since = T::lit(-(k as f64) * substeps as f64);
+                let lower = if k + 1 == taps { start } else { start.max(since) };
+                sum = targets[k * n + j].fma((upper - lower).max(z), sum);
+            }
+            target = sum;
+        }
+        let error = target - (state.q[j] + p.encoder_bias);
+        let torque = p.torque_scale * (p.kd.fnma(state.qd[j], p.kp * error));
+        drives[j].torque = torque.clamp(-p.torque_limit, p.torque_limit);
+        // A saturated torque does not depend on velocity.
+        let free = T::select_lt(torque.abs(), p.torque_limit, p.torque_scale * p.kd, z);
+        drives[j].damping = free;
+    }
+}
+
+/// Target history long enough for delays up to `max_delay` (s) at control period `period` (s).
+pub fn delay_taps(max_delay: f64, period: f64) -> usize {
+    if max_delay > 0.0 { (max_delay / period).ceil() as usize + 1 } else { 1 }
+}
+
+/// Drives from the model's actuators at controls `ctrl` (MuJoCo's `actuator` computation without dynamics).
+///
+/// `ctrl` is as long as `model.actuators`; `qpos_joints` and `qvel_joints` hold one value a joint.
+pub fn actuate(model: &Model, ctrl: &[f64], qpos_joints: &[f64], qvel_joints: &[f64]) -> Vec<Drive<f64>> {
+    let mut drives = vec![Drive { torque: 0.0, damping: 0.0 }; model.joints.len()];
+    for (actuator, &u) in model.actuators.iter().zip(ctrl) {
+        let u = actuator.ctrlrange.map_or(u, |[low, high]| u.max(low).min(high));
+        let j = actuator.joint;
+        let [b0, b1, b2] = actuator.bias;
+        let (length, velocity) = (actuator.gear * qpos_joints[j], actuator.gear * qvel_joints[j]);
+        let force = actuator.gain * u + b0 + b1 * length + b2 * velocity;
+        let (limited, saturated) = match actuator.forcerange {
+            Some([low, high]) => (force.max(low).min(high), force <= low || force >= high),
+            None => (force, false),
+        };
+        drives[j].torque += actuator.gear * limited;
+        if !saturated {
+            drives[j].damping -= actuator.gear * actuator.gear * b2;
+        }
+    }
+    for (drive, joint) in drives.iter_mut().zip(&model.joints) {
+        if let Some([low, high]) = joint.actuatorfrcrange {
+            drive.torque = drive.torque.max(low).min(high);
+        }
+    }
+    drives
+}

@@ -1,0 +1,52 @@
+//! What can go wrong when a model is prepared for stepping.
+
+/// Why a model cannot be stepped.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PhysicsError {
+    /// An impedance curve that is not a polynomial.
+    #[error("{object}: solimp power {power} is not a whole number from 1 to 8; use one, the default is 2")]
+    ImpedancePower {
+        /// What the curve belongs to.
+        object: String,
+        /// The power found.
+        power: f64,
+    },
+    /// A contact dimension MuJoCo does not know.
+    #[error("contact of geom `{geom}`: condim {condim} is not 1, 3, 4 or 6")]
+    ContactDimension {
+        /// The geom.
+        geom: String,
+        /// The dimension found.
+        condim: u8,
+    },
+    /// Both limits of a joint would be active at once.
+    #[error(
+        "joint `{joint}`: its range is narrower than twice its limit margin, so both limits act at once; widen the range or lower the margin"
+    )]
+    NarrowRange {
+        /// The joint.
+        joint: String,
+    },
+    /// A number that is not finite or has the wrong sign.
+    #[error("{object}: {quantity} is {value}; it must be {must}")]
+    Value {
+        /// What the number belongs to.
+        object: String,
+        /// Which number.
+        quantity: &'static str,
+        /// The value found.
+        value: f64,
+        /// What it must be.
+        must: &'static str,
+    },
+    /// A per-joint array of the wrong length.
+    #[error("{what} has {found} entries; the robot needs {expected}")]
+    Length {
+        /// Which array.
+        what: &'static str,
+        /// Length found.
+        found: usize,
+        /// Length needed.
+        expected: usize,
+    },
+}

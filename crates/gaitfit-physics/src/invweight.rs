@@ -1,0 +1,135 @@
+//! Inverse inertias at the reference pose, which set how soft MuJoCo's constraints are.
+//!
+//! `body_invweight0` is the mean diagonal of J M⁻¹ Jᵀ at the body's centre of mass, translation and rotation
+//! apart; `dof_invweight0` the diagonal of M⁻¹ (MuJoCo, `mj_setConst`). Both depend on masses and armature, so
+//! they are made anew for every robot whose parameters change.
+
+use gaitfit_model::Model;
+
+use crate::dense::{carries, mass_matrix, poses, subspaces};
+use crate::params::{JointParams, LinkInertia, PairInvweight};
+use crate::state::{State, Work};
+use crate::tree::{TINY, compile, seats};
+use crate::vec3::*;
+use crate::{Params, PhysicsError, Preset, Settings};
+
+/// Inverse inertias of one robot.
+pub(crate) struct Invweights {
+    /// Translational (1/kg) and rotational (1/(kg·m²)), one a body.
+    pub bodies: Vec<[f64; 2]>,
+    /// One a joint, 1/(kg·m²).
+    pub joints: Vec<f64>,
+}
+
+/// Inverse inertias with the given link inertias and armature.
+pub(crate) fn invweights(
+    model: &Model,
+    links: &[LinkInertia<f64>],
+    armature: &[f64],
+) -> Result<Invweights, PhysicsError> {
+    let tree = compile::<f64>(model, &Settings::new(&model.options, Preset::Fast))?;
+    let joint = |armature: &f64| JointParams {
+        armature: *armature,
+        damping: 0.0,
+        frictionloss: 0.0,
+        weight: 1.0,
+        kp: 0.0,
+        kd: 0.0,
+        torque_scale: 1.0,
+        torque_limit: 0.0,
+        encoder_bias: 0.0,
+        delay: 0.0,
+    };
+    let params = Params {
+        links: links.to_vec(),
+        joints: armature.iter().map(joint).collect(),
+        pairs: vec![PairInvweight { translation: 1.0, rotation: 1.0 }; tree.pairs.len()],
+        friction_scale: 1.0,
+    };
+    let mut state = State::<f64>::new(&tree);
+    if tree.floating {
+        state.base_quaternion = model.bodies[0].quat;
+        state.base_position = model.bodies[0].pos;
+    }
+    for (q, joint) in state.q.iter_mut().zip(&model.joints) {
+        *q = joint.reference;
+    }
+    let mut work = Work::new(&tree);
+    let mass = mass_matrix(&tree, &params, &state, &mut work);
+    let n = tree.nv();
+    let factor = cholesky(mass, n);
+    let poses = poses(&tree, &state);
+    let axes = subspaces(&tree, &state, &work);
+    let (seats, _) = seats(model);
+
+    let bodies = model
+        .bodies
+        .iter()
+        .zip(&seats)
+        .map(|(body, seat)| {
+            let (rotation, position) = &poses[seat.link];
+            let com = add(*position, rotate(rotation, add(seat.position, rotate(&seat.rotation, body.ipos))));
+            let mut sums = [0.0; 2];
+            for (part, sum) in sums.iter_mut().enumerate() {
+                for k in 0..3 {
+                    let row: Vec<f64> = axes
+                        .iter()
+                        .map(|(moved, axis)| {
+                            if !carries(&tree, *moved, seat.link) {
+                                0.0
+                            } else if part == 0 {
+                                cross_add(axis[0], com, axis[1])[k]
+                            } else {
+                                axis[0][k]
+                            }
+                        })
+                        .collect();
+                    *sum += inverse_form(&factor, n, &row);
+                }
+            }
+            // MuJoCo leaves bodies that nothing moves at zero; here they never touch.
+            [(sums[0] / 3.0).max(TINY), (sums[1] / 3.0).max(TINY)]
+        })
+        .collect();
+    let first = n - tree.joints();
+    let joints = (0..tree.joints())
+        .map(|j| {
+            let mut e = vec![0.0; n];
+            e[first + j] = 1.0;
+            inverse_form(&factor, n, &e)
+        })
+        .collect();
+    Ok(Invweights { bodies, joints })
+}
+
+/// Lower Cholesky factor, row-major.
+fn cholesky(mut m: Vec<f64>, n: usize) -> Vec<f64> {
+    for j in 0..n {
+        let mut d = m[j * n + j];
+        for k in 0..j {
+            d -= m[j * n + k] * m[j * n + k];
+        }
+        let d = d.max(TINY).sqrt();
+        m[j * n + j] = d;
+        for i in j + 1..n {
+            let mut x = m[i * n + j];
+            for k in 0..j {
+                x -= m[i * n + k] * m[j * n + k];
+            }
+            m[i * n + j] = x / d;
+        }
+    }
+    m
+}
+
+/// `vᵀ M⁻¹ v` from the Cholesky factor of M.
+fn inverse_form(l: &[f64], n: usize, v: &[f64]) -> f64 {
+    let mut y = v.to_vec();
+    for i in 0..n {
+        for k in 0..i {
+            y[i] -= l[i * n + k] * y[k];
+        }
+        y[i] /= l[i * n + i];
+    }
+    y.iter().map(|x| x * x).sum()
+}

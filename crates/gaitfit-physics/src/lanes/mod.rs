@@ -1,0 +1,95 @@
+//! Vectors of `f32` lanes, one environment a lane, and the choice of instruction set at run time.
+//!
+//! This is the only module with `unsafe`: vector intrinsics, and calls into functions compiled for an
+//! instruction set that has been found on the machine. Everything below [`Lanes::control_period`] is inlined
+//! into it, so the whole step is compiled once for each set.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod portable;
+mod sincos;
+
+#[cfg(target_arch = "x86_64")]
+pub use avx2::F32x8;
+#[cfg(target_arch = "x86_64")]
+pub use avx512::F32x16;
+pub use portable::Portable;
+
+use crate::{Period, Real};
+
+/// A scalar that holds several environments.
+pub trait Lanes: Real<K = f32> + Send + Sync + 'static {
+    /// Environments in one value.
+    const LANES: usize;
+    /// Loads one value a lane from the first `LANES` of `x`.
+    fn load(x: &[f32]) -> Self;
+    /// Stores one value a lane to the first `LANES` of `x`.
+    fn store(self, x: &mut [f32]);
+    /// [`crate::control_period`] compiled for the lanes' instruction set.
+    fn control_period(period: &mut Period<'_, Self>);
+}
+
+/// An instruction set the step is compiled for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Isa {
+    /// 16 lanes.
+    Avx512,
+    /// 8 lanes, fused multiply-add.
+    Avx2,
+    /// 8 lanes of plain Rust: SSE2 on x86-64, NEON on 64-bit Arm.
+    Portable,
+}
+
+impl Isa {
+    /// The best set of this machine.
+    pub fn best() -> Self {
+        [Isa::Avx512, Isa::Avx2].into_iter().find(|isa| isa.available()).unwrap_or(Isa::Portable)
+    }
+
+    /// Whether this machine has it.
+    pub fn available(self) -> bool {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => {
+                is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl")
+                    && is_x86_feature_detected!("fma")
+            }
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            #[cfg(not(target_arch = "x86_64"))]
+            Isa::Avx512 | Isa::Avx2 => false,
+            Isa::Portable => true,
+        }
+    }
+
+    /// Environments in one vector.
+    pub fn lanes(self) -> usize {
+        match self {
+            Isa::Avx512 => 16,
+            Isa::Avx2 | Isa::Portable => 8,
+        }
+    }
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Isa::Avx512 => "avx512",
+            Isa::Avx2 => "avx2",
+            Isa::Portable => "portable",
+        }
+    }
+}
+
+impl std::str::FromStr for Isa {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        [Isa::Avx512, Isa::Avx2, Isa::Portable]
+            .into_iter()
+            .find(|isa| isa.name() == text)
+            .ok_or_else(|| format!("unknown instruction set `{text}`; use avx512, avx2 or portable"))
+    }
+}

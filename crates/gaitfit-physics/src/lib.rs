@@ -1,0 +1,41 @@
+//! One physics step of a legged robot in MuJoCo's formulation, written once over [`Real`].
+//!
+//! A [`gaitfit_model::Model`] is compiled to a [`Tree`] of constants; a [`Robot`] (the model's numbers, changed
+//! joint by joint) becomes [`Params`]; a [`State`] is advanced by [`step`] with scratch in [`Work`]. Nothing is
+//! allocated in a step, nothing is read or written outside its arguments, and there are no threads here.
+//!
+//! Conventions: SI units, radians, quaternions wxyz. The base's linear velocity is in world axes, its angular
+//! velocity in body axes, as in MuJoCo.
+//!
+//! Not simulated: contacts between the robot's own bodies, or with anything but planes.
+
+mod cone;
+mod contact;
+mod dense;
+mod drive;
+mod error;
+mod forward;
+mod invweight;
+mod lanes;
+mod params;
+mod real;
+mod settings;
+mod smooth;
+mod solver;
+mod spatial;
+mod state;
+mod step;
+mod tree;
+mod vec3;
+
+pub use dense::{Row, RowKind, bias, constraint_rows, limit_impedance, mass_matrix};
+pub use drive::{Drive, actuate, delay_taps};
+pub use error::PhysicsError;
+pub use forward::{Evaluation, Forward, acceleration, state_from, state_to};
+pub use lanes::*;
+pub use params::{JointParams, LinkInertia, PairInvweight, Params, Robot};
+pub use real::Real;
+pub use settings::{Damping, Preset, Settings};
+pub use state::{State, Work};
+pub use step::{Period, accelerate, control_period, step};
+pub use tree::{Tree, compile};

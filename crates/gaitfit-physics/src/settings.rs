@@ -1,0 +1,89 @@
+//! How hard the step works.
+
+use gaitfit_model::{Cone, Integrator, Options};
+
+/// How joint damping enters the integrator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Damping {
+    /// As MuJoCo does it: the constraint solver sees M, the integrator solves again with M + h·B.
+    Implicit,
+    /// M + h·B is used in the solver itself: one solve less, and the same result where no constraint acts.
+    Folded,
+    /// Explicit: forces only (MuJoCo with `eulerdamp` disabled).
+    Explicit,
+}
+
+/// Solver effort and integration of one step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Physics step, s.
+    pub timestep: f64,
+    /// Friction cone.
+    pub cone: Cone,
+    /// Newton iterations.
+    pub iterations: usize,
+    /// Line-search evaluations in each iteration; 0 takes the full Newton step.
+    pub line_search: usize,
+    /// Joint damping.
+    pub damping: Damping,
+    /// Whether the velocity gain of actuators is integrated implicitly too (MuJoCo's `implicitfast`).
+    pub implicit_actuators: bool,
+}
+
+/// Named solver efforts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// 2 full Newton steps: for training, where the truncation is far below the randomisation.
+    Fast,
+    /// 4 Newton steps with a line search.
+    Accurate,
+    /// 50 Newton steps with 20 line-search evaluations: the unique minimum, for comparisons.
+    Converged,
+}
+
+impl Preset {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Preset::Fast => "fast",
+            Preset::Accurate => "accurate",
+            Preset::Converged => "converged",
+        }
+    }
+}
+
+impl std::str::FromStr for Preset {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "fast" => Ok(Preset::Fast),
+            "accurate" => Ok(Preset::Accurate),
+            "converged" => Ok(Preset::Converged),
+            _ => Err(format!("unknown preset `{text}`; use fast, accurate or converged")),
+        }
+    }
+}
+
+impl Settings {
+    /// The preset with the model's own options for everything else.
+    pub fn new(options: &Options, preset: Preset) -> Self {
+        let (iterations, line_search) = match preset {
+            Preset::Fast => (2, 0),
+            Preset::Accurate => (4, 1),
+            Preset::Converged => (50, 20),
+        };
+        let damping = match (options.integrator, options.eulerdamp, preset) {
+            (Integrator::Euler, false, _) => Damping::Explicit,
+            (_, _, Preset::Converged) => Damping::Implicit,
+            _ => Damping::Folded,
+        };
+        Self {
+            timestep: options.timestep,
+            cone: options.cone,
+            iterations,
+            line_search,
+            damping,
+            implicit_actuators: options.integrator == Integrator::ImplicitFast,
+        }
+    }
+}

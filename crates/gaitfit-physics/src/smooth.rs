@@ -1,0 +1,218 @@
+//! The forward pass of a step: poses, velocities, inertias, inertial wrenches, and every constraint's rows.
+//!
+//! Everything is in world axes about one reference point, the base's origin. With the base's linear velocity
+//! boosted away, the classical acceleration of a point x is `A_lin + α × x + ω × (v + ω × x)`, so a body's
+//! inertial wrench needs only the acceleration of its centre of mass (Newton–Euler, Featherstone 2008, ch. 5).
+
+use crate::contact::{impedance, link_contacts};
+use crate::drive::Drive;
+use crate::spatial::{Rigid, V6, axpy6, zero6};
+use crate::state::{LinkWork, Motion, State, Work};
+use crate::tree::{Axis, Link, Tree};
+use crate::vec3::*;
+use crate::{Damping, LinkInertia, Params, Real};
+
+/// Fills `work` for the state's pose, velocity and current acceleration.
+#[inline(always)]
+pub(crate) fn smooth<T: Real>(
+    tree: &Tree<T::K>,
+    params: &Params<T>,
+    state: &State<T>,
+    drives: &[Drive<T>],
+    work: &mut Work<T>,
+) {
+    let gravity = k3::<T>(&tree.gravity);
+    let mut root = root_motion(tree, state);
+    root.acceleration[1] = sub(root.acceleration[1], gravity);
+    let (origin, origin_velocity) = if tree.floating {
+        (state.base_position, state.base_linear)
+    } else {
+        (k3::<T>(&tree.root_position), zero3())
+    };
+    if tree.floating {
+        inertial(&params.links[0], &root, &mut work.links[0]);
+        link_contacts(tree, params, tree.links[0].pairs.clone(), &root, origin, origin_velocity, work);
+    }
+    work.motion[0] = root;
+    // Apart from the walk over the tree, so that neighbouring joints overlap.
+    for j in 0..work.turns.len() {
+        work.turns[j] = (state.q[j] - T::k(tree.links[j + 1].reference_angle)).sin_cos();
+    }
+    for j in 0..work.joints.len() {
+        joint_rows(tree, params, state, drives, j, work);
+    }
+    for &i in &tree.order {
+        let link = &tree.links[i];
+        let parent = &work.motion[link.parent_chain];
+        let j = i - 1;
+        let (rotation, position, axis) = hinge(link, work.turns[j], &parent.rotation, parent.position);
+        let (qd, qacc) = (state.qd[j], state.qacc[j]);
+        // The velocity product V × S q̇ uses the parent's velocity: S × S vanishes.
+        let v = parent.velocity;
+        let turn = scale(qd, axis[0]);
+        let shift = scale(qd, axis[1]);
+        let a = parent.acceleration;
+        let product = [cross_add(v[0], turn, a[0]), cross_add(v[0], shift, cross_add(v[1], turn, a[1]))];
+        let m = Motion {
+            rotation,
+            position,
+            velocity: [add(v[0], turn), add(v[1], shift)],
+            acceleration: axpy6(qacc, axis, product),
+            jacobian_acceleration: axpy6(qacc, axis, parent.jacobian_acceleration),
+        };
+        work.links[i].axis = axis;
+        inertial(&params.links[i], &m, &mut work.links[i]);
+        if link.contact.is_some() {
+            link_contacts(tree, params, link.pairs.clone(), &m, origin, origin_velocity, work);
+        }
+        if !link.leaf {
+            work.motion[link.chain] = m;
+        }
+    }
+}
+
+/// Motion of link 0, without gravity.
+#[inline(always)]
+pub(crate) fn root_motion<T: Real>(tree: &Tree<T::K>, state: &State<T>) -> Motion<T> {
+    if tree.floating {
+        let rotation = quat_matrix(&state.base_quaternion);
+        let spin: V6<T> = [rotate(&rotation, state.base_angular), zero3()];
+        Motion {
+            rotation,
+            position: zero3(),
+            velocity: spin,
+            acceleration: state.base_acceleration,
+            jacobian_acceleration: state.base_acceleration,
+        }
+    } else {
+        let r = &tree.root_rotation;
+        Motion {
+            rotation: [k3::<T>(&r[0]), k3::<T>(&r[1]), k3::<T>(&r[2])],
+            position: scale(T::lit(-1.0), k3::<T>(&tree.root_position)),
+            velocity: zero6(),
+            acceleration: zero6(),
+            jacobian_acceleration: zero6(),
+        }
+    }
+}
+
+/// Pose of a link and the hinge's motion subspace from the parent's pose and the hinge's sine and cosine.
+#[inline(always)]
+pub(crate) fn hinge<T: Real>(
+    link: &Link<T::K>,
+    (s, c): (T, T),
+    rotation: &M3<T>,
+    position: V3<T>,
+) -> (M3<T>, V3<T>, V6<T>) {
+    let position = rotate_k_add(rotation, &link.offset, position);
+    let mut rotation = *rotation;
+    if let Some(turn) = &link.turn {
+        let columns = [
+            [T::k(turn[0][0]), T::k(turn[1][0]), T::k(turn[2][0])],
+            [T::k(turn[0][1]), T::k(turn[1][1]), T::k(turn[2][1])],
+            [T::k(turn[0][2]), T::k(turn[1][2]), T::k(turn[2][2])],
+        ];
+        rotation = each3!(i => each3!(c => dot(rotation[i], columns[c])));
+    }
+    // A turn about one axis mixes the two other columns: (a, b) → (c a + s b, c b − s a).
+    let r = rotation;
+    let (columns, axis) = match link.axis {
+        Axis::X => {
+            let [y, z] = mixed(&r, s, c, 1, 2);
+            let x = each3!(i => r[i][0]);
+            ([x, y, z], x)
+        }
+        Axis::Y => {
+            let [z, x] = mixed(&r, s, c, 2, 0);
+            let y = each3!(i => r[i][1]);
+            ([x, y, z], y)
+        }
+        Axis::Z => {
+            let [x, y] = mixed(&r, s, c, 0, 1);
+            let z = each3!(i => r[i][2]);
+            ([x, y, z], z)
+        }
+    };
+    let rotation = each3!(i => each3!(j => columns[j][i]));
+    (rotation, position, [axis, cross(position, axis)])
+}
+
+#[inline(always)]
+fn mixed<T: Real>(r: &M3<T>, s: T, c: T, a: usize, b: usize) -> [V3<T>; 2] {
+    [each3!(i => s.fma(r[i][b], c * r[i][a])), each3!(i => s.fnma(r[i][a], c * r[i][b]))]
+}
+
+/// World inertia and inertial wrench of a link that moves with `m`.
+#[inline(always)]
+fn inertial<T: Real>(p: &LinkInertia<T>, m: &Motion<T>, out: &mut LinkWork<T>) {
+    let c = add(m.position, rotate(&m.rotation, p.com));
+    let central = sym_rotate(&m.rotation, &p.inertia);
+    let h = scale(p.mass, c);
+    let (xx, yy, zz) = (h[0] * c[0], h[1] * c[1], h[2] * c[2]);
+    out.rigid = Rigid {
+        m: p.mass,
+        h,
+        i: [
+            central[0] + (yy + zz),
+            central[1] + (xx + zz),
+            central[2] + (xx + yy),
+            h[0].fnma(c[1], central[3]),
+            h[0].fnma(c[2], central[4]),
+            h[1].fnma(c[2], central[5]),
+        ],
+    };
+    let (w, a) = (m.velocity[0], m.acceleration);
+    let v = cross_add(w, c, m.velocity[1]);
+    let f = scale(p.mass, cross_add(w, v, cross_add(a[0], c, a[1])));
+    let n = cross_add(w, sym_mul(&central, w), sym_mul(&central, a[0]));
+    out.wrench = [cross_add(c, f, n), f];
+}
+
+/// Applied torque, friction-loss row and limit row of joint `j`.
+#[inline(always)]
+fn joint_rows<T: Real>(
+    tree: &Tree<T::K>,
+    params: &Params<T>,
+    state: &State<T>,
+    drives: &[Drive<T>],
+    j: usize,
+    work: &mut Work<T>,
+) {
+    let link = &tree.links[j + 1];
+    let p = &params.joints[j];
+    let out = &mut work.joints[j];
+    let (q, qd) = (state.q[j], state.qd[j]);
+    let z = T::zero();
+    let one = T::lit(1.0);
+
+    out.tau = p.damping.fnma(qd, drives[j].torque);
+    if link.sprung {
+        out.tau = T::k(link.stiffness).fnma(q - T::k(link.springref), out.tau);
+    }
+    let implicit = match tree.settings.damping {
+        Damping::Explicit => z,
+        _ if tree.settings.implicit_actuators => p.damping + drives[j].damping,
+        _ => p.damping,
+    };
+    out.implicit = T::lit(tree.settings.timestep) * implicit;
+    out.armature =
+        if tree.settings.damping == Damping::Folded { p.armature + out.implicit } else { p.armature };
+
+    out.friction_d = p.weight * T::k(link.friction_weight);
+    out.friction_aref = -(T::k(link.friction_b) * qd);
+    out.frictionloss = p.frictionloss;
+    if let Some(limit) = &link.limit {
+        let (low, high) = (q - T::k(limit.lower), T::k(limit.upper) - q);
+        let sign = T::select_lt(high, low, -one, one);
+        let depth = low.min(high) - T::k(limit.margin);
+        out.limited = !depth.all_ge(z);
+        if !out.limited {
+            return;
+        }
+        let imp = impedance(&limit.impedance, depth);
+        let d = (imp * p.weight) * (one - imp).recip();
+        out.limit_sign = sign;
+        out.limit_d = T::select_lt(depth, z, d, z);
+        out.limit_aref = -(T::k(limit.reference.b).fma(sign * qd, T::k(limit.reference.k) * (imp * depth)));
+    }
+}

@@ -1,0 +1,99 @@
+//! One physics step, and a control period of them.
+
+use crate::drive::{Drive, pd};
+use crate::smooth::smooth;
+use crate::solver::{implicit_damping, solve};
+use crate::state::{State, Work};
+use crate::tree::Tree;
+use crate::vec3::*;
+use crate::{Damping, Params, Real};
+
+/// Advances `state` by one physics step under the given drives (one a joint).
+#[inline(always)]
+pub fn step<T: Real>(
+    tree: &Tree<T::K>,
+    params: &Params<T>,
+    drives: &[Drive<T>],
+    state: &mut State<T>,
+    work: &mut Work<T>,
+) {
+    accelerate(tree, params, drives, state, work);
+    integrate(tree, state, work);
+}
+
+/// Accelerations of `state` under the given drives, warm-started from the accelerations it holds.
+#[inline(always)]
+pub fn accelerate<T: Real>(
+    tree: &Tree<T::K>,
+    params: &Params<T>,
+    drives: &[Drive<T>],
+    state: &mut State<T>,
+    work: &mut Work<T>,
+) {
+    smooth(tree, params, state, drives, work);
+    solve(tree, state, work);
+}
+
+/// Semi-implicit Euler from the accelerations just solved for.
+#[inline(always)]
+fn integrate<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: &mut Work<T>) {
+    let h = T::lit(tree.settings.timestep);
+    let mut base = state.base_acceleration;
+    let implicit = tree.settings.damping == Damping::Implicit;
+    if implicit {
+        let change = implicit_damping(tree, state, work);
+        base = [add(base[0], change[0]), add(base[1], change[1])];
+    }
+    for j in 0..work.joints.len() {
+        let mut a = state.qacc[j];
+        if implicit {
+            a = a + work.joints[j].step;
+        }
+        state.qd[j] = h.fma(a, state.qd[j]);
+        state.q[j] = h.fma(state.qd[j], state.q[j]);
+    }
+    if !tree.floating {
+        return;
+    }
+    // The angular velocity is kept in body axes: its derivative is the world acceleration turned back.
+    let rotation = quat_matrix(&state.base_quaternion);
+    state.base_angular = axpy(h, rotate_back(&rotation, base[0]), state.base_angular);
+    state.base_linear = axpy(h, base[1], state.base_linear);
+    state.base_position = axpy(h, state.base_linear, state.base_position);
+    let half = scale(T::lit(0.5) * h, state.base_angular);
+    let angle = dot(half, half).max(T::lit(1e-30)).sqrt();
+    let (s, c) = angle.sin_cos();
+    let v = scale(s.div(angle), half);
+    let q = quat_mul(&state.base_quaternion, &[c, v[0], v[1], v[2]]);
+    let norm2 = q[0].fma(q[0], q[1].fma(q[1], q[2].fma(q[2], q[3] * q[3])));
+    let inverse = norm2.sqrt().recip();
+    state.base_quaternion = [q[0] * inverse, q[1] * inverse, q[2] * inverse, q[3] * inverse];
+}
+
+/// Everything one block of environments needs for a control period.
+pub struct Period<'a, T: Real> {
+    /// The compiled robot.
+    pub tree: &'a Tree<T::K>,
+    /// Parameters of the block's environments.
+    pub params: &'a Params<T>,
+    /// Sent position targets, newest first, `taps × joints` (rad).
+    pub targets: &'a [T],
+    /// Physics steps in the period.
+    pub substeps: usize,
+    /// Motion state; advanced.
+    pub state: &'a mut State<T>,
+    /// Scratch.
+    pub work: &'a mut Work<T>,
+    /// Scratch for torques, one a joint.
+    pub drives: &'a mut [Drive<T>],
+}
+
+/// Runs a control period: PD torques and one physics step, `substeps` times.
+#[inline(always)]
+pub fn control_period<T: Real>(p: &mut Period<'_, T>) {
+    for substep in 0..p.substeps {
+        let h = p.tree.settings.timestep;
+        pd(p.params, p.state, p.targets, substep, p.substeps, h, p.drives);
+        step(p.tree, p.params, p.drives, p.state, p.work);
+    }
+}

@@ -1,0 +1,228 @@
+//! Speed of the physics: a randomised batch of robots trotting in place.
+
+use std::time::Instant;
+
+use gaitfit_model::{Model, Shape};
+use gaitfit_physics::{Drive, Isa, Lanes, Params, Period, Preset, Robot, Settings, State, Work, compile};
+
+use gaitfit_random::{Purpose, Stream};
+
+use crate::{SimError, pool};
+
+/// Which contact geoms take part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Geoms {
+    /// Spheres at the ends of limbs only.
+    Feet,
+    /// Every geom of the model.
+    All,
+}
+
+impl Geoms {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Geoms::Feet => "feet",
+            Geoms::All => "all",
+        }
+    }
+}
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct PhysicsBench {
+    /// Solver effort.
+    pub preset: Preset,
+    /// Contact geoms.
+    pub geoms: Geoms,
+    /// Threads.
+    pub threads: usize,
+    /// Instruction set; `None` takes the machine's best.
+    pub isa: Option<Isa>,
+    /// Environments, rounded up to whole blocks.
+    pub environments: usize,
+    /// Measured repetitions of one control period of the whole batch.
+    pub repetitions: usize,
+}
+
+/// What was measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhysicsSpeed {
+    /// Environment substeps per second, median over repetitions.
+    pub substeps_per_second: f64,
+    /// The same, best repetition.
+    pub best_substeps_per_second: f64,
+    /// Threads used.
+    pub threads: usize,
+    /// Environments in one vector.
+    pub lanes: usize,
+    /// Instruction set.
+    pub isa: Isa,
+    /// Environments simulated.
+    pub environments: usize,
+    /// Share of feet (or contact points) in contact at the end, averaged over environments.
+    pub contacts: f64,
+    /// Mean height of the base at the end, m: a fallen batch would measure something else.
+    pub base_height: f64,
+}
+
+/// Physics steps in one control period of the benchmark (policy at 50 Hz, physics at 200 Hz).
+const SUBSTEPS: usize = 4;
+/// Dry friction of the benchmark's joints, N·m.
+const FRICTIONLOSS: f64 = 0.2;
+
+/// Keeps the feet only, if asked: spheres on bodies without children.
+fn with_geoms(model: &Model, geoms: Geoms) -> Model {
+    let mut model = model.clone();
+    if geoms == Geoms::Feet {
+        let leaf = |body: usize| !model.bodies.iter().any(|other| other.parent == Some(body));
+        let foot = |geom: usize| {
+            let geom = &model.geoms[geom];
+            matches!(geom.shape, Shape::Sphere { .. }) && leaf(geom.body)
+        };
+        let kept: Vec<_> = model.pairs.iter().filter(|pair| foot(pair.geom)).cloned().collect();
+        model.pairs = kept;
+    }
+    model
+}
+
+/// Measures the step on `model`, whose joints must be in groups of hip, thigh, calf.
+///
+/// Each environment has its own base mass, friction, gains and joint friction. The robots hold the pose of the
+/// first keyframe and lift diagonal pairs of legs in turn at 2 Hz.
+///
+/// # Errors
+/// A model that cannot be stepped, or has no keyframe or no joints in threes.
+pub fn physics(model: &Model, bench: &PhysicsBench) -> Result<PhysicsSpeed, SimError> {
+    let isa = bench.isa.unwrap_or_else(Isa::best);
+    if !isa.available() {
+        return Err(SimError::Isa { isa: isa.name() });
+    }
+    let model = with_geoms(model, bench.geoms);
+    match isa {
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx512 => measure::<gaitfit_physics::F32x16>(&model, bench, isa),
+        #[cfg(target_arch = "x86_64")]
+        Isa::Avx2 => measure::<gaitfit_physics::F32x8>(&model, bench, isa),
+        _ => measure::<gaitfit_physics::Portable>(&model, bench, isa),
+    }
+}
+
+struct Batch<T> {
+    params: Params<T>,
+    state: State<T>,
+    work: Work<T>,
+    drives: Vec<Drive<T>>,
+}
+
+fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<PhysicsSpeed, SimError> {
+    let joints = model.joints.len();
+    let pose = model.keyframes.first().map(|key| key.qpos[7..].to_vec()).filter(|_| joints % 3 == 0);
+    let Some(pose) = pose else {
+        return Err(SimError::Option {
+            option: "the benchmark's robot",
+            value: model.name.clone(),
+            must: "a floating robot with three joints a leg and a keyframe",
+        });
+    };
+    let height = model.keyframes[0].qpos[2];
+    let settings = Settings { timestep: 0.005, ..Settings::new(&model.options, bench.preset) };
+    let tree = compile::<T>(model, &settings)?;
+    let blocks = bench.environments.div_ceil(T::LANES).max(1);
+    let mut batches = Vec::with_capacity(blocks);
+    for block in 0..blocks {
+        let sets = (0..T::LANES)
+            .map(|lane| random_robot(model, (block * T::LANES + lane) as u32).params(model))
+            .collect::<Result<Vec<_>, _>>()?;
+        let sets: Vec<&Params<f64>> = sets.iter().collect();
+        let params = Params::pack(&sets, |value| {
+            let values: Vec<f32> = sets.iter().map(|set| value(set) as f32).collect();
+            T::load(&values)
+        });
+        let mut state = State::<T>::new(&tree);
+        state.base_position[2] = T::lit(height);
+        for (q, angle) in state.q.iter_mut().zip(&pose) {
+            *q = T::lit(*angle);
+        }
+        let drives = vec![Drive::zero(); joints];
+        batches.push(std::sync::Mutex::new(Batch { params, state, work: Work::new(&tree), drives }));
+    }
+
+    let mut times = Vec::with_capacity(bench.repetitions);
+    const WARM_UP: usize = 25;
+    for repetition in 0..bench.repetitions + WARM_UP {
+        let phase = (repetition as f64 * 0.02 * 2.0 * std::f64::consts::TAU).sin();
+        let target: Vec<T> = (0..joints).map(|j| T::lit(pose[j] + lift(j, phase))).collect();
+        let start = Instant::now();
+        pool::for_each(
+            blocks,
+            bench.threads,
+            || (),
+            |(), index| {
+                let Ok(mut guard) = batches[index].lock() else { return };
+                let batch = &mut *guard;
+                T::control_period(&mut Period {
+                    tree: &tree,
+                    params: &batch.params,
+                    targets: &target,
+                    substeps: SUBSTEPS,
+                    state: &mut batch.state,
+                    work: &mut batch.work,
+                    drives: &mut batch.drives,
+                });
+            },
+        );
+        if repetition >= WARM_UP {
+            times.push(start.elapsed().as_secs_f64());
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    let steps = (blocks * T::LANES * SUBSTEPS) as f64;
+    let (mut height, mut contacts) = (0.0, 0.0);
+    for batch in &batches {
+        let Ok(batch) = batch.lock() else { continue };
+        let mut values = [0.0f32; 16];
+        batch.state.base_position[2].store(&mut values);
+        height += values[..T::LANES].iter().sum::<f32>() as f64;
+        for stiffness in batch.work.contact_stiffness() {
+            stiffness.store(&mut values);
+            contacts += values[..T::LANES].iter().filter(|&&d| d > 0.0).count() as f64;
+        }
+    }
+    let environments = blocks * T::LANES;
+    Ok(PhysicsSpeed {
+        substeps_per_second: steps / times[times.len() / 2],
+        best_substeps_per_second: steps / times[0],
+        threads: bench.threads,
+        lanes: T::LANES,
+        isa,
+        environments,
+        contacts: contacts / environments as f64,
+        base_height: height / environments as f64,
+    })
+}
+
+/// Target offset of joint `j` (hip, thigh, calf of leg `j / 3`) when diagonal pairs lift in turn.
+fn lift(j: usize, phase: f64) -> f64 {
+    let diagonal = matches!(j / 3 % 4, 0 | 3);
+    let up = if diagonal { phase } else { -phase }.max(0.0);
+    match j % 3 {
+        0 => 0.0,
+        1 => 0.35 * up,
+        _ => -0.7 * up,
+    }
+}
+
+fn random_robot(model: &Model, environment: u32) -> Robot {
+    let stream = Stream::new(0, Purpose::RANDOMISATION).environment(environment);
+    let draw = |number: u32| stream.uniform(number);
+    let joints = model.joints.len();
+    let mut robot = Robot::nominal(model);
+    robot.kp = vec![60.0 + 10.0 * draw(0); joints];
+    robot.kd = vec![1.5 + 0.5 * draw(1); joints];
+    robot.base_mass = -1.0 + 3.0 * draw(2);
+    robot.friction_scale = 0.8 + 0.4 * draw(3);
+    robot.frictionloss = (0..joints).map(|j| FRICTIONLOSS * (0.5 + draw(4 + j as u32))).collect();
+    robot.armature = vec![0.01; joints];
+    robot
+}
