@@ -159,6 +159,7 @@ def dump(model):
 
 def main():
     """One JSON file a robot."""
+    mujoco.set_mju_user_warning(lambda message: print("MuJoCo:", message))  # and no log file
     for path in ROBOTS:
         model = mujoco.MjModel.from_xml_path(str(path))
         out = TESTS / "fixtures" / f"{path.stem}.json"

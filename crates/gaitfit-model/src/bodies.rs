@@ -3,7 +3,8 @@
 use crate::attributes::{Attributes, Context};
 use crate::defaults::Defaults;
 use crate::error::ModelError;
-use crate::inertia::{Inertial, combine, principal};
+use crate::inertia::{Inertial, combine};
+use crate::inertial::{check_inertia, read_inertial};
 use crate::joint::Finished;
 use crate::options::{Compiler, InertiaFromGeom};
 use crate::orientation::{IDENTITY, Quat, Vec3, compose, read_orientation};
@@ -90,7 +91,7 @@ impl<'c, 's> BodyReader<'c, 's> {
                     if mass.explicit.is_some() {
                         return Err(self.ctx.invalid(child.at, "second <inertial> of a body", "keep one"));
                     }
-                    mass.explicit = Some(self.read_inertial(child)?);
+                    mass.explicit = Some(read_inertial(self.ctx, child, self.compiler.units)?);
                 }
                 "joint" => self.read_joint(child, scope)?,
                 "freejoint" => {
@@ -201,61 +202,6 @@ impl<'c, 's> BodyReader<'c, 's> {
         check_inertia(self.ctx, element.at, &element.label(), inertial, c.balance_inertia)
     }
 
-    fn read_inertial(&mut self, element: &Element) -> Result<Inertial, ModelError> {
-        let ctx = &mut *self.ctx;
-        let mut a = Attributes::new(element);
-        let missing =
-            |name: &str| (element.at, format!("<inertial> without `{name}`"), format!("add `{name}`"));
-        let Some(pos) = a.array::<3>(ctx, "pos")? else {
-            let (at, what, remedy) = missing("pos");
-            return Err(ctx.invalid(at, what, remedy));
-        };
-        let Some(mass) = a.number(ctx, "mass")? else {
-            let (at, what, remedy) = missing("mass");
-            return Err(ctx.invalid(at, what, remedy));
-        };
-        if mass < 0.0 {
-            return Err(ctx.invalid(a.at("mass"), format!("mass is {mass}"), "give zero or more"));
-        }
-        let mut quat = IDENTITY;
-        let oriented = read_orientation(&mut a, ctx, self.compiler.units, &mut quat)?;
-        let diagonal = a.array::<3>(ctx, "diaginertia")?;
-        let full = a.array::<6>(ctx, "fullinertia")?;
-        a.finish(ctx)?;
-        let inertia = match (diagonal, full) {
-            // Checked before `boundinertia`, which would quietly lift it to zero.
-            (Some(diagonal), None) if diagonal.iter().any(|i| *i < 0.0) => {
-                return Err(ctx.invalid(
-                    element.at,
-                    "`diaginertia` has a negative principal moment",
-                    "give zero or more",
-                ));
-            }
-            (Some(diagonal), None) => diagonal,
-            (None, None) => [0.0; 3],
-            (None, Some(full)) if !oriented => {
-                let (values, axes) = principal(full);
-                if values[2] < 1e-14 {
-                    return Err(ctx.invalid(
-                        element.at,
-                        format!("`fullinertia` has a principal moment of {}", values[2]),
-                        "give a positive definite tensor: xx yy zz xy xz yz",
-                    ));
-                }
-                quat = axes;
-                values
-            }
-            (_, Some(_)) => {
-                return Err(ctx.invalid(
-                    element.at,
-                    "`fullinertia` together with `diaginertia` or an orientation",
-                    "keep one form",
-                ));
-            }
-        };
-        Ok(Inertial { mass, pos, quat, inertia })
-    }
-
     fn read_joint(&mut self, element: &Element, scope: Scope) -> Result<(), ModelError> {
         let mut a = Attributes::new(element);
         let class = self.class_of(&mut a, "class", scope.class)?;
@@ -344,34 +290,4 @@ impl<'c, 's> BodyReader<'c, 's> {
         self.bodies[scope.body].sites.push(site);
         Ok(())
     }
-}
-
-/// Non-negative, and physical: no principal moment exceeds the sum of the other two.
-pub(crate) fn check_inertia(
-    ctx: &Context,
-    at: At,
-    label: &str,
-    mut inertial: Inertial,
-    balance: bool,
-) -> Result<Inertial, ModelError> {
-    let [a, b, c] = inertial.inertia;
-    let finite = inertial.mass.is_finite() && (a + b + c).is_finite();
-    if !finite || inertial.mass < 0.0 || a < 0.0 || b < 0.0 || c < 0.0 {
-        return Err(ctx.invalid(
-            at,
-            format!("{label}: mass {} or inertia [{a}, {b}, {c}] is negative or not finite", inertial.mass),
-            "give a mass and principal moments of zero or more",
-        ));
-    }
-    if a + b < c || a + c < b || b + c < a {
-        if !balance {
-            return Err(ctx.invalid(
-                at,
-                format!("{label}: principal moments [{a}, {b}, {c}] violate A + B >= C"),
-                "correct the inertia, or set <compiler balanceinertia=\"true\"/>",
-            ));
-        }
-        inertial.inertia = [(a + b + c) / 3.0; 3];
-    }
-    Ok(inertial)
 }

@@ -1,0 +1,95 @@
+//! Inertials as a file writes them, and whether they can be real.
+
+use crate::attributes::{Attributes, Context};
+use crate::error::ModelError;
+use crate::inertia::{Inertial, principal};
+use crate::orientation::{AngleUnits, IDENTITY, read_orientation};
+use crate::xml::{At, Element};
+
+/// MJCF `<inertial>`: diagonal with an orientation, full, or a bare mass.
+pub(crate) fn read_inertial(
+    ctx: &mut Context,
+    element: &Element,
+    units: AngleUnits,
+) -> Result<Inertial, ModelError> {
+    let mut a = Attributes::new(element);
+    let missing = |name: &str| (element.at, format!("<inertial> without `{name}`"), format!("add `{name}`"));
+    let Some(pos) = a.array::<3>(ctx, "pos")? else {
+        let (at, what, remedy) = missing("pos");
+        return Err(ctx.invalid(at, what, remedy));
+    };
+    let Some(mass) = a.number(ctx, "mass")? else {
+        let (at, what, remedy) = missing("mass");
+        return Err(ctx.invalid(at, what, remedy));
+    };
+    if mass < 0.0 {
+        return Err(ctx.invalid(a.at("mass"), format!("mass is {mass}"), "give zero or more"));
+    }
+    let mut quat = IDENTITY;
+    let oriented = read_orientation(&mut a, ctx, units, &mut quat)?;
+    let diagonal = a.array::<3>(ctx, "diaginertia")?;
+    let full = a.array::<6>(ctx, "fullinertia")?;
+    a.finish(ctx)?;
+    let inertia = match (diagonal, full) {
+        // Checked before `boundinertia`, which would quietly lift it to zero.
+        (Some(diagonal), None) if diagonal.iter().any(|i| *i < 0.0) => {
+            return Err(ctx.invalid(
+                element.at,
+                "`diaginertia` has a negative principal moment",
+                "give zero or more",
+            ));
+        }
+        (Some(diagonal), None) => diagonal,
+        (None, None) => [0.0; 3],
+        (None, Some(full)) if !oriented => {
+            let (values, axes) = principal(full);
+            if values[2] < 1e-14 {
+                return Err(ctx.invalid(
+                    element.at,
+                    format!("`fullinertia` has a principal moment of {}", values[2]),
+                    "give a positive definite tensor: xx yy zz xy xz yz",
+                ));
+            }
+            quat = axes;
+            values
+        }
+        (_, Some(_)) => {
+            return Err(ctx.invalid(
+                element.at,
+                "`fullinertia` together with `diaginertia` or an orientation",
+                "keep one form",
+            ));
+        }
+    };
+    Ok(Inertial { mass, pos, quat, inertia })
+}
+
+/// Non-negative, and physical: no principal moment exceeds the sum of the other two.
+pub(crate) fn check_inertia(
+    ctx: &Context,
+    at: At,
+    label: &str,
+    mut inertial: Inertial,
+    balance: bool,
+) -> Result<Inertial, ModelError> {
+    let [a, b, c] = inertial.inertia;
+    let finite = inertial.mass.is_finite() && (a + b + c).is_finite();
+    if !finite || inertial.mass < 0.0 || a < 0.0 || b < 0.0 || c < 0.0 {
+        return Err(ctx.invalid(
+            at,
+            format!("{label}: mass {} or inertia [{a}, {b}, {c}] is negative or not finite", inertial.mass),
+            "give a mass and principal moments of zero or more",
+        ));
+    }
+    if a + b < c || a + c < b || b + c < a {
+        if !balance {
+            return Err(ctx.invalid(
+                at,
+                format!("{label}: principal moments [{a}, {b}, {c}] violate A + B >= C"),
+                "correct the inertia, or set <compiler balanceinertia=\"true\"/>",
+            ));
+        }
+        inertial.inertia = [(a + b + c) / 3.0; 3];
+    }
+    Ok(inertial)
+}

@@ -1,0 +1,137 @@
+//! URDF `<joint>`: revolute, continuous and fixed.
+
+use std::collections::HashMap;
+
+use crate::attributes::{Attributes, Context};
+use crate::error::ModelError;
+use crate::model::Joint;
+use crate::orientation::{IDENTITY, Quat, Vec3, unit};
+use crate::spec::default_joint;
+use crate::xml::{At, Element, shorten};
+
+use super::{read_origin, required};
+
+/// A joint between two links.
+pub(super) struct Connection {
+    pub element: At,
+    pub parent: usize,
+    pub child: usize,
+    pub pos: Vec3,
+    pub quat: Quat,
+    /// `None`: the links are welded.
+    pub hinge: Option<Joint>,
+    /// Largest torque, N·m; 0: not given.
+    pub effort: f64,
+}
+
+/// Reads one joint.
+pub(super) fn read_joint(
+    ctx: &mut Context,
+    element: &Element,
+    links: &HashMap<String, usize>,
+) -> Result<Option<Connection>, ModelError> {
+    let mut a = Attributes::new(element);
+    let name = required(ctx, &mut a, "name")?.to_string();
+    let kind = required(ctx, &mut a, "type")?;
+    a.finish(ctx)?;
+    let label = element.label();
+    let turns = matches!(kind, "revolute" | "continuous");
+    if !turns && kind != "fixed" {
+        // Dropped, the joint becomes a weld: its child stays part of the robot.
+        ctx.refuse(
+            element.at,
+            format!("{label} of type {}", shorten(kind)),
+            "only revolute, continuous and fixed joints are simulated",
+            "replace it",
+        )?;
+    }
+    let mut ends: [Option<usize>; 2] = [None; 2];
+    let mut pose = ([0.0; 3], IDENTITY);
+    let mut joint = default_joint();
+    joint.name = name;
+    joint.axis = [1.0, 0.0, 0.0];
+    let mut effort = 0.0;
+    let mut limits = None;
+    for child in &element.children {
+        let mut a = Attributes::new(child);
+        match child.name.as_str() {
+            "parent" | "child" => {
+                let wanted = required(ctx, &mut a, "link")?;
+                let Some(&link) = links.get(wanted) else {
+                    return Err(ctx.invalid(
+                        child.at,
+                        format!("{label} names link \"{}\", which does not exist", shorten(wanted)),
+                        "name an existing link",
+                    ));
+                };
+                ends[usize::from(child.name == "child")] = Some(link);
+            }
+            "origin" => {
+                pose = read_origin(ctx, child)?;
+                continue;
+            }
+            "axis" => a.set_array(ctx, "xyz", &mut joint.axis)?,
+            "limit" => {
+                let (mut lower, mut upper) = (0.0, 0.0);
+                a.set(ctx, "lower", &mut lower)?;
+                a.set(ctx, "upper", &mut upper)?;
+                a.set_nonnegative(ctx, "effort", &mut effort)?;
+                let mut speed = 0.0;
+                a.set_nonnegative(ctx, "velocity", &mut speed)?;
+                joint.velocity_limit = (speed > 0.0).then_some(speed);
+                limits = Some([lower, upper]);
+            }
+            "dynamics" => {
+                a.set_nonnegative(ctx, "damping", &mut joint.damping)?;
+                a.set_nonnegative(ctx, "friction", &mut joint.frictionloss)?;
+            }
+            "mimic" => {
+                ctx.refuse(child.at, format!("<mimic> of {label}"), "coupled joints", "remove it")?;
+                continue;
+            }
+            "safety_controller" | "calibration" => {
+                let what = format!("<{}> of {label}", child.name);
+                ctx.drop_quietly(child.at, what, "part of a controller, not of the robot");
+                continue;
+            }
+            _ => {
+                ctx.refuse(child.at, child.label(), "not known in <joint>", "remove it")?;
+                continue;
+            }
+        }
+        a.finish(ctx)?;
+    }
+    let [Some(parent), Some(child)] = ends else {
+        return Err(ctx.invalid(
+            element.at,
+            format!("{label} without a parent or child link"),
+            "add <parent link=\"...\"/> and <child link=\"...\"/>",
+        ));
+    };
+    joint.axis = match unit(joint.axis) {
+        Some(axis) => axis,
+        None if !turns => joint.axis,
+        None => {
+            return Err(ctx.invalid(element.at, format!("{label}: the axis is zero"), "give a direction"));
+        }
+    };
+    if kind == "revolute" {
+        let Some([lower, upper]) = limits.filter(|[lower, upper]| lower < upper) else {
+            return Err(ctx.invalid(
+                element.at,
+                format!("{label} is revolute, but has no limits with lower < upper"),
+                "add <limit lower=\"...\" upper=\"...\" effort=\"...\" velocity=\"...\"/>, or make it continuous",
+            ));
+        };
+        joint.range = Some([lower, upper]);
+    }
+    Ok(Some(Connection {
+        element: element.at,
+        parent,
+        child,
+        pos: pose.0,
+        quat: pose.1,
+        hinge: turns.then_some(joint),
+        effort,
+    }))
+}

@@ -1,0 +1,185 @@
+//! URDF `<link>`: inertia and collision primitives.
+
+use crate::attributes::{Attributes, Context};
+use crate::error::ModelError;
+use crate::inertia::{Inertial, principal, rotated};
+use crate::inertial::check_inertia;
+use crate::model::Shape;
+use crate::options::Compiler;
+use crate::orientation::{IDENTITY, Quat, mul};
+use crate::spec::{BodySpec, GeomKind, GeomSpec, MAX_BODIES, MAX_ITEMS, Surface};
+use crate::xml::Element;
+
+use super::{Link, read_origin, required};
+
+/// Reads one link, not yet hung on anything.
+pub(super) fn read_link(
+    ctx: &mut Context,
+    element: &Element,
+    compiler: &Compiler,
+) -> Result<Link, ModelError> {
+    let mut a = Attributes::new(element);
+    let name = required(ctx, &mut a, "name")?.to_string();
+    a.ignore(&["type"]);
+    a.finish(ctx)?;
+    let mut body = BodySpec::new(name, element.at, 0);
+    let mut has_mass = false;
+    for child in &element.children {
+        match child.name.as_str() {
+            "inertial" if has_mass => {
+                return Err(ctx.invalid(child.at, "second <inertial> of a link", "keep one"));
+            }
+            "inertial" => {
+                let inertial = read_inertial(ctx, child)?;
+                body.inertial =
+                    check_inertia(ctx, child.at, &element.label(), inertial, compiler.balance_inertia)?;
+                has_mass = true;
+            }
+            "collision" => {
+                if body.geoms.len() >= MAX_ITEMS / MAX_BODIES {
+                    return Err(ctx.too_many(child.at, "collisions of a link", MAX_ITEMS / MAX_BODIES));
+                }
+                body.geoms.extend(read_collision(ctx, child, element)?);
+            }
+            "visual" => {}
+            _ => ctx.refuse(child.at, child.label(), "not known in <link>", "remove it")?,
+        }
+    }
+    Ok(Link { body, held_by: None })
+}
+
+fn read_inertial(ctx: &mut Context, element: &Element) -> Result<Inertial, ModelError> {
+    let mut pose = ([0.0; 3], IDENTITY);
+    let mut mass = None;
+    let mut tensor = None;
+    for child in &element.children {
+        match child.name.as_str() {
+            "origin" => pose = read_origin(ctx, child)?,
+            "mass" => {
+                let mut a = Attributes::new(child);
+                mass = a.number(ctx, "value")?;
+                a.finish(ctx)?;
+            }
+            "inertia" => {
+                let mut a = Attributes::new(child);
+                let mut values = [0.0; 6];
+                for (value, name) in values.iter_mut().zip(["ixx", "iyy", "izz", "ixy", "ixz", "iyz"]) {
+                    let Some(given) = a.number(ctx, name)? else {
+                        return Err(ctx.invalid(
+                            child.at,
+                            format!("<inertia> without `{name}`"),
+                            format!("add {name}=\"...\""),
+                        ));
+                    };
+                    *value = given;
+                }
+                a.finish(ctx)?;
+                tensor = Some(values);
+            }
+            _ => ctx.refuse(child.at, child.label(), "not known in <inertial>", "remove it")?,
+        }
+    }
+    let (Some(mass), Some(tensor)) = (mass, tensor) else {
+        return Err(ctx.invalid(
+            element.at,
+            "<inertial> without mass or inertia",
+            "add <mass value=\"...\"/> and <inertia ixx=\"...\" .../>",
+        ));
+    };
+    let (inertia, axes) = principal(turn(tensor, pose.1));
+    if inertia[2] < 0.0 {
+        return Err(ctx.invalid(
+            element.at,
+            format!("<inertia> has a principal moment of {}", inertia[2]),
+            "give a positive definite tensor",
+        ));
+    }
+    Ok(Inertial { mass, pos: pose.0, quat: axes, inertia })
+}
+
+/// The tensor in the link's axes, given in axes rotated by `quat`.
+fn turn(tensor: [f64; 6], quat: Quat) -> [f64; 6] {
+    if quat == IDENTITY {
+        return tensor;
+    }
+    let (values, axes) = principal(tensor);
+    rotated(values, mul(quat, axes))
+}
+
+fn read_collision(
+    ctx: &mut Context,
+    element: &Element,
+    link: &Element,
+) -> Result<Option<GeomSpec>, ModelError> {
+    let mut a = Attributes::new(element);
+    let name = a.text("name").unwrap_or("").to_string();
+    a.finish(ctx)?;
+    let mut pose = ([0.0; 3], IDENTITY);
+    let mut kind = None;
+    for child in &element.children {
+        match child.name.as_str() {
+            "origin" => pose = read_origin(ctx, child)?,
+            "geometry" => {
+                for shape in &child.children {
+                    kind = read_shape(ctx, shape, link)?;
+                }
+            }
+            // Seen in the wild inside <collision>; it only colours.
+            "material" => {}
+            _ => ctx.refuse(child.at, child.label(), "not known in <collision>", "remove it")?,
+        }
+    }
+    Ok(kind.map(|shape| GeomSpec {
+        name,
+        at: element.at,
+        pos: pose.0,
+        quat: pose.1,
+        kind: GeomKind::Solid(shape),
+        surface: Surface::default(),
+    }))
+}
+
+fn read_shape(ctx: &mut Context, element: &Element, link: &Element) -> Result<Option<Shape>, ModelError> {
+    let mut a = Attributes::new(element);
+    let mut size = |ctx: &Context, name: &str| -> Result<f64, ModelError> {
+        match a.number(ctx, name)? {
+            Some(value) if value > 0.0 => Ok(value),
+            _ => Err(ctx.invalid(
+                element.at,
+                format!("{} needs `{name}` above zero", element.label()),
+                format!("add {name}=\"...\""),
+            )),
+        }
+    };
+    let shape = match element.name.as_str() {
+        "sphere" => Shape::Sphere { radius: size(ctx, "radius")? },
+        "cylinder" => {
+            Shape::Cylinder { radius: size(ctx, "radius")?, half_length: size(ctx, "length")? / 2.0 }
+        }
+        "capsule" => Shape::Capsule { radius: size(ctx, "radius")?, half_length: size(ctx, "length")? / 2.0 },
+        "box" => match a.array::<3>(ctx, "size")? {
+            Some(full) if full.iter().all(|s| *s > 0.0) => Shape::Box { half_size: full.map(|s| s / 2.0) },
+            _ => {
+                return Err(ctx.invalid(
+                    element.at,
+                    "<box> needs three sizes above zero",
+                    "add size=\"x y z\"",
+                ));
+            }
+        },
+        "mesh" => {
+            ctx.drop_quietly(
+                element.at,
+                format!("collision mesh of {}", link.label()),
+                "meshes do not collide here",
+            );
+            return Ok(None);
+        }
+        _ => {
+            ctx.refuse(element.at, element.label(), "not a shape known here", "use box, sphere or cylinder")?;
+            return Ok(None);
+        }
+    };
+    a.finish(ctx)?;
+    Ok(Some(shape))
+}

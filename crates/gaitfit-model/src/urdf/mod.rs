@@ -1,0 +1,223 @@
+//! URDF: links and joints to the same content as an MJCF file.
+//!
+//! What URDF cannot say has MuJoCo's defaults: contact parameters, solver options, no armature. A ground
+//! plane z = 0 is added (not below a floating robot that the caller clamps), and a motor with control range ±effort on every revolute joint.
+
+mod joint;
+mod link;
+
+use std::collections::HashMap;
+
+use crate::attributes::{Attributes, Context};
+use crate::error::ModelError;
+use crate::inertia::MASSLESS;
+use crate::model::{Actuator, Root};
+use crate::options::{Compiler, default_options, read_option};
+use crate::orientation::{IDENTITY, Quat, Vec3, euler};
+use crate::spec::{BodySpec, Disabled, GeomKind, GeomSpec, MAX_BODIES, Spec, Surface};
+use crate::xml::{At, Element, shorten};
+
+use joint::{Connection, read_joint};
+use link::read_link;
+
+/// A link and how it hangs.
+struct Link {
+    body: BodySpec,
+    /// Index of the joint that holds it.
+    held_by: Option<usize>,
+}
+
+/// Reads the element tree of a `<robot>` document; returns the content and the root override that the
+/// compiler is to apply.
+pub(crate) fn read(
+    ctx: &mut Context,
+    document: &Element,
+    wanted: Option<Root>,
+) -> Result<(Spec, Option<Root>), ModelError> {
+    let mut a = Attributes::new(document);
+    let name = a.text("name").filter(|n| !n.is_empty()).map(str::to_string);
+    a.ignore(&["version"]);
+    a.finish(ctx)?;
+
+    let mut compiler = Compiler::default();
+    let mut options = default_options();
+    let mut disabled = Disabled::default();
+    for extension in document.children.iter().filter(|c| c.name == "mujoco") {
+        for child in &extension.children {
+            match child.name.as_str() {
+                "compiler" => compiler.read(ctx, child)?,
+                "option" => read_option(ctx, child, &mut options, &mut disabled)?,
+                "size" => {}
+                _ => ctx.refuse(child.at, child.label(), "not read from URDF", "write MJCF instead")?,
+            }
+        }
+    }
+
+    let mut links = Vec::new();
+    let mut by_name = HashMap::new();
+    for element in document.children.iter().filter(|c| c.name == "link") {
+        if links.len() >= MAX_BODIES {
+            return Err(ctx.too_many(element.at, "links", MAX_BODIES));
+        }
+        let link = read_link(ctx, element, &compiler)?;
+        if by_name.insert(link.body.name.clone(), links.len()).is_some() {
+            return Err(ctx.invalid(
+                element.at,
+                format!("link name \"{}\" is used twice", shorten(&link.body.name)),
+                "names must differ",
+            ));
+        }
+        links.push(link);
+    }
+    let mut connections: Vec<Connection> = Vec::new();
+    for element in document.children.iter().filter(|c| c.name == "joint") {
+        let Some(connection) = read_joint(ctx, element, &by_name)? else { continue };
+        if links[connection.child].held_by.is_some() {
+            return Err(ctx.invalid(
+                element.at,
+                format!(
+                    "link \"{}\" is the child of two joints",
+                    shorten(&links[connection.child].body.name)
+                ),
+                "a robot is a tree: keep one",
+            ));
+        }
+        links[connection.child].held_by = Some(connections.len());
+        connections.push(connection);
+    }
+    for element in &document.children {
+        match element.name.as_str() {
+            "link" | "joint" | "material" | "mujoco" => {}
+            "transmission" | "gazebo" | "sensor" | "ros2_control" => {
+                ctx.drop_quietly(element.at, element.label(), "not part of the robot's dynamics in URDF");
+            }
+            _ => ctx.refuse(element.at, element.label(), "not known in <robot>", "remove it")?,
+        }
+    }
+
+    let (bodies, actuators) = assemble(ctx, document.at, links, &connections, wanted)?;
+    let spec = Spec {
+        name,
+        options,
+        disabled,
+        bodies,
+        excludes: Vec::new(),
+        pairs: Vec::new(),
+        actuators,
+        keys: Vec::new(),
+        total_mass: compiler.total_mass,
+    };
+    Ok((spec, wanted))
+}
+
+/// Orders the links depth first below the world and hangs the joints on them.
+fn assemble(
+    ctx: &Context,
+    at: At,
+    links: Vec<Link>,
+    connections: &[Connection],
+    wanted: Option<Root>,
+) -> Result<(Vec<BodySpec>, Vec<Actuator>), ModelError> {
+    let mut roots = (0..links.len()).filter(|&l| links[l].held_by.is_none());
+    let Some(root) = roots.next() else {
+        return Err(ctx.invalid(at, "no link without a parent", "a robot is a tree with one root link"));
+    };
+    if let Some(other) = roots.next() {
+        return Err(ctx.invalid(
+            links[other].body.at,
+            format!(
+                "links \"{}\" and \"{}\" both have no parent",
+                shorten(&links[root].body.name),
+                shorten(&links[other].body.name)
+            ),
+            "join them by a joint",
+        ));
+    }
+    let mut children: Vec<Vec<usize>> = vec![Vec::new(); links.len()];
+    for (index, connection) in connections.iter().enumerate() {
+        children[connection.parent].push(index);
+    }
+
+    let mut bodies = vec![BodySpec::new("world".to_string(), at, 0)];
+    let mut actuators = Vec::new();
+    let mut joints = 0;
+    let mut bodyless: Vec<Option<BodySpec>> = links.into_iter().map(|l| Some(l.body)).collect();
+    let is_world = bodyless[root].as_ref().is_some_and(|b| {
+        b.name == "world" && b.inertial == MASSLESS && b.geoms.is_empty() && !children[root].is_empty()
+    });
+    // A floating robot clamped on request hangs in the air: its file says nothing of a height.
+    if is_world || wanted != Some(Root::Fixed) {
+        bodies[0].geoms.push(GeomSpec {
+            name: "ground".to_string(),
+            at,
+            pos: [0.0; 3],
+            quat: IDENTITY,
+            kind: GeomKind::Plane,
+            surface: Surface::default(),
+        });
+    }
+    // Depth first with an explicit stack; children reversed so that they come out in file order.
+    let mut stack: Vec<(usize, usize)> = Vec::new();
+    if is_world {
+        stack.extend(children[root].iter().rev().map(|&c| (c, 0)));
+    } else if let Some(mut body) = bodyless[root].take() {
+        if wanted != Some(Root::Fixed) {
+            body.free = Some(body.at);
+        }
+        bodies.push(body);
+        stack.extend(children[root].iter().rev().map(|&c| (c, 1)));
+    }
+    while let Some((index, parent)) = stack.pop() {
+        let connection = &connections[index];
+        let Some(mut body) = bodyless[connection.child].take() else { continue };
+        body.parent = parent;
+        (body.pos, body.quat) = (connection.pos, connection.quat);
+        if let Some(hinge) = &connection.hinge {
+            let limit = connection.effort;
+            actuators.push(Actuator {
+                name: hinge.name.strip_suffix("_joint").unwrap_or(&hinge.name).to_string(),
+                joint: joints,
+                gear: 1.0,
+                ctrlrange: (limit > 0.0).then_some([-limit, limit]),
+                forcerange: None,
+                gain: 1.0,
+                bias: [0.0; 3],
+            });
+            joints += 1;
+            body.joints.push((hinge.clone(), connection.element));
+        }
+        stack.extend(children[connection.child].iter().rev().map(|&c| (c, bodies.len())));
+        bodies.push(body);
+    }
+    if let Some(left) = bodyless.iter().flatten().find(|b| !(is_world && b.name == "world")) {
+        return Err(ctx.invalid(
+            left.at,
+            format!("link \"{}\" hangs on itself through its joints", shorten(&left.name)),
+            "break the cycle",
+        ));
+    }
+    Ok((bodies, actuators))
+}
+
+/// An attribute that must be there and not empty.
+fn required<'e>(ctx: &Context, a: &mut Attributes<'e>, name: &str) -> Result<&'e str, ModelError> {
+    match a.text(name).filter(|t| !t.is_empty()) {
+        Some(text) => Ok(text),
+        None => Err(ctx.invalid(
+            a.element().at,
+            format!("{} without `{name}`", a.element().label()),
+            format!("add {name}=\"...\""),
+        )),
+    }
+}
+
+/// `<origin xyz rpy>`; roll, pitch, yaw turn about fixed axes.
+fn read_origin(ctx: &mut Context, element: &Element) -> Result<(Vec3, Quat), ModelError> {
+    let mut a = Attributes::new(element);
+    let mut pos = [0.0; 3];
+    let mut rpy = [0.0; 3];
+    a.set_array(ctx, "xyz", &mut pos)?;
+    a.set_array(ctx, "rpy", &mut rpy)?;
+    a.finish(ctx)?;
+    Ok((pos, euler(rpy, *b"XYZ")))
+}
