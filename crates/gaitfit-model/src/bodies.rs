@@ -96,7 +96,18 @@ impl<'c, 's> BodyReader<'c, 's> {
                 "joint" => self.read_joint(child, scope)?,
                 "freejoint" => {
                     let mut a = Attributes::new(child);
-                    a.ignore(&["name", "group", "align"]);
+                    a.ignore(&["name", "group"]);
+                    // MuJoCo aligns only bodies without children, which have no hinges to identify.
+                    let alone = !element.children.iter().any(|c| c.name == "body" || c.name == "frame");
+                    if a.word(self.ctx, "align", &["false", "true", "auto"])? == Some(1) && alone {
+                        let at = a.at("align");
+                        self.ctx.refuse(
+                            at,
+                            "`align` of <freejoint>",
+                            "frames stay as written",
+                            "remove it",
+                        )?;
+                    }
                     a.finish(self.ctx)?;
                     self.add_free(child, scope)?;
                 }

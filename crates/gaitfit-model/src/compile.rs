@@ -92,6 +92,9 @@ pub(crate) fn compile(
     }
     if !others_move {
         fill_keyframes(ctx, &mut model, &spec, root)?;
+    } else if let Some(key) = spec.keys.first() {
+        let what = format!("{} keyframes", spec.keys.len());
+        ctx.drop_quietly(key.at, what, "they also hold the bodies that were dropped");
     }
     model.dropped = std::mem::take(&mut ctx.dropped);
     Ok(model)

@@ -1,7 +1,26 @@
 //! Robot models: MJCF and URDF files compiled to a [`Model`], joints by name.
 //!
-//! [`read`] takes a path; the readers refuse what the engine does not honour, with file, line and
-//! column, or drop and list it when asked to be lenient. Numbers mean what they mean in MuJoCo 4.0.
+//! [`read`] takes a path; [`Model::find_joint`] matches a log's joint names; [`Model::summary`] is what
+//! `gaitfit inspect` shows. Numbers mean what they mean in MuJoCo 4.0: a file that is read gives the
+//! masses, limits, contact parameters and orders that MuJoCo compiles from it.
+//!
+//! The engine simulates one robot: a tree of hinges below one floating or fixed root, touching planes.
+//! Whatever a file says beyond that and that would change the motion is refused with file, line and
+//! column; read leniently ([`ReadOptions::lenient`]) it is dropped and listed in [`Model::dropped`].
+//!
+//! | MJCF | |
+//! | --- | --- |
+//! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `inertial`, `freejoint`, hinges, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `key`, the tuple `velocity_limit` |
+//! | passed over | `asset`, `visual`, `statistic`, `size`, other `custom` data, lights, cameras |
+//! | listed | visual geoms, sensors, self-collision |
+//! | refused | slide and ball joints, `equality`, `tendon`, plugins, colliding meshes and height fields, obstacles other than planes, actuators with state, fluid, `replicate`, `composite`, `attach`, RK4 and `implicit` |
+//!
+//! | URDF | |
+//! | --- | --- |
+//! | read | links, inertials, box, sphere and cylinder collisions, revolute, continuous and fixed joints, limits, dynamics |
+//! | added | a ground plane z = 0, a motor on every hinge, MuJoCo's defaults |
+//! | listed | collision meshes, transmissions, simulator extensions |
+//! | refused | prismatic, floating and planar joints, `mimic` |
 
 mod actuator;
 mod attributes;

@@ -62,6 +62,7 @@ fn what_is_not_simulated_is_refused_and_leniently_dropped() {
         ("base", "<geom type=\"mesh\" mesh=\"m\" mass=\"0\"/>", "mesh"),
         ("base", "<geom type=\"ellipsoid\" size=\"1 1 1\"/>", "ellipsoid"),
         ("base", "<geom type=\"mesh\" mesh=\"m\" contype=\"0\" conaffinity=\"0\"/>", "mass of"),
+        ("world", "<body name=\"free\"><freejoint align=\"true\"/><geom size=\"1\"/></body>", "align"),
         ("base", "<replicate count=\"3\"/>", "replicate"),
         ("base", "<banana/>", "banana"),
         ("base", "<body><joint type=\"slide\"/><geom size=\"1\"/></body>", "slide"),
@@ -212,6 +213,19 @@ fn a_default_class_meant_for_hinges_must_not_reach_the_free_joint() {
     assert!(strict(&text).is_ok(), "<freejoint/> takes no defaults");
     let error = strict(&text.replace("<freejoint/>", "<joint type=\"free\"/>")).unwrap_err();
     assert!(error.to_string().contains("<freejoint/>"), "{error}");
+}
+
+#[test]
+fn of_two_robots_the_one_with_more_joints_stays() {
+    let other = r#"<body name="ball"><freejoint/><geom name="ball" size="0.1"/></body>"#;
+    let text = with("world", other).replace("</mujoco>", "<keyframe><key/></keyframe></mujoco>");
+    assert!(strict(&text).unwrap_err().to_string().contains("second moving body beside \"base\""));
+    let model = lenient(&text).unwrap();
+    assert_eq!((model.bodies[0].name.as_str(), model.bodies.len()), ("base", 2));
+    assert!(model.geoms.iter().all(|g| g.name != "ball") && model.pairs.len() == 2);
+    for what in ["body \"ball\"", "geom \"ball\"", "1 keyframes"] {
+        assert!(model.dropped.iter().any(|d| d.what.contains(what)), "{what}");
+    }
 }
 
 #[test]
