@@ -68,22 +68,41 @@ pub(crate) fn shorten(text: &str) -> String {
     text.chars().take(57).chain("...".chars()).collect()
 }
 
+/// In lines longer than this, columns count bytes: a hostile one-line file stays cheap.
+const LONG_LINE: usize = 4096;
+
 /// The texts read, kept for line numbers.
 #[derive(Debug, Default)]
 pub(crate) struct Sources {
-    files: Vec<(String, String)>,
+    files: Vec<Source>,
+}
+
+#[derive(Debug)]
+struct Source {
+    name: String,
+    text: String,
+    /// First byte of every line.
+    lines: Vec<usize>,
 }
 
 impl Sources {
+    fn add(&mut self, name: String, text: String) {
+        let breaks = text.bytes().enumerate().filter(|(_, b)| *b == b'\n').map(|(i, _)| i + 1);
+        let lines = std::iter::once(0).chain(breaks).collect();
+        self.files.push(Source { name, text, lines });
+    }
+
     /// Line and column of a position.
     pub fn place(&self, at: At) -> Place {
-        let Some((file, text)) = self.files.get(at.file as usize) else {
+        let Some(source) = self.files.get(at.file as usize) else {
             return Place { file: String::new(), line: 1, column: 1 };
         };
-        let before = text.get(..at.byte as usize).unwrap_or("");
-        let line = before.bytes().filter(|&b| b == b'\n').count() as u32 + 1;
-        let column = before.rsplit('\n').next().unwrap_or("").chars().count() as u32 + 1;
-        Place { file: file.clone(), line, column }
+        let byte = at.byte as usize;
+        let line = source.lines.partition_point(|start| *start <= byte);
+        let start = source.lines.get(line.saturating_sub(1)).copied().unwrap_or(0);
+        let before = source.text.get(start..byte).unwrap_or("");
+        let column = if before.len() > LONG_LINE { before.len() } else { before.chars().count() };
+        Place { file: source.name.clone(), line: line as u32, column: column as u32 + 1 }
     }
 }
 
@@ -101,14 +120,14 @@ pub(crate) fn load(path: &Path, sources: &mut Sources) -> Result<Element, ModelE
     };
     let text = loader.read(path)?;
     loader.seen.insert(canonical(path));
-    loader.parse(path.display().to_string(), text)
+    loader.parse(path.display().to_string(), text, 1)
 }
 
 /// Parses a text called `name` in messages; includes are refused because there is no folder to look in.
 pub(crate) fn parse(name: &str, text: &str, sources: &mut Sources) -> Result<Element, ModelError> {
     let mut loader = Loader { sources, base: None, seen: HashSet::new(), bytes: 0 };
     loader.count(name, text.len())?;
-    loader.parse(name.to_string(), text.to_string())
+    loader.parse(name.to_string(), text.to_string(), 1)
 }
 
 struct Loader<'a> {
@@ -157,9 +176,10 @@ impl Loader<'_> {
         })
     }
 
-    fn parse(&mut self, name: String, text: String) -> Result<Element, ModelError> {
+    /// Parses one file whose root element stands at `depth` of the whole tree.
+    fn parse(&mut self, name: String, text: String, depth: usize) -> Result<Element, ModelError> {
         let file = self.sources.files.len() as u32;
-        self.sources.files.push((name.clone(), text.clone()));
+        self.sources.add(name.clone(), text.clone());
         let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..Default::default() };
         let document = Document::parse_with_options(&text, options).map_err(|error| {
             let pos = error.pos();
@@ -177,7 +197,7 @@ impl Loader<'_> {
                 },
             }
         })?;
-        self.convert(document.root_element(), file, 1)
+        self.convert(document.root_element(), file, depth)
     }
 
     fn convert(&mut self, node: Node, file: u32, depth: usize) -> Result<Element, ModelError> {
@@ -201,8 +221,8 @@ impl Loader<'_> {
         let mut element = Element { name, attributes, children: Vec::new(), at };
         for child in node.children().filter(Node::is_element) {
             if child.tag_name().name() == "include" {
-                let included = self.include(child, file)?;
-                element.children.extend(self.adopt(included, depth)?);
+                // The included root stands where the parent stands: its children join the parent's.
+                element.children.extend(self.include(child, file, depth)?.children);
             } else {
                 element.children.push(self.convert(child, file, depth + 1)?);
             }
@@ -210,19 +230,7 @@ impl Loader<'_> {
         Ok(element)
     }
 
-    /// The included root's children become children at `depth + 1`; their depth is checked again.
-    fn adopt(&self, included: Element, depth: usize) -> Result<Vec<Element>, ModelError> {
-        if depth + height(&included) - 1 > MAX_DEPTH {
-            return Err(ModelError::TooLarge {
-                place: self.sources.place(included.at),
-                message: format!("included elements end up nested deeper than {MAX_DEPTH}"),
-                remedy: "flatten the file".into(),
-            });
-        }
-        Ok(included.children)
-    }
-
-    fn include(&mut self, node: Node, file: u32) -> Result<Element, ModelError> {
+    fn include(&mut self, node: Node, file: u32, depth: usize) -> Result<Element, ModelError> {
         let place = self.sources.place(At { file, byte: node.range().start as u32 });
         let invalid = |message: String, remedy: &str| ModelError::Invalid {
             place: place.clone(),
@@ -264,13 +272,8 @@ impl Loader<'_> {
                 "include every file once",
             ));
         }
-        self.parse(path.display().to_string(), text)
+        self.parse(path.display().to_string(), text, depth)
     }
-}
-
-/// Levels of elements, the element's own included. Recursion is bounded by [`MAX_DEPTH`].
-fn height(element: &Element) -> usize {
-    1 + element.children.iter().map(height).max().unwrap_or(0)
 }
 
 /// One name for one file, so that `a/../x.xml` and `x.xml` are the same include.
