@@ -149,6 +149,16 @@ pub enum Preset {
     Converged,
 }
 
+impl From<Preset> for gaitfit_physics::Preset {
+    fn from(preset: Preset) -> Self {
+        match preset {
+            Preset::Fast => Self::Fast,
+            Preset::Accurate => Self::Accurate,
+            Preset::Converged => Self::Converged,
+        }
+    }
+}
+
 /// Which geoms may touch the ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Geoms {

@@ -15,6 +15,8 @@ pub struct Machine {
     pub threads: usize,
     /// Vector instructions found, strongest first.
     pub features: Vec<&'static str>,
+    /// Instruction set the engine takes.
+    pub engine: &'static str,
 }
 
 /// Looks at the machine.
@@ -25,6 +27,7 @@ pub fn machine() -> Machine {
         processor: processor(),
         threads: threads(),
         features: features(),
+        engine: gaitfit_physics::Isa::best().name(),
     }
 }
 

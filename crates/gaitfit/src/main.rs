@@ -24,7 +24,8 @@ fn main() -> ExitCode {
         Command::Doctor(args) => commands::doctor::run(args),
         Command::Inspect(args) => commands::inspect::run(args),
         Command::Adapt(args) => commands::adapt::run(args),
-        _ => Ok(()),
+        Command::Forward(args) => commands::forward::run(args),
+        Command::Bench(args) => commands::bench::run(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -12,11 +12,12 @@ pub fn run(args: &crate::cli::Doctor) -> Result<(), Failure> {
     }
     let named = |text: &str| if text.is_empty() { "unknown".to_owned() } else { text.to_owned() };
     output::print(&format!(
-        "gaitfit    {}\nplatform   {}\nprocessor  {}\nfeatures   {}\nthreads    {}\n",
+        "gaitfit    {}\nplatform   {}\nprocessor  {}\nfeatures   {}\nengine     {}\nthreads    {}\n",
         found.gaitfit,
         found.platform,
         named(&found.processor),
         named(&found.features.join(", ")),
+        found.engine,
         found.threads,
     ))
 }
