@@ -94,18 +94,21 @@ impl ActuatorForm {
         }
         let mut kp = self.gain;
         a.set_nonnegative(ctx, "kp", &mut kp)?;
-        let mut kv = -self.bias[2];
-        if let Some(given) = a.number(ctx, "kv")? {
-            if given < 0.0 {
-                return Err(ctx.invalid(a.at("kv"), "negative `kv`", "give zero or more"));
-            }
-            kv = given;
-        }
+        let (mut kv, mut ratio) = (f64::NAN, f64::NAN);
+        a.set_nonnegative(ctx, "kv", &mut kv)?;
+        a.set_nonnegative(ctx, "dampratio", &mut ratio)?;
         (self.gain, self.bias_type) = (kp, 1);
         self.bias[1] = -kp;
-        self.bias[2] = if kv == 0.0 { 0.0 } else { -kv };
+        // As in MuJoCo a positive entry is a damping ratio, resolved when all masses are known.
+        match (kv.is_nan(), ratio.is_nan()) {
+            (true, true) => {}
+            (false, true) => self.bias[2] = 0.0 - kv,
+            (true, false) => self.bias[2] = ratio,
+            (false, false) => {
+                return Err(ctx.invalid(a.at("kv"), "both `kv` and `dampratio`", "keep one"));
+            }
+        }
         self.servo = Some("position");
-        a.refuse_nonzero(ctx, "dampratio", "damping from a ratio is not computed", "give `kv`")?;
         a.refuse_nonzero(ctx, "timeconst", NO_STATE, "remove it")?;
         a.set_nonnegative(ctx, "inheritrange", &mut self.inherit_range)
     }
@@ -193,15 +196,6 @@ impl ActuatorForm {
             };
             let (mean, radius) = (0.5 * (high + low), 0.5 * (high - low) * self.inherit_range);
             ctrlrange = [mean - radius, mean + radius];
-        }
-        if self.bias_type == 1 && self.gain == -self.bias[1] && self.bias[2] > 0.0 {
-            ctx.refuse(
-                at,
-                label.clone(),
-                "a positive third `biasprm` means a damping ratio, which is not computed",
-                "give a negative velocity gain",
-            )?;
-            return Ok(None);
         }
         Ok(Some(Actuator {
             name: element.get("name").unwrap_or("").to_string(),

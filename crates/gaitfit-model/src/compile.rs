@@ -8,6 +8,7 @@ use crate::error::ModelError;
 use crate::keyframes::fill_keyframes;
 use crate::model::{Body, Geom, Model, Plane, Root};
 use crate::orientation::{IDENTITY, Quat, Vec3, compose};
+use crate::servo::resolve_damping_ratios;
 use crate::spec::{GeomKind, Spec};
 use crate::xml::{At, shorten};
 
@@ -90,6 +91,7 @@ pub(crate) fn compile(
             ),
         }
     }
+    resolve_damping_ratios(&mut model);
     if !others_move {
         fill_keyframes(ctx, &mut model, &spec, root)?;
     } else if let Some(key) = spec.keys.first() {

@@ -40,6 +40,7 @@ mod options;
 mod orientation;
 mod pairs;
 mod read;
+mod servo;
 mod site;
 mod spec;
 mod summary;

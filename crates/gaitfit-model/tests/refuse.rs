@@ -78,7 +78,6 @@ fn what_is_not_simulated_is_refused_and_leniently_dropped() {
         ("actuator", "<general joint=\"knee\" dyntype=\"filter\"/>", "dyntype"),
         ("actuator", "<general joint=\"knee\" gaintype=\"affine\"/>", "gaintype"),
         ("actuator", "<position joint=\"knee\" timeconst=\"0.1\"/>", "timeconst"),
-        ("actuator", "<position joint=\"knee\" dampratio=\"1\"/>", "dampratio"),
         ("actuator", "<motor tendon=\"t\"/>", "tendon"),
         ("end", "<equality><connect body1=\"leg\" anchor=\"0 0 0\"/></equality>", "equality"),
         ("end", "<tendon><fixed name=\"t\"/></tendon>", "tendon"),
@@ -151,6 +150,7 @@ fn what_makes_no_robot_is_refused_even_leniently() {
         ("actuator", "<motor/>", "drives nothing"),
         ("actuator", "<motor joint=\"knee\" name=\"m\"/>", "used twice"),
         ("actuator", "<position joint=\"knee\" kp=\"-1\"/>", "kp"),
+        ("actuator", "<position joint=\"knee\" kv=\"1\" dampratio=\"1\"/>", "dampratio"),
         ("end", "<contact><exclude body1=\"leg\" body2=\"arm\"/></contact>", "arm"),
         ("end", "<contact><pair geom1=\"shin\" geom2=\"sky\"/></contact>", "sky"),
     ] {

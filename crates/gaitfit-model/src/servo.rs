@@ -1,0 +1,128 @@
+//! Position servos whose damping is given as a ratio (`dampratio`).
+//!
+//! MuJoCo 4.0 turns the ratio ζ into a velocity gain once, at the reference pose: kv = 2 ζ √(kp m / gear²),
+//! where 1 / m is the joint's diagonal entry of the inverse mass matrix (`dof_invweight0`).
+
+use crate::inertia::rotated;
+use crate::model::{Model, Root};
+use crate::orientation::{IDENTITY, Quat, Vec3, add, compose, cross, dot, mul, rotate};
+
+/// Replaces positive third bias parameters of position-like actuators by the damping they stand for.
+pub(crate) fn resolve_damping_ratios(model: &mut Model) {
+    let is_ratio = |gain: f64, bias: [f64; 3]| gain == -bias[1] && bias[2] > 0.0;
+    if !model.actuators.iter().any(|a| is_ratio(a.gain, a.bias)) {
+        return;
+    }
+    let factor = cholesky(mass_matrix(model));
+    let first_joint = model.nv() - model.joints.len();
+    for actuator in &mut model.actuators {
+        if is_ratio(actuator.gain, actuator.bias) {
+            let gear2 = actuator.gear * actuator.gear;
+            let inverse = inverse_diagonal(&factor, first_joint + actuator.joint);
+            // A transmission without leverage feels no inertia (MuJoCo's `mjMINVAL`).
+            let inertia = if gear2 > 1e-15 { 1.0 / (inverse.max(1e-15) * gear2) } else { 0.0 };
+            actuator.bias[2] *= -2.0 * (actuator.gain.abs() * inertia).sqrt();
+        }
+    }
+}
+
+/// A degree of freedom: a unit axis through a point, turning or sliding, world frame.
+struct Dof {
+    body: usize,
+    axis: Vec3,
+    anchor: Option<Vec3>,
+    armature: f64,
+}
+
+/// Dense mass matrix (nv × nv) with every joint at its reference: M = Σ m JvᵀJv + JωᵀIJω over the bodies
+/// (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.1), and armature on the diagonal.
+fn mass_matrix(model: &Model) -> Vec<Vec<f64>> {
+    let poses = rest_poses(model);
+    let dofs = degrees_of_freedom(model, &poses);
+    let mut m = vec![vec![0.0; dofs.len()]; dofs.len()];
+    for (index, body) in model.bodies.iter().enumerate() {
+        let (pos, quat) = poses[index];
+        let centre = add(pos, rotate(quat, body.ipos));
+        let [xx, yy, zz, xy, xz, yz] = rotated(body.inertia, mul(quat, body.iquat));
+        let carried = dofs.iter().enumerate().filter(|(_, d)| is_ancestor(model, d.body, index));
+        let columns: Vec<(usize, Vec3, Vec3)> = carried
+            .map(|(k, d)| match d.anchor {
+                Some(anchor) => (k, cross(d.axis, add(centre, anchor.map(|x| -x))), d.axis),
+                None => (k, d.axis, [0.0; 3]),
+            })
+            .collect();
+        for &(i, velocity_i, spin_i) in &columns {
+            let momentum: Vec3 =
+                [dot([xx, xy, xz], spin_i), dot([xy, yy, yz], spin_i), dot([xz, yz, zz], spin_i)];
+            for &(j, velocity_j, spin_j) in &columns {
+                m[i][j] += body.mass * dot(velocity_i, velocity_j) + dot(momentum, spin_j);
+            }
+        }
+    }
+    for (k, dof) in dofs.iter().enumerate() {
+        m[k][k] += dof.armature;
+    }
+    m
+}
+
+/// Poses of all bodies in the world with every joint at its reference.
+fn rest_poses(model: &Model) -> Vec<(Vec3, Quat)> {
+    let mut poses: Vec<(Vec3, Quat)> = Vec::with_capacity(model.bodies.len());
+    for body in &model.bodies {
+        let parent = body.parent.map_or(([0.0; 3], IDENTITY), |p| poses[p]);
+        poses.push(compose(parent, (body.pos, body.quat)));
+    }
+    poses
+}
+
+fn degrees_of_freedom(model: &Model, poses: &[(Vec3, Quat)]) -> Vec<Dof> {
+    let mut dofs = Vec::with_capacity(model.nv());
+    if let (Root::Floating, Some((origin, _))) = (model.root, poses.first()) {
+        for anchor in [None, Some(*origin)] {
+            for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
+                dofs.push(Dof { body: 0, axis, anchor, armature: 0.0 });
+            }
+        }
+    }
+    for joint in &model.joints {
+        let (origin, turn) = poses[joint.body];
+        dofs.push(Dof {
+            body: joint.body,
+            axis: rotate(turn, joint.axis),
+            anchor: Some(add(origin, rotate(turn, joint.pos))),
+            armature: joint.armature,
+        });
+    }
+    dofs
+}
+
+fn is_ancestor(model: &Model, ancestor: usize, mut body: usize) -> bool {
+    while body > ancestor {
+        match model.bodies[body].parent {
+            Some(parent) => body = parent,
+            None => return false,
+        }
+    }
+    body == ancestor
+}
+
+/// Lower triangular L with L Lᵀ = M; pivots are kept positive, so that hopeless inertias stay finite.
+fn cholesky(mut m: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    for i in 0..m.len() {
+        for j in 0..=i {
+            let sum: f64 = m[i][j] - (0..j).map(|k| m[i][k] * m[j][k]).sum::<f64>();
+            m[i][j] = if i == j { sum.max(1e-15).sqrt() } else { sum / m[j][j] };
+        }
+    }
+    m
+}
+
+/// (M⁻¹)ₖₖ = |L⁻¹ eₖ|².
+fn inverse_diagonal(factor: &[Vec<f64>], k: usize) -> f64 {
+    let mut x = vec![0.0; factor.len()];
+    for i in k..factor.len() {
+        let sum: f64 = (k..i).map(|j| factor[i][j] * x[j]).sum();
+        x[i] = (if i == k { 1.0 } else { 0.0 } - sum) / factor[i][i];
+    }
+    x.iter().map(|v| v * v).sum()
+}
