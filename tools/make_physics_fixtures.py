@@ -84,6 +84,8 @@ def load(robot, variant):
     if not variant.frictionloss:
         model.dof_frictionloss[:] = 0
     model.geom_quat[0] = np.array(variant.tilt) / np.linalg.norm(variant.tilt)
+    # Otherwise MuJoCo takes the frame of the world body for the plane and ignores the tilt.
+    model.geom_sameframe[0] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     return model
 
 

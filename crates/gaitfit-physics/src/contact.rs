@@ -25,6 +25,15 @@ pub(crate) fn impedance<T: Real>(c: &Impedance<T::K>, pos: T) -> T {
         y = y * base;
         n += 1;
     }
+    // The fraction of the power by square roots, one a binary digit.
+    let (mut root, mut digits) = (base, c.fraction);
+    while digits != 0 {
+        root = root.max(T::zero()).sqrt();
+        if digits >> 63 == 1 {
+            y = y * root;
+        }
+        digits <<= 1;
+    }
     let y = T::select_lt(x, below, T::k(c.low) * y, (T::k(c.high)).fnma(y, one));
     y.fma(T::k(c.rise), T::k(c.dmin))
 }

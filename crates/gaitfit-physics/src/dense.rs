@@ -137,13 +137,19 @@ pub fn bias(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>, work: &m
     subspaces(tree, &state, work).iter().map(|(link, axis)| dot6(*axis, wrenches[*link])).collect()
 }
 
-/// All constraint rows of a state: friction loss, limits, contacts in the order of `Model::pairs`.
+/// All constraint rows of a state: friction loss, limits, contacts in the order of `Model::pairs`. Contacts have
+/// MuJoCo's tangents, also where the step takes others with the same cone.
 pub fn constraint_rows(
     tree: &Tree<f64>,
     params: &Params<f64>,
     state: &State<f64>,
     work: &mut Work<f64>,
 ) -> Vec<Row> {
+    let mut turned = tree.clone();
+    for pair in &mut turned.pairs {
+        pair.aligned = false;
+    }
+    let tree = &turned;
     let state = at_zero_acceleration(state);
     smooth(tree, params, &state, &drives(tree), work);
     let axes = subspaces(tree, &state, work);

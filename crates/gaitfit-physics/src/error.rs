@@ -3,8 +3,8 @@
 /// Why a model cannot be stepped.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PhysicsError {
-    /// An impedance curve that is not a polynomial.
-    #[error("{object}: solimp power {power} is not a whole number from 1 to 8; use one, the default is 2")]
+    /// An impedance curve too steep for single precision.
+    #[error("{object}: solimp power {power} is not from 1 to 8; the default is 2")]
     ImpedancePower {
         /// What the curve belongs to.
         object: String,

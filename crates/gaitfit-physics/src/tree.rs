@@ -13,6 +13,8 @@ use crate::{PhysicsError, Real, Settings};
 
 /// Smallest and largest impedance (MuJoCo's `mjMINIMP`, `mjMAXIMP`).
 const IMPEDANCE: [f64; 2] = [0.0001, 0.9999];
+/// Largest power of an impedance curve: beyond it single precision overflows.
+const MAX_POWER: f64 = 8.0;
 /// Smallest positive number MuJoCo divides by (`mjMINVAL`).
 pub(crate) const TINY: f64 = 1e-15;
 
@@ -31,7 +33,10 @@ pub(crate) struct Impedance<K> {
     pub rise: K,
     pub per_width: K,
     pub midpoint: K,
+    /// Whole part of the power.
     pub power: u32,
+    /// Binary digits of the power's fraction, the highest bit for a half.
+    pub fraction: u64,
     /// 1 / midpoint^(power − 1).
     pub low: K,
     /// 1 / (1 − midpoint)^(power − 1).
@@ -271,11 +276,12 @@ fn impedance<K>(solimp: &[f64; 5], k: impl Fn(f64) -> K, object: &str) -> Result
             per_width: k(0.0),
             midpoint: k(0.5),
             power: 1,
+            fraction: 0,
             low: k(1.0),
             high: k(1.0),
         });
     }
-    if power.fract() != 0.0 || power > 8.0 {
+    if !(1.0..=MAX_POWER).contains(&power) {
         return Err(PhysicsError::ImpedancePower { object: object.to_owned(), power });
     }
     Ok(Impedance {
@@ -284,6 +290,7 @@ fn impedance<K>(solimp: &[f64; 5], k: impl Fn(f64) -> K, object: &str) -> Result
         per_width: k(1.0 / width),
         midpoint: k(midpoint),
         power: power as u32,
+        fraction: (power.fract() * 2f64.powi(64)) as u64,
         low: k(1.0 / midpoint.powf(power - 1.0)),
         high: k(1.0 / (1.0 - midpoint).powf(power - 1.0)),
     })
@@ -523,8 +530,10 @@ fn compile_pair<T: Real>(
     let name = format!("contact of geom `{}`", geom.name);
     let dmax = pair.solimp[1];
     let (stiffness, damping) = reference(&pair.solref, dmax, settings.timestep);
-    let friction_ref = if pair.solreffriction == [0.0; 2] { pair.solref } else { pair.solreffriction };
     let elliptic = settings.cone == gaitfit_model::Cone::Elliptic;
+    // A pyramid's edges mix normal and tangent, so they have one reference.
+    let own = elliptic && pair.solreffriction != [0.0; 2];
+    let friction_ref = if own { pair.solreffriction } else { pair.solref };
     let isotropic = pair.friction[0] == pair.friction[1];
     let level = planes[pair.plane].0[0] == [0.0, 0.0, 1.0];
     // A capsule turns the tangents with its axis, which a pyramid or an anisotropic ellipse can tell.
