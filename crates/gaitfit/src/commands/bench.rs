@@ -39,7 +39,14 @@ pub fn run(args: &cli::Bench) -> Result<(), Failure> {
         cli::Geoms::All => bench::Geoms::All,
     };
     let threads = args.threads.get();
-    let what = PhysicsBench { preset, geoms, threads, isa: None, environments: ENVIRONMENTS, repetitions: REPETITIONS };
+    let what = PhysicsBench {
+        preset,
+        geoms,
+        threads,
+        isa: None,
+        environments: ENVIRONMENTS,
+        repetitions: REPETITIONS,
+    };
     let speed = bench::physics(&model, &what).map_err(Failure::failed)?;
     let document = Document {
         substeps_per_second: speed.substeps_per_second,

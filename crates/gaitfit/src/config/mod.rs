@@ -70,20 +70,10 @@ pub enum Base {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CostName {
-    /// Time-aligned squared distance over joint position, velocity and action.
+    /// Time-aligned root-mean-square distance over joint position and velocity.
     MatchO,
     /// Wasserstein-1 distance of the signals' distributions; no time axis.
     Wass,
-}
-
-impl CostName {
-    /// The name in files and tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            CostName::MatchO => "matcho",
-            CostName::Wass => "wass",
-        }
-    }
 }
 
 /// PD gains: one number for all joints, or numbers by joint name or pattern.

@@ -29,7 +29,13 @@ pub fn run(args: &crate::cli::Forward) -> Result<(), Failure> {
 }
 
 /// Refuses arrays that are not `rows × width` finite numbers.
-fn check(array: &Array, name: &str, rows: usize, width: usize, args: &crate::cli::Forward) -> Result<(), Failure> {
+fn check(
+    array: &Array,
+    name: &str,
+    rows: usize,
+    width: usize,
+    args: &crate::cli::Forward,
+) -> Result<(), Failure> {
     let shown = args.states.display();
     if array.rows != rows || array.shape[1..].iter().product::<usize>() != width || array.shape.len() != 2 {
         let shape = &array.shape;

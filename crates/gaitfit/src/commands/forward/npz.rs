@@ -38,14 +38,17 @@ pub fn read(path: &Path, names: &[&str]) -> Result<Vec<Array>, Failure> {
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| {
         Failure::failed(format!("{shown}: no .npz archive ({error}); write it with numpy.savez"))
     })?;
-    let found: Vec<String> = archive.file_names().flatten().map(|name| name.trim_end_matches(".npy").to_owned()).collect();
+    let found: Vec<String> =
+        archive.file_names().flatten().map(|name| name.trim_end_matches(".npy").to_owned()).collect();
     let mut arrays = Vec::with_capacity(names.len());
     for name in names {
         let entry = match archive.by_name(&format!("{name}.npy")) {
             Ok(entry) => entry,
             Err(ZipError::FileNotFound) => {
                 let found = found.join(", ");
-                return Err(Failure::failed(format!("{shown}: there is no array `{name}`; it holds {found}")));
+                return Err(Failure::failed(format!(
+                    "{shown}: there is no array `{name}`; it holds {found}"
+                )));
             }
             Err(error) => return Err(Failure::failed(format!("{shown}: cannot read `{name}`: {error}"))),
         };
@@ -86,7 +89,9 @@ pub fn write(path: &Path, arrays: &[(&'static str, Array)]) -> Result<(), Failur
         file.persist(path).map_err(|error| error.error)?;
         Ok(())
     };
-    save().map_err(|error| Failure::failed(format!("cannot write {}: {error}; nothing was changed", path.display())))
+    save().map_err(|error| {
+        Failure::failed(format!("cannot write {}: {error}; nothing was changed", path.display()))
+    })
 }
 
 fn fill(out: impl Write + Seek, arrays: &[(&'static str, Array)]) -> Result<(), Error> {
@@ -94,7 +99,8 @@ fn fill(out: impl Write + Seek, arrays: &[(&'static str, Array)]) -> Result<(), 
     for (name, array) in arrays {
         archive.start_file(format!("{name}.npy"), SimpleFileOptions::default())?;
         let shape: Vec<u64> = array.shape.iter().map(|length| *length as u64).collect();
-        let mut writer = npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut archive).begin_nd()?;
+        let mut writer =
+            npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut archive).begin_nd()?;
         writer.extend(array.values.iter().copied())?;
         writer.finish()?;
     }
@@ -110,7 +116,8 @@ mod tests {
     fn what_is_written_is_read_again() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.npz");
-        let a = Array { shape: vec![2, 3], rows: 2, values: vec![1.0, 2.0, 3.0, 4.0, f64::MIN_POSITIVE, -0.1] };
+        let a =
+            Array { shape: vec![2, 3], rows: 2, values: vec![1.0, 2.0, 3.0, 4.0, f64::MIN_POSITIVE, -0.1] };
         write(&path, &[("a", a.clone()), ("b", Array::empty(&[0, 4]))]).unwrap();
         assert_eq!(read(&path, &["a", "b"]).unwrap(), [a, Array::empty(&[0, 4])]);
         let error = read(&path, &["c"]).unwrap_err();

@@ -1,0 +1,131 @@
+//! `gaitfit adapt` on the demo: the document, the files, checks, and what must not change the result.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{errors, json, quick_demo, root, run};
+use serde_json::Value;
+use std::path::Path;
+
+fn adapt(runs: &Path, more: &[&str]) -> Value {
+    let output = run(&quick_demo(runs, more));
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    json(&output)
+}
+
+#[test]
+fn the_document_and_the_run_folder_are_complete() {
+    let runs = tempfile::tempdir().unwrap();
+    let found = adapt(runs.path(), &["--set", "costs=[\"matcho\", \"wass\"]"]);
+    let parameters = found["parameters"].as_array().unwrap();
+    assert_eq!(parameters.len(), 10);
+    for parameter in parameters {
+        let number = |key: &str| parameter[key].as_f64().unwrap();
+        assert!(number("lower") <= number("value") && number("value") <= number("upper"), "{parameter}");
+        assert!(parameter["name"].is_string() && parameter["unit"].is_string(), "{parameter}");
+        assert!(parameter["at_bound"].is_boolean() && number("spread") >= 0.0, "{parameter}");
+    }
+    let cost = found["cost"].as_f64().unwrap();
+    let baselines = found["baselines"].as_array().unwrap();
+    assert_eq!(baselines.len(), 3);
+    assert!(baselines.iter().all(|baseline| baseline["cost"].as_f64().unwrap() > cost), "{found}");
+    let validation = &found["validation"][0];
+    assert_eq!(validation["file"], "examples/go2-demo/validate.csv");
+    let per_joint = validation["rmse_per_joint"].as_object().unwrap();
+    assert_eq!(per_joint.len(), 12);
+    let square: f64 = per_joint.values().map(|error| error.as_f64().unwrap().powi(2)).sum::<f64>() / 12.0;
+    assert!((square.sqrt() - validation["rmse_rad"].as_f64().unwrap()).abs() < 1e-9);
+    assert!(found["wall_seconds"].as_f64().unwrap() > 0.0);
+    let comparison = found["other_fits"][0]["comparison"].as_array().unwrap();
+    assert_eq!(comparison.len(), 10);
+    assert!(
+        comparison.iter().all(|one| (one["agrees"] == false) == one["reason"].is_string()),
+        "{comparison:?}"
+    );
+
+    let folder = runs.path().join("go2-demo");
+    for file in
+        ["config.toml", "manifest.json", "theta.toml", "validation.json", "result.json", "report.html"]
+    {
+        assert!(folder.join(file).metadata().unwrap().len() > 0, "{file}");
+    }
+    let metrics = std::fs::read_to_string(folder.join("metrics.jsonl")).unwrap();
+    assert_eq!(metrics.lines().count(), 6 * 2 * 2, "generations × seeds × costs");
+    let theta: toml::Table = std::fs::read_to_string(folder.join("theta.toml")).unwrap().parse().unwrap();
+    let saved = theta["parameter"].as_array().unwrap();
+    for (saved, found) in saved.iter().zip(parameters) {
+        assert_eq!(saved["name"].as_str(), found["name"].as_str());
+        assert_eq!(saved["value"].as_float(), found["value"].as_f64());
+    }
+    // The resolved configuration gives the same fit.
+    let resolved = folder.join("config.toml");
+    let output = run(&["adapt", resolved.to_str().unwrap(), "--json"]);
+    assert_eq!(json(&output)["parameters"], found["parameters"], "{}", errors(&output));
+    assert!(runs.path().join("go2-demo-2").is_dir(), "a new run takes a new folder");
+}
+
+#[test]
+fn threads_do_not_change_the_result_and_seeds_do() {
+    let runs = tempfile::tempdir().unwrap();
+    let one = adapt(runs.path(), &["--threads", "1"]);
+    let three = adapt(runs.path(), &["--threads", "3"]);
+    assert_eq!(one["parameters"], three["parameters"]);
+    assert_eq!(one["validation"], three["validation"]);
+    let other = adapt(runs.path(), &["--set", "optimizer.seed=50"]);
+    assert_ne!(one["parameters"], other["parameters"]);
+}
+
+#[test]
+fn gains_of_validation_logs_can_be_stated() {
+    let runs = tempfile::tempdir().unwrap();
+    let own = adapt(runs.path(), &[]);
+    let gains = "validate_gains=[{ files = [\"validate.csv\"], kp = 20, kd = 2 }]";
+    let stated = adapt(runs.path(), &["--set", gains]);
+    assert_eq!(own["parameters"], stated["parameters"], "validation takes no part in the fit");
+    assert_ne!(own["validation"][0]["rmse_rad"], stated["validation"][0]["rmse_rad"]);
+}
+
+#[test]
+fn a_check_that_fails_ends_with_3_after_the_result() {
+    let runs = tempfile::tempdir().unwrap();
+    let output = run(&quick_demo(runs.path(), &["--set", "check.rmse_rad=1e-6"]));
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    assert_eq!(json(&output)["checks"][0]["passed"], false);
+    assert!(errors(&output).contains("rmse_rad"), "{}", errors(&output));
+}
+
+#[test]
+fn the_table_shows_value_truth_and_baselines() {
+    let runs = tempfile::tempdir().unwrap();
+    let args: Vec<String> =
+        quick_demo(runs.path(), &[]).into_iter().filter(|argument| argument != "--json").collect();
+    let output = run(&args);
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    for word in
+        ["frictionloss_hip", "truth", "0.2100", "best pure delay", "echo of the target", "nominal model"]
+    {
+        assert!(text.contains(word), "`{word}` is not in:\n{text}");
+    }
+}
+
+#[test]
+fn the_real_robots_logs_are_fitted_where_they_are() {
+    if !root().join("../shared/data/go2_air/run_7.csv").exists() {
+        eprintln!("skipped: ../shared/data/go2_air is not there");
+        return;
+    }
+    let runs = tempfile::tempdir().unwrap();
+    let set = format!("runs={}", runs.path().display());
+    let mut args = vec!["adapt", "experiments/go2-air.toml", "--json", "--set", &set];
+    for set in
+        ["optimizer.generations=12", "optimizer.seeds=1", "logs=[\"../shared/data/go2_air/run_0.csv\"]"]
+    {
+        args.extend(["--set", set]);
+    }
+    let output = run(&args);
+    let found = json(&output);
+    let rmse = |index: usize| found["validation"][index]["rmse_rad"].as_f64().unwrap();
+    assert!(rmse(0) < 0.02 && rmse(1) < 0.02, "{}", found["validation"]);
+    let delay = found["baselines"][2]["rmse_validation_rad"].as_f64().unwrap();
+    assert!((delay - 0.0426).abs() < 0.001, "the data's own description says 0.0426, found {delay}");
+}

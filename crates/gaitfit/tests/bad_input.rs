@@ -1,0 +1,111 @@
+//! Broken input: one paragraph that says what, where and what to do; exit code 1 or 2; nothing else touched.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{errors, quick_demo, root, run};
+use std::path::Path;
+use std::process::Output;
+
+/// The error of a run: a single paragraph on standard error, nothing on standard output.
+fn refused(output: &Output, code: i32, words: &[&str]) {
+    let text = errors(output);
+    assert_eq!(output.status.code(), Some(code), "{text}");
+    assert!(output.stdout.is_empty());
+    assert_eq!(text.matches("error: ").count(), 1, "{text}");
+    assert!(!text.contains("panicked"), "{text}");
+    for word in words {
+        assert!(text.contains(word), "`{word}` is not in: {text}");
+    }
+}
+
+fn adapt(runs: &Path, more: &[&str]) -> Output {
+    run(&quick_demo(runs, more))
+}
+
+/// The demo's log with its lines changed.
+fn changed_log(folder: &Path, change: impl Fn(&mut Vec<String>)) -> String {
+    let text = std::fs::read_to_string(root().join("examples/go2-demo/fit.csv")).unwrap();
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    change(&mut lines);
+    let path = folder.join("log.csv");
+    std::fs::write(&path, lines.join("\n") + "\n").unwrap();
+    format!("logs=[{:?}]", path)
+}
+
+#[test]
+fn settings() {
+    let runs = tempfile::tempdir().unwrap();
+    for (set, words) in [
+        ("optimizer.generatons=3", &["generatons", "Did you mean `generations`?"][..]),
+        ("parameter.0.upper=-1", &["frictionloss_hip", "lower 0", "upper -1"]),
+        ("parameter.0.lower=-1", &["frictionloss_hip", "has no meaning"]),
+        ("parameter.0.joints=[\"*_wheel\"]", &["covers no joint", "FL_hip"]),
+        ("parameter.1.kind=frictionloss", &["two parameters are called `frictionloss_hip`"]),
+        ("logs=[\"nowhere.csv\"]", &["nowhere.csv", "does not exist", "--set"]),
+        ("robot=nothing.xml", &["nothing.xml", "does not exist"]),
+        ("costs=[\"wassr\"]", &["Did you mean `wass`?"]),
+        ("logs=[]", &["`logs` names no log"]),
+        ("optimizer.seeds=0", &["`optimizer.seeds`"]),
+        ("name=../up", &["cannot name a run folder"]),
+    ] {
+        refused(&adapt(runs.path(), &["--set", set]), 2, words);
+    }
+    assert_eq!(std::fs::read_dir(runs.path()).unwrap().count(), 0, "a refused run leaves no folder");
+}
+
+#[test]
+fn a_configuration_names_file_line_and_column() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.toml");
+    std::fs::write(&path, "robot = \"a\"\n\n[simulation]\ntimestp = 1\n").unwrap();
+    refused(&run(&["adapt", path.to_str().unwrap()]), 2, &["mine.toml:4:1", "Did you mean `timestep`?"]);
+    std::fs::write(&path, "robot = \n").unwrap();
+    refused(&run(&["adapt", path.to_str().unwrap()]), 2, &["mine.toml:1:"]);
+    refused(&run(&["adapt", "no/such.toml"]), 2, &["no/such.toml", "gaitfit config"]);
+}
+
+#[test]
+fn logs() {
+    let folder = tempfile::tempdir().unwrap();
+    let runs = folder.path().join("runs");
+    let set = changed_log(folder.path(), |lines| lines[6].truncate(40));
+    refused(&adapt(&runs, &["--set", &set]), 1, &["log.csv:7", "cells"]);
+
+    let set = changed_log(folder.path(), |lines| {
+        for line in lines.iter_mut() {
+            *line = line.replace("FL_hip", "XX_hip");
+        }
+    });
+    refused(&adapt(&runs, &["--set", &set]), 1, &["log.csv", "XX_hip", "robot lacks"]);
+
+    let set = changed_log(folder.path(), |lines| lines.retain(|line| !line.starts_with("# k")));
+    refused(&adapt(&runs, &["--set", &set]), 2, &["log.csv", "PD gains", "gains.kp"]);
+
+    let set = changed_log(folder.path(), |lines| {
+        let cell = lines[9].split(',').nth(1).unwrap().to_owned();
+        lines[9] = lines[9].replacen(&cell, "nan", 1);
+    });
+    refused(&adapt(&runs, &["--set", &set]), 1, &["log.csv", "FL_hip"]);
+    assert!(!runs.exists());
+}
+
+#[test]
+fn robots() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("robot.xml");
+    std::fs::write(&path, "<mujoco><worldbody><body><joint type=\"ball\"/></body></worldbody></mujoco>")
+        .unwrap();
+    refused(&run(&["inspect", path.to_str().unwrap()]), 1, &["robot.xml:1:"]);
+    std::fs::write(&path, "<mujoco").unwrap();
+    refused(&run(&["inspect", path.to_str().unwrap()]), 1, &["robot.xml:1:"]);
+}
+
+#[test]
+fn a_run_folder_that_cannot_be_made_leaves_the_rest_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("results");
+    std::fs::write(&file, "earlier").unwrap();
+    refused(&adapt(&file, &[]), 1, &["results", "--set runs=", "intact"]);
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "earlier");
+}

@@ -1,0 +1,60 @@
+//! `gaitfit inspect` on robots and logs.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{errors, json, root, run};
+
+#[test]
+fn a_robot_shows_masses_joints_limits_and_contacts() {
+    let found = json(&run(&["inspect", "assets/go2.xml", "--json"]));
+    assert!((found["total_mass"].as_f64().unwrap() - 15.206).abs() < 1e-3);
+    let joints = found["joints"].as_array().unwrap();
+    assert_eq!(joints.len(), 12);
+    let calf = joints.iter().find(|joint| joint["name"].as_str().unwrap().starts_with("FL_calf")).unwrap();
+    assert_eq!((calf["effort"].as_f64(), calf["velocity_limit"].as_f64()), (Some(45.43), Some(15.7)));
+    let text = String::from_utf8(run(&["inspect", "assets/go2.xml"]).stdout).unwrap();
+    for word in ["15.2064 kg", "FL_calf", "45.43", "[-2.7227, -0.8378]", "condim"] {
+        assert!(text.contains(word), "`{word}` is not in:\n{text}");
+    }
+}
+
+#[test]
+fn a_healthy_log_is_summarised_and_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = folder.path().join("log.svg");
+    let output = run(&[
+        "inspect",
+        "examples/go2-demo/fit.csv",
+        "--robot",
+        "assets/go2.xml",
+        "--plot",
+        picture.to_str().unwrap(),
+    ]);
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("12 joints, 1800 samples") && text.contains("nothing suspicious"), "{text}");
+    let svg = std::fs::read_to_string(picture).unwrap();
+    assert!(svg.starts_with("<svg") && svg.contains("FL_hip") && svg.contains("polyline"));
+}
+
+#[test]
+fn a_robot_that_lies_or_is_stuck_is_told_from_one_that_trots() {
+    let folder = root().join("../shared/data/go2_ground");
+    if !folder.join("stuck.csv").exists() {
+        eprintln!("skipped: {} is not there", folder.display());
+        return;
+    }
+    let inspect = |name: &str| run(&["inspect".as_ref(), folder.join(name).as_os_str(), "--json".as_ref()]);
+    let kinds = |output: &std::process::Output| {
+        let found = json(output);
+        let findings = found["findings"].as_array().unwrap().clone();
+        let errors = findings.into_iter().filter(|finding| finding["severity"] == "error");
+        errors.map(|finding| finding["kind"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    let (trot, stuck) = (inspect("trot.csv"), inspect("stuck.csv"));
+    assert_eq!(trot.status.code(), Some(0), "{}", errors(&trot));
+    assert_eq!(kinds(&trot), Vec::<String>::new());
+    assert_eq!(stuck.status.code(), Some(3));
+    assert!(kinds(&stuck).iter().any(|kind| kind == "stuck" || kind == "lying"), "{:?}", kinds(&stuck));
+}

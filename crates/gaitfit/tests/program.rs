@@ -1,0 +1,53 @@
+//! The program as a whole: help, exit codes, closed pipes, JSON.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{errors, json, program, run};
+use std::process::Stdio;
+
+#[test]
+fn wrong_usage_ends_with_2_and_help_with_0() {
+    assert_eq!(run(&["--help"]).status.code(), Some(0));
+    assert_eq!(run(&["fly"]).status.code(), Some(2));
+    assert_eq!(run(&["adapt"]).status.code(), Some(2));
+    assert_eq!(run(&["inspect", "README.md"]).status.code(), Some(2));
+    assert_eq!(run(&["bench", "physics", "--threads", "0"]).status.code(), Some(2));
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    let mut child = program().arg("config").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    assert_eq!(errors(&output), "");
+}
+
+#[test]
+fn printed_settings_are_a_configuration_to_start_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.toml");
+    std::fs::write(&path, run(&["config"]).stdout).unwrap();
+    let output = run(&["adapt", path.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("`robot` names no robot file"), "{}", errors(&output));
+}
+
+#[test]
+fn doctor_tells_the_machine() {
+    let found = json(&run(&["doctor", "--json"]));
+    assert!(found["threads"].as_u64().unwrap() >= 1);
+    assert!(["avx512", "avx2", "portable"].contains(&found["engine"].as_str().unwrap()), "{found}");
+}
+
+#[test]
+fn bench_prints_what_it_measured() {
+    let found = json(&run(&["bench", "physics", "--preset", "fast", "--geoms", "feet", "--json"]));
+    assert!(found["substeps_per_second"].as_f64().unwrap() > 0.0);
+    assert_eq!((found["preset"].as_str(), found["geoms"].as_str()), (Some("fast"), Some("feet")));
+    assert_eq!(found["threads"], 1);
+    assert!(found["lanes"].as_u64().unwrap() >= 1);
+    // Robots that fell over would measure another thing.
+    assert!(found["base_height_m"].as_f64().unwrap() > 0.15, "{found}");
+}
