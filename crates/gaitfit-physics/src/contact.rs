@@ -4,10 +4,12 @@
 //! box 4. A box gives the lower one of each pair of opposite corners, which is what "the corners below the
 //! centre" means except where a corner is exactly level with it.
 
-use crate::state::{Motion, Point, Work};
+use crate::Real;
+use crate::smooth::Pass;
+use crate::spatial::{V6, axpy6};
+use crate::state::{Point, Pose, Work};
 use crate::tree::{GroundPlane, Impedance, LinkShape, Pair, TINY, Tree};
 use crate::vec3::*;
-use crate::{Params, Real};
 
 /// Smallest friction coefficient (`mjMINMU`).
 const MIN_FRICTION: f64 = 1e-5;
@@ -38,18 +40,19 @@ pub(crate) fn impedance<T: Real>(c: &Impedance<T::K>, pos: T) -> T {
     y.fma(T::k(c.rise), T::k(c.dmin))
 }
 
-/// Contact points of the pairs `range`, all on a link that moves with `m`.
+/// Contact points of the pairs of the touching link `place`.
 #[inline(always)]
 pub(crate) fn link_contacts<T: Real>(
-    tree: &Tree<T::K>,
-    params: &Params<T>,
-    range: core::ops::Range<usize>,
-    m: &Motion<T>,
+    pass: &Pass<'_, T>,
+    place: usize,
     origin: V3<T>,
     origin_velocity: V3<T>,
     work: &mut Work<T>,
 ) {
-    for index in range {
+    let Pass { tree, params, state } = *pass;
+    let (link, segment) = tree.touching[place];
+    for index in tree.links[link].pairs.clone() {
+        let m = &work.touching[place];
         let pair = &tree.pairs[index];
         let plane = &tree.planes[pair.plane];
         let normal = k3::<T>(&plane.frame[0]);
@@ -71,7 +74,22 @@ pub(crate) fn link_contacts<T: Real>(
         let points = &mut work.points[pair.points.clone()];
         shape_points(pair, plane, m, center, level, points);
         for point in points {
-            point_rows(pair, m, origin_velocity, inverse_scale, point);
+            let node = &work.nodes[segment.map_or(0, |segment| tree.segments[segment].parent)];
+            let (v, a) = (node.motion.velocity, node.jacobian_acceleration);
+            let mut velocity = [v[0], cross_add(v[0], point.x, add(v[1], origin_velocity))];
+            let mut acceleration = [a[0], cross_add(a[0], point.x, a[1])];
+            if let Some(segment) = segment {
+                let joint = tree.segments[segment].first - 1;
+                for k in 0..=pair.member {
+                    let axis = work.segments[segment].axis[k];
+                    let column = cross_add(axis[0], point.x, axis[1]);
+                    point.columns[k] = column;
+                    let whole = [axis[0], column];
+                    velocity = axpy6(state.qd[joint + k], whole, velocity);
+                    acceleration = axpy6(state.qacc[joint + k], whole, acceleration);
+                }
+            }
+            point_rows(pair, velocity, acceleration, inverse_scale, point);
         }
     }
 }
@@ -93,7 +111,7 @@ fn row_scale<T: Real>(tree: &Tree<T::K>, pair: &Pair<T::K>, friction: T, weight:
 fn shape_points<T: Real>(
     pair: &Pair<T::K>,
     plane: &GroundPlane<T::K>,
-    m: &Motion<T>,
+    m: &Pose<T>,
     center: V3<T>,
     level: T,
     points: &mut [Point<T>],
@@ -192,12 +210,12 @@ pub(crate) fn components<T: Real>(pair: &Pair<T::K>, frame: &M3<T>, v: V3<T>) ->
     if pair.aligned { [v[2], v[1], v[0]] } else { rotate(frame, v) }
 }
 
-/// Residual `J a − aref` and D of one point.
+/// Residual `J a − aref` and D of one point with the given velocity and `J a` (angular, linear at the point).
 #[inline(always)]
 fn point_rows<T: Real>(
     pair: &Pair<T::K>,
-    m: &Motion<T>,
-    origin_velocity: V3<T>,
+    velocity: V6<T>,
+    acceleration: V6<T>,
     inverse_scale: T,
     point: &mut Point<T>,
 ) {
@@ -205,17 +223,14 @@ fn point_rows<T: Real>(
     let imp = impedance(&pair.impedance, depth);
     let d = imp * ((T::lit(1.0) - imp) * inverse_scale).recip();
     point.d = T::select_lt(depth, T::zero(), d, T::zero());
-    let velocity = cross_add(m.velocity[0], point.x, add(m.velocity[1], origin_velocity));
-    let a = m.jacobian_acceleration;
-    let acceleration = cross_add(a[0], point.x, a[1]);
-    let v = components(pair, &point.frame, velocity);
-    let a = components(pair, &point.frame, acceleration);
+    let v = components(pair, &point.frame, velocity[1]);
+    let a = components(pair, &point.frame, acceleration[1]);
     let (b, bf) = (T::k(pair.reference.b), T::k(pair.friction_b));
     let spring = T::k(pair.reference.k) * (imp * depth);
     point.residual[0] = [b.fma(v[0], a[0] + spring), bf.fma(v[1], a[1]), bf.fma(v[2], a[2])];
     if pair.condim > 3 {
-        let w = components(pair, &point.frame, m.velocity[0]);
-        let a = components(pair, &point.frame, m.jacobian_acceleration[0]);
+        let w = components(pair, &point.frame, velocity[0]);
+        let a = components(pair, &point.frame, acceleration[0]);
         point.residual[1] = each3!(i => bf.fma(w[i], a[i]));
     }
 }

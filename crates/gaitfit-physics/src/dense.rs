@@ -4,9 +4,9 @@
 //! then one a joint.
 
 use crate::contact::impedance;
-use crate::smooth::{hinge, root_motion, smooth};
+use crate::smooth::{hinge, inertial, joint_motion, root_motion, smooth};
 use crate::spatial::{Rigid, V6, add6, dot6, zero6};
-use crate::state::{State, Work};
+use crate::state::{Motion, State, Work};
 use crate::tree::Tree;
 use crate::vec3::*;
 use crate::{Drive, Params};
@@ -35,25 +35,39 @@ pub struct Row {
     pub d: f64,
 }
 
-/// Pose of every link about the reference point, world axes.
-pub(crate) fn poses(tree: &Tree<f64>, state: &State<f64>) -> Vec<(M3<f64>, V3<f64>)> {
-    let root = root_motion(tree, state);
-    let mut poses = vec![(root.rotation, root.position)];
+/// One link as a plain walk over the tree sees it.
+pub(crate) struct Body {
+    pub motion: Motion<f64>,
+    /// Motion subspace of its hinge (zero for the root).
+    pub axis: V6<f64>,
+    pub rigid: Rigid<f64>,
+    /// Inertial wrench at zero `qacc`.
+    pub wrench: V6<f64>,
+}
+
+/// Every link of a state at zero acceleration.
+pub(crate) fn bodies(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -> Vec<Body> {
+    let state = at_zero_acceleration(state);
+    let root = root_motion(tree, &state);
+    let (rigid, wrench) = inertial(&params.links[0], &root);
+    let mut all = vec![Body { motion: root, axis: zero6(), rigid, wrench }];
     for i in 1..tree.links.len() {
         let link = &tree.links[i];
-        let (rotation, position) = poses[link.parent];
+        let parent: &Motion<f64> = &all[link.parent].motion;
         let turn = (state.q[i - 1] - link.reference_angle).sin_cos();
-        let (rotation, position, _) = hinge(link, turn, &rotation, position);
-        poses.push((rotation, position));
+        let (rotation, position, axis) = hinge(link, turn, &parent.rotation, parent.position);
+        let motion = joint_motion(axis, state.qd[i - 1], 0.0, rotation, position, parent);
+        let (rigid, wrench) = inertial(&params.links[i], &motion);
+        all.push(Body { motion, axis, rigid, wrench });
     }
-    poses
+    all
 }
 
 /// Motion subspaces in MuJoCo's order, each with the link it moves.
-pub(crate) fn subspaces(tree: &Tree<f64>, state: &State<f64>, work: &Work<f64>) -> Vec<(usize, V6<f64>)> {
+pub(crate) fn subspaces(tree: &Tree<f64>, bodies: &[Body]) -> Vec<(usize, V6<f64>)> {
     let mut all = Vec::with_capacity(tree.nv());
     if tree.floating {
-        let r = quat_matrix(&state.base_quaternion);
+        let r = bodies[0].motion.rotation;
         for k in 0..3 {
             let mut e = zero3();
             e[k] = 1.0;
@@ -63,8 +77,8 @@ pub(crate) fn subspaces(tree: &Tree<f64>, state: &State<f64>, work: &Work<f64>) 
             all.push((0, [[r[0][k], r[1][k], r[2][k]], zero3()]));
         }
     }
-    for i in 1..tree.links.len() {
-        all.push((i, work.links[i].axis));
+    for (i, body) in bodies.iter().enumerate().skip(1) {
+        all.push((i, body.axis));
     }
     all
 }
@@ -89,24 +103,14 @@ fn at_zero_acceleration(state: &State<f64>) -> State<f64> {
 }
 
 /// Mass matrix with armature, `nv × nv`, row-major (composite rigid bodies, Featherstone 2008, table 6.2).
-pub fn mass_matrix(
-    tree: &Tree<f64>,
-    params: &Params<f64>,
-    state: &State<f64>,
-    work: &mut Work<f64>,
-) -> Vec<f64> {
-    smooth(tree, params, state, &drives(tree), work);
-    let mut composite: Vec<Rigid<f64>> = work.links.iter().map(|link| link.rigid).collect();
+pub fn mass_matrix(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -> Vec<f64> {
+    let bodies = bodies(tree, params, state);
+    let mut composite: Vec<Rigid<f64>> = bodies.iter().map(|body| body.rigid).collect();
     for i in (1..composite.len()).rev() {
-        let child = composite[i];
-        let parent = &mut composite[tree.links[i].parent];
-        parent.m += child.m;
-        parent.h = add(parent.h, child.h);
-        for k in 0..6 {
-            parent.i[k] += child.i[k];
-        }
+        let parent = tree.links[i].parent;
+        composite[parent] = composite[parent].add(&composite[i]);
     }
-    let axes = subspaces(tree, state, work);
+    let axes = subspaces(tree, &bodies);
     let n = axes.len();
     let mut m = vec![0.0; n * n];
     for (b, (link_b, axis_b)) in axes.iter().enumerate() {
@@ -126,15 +130,14 @@ pub fn mass_matrix(
 }
 
 /// Coriolis, centrifugal and gravity forces, `nv` long (MuJoCo's `qfrc_bias`).
-pub fn bias(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>, work: &mut Work<f64>) -> Vec<f64> {
-    let state = at_zero_acceleration(state);
-    smooth(tree, params, &state, &drives(tree), work);
-    let mut wrenches: Vec<V6<f64>> = work.links.iter().map(|link| link.wrench).collect();
+pub fn bias(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -> Vec<f64> {
+    let bodies = bodies(tree, params, state);
+    let mut wrenches: Vec<V6<f64>> = bodies.iter().map(|body| body.wrench).collect();
     for i in (1..wrenches.len()).rev() {
         let parent = tree.links[i].parent;
         wrenches[parent] = add6(wrenches[parent], wrenches[i]);
     }
-    subspaces(tree, &state, work).iter().map(|(link, axis)| dot6(*axis, wrenches[*link])).collect()
+    subspaces(tree, &bodies).iter().map(|(link, axis)| dot6(*axis, wrenches[*link])).collect()
 }
 
 /// All constraint rows of a state: friction loss, limits, contacts in the order of `Model::pairs`. Contacts have
@@ -152,7 +155,7 @@ pub fn constraint_rows(
     let tree = &turned;
     let state = at_zero_acceleration(state);
     smooth(tree, params, &state, &drives(tree), work);
-    let axes = subspaces(tree, &state, work);
+    let axes = subspaces(tree, &bodies(tree, params, &state));
     let n = axes.len();
     let first = n - tree.joints();
     let unit = |j: usize, sign: f64| {

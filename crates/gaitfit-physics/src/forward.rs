@@ -56,8 +56,8 @@ impl Forward {
     pub fn evaluate(&mut self, qpos: &[f64], qvel: &[f64], ctrl: &[f64]) -> Result<Evaluation, PhysicsError> {
         let mut state = state_from(&self.tree, qpos, qvel)?;
         let drives = self.drives(&state, ctrl)?;
-        let mass = mass_matrix(&self.tree, &self.params, &state, &mut self.work);
-        let qfrc_bias = bias(&self.tree, &self.params, &state, &mut self.work);
+        let mass = mass_matrix(&self.tree, &self.params, &state);
+        let qfrc_bias = bias(&self.tree, &self.params, &state);
         let mut solved = state.clone();
         accelerate(&self.tree, &self.params, &drives, &mut solved, &mut self.work);
         let qacc = acceleration(&self.tree, &solved);

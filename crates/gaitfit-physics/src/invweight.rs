@@ -6,9 +6,9 @@
 
 use gaitfit_model::Model;
 
-use crate::dense::{carries, mass_matrix, poses, subspaces};
+use crate::dense::{bodies, carries, mass_matrix, subspaces};
 use crate::params::{JointParams, LinkInertia, PairInvweight};
-use crate::state::{State, Work};
+use crate::state::{Motion, State};
 use crate::tree::{TINY, compile, seats};
 use crate::vec3::*;
 use crate::{Params, PhysicsError, Preset, Settings};
@@ -54,12 +54,11 @@ pub(crate) fn invweights(
     for (q, joint) in state.q.iter_mut().zip(&model.joints) {
         *q = joint.reference;
     }
-    let mut work = Work::new(&tree);
-    let mass = mass_matrix(&tree, &params, &state, &mut work);
+    let mass = mass_matrix(&tree, &params, &state);
     let n = tree.nv();
     let factor = cholesky(mass, n);
-    let poses = poses(&tree, &state);
-    let axes = subspaces(&tree, &state, &work);
+    let links = bodies(&tree, &params, &state);
+    let axes = subspaces(&tree, &links);
     let (seats, _) = seats(model);
 
     let bodies = model
@@ -67,7 +66,7 @@ pub(crate) fn invweights(
         .iter()
         .zip(&seats)
         .map(|(body, seat)| {
-            let (rotation, position) = &poses[seat.link];
+            let Motion { rotation, position, .. } = &links[seat.link].motion;
             let com = add(*position, rotate(rotation, add(seat.position, rotate(&seat.rotation, body.ipos))));
             let mut sums = [0.0; 2];
             for (part, sum) in sums.iter_mut().enumerate() {

@@ -19,6 +19,7 @@ mod invweight;
 mod lanes;
 mod params;
 mod real;
+mod segment;
 mod settings;
 mod smooth;
 mod solver;

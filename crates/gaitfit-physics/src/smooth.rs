@@ -6,11 +6,18 @@
 
 use crate::contact::{impedance, link_contacts};
 use crate::drive::Drive;
-use crate::spatial::{Rigid, V6, axpy6, zero6};
-use crate::state::{LinkWork, Motion, State, Work};
+use crate::spatial::{Rigid, V6, add6, axpy6, dot6, dot6_add, zero6};
+use crate::state::{Motion, Pose, State, Work};
 use crate::tree::{Axis, Link, Tree};
 use crate::vec3::*;
 use crate::{Damping, LinkInertia, Params, Real};
+
+/// What a pass over the tree reads, besides `work`.
+pub(crate) struct Pass<'a, T: Real> {
+    pub tree: &'a Tree<T::K>,
+    pub params: &'a Params<T>,
+    pub state: &'a State<T>,
+}
 
 /// Fills `work` for the state's pose, velocity and current acceleration.
 #[inline(always)]
@@ -21,19 +28,27 @@ pub(crate) fn smooth<T: Real>(
     drives: &[Drive<T>],
     work: &mut Work<T>,
 ) {
-    let gravity = k3::<T>(&tree.gravity);
-    let mut root = root_motion(tree, state);
-    root.acceleration[1] = sub(root.acceleration[1], gravity);
+    let root = root_motion(tree, state);
     let (origin, origin_velocity) = if tree.floating {
         (state.base_position, state.base_linear)
     } else {
         (k3::<T>(&tree.root_position), zero3())
     };
-    if tree.floating {
-        inertial(&params.links[0], &root, &mut work.links[0]);
-        link_contacts(tree, params, tree.links[0].pairs.clone(), &root, origin, origin_velocity, work);
+    let pass = Pass { tree, params, state };
+    for node in &mut work.nodes {
+        node.rigid = Rigid::zero();
+        node.wrench = zero6();
     }
-    work.motion[0] = root;
+    if tree.floating {
+        let (rigid, wrench) = inertial(&params.links[0], &root);
+        work.nodes[0].rigid = rigid;
+        work.nodes[0].wrench = wrench;
+        if let Some(touching) = tree.links[0].touching {
+            work.touching[touching] = Pose { rotation: root.rotation, position: root.position };
+        }
+    }
+    work.nodes[0].motion = root;
+    work.nodes[0].jacobian_acceleration = state.base_acceleration;
     // Apart from the walk over the tree, so that neighbouring joints overlap.
     for j in 0..work.turns.len() {
         work.turns[j] = (state.q[j] - T::k(tree.links[j + 1].reference_angle)).sin_cos();
@@ -41,57 +56,132 @@ pub(crate) fn smooth<T: Real>(
     for j in 0..work.joints.len() {
         joint_rows(tree, params, state, drives, j, work);
     }
-    for &i in &tree.order {
-        let link = &tree.links[i];
-        let parent = &work.motion[link.parent_chain];
-        let j = i - 1;
-        let (rotation, position, axis) = hinge(link, work.turns[j], &parent.rotation, parent.position);
-        let (qd, qacc) = (state.qd[j], state.qacc[j]);
-        // The velocity product V × S q̇ uses the parent's velocity: S × S vanishes.
-        let v = parent.velocity;
-        let turn = scale(qd, axis[0]);
-        let shift = scale(qd, axis[1]);
-        let a = parent.acceleration;
-        let product = [cross_add(v[0], turn, a[0]), cross_add(v[0], shift, cross_add(v[1], turn, a[1]))];
-        let m = Motion {
-            rotation,
-            position,
-            velocity: [add(v[0], turn), add(v[1], shift)],
-            acceleration: axpy6(qacc, axis, product),
-            jacobian_acceleration: axpy6(qacc, axis, parent.jacobian_acceleration),
-        };
-        work.links[i].axis = axis;
-        inertial(&params.links[i], &m, &mut work.links[i]);
-        if link.contact.is_some() {
-            link_contacts(tree, params, link.pairs.clone(), &m, origin, origin_velocity, work);
+    for index in 0..tree.segments.len() {
+        match tree.segments[index].len {
+            1 => walk::<T, 1>(&pass, index, work),
+            2 => walk::<T, 2>(&pass, index, work),
+            _ => walk::<T, 3>(&pass, index, work),
         }
-        if !link.leaf {
-            work.motion[link.chain] = m;
-        }
+    }
+    for index in 0..tree.touching.len() {
+        link_contacts(&pass, index, origin, origin_velocity, work);
     }
 }
 
-/// Motion of link 0, without gravity.
+/// Walks one segment of `N` links outward, then gathers its inertia inward.
+#[inline(always)]
+fn walk<T: Real, const N: usize>(pass: &Pass<'_, T>, index: usize, work: &mut Work<T>) {
+    let segment = &pass.tree.segments[index];
+    let first = segment.first;
+    let mut motion;
+    let mut axis = [zero6(); N];
+    let mut rigid = [Rigid::zero(); N];
+    let mut wrench = [zero6(); N];
+    // Written out, so that the links stay in registers.
+    (motion, axis[0]) = outward(pass, first, &work.nodes[segment.parent].motion, work);
+    (rigid[0], wrench[0]) = inertial(&pass.params.links[first], &motion);
+    touch(pass, first, &motion, work);
+    if N > 1 {
+        (motion, axis[1]) = outward(pass, first + 1, &motion, work);
+        (rigid[1], wrench[1]) = inertial(&pass.params.links[first + 1], &motion);
+        touch(pass, first + 1, &motion, work);
+    }
+    if N > 2 {
+        (motion, axis[2]) = outward(pass, first + 2, &motion, work);
+        (rigid[2], wrench[2]) = inertial(&pass.params.links[first + 2], &motion);
+        touch(pass, first + 2, &motion, work);
+    }
+    if let Some(node) = segment.node {
+        let mut a = work.nodes[segment.parent].jacobian_acceleration;
+        for k in 0..N {
+            a = axpy6(pass.state.qacc[first + k - 1], axis[k], a);
+        }
+        work.nodes[node].motion = motion;
+        work.nodes[node].jacobian_acceleration = a;
+    }
+    // Composite inertia from link k outward gives the force of joint k's unit acceleration.
+    let out = &mut work.segments[index];
+    let mut composite = rigid[N - 1];
+    let mut total = wrench[N - 1];
+    for k in (0..N).rev() {
+        if k + 1 < N {
+            composite = composite.add(&rigid[k]);
+            total = add6(total, wrench[k]);
+        }
+        let joint = &work.joints[first + k - 1];
+        let force = composite.mul(axis[k]);
+        out.axis[k] = axis[k];
+        out.force[k] = force;
+        out.mass[k] = dot6_add(axis[k], force, joint.armature);
+        for i in 0..k {
+            out.mass[2 + k + i] = dot6(axis[i], force);
+        }
+        let inertial = joint.armature.fma(pass.state.qacc[first + k - 1], -joint.tau);
+        out.residual[k] = dot6_add(axis[k], total, inertial);
+    }
+    let parent = &mut work.nodes[segment.parent];
+    parent.rigid = parent.rigid.add(&composite);
+    parent.wrench = add6(parent.wrench, total);
+}
+
+/// Keeps the motion of a link with contact pairs.
+#[inline(always)]
+fn touch<T: Real>(pass: &Pass<'_, T>, link: usize, motion: &Motion<T>, work: &mut Work<T>) {
+    if let Some(touching) = pass.tree.links[link].touching {
+        work.touching[touching] = Pose { rotation: motion.rotation, position: motion.position };
+    }
+}
+
+/// Motion of link `i` from its parent's, and its hinge's motion subspace.
+#[inline(always)]
+fn outward<T: Real>(pass: &Pass<'_, T>, i: usize, parent: &Motion<T>, work: &Work<T>) -> (Motion<T>, V6<T>) {
+    let j = i - 1;
+    let (rotation, position, axis) =
+        hinge(&pass.tree.links[i], work.turns[j], &parent.rotation, parent.position);
+    let motion = joint_motion(axis, pass.state.qd[j], pass.state.qacc[j], rotation, position, parent);
+    (motion, axis)
+}
+
+/// Motion after a hinge with subspace `axis`, rate `qd` and acceleration `qacc`.
+#[inline(always)]
+pub(crate) fn joint_motion<T: Real>(
+    axis: V6<T>,
+    qd: T,
+    qacc: T,
+    rotation: M3<T>,
+    position: V3<T>,
+    parent: &Motion<T>,
+) -> Motion<T> {
+    // The velocity product V × S q̇ uses the parent's velocity: S × S vanishes.
+    let v = parent.velocity;
+    let turn = scale(qd, axis[0]);
+    let shift = scale(qd, axis[1]);
+    let a = parent.acceleration;
+    let product = [cross_add(v[0], turn, a[0]), cross_add(v[0], shift, cross_add(v[1], turn, a[1]))];
+    Motion {
+        rotation,
+        position,
+        velocity: [add(v[0], turn), add(v[1], shift)],
+        acceleration: axpy6(qacc, axis, product),
+    }
+}
+
+/// Motion of link 0.
 #[inline(always)]
 pub(crate) fn root_motion<T: Real>(tree: &Tree<T::K>, state: &State<T>) -> Motion<T> {
+    let gravity = k3::<T>(&tree.gravity);
     if tree.floating {
         let rotation = quat_matrix(&state.base_quaternion);
+        let a = state.base_acceleration;
         let spin: V6<T> = [rotate(&rotation, state.base_angular), zero3()];
-        Motion {
-            rotation,
-            position: zero3(),
-            velocity: spin,
-            acceleration: state.base_acceleration,
-            jacobian_acceleration: state.base_acceleration,
-        }
+        Motion { rotation, position: zero3(), velocity: spin, acceleration: [a[0], sub(a[1], gravity)] }
     } else {
         let r = &tree.root_rotation;
         Motion {
             rotation: [k3::<T>(&r[0]), k3::<T>(&r[1]), k3::<T>(&r[2])],
             position: scale(T::lit(-1.0), k3::<T>(&tree.root_position)),
             velocity: zero6(),
-            acceleration: zero6(),
-            jacobian_acceleration: zero6(),
+            acceleration: [zero3(), scale(T::lit(-1.0), gravity)],
         }
     }
 }
@@ -144,12 +234,12 @@ fn mixed<T: Real>(r: &M3<T>, s: T, c: T, a: usize, b: usize) -> [V3<T>; 2] {
 
 /// World inertia and inertial wrench of a link that moves with `m`.
 #[inline(always)]
-fn inertial<T: Real>(p: &LinkInertia<T>, m: &Motion<T>, out: &mut LinkWork<T>) {
+pub(crate) fn inertial<T: Real>(p: &LinkInertia<T>, m: &Motion<T>) -> (Rigid<T>, V6<T>) {
     let c = add(m.position, rotate(&m.rotation, p.com));
     let central = sym_rotate(&m.rotation, &p.inertia);
     let h = scale(p.mass, c);
     let (xx, yy, zz) = (h[0] * c[0], h[1] * c[1], h[2] * c[2]);
-    out.rigid = Rigid {
+    let rigid = Rigid {
         m: p.mass,
         h,
         i: [
@@ -165,7 +255,7 @@ fn inertial<T: Real>(p: &LinkInertia<T>, m: &Motion<T>, out: &mut LinkWork<T>) {
     let v = cross_add(w, c, m.velocity[1]);
     let f = scale(p.mass, cross_add(w, v, cross_add(a[0], c, a[1])));
     let n = cross_add(w, sym_mul(&central, w), sym_mul(&central, a[0]));
-    out.wrench = [cross_add(c, f, n), f];
+    (rigid, [cross_add(c, f, n), f])
 }
 
 /// Applied torque, friction-loss row and limit row of joint `j`.

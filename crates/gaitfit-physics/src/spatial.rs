@@ -43,6 +43,21 @@ pub(crate) struct Rigid<T> {
 }
 
 impl<T: Real> Rigid<T> {
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self { m: T::zero(), h: zero3(), i: [T::zero(); 6] }
+    }
+
+    #[inline(always)]
+    pub fn add(&self, o: &Self) -> Self {
+        let (a, b) = (&self.i, &o.i);
+        Self {
+            m: self.m + o.m,
+            h: add(self.h, o.h),
+            i: [a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]],
+        }
+    }
+
     /// Wrench that gives the motion `a`: `n = I α + h × a`, `f = m a + α × h`.
     #[inline(always)]
     pub fn mul(&self, a: V6<T>) -> V6<T> {
@@ -71,23 +86,6 @@ impl<T: Real> Articulated<T> {
     pub fn from_rigid(r: &Rigid<T>) -> Self {
         let (z, m, h) = (T::zero(), r.m, r.h);
         Self { aa: r.i, al: [[z, -h[2], h[1]], [h[2], z, -h[0]], [-h[1], h[0], z]], ll: [m, m, m, z, z, z] }
-    }
-
-    #[inline(always)]
-    pub fn add_rigid(&mut self, r: &Rigid<T>) {
-        for k in 0..6 {
-            self.aa[k] = self.aa[k] + r.i[k];
-        }
-        let h = r.h;
-        self.al[0][1] = self.al[0][1] - h[2];
-        self.al[0][2] = self.al[0][2] + h[1];
-        self.al[1][0] = self.al[1][0] + h[2];
-        self.al[1][2] = self.al[1][2] - h[0];
-        self.al[2][0] = self.al[2][0] - h[1];
-        self.al[2][1] = self.al[2][1] + h[0];
-        for k in 0..3 {
-            self.ll[k] = self.ll[k] + r.m;
-        }
     }
 
     #[inline(always)]
@@ -132,10 +130,9 @@ impl<T: Real> Articulated<T> {
         ]
     }
 
-    /// Subtracts `u v ᵀ` where `v = u·s`, symmetric.
+    /// Subtracts `u vᵀ`, where `v` is a multiple of `u`.
     #[inline(always)]
-    pub fn sub_rank_one(&mut self, u: V6<T>, s: T) {
-        let v = [scale(s, u[0]), scale(s, u[1])];
+    pub fn sub_outer(&mut self, u: V6<T>, v: V6<T>) {
         sym_sub(&mut self.aa, v[0], u[0]);
         sym_sub(&mut self.ll, v[1], u[1]);
         for i in 0..3 {

@@ -2,7 +2,7 @@
 
 use crate::Real;
 use crate::spatial::{Articulated, Rigid, V6, zero6};
-use crate::tree::Tree;
+use crate::tree::{SEGMENT, Tree};
 use crate::vec3::*;
 
 /// Motion state, with the last acceleration as the solver's warm start.
@@ -53,25 +53,66 @@ pub(crate) struct Motion<T> {
     pub velocity: V6<T>,
     /// Acceleration with velocity products, the current `qacc`, and minus gravity.
     pub acceleration: V6<T>,
+}
+
+/// Pose of a link about the reference point, world axes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pose<T> {
+    pub rotation: M3<T>,
+    pub position: V3<T>,
+}
+
+/// A node during one step: the root, or a link that carries segments.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Node<T> {
+    pub motion: Motion<T>,
     /// `J qacc` alone.
     pub jacobian_acceleration: V6<T>,
-}
-
-/// A link during one step.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct LinkWork<T> {
-    /// Motion subspace of the hinge.
-    pub axis: V6<T>,
+    /// Rigid inertia of the segments that hang here, and at the root the base's own.
     pub rigid: Rigid<T>,
-    /// Inertial wrench at the current acceleration, velocity products and gravity included.
+    /// Their inertial wrench at the current acceleration, velocity products and gravity included.
     pub wrench: V6<T>,
-    /// Inertial wrench of the Newton step (kept for the line search).
+    /// Articulated inertia and residual wrench of one Newton step.
+    pub inertia: Articulated<T>,
+    pub residual: V6<T>,
+    /// Acceleration of the Newton step.
+    pub step: V6<T>,
+    /// Inertial wrench of the Newton step.
     pub step_wrench: V6<T>,
-    /// `H_articulated · axis`.
-    pub u: V6<T>,
 }
 
-/// A joint's rows and unknowns during one step.
+impl<T: Real> Node<T> {
+    /// Adds a contact point's force, and its Hessian if asked.
+    #[inline(always)]
+    pub fn push(&mut self, point: &Point<T>, hessian: bool) {
+        let (x, f) = (point.x, point.world_force);
+        self.residual = [cross_add(x, f, self.residual[0]), add(self.residual[1], f)];
+        if hessian {
+            self.inertia.add(&Articulated::point(x, &point.weight));
+        }
+    }
+}
+
+/// A segment during one step. Arrays are as long as the longest segment.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SegmentWork<T> {
+    /// Motion subspaces of the hinges.
+    pub axis: [V6<T>; SEGMENT],
+    /// Mass matrix of the segment's joints (00, 11, 22, 10, 20, 21), armature included.
+    pub mass: [T; 6],
+    /// Its coupling to the node's acceleration.
+    pub force: [V6<T>; SEGMENT],
+    /// Inertial and bias torque minus applied torque at the current acceleration.
+    pub residual: [T; SEGMENT],
+    /// The same for the Newton step.
+    pub step_residual: [T; SEGMENT],
+    /// Unit lower factor (10, 20, 21) and D⁻¹L⁻¹ of the coupling and of the residual.
+    pub lower: [T; 3],
+    pub coupling: [V6<T>; SEGMENT],
+    pub solved: [T; SEGMENT],
+}
+
+/// A joint's rows and step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct JointWork<T> {
     /// Applied torque: drive, damping and spring.
@@ -91,8 +132,7 @@ pub(crate) struct JointWork<T> {
     pub limited: bool,
     /// Negative of the rows' torque.
     pub row: T,
-    pub inv_d: T,
-    pub e: T,
+    /// Newton step.
     pub step: T,
 }
 
@@ -119,6 +159,11 @@ pub(crate) struct Point<T> {
     pub step: [V3<T>; 2],
     /// Negative of the contact force.
     pub force: [V3<T>; 2],
+    /// The same of the first three components in world axes, and their Hessian.
+    pub world_force: V3<T>,
+    pub weight: Sym3<T>,
+    /// Velocity of the point for a unit rate of each joint of its segment, world axes.
+    pub columns: [V3<T>; SEGMENT],
     /// Rows: normal and tangents, world axes.
     pub frame: M3<T>,
 }
@@ -126,25 +171,46 @@ pub(crate) struct Point<T> {
 /// Scratch of one step for one block of environments.
 #[derive(Clone, Debug)]
 pub struct Work<T> {
-    pub(crate) motion: Vec<Motion<T>>,
-    pub(crate) links: Vec<LinkWork<T>>,
+    pub(crate) nodes: Vec<Node<T>>,
+    pub(crate) segments: Vec<SegmentWork<T>>,
     pub(crate) joints: Vec<JointWork<T>>,
-    pub(crate) pairs: Vec<PairWork<T>>,
-    pub(crate) points: Vec<Point<T>>,
     /// Sine and cosine of the joint angles.
     pub(crate) turns: Vec<(T, T)>,
-    pub(crate) articulated: Vec<(Articulated<T>, V6<T>)>,
-    /// Contact inertia and negative contact wrench of each link with pairs, and whether any lane touches.
-    pub(crate) contacts: Vec<(Articulated<T>, V6<T>, bool)>,
-    pub(crate) steps: Vec<V6<T>>,
+    pub(crate) pairs: Vec<PairWork<T>>,
+    pub(crate) points: Vec<Point<T>>,
+    /// Negative wrench and 6 × 6 Hessian of each point with spin (condim above 3), in point order.
+    pub(crate) spins: Vec<(V6<T>, Articulated<T>)>,
+    /// Pose of each link with contact pairs.
+    pub(crate) touching: Vec<Pose<T>>,
 }
 
 impl<T: Real> Work<T> {
     /// Scratch for `tree`.
     pub fn new<K>(tree: &Tree<K>) -> Self {
         let z = T::zero();
-        let rigid = Rigid { m: z, h: zero3(), i: [z; 6] };
-        let link = LinkWork { axis: zero6(), rigid, wrench: zero6(), step_wrench: zero6(), u: zero6() };
+        let motion =
+            Motion { rotation: [zero3(); 3], position: zero3(), velocity: zero6(), acceleration: zero6() };
+        let pose = Pose { rotation: [zero3(); 3], position: zero3() };
+        let node = Node {
+            motion,
+            jacobian_acceleration: zero6(),
+            rigid: Rigid::zero(),
+            wrench: zero6(),
+            inertia: Articulated::zero(),
+            residual: zero6(),
+            step: zero6(),
+            step_wrench: zero6(),
+        };
+        let segment = SegmentWork {
+            axis: [zero6(); SEGMENT],
+            mass: [z; 6],
+            force: [zero6(); SEGMENT],
+            residual: [z; SEGMENT],
+            step_residual: [z; SEGMENT],
+            lower: [z; 3],
+            coupling: [zero6(); SEGMENT],
+            solved: [z; SEGMENT],
+        };
         let joint = JointWork {
             tau: z,
             armature: z,
@@ -157,8 +223,6 @@ impl<T: Real> Work<T> {
             limit_aref: z,
             limited: false,
             row: z,
-            inv_d: z,
-            e: z,
             step: z,
         };
         let point = Point {
@@ -168,31 +232,33 @@ impl<T: Real> Work<T> {
             residual: zero6(),
             step: zero6(),
             force: zero6(),
+            world_force: zero3(),
+            weight: [z; 6],
+            columns: [zero3(); SEGMENT],
             frame: [zero3(); 3],
         };
-        let motion = Motion {
-            rotation: [zero3(); 3],
-            position: zero3(),
-            velocity: zero6(),
-            acceleration: zero6(),
-            jacobian_acceleration: zero6(),
-        };
         Self {
-            motion: vec![motion; tree.chains],
-            links: vec![link; tree.links.len()],
+            nodes: vec![node; tree.nodes.len()],
+            segments: vec![segment; tree.segments.len()],
             joints: vec![joint; tree.joints()],
+            turns: vec![(z, z); tree.joints()],
             pairs: vec![PairWork { active: false, friction: [z; 5] }; tree.pairs.len()],
             points: vec![point; tree.points],
-            turns: vec![(z, z); tree.joints()],
-            contacts: vec![(Articulated::zero(), zero6(), false); tree.contact_links.len()],
-            articulated: vec![(Articulated::zero(), zero6()); tree.chains],
-            steps: vec![zero6(); tree.chains],
+            spins: vec![(zero6(), Articulated::zero()); tree.spins],
+            touching: vec![pose; tree.touching.len()],
         }
     }
 
     /// Normal stiffness of every contact point in the last step, zero where nothing touched.
-    pub fn contact_stiffness(&self) -> impl Iterator<Item = T> + '_ {
-        let owner = |k: usize| self.points[k].d;
-        (0..self.points.len()).map(owner)
+    pub fn contact_stiffness(&self, tree: &Tree<T::K>) -> Vec<T> {
+        let mut all = vec![T::zero(); self.points.len()];
+        for (pair, work) in tree.pairs.iter().zip(&self.pairs) {
+            if work.active {
+                for k in pair.points.clone() {
+                    all[k] = self.points[k].d;
+                }
+            }
+        }
+        all
     }
 }

@@ -64,14 +64,6 @@ pub(crate) struct Limit<K> {
 #[derive(Clone, Debug)]
 pub(crate) struct Link<K> {
     pub parent: usize,
-    /// Chain the link belongs to: an only child continues its parent's chain. Passes over the tree keep one
-    /// running quantity a chain.
-    pub chain: usize,
-    pub parent_chain: usize,
-    /// Whether no link hangs on this one.
-    pub leaf: bool,
-    /// Whether, leaves first, this is the first child to reach its parent.
-    pub first: bool,
     /// Anchor in the parent's frame, m.
     pub offset: [K; 3],
     /// Constant turn from the parent's frame at joint angle zero; `None` for the identity.
@@ -86,11 +78,29 @@ pub(crate) struct Link<K> {
     pub springref: K,
     /// Whether the joint has a spring.
     pub sprung: bool,
-    /// Contact pairs of this link.
+    /// Contact pairs of this link, and its place in `Tree::touching` if it has any.
     pub pairs: Range<usize>,
-    /// Where the link's contact inertia is gathered, if it has pairs.
-    pub contact: Option<usize>,
+    pub touching: Option<usize>,
 }
+
+/// Up to three links in a row, eliminated together. Several segments may hang on one node; a node is the root
+/// or the last link of a segment that carries others.
+#[derive(Clone, Debug)]
+pub(crate) struct Segment {
+    /// First link; the others follow it directly.
+    pub first: usize,
+    /// Links, 1 to 3.
+    pub len: usize,
+    /// Node it hangs on.
+    pub parent: usize,
+    /// Node that its last link is, if it carries segments.
+    pub node: Option<usize>,
+    /// Contact pairs of its links.
+    pub pairs: Range<usize>,
+}
+
+/// Most links in a segment.
+pub(crate) const SEGMENT: usize = 3;
 
 /// A contact shape in its link's frame.
 #[derive(Clone, Debug)]
@@ -127,6 +137,10 @@ pub(crate) struct GroundPlane<K> {
 pub(crate) struct Pair<K> {
     /// Index of the pair in `Model::pairs`.
     pub model_pair: usize,
+    /// Place of the first point among the points with spin.
+    pub spin: usize,
+    /// Place of the pair's link in its segment.
+    pub member: usize,
     pub plane: usize,
     pub shape: LinkShape<K>,
     pub center: [K; 3],
@@ -153,14 +167,17 @@ pub struct Tree<K> {
     pub(crate) root_position: [K; 3],
     pub(crate) gravity: [K; 3],
     pub(crate) links: Vec<Link<K>>,
-    /// Links 1.. by depth: neighbours in this order do not wait for each other.
-    pub(crate) order: Vec<usize>,
-    pub(crate) chains: usize,
+    /// Parents before children.
+    pub(crate) segments: Vec<Segment>,
+    /// Link of each node; node 0 is the root.
+    pub(crate) nodes: Vec<usize>,
     pub(crate) planes: Vec<GroundPlane<K>>,
     pub(crate) pairs: Vec<Pair<K>>,
-    /// Links with contact pairs.
-    pub(crate) contact_links: Vec<usize>,
     pub(crate) points: usize,
+    /// Points with spin.
+    pub(crate) spins: usize,
+    /// Links with contact pairs, and the segment of each (none for the root).
+    pub(crate) touching: Vec<(usize, Option<usize>)>,
     pub(crate) impratio: f64,
     pub(crate) elliptic: bool,
     pub(crate) settings: Settings,
@@ -357,10 +374,6 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
         let identity = turn.iter().flatten().zip(IDENTITY.iter().flatten()).all(|(a, b)| a == b);
         links.push(Link {
             parent: *parent,
-            chain: 0,
-            parent_chain: 0,
-            leaf: true,
-            first: false,
             offset: k3(*anchor),
             turn: if identity { None } else { Some([k3(turn[0]), k3(turn[1]), k3(turn[2])]) },
             axis: *axis,
@@ -375,26 +388,33 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
             springref: k(joint.springref),
             sprung: joint.stiffness != 0.0,
             pairs: ranges[index + 1].clone(),
-            contact: None,
+            touching: None,
         });
     }
     links[0].pairs = ranges[0].clone();
-    let mut contact_links = Vec::new();
-    for (index, link) in links.iter_mut().enumerate() {
-        if !link.pairs.is_empty() {
-            link.contact = Some(contact_links.len());
-            contact_links.push(index);
+    let (segments, nodes) = segment(&links);
+    let mut touching = Vec::new();
+    let mut spins = 0;
+    for (index, link) in links.iter_mut().enumerate().filter(|(_, link)| !link.pairs.is_empty()) {
+        let home = segments.iter().position(|s| (s.first..s.first + s.len).contains(&index));
+        link.touching = Some(touching.len());
+        touching.push((index, home));
+        for pair in &mut pairs[link.pairs.clone()] {
+            pair.member = home.map_or(0, |home| index - segments[home].first);
+            if pair.condim > 3 {
+                pair.spin = spins;
+                spins += pair.points.len();
+            }
         }
     }
-    let (order, chains) = arrange(&mut links);
     Ok(Tree {
         floating,
         root_rotation: [k3(IDENTITY[0]), k3(IDENTITY[1]), k3(IDENTITY[2])],
         root_position: k3(if floating { [0.0; 3] } else { model.bodies[0].pos }),
         gravity: k3(model.options.gravity),
         links,
-        order,
-        chains,
+        segments,
+        nodes,
         planes: planes
             .iter()
             .map(|(frame, offset)| GroundPlane {
@@ -403,51 +423,50 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
             })
             .collect(),
         pairs,
-        contact_links,
         points,
+        spins,
+        touching,
         impratio: model.options.impratio,
         elliptic: settings.cone == gaitfit_model::Cone::Elliptic,
         settings: *settings,
     })
 }
 
-/// Chains and depth order; returns the order and the number of chains.
-fn arrange<K>(links: &mut [Link<K>]) -> (Vec<usize>, usize) {
+/// Segments, parents first, and the link of each node.
+fn segment<K>(links: &[Link<K>]) -> (Vec<Segment>, Vec<usize>) {
     let mut children = vec![0; links.len()];
-    let mut depth = vec![0; links.len()];
-    for i in 1..links.len() {
-        children[links[i].parent] += 1;
-        depth[i] = depth[links[i].parent] + 1;
+    for link in &links[1..] {
+        children[link.parent] += 1;
     }
-    let mut chains = 1;
+    let mut segments: Vec<Segment> = Vec::new();
+    let mut nodes = vec![0];
+    // Segment of each link.
+    let mut home = vec![usize::MAX; links.len()];
     for i in 1..links.len() {
         let parent = links[i].parent;
-        links[parent].leaf = false;
-        links[i].parent_chain = links[parent].chain;
-        links[i].chain = links[parent].chain;
-        if children[parent] > 1 {
-            links[i].chain = chains;
-            chains += 1;
+        let continues = parent > 0 && children[parent] == 1 && segments[home[parent]].len < SEGMENT;
+        if continues {
+            home[i] = home[parent];
+            let segment = &mut segments[home[i]];
+            segment.len += 1;
+            segment.pairs.end = links[i].pairs.end;
+            continue;
         }
+        let node = nodes.iter().position(|&link| link == parent).unwrap_or_else(|| {
+            segments[home[parent]].node = Some(nodes.len());
+            nodes.push(parent);
+            nodes.len() - 1
+        });
+        home[i] = segments.len();
+        segments.push(Segment { first: i, len: 1, parent: node, node: None, pairs: links[i].pairs.clone() });
     }
-    let mut order: Vec<usize> = (1..links.len()).collect();
-    order.sort_by_key(|&i| depth[i]);
-    let mut reached = vec![false; links.len()];
-    for &i in order.iter().rev() {
-        links[i].first = !reached[links[i].parent];
-        reached[links[i].parent] = true;
-    }
-    (order, chains)
+    (segments, nodes)
 }
 
 fn root_link<T: Real>() -> Link<T::K> {
     let zero = T::constant(0.0);
     Link {
         parent: 0,
-        chain: 0,
-        parent_chain: 0,
-        leaf: true,
-        first: false,
         offset: [zero; 3],
         turn: None,
         axis: Axis::Z,
@@ -459,7 +478,7 @@ fn root_link<T: Real>() -> Link<T::K> {
         springref: zero,
         sprung: false,
         pairs: 0..0,
-        contact: None,
+        touching: None,
     }
 }
 
@@ -540,6 +559,8 @@ fn compile_pair<T: Real>(
     let turned = matches!(geom.shape, Shape::Capsule { .. }) && !(elliptic && isotropic);
     Ok(Pair {
         model_pair: index,
+        spin: 0,
+        member: 0,
         plane: pair.plane,
         shape,
         center: k3(add(seat.position, rotate(&seat.rotation, geom.pos))),

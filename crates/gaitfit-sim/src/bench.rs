@@ -184,7 +184,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
         let mut values = [0.0f32; 16];
         batch.state.base_position[2].store(&mut values);
         height += values[..T::LANES].iter().sum::<f32>() as f64;
-        for stiffness in batch.work.contact_stiffness() {
+        for stiffness in batch.work.contact_stiffness(&tree) {
             stiffness.store(&mut values);
             contacts += values[..T::LANES].iter().filter(|&&d| d > 0.0).count() as f64;
         }

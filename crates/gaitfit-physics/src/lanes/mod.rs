@@ -8,14 +8,20 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(not(target_arch = "x86_64"))]
 mod portable;
 mod sincos;
+#[cfg(target_arch = "x86_64")]
+mod sse2;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::F32x8;
 #[cfg(target_arch = "x86_64")]
 pub use avx512::F32x16;
+#[cfg(not(target_arch = "x86_64"))]
 pub use portable::Portable;
+#[cfg(target_arch = "x86_64")]
+pub use sse2::F32x4 as Portable;
 
 use crate::{Period, Real};
 
@@ -38,7 +44,7 @@ pub enum Isa {
     Avx512,
     /// 8 lanes, fused multiply-add.
     Avx2,
-    /// 8 lanes of plain Rust: SSE2 on x86-64, NEON on 64-bit Arm.
+    /// 4 lanes of what every machine of the architecture has: SSE2 on x86-64, NEON on 64-bit Arm.
     Portable,
 }
 
@@ -70,7 +76,8 @@ impl Isa {
     pub fn lanes(self) -> usize {
         match self {
             Isa::Avx512 => 16,
-            Isa::Avx2 | Isa::Portable => 8,
+            Isa::Avx2 => 8,
+            Isa::Portable => 4,
         }
     }
 

@@ -1,4 +1,4 @@
-//! Eight `f32` in plain Rust, for machines without AVX2: the compiler uses whatever the target has.
+//! Four `f32` in plain Rust, for other architectures than x86-64: the compiler uses whatever the target has.
 
 use core::ops::{Add, Mul, Neg, Sub};
 
@@ -6,11 +6,11 @@ use super::Lanes;
 use super::sincos::sin_cos;
 use crate::{Period, Real, control_period};
 
-const N: usize = 8;
+const N: usize = 4;
 
-/// Eight `f32` lanes.
+/// Four `f32` lanes.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(32))]
+#[repr(align(16))]
 pub struct Portable([f32; N]);
 
 macro_rules! each {

@@ -1,0 +1,248 @@
+//! One segment of up to three joints in the Newton system.
+//!
+//! With the node's acceleration a and the joints' q̈ the segment's block of the system is
+//! [H Fᵀ; F A] [q̈; a] = −[r; p]: H the joints' mass matrix with constraint Hessians, F their coupling to the
+//! node, A and p the node's articulated inertia and residual wrench. Eliminating q̈ leaves A − F H⁻¹ Fᵀ and
+//! p − F H⁻¹ r on the node.
+
+use crate::Real;
+use crate::solver::set_step;
+use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add};
+use crate::state::{State, Work};
+use crate::tree::{SEGMENT, Tree};
+use crate::vec3::*;
+
+/// The block of one segment while it is put together.
+struct Block<T> {
+    /// 00, 11, 22, 10, 20, 21.
+    h: [T; 6],
+    f: [V6<T>; SEGMENT],
+    r: [T; SEGMENT],
+}
+
+/// Place of element (k, i), k > i, in a packed symmetric 3 × 3 matrix.
+#[inline(always)]
+fn below(k: usize, i: usize) -> usize {
+    2 + k + i
+}
+
+impl<T: Real> Block<T> {
+    /// Adds an inertia and a residual wrench that the segment's link `member` carries.
+    #[inline(always)]
+    fn carry<const N: usize>(
+        &mut self,
+        member: usize,
+        axis: &[V6<T>; SEGMENT],
+        inertia: &Articulated<T>,
+        wrench: V6<T>,
+    ) {
+        for k in 0..N {
+            if k <= member {
+                let force = inertia.mul(axis[k]);
+                self.f[k] = add6(self.f[k], force);
+                self.h[k] = dot6_add(axis[k], force, self.h[k]);
+                for i in 0..k {
+                    self.h[below(k, i)] = dot6_add(axis[i], force, self.h[below(k, i)]);
+                }
+                self.r[k] = dot6_add(axis[k], wrench, self.r[k]);
+            }
+        }
+    }
+}
+
+/// Eliminates segment `index` onto its node; returns rᵀH⁻¹r, its part of the squared Newton decrement.
+#[inline(always)]
+pub(crate) fn eliminate<T: Real, const N: usize>(
+    tree: &Tree<T::K>,
+    index: usize,
+    hessian: bool,
+    state: &State<T>,
+    work: &mut Work<T>,
+) -> T {
+    let segment = &tree.segments[index];
+    let own = &work.segments[index];
+    let mut block = Block { h: own.mass, f: own.force, r: own.residual };
+    for k in 0..N {
+        let (curvature, row) = joint_terms(segment.first + k - 1, hessian, state, work);
+        block.h[k] = block.h[k] + curvature;
+        block.r[k] = block.r[k] + row;
+    }
+    if let Some(node) = segment.node {
+        let (inertia, residual) = (work.nodes[node].inertia, work.nodes[node].residual);
+        block.carry::<N>(N - 1, &work.segments[index].axis, &inertia, residual);
+        let parent = &mut work.nodes[segment.parent];
+        parent.inertia.add(&inertia);
+        parent.residual = add6(parent.residual, residual);
+    }
+    segment_contacts::<T, N>(tree, index, hessian, &mut block, work);
+    let Block { h, f, r } = block;
+
+    // LDLᵀ of H, applied to [Fᵀ | r] on the way.
+    let out = &mut work.segments[index];
+    let parent = &mut work.nodes[segment.parent];
+    let d0 = h[0].recip();
+    let (y0, e0) = (f[0], r[0]);
+    let (z0, s0) = (times(d0, y0), d0 * e0);
+    out.coupling[0] = z0;
+    out.solved[0] = s0;
+    let mut part = e0 * s0;
+    parent.inertia.sub_outer(y0, z0);
+    parent.residual = axpy6(-s0, y0, parent.residual);
+    if N > 1 {
+        let l10 = h[3] * d0;
+        let d1 = l10.fnma(h[3], h[1]).recip();
+        let (y1, e1) = (axpy6(-l10, y0, f[1]), l10.fnma(e0, r[1]));
+        let (z1, s1) = (times(d1, y1), d1 * e1);
+        out.lower[0] = l10;
+        out.coupling[1] = z1;
+        out.solved[1] = s1;
+        part = e1.fma(s1, part);
+        parent.inertia.sub_outer(y1, z1);
+        parent.residual = axpy6(-s1, y1, parent.residual);
+        if N > 2 {
+            let l20 = h[4] * d0;
+            let t = l20.fnma(h[3], h[5]);
+            let l21 = t * d1;
+            let d2 = l21.fnma(t, l20.fnma(h[4], h[2])).recip();
+            let y2 = axpy6(-l21, y1, axpy6(-l20, y0, f[2]));
+            let e2 = l21.fnma(e1, l20.fnma(e0, r[2]));
+            let (z2, s2) = (times(d2, y2), d2 * e2);
+            out.lower[1] = l20;
+            out.lower[2] = l21;
+            out.coupling[2] = z2;
+            out.solved[2] = s2;
+            part = e2.fma(s2, part);
+            parent.inertia.sub_outer(y2, z2);
+            parent.residual = axpy6(-s2, y2, parent.residual);
+        }
+    }
+    part
+}
+
+#[inline(always)]
+fn times<T: Real>(s: T, v: V6<T>) -> V6<T> {
+    [scale(s, v[0]), scale(s, v[1])]
+}
+
+/// Hessian and negative torque of joint `j`'s rows; without `hessian` the integrator's damping instead.
+#[inline(always)]
+fn joint_terms<T: Real>(j: usize, hessian: bool, state: &State<T>, work: &mut Work<T>) -> (T, T) {
+    let z = T::zero();
+    let joint = &mut work.joints[j];
+    let qacc = state.qacc[j];
+    let slip = joint.friction_d * (qacc - joint.friction_aref);
+    let loss = joint.frictionloss;
+    let mut row = slip.clamp(-loss, loss);
+    let mut curvature = T::select_lt(slip.abs(), loss, joint.friction_d, z);
+    if joint.limited {
+        let gap = joint.limit_sign.fma(qacc, -joint.limit_aref);
+        let d = T::select_lt(gap, z, joint.limit_d, z);
+        row = (joint.limit_sign * d).fma(gap, row);
+        curvature = curvature + d;
+    }
+    joint.row = row;
+    if hessian { (curvature, row) } else { (joint.implicit, joint.implicit.fma(qacc, row)) }
+}
+
+/// Adds the contacts of the segment's links to its block and to the node.
+#[inline(always)]
+fn segment_contacts<T: Real, const N: usize>(
+    tree: &Tree<T::K>,
+    index: usize,
+    hessian: bool,
+    block: &mut Block<T>,
+    work: &mut Work<T>,
+) {
+    let segment = &tree.segments[index];
+    for number in segment.pairs.clone() {
+        let pair = &tree.pairs[number];
+        if !work.pairs[number].active {
+            continue;
+        }
+        let parent = &mut work.nodes[segment.parent];
+        for (place, point) in work.points[pair.points.clone()].iter().enumerate() {
+            if pair.condim > 3 {
+                let (wrench, inertia) = &work.spins[pair.spin + place];
+                let inertia = if hessian { *inertia } else { Articulated::zero() };
+                block.carry::<N>(pair.member, &work.segments[index].axis, &inertia, *wrench);
+                parent.inertia.add(&inertia);
+                parent.residual = add6(parent.residual, *wrench);
+                continue;
+            }
+            for k in 0..N {
+                if k <= pair.member {
+                    let g = point.columns[k];
+                    block.r[k] = dot_add(g, point.world_force, block.r[k]);
+                    if hessian {
+                        let y = sym_mul(&point.weight, g);
+                        block.f[k] = [cross_add(point.x, y, block.f[k][0]), add(block.f[k][1], y)];
+                        block.h[k] = dot_add(g, y, block.h[k]);
+                        for i in 0..k {
+                            let place = below(k, i);
+                            block.h[place] = dot_add(point.columns[i], y, block.h[place]);
+                        }
+                    }
+                }
+            }
+            parent.push(point, hessian);
+        }
+    }
+}
+
+/// Joint and contact steps of segment `index` from its node's step, and the change of its residuals.
+#[inline(always)]
+pub(crate) fn back_substitute<T: Real, const N: usize>(tree: &Tree<T::K>, index: usize, work: &mut Work<T>) {
+    let segment = &tree.segments[index];
+    let own = &mut work.segments[index];
+    let parent = &mut work.nodes[segment.parent];
+    let above = parent.step;
+    let mut step = [T::zero(); SEGMENT];
+    for k in (0..N).rev() {
+        let mut s = -dot6_add(own.coupling[k], above, own.solved[k]);
+        for i in k + 1..N {
+            s = own.lower[i + k - 1].fnma(step[i], s);
+        }
+        step[k] = s;
+    }
+    let mut wrench = parent.step_wrench;
+    for k in 0..N {
+        work.joints[segment.first + k - 1].step = step[k];
+        wrench = axpy6(step[k], own.force[k], wrench);
+        let mut change = own.mass[k].fma(step[k], dot6(own.force[k], above));
+        for i in 0..N {
+            if i != k {
+                change = own.mass[below(k.max(i), k.min(i))].fma(step[i], change);
+            }
+        }
+        own.step_residual[k] = change;
+    }
+    parent.step_wrench = wrench;
+    if let Some(node) = segment.node {
+        let mut a = above;
+        for k in 0..N {
+            a = axpy6(step[k], own.axis[k], a);
+        }
+        let node = &mut work.nodes[node];
+        node.step = a;
+        node.step_wrench = node.rigid.mul(a);
+    }
+    for number in segment.pairs.clone() {
+        let pair = &tree.pairs[number];
+        if !work.pairs[number].active {
+            continue;
+        }
+        for point in &mut work.points[pair.points.clone()] {
+            let mut linear = cross_add(above[0], point.x, above[1]);
+            let mut angular = above[0];
+            for k in 0..N {
+                if k <= pair.member {
+                    linear = axpy(step[k], point.columns[k], linear);
+                    if pair.condim > 3 {
+                        angular = axpy(step[k], work.segments[index].axis[k][0], angular);
+                    }
+                }
+            }
+            set_step(pair, point, linear, angular);
+        }
+    }
+}
