@@ -56,6 +56,9 @@ pub struct AdaptConfig {
     /// True values by parameter name, where they are known (simulated robots): shown beside the fit.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub truth: BTreeMap<String, f64>,
+    /// Published values by parameter name, as [smallest, largest]: shown beside the fit.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub published: BTreeMap<String, [f64; 2]>,
 }
 
 /// How the robot's base was held while recording.
@@ -182,6 +185,7 @@ impl Default for AdaptConfig {
             optimizer: OptimizerConfig::default(),
             check: CheckConfig::default(),
             truth: BTreeMap::new(),
+            published: BTreeMap::new(),
         }
     }
 }

@@ -24,7 +24,9 @@ mod tests {
                 assert!(printed.get(inner).is_some(), "`{key}.{inner}` is missing");
             }
         }
-        for optional in ["name", "kp", "kd", "validate_gains", "rmse_rad", "truth", "lower", "upper"] {
+        for optional in
+            ["name", "kp", "kd", "validate_gains", "rmse_rad", "truth", "published", "lower", "upper"]
+        {
             assert!(DEFAULTS.contains(optional), "`{optional}` is not mentioned");
         }
     }

@@ -67,6 +67,10 @@ fn score(score: &super::results::Score) -> Score {
     }
 }
 
+fn range([lower, upper]: [f64; 2], source: &str) -> PublishedRange {
+    PublishedRange { lower, upper, source: source.to_owned() }
+}
+
 fn parameters(results: &Results) -> Vec<Parameter> {
     let parameter = |parameter: &super::results::Parameter| {
         let found = &parameter.found;
@@ -82,10 +86,8 @@ fn parameters(results: &Results) -> Vec<Parameter> {
             spread: unknown(found.spread),
             per_run: found.per_run.clone(),
             at_bound: found.at_bound.then_some(bound),
-            published: parameter.truth.map(|truth| PublishedRange {
-                lower: truth,
-                upper: truth,
-                source: "the true value".to_owned(),
+            published: parameter.truth.map(|truth| range([truth, truth], "the true value")).or_else(|| {
+                parameter.published.map(|published| range(published, "the configuration's [published]"))
             }),
             identified: None,
         }

@@ -55,6 +55,9 @@ pub struct Parameter {
     /// True value, from the configuration's `[truth]`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<f64>,
+    /// Published values, [smallest, largest], from the configuration's `[published]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub published: Option<[f64; 2]>,
 }
 
 /// How well a predictor does.
@@ -147,10 +150,16 @@ pub fn results(
     let parameters: Vec<Parameter> = first
         .parameters
         .iter()
-        .map(|found| Parameter { found: found.clone(), truth: config.truth.get(&found.name).copied() })
+        .map(|found| Parameter {
+            found: found.clone(),
+            truth: config.truth.get(&found.name).copied(),
+            published: config.published.get(&found.name).copied(),
+        })
         .collect();
-    for name in config.truth.keys().filter(|name| parameters.iter().all(|known| known.found.name != **name)) {
-        warnings.push(format!("[truth] names `{name}`, which is not fitted"));
+    for name in config.truth.keys().chain(config.published.keys()) {
+        if parameters.iter().all(|known| known.found.name != *name) {
+            warnings.push(format!("[truth] or [published] names `{name}`, which is not fitted"));
+        }
     }
     for parameter in parameters.iter().filter(|parameter| parameter.found.at_bound) {
         let found = &parameter.found;

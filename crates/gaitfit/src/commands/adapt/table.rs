@@ -48,11 +48,16 @@ pub fn check(check: &Check) -> String {
 
 fn parameters(results: &Results) -> Table {
     let known = results.parameters.iter().any(|parameter| parameter.truth.is_some());
-    let mut header = vec!["parameter", "value", "spread", "unit", "bounds", ""];
+    let published = results.parameters.iter().any(|parameter| parameter.published.is_some());
+    let mut header = vec!["parameter", "value", "spread", "unit", "bounds"];
     if known {
-        header.splice(5..5, ["truth", "error"]);
+        header.extend(["truth", "error"]);
     }
-    let mut table = table(&header, &[1, 2, 5, 6]);
+    if published {
+        header.push("published");
+    }
+    header.push("");
+    let mut table = table(&header, if known { &[1, 2, 5, 6] } else { &[1, 2] });
     for parameter in &results.parameters {
         let found = &parameter.found;
         let mut row = vec![
@@ -69,6 +74,9 @@ fn parameters(results: &Results) -> Table {
                 .filter(|truth| *truth != 0.0)
                 .map(|truth| 100.0 * (found.value / truth - 1.0));
             row.push(error.map_or_else(String::new, |error| format!("{error:+.1} %")));
+        }
+        if published {
+            row.push(parameter.published.map_or_else(String::new, |[low, high]| format!("{low} – {high}")));
         }
         row.push(if found.at_bound { "at its bound".to_owned() } else { String::new() });
         table.add_row(row);
