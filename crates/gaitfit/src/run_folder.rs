@@ -68,7 +68,8 @@ impl RunFolder {
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
         let path = self.path.join(name);
         let whole = || -> std::io::Result<()> {
-            let mut file = tempfile::Builder::new().prefix(".writing-").tempfile_in(&self.path)?;
+            let mut file =
+                readable(&mut tempfile::Builder::new()).prefix(".writing-").tempfile_in(&self.path)?;
             file.write_all(bytes)?;
             file.as_file().sync_all()?;
             file.persist(&path).map_err(|error| error.error)?;
@@ -94,6 +95,19 @@ impl RunFolder {
         let add = || fs::OpenOptions::new().create(true).append(true).open(&path)?.write_all(text.as_bytes());
         add().map_err(|error| unwritable(&path, &error))
     }
+}
+
+/// Temporary files are private by default; these become results that others may read, as the umask says.
+#[cfg(unix)]
+pub fn readable<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c mut tempfile::Builder<'a, 'b> {
+    use std::os::unix::fs::PermissionsExt;
+    builder.permissions(fs::Permissions::from_mode(0o666))
+}
+
+/// As the system does it.
+#[cfg(not(unix))]
+pub fn readable<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c mut tempfile::Builder<'a, 'b> {
+    builder
 }
 
 fn numbered(runs: &Path, name: &str, number: usize) -> PathBuf {

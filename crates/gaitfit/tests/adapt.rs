@@ -57,6 +57,8 @@ fn the_document_and_the_run_folder_are_complete() {
         assert_eq!(saved["name"].as_str(), found["name"].as_str());
         assert_eq!(saved["value"].as_float(), found["value"].as_f64());
     }
+    let resolved: toml::Table = std::fs::read_to_string(folder.join("config.toml")).unwrap().parse().unwrap();
+    assert_eq!(resolved["parameter"][1]["deviation"].as_float(), Some(0.05), "defaults are written out");
     // The resolved configuration gives the same fit.
     let resolved = folder.join("config.toml");
     let output = run(&["adapt", resolved.to_str().unwrap(), "--json"]);

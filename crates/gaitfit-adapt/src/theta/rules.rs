@@ -70,6 +70,15 @@ impl ParameterRule {
         vec![Self::new(Quantity::FrictionLoss), Self::new(Quantity::Armature)]
     }
 
+    /// Fills in the quantity's defaults where the rule is silent.
+    pub fn resolve(&mut self) {
+        let defaults = self.kind.defaults();
+        self.lower.get_or_insert(defaults.lower);
+        self.upper.get_or_insert(defaults.upper);
+        self.start.get_or_insert(defaults.start);
+        self.deviation.get_or_insert(defaults.deviation);
+    }
+
     /// The rule's entries for a robot, groups in the order of their first joint.
     pub(super) fn entries(
         &self,

@@ -23,6 +23,8 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
     let stem = || args.config.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let name = args.name.clone().or_else(|| config.name.clone()).or_else(stem).unwrap_or_default();
     config.name = Some(name.clone());
+    // The folder keeps every default, these too.
+    config.parameter.iter_mut().for_each(gaitfit_adapt::ParameterRule::resolve);
     let threads = args.threads.map(std::num::NonZeroUsize::get);
     let setup = setup::setup(&config, &args.config, threads)?;
     for warning in &setup.warnings {

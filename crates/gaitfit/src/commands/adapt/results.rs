@@ -9,8 +9,8 @@ use gaitfit_adapt::fit::{
     delayed, evaluate, simulate_one,
 };
 use gaitfit_adapt::{Simulator, Theta};
+use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
 
 /// The result of one adaptation.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -85,8 +85,8 @@ pub struct Validation {
     pub rmse_rad: Option<f64>,
     /// The same of the robot as its file says.
     pub nominal_rmse_rad: Option<f64>,
-    /// Position RMSE by joint (the log's names), rad.
-    pub rmse_per_joint: BTreeMap<String, f64>,
+    /// Position RMSE by joint (the log's names, the robot's order), rad.
+    pub rmse_per_joint: IndexMap<String, f64>,
 }
 
 /// The fit by a further cost, and how it compares with the first.

@@ -83,7 +83,7 @@ fn array(entry: impl std::io::Read) -> Result<Array, Error> {
 pub fn write(path: &Path, arrays: &[(&'static str, Array)]) -> Result<(), Failure> {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let save = || -> Result<(), Error> {
-        let mut file = tempfile::NamedTempFile::new_in(parent)?;
+        let mut file = crate::run_folder::readable(&mut tempfile::Builder::new()).tempfile_in(parent)?;
         fill(BufWriter::new(file.as_file_mut()), arrays)?;
         file.as_file().sync_all()?;
         file.persist(path).map_err(|error| error.error)?;
