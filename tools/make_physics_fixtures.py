@@ -72,7 +72,10 @@ ROLLOUTS = {"biped": "pyr_imp1_fl", "humanoid": "ell_imp1_fl", "arm": "pyr_imp1_
 
 def load(robot, variant):
     """The robot's model with the variant's options; constants that follow from the reference pose are recomputed."""
-    model = mujoco.MjModel.from_xml_path(str(FOLDER / f"{robot}.xml"))
+    spec = mujoco.MjSpec.from_file(str(FOLDER / f"{robot}.xml"))
+    # Before compilation: MuJoCo compiles the pose of static geoms into its collision tree.
+    spec.worldbody.geoms[0].quat = np.array(variant.tilt) / np.linalg.norm(variant.tilt)
+    model = spec.compile()
     opt = model.opt
     opt.cone, opt.impratio, opt.integrator = variant.cone, variant.impratio, variant.integrator
     opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
@@ -83,9 +86,6 @@ def load(robot, variant):
         opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     if not variant.frictionloss:
         model.dof_frictionloss[:] = 0
-    model.geom_quat[0] = np.array(variant.tilt) / np.linalg.norm(variant.tilt)
-    # Otherwise MuJoCo takes the frame of the world body for the plane and ignores the tilt.
-    model.geom_sameframe[0] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     return model
 
 

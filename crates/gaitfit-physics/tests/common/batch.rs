@@ -1,0 +1,80 @@
+//! Sets of values seen as flat lists, so that scalars of any kind can be filled, packed and compared.
+
+use std::cell::RefCell;
+
+use gaitfit_physics::{Lanes, Params, Real, State, Tree};
+
+/// Every number of a state, always in the same order.
+pub fn values<T: Real>(state: &State<T>) -> Vec<T> {
+    let mut all = Vec::new();
+    all.extend(state.base_position);
+    all.extend(state.base_quaternion);
+    all.extend(state.base_linear);
+    all.extend(state.base_angular);
+    all.extend(&state.q);
+    all.extend(&state.qd);
+    all.extend(state.base_acceleration[0]);
+    all.extend(state.base_acceleration[1]);
+    all.extend(&state.qacc);
+    all
+}
+
+/// The state with the numbers of [`values`].
+pub fn state_of<T: Real>(tree: &Tree<T::K>, values: &[T]) -> State<T> {
+    let mut state = State::<T>::new(tree);
+    let mut next = values.iter().copied();
+    let mut fill = |slots: &mut [T]| slots.iter_mut().for_each(|slot| *slot = next.next().unwrap());
+    fill(&mut state.base_position);
+    fill(&mut state.base_quaternion);
+    fill(&mut state.base_linear);
+    fill(&mut state.base_angular);
+    fill(&mut state.q);
+    fill(&mut state.qd);
+    fill(&mut state.base_acceleration[0]);
+    fill(&mut state.base_acceleration[1]);
+    fill(&mut state.qacc);
+    state
+}
+
+/// Every number of a parameter set, in the order in which [`Params::pack`] asks for them.
+pub fn param_values(params: &Params<f64>) -> Vec<f64> {
+    let list = RefCell::new(Vec::new());
+    Params::<f64>::pack(&[params], |value| {
+        let value = value(params);
+        list.borrow_mut().push(value);
+        value
+    });
+    list.into_inner()
+}
+
+/// One lane each of `columns` (as long as the others), packed number by number.
+pub fn pack<T: Lanes>(columns: &[Vec<f64>]) -> Vec<T> {
+    assert_eq!(columns.len(), T::LANES);
+    (0..columns[0].len())
+        .map(|i| T::load(&columns.iter().map(|column| column[i] as f32).collect::<Vec<_>>()))
+        .collect()
+}
+
+/// Parameter sets, one a lane.
+pub fn pack_params<T: Lanes>(sets: &[Params<f64>]) -> Params<T> {
+    let sets: Vec<&Params<f64>> = sets.iter().collect();
+    Params::pack(&sets, |value| T::load(&sets.iter().map(|set| value(set) as f32).collect::<Vec<_>>()))
+}
+
+/// Number `i` of lane `lane` at `[lane][i]`.
+pub fn unpack<T: Lanes>(packed: &[T]) -> Vec<Vec<f32>> {
+    let mut lanes = vec![Vec::with_capacity(packed.len()); T::LANES];
+    let mut buffer = vec![0.0f32; T::LANES];
+    for value in packed {
+        value.store(&mut buffer);
+        for (lane, x) in lanes.iter_mut().zip(&buffer) {
+            lane.push(*x);
+        }
+    }
+    lanes
+}
+
+/// What single precision makes of a number.
+pub fn rounded(values: &[f64]) -> Vec<f64> {
+    values.iter().map(|&x| f64::from(x as f32)).collect()
+}

@@ -1,0 +1,81 @@
+//! The engine against MuJoCo 4.0.0 on four robots (fixtures by tools/make_physics_fixtures.py).
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod common;
+
+use std::path::PathBuf;
+
+use common::compare::{self, Limits};
+use common::{Arrays, Ledger, converged, difference, here, robot, variant};
+use gaitfit_physics::{Forward, state_from, state_to};
+
+/// Fixture files whose names start so, sorted.
+fn files(start: &str) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(here("tests/fixtures"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|e| e == "npz"))
+        .filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with(start))
+        .collect();
+    files.sort();
+    assert!(!files.is_empty(), "no fixtures {start}*");
+    files
+}
+
+fn compare_states(name: &str) {
+    let base = robot(name);
+    for path in files(&format!("states_{name}_")) {
+        let data = Arrays::open(&path);
+        let model = variant(&base, &data);
+        let label = path.file_stem().unwrap().to_str().unwrap();
+        let mut ledger = Ledger::default();
+        let next = [(1, "next"), (5, "next5")];
+        let limits = Limits::promised(&model);
+        compare::states(label, &model, &converged(&model), &data, &next, &limits, &mut ledger);
+        ledger.check(label);
+    }
+}
+
+#[test]
+fn states_of_the_go2() {
+    compare_states("go2");
+}
+
+#[test]
+fn states_of_the_biped() {
+    compare_states("biped");
+}
+
+#[test]
+fn states_of_the_humanoid() {
+    compare_states("humanoid");
+}
+
+#[test]
+fn states_of_the_arm() {
+    compare_states("arm");
+}
+
+/// 200 steps from just above the ground. Contacts amplify differences, so the limit grows with the horizon.
+#[test]
+fn rollouts() {
+    for path in files("rollout_") {
+        let label = path.file_stem().unwrap().to_str().unwrap();
+        let name = label.split('_').nth(1).unwrap();
+        let data = Arrays::open(&path);
+        let model = variant(&robot(name), &data);
+        let mut forward = Forward::new(&model, &converged(&model)).unwrap();
+        let mut state = state_from(forward.tree(), data.row("qpos", 0), data.row("qvel", 0)).unwrap();
+        let mut ledger = Ledger::default();
+        for step in 1..data.len("qpos") {
+            forward.step(&mut state, data.all("ctrl")).unwrap();
+            let (q, v) = state_to(forward.tree(), &state);
+            let (horizon, limit) = if step <= 50 { (50, 1e-9) } else { (200, 1e-6) };
+            let place = || format!("step {step}");
+            let (q, v) = (difference(&q, data.row("qpos", step)), difference(&v, data.row("qvel", step)));
+            ledger.note(&format!("qpos to step {horizon}"), q, limit, place);
+            ledger.note(&format!("qvel to step {horizon}"), v, limit * 10.0, place);
+        }
+        ledger.check(label);
+    }
+}
