@@ -64,7 +64,7 @@ pub(crate) fn link_contacts<T: Real>(
         if !active {
             continue;
         }
-        for k in 0..5 {
+        for k in 0..(pair.condim - 1).max(1) {
             let mu = params.friction_scale * T::k(pair.friction[k]);
             work.pairs[index].friction[k] = mu.max(T::lit(MIN_FRICTION));
         }
@@ -119,7 +119,7 @@ fn shape_points<T: Real>(
     let normal = k3::<T>(&plane.frame[0]);
     let half = T::lit(-0.5);
     let radius = T::k(pair.radius);
-    for point in points.iter_mut() {
+    for point in points.iter_mut().filter(|_| !pair.aligned) {
         point.frame = [normal, k3::<T>(&plane.frame[1]), k3::<T>(&plane.frame[2])];
     }
     match &pair.shape {

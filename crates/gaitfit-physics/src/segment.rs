@@ -12,6 +12,15 @@ use crate::state::{State, Work};
 use crate::tree::{SEGMENT, Tree};
 use crate::vec3::*;
 
+/// How much of a Newton step is needed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    /// Accelerations alone.
+    Step,
+    /// Also what a line search or a further iteration reads.
+    Everything,
+}
+
 /// The block of one segment while it is put together.
 struct Block<T> {
     /// 00, 11, 22, 10, 20, 21.
@@ -80,14 +89,16 @@ pub(crate) fn eliminate<T: Real, const N: usize>(
     // LDLᵀ of H, applied to [Fᵀ | r] on the way.
     let out = &mut work.segments[index];
     let parent = &mut work.nodes[segment.parent];
+    // Local, so that three updates load and store it once.
+    let (mut inertia, mut residual) = (parent.inertia, parent.residual);
     let d0 = h[0].recip();
     let (y0, e0) = (f[0], r[0]);
     let (z0, s0) = (times(d0, y0), d0 * e0);
     out.coupling[0] = z0;
     out.solved[0] = s0;
     let mut part = e0 * s0;
-    parent.inertia.sub_outer(y0, z0);
-    parent.residual = axpy6(-s0, y0, parent.residual);
+    inertia.sub_outer(y0, z0);
+    residual = axpy6(-s0, y0, residual);
     if N > 1 {
         let l10 = h[3] * d0;
         let d1 = l10.fnma(h[3], h[1]).recip();
@@ -97,8 +108,8 @@ pub(crate) fn eliminate<T: Real, const N: usize>(
         out.coupling[1] = z1;
         out.solved[1] = s1;
         part = e1.fma(s1, part);
-        parent.inertia.sub_outer(y1, z1);
-        parent.residual = axpy6(-s1, y1, parent.residual);
+        inertia.sub_outer(y1, z1);
+        residual = axpy6(-s1, y1, residual);
         if N > 2 {
             let l20 = h[4] * d0;
             let t = l20.fnma(h[3], h[5]);
@@ -112,10 +123,11 @@ pub(crate) fn eliminate<T: Real, const N: usize>(
             out.coupling[2] = z2;
             out.solved[2] = s2;
             part = e2.fma(s2, part);
-            parent.inertia.sub_outer(y2, z2);
-            parent.residual = axpy6(-s2, y2, parent.residual);
+            inertia.sub_outer(y2, z2);
+            residual = axpy6(-s2, y2, residual);
         }
     }
+    (parent.inertia, parent.residual) = (inertia, residual);
     part
 }
 
@@ -189,13 +201,19 @@ fn segment_contacts<T: Real, const N: usize>(
     }
 }
 
-/// Joint and contact steps of segment `index` from its node's step, and the change of its residuals.
+/// Joint steps of segment `index` from its node's step; unless this is all that is `wanted`, also those of its
+/// contacts and the change of its residuals. Returns the slope of its rows' cost along the step and the curvature
+/// pᵀMp of its part of the smooth cost.
 #[inline(always)]
-pub(crate) fn back_substitute<T: Real, const N: usize>(tree: &Tree<T::K>, index: usize, work: &mut Work<T>) {
+pub(crate) fn back_substitute<T: Real, const N: usize>(
+    tree: &Tree<T::K>,
+    index: usize,
+    wanted: Wanted,
+    work: &mut Work<T>,
+) -> (T, T) {
     let segment = &tree.segments[index];
     let own = &mut work.segments[index];
-    let parent = &mut work.nodes[segment.parent];
-    let above = parent.step;
+    let above = work.nodes[segment.parent].step;
     let mut step = [T::zero(); SEGMENT];
     for k in (0..N).rev() {
         let mut s = -dot6_add(own.coupling[k], above, own.solved[k]);
@@ -204,9 +222,23 @@ pub(crate) fn back_substitute<T: Real, const N: usize>(tree: &Tree<T::K>, index:
         }
         step[k] = s;
     }
-    let mut wrench = parent.step_wrench;
     for k in 0..N {
         work.joints[segment.first + k - 1].step = step[k];
+    }
+    if let Some(node) = segment.node {
+        let mut a = above;
+        for k in 0..N {
+            a = axpy6(step[k], own.axis[k], a);
+        }
+        work.nodes[node].step = a;
+    }
+    let (mut slope, mut curvature) = (T::zero(), T::zero());
+    if wanted == Wanted::Step {
+        return (slope, curvature);
+    }
+    let parent = &mut work.nodes[segment.parent];
+    let mut wrench = parent.step_wrench;
+    for k in 0..N {
         wrench = axpy6(step[k], own.force[k], wrench);
         let mut change = own.mass[k].fma(step[k], dot6(own.force[k], above));
         for i in 0..N {
@@ -215,16 +247,13 @@ pub(crate) fn back_substitute<T: Real, const N: usize>(tree: &Tree<T::K>, index:
             }
         }
         own.step_residual[k] = change;
+        curvature = change.fma(step[k], curvature);
+        slope = work.joints[segment.first + k - 1].row.fma(step[k], slope);
     }
     parent.step_wrench = wrench;
     if let Some(node) = segment.node {
-        let mut a = above;
-        for k in 0..N {
-            a = axpy6(step[k], own.axis[k], a);
-        }
         let node = &mut work.nodes[node];
-        node.step = a;
-        node.step_wrench = node.rigid.mul(a);
+        node.step_wrench = node.rigid.mul(node.step);
     }
     for number in segment.pairs.clone() {
         let pair = &tree.pairs[number];
@@ -242,7 +271,8 @@ pub(crate) fn back_substitute<T: Real, const N: usize>(tree: &Tree<T::K>, index:
                     }
                 }
             }
-            set_step(pair, point, linear, angular);
+            slope = slope + set_step(pair, point, linear, angular);
         }
     }
+    (slope, curvature)
 }

@@ -9,8 +9,8 @@ use core::ops::Range;
 
 use crate::cone::{ellipse, pyramid, pyramid3, pyramid3_line};
 use crate::contact::components;
-use crate::segment::{back_substitute, eliminate};
-use crate::spatial::{Articulated, V6, add6, axpy6, dot6, zero6};
+use crate::segment::{Wanted, back_substitute, eliminate};
+use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, zero6};
 use crate::state::{Point, State, Work};
 use crate::tree::{Pair, Tree};
 use crate::vec3::*;
@@ -23,10 +23,12 @@ pub(crate) fn solve<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: &mut
     let settings = &tree.settings;
     for iteration in 0..settings.iterations {
         let last = iteration + 1 == settings.iterations && settings.damping != Damping::Implicit;
-        let slope = direction(tree, true, state, work);
+        let search = settings.line_search > 0;
+        let wanted = if last && !search { Wanted::Step } else { Wanted::Everything };
+        let smooth = direction(tree, true, wanted, state, work);
         let mut alpha = T::lit(1.0);
-        if settings.line_search > 0 {
-            alpha = line_search(tree, slope, state, work);
+        if search {
+            alpha = line_search(tree, smooth, state, work);
         }
         advance(tree, alpha, last, state, work);
     }
@@ -36,14 +38,21 @@ pub(crate) fn solve<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: &mut
 /// The root's part is returned, the joints' are their `step`s.
 #[inline(always)]
 pub(crate) fn implicit_damping<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) -> V6<T> {
-    direction(tree, false, state, work);
+    direction(tree, false, Wanted::Step, state, work);
     work.nodes[0].step
 }
 
-/// The Newton step of the current accelerations, left in `work`; returns the cost's slope along it, −∇ᵀH⁻¹∇.
+/// The Newton step p of the current accelerations, left in `work`. If everything is `wanted`, returns the slope
+/// and the curvature along it of the cost's smooth part: −∇ᵀH⁻¹∇ less the rows' slope, and pᵀMp.
 /// Without `hessian` the matrix is M + h·B and the residual that of the integrator.
 #[inline(always)]
-fn direction<T: Real>(tree: &Tree<T::K>, hessian: bool, state: &State<T>, work: &mut Work<T>) -> T {
+fn direction<T: Real>(
+    tree: &Tree<T::K>,
+    hessian: bool,
+    wanted: Wanted,
+    state: &State<T>,
+    work: &mut Work<T>,
+) -> (T, T) {
     contact_terms(tree, work);
     for node in &mut work.nodes {
         node.inertia = Articulated::from_rigid(&node.rigid);
@@ -61,21 +70,29 @@ fn direction<T: Real>(tree: &Tree<T::K>, hessian: bool, state: &State<T>, work: 
     let mut step = zero6();
     if tree.floating {
         root_contacts(tree, hessian, work);
-        let (inertia, residual) = (work.nodes[0].inertia, work.nodes[0].residual);
-        step = inertia.solve_neg(residual);
-        slope = slope + dot6(residual, step);
-        point_steps(tree, tree.links[0].pairs.clone(), step, work);
-        work.nodes[0].step_wrench = work.nodes[0].rigid.mul(step);
-    }
-    work.nodes[0].step = step;
-    for index in 0..tree.segments.len() {
-        match tree.segments[index].len {
-            1 => back_substitute::<T, 1>(tree, index, work),
-            2 => back_substitute::<T, 2>(tree, index, work),
-            _ => back_substitute::<T, 3>(tree, index, work),
+        let root = &work.nodes[0];
+        step = root.inertia.solve_neg(root.residual);
+        slope = slope + dot6(root.residual, step);
+        if wanted == Wanted::Everything {
+            slope = slope - point_steps(tree, tree.links[0].pairs.clone(), step, work);
+            work.nodes[0].step_wrench = work.nodes[0].rigid.mul(step);
         }
     }
-    slope
+    work.nodes[0].step = step;
+    let mut curvature = T::zero();
+    for index in 0..tree.segments.len() {
+        let (rows, smooth) = match tree.segments[index].len {
+            1 => back_substitute::<T, 1>(tree, index, wanted, work),
+            2 => back_substitute::<T, 2>(tree, index, wanted, work),
+            _ => back_substitute::<T, 3>(tree, index, wanted, work),
+        };
+        slope = slope - rows;
+        curvature = curvature + smooth;
+    }
+    for node in &work.nodes {
+        curvature = dot6_add(node.step, node.step_wrench, curvature);
+    }
+    (slope, curvature)
 }
 
 /// Forces and Hessians of all contacts at their residuals, kept in the points.
@@ -190,33 +207,42 @@ fn cone<T: Real>(
     if tree.elliptic { ellipse(pair.condim, mu, tree.impratio, d, j) } else { pyramid(pair.condim, mu, d, j) }
 }
 
-/// Steps of contact points that move with the motion vector `a`.
+/// Steps of contact points that move with the motion vector `a`; returns the slope of their cost.
 #[inline(always)]
-fn point_steps<T: Real>(tree: &Tree<T::K>, range: Range<usize>, a: V6<T>, work: &mut Work<T>) {
+fn point_steps<T: Real>(tree: &Tree<T::K>, range: Range<usize>, a: V6<T>, work: &mut Work<T>) -> T {
+    let mut slope = T::zero();
     for index in range {
         let pair = &tree.pairs[index];
         if work.pairs[index].active {
             for point in &mut work.points[pair.points.clone()] {
-                set_step(pair, point, cross_add(a[0], point.x, a[1]), a[0]);
+                slope = slope + set_step(pair, point, cross_add(a[0], point.x, a[1]), a[0]);
             }
         }
     }
+    slope
 }
 
-/// Keeps a point's step in contact components.
+/// Keeps a point's step in contact components; returns the slope of its cost along it.
 #[inline(always)]
-pub(crate) fn set_step<T: Real>(pair: &Pair<T::K>, point: &mut Point<T>, linear: V3<T>, angular: V3<T>) {
+pub(crate) fn set_step<T: Real>(pair: &Pair<T::K>, point: &mut Point<T>, linear: V3<T>, angular: V3<T>) -> T {
     point.step[0] = components(pair, &point.frame, linear);
+    let mut slope = dot(point.force[0], point.step[0]);
     if pair.condim > 3 {
         point.step[1] = components(pair, &point.frame, angular);
+        slope = dot_add(point.force[1], point.step[1], slope);
     }
+    slope
 }
 
 /// Bracketed one-dimensional Newton search on the exact cost along the step, from the full step.
 #[inline(always)]
-fn line_search<T: Real>(tree: &Tree<T::K>, slope: T, state: &State<T>, work: &Work<T>) -> T {
+fn line_search<T: Real>(
+    tree: &Tree<T::K>,
+    (slope, curvature): (T, T),
+    state: &State<T>,
+    work: &Work<T>,
+) -> T {
     let z = T::zero();
-    let (slope, curvature) = smooth_part(tree, slope, work);
     let mut alpha = T::lit(1.0);
     let mut lower = z;
     let mut upper = T::lit(16.0);
@@ -232,37 +258,6 @@ fn line_search<T: Real>(tree: &Tree<T::K>, slope: T, state: &State<T>, work: &Wo
         alpha = T::select_lt(upper, newton, middle, newton);
     }
     alpha
-}
-
-/// Slope and curvature of the cost without the rows: their slope at the start is taken off the whole slope, and
-/// the curvature is pᵀMp.
-#[inline(always)]
-fn smooth_part<T: Real>(tree: &Tree<T::K>, mut slope: T, work: &Work<T>) -> (T, T) {
-    let mut curvature = T::zero();
-    for node in &work.nodes {
-        curvature = curvature + dot6(node.step, node.step_wrench);
-    }
-    for index in 0..tree.segments.len() {
-        let segment = &tree.segments[index];
-        for k in 0..segment.len {
-            let joint = &work.joints[segment.first + k - 1];
-            curvature = work.segments[index].step_residual[k].fma(joint.step, curvature);
-            slope = joint.row.fnma(joint.step, slope);
-        }
-    }
-    for index in 0..tree.pairs.len() {
-        let pair = &tree.pairs[index];
-        if !work.pairs[index].active {
-            continue;
-        }
-        for point in &work.points[pair.points.clone()] {
-            slope = slope - dot(point.force[0], point.step[0]);
-            if pair.condim > 3 {
-                slope = slope - dot(point.force[1], point.step[1]);
-            }
-        }
-    }
-    (slope, curvature)
 }
 
 /// First and second derivative of the rows' cost at `alpha` along the step.

@@ -6,7 +6,7 @@ use core::arch::x86_64::*;
 use core::ops::{Add, Mul, Neg, Sub};
 
 use super::Lanes;
-use super::sincos::sin_cos;
+use super::sincos::{sin_cos, turn};
 use crate::{Period, Real, control_period};
 
 /// Eight `f32` in one AVX register, with fused multiply-add.
@@ -57,6 +57,11 @@ fn round(x: F32x8) -> F32x8 {
     F32x8(intrinsic!(_mm256_round_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(x.0)))
 }
 
+#[inline(always)]
+fn quarters(k: F32x8, s: F32x8, c: F32x8) -> (F32x8, F32x8) {
+    turn(k, s, c, round)
+}
+
 impl Real for F32x8 {
     type K = f32;
     #[inline(always)]
@@ -101,7 +106,7 @@ impl Real for F32x8 {
     }
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        sin_cos(self, round)
+        sin_cos(self, round, quarters)
     }
     #[inline(always)]
     fn recip(self) -> Self {

@@ -57,6 +57,25 @@ fn round(x: F32x16) -> F32x16 {
     F32x16(intrinsic!(_mm512_roundscale_ps::<0>(x.0)))
 }
 
+/// (s, c) turned by `k` quarters: odd ones swap, bit 1 of k (of k + 1) is the sign.
+#[inline(always)]
+fn quarters(k: F32x16, s: F32x16, c: F32x16) -> (F32x16, F32x16) {
+    intrinsic!({
+        let k = _mm512_cvtps_epi32(k.0);
+        let one = _mm512_set1_epi32(1);
+        let two = _mm512_set1_epi32(2);
+        let odd = _mm512_test_epi32_mask(k, one);
+        let sine = _mm512_castps_si512(_mm512_mask_blend_ps(odd, s.0, c.0));
+        let cosine = _mm512_castps_si512(_mm512_mask_blend_ps(odd, c.0, s.0));
+        let sign = _mm512_slli_epi32::<30>(_mm512_and_si512(k, two));
+        let cosign = _mm512_slli_epi32::<30>(_mm512_and_si512(_mm512_add_epi32(k, one), two));
+        (
+            F32x16(_mm512_castsi512_ps(_mm512_xor_si512(sine, sign))),
+            F32x16(_mm512_castsi512_ps(_mm512_xor_si512(cosine, cosign))),
+        )
+    })
+}
+
 impl Real for F32x16 {
     type K = f32;
     #[inline(always)]
@@ -101,7 +120,7 @@ impl Real for F32x16 {
     }
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        sin_cos(self, round)
+        sin_cos(self, round, quarters)
     }
     #[inline(always)]
     fn recip(self) -> Self {

@@ -3,7 +3,7 @@
 use core::ops::{Add, Mul, Neg, Sub};
 
 use super::Lanes;
-use super::sincos::sin_cos;
+use super::sincos::{sin_cos, turn};
 use crate::{Period, Real, control_period};
 
 const N: usize = 4;
@@ -67,6 +67,11 @@ fn round(x: Portable) -> Portable {
     each!(i => (x.0[i] + MAGIC) - MAGIC)
 }
 
+#[inline(always)]
+fn quarters(k: Portable, s: Portable, c: Portable) -> (Portable, Portable) {
+    turn(k, s, c, round)
+}
+
 impl Real for Portable {
     type K = f32;
     #[inline(always)]
@@ -111,7 +116,7 @@ impl Real for Portable {
     }
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        sin_cos(self, round)
+        sin_cos(self, round, quarters)
     }
     #[inline(always)]
     fn all_ge(self, b: Self) -> bool {

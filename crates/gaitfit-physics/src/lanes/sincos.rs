@@ -3,9 +3,10 @@
 use crate::Real;
 
 /// Both, by reduction to [−π/4, π/4] (two-part π/2) and the Cephes minimax polynomials (Moshier 1989).
-/// `round` rounds to the nearest whole number. Error below 1e-7 for |x| < 1,000.
+/// `round` rounds to the nearest whole number; `turn(k, s, c)` is (s, c) turned by `k` quarters. Error below 1e-7
+/// for |x| < 1,000.
 #[inline(always)]
-pub(super) fn sin_cos<T: Real>(x: T, round: fn(T) -> T) -> (T, T) {
+pub(super) fn sin_cos<T: Real>(x: T, round: fn(T) -> T, turn: fn(T, T, T) -> (T, T)) -> (T, T) {
     let k = round(x * T::lit(core::f64::consts::FRAC_2_PI));
     let y = k.fnma(T::lit(1.570_796_370_506_286_6), x);
     let y = k.fnma(T::lit(-4.371_139_000_186_243e-8), y);
@@ -16,6 +17,12 @@ pub(super) fn sin_cos<T: Real>(x: T, round: fn(T) -> T) -> (T, T) {
     let c = z.fma(T::lit(2.443_315_711_809_948e-5), T::lit(-1.388_731_625_493_765e-3));
     let c = z.fma(c, T::lit(4.166_664_568_298_827e-2));
     let c = (c * z).fma(z, z.fma(T::lit(-0.5), T::lit(1.0)));
+    turn(k, s, c)
+}
+
+/// (s, c) turned by `k` quarters, in floating point alone.
+#[inline(always)]
+pub(super) fn turn<T: Real>(k: T, s: T, c: T, round: fn(T) -> T) -> (T, T) {
     // Quadrant in −2, −1, 0, 1, 2: k − 4·round(k/4).
     let quadrant = round(k * T::lit(0.25)).fnma(T::lit(4.0), k);
     let half = T::lit(0.5);

@@ -6,7 +6,7 @@ use core::arch::x86_64::*;
 use core::ops::{Add, Mul, Neg, Sub};
 
 use super::Lanes;
-use super::sincos::sin_cos;
+use super::sincos::{sin_cos, turn};
 use crate::{Period, Real, control_period};
 
 /// Four `f32` in one SSE register: what every x86-64 has.
@@ -59,6 +59,11 @@ fn round(x: F32x4) -> F32x4 {
     (x + magic) - magic
 }
 
+#[inline(always)]
+fn quarters(k: F32x4, s: F32x4, c: F32x4) -> (F32x4, F32x4) {
+    turn(k, s, c, round)
+}
+
 impl Real for F32x4 {
     type K = f32;
     #[inline(always)]
@@ -106,7 +111,7 @@ impl Real for F32x4 {
     }
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        sin_cos(self, round)
+        sin_cos(self, round, quarters)
     }
     #[inline(always)]
     fn all_ge(self, b: Self) -> bool {
