@@ -2,14 +2,16 @@
 
 use crate::Real;
 
-/// Both, by reduction to [−π/4, π/4] (two-part π/2) and the Cephes minimax polynomials (Moshier 1989).
+/// Both, by reduction to [−π/4, π/4] (three-part π/2) and the Cephes minimax polynomials (Moshier 1989).
 /// `round` rounds to the nearest whole number; `turn(k, s, c)` is (s, c) turned by `k` quarters. Error below 1e-7
 /// for |x| < 1,000.
 #[inline(always)]
 pub(super) fn sin_cos<T: Real>(x: T, round: fn(T) -> T, turn: fn(T, T, T) -> (T, T)) -> (T, T) {
     let k = round(x * T::lit(core::f64::consts::FRAC_2_PI));
-    let y = k.fnma(T::lit(1.570_796_370_506_286_6), x);
-    let y = k.fnma(T::lit(-4.371_139_000_186_243e-8), y);
+    // π/2 in three parts whose products with k are exact, fused or not (Cody and Waite 1980).
+    let y = k.fnma(T::lit(1.570_312_5), x);
+    let y = k.fnma(T::lit(4.837_512_969_970_703e-4), y);
+    let y = k.fnma(T::lit(7.549_789_954_891_882e-8), y);
     let z = y * y;
     let p = z.fma(T::lit(-1.951_529_589_1e-4), T::lit(8.332_160_873_6e-3));
     let p = z.fma(p, T::lit(-1.666_665_461_1e-1));
