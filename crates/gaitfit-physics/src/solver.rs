@@ -234,7 +234,8 @@ pub(crate) fn set_step<T: Real>(pair: &Pair<T::K>, point: &mut Point<T>, linear:
     slope
 }
 
-/// Bracketed one-dimensional Newton search on the exact cost along the step, from the full step.
+/// Bracketed one-dimensional Newton search on the exact cost along the step, from the full step (as `rtsafe`, Press
+/// et al., Numerical Recipes, section 9.4).
 #[inline(always)]
 fn line_search<T: Real>(
     tree: &Tree<T::K>,
@@ -246,16 +247,27 @@ fn line_search<T: Real>(
     let mut alpha = T::lit(1.0);
     let mut lower = z;
     let mut upper = T::lit(16.0);
+    let mut moved = T::lit(32.0);
     for _ in 0..tree.settings.line_search {
         let (g, h) = rows_along(tree, alpha, state, work);
         let g = alpha.fma(curvature, slope) + g;
         let h = (h + curvature).max(T::lit(1e-30));
         lower = T::select_lt(g, z, alpha, lower);
         upper = T::select_lt(g, z, upper, alpha);
-        let newton = alpha - g.div(h);
+        let change = g.div(h);
+        let newton = alpha - change;
         let middle = T::lit(0.5) * (lower + upper);
-        let newton = T::select_lt(newton, lower, middle, newton);
-        alpha = T::select_lt(upper, newton, middle, newton);
+        // Across a narrow kink Newton's method jumps to and fro between the ends: halve where it arrives at the
+        // far one, or does not move less than half as far as before.
+        let room = T::lit(1e-3) * (upper - lower);
+        let low = T::select_lt(g, z, lower, lower + room);
+        let high = T::select_lt(g, z, upper - room, upper);
+        let mut next = T::select_lt(newton, low, middle, newton);
+        next = T::select_lt(high, newton, middle, next);
+        next = T::select_lt(moved, T::lit(2.0) * change.abs(), middle, next);
+        // Rounding moves a found minimum by less than the last number.
+        moved = (next - alpha).abs().max(T::lit(1e-5));
+        alpha = next;
     }
     alpha
 }
