@@ -44,6 +44,7 @@ impl ReplaySimulator {
                 Quantity::Delay => &mut robot.delay,
                 Quantity::EncoderBias => &mut robot.encoder_bias,
                 Quantity::TorqueScale => &mut robot.torque_scale,
+                Quantity::TorqueOffset => &mut robot.torque_offset,
                 Quantity::KpScale => &mut robot.kp_scale,
                 Quantity::KdScale => &mut robot.kd_scale,
             };

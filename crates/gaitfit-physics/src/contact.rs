@@ -6,7 +6,7 @@
 
 use crate::Real;
 use crate::smooth::Pass;
-use crate::spatial::{V6, axpy6};
+use crate::spatial::V6;
 use crate::state::{Point, Pose, Work};
 use crate::tree::{GroundPlane, Impedance, LinkShape, Pair, TINY, Tree};
 use crate::vec3::*;
@@ -84,9 +84,13 @@ pub(crate) fn link_contacts<T: Real>(
                     let axis = work.segments[segment].axis[k];
                     let column = cross_add(axis[0], point.x, axis[1]);
                     point.columns[k] = column;
-                    let whole = [axis[0], column];
-                    velocity = axpy6(state.qd[joint + k], whole, velocity);
-                    acceleration = axpy6(state.qacc[joint + k], whole, acceleration);
+                    let (qd, qacc) = (state.qd[joint + k], state.qacc[joint + k]);
+                    velocity[1] = axpy(qd, column, velocity[1]);
+                    acceleration[1] = axpy(qacc, column, acceleration[1]);
+                    if pair.condim > 3 {
+                        velocity[0] = axpy(qd, axis[0], velocity[0]);
+                        acceleration[0] = axpy(qacc, axis[0], acceleration[0]);
+                    }
                 }
             }
             point_rows(pair, velocity, acceleration, inverse_scale, point);

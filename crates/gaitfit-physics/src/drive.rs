@@ -27,7 +27,10 @@ impl<T: Real> Drive<T> {
 /// mean over its own duration of the target in force, so that the result is continuous in the delay. The oldest
 /// target stands for all before it.
 ///
-/// torque = clamp(torque_scale · (kp (target − reading) − kd q̇), ± torque_limit), reading = q + encoder_bias.
+/// With `centred` the mean is over the interval around the step's start instead.
+///
+/// torque = clamp(torque_scale · (kp (target − reading) − kd q̇) + torque_offset, ± torque_limit),
+/// reading = q + encoder_bias.
 #[inline(always)]
 pub(crate) fn pd<T: Real>(
     params: &Params<T>,
@@ -36,6 +39,7 @@ pub(crate) fn pd<T: Real>(
     substep: usize,
     substeps: usize,
     timestep: f64,
+    centred: bool,
     drives: &mut [Drive<T>],
 ) {
     let n = drives.len();
@@ -46,7 +50,8 @@ pub(crate) fn pd<T: Real>(
         let mut target = targets[j];
         if taps > 1 {
             // In units of one physics step: this step covers [start, start + 1] on the clock of effects.
-            let start = T::lit(substep as f64) - p.delay * T::lit(1.0 / timestep);
+            let begin = substep as f64 - if centred { 0.5 } else { 0.0 };
+            let start = T::lit(begin) - p.delay * T::lit(1.0 / timestep);
             let end = start + T::lit(1.0);
             let mut sum = z;
             for k in 0..taps {
@@ -59,7 +64,7 @@ pub(crate) fn pd<T: Real>(
             target = sum;
         }
         let error = target - (state.q[j] + p.encoder_bias);
-        let torque = p.torque_scale * (p.kd.fnma(state.qd[j], p.kp * error));
+        let torque = p.torque_scale.fma(p.kd.fnma(state.qd[j], p.kp * error), p.torque_offset);
         drives[j].torque = torque.clamp(-p.torque_limit, p.torque_limit);
         // A saturated torque does not depend on velocity.
         let free = T::select_lt(torque.abs(), p.torque_limit, p.torque_scale * p.kd, z);
@@ -67,9 +72,11 @@ pub(crate) fn pd<T: Real>(
     }
 }
 
-/// Target history long enough for delays up to `max_delay` (s) at control period `period` (s).
-pub fn delay_taps(max_delay: f64, period: f64) -> usize {
-    if max_delay > 0.0 { (max_delay / period).ceil() as usize + 1 } else { 1 }
+/// Target history long enough for delays up to `max_delay` (s) at control period `period` (s); the mean over a
+/// step can reach back half a step more if `centred`.
+pub fn delay_taps(max_delay: f64, period: f64, centred: bool) -> usize {
+    let reach = max_delay + if centred { 0.5 * period } else { 0.0 };
+    if reach > 0.0 { (reach / period).ceil() as usize + 1 } else { 1 }
 }
 
 /// Drives from the model's actuators at controls `ctrl` (MuJoCo's `actuator` computation without dynamics).

@@ -36,6 +36,7 @@ pub(crate) fn invweights(
         kp: 0.0,
         kd: 0.0,
         torque_scale: 1.0,
+        torque_offset: 0.0,
         torque_limit: 0.0,
         encoder_bias: 0.0,
         delay: 0.0,

@@ -34,6 +34,8 @@ pub struct JointParams<T> {
     pub kd: T,
     /// Factor on the PD torque.
     pub torque_scale: T,
+    /// Constant torque added to the PD torque, N·m.
+    pub torque_offset: T,
     /// Largest torque magnitude, N·m.
     pub torque_limit: T,
     /// Encoder reading minus true angle, rad.
@@ -79,6 +81,8 @@ pub struct Robot {
     pub encoder_bias: Vec<f64>,
     /// Factor on the PD torque; one a joint.
     pub torque_scale: Vec<f64>,
+    /// Constant torque added to the PD torque, N·m; one a joint.
+    pub torque_offset: Vec<f64>,
     /// Position gain, N·m/rad; one a joint.
     pub kp: Vec<f64>,
     /// Velocity gain, N·m·s/rad; one a joint.
@@ -117,6 +121,7 @@ impl Robot {
             delay: vec![0.0; n],
             encoder_bias: vec![0.0; n],
             torque_scale: vec![1.0; n],
+            torque_offset: vec![0.0; n],
             kp: vec![0.0; n],
             kd: vec![0.0; n],
             torque_limit: limit,
@@ -128,13 +133,14 @@ impl Robot {
 
     fn check(&self, model: &Model) -> Result<(), PhysicsError> {
         let n = model.joints.len();
-        let positive: [(&'static str, &Vec<f64>, bool); 9] = [
+        let positive: [(&'static str, &Vec<f64>, bool); 10] = [
             ("armature", &self.armature, true),
             ("damping", &self.damping, true),
             ("frictionloss", &self.frictionloss, true),
             ("delay", &self.delay, true),
             ("encoder_bias", &self.encoder_bias, false),
             ("torque_scale", &self.torque_scale, false),
+            ("torque_offset", &self.torque_offset, false),
             ("kp", &self.kp, false),
             ("kd", &self.kd, false),
             ("torque_limit", &self.torque_limit, true),
@@ -192,6 +198,7 @@ impl Robot {
                 kp: self.kp[j],
                 kd: self.kd[j],
                 torque_scale: self.torque_scale[j],
+                torque_offset: self.torque_offset[j],
                 torque_limit: self.torque_limit[j].min(1e30),
                 encoder_bias: self.encoder_bias[j],
                 delay: self.delay[j],
@@ -259,6 +266,7 @@ impl<T: Real> Params<T> {
                 kp: pack(&|p| p.joints[j].kp),
                 kd: pack(&|p| p.joints[j].kd),
                 torque_scale: pack(&|p| p.joints[j].torque_scale),
+                torque_offset: pack(&|p| p.joints[j].torque_offset),
                 torque_limit: pack(&|p| p.joints[j].torque_limit),
                 encoder_bias: pack(&|p| p.joints[j].encoder_bias),
                 delay: pack(&|p| p.joints[j].delay),

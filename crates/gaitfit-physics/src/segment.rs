@@ -88,46 +88,45 @@ pub(crate) fn eliminate<T: Real, const N: usize>(
 
     // LDLᵀ of H, applied to [Fᵀ | r] on the way.
     let out = &mut work.segments[index];
-    let parent = &mut work.nodes[segment.parent];
-    // Local, so that three updates load and store it once.
-    let (mut inertia, mut residual) = (parent.inertia, parent.residual);
     let d0 = h[0].recip();
-    let (y0, e0) = (f[0], r[0]);
-    let (z0, s0) = (times(d0, y0), d0 * e0);
-    out.coupling[0] = z0;
-    out.solved[0] = s0;
-    let mut part = e0 * s0;
-    inertia.sub_outer(y0, z0);
-    residual = axpy6(-s0, y0, residual);
+    let mut y = f;
+    let mut z = f;
+    let (mut e, mut s) = (r, r);
+    z[0] = times(d0, y[0]);
+    s[0] = d0 * e[0];
+    let mut part = e[0] * s[0];
     if N > 1 {
         let l10 = h[3] * d0;
         let d1 = l10.fnma(h[3], h[1]).recip();
-        let (y1, e1) = (axpy6(-l10, y0, f[1]), l10.fnma(e0, r[1]));
-        let (z1, s1) = (times(d1, y1), d1 * e1);
+        y[1] = axpy6(-l10, y[0], f[1]);
+        e[1] = l10.fnma(e[0], r[1]);
+        z[1] = times(d1, y[1]);
+        s[1] = d1 * e[1];
         out.lower[0] = l10;
-        out.coupling[1] = z1;
-        out.solved[1] = s1;
-        part = e1.fma(s1, part);
-        inertia.sub_outer(y1, z1);
-        residual = axpy6(-s1, y1, residual);
+        part = e[1].fma(s[1], part);
         if N > 2 {
             let l20 = h[4] * d0;
             let t = l20.fnma(h[3], h[5]);
             let l21 = t * d1;
             let d2 = l21.fnma(t, l20.fnma(h[4], h[2])).recip();
-            let y2 = axpy6(-l21, y1, axpy6(-l20, y0, f[2]));
-            let e2 = l21.fnma(e1, l20.fnma(e0, r[2]));
-            let (z2, s2) = (times(d2, y2), d2 * e2);
+            y[2] = axpy6(-l21, y[1], axpy6(-l20, y[0], f[2]));
+            e[2] = l21.fnma(e[1], l20.fnma(e[0], r[2]));
+            z[2] = times(d2, y[2]);
+            s[2] = d2 * e[2];
             out.lower[1] = l20;
             out.lower[2] = l21;
-            out.coupling[2] = z2;
-            out.solved[2] = s2;
-            part = e2.fma(s2, part);
-            inertia.sub_outer(y2, z2);
-            residual = axpy6(-s2, y2, residual);
+            part = e[2].fma(s[2], part);
         }
     }
-    (parent.inertia, parent.residual) = (inertia, residual);
+    for k in 0..N {
+        out.coupling[k] = z[k];
+        out.solved[k] = s[k];
+    }
+    let parent = &mut work.nodes[segment.parent];
+    parent.inertia.sub_outers::<N>(&y, &z);
+    for k in 0..N {
+        parent.residual = axpy6(-s[k], y[k], parent.residual);
+    }
     part
 }
 

@@ -26,6 +26,10 @@ pub struct Settings {
     pub line_search: usize,
     /// Joint damping.
     pub damping: Damping,
+    /// Whether PD control and damping are centred in time: forces of a step stand for the interval around its
+    /// start, and dampers act on the mean of the velocities before and after. With it a fit does not depend on
+    /// the step to first order; without it, as in MuJoCo, inertia and damping absorb terms like `timestep · kd`.
+    pub centred: bool,
     /// Whether the velocity gain of actuators is integrated implicitly too (MuJoCo's `implicitfast`).
     pub implicit_actuators: bool,
 }
@@ -83,6 +87,7 @@ impl Settings {
             iterations,
             line_search,
             damping,
+            centred: false,
             implicit_actuators: options.integrator == Integrator::ImplicitFast,
         }
     }

@@ -28,6 +28,14 @@ pub(crate) fn smooth<T: Real>(
     drives: &[Drive<T>],
     work: &mut Work<T>,
 ) {
+    // Apart from the walk over the tree, so that neighbouring joints overlap, and before the root, whose
+    // quaternion comes last from the step before.
+    for j in 0..work.turns.len() {
+        work.turns[j] = (state.q[j] - T::k(tree.links[j + 1].reference_angle)).sin_cos();
+    }
+    for j in 0..work.joints.len() {
+        joint_rows(tree, params, state, drives, j, work);
+    }
     let root = root_motion(tree, state);
     let (origin, origin_velocity) = if tree.floating {
         (state.base_position, state.base_linear)
@@ -49,13 +57,6 @@ pub(crate) fn smooth<T: Real>(
     }
     work.nodes[0].motion = root;
     work.nodes[0].jacobian_acceleration = state.base_acceleration;
-    // Apart from the walk over the tree, so that neighbouring joints overlap.
-    for j in 0..work.turns.len() {
-        work.turns[j] = (state.q[j] - T::k(tree.links[j + 1].reference_angle)).sin_cos();
-    }
-    for j in 0..work.joints.len() {
-        joint_rows(tree, params, state, drives, j, work);
-    }
     for index in 0..tree.segments.len() {
         match tree.segments[index].len {
             1 => walk::<T, 1>(&pass, index, work),
@@ -236,7 +237,7 @@ fn mixed<T: Real>(r: &M3<T>, s: T, c: T, a: usize, b: usize) -> [V3<T>; 2] {
 #[inline(always)]
 pub(crate) fn inertial<T: Real>(p: &LinkInertia<T>, m: &Motion<T>) -> (Rigid<T>, V6<T>) {
     let c = add(m.position, rotate(&m.rotation, p.com));
-    let central = sym_rotate(&m.rotation, &p.inertia);
+    let central = inertia_rotate(&m.rotation, &p.inertia);
     let h = scale(p.mass, c);
     let (xx, yy, zz) = (h[0] * c[0], h[1] * c[1], h[2] * c[2]);
     let rigid = Rigid {
@@ -284,7 +285,8 @@ fn joint_rows<T: Real>(
         _ if tree.settings.implicit_actuators => p.damping + drives[j].damping,
         _ => p.damping,
     };
-    out.implicit = T::lit(tree.settings.timestep) * implicit;
+    let share = if tree.settings.centred { 0.5 } else { 1.0 };
+    out.implicit = T::lit(tree.settings.timestep * share) * implicit;
     out.armature =
         if tree.settings.damping == Damping::Folded { p.armature + out.implicit } else { p.armature };
 

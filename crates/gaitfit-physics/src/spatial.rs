@@ -65,6 +65,9 @@ impl<T: Real> Rigid<T> {
     }
 }
 
+/// Row and column of each element of a [`Sym3`].
+const PLACES: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+
 /// A symmetric 6 × 6 inertia: an articulated body's, or a rigid body's with contacts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Articulated<T> {
@@ -130,14 +133,27 @@ impl<T: Real> Articulated<T> {
         ]
     }
 
-    /// Subtracts `u vᵀ`, where `v` is a multiple of `u`.
+    /// Subtracts the first `N` of `u vᵀ`, each `v` a multiple of its `u`. Element by element, so that the
+    /// accumulator needs no registers of its own.
     #[inline(always)]
-    pub fn sub_outer(&mut self, u: V6<T>, v: V6<T>) {
-        sym_sub(&mut self.aa, v[0], u[0]);
-        sym_sub(&mut self.ll, v[1], u[1]);
+    pub fn sub_outers<const N: usize>(&mut self, u: &[V6<T>], v: &[V6<T>]) {
+        for k in 0..6 {
+            let (i, j) = PLACES[k];
+            for n in 0..N {
+                self.aa[k] = v[n][0][i].fnma(u[n][0][j], self.aa[k]);
+            }
+        }
         for i in 0..3 {
             for j in 0..3 {
-                self.al[i][j] = v[0][i].fnma(u[1][j], self.al[i][j]);
+                for n in 0..N {
+                    self.al[i][j] = v[n][0][i].fnma(u[n][1][j], self.al[i][j]);
+                }
+            }
+        }
+        for k in 0..6 {
+            let (i, j) = PLACES[k];
+            for n in 0..N {
+                self.ll[k] = v[n][1][i].fnma(u[n][1][j], self.ll[k]);
             }
         }
     }
@@ -158,19 +174,19 @@ impl<T: Real> Articulated<T> {
     pub fn solve_neg(&self, p: V6<T>) -> V6<T> {
         // [aa al; alᵀ ll] [x; y] = −[n; f].
         let inverse = sym_inverse(&self.ll);
-        // Y = al · ll⁻¹, by rows.
+        // Y = al · ll⁻¹, by rows; y = −Yᵀ x − ll⁻¹ f.
         let y = each3!(i => sym_mul(&inverse, self.al[i]));
+        let forced = sym_mul(&inverse, p[1]);
         let mut schur = self.aa;
-        schur[0] = schur[0] - dot(y[0], self.al[0]);
-        schur[1] = schur[1] - dot(y[1], self.al[1]);
-        schur[2] = schur[2] - dot(y[2], self.al[2]);
-        schur[3] = schur[3] - dot(y[0], self.al[1]);
-        schur[4] = schur[4] - dot(y[0], self.al[2]);
-        schur[5] = schur[5] - dot(y[1], self.al[2]);
+        for k in 0..6 {
+            let (i, j) = PLACES[k];
+            for c in 0..3 {
+                schur[k] = y[i][c].fnma(self.al[j][c], schur[k]);
+            }
+        }
         let right = each3!(i => dot(y[i], p[1]) - p[0][i]);
         let x = sym_mul(&sym_inverse(&schur), right);
-        let rest = axpy(x[0], self.al[0], axpy(x[1], self.al[1], axpy(x[2], self.al[2], p[1])));
-        let linear = sym_mul(&inverse, rest);
+        let linear = axpy(x[0], y[0], axpy(x[1], y[1], axpy(x[2], y[2], forced)));
         [x, [-linear[0], -linear[1], -linear[2]]]
     }
 }

@@ -70,8 +70,9 @@ fn integrate<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: &mut Work<T
     let c = t2.fma(t2.fma(t2.fma(c, T::lit(1.0 / 24.0)), T::lit(-0.5)), T::lit(1.0));
     let v = scale(s, half);
     let q = quat_mul(&state.base_quaternion, &[c, v[0], v[1], v[2]]);
+    // Newton's step for 1/√n from 1: n leaves 1 by rounding alone, and comes back from afar too (n < 3).
     let norm2 = q[0].fma(q[0], q[1].fma(q[1], q[2].fma(q[2], q[3] * q[3])));
-    let inverse = norm2.sqrt().recip();
+    let inverse = norm2.fma(T::lit(-0.5), T::lit(1.5));
     state.base_quaternion = [q[0] * inverse, q[1] * inverse, q[2] * inverse, q[3] * inverse];
 }
 
@@ -98,7 +99,7 @@ pub struct Period<'a, T: Real> {
 pub fn control_period<T: Real>(p: &mut Period<'_, T>) {
     for substep in 0..p.substeps {
         let h = p.tree.settings.timestep;
-        pd(p.params, p.state, p.targets, substep, p.substeps, h, p.drives);
+        pd(p.params, p.state, p.targets, substep, p.substeps, h, p.tree.settings().centred, p.drives);
         step(p.tree, p.params, p.drives, p.state, p.work);
     }
 }

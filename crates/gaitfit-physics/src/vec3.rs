@@ -117,6 +117,15 @@ pub(crate) fn sym_rotate<T: Real>(r: &M3<T>, s: &Sym3<T>) -> Sym3<T> {
     let y: M3<T> = each3!(i => sym_mul(s, r[i]));
     [dot(r[0], y[0]), dot(r[1], y[1]), dot(r[2], y[2]), dot(r[0], y[1]), dot(r[0], y[2]), dot(r[1], y[2])]
 }
+/// `R S Rᵀ` for a rotational inertia, whose trace is at least twice its largest element: the last diagonal element
+/// comes from the trace, at no loss of the others' accuracy.
+#[inline(always)]
+pub(crate) fn inertia_rotate<T: Real>(r: &M3<T>, s: &Sym3<T>) -> Sym3<T> {
+    let (x, y) = (sym_mul(s, r[0]), sym_mul(s, r[1]));
+    let (xx, yy) = (dot(r[0], x), dot(r[1], y));
+    let zz = ((s[0] + s[1]) + s[2]) - (xx + yy);
+    [xx, yy, zz, dot(r[1], x), dot(r[2], x), dot(r[2], y)]
+}
 /// Rotation matrix of a unit quaternion (wxyz).
 #[inline(always)]
 pub(crate) fn quat_matrix<T: Real>(q: &[T; 4]) -> M3<T> {

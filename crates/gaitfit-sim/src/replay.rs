@@ -60,8 +60,8 @@ const MAX_DELAY: f64 = 1.0;
 
 /// A robot and the recordings to replay on its candidates.
 ///
-/// The velocity gain of the PD controller and joint damping are integrated implicitly, which keeps light joints
-/// with high gains stable at the logs' own rate.
+/// The PD controller and joint damping are integrated centred in time and implicitly: light joints with high
+/// gains stay stable at the logs' own rate, and fitted inertias and dampings do not absorb the step's length.
 pub struct Replay {
     model: Model,
     recordings: Vec<Recording>,
@@ -101,11 +101,12 @@ impl Replay {
             timestep: dt / options.substeps as f64,
             cone: Cone::Pyramidal,
             damping: Damping::Folded,
+            centred: true,
             implicit_actuators: true,
             ..Settings::new(&model.options, options.preset)
         };
         let tree = compile::<f32>(model, &settings)?;
-        let taps = delay_taps(options.max_delay, dt);
+        let taps = delay_taps(options.max_delay, dt, true);
         Ok(Self { model: model.clone(), recordings, options, tree, isa, taps })
     }
 
@@ -230,6 +231,8 @@ struct Block<T: Lanes> {
     drives: Vec<Drive<T>>,
     history: Vec<T>,
     signals: Vec<JointSignals>,
+    /// Half a physics step, s.
+    half_step: f32,
 }
 
 impl<T: Lanes> Block<T> {
@@ -241,6 +244,7 @@ impl<T: Lanes> Block<T> {
             drives: vec![Drive::zero(); n],
             history: vec![T::zero(); n * taps],
             signals: vec![JointSignals::default(); T::LANES],
+            half_step: 0.5 * tree.settings().timestep as f32,
         }
     }
 
@@ -289,9 +293,12 @@ impl<T: Lanes> Block<T> {
             signals.position.resize(length * n, 0.0);
             signals.velocity.resize(length * n, 0.0);
         }
+        let biases: Vec<f32> = (0..jobs.len())
+            .flat_map(|lane| candidates[job(lane).0].encoder_bias.iter().map(|&bias| bias as f32))
+            .collect();
         let longest = lengths.iter().copied().max().unwrap_or(0);
         for sample in 0..longest {
-            self.record(sample, n, &lengths, &block);
+            self.record(sample, n, &lengths, &biases);
             if sample + 1 == longest {
                 break;
             }
@@ -318,15 +325,19 @@ impl<T: Lanes> Block<T> {
         }
     }
 
-    fn record(&mut self, sample: usize, n: usize, lengths: &[usize], params: &Params<T>) {
-        let (mut q, mut qd) = ([0.0f32; 16], [0.0f32; 16]);
+    /// Writes the lanes' encoder positions and velocities of one sample.
+    fn record(&mut self, sample: usize, n: usize, lengths: &[usize], biases: &[f32]) {
+        let (mut q, mut qd, mut qacc) = ([0.0f32; 16], [0.0f32; 16], [0.0f32; 16]);
         for j in 0..n {
-            (self.state.q[j] + params.joints[j].encoder_bias).store(&mut q);
+            self.state.q[j].store(&mut q);
             self.state.qd[j].store(&mut qd);
+            self.state.qacc[j].store(&mut qacc);
             for (lane, &length) in lengths.iter().enumerate() {
                 if sample < length {
-                    self.signals[lane].position[sample * n + j] = q[lane];
-                    self.signals[lane].velocity[sample * n + j] = qd[lane];
+                    let signals = &mut self.signals[lane];
+                    signals.position[sample * n + j] = q[lane] + biases[lane * n + j];
+                    // The integrator's velocity belongs to half a step before the position.
+                    signals.velocity[sample * n + j] = qd[lane] + self.half_step * qacc[lane];
                 }
             }
         }

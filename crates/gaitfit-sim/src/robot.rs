@@ -18,6 +18,8 @@ pub struct RobotParams {
     pub encoder_bias: Vec<f64>,
     /// Factor on the PD torque.
     pub torque_scale: Vec<f64>,
+    /// Constant torque added to the PD torque, N·m: weight, springs and cables that the model lacks.
+    pub torque_offset: Vec<f64>,
     /// Factor on the recording's position gain.
     pub kp_scale: Vec<f64>,
     /// Factor on the recording's velocity gain.
@@ -40,6 +42,7 @@ impl RobotParams {
             delay: robot.delay,
             encoder_bias: robot.encoder_bias,
             torque_scale: robot.torque_scale,
+            torque_offset: robot.torque_offset,
             kp_scale: ones.clone(),
             kd_scale: ones,
             base_mass: 0.0,
@@ -57,6 +60,7 @@ impl RobotParams {
             delay: self.delay.clone(),
             encoder_bias: self.encoder_bias.clone(),
             torque_scale: self.torque_scale.clone(),
+            torque_offset: self.torque_offset.clone(),
             kp: product(&self.kp_scale, kp),
             kd: product(&self.kd_scale, kd),
             base_mass: self.base_mass,

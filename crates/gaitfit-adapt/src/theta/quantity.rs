@@ -19,6 +19,8 @@ pub enum Quantity {
     EncoderBias,
     /// Delivered torque over commanded torque.
     TorqueScale,
+    /// Constant torque added to the PD torque, N·m.
+    TorqueOffset,
     /// True position gain over the stated one.
     KpScale,
     /// True velocity gain over the stated one.
@@ -40,13 +42,14 @@ pub struct Defaults {
 
 impl Quantity {
     /// Every quantity.
-    pub const ALL: [Quantity; 8] = [
+    pub const ALL: [Quantity; 9] = [
         Quantity::FrictionLoss,
         Quantity::Armature,
         Quantity::Damping,
         Quantity::Delay,
         Quantity::EncoderBias,
         Quantity::TorqueScale,
+        Quantity::TorqueOffset,
         Quantity::KpScale,
         Quantity::KdScale,
     ];
@@ -60,6 +63,7 @@ impl Quantity {
             Quantity::Delay => "delay",
             Quantity::EncoderBias => "encoder_bias",
             Quantity::TorqueScale => "torque_scale",
+            Quantity::TorqueOffset => "torque_offset",
             Quantity::KpScale => "kp_scale",
             Quantity::KdScale => "kd_scale",
         }
@@ -68,7 +72,7 @@ impl Quantity {
     /// Unit; `-` for a ratio.
     pub fn unit(self) -> &'static str {
         match self {
-            Quantity::FrictionLoss => "N·m",
+            Quantity::FrictionLoss | Quantity::TorqueOffset => "N·m",
             Quantity::Armature => "kg·m²",
             Quantity::Damping => "N·m·s/rad",
             Quantity::Delay => "s",
@@ -87,6 +91,7 @@ impl Quantity {
             Quantity::Delay => (0.0, 0.1, 0.0, 0.01),
             Quantity::EncoderBias => (-0.1, 0.1, 0.0, 0.01),
             Quantity::TorqueScale => (0.5, 1.5, 1.0, 0.05),
+            Quantity::TorqueOffset => (-1.0, 1.0, 0.0, 0.1),
             Quantity::KpScale | Quantity::KdScale => (0.5, 2.0, 1.0, 0.1),
         };
         Defaults { lower, upper, start, deviation }
@@ -95,7 +100,7 @@ impl Quantity {
     /// Smallest value with a meaning.
     pub fn least(self) -> f64 {
         match self {
-            Quantity::EncoderBias => f64::NEG_INFINITY,
+            Quantity::EncoderBias | Quantity::TorqueOffset => f64::NEG_INFINITY,
             _ => 0.0,
         }
     }
