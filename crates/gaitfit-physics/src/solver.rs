@@ -68,6 +68,9 @@ fn direction<T: Real>(
         slope = slope - part;
     }
     let mut step = zero6();
+    // A fixed root gathers what its segments push on it: start afresh, or one diverged environment would leave its
+    // NaN to those that later use the same scratch.
+    work.nodes[0].step_wrench = zero6();
     if tree.floating {
         root_contacts(tree, hessian, work);
         let root = &work.nodes[0];
