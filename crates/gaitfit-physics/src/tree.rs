@@ -213,6 +213,9 @@ pub(crate) struct Seat {
     pub position: V3<f64>,
 }
 
+/// A joint's link: parent link, anchor, turn, axis.
+pub(crate) type Hinge = (usize, V3<f64>, M3<f64>, Axis);
+
 pub(crate) const IDENTITY: M3<f64> = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 pub(crate) fn transpose(m: &M3<f64>) -> M3<f64> {
@@ -249,7 +252,7 @@ pub(crate) fn unit(v: V3<f64>) -> V3<f64> {
 }
 
 /// Seats of all bodies, and each joint's link constants (parent, anchor, turn, axis).
-pub(crate) fn seats(model: &Model) -> (Vec<Seat>, Vec<(usize, V3<f64>, M3<f64>, Axis)>) {
+pub(crate) fn seats(model: &Model) -> (Vec<Seat>, Vec<Hinge>) {
     let mut seats: Vec<Seat> = Vec::with_capacity(model.bodies.len());
     let mut hinges = Vec::with_capacity(model.joints.len());
     for (index, body) in model.bodies.iter().enumerate() {
