@@ -139,7 +139,7 @@ pub struct Ledger {
 impl Ledger {
     pub fn note(&mut self, quantity: &str, error: f64, limit: f64, place: impl FnOnce() -> String) {
         let entry = self.entries.entry(quantity.to_owned()).or_insert((-1.0, limit, String::new()));
-        if !(error <= entry.0) {
+        if error > entry.0 || error.is_nan() {
             *entry = (error, limit, place());
         }
     }
