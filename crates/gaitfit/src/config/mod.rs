@@ -192,7 +192,7 @@ impl Default for AdaptConfig {
 
 impl Default for SimulationConfig {
     fn default() -> Self {
-        Self { timestep: 0.005, preset: PresetName::Fast, skip_seconds: 0.0, threads: 0 }
+        Self { timestep: 0.005, preset: PresetName::Accurate, skip_seconds: 0.0, threads: 0 }
     }
 }
 
