@@ -2,11 +2,12 @@
 
 use gaitfit_model::Model;
 
+use crate::compile::compile;
 use crate::dense::{bias, mass_matrix};
 use crate::drive::{Drive, actuate};
 use crate::state::{State, Work};
 use crate::step::{accelerate, step};
-use crate::tree::{Tree, compile};
+use crate::tree::Tree;
 use crate::vec3::*;
 use crate::{Params, PhysicsError, Robot, Settings};
 

@@ -6,10 +6,12 @@
 
 use gaitfit_model::Model;
 
+use crate::compile::compile;
 use crate::dense::{bodies, carries, mass_matrix, subspaces};
 use crate::params::{JointParams, LinkInertia, PairInvweight};
+use crate::seat::seats;
 use crate::state::{Motion, State};
-use crate::tree::{TINY, compile, seats};
+use crate::tree::TINY;
 use crate::vec3::*;
 use crate::{Params, PhysicsError, Preset, Settings};
 

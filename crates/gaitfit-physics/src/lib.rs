@@ -9,6 +9,7 @@
 //!
 //! Not simulated: contacts between the robot's own bodies, or with anything but planes.
 
+mod compile;
 mod cone;
 mod contact;
 mod dense;
@@ -19,6 +20,7 @@ mod invweight;
 mod lanes;
 mod params;
 mod real;
+mod seat;
 mod segment;
 mod settings;
 mod smooth;
@@ -29,6 +31,7 @@ mod step;
 mod tree;
 mod vec3;
 
+pub use compile::compile;
 pub use dense::{Row, RowKind, bias, constraint_rows, limit_impedance, mass_matrix};
 pub use drive::{Drive, actuate, delay_taps};
 pub use error::PhysicsError;
@@ -39,4 +42,4 @@ pub use real::Real;
 pub use settings::{Damping, Preset, Settings};
 pub use state::{State, Work};
 pub use step::{Period, accelerate, control_period, step};
-pub use tree::{Tree, compile};
+pub use tree::Tree;

@@ -2,7 +2,7 @@
 
 use gaitfit_model::{Model, Root};
 
-use crate::tree::{Seat, body_inertia, seats};
+use crate::seat::{Seat, body_inertia, seats};
 use crate::vec3::*;
 use crate::{PhysicsError, Real, invweight};
 

@@ -1,0 +1,309 @@
+//! From a [`Model`] to a [`Tree`].
+
+use gaitfit_model::{ContactPair, Joint, Model, Root, Shape};
+
+use crate::seat::{IDENTITY, Seat, mat_mul, seats, unit};
+use crate::tree::*;
+use crate::vec3::*;
+use crate::{PhysicsError, Real, Settings};
+
+/// Smallest and largest impedance (MuJoCo's `mjMINIMP`, `mjMAXIMP`).
+const IMPEDANCE: [f64; 2] = [0.0001, 0.9999];
+/// Largest power of an impedance curve: beyond it single precision overflows.
+const MAX_POWER: f64 = 8.0;
+
+fn impedance<K>(solimp: &[f64; 5], k: impl Fn(f64) -> K, object: &str) -> Result<Impedance<K>, PhysicsError> {
+    let clamp = |x: f64| x.clamp(IMPEDANCE[0], IMPEDANCE[1]);
+    let (dmin, dmax, width) = (clamp(solimp[0]), clamp(solimp[1]), solimp[2].max(0.0));
+    let (midpoint, power) = (clamp(solimp[3]), solimp[4].max(1.0));
+    if dmin == dmax || width <= TINY {
+        let flat = 0.5 * (dmin + dmax);
+        return Ok(Impedance {
+            dmin: k(flat),
+            rise: k(0.0),
+            per_width: k(0.0),
+            midpoint: k(0.5),
+            power: 1,
+            fraction: 0,
+            low: k(1.0),
+            high: k(1.0),
+        });
+    }
+    if !(1.0..=MAX_POWER).contains(&power) {
+        return Err(PhysicsError::ImpedancePower { object: object.to_owned(), power });
+    }
+    Ok(Impedance {
+        dmin: k(dmin),
+        rise: k(dmax - dmin),
+        per_width: k(1.0 / width),
+        midpoint: k(midpoint),
+        power: power as u32,
+        fraction: (power.fract() * 2f64.powi(64)) as u64,
+        low: k(1.0 / midpoint.powf(power - 1.0)),
+        high: k(1.0 / (1.0 - midpoint).powf(power - 1.0)),
+    })
+}
+
+/// Impedance at zero violation, as friction loss has it.
+fn impedance_at_zero(solimp: &[f64; 5]) -> f64 {
+    let clamp = |x: f64| x.clamp(IMPEDANCE[0], IMPEDANCE[1]);
+    let (dmin, dmax) = (clamp(solimp[0]), clamp(solimp[1]));
+    if solimp[2] <= TINY { 0.5 * (dmin + dmax) } else { dmin }
+}
+
+/// Stiffness and damping of MuJoCo's two reference formats.
+fn reference(solref: &[f64; 2], dmax: f64, timestep: f64) -> (f64, f64) {
+    let dmax = dmax.clamp(IMPEDANCE[0], IMPEDANCE[1]);
+    // A mixed format is replaced by the default, as MuJoCo does.
+    let solref = if (solref[0] > 0.0) != (solref[1] > 0.0) { [0.02, 1.0] } else { *solref };
+    if solref[0] > 0.0 {
+        let (time, ratio) = (solref[0].max(2.0 * timestep), solref[1]);
+        (1.0 / (dmax * dmax * time * time * ratio * ratio).max(TINY), 2.0 / (dmax * time).max(TINY))
+    } else {
+        (-solref[0] / (dmax * dmax).max(TINY), -solref[1] / dmax.max(TINY))
+    }
+}
+
+/// Compiles `model` for the scalar `T`.
+///
+/// # Errors
+/// Names the joint or geom whose numbers the step cannot honour.
+pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>, PhysicsError> {
+    if !(settings.timestep.is_finite() && settings.timestep > 0.0) {
+        return Err(PhysicsError::Value {
+            object: "settings".to_owned(),
+            quantity: "the timestep",
+            value: settings.timestep,
+            must: "positive and finite",
+        });
+    }
+    let k = |x: f64| T::constant(x);
+    let k3 = |v: V3<f64>| [k(v[0]), k(v[1]), k(v[2])];
+    let (seats, hinges) = seats(model);
+    let floating = model.root == Root::Floating;
+
+    let mut pairs = Vec::new();
+    let mut points = 0;
+    let planes = model.planes.iter().map(|plane| ground_plane(&plane.pos, &plane.quat)).collect::<Vec<_>>();
+    let mut ranges = Vec::with_capacity(hinges.len() + 1);
+    for link in 0..=hinges.len() {
+        let first = pairs.len();
+        for (index, pair) in model.pairs.iter().enumerate() {
+            let seat = seats[model.geoms[pair.geom].body];
+            if seat.link == link && (link > 0 || floating) {
+                let pair = compile_pair::<T>(model, index, pair, &seat, &planes, settings, points)?;
+                points = pair.points.end;
+                pairs.push(pair);
+            }
+        }
+        ranges.push(first..pairs.len());
+    }
+
+    let mut links: Vec<Link<T::K>> = Vec::with_capacity(hinges.len() + 1);
+    links.push(root_link::<T>());
+    for (index, ((parent, anchor, turn, axis), joint)) in hinges.iter().zip(&model.joints).enumerate() {
+        let identity = turn.iter().flatten().zip(IDENTITY.iter().flatten()).all(|(a, b)| a == b);
+        links.push(Link {
+            parent: *parent,
+            offset: k3(*anchor),
+            turn: if identity { None } else { Some([k3(turn[0]), k3(turn[1]), k3(turn[2])]) },
+            axis: *axis,
+            reference_angle: k(joint.reference),
+            limit: compile_limit::<T>(joint, settings)?,
+            friction_weight: {
+                let d = impedance_at_zero(&joint.solimp_friction);
+                k(d / (1.0 - d))
+            },
+            friction_b: k(reference(&joint.solref_friction, joint.solimp_friction[1], settings.timestep).1),
+            stiffness: k(joint.stiffness),
+            springref: k(joint.springref),
+            sprung: joint.stiffness != 0.0,
+            pairs: ranges[index + 1].clone(),
+            touching: None,
+        });
+    }
+    links[0].pairs = ranges[0].clone();
+    let (segments, nodes) = segment(&links);
+    let mut touching = Vec::new();
+    let mut spins = 0;
+    for (index, link) in links.iter_mut().enumerate().filter(|(_, link)| !link.pairs.is_empty()) {
+        let home = segments.iter().position(|s| (s.first..s.first + s.len).contains(&index));
+        link.touching = Some(touching.len());
+        touching.push((index, home));
+        for pair in &mut pairs[link.pairs.clone()] {
+            pair.member = home.map_or(0, |home| index - segments[home].first);
+            if pair.condim > 3 {
+                pair.spin = spins;
+                spins += pair.points.len();
+            }
+        }
+    }
+    Ok(Tree {
+        floating,
+        root_rotation: [k3(IDENTITY[0]), k3(IDENTITY[1]), k3(IDENTITY[2])],
+        root_position: k3(if floating { [0.0; 3] } else { model.bodies[0].pos }),
+        gravity: k3(model.options.gravity),
+        links,
+        segments,
+        nodes,
+        planes: planes
+            .iter()
+            .map(|(frame, offset)| GroundPlane {
+                frame: [k3(frame[0]), k3(frame[1]), k3(frame[2])],
+                offset: k(*offset),
+            })
+            .collect(),
+        pairs,
+        points,
+        spins,
+        touching,
+        impratio: model.options.impratio,
+        elliptic: settings.cone == gaitfit_model::Cone::Elliptic,
+        settings: *settings,
+    })
+}
+
+/// Segments, parents first, and the link of each node.
+fn segment<K>(links: &[Link<K>]) -> (Vec<Segment>, Vec<usize>) {
+    let mut children = vec![0; links.len()];
+    for link in &links[1..] {
+        children[link.parent] += 1;
+    }
+    let mut segments: Vec<Segment> = Vec::new();
+    let mut nodes = vec![0];
+    // Segment of each link.
+    let mut home = vec![usize::MAX; links.len()];
+    for i in 1..links.len() {
+        let parent = links[i].parent;
+        let continues = parent > 0 && children[parent] == 1 && segments[home[parent]].len < SEGMENT;
+        if continues {
+            home[i] = home[parent];
+            let segment = &mut segments[home[i]];
+            segment.len += 1;
+            segment.pairs.end = links[i].pairs.end;
+            continue;
+        }
+        let node = nodes.iter().position(|&link| link == parent).unwrap_or_else(|| {
+            segments[home[parent]].node = Some(nodes.len());
+            nodes.push(parent);
+            nodes.len() - 1
+        });
+        home[i] = segments.len();
+        segments.push(Segment { first: i, len: 1, parent: node, node: None, pairs: links[i].pairs.clone() });
+    }
+    (segments, nodes)
+}
+
+fn root_link<T: Real>() -> Link<T::K> {
+    let zero = T::constant(0.0);
+    Link {
+        parent: 0,
+        offset: [zero; 3],
+        turn: None,
+        axis: Axis::Z,
+        reference_angle: zero,
+        limit: None,
+        friction_weight: zero,
+        friction_b: zero,
+        stiffness: zero,
+        springref: zero,
+        sprung: false,
+        pairs: 0..0,
+        touching: None,
+    }
+}
+
+fn compile_limit<T: Real>(joint: &Joint, settings: &Settings) -> Result<Option<Limit<T::K>>, PhysicsError> {
+    let Some([lower, upper]) = joint.range else { return Ok(None) };
+    if upper - lower < 2.0 * joint.margin {
+        return Err(PhysicsError::NarrowRange { joint: joint.name.clone() });
+    }
+    let (k, b) = reference(&joint.solref_limit, joint.solimp_limit[1], settings.timestep);
+    Ok(Some(Limit {
+        lower: T::constant(lower),
+        upper: T::constant(upper),
+        margin: T::constant(joint.margin),
+        impedance: impedance(&joint.solimp_limit, T::constant, &format!("limit of joint `{}`", joint.name))?,
+        reference: Reference { k: T::constant(k), b: T::constant(b) },
+    }))
+}
+
+/// Normal and tangents as MuJoCo makes a contact frame from a normal alone, and the plane's offset.
+fn ground_plane(pos: &[f64; 3], quat: &[f64; 4]) -> (M3<f64>, f64) {
+    let r = quat_matrix(quat);
+    let normal = [r[0][2], r[1][2], r[2][2]];
+    let guess = if normal[1].abs() < 0.5 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] };
+    let t1 = unit(axpy(-dot(normal, guess), normal, guess));
+    ([normal, t1, cross(normal, t1)], dot(normal, *pos))
+}
+
+fn compile_pair<T: Real>(
+    model: &Model,
+    index: usize,
+    pair: &ContactPair,
+    seat: &Seat,
+    planes: &[(M3<f64>, f64)],
+    settings: &Settings,
+    first_point: usize,
+) -> Result<Pair<T::K>, PhysicsError> {
+    let k = |x: f64| T::constant(x);
+    let k3 = |v: V3<f64>| [k(v[0]), k(v[1]), k(v[2])];
+    let geom = &model.geoms[pair.geom];
+    if !matches!(pair.condim, 1 | 3 | 4 | 6) {
+        return Err(PhysicsError::ContactDimension { geom: geom.name.clone(), condim: pair.condim });
+    }
+    let rotation = mat_mul(&seat.rotation, &quat_matrix(&geom.quat));
+    let column = |j: usize| [rotation[0][j], rotation[1][j], rotation[2][j]];
+    let (shape, radius, reach, count) = match geom.shape {
+        Shape::Sphere { radius } => (LinkShape::Sphere, radius, radius, 1),
+        Shape::Capsule { radius, half_length } => (
+            LinkShape::Capsule { axis: k3(column(2)), half_length: k(half_length) },
+            radius,
+            radius + half_length,
+            2,
+        ),
+        Shape::Cylinder { radius, half_length } => (
+            LinkShape::Cylinder { axis: k3(column(2)), x_axis: k3(column(0)), half_length: k(half_length) },
+            radius,
+            radius.hypot(half_length),
+            4,
+        ),
+        Shape::Box { half_size: [a, b, c] } => (
+            LinkShape::Box {
+                edges: [k3(scale(a, column(0))), k3(scale(b, column(1))), k3(scale(c, column(2)))],
+            },
+            0.0,
+            (a * a + b * b + c * c).sqrt(),
+            4,
+        ),
+    };
+    let name = format!("contact of geom `{}`", geom.name);
+    let dmax = pair.solimp[1];
+    let (stiffness, damping) = reference(&pair.solref, dmax, settings.timestep);
+    let elliptic = settings.cone == gaitfit_model::Cone::Elliptic;
+    // A pyramid's edges mix normal and tangent, so they have one reference.
+    let own = elliptic && pair.solreffriction != [0.0; 2];
+    let friction_ref = if own { pair.solreffriction } else { pair.solref };
+    let isotropic = pair.friction[0] == pair.friction[1];
+    let level = planes[pair.plane].0[0] == [0.0, 0.0, 1.0];
+    // A capsule turns the tangents with its axis, which a pyramid or an anisotropic ellipse can tell.
+    let turned = matches!(geom.shape, Shape::Capsule { .. }) && !(elliptic && isotropic);
+    Ok(Pair {
+        model_pair: index,
+        spin: 0,
+        member: 0,
+        plane: pair.plane,
+        shape,
+        center: k3(add(seat.position, rotate(&seat.rotation, geom.pos))),
+        radius: k(radius),
+        reach: k(reach + pair.margin),
+        condim: usize::from(pair.condim),
+        friction: pair.friction.map(k),
+        aligned: level && (pair.condim == 1 || (pair.condim == 3 && !turned)),
+        margin: k(pair.margin),
+        impedance: impedance(&pair.solimp, k, &name)?,
+        reference: Reference { k: k(stiffness), b: k(damping) },
+        friction_b: k(reference(&friction_ref, dmax, settings.timestep).1),
+        points: first_point..first_point + count,
+    })
+}
