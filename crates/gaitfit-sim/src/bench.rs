@@ -117,7 +117,7 @@ struct Batch<T> {
 
 fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<PhysicsSpeed, SimError> {
     let joints = model.joints.len();
-    let pose = model.keyframes.first().map(|key| key.qpos[7..].to_vec()).filter(|_| joints % 3 == 0);
+    let pose = model.keyframes.first().map(|key| key.qpos[7..].to_vec()).filter(|_| joints.is_multiple_of(3));
     let Some(pose) = pose else {
         return Err(SimError::Option {
             option: "the benchmark's robot",

@@ -192,7 +192,7 @@ impl Replay {
 
 fn check(recording: &Recording, joints: usize, dt: f64) -> Result<(), String> {
     let samples = recording.target.len() / joints.max(1);
-    if joints == 0 || recording.target.len() % joints != 0 {
+    if joints == 0 || !recording.target.len().is_multiple_of(joints) {
         return Err(format!("{} target values are not rows of {joints} joints", recording.target.len()));
     }
     if samples < 2 {
