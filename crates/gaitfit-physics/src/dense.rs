@@ -169,7 +169,7 @@ pub fn constraint_rows(
             rows.push(Row {
                 kind: RowKind::Friction(j),
                 jacobian: unit(j, 1.0),
-                aref: joint.friction_aref,
+                aref: -joint.friction_bias / joint.friction_d,
                 d: joint.friction_d,
             });
         }
@@ -179,7 +179,7 @@ pub fn constraint_rows(
             rows.push(Row {
                 kind: RowKind::Limit(j),
                 jacobian: unit(j, joint.limit_sign),
-                aref: joint.limit_aref,
+                aref: -joint.limit_bias,
                 d: joint.limit_d,
             });
         }

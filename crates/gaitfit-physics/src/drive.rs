@@ -2,14 +2,14 @@
 
 use gaitfit_model::Model;
 
-use crate::{Params, Real, State};
+use crate::{Params, Real, Settings, State};
 
 /// What drives one joint during one physics step.
 #[derive(Clone, Copy, Debug)]
 pub struct Drive<T> {
     /// Torque, N·m.
     pub torque: T,
-    /// Minus its derivative by joint velocity, N·m·s/rad (used by implicit integration).
+    /// Minus its derivative by joint velocity, N·m·s/rad (used where actuators are integrated implicitly).
     pub damping: T,
 }
 
@@ -27,19 +27,18 @@ impl<T: Real> Drive<T> {
 /// mean over its own duration of the target in force, so that the result is continuous in the delay. The oldest
 /// target stands for all before it.
 ///
-/// With `centred` the mean is over the interval around the step's start instead.
+/// With the settings' `centred` the mean is over the interval around the step's start instead.
 ///
 /// torque = clamp(torque_scale · (kp (target − reading) − kd q̇) + torque_offset, ± torque_limit),
 /// reading = q + encoder_bias.
 #[inline(always)]
 pub(crate) fn pd<T: Real>(
+    settings: &Settings,
     params: &Params<T>,
     state: &State<T>,
     targets: &[T],
     substep: usize,
     substeps: usize,
-    timestep: f64,
-    centred: bool,
     drives: &mut [Drive<T>],
 ) {
     let n = drives.len();
@@ -50,8 +49,8 @@ pub(crate) fn pd<T: Real>(
         let mut target = targets[j];
         if taps > 1 {
             // In units of one physics step: this step covers [start, start + 1] on the clock of effects.
-            let begin = substep as f64 - if centred { 0.5 } else { 0.0 };
-            let start = T::lit(begin) - p.delay * T::lit(1.0 / timestep);
+            let begin = substep as f64 - if settings.centred { 0.5 } else { 0.0 };
+            let start = T::lit(begin) - p.delay * T::lit(1.0 / settings.timestep);
             let end = start + T::lit(1.0);
             let mut sum = z;
             for k in 0..taps {
@@ -67,8 +66,11 @@ pub(crate) fn pd<T: Real>(
         let torque = p.torque_scale.fma(p.kd.fnma(state.qd[j], p.kp * error), p.torque_offset);
         drives[j].torque = torque.clamp(-p.torque_limit, p.torque_limit);
         // A saturated torque does not depend on velocity.
-        let free = T::select_lt(torque.abs(), p.torque_limit, p.torque_scale * p.kd, z);
-        drives[j].damping = free;
+        drives[j].damping = if settings.implicit_actuators {
+            T::select_lt(torque.abs(), p.torque_limit, p.torque_scale * p.kd, z)
+        } else {
+            z
+        };
     }
 }
 

@@ -88,45 +88,37 @@ pub(crate) fn eliminate<T: Real, const N: usize>(
 
     // LDLᵀ of H, applied to [Fᵀ | r] on the way.
     let out = &mut work.segments[index];
-    let d0 = h[0].recip();
-    let mut y = f;
-    let mut z = f;
-    let (mut e, mut s) = (r, r);
-    z[0] = times(d0, y[0]);
-    s[0] = d0 * e[0];
-    let mut part = e[0] * s[0];
+    let (mut y, mut e, mut d) = (f, r, r);
+    d[0] = h[0].recip();
     if N > 1 {
-        let l10 = h[3] * d0;
-        let d1 = l10.fnma(h[3], h[1]).recip();
+        let l10 = h[3] * d[0];
+        d[1] = l10.fnma(h[3], h[1]).recip();
         y[1] = axpy6(-l10, y[0], f[1]);
         e[1] = l10.fnma(e[0], r[1]);
-        z[1] = times(d1, y[1]);
-        s[1] = d1 * e[1];
         out.lower[0] = l10;
-        part = e[1].fma(s[1], part);
         if N > 2 {
-            let l20 = h[4] * d0;
+            let l20 = h[4] * d[0];
             let t = l20.fnma(h[3], h[5]);
-            let l21 = t * d1;
-            let d2 = l21.fnma(t, l20.fnma(h[4], h[2])).recip();
+            let l21 = t * d[1];
+            d[2] = l21.fnma(t, l20.fnma(h[4], h[2])).recip();
             y[2] = axpy6(-l21, y[1], axpy6(-l20, y[0], f[2]));
             e[2] = l21.fnma(e[1], l20.fnma(e[0], r[2]));
-            z[2] = times(d2, y[2]);
-            s[2] = d2 * e[2];
             out.lower[1] = l20;
             out.lower[2] = l21;
-            part = e[2].fma(s[2], part);
         }
     }
-    for k in 0..N {
-        out.coupling[k] = z[k];
-        out.solved[k] = s[k];
-    }
     let parent = &mut work.nodes[segment.parent];
-    parent.inertia.sub_outers::<N>(&y, &z);
+    let (mut z, mut part) = (y, T::zero());
     for k in 0..N {
-        parent.residual = axpy6(-s[k], y[k], parent.residual);
+        let solved = d[k] * e[k];
+        part = e[k].fma(solved, part);
+        out.coupling[k] = y[k];
+        out.inverse[k] = d[k];
+        out.solved[k] = solved;
+        z[k] = times(d[k], y[k]);
+        parent.residual = axpy6(-solved, y[k], parent.residual);
     }
+    parent.inertia.sub_outers::<N>(&y, &z);
     part
 }
 
@@ -141,12 +133,12 @@ fn joint_terms<T: Real>(j: usize, hessian: bool, state: &State<T>, work: &mut Wo
     let z = T::zero();
     let joint = &mut work.joints[j];
     let qacc = state.qacc[j];
-    let slip = joint.friction_d * (qacc - joint.friction_aref);
+    let slip = joint.friction_d.fma(qacc, joint.friction_bias);
     let loss = joint.frictionloss;
-    let mut row = slip.clamp(-loss, loss);
+    let mut row = slip.clamp(joint.frictionloss_negative, loss);
     let mut curvature = T::select_lt(slip.abs(), loss, joint.friction_d, z);
     if joint.limited {
-        let gap = joint.limit_sign.fma(qacc, -joint.limit_aref);
+        let gap = joint.limit_sign.fma(qacc, joint.limit_bias);
         let d = T::select_lt(gap, z, joint.limit_d, z);
         row = (joint.limit_sign * d).fma(gap, row);
         curvature = curvature + d;
@@ -215,7 +207,7 @@ pub(crate) fn back_substitute<T: Real, const N: usize>(
     let above = work.nodes[segment.parent].step;
     let mut step = [T::zero(); SEGMENT];
     for k in (0..N).rev() {
-        let mut s = -dot6_add(own.coupling[k], above, own.solved[k]);
+        let mut s = own.inverse[k].fnma(dot6(own.coupling[k], above), -own.solved[k]);
         for i in k + 1..N {
             s = own.lower[i + k - 1].fnma(step[i], s);
         }

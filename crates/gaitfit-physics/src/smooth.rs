@@ -74,55 +74,80 @@ pub(crate) fn smooth<T: Real>(
 fn walk<T: Real, const N: usize>(pass: &Pass<'_, T>, index: usize, work: &mut Work<T>) {
     let segment = &pass.tree.segments[index];
     let first = segment.first;
-    let mut motion;
-    let mut axis = [zero6(); N];
-    let mut rigid = [Rigid::zero(); N];
-    let mut wrench = [zero6(); N];
     // Written out, so that the links stay in registers.
-    (motion, axis[0]) = outward(pass, first, &work.nodes[segment.parent].motion, work);
-    (rigid[0], wrench[0]) = inertial(&pass.params.links[first], &motion);
+    let (mut motion, axis) = outward(pass, first, &work.nodes[segment.parent].motion, work);
+    work.segments[index].axis[0] = axis;
+    let inner = inertial(&pass.params.links[first], &motion);
     touch(pass, first, &motion, work);
+    let (mut middle, mut outer) = (inner, inner);
     if N > 1 {
-        (motion, axis[1]) = outward(pass, first + 1, &motion, work);
-        (rigid[1], wrench[1]) = inertial(&pass.params.links[first + 1], &motion);
+        let axis;
+        (motion, axis) = outward(pass, first + 1, &motion, work);
+        work.segments[index].axis[1] = axis;
+        middle = inertial(&pass.params.links[first + 1], &motion);
         touch(pass, first + 1, &motion, work);
     }
     if N > 2 {
-        (motion, axis[2]) = outward(pass, first + 2, &motion, work);
-        (rigid[2], wrench[2]) = inertial(&pass.params.links[first + 2], &motion);
+        let axis;
+        (motion, axis) = outward(pass, first + 2, &motion, work);
+        work.segments[index].axis[2] = axis;
+        outer = inertial(&pass.params.links[first + 2], &motion);
         touch(pass, first + 2, &motion, work);
     }
     if let Some(node) = segment.node {
         let mut a = work.nodes[segment.parent].jacobian_acceleration;
         for k in 0..N {
-            a = axpy6(pass.state.qacc[first + k - 1], axis[k], a);
+            a = axpy6(pass.state.qacc[first + k - 1], work.segments[index].axis[k], a);
         }
         work.nodes[node].motion = motion;
         work.nodes[node].jacobian_acceleration = a;
     }
-    // Composite inertia from link k outward gives the force of joint k's unit acceleration.
-    let out = &mut work.segments[index];
-    let mut composite = rigid[N - 1];
-    let mut total = wrench[N - 1];
-    for k in (0..N).rev() {
-        if k + 1 < N {
-            composite = composite.add(&rigid[k]);
-            total = add6(total, wrench[k]);
-        }
-        let joint = &work.joints[first + k - 1];
-        let force = composite.mul(axis[k]);
-        out.axis[k] = axis[k];
-        out.force[k] = force;
-        out.mass[k] = dot6_add(axis[k], force, joint.armature);
-        for i in 0..k {
-            out.mass[2 + k + i] = dot6(axis[i], force);
-        }
-        let inertial = joint.armature.fma(pass.state.qacc[first + k - 1], -joint.tau);
-        out.residual[k] = dot6_add(axis[k], total, inertial);
+    let mut total = match N {
+        1 => inner,
+        2 => middle,
+        _ => outer,
+    };
+    if N > 2 {
+        gather(pass, index, 2, &total, work);
+        total = joined(&total, &middle);
     }
+    if N > 1 {
+        gather(pass, index, 1, &total, work);
+        total = joined(&total, &inner);
+    }
+    gather(pass, index, 0, &total, work);
     let parent = &mut work.nodes[segment.parent];
-    parent.rigid = parent.rigid.add(&composite);
-    parent.wrench = add6(parent.wrench, total);
+    (parent.rigid, parent.wrench) = joined(&(parent.rigid, parent.wrench), &total);
+}
+
+/// Inertia and wrench of two bodies together.
+#[inline(always)]
+fn joined<T: Real>(a: &(Rigid<T>, V6<T>), b: &(Rigid<T>, V6<T>)) -> (Rigid<T>, V6<T>) {
+    (a.0.add(&b.0), add6(a.1, b.1))
+}
+
+/// Row of joint `k` in its segment's block, from the inertia and wrench of everything it carries there: the force
+/// of its unit acceleration and what the joints inward of it feel of that.
+#[inline(always)]
+fn gather<T: Real>(
+    pass: &Pass<'_, T>,
+    index: usize,
+    k: usize,
+    (rigid, wrench): &(Rigid<T>, V6<T>),
+    work: &mut Work<T>,
+) {
+    let j = pass.tree.segments[index].first + k - 1;
+    let joint = &work.joints[j];
+    let out = &mut work.segments[index];
+    let axis = out.axis[k];
+    let force = rigid.mul(axis);
+    out.force[k] = force;
+    out.mass[k] = dot6_add(axis, force, joint.armature);
+    for i in 0..k {
+        out.mass[2 + k + i] = dot6(out.axis[i], force);
+    }
+    let inertial = joint.armature.fma(pass.state.qacc[j], -joint.tau);
+    out.residual[k] = dot6_add(axis, *wrench, inertial);
 }
 
 /// Keeps the motion of a link with contact pairs.
@@ -291,8 +316,9 @@ fn joint_rows<T: Real>(
         if tree.settings.damping == Damping::Folded { p.armature + out.implicit } else { p.armature };
 
     out.friction_d = p.weight * T::k(link.friction_weight);
-    out.friction_aref = -(T::k(link.friction_b) * qd);
+    out.friction_bias = out.friction_d * (T::k(link.friction_b) * qd);
     out.frictionloss = p.frictionloss;
+    out.frictionloss_negative = -p.frictionloss;
     if let Some(limit) = &link.limit {
         let (low, high) = (q - T::k(limit.lower), T::k(limit.upper) - q);
         let sign = T::select_lt(high, low, -one, one);
@@ -305,6 +331,6 @@ fn joint_rows<T: Real>(
         let d = (imp * p.weight) * (one - imp).recip();
         out.limit_sign = sign;
         out.limit_d = T::select_lt(depth, z, d, z);
-        out.limit_aref = -(T::k(limit.reference.b).fma(sign * qd, T::k(limit.reference.k) * (imp * depth)));
+        out.limit_bias = T::k(limit.reference.b).fma(sign * qd, T::k(limit.reference.k) * (imp * depth));
     }
 }

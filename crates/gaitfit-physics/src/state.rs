@@ -106,9 +106,10 @@ pub(crate) struct SegmentWork<T> {
     pub residual: [T; SEGMENT],
     /// The same for the Newton step.
     pub step_residual: [T; SEGMENT],
-    /// Unit lower factor (10, 20, 21) and D⁻¹L⁻¹ of the coupling and of the residual.
+    /// Of LDLᵀ: unit lower factor (10, 20, 21), L⁻¹ of the coupling, D⁻¹, and D⁻¹L⁻¹ of the residual.
     pub lower: [T; 3],
     pub coupling: [V6<T>; SEGMENT],
+    pub inverse: [T; SEGMENT],
     pub solved: [T; SEGMENT],
 }
 
@@ -121,13 +122,16 @@ pub(crate) struct JointWork<T> {
     pub armature: T,
     /// Timestep times the damping that the integrator treats implicitly.
     pub implicit: T,
+    /// D of the friction-loss row, minus D times its aref, and the loss with both signs.
     pub friction_d: T,
-    pub friction_aref: T,
+    pub friction_bias: T,
     pub frictionloss: T,
+    pub frictionloss_negative: T,
     /// +1 near the lower limit, −1 near the upper.
     pub limit_sign: T,
     pub limit_d: T,
-    pub limit_aref: T,
+    /// Minus aref.
+    pub limit_bias: T,
     /// Whether any lane may be beyond the limit.
     pub limited: bool,
     /// Negative of the rows' torque.
@@ -209,6 +213,7 @@ impl<T: Real> Work<T> {
             step_residual: [z; SEGMENT],
             lower: [z; 3],
             coupling: [zero6(); SEGMENT],
+            inverse: [z; SEGMENT],
             solved: [z; SEGMENT],
         };
         let joint = JointWork {
@@ -216,11 +221,12 @@ impl<T: Real> Work<T> {
             armature: z,
             implicit: z,
             friction_d: z,
-            friction_aref: z,
+            friction_bias: z,
             frictionloss: z,
+            frictionloss_negative: z,
             limit_sign: z,
             limit_d: z,
-            limit_aref: z,
+            limit_bias: z,
             limited: false,
             row: z,
             step: z,

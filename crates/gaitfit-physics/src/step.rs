@@ -98,8 +98,7 @@ pub struct Period<'a, T: Real> {
 #[inline(always)]
 pub fn control_period<T: Real>(p: &mut Period<'_, T>) {
     for substep in 0..p.substeps {
-        let h = p.tree.settings.timestep;
-        pd(p.params, p.state, p.targets, substep, p.substeps, h, p.tree.settings().centred, p.drives);
+        pd(&p.tree.settings, p.params, p.state, p.targets, substep, p.substeps, p.drives);
         step(p.tree, p.params, p.drives, p.state, p.work);
     }
 }
