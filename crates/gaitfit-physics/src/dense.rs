@@ -175,7 +175,7 @@ pub fn constraint_rows(
         }
     }
     for (j, joint) in work.joints.iter().enumerate() {
-        if joint.limited && joint.limit_d > 0.0 {
+        if work.limited[j] && joint.limit_d > 0.0 {
             rows.push(Row {
                 kind: RowKind::Limit(j),
                 jacobian: unit(j, joint.limit_sign),

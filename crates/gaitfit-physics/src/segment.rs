@@ -135,9 +135,9 @@ fn joint_terms<T: Real>(j: usize, hessian: bool, state: &State<T>, work: &mut Wo
     let qacc = state.qacc[j];
     let slip = joint.friction_d.fma(qacc, joint.friction_bias);
     let loss = joint.frictionloss;
-    let mut row = slip.clamp(joint.frictionloss_negative, loss);
+    let mut row = slip.clamp(-loss, loss);
     let mut curvature = T::select_lt(slip.abs(), loss, joint.friction_d, z);
-    if joint.limited {
+    if work.limited[j] {
         let gap = joint.limit_sign.fma(qacc, joint.limit_bias);
         let d = T::select_lt(gap, z, joint.limit_d, z);
         row = (joint.limit_sign * d).fma(gap, row);

@@ -318,13 +318,12 @@ fn joint_rows<T: Real>(
     out.friction_d = p.weight * T::k(link.friction_weight);
     out.friction_bias = out.friction_d * (T::k(link.friction_b) * qd);
     out.frictionloss = p.frictionloss;
-    out.frictionloss_negative = -p.frictionloss;
     if let Some(limit) = &link.limit {
         let (low, high) = (q - T::k(limit.lower), T::k(limit.upper) - q);
         let sign = T::select_lt(high, low, -one, one);
         let depth = low.min(high) - T::k(limit.margin);
-        out.limited = !depth.all_ge(z);
-        if !out.limited {
+        work.limited[j] = !depth.all_ge(z);
+        if !work.limited[j] {
             return;
         }
         let imp = impedance(&limit.impedance, depth);

@@ -286,10 +286,10 @@ fn rows_along<T: Real>(tree: &Tree<T::K>, alpha: T, state: &State<T>, work: &Wor
         let a = alpha.fma(step, state.qacc[j]);
         let slip = joint.friction_d.fma(a, joint.friction_bias);
         let loss = joint.frictionloss;
-        g.0 = step.fma(slip.clamp(joint.frictionloss_negative, loss), g.0);
+        g.0 = step.fma(slip.clamp(-loss, loss), g.0);
         let curve = T::select_lt(slip.abs(), loss, joint.friction_d * step, z);
         g.1 = curve.fma(step, g.1);
-        if joint.limited {
+        if work.limited[j] {
             let gap = joint.limit_sign.fma(a, joint.limit_bias);
             let curve = T::select_lt(gap, z, joint.limit_d * step, z);
             g.0 = (joint.limit_sign * curve).fma(gap, g.0);

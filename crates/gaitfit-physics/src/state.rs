@@ -122,18 +122,15 @@ pub(crate) struct JointWork<T> {
     pub armature: T,
     /// Timestep times the damping that the integrator treats implicitly.
     pub implicit: T,
-    /// D of the friction-loss row, minus D times its aref, and the loss with both signs.
+    /// D of the friction-loss row, minus D times its aref.
     pub friction_d: T,
     pub friction_bias: T,
     pub frictionloss: T,
-    pub frictionloss_negative: T,
     /// +1 near the lower limit, −1 near the upper.
     pub limit_sign: T,
     pub limit_d: T,
     /// Minus aref.
     pub limit_bias: T,
-    /// Whether any lane may be beyond the limit.
-    pub limited: bool,
     /// Negative of the rows' torque.
     pub row: T,
     /// Newton step.
@@ -178,6 +175,8 @@ pub struct Work<T> {
     pub(crate) nodes: Vec<Node<T>>,
     pub(crate) segments: Vec<SegmentWork<T>>,
     pub(crate) joints: Vec<JointWork<T>>,
+    /// Whether any lane may be beyond the joint's limit; apart, for it would take a joint a whole vector.
+    pub(crate) limited: Vec<bool>,
     /// Sine and cosine of the joint angles.
     pub(crate) turns: Vec<(T, T)>,
     pub(crate) pairs: Vec<PairWork<T>>,
@@ -223,11 +222,9 @@ impl<T: Real> Work<T> {
             friction_d: z,
             friction_bias: z,
             frictionloss: z,
-            frictionloss_negative: z,
             limit_sign: z,
             limit_d: z,
             limit_bias: z,
-            limited: false,
             row: z,
             step: z,
         };
@@ -247,6 +244,7 @@ impl<T: Real> Work<T> {
             nodes: vec![node; tree.nodes.len()],
             segments: vec![segment; tree.segments.len()],
             joints: vec![joint; tree.joints()],
+            limited: vec![false; tree.joints()],
             turns: vec![(z, z); tree.joints()],
             pairs: vec![PairWork { active: false, friction: [z; 5] }; tree.pairs.len()],
             points: vec![point; tree.points],
