@@ -41,7 +41,7 @@ pub struct PhysicsBench {
     pub isa: Option<Isa>,
     /// Environments, rounded up to whole blocks.
     pub environments: usize,
-    /// Measured repetitions of one control period of the whole batch.
+    /// Measured repetitions of ten control periods of the whole batch.
     pub repetitions: usize,
 }
 
@@ -68,6 +68,8 @@ pub struct PhysicsSpeed {
 
 /// Physics steps in one control period of the benchmark (policy at 50 Hz, physics at 200 Hz).
 const SUBSTEPS: usize = 4;
+/// Control periods that a block runs in one go, as it does in a replay. One would measure the start of threads too.
+const PERIODS: usize = 10;
 /// Dry friction of the benchmark's joints, N·m.
 const FRICTIONLOSS: f64 = 0.2;
 
@@ -111,6 +113,10 @@ pub fn physics(model: &Model, bench: &PhysicsBench) -> Result<PhysicsSpeed, SimE
 struct Batch<T> {
     params: Params<T>,
     state: State<T>,
+}
+
+/// Scratch of one thread.
+struct Scratch<T> {
     work: Work<T>,
     drives: Vec<Drive<T>>,
 }
@@ -144,47 +150,53 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
         for (q, angle) in state.q.iter_mut().zip(&pose) {
             *q = T::lit(*angle);
         }
-        let drives = vec![Drive::zero(); joints];
-        batches.push(std::sync::Mutex::new(Batch { params, state, work: Work::new(&tree), drives }));
+        batches.push(std::sync::Mutex::new(Batch { params, state }));
     }
+    let scratch = || Scratch { work: Work::new(&tree), drives: vec![Drive::zero(); joints] };
+    let period = |scratch: &mut Scratch<T>, batch: &mut Batch<T>, targets: &[T]| {
+        T::control_period(&mut Period {
+            tree: &tree,
+            params: &batch.params,
+            targets,
+            substeps: SUBSTEPS,
+            state: &mut batch.state,
+            work: &mut scratch.work,
+            drives: &mut scratch.drives,
+        });
+    };
+    let targets = |period: usize| -> Vec<T> {
+        let phase = (period as f64 * 0.02 * 2.0 * std::f64::consts::TAU).sin();
+        (0..joints).map(|j| T::lit(pose[j] + lift(j, phase))).collect()
+    };
 
     let mut times = Vec::with_capacity(bench.repetitions);
-    const WARM_UP: usize = 25;
+    const WARM_UP: usize = 3;
     for repetition in 0..bench.repetitions + WARM_UP {
-        let phase = (repetition as f64 * 0.02 * 2.0 * std::f64::consts::TAU).sin();
-        let target: Vec<T> = (0..joints).map(|j| T::lit(pose[j] + lift(j, phase))).collect();
+        let sent: Vec<Vec<T>> = (0..PERIODS).map(|k| targets(repetition * PERIODS + k)).collect();
         let start = Instant::now();
-        pool::for_each(
-            blocks,
-            bench.threads,
-            || (),
-            |(), index| {
-                let Ok(mut guard) = batches[index].lock() else { return };
-                let batch = &mut *guard;
-                T::control_period(&mut Period {
-                    tree: &tree,
-                    params: &batch.params,
-                    targets: &target,
-                    substeps: SUBSTEPS,
-                    state: &mut batch.state,
-                    work: &mut batch.work,
-                    drives: &mut batch.drives,
-                });
-            },
-        );
+        pool::for_each(blocks, bench.threads, scratch, |scratch, index| {
+            let Ok(mut batch) = batches[index].lock() else { return };
+            for targets in &sent {
+                period(scratch, &mut batch, targets);
+            }
+        });
         if repetition >= WARM_UP {
             times.push(start.elapsed().as_secs_f64());
         }
     }
     times.sort_by(f64::total_cmp);
-    let steps = (blocks * T::LANES * SUBSTEPS) as f64;
+    let steps = (blocks * T::LANES * SUBSTEPS * PERIODS) as f64;
+    // One more period, not timed, to look at the contacts.
+    let last = targets((bench.repetitions + WARM_UP) * PERIODS);
+    let mut scratch = scratch();
     let (mut height, mut contacts) = (0.0, 0.0);
     for batch in &batches {
-        let Ok(batch) = batch.lock() else { continue };
+        let Ok(mut batch) = batch.lock() else { continue };
+        period(&mut scratch, &mut batch, &last);
         let mut values = [0.0f32; 16];
         batch.state.base_position[2].store(&mut values);
         height += values[..T::LANES].iter().sum::<f32>() as f64;
-        for stiffness in batch.work.contact_stiffness(&tree) {
+        for stiffness in scratch.work.contact_stiffness(&tree) {
             stiffness.store(&mut values);
             contacts += values[..T::LANES].iter().filter(|&&d| d > 0.0).count() as f64;
         }

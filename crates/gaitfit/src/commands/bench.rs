@@ -12,7 +12,7 @@ const GO2: &str = include_str!("../../../../assets/go2.xml");
 
 /// Environments at once: enough to keep every thread in work, small enough for the caches.
 const ENVIRONMENTS: usize = 1024;
-/// Measured control periods.
+/// Measured repetitions of ten control periods.
 const REPETITIONS: usize = 200;
 
 #[derive(Serialize)]
