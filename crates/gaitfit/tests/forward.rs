@@ -113,6 +113,9 @@ fn wrong_states_are_refused() {
     let mut short = states();
     short.get_mut("qvel").unwrap().0 = vec![3, 12];
     refused(&short, &["qvel has shape [3, 12]", "[2, 18]"]);
+    let mut scalar = states();
+    *scalar.get_mut("qpos").unwrap() = (vec![], vec![0.0]);
+    refused(&scalar, &["qpos has shape []"]);
     let mut nan = states();
     nan.get_mut("qpos").unwrap().1[19 + 4] = f64::NAN;
     refused(&nan, &["qpos[1, 4] is NaN"]);

@@ -10,6 +10,13 @@ use npz::{Array, read, write};
 
 /// Evaluates every state of the input and writes the results, row by row.
 pub fn run(args: &crate::cli::Forward) -> Result<(), Failure> {
+    // Replacing a device or a pipe by a file would break it for every other program.
+    if args.out.exists() && !args.out.is_file() {
+        return Err(Failure::usage(format!(
+            "{}: exists and is not a regular file; name a file to write, for example out.npz",
+            args.out.display()
+        )));
+    }
     let model = robot::read(&args.model, args.lenient, robot::Hold::File)?;
     let states = read(&args.states, &["qpos", "qvel", "ctrl"])?;
     let rows = states.first().map_or(0, |array| array.rows);
@@ -25,6 +32,16 @@ pub fn run(args: &crate::cli::Forward) -> Result<(), Failure> {
         .map_err(|error| Failure::failed(format!("{}: {error}", args.model.display())))?;
     let out = evaluate(&model, &mut forward, rows, qpos, qvel, ctrl)
         .map_err(|(row, error)| Failure::failed(format!("{}: row {row}: {error}", args.states.display())))?;
+    for (name, array) in &out {
+        if let Some(bad) = array.values.iter().position(|value| !value.is_finite()) {
+            let width = array.values.len() / rows.max(1);
+            return Err(Failure::failed(format!(
+                "{}: row {}: {name} overflows; take smaller positions, velocities or controls",
+                args.states.display(),
+                bad / width.max(1)
+            )));
+        }
+    }
     write(&args.out, &out)
 }
 
@@ -37,7 +54,7 @@ fn check(
     args: &crate::cli::Forward,
 ) -> Result<(), Failure> {
     let shown = args.states.display();
-    if array.rows != rows || array.shape[1..].iter().product::<usize>() != width || array.shape.len() != 2 {
+    if array.shape != [rows, width] {
         let shape = &array.shape;
         return Err(Failure::failed(format!(
             "{shown}: {name} has shape {shape:?}, but {} needs [{rows}, {width}]: rows are states, in MuJoCo's \

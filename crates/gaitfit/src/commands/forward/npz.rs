@@ -34,7 +34,15 @@ impl Array {
 /// Reads the arrays called `names`.
 pub fn read(path: &Path, names: &[&str]) -> Result<Vec<Array>, Failure> {
     let shown = path.display();
-    let file = File::open(path).map_err(|error| Failure::failed(format!("cannot read {shown}: {error}")))?;
+    // Asked before opening: a pipe without a writer would hang.
+    if std::fs::metadata(path).is_ok_and(|data| !data.is_file()) {
+        return Err(Failure::failed(format!(
+            "{shown}: not a regular file; name an archive written with numpy.savez"
+        )));
+    }
+    let file = File::open(path).map_err(|error| {
+        Failure::failed(format!("cannot read {shown}: {error}; check the path and the permissions"))
+    })?;
     let mut archive = ZipArchive::new(BufReader::new(file)).map_err(|error| {
         Failure::failed(format!("{shown}: no .npz archive ({error}); write it with numpy.savez"))
     })?;
@@ -52,9 +60,25 @@ pub fn read(path: &Path, names: &[&str]) -> Result<Vec<Array>, Failure> {
             }
             Err(error) => return Err(Failure::failed(format!("{shown}: cannot read `{name}`: {error}"))),
         };
-        arrays.push(array(entry).map_err(|error| Failure::failed(format!("{shown}: `{name}`: {error}")))?);
+        arrays.push(array(entry).map_err(|error| {
+            Failure::failed(format!("{shown}: `{name}`: {}; write it again with numpy.savez", brief(&error)))
+        })?);
     }
     Ok(arrays)
+}
+
+/// An error in a line: a damaged header comes back whole in the parser's message.
+fn brief(error: &Error) -> String {
+    const MOST: usize = 160;
+    if error.kind() == ErrorKind::UnexpectedEof {
+        return "the array is cut short".to_owned();
+    }
+    let text = error.to_string();
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    match line.char_indices().nth(MOST) {
+        Some((end, _)) => format!("{}…", &line[..end]),
+        None => line,
+    }
 }
 
 fn array(entry: impl std::io::Read) -> Result<Array, Error> {
