@@ -37,6 +37,11 @@ pub(crate) fn correlation(a: &[f64], b: &[f64]) -> f64 {
     if aa > 0.0 && bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
 }
 
+/// `value` with so many decimals; what is huge in scientific form, for 1e300 has 300 digits.
+pub(crate) fn decimals(value: f64, decimals: usize) -> String {
+    if value.abs() < 1e9 { format!("{value:.decimals$}") } else { format!("{value:.2e}") }
+}
+
 /// Value below which half of `values` lie (upper median); `None` for none. Reorders `values`.
 pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
     let middle = values.len() / 2;

@@ -1,6 +1,6 @@
 //! Is time increasing and regular, at the stated rate, with new data in every row?
 
-use super::stats::{median, rms};
+use super::stats::{decimals, median, rms};
 use super::{FindingKind, Findings, Severity};
 
 /// An interval this many medians long has lost samples.
@@ -20,7 +20,7 @@ pub(super) fn check(findings: &mut Findings) {
     let backward: Vec<usize> = (0..steps.len()).filter(|&i| steps[i] <= 0.0).collect();
     if let Some(&first) = backward.first() {
         let message = format!(
-            "time goes from {} s to {} s at sample {}{}; cut the log there, or remove the repeated rows",
+            "time goes from {:?} s to {:?} s at sample {}{}; cut the log there, or remove the repeated rows",
             log.time[first],
             log.time[first + 1],
             first + 1,
@@ -44,9 +44,9 @@ pub(super) fn check(findings: &mut Findings) {
             _ => "correct the stated rate, or the time column",
         };
         let message = format!(
-            "the stated rate is {} Hz, but samples are {typical} s apart ({:.4} Hz); {hint}",
+            "the stated rate is {} Hz, but samples are {typical:?} s apart ({} Hz); {hint}",
             log.rate_hz,
-            1.0 / typical
+            decimals(1.0 / typical, 4)
         );
         findings.add(FindingKind::RateMismatch, Severity::Error, &[], None, message);
     }
@@ -55,10 +55,11 @@ pub(super) fn check(findings: &mut Findings) {
     if let Some(&longest) = gaps.iter().max_by(|&&a, &&b| steps[a].total_cmp(&steps[b])) {
         let lost: f64 = gaps.iter().map(|&i| (steps[i] / typical).round() - 1.0).sum();
         let message = format!(
-            "{} gap(s), about {lost} samples lost; the longest is {:.4} s after {} s; use the stretches between \
+            "{} gap(s), about {} samples lost; the longest is {} s after {:?} s; use the stretches between \
              gaps, or resample the log if a held value will do",
             gaps.len(),
-            steps[longest],
+            decimals(lost, 0),
+            decimals(steps[longest], 4),
             log.time[longest]
         );
         let severity =

@@ -1,6 +1,6 @@
 //! Are the values numbers, within limits, in the right unit, and alive?
 
-use super::stats::{deviation, range};
+use super::stats::{decimals, deviation, range};
 use super::{CheckSpec, FindingKind, Findings, Severity};
 use crate::Signal;
 
@@ -92,8 +92,9 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
         let [low, high] = spec.position_limits[name];
         let impossible = signal == Signal::Position && over > POSITION_IMPOSSIBLE;
         let message = format!(
-            "{signal} of {} beyond limits, most {name}, {over:.3} rad outside [{low}, {high}]; {}",
+            "{signal} of {} beyond limits, most {name}, {} rad outside [{low}, {high}]; {}",
             findings.names(&joints),
+            decimals(over, 3),
             if impossible {
                 "check unit (rad), sign, zero and which column is which joint"
             } else if signal == Signal::Target {
@@ -131,8 +132,9 @@ fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
     let limit = spec.velocity_limits[name];
     let impossible = ratio > SPEED_IMPOSSIBLE;
     let message = format!(
-        "velocity of {} beyond limits, most {name} with {speed:.2} of {limit} rad/s; {}",
+        "velocity of {} beyond limits, most {name} with {} of {limit} rad/s; {}",
         findings.names(&joints),
+        decimals(speed, 2),
         if impossible {
             "check the unit (rad/s)"
         } else {
