@@ -85,7 +85,10 @@ impl RunFolder {
         match fs::read_to_string(&path) {
             Ok(text) => Ok(Some(text)),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(Failure::failed(format!("cannot read {}: {error}", path.display()))),
+            Err(error) => Err(Failure::failed(format!(
+                "cannot read {}: {error}; restore it, or start afresh without --resume",
+                path.display()
+            ))),
         }
     }
 

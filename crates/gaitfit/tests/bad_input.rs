@@ -48,6 +48,10 @@ fn settings() {
         ("logs=[]", &["`logs` names no log"]),
         ("optimizer.seeds=0", &["`optimizer.seeds`"]),
         ("name=../up", &["cannot name a run folder"]),
+        ("runs=\"\"", &["`runs` names no folder"]),
+        ("check.rmse_rad=nan", &["`check.rmse_rad`"]),
+        ("simulation.timestep=1e-6", &["`simulation.timestep`", "raise it"]),
+        ("parameter.3.upper=10", &["`delay`", "upper bound"]),
     ] {
         refused(&adapt(runs.path(), &["--set", set]), 2, words);
     }
@@ -87,7 +91,47 @@ fn logs() {
         lines[9] = lines[9].replacen(&cell, "nan", 1);
     });
     refused(&adapt(&runs, &["--set", &set]), 1, &["log.csv", "FL_hip"]);
+
+    // Time in milliseconds under a rate in hertz: the replay would take the rate's word.
+    let set = changed_log(folder.path(), |lines| {
+        for (index, line) in lines.iter_mut().skip(6).enumerate() {
+            if let Some((_, rest)) = line.split_once(',') {
+                *line = format!("{},{rest}", 5 * index);
+            }
+        }
+    });
+    refused(&adapt(&runs, &["--set", &set]), 1, &["log.csv", "rate mismatch", "milliseconds"]);
+
+    // A damaged last time stays a short message.
+    let set = changed_log(folder.path(), |lines| {
+        if let Some((_, rest)) = lines.pop().as_deref().and_then(|line| line.split_once(',')) {
+            lines.push(format!("1e300,{rest}"));
+        }
+    });
+    let output = adapt(&runs, &["--set", &set]);
+    refused(&output, 1, &["time gap"]);
+    assert!(errors(&output).len() < 600, "{}", errors(&output));
     assert!(!runs.exists());
+}
+
+#[test]
+fn a_huge_checkpoint_interval_is_only_long() {
+    let runs = tempfile::tempdir().unwrap();
+    let more = ["--set", "checkpoint_seconds=1e308", "--set", "optimizer.generations=1"];
+    assert_eq!(adapt(runs.path(), &more).status.code(), Some(0));
+}
+
+#[cfg(unix)]
+#[test]
+fn devices_are_neither_read_nor_replaced() {
+    refused(&run(&["adapt", "/dev/zero"]), 2, &["/dev/zero", "not a regular file"]);
+    refused(&run(&["inspect", "/dev/zero"]), 2, &["/dev/zero"]);
+    // A socket stands in for a device here: replacing /dev/null itself would break the machine.
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out");
+    let _socket = std::os::unix::net::UnixListener::bind(&path).unwrap();
+    let path = path.to_str().unwrap();
+    refused(&run(&["forward", "assets/go2.xml", "states.npz", path]), 2, &[path, "not a regular file"]);
 }
 
 #[test]

@@ -5,9 +5,12 @@ use crate::exit::Failure;
 use std::path::Path;
 use toml::{Table, Value};
 
+/// Largest configuration file.
+const MOST_BYTES: u64 = 16 << 20;
+
 /// Reads `path` and applies `sets` (`a.b=c`; list entries by number, `parameter.0.upper=1`).
 pub fn load(path: &Path, sets: &[String]) -> Result<AdaptConfig, Failure> {
-    let text = std::fs::read_to_string(path).map_err(|error| {
+    let text = read(path).map_err(|error| {
         Failure::usage(format!(
             "cannot read the configuration {}: {error}. `gaitfit config` prints one to start from.",
             path.display()
@@ -25,6 +28,19 @@ pub fn load(path: &Path, sets: &[String]) -> Result<AdaptConfig, Failure> {
         })?;
     }
     table.try_into().map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
+}
+
+/// The text of a regular file of moderate size: a pipe would hang, a device would fill the memory.
+fn read(path: &Path) -> std::io::Result<String> {
+    let refuse = |why: &str| std::io::Error::new(std::io::ErrorKind::InvalidInput, why.to_owned());
+    let data = std::fs::metadata(path)?;
+    if !data.is_file() {
+        return Err(refuse("not a regular file"));
+    }
+    if data.len() > MOST_BYTES {
+        return Err(refuse("larger than 16 MiB, no configuration"));
+    }
+    std::fs::read_to_string(path)
 }
 
 /// The paragraph for an error at a place of the file.

@@ -53,7 +53,7 @@ pub fn fit(
     let seconds = || before + begun.elapsed().as_secs_f64();
     let mut progress = Progress::new(config.optimizer.generations, fit.generation());
     let mut saved = Instant::now();
-    let every = Duration::from_secs_f64(config.checkpoint_seconds);
+    let every = Duration::try_from_secs_f64(config.checkpoint_seconds).unwrap_or(Duration::MAX);
     let save = |fit: &Fit<'_>| -> Result<(), Failure> {
         let state = Saved { inputs: inputs.clone(), wall_seconds: seconds(), fit: fit.checkpoint() };
         let text = serde_json::to_vec(&state)

@@ -91,6 +91,7 @@ fn unusable(finding: &Finding) -> bool {
         FindingKind::TooShort,
         FindingKind::NonMonotonicTime,
         FindingKind::TimeGap,
+        FindingKind::RateMismatch,
         FindingKind::NotFinite,
     ];
     finding.severity == Severity::Error && broken.contains(&finding.kind)
@@ -105,7 +106,11 @@ fn with_gains(kp: Option<PerJoint>, kd: Option<PerJoint>) -> ReadOptions {
 }
 
 /// The first entry with a pattern that matches the path, as named or as found, or the file's name.
-fn matching<'a>(gains: &'a [FileGains], named: &str, path: &Path) -> Result<Option<&'a FileGains>, Failure> {
+pub fn matching<'a>(
+    gains: &'a [FileGains],
+    named: &str,
+    path: &Path,
+) -> Result<Option<&'a FileGains>, Failure> {
     let file = path.file_name().map(Path::new);
     for entry in gains {
         for pattern in &entry.files {
@@ -187,7 +192,9 @@ fn recording(trajectory: &Trajectory, path: &Path) -> Result<Recording, Failure>
         }
     }
     if trajectory.len() < 2 {
-        return Err(Failure::failed(format!("{shown}: a single sample cannot be replayed.")));
+        return Err(Failure::failed(format!(
+            "{shown}: a single sample cannot be replayed; record some seconds of motion."
+        )));
     }
     Ok(Recording {
         dt: trajectory.dt(),

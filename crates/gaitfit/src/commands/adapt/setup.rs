@@ -62,7 +62,7 @@ pub fn setup(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -
         .iter()
         .map(|named| read(named, &config.validate_gains))
         .collect::<Result<Vec<_>, _>>()?;
-    let mut warnings = Vec::new();
+    let mut warnings = unused(config, &theta, &validate_logs)?;
     for log in &validate_logs {
         if fit_logs.iter().any(|fitted| fitted.path == log.path) {
             warnings.push(format!("{} is fitted and validated on: its error there proves nothing", log.name));
@@ -84,6 +84,33 @@ pub fn setup(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -
     let costs = config.costs.iter().map(|&name| cost(name, &fit.target)).collect::<Result<Vec<_>, _>>();
     let costs = costs.map_err(|error| Failure::failed(format!("the logs cannot be compared: {error}")))?;
     Ok(Setup { robot_path, model, theta, fit, validate, costs, options: options(config), warnings })
+}
+
+/// Most physics steps a sample, as the replay has it.
+const MOST_SUBSTEPS: usize = 1000;
+/// Longest actuation delay, s, as the replay has it.
+const MOST_DELAY: f64 = 1.0;
+
+/// Settings that name something this run does not have: harmless, or a slip of the pen.
+fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Log]) -> Result<Vec<String>, Failure> {
+    let mut found = Vec::new();
+    let fitted = |name: &String| theta.entries.iter().any(|entry| entry.name == *name);
+    let known = config.truth.keys().map(|name| ("truth", name));
+    for (table, name) in known.chain(config.published.keys().map(|name| ("published", name))) {
+        if !fitted(name) {
+            found.push(format!("[{table}] has `{name}`, which is not fitted"));
+        }
+    }
+    for entry in &config.validate_gains {
+        let mut used = false;
+        for log in validate {
+            used |= logs::matching(std::slice::from_ref(entry), &log.name, &log.path)?.is_some();
+        }
+        if !used {
+            found.push(format!("validate_gains for {:?} matches no validation log", entry.files));
+        }
+    }
+    Ok(found)
 }
 
 fn check(config: &AdaptConfig, path: &Path) -> Result<(), Failure> {
@@ -115,6 +142,10 @@ fn check(config: &AdaptConfig, path: &Path) -> Result<(), Failure> {
         "`simulation.timestep` must be at least 1e-6 s"
     } else if !not_negative(config.simulation.skip_seconds) {
         "`simulation.skip_seconds` must be at least 0"
+    } else if config.runs.is_empty() {
+        "`runs` names no folder; \".\" is the current one"
+    } else if config.check.rmse_rad.is_some_and(|limit| !not_negative(limit)) {
+        "`check.rmse_rad` must be at least 0"
     } else if config.check.rmse_rad.is_some() && config.validate.is_empty() {
         "`check.rmse_rad` needs logs in `validate`"
     } else {
@@ -135,6 +166,20 @@ fn log_set(
     let longest = logs.iter().map(|log| log.recording.dt).fold(0.0, f64::max);
     // A log at 5.001 ms and a step of 5 ms mean one step a sample: a percent is clock error, not a finer rate.
     let substeps = (longest / config.simulation.timestep - 0.01).ceil().max(1.0) as usize;
+    if substeps > MOST_SUBSTEPS {
+        return Err(Failure::usage(format!(
+            "`simulation.timestep` {} s splits a sample of {longest} s into {substeps} steps, more than \
+             {MOST_SUBSTEPS}; raise it (for example --set simulation.timestep=0.001)",
+            config.simulation.timestep
+        )));
+    }
+    let max_delay = theta.largest(Quantity::Delay).unwrap_or(0.0);
+    if max_delay > MOST_DELAY {
+        return Err(Failure::usage(format!(
+            "the `delay` parameter's upper bound is {max_delay} s; at most {MOST_DELAY} s can be replayed: \
+             lower `upper`"
+        )));
+    }
     let options = ReplayOptions {
         substeps,
         preset: match config.simulation.preset {
@@ -142,7 +187,7 @@ fn log_set(
             PresetName::Accurate => Preset::Accurate,
             PresetName::Converged => Preset::Converged,
         },
-        max_delay: theta.largest(Quantity::Delay).unwrap_or(0.0),
+        max_delay,
         isa: None,
     };
     let recordings = logs.iter().map(|log| log.recording.clone()).collect();
