@@ -14,6 +14,8 @@ use crate::error::{ModelError, Place};
 
 /// Bytes of all files together.
 const MAX_BYTES: usize = 16 << 20;
+/// Most attributes of one tag: the parser compares each with every other.
+const MAX_ATTRIBUTES: usize = 1000;
 /// XML nodes of one file (elements, texts and comments).
 const MAX_NODES: u32 = 200_000;
 /// Nesting of elements.
@@ -181,6 +183,13 @@ impl Loader<'_> {
     fn parse(&mut self, name: String, text: String, depth: usize) -> Result<Element, ModelError> {
         let file = self.sources.files.len() as u32;
         self.sources.add(name.clone(), text.clone());
+        if let Some(byte) = crowded_tag(&text) {
+            return Err(ModelError::TooLarge {
+                place: self.sources.place(At { file, byte: byte as u32 }),
+                message: format!("a tag with more than {MAX_ATTRIBUTES} attributes"),
+                remedy: "correct the file at this place".into(),
+            });
+        }
         let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..Default::default() };
         let document = Document::parse_with_options(&text, options).map_err(|error| {
             let pos = error.pos();
@@ -280,4 +289,17 @@ impl Loader<'_> {
 /// One name for one file, so that `a/../x.xml` and `x.xml` are the same include.
 fn canonical(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
+}
+
+/// Where a tag begins that has more attributes than [`MAX_ATTRIBUTES`].
+fn crowded_tag(text: &str) -> Option<usize> {
+    let mut begin = 0;
+    for tag in text.split_inclusive('<') {
+        // Comments and declarations may hold anything.
+        if !tag.starts_with('!') && tag.matches("=\"").count() + tag.matches("='").count() > MAX_ATTRIBUTES {
+            return Some(begin);
+        }
+        begin += tag.len();
+    }
+    None
 }

@@ -203,3 +203,11 @@ fn mutated_robots_never_panic() {
     }
     assert!(accepted > 100 && refused > 1000, "{accepted} accepted, {refused} refused");
 }
+
+#[test]
+fn a_tag_with_a_hundred_thousand_attributes_is_refused_at_once() {
+    let attributes: String = (0..100_000).map(|index| format!(" a{index}=\"1\"")).collect();
+    let error = gaitfit_model::read_mjcf_str(&format!("<mujoco{attributes}/>"), &Default::default());
+    let text = error.err().map(|error| error.to_string()).unwrap_or_default();
+    assert!(text.contains("more than 1000 attributes"), "{text}");
+}
