@@ -3,7 +3,6 @@
 //! Velocities are MuJoCo's: for a floating base linear velocity in world axes, angular velocity in body axes,
 //! then one a joint.
 
-use crate::contact::impedance;
 use crate::smooth::{hinge, inertial, joint_motion, root_motion, smooth};
 use crate::spatial::{Rigid, V6, add6, dot6, zero6};
 use crate::state::{Motion, State, Work};
@@ -248,9 +247,4 @@ fn contact_rows(
             }
         }
     }
-}
-
-/// Impedance of a limit curve, exposed for tests of the curve itself.
-pub fn limit_impedance(tree: &Tree<f64>, joint: usize, violation: f64) -> Option<f64> {
-    tree.links[joint + 1].limit.as_ref().map(|limit| impedance(&limit.impedance, violation))
 }

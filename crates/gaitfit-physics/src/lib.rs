@@ -32,7 +32,7 @@ mod tree;
 mod vec3;
 
 pub use compile::compile;
-pub use dense::{Row, RowKind, bias, constraint_rows, limit_impedance, mass_matrix};
+pub use dense::{Row, RowKind, bias, constraint_rows, mass_matrix};
 pub use drive::{Drive, actuate, delay_taps};
 pub use error::PhysicsError;
 pub use forward::{Evaluation, Forward, acceleration, state_from, state_to};
