@@ -140,7 +140,6 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
     }
     Ok(Tree {
         floating,
-        root_rotation: [k3(IDENTITY[0]), k3(IDENTITY[1]), k3(IDENTITY[2])],
         root_position: k3(if floating { [0.0; 3] } else { model.bodies[0].pos }),
         gravity: k3(model.options.gravity),
         links,

@@ -202,9 +202,9 @@ pub(crate) fn root_motion<T: Real>(tree: &Tree<T::K>, state: &State<T>) -> Motio
         let spin: V6<T> = [rotate(&rotation, state.base_angular), zero3()];
         Motion { rotation, position: zero3(), velocity: spin, acceleration: [a[0], sub(a[1], gravity)] }
     } else {
-        let r = &tree.root_rotation;
+        let (z, one) = (T::zero(), T::lit(1.0));
         Motion {
-            rotation: [k3::<T>(&r[0]), k3::<T>(&r[1]), k3::<T>(&r[2])],
+            rotation: [[one, z, z], [z, one, z], [z, z, one]],
             position: scale(T::lit(-1.0), k3::<T>(&tree.root_position)),
             velocity: zero6(),
             acceleration: [zero3(), scale(T::lit(-1.0), gravity)],

@@ -156,7 +156,6 @@ pub(crate) struct Pair<K> {
 #[derive(Clone, Debug)]
 pub struct Tree<K> {
     pub(crate) floating: bool,
-    pub(crate) root_rotation: [[K; 3]; 3],
     pub(crate) root_position: [K; 3],
     pub(crate) gravity: [K; 3],
     pub(crate) links: Vec<Link<K>>,

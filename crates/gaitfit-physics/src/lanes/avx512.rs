@@ -3,52 +3,55 @@
 #![allow(unsafe_code)] // Intrinsics; see each block's reason.
 
 use core::arch::x86_64::*;
-use core::ops::{Add, Mul, Neg, Sub};
 
-use super::{Isa, Lanes};
+use super::Isa;
 use super::sincos::sin_cos;
-use crate::{Period, Real, control_period};
+use super::x86::{intrinsic, lane_type};
+use crate::{Period, control_period};
 
-/// Sixteen `f32` in one AVX-512 register.
-#[derive(Clone, Copy, Debug)]
-#[repr(transparent)]
-pub struct F32x16(__m512);
-
-/// An intrinsic of the set. Values of this type are only worked on inside functions that were entered after
-/// the set was found on the machine (see [`Lanes::control_period`]).
-macro_rules! intrinsic {
-    ($e:expr) => {
-        // SAFETY: register arithmetic without memory access; the set is present, see above.
-        unsafe { $e }
-    };
-}
-
-impl Add for F32x16 {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, b: Self) -> Self {
-        Self(intrinsic!(_mm512_add_ps(self.0, b.0)))
+lane_type! {
+    /// Sixteen `f32` in one AVX-512 register.
+    F32x16(__m512) of 16:
+    _mm512_add_ps _mm512_sub_ps _mm512_mul_ps _mm512_div_ps _mm512_sqrt_ps _mm512_min_ps _mm512_max_ps
+    _mm512_xor_ps _mm512_andnot_ps _mm512_set1_ps _mm512_loadu_ps _mm512_storeu_ps;
+    Real {
+        #[inline(always)]
+        fn fma(self, b: Self, c: Self) -> Self {
+            Self(intrinsic!(_mm512_fmadd_ps(self.0, b.0, c.0)))
+        }
+        #[inline(always)]
+        fn fnma(self, b: Self, c: Self) -> Self {
+            Self(intrinsic!(_mm512_fnmadd_ps(self.0, b.0, c.0)))
+        }
+        #[inline(always)]
+        fn select_lt(a: Self, b: Self, x: Self, y: Self) -> Self {
+            Self(intrinsic!(_mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a.0, b.0), y.0, x.0)))
+        }
+        #[inline(always)]
+        fn sin_cos(self) -> (Self, Self) {
+            sin_cos(self, round, quarters)
+        }
+        #[inline(always)]
+        fn recip(self) -> Self {
+            // 14 bits and one Newton step: the divider is several times slower.
+            let r = Self(intrinsic!(_mm512_rcp14_ps(self.0)));
+            self.fnma(r, Self::lit(1.0)).fma(r, r)
+        }
+        #[inline(always)]
+        fn all_ge(self, b: Self) -> bool {
+            intrinsic!(_mm512_cmp_ps_mask::<_CMP_GE_OQ>(self.0, b.0) == u16::MAX)
+        }
     }
-}
-impl Sub for F32x16 {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, b: Self) -> Self {
-        Self(intrinsic!(_mm512_sub_ps(self.0, b.0)))
-    }
-}
-impl Mul for F32x16 {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, b: Self) -> Self {
-        Self(intrinsic!(_mm512_mul_ps(self.0, b.0)))
-    }
-}
-impl Neg for F32x16 {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        Self(intrinsic!(_mm512_xor_ps(self.0, _mm512_set1_ps(-0.0))))
+    Lanes {
+        fn control_period(period: &mut Period<'_, Self>) {
+            #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,fma")]
+            fn run(period: &mut Period<'_, F32x16>) {
+                control_period(period);
+            }
+            assert!(Isa::Avx512.available(), "this machine has no AVX-512; ask `Isa::available` first");
+            // SAFETY: the set has just been found on the machine.
+            unsafe { run(period) }
+        }
     }
 }
 
@@ -74,87 +77,4 @@ fn quarters(k: F32x16, s: F32x16, c: F32x16) -> (F32x16, F32x16) {
             F32x16(_mm512_castsi512_ps(_mm512_xor_si512(cosine, cosign))),
         )
     })
-}
-
-impl Real for F32x16 {
-    type K = f32;
-    #[inline(always)]
-    fn constant(x: f64) -> f32 {
-        x as f32
-    }
-    #[inline(always)]
-    fn k(x: f32) -> Self {
-        Self(intrinsic!(_mm512_set1_ps(x)))
-    }
-    #[inline(always)]
-    fn fma(self, b: Self, c: Self) -> Self {
-        Self(intrinsic!(_mm512_fmadd_ps(self.0, b.0, c.0)))
-    }
-    #[inline(always)]
-    fn fnma(self, b: Self, c: Self) -> Self {
-        Self(intrinsic!(_mm512_fnmadd_ps(self.0, b.0, c.0)))
-    }
-    #[inline(always)]
-    fn div(self, b: Self) -> Self {
-        Self(intrinsic!(_mm512_div_ps(self.0, b.0)))
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self(intrinsic!(_mm512_sqrt_ps(self.0)))
-    }
-    #[inline(always)]
-    fn min(self, b: Self) -> Self {
-        Self(intrinsic!(_mm512_min_ps(self.0, b.0)))
-    }
-    #[inline(always)]
-    fn max(self, b: Self) -> Self {
-        Self(intrinsic!(_mm512_max_ps(self.0, b.0)))
-    }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        Self(intrinsic!(_mm512_andnot_ps(_mm512_set1_ps(-0.0), self.0)))
-    }
-    #[inline(always)]
-    fn select_lt(a: Self, b: Self, x: Self, y: Self) -> Self {
-        Self(intrinsic!(_mm512_mask_blend_ps(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a.0, b.0), y.0, x.0)))
-    }
-    #[inline(always)]
-    fn sin_cos(self) -> (Self, Self) {
-        sin_cos(self, round, quarters)
-    }
-    #[inline(always)]
-    fn recip(self) -> Self {
-        // 14 bits and one Newton step: the divider is several times slower.
-        let r = Self(intrinsic!(_mm512_rcp14_ps(self.0)));
-        self.fnma(r, Self::lit(1.0)).fma(r, r)
-    }
-    #[inline(always)]
-    fn all_ge(self, b: Self) -> bool {
-        intrinsic!(_mm512_cmp_ps_mask::<_CMP_GE_OQ>(self.0, b.0) == u16::MAX)
-    }
-}
-
-impl Lanes for F32x16 {
-    const LANES: usize = 16;
-    #[inline(always)]
-    fn load(x: &[f32]) -> Self {
-        let x = &x[..16];
-        // SAFETY: the slice above has 16 elements; unaligned load.
-        Self(unsafe { _mm512_loadu_ps(x.as_ptr()) })
-    }
-    #[inline(always)]
-    fn store(self, x: &mut [f32]) {
-        let x = &mut x[..16];
-        // SAFETY: the slice above has 16 elements; unaligned store.
-        unsafe { _mm512_storeu_ps(x.as_mut_ptr(), self.0) }
-    }
-    fn control_period(period: &mut Period<'_, Self>) {
-        #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,fma")]
-        fn run(period: &mut Period<'_, F32x16>) {
-            control_period(period);
-        }
-        assert!(Isa::Avx512.available(), "this machine has no AVX-512; ask `Isa::available` first");
-        // SAFETY: the set has just been found on the machine.
-        unsafe { run(period) }
-    }
 }

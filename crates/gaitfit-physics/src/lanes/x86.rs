@@ -1,0 +1,109 @@
+//! What the vector types of x86-64 share.
+
+/// An intrinsic of the type's instruction set. Values are only worked on inside functions that were entered
+/// after the set was found on the machine (see [`super::Lanes::control_period`]).
+macro_rules! intrinsic {
+    ($e:expr) => {
+        // SAFETY: register arithmetic without memory access; the set is present, see above.
+        unsafe { $e }
+    };
+}
+pub(super) use intrinsic;
+
+/// A lane type over one register: operators, loads and stores from the named intrinsics, and the methods of
+/// [`crate::Real`] and [`super::Lanes`] that differ from set to set as they are given.
+macro_rules! lane_type {
+    (
+        $(#[$doc:meta])*
+        $name:ident($register:ty) of $lanes:literal:
+        $add:ident $sub:ident $mul:ident $div:ident $sqrt:ident $min:ident $max:ident
+        $xor:ident $andnot:ident $set1:ident $load:ident $store:ident;
+        Real { $($real:tt)* }
+        Lanes { $($own:tt)* }
+    ) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug)]
+        #[repr(transparent)]
+        pub struct $name($register);
+
+        impl core::ops::Add for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn add(self, b: Self) -> Self {
+                Self(intrinsic!($add(self.0, b.0)))
+            }
+        }
+        impl core::ops::Sub for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn sub(self, b: Self) -> Self {
+                Self(intrinsic!($sub(self.0, b.0)))
+            }
+        }
+        impl core::ops::Mul for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn mul(self, b: Self) -> Self {
+                Self(intrinsic!($mul(self.0, b.0)))
+            }
+        }
+        impl core::ops::Neg for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                Self(intrinsic!($xor(self.0, $set1(-0.0))))
+            }
+        }
+
+        impl crate::Real for $name {
+            type K = f32;
+            #[inline(always)]
+            fn constant(x: f64) -> f32 {
+                x as f32
+            }
+            #[inline(always)]
+            fn k(x: f32) -> Self {
+                Self(intrinsic!($set1(x)))
+            }
+            #[inline(always)]
+            fn div(self, b: Self) -> Self {
+                Self(intrinsic!($div(self.0, b.0)))
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                Self(intrinsic!($sqrt(self.0)))
+            }
+            #[inline(always)]
+            fn min(self, b: Self) -> Self {
+                Self(intrinsic!($min(self.0, b.0)))
+            }
+            #[inline(always)]
+            fn max(self, b: Self) -> Self {
+                Self(intrinsic!($max(self.0, b.0)))
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                Self(intrinsic!($andnot($set1(-0.0), self.0)))
+            }
+            $($real)*
+        }
+
+        impl super::Lanes for $name {
+            const LANES: usize = $lanes;
+            #[inline(always)]
+            fn load(x: &[f32]) -> Self {
+                let x = &x[..$lanes];
+                // SAFETY: the slice above has as many elements as the register has lanes; unaligned load.
+                Self(unsafe { $load(x.as_ptr()) })
+            }
+            #[inline(always)]
+            fn store(self, x: &mut [f32]) {
+                let x = &mut x[..$lanes];
+                // SAFETY: the slice above has as many elements as the register has lanes; unaligned store.
+                unsafe { $store(x.as_mut_ptr(), self.0) }
+            }
+            $($own)*
+        }
+    };
+}
+pub(super) use lane_type;
