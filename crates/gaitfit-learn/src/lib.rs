@@ -1,0 +1,12 @@
+//! Learning to walk: networks, PPO, tasks and policy files on the batched simulator.
+//!
+//! Everything is batched: arrays of rows, one row an environment (or an environment and step), row-major, never
+//! an object an environment. Joints are in the order of [`Interface::joints`] and matched to a model by name.
+
+mod interface;
+pub mod network;
+pub mod policy;
+pub mod ppo;
+pub mod task;
+
+pub use interface::{Interface, InterfaceError, Quantity, Term};

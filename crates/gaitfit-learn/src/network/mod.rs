@@ -1,0 +1,1 @@
+//! Fixed multi-layer perceptrons.

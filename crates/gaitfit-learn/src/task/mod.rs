@@ -1,0 +1,1 @@
+//! Tasks: what the robot is asked to do and what it is paid for.
