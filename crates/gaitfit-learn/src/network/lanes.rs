@@ -1,0 +1,120 @@
+//! Elementwise kernels of a layer, compiled for several instruction sets and chosen at run time.
+#![allow(unsafe_code, reason = "a function of a detected instruction set is entered by an unsafe call")]
+
+use super::{Activation, scalar::Scalar};
+
+/// Compiles the body of each function three times (AVX-512, AVX2, the target's baseline) and calls the best that the
+/// processor has. The bodies round every operation, so all three return the same bits.
+macro_rules! dispatched {
+    ($($(#[$doc:meta])* fn $name:ident($($argument:ident: $type:ty),*) $body:block)*) => {$(
+        $(#[$doc])*
+        pub(crate) fn $name<T: Scalar>($($argument: $type),*) {
+            #[inline(always)]
+            fn body<T: Scalar>($($argument: $type),*) $body
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx512f,avx512dq,avx512vl")]
+                fn avx512<T: Scalar>($($argument: $type),*) {
+                    body($($argument),*);
+                }
+                #[target_feature(enable = "avx2")]
+                fn avx2<T: Scalar>($($argument: $type),*) {
+                    body($($argument),*);
+                }
+                if is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl")
+                {
+                    // SAFETY: the three features that the function is compiled for were detected.
+                    return unsafe { avx512($($argument),*) };
+                }
+                if is_x86_feature_detected!("avx2") {
+                    // SAFETY: as above.
+                    return unsafe { avx2($($argument),*) };
+                }
+            }
+            body($($argument),*);
+        }
+    )*};
+}
+
+dispatched! {
+    /// y += b on every row of y: `rows × bias.len()`.
+    fn add_bias(y: &mut [T], bias: &[T]) {
+        for row in y.chunks_exact_mut(bias.len()) {
+            for (y, &b) in row.iter_mut().zip(bias) {
+                *y += b;
+            }
+        }
+    }
+
+    /// y = f(y + b) on every row of y: `rows × bias.len()`.
+    fn add_bias_and_activate(y: &mut [T], bias: &[T], activation: Activation) {
+        match activation {
+            Activation::Elu => {
+                for row in y.chunks_exact_mut(bias.len()) {
+                    for (y, &b) in row.iter_mut().zip(bias) {
+                        let x = *y + b;
+                        let below = x.exponential() - T::ONE;
+                        *y = if x > T::ZERO { x } else { below };
+                    }
+                }
+            }
+            Activation::Relu => {
+                for row in y.chunks_exact_mut(bias.len()) {
+                    for (y, &b) in row.iter_mut().zip(bias) {
+                        let x = *y + b;
+                        // A NaN fails the comparison and stays.
+                        *y = if x < T::ZERO { T::ZERO } else { x };
+                    }
+                }
+            }
+            Activation::Tanh => {
+                for row in y.chunks_exact_mut(bias.len()) {
+                    for (y, &b) in row.iter_mut().zip(bias) {
+                        *y = (*y + b).hyperbolic_tangent();
+                    }
+                }
+            }
+        }
+    }
+
+    /// d *= f′, written by the layer's output h = f(x): ELU′ = h + 1 below 0, tanh′ = 1 − h².
+    fn multiply_by_derivative(d: &mut [T], h: &[T], activation: Activation) {
+        match activation {
+            Activation::Elu => {
+                for (d, &h) in d.iter_mut().zip(h) {
+                    let slope = if h > T::ZERO { T::ONE } else { h + T::ONE };
+                    *d *= slope;
+                }
+            }
+            Activation::Relu => {
+                for (d, &h) in d.iter_mut().zip(h) {
+                    let slope = if h > T::ZERO { T::ONE } else { T::ZERO };
+                    *d *= slope;
+                }
+            }
+            Activation::Tanh => {
+                for (d, &h) in d.iter_mut().zip(h) {
+                    *d *= T::ONE - h * h;
+                }
+            }
+        }
+    }
+
+    /// sums += Σ over the rows of d: `rows × sums.len()`.
+    fn add_column_sums(sums: &mut [T], d: &[T]) {
+        for row in d.chunks_exact(sums.len()) {
+            for (sum, &d) in sums.iter_mut().zip(row) {
+                *sum += d;
+            }
+        }
+    }
+
+    /// sums += terms.
+    fn add(sums: &mut [T], terms: &[T]) {
+        for (sum, &term) in sums.iter_mut().zip(terms) {
+            *sum += term;
+        }
+    }
+}

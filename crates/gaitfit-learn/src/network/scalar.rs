@@ -1,0 +1,98 @@
+//! The two float types a network runs in: `f32` at work, `f64` where its derivatives are checked.
+
+use std::fmt::Debug;
+use std::iter::Sum;
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub};
+
+/// `f32` or `f64`. The elementwise functions are branch-free, so that loops over them vectorise; NaN comes out as NaN.
+pub(crate) trait Scalar:
+    Copy
+    + Debug
+    + Default
+    + PartialOrd
+    + Send
+    + Sync
+    + Sum
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + MulAssign
+{
+    const ZERO: Self;
+    const ONE: Self;
+
+    fn from_f64(x: f64) -> Self;
+    fn to_f64(self) -> f64;
+    /// eˣ; the `f32` form is within 2 units in the last place on [−87, 88] and saturates outside.
+    fn exponential(self) -> Self;
+    /// Hyperbolic tangent; absolute error below 2⁻²² for `f32`.
+    fn hyperbolic_tangent(self) -> Self;
+}
+
+impl Scalar for f64 {
+    const ZERO: Self = 0.0;
+    const ONE: Self = 1.0;
+
+    #[inline(always)]
+    fn from_f64(x: f64) -> Self {
+        x
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
+    #[inline(always)]
+    fn exponential(self) -> Self {
+        self.exp()
+    }
+    #[inline(always)]
+    fn hyperbolic_tangent(self) -> Self {
+        self.tanh()
+    }
+}
+
+impl Scalar for f32 {
+    const ZERO: Self = 0.0;
+    const ONE: Self = 1.0;
+
+    #[inline(always)]
+    fn from_f64(x: f64) -> Self {
+        x as f32
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+
+    /// Cody and Waite (1980): x = n ln 2 + r with ln 2 in two parts, Taylor's series of degree 6 for eʳ, 2ⁿ by its
+    /// bits. Products and sums are rounded one by one, so the bits are the same on every instruction set.
+    #[inline(always)]
+    fn exponential(self) -> Self {
+        // 1.5 × 2²³: adding it leaves the nearest integer in the low bits of the sum.
+        const ROUND: f32 = 12_582_912.0;
+        const LN_2_HIGH: f32 = 0.693_359_4;
+        const LN_2_LOW: f32 = -2.121_944_4e-4;
+        // Selections written so that a NaN fails the comparison and passes through.
+        let x = if self < -87.0 { -87.0 } else { self };
+        let x = if x > 88.0 { 88.0 } else { x };
+        let shifted = x * std::f32::consts::LOG2_E + ROUND;
+        let n = shifted - ROUND;
+        let r = x - n * LN_2_HIGH - n * LN_2_LOW;
+        let mut p = 1.0 / 720.0;
+        for coefficient in [1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0] {
+            p = p * r + coefficient;
+        }
+        p * f32::from_bits((shifted.to_bits() << 23).wrapping_add(127 << 23))
+    }
+
+    /// 1 − 2 / (e²ˣ + 1), from `exponential`.
+    #[inline(always)]
+    fn hyperbolic_tangent(self) -> Self {
+        let x = if self > 10.0 { 10.0 } else { self };
+        1.0 - 2.0 / ((2.0 * x).exponential() + 1.0)
+    }
+}
