@@ -1,12 +1,23 @@
-//! Pictures of what gaitfit measured: the self-contained adaptation report.
+//! Pictures of what gaitfit measured: self-contained reports, pictures of gaits, and 3-D replays.
 //!
-//! The crate knows nothing of simulators or optimisers. Callers fill in plain data ([`report::AdaptReport`]) and
-//! get text back; writing it to disk is theirs.
+//! The crate knows nothing of simulators, optimisers or learning. Callers fill in plain data ([`AdaptReport`],
+//! [`TrainingReport`], [`EvaluationReport`], [`GaitPicture`], [`Replay`]) and get text back; writing it to disk is
+//! theirs.
 
 mod charts;
+pub mod evaluation;
 mod format;
+pub mod gait;
 mod log_picture;
+mod nullable;
+mod page;
+pub mod replay;
 pub mod report;
+pub mod training;
 
+pub use evaluation::EvaluationReport;
+pub use gait::GaitPicture;
 pub use log_picture::{log_picture_svg, log_picture_text};
+pub use replay::Replay;
 pub use report::{AdaptReport, ReportError, render};
+pub use training::TrainingReport;

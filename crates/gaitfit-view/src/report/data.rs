@@ -4,7 +4,7 @@
 //! section out. Names are untrusted: the page escapes them. Joint order is the order given, and every list that
 //! speaks of joints carries their names.
 
-use super::nullable;
+use crate::nullable;
 use serde::{Deserialize, Serialize};
 
 /// Everything `report.html` shows of one adaptation.

@@ -1,9 +1,8 @@
 //! `report.html` of one adaptation: one file that opens offline and asks the network for nothing.
 
+mod adapt;
 mod data;
 mod joints;
-mod nullable;
-mod page;
 mod parameters;
 mod runs;
 mod scores;
@@ -14,9 +13,8 @@ pub use data::{
     PublishedRange, Quantity, Score, Setting, Validation,
 };
 
-use minijinja::value::Serde;
-use minijinja::{AutoEscape, Environment, UndefinedBehavior};
-use page::Page;
+use crate::page;
+use adapt::Page;
 
 /// Why no page came out.
 #[derive(Debug, thiserror::Error)]
@@ -31,10 +29,5 @@ pub enum ReportError {
 /// # Errors
 /// [`ReportError::Template`] if the embedded template cannot be filled in.
 pub fn render(report: &AdaptReport) -> Result<String, ReportError> {
-    let mut environment = Environment::new();
-    // Names of logs and joints come from files: everything is escaped but the crate's own pictures.
-    environment.set_auto_escape_callback(|_| AutoEscape::Html);
-    environment.set_undefined_behavior(UndefinedBehavior::Strict);
-    environment.add_template("adapt.html", include_str!("adapt.html"))?;
-    Ok(environment.get_template("adapt.html")?.render(Serde(Page::new(report)))?)
+    page::render(include_str!("adapt.html"), Page::new(report))
 }

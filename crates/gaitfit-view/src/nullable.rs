@@ -40,3 +40,19 @@ pub mod named {
         Ok(list.into_iter().map(|(name, x)| (name, x.unwrap_or(f64::NAN))).collect())
     }
 }
+
+/// A fixed number of numbers.
+pub mod array {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer, const N: usize>(x: &[f64; N], to: S) -> Result<S::Ok, S::Error> {
+        x.as_slice().serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(from: D) -> Result<[f64; N], D::Error> {
+        let list = Vec::<Option<f64>>::deserialize(from)?;
+        let count = list.len();
+        let numbers: Vec<f64> = list.into_iter().map(|x| x.unwrap_or(f64::NAN)).collect();
+        numbers.try_into().map_err(|_| serde::de::Error::invalid_length(count, &"another number of numbers"))
+    }
+}

@@ -6,11 +6,9 @@ use super::runs::{self, Runs};
 use super::scores::{self, Scores};
 use super::validation::{self, ValidationTable};
 use super::{AdaptReport, Setting};
-use crate::format::{clean, clean_prose, duration};
+use crate::format::{clean, duration};
+use crate::page::{lines, settings};
 use serde::Serialize;
-
-/// Settings and warnings listed at most.
-const MOST_LINES: usize = 500;
 
 /// The whole page.
 #[derive(Serialize)]
@@ -29,24 +27,17 @@ pub(super) struct Page {
     validation: Option<ValidationTable>,
     settings: Vec<Setting>,
     versions: Vec<Setting>,
-    style: &'static str,
-    script: &'static str,
 }
 
 impl Page {
     pub fn new(report: &AdaptReport) -> Page {
-        let names = |list: &[String]| list.iter().take(MOST_LINES).map(|s| clean_prose(s)).collect();
-        let settings = |list: &[Setting]| {
-            let cleaned = |s: &Setting| Setting { name: clean(&s.name), value: clean_prose(&s.value) };
-            list.iter().take(MOST_LINES).map(cleaned).collect()
-        };
         Page {
             title: clean(&report.title),
             robot: clean(&report.robot),
             created: clean(&report.created),
             wall_time: duration(report.wall_seconds),
-            fit_logs: names(&report.fit_logs),
-            warnings: names(&report.warnings),
+            fit_logs: lines(&report.fit_logs),
+            warnings: lines(&report.warnings),
             scores: scores::build(report),
             parameters: parameters::build(&report.parameters),
             comparison: report.comparison.as_ref().and_then(parameters::compare),
@@ -55,8 +46,6 @@ impl Page {
             validation: validation::build(&report.validation),
             settings: settings(&report.settings),
             versions: settings(&report.versions),
-            style: include_str!("style.css"),
-            script: include_str!("script.js"),
         }
     }
 }

@@ -1,0 +1,151 @@
+//! What the report of an evaluation shows, filled in by whoever ran it.
+//!
+//! Conventions as in [`crate::report`]: an unknown number is NaN (shown as "–", `null` in JSON), an empty list
+//! leaves its section out, names are untrusted.
+
+use crate::charts::scale;
+use crate::gait::GaitPicture;
+use crate::nullable;
+use crate::report::Setting;
+use crate::training::Link;
+use serde::{Deserialize, Serialize};
+
+/// Everything the page shows of one evaluated policy.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct EvaluationReport {
+    /// Heading, e.g. the policy's file name.
+    pub title: String,
+    /// Robot and simulator, e.g. `go2, nominal` or `go2, fitted (theta.toml)`.
+    pub robot: String,
+    /// When the evaluation ended, as it is to be printed.
+    pub created: String,
+    /// Wall-clock time, s.
+    #[serde(with = "nullable::scalar")]
+    pub wall_seconds: f64,
+    /// Trajectories with random commands.
+    pub trajectories: u64,
+    /// Length of each, s.
+    #[serde(with = "nullable::scalar")]
+    pub seconds: f64,
+    /// What was measured on them.
+    pub measures: Vec<Measure>,
+    /// Constant-command trials, one a command.
+    pub drift: Vec<Drift>,
+    /// The gait under one command.
+    pub gait: Option<GaitPicture>,
+    /// Which command the gait is of; may be empty.
+    pub gait_caption: String,
+    /// Files beside the report to look at.
+    pub links: Vec<Link>,
+    /// What the reader must know before trusting the numbers.
+    pub warnings: Vec<String>,
+    /// Resolved settings, in the order to print them.
+    pub settings: Vec<Setting>,
+    /// Versions, hashes, hardware.
+    pub versions: Vec<Setting>,
+}
+
+/// A mean over trajectories.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Measure {
+    /// What it is, as it is to be printed.
+    pub name: String,
+    /// Its unit; empty when it has none.
+    pub unit: String,
+    /// The mean.
+    #[serde(with = "nullable::scalar")]
+    pub mean: f64,
+    /// Half-width of the mean's 95 % confidence interval.
+    #[serde(with = "nullable::scalar")]
+    pub ci95: f64,
+    /// The most it may be.
+    pub limit: Option<f64>,
+    /// How it is distributed over trajectories; none for rates.
+    pub histogram: Option<Histogram>,
+}
+
+/// Counts between edges.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Histogram {
+    /// Ascending; one more than counts. What lies beyond the ends is counted in the first and the last bin.
+    #[serde(with = "nullable::list")]
+    pub edges: Vec<f64>,
+    /// Trajectories between each two edges.
+    pub counts: Vec<u64>,
+}
+
+/// Stand, one constant command, stand: where the robot ends, compared with where the command leads.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Drift {
+    /// The command in words, e.g. `+x 0.5 m/s`.
+    pub name: String,
+    /// Forward and left (m/s), yaw rate (rad/s).
+    #[serde(with = "nullable::array")]
+    pub command: [f64; 3],
+    /// Trials averaged.
+    pub trials: u32,
+    /// Trials that ended in a fall.
+    pub falls: u32,
+    /// Mean final error in x (m), y (m), yaw (rad), in the frame of the start.
+    #[serde(with = "nullable::array")]
+    pub error: [f64; 3],
+    /// Standard deviation of each over the trials; NaN with one trial.
+    #[serde(with = "nullable::array")]
+    pub spread: [f64; 3],
+    /// Base positions x, y of one trial over time, m, in the frame of the start.
+    pub path: Vec<[f64; 2]>,
+    /// Where the command leads, in the same frame.
+    pub intended: Vec<[f64; 2]>,
+}
+
+impl Histogram {
+    /// Counts `samples` in `bins` equal bins (at least one) from the smallest to the 99.5th percentile, so that a few
+    /// falls do not squeeze the rest; what is not finite is not counted. Empty without samples.
+    pub fn from_samples(samples: &[f64], bins: usize) -> Histogram {
+        let mut sorted: Vec<f64> = samples.iter().copied().filter(|x| x.is_finite()).collect();
+        sorted.sort_by(f64::total_cmp);
+        let Some(low) = sorted.first().copied() else { return Histogram::default() };
+        let bins = bins.clamp(1, 1000);
+        let high = sorted[(sorted.len() - 1) * 199 / 200];
+        let (low, high) = scale::Scale::linear(Some((low, high)), 0.0, 1.0).domain();
+        let width = (high - low) / bins as f64;
+        let mut counts = vec![0; bins];
+        for x in &sorted {
+            let bin = ((x - low) / width).max(0.0) as usize;
+            counts[bin.min(bins - 1)] += 1;
+        }
+        Histogram { edges: (0..=bins).map(|i| low + i as f64 * width).collect(), counts }
+    }
+}
+
+impl Default for Measure {
+    fn default() -> Self {
+        Measure {
+            name: String::new(),
+            unit: String::new(),
+            mean: f64::NAN,
+            ci95: f64::NAN,
+            limit: None,
+            histogram: None,
+        }
+    }
+}
+
+impl Default for Drift {
+    fn default() -> Self {
+        Drift {
+            name: String::new(),
+            command: [f64::NAN; 3],
+            trials: 0,
+            falls: 0,
+            error: [f64::NAN; 3],
+            spread: [f64::NAN; 3],
+            path: Vec::new(),
+            intended: Vec::new(),
+        }
+    }
+}

@@ -1,0 +1,35 @@
+//! What all report pages share: head, style sheet, read-out script, and the rules of escaping.
+
+use crate::format::{clean, clean_prose};
+use crate::report::{ReportError, Setting};
+use minijinja::value::Serde;
+use minijinja::{AutoEscape, Environment, UndefinedBehavior};
+use serde::Serialize;
+
+/// Settings and warnings listed at most.
+const MOST_LINES: usize = 500;
+
+/// Fills in a template that extends `base.html`.
+pub(crate) fn render(template: &str, page: impl Serialize) -> Result<String, ReportError> {
+    let mut environment = Environment::new();
+    // Names of logs and joints come from files: everything is escaped but the crate's own pictures.
+    environment.set_auto_escape_callback(|_| AutoEscape::Html);
+    environment.set_undefined_behavior(UndefinedBehavior::Strict);
+    environment.add_global("style", include_str!("style.css"));
+    environment.add_global("script", include_str!("script.js"));
+    environment.add_template("base.html", include_str!("base.html"))?;
+    environment.add_template("macros.html", include_str!("macros.html"))?;
+    environment.add_template("page.html", template)?;
+    Ok(environment.get_template("page.html")?.render(Serde(page))?)
+}
+
+/// Sentences fit to print, not too many of them.
+pub(crate) fn lines(list: &[String]) -> Vec<String> {
+    list.iter().take(MOST_LINES).map(|s| clean_prose(s)).collect()
+}
+
+/// Settings fit to print, not too many of them.
+pub(crate) fn settings(list: &[Setting]) -> Vec<Setting> {
+    let cleaned = |s: &Setting| Setting { name: clean(&s.name), value: clean_prose(&s.value) };
+    list.iter().take(MOST_LINES).map(cleaned).collect()
+}

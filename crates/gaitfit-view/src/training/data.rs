@@ -1,0 +1,129 @@
+//! What the report of a training run shows, filled in by whoever ran it.
+//!
+//! Conventions as in [`crate::report`]: an unknown number is NaN (shown as "–", `null` in JSON), an empty list
+//! leaves its section out, names are untrusted.
+
+use crate::gait::GaitPicture;
+use crate::nullable;
+use crate::report::Setting;
+use serde::{Deserialize, Serialize};
+
+/// Everything `report.html` shows of one training run, over one or several seeds.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct TrainingReport {
+    /// Heading, e.g. the name of the run folder.
+    pub title: String,
+    /// Robot and task, e.g. `go2, velocity tracking`.
+    pub robot: String,
+    /// When the run ended, as it is to be printed.
+    pub created: String,
+    /// Wall-clock time of all seeds together, s.
+    #[serde(with = "nullable::scalar")]
+    pub wall_seconds: f64,
+    /// What [`SeedResult`] was measured on, e.g. `10,000 trajectories of 4 s with random commands` or `the last 20
+    /// iterations of training`.
+    pub measured_on: String,
+    /// One a seed, in the order to list them.
+    pub seeds: Vec<SeedCurve>,
+    /// The gait of one policy, e.g. the first seed's.
+    pub gait: Option<GaitPicture>,
+    /// Which policy and command the gait is of; may be empty.
+    pub gait_caption: String,
+    /// Files beside the report to look at.
+    pub links: Vec<Link>,
+    /// Short facts for the head of the page: environments, steps an iteration, action rate, …
+    pub facts: Vec<Setting>,
+    /// What the reader must know before trusting the numbers.
+    pub warnings: Vec<String>,
+    /// The resolved configuration, as the text of its TOML file.
+    pub configuration: String,
+    /// Versions, hashes, hardware.
+    pub versions: Vec<Setting>,
+}
+
+/// One seed: how it ended and how it came there.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SeedCurve {
+    /// The seed.
+    pub seed: u64,
+    /// How it ended.
+    pub result: SeedResult,
+    /// Iteration numbers, ascending; every series has one value for each.
+    pub iteration: Vec<u32>,
+    /// What learning is judged by: mean reward, velocity tracking errors, episode length, fall rate.
+    pub progress: Vec<Series>,
+    /// Terms of the reward, one by one.
+    pub rewards: Vec<Series>,
+    /// Diagnostics of the learner: KL, clip fraction, explained variance, entropy, learning rate, losses.
+    pub diagnostics: Vec<Series>,
+}
+
+/// How one seed ended; what is not known stays NaN.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SeedResult {
+    /// Mean summed reward of a trajectory.
+    #[serde(with = "nullable::scalar")]
+    pub reward: f64,
+    /// Mean linear-velocity tracking error, m/s.
+    #[serde(with = "nullable::scalar")]
+    pub linear_velocity_error: f64,
+    /// Mean angular-velocity tracking error, rad/s.
+    #[serde(with = "nullable::scalar")]
+    pub angular_velocity_error: f64,
+    /// Share of trajectories that ended in a fall, 0 to 1.
+    #[serde(with = "nullable::scalar")]
+    pub fall_rate: f64,
+    /// Iterations done.
+    pub iterations: u32,
+    /// Wall-clock time of this seed, s.
+    #[serde(with = "nullable::scalar")]
+    pub wall_seconds: f64,
+    /// Simulated control steps a second of training, over all environments.
+    #[serde(with = "nullable::scalar")]
+    pub samples_per_second: f64,
+}
+
+/// A number over the iterations. Series of one name are drawn in one chart, whatever the seed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Series {
+    /// What it is, as it is to be printed.
+    pub name: String,
+    /// Its unit; empty when it has none.
+    pub unit: String,
+    /// One value an iteration.
+    #[serde(with = "nullable::list")]
+    pub values: Vec<f64>,
+    /// Draw it on a logarithmic axis (only where all values are positive).
+    pub log: bool,
+    /// A value to reach or to stay below, drawn as a line.
+    pub goal: Option<f64>,
+}
+
+/// A file to look at.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Link {
+    /// What it says.
+    pub text: String,
+    /// A relative path with `/` between its parts, e.g. `seed-1/replay.html`. Anything that leads elsewhere (a
+    /// scheme, an absolute path, `..`) is shown as text only.
+    pub path: String,
+}
+
+impl Default for SeedResult {
+    fn default() -> Self {
+        SeedResult {
+            reward: f64::NAN,
+            linear_velocity_error: f64::NAN,
+            angular_velocity_error: f64::NAN,
+            fall_rate: f64::NAN,
+            iterations: 0,
+            wall_seconds: f64::NAN,
+            samples_per_second: f64::NAN,
+        }
+    }
+}
