@@ -84,6 +84,8 @@ pub struct Period<'a, T: Real> {
     pub params: &'a Params<T>,
     /// Sent position targets, newest first, `taps × joints` (rad).
     pub targets: &'a [T],
+    /// Torques added to the PD torques after their limits, N·m, `substeps × joints`; empty for none.
+    pub disturbance: &'a [T],
     /// Physics steps in the period.
     pub substeps: usize,
     /// Motion state; advanced.
@@ -99,6 +101,12 @@ pub struct Period<'a, T: Real> {
 pub fn control_period<T: Real>(p: &mut Period<'_, T>) {
     for substep in 0..p.substeps {
         pd(&p.tree.settings, p.params, p.state, p.targets, substep, p.substeps, p.drives);
+        if !p.disturbance.is_empty() {
+            let n = p.drives.len();
+            for j in 0..n {
+                p.drives[j].torque = p.drives[j].torque + p.disturbance[substep * n + j];
+            }
+        }
         step(p.tree, p.params, p.drives, p.state, p.work);
     }
 }

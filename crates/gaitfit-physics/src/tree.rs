@@ -191,6 +191,11 @@ impl<K> Tree<K> {
         self.joints() + if self.floating { 6 } else { 0 }
     }
 
+    /// For each compiled contact pair, its index in `Model::pairs`.
+    pub fn model_pairs(&self) -> Vec<usize> {
+        self.pairs.iter().map(|pair| pair.model_pair).collect()
+    }
+
     /// Settings it was compiled with.
     pub fn settings(&self) -> &Settings {
         &self.settings

@@ -158,6 +158,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
             tree: &tree,
             params: &batch.params,
             targets,
+            disturbance: &[],
             substeps: SUBSTEPS,
             state: &mut batch.state,
             work: &mut scratch.work,

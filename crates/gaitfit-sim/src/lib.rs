@@ -1,12 +1,18 @@
 //! Many robots at once: blocks of lanes, threads, PD control, and candidates whose parameters differ.
 
+mod batch;
 mod error;
-mod pool;
+mod motion;
 mod replay;
 mod robot;
+mod robots;
 
 pub mod bench;
+pub mod kinematics;
+pub mod pool;
 
+pub use batch::{Batch, BatchOptions, Tile};
 pub use error::SimError;
+pub use motion::{Motion, Start};
 pub use replay::{JointSignals, Recording, Replay, ReplayOptions};
 pub use robot::RobotParams;

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Runs `work(scratch, piece)` for every piece on `threads` threads, each with its own scratch. Pieces are
 /// taken in order but finish in any order: `work` must not care.
-pub(crate) fn for_each<S>(
+pub fn for_each<S>(
     pieces: usize,
     threads: usize,
     scratch: impl Fn() -> S + Sync,

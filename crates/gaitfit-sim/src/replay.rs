@@ -317,6 +317,7 @@ impl<T: Lanes> Block<T> {
                 tree: &replay.tree,
                 params: &block,
                 targets: &self.history,
+                disturbance: &[],
                 substeps: replay.options.substeps,
                 state: &mut self.state,
                 work: &mut self.work,

@@ -1,0 +1,201 @@
+//! Many floating robots under position targets: what policies are trained, evaluated and logged on.
+
+use gaitfit_model::Model;
+use gaitfit_physics::{Isa, Params, Preset, Settings, Tree, compile, delay_taps};
+
+use crate::motion::Motion;
+use crate::robots::{LaneRobots, Robots};
+use crate::{SimError, Start};
+
+/// How a batch integrates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BatchOptions {
+    /// Time between targets, s.
+    pub control_dt: f64,
+    /// Physics steps per control period.
+    pub substeps: usize,
+    /// Solver effort.
+    pub preset: Preset,
+    /// Largest actuation delay any robot may have, s (sizes the target history).
+    pub max_delay: f64,
+    /// Names of geoms whose positions are reported.
+    pub tracked: Vec<String>,
+    /// Instruction set; `None` takes the machine's best.
+    pub isa: Option<Isa>,
+}
+
+impl Default for BatchOptions {
+    fn default() -> Self {
+        Self {
+            control_dt: 0.02,
+            substeps: 4,
+            preset: Preset::Fast,
+            max_delay: 0.0,
+            tracked: Vec::new(),
+            isa: None,
+        }
+    }
+}
+
+/// Most physics steps in a control period.
+const MAX_SUBSTEPS: usize = 1000;
+/// Longest control period and actuation delay, s.
+const MAX_SECONDS: f64 = 1.0;
+
+/// A compiled robot, from which tiles of environments are made. Robots of a tile may differ in all their
+/// parameters; the tree is one.
+pub struct Batch {
+    model: Model,
+    tree: Tree<f32>,
+    isa: Isa,
+    options: BatchOptions,
+    taps: usize,
+    /// Compiled pairs of the tracked geoms.
+    tracked: Vec<usize>,
+    geoms: Vec<usize>,
+}
+
+impl Batch {
+    /// Compiles `model` for batches.
+    ///
+    /// # Errors
+    /// Options out of range, an instruction set the machine lacks, a tracked geom that touches nothing, or a
+    /// robot that cannot be stepped.
+    pub fn new(model: &Model, options: BatchOptions) -> Result<Self, SimError> {
+        let refuse = |option, value: String, must| Err(SimError::Option { option, value, must });
+        if options.substeps == 0 || options.substeps > MAX_SUBSTEPS {
+            return refuse("substeps", options.substeps.to_string(), "from 1 to 1000");
+        }
+        if !(options.control_dt > 0.0 && options.control_dt <= MAX_SECONDS) {
+            return refuse("control_dt", options.control_dt.to_string(), "above 0 and at most 1 s");
+        }
+        if !(0.0..=MAX_SECONDS).contains(&options.max_delay) {
+            return refuse("max_delay", options.max_delay.to_string(), "from 0 to 1 s");
+        }
+        let isa = options.isa.unwrap_or_else(Isa::best);
+        if !isa.available() {
+            return Err(SimError::Isa { isa: isa.name() });
+        }
+        let settings = Settings {
+            timestep: options.control_dt / options.substeps as f64,
+            ..Settings::new(&model.options, options.preset)
+        };
+        let tree = compile::<f32>(model, &settings)?;
+        let geoms: Vec<usize> = tree.model_pairs().iter().map(|&pair| model.pairs[pair].geom).collect();
+        let mut tracked = Vec::with_capacity(options.tracked.len());
+        for name in &options.tracked {
+            match geoms.iter().position(|&geom| model.geoms[geom].name == *name) {
+                Some(pair) => tracked.push(pair),
+                None => return refuse("a tracked geom", name.clone(), "a geom that may touch the ground"),
+            }
+        }
+        let taps = delay_taps(options.max_delay, options.control_dt, settings.centred);
+        Ok(Self { model: model.clone(), tree, isa, options, taps, tracked, geoms })
+    }
+
+    /// The robot.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// How it integrates.
+    pub fn options(&self) -> &BatchOptions {
+        &self.options
+    }
+
+    /// Instruction set in use.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
+    /// Geoms that may touch the ground, by index in the model, in the order of [`Motion::normal_force`].
+    pub fn contact_geoms(&self) -> &[usize] {
+        &self.geoms
+    }
+
+    /// A motion's arrays for `environments` robots.
+    pub fn motion(&self, environments: usize) -> Motion {
+        Motion::new(environments, self.model.joints.len(), self.geoms.len(), self.tracked.len())
+    }
+
+    /// One tile: a robot for each of `robots`, all at rest at the world's origin until placed.
+    ///
+    /// # Errors
+    /// A delay beyond the batch's `max_delay`.
+    pub fn tile(&self, robots: &[Params<f64>]) -> Result<Tile<'_>, SimError> {
+        let delay = robots.iter().flat_map(|robot| &robot.joints).fold(0.0f64, |most, j| most.max(j.delay));
+        if delay > self.options.max_delay {
+            let must = "at most the batch's max_delay";
+            return Err(SimError::Option { option: "a robot's delay", value: delay.to_string(), must });
+        }
+        let (tree, taps) = (&self.tree, self.taps);
+        let substeps = self.options.substeps;
+        let tracked = &self.tracked;
+        let robots: Box<dyn Robots + '_> = match self.isa {
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => {
+                Box::new(LaneRobots::<gaitfit_physics::F32x16>::new(tree, robots, taps, substeps, tracked))
+            }
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => {
+                Box::new(LaneRobots::<gaitfit_physics::F32x8>::new(tree, robots, taps, substeps, tracked))
+            }
+            _ => {
+                Box::new(LaneRobots::<gaitfit_physics::Portable>::new(tree, robots, taps, substeps, tracked))
+            }
+        };
+        Ok(Tile { robots })
+    }
+}
+
+/// Some environments that one thread advances together.
+pub struct Tile<'a> {
+    robots: Box<dyn Robots + 'a>,
+}
+
+impl Tile<'_> {
+    /// Robots in the tile.
+    pub fn environments(&self) -> usize {
+        self.robots.environments()
+    }
+
+    /// Puts a robot into a state. Before its next target it is taken to have held that target.
+    pub fn place(&mut self, environment: usize, start: &Start) {
+        self.robots.place(environment, start);
+    }
+
+    /// Adds `velocity` (m/s, world frame) to a robot's base.
+    pub fn push(&mut self, environment: usize, velocity: [f32; 3]) {
+        self.robots.push(environment, velocity);
+    }
+
+    /// Advances all robots by one control period and reports their motion.
+    ///
+    /// `targets`: `environments × joints`, rad. `disturbance`: torques added to the motors' after their limits,
+    /// N·m, `substeps × environments × joints`, or empty.
+    pub fn step(&mut self, targets: &[f32], disturbance: &[f32], motion: &mut Motion) {
+        self.robots.step(targets, disturbance, motion);
+    }
+
+    /// Reports the motion without advancing (torques, accelerations and forces are those of the last step).
+    pub fn observe(&self, motion: &mut Motion) {
+        self.robots.observe(motion);
+    }
+
+    /// Everything that changes from step to step, for a checkpoint.
+    pub fn save(&mut self) -> Vec<f32> {
+        self.robots.save()
+    }
+
+    /// Takes up a state that [`Tile::save`] gave, of a tile of the same robots.
+    ///
+    /// # Errors
+    /// A state of another length.
+    pub fn restore(&mut self, saved: &[f32]) -> Result<(), SimError> {
+        if self.robots.restore(saved) {
+            return Ok(());
+        }
+        let must = "as long as this tile's own; it is of another robot, batch size or instruction set";
+        Err(SimError::Option { option: "a saved tile's length", value: saved.len().to_string(), must })
+    }
+}

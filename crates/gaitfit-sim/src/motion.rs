@@ -1,0 +1,63 @@
+//! What a batch of robots shows after a control period.
+
+/// Motion of some environments; every array holds one row an environment, row-major.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Position of the base's origin, m, world frame; `× 3`.
+    pub base_position: Vec<f32>,
+    /// Orientation of the base, wxyz; `× 4`.
+    pub base_quaternion: Vec<f32>,
+    /// Linear velocity of the base's origin, m/s, world frame; `× 3`.
+    pub base_linear: Vec<f32>,
+    /// Angular velocity of the base, rad/s, body frame; `× 3`.
+    pub base_angular: Vec<f32>,
+    /// Joint positions as the encoders report them, rad; `× joints`.
+    pub joint_position: Vec<f32>,
+    /// Joint velocities, rad/s; `× joints`.
+    pub joint_velocity: Vec<f32>,
+    /// Joint accelerations of the last physics step, rad/s²; `× joints`.
+    pub joint_acceleration: Vec<f32>,
+    /// Motor torques of the last physics step, N·m; `× joints`.
+    pub torque: Vec<f32>,
+    /// Normal ground force on each contact geom in the last physics step, N; `× geoms`, in
+    /// [`Batch::contact_geoms`](crate::Batch::contact_geoms) order.
+    pub normal_force: Vec<f32>,
+    /// Centre of each tracked geom at the start of the last physics step, m, world frame; `× tracked × 3`.
+    pub tracked: Vec<f32>,
+}
+
+impl Motion {
+    /// Zeros for `environments` robots.
+    pub fn new(environments: usize, joints: usize, geoms: usize, tracked: usize) -> Self {
+        let rows = |width: usize| vec![0.0; environments * width];
+        Self {
+            base_position: rows(3),
+            base_quaternion: rows(4),
+            base_linear: rows(3),
+            base_angular: rows(3),
+            joint_position: rows(joints),
+            joint_velocity: rows(joints),
+            joint_acceleration: rows(joints),
+            torque: rows(joints),
+            normal_force: rows(geoms),
+            tracked: rows(3 * tracked),
+        }
+    }
+}
+
+/// A state to start from; joint vectors are in model order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Start {
+    /// Position of the base's origin, m, world frame.
+    pub base_position: [f32; 3],
+    /// Orientation of the base, wxyz, unit.
+    pub base_quaternion: [f32; 4],
+    /// Linear velocity of the base's origin, m/s, world frame.
+    pub base_linear: [f32; 3],
+    /// Angular velocity of the base, rad/s, body frame.
+    pub base_angular: [f32; 3],
+    /// True joint angles, rad.
+    pub joint_position: Vec<f32>,
+    /// Joint velocities, rad/s.
+    pub joint_velocity: Vec<f32>,
+}

@@ -1,0 +1,297 @@
+//! The robots of a tile, in blocks of lanes.
+
+use gaitfit_physics::{Drive, Lanes, Params, Period, State, Tree, Work};
+
+use crate::Start;
+use crate::motion::Motion;
+
+/// A tile's robots, whatever the instruction set. See [`crate::Tile`] for the meaning of each call.
+pub(crate) trait Robots: Send {
+    fn environments(&self) -> usize;
+    fn place(&mut self, environment: usize, start: &Start);
+    fn push(&mut self, environment: usize, velocity: [f32; 3]);
+    fn step(&mut self, targets: &[f32], disturbance: &[f32], motion: &mut Motion);
+    fn observe(&self, motion: &mut Motion);
+    fn save(&mut self) -> Vec<f32>;
+    /// Whether the length fits.
+    fn restore(&mut self, saved: &[f32]) -> bool;
+}
+
+/// Widest vector of any instruction set.
+const WIDEST: usize = 16;
+
+struct Block<T> {
+    params: Params<T>,
+    state: State<T>,
+    /// Sent targets, newest first; `taps × joints`.
+    history: Vec<T>,
+    /// Contact forces and places of the last step, as the scratch is shared by the blocks.
+    normal_force: Vec<T>,
+    tracked: Vec<[T; 3]>,
+    torque: Vec<T>,
+    /// Lanes whose target history starts with their next target.
+    fresh: [bool; WIDEST],
+}
+
+pub(crate) struct LaneRobots<'a, T: Lanes> {
+    tree: &'a Tree<f32>,
+    tracked: &'a [usize],
+    environments: usize,
+    substeps: usize,
+    blocks: Vec<Block<T>>,
+    work: Work<T>,
+    drives: Vec<Drive<T>>,
+    disturbance: Vec<T>,
+}
+
+impl<'a, T: Lanes> LaneRobots<'a, T> {
+    pub fn new(
+        tree: &'a Tree<f32>,
+        robots: &[Params<f64>],
+        taps: usize,
+        substeps: usize,
+        tracked: &'a [usize],
+    ) -> Self {
+        let joints = tree.joints();
+        let block = |robots: &[Params<f64>]| {
+            // Lanes beyond the last robot repeat it.
+            let sets: Vec<&Params<f64>> =
+                (0..T::LANES).map(|lane| &robots[lane.min(robots.len() - 1)]).collect();
+            let params = Params::<T>::pack(&sets, |value| {
+                let mut values = [0.0; WIDEST];
+                for (slot, set) in values.iter_mut().zip(&sets) {
+                    *slot = value(set) as f32;
+                }
+                T::load(&values)
+            });
+            Block {
+                params,
+                state: State::new(tree),
+                history: vec![T::zero(); taps * joints],
+                normal_force: vec![T::zero(); tree.model_pairs().len()],
+                tracked: vec![[T::zero(); 3]; tracked.len()],
+                torque: vec![T::zero(); joints],
+                fresh: [true; WIDEST],
+            }
+        };
+        Self {
+            tree,
+            tracked,
+            environments: robots.len(),
+            substeps,
+            blocks: robots.chunks(T::LANES).map(block).collect(),
+            work: Work::new(tree),
+            drives: vec![Drive::zero(); joints],
+            disturbance: Vec::new(),
+        }
+    }
+
+    /// One value a lane from rows of `width` numbers, starting at environment `first`.
+    fn gather(&self, rows: &[f32], first: usize, width: usize, column: usize) -> T {
+        let mut values = [0.0; WIDEST];
+        for (lane, slot) in values.iter_mut().enumerate().take(T::LANES) {
+            let environment = (first + lane).min(self.environments - 1);
+            *slot = rows[environment * width + column];
+        }
+        T::load(&values)
+    }
+
+    fn scatter(&self, value: T, rows: &mut [f32], first: usize, width: usize, column: usize) {
+        let mut values = [0.0; WIDEST];
+        value.store(&mut values);
+        let count = T::LANES.min(self.environments - first);
+        for (lane, value) in values.iter().enumerate().take(count) {
+            rows[(first + lane) * width + column] = *value;
+        }
+    }
+
+    fn report(&self, index: usize, motion: &mut Motion) {
+        let block = &self.blocks[index];
+        let (state, first, joints) = (&block.state, index * T::LANES, self.tree.joints());
+        for k in 0..3 {
+            self.scatter(state.base_position[k], &mut motion.base_position, first, 3, k);
+            self.scatter(state.base_linear[k], &mut motion.base_linear, first, 3, k);
+            self.scatter(state.base_angular[k], &mut motion.base_angular, first, 3, k);
+        }
+        for k in 0..4 {
+            self.scatter(state.base_quaternion[k], &mut motion.base_quaternion, first, 4, k);
+        }
+        for j in 0..joints {
+            let reading = state.q[j] + block.params.joints[j].encoder_bias;
+            self.scatter(reading, &mut motion.joint_position, first, joints, j);
+            self.scatter(state.qd[j], &mut motion.joint_velocity, first, joints, j);
+            self.scatter(state.qacc[j], &mut motion.joint_acceleration, first, joints, j);
+            self.scatter(block.torque[j], &mut motion.torque, first, joints, j);
+        }
+        let geoms = block.normal_force.len();
+        for (k, &force) in block.normal_force.iter().enumerate() {
+            self.scatter(force, &mut motion.normal_force, first, geoms, k);
+        }
+        let width = 3 * block.tracked.len();
+        for (k, place) in block.tracked.iter().enumerate() {
+            for (axis, &coordinate) in place.iter().enumerate() {
+                self.scatter(coordinate, &mut motion.tracked, first, width, 3 * k + axis);
+            }
+        }
+    }
+}
+
+fn set_lane<T: Lanes>(value: &mut T, lane: usize, x: f32) {
+    let mut values = [0.0; WIDEST];
+    value.store(&mut values);
+    values[lane] = x;
+    *value = T::load(&values);
+}
+
+impl<T: Lanes> Block<T> {
+    /// Every number that changes from step to step.
+    fn numbers(&mut self) -> impl Iterator<Item = &mut T> {
+        let state = &mut self.state;
+        let base = state.base_position.iter_mut().chain(&mut state.base_quaternion);
+        let base = base.chain(&mut state.base_linear).chain(&mut state.base_angular);
+        let joints = state.q.iter_mut().chain(&mut state.qd).chain(&mut state.qacc);
+        let last =
+            self.normal_force.iter_mut().chain(self.tracked.iter_mut().flatten()).chain(&mut self.torque);
+        let warm = state.base_acceleration.iter_mut().flatten();
+        base.chain(joints).chain(warm).chain(&mut self.history).chain(last)
+    }
+}
+
+impl<T: Lanes> Robots for LaneRobots<'_, T> {
+    fn environments(&self) -> usize {
+        self.environments
+    }
+
+    fn place(&mut self, environment: usize, start: &Start) {
+        let lane = environment % T::LANES;
+        let block = &mut self.blocks[environment / T::LANES];
+        let state = &mut block.state;
+        for k in 0..3 {
+            set_lane(&mut state.base_position[k], lane, start.base_position[k]);
+            set_lane(&mut state.base_linear[k], lane, start.base_linear[k]);
+            set_lane(&mut state.base_angular[k], lane, start.base_angular[k]);
+            set_lane(&mut state.base_acceleration[0][k], lane, 0.0);
+            set_lane(&mut state.base_acceleration[1][k], lane, 0.0);
+        }
+        for k in 0..4 {
+            set_lane(&mut state.base_quaternion[k], lane, start.base_quaternion[k]);
+        }
+        for j in 0..state.q.len() {
+            set_lane(&mut state.q[j], lane, start.joint_position[j]);
+            set_lane(&mut state.qd[j], lane, start.joint_velocity[j]);
+            set_lane(&mut state.qacc[j], lane, 0.0);
+            set_lane(&mut block.torque[j], lane, 0.0);
+        }
+        for force in &mut block.normal_force {
+            set_lane(force, lane, 0.0);
+        }
+        block.fresh[lane] = true;
+    }
+
+    fn push(&mut self, environment: usize, velocity: [f32; 3]) {
+        let lane = environment % T::LANES;
+        let linear = &mut self.blocks[environment / T::LANES].state.base_linear;
+        for (component, change) in linear.iter_mut().zip(velocity) {
+            let mut values = [0.0; WIDEST];
+            component.store(&mut values);
+            values[lane] += change;
+            *component = T::load(&values);
+        }
+    }
+
+    fn step(&mut self, targets: &[f32], disturbance: &[f32], motion: &mut Motion) {
+        let joints = self.tree.joints();
+        for index in 0..self.blocks.len() {
+            let first = index * T::LANES;
+            let kept = self.blocks[index].history.len() - joints;
+            self.blocks[index].history.copy_within(..kept, joints);
+            for j in 0..joints {
+                let target = self.gather(targets, first, joints, j);
+                self.blocks[index].history[j] = target;
+            }
+            self.disturbance.clear();
+            for substep in disturbance.chunks_exact(joints * self.environments) {
+                for j in 0..joints {
+                    let torque = self.gather(substep, first, joints, j);
+                    self.disturbance.push(torque);
+                }
+            }
+            let block = &mut self.blocks[index];
+            for lane in 0..T::LANES {
+                if std::mem::take(&mut block.fresh[lane]) {
+                    for j in 0..joints {
+                        let mut values = [0.0; WIDEST];
+                        block.history[j].store(&mut values);
+                        for tap in block.history[j..].iter_mut().step_by(joints) {
+                            set_lane(tap, lane, values[lane]);
+                        }
+                    }
+                }
+            }
+            T::control_period(&mut Period {
+                tree: self.tree,
+                params: &block.params,
+                targets: &block.history,
+                disturbance: &self.disturbance,
+                substeps: self.substeps,
+                state: &mut block.state,
+                work: &mut self.work,
+                drives: &mut self.drives,
+            });
+            for (torque, drive) in block.torque.iter_mut().zip(&self.drives) {
+                *torque = drive.torque;
+            }
+            for (pair, force) in block.normal_force.iter_mut().enumerate() {
+                *force = self.work.normal_force(self.tree, pair);
+            }
+            // Places are about the base's origin at the start of the last step, a physics step ago.
+            let h = T::lit(self.tree.settings().timestep);
+            for (place, &pair) in block.tracked.iter_mut().zip(self.tracked) {
+                let center = self.work.pair_center(self.tree, pair);
+                for k in 0..3 {
+                    let origin = h.fnma(block.state.base_linear[k], block.state.base_position[k]);
+                    place[k] = origin + center[k];
+                }
+            }
+            self.report(index, motion);
+        }
+    }
+
+    fn observe(&self, motion: &mut Motion) {
+        for index in 0..self.blocks.len() {
+            self.report(index, motion);
+        }
+    }
+
+    fn save(&mut self) -> Vec<f32> {
+        let mut saved = Vec::new();
+        let mut values = [0.0; WIDEST];
+        for block in &mut self.blocks {
+            for number in block.numbers() {
+                number.store(&mut values);
+                saved.extend(&values[..T::LANES]);
+            }
+            saved.extend(block.fresh[..T::LANES].iter().map(|&fresh| if fresh { 1.0 } else { 0.0 }));
+        }
+        saved
+    }
+
+    fn restore(&mut self, saved: &[f32]) -> bool {
+        let width: usize = self.blocks.iter_mut().map(|block| (block.numbers().count() + 1) * T::LANES).sum();
+        if saved.len() != width {
+            return false;
+        }
+        let mut lanes = saved.chunks_exact(T::LANES);
+        let mut values = [0.0; WIDEST];
+        for block in &mut self.blocks {
+            for (number, saved) in block.numbers().zip(&mut lanes) {
+                values[..T::LANES].copy_from_slice(saved);
+                *number = T::load(&values);
+            }
+            for (fresh, saved) in block.fresh.iter_mut().zip(lanes.next().unwrap_or_default()) {
+                *fresh = *saved != 0.0;
+            }
+        }
+        true
+    }
+}
