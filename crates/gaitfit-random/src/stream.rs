@@ -35,6 +35,8 @@ impl Purpose {
     pub const SHUFFLE: Self = Self(11);
     /// Resampling for confidence intervals.
     pub const BOOTSTRAP: Self = Self(12);
+    /// Pushes.
+    pub const PUSH: Self = Self(13);
 }
 
 /// An address up to the draw: (seed, purpose, environment, step). Holds no state; copy it freely.

@@ -1,1 +1,22 @@
 //! Tasks: what the robot is asked to do and what it is paid for.
+//!
+//! A task is data ([`TaskSettings`]) and a table of small reward functions ([`reward::TERMS`]). A [`Scene`] is a
+//! task on a robot; an [`Environment`] is one tile of its robots, stepped as a batch.
+
+mod command;
+mod environment;
+mod feet;
+mod moment;
+mod observation;
+mod presets;
+mod randomise;
+pub mod reward;
+mod scene;
+mod settings;
+mod start;
+
+pub use environment::{Ended, Environment, Saved};
+pub use moment::{Moment, heading_velocity};
+pub use presets::preset;
+pub use scene::{Scene, SceneError};
+pub use settings::*;

@@ -1,0 +1,411 @@
+//! One tile of robots at a task.
+
+use gaitfit_physics::Robot;
+use gaitfit_random::{Purpose, Stream};
+use gaitfit_sim::{Motion, Tile};
+
+use super::command::{command, within};
+use super::feet::Foot;
+use super::moment::{heading_velocity, up_axis};
+use super::observation::{Context, observe};
+use super::randomise::{nominal, randomised};
+use super::start::start;
+use super::{Moment, Scene, SceneError, reward};
+
+/// Below this norm (m/s, rad/s) a command means standing.
+const STANDING: f32 = 0.1;
+
+/// How an episode stands after a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Ended {
+    /// It goes on.
+    #[default]
+    No,
+    /// The robot fell.
+    Fall,
+    /// Time is up.
+    TimeOut,
+    /// A number is not finite.
+    Diverged,
+}
+
+/// A tile's state for a checkpoint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Saved {
+    /// Everything that is a real number.
+    pub numbers: Vec<f32>,
+    /// Steps since each environment's episode began.
+    pub steps: Vec<u32>,
+}
+
+/// One tile of robots at a task; rows are environments.
+///
+/// Steps are numbered by the caller (one number a control period, never used twice): all draws are functions of
+/// the seed, the environment's number and the step's.
+pub struct Environment<'a> {
+    scene: &'a Scene,
+    seed: u64,
+    /// Number of the tile's first environment.
+    first: u32,
+    tile: Tile<'a>,
+    motion: Motion,
+    steps: Vec<u32>,
+    command: Vec<[f32; 3]>,
+    /// Policy order; `environments × joints`.
+    last_action: Vec<f32>,
+    targets: Vec<f32>,
+    /// `environments × feet`.
+    feet: Vec<Foot>,
+    /// Sum of each reward term since [`Environment::take_terms`].
+    terms: Vec<f64>,
+    /// Commands set from outside are not redrawn.
+    held_commands: bool,
+}
+
+impl<'a> Environment<'a> {
+    /// Environments `first..first + count` of the scene, started at step 0, around `robot` (the nominal one if
+    /// none is given).
+    ///
+    /// # Errors
+    /// A randomisation that leaves no robot.
+    pub fn new(
+        scene: &'a Scene,
+        robot: Option<&Robot>,
+        seed: u64,
+        first: u32,
+        count: usize,
+    ) -> Result<Self, SceneError> {
+        let base = nominal(scene);
+        let base = robot.unwrap_or(&base);
+        let mut robots = Vec::with_capacity(count);
+        for environment in first..first + count as u32 {
+            let model = scene.batch.model();
+            robots.push(randomised(model, base, &scene.settings.randomisation, seed, environment)?);
+        }
+        let joints = scene.joints.len();
+        let mut environment = Self {
+            scene,
+            seed,
+            first,
+            tile: scene.batch.tile(&robots)?,
+            motion: scene.batch.motion(count),
+            steps: vec![0; count],
+            command: vec![[0.0; 3]; count],
+            last_action: vec![0.0; count * joints],
+            targets: vec![0.0; count * scene.batch.model().joints.len()],
+            feet: vec![Foot::default(); count * scene.settings.feet.len()],
+            terms: vec![0.0; scene.rewards.len()],
+            held_commands: false,
+        };
+        for index in 0..count {
+            environment.restart(index, 0);
+        }
+        environment.tile.observe(&mut environment.motion);
+        Ok(environment)
+    }
+
+    /// The nominal robot of a scene with its policy's gains; what `new` takes when given none.
+    pub fn nominal_robot(scene: &Scene) -> Robot {
+        nominal(scene)
+    }
+
+    /// Environments in the tile.
+    pub fn count(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// The tile's motion after the last step.
+    pub fn motion(&self) -> &Motion {
+        &self.motion
+    }
+
+    /// Feet of environment `index`.
+    pub fn feet(&self, index: usize) -> &[Foot] {
+        let feet = self.scene.settings.feet.len();
+        &self.feet[index * feet..(index + 1) * feet]
+    }
+
+    /// Commands, one an environment.
+    pub fn commands(&self) -> &[[f32; 3]] {
+        &self.command
+    }
+
+    /// Position targets sent in the last step, rad, model order; `environments × joints`.
+    pub fn targets(&self) -> &[f32] {
+        &self.targets
+    }
+
+    /// Sets the command of environment `index` and stops drawing commands in this tile.
+    pub fn hold_command(&mut self, index: usize, command: [f32; 3]) {
+        self.command[index] = command;
+        self.held_commands = true;
+    }
+
+    /// Spreads the episodes' ages evenly, so that time-outs do not come in waves.
+    pub fn stagger(&mut self) {
+        let length = self.scene.episode_steps();
+        for (index, steps) in self.steps.iter_mut().enumerate() {
+            let stream = Stream::new(self.seed, Purpose::RESET).environment(self.first + index as u32);
+            // Draws of starts are far below this number.
+            *steps = (stream.uniform(1 << 16) * length as f64) as u32;
+        }
+    }
+
+    /// Sums of the weighted reward terms since the last call, in [`Scene::reward_names`] order.
+    pub fn take_terms(&mut self) -> Vec<f64> {
+        let none = vec![0.0; self.terms.len()];
+        std::mem::replace(&mut self.terms, none)
+    }
+
+    /// Starts a new episode of environment `index` at `step`.
+    fn restart(&mut self, index: usize, step: u32) {
+        let number = self.first + index as u32;
+        self.tile.place(index, &start(self.scene, self.seed, number, step));
+        self.steps[index] = 0;
+        if !self.held_commands {
+            self.command[index] = command(&self.scene.settings.command, self.seed, number, step);
+        }
+        let joints = self.scene.joints.len();
+        self.last_action[index * joints..(index + 1) * joints].fill(0.0);
+        let feet = self.scene.settings.feet.len();
+        self.feet[index * feet..(index + 1) * feet].fill(Foot::default());
+    }
+
+    fn clock(&self, index: usize) -> f32 {
+        let Some(frequency) = self.scene.interface.gait_frequency else { return 0.0 };
+        let time = self.steps[index] as f64 * self.scene.interface.control_dt;
+        (time * frequency).fract() as f32
+    }
+
+    /// Writes the actor's and, if `critic` is not empty, the critic's observations; one row an environment.
+    pub fn observe(&self, step: u32, actor: &mut [f32], critic: &mut [f32]) {
+        let interface = &self.scene.interface;
+        let (width, critic_width) = (interface.observation_width(), interface.critic_width());
+        let joints = self.scene.joints.len();
+        for index in 0..self.count() {
+            let context = Context {
+                command: self.command[index],
+                last_action: &self.last_action[index * joints..(index + 1) * joints],
+                clock: self.clock(index),
+            };
+            let stream = Stream::new(self.seed, Purpose::OBSERVATION_NOISE);
+            let stream = stream.environment(self.first + index as u32).step(step);
+            let row = &mut actor[index * width..(index + 1) * width];
+            observe(self.scene, &interface.observation, &self.motion, index, &context, Some(stream), row);
+            if !critic.is_empty() {
+                let row = &mut critic[index * critic_width..(index + 1) * critic_width];
+                observe(self.scene, &interface.critic_observation, &self.motion, index, &context, None, row);
+            }
+        }
+    }
+
+    /// One control period under `actions` (`environments × joints`, policy order): writes what each environment
+    /// was paid and whether its episode ended. Ended episodes stay where they are until
+    /// [`Environment::begin_episodes`].
+    pub fn step(
+        &mut self,
+        step: u32,
+        actions: &[f32],
+        disturbance: &[f32],
+        reward: &mut [f32],
+        ended: &mut [Ended],
+    ) {
+        let scene = self.scene;
+        let joints = scene.joints.len();
+        let clip = scene.interface.action_clip.map_or(f32::MAX, |clip| clip as f32);
+        for (row, actions) in self.targets.chunks_exact_mut(joints).zip(actions.chunks_exact(joints)) {
+            for (&joint, &action) in scene.joints.iter().zip(actions) {
+                row[joint] =
+                    scene.default_pose[joint] + scene.action_scale[joint] * action.clamp(-clip, clip);
+            }
+        }
+        self.push(step);
+        self.tile.step(&self.targets, disturbance, &mut self.motion);
+        for index in 0..self.count() {
+            self.steps[index] += 1;
+            self.step_feet(index);
+            ended[index] =
+                self.judge(index, &actions[index * joints..(index + 1) * joints], &mut reward[index]);
+        }
+        self.last_action.copy_from_slice(actions);
+        if !self.held_commands {
+            let period = scene.command_steps();
+            for index in 0..self.count() {
+                if self.steps[index].is_multiple_of(period) {
+                    let number = self.first + index as u32;
+                    self.command[index] = command(&scene.settings.command, self.seed, number, step + 1);
+                }
+            }
+        }
+    }
+
+    /// Starts new episodes where they ended; the step that ended them was `step`.
+    pub fn begin_episodes(&mut self, step: u32, ended: &[Ended]) {
+        let mut any = false;
+        for (index, ended) in ended.iter().enumerate() {
+            if *ended != Ended::No {
+                self.restart(index, step + 1);
+                any = true;
+            }
+        }
+        if any {
+            self.tile.observe(&mut self.motion);
+        }
+    }
+
+    fn push(&mut self, step: u32) {
+        let settings = &self.scene.settings.push;
+        let period = (settings.seconds / self.scene.interface.control_dt).round() as u32;
+        if period == 0 || settings.velocity == 0.0 {
+            return;
+        }
+        for index in 0..self.count() {
+            let number = self.first + index as u32;
+            // Robots are pushed at different times.
+            if (step.wrapping_add(number.wrapping_mul(7))) % period == 0 && self.steps[index] > 0 {
+                let stream = Stream::new(self.seed, Purpose::PUSH).environment(number).step(step);
+                let jump = [-settings.velocity, settings.velocity];
+                self.tile.push(index, [within(stream, 0, jump) as f32, within(stream, 1, jump) as f32, 0.0]);
+            }
+        }
+    }
+
+    fn step_feet(&mut self, index: usize) {
+        let scene = self.scene;
+        let feet = scene.foot_geoms.len();
+        let geoms = scene.batch.contact_geoms().len();
+        let dt = scene.interface.control_dt as f32;
+        for (k, &geom) in scene.foot_geoms.iter().enumerate() {
+            let force = self.motion.normal_force[index * geoms + geom];
+            let at = 3 * (index * feet + k);
+            let place = [self.motion.tracked[at], self.motion.tracked[at + 1], self.motion.tracked[at + 2]];
+            let foot = &mut self.feet[index * feet + k];
+            foot.advance(force, place, dt);
+            if self.steps[index] <= 1 {
+                // There was no place before the first step to move from.
+                foot.speed = 0.0;
+            }
+        }
+    }
+
+    fn judge(&mut self, index: usize, action: &[f32], paid: &mut f32) -> Ended {
+        let scene = self.scene;
+        let motion = &self.motion;
+        let joints = scene.start_pose.len();
+        let row = |values: &'_ [f32]| -> std::ops::Range<usize> {
+            let width = values.len() / self.steps.len();
+            index * width..(index + 1) * width
+        };
+        let quaternion = &motion.base_quaternion[row(&motion.base_quaternion)];
+        let linear = &motion.base_linear[row(&motion.base_linear)];
+        let angular = &motion.base_angular[row(&motion.base_angular)];
+        let forces = &motion.normal_force[row(&motion.normal_force)];
+        let up = up_axis(quaternion);
+        let gravity = up.map(|x| -x);
+        let posture = scene.settings.posture;
+        let uprightness = (0..3).map(|k| gravity[k] * posture[k] as f32).sum::<f32>();
+        let height = motion.base_position[3 * index + 2];
+        let finite =
+            linear.iter().chain(angular).chain(quaternion).all(|x| x.is_finite()) && height.is_finite();
+        if !finite {
+            *paid = 0.0;
+            return Ended::Diverged;
+        }
+        let touching = |geoms: &[usize]| geoms.iter().filter(|&&geom| forces[geom] > 1.0).count();
+        let fall = &scene.settings.fall;
+        let fallen = touching(&scene.fall_geoms) > 0
+            || uprightness < (fall.tilt.to_radians().cos() as f32)
+            || height < fall.height as f32;
+        let (policy_joints, feet) = (scene.joints.len(), scene.settings.feet.len());
+        let command = self.command[index];
+        let moment = Moment {
+            scene,
+            command,
+            walking: command.iter().map(|x| x * x).sum::<f32>() > STANDING * STANDING,
+            velocity: heading_velocity(quaternion, linear),
+            angular_velocity: [angular[0], angular[1], angular[2]],
+            yaw_rate: (0..3).map(|k| up[k] * angular[k]).sum(),
+            gravity,
+            uprightness,
+            height,
+            joint_position: &motion.joint_position[joints * index..joints * (index + 1)],
+            joint_velocity: &motion.joint_velocity[joints * index..joints * (index + 1)],
+            joint_acceleration: &motion.joint_acceleration[joints * index..joints * (index + 1)],
+            torque: &motion.torque[joints * index..joints * (index + 1)],
+            action,
+            last_action: &self.last_action[policy_joints * index..policy_joints * (index + 1)],
+            feet: &self.feet[feet * index..feet * (index + 1)],
+            body_contacts: touching(&scene.body_geoms),
+            clock: self.clock(index),
+            fallen,
+        };
+        let mut sum = 0.0;
+        for (&(term, weight), total) in scene.rewards.iter().zip(&mut self.terms) {
+            let value = weight * (reward::TERMS[term].value)(&moment);
+            *total += value as f64;
+            sum += value;
+        }
+        *paid = sum;
+        if !sum.is_finite() {
+            Ended::Diverged
+        } else if fallen {
+            Ended::Fall
+        } else if self.steps[index] >= scene.episode_steps() {
+            Ended::TimeOut
+        } else {
+            Ended::No
+        }
+    }
+
+    /// Horizontal velocity error (m/s) and yaw-rate error (rad/s) of environment `index` against its command.
+    pub fn tracking_error(&self, index: usize) -> [f32; 2] {
+        let quaternion = &self.motion.base_quaternion[4 * index..4 * index + 4];
+        let linear = &self.motion.base_linear[3 * index..3 * index + 3];
+        let angular = &self.motion.base_angular[3 * index..3 * index + 3];
+        let up = up_axis(quaternion);
+        let velocity = heading_velocity(quaternion, linear);
+        let command = self.command[index];
+        let error = [velocity[0] - command[0], velocity[1] - command[1]];
+        let yaw_rate: f32 = (0..3).map(|k| up[k] * angular[k]).sum();
+        [(error[0] * error[0] + error[1] * error[1]).sqrt(), (yaw_rate - command[2]).abs()]
+    }
+
+    /// Everything that changes from step to step.
+    pub fn save(&mut self) -> Saved {
+        let mut numbers = self.tile.save();
+        numbers.extend(self.command.iter().flatten());
+        numbers.extend(&self.last_action);
+        numbers.extend(self.feet.iter().flat_map(Foot::numbers));
+        Saved { numbers, steps: self.steps.clone() }
+    }
+
+    /// Takes up a saved state of the same tile.
+    ///
+    /// # Errors
+    /// A state of another task, robot or batch.
+    pub fn restore(&mut self, saved: &Saved) -> Result<(), SceneError> {
+        let own = 3 * self.command.len() + self.last_action.len() + 8 * self.feet.len();
+        let foreign = SceneError::Setting {
+            setting: "checkpoint".to_owned(),
+            what: "is of another task, robot or number of environments".to_owned(),
+        };
+        let Some(split) = saved.numbers.len().checked_sub(own) else { return Err(foreign) };
+        if saved.steps.len() != self.steps.len() {
+            return Err(foreign);
+        }
+        let (tile, rest) = saved.numbers.split_at(split);
+        self.tile.restore(tile)?;
+        let (commands, rest) = rest.split_at(3 * self.command.len());
+        for (command, saved) in self.command.iter_mut().zip(commands.chunks_exact(3)) {
+            command.copy_from_slice(saved);
+        }
+        let (actions, feet) = rest.split_at(self.last_action.len());
+        self.last_action.copy_from_slice(actions);
+        for (foot, saved) in self.feet.iter_mut().zip(feet.as_chunks::<8>().0) {
+            *foot = Foot::from_numbers(saved);
+        }
+        self.steps.copy_from_slice(&saved.steps);
+        self.tile.observe(&mut self.motion);
+        Ok(())
+    }
+}

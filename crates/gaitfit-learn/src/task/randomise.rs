@@ -1,0 +1,43 @@
+//! The robots of a batch: the nominal one, varied.
+
+use gaitfit_model::Model;
+use gaitfit_physics::{Params, PhysicsError, Robot};
+use gaitfit_random::{Purpose, Stream};
+
+use super::command::within;
+use super::{RandomisationSettings, Scene};
+
+/// The nominal robot with the policy's gains, model order.
+pub(super) fn nominal(scene: &Scene) -> Robot {
+    let mut robot = Robot::nominal(scene.batch.model());
+    for (index, &joint) in scene.joints.iter().enumerate() {
+        robot.kp[joint] = scene.interface.kp[index];
+        robot.kd[joint] = scene.interface.kd[index];
+    }
+    robot
+}
+
+/// Robot `environment` of a randomised batch around `robot`.
+pub(super) fn randomised(
+    model: &Model,
+    robot: &Robot,
+    settings: &RandomisationSettings,
+    seed: u64,
+    environment: u32,
+) -> Result<Params<f64>, PhysicsError> {
+    let stream = Stream::new(seed, Purpose::RANDOMISATION).environment(environment);
+    let mut robot = robot.clone();
+    robot.base_mass += within(stream, 0, settings.base_mass);
+    for (k, shift) in robot.base_com.iter_mut().enumerate() {
+        *shift += within(stream, 1 + k as u32, [-settings.base_com, settings.base_com]);
+    }
+    let (kp, kd) = (within(stream, 4, settings.kp), within(stream, 5, settings.kd));
+    robot.kp.iter_mut().for_each(|gain| *gain *= kp);
+    robot.kd.iter_mut().for_each(|gain| *gain *= kd);
+    robot.friction_scale *= within(stream, 6, settings.floor_friction);
+    let (friction, armature) =
+        (within(stream, 7, settings.frictionloss), within(stream, 8, settings.armature));
+    robot.frictionloss.iter_mut().for_each(|loss| *loss += friction);
+    robot.armature.iter_mut().for_each(|inertia| *inertia += armature);
+    robot.params(model)
+}

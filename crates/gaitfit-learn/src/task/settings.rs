@@ -1,0 +1,196 @@
+//! The settings of a task; every one of them is in the configuration file.
+
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+
+/// A number for each joint by pattern over joint names, for example `"*_hip_joint" = 0.1`; the last match wins.
+pub type JointTable = IndexMap<String, f64>;
+
+/// A closed interval `[smallest, largest]`.
+pub type Interval = [f64; 2];
+
+/// What the robot is asked to do, how it starts and ends, what is randomised, and what it is paid for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TaskSettings {
+    /// Longest episode, s.
+    pub episode_seconds: f64,
+    /// Time between actions, s.
+    pub control_dt: f64,
+    /// Physics steps between actions.
+    pub substeps: usize,
+    /// Names of the geoms that are feet.
+    pub feet: Vec<String>,
+    /// Feet that should move together in the gait, for example the diagonals of a trot; groups alternate.
+    pub gait: Vec<Vec<String>>,
+    /// Direction of gravity in the body frame in the wanted posture, unit: (0, 0, −1) on four legs.
+    pub posture: [f64; 3],
+    /// Height of the base's origin that the rewards want, m.
+    pub height: f64,
+    /// Height of a foot's centre in mid-swing that the rewards want, m.
+    pub swing_height: f64,
+    /// Width of the tracking rewards: exp(−error²/width²); m/s and rad/s.
+    pub tracking_width: f64,
+    /// The policy's interface.
+    pub policy: PolicySettings,
+    /// Commands.
+    pub command: CommandSettings,
+    /// When an episode ends as a fall.
+    pub fall: FallSettings,
+    /// How an episode starts.
+    pub start: StartSettings,
+    /// Half range of the uniform noise on the actor's observation.
+    pub noise: NoiseSettings,
+    /// What differs between the robots.
+    pub randomisation: RandomisationSettings,
+    /// Pushes.
+    pub push: PushSettings,
+    /// Weight of each reward term; a step pays the weight times the term times `control_dt`.
+    pub rewards: IndexMap<String, f64>,
+}
+
+/// How a new policy sees and moves the robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PolicySettings {
+    /// The actor's observation, part by part.
+    pub observation: Vec<crate::Term>,
+    /// The critic's observation, part by part.
+    pub critic_observation: Vec<crate::Term>,
+    /// Pose at action zero, rad.
+    pub default_pose: JointTable,
+    /// Target change per unit action, rad.
+    pub action_scale: f64,
+    /// Position gain, N·m/rad.
+    pub kp: f64,
+    /// Velocity gain, N·m·s/rad.
+    pub kd: f64,
+    /// Frequency of the gait clock, Hz, for policies that observe it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gait_frequency: Option<f64>,
+}
+
+/// Velocity commands in the heading frame, drawn uniformly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CommandSettings {
+    /// Forward, m/s.
+    pub x: Interval,
+    /// To the left, m/s.
+    pub y: Interval,
+    /// Yaw rate, rad/s.
+    pub yaw: Interval,
+    /// Time until the next command, s.
+    pub seconds: f64,
+    /// Share of commands that are zero.
+    pub standing: f64,
+}
+
+/// When an episode ends as a fall.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FallSettings {
+    /// Patterns over names of geoms that must not touch the ground.
+    pub contacts: Vec<String>,
+    /// Angle between wanted and actual posture, degrees.
+    pub tilt: f64,
+    /// Lowest height of the base's origin, m.
+    pub height: f64,
+}
+
+/// How an episode starts: at rest in a pose, plus uniform deviations.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StartSettings {
+    /// Joint angles, rad; the default pose where no pattern matches.
+    pub pose: JointTable,
+    /// Pitch of the base, degrees; −90 is nose up.
+    pub pitch: f64,
+    /// Half range of joint angles about the pose, rad.
+    pub joint_position: f64,
+    /// Half range of joint velocities, rad/s.
+    pub joint_velocity: f64,
+    /// Half range of the base's linear velocity along x and y, m/s.
+    pub linear_velocity: f64,
+    /// Half range of the base's angular velocity, rad/s.
+    pub angular_velocity: f64,
+    /// Half range of roll and pitch about the start's orientation, degrees.
+    pub tilt: f64,
+}
+
+/// Half range of the uniform noise on the actor's observation, before scaling.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseSettings {
+    /// Base angular velocity, rad/s.
+    pub base_angular_velocity: f64,
+    /// Projected gravity.
+    pub projected_gravity: f64,
+    /// Joint position, rad.
+    pub joint_position: f64,
+    /// Joint velocity, rad/s.
+    pub joint_velocity: f64,
+}
+
+/// What differs between the robots, drawn uniformly once a robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RandomisationSettings {
+    /// Mass added to the base, kg.
+    pub base_mass: Interval,
+    /// Shift of the base's centre of mass along each axis: half range, m.
+    pub base_com: f64,
+    /// Factor on all position gains.
+    pub kp: Interval,
+    /// Factor on all velocity gains.
+    pub kd: Interval,
+    /// Factor on the friction between feet and ground.
+    pub floor_friction: Interval,
+    /// Dry friction torque of the joints, N·m.
+    pub frictionloss: Interval,
+    /// Reflected rotor inertia of the joints, kg·m².
+    pub armature: Interval,
+}
+
+/// Pushes: the base's velocity jumps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PushSettings {
+    /// Time between pushes, s; 0 is never.
+    pub seconds: f64,
+    /// Half range of the jump along x and y, m/s.
+    pub velocity: f64,
+}
+
+impl TaskSettings {
+    /// The task as it is evaluated: one command, the nominal robot, no noise, no pushes, a still start.
+    pub fn calm(&self) -> Self {
+        let mut calm = self.clone();
+        calm.noise = NoiseSettings {
+            base_angular_velocity: 0.0,
+            projected_gravity: 0.0,
+            joint_position: 0.0,
+            joint_velocity: 0.0,
+        };
+        calm.randomisation = RandomisationSettings {
+            base_mass: [0.0; 2],
+            base_com: 0.0,
+            kp: [1.0; 2],
+            kd: [1.0; 2],
+            floor_friction: [1.0; 2],
+            frictionloss: [0.0; 2],
+            armature: [0.0; 2],
+        };
+        calm.push = PushSettings { seconds: 0.0, velocity: 0.0 };
+        calm.start = StartSettings {
+            joint_position: 0.0,
+            joint_velocity: 0.0,
+            linear_velocity: 0.0,
+            angular_velocity: 0.0,
+            tilt: 0.0,
+            ..self.start.clone()
+        };
+        calm.command.standing = 0.0;
+        calm
+    }
+}
