@@ -9,6 +9,12 @@ mod network;
 mod normaliser;
 mod scalar;
 mod shape;
+mod tape;
+
+pub(crate) use lanes::{add as add_slices, descend};
+pub(crate) use normaliser::normalise_row;
+pub(crate) use scalar::Scalar;
+pub(crate) use tape::Tape;
 
 pub use activation::Activation;
 pub use network::{Network, Scratch};

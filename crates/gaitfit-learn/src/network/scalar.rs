@@ -29,6 +29,7 @@ pub(crate) trait Scalar:
     fn to_f64(self) -> f64;
     /// eˣ; the `f32` form is within 2 units in the last place on [−87, 88] and saturates outside.
     fn exponential(self) -> Self;
+    fn square_root(self) -> Self;
     /// Hyperbolic tangent; absolute error below 2⁻²² for `f32`.
     fn hyperbolic_tangent(self) -> Self;
 }
@@ -50,6 +51,10 @@ impl Scalar for f64 {
         self.exp()
     }
     #[inline(always)]
+    fn square_root(self) -> Self {
+        self.sqrt()
+    }
+    #[inline(always)]
     fn hyperbolic_tangent(self) -> Self {
         self.tanh()
     }
@@ -66,6 +71,10 @@ impl Scalar for f32 {
     #[inline(always)]
     fn to_f64(self) -> f64 {
         f64::from(self)
+    }
+    #[inline(always)]
+    fn square_root(self) -> Self {
+        self.sqrt()
     }
 
     /// Cody and Waite (1980): x = n ln 2 + r with ln 2 in two parts, Taylor's series of degree 6 for eʳ, 2ⁿ by its

@@ -1,1 +1,20 @@
-//! Proximal policy optimisation.
+//! Proximal policy optimisation: samples of a rollout in, better networks out.
+
+mod adam;
+pub mod bench;
+mod diagnostics;
+mod gae;
+mod learner;
+mod loss;
+mod minibatch;
+mod samples;
+mod settings;
+mod shuffle;
+mod state;
+mod worker;
+
+pub use diagnostics::{Culprit, Diagnostics, UpdateError};
+pub use learner::{Learner, LearnerError};
+pub use samples::{Samples, SamplesError, Widths};
+pub use settings::{Schedule, Settings, SettingsError};
+pub use state::{Scalars, StateError};

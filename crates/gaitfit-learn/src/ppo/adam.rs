@@ -1,0 +1,48 @@
+//! Adam.
+
+use std::ops::Range;
+
+use crate::network::descend;
+
+/// β₁, β₂ and ε of Kingma and Ba (2015), the usual values.
+const BETA_1: f64 = 0.9;
+const BETA_2: f64 = 0.999;
+const EPSILON: f64 = 1e-8;
+
+/// First and second moments of a flat vector of parameters, and the number of steps taken.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Adam {
+    /// m, one a parameter.
+    pub(super) first: Vec<f32>,
+    /// v, one a parameter.
+    pub(super) second: Vec<f32>,
+    /// Steps taken.
+    pub(super) steps: u64,
+}
+
+impl Adam {
+    /// For `size` parameters, before the first step.
+    pub(super) fn new(size: usize) -> Self {
+        Self { first: vec![0.0; size], second: vec![0.0; size], steps: 0 }
+    }
+
+    /// One step (Kingma and Ba 2015, algorithm 1) on several parts of the flat vector: `parts` pairs a range with
+    /// its parameters. The gradient is multiplied by `factor` first. ε is added to √v̂.
+    pub(super) fn step(
+        &mut self,
+        parts: &mut [(Range<usize>, &mut [f32])],
+        gradient: &[f32],
+        factor: f64,
+        learning_rate: f64,
+    ) {
+        self.steps += 1;
+        let t = self.steps.min(i32::MAX as u64) as i32;
+        let (c1, c2) = (1.0 - BETA_1.powi(t), 1.0 - BETA_2.powi(t));
+        let rates =
+            [1.0 - BETA_1, 1.0 - BETA_2, factor, learning_rate / c1, c2.sqrt(), EPSILON].map(|x| x as f32);
+        for (range, parameters) in parts {
+            let (first, second) = (&mut self.first[range.clone()], &mut self.second[range.clone()]);
+            descend(parameters, first, second, &gradient[range.clone()], rates);
+        }
+    }
+}

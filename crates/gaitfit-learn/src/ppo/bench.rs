@@ -1,0 +1,95 @@
+//! Times the update on made-up samples.
+
+use std::time::Instant;
+
+use gaitfit_random::{Purpose, Stream};
+
+use super::{Diagnostics, Learner, LearnerError, Samples, Settings, UpdateError, Widths, loss::HALF_LOG_TAU};
+use crate::network::Scratch;
+
+/// What one timing says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Timing {
+    /// Wall-clock seconds of every timed update, in order.
+    pub seconds: Vec<f64>,
+    /// Diagnostics of the last update.
+    pub diagnostics: Diagnostics,
+}
+
+/// Why there is no timing.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BenchError {
+    /// No learner.
+    #[error(transparent)]
+    Learner(#[from] LearnerError),
+    /// No update.
+    #[error(transparent)]
+    Update(#[from] UpdateError),
+}
+
+/// Samples as a rollout of `learner` would leave them: normal observations and rewards, actions drawn from the actor,
+/// values from the critic, an episode's end about once in 500 steps. `tiles × environments × steps` of them.
+pub fn synthetic(
+    learner: &Learner,
+    tiles: usize,
+    environments: usize,
+    steps: usize,
+    seed: u64,
+) -> Vec<Samples> {
+    let widths = learner.widths();
+    let mut scratch = Scratch::new();
+    let make = |tile: usize| {
+        let mut samples = Samples::new(steps, environments, widths);
+        let rows = samples.rows();
+        let stream = Stream::new(seed, Purpose::EXPLORATION).environment(tile as u32);
+        let normals = |step: u32, out: &mut [f32]| {
+            let mut numbers = vec![0.0; out.len()];
+            stream.step(step).fill_normals(0, &mut numbers);
+            out.iter_mut().zip(&numbers).for_each(|(out, &x)| *out = x as f32);
+        };
+        normals(0, &mut samples.observation);
+        normals(1, &mut samples.critic_observation);
+        normals(2, &mut samples.action);
+        normals(3, &mut samples.reward);
+        normals(4, &mut samples.last_value);
+        learner.actor().forward(rows, &samples.observation, &mut samples.mean, &mut scratch);
+        learner.critic().forward(rows, &samples.critic_observation, &mut samples.value, &mut scratch);
+        for row in 0..rows {
+            let mut log_probability = 0.0;
+            for (c, &log_std) in learner.log_std().iter().enumerate() {
+                let i = row * widths.action + c;
+                let z = samples.action[i];
+                samples.action[i] = samples.mean[i] + z * log_std.exp();
+                log_probability -= 0.5 * z * z + log_std + HALF_LOG_TAU as f32;
+            }
+            samples.log_probability[row] = log_probability;
+            samples.done[row] = if stream.step(5).uniform_f32(row as u32) < 0.002 { 1.0 } else { 0.0 };
+        }
+        samples
+    };
+    (0..tiles).map(make).collect()
+}
+
+/// Times `repeats` updates after one that warms up, on the samples of [`synthetic`].
+///
+/// # Errors
+/// [`BenchError`] for bad settings.
+pub fn time_updates(
+    settings: &Settings,
+    widths: Widths,
+    [tiles, environments, steps]: [usize; 3],
+    threads: usize,
+    repeats: usize,
+) -> Result<Timing, BenchError> {
+    // A fixed rate: the made-up samples are seen again and again, and an adaptive one would run away.
+    let settings = Settings { schedule: super::Schedule::Fixed, learning_rate: 1e-4, ..settings.clone() };
+    let mut learner = Learner::new(settings, widths, 1)?;
+    let mut samples = synthetic(&learner, tiles, environments, steps, 2);
+    let mut timing = Timing { seconds: Vec::new(), diagnostics: learner.update(&mut samples, 0, threads)? };
+    for iteration in 0..repeats {
+        let start = Instant::now();
+        timing.diagnostics = learner.update(&mut samples, iteration as u32 + 1, threads)?;
+        timing.seconds.push(start.elapsed().as_secs_f64());
+    }
+    Ok(timing)
+}

@@ -1,0 +1,178 @@
+//! What PPO may be told.
+
+use serde::{Deserialize, Serialize};
+
+use crate::network::{Activation, Shape};
+
+/// How the learning rate moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Schedule {
+    /// After every minibatch: divided by 1.5 where the KL divergence from the sampling policy exceeds twice
+    /// `desired_kl`, multiplied by 1.5 where it is below half, within `learning_rate_limits`.
+    #[default]
+    Adaptive,
+    /// Constant.
+    Fixed,
+}
+
+/// Settings of the networks and of proximal policy optimisation (Schulman et al. 2017).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Widths of the actor's hidden layers.
+    pub actor_hidden: Vec<usize>,
+    /// Widths of the critic's hidden layers.
+    pub critic_hidden: Vec<usize>,
+    /// Activation of both networks.
+    pub activation: Activation,
+    /// Factor on the actor's first output weights: small, so that the first actions are near 0.
+    pub output_gain: f64,
+    /// Standard deviation of actions at the start, before any learning.
+    pub initial_std: f64,
+    /// Holds the standard deviation at this value instead of learning it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fixed_std: Option<f64>,
+    /// Whether observations are shifted and scaled by their running mean and deviation.
+    pub normalise_observations: bool,
+    /// Whether advantages are shifted and scaled to mean 0 and deviation 1 over the whole rollout.
+    pub normalise_advantage: bool,
+    /// γ, a control step.
+    pub gamma: f64,
+    /// λ of generalised advantage estimation.
+    pub lambda: f64,
+    /// ε: the probability ratio is clipped to 1 ± ε, and the value's change to ± ε.
+    pub clip: f64,
+    /// Whether the value loss is the greater of the clipped and the plain one.
+    pub clipped_value_loss: bool,
+    /// Factor on the value loss.
+    pub value_coefficient: f64,
+    /// Factor on the entropy bonus.
+    pub entropy_coefficient: f64,
+    /// Learning rate of Adam, at the start or always.
+    pub learning_rate: f64,
+    /// How it moves.
+    pub schedule: Schedule,
+    /// KL divergence that the adaptive schedule aims for, nats.
+    pub desired_kl: f64,
+    /// Least and greatest learning rate of the adaptive schedule.
+    pub learning_rate_limits: [f64; 2],
+    /// Limit on the Euclidean norm of the whole gradient (actor, critic and log-std together).
+    pub max_gradient_norm: f64,
+    /// Passes over the samples in an update.
+    pub epochs: usize,
+    /// Gradient steps in a pass.
+    pub minibatches: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            actor_hidden: vec![128; 3],
+            critic_hidden: vec![128; 3],
+            activation: Activation::Elu,
+            output_gain: 0.1,
+            initial_std: 1.0,
+            fixed_std: None,
+            normalise_observations: false,
+            normalise_advantage: true,
+            gamma: 0.99,
+            lambda: 0.95,
+            clip: 0.2,
+            clipped_value_loss: true,
+            value_coefficient: 1.0,
+            entropy_coefficient: 0.01,
+            learning_rate: 1e-3,
+            schedule: Schedule::Adaptive,
+            desired_kl: 0.01,
+            learning_rate_limits: [1e-5, 1e-2],
+            max_gradient_norm: 1.0,
+            epochs: 5,
+            minibatches: 4,
+        }
+    }
+}
+
+/// A setting that cannot be honoured.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("`{name}` is {value}: {remedy}")]
+pub struct SettingsError {
+    /// The setting.
+    pub name: &'static str,
+    /// What it was given.
+    pub value: String,
+    /// What it may be.
+    pub remedy: &'static str,
+}
+
+/// Largest limit on the gradient's norm: its square must stay far from the greatest `f32`.
+const MAX_GRADIENT_NORM: f64 = 1e9;
+
+impl Settings {
+    /// Refuses numbers outside their range.
+    ///
+    /// # Errors
+    /// [`SettingsError`] naming the first bad setting.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        let require = |fine: bool, name: &'static str, value: String, remedy: &'static str| {
+            if fine { Ok(()) } else { Err(SettingsError { name, value, remedy }) }
+        };
+        let positive =
+            |name, x: f64| require(x > 0.0 && x.is_finite(), name, x.to_string(), "give a number above 0");
+        let not_negative = |name, x: f64| {
+            require(x >= 0.0 && x.is_finite(), name, x.to_string(), "give 0 or a number above it")
+        };
+        let fraction = |name, x: f64| require((0.0..=1.0).contains(&x), name, x.to_string(), "give 0 … 1");
+        for (name, hidden) in [("actor_hidden", &self.actor_hidden), ("critic_hidden", &self.critic_hidden)] {
+            require(
+                !hidden.contains(&0),
+                name,
+                format!("{hidden:?}"),
+                "give every layer at least one number",
+            )?;
+        }
+        not_negative("output_gain", self.output_gain)?;
+        positive("initial_std", self.initial_std)?;
+        if let Some(std) = self.fixed_std {
+            positive("fixed_std", std)?;
+        }
+        fraction("gamma", self.gamma)?;
+        fraction("lambda", self.lambda)?;
+        positive("clip", self.clip)?;
+        not_negative("value_coefficient", self.value_coefficient)?;
+        not_negative("entropy_coefficient", self.entropy_coefficient)?;
+        positive("learning_rate", self.learning_rate)?;
+        positive("desired_kl", self.desired_kl)?;
+        let [least, greatest] = self.learning_rate_limits;
+        require(
+            least > 0.0 && least <= greatest && greatest.is_finite(),
+            "learning_rate_limits",
+            format!("{:?}", self.learning_rate_limits),
+            "give two numbers above 0, the lower first",
+        )?;
+        let norm = self.max_gradient_norm;
+        require(
+            norm > 0.0 && norm <= MAX_GRADIENT_NORM,
+            "max_gradient_norm",
+            norm.to_string(),
+            "give a number above 0, at most 1e9",
+        )?;
+        require(self.epochs > 0, "epochs", "0".into(), "give at least 1")?;
+        require(self.minibatches > 0, "minibatches", "0".into(), "give at least 1")
+    }
+
+    /// Shapes of the actor and the critic for rows of these widths.
+    pub fn shapes(&self, widths: super::Widths) -> (Shape, Shape) {
+        let activation = self.activation;
+        let shape = |inputs, hidden: &[usize], outputs| Shape {
+            inputs,
+            hidden: hidden.to_vec(),
+            outputs,
+            activation,
+        };
+        (
+            shape(widths.observation, &self.actor_hidden, widths.action),
+            shape(widths.critic_observation, &self.critic_hidden, 1),
+        )
+    }
+}
