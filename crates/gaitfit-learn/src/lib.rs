@@ -7,6 +7,10 @@ mod interface;
 pub mod network;
 pub mod policy;
 pub mod ppo;
+mod rollout;
 pub mod task;
+mod training;
 
 pub use interface::{Interface, InterfaceError, Quantity, Term};
+pub use rollout::{Divergence, Runner, Tally};
+pub use training::{Iteration, Training, TrainingError, TrainingSettings, widths};

@@ -11,6 +11,7 @@ use super::observation::{Context, observe};
 use super::randomise::{nominal, randomised};
 use super::start::start;
 use super::{Moment, Scene, SceneError, reward};
+use crate::Term;
 
 /// Below this norm (m/s, rad/s) a command means standing.
 const STANDING: f32 = 0.1;
@@ -177,25 +178,28 @@ impl<'a> Environment<'a> {
         (time * frequency).fract() as f32
     }
 
-    /// Writes the actor's and, if `critic` is not empty, the critic's observations; one row an environment.
-    pub fn observe(&self, step: u32, actor: &mut [f32], critic: &mut [f32]) {
-        let interface = &self.scene.interface;
-        let (width, critic_width) = (interface.observation_width(), interface.critic_width());
+    /// Writes the actor's observations, with noise; one row an environment.
+    pub fn observe(&self, step: u32, rows: &mut [f32]) {
+        let stream = Stream::new(self.seed, Purpose::OBSERVATION_NOISE).step(step);
+        self.write_observations(&self.scene.interface.observation, Some(stream), rows);
+    }
+
+    /// Writes the critic's observations, without noise; one row an environment.
+    pub fn observe_critic(&self, rows: &mut [f32]) {
+        self.write_observations(&self.scene.interface.critic_observation, None, rows);
+    }
+
+    fn write_observations(&self, terms: &[Term], noise: Option<Stream>, rows: &mut [f32]) {
         let joints = self.scene.joints.len();
-        for index in 0..self.count() {
+        let width = rows.len() / self.count();
+        for (index, row) in rows.chunks_exact_mut(width).enumerate() {
             let context = Context {
                 command: self.command[index],
                 last_action: &self.last_action[index * joints..(index + 1) * joints],
                 clock: self.clock(index),
             };
-            let stream = Stream::new(self.seed, Purpose::OBSERVATION_NOISE);
-            let stream = stream.environment(self.first + index as u32).step(step);
-            let row = &mut actor[index * width..(index + 1) * width];
-            observe(self.scene, &interface.observation, &self.motion, index, &context, Some(stream), row);
-            if !critic.is_empty() {
-                let row = &mut critic[index * critic_width..(index + 1) * critic_width];
-                observe(self.scene, &interface.critic_observation, &self.motion, index, &context, None, row);
-            }
+            let noise = noise.map(|stream| stream.environment(self.first + index as u32));
+            observe(self.scene, terms, &self.motion, index, &context, noise, row);
         }
     }
 

@@ -1,0 +1,232 @@
+//! A training run: rollouts and updates in turn.
+
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use gaitfit_physics::Robot;
+use gaitfit_sim::pool;
+use serde::{Deserialize, Serialize};
+
+use crate::ppo::{self, Diagnostics, Learner, LearnerError, Samples, UpdateError, Widths};
+use crate::rollout::{Divergence, Runner, Tally};
+use crate::task::{Environment, Scene, SceneError};
+
+/// How much is trained.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrainingSettings {
+    /// Robots.
+    pub environments: usize,
+    /// Control steps of a rollout.
+    pub steps: usize,
+    /// Rollouts and updates.
+    pub iterations: u32,
+}
+
+impl Default for TrainingSettings {
+    fn default() -> Self {
+        Self { environments: 4096, steps: 24, iterations: 300 }
+    }
+}
+
+/// Environments that one thread advances together.
+const TILE: usize = 256;
+/// Most environments, and most samples in a rollout (a sample takes about half a kilobyte).
+const MAX_ENVIRONMENTS: usize = 1 << 20;
+const MAX_SAMPLES: usize = 1 << 26;
+
+/// Why training stopped.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TrainingError {
+    /// A setting out of range.
+    #[error("train.{setting} is {value}; it must be {must}")]
+    Setting {
+        /// Which.
+        setting: &'static str,
+        /// Its value.
+        value: String,
+        /// What it must be.
+        must: String,
+    },
+    /// The task.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The networks.
+    #[error(transparent)]
+    Learner(#[from] LearnerError),
+    /// A robot's state stopped being a number.
+    #[error(
+        "iteration {iteration}: the simulated robot {environment} diverged in step {step} of the rollout (its state \
+         or reward is not finite); the policy is as it was before it. Use smaller gains, more substeps or a smaller \
+         learning rate"
+    )]
+    Diverged {
+        /// Iteration.
+        iteration: u32,
+        /// Number of the environment.
+        environment: usize,
+        /// Step in the rollout.
+        step: usize,
+    },
+    /// The update.
+    #[error("iteration {iteration}: {error}")]
+    Update {
+        /// Iteration.
+        iteration: u32,
+        /// What was not finite.
+        error: UpdateError,
+    },
+}
+
+/// What one iteration did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Iteration {
+    /// Number of the iteration, from 0.
+    pub number: u32,
+    /// Sums over the rollout.
+    pub tally: Tally,
+    /// The update.
+    pub diagnostics: Diagnostics,
+    /// Wall-clock time of the rollout, s.
+    pub rollout_seconds: f64,
+    /// Wall-clock time of the update, s.
+    pub update_seconds: f64,
+}
+
+/// A training run on a scene.
+pub struct Training<'a> {
+    scene: &'a Scene,
+    settings: TrainingSettings,
+    seed: u64,
+    learner: Learner,
+    runners: Vec<Mutex<Runner<'a>>>,
+    iteration: u32,
+}
+
+/// Widths of a scene's rows.
+pub fn widths(scene: &Scene) -> Widths {
+    Widths {
+        observation: scene.interface.observation_width(),
+        critic_observation: scene.interface.critic_width(),
+        action: scene.joints.len(),
+    }
+}
+
+impl<'a> Training<'a> {
+    /// A run from the start. `robot`: what robots are varied around; the nominal one if none is given.
+    ///
+    /// # Errors
+    /// Settings out of range, or robots that cannot be.
+    pub fn new(
+        scene: &'a Scene,
+        robot: Option<&Robot>,
+        settings: &TrainingSettings,
+        learner: Learner,
+        seed: u64,
+    ) -> Result<Self, TrainingError> {
+        let refuse = |setting, value: usize, must: &str| {
+            Err(TrainingError::Setting { setting, value: value.to_string(), must: must.to_owned() })
+        };
+        let TrainingSettings { environments, steps, iterations } = *settings;
+        if environments == 0 || environments > MAX_ENVIRONMENTS {
+            return refuse("environments", environments, "from 1 to 1048576");
+        }
+        if steps == 0 || environments.saturating_mul(steps) > MAX_SAMPLES {
+            return refuse("steps", steps, "at least 1, and times environments at most 67108864");
+        }
+        if u64::from(iterations) * steps as u64 > u64::from(u32::MAX / 2) {
+            return refuse(
+                "iterations",
+                iterations as usize,
+                "such that iterations times steps stays below 2^31",
+            );
+        }
+        let mut runners = Vec::new();
+        for first in (0..environments).step_by(TILE) {
+            let count = TILE.min(environments - first);
+            let mut environment = Environment::new(scene, robot, seed, first as u32, count)?;
+            environment.stagger();
+            let samples = Samples::new(steps, count, widths(scene));
+            runners.push(Mutex::new(Runner::new(environment, first as u32, samples)));
+        }
+        Ok(Self { scene, settings: settings.clone(), seed, learner, runners, iteration: 0 })
+    }
+
+    /// A learner with new networks for a scene.
+    ///
+    /// # Errors
+    /// PPO settings out of range.
+    pub fn fresh_learner(scene: &Scene, ppo: &ppo::Settings, seed: u64) -> Result<Learner, TrainingError> {
+        Ok(Learner::new(ppo.clone(), widths(scene), seed)?)
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
+    /// The learner.
+    pub fn learner(&self) -> &Learner {
+        &self.learner
+    }
+
+    /// Iterations done.
+    pub fn iteration(&self) -> u32 {
+        self.iteration
+    }
+
+    /// Whether all iterations are done.
+    pub fn finished(&self) -> bool {
+        self.iteration >= self.settings.iterations
+    }
+
+    /// One rollout of all environments and one update. The result depends on the number of threads in nothing
+    /// but time.
+    ///
+    /// # Errors
+    /// A number that is not finite, anywhere; the learner then holds the last finite parameters.
+    pub fn iterate(&mut self, threads: usize) -> Result<Iteration, TrainingError> {
+        let number = self.iteration;
+        let begin = Instant::now();
+        // Step 0 is the start of the very first episodes.
+        let first_step = number * self.settings.steps as u32 + 1;
+        let divergences: Mutex<Vec<(usize, Divergence)>> = Mutex::new(Vec::new());
+        pool::for_each(
+            self.runners.len(),
+            threads,
+            || (),
+            |(), tile| {
+                let mut runner = self.runners[tile].lock().unwrap_or_else(PoisonError::into_inner);
+                if let Err(divergence) = runner.rollout(&self.learner, self.seed, first_step) {
+                    divergences.lock().unwrap_or_else(PoisonError::into_inner).push((tile, divergence));
+                }
+            },
+        );
+        let divergences = divergences.into_inner().unwrap_or_else(PoisonError::into_inner);
+        if let Some((tile, divergence)) = divergences.into_iter().min_by_key(|(tile, _)| *tile) {
+            return Err(TrainingError::Diverged {
+                iteration: number,
+                environment: tile * TILE + divergence.environment,
+                step: divergence.step,
+            });
+        }
+        let rollout_seconds = begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
+        let mut tally = Tally::default();
+        let mut samples = Vec::with_capacity(self.runners.len());
+        for runner in &mut self.runners {
+            let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
+            tally.add(&runner.tally);
+            let empty = Samples::new(0, 0, runner.samples.widths);
+            samples.push(std::mem::replace(&mut runner.samples, empty));
+        }
+        let updated = self.learner.update(&mut samples, number, threads);
+        for (runner, samples) in self.runners.iter_mut().zip(samples) {
+            runner.get_mut().unwrap_or_else(PoisonError::into_inner).samples = samples;
+        }
+        let diagnostics = updated.map_err(|error| TrainingError::Update { iteration: number, error })?;
+        self.iteration += 1;
+        let update_seconds = begin.elapsed().as_secs_f64();
+        Ok(Iteration { number, tally, diagnostics, rollout_seconds, update_seconds })
+    }
+}
