@@ -1,6 +1,8 @@
 //! What a policy sees and what its outputs mean: the contract between a network, a robot and a simulator.
 
+use gaitfit_model::Model;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// A quantity that a policy may observe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -99,6 +101,13 @@ pub struct Interface {
 #[error("{0}")]
 pub struct InterfaceError(pub String);
 
+/// Most joints, and most terms of an observation.
+const MOST_JOINTS: usize = 256;
+/// Longest name of a robot or a joint, bytes.
+const LONGEST_NAME: usize = 200;
+/// Largest magnitude of any number of an interface; beyond it lies no robot, and single precision overflows.
+const LARGEST: f64 = 1e6;
+
 impl Interface {
     /// Numbers in the actor's observation.
     pub fn observation_width(&self) -> usize {
@@ -109,8 +118,188 @@ impl Interface {
     pub fn critic_width(&self) -> usize {
         width(&self.critic_observation, self.joints.len())
     }
+
+    /// Where each term of the actor's observation lies.
+    pub fn observation_layout(&self) -> Vec<(Quantity, Range<usize>)> {
+        layout(&self.observation, self.joints.len())
+    }
+
+    /// Where each term of the critic's observation lies.
+    pub fn critic_layout(&self) -> Vec<(Quantity, Range<usize>)> {
+        layout(&self.critic_observation, self.joints.len())
+    }
+
+    /// The terms' scales, one for each number of `observation` (see [`Term::scale`]), for example of
+    /// `self.observation`. A scale of neither one number nor the term's width, which [`Interface::check`]
+    /// refuses, counts as 1.
+    pub fn scales(&self, observation: &[Term]) -> Vec<f32> {
+        let mut scales = Vec::new();
+        for term in observation {
+            let width = term.quantity.width(self.joints.len());
+            match term.scale[..] {
+                [one] => scales.extend(std::iter::repeat_n(one, width)),
+                _ if term.scale.len() == width => scales.extend(&term.scale),
+                _ => scales.extend(std::iter::repeat_n(1.0, width)),
+            }
+        }
+        scales
+    }
+
+    /// Sentence part for errors: `45 numbers (3 base_angular_velocity + 3 projected_gravity + …)`.
+    pub fn describe(&self, observation: &[Term]) -> String {
+        let joints = self.joints.len();
+        let parts: Vec<String> = observation
+            .iter()
+            .map(|term| format!("{} {}", term.quantity.width(joints), term.quantity.name()))
+            .collect();
+        format!("{} numbers ({})", width(observation, joints), parts.join(" + "))
+    }
+
+    /// Checks the interface against itself: names, lengths, signs, sizes.
+    ///
+    /// # Errors
+    /// The first contradiction, with the field's name and what would be right.
+    pub fn check(&self) -> Result<(), InterfaceError> {
+        self.check_names()?;
+        let joints = self.joints.len();
+        let per_joint = [
+            ("default_pose", &self.default_pose),
+            ("action_scale", &self.action_scale),
+            ("kp", &self.kp),
+            ("kd", &self.kd),
+        ];
+        for (name, values) in per_joint {
+            if values.len() != joints {
+                let found = values.len();
+                return Err(InterfaceError(format!(
+                    "{name} has {found} numbers for {joints} joints; give one a joint, in the order of joints"
+                )));
+            }
+            for (joint, &value) in self.joints.iter().zip(values) {
+                let gain = name == "kp" || name == "kd";
+                if !(value.is_finite() && value.abs() <= LARGEST) || gain && value < 0.0 {
+                    let kind = if gain { "a finite number, not negative" } else { "a finite number" };
+                    return Err(InterfaceError(format!("{name} of {joint} is {value}; give {kind}")));
+                }
+            }
+        }
+        if self.kp.iter().all(|&kp| kp == 0.0) {
+            return Err(InterfaceError("kp is zero for every joint: no action would have an effect".into()));
+        }
+        positive("control_dt", Some(self.control_dt))?;
+        positive("action_clip", self.action_clip)?;
+        positive("gait_frequency", self.gait_frequency)?;
+        if self.observation.is_empty() {
+            return Err(InterfaceError("the observation has no terms; list what the policy sees".into()));
+        }
+        self.check_terms("observation", &self.observation)?;
+        self.check_terms("critic_observation", &self.critic_observation)
+    }
+
+    fn check_names(&self) -> Result<(), InterfaceError> {
+        let joints = self.joints.len();
+        if joints == 0 || joints > MOST_JOINTS {
+            return Err(InterfaceError(format!("{joints} joints; give between 1 and {MOST_JOINTS}")));
+        }
+        for name in std::iter::once(&self.robot).chain(&self.joints) {
+            if name.is_empty() || name.len() > LONGEST_NAME || name.chars().any(char::is_control) {
+                let shown: String = name.chars().take(40).flat_map(char::escape_debug).collect();
+                return Err(InterfaceError(format!(
+                    "`{shown}` names no robot or joint; give 1 to {LONGEST_NAME} printable bytes"
+                )));
+            }
+        }
+        let twice = (1..joints).find(|&index| self.joints[..index].contains(&self.joints[index]));
+        twice.map_or(Ok(()), |index| {
+            Err(InterfaceError(format!("joint {} is listed twice", self.joints[index])))
+        })
+    }
+
+    fn check_terms(&self, name: &str, terms: &[Term]) -> Result<(), InterfaceError> {
+        if terms.len() > MOST_JOINTS {
+            return Err(InterfaceError(format!("{name} has {} terms; at most {MOST_JOINTS}", terms.len())));
+        }
+        for term in terms {
+            let quantity = term.quantity.name();
+            let wanted = term.quantity.width(self.joints.len());
+            let found = term.scale.len();
+            if found > 1 && found != wanted {
+                return Err(InterfaceError(format!(
+                    "scale of {quantity} in {name} has {found} numbers; give none, 1 or {wanted}"
+                )));
+            }
+            if let Some(bad) = term.scale.iter().find(|&&scale| !(f64::from(scale).abs() <= LARGEST)) {
+                return Err(InterfaceError(format!(
+                    "scale of {quantity} in {name} is {bad}; give finite numbers"
+                )));
+            }
+            if term.quantity == Quantity::GaitPhase && self.gait_frequency.is_none() {
+                return Err(InterfaceError(format!(
+                    "{name} holds {quantity}, but gait_frequency is missing; give the gait clock's Hz"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// For each of `joints`, its index in `model.joints`. A `_joint` suffix on either side does not matter.
+    ///
+    /// # Errors
+    /// A policy of another robot, a joint that the robot lacks (with the nearest name), or two names for one
+    /// joint. Robots are told apart by their model's name, because related robots share joint names.
+    pub fn resolve(&self, model: &Model) -> Result<Vec<usize>, InterfaceError> {
+        if self.robot != model.name {
+            return Err(InterfaceError(format!(
+                "the policy is for robot `{}`, the model is `{}`; give the policy's robot, or correct the name",
+                self.robot, model.name
+            )));
+        }
+        let mut found = Vec::with_capacity(self.joints.len());
+        for name in &self.joints {
+            let Some(index) = model.find_joint(name) else {
+                let near = nearest(name, model.joints.iter().map(|joint| joint.name.as_str()));
+                return Err(InterfaceError(format!("robot `{}` has no joint `{name}`{near}", model.name)));
+            };
+            if let Some(other) = found.iter().position(|&other| other == index) {
+                return Err(InterfaceError(format!(
+                    "`{}` and `{name}` are both joint `{}` of robot `{}`; name every joint once",
+                    self.joints[other], model.joints[index].name, model.name
+                )));
+            }
+            found.push(index);
+        }
+        Ok(found)
+    }
+}
+
+fn positive(name: &str, value: Option<f64>) -> Result<(), InterfaceError> {
+    match value {
+        Some(value) if !(value > 0.0 && value <= LARGEST) => {
+            Err(InterfaceError(format!("{name} is {value}; give a positive number")))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn width(terms: &[Term], joints: usize) -> usize {
     terms.iter().map(|term| term.quantity.width(joints)).sum()
+}
+
+fn layout(terms: &[Term], joints: usize) -> Vec<(Quantity, Range<usize>)> {
+    let mut start = 0;
+    let place = |term: &Term| {
+        let range = start..start + term.quantity.width(joints);
+        start = range.end;
+        (term.quantity, range)
+    };
+    terms.iter().map(place).collect()
+}
+
+/// Advice for an unknown name: the known one that is nearest, or what there is.
+fn nearest<'a>(unknown: &str, known: impl Iterator<Item = &'a str>) -> String {
+    let scored = known.map(|name| (strsim::jaro_winkler(unknown, name), name));
+    match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        Some((_, name)) => format!("; the nearest name is `{name}`"),
+        None => "; it has no joints".to_owned(),
+    }
 }

@@ -1,1 +1,77 @@
-//! Policy files.
+//! Policies as files: the project's own (safetensors), ONNX out and in, and policies trained elsewhere.
+//!
+//! Everything here reads untrusted files: sizes are bounded, nothing panics, and errors name the mismatch.
+
+mod check;
+mod description;
+mod error;
+mod layers;
+pub mod onnx;
+mod read;
+mod tensors;
+pub mod weights;
+
+pub use description::Description;
+pub use error::PolicyError;
+pub use read::read;
+
+use crate::Interface;
+use crate::network::{Network, Normaliser, Scratch};
+use serde::{Deserialize, Serialize};
+
+/// A policy: what it sees, its networks, and where it came from. [`Policy::check`] says whether the parts fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Policy {
+    /// What the policy sees and what its outputs mean.
+    pub interface: Interface,
+    /// From the (normalised) observation to the mean action; one output a joint, before scaling.
+    pub actor: Network,
+    /// Natural logarithm of the actions' standard deviation, one a joint.
+    pub log_std: Vec<f32>,
+    /// From the (normalised) critic observation to the value; one output.
+    pub critic: Option<Network>,
+    /// Of the actor's observation.
+    pub normaliser: Option<Normaliser>,
+    /// Of the critic's observation.
+    pub critic_normaliser: Option<Normaliser>,
+    /// Where it came from.
+    pub provenance: Provenance,
+}
+
+/// Where a policy came from. Of policies trained elsewhere nothing is known: all zero and empty.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Seed of its training.
+    pub seed: u64,
+    /// SHA-256 of its training's configuration, hexadecimal.
+    pub configuration_hash: String,
+    /// Iterations it was trained.
+    pub iteration: u32,
+    /// Version of the program that trained it.
+    pub program_version: String,
+}
+
+/// Working memory of [`Policy::act`]; one a thread, kept between calls.
+#[derive(Clone, Debug, Default)]
+pub struct ActScratch {
+    network: Scratch,
+    normalised: Vec<f32>,
+}
+
+impl Policy {
+    /// Mean actions, before scaling and clipping: `observation` is `rows × observation_width`, scaled as the
+    /// interface's terms say, `actions` `rows × joints`; both row-major. The actor's normaliser is applied here.
+    ///
+    /// # Panics
+    /// If a slice is shorter than its size, or the policy does not pass [`Policy::check`]: errors of the caller.
+    pub fn act(&self, rows: usize, observation: &[f32], actions: &mut [f32], scratch: &mut ActScratch) {
+        let Some(normaliser) = &self.normaliser else {
+            return self.actor.forward(rows, observation, actions, &mut scratch.network);
+        };
+        let size = rows * self.actor.shape.inputs;
+        scratch.normalised.resize(size, 0.0);
+        normaliser.apply(&observation[..size], &mut scratch.normalised);
+        self.actor.forward(rows, &scratch.normalised, actions, &mut scratch.network);
+    }
+}

@@ -1,0 +1,89 @@
+"""Checks an exported ONNX policy in onnxruntime: the graph is valid, and its outputs are those of another reading.
+
+The other reading is the policy's safetensors file, evaluated here in double precision from its tensors (--weights), or
+given rows of observations and actions (--rows, JSON with `observation` and `actions`). Also checks that a batch gives
+what its rows give one by one. Prints the largest difference; exit code 3 if it is above --tolerance.
+
+Usage: .venv/bin/python tools/check_onnx.py policy.onnx [--weights policy.safetensors] [--rows rows.json]
+       (gaitfit export POLICY --onnx policy.onnx --safetensors policy.safetensors writes both)
+"""
+
+import argparse
+import json
+import pathlib
+import sys
+
+import numpy as np
+import onnx
+import onnxruntime
+
+ACTIVATIONS = {
+    "elu": lambda x: np.where(x > 0, x, np.expm1(np.minimum(x, 0))),
+    "relu": lambda x: np.maximum(x, 0),
+    "tanh": np.tanh,
+}
+TYPES = {"F32": np.float32, "F64": np.float64}
+
+
+def read_safetensors(path):
+    """Tensors by name in double precision, and the JSON header in the metadata."""
+    data = path.read_bytes()
+    start = 8 + int.from_bytes(data[:8], "little")
+    header = json.loads(data[8:start])
+    about = json.loads(header.pop("__metadata__")["gaitfit"])
+    tensors = {}
+    for name, tensor in header.items():
+        begin, end = (start + offset for offset in tensor["data_offsets"])
+        values = np.frombuffer(data[begin:end], TYPES[tensor["dtype"]])
+        tensors[name] = values.reshape(tensor["shape"]).astype(float)
+    return tensors, about
+
+
+def evaluate(tensors, about, x):
+    """Mean actions for rows of observations."""
+    x = x.astype(float)
+    if "normaliser.mean" in tensors:
+        x = (x - tensors["normaliser.mean"]) / np.sqrt(tensors["normaliser.variance"] + 0.01)
+    numbers = sorted(int(name.split(".")[1]) for name in tensors if name.startswith("actor.") and name.endswith("weight"))
+    for number in numbers:
+        x = x if number == 0 else ACTIVATIONS[about["activation"]](x)
+        x = x @ tensors[f"actor.{number}.weight"].T + tensors[f"actor.{number}.bias"]
+    return x
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("onnx", type=pathlib.Path)
+    parser.add_argument("--weights", type=pathlib.Path, help="the same policy as safetensors")
+    parser.add_argument("--rows", type=pathlib.Path, help="JSON with `observation` and `actions`, lists of rows")
+    parser.add_argument("--tolerance", type=float, default=1e-5)
+    args = parser.parse_args()
+    if not (args.weights or args.rows):
+        parser.error("give --weights or --rows to compare with")
+
+    onnx.checker.check_model(str(args.onnx), full_check=True)
+    session = onnxruntime.InferenceSession(str(args.onnx), providers=["CPUExecutionProvider"])
+    (given,), (gives,) = session.get_inputs(), session.get_outputs()
+    metadata = session.get_modelmeta().custom_metadata_map
+    interface = json.loads(metadata["gaitfit"])["interface"]
+    run = lambda rows: session.run([gives.name], {given.name: rows})[0]
+    worst = {}
+    if args.weights:
+        tensors, about = read_safetensors(args.weights)
+        rows = np.random.default_rng(0).normal(0, 2, (1000, given.shape[1])).astype(np.float32)
+        worst["weights"] = np.abs(run(rows) - evaluate(tensors, about, rows)).max()
+        assert about["interface"] == interface, "the files disagree about the interface"
+        single = np.concatenate([run(row[None]) for row in rows[:50]])
+        worst["rows one by one"] = np.abs(run(rows[:50]) - single).max()
+    if args.rows:
+        table = json.loads(args.rows.read_text())
+        worst["given rows"] = np.abs(run(np.array(table["observation"], np.float32)) - np.array(table["actions"])).max()
+    print(f"{args.onnx}: {given.name} {given.shape} -> {gives.name} {gives.shape}, {interface['robot']}")
+    for what, difference in worst.items():
+        print(f"largest difference, {what}: {difference:.2e}")
+    # A NaN fails too.
+    sys.exit(0 if all(difference <= args.tolerance for difference in worst.values()) else 3)
+
+
+if __name__ == "__main__":
+    main()
