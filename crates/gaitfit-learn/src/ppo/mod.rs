@@ -13,6 +13,9 @@ mod shuffle;
 mod state;
 mod worker;
 
+#[cfg(test)]
+mod gradient_test;
+
 pub use diagnostics::{Culprit, Diagnostics, UpdateError};
 pub use learner::{Learner, LearnerError};
 pub use samples::{Samples, SamplesError, Widths};
