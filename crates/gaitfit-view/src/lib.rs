@@ -16,8 +16,8 @@ pub mod report;
 pub mod training;
 
 pub use evaluation::EvaluationReport;
-pub use gait::GaitPicture;
+pub use gait::{GaitPicture, gait_picture_svg};
 pub use log_picture::{log_picture_svg, log_picture_text};
-pub use replay::Replay;
+pub use replay::{Replay, ReplayError, replay_html};
 pub use report::{AdaptReport, ReportError, render};
-pub use training::TrainingReport;
+pub use training::{TrainingReport, training_report};

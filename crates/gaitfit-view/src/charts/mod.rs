@@ -4,11 +4,11 @@
 //! the width, so that they stretch without stretching their text.
 
 pub(crate) mod bars;
-pub(crate) mod convergence;
+pub(crate) mod curves;
 pub(crate) mod distribution;
 pub(crate) mod intervals;
-mod panel;
-mod path;
+pub(crate) mod panel;
+pub(crate) mod path;
 pub(crate) mod scale;
 pub(crate) mod traces;
 

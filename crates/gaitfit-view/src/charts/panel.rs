@@ -31,8 +31,9 @@ impl Panel<'_> {
             (coordinate(self.left), coordinate(self.right), coordinate(self.top), coordinate(self.bottom));
         let _ = write!(
             svg,
-            r#"<g class="panel" data-box="{left} {top} {right} {bottom}" data-x="{x0} {x1}" data-y="{y0} {y1}" data-log="{}">"#,
-            u8::from(self.y.is_log())
+            r#"<g class="panel" data-box="{left} {top} {right} {bottom}" data-x="{x0} {x1}" data-y="{y0} {y1}" data-log="{}" data-xlog="{}">"#,
+            u8::from(self.y.is_log()),
+            u8::from(self.x.is_log())
         );
         let mut grid = String::new();
         for tick in self.y.ticks(self.y_ticks) {
@@ -66,7 +67,8 @@ impl Panel<'_> {
     pub fn series(&self, svg: &mut String, name: &str, class: &str, x: &[f64], y: &[f64], points: usize) {
         let y = &y[..y.len().min(x.len())];
         let d = path::line(path::thin(y, points).into_iter().map(|i| {
-            let inside = x[i].is_finite() && y[i].is_finite() && (!self.y.is_log() || y[i] > 0.0);
+            let fits = |scale: &Scale, value: f64| value.is_finite() && (!scale.is_log() || value > 0.0);
+            let inside = fits(&self.x, x[i]) && fits(&self.y, y[i]);
             if inside { (self.x.at(x[i]), self.y.at(y[i])) } else { (f64::NAN, f64::NAN) }
         }));
         if !d.is_empty() {

@@ -1,6 +1,10 @@
 //! What all report pages share: head, style sheet, read-out script, and the rules of escaping.
 
 use crate::format::{clean, clean_prose};
+mod links;
+
+pub(crate) use links::{ShownLink, links};
+
 use crate::report::{ReportError, Setting};
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment, UndefinedBehavior};

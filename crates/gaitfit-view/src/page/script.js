@@ -43,7 +43,8 @@
       lines.push(path.dataset.n + "  " + shown(value));
     });
     if (lines.length === 0) { hide(); return; }
-    lines.unshift(shown(x[0] + (at.x - b[0]) / (b[2] - b[0]) * (x[1] - x[0])));
+    var along = (at.x - b[0]) / (b[2] - b[0]);
+    lines.unshift(shown(panel.dataset.xlog === "1" ? x[0] * Math.pow(x[1] / x[0], along) : x[0] + along * (x[1] - x[0])));
     box.textContent = lines.slice(0, 12).join("\n");
     box.hidden = false;
     var right = Math.max(event.clientX + 14 + box.offsetWidth - document.documentElement.clientWidth, 0);

@@ -1,5 +1,88 @@
 //! A 3-D replay of robots in one HTML file that plays offline.
 
+mod check;
 mod data;
+mod pack;
 
 pub use data::{Body, Frame, Geom, Joint, Replay, ReplayRobot, Shape};
+
+use crate::format::{clean, clean_prose};
+use crate::page;
+use crate::report::ReportError;
+use serde::Serialize;
+
+/// Why no replay came out.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// The time between frames is not a time.
+    #[error("a replay needs a time between frames above zero, not {dt} s")]
+    TimeStep {
+        /// What was given, s.
+        dt: f64,
+    },
+    /// No robots, or too many.
+    #[error("a replay shows 1 to {most} robots, not {count}; write several pages")]
+    Robots {
+        /// How many were given.
+        count: usize,
+        /// How many there may be.
+        most: usize,
+    },
+    /// A robot or its motion contradicts itself or is too large.
+    #[error("replay of robot \"{robot}\": {what}")]
+    Robot {
+        /// Its name.
+        robot: String,
+        /// What does not fit.
+        what: String,
+    },
+    /// The motion could not be written as JSON: a defect of this crate, not of the data.
+    #[error("the replay could not be written as JSON ({0}); report this with the run's files")]
+    Json(#[from] serde_json::Error),
+    /// The page could not be filled in.
+    #[error(transparent)]
+    Page(#[from] ReportError),
+}
+
+#[derive(Serialize)]
+struct Page {
+    title: String,
+    note: String,
+    robots: Vec<String>,
+    data: String,
+    replay_style: &'static str,
+    replay_script: String,
+}
+
+/// Renders a self-contained HTML page that plays the motion in 3-D (WebGL 2, or a flat drawing without it).
+///
+/// `#t=1.5` behind the page's address opens it halted at 1.5 s.
+///
+/// # Errors
+/// [`ReplayError`] names the robot and what does not fit together; see [`Replay`] for what is asked.
+pub fn replay_html(replay: &Replay) -> Result<String, ReplayError> {
+    check::check(replay)?;
+    let json = serde_json::to_string(&pack::pack(replay))?;
+    let page = Page {
+        title: clean(&replay.title),
+        note: clean_prose(&replay.note),
+        robots: replay.robots.iter().map(|r| clean(&r.name)).collect(),
+        data: within_script(&json),
+        replay_style: include_str!("replay.css"),
+        replay_script: [
+            include_str!("maths.js"),
+            include_str!("motion.js"),
+            include_str!("webgl.js"),
+            include_str!("flat.js"),
+            include_str!("player.js"),
+        ]
+        .concat(),
+    };
+    Ok(page::render(include_str!("replay.html"), page)?)
+}
+
+/// JSON that neither ends a script element nor upsets an XML parser: `<`, `>` and `&` occur in strings only, where
+/// they can be written by their numbers.
+fn within_script(json: &str) -> String {
+    json.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
+}

@@ -1,7 +1,7 @@
 //! How the optimiser got there, run by run.
 
 use super::AdaptReport;
-use crate::charts::convergence::{Line, best_so_far, convergence};
+use crate::charts::curves::{Curves, Line, best_so_far};
 use crate::format::{clean, significant};
 use serde::Serialize;
 
@@ -32,16 +32,12 @@ pub(super) fn build(report: &AdaptReport) -> Option<Runs> {
     }
     let best: Vec<Vec<f64>> = runs.iter().map(|r| best_so_far(&r.best)).collect();
     let means: Vec<String> = runs.iter().map(|r| format!("{}, generation's mean", r.label)).collect();
-    let mut costs = Vec::new();
-    for (i, run) in runs.iter().enumerate() {
-        costs.push(Line { label: &means[i], color: i, values: &run.mean, faint: true });
-        costs.push(Line { label: &run.label, color: i, values: &best[i], faint: false });
-    }
-    let sigma = |(color, run)| {
-        let run: &super::OptimizerRun = run;
-        Line { label: &run.label, color, values: &run.sigma, faint: false }
-    };
-    let sigmas: Vec<Line> = runs.iter().enumerate().map(sigma).collect();
+    let longest = runs.iter().map(|r| r.mean.len().max(r.best.len()).max(r.sigma.len())).max().unwrap_or(0);
+    let x: Vec<f64> = (1..=longest).map(|i| i as f64).collect();
+    let faint = (0..runs.len()).map(|i| (&means[i], &runs[i].mean, format!("c{} faint", i % 8)));
+    let plain = |i: usize| format!("c{}", i % 8);
+    let bold = (0..runs.len()).map(|i| (&runs[i].label, &best[i], plain(i)));
+    let sigmas = (0..runs.len()).map(|i| (&runs[i].label, &runs[i].sigma, plain(i)));
     let unit = if report.cost_unit.is_empty() { String::new() } else { format!(" ({})", report.cost_unit) };
     let rows = runs
         .iter()
@@ -54,10 +50,21 @@ pub(super) fn build(report: &AdaptReport) -> Option<Runs> {
         })
         .collect();
     Some(Runs {
-        cost: convergence("cost over generations", &format!("best cost so far{unit}"), &costs),
-        sigma: convergence("step size over generations", "step size σ (relative)", &sigmas),
+        cost: chart("cost over generations", &format!("best cost so far{unit}"), &x, faint.chain(bold)),
+        sigma: chart("step size over generations", "step size σ (relative)", &x, sigmas),
         rows,
         total: report.runs.len(),
         left_out: report.runs.len() - runs.len(),
     })
+}
+
+fn chart<'a>(
+    title: &str,
+    y_title: &str,
+    x: &'a [f64],
+    lines: impl Iterator<Item = (&'a String, &'a Vec<f64>, String)>,
+) -> Option<String> {
+    let lines = lines.map(|(label, y, class)| Line { label, class, x, y }).collect();
+    Curves { title, x_title: "generation", y_title, size: (480.0, 275.0), log: true, goal: None, lines }
+        .draw()
 }

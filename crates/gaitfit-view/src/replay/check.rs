@@ -1,0 +1,106 @@
+//! Whether a replay can be drawn, said before a page comes out that shows nothing.
+
+use super::{Frame, Replay, ReplayError, ReplayRobot, Shape};
+
+/// Robots a page holds at most.
+const ROBOTS: usize = 8;
+/// Bodies, geoms, joints or feet of a robot at most.
+const PARTS: usize = 1000;
+/// Frames of a robot at most: twenty minutes at 50 Hz.
+const FRAMES: usize = 60_000;
+
+pub(super) fn check(replay: &Replay) -> Result<(), ReplayError> {
+    if !(replay.dt.is_finite() && replay.dt > 0.0) {
+        return Err(ReplayError::TimeStep { dt: replay.dt });
+    }
+    if replay.robots.is_empty() || replay.robots.len() > ROBOTS {
+        return Err(ReplayError::Robots { count: replay.robots.len(), most: ROBOTS });
+    }
+    for robot in &replay.robots {
+        let fail = |what| ReplayError::Robot { robot: crate::format::clean(&robot.name), what };
+        tree(robot).and_then(|()| geoms(robot)).and_then(|()| frames(robot)).map_err(fail)?;
+    }
+    Ok(())
+}
+
+fn tree(robot: &ReplayRobot) -> Result<(), String> {
+    if robot.bodies.is_empty() {
+        return Err("has no bodies; the first body is the base".to_string());
+    }
+    for (what, count) in
+        [("bodies", robot.bodies.len()), ("geoms", robot.geoms.len()), ("feet", robot.feet.len())]
+    {
+        if count > PARTS {
+            return Err(format!("has {count} {what}; a page holds at most {PARTS}"));
+        }
+    }
+    for (i, body) in robot.bodies.iter().enumerate() {
+        let joined = match body.parent {
+            None => i == 0,
+            Some(parent) => i > 0 && parent < i,
+        };
+        if !joined {
+            return Err(format!("body {i} needs a parent listed before it; only the first body has none"));
+        }
+        let joint = body.joint.iter().flat_map(|j| j.axis.iter().chain(&j.anchor));
+        if !body.position.iter().chain(&body.quaternion).chain(joint).all(|x| x.is_finite()) {
+            return Err(format!("body {i} has a number that is not finite"));
+        }
+        if length(&body.quaternion) == 0.0 || body.joint.as_ref().is_some_and(|j| length(&j.axis) == 0.0) {
+            return Err(format!("body {i} has a quaternion or joint axis of length zero"));
+        }
+    }
+    Ok(())
+}
+
+fn geoms(robot: &ReplayRobot) -> Result<(), String> {
+    for (i, geom) in robot.geoms.iter().enumerate() {
+        if geom.body >= robot.bodies.len() {
+            return Err(format!("geom {i} is on body {}, of {}", geom.body, robot.bodies.len()));
+        }
+        if geom.foot.is_some_and(|foot| foot >= robot.feet.len()) {
+            return Err(format!("geom {i} is a foot that the list of feet does not have"));
+        }
+        let sizes = match geom.shape {
+            Shape::Box { half } => half.to_vec(),
+            Shape::Sphere { radius } => vec![radius],
+            Shape::Cylinder { radius, half_length } => vec![radius, half_length],
+            Shape::Capsule { radius, half_length } => vec![radius, half_length],
+        };
+        let finite = geom.position.iter().chain(&geom.quaternion).all(|x| x.is_finite());
+        if !finite || length(&geom.quaternion) == 0.0 || !sizes.iter().all(|s| s.is_finite() && *s >= 0.0) {
+            return Err(format!("geom {i} has a size, position or quaternion that cannot be drawn"));
+        }
+    }
+    Ok(())
+}
+
+fn frames(robot: &ReplayRobot) -> Result<(), String> {
+    let count = robot.frames.len();
+    if count == 0 || count > FRAMES {
+        return Err(format!("has {count} frames; a page holds 1 to {FRAMES}"));
+    }
+    let joints = robot.frames[0].joints.len();
+    let wanted =
+        robot.bodies.iter().filter_map(|b| b.joint.as_ref()).map(|j| j.index.saturating_add(1)).max();
+    if joints < wanted.unwrap_or(0) || joints > PARTS {
+        return Err(format!(
+            "has {joints} joint angles a frame; its joints need {}, and a page holds at most {PARTS}",
+            wanted.unwrap_or(0)
+        ));
+    }
+    let fits = |f: &Frame| f.joints.len() == joints && f.contacts.len() == robot.feet.len();
+    match robot.frames.iter().position(|f| !fits(f)) {
+        Some(i) => Err(format!(
+            "frame {i} has {} joint angles and {} contacts; expected {joints} and {}",
+            robot.frames[i].joints.len(),
+            robot.frames[i].contacts.len(),
+            robot.feet.len()
+        )),
+        None => Ok(()),
+    }
+}
+
+fn length(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}

@@ -1,0 +1,180 @@
+//! The page as the template sees it: text and pictures, ready to be placed.
+
+use super::curves::{self, Card, MOST_SEEDS};
+use super::{SeedResult, TrainingReport};
+use crate::format::{UNKNOWN, clean, clean_prose, duration, fixed, round_number, significant};
+use crate::gait;
+use crate::page::{self, ShownLink};
+use crate::report::Setting;
+use serde::Serialize;
+
+/// Characters of the configuration shown at most.
+const MOST_CONFIGURATION: usize = 200_000;
+
+/// The whole page.
+#[derive(Serialize)]
+pub(super) struct Page {
+    title: String,
+    robot: String,
+    created: String,
+    measured_on: String,
+    headline: Vec<Headline>,
+    rows: Vec<Row>,
+    total: Option<Row>,
+    seeds_left_out: usize,
+    facts: Vec<Setting>,
+    warnings: Vec<String>,
+    links: Vec<ShownLink>,
+    legend: Vec<LegendEntry>,
+    progress: Vec<Card>,
+    rewards: Vec<Card>,
+    diagnostics: Vec<Card>,
+    gait: String,
+    gait_caption: String,
+    configuration: String,
+    versions: Vec<Setting>,
+}
+
+/// A number worth large print.
+#[derive(Serialize)]
+struct Headline {
+    value: String,
+    unit: &'static str,
+    what: &'static str,
+}
+
+#[derive(Serialize)]
+struct Row {
+    seed: String,
+    color: usize,
+    reward: String,
+    linear: String,
+    angular: String,
+    falls: String,
+    iterations: String,
+    wall: String,
+    rate: String,
+}
+
+#[derive(Serialize)]
+struct LegendEntry {
+    class: String,
+    text: String,
+}
+
+impl Page {
+    pub fn new(report: &TrainingReport) -> Page {
+        let seeds = &report.seeds[..report.seeds.len().min(MOST_SEEDS)];
+        let rows = seeds.iter().enumerate().map(|(i, s)| row(s.seed.to_string(), i % 8, &s.result)).collect();
+        let results: Vec<&SeedResult> = report.seeds.iter().map(|s| &s.result).collect();
+        let mut facts = vec![Setting { name: "Wall time".into(), value: duration(report.wall_seconds) }];
+        facts.extend(page::settings(&report.facts));
+        let mut legend: Vec<LegendEntry> = seeds
+            .iter()
+            .enumerate()
+            .map(|(i, s)| LegendEntry { class: format!("c{}", i % 8), text: format!("seed {}", s.seed) })
+            .collect();
+        if seeds.len() > 1 {
+            legend.push(LegendEntry { class: "mean".into(), text: "mean".into() });
+        }
+        Page {
+            title: clean(&report.title),
+            robot: clean(&report.robot),
+            created: clean(&report.created),
+            measured_on: clean_prose(&report.measured_on),
+            headline: headline(&results),
+            rows,
+            total: (results.len() > 1).then(|| mean_row(&results)),
+            seeds_left_out: report.seeds.len() - seeds.len(),
+            facts,
+            warnings: page::lines(&report.warnings),
+            links: page::links(&report.links),
+            legend,
+            progress: curves::cards(&report.seeds, |s| &s.progress, (420.0, 240.0)),
+            rewards: curves::cards(&report.seeds, |s| &s.rewards, (300.0, 170.0)),
+            diagnostics: curves::cards(&report.seeds, |s| &s.diagnostics, (300.0, 170.0)),
+            gait: report.gait.as_ref().map(gait::svg::draw).unwrap_or_default(),
+            gait_caption: clean_prose(&report.gait_caption),
+            configuration: configuration(&report.configuration),
+            versions: page::settings(&report.versions),
+        }
+    }
+}
+
+fn row(seed: String, color: usize, result: &SeedResult) -> Row {
+    Row {
+        seed,
+        color,
+        reward: significant(result.reward, 4),
+        linear: fixed(result.linear_velocity_error, 3),
+        angular: fixed(result.angular_velocity_error, 3),
+        falls: percent(result.fall_rate),
+        iterations: if result.iterations == 0 { UNKNOWN.into() } else { result.iterations.to_string() },
+        wall: duration(result.wall_seconds),
+        rate: thousands(result.samples_per_second),
+    }
+}
+
+fn mean_row(results: &[&SeedResult]) -> Row {
+    let mean = SeedResult {
+        reward: mean(results, |r| r.reward),
+        linear_velocity_error: mean(results, |r| r.linear_velocity_error),
+        angular_velocity_error: mean(results, |r| r.angular_velocity_error),
+        fall_rate: mean(results, |r| r.fall_rate),
+        iterations: mean(results, |r| f64::from(r.iterations)).round() as u32,
+        wall_seconds: mean(results, |r| r.wall_seconds),
+        samples_per_second: mean(results, |r| r.samples_per_second),
+    };
+    row("mean".into(), 8, &mean)
+}
+
+/// The mean of the numbers that are known; NaN if none is.
+fn mean(results: &[&SeedResult], value: fn(&SeedResult) -> f64) -> f64 {
+    let known: Vec<f64> = results.iter().map(|r| value(r)).filter(|x| x.is_finite()).collect();
+    known.iter().sum::<f64>() / known.len() as f64
+}
+
+/// Means over seeds of what a reader asks first; unknown ones are left out.
+fn headline(results: &[&SeedResult]) -> Vec<Headline> {
+    let linear = mean(results, |r| r.linear_velocity_error);
+    let angular = mean(results, |r| r.angular_velocity_error);
+    let falls = mean(results, |r| r.fall_rate);
+    [
+        Headline { value: fixed(linear, 3), unit: "m/s", what: "mean linear-velocity error" },
+        Headline { value: fixed(angular, 3), unit: "rad/s", what: "mean angular-velocity error" },
+        Headline {
+            value: percent(falls).replace("\u{a0}%", ""),
+            unit: "%",
+            what: "of trajectories end in a fall",
+        },
+    ]
+    .into_iter()
+    .filter(|h| h.value != UNKNOWN)
+    .collect()
+}
+
+fn percent(share: f64) -> String {
+    if !share.is_finite() {
+        return UNKNOWN.into();
+    }
+    let decimals = if share < 0.1 { 2 } else { 1 };
+    format!("{}\u{a0}%", fixed(100.0 * share, decimals))
+}
+
+fn thousands(x: f64) -> String {
+    if x.is_finite() && (1e4..1e9).contains(&x) {
+        format!("{}\u{a0}k", round_number((x / 1e3).round()))
+    } else {
+        significant(x, 3)
+    }
+}
+
+/// The configuration line by line, without what hides or a page cannot hold.
+fn configuration(text: &str) -> String {
+    let kept: String = text.chars().take(MOST_CONFIGURATION).collect();
+    let mut lines: Vec<String> = kept.lines().map(clean_prose).collect();
+    if kept.len() < text.len() {
+        lines.push("…".into());
+    }
+    lines.join("\n")
+}
