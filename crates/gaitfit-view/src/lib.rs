@@ -15,7 +15,7 @@ pub mod replay;
 pub mod report;
 pub mod training;
 
-pub use evaluation::EvaluationReport;
+pub use evaluation::{EvaluationReport, evaluation_html};
 pub use gait::{GaitPicture, gait_picture_svg};
 pub use log_picture::{log_picture_svg, log_picture_text};
 pub use replay::{Replay, ReplayError, replay_html};

@@ -1,7 +1,7 @@
 //! Measured, nominal and fitted histograms of one joint quantity laid over one another.
 
+use super::histogram::stairs;
 use super::panel::{self, Panel};
-use super::path::coordinate;
 use super::scale::{self, Scale};
 use crate::report::JointDistribution;
 use std::fmt::Write;
@@ -71,18 +71,4 @@ fn quantity_name(data: &JointDistribution) -> &'static str {
         crate::report::Quantity::Position => "position",
         crate::report::Quantity::Velocity => "velocity",
     }
-}
-
-/// The outline of a histogram from the base line and back to it.
-fn stairs(chart: &Panel, edges: &[f64], density: &[f64]) -> String {
-    if density.is_empty() {
-        return String::new();
-    }
-    let mut d = format!("M{} {}", coordinate(chart.x.at(edges[0])), coordinate(chart.bottom));
-    for (i, height) in density.iter().enumerate() {
-        let y = chart.y.at(if height.is_finite() { *height } else { 0.0 });
-        let _ = write!(d, "V{}H{}", coordinate(y), coordinate(chart.x.at(edges[i + 1])));
-    }
-    let _ = write!(d, "V{}", coordinate(chart.bottom));
-    d
 }

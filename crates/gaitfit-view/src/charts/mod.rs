@@ -6,6 +6,7 @@
 pub(crate) mod bars;
 pub(crate) mod curves;
 pub(crate) mod distribution;
+pub(crate) mod histogram;
 pub(crate) mod intervals;
 pub(crate) mod panel;
 pub(crate) mod path;

@@ -1,5 +1,17 @@
 //! The page of an evaluated policy: means with their intervals, distributions of errors, drift, and the gait.
 
 mod data;
+mod drift;
+mod page;
 
 pub use data::{Drift, EvaluationReport, Histogram, Measure};
+
+use crate::report::ReportError;
+
+/// Renders the page as UTF-8 HTML: one file that opens offline.
+///
+/// # Errors
+/// [`ReportError::Template`] if the embedded template cannot be filled in.
+pub fn evaluation_html(report: &EvaluationReport) -> Result<String, ReportError> {
+    crate::page::render(include_str!("evaluation.html"), page::Page::new(report))
+}

@@ -1,0 +1,132 @@
+//! The page as the template sees it: text and pictures, ready to be placed.
+
+use super::drift::{self, DriftTable};
+use super::{EvaluationReport, Measure};
+use crate::charts::histogram::histogram;
+use crate::format::{UNKNOWN, clean, clean_prose, duration, round_number, significant, with_spread};
+use crate::gait;
+use crate::page::{self, ShownLink};
+use crate::report::Setting;
+use serde::Serialize;
+
+/// Measures shown at most.
+const MOST_MEASURES: usize = 40;
+
+/// The whole page.
+#[derive(Serialize)]
+pub(super) struct Page {
+    title: String,
+    robot: String,
+    created: String,
+    trajectories: String,
+    seconds: String,
+    wall_time: String,
+    measures: Vec<Row>,
+    has_limits: bool,
+    histograms: Vec<Card>,
+    drift: Option<DriftTable>,
+    gait: String,
+    gait_caption: String,
+    links: Vec<ShownLink>,
+    warnings: Vec<String>,
+    settings: Vec<Setting>,
+    versions: Vec<Setting>,
+}
+
+#[derive(Serialize)]
+struct Row {
+    name: String,
+    mean: String,
+    ci95: String,
+    unit: String,
+    limit: String,
+    /// Whether the mean keeps its limit; none without one.
+    kept: Option<bool>,
+}
+
+#[derive(Serialize)]
+struct Card {
+    name: String,
+    mean: String,
+    svg: String,
+}
+
+impl Page {
+    pub fn new(report: &EvaluationReport) -> Page {
+        let measures = &report.measures[..report.measures.len().min(MOST_MEASURES)];
+        let rows: Vec<Row> = measures.iter().map(row).collect();
+        Page {
+            title: clean(&report.title),
+            robot: clean(&report.robot),
+            created: clean(&report.created),
+            trajectories: grouped(report.trajectories),
+            seconds: round_number(report.seconds),
+            wall_time: duration(report.wall_seconds),
+            has_limits: rows.iter().any(|r| r.kept.is_some()),
+            measures: rows,
+            histograms: measures.iter().filter_map(card).collect(),
+            drift: drift::build(&report.drift),
+            gait: report.gait.as_ref().map(gait::svg::draw).unwrap_or_default(),
+            gait_caption: clean_prose(&report.gait_caption),
+            links: page::links(&report.links),
+            warnings: page::lines(&report.warnings),
+            settings: page::settings(&report.settings),
+            versions: page::settings(&report.versions),
+        }
+    }
+}
+
+fn row(measure: &Measure) -> Row {
+    let (mean, ci95) = with_spread(measure.mean, measure.ci95);
+    let limit = measure.limit.filter(|l| l.is_finite());
+    Row {
+        name: clean(&measure.name),
+        mean,
+        ci95,
+        unit: clean(&measure.unit),
+        limit: limit.map_or(UNKNOWN.into(), round_number),
+        kept: limit.filter(|_| measure.mean.is_finite()).map(|l| measure.mean <= l),
+    }
+}
+
+fn card(measure: &Measure) -> Option<Card> {
+    let data = measure.histogram.as_ref()?;
+    let name = clean(&measure.name);
+    let unit = if measure.unit.is_empty() { String::new() } else { format!(" ({})", clean(&measure.unit)) };
+    let title = format!("{name} over trajectories");
+    let x_title = format!("{name}{unit}");
+    let svg = histogram(&title, &x_title, &data.edges, &data.counts, measure.mean, measure.limit)?;
+    Some(Card { name, mean: format!("{} {}", significant(measure.mean, 3), clean(&measure.unit)), svg })
+}
+
+/// Thousands apart: 10 000.
+fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push('\u{a0}');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_are_grouped_by_thousands() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1\u{a0}000", "1\u{a0}234\u{a0}567"]);
+    }
+
+    #[test]
+    fn a_limit_is_kept_by_the_mean() {
+        let measure = |mean, limit| row(&Measure { mean, limit, ci95: 0.002, ..Measure::default() }).kept;
+        assert_eq!(measure(0.15, Some(0.15)), Some(true));
+        assert_eq!(measure(0.16, Some(0.15)), Some(false));
+        assert_eq!(measure(f64::NAN, Some(0.15)), None);
+        assert_eq!(measure(0.1, None), None);
+    }
+}
