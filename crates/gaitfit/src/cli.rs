@@ -24,6 +24,8 @@ pub enum Command {
     Adapt(Adapt),
     /// Evaluate one physics step at given states
     Forward(Forward),
+    /// Show a policy and write it as ONNX or safetensors
+    Export(Export),
     /// Measure speed
     #[command(subcommand)]
     Bench(Bench),
@@ -89,6 +91,22 @@ pub struct Forward {
     /// Drop what the engine does not honour, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
+}
+
+/// Arguments of `export`.
+#[derive(Debug, Args)]
+pub struct Export {
+    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
+    pub policy: PathBuf,
+    /// Write the actor as an ONNX graph, the interface in its metadata
+    #[arg(long, value_name = "FILE.onnx")]
+    pub onnx: Option<PathBuf>,
+    /// Write the whole policy in the project's own format
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub safetensors: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// What to measure.

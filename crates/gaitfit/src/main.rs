@@ -12,6 +12,8 @@ mod progress;
 mod robot;
 mod run_folder;
 mod table;
+#[allow(dead_code, reason = "written by training")]
+mod tensorboard;
 
 use clap::Parser;
 use cli::{Cli, Command};
@@ -25,6 +27,7 @@ fn main() -> ExitCode {
         Command::Inspect(args) => commands::inspect::run(args),
         Command::Adapt(args) => commands::adapt::run(args),
         Command::Forward(args) => commands::forward::run(args),
+        Command::Export(args) => commands::export::run(args),
         Command::Bench(args) => commands::bench::run(args),
     };
     match done {

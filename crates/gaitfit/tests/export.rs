@@ -1,0 +1,55 @@
+//! `gaitfit export`: policies between formats.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{errors, json, run};
+
+const FOREIGN: &str = "crates/gaitfit-learn/tests/fixtures/policies/foreign.toml";
+
+#[test]
+fn a_policy_trained_elsewhere_becomes_files_that_are_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (onnx, weights) = (path("a.onnx"), path("a.safetensors"));
+    let found = json(&run(&["export", FOREIGN, "--onnx", &onnx, "--safetensors", &weights, "--json"]));
+    assert_eq!(found["actor"]["layers"], serde_json::json!([45, 16, 8, 12]));
+    assert_eq!(found["written"], serde_json::json!([onnx, weights]));
+    assert_eq!(found["joints"][1]["name"], "FR_hip_joint");
+    assert_eq!(found["observation"][4]["start"], 21);
+    for file in [&onnx, &weights] {
+        let again = json(&run(&["export", file, "--json"]));
+        for key in ["actor", "observation", "joints", "control_dt"] {
+            assert_eq!(again[key], found[key], "{key} of {file}");
+        }
+    }
+    let text = String::from_utf8(run(&["export", &weights]).stdout).unwrap();
+    for word in ["policy for go2", "45-16-8-12 elu", "joint_velocity", "21..33", "0.05", "trained elsewhere"]
+    {
+        assert!(text.contains(word), "`{word}` is not in:\n{text}");
+    }
+}
+
+#[test]
+fn bad_input_and_bad_names_are_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (out, cut) = (path("a.onnx"), path("cut.safetensors"));
+    assert!(run(&["export", FOREIGN, "--safetensors", &cut]).status.success());
+    let bytes = std::fs::read(&cut).unwrap();
+    std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    let cases = [
+        (vec!["export", &cut, "--onnx", &out], 1, "cut short"),
+        (vec!["export", "none.onnx", "--onnx", &out], 1, "cannot read none.onnx"),
+        (vec!["export", "assets/go2.xml", "--onnx", &out], 1, "no policy by its ending"),
+        (vec!["export", FOREIGN, "--onnx", &cut], 2, "ends in .onnx"),
+        (vec!["export", FOREIGN, "--onnx", "/dev/null/a.onnx"], 1, "cannot write"),
+    ];
+    for (args, code, message) in cases {
+        let output = run(&args);
+        let error = errors(&output);
+        assert_eq!(output.status.code(), Some(code), "{error}");
+        assert!(error.contains(message), "`{message}` is not in `{error}`");
+    }
+    assert!(!folder.path().join("a.onnx").exists());
+}
