@@ -361,17 +361,20 @@ impl<'a> Environment<'a> {
         }
     }
 
+    /// Angular velocity of environment `index` about the vertical, rad/s.
+    pub fn yaw_rate(&self, index: usize) -> f32 {
+        let up = up_axis(&self.motion.base_quaternion[4 * index..4 * index + 4]);
+        (0..3).map(|k| up[k] * self.motion.base_angular[3 * index + k]).sum()
+    }
+
     /// Horizontal velocity error (m/s) and yaw-rate error (rad/s) of environment `index` against its command.
     pub fn tracking_error(&self, index: usize) -> [f32; 2] {
         let quaternion = &self.motion.base_quaternion[4 * index..4 * index + 4];
-        let linear = &self.motion.base_linear[3 * index..3 * index + 3];
-        let angular = &self.motion.base_angular[3 * index..3 * index + 3];
-        let up = up_axis(quaternion);
-        let velocity = heading_velocity(quaternion, linear);
+        let velocity = heading_velocity(quaternion, &self.motion.base_linear[3 * index..3 * index + 3]);
         let command = self.command[index];
         let error = [velocity[0] - command[0], velocity[1] - command[1]];
-        let yaw_rate: f32 = (0..3).map(|k| up[k] * angular[k]).sum();
-        [(error[0] * error[0] + error[1] * error[1]).sqrt(), (yaw_rate - command[2]).abs()]
+        let linear = (error[0] * error[0] + error[1] * error[1]).sqrt();
+        [linear, (self.yaw_rate(index) - command[2]).abs()]
     }
 
     /// Everything that changes from step to step.

@@ -258,6 +258,7 @@ fn check(settings: &TaskSettings) -> Result<(), SceneError> {
         ("control_dt", settings.control_dt, 1.0),
         ("tracking_width", settings.tracking_width, 1e3),
         ("swing_height", settings.swing_height, 1e3),
+        ("swing_seconds", settings.swing_seconds, 1e3),
         ("command.seconds", settings.command.seconds, 1e4),
         ("policy.action_scale", settings.policy.action_scale, 1e3),
         ("policy.kp", settings.policy.kp, 1e5),

@@ -29,6 +29,8 @@ pub struct TaskSettings {
     pub height: f64,
     /// Height of a foot's centre in mid-swing that the rewards want, m.
     pub swing_height: f64,
+    /// Time a foot is off the ground in a step that the rewards want, s.
+    pub swing_seconds: f64,
     /// Width of the tracking rewards: exp(−error²/width²); m/s and rad/s.
     pub tracking_width: f64,
     /// The policy's interface.

@@ -2,38 +2,37 @@
 
 use crate::task::Moment;
 
-/// Largest difference of times that counts, s, and the width of the kernel (Isaac Lab, Spot task, `GaitReward`).
-const MAX_DIFFERENCE: f32 = 0.2;
-const WIDTH: f32 = 0.1;
-
-/// Sum over feet that land in this step of (time in the air − 0.5 s), while walking.
+/// Σ min(time in the air, T)/control step over feet that land in this step, while walking; T is the wanted swing
+/// time.
 pub fn air_time(m: &Moment<'_>) -> f32 {
     if !m.walking {
         return 0.0;
     }
-    m.feet.iter().filter(|foot| foot.landed).map(|foot| foot.last_air - 0.5).sum()
+    let wanted = m.scene.settings.swing_seconds as f32;
+    let landed = m.feet.iter().filter(|foot| foot.landed);
+    let sum: f32 = landed.map(|foot| foot.last_air.min(wanted)).sum();
+    // A landing is an event, a step pays by its duration.
+    sum / m.scene.interface.control_dt as f32
 }
 
-/// Feet of a group move together, groups alternate: with a, c the times since a foot left or met the ground,
-/// exp(−Σ d/width) over pairs, where d = min((aᵢ − aⱼ)², …²) + min((cᵢ − cⱼ)², …²) inside a group and
-/// min((aᵢ − cⱼ)², …²) + min((cᵢ − aⱼ)², …²) between groups. Zero while standing.
+/// Share of pairs of feet in the gait that agree: feet of one group are both on the ground or both off it, feet
+/// of different groups are not, and neither has been where it is for longer than twice the wanted swing time.
+/// 1 in a trot; 0 in a robot that stands, on four legs or on two. Zero while standing is asked for.
 pub fn alternation(m: &Moment<'_>) -> f32 {
     if !m.walking {
         return 0.0;
     }
-    let clip = |difference: f32| (difference * difference).min(MAX_DIFFERENCE * MAX_DIFFERENCE);
-    let mut sum = 0.0;
+    let longest = 2.0 * m.scene.settings.swing_seconds as f32;
+    let (mut agree, mut pairs) = (0.0, 0.0);
     for (i, one) in m.feet.iter().enumerate() {
         for (j, other) in m.feet.iter().enumerate().take(i) {
             let (Some(a), Some(b)) = (m.scene.gait_group[i], m.scene.gait_group[j]) else { continue };
-            sum += if a == b {
-                clip(one.air - other.air) + clip(one.contact - other.contact)
-            } else {
-                clip(one.air - other.contact) + clip(one.contact - other.air)
-            };
+            pairs += 1.0;
+            let stuck = [one, other].iter().any(|foot| foot.air.max(foot.contact) > longest);
+            agree += if !stuck && (one.touching == other.touching) == (a == b) { 1.0 } else { 0.0 };
         }
     }
-    (-sum / WIDTH).exp()
+    if pairs > 0.0 { agree / pairs } else { 0.0 }
 }
 
 /// Deviation of moving feet from the swing height: Σ ((z − z*)/z*)² tanh(2 v), v the foot's horizontal speed.

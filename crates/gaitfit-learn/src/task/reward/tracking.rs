@@ -41,5 +41,5 @@ pub fn height(m: &Moment<'_>) -> f32 {
 /// 1 in the step of a fall.
 pub fn fall(m: &Moment<'_>) -> f32 {
     // A step pays by its duration, a fall is one event.
-    if m.fallen { 1.0 / m.scene.settings.control_dt as f32 } else { 0.0 }
+    if m.fallen { 1.0 / m.scene.interface.control_dt as f32 } else { 0.0 }
 }

@@ -1,0 +1,132 @@
+//! Drift: where a robot ends after a constant command, against where it should be.
+
+use serde::Serialize;
+
+use super::{Estimate, Subject};
+use crate::player::Player;
+use crate::task::{Ended, Environment, SceneError};
+
+/// The result of one constant command, over several robots.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DriftTrial {
+    /// What was commanded, for example `+x`.
+    pub name: &'static str,
+    /// Command: forward, left (m/s), yaw rate (rad/s).
+    pub command: [f64; 3],
+    /// Final position along the start's heading minus the wanted one, m.
+    pub x: Estimate,
+    /// To the left of the start's heading, m.
+    pub y: Estimate,
+    /// Final heading minus the wanted one, rad.
+    pub yaw: Estimate,
+    /// Share of falls; fallen robots are left out of the errors.
+    pub fall_rate: Estimate,
+    /// Path of the first robot over the ground from the start's place and heading: x, y, m, and heading, rad, a
+    /// control period each.
+    pub path: Vec<[f64; 3]>,
+}
+
+/// Time of standing before and after the command, and of the command itself, s.
+const STAND: f64 = 1.0;
+const COMMAND: f64 = 4.0;
+
+/// Constant commands along ±x, ±y and ±yaw, half as fast as the task's greatest commands, and standing: stand,
+/// command for four seconds, stand (the paper's hardware trials). `robots` start with the task's own deviations.
+///
+/// The wanted end of a turn is where it began; of a walk, speed times four seconds along its axis.
+///
+/// # Errors
+/// A robot that cannot be.
+pub fn drift(subject: &Subject<'_>, robots: usize) -> Result<Vec<DriftTrial>, SceneError> {
+    let limits = &subject.scene.settings.command;
+    let half = |range: [f64; 2], side: usize| 0.5 * range[side];
+    let trials = [
+        ("stand", [0.0; 3]),
+        ("+x", [half(limits.x, 1), 0.0, 0.0]),
+        ("-x", [half(limits.x, 0), 0.0, 0.0]),
+        ("+y", [0.0, half(limits.y, 1), 0.0]),
+        ("-y", [0.0, half(limits.y, 0), 0.0]),
+        ("+yaw", [0.0, 0.0, half(limits.yaw, 1)]),
+        ("-yaw", [0.0, 0.0, half(limits.yaw, 0)]),
+    ];
+    trials.into_iter().map(|(name, command)| trial(subject, name, command, robots)).collect()
+}
+
+/// Place and heading on the ground.
+fn pose(environment: &Environment<'_>, index: usize) -> [f64; 3] {
+    let motion = environment.motion();
+    let q: [f64; 4] = std::array::from_fn(|k| f64::from(motion.base_quaternion[4 * index + k]));
+    let [w, x, y, z] = q;
+    // The heading is square to the body's left axis.
+    let (left_x, left_y) = (2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z));
+    let place = &motion.base_position[3 * index..];
+    [f64::from(place[0]), f64::from(place[1]), (-left_x).atan2(left_y)]
+}
+
+fn wrap(angle: f64) -> f64 {
+    angle - std::f64::consts::TAU * (angle / std::f64::consts::TAU).round()
+}
+
+/// `now` seen from `start`.
+fn relative(start: [f64; 3], now: [f64; 3]) -> [f64; 3] {
+    let (sin, cos) = start[2].sin_cos();
+    let (dx, dy) = (now[0] - start[0], now[1] - start[1]);
+    [cos * dx + sin * dy, cos * dy - sin * dx, wrap(now[2] - start[2])]
+}
+
+fn trial(
+    subject: &Subject<'_>,
+    name: &'static str,
+    command: [f64; 3],
+    robots: usize,
+) -> Result<DriftTrial, SceneError> {
+    let Subject { scene, policy, robot, torque_noise, seed } = *subject;
+    let mut environment = Environment::new(scene, robot, seed, 0, robots)?;
+    for index in 0..robots {
+        environment.hold_command(index, [0.0; 3]);
+    }
+    let mut player = Player::new(scene, policy, environment, torque_noise, seed, 0);
+    let periods = |seconds: f64| (seconds / scene.interface.control_dt).round() as u32;
+    let (begin, end) = (periods(STAND), periods(STAND + COMMAND));
+    let mut fallen = vec![false; robots];
+    // Robots settle while they first stand: errors count from where they then are.
+    let mut starts = vec![[0.0; 3]; robots];
+    let mut path = Vec::new();
+    for step in 1..=periods(2.0 * STAND + COMMAND) {
+        if step == begin + 1 || step == end + 1 {
+            let now = if step == begin + 1 { command.map(|x| x as f32) } else { [0.0; 3] };
+            for index in 0..robots {
+                player.environment.hold_command(index, now);
+                if step == begin + 1 {
+                    starts[index] = pose(&player.environment, index);
+                }
+            }
+        }
+        player.step(step);
+        for (fallen, &ended) in fallen.iter_mut().zip(&player.ended) {
+            *fallen |= matches!(ended, Ended::Fall | Ended::Diverged);
+        }
+        if step > begin && !fallen[0] {
+            path.push(relative(starts[0], pose(&player.environment, 0)));
+        }
+    }
+    let wanted = command.map(|speed| speed * COMMAND);
+    let errors: Vec<[f64; 3]> = (0..robots)
+        .filter(|&index| !fallen[index])
+        .map(|index| {
+            let [x, y, yaw] = relative(starts[index], pose(&player.environment, index));
+            [x - wanted[0], y - wanted[1], wrap(yaw - wanted[2])]
+        })
+        .collect();
+    let estimate = |axis: usize| Estimate::of(errors.iter().map(move |error| error[axis]));
+    let falls = fallen.iter().filter(|&&fallen| fallen).count();
+    Ok(DriftTrial {
+        name,
+        command,
+        x: estimate(0),
+        y: estimate(1),
+        yaw: estimate(2),
+        fall_rate: Estimate::share(falls, robots),
+        path,
+    })
+}

@@ -1,0 +1,181 @@
+//! The gait of one robot: foot contacts, heights, speeds and torques over time.
+
+use serde::Serialize;
+
+use super::{Subject, power_spectrum};
+use crate::player::Player;
+use crate::task::{Ended, Environment, SceneError, heading_velocity};
+
+/// What one robot did, a row a control period.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GaitRecord {
+    /// Control period, s.
+    pub dt: f64,
+    /// Names of the feet.
+    pub feet: Vec<String>,
+    /// Names of the joints, model order.
+    pub joints: Vec<String>,
+    /// Whether each foot is on the ground; `steps × feet`.
+    pub contact: Vec<bool>,
+    /// Height of each foot's centre, m; `steps × feet`.
+    pub foot_height: Vec<f64>,
+    /// Command; `steps × 3`.
+    pub command: Vec<f64>,
+    /// Velocity: forward, left (m/s, heading frame), yaw rate (rad/s); `steps × 3`.
+    pub velocity: Vec<f64>,
+    /// Base position, m, and orientation, wxyz; `steps × 7`.
+    pub base: Vec<f64>,
+    /// Joint positions, rad; `steps × joints`.
+    pub joint_position: Vec<f64>,
+    /// Motor torques at the end of each control period, N·m; `steps × joints`.
+    pub torque: Vec<f64>,
+    /// Actions, policy order; `steps × joints`.
+    pub action: Vec<f64>,
+    /// Whether the robot fell; the record ends there.
+    pub fell: bool,
+}
+
+/// A gait in a few numbers.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GaitSummary {
+    /// Share of time with exactly one gait group on the ground and the others off it.
+    pub alternation: f64,
+    /// Steps a second of one foot, Hz.
+    pub step_frequency: f64,
+    /// Share of time that a foot is on the ground.
+    pub duty_factor: f64,
+    /// Mean over swings of the greatest height of a foot's centre above its height on the ground, m.
+    pub foot_lift: f64,
+    /// Root-mean-square change of an action a step, per joint.
+    pub action_rate: f64,
+    /// Root-mean-square torque, N·m.
+    pub torque: f64,
+    /// Share of the torques' power above 10 Hz (at the control rate: up to half of it).
+    pub torque_power_above_10_hz: f64,
+}
+
+/// Runs one robot through `commands` (seconds, command) and records it.
+///
+/// # Errors
+/// A robot that cannot be.
+pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Result<GaitRecord, SceneError> {
+    let Subject { scene, policy, robot, torque_noise, seed } = *subject;
+    let mut environment = Environment::new(scene, robot, seed, 0, 1)?;
+    environment.hold_command(0, [0.0; 3]);
+    let mut player = Player::new(scene, policy, environment, torque_noise, seed, 0);
+    let model = scene.batch.model();
+    let mut record = GaitRecord {
+        dt: scene.interface.control_dt,
+        feet: scene.settings.feet.clone(),
+        joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
+        ..GaitRecord::default()
+    };
+    let mut step = 0;
+    for &(seconds, command) in commands {
+        player.environment.hold_command(0, command.map(|x| x as f32));
+        for _ in 0..(seconds / record.dt).round() as u32 {
+            step += 1;
+            player.step(step);
+            let environment = &player.environment;
+            let motion = environment.motion();
+            let feet = environment.feet(0);
+            record.contact.extend(feet.iter().map(|foot| foot.touching));
+            record.foot_height.extend(feet.iter().map(|foot| f64::from(foot.height)));
+            record.command.extend(command);
+            let velocity = heading_velocity(&motion.base_quaternion, &motion.base_linear);
+            let yaw_rate = environment.yaw_rate(0);
+            record.velocity.extend([velocity[0], velocity[1], yaw_rate].map(f64::from));
+            let base = motion.base_position.iter().chain(&motion.base_quaternion);
+            record.base.extend(base.map(|&x| f64::from(x)));
+            record.joint_position.extend(motion.joint_position.iter().map(|&q| f64::from(q)));
+            record.torque.extend(motion.torque.iter().map(|&torque| f64::from(torque)));
+            record.action.extend(player.action.iter().map(|&action| f64::from(action)));
+            if player.ended[0] == Ended::Fall || player.ended[0] == Ended::Diverged {
+                record.fell = true;
+                return Ok(record);
+            }
+        }
+    }
+    Ok(record)
+}
+
+impl GaitRecord {
+    /// Control periods recorded.
+    pub fn steps(&self) -> usize {
+        self.contact.len() / self.feet.len().max(1)
+    }
+
+    /// Mean power spectrum of the torques of the joints that `wanted` picks: frequencies, Hz, and densities,
+    /// N²·m²/Hz.
+    pub fn torque_spectrum(&self, wanted: impl Fn(&str) -> bool) -> (Vec<f64>, Vec<f64>) {
+        let joints = self.joints.len();
+        let mut frequencies = Vec::new();
+        let mut sum: Vec<f64> = Vec::new();
+        let mut count = 0.0;
+        for j in (0..joints).filter(|&j| wanted(&self.joints[j])) {
+            let signal: Vec<f64> = self.torque.iter().skip(j).step_by(joints).copied().collect();
+            let (at, densities) = power_spectrum(&signal, 1.0 / self.dt);
+            sum.resize(densities.len(), 0.0);
+            sum.iter_mut().zip(&densities).for_each(|(sum, density)| *sum += density);
+            frequencies = at;
+            count += 1.0;
+        }
+        sum.iter_mut().for_each(|density| *density /= f64::max(count, 1.0));
+        (frequencies, sum)
+    }
+
+    /// The gait in numbers, over the periods whose command asks for movement. `groups`: gait group of each foot.
+    pub fn summary(&self, groups: &[Option<usize>]) -> GaitSummary {
+        let feet = self.feet.len();
+        let walking: Vec<usize> = (0..self.steps())
+            .filter(|step| self.command[3 * step..3 * step + 3].iter().map(|c| c * c).sum::<f64>() > 0.01)
+            .collect();
+        let (mut alternating, mut on_ground, mut gait_feet, mut landings) = (0.0, 0.0, 0.0, 0.0);
+        let mut lifts = Vec::new();
+        for &step in &walking {
+            let row = &self.contact[step * feet..(step + 1) * feet];
+            let mut full = 0;
+            let mut mixed = false;
+            let most = groups.iter().flatten().max().map_or(0, |most| most + 1);
+            for group in 0..most {
+                let members = || row.iter().zip(groups).filter(|(_, g)| **g == Some(group)).map(|(c, _)| *c);
+                match (members().all(|c| c), members().any(|c| c)) {
+                    (true, _) => full += 1,
+                    (false, true) => mixed = true,
+                    (false, false) => {}
+                }
+            }
+            alternating += if full == 1 && !mixed { 1.0 } else { 0.0 };
+            for foot in (0..feet).filter(|&foot| groups[foot].is_some()) {
+                gait_feet += 1.0;
+                on_ground += if row[foot] { 1.0 } else { 0.0 };
+                if step > 0 && row[foot] && !self.contact[(step - 1) * feet + foot] {
+                    landings += 1.0;
+                    let height = |step: usize| self.foot_height[step * feet + foot];
+                    let swing = (0..step).rev().take_while(|&before| !self.contact[before * feet + foot]);
+                    let top = swing.map(height).fold(f64::MIN, f64::max);
+                    lifts.push(top - height(step));
+                }
+            }
+        }
+        let mean_square =
+            |values: &[f64]| values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64;
+        let joints = self.joints.len();
+        let changes: Vec<f64> =
+            self.action.iter().skip(joints).zip(&self.action).map(|(now, before)| now - before).collect();
+        let (frequencies, densities) = self.torque_spectrum(|_| true);
+        let power: f64 = densities.iter().sum();
+        let fast: f64 =
+            frequencies.iter().zip(&densities).filter(|(f, _)| **f > 10.0).map(|(_, density)| density).sum();
+        let steps = f64::max(walking.len() as f64, 1.0);
+        GaitSummary {
+            alternation: alternating / steps,
+            step_frequency: landings / f64::max(gait_feet * self.dt, self.dt),
+            duty_factor: on_ground / f64::max(gait_feet, 1.0),
+            foot_lift: lifts.iter().sum::<f64>() / f64::max(lifts.len() as f64, 1.0),
+            action_rate: mean_square(&changes).sqrt(),
+            torque: mean_square(&self.torque).sqrt(),
+            torque_power_above_10_hz: if power > 0.0 { fast / power } else { 0.0 },
+        }
+    }
+}

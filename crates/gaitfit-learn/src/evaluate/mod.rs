@@ -1,0 +1,33 @@
+//! How well a policy walks: trajectories with random commands, drift under constant ones, and its gait.
+
+mod drift;
+mod gait;
+mod spectrum;
+mod statistics;
+mod trajectories;
+
+pub use drift::{DriftTrial, drift};
+pub use gait::{GaitRecord, GaitSummary, record_gait};
+pub use spectrum::power_spectrum;
+pub use statistics::Estimate;
+pub use trajectories::{Trial, TrialSummary, run_trials, summarise};
+
+use gaitfit_physics::Robot;
+
+use crate::policy::Policy;
+use crate::task::Scene;
+
+/// Who is tested on what.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    /// The task and the simulator.
+    pub scene: &'a Scene,
+    /// The policy; its interface is the scene's.
+    pub policy: &'a Policy,
+    /// The robot; the nominal one if none is given.
+    pub robot: Option<&'a Robot>,
+    /// Standard deviation of Gaussian torques at every joint and physics step, N·m.
+    pub torque_noise: f64,
+    /// Seed of commands, starts and noise.
+    pub seed: u64,
+}
