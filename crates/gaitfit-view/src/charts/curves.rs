@@ -5,9 +5,6 @@ use super::path::coordinate;
 use super::scale::{self, Scale};
 use std::fmt::Write;
 
-/// Points a line at most.
-const POINTS: usize = 500;
-
 /// One line and its style-sheet class.
 pub(crate) struct Line<'a> {
     pub label: &'a str,
@@ -59,6 +56,8 @@ impl Curves<'_> {
             x_ticks: (self.size.0 / 80.0) as usize,
             y_ticks: (self.size.1 / 50.0) as usize,
         };
+        // More points than the chart is wide show no more.
+        let points = self.size.0 as usize;
         let mut svg = panel::open_svg(self.size.0, self.size.1, self.title);
         chart.open(&mut svg);
         if let Some(goal) = goal {
@@ -66,7 +65,7 @@ impl Curves<'_> {
             let _ = write!(svg, r#"<path class="floor" d="M{x1} {y}H{x2}"/>"#);
         }
         for line in &self.lines {
-            chart.series(&mut svg, line.label, &line.class, line.x, line.y, POINTS);
+            chart.series(&mut svg, line.label, &line.class, line.x, line.y, points);
         }
         panel::close(&mut svg);
         svg.push_str("</svg>");

@@ -70,10 +70,10 @@ fn picture(drift: &[Drift]) -> Option<String> {
     };
     let ((x0, x1), (y0, y1)) = (along(0)?, along(1)?);
     let (wide, tall) = ((x1 - x0).max(0.2) * 1.1, (y1 - y0).max(0.2) * 1.1);
-    let width = 620.0;
+    let width = 420.0;
     // Pixels a metre, the same both ways.
-    let zoom = (width / wide).min(480.0 / tall);
-    let height = (tall * zoom).max(120.0);
+    let zoom = (width / wide).min(400.0 / tall);
+    let height = (tall * zoom).max(100.0);
     let (left, top) = (56.0, 26.0);
     let (right, bottom) = (left + width, top + height);
     let centred =
@@ -87,7 +87,7 @@ fn picture(drift: &[Drift]) -> Option<String> {
         bottom,
         x_title: "x, forward (m)",
         y_title: "y, left (m)",
-        x_ticks: 8,
+        x_ticks: 6,
         y_ticks: 6,
     };
     let mut svg = panel::open_svg(right + 10.0, bottom + 40.0, "Paths under constant commands, from above");

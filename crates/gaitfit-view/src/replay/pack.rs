@@ -174,9 +174,9 @@ mod tests {
         let frame = |i: usize| Frame {
             base_position: [0.02 * i as f64, -1.0, 0.3],
             // The sign flips every other frame; the orientation does not.
-            base_quaternion: [2.0, 0.0, 0.0, 0.0].map(|x| if i % 2 == 0 { x } else { -x }),
+            base_quaternion: [2.0, 0.0, 0.0, 0.0].map(|x| if i.is_multiple_of(2) { x } else { -x }),
             joints: vec![(i as f64 * 0.1).sin(), if i == 7 { f64::NAN } else { i as f64 }],
-            contacts: vec![i % 2 == 0],
+            contacts: vec![i.is_multiple_of(2)],
             command: [0.5, 0.0, -1.0],
             velocity: [f64::INFINITY; 3],
         };

@@ -64,11 +64,10 @@ fn card(
     if several {
         lines.push(Line { label: "mean", class: "mean".to_string(), x: &mean_x, y: &mean_y });
     }
-    let unit = if first.unit.is_empty() { String::new() } else { format!(" ({})", clean(&first.unit)) };
     let svg = Curves {
         title: &format!("{name} over iterations"),
         x_title: "iteration",
-        y_title: &format!("{}{unit}", clean(name)),
+        y_title: &first.unit,
         size,
         log: first.log,
         goal: first.goal,

@@ -1,4 +1,5 @@
 //! The Go2 of `assets/go2.xml` as a replay draws it, trotting along an invented path.
+#![allow(clippy::unwrap_used)] // Test data: a panic is the report.
 
 use gaitfit_view::gait::{FootTrack, GaitPicture, TorqueSpectrum, VelocityTrack};
 use gaitfit_view::replay::{Body, Frame, Geom, Joint, ReplayRobot, Shape};
