@@ -99,9 +99,12 @@ fn strange_motion_is_still_drawn() {
     }
 }
 
+/// Makes one thing wrong.
+type Spoil = fn(&mut Replay);
+
 #[test]
 fn what_does_not_fit_is_named() {
-    let broken: [(&str, fn(&mut Replay)); 12] = [
+    let broken: [(&str, Spoil); 12] = [
         ("time between frames", |r| r.dt = 0.0),
         ("time between frames", |r| r.dt = f64::NAN),
         ("1 to 8 robots, not 0", |r| r.robots.clear()),

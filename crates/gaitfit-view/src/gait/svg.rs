@@ -122,11 +122,15 @@ fn heights(svg: &mut String, gait: &GaitPicture, x: Scale, top: f64) -> f64 {
         y_ticks: 3,
     };
     chart.open(svg);
+    // Diagonal feet swing together in a trot: dashes let one line show through the other.
+    let look = |i: usize| format!("c{}{}", i % 8, if i < 2 { "" } else { " over" });
     for (i, foot) in feet.iter().enumerate() {
-        chart.series(svg, &foot.name, &format!("c{}", i % 8), &gait.time_s, &foot.height_m, POINTS);
+        chart.series(svg, &foot.name, &look(i), &gait.time_s, &foot.height_m, POINTS);
     }
     panel::close(svg);
-    key(svg, top + 11.0, &feet.iter().map(|f| f.name.as_str()).collect::<Vec<_>>());
+    let looks: Vec<String> = (0..feet.len()).map(look).collect();
+    let entries: Vec<_> = feet.iter().zip(&looks).map(|(f, look)| (f.name.as_str(), look.as_str())).collect();
+    legend(svg, top + 11.0, &entries);
     top + 128.0
 }
 
@@ -199,7 +203,10 @@ fn spectra(svg: &mut String, spectra: &[TorqueSpectrum], top: f64) -> f64 {
         chart.series(svg, &spectrum.group, &format!("c{}", i % 8), frequency, &held, POINTS);
     }
     panel::close(svg);
-    key(svg, top + 11.0, &drawn.iter().map(|(s, _)| s.group.as_str()).collect::<Vec<_>>());
+    let looks: Vec<String> = (0..drawn.len()).map(|i| format!("c{}", i % 8)).collect();
+    let entries: Vec<_> =
+        drawn.iter().zip(&looks).map(|((s, _), l)| (s.group.as_str(), l.as_str())).collect();
+    legend(svg, top + 11.0, &entries);
     top + 210.0
 }
 
@@ -208,13 +215,7 @@ fn title(svg: &mut String, text: &str, top: f64) -> f64 {
     top + 16.0
 }
 
-/// Names in the colours of their lines.
-fn key(svg: &mut String, y: f64, names: &[&str]) {
-    let classes: Vec<String> = (0..names.len()).map(|i| format!("c{}", i % 8)).collect();
-    let entries: Vec<_> = names.iter().zip(&classes).map(|(n, c)| (*n, c.as_str())).collect();
-    legend(svg, y, &entries);
-}
-
+/// Names beside strokes in the look of their lines.
 fn legend(svg: &mut String, y: f64, entries: &[(&str, &str)]) {
     let mut x = 220.0;
     for (name, class) in entries {

@@ -30,10 +30,22 @@ class Robot {
         this.motion[i] = data.offset[c] + data.scale[c] * codes.getInt16(2 * i, true);
       }
     }
+    this.stretches = this.feet.map((_, foot) => this.touching(foot));
     this.follow = [0, 1].map((c) => this.smoothed(c, Math.round(0.4 / dt)));
   }
 
   get duration() { return (this.frames - 1) * this.dt; }
+
+  /** Times from and to which a foot touches the ground. */
+  touching(foot) {
+    const list = [];
+    for (let f = 0; f !== this.frames; f += 1) {
+      if (this.contacts[f * this.feet.length + foot] !== 1) { continue; }
+      const last = list[list.length - 1], from = f * this.dt, to = Math.min(from + this.dt, this.duration);
+      if (last && last.next === f) { last.to = to; last.next = f + 1; } else { list.push({ from, to, next: f + 1 }); }
+    }
+    return list;
+  }
 
   /** A channel averaged over `reach` frames before and after, so that the camera does not shake with the robot. */
   smoothed(channel, reach) {

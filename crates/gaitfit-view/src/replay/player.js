@@ -4,7 +4,8 @@ const element = (id) => document.getElementById(id);
 const data = JSON.parse(element("replay").textContent);
 const robots = data.robots.map((r) => new Robot(r, data.dt));
 const duration = Math.max(...robots.map((r) => r.duration), data.dt);
-const scene = element("scene"), slider = element("time"), strip = element("strip");
+let scene = element("scene");
+const slider = element("time"), strip = element("strip");
 const play = element("play"), clock = element("clock"), speed = element("speed");
 const panes = Array.from(document.querySelectorAll(".pane"));
 const still = window.matchMedia("(prefers-reduced-motion: reduce)");
@@ -23,7 +24,10 @@ function makeRenderer() {
     try { return new WebGlRenderer(scene); } catch (problem) { console.warn("drawn flat:", problem); }
   }
   element("flat").hidden = false;
-  // A canvas that has once been asked for WebGL may refuse any other context.
+  // A canvas that has once given a WebGL context refuses any other.
+  const fresh = scene.cloneNode();
+  scene.replaceWith(fresh);
+  scene = fresh;
   return new FlatRenderer(scene);
 }
 
@@ -95,16 +99,8 @@ function drawStrip(ratio) {
       pen.fillStyle = style.getPropertyValue("--track");
       pen.fillRect(x(0), y + 2, x(robot.duration) - x(0), row - 4);
       pen.fillStyle = style.getPropertyValue("--contact");
-      let since = -1;
-      for (let f = 0; f !== robot.frames + 1; f += 1) {
-        const touches = f !== robot.frames && robot.contacts[f * robot.feet.length + foot] === 1;
-        if (touches && since === -1) { since = f; }
-        if (!touches && since !== -1) {
-          const end = Math.min(f * robot.dt, robot.duration);
-          pen.fillRect(x(since * robot.dt), y + 2, Math.max(x(end) - x(since * robot.dt), 0.5), row - 4);
-          since = -1;
-        }
-      }
+      robot.stretches[foot].forEach(({ from, to }) =>
+        pen.fillRect(x(from), y + 2, Math.max(x(to) - x(from), 0.5), row - 4));
       pen.fillStyle = style.getPropertyValue("--soft");
       pen.fillText(name, 0, y + row / 2, label - 6);
       y += row;
