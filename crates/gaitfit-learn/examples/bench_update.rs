@@ -1,4 +1,5 @@
-//! Prints the seconds of one PPO update: `cargo run --release -p gaitfit-learn --example bench_update -- [THREADS] [REPEATS]`.
+//! Times one PPO update and prints the figures as JSON:
+//! `cargo run --release -p gaitfit-learn --example bench_update -- [THREADS] [REPEATS]`.
 //! 4,096 environments × 24 steps, actor 45-128-128-128-12, critic 48-128-128-128-1, 5 epochs × 4 minibatches.
 
 use gaitfit_learn::ppo::{Settings, Widths, bench};
@@ -9,9 +10,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let repeats = arguments.next().unwrap_or(Ok(5))?;
     let widths = Widths { observation: 45, critic_observation: 48, action: 12 };
     let timing = bench::time_updates(&Settings::default(), widths, [16, 256, 24], threads, repeats)?;
-    for seconds in &timing.seconds {
-        println!("{seconds:.4} s");
-    }
-    println!("{:?}", timing.diagnostics);
+    println!("{}", serde_json::to_string(&timing)?);
     Ok(())
 }

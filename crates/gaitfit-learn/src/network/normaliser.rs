@@ -90,3 +90,37 @@ pub(crate) fn normalise_row(scale: &[(f32, f32)], input: &[f32], output: &mut [f
         *output = input * factor + offset;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn merged_parts_have_the_statistics_of_the_whole() {
+        // Two columns, the second with a mean far above its deviation.
+        let rows: Vec<f32> = (0..60).flat_map(|i| [(i * i % 7) as f32, 1e4 + (i % 5) as f32]).collect();
+        let whole = Normaliser::of(2, &rows);
+        let mut merged = Normaliser::new(2);
+        for part in [&rows[..14], &rows[14..16], &[][..], &rows[16..]] {
+            merged.merge(&Normaliser::of(2, part));
+        }
+        assert_eq!(merged.count, 60.0);
+        for c in 0..2 {
+            assert!((merged.mean[c] - whole.mean[c]).abs() < 1e-9);
+            assert!((merged.variance[c] - whole.variance[c]).abs() < 1e-9);
+        }
+        // Column two is 1e4 + 0, 1, 2, 3, 4 in turn: mean 1e4 + 2, variance 2.
+        assert!((whole.mean[1] - 10_002.0).abs() < 1e-9 && (whole.variance[1] - 2.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn applied_by_hand() {
+        let normaliser = Normaliser { mean: vec![1.0, -2.0], variance: vec![3.99, 0.24], count: 5.0 };
+        let mut output = [0.0; 4];
+        normaliser.apply(&[5.0, -2.0, 1.0, 0.5], &mut output);
+        // √(3.99 + 0.01) = 2, √(0.24 + 0.01) = 0.5.
+        for (got, want) in output.iter().zip([2.0, 0.0, 0.0, 5.0]) {
+            assert!((got - want).abs() < 1e-6, "{output:?}");
+        }
+    }
+}

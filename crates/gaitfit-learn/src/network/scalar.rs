@@ -105,3 +105,26 @@ impl Scalar for f32 {
         1.0 - 2.0 / ((2.0 * x).exponential() + 1.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Scalar;
+
+    #[test]
+    fn exponential_and_tangent_are_those_of_double_precision() {
+        for i in -100_000..=100_000 {
+            let x = i as f32 * 8.8e-4;
+            if x >= -87.0 {
+                let (got, want) = (f64::from(x.exponential()), f64::from(x).exp());
+                assert!((got / want - 1.0).abs() < 2.5e-7, "exp({x}) = {got}, not {want}");
+            }
+            let (got, want) = (f64::from(x.hyperbolic_tangent()), f64::from(x).tanh());
+            assert!((got - want).abs() < 2.4e-7, "tanh({x}) = {got}, not {want}");
+        }
+        assert_eq!(0.0_f32.exponential(), 1.0);
+        assert!(f32::NAN.exponential().is_nan() && f32::NAN.hyperbolic_tangent().is_nan());
+        assert!(f32::NEG_INFINITY.exponential() < 1e-37 && f32::INFINITY.exponential() > 1e38);
+        assert_eq!(f32::NEG_INFINITY.hyperbolic_tangent(), -1.0);
+        assert_eq!(f32::INFINITY.hyperbolic_tangent(), 1.0);
+    }
+}

@@ -46,3 +46,23 @@ impl Adam {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_steps_worked_by_hand() {
+        // Step 1, g = 2: m = 0.2, v = 0.004, m̂ = 2, v̂ = 4, θ = 1 − 0.1 · 2/2 = 0.9.
+        // Step 2, g = −1: m = 0.08, v = 0.004996, m̂ = 0.08/0.19, v̂ = 0.004996/0.001999, θ = 0.9 − 0.0266337.
+        let mut adam = Adam::new(3);
+        let mut theta = [1.0_f32];
+        adam.step(&mut [(1..2, &mut theta)], &[9.0, 4.0, 9.0], 0.5, 0.1);
+        assert!((theta[0] - 0.9).abs() < 1e-6, "{theta:?}");
+        assert!((adam.first[1] - 0.2).abs() < 1e-7 && (adam.second[1] - 0.004).abs() < 1e-9);
+        adam.step(&mut [(1..2, &mut theta)], &[9.0, -2.0, 9.0], 0.5, 0.1);
+        assert!((theta[0] - 0.873_366_3).abs() < 1e-6, "{theta:?}");
+        // What no part names is not moved.
+        assert_eq!([adam.first[0], adam.first[2], adam.second[0], adam.second[2]], [0.0; 4]);
+    }
+}

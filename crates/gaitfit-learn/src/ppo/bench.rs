@@ -3,15 +3,19 @@
 use std::time::Instant;
 
 use gaitfit_random::{Purpose, Stream};
+use serde::Serialize;
 
 use super::{Diagnostics, Learner, LearnerError, Samples, Settings, UpdateError, Widths, loss::HALF_LOG_TAU};
 use crate::network::Scratch;
 
 /// What one timing says.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Timing {
     /// Wall-clock seconds of every timed update, in order.
     pub seconds: Vec<f64>,
+    /// Seconds of processor time of the whole process in each, all threads together; empty where the system does
+    /// not tell. Other programs on the machine spoil it less.
+    pub cpu_seconds: Vec<f64>,
     /// Diagnostics of the last update.
     pub diagnostics: Diagnostics,
 }
@@ -85,11 +89,24 @@ pub fn time_updates(
     let settings = Settings { schedule: super::Schedule::Fixed, learning_rate: 1e-4, ..settings.clone() };
     let mut learner = Learner::new(settings, widths, 1)?;
     let mut samples = synthetic(&learner, tiles, environments, steps, 2);
-    let mut timing = Timing { seconds: Vec::new(), diagnostics: learner.update(&mut samples, 0, threads)? };
+    let diagnostics = learner.update(&mut samples, 0, threads)?;
+    let mut timing = Timing { seconds: Vec::new(), cpu_seconds: Vec::new(), diagnostics };
     for iteration in 0..repeats {
-        let start = Instant::now();
+        let (start, cpu_start) = (Instant::now(), process_seconds());
         timing.diagnostics = learner.update(&mut samples, iteration as u32 + 1, threads)?;
         timing.seconds.push(start.elapsed().as_secs_f64());
+        timing.cpu_seconds.extend(process_seconds().zip(cpu_start).map(|(end, start)| end - start));
     }
     Ok(timing)
+}
+
+/// Processor time that this process has used.
+fn process_seconds() -> Option<f64> {
+    #[cfg(unix)]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+        Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
+    }
+    #[cfg(not(unix))]
+    None
 }

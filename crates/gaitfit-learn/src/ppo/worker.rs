@@ -7,7 +7,7 @@ use super::{
 use crate::network::{Scalar, Shape, Tape, normalise_row};
 
 /// Rows that pass forward and back together, so that the activations stay in the second-level cache.
-pub(super) const TILE: usize = 256;
+pub(super) const TILE: usize = 512;
 
 /// Where a sample lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
