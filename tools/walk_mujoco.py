@@ -23,6 +23,7 @@ import numpy as np
 import onnxruntime
 
 ROOT = pathlib.Path(__file__).parent.parent
+DIVERGED = [mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC]
 
 
 def bare(name):
@@ -37,9 +38,10 @@ class Robot:
         if spec.modelname != interface["robot"]:
             raise SystemExit(f"the policy is for robot {interface['robot']}, {args.model} is {spec.modelname}")
         if args.ground_only:
+            # Geoms that touch nothing in the file stay so.
             for geom in spec.geoms:
                 ground = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
-                geom.contype, geom.conaffinity = (1, 0) if ground else (0, 1)
+                geom.contype, geom.conaffinity = (1, 0) if ground else (0, int(bool(geom.contype or geom.conaffinity)))
         self.model = model = spec.compile()
         model.opt.timestep = args.timestep
         if args.friction is not None:
@@ -128,9 +130,11 @@ def walk(job):
                 torque = kp * (target - data.qpos[robot.position]) - kd * data.qvel[robot.velocity]
                 data.ctrl[robot.motors] = np.clip(torque, robot.torque_limit[:, 0], robot.torque_limit[:, 1])
                 mujoco.mj_step(robot.model, data)
-            mujoco.mj_forward(robot.model, data)
-            falls[index] = robot.fallen(data, args) or not np.isfinite(data.qpos).all()
-            if time + dt > args.skip and np.isfinite(data.qvel).all():
+            mujoco.mj_fwdPosition(robot.model, data)
+            diverged = any(data.warning[kind].number for kind in DIVERGED)
+            falls[index] = diverged or robot.fallen(data, args)
+            # MuJoCo resets a simulation that diverges: its velocities mean nothing then.
+            if time + dt > args.skip and not diverged:
                 forward = data.xmat[1].reshape(3, 3)[:2, 0]
                 forward = forward / np.linalg.norm(forward)
                 velocity = np.array([forward @ data.qvel[:2], forward[0] * data.qvel[1] - forward[1] * data.qvel[0]])
@@ -144,8 +148,8 @@ def walk(job):
 
 def estimate(values):
     values = np.asarray(values, float)
-    spread = 1.96 * values.std(ddof=1) / math.sqrt(len(values)) if len(values) > 1 else math.nan
-    return {"mean": float(values.mean()), "ci95": float(spread)}
+    spread = 1.96 * values.std(ddof=1) / math.sqrt(len(values)) if len(values) > 1 else None
+    return {"mean": float(values.mean()), "ci95": spread and float(spread)}
 
 
 def main():
@@ -204,7 +208,7 @@ def main():
         ("fall_rate", ""),
         ("action_rate", "mean |change| a control period"),
     ):
-        print(f"{name:24} {report[name]['mean']:.4f} ± {report[name]['ci95']:.4f} {unit}")
+        print(f"{name:24} {report[name]['mean']:.4f} ± {report[name]['ci95'] or 0.0:.4f} {unit}")
 
 
 if __name__ == "__main__":
