@@ -168,11 +168,16 @@ mod tests {
     fn events(path: &Path) -> Vec<Event> {
         let bytes = std::fs::read(path).unwrap();
         let (mut rest, mut found) = (bytes.as_slice(), Vec::new());
-        while let Some((_, event)) = next(&mut rest.by_ref(), rest.len() as u64).unwrap() {
+        while let Some((_, event)) = read_next(&mut rest) {
             found.push(event);
         }
         assert!(rest.is_empty(), "{} bytes are no record", rest.len());
         found
+    }
+
+    fn read_next(rest: &mut &[u8]) -> Option<(u64, Event)> {
+        let length = rest.len() as u64;
+        next(rest, length).unwrap()
     }
 
     fn steps(path: &Path) -> Vec<i64> {
