@@ -228,7 +228,9 @@ impl Interface {
                     "scale of {quantity} in {name} has {found} numbers; give none, 1 or {wanted}"
                 )));
             }
-            if let Some(bad) = term.scale.iter().find(|&&scale| !(f64::from(scale).abs() <= LARGEST)) {
+            if let Some(bad) =
+                term.scale.iter().find(|&&scale| scale.is_nan() || f64::from(scale).abs() > LARGEST)
+            {
                 return Err(InterfaceError(format!(
                     "scale of {quantity} in {name} is {bad}; give finite numbers"
                 )));
