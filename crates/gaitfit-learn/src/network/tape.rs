@@ -70,14 +70,17 @@ impl<T: Scalar> Tape<T> {
             let derivative_matrix = Matrix::row_major(derivative, rows, layer.outputs);
             let x_transposed = Matrix::row_major(x, rows, layer.inputs).transposed();
             matmul::multiply(&mut gradient[layer.weight.clone()], x_transposed, derivative_matrix, true);
-            lanes::add_column_sums(&mut gradient[layer.bias.clone()], derivative);
+            if last {
+                lanes::add_column_sums(&mut gradient[layer.bias.clone()], derivative);
+            }
             if index == 0 {
                 break;
             }
             let w = Matrix::row_major(&parameters[layer.weight.clone()], layer.inputs, layer.outputs);
             let size = rows * layer.inputs;
             matmul::multiply(&mut next[..size], derivative_matrix, w.transposed(), false);
-            lanes::multiply_by_derivative(&mut next[..size], &x[..size], self.shape.activation);
+            let sums = &mut gradient[self.layers[index - 1].bias.clone()];
+            lanes::multiply_by_derivative(&mut next[..size], &x[..size], sums, self.shape.activation);
             std::mem::swap(&mut current, &mut next);
         }
     }

@@ -205,9 +205,9 @@ impl Learner {
             tile.check(index, self.widths)?;
             tile.estimate_advantages(gamma, lambda);
         }
-        let mut places = shuffle::places(tiles);
-        if places.len() < minibatches {
-            return Err(SamplesError::TooFew { samples: places.len(), minibatches }.into());
+        let samples = tiles.iter().map(Samples::rows).sum();
+        if samples < minibatches {
+            return Err(SamplesError::TooFew { samples, minibatches }.into());
         }
         let explained_variance = gae::explained_variance(tiles).unwrap_or(0.0);
         if self.settings.normalise_advantage {
@@ -220,10 +220,9 @@ impl Learner {
         let old_log_std = self.log_std.clone();
         let mut report = Diagnostics { explained_variance, ..Diagnostics::default() };
         for epoch in 0..epochs {
-            shuffle::shuffle(&mut places, self.seed, iteration, epoch as u32);
+            let places = shuffle::deal(tiles, minibatches, self.seed, iteration, epoch as u32);
             for minibatch in 0..minibatches {
-                let range = |m: usize| m * places.len() / minibatches;
-                let part = &places[range(minibatch)..range(minibatch + 1)];
+                let part = &places[shuffle::range(samples, minibatches, minibatch)];
                 let constants = Constants::new(&self.settings, part.len(), &self.log_std, &old_log_std);
                 let point =
                     Point { actor: &self.actor.parameters, critic: &self.critic.parameters, constants };

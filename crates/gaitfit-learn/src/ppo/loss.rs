@@ -122,7 +122,7 @@ pub(super) fn policy<T: Scalar>(
         }
         let log_probability = -half * squares - constants.log_normaliser;
         let log_ratio = log_probability - targets.log_probability[row];
-        let ratio = log_ratio.exponential();
+        let ratio = log_ratio.exponential::<false>();
         let advantage = targets.advantage[row];
         let clipped = if ratio < low { low } else { ratio };
         let clipped = if clipped > high { high } else { clipped };

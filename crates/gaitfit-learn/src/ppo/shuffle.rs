@@ -1,27 +1,81 @@
-//! The order in which samples are visited.
+//! Which samples make up which minibatch.
+
+use std::ops::Range;
 
 use gaitfit_random::{Purpose, Stream};
 
 use super::{Samples, worker::Place};
 
-/// Every sample of all tiles, in order.
-pub(super) fn places(tiles: &[Samples]) -> Vec<Place> {
-    let of_tile = |(tile, samples): (usize, &Samples)| {
-        (0..samples.rows() as u32).map(move |row| Place { tile: tile as u32, row })
-    };
-    tiles.iter().enumerate().flat_map(of_tile).collect()
+/// Samples of minibatch `number` of `minibatches`, as a range of what [`deal`] returns: equal but for rounding.
+pub(super) fn range(samples: usize, minibatches: usize, number: usize) -> Range<usize> {
+    number * samples / minibatches..(number + 1) * samples / minibatches
 }
 
-/// Shuffles (Durstenfeld 1964) by [`Purpose::SHUFFLE`] of `seed` at environment = `iteration`, step = `epoch`. An index
-/// below n is the high half of word × n (Lemire 2019, without rejection: the bias is below n/2³²).
-pub(super) fn shuffle(places: &mut [Place], seed: u64, iteration: u32, epoch: u32) {
+/// Deals every sample of all tiles to one of `minibatches`, one after the other in the result; each split into sets of
+/// these sizes is as likely as any other. Within a minibatch the samples keep their order, so that memory is read
+/// forwards.
+///
+/// A pack with each minibatch's number on as many cards as it has samples is shuffled (Durstenfeld 1964) by
+/// [`Purpose::SHUFFLE`] of `seed` at environment = `iteration`, step = `epoch`. An index below n is the high half of
+/// word × n (Lemire 2019, without rejection: the bias is below n/2³²).
+pub(super) fn deal(
+    tiles: &[Samples],
+    minibatches: usize,
+    seed: u64,
+    iteration: u32,
+    epoch: u32,
+) -> Vec<Place> {
+    let samples = tiles.iter().map(Samples::rows).sum();
+    let mut next: Vec<usize> =
+        (0..minibatches).map(|number| range(samples, minibatches, number).start).collect();
+    let mut cards = Vec::with_capacity(samples);
+    for number in 0..minibatches {
+        cards.extend(range(samples, minibatches, number).map(|_| number as u32));
+    }
     let stream = Stream::new(seed, Purpose::SHUFFLE).environment(iteration).step(epoch);
     let mut words = [0; 4];
-    for (draw, last) in (1..places.len()).rev().enumerate() {
+    for (draw, last) in (1..samples).rev().enumerate() {
         if draw % 4 == 0 {
             words = stream.block((draw / 4) as u32);
         }
         let other = (u64::from(words[draw % 4]) * (last as u64 + 1)) >> 32;
-        places.swap(last, other as usize);
+        cards.swap(last, other as usize);
+    }
+    let mut places = vec![Place { tile: 0, row: 0 }; samples];
+    let mut cards = cards.into_iter();
+    for (tile, rows) in tiles.iter().map(Samples::rows).enumerate() {
+        for (row, card) in (0..rows).zip(&mut cards) {
+            let slot = &mut next[card as usize];
+            places[*slot] = Place { tile: tile as u32, row: row as u32 };
+            *slot += 1;
+        }
+    }
+    places
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ppo::Widths;
+
+    #[test]
+    fn every_sample_is_dealt_once_and_no_minibatch_is_favoured() {
+        let widths = Widths { observation: 1, critic_observation: 1, action: 1 };
+        let tiles = [Samples::new(7, 10, widths), Samples::new(1, 33, widths)];
+        let mut dealt = vec![[0; 4]; 103];
+        for epoch in 0..2000 {
+            let places = deal(&tiles, 4, 5, 0, epoch);
+            let mut seen = [false; 103];
+            for number in 0..4 {
+                for place in &places[range(103, 4, number)] {
+                    let sample = place.tile as usize * 70 + place.row as usize;
+                    assert!(!std::mem::replace(&mut seen[sample], true));
+                    dealt[sample][number] += 1;
+                }
+            }
+            assert!(seen.iter().all(|&seen| seen));
+        }
+        // 2000 draws of probability about 1/4: standard deviation 19.4.
+        assert!(dealt.iter().flatten().all(|&count: &i32| (count - 500).abs() < 100));
     }
 }
