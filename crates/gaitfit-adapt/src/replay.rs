@@ -1,6 +1,6 @@
 //! The project's own engine behind [`Simulator`]: logs replayed on a clamped robot.
 
-use crate::{Consume, Quantity, Signals, Simulator, SimulatorError, Theta};
+use crate::{Consume, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_model::Model;
 use gaitfit_sim::{JointSignals, Recording, Replay, ReplayOptions, RobotParams};
 
@@ -37,18 +37,7 @@ impl ReplaySimulator {
     pub fn robot(&self, theta: &Theta, values: &[f64]) -> RobotParams {
         let mut robot = self.nominal.clone();
         theta.apply(values, &self.joints, |quantity, joint, value| {
-            let of_joints = match quantity {
-                Quantity::FrictionLoss => &mut robot.frictionloss,
-                Quantity::Armature => &mut robot.armature,
-                Quantity::Damping => &mut robot.damping,
-                Quantity::Delay => &mut robot.delay,
-                Quantity::EncoderBias => &mut robot.encoder_bias,
-                Quantity::TorqueScale => &mut robot.torque_scale,
-                Quantity::TorqueOffset => &mut robot.torque_offset,
-                Quantity::KpScale => &mut robot.kp_scale,
-                Quantity::KdScale => &mut robot.kd_scale,
-            };
-            of_joints[joint] = value;
+            quantity.of_joints(&mut robot)[joint] = value;
         });
         robot
     }

@@ -7,6 +7,7 @@ use gaitfit_physics::Robot;
 use gaitfit_sim::pool;
 use serde::{Deserialize, Serialize};
 
+use crate::policy::{Policy, Provenance};
 use crate::ppo::{self, Diagnostics, Learner, LearnerError, Samples, UpdateError, Widths};
 use crate::rollout::{Divergence, Runner, Tally};
 use crate::task::{Environment, Scene, SceneError};
@@ -21,6 +22,33 @@ pub struct TrainingSettings {
     pub steps: usize,
     /// Rollouts and updates.
     pub iterations: u32,
+}
+
+impl TrainingSettings {
+    /// Refuses numbers out of range.
+    ///
+    /// # Errors
+    /// [`TrainingError::Setting`] naming the first.
+    pub fn check(&self) -> Result<(), TrainingError> {
+        let refuse = |setting, value: usize, must: &str| {
+            Err(TrainingError::Setting { setting, value: value.to_string(), must: must.to_owned() })
+        };
+        let Self { environments, steps, iterations } = *self;
+        if environments == 0 || environments > MAX_ENVIRONMENTS {
+            return refuse("environments", environments, "from 1 to 1048576");
+        }
+        if steps == 0 || environments.saturating_mul(steps) > MAX_SAMPLES {
+            return refuse("steps", steps, "at least 1, and times environments at most 67108864");
+        }
+        if u64::from(iterations) * steps as u64 > u64::from(u32::MAX / 2) {
+            return refuse(
+                "iterations",
+                iterations as usize,
+                "such that iterations times steps stays below 2^31",
+            );
+        }
+        Ok(())
+    }
 }
 
 impl Default for TrainingSettings {
@@ -95,12 +123,12 @@ pub struct Iteration {
 
 /// A training run on a scene.
 pub struct Training<'a> {
-    scene: &'a Scene,
+    pub(crate) scene: &'a Scene,
     settings: TrainingSettings,
-    seed: u64,
-    learner: Learner,
-    runners: Vec<Mutex<Runner<'a>>>,
-    iteration: u32,
+    pub(crate) seed: u64,
+    pub(crate) learner: Learner,
+    pub(crate) runners: Vec<Mutex<Runner<'a>>>,
+    pub(crate) iteration: u32,
 }
 
 /// Widths of a scene's rows.
@@ -124,23 +152,8 @@ impl<'a> Training<'a> {
         learner: Learner,
         seed: u64,
     ) -> Result<Self, TrainingError> {
-        let refuse = |setting, value: usize, must: &str| {
-            Err(TrainingError::Setting { setting, value: value.to_string(), must: must.to_owned() })
-        };
-        let TrainingSettings { environments, steps, iterations } = *settings;
-        if environments == 0 || environments > MAX_ENVIRONMENTS {
-            return refuse("environments", environments, "from 1 to 1048576");
-        }
-        if steps == 0 || environments.saturating_mul(steps) > MAX_SAMPLES {
-            return refuse("steps", steps, "at least 1, and times environments at most 67108864");
-        }
-        if u64::from(iterations) * steps as u64 > u64::from(u32::MAX / 2) {
-            return refuse(
-                "iterations",
-                iterations as usize,
-                "such that iterations times steps stays below 2^31",
-            );
-        }
+        settings.check()?;
+        let TrainingSettings { environments, steps, .. } = *settings;
         let mut runners = Vec::new();
         for first in (0..environments).step_by(TILE) {
             let count = TILE.min(environments - first);
@@ -168,6 +181,29 @@ impl<'a> Training<'a> {
     /// The learner.
     pub fn learner(&self) -> &Learner {
         &self.learner
+    }
+
+    /// The policy as it is now, for its file.
+    ///
+    /// `configuration_hash`: SHA-256 of what determines the training, hexadecimal.
+    pub fn policy(&self, configuration_hash: &str, program_version: &str) -> Policy {
+        let learner = &self.learner;
+        Policy {
+            interface: self.scene.interface.clone(),
+            actor: learner.actor().clone(),
+            log_std: learner.log_std().to_vec(),
+            critic: Some(learner.critic().clone()),
+            normaliser: learner.normaliser().cloned(),
+            critic_normaliser: learner.critic_normaliser().cloned(),
+            provenance: Provenance {
+                seed: self.seed,
+                configuration_hash: configuration_hash.to_owned(),
+                iteration: self.iteration,
+                program_version: program_version.to_owned(),
+                // Settings are numbers, names and tables: they have a TOML form.
+                task: toml::to_string(&self.scene.settings).unwrap_or_default(),
+            },
+        }
     }
 
     /// Iterations done.

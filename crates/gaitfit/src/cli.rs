@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::config::TaskName;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -22,10 +23,16 @@ pub enum Command {
     Inspect(Inspect),
     /// Fit the simulator's parameters to logs of a robot
     Adapt(Adapt),
+    /// Train a policy by PPO
+    Train(Train),
     /// Evaluate one physics step at given states
     Forward(Forward),
     /// Show a policy and write it as ONNX or safetensors
     Export(Export),
+    /// Measure how well a policy walks in a simulator
+    Evaluate(Evaluate),
+    /// Run a policy in a simulator and write its logs
+    Collect(Collect),
     /// Measure speed
     #[command(subcommand)]
     Bench(Bench),
@@ -76,6 +83,54 @@ pub struct Adapt {
     pub name: Option<String>,
 }
 
+/// Arguments of `train`.
+#[derive(Debug, Args)]
+pub struct Train {
+    /// Configuration (TOML); `gaitfit config train` prints one with every default
+    pub config: Option<PathBuf>,
+    /// Change one setting, for example --set train.iterations=600 (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Continue the latest run of this name from its checkpoints; train.iterations and seeds may grow
+    #[arg(long)]
+    pub resume: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+    /// Name of the run and its folder [default: the configuration's name]
+    #[arg(long)]
+    pub name: Option<String>,
+    /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
+    #[arg(long, value_name = "N|LIST")]
+    pub seeds: Option<Seeds>,
+}
+
+/// Seeds of trainings.
+#[derive(Clone, Debug)]
+pub struct Seeds(pub Vec<u64>);
+
+impl std::str::FromStr for Seeds {
+    type Err = String;
+
+    /// `3` is 1, 2, 3; `4,9` these two; `7,` seed 7 alone.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |text: &str| {
+            text.trim().parse::<u64>().map_err(|_| format!("`{text}` is no number; give 3 or 4,9"))
+        };
+        if !text.contains(',') {
+            return match number(text)? {
+                count @ 1..=1000 => Ok(Self((1..=count).collect())),
+                count => Err(format!("{count} seeds; give 1 to 1000, or a list such as 4,9")),
+            };
+        }
+        let list = text.strip_suffix(',').unwrap_or(text);
+        list.split(',').map(number).collect::<Result<_, _>>().map(Self)
+    }
+}
+
 /// Arguments of `forward`.
 #[derive(Debug, Args)]
 pub struct Forward {
@@ -109,11 +164,102 @@ pub struct Export {
     pub json: bool,
 }
 
+/// A policy and the simulator it runs in.
+#[derive(Debug, Args)]
+pub struct WorldArgs {
+    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
+    pub policy: PathBuf,
+    /// Robot (.xml, .mjcf, .urdf) [default: the built-in Go2]
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    #[arg(long)]
+    pub lenient: bool,
+    /// Task: velocity, biped, or a file with a task's settings [default: the policy's own]
+    #[arg(long, value_name = "TASK")]
+    pub task: Option<String>,
+    /// Fitted parameters: the theta.toml of an `adapt` run
+    #[arg(long, value_name = "FILE")]
+    pub theta: Option<PathBuf>,
+    /// A spring on a joint, N·m/rad, about its default angle or REST, rad (repeatable)
+    #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
+    pub spring: Vec<String>,
+    /// Standard deviation of Gaussian torques at every joint and physics step, N·m
+    #[arg(long, value_name = "NM", default_value_t = 0.0)]
+    pub torque_noise: f64,
+    /// Vary robots, starts and observations as in training, with pushes
+    #[arg(long)]
+    pub randomised: bool,
+    /// Solver effort
+    #[arg(long, value_enum, default_value_t = Preset::Fast)]
+    pub preset: Preset,
+    /// Seed of commands, starts and noise
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+}
+
+/// Arguments of `evaluate`.
+#[derive(Debug, Args)]
+pub struct Evaluate {
+    /// The policy and its simulator
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// Trajectories with random commands
+    #[arg(long, value_name = "N", default_value = "10000")]
+    pub trajectories: std::num::NonZeroUsize,
+    /// Length of each, s
+    #[arg(long, value_name = "S", default_value_t = 4.0)]
+    pub seconds: f64,
+    /// Robots in each constant-command drift trial; 0 leaves them out
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub drift: usize,
+    /// Write a page with pictures
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+    /// Write a 3-D replay
+    #[arg(long, value_name = "FILE.html")]
+    pub replay: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `collect`.
+#[derive(Debug, Args)]
+pub struct Collect {
+    /// The policy and its simulator
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// Folder for the logs, one CSV a trajectory
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Trajectories
+    #[arg(long, value_name = "N", default_value = "64")]
+    pub trajectories: std::num::NonZeroUsize,
+    /// Length of each, s
+    #[arg(long, value_name = "S", default_value_t = 4.0)]
+    pub seconds: f64,
+    /// Begin each log this long after the robot, drawn between the two times, s
+    #[arg(long, value_names = ["FROM", "TO"], num_args = 1..=2, default_values_t = [0.0])]
+    pub log_shift: Vec<f64>,
+    /// Record the base's pose and velocity too, which a robot does not measure
+    #[arg(long)]
+    pub privileged: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// What to measure.
 #[derive(Debug, Subcommand)]
 pub enum Bench {
     /// Physics substeps a second of a trotting Go2
     Physics(BenchPhysics),
+    /// Iterations of PPO on the default task
+    Train(BenchTrain),
 }
 
 /// Arguments of `bench physics`.
@@ -133,12 +279,35 @@ pub struct BenchPhysics {
     pub json: bool,
 }
 
+/// Arguments of `bench train`.
+#[derive(Debug, Args)]
+pub struct BenchTrain {
+    /// Robots at once
+    #[arg(long, value_name = "N", default_value_t = 4096)]
+    pub environments: usize,
+    /// Control steps of a rollout
+    #[arg(long, value_name = "N", default_value_t = 24)]
+    pub steps: usize,
+    /// Iterations that are measured, after two that are not
+    #[arg(long, value_name = "N", default_value = "10")]
+    pub iterations: std::num::NonZeroU32,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// Arguments of `config`.
 #[derive(Debug, Args)]
 pub struct Config {
     /// Which command's settings
     #[arg(value_enum, default_value_t = ConfigOf::Adapt)]
     pub of: ConfigOf,
+    /// With `train`: the built-in task to start from
+    #[arg(long, value_enum, default_value_t)]
+    pub task: TaskName,
 }
 
 /// Commands with a configuration.
@@ -146,6 +315,8 @@ pub struct Config {
 pub enum ConfigOf {
     /// Settings of `gaitfit adapt`
     Adapt,
+    /// Settings of `gaitfit train`
+    Train,
 }
 
 /// Arguments of `doctor`.

@@ -4,16 +4,21 @@ mod cli;
 mod commands;
 mod config;
 mod exit;
+mod gait;
+mod inputs;
 mod interrupt;
 mod machine;
+mod manifest;
 mod output;
+mod output_file;
 mod paths;
 mod progress;
+mod replay;
 mod robot;
 mod run_folder;
 mod table;
-#[allow(dead_code, reason = "written by training")]
 mod tensorboard;
+mod world;
 
 use clap::Parser;
 use cli::{Cli, Command};
@@ -26,8 +31,11 @@ fn main() -> ExitCode {
         Command::Doctor(args) => commands::doctor::run(args),
         Command::Inspect(args) => commands::inspect::run(args),
         Command::Adapt(args) => commands::adapt::run(args),
+        Command::Train(args) => commands::train::run(args),
         Command::Forward(args) => commands::forward::run(args),
         Command::Export(args) => commands::export::run(args),
+        Command::Evaluate(args) => commands::evaluate::run(args),
+        Command::Collect(args) => commands::collect::run(args),
         Command::Bench(args) => commands::bench::run(args),
     };
     match done {

@@ -3,54 +3,87 @@
 use crate::output::note;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-/// Time between plain lines.
-const LINE_EVERY: Duration = Duration::from_secs(5);
+/// When plain lines are written.
+#[derive(Clone, Copy, Debug)]
+pub enum Lines {
+    /// At most one in so many seconds.
+    Seconds(u64),
+    /// So many over the whole.
+    Parts(usize),
+}
 
-/// Shows how far a fit is.
+/// Shows how far a run is.
 pub struct Progress {
     bar: Option<ProgressBar>,
+    /// What is counted, in the singular.
+    what: String,
     total: usize,
-    /// Generations done before this process (resumed runs) do not count in the time left.
+    /// Done before this process (resumed runs): these do not count in the time left.
     first: usize,
+    /// What the work is made of, in the plural, for the speed.
+    parts: &'static str,
+    lines: Lines,
     begun: Instant,
-    evaluations: usize,
-    said: Option<Instant>,
+    counted: usize,
+    said: Option<(Instant, usize)>,
 }
 
 impl Progress {
-    /// Starts at generation `first` of `total`.
-    pub fn new(total: usize, first: usize) -> Self {
+    /// Starts at `first` of `total`.
+    pub fn new(what: &str, total: usize, first: usize, parts: &'static str, lines: Lines) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let bar = terminal.then(|| {
             let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr());
-            if let Ok(style) = ProgressStyle::with_template("{bar:28} {pos}/{len} generations  {msg}") {
+            if let Ok(style) = ProgressStyle::with_template("{bar:28} {prefix} {pos}/{len}  {msg}") {
                 bar.set_style(style);
             }
+            bar.set_prefix(what.to_owned());
             bar.set_position(first as u64);
             bar
         });
-        Self { bar, total, first, begun: Instant::now(), evaluations: 0, said: None }
+        Self {
+            bar,
+            what: what.to_owned(),
+            total,
+            first,
+            parts,
+            lines,
+            begun: Instant::now(),
+            counted: 0,
+            said: None,
+        }
     }
 
-    /// Generation `done` is finished, with `evaluations` candidates; `best` says how good it is so far.
-    pub fn update(&mut self, done: usize, evaluations: usize, best: &str) {
-        self.evaluations += evaluations;
+    /// `done` are finished, the last one with `counted` parts; `state` says how good it is so far.
+    pub fn update(&mut self, done: usize, counted: usize, state: &str) {
+        self.counted += counted;
         let seconds = self.begun.elapsed().as_secs_f64().max(1e-9);
-        let left = seconds / (done - self.first).max(1) as f64 * self.total.saturating_sub(done) as f64;
-        let text =
-            format!("{best}  {:.0} evaluations/s  {left:.0} s left", self.evaluations as f64 / seconds);
+        let left =
+            seconds / done.saturating_sub(self.first).max(1) as f64 * self.total.saturating_sub(done) as f64;
+        let speed = speed(self.counted as f64 / seconds);
+        let text = format!("{state}  {speed} {}/s  {} left", self.parts, time(left));
         match &self.bar {
             Some(bar) => {
                 bar.set_position(done as u64);
                 bar.set_message(text);
             }
-            None if self.said.is_none_or(|said| said.elapsed() >= LINE_EVERY) => {
-                self.said = Some(Instant::now());
-                note(&format!("generation {done}/{}  {text}", self.total));
+            None if self.due(done) => {
+                self.said = Some((Instant::now(), done));
+                note(&format!("{} {done}/{}  {text}", self.what, self.total));
             }
             None => {}
+        }
+    }
+
+    fn due(&self, done: usize) -> bool {
+        match (self.lines, self.said) {
+            (Lines::Seconds(every), said) => said.is_none_or(|(said, _)| said.elapsed().as_secs() >= every),
+            (Lines::Parts(parts), said) => {
+                let part = |done: usize| parts * done / self.total.max(1);
+                part(done) > part(said.map_or(self.first, |(_, said)| said)) || done == self.total
+            }
         }
     }
 
@@ -60,4 +93,14 @@ impl Progress {
             bar.finish_and_clear();
         }
     }
+}
+
+/// A speed with few digits.
+fn speed(speed: f64) -> String {
+    if speed < 1e4 { format!("{speed:.0}") } else { format!("{:.0} k", 1e-3 * speed) }
+}
+
+/// A time to wait.
+fn time(seconds: f64) -> String {
+    if seconds < 120.0 { format!("{seconds:.0} s") } else { format!("{:.0} min", seconds / 60.0) }
 }

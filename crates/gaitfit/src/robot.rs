@@ -5,6 +5,14 @@ use gaitfit_log::CheckSpec;
 use gaitfit_model::{Model, ReadOptions, Root};
 use std::path::Path;
 
+/// The project's Go2, so that nothing needs files.
+const GO2: &str = include_str!("../../../assets/go2.xml");
+
+/// The built-in Go2.
+pub fn go2() -> Result<Model, Failure> {
+    gaitfit_model::read_mjcf_str(GO2, &ReadOptions::default()).map_err(Failure::failed)
+}
+
 /// How the robot's base hangs in the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hold {

@@ -1,6 +1,7 @@
 //! The folder of one run. Every file in it is written whole or not at all, and no run writes into another's.
 
 use crate::exit::Failure;
+use serde::Serialize;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -64,26 +65,53 @@ impl RunFolder {
         self.path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
     }
 
+    /// Makes a folder in this one, if it is not there yet. Files in it have names such as `seed-1/metrics.jsonl`.
+    pub fn make(&self, name: &str) -> Result<(), Failure> {
+        let path = self.path.join(name);
+        fs::create_dir_all(&path).map_err(|error| unwritable(&path, &error))
+    }
+
     /// Writes a file whole: a temporary file beside it, synced, then renamed.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
         let path = self.path.join(name);
+        let folder = path.parent().unwrap_or(&self.path);
         let whole = || -> std::io::Result<()> {
-            let mut file =
-                readable(&mut tempfile::Builder::new()).prefix(".writing-").tempfile_in(&self.path)?;
+            let mut file = readable(&mut tempfile::Builder::new()).prefix(".writing-").tempfile_in(folder)?;
             file.write_all(bytes)?;
             file.as_file().sync_all()?;
             file.persist(&path).map_err(|error| error.error)?;
             // The rename itself reaches the disk with the folder.
-            File::open(&self.path)?.sync_all()
+            File::open(folder)?.sync_all()
         };
         whole().map_err(|error| unwritable(&path, &error))
     }
 
-    /// Reads a file; `None` where there is none.
+    /// Writes a value as a JSON document, whole.
+    pub fn write_json<T: Serialize>(&self, name: &str, value: &T) -> Result<(), Failure> {
+        let mut text = serde_json::to_string_pretty(value)
+            .map_err(|error| Failure::failed(format!("cannot write {name}: {error}")))?;
+        text.push('\n');
+        self.write(name, text.as_bytes())
+    }
+
+    /// Reads a text; `None` where there is none.
     pub fn read(&self, name: &str) -> Result<Option<String>, Failure> {
+        self.read_as(name, fs::read_to_string)
+    }
+
+    /// Reads a file; `None` where there is none.
+    pub fn read_bytes(&self, name: &str) -> Result<Option<Vec<u8>>, Failure> {
+        self.read_as(name, fs::read)
+    }
+
+    fn read_as<T>(
+        &self,
+        name: &str,
+        read: impl Fn(PathBuf) -> std::io::Result<T>,
+    ) -> Result<Option<T>, Failure> {
         let path = self.path.join(name);
-        match fs::read_to_string(&path) {
-            Ok(text) => Ok(Some(text)),
+        match read(path.clone()) {
+            Ok(content) => Ok(Some(content)),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
             Err(error) => Err(Failure::failed(format!(
                 "cannot read {}: {error}; restore it, or start afresh without --resume",
@@ -97,6 +125,13 @@ impl RunFolder {
         let path = self.path.join(name);
         let add = || fs::OpenOptions::new().create(true).append(true).open(&path)?.write_all(text.as_bytes());
         add().map_err(|error| unwritable(&path, &error))
+    }
+
+    /// Waits until what was appended to a file is on the disk.
+    pub fn sync(&self, name: &str) -> Result<(), Failure> {
+        let path = self.path.join(name);
+        let sync = || File::open(&path)?.sync_all();
+        sync().map_err(|error| unwritable(&path, &error))
     }
 }
 

@@ -1,5 +1,6 @@
 //! The quantities θ can change.
 
+use gaitfit_sim::RobotParams;
 use serde::{Deserialize, Serialize};
 
 /// A quantity of a joint.
@@ -95,6 +96,21 @@ impl Quantity {
             Quantity::KpScale | Quantity::KdScale => (0.5, 2.0, 1.0, 0.1),
         };
         Defaults { lower, upper, start, deviation }
+    }
+
+    /// This quantity of each of a robot's joints.
+    pub fn of_joints(self, robot: &mut RobotParams) -> &mut Vec<f64> {
+        match self {
+            Quantity::FrictionLoss => &mut robot.frictionloss,
+            Quantity::Armature => &mut robot.armature,
+            Quantity::Damping => &mut robot.damping,
+            Quantity::Delay => &mut robot.delay,
+            Quantity::EncoderBias => &mut robot.encoder_bias,
+            Quantity::TorqueScale => &mut robot.torque_scale,
+            Quantity::TorqueOffset => &mut robot.torque_offset,
+            Quantity::KpScale => &mut robot.kp_scale,
+            Quantity::KdScale => &mut robot.kd_scale,
+        }
     }
 
     /// Smallest value with a meaning.

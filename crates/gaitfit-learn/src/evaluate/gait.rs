@@ -1,10 +1,11 @@
 //! The gait of one robot: foot contacts, heights, speeds and torques over time.
 
-use serde::Serialize;
+use gaitfit_model::Shape;
+use serde::{Deserialize, Serialize};
 
 use super::{Subject, power_spectrum};
 use crate::player::Player;
-use crate::task::{Ended, Environment, SceneError, heading_velocity};
+use crate::task::{Ended, Environment, Foot, SceneError, heading_velocity};
 
 /// What one robot did, a row a control period.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,8 +18,8 @@ pub struct GaitRecord {
     pub joints: Vec<String>,
     /// Whether each foot is on the ground; `steps × feet`.
     pub contact: Vec<bool>,
-    /// Height of each foot's centre, m; `steps × feet`.
-    pub foot_height: Vec<f64>,
+    /// Height of each foot's lowest point above the ground, m; `steps × feet`.
+    pub foot_clearance: Vec<f64>,
     /// Command; `steps × 3`.
     pub command: Vec<f64>,
     /// Velocity: forward, left (m/s, heading frame), yaw rate (rad/s); `steps × 3`.
@@ -36,7 +37,7 @@ pub struct GaitRecord {
 }
 
 /// A gait in a few numbers.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GaitSummary {
     /// Share of time with exactly one gait group on the ground and the others off it.
     pub alternation: f64,
@@ -44,7 +45,7 @@ pub struct GaitSummary {
     pub step_frequency: f64,
     /// Share of time that a foot is on the ground.
     pub duty_factor: f64,
-    /// Mean over swings of the greatest height of a foot's centre above its height on the ground, m.
+    /// Mean over swings of a foot's greatest height above where it lands, m.
     pub foot_lift: f64,
     /// Root-mean-square change of an action a step, per joint.
     pub action_rate: f64,
@@ -70,6 +71,11 @@ pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Resul
         joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
         ..GaitRecord::default()
     };
+    let radius = |name: &String| {
+        let geom = model.geoms.iter().find(|geom| geom.name == *name);
+        geom.map_or(0.0, |geom| if let Shape::Sphere { radius } = geom.shape { radius } else { 0.0 })
+    };
+    let radii: Vec<f64> = record.feet.iter().map(radius).collect();
     let mut step = 0;
     for &(seconds, command) in commands {
         player.environment.hold_command(0, command.map(|x| x as f32));
@@ -80,7 +86,8 @@ pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Resul
             let motion = environment.motion();
             let feet = environment.feet(0);
             record.contact.extend(feet.iter().map(|foot| foot.touching));
-            record.foot_height.extend(feet.iter().map(|foot| f64::from(foot.height)));
+            let clearance = |(foot, radius): (&Foot, &f64)| f64::from(foot.height) - radius;
+            record.foot_clearance.extend(feet.iter().zip(&radii).map(clearance));
             record.command.extend(command);
             let velocity = heading_velocity(&motion.base_quaternion, &motion.base_linear);
             let yaw_rate = environment.yaw_rate(0);
@@ -151,7 +158,7 @@ impl GaitRecord {
                 on_ground += if row[foot] { 1.0 } else { 0.0 };
                 if step > 0 && row[foot] && !self.contact[(step - 1) * feet + foot] {
                     landings += 1.0;
-                    let height = |step: usize| self.foot_height[step * feet + foot];
+                    let height = |step: usize| self.foot_clearance[step * feet + foot];
                     let swing = (0..step).rev().take_while(|&before| !self.contact[before * feet + foot]);
                     let top = swing.map(height).fold(f64::MIN, f64::max);
                     lifts.push(top - height(step));

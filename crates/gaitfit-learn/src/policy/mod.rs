@@ -50,6 +50,9 @@ pub struct Provenance {
     pub iteration: u32,
     /// Version of the program that trained it.
     pub program_version: String,
+    /// Settings of the task it was trained on, as TOML.
+    #[serde(default)]
+    pub task: String,
 }
 
 /// Working memory of [`Policy::act`]; one a thread, kept between calls.

@@ -16,6 +16,7 @@ mod settings;
 mod start;
 
 pub use environment::{Ended, Environment, Saved};
+pub use feet::Foot;
 pub use moment::{Moment, heading_velocity};
 pub use presets::preset;
 pub use scene::{Scene, SceneError};

@@ -83,6 +83,7 @@ pub fn policy(activation: Activation) -> Policy {
             configuration_hash: "0123abcd".into(),
             iteration: 300,
             program_version: "0.1.0".into(),
+            task: "episode_seconds = 20.0\n".into(),
         },
     }
 }

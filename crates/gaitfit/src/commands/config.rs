@@ -1,7 +1,7 @@
 //! `gaitfit config`: every setting with its default.
 
 use crate::cli::ConfigOf;
-use crate::config::DEFAULTS;
+use crate::config::{DEFAULTS, train_defaults};
 use crate::exit::Failure;
 use crate::output;
 
@@ -9,5 +9,6 @@ use crate::output;
 pub fn run(args: &crate::cli::Config) -> Result<(), Failure> {
     match args.of {
         ConfigOf::Adapt => output::print(DEFAULTS),
+        ConfigOf::Train => output::print(&train_defaults(args.task)),
     }
 }

@@ -3,14 +3,14 @@
 use crate::cli::Export;
 use crate::exit::Failure;
 use crate::output;
+use crate::output_file;
 use crate::table::table;
 use gaitfit_learn::policy::{self, Policy, PolicyError, Provenance, onnx, weights};
 use gaitfit_learn::{Quantity, Term};
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 #[derive(Serialize)]
 struct Document {
@@ -61,7 +61,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
         [(&args.onnx, "onnx", onnx::write), (&args.safetensors, "safetensors", weights::write)];
     for (path, ending, _) in outputs {
         if let Some(path) = path {
-            check_output(path, ending)?;
+            output_file::check(path, &format!("--{ending}"), ending)?;
         }
     }
     let policy = policy::read(&args.policy).map_err(Failure::failed)?;
@@ -70,43 +70,11 @@ pub fn run(args: &Export) -> Result<(), Failure> {
         let Some(path) = path else { continue };
         let bytes = writer(&policy)
             .map_err(|error| Failure::failed(format!("{}: {error}", args.policy.display())))?;
-        save(path, &bytes)?;
+        output_file::write(path, &bytes)?;
         written.push(path.display().to_string());
     }
     let document = document(&policy, written);
     if args.json { output::print_json(&document) } else { output::print(&text(&document)) }
-}
-
-/// Refuses a name that the file could not be read by again, or that is not a file.
-fn check_output(path: &Path, ending: &str) -> Result<(), Failure> {
-    let shown = path.display();
-    if path.extension().is_none_or(|found| !found.eq_ignore_ascii_case(ending)) {
-        return Err(Failure::usage(format!(
-            "{shown}: --{ending} writes a file whose name ends in .{ending}"
-        )));
-    }
-    // Replacing a device or a pipe by a file would break it for every other program.
-    if path.exists() && !path.is_file() {
-        return Err(Failure::usage(format!(
-            "{shown}: exists and is not a regular file; name a file to write"
-        )));
-    }
-    Ok(())
-}
-
-/// Writes a file whole or not at all.
-fn save(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let whole = || -> std::io::Result<()> {
-        let mut file = crate::run_folder::readable(&mut tempfile::Builder::new()).tempfile_in(parent)?;
-        file.write_all(bytes)?;
-        file.as_file().sync_all()?;
-        file.persist(path).map_err(|error| error.error)?;
-        Ok(())
-    };
-    whole().map_err(|error| {
-        Failure::failed(format!("cannot write {}: {error}; nothing was changed", path.display()))
-    })
 }
 
 fn document(policy: &Policy, written: Vec<String>) -> Document {

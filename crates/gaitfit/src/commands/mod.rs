@@ -2,8 +2,11 @@
 
 pub mod adapt;
 pub mod bench;
+pub mod collect;
 pub mod config;
 pub mod doctor;
+pub mod evaluate;
 pub mod export;
 pub mod forward;
 pub mod inspect;
+pub mod train;

@@ -1,33 +1,88 @@
 //! Reading a configuration: the file, then `--set`; errors with file, line, column and the nearest key.
 
-use super::AdaptConfig;
 use crate::exit::Failure;
+use serde::de::DeserializeOwned;
+use std::borrow::Cow;
 use std::path::Path;
-use toml::{Table, Value};
+use toml::Spanned;
+use toml::de::{DeTable, DeValue, Deserializer};
 
 /// Largest configuration file.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// Reads `path` and applies `sets` (`a.b=c`; list entries by number, `parameter.0.upper=1`).
-pub fn load(path: &Path, sets: &[String]) -> Result<AdaptConfig, Failure> {
-    let text = read(path).map_err(|error| {
-        Failure::usage(format!(
-            "cannot read the configuration {}: {error}. `gaitfit config` prints one to start from.",
-            path.display()
-        ))
-    })?;
-    let from_file: AdaptConfig = toml::from_str(&text).map_err(|error| located(path, &text, &error))?;
-    if sets.is_empty() {
-        return Ok(from_file);
+/// A command's settings.
+pub trait Configuration: DeserializeOwned {
+    /// What prints a file to start from, for advice.
+    const PRINTED_BY: &'static str;
+    /// A `--set` that may stand as an example.
+    const EXAMPLE: &'static str;
+
+    /// Fills in defaults that depend on other settings, before the table is read. What is already there keeps its
+    /// place in the file.
+    fn complete(_table: &mut DeTable<'_>) {}
+}
+
+/// Reads `path` (without one: the defaults) and applies `sets` (`a.b=c`; list entries by number,
+/// `parameter.0.upper=1`).
+pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C, Failure> {
+    // Tables borrow from these texts.
+    let text = path.map(|path| read(path).map_err(|error| unreadable::<C>(path, &error))).transpose()?;
+    let values = sets.iter().map(|set| value_text(set, C::EXAMPLE)).collect::<Result<Vec<_>, _>>()?;
+    let mut table = DeTable::new();
+    if let (Some(path), Some(text)) = (path, &text) {
+        let located = |error| located(path, text, &error);
+        table = DeTable::parse(text).map_err(located)?.into_inner();
+        understand::<C>(table.clone()).map_err(located)?;
     }
-    let mut table: Table = toml::from_str(&text).map_err(|error| located(path, &text, &error))?;
-    for set in sets {
-        apply(&mut table, set)?;
-        table.clone().try_into::<AdaptConfig>().map_err(|error| {
+    for (set, (key, line)) in sets.iter().zip(&values) {
+        apply(&mut table, set, key, line)?;
+        understand::<C>(table.clone()).map_err(|error| {
             Failure::usage(format!("--set {set}: {}{}", error.message().trim_end(), nearest(error.message())))
         })?;
     }
-    table.try_into().map_err(|error| Failure::usage(format!("{}: {error}", path.display())))
+    understand(table).map_err(|error| Failure::usage(error.message()))
+}
+
+fn unreadable<C: Configuration>(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::usage(format!(
+        "cannot read the configuration {}: {error}. `{}` prints one to start from.",
+        path.display(),
+        C::PRINTED_BY
+    ))
+}
+
+/// The settings of a table.
+fn understand<C: Configuration>(mut table: DeTable<'_>) -> Result<C, toml::de::Error> {
+    C::complete(&mut table);
+    C::deserialize(Deserializer::from(Spanned::new(0..0, table)))
+}
+
+/// Lays `over` upon `under`, key by key; tables are merged, everything else is replaced. Places in the file are those
+/// of `over`.
+pub fn merge<'a>(under: &mut DeTable<'a>, over: DeTable<'a>) {
+    for (key, value) in over {
+        match under.get_mut(&key) {
+            None => {
+                under.insert(key, value);
+            }
+            Some(old) => {
+                let span = value.span();
+                let merged = match (taken(old.get_mut()), value.into_inner()) {
+                    (DeValue::Table(mut inner), DeValue::Table(changes)) => {
+                        merge(&mut inner, changes);
+                        DeValue::Table(inner)
+                    }
+                    (_, value) => value,
+                };
+                *old = Spanned::new(span, merged);
+            }
+        }
+    }
+}
+
+/// The value, leaving a placeholder.
+pub fn taken<'a>(value: &mut DeValue<'a>) -> DeValue<'a> {
+    std::mem::replace(value, DeValue::Boolean(false))
 }
 
 /// The text of a regular file of moderate size: a pipe would hang, a device would fill the memory.
@@ -71,41 +126,48 @@ fn nearest(message: &str) -> String {
     }
 }
 
+/// The key of a `--set`, and its value as the line `value = …`.
+fn value_text<'a>(set: &'a str, example: &str) -> Result<(&'a str, String), Failure> {
+    match set.split_once('=') {
+        Some((key, value)) => Ok((key, format!("value = {}", value.trim()))),
+        None => Err(Failure::usage(format!("--set {set}: write it as key=value, for example {example}"))),
+    }
+}
+
 /// Sets one value of a table by its dotted path.
-fn apply(table: &mut Table, set: &str) -> Result<(), Failure> {
-    let wrong = |why: String| Failure::usage(format!("--set {set}: {why}"));
-    let (path, text) = set
-        .split_once('=')
-        .ok_or_else(|| wrong("write it as key=value, for example optimizer.seeds=3".to_owned()))?;
-    let mut root = Value::Table(std::mem::take(table));
+fn apply<'a>(table: &mut DeTable<'a>, set: &str, path: &str, line: &'a str) -> Result<(), Failure> {
+    let mut root = DeValue::Table(std::mem::take(table));
     let mut at = &mut root;
     for key in path.split('.').map(str::trim) {
-        at = enter(at, key).ok_or_else(|| wrong(format!("there is no `{key}` in `{path}`")))?;
+        at = enter(at, key)
+            .ok_or_else(|| Failure::usage(format!("--set {set}: there is no `{key}` in `{path}`")))?;
     }
-    *at = parse_value(text.trim());
-    if let Value::Table(changed) = root {
+    *at = parse_value(line);
+    if let DeValue::Table(changed) = root {
         *table = changed;
     }
     Ok(())
 }
 
 /// The value under `key`, made when a table lacks it; `None` where there can be none.
-fn enter<'a>(at: &'a mut Value, key: &str) -> Option<&'a mut Value> {
+fn enter<'a, 't>(at: &'a mut DeValue<'t>, key: &str) -> Option<&'a mut DeValue<'t>> {
     match at {
-        Value::Table(table) if !key.is_empty() => {
-            Some(table.entry(key).or_insert_with(|| Value::Table(Table::new())))
+        DeValue::Table(table) if !key.is_empty() => {
+            let key = Spanned::new(0..0, Cow::Owned(key.to_owned()));
+            let empty = || Spanned::new(0..0, DeValue::Table(DeTable::new()));
+            Some(table.entry(key).or_insert_with(empty).get_mut())
         }
-        Value::Array(array) => array.get_mut(key.parse::<usize>().ok()?),
+        DeValue::Array(array) => array.get_mut(key.parse::<usize>().ok()?).map(Spanned::get_mut),
         _ => None,
     }
 }
 
-/// A TOML value; what is none is taken as a plain string.
-fn parse_value(text: &str) -> Value {
-    let parsed = toml::from_str::<Table>(&format!("value = {text}")).ok();
+/// The TOML value of a line `value = …`; what is none is taken as a plain string.
+fn parse_value(line: &str) -> DeValue<'_> {
+    let parsed = DeTable::parse(line).ok().map(Spanned::into_inner);
     match parsed.filter(|table| table.len() == 1).and_then(|mut table| table.remove("value")) {
-        Some(value) => value,
-        None => Value::String(text.to_owned()),
+        Some(value) => value.into_inner(),
+        None => DeValue::String(Cow::Borrowed(line.trim_start_matches("value = "))),
     }
 }
 
@@ -113,7 +175,7 @@ fn parse_value(text: &str) -> Value {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use crate::config::CostName;
+    use crate::config::{AdaptConfig, CostName, TrainConfig};
     use gaitfit_log::PerJoint;
     use std::io::Write;
 
@@ -121,7 +183,13 @@ mod tests {
         let mut file = tempfile::NamedTempFile::new().unwrap();
         file.write_all(text.as_bytes()).unwrap();
         let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
-        load(file.path(), &sets)
+        load(Some(file.path()), &sets)
+    }
+
+    fn train(text: &str) -> Result<TrainConfig, Failure> {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        load(Some(file.path()), &[])
     }
 
     #[test]
@@ -172,5 +240,47 @@ mod tests {
         assert!(matches!(config.gains.kp, Some(PerJoint::Named(entries)) if entries.len() == 2));
         let error = load_text("gains.kp = true\n", &[]).unwrap_err();
         assert!(error.message.contains("one number for all joints"), "{error}");
+    }
+
+    #[test]
+    fn a_task_begins_with_its_base_and_changes_it_key_by_key() {
+        let none: TrainConfig = load(None, &[]).unwrap();
+        let config = train("[task.rewards]\ngait = 2.5\n[task.command]\nx = [0.0, 0.5]\n").unwrap();
+        assert_eq!(config.task.settings.rewards["gait"], 2.5);
+        assert_eq!(config.task.settings.command.x, [0.0, 0.5]);
+        assert_eq!(config.task.settings.command.y, none.task.settings.command.y);
+        let weight = "track_yaw_rate";
+        assert_eq!(config.task.settings.rewards[weight], none.task.settings.rewards[weight]);
+        let biped = train("[task]\nbase = \"biped\"\nheight = 0.4\n").unwrap();
+        assert_eq!((biped.task.settings.posture, biped.task.settings.height), ([-1.0, 0.0, 0.0], 0.4));
+        assert_eq!(train("task = \"biped\"\n").unwrap().task.settings.posture, [-1.0, 0.0, 0.0]);
+        let set: TrainConfig = load(None, &["task.base=biped".to_owned()]).unwrap();
+        assert_eq!(set, train("task = \"biped\"\n").unwrap());
+    }
+
+    #[test]
+    fn a_wrong_task_setting_has_its_place_in_the_file() {
+        for (text, words) in [
+            ("[task.command]\nz = 1\n", [":2:1:", "unknown field `z`"]),
+            ("[task]\n\nhight = 1\n", [":3:1:", "Did you mean `height`?"]),
+            ("[task.command]\nx = \"fast\"\n", [":2:5:", "invalid type"]),
+            ("[task.command]\n\nx = [1.0]\n", [":3:5:", "invalid length"]),
+            ("[task]\nbase = \"bipe\"\n", [":2:8:", "Did you mean `biped`?"]),
+            ("[ppo]\ngama = 1\n", [":2:1:", "Did you mean `gamma`?"]),
+            ("[train]\niterations = -3\n", [":2:14:", "invalid value"]),
+            ("\ntask = 3\n", [":2:8:", "invalid type"]),
+        ] {
+            let error = train(text).unwrap_err();
+            assert!(words.iter().all(|word| error.message.contains(word)), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_resolved_configuration_reads_as_itself() {
+        for text in ["", "task = \"biped\"\n", "[task.policy.default_pose]\n\"FL_*\" = 0.2\n"] {
+            let config = train(text).unwrap();
+            let resolved = toml::to_string_pretty(&config).unwrap();
+            assert_eq!(train(&resolved).unwrap(), config, "{resolved}");
+        }
     }
 }

@@ -1,11 +1,14 @@
-//! The configuration of `gaitfit adapt`: its settings and their defaults. `gaitfit config` prints them.
+//! The configuration of `gaitfit adapt`: its settings and their defaults, and how any configuration is read.
+//! `gaitfit config` prints them.
 
 mod load;
 mod per_joint;
 mod text;
+mod train;
 
-pub use load::load;
-pub use text::DEFAULTS;
+pub use load::{Configuration, load};
+pub use text::{DEFAULTS, train_defaults};
+pub use train::{TaskName, TrainConfig};
 
 use gaitfit_adapt::ParameterRule;
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
@@ -161,6 +164,21 @@ pub struct CheckConfig {
     /// Largest free-running position RMSE over the validation logs, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rmse_rad: Option<f64>,
+}
+
+impl Configuration for AdaptConfig {
+    const PRINTED_BY: &'static str = "gaitfit config";
+    const EXAMPLE: &'static str = "optimizer.seeds=3";
+}
+
+impl From<PresetName> for gaitfit_physics::Preset {
+    fn from(name: PresetName) -> Self {
+        match name {
+            PresetName::Fast => Self::Fast,
+            PresetName::Accurate => Self::Accurate,
+            PresetName::Converged => Self::Converged,
+        }
+    }
 }
 
 impl Default for AdaptConfig {

@@ -22,9 +22,6 @@ pub fn front_contact(m: &Moment<'_>) -> f32 {
 
 /// Share of the gait's feet that are on the ground in their half of the clock and off it in the other.
 pub fn step_clock(m: &Moment<'_>) -> f32 {
-    if !m.walking {
-        return 0.0;
-    }
     let (mut kept, mut feet) = (0.0, 0.0);
     for (foot, group) in m.feet.iter().zip(&m.scene.gait_group) {
         if let Some(group) = group {

@@ -2,15 +2,15 @@
 
 use crate::task::Moment;
 
-/// Σ min(time in the air, T)/control step over feet that land in this step, while walking; T is the wanted swing
-/// time.
+/// Σ (min(t, T)/T)²/control step over feet that land in this step after the time t in the air, while walking; T is
+/// the wanted swing time. Square, so that a few long steps are worth more than many short ones.
 pub fn air_time(m: &Moment<'_>) -> f32 {
     if !m.walking {
         return 0.0;
     }
     let wanted = m.scene.settings.swing_seconds as f32;
     let landed = m.feet.iter().filter(|foot| foot.landed);
-    let sum: f32 = landed.map(|foot| foot.last_air.min(wanted)).sum();
+    let sum: f32 = landed.map(|foot| (foot.last_air / wanted).min(1.0).powi(2)).sum();
     // A landing is an event, a step pays by its duration.
     sum / m.scene.interface.control_dt as f32
 }
@@ -35,14 +35,22 @@ pub fn alternation(m: &Moment<'_>) -> f32 {
     if pairs > 0.0 { agree / pairs } else { 0.0 }
 }
 
-/// Deviation of moving feet from the swing height: Σ ((z − z*)/z*)² tanh(2 v), v the foot's horizontal speed.
+/// Mean over the gait's feet of min(z/z*, 1) in the air, z the height of a foot's centre and z* the wanted one, while
+/// walking; feet that stay up longer than twice the wanted swing time earn nothing.
 pub fn swing_height(m: &Moment<'_>) -> f32 {
     if !m.walking {
         return 0.0;
     }
     let wanted = m.scene.settings.swing_height as f32;
-    let swinging = m.feet.iter().filter(|foot| !foot.touching);
-    swinging.map(|foot| ((foot.height - wanted) / wanted).powi(2) * (2.0 * foot.speed).tanh()).sum()
+    let longest = 2.0 * m.scene.settings.swing_seconds as f32;
+    let (mut sum, mut feet) = (0.0, 0.0);
+    for (foot, _) in m.feet.iter().zip(&m.scene.gait_group).filter(|(_, group)| group.is_some()) {
+        feet += 1.0;
+        if !foot.touching && foot.air <= longest {
+            sum += (foot.height / wanted).clamp(0.0, 1.0);
+        }
+    }
+    if feet > 0.0 { sum / feet } else { 0.0 }
 }
 
 /// Σ v² of feet on the ground, m²/s².

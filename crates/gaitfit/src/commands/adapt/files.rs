@@ -1,32 +1,18 @@
 //! The files of a run folder besides metrics and checkpoint.
 
-use super::inputs::Inputs;
 use super::report;
 use super::results::{Parameter, Results, Validation};
 use super::setup::Setup;
 use crate::config::AdaptConfig;
 use crate::exit::Failure;
-use crate::machine::{Machine, machine, now};
+use crate::inputs::Inputs;
+use crate::machine::now;
+use crate::manifest;
 use crate::run_folder::RunFolder;
 use serde::{Deserialize, Serialize};
 
 const CONFIG: &str = "config.toml";
-const MANIFEST: &str = "manifest.json";
 const RESULT: &str = "result.json";
-
-/// `manifest.json`: what made the run.
-#[derive(Serialize)]
-struct Manifest<'a> {
-    gaitfit: &'static str,
-    command: Vec<String>,
-    folder: String,
-    begun: &'a str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    ended: Option<String>,
-    seeds: &'a [u64],
-    machine: Machine,
-    inputs: &'a Inputs,
-}
 
 /// `theta.toml`: the parameters alone, for programs that use them.
 #[derive(Serialize)]
@@ -89,27 +75,7 @@ pub fn begin(
     let resolved = toml::to_string_pretty(config)
         .map_err(|error| Failure::failed(format!("cannot write {CONFIG}: {error}")))?;
     folder.write(CONFIG, resolved.as_bytes())?;
-    manifest(folder, setup, inputs, begun, None)
-}
-
-fn manifest(
-    folder: &RunFolder,
-    setup: &Setup,
-    inputs: &Inputs,
-    begun: &str,
-    ended: Option<String>,
-) -> Result<(), Failure> {
-    let manifest = Manifest {
-        gaitfit: env!("CARGO_PKG_VERSION"),
-        command: std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect(),
-        folder: std::env::current_dir().map(|folder| folder.display().to_string()).unwrap_or_default(),
-        begun,
-        ended,
-        seeds: &setup.options.seeds,
-        machine: machine(),
-        inputs,
-    };
-    json(folder, MANIFEST, &manifest)
+    manifest::write(folder, &setup.options.seeds, inputs, begun, None)
 }
 
 /// Writes what was found. The result comes last: a folder that has it has everything.
@@ -124,12 +90,12 @@ pub fn finish(
     let theta = toml::to_string(&theta(setup, results))
         .map_err(|error| Failure::failed(format!("cannot write theta.toml: {error}")))?;
     folder.write("theta.toml", theta.as_bytes())?;
-    json::<Vec<Validation>>(folder, "validation.json", &results.validation)?;
+    folder.write_json::<Vec<Validation>>("validation.json", &results.validation)?;
     let metrics = folder.read(super::fitting::METRICS)?.unwrap_or_default();
     let page = report::page(config, setup, results, &metrics)?;
     folder.write("report.html", page.as_bytes())?;
-    manifest(folder, setup, inputs, begun, Some(now()))?;
-    json(folder, RESULT, &ResultFile { inputs: inputs.clone(), results: results.clone() })
+    manifest::write(folder, &setup.options.seeds, inputs, begun, Some(now()))?;
+    folder.write_json(RESULT, &ResultFile { inputs: inputs.clone(), results: results.clone() })
 }
 
 fn theta<'a>(setup: &'a Setup, results: &'a Results) -> ThetaFile<'a> {
@@ -151,11 +117,4 @@ fn theta<'a>(setup: &'a Setup, results: &'a Results) -> ThetaFile<'a> {
         cost: results.cost,
         parameter: setup.theta.entries.iter().zip(&results.parameters).map(entry).collect(),
     }
-}
-
-fn json<T: Serialize>(folder: &RunFolder, name: &str, value: &T) -> Result<(), Failure> {
-    let mut text = serde_json::to_string_pretty(value)
-        .map_err(|error| Failure::failed(format!("cannot write {name}: {error}")))?;
-    text.push('\n');
-    folder.write(name, text.as_bytes())
 }

@@ -1,12 +1,12 @@
 //! Stepping a fit: metrics, progress, checkpoints, interruption.
 
-use super::inputs::Inputs;
 use super::setup::Setup;
 use crate::config::AdaptConfig;
 use crate::exit::{Exit, Failure};
+use crate::inputs::Inputs;
 use crate::interrupt;
 use crate::output::note;
-use crate::progress::Progress;
+use crate::progress::{Lines, Progress};
 use crate::run_folder::RunFolder;
 use gaitfit_adapt::fit::{Checkpoint, CostOutcome, Fit, Generation, RunGeneration};
 use serde::{Deserialize, Serialize};
@@ -51,7 +51,13 @@ pub fn fit(
     let (mut fit, before) = start(setup, folder, inputs)?;
     let begun = Instant::now();
     let seconds = || before + begun.elapsed().as_secs_f64();
-    let mut progress = Progress::new(config.optimizer.generations, fit.generation());
+    let mut progress = Progress::new(
+        "generation",
+        config.optimizer.generations,
+        fit.generation(),
+        "evaluations",
+        Lines::Seconds(5),
+    );
     let mut saved = Instant::now();
     let every = Duration::try_from_secs_f64(config.checkpoint_seconds).unwrap_or(Duration::MAX);
     let save = |fit: &Fit<'_>| -> Result<(), Failure> {

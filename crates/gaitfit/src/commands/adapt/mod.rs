@@ -19,7 +19,7 @@ use std::path::Path;
 
 /// Runs or continues a fit and reports what it found.
 pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
-    let mut config = config::load(&args.config, &args.set)?;
+    let mut config: config::AdaptConfig = config::load(Some(&args.config), &args.set)?;
     let stem = || args.config.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let name = args.name.clone().or_else(|| config.name.clone()).or_else(stem).unwrap_or_default();
     config.name = Some(name.clone());
@@ -41,7 +41,7 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
             RunFolder::fresh(runs, &name)?
         }
     };
-    let inputs = inputs::Inputs::new(&config, &setup)?;
+    let inputs = inputs::inputs(&config, &setup)?;
     let results = match files::finished(&folder, &inputs)? {
         Some(results) => {
             note(&format!("note: {} is finished; this is its result", folder.path().display()));

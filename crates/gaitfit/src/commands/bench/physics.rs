@@ -1,14 +1,10 @@
-//! `gaitfit bench`: speed.
+//! `gaitfit bench physics`: substeps a second.
 
 use crate::cli;
 use crate::exit::Failure;
 use crate::output;
-use gaitfit_model::read_mjcf_str;
 use gaitfit_sim::bench::{self, PhysicsBench};
 use serde::Serialize;
-
-/// The project's Go2, so that the benchmark needs no files.
-const GO2: &str = include_str!("../../../../assets/go2.xml");
 
 /// Environments at once: enough to keep every thread in work, small enough for the caches.
 const ENVIRONMENTS: usize = 1024;
@@ -30,9 +26,8 @@ struct Document {
 }
 
 /// Measures and prints.
-pub fn run(args: &cli::Bench) -> Result<(), Failure> {
-    let cli::Bench::Physics(args) = args;
-    let model = read_mjcf_str(GO2, &Default::default()).map_err(Failure::failed)?;
+pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
+    let model = crate::robot::go2()?;
     let preset: gaitfit_physics::Preset = args.preset.into();
     let geoms = match args.geoms {
         cli::Geoms::Feet => bench::Geoms::Feet,

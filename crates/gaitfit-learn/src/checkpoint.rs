@@ -1,0 +1,208 @@
+//! A training run's whole state as one safetensors file: what is read back goes on with the same bits.
+//!
+//! | tensor | type, shape |
+//! | --- | --- |
+//! | `learner.actor`, `.critic`, `.log_std`, `.adam.first`, `.adam.second` | F32, flat |
+//! | `tile.N.numbers` | F32, flat: the robots' states, see [`Environment::save`](crate::task::Environment::save) |
+//! | `tile.N.steps` | U32 `environments`: steps since each episode began |
+//! | `tile.N.returns` | F32 `environments × 2`: reward and steps since each episode began |
+//!
+//! The metadata has one entry, `gaitfit-checkpoint`: a JSON object with format version, origin, instruction set,
+//! iteration, wall time and the learner's scalars.
+
+use std::collections::HashMap;
+use std::sync::PoisonError;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
+use serde::{Deserialize, Serialize};
+
+use crate::ppo::{Scalars, StateError};
+use crate::task::{Saved, SceneError};
+use crate::training::Training;
+
+/// Version of the layout; a reader refuses every other.
+const FORMAT: u32 = 1;
+/// Where the metadata keeps the header.
+const KEY: &str = "gaitfit-checkpoint";
+
+/// What a checkpoint belongs to: it is taken up by no other training.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Origin {
+    /// Name of the robot.
+    pub robot: String,
+    /// SHA-256 of the robot as compiled, hexadecimal.
+    pub model: String,
+    /// SHA-256 of the settings that determine the training, hexadecimal.
+    pub settings: String,
+    /// Seed of the training.
+    pub seed: u64,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    format: u32,
+    origin: Origin,
+    isa: String,
+    iteration: u32,
+    wall_seconds: f64,
+    learner: Scalars,
+}
+
+/// Why a checkpoint cannot be taken up; no message names the file, the caller does.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// Cut short, damaged, or something else.
+    #[error("no whole checkpoint: {0}")]
+    Damaged(String),
+    /// Of another version.
+    #[error(
+        "a checkpoint of format {found}; this program reads format {FORMAT}, use the program that wrote it"
+    )]
+    Format {
+        /// Its version.
+        found: u32,
+    },
+    /// Of another training.
+    #[error("a checkpoint of another training: {0}")]
+    Foreign(String),
+    /// The learner's part.
+    #[error(transparent)]
+    Learner(#[from] StateError),
+    /// The robots' part.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+}
+
+fn damaged(error: impl std::fmt::Display) -> CheckpointError {
+    CheckpointError::Damaged(error.to_string())
+}
+
+impl Origin {
+    /// What differs from `expected`, in words.
+    fn difference(&self, expected: &Self) -> Option<String> {
+        if self.robot != expected.robot {
+            return Some(format!("it is of robot `{}`, this one trains `{}`", self.robot, expected.robot));
+        }
+        if self.model != expected.model {
+            return Some(format!("the robot `{}` has changed since", self.robot));
+        }
+        if self.settings != expected.settings {
+            return Some("the settings have changed since".to_owned());
+        }
+        (self.seed != expected.seed)
+            .then(|| format!("it is of seed {}, this one has seed {}", self.seed, expected.seed))
+    }
+}
+
+impl Training<'_> {
+    /// The state between two iterations as a file's bytes. `wall_seconds`: time spent so far, s, kept for
+    /// [`Training::restore`].
+    ///
+    /// # Errors
+    /// None that a state of this program should meet.
+    pub fn save(&mut self, origin: &Origin, wall_seconds: f64) -> Result<Vec<u8>, CheckpointError> {
+        let single =
+            |values: &[f32]| -> Vec<u8> { values.iter().flat_map(|value| value.to_le_bytes()).collect() };
+        let mut tensors: Vec<(String, Vec<usize>, Dtype, Vec<u8>)> = Vec::new();
+        for (name, values) in self.learner.tensors() {
+            tensors.push((format!("learner.{name}"), vec![values.len()], Dtype::F32, single(values)));
+        }
+        for (tile, runner) in self.runners.iter_mut().enumerate() {
+            let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
+            let Saved { numbers, steps } = runner.environment.save();
+            let returns = runner.returns.as_flattened();
+            let count = steps.len();
+            let steps = steps.iter().flat_map(|step| step.to_le_bytes()).collect();
+            tensors.push((format!("tile.{tile}.numbers"), vec![numbers.len()], Dtype::F32, single(&numbers)));
+            tensors.push((format!("tile.{tile}.steps"), vec![count], Dtype::U32, steps));
+            tensors.push((format!("tile.{tile}.returns"), vec![count, 2], Dtype::F32, single(returns)));
+        }
+        let header = Header {
+            format: FORMAT,
+            origin: origin.clone(),
+            isa: self.scene.batch.isa().name().to_owned(),
+            iteration: self.iteration,
+            wall_seconds,
+            learner: self.learner.scalars(),
+        };
+        let header = serde_json::to_string(&header).map_err(damaged)?;
+        let views = tensors.iter().map(|(name, shape, dtype, bytes)| {
+            TensorView::new(*dtype, shape.clone(), bytes).map(|view| (name.as_str(), view))
+        });
+        let views: Vec<_> = views.collect::<Result<_, _>>().map_err(damaged)?;
+        serialize(views, Some(HashMap::from([(KEY.to_owned(), header)]))).map_err(damaged)
+    }
+
+    /// Takes up a state that [`Training::save`] wrote; from there on both do the same to the bit. Returns the wall
+    /// time spent before, s.
+    ///
+    /// # Errors
+    /// A file cut short, of another robot, other settings, another seed or another kind of processor; the training
+    /// is then of no use.
+    pub fn restore(&mut self, bytes: &[u8], origin: &Origin) -> Result<f64, CheckpointError> {
+        let file = SafeTensors::deserialize(bytes)
+            .map_err(|error| damaged(format!("it is cut short or damaged ({error})")))?;
+        let header = header(bytes)?;
+        if let Some(difference) = header.origin.difference(origin) {
+            return Err(CheckpointError::Foreign(difference));
+        }
+        let isa = self.scene.batch.isa().name();
+        if header.isa != isa {
+            return Err(CheckpointError::Foreign(format!(
+                "it was written with {} instructions, this machine has {isa}; continue on a machine of the same kind",
+                header.isa
+            )));
+        }
+        let numbers = |name: &str| -> Result<Vec<f32>, CheckpointError> {
+            let view = file.tensor(name).map_err(damaged)?;
+            if view.dtype() != Dtype::F32 {
+                return Err(damaged(format!("tensor {name} is {:?}, not F32", view.dtype())));
+            }
+            Ok(view.data().as_chunks().0.iter().map(|&b| f32::from_le_bytes(b)).collect())
+        };
+        let mut learner = Vec::new();
+        for (name, _) in self.learner.tensors() {
+            learner.push((name, numbers(&format!("learner.{name}"))?));
+        }
+        let tensor = |name: &str| learner.iter().find(|(known, _)| *known == name).map(|(_, v)| v.as_slice());
+        self.learner.restore(tensor, &header.learner)?;
+        for (tile, runner) in self.runners.iter_mut().enumerate() {
+            let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
+            let name = format!("tile.{tile}.steps");
+            let view = file.tensor(&name).map_err(damaged)?;
+            if view.dtype() != Dtype::U32 {
+                return Err(damaged(format!("tensor {name} is {:?}, not U32", view.dtype())));
+            }
+            let steps = view.data().as_chunks().0.iter().map(|&b| u32::from_le_bytes(b)).collect();
+            let saved = Saved { numbers: numbers(&format!("tile.{tile}.numbers"))?, steps };
+            runner.environment.restore(&saved)?;
+            let returns = numbers(&format!("tile.{tile}.returns"))?;
+            if returns.len() != 2 * runner.returns.len() {
+                return Err(damaged(format!("tensor tile.{tile}.returns has {} numbers", returns.len())));
+            }
+            runner.returns.as_flattened_mut().copy_from_slice(&returns);
+        }
+        self.iteration = header.iteration;
+        Ok(header.wall_seconds)
+    }
+}
+
+fn header(bytes: &[u8]) -> Result<Header, CheckpointError> {
+    let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(damaged)?;
+    let text = metadata
+        .metadata()
+        .as_ref()
+        .and_then(|entries| entries.get(KEY))
+        .ok_or_else(|| damaged("its metadata is not a checkpoint's"))?;
+    #[derive(Deserialize)]
+    struct Version {
+        format: u32,
+    }
+    let version: Version = serde_json::from_str(text).map_err(damaged)?;
+    if version.format != FORMAT {
+        return Err(CheckpointError::Format { found: version.format });
+    }
+    serde_json::from_str(text).map_err(damaged)
+}

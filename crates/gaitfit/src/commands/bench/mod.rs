@@ -1,0 +1,15 @@
+//! `gaitfit bench`: speed.
+
+mod physics;
+mod train;
+
+use crate::cli::Bench;
+use crate::exit::Failure;
+
+/// Measures and prints.
+pub fn run(args: &Bench) -> Result<(), Failure> {
+    match args {
+        Bench::Physics(args) => physics::run(args),
+        Bench::Train(args) => train::run(args),
+    }
+}

@@ -1,0 +1,79 @@
+//! `gaitfit collect`: logs of a policy in a simulator.
+
+use crate::cli;
+use crate::exit::Failure;
+use crate::output::{self, note};
+use crate::world::World;
+use gaitfit_learn::collect::{CollectOptions, collect};
+use gaitfit_log::write_csv;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Most trajectories and seconds of one call: a million rows a robot would not fit in memory.
+const MOST_ROWS: f64 = 2e7;
+
+#[derive(Serialize)]
+struct Document {
+    simulator: String,
+    trajectories: usize,
+    seconds: f64,
+    falls: usize,
+    files: Vec<PathBuf>,
+}
+
+/// Runs the policy and writes one log a trajectory.
+pub fn run(args: &cli::Collect) -> Result<(), Failure> {
+    let world = World::open(&args.world)?;
+    let count = args.trajectories.get();
+    let [low, high] = [args.log_shift[0], *args.log_shift.last().unwrap_or(&args.log_shift[0])];
+    if !(0.0 <= low && low <= high && high <= 10.0) {
+        return Err(Failure::usage(format!(
+            "--log-shift {low} {high}: give two times from 0 to 10 s, the shorter first"
+        )));
+    }
+    let rows = count as f64 * args.seconds / world.scene.interface.control_dt;
+    if !(args.seconds > 0.0 && rows >= count as f64 && rows <= MOST_ROWS) {
+        return Err(Failure::usage(format!(
+            "{count} trajectories of {} s are {rows:.0} rows; give at least one a trajectory, at most {MOST_ROWS:.0}",
+            args.seconds
+        )));
+    }
+    std::fs::create_dir_all(&args.out)
+        .map_err(|error| Failure::failed(format!("cannot make {}: {error}", args.out.display())))?;
+    let options =
+        CollectOptions { count, seconds: args.seconds, shift: [low, high], privileged: args.privileged };
+    let logs = collect(&world.subject(args.world.seed), &options, World::threads(&args.world))
+        .map_err(Failure::failed)?;
+    let mut files = Vec::with_capacity(count);
+    let mut falls = 0;
+    let digits = (count - 1).to_string().len().max(2);
+    for (number, log) in logs.iter().enumerate() {
+        if log.fell {
+            falls += 1;
+        }
+        if log.trajectory.is_empty() {
+            note(&format!("note: trajectory {number} fell before its log began; it has no file"));
+            continue;
+        }
+        let path = args.out.join(format!("trajectory_{number:0digits$}.csv"));
+        write_csv(&path, &log.trajectory).map_err(Failure::failed)?;
+        files.push(path);
+    }
+    let document = Document {
+        simulator: world.description(),
+        trajectories: files.len(),
+        seconds: args.seconds,
+        falls,
+        files,
+    };
+    if args.json {
+        return output::print_json(&document);
+    }
+    output::print(&format!(
+        "{} logs of {} s in {}, {falls} falls ({})\n",
+        document.trajectories,
+        args.seconds,
+        args.out.display(),
+        document.simulator
+    ))
+}

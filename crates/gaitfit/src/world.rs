@@ -1,0 +1,204 @@
+//! The simulated robot that a policy is run on: robot file, task, fitted parameters, springs, noise.
+
+use crate::cli::WorldArgs;
+use crate::exit::Failure;
+use crate::robot::{self, Hold};
+use gaitfit_adapt::Quantity;
+use gaitfit_learn::evaluate::Subject;
+use gaitfit_learn::policy::{self, Policy};
+use gaitfit_learn::task::{Scene, TaskSettings, preset};
+use gaitfit_model::Model;
+use gaitfit_physics::Robot;
+use gaitfit_sim::RobotParams;
+use serde::Deserialize;
+use std::path::Path;
+
+/// A policy and the simulator it runs in.
+pub struct World {
+    /// The policy.
+    pub policy: Policy,
+    /// Task and simulator.
+    pub scene: Scene,
+    /// The robot, fitted parameters included.
+    pub robot: Robot,
+    /// Standard deviation of torque noise, N·m.
+    pub torque_noise: f64,
+    /// What differs from the nominal robot, for reports.
+    pub changes: Vec<String>,
+}
+
+impl World {
+    /// Reads everything the arguments name.
+    pub fn open(args: &WorldArgs) -> Result<Self, Failure> {
+        let policy = policy::read(&args.policy).map_err(Failure::failed)?;
+        let mut changes = Vec::new();
+        let mut model = match &args.robot {
+            Some(path) => robot::read(path, args.lenient, Hold::File)?,
+            None => robot::go2()?,
+        };
+        let mut settings = task(args, &policy)?;
+        if !args.randomised {
+            settings = settings.calm();
+        } else {
+            changes.push("randomised as in training".to_owned());
+        }
+        let interface = &policy.interface;
+        let joints = interface.resolve(&model).map_err(Failure::failed)?;
+        for text in &args.spring {
+            let spring = Spring::parse(text)?;
+            let joint =
+                model.find_joint(&spring.joint).ok_or_else(|| no_joint(&model, &spring.joint, "--spring"))?;
+            let home =
+                joints.iter().position(|&index| index == joint).map(|index| interface.default_pose[index]);
+            let rest = spring.rest.or(home).unwrap_or(0.0);
+            let joint = &mut model.joints[joint];
+            joint.stiffness = spring.stiffness;
+            joint.springref = rest;
+            changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, joint.name));
+        }
+        let mut params = RobotParams::nominal(&model);
+        if let Some(path) = &args.theta {
+            apply_theta(path, &model, &mut params)?;
+            changes.push(format!("parameters of {}", path.display()));
+        }
+        if !(0.0..=1000.0).contains(&args.torque_noise) {
+            return Err(Failure::usage(format!(
+                "--torque-noise {} must be from 0 to 1000 N·m",
+                args.torque_noise
+            )));
+        }
+        if args.torque_noise > 0.0 {
+            changes.push(format!("torque noise of {} N·m", args.torque_noise));
+        }
+        let mut gains = [vec![0.0; model.joints.len()], vec![0.0; model.joints.len()]];
+        for (index, &joint) in joints.iter().enumerate() {
+            gains[0][joint] = interface.kp[index];
+            gains[1][joint] = interface.kd[index];
+        }
+        let robot = params.robot(&model, &gains[0], &gains[1]);
+        let delay = params.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
+        let scene = Scene::with_interface(&model, &settings, interface.clone(), args.preset.into(), delay)
+            .map_err(Failure::failed)?;
+        Ok(Self { policy, scene, robot, torque_noise: args.torque_noise, changes })
+    }
+
+    /// Who is tested on what.
+    pub fn subject(&self, seed: u64) -> Subject<'_> {
+        Subject {
+            scene: &self.scene,
+            policy: &self.policy,
+            robot: Some(&self.robot),
+            torque_noise: self.torque_noise,
+            seed,
+        }
+    }
+
+    /// Threads asked for, or one a core.
+    pub fn threads(args: &WorldArgs) -> usize {
+        args.threads.map_or_else(crate::machine::threads, std::num::NonZeroUsize::get)
+    }
+
+    /// The simulator in a few words.
+    pub fn description(&self) -> String {
+        let robot = &self.scene.batch.model().name;
+        if self.changes.is_empty() {
+            format!("{robot}, nominal")
+        } else {
+            format!("{robot}: {}", self.changes.join(", "))
+        }
+    }
+}
+
+/// The task: as asked for, as the policy remembers it, or the built-in one.
+fn task(args: &WorldArgs, policy: &Policy) -> Result<TaskSettings, Failure> {
+    let parse = |text: &str, what: &str| {
+        toml::from_str::<TaskSettings>(text).map_err(|error| Failure::usage(format!("{what}: {error}")))
+    };
+    match &args.task {
+        Some(name) => match preset(name) {
+            Some(text) => parse(text, name),
+            None => {
+                let text = std::fs::read_to_string(name).map_err(|error| {
+                    Failure::usage(format!(
+                        "--task {name}: {error}; give `velocity`, `biped` or a file with a task's settings"
+                    ))
+                })?;
+                parse(&text, name)
+            }
+        },
+        None if policy.provenance.task.is_empty() => Ok(TaskSettings::default()),
+        None => parse(&policy.provenance.task, "the task in the policy's file"),
+    }
+}
+
+/// `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`.
+struct Spring {
+    joint: String,
+    stiffness: f64,
+    rest: Option<f64>,
+}
+
+impl Spring {
+    fn parse(text: &str) -> Result<Self, Failure> {
+        let wrong = || {
+            Failure::usage(format!(
+                "--spring {text}: give JOINT=STIFFNESS (N·m/rad) or JOINT=STIFFNESS@REST (rad), for example \
+                 RR_calf_joint=75"
+            ))
+        };
+        let (joint, numbers) = text.split_once('=').ok_or_else(wrong)?;
+        let (stiffness, rest) = match numbers.split_once('@') {
+            Some((stiffness, rest)) => (stiffness, Some(rest)),
+            None => (numbers, None),
+        };
+        let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite()).ok_or_else(wrong);
+        let stiffness = number(stiffness)?;
+        if !(0.0..=1e5).contains(&stiffness) {
+            return Err(wrong());
+        }
+        Ok(Self { joint: joint.trim().to_owned(), stiffness, rest: rest.map(number).transpose()? })
+    }
+}
+
+/// The part of `theta.toml` that a simulator needs.
+#[derive(Deserialize)]
+struct ThetaFile {
+    parameter: Vec<ThetaEntry>,
+}
+
+#[derive(Deserialize)]
+struct ThetaEntry {
+    name: String,
+    kind: Quantity,
+    joints: Vec<String>,
+    value: f64,
+}
+
+fn apply_theta(path: &Path, model: &Model, robot: &mut RobotParams) -> Result<(), Failure> {
+    let shown = path.display();
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Failure::failed(format!("cannot read {shown}: {error}")))?;
+    let theta: ThetaFile = toml::from_str(&text).map_err(|error| {
+        Failure::failed(format!("{shown}: {error}; give the theta.toml of a `gaitfit adapt` run"))
+    })?;
+    for entry in theta.parameter {
+        if !entry.value.is_finite() || entry.value < entry.kind.least() {
+            return Err(Failure::failed(format!(
+                "{shown}: {} is {}; it must be a number of at least {}",
+                entry.name,
+                entry.value,
+                entry.kind.least()
+            )));
+        }
+        for name in &entry.joints {
+            let joint = model.find_joint(name).ok_or_else(|| no_joint(model, name, &shown.to_string()))?;
+            entry.kind.of_joints(robot)[joint] = entry.value;
+        }
+    }
+    Ok(())
+}
+
+fn no_joint(model: &Model, name: &str, whose: &str) -> Failure {
+    let joints: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
+    Failure::usage(format!("{whose}: {} has no joint `{name}`; it has {}", model.name, joints.join(", ")))
+}
