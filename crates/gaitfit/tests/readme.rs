@@ -53,6 +53,10 @@ fn every_command_runs() {
                 "gaitfit {rest} --set optimizer.generations=10 --set optimizer.seeds=1 \
                  --set simulation.timestep=0.005 --set 'check={{}}'"
             ),
+            None if line.contains(" train ") => {
+                format!("{line} --set train.environments=32 --set train.iterations=2")
+            }
+            None if line.contains(" evaluate ") => format!("{line} --trajectories 64 --drift 2"),
             None if line.contains(" adapt ") => {
                 format!("{line} --set simulation.timestep=0.005 --set 'check={{}}'")
             }
