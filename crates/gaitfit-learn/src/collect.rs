@@ -1,14 +1,12 @@
 //! Logs of a policy in a simulator, as a robot would record them.
 
-use std::sync::{Mutex, PoisonError};
-
 use gaitfit_log::{BaseState, Gains, Trajectory};
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_sim::pool;
 
 use crate::evaluate::Subject;
 use crate::player::Player;
 use crate::task::{Ended, Environment, SceneError};
+use crate::tiles::in_tiles;
 
 /// What is recorded.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,25 +44,7 @@ pub fn collect(
     options: &CollectOptions,
     threads: usize,
 ) -> Result<Vec<Collected>, SceneError> {
-    let tiles = options.count.div_ceil(TILE);
-    let done: Mutex<Vec<(usize, Result<Vec<Collected>, SceneError>)>> = Mutex::new(Vec::new());
-    pool::for_each(
-        tiles,
-        threads,
-        || (),
-        |(), tile| {
-            let first = tile * TILE;
-            let logs = collect_tile(subject, options, first as u32, TILE.min(options.count - first));
-            done.lock().unwrap_or_else(PoisonError::into_inner).push((tile, logs));
-        },
-    );
-    let mut done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
-    done.sort_by_key(|(tile, _)| *tile);
-    let mut all = Vec::with_capacity(options.count);
-    for (_, tile) in done {
-        all.extend(tile?);
-    }
-    Ok(all)
+    in_tiles(options.count, TILE, threads, |first, count| collect_tile(subject, options, first, count))
 }
 
 fn collect_tile(

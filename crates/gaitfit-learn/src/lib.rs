@@ -13,6 +13,7 @@ pub mod policy;
 pub mod ppo;
 mod rollout;
 pub mod task;
+mod tiles;
 mod training;
 
 pub use checkpoint::{CheckpointError, Origin};

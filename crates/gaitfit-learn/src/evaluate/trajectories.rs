@@ -1,13 +1,11 @@
 //! Trajectories with random commands.
 
-use std::sync::{Mutex, PoisonError};
-
-use gaitfit_sim::pool;
 use serde::Serialize;
 
 use super::{Estimate, Subject};
 use crate::player::Player;
 use crate::task::{Ended, Environment, SceneError};
+use crate::tiles::in_tiles;
 
 /// Environments that one thread advances together.
 const TILE: usize = 256;
@@ -64,25 +62,7 @@ pub fn run_trials(
     threads: usize,
 ) -> Result<Vec<Trial>, SceneError> {
     let steps = (seconds / subject.scene.interface.control_dt).round().max(1.0) as u32;
-    let tiles = count.div_ceil(TILE);
-    let done: Mutex<Vec<(usize, Result<Vec<Trial>, SceneError>)>> = Mutex::new(Vec::with_capacity(tiles));
-    pool::for_each(
-        tiles,
-        threads,
-        || (),
-        |(), tile| {
-            let first = tile * TILE;
-            let trials = run_tile(subject, first as u32, TILE.min(count - first), steps);
-            done.lock().unwrap_or_else(PoisonError::into_inner).push((tile, trials));
-        },
-    );
-    let mut done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
-    done.sort_by_key(|(tile, _)| *tile);
-    let mut trials = Vec::with_capacity(count);
-    for (_, tile) in done {
-        trials.extend(tile?);
-    }
-    Ok(trials)
+    in_tiles(count, TILE, threads, |first, count| run_tile(subject, first, count, steps))
 }
 
 fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Result<Vec<Trial>, SceneError> {

@@ -266,7 +266,8 @@ impl<'a> Environment<'a> {
         for index in 0..self.count() {
             let number = self.first + index as u32;
             // Robots are pushed at different times.
-            if (step.wrapping_add(number.wrapping_mul(7))) % period == 0 && self.steps[index] > 0 {
+            let due = step.wrapping_add(number.wrapping_mul(7)).is_multiple_of(period);
+            if due && self.steps[index] > 0 {
                 let stream = Stream::new(self.seed, Purpose::PUSH).environment(number).step(step);
                 let jump = [-settings.velocity, settings.velocity];
                 self.tile.push(index, [within(stream, 0, jump) as f32, within(stream, 1, jump) as f32, 0.0]);

@@ -83,14 +83,19 @@ pub fn finished(folder: &RunFolder, config: &TrainConfig, setup: &Setup) -> Resu
             folder.path().join(RESULT).display()
         ))
     })?;
-    if let Some(difference) = setup.inputs.difference(&file.inputs) {
-        return Err(Failure::usage(format!(
+    let seeds: Vec<u64> = file.results.seeds.iter().map(|seed| seed.seed).collect();
+    if seeds != config.seeds || file.iterations != config.train.iterations {
+        return Ok(None);
+    }
+    // The robot counts as what it is, wherever its file lies.
+    let of = |inputs: &Inputs| Inputs { files: Default::default(), ..inputs.clone() };
+    match of(&setup.inputs).difference(&of(&file.inputs)) {
+        None => Ok(Some(file.results)),
+        Some(difference) => Err(Failure::usage(format!(
             "{} is finished, and {difference} since. Start afresh without --resume.",
             folder.path().display()
-        )));
+        ))),
     }
-    let seeds: Vec<u64> = file.results.seeds.iter().map(|seed| seed.seed).collect();
-    Ok((seeds == config.seeds && file.iterations == config.train.iterations).then_some(file.results))
 }
 
 /// Writes what is known before the training.

@@ -39,6 +39,14 @@ pub fn setup(config: &TrainConfig, path: Option<&Path>, threads: usize) -> Resul
     };
     let scene = Scene::new(&model, &config.task.settings, config.preset.into())
         .map_err(|error| refused(path, &error.into()))?;
+    scene
+        .interface
+        .check()
+        .map_err(|error| Failure::usage(advice(path, &format!("task.policy: {error}"))))?;
+    if scene.interface.critic_observation.is_empty() {
+        let wrong = "task.policy.critic_observation has no terms; list what the critic sees";
+        return Err(Failure::usage(advice(path, wrong)));
+    }
     Training::fresh_learner(&scene, &config.ppo, 0).map_err(|error| refused(path, &error))?;
     let inputs = Inputs::new(robot_path.as_deref(), &model, &settings(config))?;
     Ok(Setup { model, scene, inputs, threads })
