@@ -1,0 +1,83 @@
+//! Checkpoints: what is taken up again goes on with the same bits, and what does not fit is refused.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use gaitfit_learn::policy::weights;
+use gaitfit_learn::task::{Scene, TaskSettings};
+use gaitfit_learn::{CheckpointError, Origin, Training, TrainingSettings, ppo};
+use gaitfit_physics::Preset;
+
+const SETTINGS: TrainingSettings = TrainingSettings { environments: 270, steps: 6, iterations: 5 };
+
+fn scene() -> Scene {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2.xml");
+    let model = gaitfit_model::read(path.as_ref(), &Default::default()).unwrap();
+    // Episodes, commands and pushes shorter than the training, so that their clocks matter.
+    let mut task = TaskSettings { episode_seconds: 0.3, ..TaskSettings::default() };
+    task.command.seconds = 0.1;
+    task.push.seconds = 0.2;
+    Scene::new(&model, &task, Preset::Fast).unwrap()
+}
+
+fn training(scene: &Scene) -> Training<'_> {
+    let ppo = ppo::Settings { normalise_observations: true, ..ppo::Settings::default() };
+    let learner = Training::fresh_learner(scene, &ppo, 7).unwrap();
+    Training::new(scene, None, &SETTINGS, learner, 7).unwrap()
+}
+
+fn origin() -> Origin {
+    Origin { robot: "go2".to_owned(), model: "m".to_owned(), settings: "s".to_owned(), seed: 7 }
+}
+
+fn policy(training: &Training<'_>) -> Vec<u8> {
+    weights::write(&training.policy("s", "test")).unwrap()
+}
+
+#[test]
+fn resumed_after_any_iteration_it_ends_with_the_same_bits() {
+    let scene = scene();
+    let mut whole = training(&scene);
+    let mut saved = vec![whole.save(&origin(), 0.5).unwrap()];
+    let mut tallies = Vec::new();
+    while !whole.finished() {
+        tallies.push(whole.iterate(2).unwrap().tally);
+        saved.push(whole.save(&origin(), 0.5).unwrap());
+    }
+    assert!(tallies.iter().any(|tally| tally.episodes > tally.falls), "no episode timed out");
+    for (done, bytes) in saved.iter().enumerate() {
+        let mut resumed = training(&scene);
+        assert_eq!(resumed.restore(bytes, &origin()).unwrap(), 0.5);
+        assert_eq!(resumed.iteration() as usize, done);
+        assert!(resumed.save(&origin(), 0.5).unwrap() == *bytes, "saved again, it is another checkpoint");
+        while !resumed.finished() {
+            let tally = resumed.iterate(1).unwrap().tally;
+            assert_eq!(tally, tallies[resumed.iteration() as usize - 1], "resumed after {done}");
+        }
+        assert!(policy(&resumed) == policy(&whole), "resumed after {done}");
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let scene = scene();
+    let mut training = training(&scene);
+    let bytes = training.save(&origin(), 0.0).unwrap();
+    for (changed, word) in [
+        (Origin { robot: "a1".to_owned(), ..origin() }, "robot `go2`"),
+        (Origin { model: "n".to_owned(), ..origin() }, "has changed"),
+        (Origin { settings: "t".to_owned(), ..origin() }, "settings"),
+        (Origin { seed: 8, ..origin() }, "seed 7"),
+    ] {
+        let error = training.restore(&bytes, &changed).unwrap_err();
+        assert!(error.to_string().contains(word), "{error}");
+        assert!(matches!(error, CheckpointError::Foreign(_)));
+    }
+    for length in (0..bytes.len()).step_by(bytes.len() / 50) {
+        let error = training.restore(&bytes[..length], &origin()).unwrap_err();
+        assert!(matches!(error, CheckpointError::Damaged(_)), "{length}: {error}");
+    }
+    // Of another number of robots, under the same name.
+    let learner = Training::fresh_learner(&scene, training.learner().settings(), 7).unwrap();
+    let settings = TrainingSettings { environments: 200, ..SETTINGS };
+    let mut smaller = Training::new(&scene, None, &settings, learner, 7).unwrap();
+    assert!(smaller.restore(&bytes, &origin()).is_err());
+}
