@@ -53,11 +53,11 @@ fn collect_tile(
     first: u32,
     count: usize,
 ) -> Result<Vec<Collected>, SceneError> {
-    let Subject { scene, policy, robot, torque_noise, seed } = *subject;
+    let Subject { scene, policy, candidate, seed } = *subject;
     let interface = &scene.interface;
     let dt = interface.control_dt;
-    let environment = Environment::new(scene, robot, seed, first, count)?;
-    let mut player = Player::new(scene, policy, environment, torque_noise, seed, first);
+    let environment = Environment::new(scene, candidate, seed, first, count)?;
+    let mut player = Player::new(scene, policy, environment);
     let steps = (options.seconds / dt).round().max(1.0) as u32;
     let shifts: Vec<u32> = (0..count as u32)
         .map(|index| {

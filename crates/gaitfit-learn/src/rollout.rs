@@ -156,7 +156,7 @@ impl<'a> Runner<'a> {
                 samples.log_probability[rows.start + index] = -0.5 * squares - constant;
             }
             let reward = &mut samples.reward[rows.clone()];
-            self.environment.step(step, action, &[], reward, &mut self.ended);
+            self.environment.step(step, action, reward, &mut self.ended);
             if let Some(environment) = self.ended.iter().position(|&ended| ended == Ended::Diverged) {
                 return Err(Divergence { step: t, environment });
             }

@@ -3,8 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use gaitfit_physics::Robot;
-use gaitfit_sim::pool;
+use gaitfit_sim::{Candidate, pool};
 use serde::{Deserialize, Serialize};
 
 use crate::policy::{Policy, Provenance};
@@ -141,13 +140,13 @@ pub fn widths(scene: &Scene) -> Widths {
 }
 
 impl<'a> Training<'a> {
-    /// A run from the start. `robot`: what robots are varied around; the nominal one if none is given.
+    /// A run from the start. `candidate`: what robots are varied around; the robot of the file if none is given.
     ///
     /// # Errors
     /// Settings out of range, or robots that cannot be.
     pub fn new(
         scene: &'a Scene,
-        robot: Option<&Robot>,
+        candidate: Option<&Candidate>,
         settings: &TrainingSettings,
         learner: Learner,
         seed: u64,
@@ -157,7 +156,7 @@ impl<'a> Training<'a> {
         let mut runners = Vec::new();
         for first in (0..environments).step_by(TILE) {
             let count = TILE.min(environments - first);
-            let mut environment = Environment::new(scene, robot, seed, first as u32, count)?;
+            let mut environment = Environment::new(scene, candidate, seed, first as u32, count)?;
             environment.stagger();
             let samples = Samples::new(steps, count, widths(scene));
             runners.push(Mutex::new(Runner::new(environment, first as u32, samples)));

@@ -18,6 +18,7 @@ mod error;
 mod forward;
 mod invweight;
 mod lanes;
+mod modify;
 mod params;
 mod real;
 mod seat;
@@ -37,6 +38,10 @@ pub use drive::{Drive, actuate, delay_taps};
 pub use error::PhysicsError;
 pub use forward::{Evaluation, Forward, acceleration, state_from, state_to};
 pub use lanes::*;
+pub use modify::{
+    ActionDelta, JointNetwork, Modification, Modify, NETWORK_WEIGHTS, NetworkScales, ResidAct, memory_of,
+    settle,
+};
 pub use params::{JointParams, LinkInertia, PairInvweight, Params, Robot};
 pub use real::Real;
 pub use settings::{Damping, Preset, Settings};

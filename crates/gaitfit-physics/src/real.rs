@@ -55,6 +55,18 @@ pub trait Real:
     fn recip(self) -> Self {
         Self::lit(1.0).div(self)
     }
+    /// Hyperbolic tangent; in lanes to 1e-7.
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        // tanh x = 2ND/(D² + N²) with N/D Lambert's continued fraction of tanh(x/2), cut at x⁷/x⁶.
+        let x = self.clamp(Self::lit(-9.0), Self::lit(9.0)) * Self::lit(0.5);
+        let s = x * x;
+        let n = (s + Self::lit(378.0)).fma(s, Self::lit(17_325.0)).fma(s, Self::lit(135_135.0)) * x;
+        let d = Self::lit(28.0).fma(s, Self::lit(3_150.0));
+        let d = d.fma(s, Self::lit(62_370.0)).fma(s, Self::lit(135_135.0));
+        let d2 = d * d;
+        (Self::lit(2.0) * n * d) * n.fma(n, d2).recip()
+    }
     /// `self` limited to `[lower, upper]`.
     #[inline(always)]
     fn clamp(self, lower: Self, upper: Self) -> Self {
@@ -113,6 +125,10 @@ macro_rules! scalar {
             #[inline(always)]
             fn all_ge(self, b: $t) -> bool {
                 self >= b
+            }
+            #[inline(always)]
+            fn tanh(self) -> $t {
+                <$t>::tanh(self)
             }
         }
     };

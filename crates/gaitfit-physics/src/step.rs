@@ -1,6 +1,7 @@
 //! One physics step, and a control period of them.
 
 use crate::drive::{Drive, pd};
+use crate::modify::{Modification, Modify, for_each};
 use crate::smooth::smooth;
 use crate::solver::{implicit_damping, solve};
 use crate::state::{State, Work};
@@ -82,10 +83,15 @@ pub struct Period<'a, T: Real> {
     pub tree: &'a Tree<T::K>,
     /// Parameters of the block's environments.
     pub params: &'a Params<T>,
-    /// Sent position targets, newest first, `taps × joints` (rad).
-    pub targets: &'a [T],
+    /// Sent position targets, newest first, `taps × joints` (rad). The newest are about to be sent, and become
+    /// what modifications make of them.
+    pub targets: &'a mut [T],
     /// Torques added to the PD torques after their limits, N·m, `substeps × joints`; empty for none.
     pub disturbance: &'a [T],
+    /// Changes of what drives the joints.
+    pub modifications: &'a [Modification<T::K>],
+    /// What they remember, [`memory_of`](crate::memory_of) numbers.
+    pub memory: &'a mut [T],
     /// Physics steps in the period.
     pub substeps: usize,
     /// Motion state; advanced.
@@ -99,14 +105,20 @@ pub struct Period<'a, T: Real> {
 /// Runs a control period: PD torques and one physics step, `substeps` times.
 #[inline(always)]
 pub fn control_period<T: Real>(p: &mut Period<'_, T>) {
+    let n = p.drives.len();
+    for_each(p.modifications, p.memory, |one, memory| {
+        one.targets(p.params, p.state, memory, &mut p.targets[..n]);
+    });
     for substep in 0..p.substeps {
         pd(&p.tree.settings, p.params, p.state, p.targets, substep, p.substeps, p.drives);
         if !p.disturbance.is_empty() {
-            let n = p.drives.len();
             for j in 0..n {
                 p.drives[j].torque = p.drives[j].torque + p.disturbance[substep * n + j];
             }
         }
+        for_each(p.modifications, p.memory, |one, memory| {
+            one.torques(p.params, p.state, memory, p.drives);
+        });
         step(p.tree, p.params, p.drives, p.state, p.work);
     }
 }

@@ -7,11 +7,12 @@ mod common;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use common::batch::{pack, pack_params, state_of, values};
+use common::batch::{networks, pack, pack_params, state_of, values};
 use common::{Arrays, here, robot};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
-    Drive, Isa, Lanes, Period, Portable, Preset, Robot, Settings, Work, compile, control_period, state_from,
+    Drive, Isa, Lanes, Period, Portable, Preset, Robot, Settings, Work, compile, control_period, memory_of,
+    state_from,
 };
 
 struct Counting;
@@ -82,14 +83,18 @@ fn f64_period_allocates_nothing() {
         let tree = compile::<f64>(&model, &settings).unwrap();
         let params = Robot::nominal(&model).params(&model).unwrap();
         let mut state = state_of::<f64>(&tree, &pressed(&model));
-        let targets = [state.q.clone(), state.q.clone()].concat();
+        let mut targets = [state.q.clone(), state.q.clone()].concat();
+        let modifications = networks::<f64>(tree.joints());
+        let mut memory = vec![0.0; memory_of(&modifications)];
         let (mut work, mut drives) = (Work::new(&tree), vec![Drive::zero(); tree.joints()]);
         let count = calls(|| {
             control_period(&mut Period {
                 tree: &tree,
                 params: &params,
-                targets: &targets,
+                targets: &mut targets,
                 disturbance: &[],
+                modifications: &modifications,
+                memory: &mut memory,
                 substeps: 3,
                 state: &mut state,
                 work: &mut work,
@@ -105,14 +110,18 @@ fn lanes<T: Lanes>() {
         let tree = compile::<T>(&model, &settings).unwrap();
         let params = pack_params::<T>(&vec![Robot::nominal(&model).params(&model).unwrap(); T::LANES]);
         let mut state = state_of::<T>(&tree, &pack(&vec![pressed(&model); T::LANES]));
-        let targets = [state.q.clone(), state.q.clone()].concat();
+        let mut targets = [state.q.clone(), state.q.clone()].concat();
+        let modifications = networks::<T>(tree.joints());
+        let mut memory = vec![T::zero(); memory_of(&modifications)];
         let (mut work, mut drives) = (Work::new(&tree), vec![Drive::zero(); tree.joints()]);
         let count = calls(|| {
             T::control_period(&mut Period {
                 tree: &tree,
                 params: &params,
-                targets: &targets,
+                targets: &mut targets,
                 disturbance: &[],
+                modifications: &modifications,
+                memory: &mut memory,
                 substeps: 3,
                 state: &mut state,
                 work: &mut work,

@@ -3,13 +3,13 @@
 
 mod common;
 
-use common::batch::{pack, pack_params, rounded, state_of, unpack, values};
+use common::batch::{networks, pack, pack_params, rounded, state_of, unpack, values};
 use common::random::Random;
 use common::{Arrays, Ledger, here, relative_1, robot};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
     Drive, Isa, Lanes, Params, Period, Portable, Preset, Robot, Settings, Work, compile, control_period,
-    state_from,
+    memory_of, settle, state_from,
 };
 
 /// Calls the generic function once for each instruction set of this machine.
@@ -79,12 +79,17 @@ fn run_block<T: Lanes>(
         |all: &[Vec<f64>]| -> Vec<T> { pack(&pick.iter().map(|&i| all[i].clone()).collect::<Vec<_>>()) };
     let mut state = state_of::<T>(&tree, &columns(&cases.states));
     let params = pack_params::<T>(&pick.iter().map(|&i| cases.params[i].clone()).collect::<Vec<_>>());
-    let targets = columns(&cases.targets);
+    let mut targets = columns(&cases.targets);
+    let modifications = networks::<T>(tree.joints());
+    let mut memory = vec![T::zero(); memory_of(&modifications)];
+    settle(&modifications, &params, &state, &mut memory);
     T::control_period(&mut Period {
         tree: &tree,
         params: &params,
-        targets: &targets,
+        targets: &mut targets,
         disturbance: &[],
+        modifications: &modifications,
+        memory: &mut memory,
         substeps,
         state: &mut state,
         work: &mut Work::new(&tree),
@@ -97,11 +102,16 @@ fn run_block<T: Lanes>(
 fn run_f64(model: &Model, settings: &Settings, cases: &Cases, index: usize, substeps: usize) -> Vec<f64> {
     let tree = compile::<f64>(model, settings).unwrap();
     let mut state = state_of::<f64>(&tree, &cases.states[index]);
+    let modifications = networks::<f64>(tree.joints());
+    let mut memory = vec![0.0; memory_of(&modifications)];
+    settle(&modifications, &cases.params[index], &state, &mut memory);
     control_period(&mut Period {
         tree: &tree,
         params: &cases.params[index],
-        targets: &cases.targets[index],
+        targets: &mut cases.targets[index].clone(),
         disturbance: &[],
+        modifications: &modifications,
+        memory: &mut memory,
         substeps,
         state: &mut state,
         work: &mut Work::new(&tree),

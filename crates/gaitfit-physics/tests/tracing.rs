@@ -8,13 +8,13 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::ops::{Add, Mul, Neg, Sub};
 
-use common::batch::{param_values, state_of, values};
+use common::batch::{networks, param_values, state_of, values};
 use common::random::Random;
 use common::{Arrays, here, robot};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
     Drive, Params, Period, Preset, Real, Robot, RowKind, Settings, State, Work, compile, constraint_rows,
-    control_period, state_from,
+    control_period, memory_of, settle, state_from,
 };
 
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +29,7 @@ enum Node {
     Fnma(Tr, Tr, Tr),
     Div(Tr, Tr),
     Sqrt(Tr),
+    Tanh(Tr),
     Min(Tr, Tr),
     Max(Tr, Tr),
     Abs(Tr),
@@ -97,6 +98,9 @@ impl Real for Tr {
     fn sqrt(self) -> Tr {
         record(Node::Sqrt(self))
     }
+    fn tanh(self) -> Tr {
+        record(Node::Tanh(self))
+    }
     fn min(self, b: Tr) -> Tr {
         record(Node::Min(self, b))
     }
@@ -130,6 +134,7 @@ fn evaluate(nodes: &[Node], inputs: &[f64]) -> Vec<f64> {
             Node::Fnma(a, b, c) => at(a).fnma(at(b), at(c)),
             Node::Div(a, b) => Real::div(at(a), at(b)),
             Node::Sqrt(a) => at(a).sqrt(),
+            Node::Tanh(a) => at(a).tanh(),
             Node::Min(a, b) => Real::min(at(a), at(b)),
             Node::Max(a, b) => Real::max(at(a), at(b)),
             Node::Abs(a) => at(a).abs(),
@@ -164,12 +169,17 @@ fn record_period(model: &Model, settings: &Settings) -> Program {
     let mut state = state_of::<Tr>(&tree, &inputs);
     let nominal = Robot::nominal(model).params(model).unwrap();
     let params = Params::<Tr>::pack(&[&nominal], |_| input());
-    let targets: Vec<Tr> = (0..TAPS * tree.joints()).map(|_| input()).collect();
+    let mut targets: Vec<Tr> = (0..TAPS * tree.joints()).map(|_| input()).collect();
+    let modifications = networks::<Tr>(tree.joints());
+    let mut memory = vec![Tr::zero(); memory_of(&modifications)];
+    settle(&modifications, &params, &state, &mut memory);
     control_period(&mut Period {
         tree: &tree,
         params: &params,
-        targets: &targets,
+        targets: &mut targets,
         disturbance: &[],
+        modifications: &modifications,
+        memory: &mut memory,
         substeps: SUBSTEPS,
         state: &mut state,
         work: &mut Work::new(&tree),
@@ -209,13 +219,18 @@ fn compare(model: &Model, preset: Preset, file: &str) -> BTreeSet<usize> {
         patterns.insert(points.collect::<BTreeSet<_>>().len());
 
         let inputs = [values(&state), param_values(&params), targets.clone()].concat();
+        let modifications = networks::<f64>(tree.joints());
+        let mut memory = vec![0.0; memory_of(&modifications)];
+        settle(&modifications, &params, &state, &mut memory);
         let nodes = evaluate(&program.nodes, &inputs);
         let got: Vec<f64> = program.outputs.iter().map(|tr| nodes[tr.0 as usize]).collect();
         control_period(&mut Period {
             tree: &tree,
             params: &params,
-            targets: &targets,
+            targets: &mut targets.clone(),
             disturbance: &[],
+            modifications: &modifications,
+            memory: &mut memory,
             substeps: SUBSTEPS,
             state: &mut state,
             work: &mut Work::new(&tree),

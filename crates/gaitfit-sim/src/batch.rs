@@ -4,8 +4,8 @@ use gaitfit_model::Model;
 use gaitfit_physics::{Isa, Params, Preset, Settings, Tree, compile, delay_taps};
 
 use crate::motion::Motion;
-use crate::robots::{LaneRobots, Robots};
-use crate::{SimError, Start};
+use crate::robots::{LaneRobots, Parts, Robots};
+use crate::{JointNetworks, SimError, Start};
 
 /// How a batch integrates.
 #[derive(Clone, Debug, PartialEq)]
@@ -118,31 +118,32 @@ impl Batch {
         Motion::new(environments, self.model.joints.len(), self.geoms.len(), self.tracked.len())
     }
 
-    /// One tile: a robot for each of `robots`, all at rest at the world's origin until placed.
+    /// One tile: a robot for each of `robots`, all at rest at the world's origin until placed. The networks act on
+    /// all of them alike.
     ///
     /// # Errors
-    /// A delay beyond the batch's `max_delay`.
-    pub fn tile(&self, robots: &[Params<f64>]) -> Result<Tile<'_>, SimError> {
+    /// A delay beyond the batch's `max_delay`; networks of other joints than the robot's.
+    pub fn tile(&self, robots: &[Params<f64>], networks: &[JointNetworks]) -> Result<Tile<'_>, SimError> {
         let delay = robots.iter().flat_map(|robot| &robot.joints).fold(0.0f64, |most, j| most.max(j.delay));
         if delay > self.options.max_delay {
             let must = "at most the batch's max_delay";
             return Err(SimError::Option { option: "a robot's delay", value: delay.to_string(), must });
         }
-        let (tree, taps) = (&self.tree, self.taps);
-        let substeps = self.options.substeps;
-        let tracked = &self.tracked;
+        let networks =
+            networks.iter().map(|one| one.compile::<f32>(&self.model)).collect::<Result<_, _>>()?;
+        let parts = Parts {
+            tree: &self.tree,
+            taps: self.taps,
+            substeps: self.options.substeps,
+            tracked: &self.tracked,
+            modifications: networks,
+        };
         let robots: Box<dyn Robots + '_> = match self.isa {
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => {
-                Box::new(LaneRobots::<gaitfit_physics::F32x16>::new(tree, robots, taps, substeps, tracked))
-            }
+            Isa::Avx512 => Box::new(LaneRobots::<gaitfit_physics::F32x16>::new(robots, parts)),
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => {
-                Box::new(LaneRobots::<gaitfit_physics::F32x8>::new(tree, robots, taps, substeps, tracked))
-            }
-            _ => {
-                Box::new(LaneRobots::<gaitfit_physics::Portable>::new(tree, robots, taps, substeps, tracked))
-            }
+            Isa::Avx2 => Box::new(LaneRobots::<gaitfit_physics::F32x8>::new(robots, parts)),
+            _ => Box::new(LaneRobots::<gaitfit_physics::Portable>::new(robots, parts)),
         };
         Ok(Tile { robots })
     }

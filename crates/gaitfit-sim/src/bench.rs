@@ -119,6 +119,7 @@ struct Batch<T> {
 struct Scratch<T> {
     work: Work<T>,
     drives: Vec<Drive<T>>,
+    targets: Vec<T>,
 }
 
 fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<PhysicsSpeed, SimError> {
@@ -152,13 +153,20 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
         }
         batches.push(std::sync::Mutex::new(Batch { params, state }));
     }
-    let scratch = || Scratch { work: Work::new(&tree), drives: vec![Drive::zero(); joints] };
+    let scratch = || Scratch {
+        work: Work::new(&tree),
+        drives: vec![Drive::zero(); joints],
+        targets: vec![T::zero(); joints],
+    };
     let period = |scratch: &mut Scratch<T>, batch: &mut Batch<T>, targets: &[T]| {
+        scratch.targets.copy_from_slice(targets);
         T::control_period(&mut Period {
             tree: &tree,
             params: &batch.params,
-            targets,
+            targets: &mut scratch.targets,
             disturbance: &[],
+            modifications: &[],
+            memory: &mut [],
             substeps: SUBSTEPS,
             state: &mut batch.state,
             work: &mut scratch.work,

@@ -316,8 +316,10 @@ impl<T: Lanes> Block<T> {
             T::control_period(&mut Period {
                 tree: &replay.tree,
                 params: &block,
-                targets: &self.history,
+                targets: &mut self.history,
                 disturbance: &[],
+                modifications: &[],
+                memory: &mut [],
                 substeps: replay.options.substeps,
                 state: &mut self.state,
                 work: &mut self.work,

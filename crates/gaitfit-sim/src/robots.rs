@@ -1,6 +1,6 @@
 //! The robots of a tile, in blocks of lanes.
 
-use gaitfit_physics::{Drive, Lanes, Params, Period, State, Tree, Work};
+use gaitfit_physics::{Drive, Lanes, Modification, Params, Period, State, Tree, Work, memory_of, settle};
 
 use crate::Start;
 use crate::motion::Motion;
@@ -29,29 +29,37 @@ struct Block<T> {
     normal_force: Vec<T>,
     tracked: Vec<[T; 3]>,
     torque: Vec<T>,
-    /// Lanes whose target history starts with their next target.
+    /// What the modifications remember.
+    memory: Vec<T>,
+    /// Lanes whose target history and memory start with their next target.
     fresh: [bool; WIDEST],
 }
 
+/// What all robots of a tile share.
+pub(crate) struct Parts<'a> {
+    pub tree: &'a Tree<f32>,
+    /// Control periods of sent targets that are kept.
+    pub taps: usize,
+    pub substeps: usize,
+    /// Compiled pairs whose places are reported.
+    pub tracked: &'a [usize],
+    pub modifications: Vec<Modification<f32>>,
+}
+
 pub(crate) struct LaneRobots<'a, T: Lanes> {
-    tree: &'a Tree<f32>,
-    tracked: &'a [usize],
+    parts: Parts<'a>,
     environments: usize,
-    substeps: usize,
     blocks: Vec<Block<T>>,
     work: Work<T>,
     drives: Vec<Drive<T>>,
     disturbance: Vec<T>,
+    settled: Vec<T>,
 }
 
 impl<'a, T: Lanes> LaneRobots<'a, T> {
-    pub fn new(
-        tree: &'a Tree<f32>,
-        robots: &[Params<f64>],
-        taps: usize,
-        substeps: usize,
-        tracked: &'a [usize],
-    ) -> Self {
+    pub fn new(robots: &[Params<f64>], parts: Parts<'a>) -> Self {
+        let tree = parts.tree;
+        let memory = memory_of(&parts.modifications);
         let joints = tree.joints();
         let block = |robots: &[Params<f64>]| {
             // Lanes beyond the last robot repeat it.
@@ -67,22 +75,23 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
             Block {
                 params,
                 state: State::new(tree),
-                history: vec![T::zero(); taps * joints],
+                history: vec![T::zero(); parts.taps * joints],
                 normal_force: vec![T::zero(); tree.model_pairs().len()],
-                tracked: vec![[T::zero(); 3]; tracked.len()],
+                tracked: vec![[T::zero(); 3]; parts.tracked.len()],
                 torque: vec![T::zero(); joints],
+                memory: vec![T::zero(); memory],
                 fresh: [true; WIDEST],
             }
         };
+        let blocks = robots.chunks(T::LANES).map(block).collect();
         Self {
-            tree,
-            tracked,
+            parts,
             environments: robots.len(),
-            substeps,
-            blocks: robots.chunks(T::LANES).map(block).collect(),
+            blocks,
             work: Work::new(tree),
             drives: vec![Drive::zero(); joints],
             disturbance: Vec::new(),
+            settled: vec![T::zero(); memory],
         }
     }
 
@@ -107,7 +116,7 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
 
     fn report(&self, index: usize, motion: &mut Motion) {
         let block = &self.blocks[index];
-        let (state, first, joints) = (&block.state, index * T::LANES, self.tree.joints());
+        let (state, first, joints) = (&block.state, index * T::LANES, self.parts.tree.joints());
         for k in 0..3 {
             self.scatter(state.base_position[k], &mut motion.base_position, first, 3, k);
             self.scatter(state.base_linear[k], &mut motion.base_linear, first, 3, k);
@@ -153,7 +162,7 @@ impl<T: Lanes> Block<T> {
         let last =
             self.normal_force.iter_mut().chain(self.tracked.iter_mut().flatten()).chain(&mut self.torque);
         let warm = state.base_acceleration.iter_mut().flatten();
-        base.chain(joints).chain(warm).chain(&mut self.history).chain(last)
+        base.chain(joints).chain(warm).chain(&mut self.history).chain(&mut self.memory).chain(last)
     }
 }
 
@@ -200,7 +209,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
     }
 
     fn step(&mut self, targets: &[f32], disturbance: &[f32], motion: &mut Motion) {
-        let joints = self.tree.joints();
+        let (tree, joints) = (self.parts.tree, self.parts.tree.joints());
         for index in 0..self.blocks.len() {
             let first = index * T::LANES;
             let kept = self.blocks[index].history.len() - joints;
@@ -217,10 +226,17 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                 }
             }
             let block = &mut self.blocks[index];
+            if !block.memory.is_empty() && block.fresh.contains(&true) {
+                settle(&self.parts.modifications, &block.params, &block.state, &mut self.settled);
+            }
             for lane in 0..T::LANES {
                 if std::mem::take(&mut block.fresh[lane]) {
+                    let mut values = [0.0; WIDEST];
+                    for (number, settled) in block.memory.iter_mut().zip(&self.settled) {
+                        settled.store(&mut values);
+                        set_lane(number, lane, values[lane]);
+                    }
                     for j in 0..joints {
-                        let mut values = [0.0; WIDEST];
                         block.history[j].store(&mut values);
                         for tap in block.history[j..].iter_mut().step_by(joints) {
                             set_lane(tap, lane, values[lane]);
@@ -229,11 +245,13 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                 }
             }
             T::control_period(&mut Period {
-                tree: self.tree,
+                tree,
                 params: &block.params,
-                targets: &block.history,
+                targets: &mut block.history,
                 disturbance: &self.disturbance,
-                substeps: self.substeps,
+                modifications: &self.parts.modifications,
+                memory: &mut block.memory,
+                substeps: self.parts.substeps,
                 state: &mut block.state,
                 work: &mut self.work,
                 drives: &mut self.drives,
@@ -242,12 +260,12 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
                 *torque = drive.torque;
             }
             for (pair, force) in block.normal_force.iter_mut().enumerate() {
-                *force = self.work.normal_force(self.tree, pair);
+                *force = self.work.normal_force(tree, pair);
             }
             // Places are about the base's origin at the start of the last step, a physics step ago.
-            let h = T::lit(self.tree.settings().timestep);
-            for (place, &pair) in block.tracked.iter_mut().zip(self.tracked) {
-                let center = self.work.pair_center(self.tree, pair);
+            let h = T::lit(tree.settings().timestep);
+            for (place, &pair) in block.tracked.iter_mut().zip(self.parts.tracked) {
+                let center = self.work.pair_center(tree, pair);
                 for k in 0..3 {
                     let origin = h.fnma(block.state.base_linear[k], block.state.base_position[k]);
                     place[k] = origin + center[k];

@@ -8,8 +8,7 @@ use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::policy::{self, Policy};
 use gaitfit_learn::task::{Scene, TaskSettings, preset};
 use gaitfit_model::Model;
-use gaitfit_physics::Robot;
-use gaitfit_sim::RobotParams;
+use gaitfit_sim::{Candidate, RobotParams};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -19,10 +18,8 @@ pub struct World {
     pub policy: Policy,
     /// Task and simulator.
     pub scene: Scene,
-    /// The robot, fitted parameters included.
-    pub robot: Robot,
-    /// Standard deviation of torque noise, N·m.
-    pub torque_noise: f64,
+    /// The robot, fitted parameters and noise included.
+    pub candidate: Candidate,
     /// What differs from the nominal robot, for reports.
     pub changes: Vec<String>,
 }
@@ -56,9 +53,9 @@ impl World {
             joint.springref = rest;
             changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, joint.name));
         }
-        let mut params = RobotParams::nominal(&model);
+        let mut candidate = Candidate::nominal(&model);
         if let Some(path) = &args.theta {
-            apply_theta(path, &model, &mut params)?;
+            apply_theta(path, &model, &mut candidate.robot)?;
             changes.push(format!("parameters of {}", path.display()));
         }
         if !(0.0..=1000.0).contains(&args.torque_noise) {
@@ -70,16 +67,11 @@ impl World {
         if args.torque_noise > 0.0 {
             changes.push(format!("torque noise of {} N·m", args.torque_noise));
         }
-        let mut gains = [vec![0.0; model.joints.len()], vec![0.0; model.joints.len()]];
-        for (index, &joint) in joints.iter().enumerate() {
-            gains[0][joint] = interface.kp[index];
-            gains[1][joint] = interface.kd[index];
-        }
-        let robot = params.robot(&model, &gains[0], &gains[1]);
-        let delay = params.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
+        candidate.torque_noise = args.torque_noise;
+        let delay = candidate.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
         let scene = Scene::with_interface(&model, &settings, interface.clone(), args.preset.into(), delay)
             .map_err(Failure::failed)?;
-        Ok(Self { policy, scene, robot, torque_noise: args.torque_noise, changes })
+        Ok(Self { policy, scene, candidate, changes })
     }
 
     /// Who is tested on what.
@@ -87,8 +79,7 @@ impl World {
         Subject {
             scene: &self.scene,
             policy: &self.policy,
-            robot: Some(&self.robot),
-            torque_noise: self.torque_noise,
+            candidate: Some(&self.candidate),
             seed,
         }
     }

@@ -80,12 +80,12 @@ fn trial(
     command: [f64; 3],
     robots: usize,
 ) -> Result<DriftTrial, SceneError> {
-    let Subject { scene, policy, robot, torque_noise, seed } = *subject;
-    let mut environment = Environment::new(scene, robot, seed, 0, robots)?;
+    let Subject { scene, policy, candidate, seed } = *subject;
+    let mut environment = Environment::new(scene, candidate, seed, 0, robots)?;
     for index in 0..robots {
         environment.hold_command(index, [0.0; 3]);
     }
-    let mut player = Player::new(scene, policy, environment, torque_noise, seed, 0);
+    let mut player = Player::new(scene, policy, environment);
     let periods = |seconds: f64| (seconds / scene.interface.control_dt).round() as u32;
     let (begin, end) = (periods(STAND), periods(STAND + COMMAND));
     let mut fallen = vec![false; robots];

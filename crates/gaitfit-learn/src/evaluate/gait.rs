@@ -60,10 +60,10 @@ pub struct GaitSummary {
 /// # Errors
 /// A robot that cannot be.
 pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Result<GaitRecord, SceneError> {
-    let Subject { scene, policy, robot, torque_noise, seed } = *subject;
-    let mut environment = Environment::new(scene, robot, seed, 0, 1)?;
+    let Subject { scene, policy, candidate, seed } = *subject;
+    let mut environment = Environment::new(scene, candidate, seed, 0, 1)?;
     environment.hold_command(0, [0.0; 3]);
-    let mut player = Player::new(scene, policy, environment, torque_noise, seed, 0);
+    let mut player = Player::new(scene, policy, environment);
     let model = scene.batch.model();
     let mut record = GaitRecord {
         dt: scene.interface.control_dt,

@@ -12,7 +12,7 @@ pub use spectrum::power_spectrum;
 pub use statistics::Estimate;
 pub use trajectories::{Trial, TrialSummary, run_trials, summarise};
 
-use gaitfit_physics::Robot;
+use gaitfit_sim::Candidate;
 
 use crate::policy::Policy;
 use crate::task::Scene;
@@ -24,10 +24,8 @@ pub struct Subject<'a> {
     pub scene: &'a Scene,
     /// The policy; its interface is the scene's.
     pub policy: &'a Policy,
-    /// The robot; the nominal one if none is given.
-    pub robot: Option<&'a Robot>,
-    /// Standard deviation of Gaussian torques at every joint and physics step, N·m.
-    pub torque_noise: f64,
+    /// The robot; the one of the file if none is given.
+    pub candidate: Option<&'a Candidate>,
     /// Seed of commands, starts and noise.
     pub seed: u64,
 }

@@ -66,8 +66,8 @@ pub fn run_trials(
 }
 
 fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Result<Vec<Trial>, SceneError> {
-    let Subject { scene, policy, robot, torque_noise, seed } = *subject;
-    let mut environment = Environment::new(scene, robot, seed, first, count)?;
+    let Subject { scene, policy, candidate, seed } = *subject;
+    let mut environment = Environment::new(scene, candidate, seed, first, count)?;
     // The command that was drawn stays for the whole trajectory.
     let commands = environment.commands().to_vec();
     for (index, &command) in commands.iter().enumerate() {
@@ -77,7 +77,7 @@ fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Resu
         commands.iter().map(|&command| Trial { command, ..Trial::default() }).collect();
     let joints = scene.joints.len();
     let mut last_action = vec![0.0f32; count * joints];
-    let mut player = Player::new(scene, policy, environment, torque_noise, seed, first);
+    let mut player = Player::new(scene, policy, environment);
     for step in 1..=steps {
         player.step(step);
         for (index, trial) in trials.iter_mut().enumerate() {

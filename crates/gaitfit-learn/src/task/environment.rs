@@ -1,14 +1,14 @@
 //! One tile of robots at a task.
 
-use gaitfit_physics::Robot;
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_sim::{Motion, Tile};
+use gaitfit_sim::{Candidate, Motion, Tile};
 
 use super::command::{command, within};
 use super::feet::Foot;
 use super::moment::{heading_velocity, up_axis};
+use super::noise::torque_noise;
 use super::observation::{Context, observe};
-use super::randomise::{nominal, randomised};
+use super::randomise::randomised;
 use super::start::start;
 use super::{Moment, Scene, SceneError, reward};
 use crate::Term;
@@ -61,34 +61,45 @@ pub struct Environment<'a> {
     terms: Vec<f64>,
     /// Commands set from outside are not redrawn.
     held_commands: bool,
+    /// Standard deviation of the torque noise, N·m.
+    torque_noise: f64,
+    /// Torques of the noise.
+    disturbance: Vec<f32>,
 }
 
 impl<'a> Environment<'a> {
-    /// Environments `first..first + count` of the scene, started at step 0, around `robot` (the nominal one if
-    /// none is given).
+    /// Environments `first..first + count` of the scene, started at step 0, around `candidate` (the robot of the
+    /// file if none is given).
     ///
     /// # Errors
-    /// A randomisation that leaves no robot.
+    /// A randomisation that leaves no robot; a candidate of another robot.
     pub fn new(
         scene: &'a Scene,
-        robot: Option<&Robot>,
+        candidate: Option<&Candidate>,
         seed: u64,
         first: u32,
         count: usize,
     ) -> Result<Self, SceneError> {
-        let base = nominal(scene);
-        let base = robot.unwrap_or(&base);
+        let nominal;
+        let candidate = match candidate {
+            Some(candidate) => candidate,
+            None => {
+                nominal = Candidate::nominal(scene.batch.model());
+                &nominal
+            }
+        };
+        let base = scene.robot(candidate);
         let mut robots = Vec::with_capacity(count);
         for environment in first..first + count as u32 {
             let model = scene.batch.model();
-            robots.push(randomised(model, base, &scene.settings.randomisation, seed, environment)?);
+            robots.push(randomised(model, &base, &scene.settings.randomisation, seed, environment)?);
         }
         let joints = scene.joints.len();
         let mut environment = Self {
             scene,
             seed,
             first,
-            tile: scene.batch.tile(&robots)?,
+            tile: scene.batch.tile(&robots, &candidate.networks)?,
             motion: scene.batch.motion(count),
             steps: vec![0; count],
             command: vec![[0.0; 3]; count],
@@ -97,17 +108,14 @@ impl<'a> Environment<'a> {
             feet: vec![Foot::default(); count * scene.settings.feet.len()],
             terms: vec![0.0; scene.rewards.len()],
             held_commands: false,
+            torque_noise: candidate.torque_noise,
+            disturbance: Vec::new(),
         };
         for index in 0..count {
             environment.restart(index, 0);
         }
         environment.tile.observe(&mut environment.motion);
         Ok(environment)
-    }
-
-    /// The nominal robot of a scene with its policy's gains; what `new` takes when given none.
-    pub fn nominal_robot(scene: &Scene) -> Robot {
-        nominal(scene)
     }
 
     /// Environments in the tile.
@@ -206,14 +214,7 @@ impl<'a> Environment<'a> {
     /// One control period under `actions` (`environments × joints`, policy order): writes what each environment
     /// was paid and whether its episode ended. Ended episodes stay where they are until
     /// [`Environment::begin_episodes`].
-    pub fn step(
-        &mut self,
-        step: u32,
-        actions: &[f32],
-        disturbance: &[f32],
-        reward: &mut [f32],
-        ended: &mut [Ended],
-    ) {
+    pub fn step(&mut self, step: u32, actions: &[f32], reward: &mut [f32], ended: &mut [Ended]) {
         let scene = self.scene;
         let joints = scene.joints.len();
         let clip = scene.interface.action_clip.map_or(f32::MAX, |clip| clip as f32);
@@ -224,7 +225,11 @@ impl<'a> Environment<'a> {
             }
         }
         self.push(step);
-        self.tile.step(&self.targets, disturbance, &mut self.motion);
+        if self.torque_noise > 0.0 {
+            let sizes = [scene.settings.substeps, self.count(), scene.start_pose.len()];
+            torque_noise(self.torque_noise, self.seed, self.first, step, sizes, &mut self.disturbance);
+        }
+        self.tile.step(&self.targets, &self.disturbance, &mut self.motion);
         for index in 0..self.count() {
             self.steps[index] += 1;
             self.step_feet(index);

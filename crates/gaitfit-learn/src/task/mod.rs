@@ -7,6 +7,7 @@ mod command;
 mod environment;
 mod feet;
 mod moment;
+mod noise;
 mod observation;
 mod presets;
 mod randomise;

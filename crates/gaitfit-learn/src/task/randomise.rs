@@ -4,18 +4,8 @@ use gaitfit_model::Model;
 use gaitfit_physics::{Params, PhysicsError, Robot};
 use gaitfit_random::{Purpose, Stream};
 
+use super::RandomisationSettings;
 use super::command::within;
-use super::{RandomisationSettings, Scene};
-
-/// The nominal robot with the policy's gains, model order.
-pub(super) fn nominal(scene: &Scene) -> Robot {
-    let mut robot = Robot::nominal(scene.batch.model());
-    for (index, &joint) in scene.joints.iter().enumerate() {
-        robot.kp[joint] = scene.interface.kp[index];
-        robot.kd[joint] = scene.interface.kd[index];
-    }
-    robot
-}
 
 /// Robot `environment` of a randomised batch around `robot`.
 pub(super) fn randomised(

@@ -1,8 +1,8 @@
 //! A task on a robot: names resolved to indices once, shared by all environments.
 
 use gaitfit_model::Model;
-use gaitfit_physics::{PhysicsError, Preset};
-use gaitfit_sim::{Batch, BatchOptions, SimError};
+use gaitfit_physics::{PhysicsError, Preset, Robot};
+use gaitfit_sim::{Batch, BatchOptions, Candidate, SimError};
 use globset::Glob;
 
 use super::{JointTable, TaskSettings, reward};
@@ -213,6 +213,17 @@ impl Scene {
             rewards,
             batch,
         })
+    }
+
+    /// The robot of a candidate with the policy's gains.
+    pub fn robot(&self, candidate: &Candidate) -> Robot {
+        let joints = self.start_pose.len();
+        let (mut kp, mut kd) = (vec![0.0; joints], vec![0.0; joints]);
+        for (index, &joint) in self.joints.iter().enumerate() {
+            kp[joint] = self.interface.kp[index];
+            kd[joint] = self.interface.kd[index];
+        }
+        candidate.robot(self.batch.model(), &kp, &kd)
     }
 
     /// Reward terms of non-zero weight, by name.

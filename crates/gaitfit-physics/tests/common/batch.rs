@@ -2,7 +2,9 @@
 
 use std::cell::RefCell;
 
-use gaitfit_physics::{Lanes, Params, Real, State, Tree};
+use gaitfit_physics::{
+    ActionDelta, JointNetwork, Lanes, Modification, NetworkScales, Params, Real, ResidAct, State, Tree,
+};
 
 /// Every number of a state, always in the same order.
 pub fn values<T: Real>(state: &State<T>) -> Vec<T> {
@@ -77,4 +79,17 @@ pub fn unpack<T: Lanes>(packed: &[T]) -> Vec<Vec<f32>> {
 /// What single precision makes of a number.
 pub fn rounded(values: &[f64]) -> Vec<f64> {
     values.iter().map(|&x| f64::from(x as f32)).collect()
+}
+
+/// One ActionDelta and one ResidAct on all joints, with weights that matter.
+pub fn networks<T: Real>(joints: usize) -> Vec<Modification<T::K>> {
+    let network = |joint: usize, output: f64| {
+        let weights = std::array::from_fn(|i| 0.8 * (1.3 * i as f64 + 5.0 * joint as f64 + output).sin());
+        let scales = NetworkScales { position: 1.0, velocity: 0.05, output };
+        JointNetwork::new::<T>(joint, &weights, scales, 0.1)
+    };
+    vec![
+        Modification::ActionDelta(ActionDelta((0..joints).map(|joint| network(joint, 0.05)).collect())),
+        Modification::ResidAct(ResidAct((0..joints).map(|joint| network(joint, 2.0)).collect())),
+    ]
 }

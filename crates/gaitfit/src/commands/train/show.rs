@@ -31,7 +31,7 @@ pub fn show(config: &TrainConfig, setup: &Setup, policy: &Policy, title: &str) -
     let scene = Scene::with_interface(&setup.model, &task, interface, config.preset.into(), 0.0)
         .map_err(Failure::failed)?;
     let seed = policy.provenance.seed;
-    let subject = Subject { scene: &scene, policy, robot: None, torque_noise: 0.0, seed };
+    let subject = Subject { scene: &scene, policy, candidate: None, seed };
     let record = record_gait(&subject, &gait::tour(&task.command)).map_err(Failure::failed)?;
     let fell = record.fell.then(|| record.steps() as f64 * record.dt);
     let ends = fell.map_or_else(String::new, |time| format!("; it fell after {time:.1} s"));

@@ -1,0 +1,36 @@
+//! ActionDelta: a correction of each joint's position target.
+
+use super::Modify;
+use super::network::{JointNetwork, PAST};
+use crate::{Params, Real, State};
+
+/// Networks whose outputs (rad) are added to the targets about to be sent, at the policy's rate; their past is
+/// sampled at that rate too (He et al. 2025; Dao and Fern, eq. 4).
+#[derive(Clone, Debug, PartialEq)]
+pub struct ActionDelta<K>(pub Vec<JointNetwork<K>>);
+
+impl<K: Copy> Modify<K> for ActionDelta<K> {
+    fn memory(&self) -> usize {
+        PAST * self.0.len()
+    }
+
+    #[inline(always)]
+    fn settle<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, memory: &mut [T]) {
+        for (network, past) in self.0.iter().zip(memory.chunks_exact_mut(PAST)) {
+            network.settle(params, state, past);
+        }
+    }
+
+    #[inline(always)]
+    fn targets<T: Real<K = K>>(
+        &self,
+        params: &Params<T>,
+        state: &State<T>,
+        memory: &mut [T],
+        targets: &mut [T],
+    ) {
+        for (network, past) in self.0.iter().zip(memory.chunks_exact_mut(PAST)) {
+            targets[network.joint] = targets[network.joint] + network.advance(params, state, past);
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! Changes of what drives the joints, made inside the step.
+//!
+//! A modification is the same for all environments of a block; what it must remember of each environment lies in
+//! its part of the block's memory. A new one is a file here with a [`Modify`], and a line in [`Modification`].
+
+mod action_delta;
+mod network;
+mod resid_act;
+
+pub use action_delta::ActionDelta;
+pub use network::{JointNetwork, NETWORK_WEIGHTS, NetworkScales};
+pub use resid_act::ResidAct;
+
+use crate::{Drive, Params, Real, State};
+
+/// A change of targets or torques. `memory` holds [`Modify::memory`] numbers an environment.
+pub trait Modify<K: Copy> {
+    /// Numbers it remembers from one physics step to the next.
+    fn memory(&self) -> usize;
+
+    /// Writes the memory of a robot that has been in this state for long.
+    fn settle<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, memory: &mut [T]);
+
+    /// May change the position targets about to be sent (rad, one a joint); once a control period.
+    #[inline(always)]
+    fn targets<T: Real<K = K>>(
+        &self,
+        _params: &Params<T>,
+        _state: &State<T>,
+        _memory: &mut [T],
+        _targets: &mut [T],
+    ) {
+    }
+
+    /// May change the torques, which are the PD controller's after its limits; at every physics step.
+    #[inline(always)]
+    fn torques<T: Real<K = K>>(
+        &self,
+        _params: &Params<T>,
+        _state: &State<T>,
+        _memory: &mut [T],
+        _drives: &mut [Drive<T>],
+    ) {
+    }
+}
+
+/// Any modification.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Modification<K> {
+    /// Networks that correct position targets.
+    ActionDelta(ActionDelta<K>),
+    /// Networks that add torques.
+    ResidAct(ResidAct<K>),
+}
+
+/// Calls the method of whichever modification it is.
+macro_rules! each {
+    ($self:ident, $one:ident => $call:expr) => {
+        match $self {
+            Modification::ActionDelta($one) => $call,
+            Modification::ResidAct($one) => $call,
+        }
+    };
+}
+
+impl<K: Copy> Modify<K> for Modification<K> {
+    fn memory(&self) -> usize {
+        each!(self, one => Modify::<K>::memory(one))
+    }
+
+    #[inline(always)]
+    fn settle<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, memory: &mut [T]) {
+        each!(self, one => one.settle(params, state, memory));
+    }
+
+    #[inline(always)]
+    fn targets<T: Real<K = K>>(
+        &self,
+        params: &Params<T>,
+        state: &State<T>,
+        memory: &mut [T],
+        targets: &mut [T],
+    ) {
+        each!(self, one => one.targets(params, state, memory, targets));
+    }
+
+    #[inline(always)]
+    fn torques<T: Real<K = K>>(
+        &self,
+        params: &Params<T>,
+        state: &State<T>,
+        memory: &mut [T],
+        drives: &mut [Drive<T>],
+    ) {
+        each!(self, one => one.torques(params, state, memory, drives));
+    }
+}
+
+/// Numbers that all of `modifications` remember of an environment together.
+pub fn memory_of<K: Copy>(modifications: &[Modification<K>]) -> usize {
+    modifications.iter().map(Modify::memory).sum()
+}
+
+/// Calls `act` on each modification with its part of `memory`.
+#[inline(always)]
+pub(crate) fn for_each<K: Copy, T>(
+    modifications: &[Modification<K>],
+    mut memory: &mut [T],
+    mut act: impl FnMut(&Modification<K>, &mut [T]),
+) {
+    for modification in modifications {
+        let (own, rest) = memory.split_at_mut(modification.memory());
+        act(modification, own);
+        memory = rest;
+    }
+}
+
+/// Writes the memory of robots that have been in this state for long.
+pub fn settle<T: Real>(
+    modifications: &[Modification<T::K>],
+    params: &Params<T>,
+    state: &State<T>,
+    memory: &mut [T],
+) {
+    for_each(modifications, memory, |modification, own| modification.settle(params, state, own));
+}

@@ -1,0 +1,139 @@
+//! A small network of one joint's motion: what ActionDelta and ResidAct evaluate.
+
+use crate::{Params, Real, State};
+
+/// Inputs: angle and velocity of the joint, now and at the two samples before.
+const INPUTS: usize = 6;
+/// Units of the hidden layers (Dao and Fern; He et al. 2025).
+const HIDDEN: [usize; 2] = [8, 4];
+/// Weights of one network.
+pub const NETWORK_WEIGHTS: usize = (INPUTS + 1) * HIDDEN[0] + (HIDDEN[0] + 1) * HIDDEN[1] + HIDDEN[1] + 1;
+/// Samples that a network remembers, angle and velocity each.
+pub(super) const PAST: usize = INPUTS - 2;
+
+/// Units of a network's inputs and output.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NetworkScales {
+    /// Factor on the joint's angle less its rest angle, 1/rad.
+    pub position: f64,
+    /// Factor on the joint's velocity, s/rad.
+    pub velocity: f64,
+    /// The unit of the output: rad or N·m.
+    pub output: f64,
+}
+
+/// y = W₃ tanh(W₂ tanh(W₁ x + b₁) + b₂) + b₃ of one joint, with
+/// x = (q − rest, q̇) now, a sample ago and two samples ago, newest first, times their scales. Angles are as the
+/// encoder reports them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointNetwork<K> {
+    /// The joint.
+    pub(super) joint: usize,
+    weights: [K; NETWORK_WEIGHTS],
+}
+
+impl<K: Copy> JointNetwork<K> {
+    /// A network of joint `joint`. `weights`: layer by layer, `inputs × outputs` row-major, then biases. `rest` in
+    /// rad. The scales and the rest angle are folded into the weights.
+    pub fn new<T: Real<K = K>>(
+        joint: usize,
+        weights: &[f64; NETWORK_WEIGHTS],
+        scales: NetworkScales,
+        rest: f64,
+    ) -> Self {
+        let mut folded = *weights;
+        let width = HIDDEN[0];
+        for input in 0..INPUTS {
+            let position = input % 2 == 0;
+            for unit in 0..width {
+                let weight = &mut folded[input * width + unit];
+                *weight *= if position { scales.position } else { scales.velocity };
+                if position {
+                    folded[INPUTS * width + unit] -= rest * folded[input * width + unit];
+                }
+            }
+        }
+        for weight in &mut folded[NETWORK_WEIGHTS - HIDDEN[1] - 1..] {
+            *weight *= scales.output;
+        }
+        Self { joint, weights: folded.map(T::constant) }
+    }
+
+    /// Output for the inputs x, unscaled.
+    #[inline(always)]
+    fn evaluate<T: Real<K = K>>(&self, x: &[T; INPUTS]) -> T {
+        let (first, rest) = self.weights.split_at((INPUTS + 1) * HIDDEN[0]);
+        let (second, last) = rest.split_at((HIDDEN[0] + 1) * HIDDEN[1]);
+        let a: [T; HIDDEN[0]] = layer(x, first);
+        let b: [T; HIDDEN[1]] = layer(&a.map(T::tanh), second);
+        let [y]: [T; 1] = layer(&b.map(T::tanh), last);
+        y
+    }
+
+    /// Output for the joint's motion; afterwards the motion is part of the past.
+    #[inline(always)]
+    pub(super) fn advance<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, past: &mut [T]) -> T {
+        let (q, qd) = self.motion(params, state);
+        let x = [q, qd, past[0], past[1], past[2], past[3]];
+        let y = self.evaluate(&x);
+        past.copy_from_slice(&x[..PAST]);
+        y
+    }
+
+    /// A past in which the joint was where it is and as fast as it is.
+    pub(super) fn settle<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, past: &mut [T]) {
+        let (q, qd) = self.motion(params, state);
+        past.copy_from_slice(&[q, qd, q, qd]);
+    }
+
+    #[inline(always)]
+    fn motion<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>) -> (T, T) {
+        (state.q[self.joint] + params.joints[self.joint].encoder_bias, state.qd[self.joint])
+    }
+}
+
+/// W x + b.
+#[inline(always)]
+fn layer<T: Real, const N: usize, const M: usize>(x: &[T; N], weights: &[T::K]) -> [T; M] {
+    let (matrix, bias) = weights.split_at(N * M);
+    let mut y = [T::zero(); M];
+    for unit in 0..M {
+        let mut sum = T::k(bias[unit]);
+        for input in 0..N {
+            sum = x[input].fma(T::k(matrix[input * M + unit]), sum);
+        }
+        y[unit] = sum;
+    }
+    y
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_output_is_the_formulas() {
+        let weights: [f64; NETWORK_WEIGHTS] = std::array::from_fn(|i| (0.7 * i as f64).sin());
+        let scales = NetworkScales { position: 2.0, velocity: 0.1, output: 3.0 };
+        let network = JointNetwork::new::<f64>(0, &weights, scales, -1.5);
+        let motion = [-1.2, 4.0, -1.3, 3.0, -1.45, 1.0];
+        let mut x: Vec<f64> = motion.to_vec();
+        for pair in x.chunks_exact_mut(2) {
+            pair[0] = 2.0 * (pair[0] + 1.5);
+            pair[1] *= 0.1;
+        }
+        let mut at = 0;
+        for (inputs, outputs) in [(6, 8), (8, 4), (4, 1)] {
+            let y: Vec<f64> = (0..outputs)
+                .map(|o| {
+                    let sum: f64 = (0..inputs).map(|i| x[i] * weights[at + i * outputs + o]).sum();
+                    sum + weights[at + inputs * outputs + o]
+                })
+                .collect();
+            at += (inputs + 1) * outputs;
+            x = if outputs > 1 { y.iter().map(|y| y.tanh()).collect() } else { y };
+        }
+        assert_eq!(at, NETWORK_WEIGHTS);
+        assert!((network.evaluate(&motion) - 3.0 * x[0]).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,38 @@
+//! ResidAct: a torque added to each joint's PD torque.
+
+use super::Modify;
+use super::network::{JointNetwork, PAST};
+use crate::{Drive, Params, Real, State};
+
+/// Networks whose outputs (N·m) are added to the PD torques after their limits, at the physics' rate; their past is
+/// sampled at that rate too (Dao and Fern's residual actuator model). After the limits, as what is missing may be
+/// outside the motor: a spring, a cable.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResidAct<K>(pub Vec<JointNetwork<K>>);
+
+impl<K: Copy> Modify<K> for ResidAct<K> {
+    fn memory(&self) -> usize {
+        PAST * self.0.len()
+    }
+
+    #[inline(always)]
+    fn settle<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, memory: &mut [T]) {
+        for (network, past) in self.0.iter().zip(memory.chunks_exact_mut(PAST)) {
+            network.settle(params, state, past);
+        }
+    }
+
+    #[inline(always)]
+    fn torques<T: Real<K = K>>(
+        &self,
+        params: &Params<T>,
+        state: &State<T>,
+        memory: &mut [T],
+        drives: &mut [Drive<T>],
+    ) {
+        for (network, past) in self.0.iter().zip(memory.chunks_exact_mut(PAST)) {
+            let drive = &mut drives[network.joint];
+            drive.torque = drive.torque + network.advance(params, state, past);
+        }
+    }
+}

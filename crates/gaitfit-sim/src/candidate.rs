@@ -1,0 +1,85 @@
+//! A simulated robot as a fit may have changed it.
+
+use gaitfit_model::Model;
+use gaitfit_physics::{
+    ActionDelta, JointNetwork, Modification, NETWORK_WEIGHTS, NetworkScales, Real, ResidAct, Robot,
+};
+
+use crate::{RobotParams, SimError};
+
+/// What a set of joint networks corrects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum NetworkKind {
+    /// Position targets, rad, at the policy's rate.
+    ActionDelta,
+    /// Torques, N·m, at every physics step.
+    ResidAct,
+}
+
+/// One network a joint; see [`gaitfit_physics::JointNetwork`] for their form.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointNetworks {
+    /// What they correct.
+    pub kind: NetworkKind,
+    /// The joints, by index in the model.
+    pub joints: Vec<usize>,
+    /// Angles at which the position inputs are 0, rad; one a joint of `joints`.
+    pub rest: Vec<f64>,
+    /// `joints × NETWORK_WEIGHTS`.
+    pub weights: Vec<f64>,
+    /// Units of inputs and output.
+    pub scales: NetworkScales,
+}
+
+impl JointNetworks {
+    pub(crate) fn compile<T: Real>(&self, model: &Model) -> Result<Modification<T::K>, SimError> {
+        let refuse = |value: String, must| {
+            Err(SimError::Option { option: "a candidate's joint networks", value, must })
+        };
+        let count = self.joints.len();
+        if self.weights.len() != count * NETWORK_WEIGHTS || self.rest.len() != count {
+            let value = format!("{} weights and {} rest angles", self.weights.len(), self.rest.len());
+            return refuse(value, "97 weights and a rest angle for every joint");
+        }
+        if self.weights.iter().chain(&self.rest).any(|x| !x.is_finite()) {
+            return refuse("not finite".to_owned(), "finite");
+        }
+        let mut networks = Vec::with_capacity(count);
+        for ((&joint, rest), weights) in
+            self.joints.iter().zip(&self.rest).zip(self.weights.chunks_exact(NETWORK_WEIGHTS))
+        {
+            if joint >= model.joints.len() {
+                return refuse(format!("joint {joint}"), "of joints of the robot");
+            }
+            let weights = std::array::from_fn(|index| weights[index]);
+            networks.push(JointNetwork::new::<T>(joint, &weights, self.scales, *rest));
+        }
+        Ok(match self.kind {
+            NetworkKind::ActionDelta => Modification::ActionDelta(ActionDelta(networks)),
+            NetworkKind::ResidAct => Modification::ResidAct(ResidAct(networks)),
+        })
+    }
+}
+
+/// Everything in which a simulated robot may differ from its file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// Parameters of joints and base.
+    pub robot: RobotParams,
+    /// Networks; applied in this order.
+    pub networks: Vec<JointNetworks>,
+    /// Standard deviation of Gaussian torques added to every joint at every physics step, N·m.
+    pub torque_noise: f64,
+}
+
+impl Candidate {
+    /// The robot of the file.
+    pub fn nominal(model: &Model) -> Self {
+        Self { robot: RobotParams::nominal(model), networks: Vec::new(), torque_noise: 0.0 }
+    }
+
+    /// The robot with the given gains (one a model joint) before the candidate's own factors.
+    pub fn robot(&self, model: &Model, kp: &[f64], kd: &[f64]) -> Robot {
+        self.robot.robot(model, kp, kd)
+    }
+}
