@@ -72,6 +72,19 @@ pub(crate) fn duration(seconds: f64) -> String {
     }
 }
 
+/// Thousands apart: 10 000.
+pub(crate) fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push('\u{a0}');
+        }
+        out.push(digit);
+    }
+    out
+}
+
 /// A name fit to print: no control or direction-changing characters, at most [`LONGEST_NAME`] characters.
 pub(crate) fn clean(name: &str) -> String {
     printable(name, LONGEST_NAME)
@@ -170,6 +183,11 @@ mod tests {
         assert_eq!(with_spread(0.2, f64::NAN), ("0.2000".into(), "–".into()));
         assert_eq!(with_spread(0.0, 0.01), ("0.000".into(), "0.010".into()));
         assert_eq!(with_spread(1e9, 1e-9).0, "1.000\u{a0}×\u{a0}10⁹");
+    }
+
+    #[test]
+    fn counts_are_grouped_by_thousands() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1\u{a0}000", "1\u{a0}234\u{a0}567"]);
     }
 
     #[test]

@@ -16,6 +16,10 @@ pub(crate) struct Row {
     pub published: Option<(f64, f64)>,
     /// Where the search began.
     pub start: Option<f64>,
+    /// An interval about the marks, e.g. within which a cost cannot tell values apart.
+    pub profile: Option<(f64, f64)>,
+    /// The value to be found.
+    pub truth: Option<f64>,
     pub marks: Vec<Mark>,
 }
 
@@ -31,15 +35,15 @@ pub(crate) struct Mark {
     pub class: &'static str,
 }
 
-/// The axis that holds what matters of the rows: values, spreads and published ranges always; starts and bounds
-/// when they are near enough not to squeeze the values.
+/// The axis that holds what matters of the rows: values, spreads, truths and published ranges always; starts, bounds
+/// and profile intervals when they are near enough not to squeeze the values.
 pub(crate) fn shared_scale(rows: &[Row]) -> Scale {
     let core = rows.iter().flat_map(|r| {
         let marks = r.marks.iter().flat_map(|m| {
             let spread = if m.spread.is_finite() { m.spread } else { 0.0 };
             [m.value - spread, m.value + spread].into_iter().chain(m.runs.iter().copied())
         });
-        marks.chain(r.published.into_iter().flat_map(|(a, b)| [a, b]))
+        marks.chain(r.published.into_iter().flat_map(|(a, b)| [a, b])).chain(r.truth)
     });
     let bounds = || rows.iter().filter_map(|r| r.bounds).flat_map(|(a, b)| [a, b]);
     let mut hull = scale::extent(core).or_else(|| scale::extent(bounds()));
@@ -47,7 +51,8 @@ pub(crate) fn shared_scale(rows: &[Row]) -> Scale {
         let length = (high - low).max(1e-12 * high.abs());
         let near = |factor: f64| move |x: &f64| *x >= low - factor * length && *x <= high + factor * length;
         let starts = rows.iter().filter_map(|r| r.start).filter(near(2.0));
-        hull = scale::extent(starts.chain(bounds().filter(near(1.0))).chain([low, high]));
+        let profiles = rows.iter().filter_map(|r| r.profile).flat_map(|(a, b)| [a, b]).filter(near(2.0));
+        hull = scale::extent(starts.chain(profiles).chain(bounds().filter(near(1.0))).chain([low, high]));
     }
     Scale::linear(hull, ENDS.0, ENDS.1)
 }
@@ -73,14 +78,19 @@ pub(crate) fn row(row: &Row, scale: &Scale) -> String {
             let _ = write!(svg, r#"<line class="cap" x1="{x}" x2="{x}" y1="{y1}" y2="{y2}"/>"#);
         }
     }
-    if let Some((a, b)) = row.published.filter(|(a, b)| a.is_finite() && b.is_finite()) {
-        let (from, to) = (scale.at(a), scale.at(b));
+    for (range, class) in [(row.published, "published"), (row.profile, "profile")] {
+        let Some((a, b)) = range.filter(|(a, b)| a.is_finite() && b.is_finite()) else { continue };
+        let (from, to) = (edge(a, low, 0.0, scale), edge(b, high, 100.0, scale));
         let (y, width) = (coordinate(middle - 8.0), percent((to - from).max(0.4)));
         let _ = write!(
             svg,
-            r#"<rect class="published" x="{}" y="{y}" width="{width}" height="16"/>"#,
+            r#"<rect class="{class}" x="{}" y="{y}" width="{width}" height="16"/>"#,
             percent(from)
         );
+    }
+    if let Some(truth) = row.truth.filter(|x| inside(*x, low, high)) {
+        let x = percent(scale.at(truth));
+        let _ = write!(svg, r#"<line class="truth" x1="{x}" x2="{x}" y1="0" y2="{height}"/>"#);
     }
     if let Some(start) = row.start.filter(|x| inside(*x, low, high)) {
         let x = percent(scale.at(start));

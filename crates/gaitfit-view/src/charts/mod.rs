@@ -4,12 +4,14 @@
 //! the width, so that they stretch without stretching their text.
 
 pub(crate) mod bars;
+pub(crate) mod cumulative;
 pub(crate) mod curves;
 pub(crate) mod distribution;
 pub(crate) mod histogram;
 pub(crate) mod intervals;
 pub(crate) mod panel;
 pub(crate) mod path;
+pub(crate) mod plan;
 pub(crate) mod scale;
 pub(crate) mod traces;
 

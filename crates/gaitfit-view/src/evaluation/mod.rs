@@ -1,7 +1,7 @@
 //! The page of an evaluated policy: means with their intervals, distributions of errors, drift, and the gait.
 
 mod data;
-mod drift;
+pub(crate) mod drift;
 mod page;
 
 pub use data::{Drift, EvaluationReport, Histogram, Measure};

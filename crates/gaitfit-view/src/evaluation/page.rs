@@ -3,7 +3,7 @@
 use super::drift::{self, DriftTable};
 use super::{EvaluationReport, Measure};
 use crate::charts::histogram::histogram;
-use crate::format::{UNKNOWN, clean, clean_prose, duration, round_number, significant, with_spread};
+use crate::format::{UNKNOWN, clean, clean_prose, duration, grouped, round_number, significant, with_spread};
 use crate::gait;
 use crate::page::{self, ShownLink};
 use crate::report::Setting;
@@ -99,27 +99,9 @@ fn card(measure: &Measure) -> Option<Card> {
     Some(Card { name, mean: format!("{} {}", significant(measure.mean, 3), clean(&measure.unit)), svg })
 }
 
-/// Thousands apart: 10 000.
-fn grouped(count: u64) -> String {
-    let digits = count.to_string();
-    let mut out = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            out.push('\u{a0}');
-        }
-        out.push(digit);
-    }
-    out
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn counts_are_grouped_by_thousands() {
-        assert_eq!([0, 999, 1000, 1_234_567].map(grouped), ["0", "999", "1\u{a0}000", "1\u{a0}234\u{a0}567"]);
-    }
 
     #[test]
     fn a_limit_is_kept_by_the_mean() {

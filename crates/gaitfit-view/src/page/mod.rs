@@ -23,6 +23,8 @@ pub(crate) fn render(template: &str, page: impl Serialize) -> Result<String, Rep
     environment.add_global("script", include_str!("script.js"));
     environment.add_template("base.html", include_str!("base.html"))?;
     environment.add_template("macros.html", include_str!("macros.html"))?;
+    environment.add_template("parts.html", include_str!("../report/parts.html"))?;
+    environment.add_template("player.html", include_str!("../replay/player.html"))?;
     environment.add_template("page.html", template)?;
     Ok(environment.get_template("page.html")?.render(Serde(page))?)
 }

@@ -44,14 +44,44 @@ pub enum ReplayError {
     Page(#[from] ReportError),
 }
 
+/// The player as `player.html` sees it, on a page of its own or within a report.
+#[derive(Serialize)]
+pub(crate) struct Player {
+    robots: Vec<String>,
+    data: String,
+    style: &'static str,
+    script: String,
+    /// Within a report it listens to keys and wheel only once it was clicked.
+    embedded: bool,
+}
+
+impl Player {
+    /// The player of a replay that can be drawn.
+    pub fn new(replay: &Replay, embedded: bool) -> Result<Player, ReplayError> {
+        check::check(replay)?;
+        let json = serde_json::to_string(&pack::pack(replay))?;
+        Ok(Player {
+            robots: replay.robots.iter().map(|r| clean(&r.name)).collect(),
+            data: within_script(&json),
+            style: include_str!("replay.css"),
+            script: [
+                include_str!("maths.js"),
+                include_str!("motion.js"),
+                include_str!("webgl.js"),
+                include_str!("flat.js"),
+                include_str!("player.js"),
+            ]
+            .concat(),
+            embedded,
+        })
+    }
+}
+
 #[derive(Serialize)]
 struct Page {
     title: String,
     note: String,
-    robots: Vec<String>,
-    data: String,
-    replay_style: &'static str,
-    replay_script: String,
+    player: Player,
 }
 
 /// Renders a self-contained HTML page that plays the motion in 3-D (WebGL 2, or a flat drawing without it).
@@ -61,22 +91,10 @@ struct Page {
 /// # Errors
 /// [`ReplayError`] names the robot and what does not fit together; see [`Replay`] for what is asked.
 pub fn replay_html(replay: &Replay) -> Result<String, ReplayError> {
-    check::check(replay)?;
-    let json = serde_json::to_string(&pack::pack(replay))?;
     let page = Page {
         title: clean(&replay.title),
         note: clean_prose(&replay.note),
-        robots: replay.robots.iter().map(|r| clean(&r.name)).collect(),
-        data: within_script(&json),
-        replay_style: include_str!("replay.css"),
-        replay_script: [
-            include_str!("maths.js"),
-            include_str!("motion.js"),
-            include_str!("webgl.js"),
-            include_str!("flat.js"),
-            include_str!("player.js"),
-        ]
-        .concat(),
+        player: Player::new(replay, false)?,
     };
     Ok(page::render(include_str!("replay.html"), page)?)
 }

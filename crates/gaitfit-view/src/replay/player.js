@@ -6,13 +6,14 @@ const robots = data.robots.map((r) => new Robot(r, data.dt));
 const duration = Math.max(...robots.map((r) => r.duration), data.dt);
 let scene = element("scene");
 const slider = element("time"), strip = element("strip");
+const player = element("player"), embedded = player.classList.contains("embedded");
 const play = element("play"), clock = element("clock"), speed = element("speed");
 const panes = Array.from(document.querySelectorAll(".pane"));
 const still = window.matchMedia("(prefers-reduced-motion: reduce)");
 const home = { azimuth: -2.15, elevation: 0.38, distance: 1.8 };
 const camera = { ...home };
 let colors = palette();
-let time = 0, playing = !still.matches, dirty = true, last = null, renderer = null;
+let time = 0, playing = !still.matches, visible = true, dirty = true, last = null, renderer = null;
 
 function parameter(name) {
   const found = location.hash.slice(1).split("&").find((p) => p === name || p.startsWith(name + "="));
@@ -125,7 +126,7 @@ function seek(t) {
 }
 
 function tick(now) {
-  if (playing) {
+  if (playing && visible) {
     // A hidden page halts; do not leap when it returns.
     const passed = last === null ? 0 : Math.min((now - last) / 1000, 0.5);
     last = now;
@@ -134,7 +135,7 @@ function tick(now) {
     if (time === duration) { setPlaying(false); }
     dirty = true;
   }
-  if (dirty) { dirty = false; draw(); }
+  if (dirty && visible) { dirty = false; draw(); }
   requestAnimationFrame(tick);
 }
 
@@ -167,7 +168,12 @@ function orbit() {
     dirty = true;
   });
   ["pointerup", "pointercancel"].forEach((kind) => stage.addEventListener(kind, (e) => fingers.delete(e.pointerId)));
-  stage.addEventListener("wheel", (e) => { e.preventDefault(); zoom(Math.exp(e.deltaY * 0.001)); }, { passive: false });
+  stage.addEventListener("wheel", (e) => {
+    // Within a report the wheel scrolls the page until the player has been clicked.
+    if (embedded && !player.contains(document.activeElement)) { return; }
+    e.preventDefault();
+    zoom(Math.exp(e.deltaY * 0.001));
+  }, { passive: false });
   stage.addEventListener("dblclick", () => { Object.assign(camera, home); dirty = true; });
 }
 
@@ -199,8 +205,13 @@ function start() {
   strip.addEventListener("pointerdown", (e) => { strip.setPointerCapture(e.pointerId); setPlaying(false); scrub(e); });
   strip.addEventListener("pointermove", (e) => { if (e.buttons !== 0) { scrub(e); } });
   play.addEventListener("click", () => setPlaying(!playing));
-  document.addEventListener("keydown", keys);
+  (embedded ? player : document).addEventListener("keydown", keys);
   new ResizeObserver(() => { dirty = true; }).observe(element("stage"));
+  // A player scrolled out of sight waits.
+  new IntersectionObserver((seen) => {
+    visible = seen[seen.length - 1].isIntersecting;
+    last = null;
+  }).observe(player);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colors = palette(); dirty = true; });
   scene.addEventListener("webglcontextlost", (e) => e.preventDefault());
   scene.addEventListener("webglcontextrestored", () => { renderer = new WebGlRenderer(scene); dirty = true; });

@@ -1,7 +1,7 @@
 //! The page as the template sees it: text and pictures, ready to be placed.
 
 use super::joints::{self, Joints};
-use super::parameters::{self, ComparisonTable, ParameterTable};
+use super::parameters::{self, ComparisonTable, Known, ParameterTable};
 use super::runs::{self, Runs};
 use super::scores::{self, Scores};
 use super::validation::{self, ValidationTable};
@@ -39,9 +39,9 @@ impl Page {
             fit_logs: lines(&report.fit_logs),
             warnings: lines(&report.warnings),
             scores: scores::build(report),
-            parameters: parameters::build(&report.parameters),
+            parameters: parameters::build(&report.parameters.iter().map(Known::from).collect::<Vec<_>>()),
             comparison: report.comparison.as_ref().and_then(parameters::compare),
-            runs: runs::build(report),
+            runs: runs::build(&report.runs, &report.cost_unit, &[]),
             joints: joints::build(report),
             validation: validation::build(&report.validation),
             settings: settings(&report.settings),

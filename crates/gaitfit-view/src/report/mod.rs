@@ -3,8 +3,8 @@
 mod adapt;
 mod data;
 mod joints;
-mod parameters;
-mod runs;
+pub(crate) mod parameters;
+pub(crate) mod runs;
 mod scores;
 mod validation;
 

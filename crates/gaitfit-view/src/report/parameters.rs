@@ -9,13 +9,17 @@ use serde::Serialize;
 const MOST_PARAMETERS: usize = 200;
 
 #[derive(Serialize)]
-pub(super) struct ParameterTable {
+pub(crate) struct ParameterTable {
     groups: Vec<Group>,
     rows: Vec<ParameterRow>,
     at_bound: usize,
     total: usize,
     left_out: usize,
     has_published: bool,
+    has_profile: bool,
+    has_truth: bool,
+    /// Whether any parameter is known not to be identified.
+    has_open: bool,
     /// Distinct sources of the published ranges.
     sources: Vec<String>,
 }
@@ -41,6 +45,8 @@ struct ParameterRow {
     unit: String,
     value: String,
     spread: String,
+    profile: String,
+    truth: String,
     lower: String,
     upper: String,
     start: String,
@@ -70,13 +76,28 @@ struct ComparisonRow {
     agrees: Option<bool>,
 }
 
-pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
+/// A parameter and what only some fits know of it.
+pub(crate) struct Known<'a> {
+    pub parameter: &'a Parameter,
+    /// Ends of the interval within which the cost cannot tell values apart.
+    pub profile: Option<(f64, f64)>,
+    /// The value that the robot has, where somebody knows it.
+    pub truth: Option<f64>,
+}
+
+impl<'a> From<&'a Parameter> for Known<'a> {
+    fn from(parameter: &'a Parameter) -> Self {
+        Known { parameter, profile: None, truth: None }
+    }
+}
+
+pub(crate) fn build(parameters: &[Known]) -> Option<ParameterTable> {
     let shown = &parameters[..parameters.len().min(MOST_PARAMETERS)];
     if shown.is_empty() {
         return None;
     }
     let mut sources: Vec<String> = Vec::new();
-    for range in shown.iter().filter_map(|p| p.published.as_ref()) {
+    for range in shown.iter().filter_map(|p| p.parameter.published.as_ref()) {
         let source = clean(&range.source);
         if !source.is_empty() && !sources.contains(&source) {
             sources.push(source);
@@ -85,10 +106,13 @@ pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
     Some(ParameterTable {
         groups: group(shown.iter().map(entry).collect()),
         rows: shown.iter().map(table_row).collect(),
-        at_bound: parameters.iter().filter(|p| p.at_bound.is_some()).count(),
+        at_bound: parameters.iter().filter(|p| p.parameter.at_bound.is_some()).count(),
         total: parameters.len(),
         left_out: parameters.len() - shown.len(),
-        has_published: shown.iter().any(|p| p.published.is_some()),
+        has_published: shown.iter().any(|p| p.parameter.published.is_some()),
+        has_profile: shown.iter().any(|p| p.profile.is_some()),
+        has_truth: shown.iter().any(|p| p.truth.is_some()),
+        has_open: shown.iter().any(|p| p.parameter.identified == Some(false)),
         sources,
     })
 }
@@ -102,18 +126,26 @@ struct Entry {
     row: Row,
 }
 
-fn entry(parameter: &Parameter) -> Entry {
-    let flagged = parameter.at_bound.is_some();
+fn entry(known: &Known) -> Entry {
+    let parameter = known.parameter;
+    let is_open = parameter.identified == Some(false);
+    let flagged = parameter.at_bound.is_some() || is_open;
     let mark = Mark {
         value: parameter.value,
         spread: parameter.spread,
         runs: parameter.per_run.iter().copied().take(100).collect(),
-        class: if flagged { "hit" } else { "first" },
+        class: match parameter.at_bound {
+            _ if is_open => "open",
+            Some(_) => "hit",
+            None => "first",
+        },
     };
     let row = Row {
         bounds: Some((parameter.lower, parameter.upper)),
         published: parameter.published.as_ref().map(|r| (r.lower, r.upper)),
         start: Some(parameter.start),
+        profile: known.profile,
+        truth: known.truth,
         marks: vec![mark],
     };
     let (value, spread) = with_spread(parameter.value, parameter.spread);
@@ -121,7 +153,8 @@ fn entry(parameter: &Parameter) -> Entry {
     Entry { unit: clean(&parameter.unit), name: clean(&parameter.name), text, flagged, row }
 }
 
-fn table_row(parameter: &Parameter) -> ParameterRow {
+fn table_row(known: &Known) -> ParameterRow {
+    let parameter = known.parameter;
     let (value, spread) = with_spread(parameter.value, parameter.spread);
     let mut notes = Vec::new();
     match parameter.at_bound {
@@ -137,17 +170,18 @@ fn table_row(parameter: &Parameter) -> ParameterRow {
     {
         notes.push("outside published range");
     }
-    let published =
-        |r: &super::PublishedRange| format!("{} … {}", round_number(r.lower), round_number(r.upper));
+    let range = |low, high| format!("{} … {}", round_number(low), round_number(high));
     ParameterRow {
         name: clean(&parameter.name),
         unit: clean(&parameter.unit),
         value,
         spread,
+        profile: known.profile.map_or(UNKNOWN.to_string(), |(low, high)| range(low, high)),
+        truth: round_number(known.truth.unwrap_or(f64::NAN)),
         lower: round_number(parameter.lower),
         upper: round_number(parameter.upper),
         start: round_number(parameter.start),
-        published: parameter.published.as_ref().map_or(UNKNOWN.to_string(), published),
+        published: parameter.published.as_ref().map_or(UNKNOWN.to_string(), |r| range(r.lower, r.upper)),
         notes,
     }
 }
@@ -232,15 +266,17 @@ mod tests {
             published: Some(PublishedRange { lower: 0.1, upper: 0.2, source: "x".into() }),
             ..Parameter::default()
         };
-        let row = table_row(&parameter);
+        let row = table_row(&Known { truth: Some(0.15), ..Known::from(&parameter) });
         assert_eq!(row.notes, ["at upper bound", "not determined by these logs", "outside published range"]);
         assert_eq!((row.spread.as_str(), row.lower.as_str()), ("–", "–"));
+        assert_eq!((row.profile.as_str(), row.truth.as_str()), ("–", "0.15"));
     }
 
     #[test]
     fn units_share_an_axis() {
         let parameter = |unit: &str| Parameter { unit: unit.into(), value: 1.0, ..Parameter::default() };
-        let table = build(&[parameter("N·m"), parameter("s"), parameter("N·m")]);
+        let parameters = ["N·m", "s", "N·m"].map(parameter);
+        let table = build(&parameters.each_ref().map(Known::from));
         let sizes: Vec<usize> = table.iter().flat_map(|t| &t.groups).map(|g| g.rows.len()).collect();
         assert_eq!(sizes, [2, 1]);
     }

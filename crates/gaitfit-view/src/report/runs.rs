@@ -1,6 +1,6 @@
 //! How the optimiser got there, run by run.
 
-use super::AdaptReport;
+use super::OptimizerRun;
 use crate::charts::curves::{Curves, Line, best_so_far};
 use crate::format::{clean, significant};
 use serde::Serialize;
@@ -9,10 +9,11 @@ use serde::Serialize;
 const MOST_RUNS: usize = 40;
 
 #[derive(Serialize)]
-pub(super) struct Runs {
+pub(crate) struct Runs {
     cost: Option<String>,
     sigma: Option<String>,
     rows: Vec<RunRow>,
+    levels: Vec<LevelRow>,
     total: usize,
     left_out: usize,
 }
@@ -25,8 +26,23 @@ struct RunRow {
     generations: usize,
 }
 
-pub(super) fn build(report: &AdaptReport) -> Option<Runs> {
-    let runs = &report.runs[..report.runs.len().min(MOST_RUNS)];
+/// A cost to set the runs against, drawn as a line across.
+pub(crate) struct Level {
+    pub text: &'static str,
+    /// Style-sheet class.
+    pub class: &'static str,
+    pub cost: f64,
+}
+
+#[derive(Serialize)]
+struct LevelRow {
+    text: String,
+    class: &'static str,
+}
+
+/// Charts of all runs; levels that are not finite are left out.
+pub(crate) fn build(all: &[OptimizerRun], cost_unit: &str, levels: &[Level]) -> Option<Runs> {
+    let runs = &all[..all.len().min(MOST_RUNS)];
     if runs.is_empty() {
         return None;
     }
@@ -38,7 +54,11 @@ pub(super) fn build(report: &AdaptReport) -> Option<Runs> {
     let plain = |i: usize| format!("c{}", i % 8);
     let bold = (0..runs.len()).map(|i| (&runs[i].label, &best[i], plain(i)));
     let sigmas = (0..runs.len()).map(|i| (&runs[i].label, &runs[i].sigma, plain(i)));
-    let unit = if report.cost_unit.is_empty() { String::new() } else { format!(" ({})", report.cost_unit) };
+    let unit = if cost_unit.is_empty() { String::new() } else { format!(" ({cost_unit})") };
+    let levels: Vec<&Level> = levels.iter().filter(|l| l.cost.is_finite()).collect();
+    let across: Vec<(String, Vec<f64>)> =
+        levels.iter().map(|l| (l.text.to_string(), vec![l.cost; longest])).collect();
+    let across = across.iter().zip(&levels).map(|((text, y), l)| (text, y, l.class.to_string()));
     let rows = runs
         .iter()
         .enumerate()
@@ -50,11 +70,15 @@ pub(super) fn build(report: &AdaptReport) -> Option<Runs> {
         })
         .collect();
     Some(Runs {
-        cost: chart("cost over generations", &format!("best cost so far{unit}"), &x, faint.chain(bold)),
+        cost: chart("cost over generations", &format!("best cost so far{unit}"), &x, across.chain(faint).chain(bold)),
         sigma: chart("step size over generations", "step size σ (relative)", &x, sigmas),
         rows,
-        total: report.runs.len(),
-        left_out: report.runs.len() - runs.len(),
+        levels: levels
+            .iter()
+            .map(|l| LevelRow { text: format!("{}: {}", l.text, significant(l.cost, 4)), class: l.class })
+            .collect(),
+        total: all.len(),
+        left_out: all.len() - runs.len(),
     })
 }
 

@@ -7,13 +7,13 @@ use serde::Serialize;
 
 /// Charts of one kind at most, and seeds drawn at most.
 const MOST_CHARTS: usize = 60;
-pub(super) const MOST_SEEDS: usize = 40;
+pub(crate) const MOST_SEEDS: usize = 40;
 /// Iterations kept at most; longer runs are drawn from every nth.
 const MOST_ITERATIONS: usize = 4000;
 
 /// A chart with its caption.
 #[derive(Serialize)]
-pub(super) struct Card {
+pub(crate) struct Card {
     name: String,
     /// Mean of the seeds' last values, with its unit.
     last: String,
@@ -21,7 +21,7 @@ pub(super) struct Card {
 }
 
 /// The charts of one kind of series, in the order in which names first appear.
-pub(super) fn cards(seeds: &[SeedCurve], kind: fn(&SeedCurve) -> &[Series], size: (f64, f64)) -> Vec<Card> {
+pub(crate) fn cards(seeds: &[SeedCurve], kind: fn(&SeedCurve) -> &[Series], size: (f64, f64)) -> Vec<Card> {
     let seeds = &seeds[..seeds.len().min(MOST_SEEDS)];
     let mut names: Vec<&str> = Vec::new();
     for series in seeds.iter().flat_map(kind) {

@@ -1,6 +1,6 @@
 //! `report.html` of a training run: learning curves over several seeds, diagnostics, and the gait that came out.
 
-mod curves;
+pub(crate) mod curves;
 mod data;
 mod page;
 

@@ -1,0 +1,112 @@
+//! The result in a few numbers: the policy before and after, on the target.
+
+use super::policies::{Cast, printed};
+use super::tracking::QUANTITIES;
+use super::{Estimate, LoopReport, drift};
+use crate::format::significant;
+use serde::Serialize;
+
+/// What stands in large print.
+#[derive(Serialize)]
+pub(super) struct Headline {
+    before: String,
+    after: String,
+    target: String,
+    numbers: Vec<Number>,
+}
+
+#[derive(Serialize)]
+struct Number {
+    what: &'static str,
+    unit: &'static str,
+    /// None with a single policy.
+    before: Option<String>,
+    after: String,
+    change: Option<Change>,
+}
+
+/// How much better or worse, in words.
+#[derive(Serialize)]
+struct Change {
+    text: String,
+    /// Style-sheet class.
+    class: &'static str,
+}
+
+pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<Headline> {
+    let tracked = |policy: &str| {
+        report.tracking.iter().find(|t| t.policy == policy && t.simulator == cast.target)
+    };
+    let drifted = |policy: &str| {
+        let set = report.drift.iter().find(|d| d.policy == policy && d.simulator == cast.target)?;
+        Some(Estimate { mean: drift::summary(set).0, ci95: f64::NAN })
+    };
+    let is_pair = cast.before != cast.after;
+    let errors = QUANTITIES.iter().filter(|q| q.is_error).map(|q| {
+        let of = |policy| tracked(policy).map(q.of);
+        number(q.name, q.unit, of(cast.before).filter(|_| is_pair), of(cast.after))
+    });
+    let mean = drifted(cast.before).filter(|_| is_pair);
+    let drift = number("Mean drift of constant commands", "m", mean, drifted(cast.after));
+    let numbers: Vec<Number> = errors.chain([drift]).flatten().collect();
+    (!numbers.is_empty()).then(|| Headline {
+        before: printed(cast.before, "the first policy"),
+        after: printed(cast.after, "the last policy"),
+        target: printed(cast.target, "the robot"),
+        numbers,
+    })
+}
+
+fn number(
+    what: &'static str,
+    unit: &'static str,
+    before: Option<Estimate>,
+    after: Option<Estimate>,
+) -> Option<Number> {
+    let after = after.filter(|e| e.mean.is_finite())?;
+    let before = before.filter(|e| e.mean.is_finite());
+    Some(Number {
+        what,
+        unit,
+        before: before.map(|e| significant(e.mean, 3)),
+        after: significant(after.mean, 3),
+        change: before.and_then(|before| change(before, after)),
+    })
+}
+
+/// The change of an error. Two means differ beyond doubt when they lie farther apart than the interval of their
+/// difference, √(c₁² + c₂²) for independent means with half-widths c₁ and c₂.
+fn change(before: Estimate, after: Estimate) -> Option<Change> {
+    let known = |x: f64| if x.is_finite() { x } else { 0.0 };
+    let apart = after.mean - before.mean;
+    if apart.abs() <= known(before.ci95).hypot(known(after.ci95)) {
+        return Some(Change { text: "the same within the 95 % intervals".into(), class: "soft" });
+    }
+    if before.mean <= 0.0 {
+        return None;
+    }
+    let share = significant(100.0 * apart.abs() / before.mean, 2);
+    Some(if apart < 0.0 {
+        Change { text: format!("{share} % less"), class: "good" }
+    } else {
+        Change { text: format!("{share} % more"), class: "bad" }
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_within_the_intervals_is_none() {
+        let estimate = |mean, ci95| Estimate { mean, ci95 };
+        let said = |a, b| change(a, b).unwrap();
+        assert_eq!(said(estimate(0.2, 0.03), estimate(0.17, 0.03)).class, "soft");
+        let better = said(estimate(0.2, 0.003), estimate(0.15, 0.004));
+        assert_eq!((better.text.as_str(), better.class), ("25 % less", "good"));
+        let worse = said(estimate(0.2, f64::NAN), estimate(0.3, 0.001));
+        assert_eq!((worse.text.as_str(), worse.class), ("50 % more", "bad"));
+        assert!(change(estimate(0.0, 0.0), estimate(0.1, 0.01)).is_none());
+    }
+}

@@ -1,0 +1,28 @@
+//! `report.html` of a whole loop: what the robot's log changed in the simulator, and the policy trained there beside
+//! the one it came from.
+
+mod commands;
+mod data;
+mod distributions;
+mod drift;
+mod headline;
+mod page;
+mod policies;
+mod rounds;
+mod tracking;
+mod warnings;
+
+pub use data::{
+    Adaptation, DriftTrials, Estimate, FittedParameter, LogSummary, LoopReport, Round, Signal,
+    SignalDistribution, Tracking,
+};
+
+use crate::report::ReportError;
+
+/// Renders the page as UTF-8 HTML: one file that opens offline, its replay included.
+///
+/// # Errors
+/// [`ReportError::Template`] if the embedded template cannot be filled in.
+pub fn loop_html(report: &LoopReport) -> Result<String, ReportError> {
+    crate::page::render(include_str!("loop.html"), page::Page::new(report))
+}

@@ -1,0 +1,103 @@
+//! The page as the template sees it: text and pictures, ready to be placed.
+
+use super::drift::{self, DriftSection};
+use super::headline::{self, Headline};
+use super::policies::Cast;
+use super::rounds::{self, RoundLine, RoundSection};
+use super::tracking::{self, TrackingSection};
+use super::{LoopReport, warnings};
+use crate::format::{clean, clean_prose, duration};
+use crate::page::{self, ShownLink};
+use crate::replay::{Player, Replay, ReplayError};
+use crate::report::Setting;
+use serde::Serialize;
+
+/// Robots and frames of the replay at most: two minutes at 50 Hz.
+const MOST_ROBOTS: usize = 4;
+const MOST_FRAMES: usize = 6000;
+
+/// The whole page.
+#[derive(Serialize)]
+pub(super) struct Page {
+    title: String,
+    robot: String,
+    created: String,
+    headline: Option<Headline>,
+    facts: Vec<Setting>,
+    links: Vec<ShownLink>,
+    warnings: Vec<String>,
+    lines: Vec<RoundLine>,
+    rounds: Vec<RoundSection>,
+    has: Has,
+    tracking: Option<TrackingSection>,
+    drift: Vec<DriftSection>,
+    player: Option<Player>,
+    motion_note: String,
+    settings: Vec<Setting>,
+    versions: Vec<Setting>,
+}
+
+/// Which sections that speak of rounds have anything to say.
+#[derive(Serialize)]
+struct Has {
+    parameters: bool,
+    runs: bool,
+    distributions: bool,
+    log: bool,
+    learning: bool,
+}
+
+impl Page {
+    pub fn new(report: &LoopReport) -> Page {
+        let cast = Cast::new(report);
+        let rounds = rounds::sections(report);
+        let any = |has: fn(&RoundSection) -> bool| rounds.iter().any(has);
+        let has = Has {
+            parameters: any(RoundSection::has_parameters),
+            runs: any(RoundSection::has_runs),
+            distributions: any(|r| !r.distributions.is_empty()),
+            log: any(RoundSection::has_log),
+            learning: any(|r| !r.progress.is_empty()),
+        };
+        let (player, problem) = match report.replay.as_ref().map(player) {
+            None => (None, None),
+            Some(Ok(player)) => (Some(player), None),
+            Some(Err(why)) => (None, Some(why.to_string())),
+        };
+        let mut facts = vec![Setting { name: "Wall time".into(), value: duration(report.wall_seconds) }];
+        facts.extend(page::settings(&report.facts));
+        Page {
+            title: clean(&report.title),
+            robot: clean(&report.robot),
+            created: clean(&report.created),
+            headline: headline::build(report, &cast),
+            facts,
+            links: page::links(&report.links),
+            warnings: warnings::build(report, problem),
+            lines: rounds::lines(report),
+            rounds,
+            has,
+            tracking: tracking::build(report, &cast),
+            drift: drift::build(report, &cast),
+            motion_note: report.replay.as_ref().map_or(String::new(), |r| clean_prose(&r.note)),
+            player,
+            settings: page::settings(&report.settings),
+            versions: page::settings(&report.versions),
+        }
+    }
+}
+
+/// The replay cut to what a report holds.
+fn player(replay: &Replay) -> Result<Player, ReplayError> {
+    let robots = replay.robots.iter().take(MOST_ROBOTS).map(|robot| {
+        let frames = robot.frames.iter().take(MOST_FRAMES).cloned().collect();
+        crate::replay::ReplayRobot {
+            name: robot.name.clone(),
+            bodies: robot.bodies.clone(),
+            geoms: robot.geoms.clone(),
+            feet: robot.feet.clone(),
+            frames,
+        }
+    });
+    Player::new(&Replay { dt: replay.dt, robots: robots.collect(), ..Replay::default() }, true)
+}

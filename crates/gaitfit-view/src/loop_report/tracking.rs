@@ -1,0 +1,145 @@
+//! Tracking of random commands: a picture a measure with every policy on every simulator, and all of it as a table.
+
+use super::policies::{Cast, printed};
+use super::{Estimate, LoopReport, Tracking};
+use crate::charts::intervals::{self, Mark, Row};
+use crate::format::{UNKNOWN, grouped, with_spread};
+use serde::Serialize;
+
+/// Policies on simulators shown at most.
+const MOST_ROWS: usize = 64;
+/// Classes of the colours for lines and circles.
+const COLORS: [&str; 8] =
+    ["c0 bar0", "c1 bar1", "c2 bar2", "c3 bar3", "c4 bar4", "c5 bar5", "c6 bar6", "c7 bar7"];
+
+#[derive(Serialize)]
+pub(super) struct TrackingSection {
+    cards: Vec<Card>,
+    /// One a policy and simulator.
+    rows: Vec<TableRow>,
+    /// Column headings with units.
+    headings: Vec<String>,
+    left_out: usize,
+}
+
+#[derive(Serialize)]
+struct Card {
+    name: &'static str,
+    unit: &'static str,
+    better: &'static str,
+    groups: Vec<Group>,
+    axis: String,
+}
+
+#[derive(Serialize)]
+struct Group {
+    simulator: String,
+    rows: Vec<CardRow>,
+}
+
+#[derive(Serialize)]
+struct CardRow {
+    policy: String,
+    color: usize,
+    svg: String,
+    text: String,
+}
+
+#[derive(Serialize)]
+struct TableRow {
+    policy: String,
+    simulator: String,
+    trajectories: String,
+    color: usize,
+    cells: Vec<String>,
+}
+
+/// What is measured of a policy.
+pub(super) struct Quantity {
+    pub name: &'static str,
+    pub unit: &'static str,
+    /// Whether less is better.
+    pub is_error: bool,
+    /// The estimate in the unit above.
+    pub of: fn(&Tracking) -> Estimate,
+}
+
+/// In the order of the page.
+pub(super) const QUANTITIES: [Quantity; 4] = [
+    Quantity {
+        name: "Linear-velocity error",
+        unit: "m/s",
+        is_error: true,
+        of: |t| t.linear_velocity_error,
+    },
+    Quantity {
+        name: "Angular-velocity error",
+        unit: "rad/s",
+        is_error: true,
+        of: |t| t.angular_velocity_error,
+    },
+    Quantity { name: "Summed reward", unit: "", is_error: false, of: |t| t.reward },
+    Quantity {
+        name: "Fall rate",
+        unit: "%",
+        is_error: true,
+        of: |t| Estimate { mean: 100.0 * t.fall_rate.mean, ci95: 100.0 * t.fall_rate.ci95 },
+    },
+];
+
+pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection> {
+    let shown = &report.tracking[..report.tracking.len().min(MOST_ROWS)];
+    let known: Vec<&Quantity> =
+        QUANTITIES.iter().filter(|q| shown.iter().any(|t| (q.of)(t).mean.is_finite())).collect();
+    if known.is_empty() {
+        return None;
+    }
+    let table = |t: &Tracking| TableRow {
+        policy: printed(&t.policy, UNKNOWN),
+        simulator: printed(&t.simulator, UNKNOWN),
+        trajectories: grouped(t.trajectories),
+        color: cast.color(&t.policy),
+        cells: known.iter().map(|q| text((q.of)(t))).collect(),
+    };
+    let heading = |q: &&Quantity| {
+        if q.unit.is_empty() { q.name.to_string() } else { format!("{} ({})", q.name, q.unit) }
+    };
+    Some(TrackingSection {
+        cards: known.iter().map(|q| card(q, shown, cast)).collect(),
+        rows: shown.iter().map(table).collect(),
+        headings: known.iter().map(heading).collect(),
+        left_out: report.tracking.len() - shown.len(),
+    })
+}
+
+fn card(quantity: &Quantity, shown: &[Tracking], cast: &Cast) -> Card {
+    let row = |t: &Tracking| {
+        let Estimate { mean, ci95 } = (quantity.of)(t);
+        let class = COLORS[cast.color(&t.policy) % COLORS.len()];
+        Row { marks: vec![Mark { value: mean, spread: ci95, class, ..Mark::default() }], ..Row::default() }
+    };
+    let drawn: Vec<Row> = shown.iter().map(row).collect();
+    let scale = intervals::shared_scale(&drawn);
+    let group = |simulator: &&str| {
+        let rows = shown.iter().zip(&drawn).filter(|(t, _)| t.simulator == **simulator).map(|(t, row)| CardRow {
+            policy: printed(&t.policy, UNKNOWN),
+            color: cast.color(&t.policy),
+            svg: intervals::row(row, &scale),
+            text: text((quantity.of)(t)),
+        });
+        Group { simulator: printed(simulator, UNKNOWN), rows: rows.collect() }
+    };
+    Card {
+        name: quantity.name,
+        unit: quantity.unit,
+        better: if quantity.is_error { "less is better" } else { "more is better" },
+        groups: cast.simulators.iter().map(group).filter(|g| !g.rows.is_empty()).collect(),
+        axis: intervals::axis(&scale),
+    }
+}
+
+/// The mean with its interval, where known.
+pub(super) fn text(estimate: Estimate) -> String {
+    let (mean, ci95) = with_spread(estimate.mean, estimate.ci95);
+    if ci95 == UNKNOWN { mean } else { format!("{mean} ± {ci95}") }
+}
