@@ -6,6 +6,7 @@
 mod checkpoint;
 pub mod collect;
 pub mod evaluate;
+pub mod follow;
 mod interface;
 pub mod network;
 mod player;

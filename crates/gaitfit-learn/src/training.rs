@@ -52,7 +52,7 @@ impl TrainingSettings {
 
 impl Default for TrainingSettings {
     fn default() -> Self {
-        Self { environments: 4096, steps: 24, iterations: 300 }
+        Self { environments: 4096, steps: 24, iterations: 400 }
     }
 }
 

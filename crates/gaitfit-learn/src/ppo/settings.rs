@@ -81,7 +81,7 @@ impl Default for Settings {
             clip: 0.2,
             clipped_value_loss: true,
             value_coefficient: 1.0,
-            entropy_coefficient: 0.01,
+            entropy_coefficient: 0.005,
             learning_rate: 1e-3,
             schedule: Schedule::Adaptive,
             desired_kl: 0.01,

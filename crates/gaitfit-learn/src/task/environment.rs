@@ -4,9 +4,10 @@ use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::{Candidate, Motion, Tile};
 
 use super::command::{command, within};
+use super::fall::{fallen, touching, uprightness};
 use super::feet::Foot;
 use super::moment::{heading_velocity, up_axis};
-use super::noise::torque_noise;
+use super::noise::Noise;
 use super::observation::{Context, observe};
 use super::randomise::randomised;
 use super::start::start;
@@ -61,10 +62,8 @@ pub struct Environment<'a> {
     terms: Vec<f64>,
     /// Commands set from outside are not redrawn.
     held_commands: bool,
-    /// Standard deviation of the torque noise, N·m.
-    torque_noise: f64,
-    /// Torques of the noise.
-    disturbance: Vec<f32>,
+    candidate: Candidate,
+    noise: Noise,
 }
 
 impl<'a> Environment<'a> {
@@ -80,18 +79,11 @@ impl<'a> Environment<'a> {
         first: u32,
         count: usize,
     ) -> Result<Self, SceneError> {
-        let nominal;
-        let candidate = match candidate {
-            Some(candidate) => candidate,
-            None => {
-                nominal = Candidate::nominal(scene.batch.model());
-                &nominal
-            }
-        };
-        let base = scene.robot(candidate);
+        let model = scene.batch.model();
+        let candidate = candidate.cloned().unwrap_or_else(|| Candidate::nominal(model));
+        let base = scene.robot(&candidate);
         let mut robots = Vec::with_capacity(count);
         for environment in first..first + count as u32 {
-            let model = scene.batch.model();
             robots.push(randomised(model, &base, &scene.settings.randomisation, seed, environment)?);
         }
         let joints = scene.joints.len();
@@ -108,8 +100,8 @@ impl<'a> Environment<'a> {
             feet: vec![Foot::default(); count * scene.settings.feet.len()],
             terms: vec![0.0; scene.rewards.len()],
             held_commands: false,
-            torque_noise: candidate.torque_noise,
-            disturbance: Vec::new(),
+            candidate,
+            noise: Noise::default(),
         };
         for index in 0..count {
             environment.restart(index, 0);
@@ -181,9 +173,7 @@ impl<'a> Environment<'a> {
     }
 
     fn clock(&self, index: usize) -> f32 {
-        let Some(frequency) = self.scene.interface.gait_frequency else { return 0.0 };
-        let time = self.steps[index] as f64 * self.scene.interface.control_dt;
-        (time * frequency).fract() as f32
+        self.scene.clock(self.steps[index])
     }
 
     /// Writes the actor's observations, with noise; one row an environment.
@@ -217,19 +207,11 @@ impl<'a> Environment<'a> {
     pub fn step(&mut self, step: u32, actions: &[f32], reward: &mut [f32], ended: &mut [Ended]) {
         let scene = self.scene;
         let joints = scene.joints.len();
-        let clip = scene.interface.action_clip.map_or(f32::MAX, |clip| clip as f32);
-        for (row, actions) in self.targets.chunks_exact_mut(joints).zip(actions.chunks_exact(joints)) {
-            for (&joint, &action) in scene.joints.iter().zip(actions) {
-                row[joint] =
-                    scene.default_pose[joint] + scene.action_scale[joint] * action.clamp(-clip, clip);
-            }
-        }
+        scene.targets(actions, &mut self.targets);
         self.push(step);
-        if self.torque_noise > 0.0 {
-            let sizes = [scene.settings.substeps, self.count(), scene.start_pose.len()];
-            torque_noise(self.torque_noise, self.seed, self.first, step, sizes, &mut self.disturbance);
-        }
-        self.tile.step(&self.targets, &self.disturbance, &mut self.motion);
+        let count = self.steps.len();
+        let torques = self.noise.torques(scene, &self.candidate, self.seed, self.first, step, count);
+        self.tile.step(&self.targets, torques, &mut self.motion);
         for index in 0..self.count() {
             self.steps[index] += 1;
             self.step_feet(index);
@@ -312,8 +294,7 @@ impl<'a> Environment<'a> {
         let forces = &motion.normal_force[row(&motion.normal_force)];
         let up = up_axis(quaternion);
         let gravity = up.map(|x| -x);
-        let posture = scene.settings.posture;
-        let uprightness = (0..3).map(|k| gravity[k] * posture[k] as f32).sum::<f32>();
+        let uprightness = uprightness(scene, up);
         let height = motion.base_position[3 * index + 2];
         let finite =
             linear.iter().chain(angular).chain(quaternion).all(|x| x.is_finite()) && height.is_finite();
@@ -321,11 +302,7 @@ impl<'a> Environment<'a> {
             *paid = 0.0;
             return Ended::Diverged;
         }
-        let touching = |geoms: &[usize]| geoms.iter().filter(|&&geom| forces[geom] > 1.0).count();
-        let fall = &scene.settings.fall;
-        let fallen = touching(&scene.fall_geoms) > 0
-            || uprightness < (fall.tilt.to_radians().cos() as f32)
-            || height < fall.height as f32;
+        let fallen = fallen(scene, motion, index);
         let (policy_joints, feet) = (scene.joints.len(), scene.settings.feet.len());
         let command = self.command[index];
         let moment = Moment {
@@ -345,7 +322,7 @@ impl<'a> Environment<'a> {
             action,
             last_action: &self.last_action[policy_joints * index..policy_joints * (index + 1)],
             feet: &self.feet[feet * index..feet * (index + 1)],
-            body_contacts: touching(&scene.body_geoms),
+            body_contacts: touching(forces, &scene.body_geoms),
             clock: self.clock(index),
             fallen,
         };

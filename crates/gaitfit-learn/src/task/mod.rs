@@ -5,6 +5,7 @@
 
 mod command;
 mod environment;
+mod fall;
 mod feet;
 mod moment;
 mod noise;
@@ -17,8 +18,11 @@ mod settings;
 mod start;
 
 pub use environment::{Ended, Environment, Saved};
+pub(crate) use fall::fallen;
 pub use feet::Foot;
 pub use moment::{Moment, heading_velocity};
+pub(crate) use noise::Noise;
+pub(crate) use observation::{Context, observe};
 pub use presets::preset;
 pub use scene::{Scene, SceneError};
 pub use settings::*;

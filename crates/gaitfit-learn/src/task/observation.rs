@@ -8,7 +8,7 @@ use super::{NoiseSettings, Scene};
 use crate::{Quantity, Term};
 
 /// What an observation is made of besides the motion; rows of one environment.
-pub(super) struct Context<'a> {
+pub(crate) struct Context<'a> {
     pub command: [f32; 3],
     /// Policy order.
     pub last_action: &'a [f32],
@@ -27,7 +27,7 @@ fn half_range(noise: &NoiseSettings, quantity: Quantity) -> f32 {
 }
 
 /// Writes the observation of environment `index` into `row`, with noise from `stream` if there is one.
-pub(super) fn observe(
+pub(crate) fn observe(
     scene: &Scene,
     terms: &[Term],
     motion: &Motion,

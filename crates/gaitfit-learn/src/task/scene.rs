@@ -226,6 +226,23 @@ impl Scene {
         candidate.robot(self.batch.model(), &kp, &kd)
     }
 
+    /// Position targets (rad, model order) of `actions` (policy order); one row an environment in both.
+    pub fn targets(&self, actions: &[f32], targets: &mut [f32]) {
+        let clip = self.interface.action_clip.map_or(f32::MAX, |clip| clip as f32);
+        let rows = targets.chunks_exact_mut(self.start_pose.len());
+        for (row, actions) in rows.zip(actions.chunks_exact(self.joints.len())) {
+            for (&joint, &action) in self.joints.iter().zip(actions) {
+                row[joint] = self.default_pose[joint] + self.action_scale[joint] * action.clamp(-clip, clip);
+            }
+        }
+    }
+
+    /// Phase of the gait clock, 0 to 1, `steps` control periods after an episode's start; 0 without a clock.
+    pub fn clock(&self, steps: u32) -> f32 {
+        let Some(frequency) = self.interface.gait_frequency else { return 0.0 };
+        (f64::from(steps) * self.interface.control_dt * frequency).fract() as f32
+    }
+
     /// Reward terms of non-zero weight, by name.
     pub fn reward_names(&self) -> Vec<&'static str> {
         self.rewards.iter().map(|&(term, _)| reward::TERMS[term].name).collect()

@@ -1,0 +1,223 @@
+//! A policy under given commands from given states: what a fit compares with a robot's log.
+
+use std::sync::Mutex;
+use std::sync::PoisonError;
+
+use gaitfit_physics::Params;
+use gaitfit_sim::{Candidate, Motion, Start, pool};
+
+use crate::policy::{ActScratch, Policy};
+use crate::task::{Context, Noise, Scene, SceneError, fallen, observe};
+
+/// What one robot is to follow.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Script {
+    /// Command at each sample: m/s, m/s, rad/s.
+    pub commands: Vec<[f32; 3]>,
+    /// Where it begins.
+    pub start: Start,
+    /// The logged state at each sample, for resets; empty where the log lacks it.
+    pub states: Vec<Start>,
+    /// The logged actions, policy order, `samples × joints`: after a reset the policy's last action is the log's.
+    pub actions: Vec<f32>,
+}
+
+/// One robot's signals; a row a sample. Row `i` holds the state in which action `i` was chosen, and that action.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Track {
+    /// Joint positions as the encoders report them, rad, policy order; `samples × joints`.
+    pub position: Vec<f32>,
+    /// Joint velocities, rad/s; `samples × joints`.
+    pub velocity: Vec<f32>,
+    /// Actions; `samples × joints`.
+    pub action: Vec<f32>,
+    /// Base position, m, world frame; `samples × 3`.
+    pub base_position: Vec<f32>,
+    /// Base linear velocity, m/s, world frame; `samples × 3`.
+    pub base_velocity: Vec<f32>,
+    /// First sample at which the robot had fallen or diverged.
+    pub fell_at: Option<usize>,
+}
+
+/// A simulated robot and how it follows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Job {
+    /// The robot.
+    pub candidate: Candidate,
+    /// Samples between resets to the logged state, from sample 0 on; `None` begins at the script's start and
+    /// never resets. At a reset the row holds what the simulation reached before it.
+    pub reset_every: Option<usize>,
+    /// Seed of the torque noise.
+    pub seed: u64,
+}
+
+/// Robots that one thread advances together.
+const TILE: usize = 32;
+
+/// Runs every job on every script and hands `consume(job, script, track)` each track, once, from any thread in any
+/// order. Tracks do not depend on the other jobs, nor on the number of threads.
+///
+/// # Errors
+/// A candidate that is no robot; resets of a script without states.
+pub fn follow(
+    scene: &Scene,
+    policy: &Policy,
+    scripts: &[Script],
+    jobs: &[Job],
+    threads: usize,
+    consume: &(dyn Fn(usize, usize, &Track) + Sync),
+) -> Result<(), SceneError> {
+    let stateless = |script: &Script| {
+        script.states.len() < script.commands.len()
+            || script.actions.len() < script.commands.len() * scene.joints.len()
+    };
+    if jobs.iter().any(|job| job.reset_every.is_some()) && scripts.iter().any(stateless) {
+        return Err(SceneError::Setting {
+            setting: "cost".to_owned(),
+            what:
+                "resets the simulation to the log's state, and the log has no base position, orientation and \
+                   velocities or no actions; use `wass` or `matcho`"
+                    .to_owned(),
+        });
+    }
+    let tiles = scripts.len().div_ceil(TILE);
+    let failure: Mutex<Option<(usize, SceneError)>> = Mutex::new(None);
+    pool::for_each(jobs.len() * tiles, threads, Worker::default, |worker, index| {
+        let (job, first) = (index / tiles, (index % tiles) * TILE);
+        let chunk = &scripts[first..scripts.len().min(first + TILE)];
+        if let Err(error) = worker.run(scene, policy, &jobs[job], chunk, first) {
+            let mut slot = failure.lock().unwrap_or_else(PoisonError::into_inner);
+            // The first job's error, whichever thread was faster.
+            if slot.as_ref().is_none_or(|(other, _)| index < *other) {
+                *slot = Some((index, error));
+            }
+            return;
+        }
+        for (k, track) in worker.tracks.iter().enumerate().take(chunk.len()) {
+            consume(job, first + k, track);
+        }
+    });
+    match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        Some((_, error)) => Err(error),
+        None => Ok(()),
+    }
+}
+
+/// A thread's buffers.
+#[derive(Default)]
+struct Worker {
+    tracks: Vec<Track>,
+    motion: Motion,
+    observation: Vec<f32>,
+    action: Vec<f32>,
+    last_action: Vec<f32>,
+    targets: Vec<f32>,
+    noise: Noise,
+    scratch: ActScratch,
+}
+
+impl Worker {
+    fn run(
+        &mut self,
+        scene: &Scene,
+        policy: &Policy,
+        job: &Job,
+        scripts: &[Script],
+        first: usize,
+    ) -> Result<(), SceneError> {
+        let batch = &scene.batch;
+        let (count, joints) = (scripts.len(), scene.joints.len());
+        let robot: Params<f64> = scene.robot(&job.candidate).params(batch.model())?;
+        let mut tile = batch.tile(&vec![robot; count], &job.candidate.networks)?;
+        self.motion = batch.motion(count);
+        self.action.resize(count * joints, 0.0);
+        self.last_action.clear();
+        self.last_action.resize(count * joints, 0.0);
+        self.targets.resize(count * scene.start_pose.len(), 0.0);
+        let width = scene.interface.observation_width();
+        self.observation.resize(count * width, 0.0);
+        self.tracks.resize_with(count.max(self.tracks.len()), Track::default);
+        for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
+            track.begin();
+            let logged = job.reset_every.and_then(|_| script.states.first());
+            tile.place(index, logged.unwrap_or(&script.start));
+        }
+        tile.observe(&mut self.motion);
+        let longest = scripts.iter().map(|script| script.commands.len()).max().unwrap_or(0);
+        for sample in 0..longest {
+            let resets =
+                job.reset_every.is_some_and(|every| sample > 0 && sample.is_multiple_of(every.max(1)));
+            for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
+                if sample < script.commands.len() {
+                    track.look(scene, &self.motion, index, sample);
+                    if resets {
+                        tile.place(index, &script.states[sample]);
+                        let row = (sample - 1) * joints..sample * joints;
+                        self.last_action[index * joints..(index + 1) * joints]
+                            .copy_from_slice(&script.actions[row]);
+                    }
+                }
+            }
+            if resets {
+                tile.observe(&mut self.motion);
+            }
+            for (index, row) in self.observation.chunks_exact_mut(width).enumerate() {
+                let commands = &scripts[index].commands;
+                let context = Context {
+                    command: commands[sample.min(commands.len() - 1)],
+                    last_action: &self.last_action[index * joints..(index + 1) * joints],
+                    clock: scene.clock(sample as u32),
+                };
+                observe(scene, &scene.interface.observation, &self.motion, index, &context, None, row);
+            }
+            policy.act(count, &self.observation, &mut self.action, &mut self.scratch);
+            for (index, script) in scripts.iter().enumerate() {
+                if sample < script.commands.len() {
+                    let row = &self.action[index * joints..(index + 1) * joints];
+                    self.tracks[index].action.extend_from_slice(row);
+                }
+            }
+            if sample + 1 == longest {
+                break;
+            }
+            scene.targets(&self.action, &mut self.targets);
+            let torques =
+                self.noise.torques(scene, &job.candidate, job.seed, first as u32, sample as u32, count);
+            tile.step(&self.targets, torques, &mut self.motion);
+            self.last_action.copy_from_slice(&self.action);
+        }
+        Ok(())
+    }
+}
+
+impl Track {
+    fn begin(&mut self) {
+        for signal in [
+            &mut self.position,
+            &mut self.velocity,
+            &mut self.action,
+            &mut self.base_position,
+            &mut self.base_velocity,
+        ] {
+            signal.clear();
+        }
+        self.fell_at = None;
+    }
+
+    fn look(&mut self, scene: &Scene, motion: &Motion, index: usize, sample: usize) {
+        let width = scene.start_pose.len();
+        let (position, velocity) = (
+            &motion.joint_position[index * width..(index + 1) * width],
+            &motion.joint_velocity[index * width..(index + 1) * width],
+        );
+        self.position.extend(scene.joints.iter().map(|&joint| position[joint]));
+        self.velocity.extend(scene.joints.iter().map(|&joint| velocity[joint]));
+        self.base_position.extend_from_slice(&motion.base_position[3 * index..3 * index + 3]);
+        self.base_velocity.extend_from_slice(&motion.base_linear[3 * index..3 * index + 3]);
+        // A diverged robot's numbers fail every comparison: it counts as fallen by name.
+        let lost = !motion.base_position[3 * index..3 * index + 3].iter().all(|x| x.is_finite());
+        if self.fell_at.is_none() && sample > 0 && (lost || fallen(scene, motion, index)) {
+            self.fell_at = Some(sample);
+        }
+    }
+}
