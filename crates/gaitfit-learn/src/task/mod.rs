@@ -26,3 +26,4 @@ pub(crate) use observation::{Context, observe};
 pub use presets::preset;
 pub use scene::{Scene, SceneError};
 pub use settings::*;
+pub use start::start_from_joints;

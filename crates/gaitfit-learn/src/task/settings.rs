@@ -108,6 +108,9 @@ pub struct StartSettings {
     pub pose: JointTable,
     /// Pitch of the base, degrees; −90 is nose up.
     pub pitch: f64,
+    /// Half range of the heading, degrees.
+    #[serde(default = "any_heading")]
+    pub yaw: f64,
     /// Half range of joint angles about the pose, rad.
     pub joint_position: f64,
     /// Half range of joint velocities, rad/s.
@@ -118,6 +121,10 @@ pub struct StartSettings {
     pub angular_velocity: f64,
     /// Half range of roll and pitch about the start's orientation, degrees.
     pub tilt: f64,
+}
+
+fn any_heading() -> f64 {
+    180.0
 }
 
 /// Half range of the uniform noise on the actor's observation, before scaling.
@@ -185,6 +192,7 @@ impl TaskSettings {
         };
         calm.push = PushSettings { seconds: 0.0, velocity: 0.0 };
         calm.start = StartSettings {
+            yaw: 0.0,
             joint_position: 0.0,
             joint_velocity: 0.0,
             linear_velocity: 0.0,
