@@ -8,5 +8,9 @@ mod simulator;
 mod theta;
 
 pub use replay::ReplaySimulator;
-pub use simulator::{Consume, Signals, Simulator, SimulatorError};
-pub use theta::{Defaults, Entry, ParameterRule, Quantity, Sharing, Theta, ThetaError};
+pub use simulator::{Consume, Rollout, Signals, Simulator, SimulatorError};
+pub use theta::{
+    Defaults, Entry, Found, Modification, NetworkName, NetworkRule, NetworkStart, ParameterRule, Quantity,
+    RobotNumber, RobotRule, Rules, SavedNetwork, SavedParameter, Sharing, Theta, ThetaError, ThetaFile,
+    ThetaFileError,
+};

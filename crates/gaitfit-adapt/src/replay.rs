@@ -1,13 +1,13 @@
 //! The project's own engine behind [`Simulator`]: logs replayed on a clamped robot.
 
-use crate::{Consume, Signals, Simulator, SimulatorError, Theta};
+use crate::{Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_model::Model;
-use gaitfit_sim::{JointSignals, Recording, Replay, ReplayOptions, RobotParams};
+use gaitfit_sim::{Candidate, JointSignals, Recording, Replay, ReplayOptions, RobotParams};
 
 /// Replays recordings with [`gaitfit_sim::Replay`].
 pub struct ReplaySimulator {
     replay: Replay,
-    nominal: RobotParams,
+    nominal: Candidate,
     joints: Vec<String>,
     recordings: usize,
     threads: usize,
@@ -26,7 +26,7 @@ impl ReplaySimulator {
             Replay::new(model, recordings, options).map_err(|error| SimulatorError(error.to_string()))?;
         Ok(Self {
             replay,
-            nominal: RobotParams::nominal(model),
+            nominal: Candidate::nominal(model),
             joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
             recordings: count,
             threads,
@@ -34,12 +34,23 @@ impl ReplaySimulator {
     }
 
     /// The robot with the values of θ; what θ does not name stays as the model says.
-    pub fn robot(&self, theta: &Theta, values: &[f64]) -> RobotParams {
-        let mut robot = self.nominal.clone();
-        theta.apply(values, &self.joints, |quantity, joint, value| {
-            quantity.of_joints(&mut robot)[joint] = value;
-        });
-        robot
+    pub fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
+        let mut candidate = self.nominal.clone();
+        theta.apply(values, &self.joints, &mut candidate);
+        candidate
+    }
+
+    /// As [`Self::candidate`], refusing what a replay does not simulate.
+    fn robot(&self, theta: &Theta, values: &[f64]) -> Result<RobotParams, SimulatorError> {
+        let candidate = self.candidate(theta, values);
+        if !candidate.networks.is_empty() || candidate.torque_noise != 0.0 {
+            return Err(SimulatorError(
+                "a replay of a clamped robot knows neither networks nor torque noise: fit them to logs of a walking \
+                 robot, or remove them from what is fitted"
+                    .to_owned(),
+            ));
+        }
+        Ok(candidate.robot)
     }
 }
 
@@ -55,16 +66,20 @@ impl Simulator for ReplaySimulator {
     fn simulate(
         &self,
         theta: &Theta,
-        candidates: &[Vec<f64>],
+        candidates: &[Rollout],
         consume: &Consume<'_>,
     ) -> Result<(), SimulatorError> {
-        let robots: Vec<RobotParams> = candidates.iter().map(|values| self.robot(theta, values)).collect();
+        if candidates.iter().any(|candidate| candidate.reset_every.is_some()) {
+            return Err(SimulatorError(
+                "a replay of a clamped robot cannot be reset to the log's state on its way: take the cost matcho or \
+                 wass instead of matchs"
+                    .to_owned(),
+            ));
+        }
+        let robots: Vec<RobotParams> =
+            candidates.iter().map(|one| self.robot(theta, &one.values)).collect::<Result<_, _>>()?;
         let pass = |candidate: usize, recording: usize, signals: &JointSignals| {
-            consume(
-                candidate,
-                recording,
-                Signals { position: &signals.position, velocity: &signals.velocity },
-            );
+            consume(candidate, recording, Signals::of_joints(&signals.position, &signals.velocity));
         };
         self.replay.run(&robots, self.threads, &pass).map_err(|error| SimulatorError(error.to_string()))
     }

@@ -1,21 +1,63 @@
 //! The one view this crate has of a simulator, small enough that a user's own can stand in.
 
 use crate::Theta;
+use crate::cost::Signal;
 
-/// Simulated joint signals of one candidate on one recording; `samples × joints`, row-major, joints in the
-/// order of [`Simulator::joints`], row 0 the initial state.
-#[derive(Clone, Copy, Debug)]
+/// One candidate to simulate on every recording.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rollout {
+    /// One value an entry of θ; with an empty θ the robot is as its file says.
+    pub values: Vec<f64>,
+    /// Samples between resets of the simulated robot (joints and base) to the recording's state; `None`: it runs
+    /// freely from the first. At sample `k · reset_every` the signals hold the state that the simulation reached;
+    /// the reset follows. With 1 every sample from the second on is a one-sample prediction.
+    pub reset_every: Option<usize>,
+    /// Selects the random draws (torque noise, observation noise): rollouts with equal `draw` see equal noise.
+    /// A simulator without randomness ignores it.
+    pub draw: u64,
+}
+
+/// Simulated signals of one candidate on one recording. Joint matrices are `samples × joints`, row-major, joints in
+/// the order of [`Simulator::joints`]; base matrices `samples × 3`. Row 0 is the initial state.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Signals<'a> {
     /// Joint positions as the encoders report them, rad.
     pub position: &'a [f32],
     /// Joint velocities, rad/s.
     pub velocity: &'a [f32],
+    /// Policy actions, unitless; absent when the log's own targets are replayed.
+    pub action: Option<&'a [f32]>,
+    /// Base position, m, world frame.
+    pub base_position: Option<&'a [f32]>,
+    /// Base linear velocity, m/s, world frame.
+    pub base_velocity: Option<&'a [f32]>,
+    /// First sample at which the robot has fallen. Matrices keep their length; from this row on their values do
+    /// not matter.
+    pub fell_at: Option<usize>,
+}
+
+impl<'a> Signals<'a> {
+    /// Joint signals alone.
+    pub fn of_joints(position: &'a [f32], velocity: &'a [f32]) -> Self {
+        Self { position, velocity, ..Self::default() }
+    }
+
+    /// The matrix of `signal`, if there is one.
+    pub fn get(&self, signal: Signal) -> Option<&'a [f32]> {
+        match signal {
+            Signal::Position => Some(self.position),
+            Signal::Velocity => Some(self.velocity),
+            Signal::Action => self.action,
+            Signal::BasePosition => self.base_position,
+            Signal::BaseVelocity => self.base_velocity,
+        }
+    }
 }
 
 /// Takes the signals of one (candidate, recording); called from several threads, in any order, once each.
 pub type Consume<'a> = dyn Fn(usize, usize, Signals<'_>) + Sync + 'a;
 
-/// Replays a fixed set of recordings on candidate robots.
+/// Simulates a fixed set of recordings with candidate robots.
 pub trait Simulator {
     /// Joint names, in the order of all signals.
     fn joints(&self) -> &[String];
@@ -23,14 +65,21 @@ pub trait Simulator {
     /// Number of recordings; samples of each are those of the recording.
     fn recordings(&self) -> usize;
 
-    /// Simulates every candidate on every recording as one batch. A candidate holds one value an entry of
-    /// `theta`; with an empty `theta` it is the robot as its file says. A diverging candidate shows as
-    /// non-finite signals, not as an error. The signals do not depend on what else is in the batch, nor on
-    /// the number of threads.
+    /// Whether [`Signals`] holds `signal`. By default the joints' positions and velocities only.
+    fn provides(&self, signal: Signal) -> bool {
+        matches!(signal, Signal::Position | Signal::Velocity)
+    }
+
+    /// Simulates every candidate on every recording as one batch. A diverging candidate shows as non-finite
+    /// signals, a falling one by [`Signals::fell_at`], neither as an error. The signals depend on the rollout
+    /// alone: not on what else is in the batch, nor on the number of threads.
+    ///
+    /// # Errors
+    /// What the simulator cannot do, [`Rollout::reset_every`] for one, in its own words.
     fn simulate(
         &self,
         theta: &Theta,
-        candidates: &[Vec<f64>],
+        candidates: &[Rollout],
         consume: &Consume<'_>,
     ) -> Result<(), SimulatorError>;
 }

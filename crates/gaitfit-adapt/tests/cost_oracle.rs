@@ -1,9 +1,10 @@
 //! Costs against SciPy and NumPy (tools/make_cost_fixtures.py), and their behaviour on bad input.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
+use gaitfit_adapt::Signals;
 use gaitfit_adapt::cost::{
-    Breakdown, Cost, CostError, MatchO, Recorded, Signal, Simulated, Target, Wass, Weights, position_rmse,
-    sort_f32, wasserstein1,
+    Breakdown, Cost, CostError, MatchO, Recorded, Signal, Target, Wass, Weights, position_rmse, sort_f32,
+    wasserstein1,
 };
 use serde::Deserialize;
 use std::sync::Arc;
@@ -57,8 +58,8 @@ impl Single {
         Self { position: narrow(&run.position), velocity: narrow(&run.velocity), action: narrow(&run.action) }
     }
 
-    fn view(&self) -> Simulated<'_> {
-        Simulated { position: &self.position, velocity: &self.velocity, action: Some(&self.action) }
+    fn view(&self) -> Signals<'_> {
+        Signals { action: Some(&self.action), ..Signals::of_joints(&self.position, &self.velocity) }
     }
 }
 
@@ -74,6 +75,7 @@ fn target(costs: &Costs) -> Arc<Target> {
             position: run.position.clone(),
             velocity: run.velocity.clone(),
             action: Some(run.action.clone()),
+            ..Recorded::default()
         })
         .collect();
     let joints = (0..costs.joints).map(|joint| format!("joint_{joint}")).collect();
@@ -129,7 +131,7 @@ fn match_o_and_rmse_agree_with_their_definition() {
     let costs = fixtures().costs;
     let target = target(&costs);
     let aligned = singles(&costs.aligned);
-    let weights = Weights { position: 1.0, velocity: 0.5, action: 2.0 };
+    let weights = Weights { position: 1.0, velocity: 0.5, action: 2.0, ..Weights::default() };
     let breakdown = evaluate(&MatchO::new(Arc::clone(&target), weights).unwrap(), &aligned).unwrap();
     for (group, expected) in breakdown.groups.iter().zip(costs.match_o) {
         close(group.value, expected, &group.signal.to_string());
@@ -223,9 +225,9 @@ fn wrong_setups_are_refused() {
     for cost in both(&target, weights) {
         let mut accumulator = cost.begin();
         assert!(matches!(accumulator.finish(), Err(CostError::Missing(0))));
-        let without = Simulated { action: None, ..runs[0].view() };
+        let without = Signals { action: None, ..runs[0].view() };
         assert!(matches!(accumulator.add(0, without), Err(CostError::MissingSignal { .. })));
-        let ragged = Simulated { position: &runs[0].position[1..], ..runs[0].view() };
+        let ragged = Signals { position: &runs[0].position[1..], ..runs[0].view() };
         assert!(matches!(accumulator.add(0, ragged), Err(CostError::Shape { .. })));
     }
     let match_o = MatchO::new(Arc::clone(&target), weights).unwrap();
@@ -236,7 +238,7 @@ fn wrong_setups_are_refused() {
     assert!(matches!(accumulator.add(1, runs[0].view()), Err(CostError::Shape { .. })));
 
     for bad in [[0.0, 0.0, 0.0], [1.0, -1.0, 0.0], [f64::NAN, 1.0, 0.0]] {
-        let weights = Weights { position: bad[0], velocity: bad[1], action: bad[2] };
+        let weights = Weights { position: bad[0], velocity: bad[1], action: bad[2], ..Weights::default() };
         assert!(matches!(Wass::new(Arc::clone(&target), weights), Err(CostError::Weights(_))));
     }
 }
@@ -245,8 +247,11 @@ fn wrong_setups_are_refused() {
 #[test]
 fn constant_dimensions_are_left_out() {
     let joints = vec!["moving".to_owned(), "held".to_owned()];
-    let recorded =
-        Recorded { position: vec![0.0, 0.5, 1.0, 0.5, 2.0, 0.5], velocity: vec![0.0; 6], action: None };
+    let recorded = Recorded {
+        position: vec![0.0, 0.5, 1.0, 0.5, 2.0, 0.5],
+        velocity: vec![0.0; 6],
+        ..Recorded::default()
+    };
     let target = Arc::new(Target::new(joints, &[recorded], 0).unwrap());
     assert_eq!(
         target.constant(),
@@ -279,7 +284,7 @@ fn costs_are_fast() {
         values.iter().map(|value| spread * value).collect()
     };
     let recorded: Vec<Recorded> = (0..recordings)
-        .map(|r| Recorded { position: run(r, 0.3), velocity: run(r + 100, 2.0), action: None })
+        .map(|r| Recorded { position: run(r, 0.3), velocity: run(r + 100, 2.0), ..Recorded::default() })
         .collect();
     let names = (0..joints).map(|joint| joint.to_string()).collect();
     let target = Arc::new(Target::new(names, &recorded, 0).unwrap());
@@ -304,7 +309,7 @@ fn costs_are_fast() {
             for _ in 0..10 {
                 let start = std::time::Instant::now();
                 for (recording, single) in simulated.iter().enumerate() {
-                    accumulator.add(recording, Simulated { action: None, ..single.view() }).unwrap();
+                    accumulator.add(recording, Signals { action: None, ..single.view() }).unwrap();
                 }
                 accumulator.finish().unwrap();
                 best = best.min(start.elapsed().as_secs_f64());

@@ -4,8 +4,13 @@
 
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::{Cost, MatchO, Recorded, Target, Wass, Weights};
-use gaitfit_adapt::fit::{Checkpoint, Fit, FitError, FitOptions, Job, Stop, compare, evaluate, simulate_one};
-use gaitfit_adapt::{Consume, ParameterRule, Quantity, Sharing, Signals, Simulator, SimulatorError, Theta};
+use gaitfit_adapt::fit::{
+    Checkpoint, FallPenalty, Fit, FitError, FitOptions, Job, RandomNumbers, Stop, compare, evaluate,
+    simulate_one,
+};
+use gaitfit_adapt::{
+    Consume, ParameterRule, Quantity, Rollout, Sharing, Signals, Simulator, SimulatorError, Theta,
+};
 use std::sync::Arc;
 
 /// q = damping · sin(ω t) + bias, one frequency a recording: each value leaves its own mark.
@@ -29,17 +34,22 @@ impl Simulator for Sines {
     fn simulate(
         &self,
         theta: &Theta,
-        candidates: &[Vec<f64>],
+        candidates: &[Rollout],
         consume: &Consume<'_>,
     ) -> Result<(), SimulatorError> {
-        for (candidate, values) in candidates.iter().enumerate() {
+        for (candidate, rollout) in candidates.iter().enumerate() {
             let mut size = vec![1.0; self.joints.len()];
             let mut bias = vec![0.0; self.joints.len()];
-            theta.apply(values, &self.joints, |quantity, joint, value| match quantity {
-                Quantity::Damping => size[joint] = if value > self.limit { f64::NAN } else { value },
-                Quantity::EncoderBias => bias[joint] = value,
-                _ => {}
-            });
+            for (entry, &value) in theta.entries().iter().zip(&rollout.values) {
+                for (joint, name) in self.joints.iter().enumerate() {
+                    match entry.kind {
+                        _ if !entry.joints.contains(name) => {}
+                        "damping" => size[joint] = if value > self.limit { f64::NAN } else { value },
+                        "encoder_bias" => bias[joint] = value,
+                        kind => unreachable!("{kind}"),
+                    }
+                }
+            }
             for recording in 0..2 {
                 let omega = 3.0 + recording as f64;
                 let mut position = Vec::new();
@@ -51,7 +61,7 @@ impl Simulator for Sines {
                         velocity.push((size[joint] * omega * (omega * t).cos()) as f32);
                     }
                 }
-                consume(candidate, recording, Signals { position: &position, velocity: &velocity });
+                consume(candidate, recording, Signals::of_joints(&position, &velocity));
             }
         }
         Ok(())
@@ -75,7 +85,11 @@ fn costs(simulator: &Sines) -> Vec<Box<dyn Cost>> {
     let wide = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect::<Vec<f64>>();
     let recorded: Vec<Recorded> = truth
         .iter()
-        .map(|log| Recorded { position: wide(&log.position), velocity: wide(&log.velocity), action: None })
+        .map(|log| Recorded {
+            position: wide(&log.position),
+            velocity: wide(&log.velocity),
+            ..Recorded::default()
+        })
         .collect();
     let target = Arc::new(Target::new(simulator.joints.clone(), &recorded, 0).unwrap());
     let weights = Weights::of(&target);
@@ -93,6 +107,8 @@ fn options(generations: usize) -> FitOptions {
         covariance: CovarianceKind::Full,
         bounds: BoundHandling::Reflect,
         tolerance: 1e-5,
+        falls: FallPenalty::default(),
+        random_numbers: RandomNumbers::default(),
     }
 }
 
@@ -119,8 +135,10 @@ fn both_costs_find_the_truth_and_agree() {
     let on = |cost: usize| {
         let (simulator, theta, costs) = (&simulator, &theta, &costs);
         move |values: &[Vec<f64>]| {
-            let jobs: Vec<Job> = values.iter().map(|values| Job { cost, values: values.clone() }).collect();
-            evaluate(simulator, theta, costs, &jobs)
+            let jobs: Vec<Job> =
+                values.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
+            let found = evaluate(simulator, theta, costs, &FallPenalty::NONE, &jobs)?;
+            Ok(found.into_iter().map(|found| found.cost).collect())
         }
     };
     let agreements = compare(&outcomes[0], &outcomes[1], on(0), on(1)).unwrap();

@@ -8,7 +8,7 @@ use serde::Serialize;
 pub struct Breakdown {
     /// Σ weight · value over the groups; smaller is closer, 0 is equal.
     pub total: f64,
-    /// One entry a signal with a positive weight, in the order position, velocity, action.
+    /// One entry a signal with a positive weight, in the order of [`Signal::ALL`].
     pub groups: Vec<GroupCost>,
 }
 
@@ -21,8 +21,8 @@ pub struct GroupCost {
     pub weight: f64,
     /// Unweighted cost of the group.
     pub value: f64,
-    /// Cost of each joint in the target's joint order; `None` for a joint that is constant on the robot and
-    /// therefore left out.
+    /// Cost of each dimension (joints in the target's order, or x, y, z of the base); `None` for one that is constant
+    /// on the robot and therefore left out.
     pub per_joint: Vec<Option<f64>>,
 }
 

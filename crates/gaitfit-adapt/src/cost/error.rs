@@ -7,12 +7,12 @@ use super::Signal;
 pub enum CostError {
     /// The simulation of this candidate diverged. The one error that speaks of the candidate, not of the setup:
     /// rank it last and go on.
-    #[error("simulated {signal} of joint {joint} is not finite at sample {sample} of recording {recording}")]
+    #[error("simulated {signal} of {of} is not finite at sample {sample} of recording {recording}")]
     NotFinite {
         /// Which signal.
         signal: Signal,
-        /// Joint name.
-        joint: String,
+        /// Which dimension, for example `joint FL_hip` or `axis x`.
+        of: String,
         /// Recording number.
         recording: usize,
         /// Sample number.
@@ -20,13 +20,13 @@ pub enum CostError {
     },
     /// The robot's log holds NaN or infinity.
     #[error(
-        "recorded {signal} of joint {joint} is not finite at sample {sample} of recording {recording}; cut or repair the log"
+        "recorded {signal} of {of} is not finite at sample {sample} of recording {recording}; cut or repair the log"
     )]
     TargetNotFinite {
         /// Which signal.
         signal: Signal,
-        /// Joint name.
-        joint: String,
+        /// Which dimension, for example `joint FL_hip` or `axis x`.
+        of: String,
         /// Recording number.
         recording: usize,
         /// Sample number.
@@ -35,7 +35,7 @@ pub enum CostError {
     /// No recordings, no joints, or nothing left after the pre-roll.
     #[error("the target is empty: {0}")]
     EmptyTarget(String),
-    /// A matrix is not `samples × joints`.
+    /// A matrix is not `samples × joints`, or `samples × 3` for the base.
     #[error("{signal} of recording {recording} has {len} values, which is not {expected}")]
     Shape {
         /// Which signal.
@@ -55,16 +55,28 @@ pub enum CostError {
         /// Which side.
         side: String,
     },
-    /// Every joint of a weighted signal is constant on the robot, so there is no scale.
+    /// A privileged cost meets a log without the base's state.
     #[error(
-        "recorded {0} is constant in every joint and has no scale; set its weight to 0 or use a log that moves"
+        "{cost} compares the base's position and velocity, and the robot's log has no {signal}; it needs a log of a \
+         simulator or of motion capture, or take matcho or wass"
+    )]
+    Privileged {
+        /// The cost.
+        cost: String,
+        /// What is missing.
+        signal: Signal,
+    },
+    /// Every dimension of a weighted signal is constant on the robot, so there is no scale.
+    #[error(
+        "recorded {0} is constant in every dimension and has no scale; set its weight to 0 or use a log that moves"
     )]
     AllConstant(Signal),
     /// A weight is negative or not finite, or all are zero.
     #[error(
-        "weights of position, velocity and action must be finite, not negative and not all zero, but are {0:?}"
+        "weights of position, velocity, action, base position and base velocity must be finite, not negative and not \
+         all zero, but are {0:?}"
     )]
-    Weights([f64; 3]),
+    Weights([f64; 5]),
     /// A log lacks a joint.
     #[error("recording {recording} has no joint {joint}; it has {available}")]
     UnknownJoint {

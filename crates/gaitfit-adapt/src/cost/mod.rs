@@ -4,22 +4,25 @@
 //! [`Cost`] and [`Accumulator`] and touches nothing else.
 //!
 //! ```no_run
-//! # use gaitfit_adapt::cost::*;
+//! # use gaitfit_adapt::{Signals, cost::*};
 //! # use std::sync::Arc;
 //! # fn f(target: Target, runs: Vec<Vec<f32>>) -> Result<(), CostError> {
 //! let target = Arc::new(target);
 //! let cost = Wass::new(Arc::clone(&target), Weights::of(&target))?;
 //! let mut accumulator = cost.begin();
 //! for (recording, run) in runs.iter().enumerate() {
-//!     accumulator.add(recording, Simulated { position: run, velocity: run, action: None })?;
+//!     accumulator.add(recording, Signals::of_joints(run, run))?;
 //! }
 //! println!("{}", accumulator.finish()?.total);
 //! # Ok(()) }
 //! ```
 
+mod aligned;
 mod breakdown;
 mod error;
+mod kind;
 mod match_o;
+mod match_s;
 mod rmse;
 mod signal;
 mod target;
@@ -28,18 +31,39 @@ mod wasserstein1;
 
 pub use breakdown::{Breakdown, GroupCost};
 pub use error::CostError;
+pub use kind::{CostKind, UnknownCost};
 pub use match_o::MatchO;
+pub use match_s::MatchS;
 pub use rmse::{PositionRmse, position_rmse};
-pub use signal::{Signal, Simulated, Weights};
+pub use signal::{Signal, Weights};
 pub use target::{Dimension, Recorded, Target};
 pub use wass::Wass;
 pub use wasserstein1::{sort_f32, wasserstein1};
+
+use crate::Signals;
+
+/// What a sample lost to a fall is off by, scaled: the robot's whole range. A candidate whose signals stay within the
+/// robot's ranges cannot do worse.
+pub(crate) const LOST: f64 = 2.0;
 
 /// A distance between simulated and recorded joint signals. Shared by worker threads; each thread, or each
 /// candidate, has its own [`Accumulator`].
 pub trait Cost: Send + Sync {
     /// Short name, as in configuration files.
-    fn name(&self) -> &'static str;
+    fn name(&self) -> &str;
+
+    /// Samples between resets of the simulated robot to the recording's state; `None`: no resets.
+    fn reset_every(&self) -> Option<usize> {
+        None
+    }
+
+    /// The cost of a candidate that falls at once and has no sample to compare. A candidate whose signals stay within
+    /// the robot's ranges costs no more.
+    fn lost(&self) -> f64;
+
+    /// The same cost, in the same scaling, against some of the recordings, which are numbered anew in the order given;
+    /// `None` if it cannot be had.
+    fn subset(&self, recordings: &[usize]) -> Option<Box<dyn Cost>>;
 
     /// An empty accumulator for one candidate. It can be reused for the next after [`Accumulator::finish`], which
     /// saves its allocations.
@@ -53,7 +77,7 @@ pub trait Accumulator: Send {
     ///
     /// # Errors
     /// [`CostError::NotFinite`] if a sample is NaN or infinite, and shape errors. The accumulator is then empty.
-    fn add(&mut self, recording: usize, simulated: Simulated<'_>) -> Result<(), CostError>;
+    fn add(&mut self, recording: usize, simulated: Signals<'_>) -> Result<(), CostError>;
 
     /// The cost of everything added since the last `finish`, smaller is closer; leaves the accumulator empty.
     ///

@@ -1,7 +1,8 @@
 //! The plain error that validation reports.
 
-use super::match_o::squared_differences;
+use super::aligned::squared_differences;
 use super::{CostError, Signal, Target};
+use crate::Signals;
 use serde::Serialize;
 
 /// Root-mean-square position error of a free-running simulation, rad.
@@ -26,7 +27,7 @@ pub fn position_rmse(
     let measured = target
         .recording(Signal::Position, recording)
         .ok_or(CostError::UnknownRecording { recording, count: target.recordings() })?;
-    let counted = target.checked(Signal::Position, recording, Some(simulated))?;
+    let counted = target.checked(Signal::Position, recording, &Signals::of_joints(simulated, &[]))?.matrix;
     let width = target.joints().len();
     if counted.len() != measured.len() {
         return Err(CostError::Shape {

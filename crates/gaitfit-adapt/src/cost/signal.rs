@@ -1,12 +1,13 @@
 //! The signals that costs compare.
 
 use super::{CostError, Target};
+use crate::Simulator;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// One of the three groups of joint signals.
+/// A group of signals that costs compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "snake_case")]
 pub enum Signal {
     /// Joint position, rad.
     Position,
@@ -14,11 +15,40 @@ pub enum Signal {
     Velocity,
     /// Policy action, unitless.
     Action,
+    /// Base position, m, world frame: privileged, a robot alone does not log it.
+    BasePosition,
+    /// Base linear velocity, m/s, world frame: privileged.
+    BaseVelocity,
 }
+
+/// Names of the base's dimensions.
+const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Signal {
     /// All signals, in the order costs sum them.
-    pub const ALL: [Self; 3] = [Self::Position, Self::Velocity, Self::Action];
+    pub const ALL: [Self; 5] =
+        [Self::Position, Self::Velocity, Self::Action, Self::BasePosition, Self::BaseVelocity];
+
+    /// Whether it is measured outside the robot's joints.
+    pub fn is_privileged(self) -> bool {
+        matches!(self, Self::BasePosition | Self::BaseVelocity)
+    }
+
+    /// Columns of its matrices on a robot of `joints` joints.
+    pub fn width(self, joints: usize) -> usize {
+        if self.is_privileged() { AXES.len() } else { joints }
+    }
+
+    /// Name of a column: the joint's, or the axis of the base.
+    pub fn column(self, joints: &[String], column: usize) -> &str {
+        if self.is_privileged() { AXES[column] } else { &joints[column] }
+    }
+
+    /// What a column is called in messages.
+    pub(crate) fn of(self, joints: &[String], column: usize) -> String {
+        let name = self.column(joints, column);
+        if self.is_privileged() { format!("axis {name}") } else { format!("joint {name}") }
+    }
 }
 
 impl fmt::Display for Signal {
@@ -27,36 +57,15 @@ impl fmt::Display for Signal {
             Self::Position => "position",
             Self::Velocity => "velocity",
             Self::Action => "action",
+            Self::BasePosition => "base position",
+            Self::BaseVelocity => "base velocity",
         })
     }
 }
 
-/// Simulated signals of one candidate on one recording: `samples × joints`, row-major, the target's joint order,
-/// pre-roll included.
-#[derive(Clone, Copy, Debug)]
-pub struct Simulated<'a> {
-    /// Joint positions, rad.
-    pub position: &'a [f32],
-    /// Joint velocities, rad/s.
-    pub velocity: &'a [f32],
-    /// Policy actions; absent when the log's own targets are replayed.
-    pub action: Option<&'a [f32]>,
-}
-
-impl<'a> Simulated<'a> {
-    /// The matrix of `signal`, if there is one.
-    pub fn get(&self, signal: Signal) -> Option<&'a [f32]> {
-        match signal {
-            Signal::Position => Some(self.position),
-            Signal::Velocity => Some(self.velocity),
-            Signal::Action => self.action,
-        }
-    }
-}
-
 /// Factor of each signal group in the sum; 0 leaves the group out.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Weights {
     /// Of joint position.
     pub position: f64,
@@ -64,17 +73,33 @@ pub struct Weights {
     pub velocity: f64,
     /// Of the policy action.
     pub action: f64,
+    /// Of the base's position.
+    pub base_position: f64,
+    /// Of the base's velocity.
+    pub base_velocity: f64,
 }
 
 impl Weights {
-    /// Weight 1 for every signal that `target` has: the costs as the paper defines them.
+    /// Joint position alone.
+    pub const POSITION: Self =
+        Self { position: 1.0, velocity: 0.0, action: 0.0, base_position: 0.0, base_velocity: 0.0 };
+
+    /// Joint position and velocity.
+    pub const JOINTS: Self = Self { velocity: 1.0, ..Self::POSITION };
+
+    /// Joint position and velocity, base position and velocity: what [`super::MatchS`] compares.
+    pub const PRIVILEGED: Self = Self { base_position: 1.0, base_velocity: 1.0, ..Self::JOINTS };
+
+    /// Weight 1 for every joint signal that `target` has: Wass and MatchO as the paper defines them.
     pub fn of(target: &Target) -> Self {
-        let present = |signal| if target.has(signal) { 1.0 } else { 0.0 };
-        Self { position: 1.0, velocity: 1.0, action: present(Signal::Action) }
+        Self { action: f64::from(target.has(Signal::Action)), ..Self::JOINTS }
     }
 
-    /// Joint position alone.
-    pub const POSITION: Self = Self { position: 1.0, velocity: 0.0, action: 0.0 };
+    /// [`Self::of`], but for the action only if `simulator` has it too: a replay sends the log's own targets, so
+    /// that both sides act the same.
+    pub fn shared(target: &Target, simulator: &dyn Simulator) -> Self {
+        if simulator.provides(Signal::Action) { Self::of(target) } else { Self::JOINTS }
+    }
 
     /// The weight of `signal`.
     pub fn get(&self, signal: Signal) -> f64 {
@@ -82,7 +107,20 @@ impl Weights {
             Signal::Position => self.position,
             Signal::Velocity => self.velocity,
             Signal::Action => self.action,
+            Signal::BasePosition => self.base_position,
+            Signal::BaseVelocity => self.base_velocity,
         }
+    }
+
+    /// The signals with a positive weight, in the order costs sum them.
+    pub fn signals(&self) -> impl Iterator<Item = Signal> + use<> {
+        let weights = *self;
+        Signal::ALL.into_iter().filter(move |signal| weights.get(*signal) > 0.0)
+    }
+
+    /// The sum over all signals.
+    pub fn sum(&self) -> f64 {
+        Signal::ALL.iter().map(|signal| self.get(*signal)).sum()
     }
 
     /// Checks the weights against what `target` can offer.
@@ -96,7 +134,7 @@ impl Weights {
         {
             return Err(CostError::Weights(all));
         }
-        for signal in Signal::ALL.into_iter().filter(|signal| self.get(*signal) > 0.0) {
+        for signal in self.signals() {
             let dimensions = target
                 .dimensions(signal)
                 .ok_or_else(|| CostError::MissingSignal { signal, side: "the robot's log".into() })?;

@@ -1,14 +1,16 @@
 //! The robot side of every cost, prepared once.
 
 use super::{CostError, Signal};
+use crate::Signals;
 use gaitfit_log::Trajectory;
 
 /// Ranges below this (rad, rad/s, unitless) count as constant: nothing of a joint's motion is that small, and the
 /// scale 2 / range would blow rounding errors up to the size of real differences.
 const MIN_RANGE: f64 = 1e-9;
 
-/// One recorded run: `samples × joints` matrices, row-major, all in the target's joint order.
-#[derive(Clone, Debug, PartialEq)]
+/// One recorded run: `samples × joints` matrices, row-major, all in the target's joint order, and `samples × 3`
+/// matrices of the base.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recorded {
     /// Joint positions, rad.
     pub position: Vec<f64>,
@@ -16,6 +18,10 @@ pub struct Recorded {
     pub velocity: Vec<f64>,
     /// Policy actions, unitless.
     pub action: Option<Vec<f64>>,
+    /// Base position, m, world frame.
+    pub base_position: Option<Vec<f64>>,
+    /// Base linear velocity, m/s, world frame.
+    pub base_velocity: Option<Vec<f64>>,
 }
 
 impl Recorded {
@@ -46,10 +52,13 @@ impl Recorded {
                 .flat_map(|row| columns.iter().map(move |column| row[*column]))
                 .collect()
         };
+        let base = trajectory.base.as_ref();
         Ok(Self {
             position: pick(&trajectory.position),
             velocity: pick(&trajectory.velocity),
             action: trajectory.action.as_ref().map(pick),
+            base_position: base.and_then(|base| base.position.clone()),
+            base_velocity: base.and_then(|base| base.linear_velocity.clone()),
         })
     }
 
@@ -58,11 +67,13 @@ impl Recorded {
             Signal::Position => Some(&self.position),
             Signal::Velocity => Some(&self.velocity),
             Signal::Action => self.action.as_ref(),
+            Signal::BasePosition => self.base_position.as_ref(),
+            Signal::BaseVelocity => self.base_velocity.as_ref(),
         }
     }
 }
 
-/// One joint of one signal over all recordings, pre-roll cut off.
+/// One dimension of one signal (a joint, or an axis of the base) over all recordings, pre-roll cut off.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dimension {
     /// Smallest recorded value.
@@ -94,14 +105,14 @@ struct TargetSignal {
 pub struct Target {
     joints: Vec<String>,
     skip: usize,
-    /// Position, velocity, action.
-    signals: [Option<TargetSignal>; 3],
+    /// In the order of [`Signal::ALL`].
+    signals: [Option<TargetSignal>; Signal::ALL.len()],
 }
 
 impl Target {
     /// Prepares `recordings`, whose columns are `joints`. The first `skip` samples of every recording, on both
-    /// sides, do not count (pre-roll: the start is unlike the rest, or its state is unknown). The action is
-    /// compared only if every recording has it.
+    /// sides, do not count (pre-roll: the start is unlike the rest, or its state is unknown). The action
+    /// and the base's state can be compared only if every recording has them.
     ///
     /// # Errors
     /// [`CostError::EmptyTarget`], [`CostError::Shape`], [`CostError::TargetNotFinite`].
@@ -109,7 +120,7 @@ impl Target {
         if joints.is_empty() || recordings.is_empty() {
             return Err(CostError::EmptyTarget("it needs at least one joint and one recording".into()));
         }
-        let mut signals = [None, None, None];
+        let mut signals = [const { None }; Signal::ALL.len()];
         for (slot, signal) in signals.iter_mut().zip(Signal::ALL) {
             *slot = TargetSignal::new(signal, &joints, recordings, skip)?;
         }
@@ -142,18 +153,19 @@ impl Target {
         self.signals[signal as usize].is_some()
     }
 
-    /// Range and scale of every joint of `signal`, in joint order.
+    /// Range and scale of every dimension of `signal`: joints in their order, or x, y, z of the base.
     pub fn dimensions(&self, signal: Signal) -> Option<&[Dimension]> {
         self.signals[signal as usize].as_ref().map(|signal| signal.dimensions.as_slice())
     }
 
-    /// The dimensions that are constant on the robot and therefore left out, as (signal, joint name).
+    /// The dimensions that are constant on the robot and therefore left out, as (signal, name of the joint or
+    /// axis).
     pub fn constant(&self) -> Vec<(Signal, &str)> {
         let mut found = Vec::new();
         for signal in Signal::ALL {
-            for (joint, dimension) in self.joints.iter().zip(self.dimensions(signal).unwrap_or_default()) {
+            for (column, dimension) in self.dimensions(signal).unwrap_or_default().iter().enumerate() {
                 if dimension.scale.is_none() {
-                    found.push((signal, joint.as_str()));
+                    found.push((signal, signal.column(&self.joints, column)));
                 }
             }
         }
@@ -165,39 +177,66 @@ impl Target {
         self.signals[signal as usize].as_ref()?.recordings.get(recording).map(Vec::as_slice)
     }
 
-    /// The part of a simulated matrix that counts, checked for whole rows and finite values.
+    /// The part of a simulated signal that counts, checked for whole rows and finite values: rows from the end of
+    /// the pre-roll to a fall.
     pub(crate) fn checked<'a>(
         &self,
         signal: Signal,
         recording: usize,
-        matrix: Option<&'a [f32]>,
-    ) -> Result<&'a [f32], CostError> {
-        let matrix =
-            matrix.ok_or_else(|| CostError::MissingSignal { signal, side: "the simulation".into() })?;
-        let width = self.joints.len();
+        signals: &Signals<'a>,
+    ) -> Result<Counted<'a>, CostError> {
+        let matrix = signals
+            .get(signal)
+            .ok_or_else(|| CostError::MissingSignal { signal, side: "the simulation".into() })?;
+        let width = signal.width(self.joints.len());
         if !matrix.len().is_multiple_of(width) {
             return Err(CostError::Shape {
                 signal,
                 recording,
                 len: matrix.len(),
-                expected: format!("a multiple of {width} joints"),
+                expected: format!("a multiple of {width}"),
             });
         }
-        let start = (self.skip * width).min(matrix.len());
-        let counted = &matrix[start..];
+        let rows = matrix.len() / width;
+        let end = signals.fell_at.map_or(rows, |fall| fall.min(rows));
+        let start = self.skip.min(rows);
+        let counted = &matrix[start * width..end.max(start) * width];
         // One branch-free pass that vectorises, and a search only on failure.
         if counted.iter().fold(false, |bad, value| bad | !value.is_finite())
             && let Some(bad) = counted.iter().position(|value| !value.is_finite())
         {
             return Err(CostError::NotFinite {
                 signal,
-                joint: self.joints[bad % width].clone(),
+                of: signal.of(&self.joints, bad % width),
                 recording,
-                sample: (start + bad) / width,
+                sample: start + bad / width,
             });
         }
-        Ok(counted)
+        Ok(Counted { matrix: counted, lost: rows - end.max(start) })
     }
+
+    /// The target of some recordings alone, numbered as in `recordings`, in the scaling of all.
+    pub(crate) fn subset(&self, recordings: &[usize]) -> Self {
+        let of = |signal: &TargetSignal| {
+            let chosen: Vec<Vec<f64>> =
+                recordings.iter().filter_map(|&number| signal.recordings.get(number).cloned()).collect();
+            let dimensions = signal.dimensions.iter().enumerate().map(|(column, dimension)| Dimension {
+                sorted: sorted(&chosen, column, signal.dimensions.len()),
+                ..*dimension
+            });
+            TargetSignal { dimensions: dimensions.collect(), recordings: chosen }
+        };
+        let signals = std::array::from_fn(|index| self.signals[index].as_ref().map(of));
+        Self { joints: self.joints.clone(), skip: self.skip, signals }
+    }
+}
+
+/// The rows of a simulated matrix that count.
+pub(crate) struct Counted<'a> {
+    /// From the end of the pre-roll to the end, or to a fall.
+    pub matrix: &'a [f32],
+    /// Rows that would count but for a fall.
+    pub lost: usize,
 }
 
 impl TargetSignal {
@@ -207,51 +246,58 @@ impl TargetSignal {
         recordings: &[Recorded],
         skip: usize,
     ) -> Result<Option<Self>, CostError> {
-        let width = joints.len();
+        let width = signal.width(joints.len());
         let mut matrices = Vec::with_capacity(recordings.len());
         for (number, recorded) in recordings.iter().enumerate() {
             let Some(matrix) = recorded.get(signal) else { return Ok(None) };
-            if matrix.len() != recorded.position.len() || !matrix.len().is_multiple_of(width) {
+            let (rows, partial) = (matrix.len() / width, matrix.len() % width);
+            if partial > 0 || rows * joints.len() != recorded.position.len() {
                 return Err(CostError::Shape {
                     signal,
                     recording: number,
                     len: matrix.len(),
                     expected: format!(
-                        "samples × {width} joints, as many as positions ({})",
-                        recorded.position.len()
+                        "samples × {width}, with as many samples as the {} positions of {} joints make",
+                        recorded.position.len(),
+                        joints.len()
                     ),
                 });
             }
             if let Some(bad) = matrix.iter().position(|value| !value.is_finite()) {
                 return Err(CostError::TargetNotFinite {
                     signal,
-                    joint: joints[bad % width].clone(),
+                    of: signal.of(joints, bad % width),
                     recording: number,
                     sample: bad / width,
                 });
             }
-            if matrix.len() <= skip * width {
+            if rows <= skip {
                 return Err(CostError::EmptyTarget(format!(
-                    "recording {number} has {} samples and the first {skip} are skipped",
-                    matrix.len() / width
+                    "recording {number} has {rows} samples and the first {skip} are skipped"
                 )));
             }
             matrices.push(matrix[skip * width..].to_vec());
         }
-        let dimensions = (0..width).map(|joint| Dimension::new(&matrices, joint, width)).collect();
+        let dimensions = (0..width).map(|column| Dimension::new(&matrices, column, width)).collect();
         Ok(Some(Self { dimensions, recordings: matrices }))
     }
 }
 
 impl Dimension {
-    fn new(matrices: &[Vec<f64>], joint: usize, width: usize) -> Self {
-        let mut sorted: Vec<f64> =
-            matrices.iter().flat_map(|matrix| matrix.iter().skip(joint).step_by(width).copied()).collect();
-        sorted.sort_unstable_by(f64::total_cmp);
+    fn new(matrices: &[Vec<f64>], column: usize, width: usize) -> Self {
+        let sorted = sorted(matrices, column, width);
         let (min, max) = (sorted[0], sorted[sorted.len() - 1]);
         let range = max - min;
         Self { min, max, scale: (range >= MIN_RANGE).then(|| 2.0 / range), sorted }
     }
+}
+
+/// One column of all matrices, ascending.
+fn sorted(matrices: &[Vec<f64>], column: usize, width: usize) -> Vec<f64> {
+    let mut values: Vec<f64> =
+        matrices.iter().flat_map(|matrix| matrix.iter().skip(column).step_by(width).copied()).collect();
+    values.sort_unstable_by(f64::total_cmp);
+    values
 }
 
 #[cfg(test)]
@@ -264,7 +310,7 @@ mod tests {
     }
 
     fn recorded(position: &[f64], velocity: &[f64]) -> Recorded {
-        Recorded { position: position.to_vec(), velocity: velocity.to_vec(), action: None }
+        Recorded { position: position.to_vec(), velocity: velocity.to_vec(), ..Recorded::default() }
     }
 
     #[test]
@@ -291,7 +337,7 @@ mod tests {
             error,
             CostError::TargetNotFinite {
                 signal: Signal::Velocity,
-                joint: "calf".into(),
+                of: "joint calf".into(),
                 recording: 0,
                 sample: 1
             }

@@ -1,12 +1,17 @@
 //! The pooled distribution cost.
 
 use super::wasserstein1::{key, sort_keys, wasserstein1_keys};
-use super::{Accumulator, Breakdown, Cost, CostError, GroupCost, Signal, Simulated, Target, Weights};
+use super::{Accumulator, Breakdown, Cost, CostError, GroupCost, LOST, Signal, Target, Weights};
+use crate::Signals;
 use std::sync::Arc;
 
 /// The paper's cost: for each of joint position, joint velocity and action the mean over joints of the exact 1-D
 /// Wasserstein-1 distance between the pooled samples of the two sides, in the target's fixed scaling; the groups
 /// are summed, each with its weight. Neither clocks nor sample counts of the two sides need agree.
+///
+/// Samples after a fall are not pooled: they would resemble whatever the log has of standing still or lying. The
+/// share m of samples lost counts as off by the robot's whole range, (1 − m)·W₁ + m·2, so that falling earlier
+/// costs more.
 ///
 /// W₁ is homogeneous and blind to a common shift, so samples are sorted unscaled and the distance is multiplied by
 /// the scale.
@@ -28,17 +33,25 @@ impl Wass {
 }
 
 impl Cost for Wass {
-    fn name(&self) -> &'static str {
+    fn name(&self) -> &str {
         "wass"
     }
 
+    fn lost(&self) -> f64 {
+        LOST * self.weights.sum()
+    }
+
+    fn subset(&self, recordings: &[usize]) -> Option<Box<dyn Cost>> {
+        Some(Box::new(Self { target: Arc::new(self.target.subset(recordings)), ..self.clone() }))
+    }
+
     fn begin(&self) -> Box<dyn Accumulator + '_> {
-        let pools = Signal::ALL
-            .into_iter()
-            .filter(|signal| self.weights.get(*signal) > 0.0)
-            .map(|signal| (signal, vec![Vec::new(); self.target.joints().len()]))
+        let pools = self
+            .weights
+            .signals()
+            .map(|signal| (signal, vec![Vec::new(); signal.width(self.target.joints().len())]))
             .collect();
-        Box::new(Pools { cost: self, pools, scratch: Vec::new() })
+        Box::new(Pools { cost: self, pools, lost: 0, scratch: Vec::new() })
     }
 }
 
@@ -46,25 +59,31 @@ impl Cost for Wass {
 struct Pools<'a> {
     cost: &'a Wass,
     pools: Vec<(Signal, Vec<Vec<u32>>)>,
+    /// Samples lost to falls.
+    lost: usize,
     scratch: Vec<u32>,
 }
 
 impl Pools<'_> {
     fn clear(&mut self) {
+        self.lost = 0;
         for (_, joints) in &mut self.pools {
             joints.iter_mut().for_each(Vec::clear);
         }
     }
 
-    fn pool(&mut self, recording: usize, simulated: Simulated<'_>) -> Result<(), CostError> {
+    fn pool(&mut self, recording: usize, simulated: Signals<'_>) -> Result<(), CostError> {
         let target = &self.cost.target;
-        let width = target.joints().len();
+        let mut lost = 0;
         for (signal, joints) in &mut self.pools {
-            let matrix = target.checked(*signal, recording, simulated.get(*signal))?;
+            let width = joints.len();
+            let counted = target.checked(*signal, recording, &simulated)?;
+            lost = counted.lost;
             for (joint, pool) in joints.iter_mut().enumerate() {
-                pool.extend(matrix.iter().skip(joint).step_by(width).map(|value| key(*value)));
+                pool.extend(counted.matrix.iter().skip(joint).step_by(width).map(|value| key(*value)));
             }
         }
+        self.lost += lost;
         Ok(())
     }
 
@@ -74,12 +93,17 @@ impl Pools<'_> {
             let dimensions = self.cost.target.dimensions(*signal).unwrap_or_default();
             let mut per_joint = Vec::with_capacity(joints.len());
             for (pool, dimension) in joints.iter_mut().zip(dimensions) {
-                if pool.is_empty() {
+                if pool.is_empty() && self.lost == 0 {
                     return Err(CostError::Missing(0));
                 }
+                let lost = self.lost as f64 / (self.lost + pool.len()) as f64;
                 per_joint.push(dimension.scale.map(|scale| {
+                    if pool.is_empty() {
+                        return LOST;
+                    }
                     sort_keys(pool, &mut self.scratch);
-                    scale * wasserstein1_keys(pool, &dimension.sorted)
+                    let distance = scale * wasserstein1_keys(pool, &dimension.sorted);
+                    if self.lost == 0 { distance } else { (1.0 - lost) * distance + lost * LOST }
                 }));
             }
             let count = per_joint.iter().flatten().count();
@@ -97,7 +121,7 @@ impl Pools<'_> {
 
 impl Accumulator for Pools<'_> {
     /// Any number of recordings of any length may be pooled; `recording` serves error messages only.
-    fn add(&mut self, recording: usize, simulated: Simulated<'_>) -> Result<(), CostError> {
+    fn add(&mut self, recording: usize, simulated: Signals<'_>) -> Result<(), CostError> {
         self.pool(recording, simulated).inspect_err(|_| self.clear())
     }
 

@@ -1,13 +1,6 @@
 //! Predictors that need no simulator: what a fit has to beat.
 
-/// Joint signals of one log, `samples × joints`, row-major.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Predicted {
-    /// Joint positions, rad.
-    pub position: Vec<f32>,
-    /// Joint velocities, rad/s.
-    pub velocity: Vec<f32>,
-}
+use super::Predicted;
 
 /// The position target of one log.
 #[derive(Clone, Copy, Debug)]
@@ -48,7 +41,7 @@ pub fn delayed(signal: TargetSignal<'_>, delay: f64) -> Predicted {
             velocity.push((position[after * joints + joint] - position[before * joints + joint]) / span);
         }
     }
-    Predicted { position, velocity }
+    Predicted { position, velocity, ..Predicted::default() }
 }
 
 /// The delay in `[0, longest]` s that minimises `error`: a grid of `step` s, refined around its best point to a

@@ -142,6 +142,7 @@ mod tests {
             start: 0.0,
             at_bound: false,
             per_run: vec![value],
+            identification: None,
         };
         CostOutcome {
             cost: cost.into(),

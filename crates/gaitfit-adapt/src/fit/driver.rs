@@ -2,10 +2,11 @@
 
 use super::evaluate::{Job, evaluate};
 use super::run::{Checkpoint, Run, Stop};
-use super::{CostOutcome, FitError};
+use super::{CostOutcome, FallPenalty, FitError};
 use crate::cmaes::{BoundHandling, CovarianceKind};
 use crate::cost::Cost;
 use crate::{Simulator, Theta};
+use gaitfit_random::{Purpose, derive_seed};
 use serde::{Deserialize, Serialize};
 
 /// Settings of a fit.
@@ -25,6 +26,37 @@ pub struct FitOptions {
     /// A run stops once the largest standard deviation of any parameter fell to this part of its initial
     /// deviation; 0 never stops early.
     pub tolerance: f64,
+    /// What falling costs.
+    pub falls: FallPenalty,
+    /// Which candidates see the same random draws; nothing to a simulator without randomness.
+    pub random_numbers: RandomNumbers,
+}
+
+/// Which candidates see the same random draws (torque noise, observation noise). Draws differ from seed to seed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum RandomNumbers {
+    /// The candidates of a generation (common random numbers); the next generation sees new ones. Candidates are
+    /// compared on equal terms and none can adapt to one set of draws.
+    #[default]
+    Generation,
+    /// All candidates of a run: its cost is a fixed function of θ.
+    Run,
+    /// None: each has its own, as in the paper.
+    Candidate,
+}
+
+impl RandomNumbers {
+    /// The draw of a candidate, by its address.
+    fn draw(self, seed: u64, generation: u32, candidate: usize) -> u64 {
+        let noise = Purpose::TORQUE_NOISE;
+        let generation = derive_seed(seed, noise, generation);
+        match self {
+            Self::Run => derive_seed(seed, noise, 0),
+            Self::Generation => generation,
+            Self::Candidate => derive_seed(generation, noise, u32::try_from(candidate).unwrap_or(u32::MAX)),
+        }
+    }
 }
 
 /// A fit in progress.
@@ -63,6 +95,12 @@ pub struct RunGeneration {
     pub sigma: f64,
     /// Candidates whose simulation diverged.
     pub diverged: usize,
+    /// Candidates that fell in at least one recording.
+    #[serde(default)]
+    pub fallen: usize,
+    /// Falls of all candidates in all recordings.
+    #[serde(default)]
+    pub falls: usize,
     /// Smallest cost so far.
     pub best_so_far: f64,
     /// Its θ.
@@ -118,7 +156,7 @@ impl<'a> Fit<'a> {
     }
 
     fn parameters(&self) -> Vec<String> {
-        self.theta.entries.iter().map(|entry| entry.name.clone()).collect()
+        self.theta.entries().iter().map(|entry| entry.name.clone()).collect()
     }
 
     /// Generations done.
@@ -143,9 +181,14 @@ impl<'a> Fit<'a> {
             let run = &mut self.runs[index];
             let asked = run.ask();
             sizes.push(asked.len());
-            jobs.extend(asked.into_iter().map(|values| Job { cost: run.cost, values }));
+            let (cost, seed, generation) = (run.cost, run.seed, run.generation());
+            jobs.extend(asked.into_iter().enumerate().map(|(candidate, values)| Job {
+                cost,
+                values,
+                draw: self.options.random_numbers.draw(seed, generation, candidate),
+            }));
         }
-        let found = evaluate(self.simulator, self.theta, self.costs, &jobs)?;
+        let found = evaluate(self.simulator, self.theta, self.costs, &self.options.falls, &jobs)?;
         let generation = self.generation + 1;
         let mut reports = Vec::with_capacity(active.len());
         let mut from = 0;

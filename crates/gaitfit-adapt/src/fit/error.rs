@@ -32,6 +32,9 @@ pub enum FitError {
         /// Generation, from 1.
         generation: usize,
     },
+    /// The cost cannot be scanned around the values found.
+    #[error("the cost cannot be scanned: {0}")]
+    Scan(String),
     /// A checkpoint does not belong to this fit.
     #[error("the checkpoint does not belong to this fit: {0}; start afresh without resuming")]
     Checkpoint(String),

@@ -1,56 +1,73 @@
 //! Costs of many candidates on all recordings, as one batch of the simulator.
 
-use super::{FitError, Predicted};
-use crate::cost::{Accumulator, Cost, CostError, Simulated};
-use crate::{Signals, Simulator, Theta};
+use super::{FallPenalty, FitError, Predicted};
+use crate::cost::{Accumulator, Cost, CostError};
+use crate::{Rollout, Signals, Simulator, Theta};
 use std::sync::Mutex;
 
 /// One candidate to evaluate.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Job {
     /// Index into the costs.
     pub cost: usize,
     /// One value an entry of θ.
     pub values: Vec<f64>,
+    /// Random draws of its simulation, see [`Rollout::draw`].
+    pub draw: u64,
+}
+
+/// What a candidate was found to cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Evaluation {
+    /// The cost, with what falls and the modifications' regularisation add; `None` if the simulation diverged.
+    pub cost: Option<f64>,
+    /// Recordings in which the simulated robot fell.
+    pub falls: usize,
 }
 
 /// What a worker thread keeps of a candidate while its recordings come in.
 struct Pending<'a> {
     accumulator: Box<dyn Accumulator + 'a>,
     missing: usize,
+    falls: usize,
     cost: Option<Result<f64, CostError>>,
 }
 
-/// The cost of every job, in their order; `None` for a candidate whose simulation diverged.
+/// Evaluates every job, in their order.
+///
+/// # Errors
+/// [`FitError::Simulator`], [`FitError::Cost`] for what no candidate is to blame for, [`FitError::Incomplete`].
 pub fn evaluate(
     simulator: &dyn Simulator,
     theta: &Theta,
     costs: &[Box<dyn Cost>],
+    falls: &FallPenalty,
     jobs: &[Job],
-) -> Result<Vec<Option<f64>>, FitError> {
+) -> Result<Vec<Evaluation>, FitError> {
     if jobs.is_empty() {
         return Ok(Vec::new());
     }
     let recordings = simulator.recordings();
     let begin = |job: &Job| {
-        Mutex::new(Pending { accumulator: costs[job.cost].begin(), missing: recordings, cost: None })
+        let accumulator = costs[job.cost].begin();
+        Mutex::new(Pending { accumulator, missing: recordings, falls: 0, cost: None })
     };
     let pending: Vec<Mutex<Pending>> = jobs.iter().map(begin).collect();
-    let candidates: Vec<Vec<f64>> = jobs.iter().map(|job| job.values.clone()).collect();
+    let rollout = |job: &Job| Rollout {
+        values: job.values.clone(),
+        reset_every: costs[job.cost].reset_every(),
+        draw: job.draw,
+    };
+    let rollouts: Vec<Rollout> = jobs.iter().map(rollout).collect();
     // The thread that brings a candidate's last recording also finishes its cost: sorting runs in parallel.
-    simulator.simulate(theta, &candidates, &|candidate, recording, signals: Signals<'_>| {
+    simulator.simulate(theta, &rollouts, &|candidate, recording, signals: Signals<'_>| {
         let Some(pending) = pending.get(candidate) else { return };
         let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        pending.falls += usize::from(signals.fell_at.is_some());
         if pending.cost.is_some() {
             return;
         }
-        let simulated = Simulated {
-            position: signals.position,
-            velocity: signals.velocity,
-            // Replay sends the log's own targets: both sides act the same.
-            action: None,
-        };
-        match pending.accumulator.add(recording, simulated) {
+        match pending.accumulator.add(recording, signals) {
             Err(error) => pending.cost = Some(Err(error)),
             Ok(()) => {
                 pending.missing -= 1;
@@ -61,31 +78,38 @@ pub fn evaluate(
             }
         }
     })?;
-    let finish = |pending: Mutex<Pending>| {
+    let finish = |(pending, job): (Mutex<Pending>, &Job)| {
         let pending = pending.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-        match pending.cost {
-            Some(Ok(cost)) => Ok(cost.is_finite().then_some(cost)),
-            Some(Err(error)) if error.is_candidate_failure() => Ok(None),
-            Some(Err(error)) => Err(FitError::Cost(error)),
-            None => Err(FitError::Incomplete),
-        }
+        let cost = match pending.cost {
+            Some(Ok(cost)) => {
+                let charge = falls.charge(costs[job.cost].as_ref(), pending.falls, recordings);
+                let cost = cost + charge + theta.regularisation(&job.values);
+                cost.is_finite().then_some(cost)
+            }
+            Some(Err(error)) if error.is_candidate_failure() => None,
+            Some(Err(error)) => return Err(FitError::Cost(error)),
+            None => return Err(FitError::Incomplete),
+        };
+        Ok(Evaluation { cost, falls: pending.falls })
     };
-    pending.into_iter().map(finish).collect()
+    pending.into_iter().zip(jobs).map(finish).collect()
 }
 
-/// The signals of one candidate on every recording, in their order.
+/// The free-running signals of one candidate on every recording, in their order.
+///
+/// # Errors
+/// [`FitError::Simulator`], [`FitError::Incomplete`].
 pub fn simulate_one(
     simulator: &dyn Simulator,
     theta: &Theta,
     values: &[f64],
 ) -> Result<Vec<Predicted>, FitError> {
+    let rollout = Rollout { values: values.to_vec(), ..Rollout::default() };
     let found: Vec<Mutex<Option<Predicted>>> =
         (0..simulator.recordings()).map(|_| Mutex::new(None)).collect();
-    simulator.simulate(theta, &[values.to_vec()], &|_, recording, signals: Signals<'_>| {
+    simulator.simulate(theta, &[rollout], &|_, recording, signals: Signals<'_>| {
         if let Some(slot) = found.get(recording) {
-            let predicted =
-                Predicted { position: signals.position.to_vec(), velocity: signals.velocity.to_vec() };
-            *slot.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(predicted);
+            *slot.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(Predicted::of(&signals));
         }
     })?;
     let take = |slot: Mutex<Option<Predicted>>| {

@@ -1,9 +1,10 @@
 //! What a fit found: values, their spread over seeds, and the bounds they rest on.
 
-use crate::Theta;
-use serde::{Deserialize, Serialize};
-
 use super::run::Stop;
+use super::{FitError, Identification, MOST_SCANNED, identify};
+use crate::cost::Cost;
+use crate::{Simulator, Theta};
+use serde::{Deserialize, Serialize};
 
 /// What one cost's runs found together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,6 +40,9 @@ pub struct ParameterOutcome {
     pub at_bound: bool,
     /// Best value of each run.
     pub per_run: Vec<f64>,
+    /// How well the data identify it, once [`CostOutcome::identify`] has measured that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub identification: Option<Identification>,
 }
 
 /// What one run found.
@@ -56,6 +60,9 @@ pub struct RunOutcome {
     pub stop: Option<Stop>,
     /// Candidates whose simulation diverged.
     pub diverged: usize,
+    /// Falls of candidates, over all recordings.
+    #[serde(default)]
+    pub falls: usize,
 }
 
 impl CostOutcome {
@@ -63,7 +70,7 @@ impl CostOutcome {
     pub fn new(cost: String, theta: &Theta, runs: Vec<RunOutcome>) -> Option<Self> {
         let best = runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost))?;
         let parameters = theta
-            .entries
+            .entries()
             .iter()
             .enumerate()
             .map(|(index, entry)| {
@@ -78,10 +85,33 @@ impl CostOutcome {
                     start: entry.start,
                     at_bound: entry.at_bound(best.values[index]),
                     per_run,
+                    identification: None,
                 }
             })
             .collect();
         Some(Self { cost, best_cost: best.best_cost, parameters, runs })
+    }
+
+    /// Measures how well the data identify each parameter around the best run's values and notes it with them.
+    /// `cost` is the outcome's. False, and nothing noted, if θ has more than [`MOST_SCANNED`] entries.
+    ///
+    /// # Errors
+    /// As [`identify`].
+    pub fn identify(
+        &mut self,
+        simulator: &dyn Simulator,
+        theta: &Theta,
+        cost: &dyn Cost,
+        draw: u64,
+    ) -> Result<bool, FitError> {
+        if theta.len() > MOST_SCANNED {
+            return Ok(false);
+        }
+        let found = identify(simulator, theta, cost, &self.values(), draw)?;
+        for (parameter, found) in self.parameters.iter_mut().zip(found) {
+            parameter.identification = Some(found);
+        }
+        Ok(true)
     }
 
     /// θ of the best run.
@@ -91,7 +121,7 @@ impl CostOutcome {
 }
 
 /// Standard deviation with n − 1; `None` below two values.
-fn spread(values: &[f64]) -> Option<f64> {
+pub(super) fn spread(values: &[f64]) -> Option<f64> {
     let count = values.len() as f64;
     if values.len() < 2 {
         return None;
@@ -118,6 +148,7 @@ mod tests {
             generations: 9,
             stop: None,
             diverged: 0,
+            falls: 0,
         };
         let runs = vec![run(1, 0.5, 0.1), run(2, 0.2, 0.2), run(3, 0.4, 0.3)];
         let outcome = CostOutcome::new("matcho".into(), &theta, runs).unwrap();

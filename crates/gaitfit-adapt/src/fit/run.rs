@@ -1,7 +1,7 @@
 //! One CMA-ES run of a fit, and the checkpoint of all.
 
 use super::driver::{FitOptions, RunGeneration};
-use super::{FitError, RunOutcome};
+use super::{Evaluation, FitError, RunOutcome};
 use crate::Theta;
 use crate::cmaes::{Best, Cma, CmaError, Population, Settings, State, StopReason, default_population};
 use serde::{Deserialize, Serialize};
@@ -28,6 +28,7 @@ pub(super) struct Run {
     pub seed: u64,
     pub stop: Option<Stop>,
     diverged: usize,
+    falls: usize,
     cma: Cma,
     asked: Option<Population>,
 }
@@ -35,7 +36,12 @@ pub(super) struct Run {
 impl Run {
     pub fn new(cost: usize, seed: u64, theta: &Theta, options: &FitOptions) -> Result<Self, FitError> {
         let cma = Cma::new(settings(seed, theta, options)).map_err(FitError::Optimizer)?;
-        Ok(Self { cost, seed, stop: None, diverged: 0, cma, asked: None })
+        Ok(Self { cost, seed, stop: None, diverged: 0, falls: 0, cma, asked: None })
+    }
+
+    /// Number of the next generation, from 1.
+    pub fn generation(&self) -> u32 {
+        self.cma.generation() + 1
     }
 
     /// The candidates of the next generation.
@@ -46,20 +52,22 @@ impl Run {
         candidates
     }
 
-    /// Takes the costs of the candidates asked for (`None`: diverged, ranked last).
+    /// Takes what the candidates asked for cost (those that diverged are ranked last).
     pub fn tell(
         &mut self,
         name: &str,
-        costs: &[Option<f64>],
+        found: &[Evaluation],
         options: &FitOptions,
     ) -> Result<RunGeneration, FitError> {
         let generation = self.cma.generation() as usize + 1;
-        let finite: Vec<f64> = costs.iter().flatten().copied().collect();
+        let finite: Vec<f64> = found.iter().filter_map(|found| found.cost).collect();
         let population = self.asked.take().unwrap_or_else(|| self.cma.ask());
-        let told: Vec<f64> = costs.iter().map(|cost| cost.unwrap_or(f64::INFINITY)).collect();
+        let told: Vec<f64> = found.iter().map(|found| found.cost.unwrap_or(f64::INFINITY)).collect();
         self.cma.tell(&population, &told).map_err(FitError::Optimizer)?;
-        let diverged = costs.len() - finite.len();
+        let diverged = found.len() - finite.len();
+        let falls = found.iter().map(|found| found.falls).sum();
         self.diverged += diverged;
+        self.falls += falls;
         let Some(best) = self.cma.best().filter(|_| !finite.is_empty()) else {
             return Err(FitError::AllDiverged { cost: name.to_owned(), seed: self.seed, generation });
         };
@@ -71,6 +79,8 @@ impl Run {
             mean: finite.iter().sum::<f64>() / finite.len() as f64,
             sigma: self.cma.sigma(),
             diverged,
+            fallen: found.iter().filter(|found| found.falls > 0).count(),
+            falls,
             best_so_far: best.cost,
             best_values: best.x.clone(),
             stop: self.stop,
@@ -103,6 +113,7 @@ impl Run {
             generations: self.cma.generation() as usize,
             stop: self.stop,
             diverged: self.diverged,
+            falls: self.falls,
         })
     }
 
@@ -118,6 +129,7 @@ impl Run {
             seed: self.seed,
             stop: self.stop,
             diverged: self.diverged,
+            falls: self.falls,
             state: self.cma.state().clone(),
         }
     }
@@ -135,6 +147,7 @@ impl Run {
             seed: self.seed,
             stop: saved.stop,
             diverged: saved.diverged,
+            falls: saved.falls,
             cma,
             asked: None,
         })
@@ -142,8 +155,8 @@ impl Run {
 }
 
 fn settings(seed: u64, theta: &Theta, options: &FitOptions) -> Settings {
-    let of = |field: fn(&crate::Entry) -> f64| -> Vec<f64> { theta.entries.iter().map(field).collect() };
-    let mut settings = Settings::new(theta.start(), of(|entry| entry.deviation), seed)
+    let of = |field: fn(&crate::Entry) -> f64| -> Vec<f64> { theta.entries().iter().map(field).collect() };
+    let mut settings = Settings::new(theta.start(seed), of(|entry| entry.deviation), seed)
         .with_bounds(of(|entry| entry.lower), of(|entry| entry.upper));
     settings.population =
         if options.population == 0 { default_population(theta.len()) } else { options.population };
@@ -177,6 +190,9 @@ pub struct SavedRun {
     pub stop: Option<Stop>,
     /// Candidates that diverged so far.
     pub diverged: usize,
+    /// Falls of candidates so far.
+    #[serde(default)]
+    pub falls: usize,
     /// The optimiser.
     pub state: State,
 }

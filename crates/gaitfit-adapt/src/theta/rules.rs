@@ -1,182 +1,44 @@
-//! From rules over joint patterns to entries.
+//! All rules of a configuration.
 
-use super::{Entry, Quantity, ThetaError};
-use globset::{Glob, GlobSet, GlobSetBuilder};
+use super::{NetworkRule, ParameterRule, RobotRule, Theta, ThetaError};
 use serde::{Deserialize, Serialize};
 
-/// How many joints share a value.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Sharing {
-    /// One value a group.
-    #[default]
-    Group,
-    /// One value a joint.
-    Joint,
-    /// One value for all joints of the rule.
-    All,
+/// The rules of a configuration, a list a kind of modification.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Rules {
+    /// Parameters of joints.
+    pub parameter: Vec<ParameterRule>,
+    /// Networks of joints.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub network: Vec<NetworkRule>,
+    /// Numbers of the robot as a whole.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub robot: Vec<RobotRule>,
 }
 
-/// A rule: a quantity, the joints it covers, and what it takes instead of the quantity's defaults.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ParameterRule {
-    /// Quantity.
-    pub kind: Quantity,
-    /// How many joints share a value.
-    #[serde(default)]
-    pub per: Sharing,
-    /// Patterns over joint names, with or without a final `_joint`; a joint is covered when any matches.
-    #[serde(default = "every_joint")]
-    pub joints: Vec<String>,
-    /// Name of the entry, or its first part where there are several.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub name: Option<String>,
-    /// Lower bound.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lower: Option<f64>,
-    /// Upper bound.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub upper: Option<f64>,
-    /// First mean.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub start: Option<f64>,
-    /// First standard deviation.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub deviation: Option<f64>,
-}
-
-fn every_joint() -> Vec<String> {
-    vec!["*".to_owned()]
-}
-
-impl ParameterRule {
-    /// A rule over all joints with the quantity's defaults, one value a group.
-    pub fn new(kind: Quantity) -> Self {
-        Self {
-            kind,
-            per: Sharing::Group,
-            joints: every_joint(),
-            name: None,
-            lower: None,
-            upper: None,
-            start: None,
-            deviation: None,
-        }
-    }
-
-    /// FricArm: friction loss and armature of every group (Dao and Fern).
-    pub fn fric_arm() -> Vec<Self> {
-        vec![Self::new(Quantity::FrictionLoss), Self::new(Quantity::Armature)]
-    }
-
-    /// Fills in the quantity's defaults where the rule is silent.
+impl Rules {
+    /// Fills in defaults where rules are silent.
     pub fn resolve(&mut self) {
-        let defaults = self.kind.defaults();
-        self.lower.get_or_insert(defaults.lower);
-        self.upper.get_or_insert(defaults.upper);
-        self.start.get_or_insert(defaults.start);
-        self.deviation.get_or_insert(defaults.deviation);
+        self.parameter.iter_mut().for_each(ParameterRule::resolve);
+        self.robot.iter_mut().for_each(RobotRule::resolve);
     }
 
-    /// The rule's entries for a robot, groups in the order of their first joint.
-    pub(super) fn entries(
+    /// θ for a robot with these `joints`; parameters first, then networks, then the robot's numbers. `groups` are names
+    /// with joint patterns; `rest` are the networks' rest angles (the policy's default pose), rad, one a joint, not
+    /// looked at without networks.
+    ///
+    /// # Errors
+    /// As the rules' own `modification` and [`Theta::new`].
+    pub fn theta(
         &self,
         groups: &[(String, Vec<String>)],
         joints: &[String],
-    ) -> Result<Vec<Entry>, ThetaError> {
-        let kind = self.kind.name();
-        let patterns = matcher(&self.joints)?;
-        let covered: Vec<&String> = joints.iter().filter(|joint| matches(&patterns, joint)).collect();
-        if covered.is_empty() {
-            let joints = joints.join(", ");
-            return Err(ThetaError::NoJoint { kind, patterns: self.joints.clone(), joints });
-        }
-        let prefix = self.name.as_deref().unwrap_or(kind);
-        match self.per {
-            Sharing::All => {
-                let name = self.name.clone().unwrap_or_else(|| named_after(kind, &self.joints));
-                Ok(vec![self.entry(name, covered)])
-            }
-            Sharing::Joint => Ok(covered
-                .into_iter()
-                .map(|joint| self.entry(format!("{prefix}_{}", plain(joint)), vec![joint]))
-                .collect()),
-            Sharing::Group => {
-                let mut found: Vec<(&str, Vec<&String>)> = Vec::new();
-                let compiled: Vec<(&str, GlobSet)> = groups
-                    .iter()
-                    .map(|(name, patterns)| Ok((name.as_str(), matcher(patterns)?)))
-                    .collect::<Result<_, ThetaError>>()?;
-                for joint in covered {
-                    let of: Vec<&str> = compiled
-                        .iter()
-                        .filter(|(_, set)| matches(set, joint))
-                        .map(|(name, _)| *name)
-                        .collect();
-                    let [group] = of[..] else {
-                        let found = if of.is_empty() { "none".to_owned() } else { of.join(" and ") };
-                        return Err(ThetaError::Group { kind, joint: joint.clone(), found });
-                    };
-                    match found.iter_mut().find(|(name, _)| *name == group) {
-                        Some((_, joints)) => joints.push(joint),
-                        None => found.push((group, vec![joint])),
-                    }
-                }
-                Ok(found
-                    .into_iter()
-                    .map(|(group, joints)| self.entry(format!("{prefix}_{group}"), joints))
-                    .collect())
-            }
-        }
+        rest: &[f64],
+    ) -> Result<Theta, ThetaError> {
+        let parameters = self.parameter.iter().map(|rule| rule.modification(groups, joints));
+        let networks = self.network.iter().map(|rule| rule.modification(joints, rest));
+        let robot = self.robot.iter().map(RobotRule::modification);
+        Theta::new(parameters.chain(networks).chain(robot).collect::<Result<_, _>>()?)
     }
-
-    fn entry(&self, name: String, joints: Vec<&String>) -> Entry {
-        let defaults = self.kind.defaults();
-        Entry {
-            name,
-            quantity: self.kind,
-            unit: self.kind.unit().to_owned(),
-            joints: joints.into_iter().cloned().collect(),
-            lower: self.lower.unwrap_or(defaults.lower),
-            upper: self.upper.unwrap_or(defaults.upper),
-            start: self.start.unwrap_or(defaults.start),
-            deviation: self.deviation.unwrap_or(defaults.deviation),
-        }
-    }
-}
-
-/// A joint's name without the `_joint` that robot files like to add and logs leave out.
-fn plain(joint: &str) -> &str {
-    joint.strip_suffix("_joint").unwrap_or(joint)
-}
-
-/// Whether a pattern matches the joint, with or without `_joint`: `*_hip` covers `FL_hip_joint`.
-fn matches(patterns: &GlobSet, joint: &str) -> bool {
-    patterns.is_match(joint) || patterns.is_match(plain(joint))
-}
-
-/// `damping` with `*_hip` is called `damping_hip`.
-fn named_after(kind: &str, patterns: &[String]) -> String {
-    let mut name = kind.to_owned();
-    for pattern in patterns {
-        let word = pattern.trim_matches(|letter: char| !letter.is_alphanumeric());
-        if !word.is_empty() {
-            name.push('_');
-            name.push_str(word);
-        }
-    }
-    name
-}
-
-fn matcher(patterns: &[String]) -> Result<GlobSet, ThetaError> {
-    let wrong = |pattern: &String, error: globset::Error| ThetaError::Pattern {
-        pattern: pattern.clone(),
-        reason: error.kind().to_string(),
-    };
-    let mut set = GlobSetBuilder::new();
-    for pattern in patterns {
-        set.add(Glob::new(pattern).map_err(|error| wrong(pattern, error))?);
-    }
-    set.build().map_err(|error| wrong(&patterns.join(", "), error))
 }

@@ -9,34 +9,11 @@ use crate::inputs::Inputs;
 use crate::machine::now;
 use crate::manifest;
 use crate::run_folder::RunFolder;
+use gaitfit_adapt::{Found, ThetaFile};
 use serde::{Deserialize, Serialize};
 
 const CONFIG: &str = "config.toml";
 const RESULT: &str = "result.json";
-
-/// `theta.toml`: the parameters alone, for programs that use them.
-#[derive(Serialize)]
-struct ThetaFile<'a> {
-    format: u32,
-    robot: &'a str,
-    cost_name: &'a str,
-    cost: f64,
-    parameter: Vec<ThetaEntry<'a>>,
-}
-
-#[derive(Serialize)]
-struct ThetaEntry<'a> {
-    name: &'a str,
-    kind: &'static str,
-    joints: &'a [String],
-    value: f64,
-    unit: &'a str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    spread: Option<f64>,
-    lower: f64,
-    upper: f64,
-    at_bound: bool,
-}
 
 /// `result.json`: the results, and the inputs they belong to.
 #[derive(Serialize, Deserialize)]
@@ -87,34 +64,20 @@ pub fn finish(
     results: &Results,
     begun: &str,
 ) -> Result<(), Failure> {
-    let theta = toml::to_string(&theta(setup, results))
+    let theta = theta(setup, results)
+        .to_toml()
         .map_err(|error| Failure::failed(format!("cannot write theta.toml: {error}")))?;
     folder.write("theta.toml", theta.as_bytes())?;
     folder.write_json::<Vec<Validation>>("validation.json", &results.validation)?;
-    let metrics = folder.read(super::fitting::METRICS)?.unwrap_or_default();
+    let metrics = folder.read(crate::fitting::METRICS)?.unwrap_or_default();
     let page = report::page(config, setup, results, &metrics)?;
     folder.write("report.html", page.as_bytes())?;
     manifest::write(folder, &setup.options.seeds, inputs, begun, Some(now()))?;
     folder.write_json(RESULT, &ResultFile { inputs: inputs.clone(), results: results.clone() })
 }
 
-fn theta<'a>(setup: &'a Setup, results: &'a Results) -> ThetaFile<'a> {
-    let entry = |(entry, parameter): (&'a gaitfit_adapt::Entry, &'a Parameter)| ThetaEntry {
-        name: &entry.name,
-        kind: entry.quantity.name(),
-        joints: &entry.joints,
-        value: parameter.found.value,
-        unit: &entry.unit,
-        spread: parameter.found.spread,
-        lower: entry.lower,
-        upper: entry.upper,
-        at_bound: parameter.found.at_bound,
-    };
-    ThetaFile {
-        format: 1,
-        robot: &results.robot,
-        cost_name: &results.cost_name,
-        cost: results.cost,
-        parameter: setup.theta.entries.iter().zip(&results.parameters).map(entry).collect(),
-    }
+fn theta(setup: &Setup, results: &Results) -> ThetaFile {
+    let found = |parameter: &Parameter| Found { value: parameter.found.value, spread: parameter.found.spread };
+    let found: Vec<Found> = results.parameters.iter().map(found).collect();
+    ThetaFile::new(&setup.theta, &found, &results.robot, &results.cost_name, results.cost)
 }

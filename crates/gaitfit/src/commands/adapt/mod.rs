@@ -1,7 +1,6 @@
 //! `gaitfit adapt`: fits the simulator's parameters to logs of a robot.
 
 mod files;
-mod fitting;
 mod inputs;
 mod logs;
 mod report;
@@ -12,6 +11,7 @@ mod table;
 use crate::cli;
 use crate::config;
 use crate::exit::{Exit, Failure};
+use crate::fitting;
 use crate::output::{self, note};
 use crate::run_folder::RunFolder;
 use results::Results;
@@ -50,7 +50,7 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
         None => {
             let begun = crate::machine::now();
             files::begin(&folder, &config, &setup, &inputs, &begun)?;
-            let (outcomes, seconds) = fitting::fit(&config, &setup, &folder, &inputs)?;
+            let (outcomes, seconds) = fitting::fit(&setup.fitting(&config), &folder, &inputs)?;
             let results = results::results(&config, &setup, &outcomes, &folder, seconds)?;
             files::finish(&folder, &config, &setup, &inputs, &results, &begun)?;
             results

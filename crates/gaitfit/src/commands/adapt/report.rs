@@ -1,6 +1,6 @@
 //! From results to the report's plain data.
 
-use super::fitting::Metric;
+use crate::fitting::Metric;
 use super::results::{OtherFit, Results};
 use super::setup::{LogSet, Setup};
 use crate::config::AdaptConfig;

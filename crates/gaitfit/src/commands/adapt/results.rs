@@ -3,7 +3,7 @@
 use super::setup::{LogSet, Setup};
 use crate::config::AdaptConfig;
 use crate::exit::Failure;
-use gaitfit_adapt::cost::{Simulated, position_rmse};
+use gaitfit_adapt::cost::position_rmse;
 use gaitfit_adapt::fit::{
     Agreement, CostOutcome, Job, ParameterOutcome, Predicted, RunOutcome, TargetSignal, best_delay, compare,
     delayed, evaluate, simulate_one,
@@ -200,8 +200,10 @@ fn costs_of(
     cost: usize,
     candidates: &[Vec<f64>],
 ) -> Result<Vec<Option<f64>>, gaitfit_adapt::fit::FitError> {
-    let jobs: Vec<Job> = candidates.iter().map(|values| Job { cost, values: values.clone() }).collect();
-    evaluate(&setup.fit.simulator, &setup.theta, &setup.costs, &jobs)
+    let jobs: Vec<Job> = candidates.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
+    let falls = &setup.options.falls;
+    let found = evaluate(&setup.fit.simulator, &setup.theta, &setup.costs, falls, &jobs)?;
+    Ok(found.into_iter().map(|found| found.cost).collect())
 }
 
 /// The mean; `None` when any value is missing or there are none.
@@ -263,8 +265,7 @@ fn score(
     let cost = || {
         let mut accumulator = setup.costs[0].begin();
         for (number, log) in fit[0].iter().enumerate() {
-            let simulated = Simulated { position: &log.position, velocity: &log.velocity, action: None };
-            accumulator.add(number, simulated).ok()?;
+            accumulator.add(number, log.signals()).ok()?;
         }
         accumulator.finish().ok().map(|breakdown| breakdown.total).filter(|cost| cost.is_finite())
     };

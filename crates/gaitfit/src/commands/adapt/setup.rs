@@ -1,15 +1,15 @@
 //! Everything a fit needs, read and checked before anything is written.
 
 use super::logs::{self, Log};
-use crate::config::{AdaptConfig, CostName, PresetName};
+use crate::config::{AdaptConfig, check};
 use crate::exit::Failure;
+use crate::fitting::Fitting;
 use crate::{machine, paths, robot};
-use gaitfit_adapt::cost::{Cost, CostError, MatchO, Recorded, Target, Wass, Weights};
+use gaitfit_adapt::cost::{Cost, CostError, CostKind, MatchO, Recorded, Target, Wass, Weights};
 use gaitfit_adapt::fit::FitOptions;
 use gaitfit_adapt::{Quantity, ReplaySimulator, Theta};
 use gaitfit_log::Severity;
 use gaitfit_model::Model;
-use gaitfit_physics::Preset;
 use gaitfit_sim::ReplayOptions;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -44,9 +44,23 @@ pub struct Setup {
     pub warnings: Vec<String>,
 }
 
+impl Setup {
+    /// The fit of the logs.
+    pub fn fitting(&self, config: &AdaptConfig) -> Fitting<'_> {
+        Fitting {
+            simulator: &self.fit.simulator,
+            theta: &self.theta,
+            costs: &self.costs,
+            options: &self.options,
+            max_seconds: config.optimizer.max_seconds,
+            checkpoint_seconds: config.checkpoint_seconds,
+        }
+    }
+}
+
 /// Reads robot and logs and checks the settings.
 pub fn setup(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -> Result<Setup, Failure> {
-    check(config, config_path)?;
+    check::check(config, config_path)?;
     let robot_path = paths::find(&config.robot, "robot", config_path)?;
     let model = robot::read(&robot_path, config.lenient, robot::Hold::Clamped)?;
     let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
@@ -83,7 +97,7 @@ pub fn setup(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -
     }
     let costs = config.costs.iter().map(|&name| cost(name, &fit.target)).collect::<Result<Vec<_>, _>>();
     let costs = costs.map_err(|error| Failure::failed(format!("the logs cannot be compared: {error}")))?;
-    Ok(Setup { robot_path, model, theta, fit, validate, costs, options: options(config), warnings })
+    Ok(Setup { robot_path, model, theta, fit, validate, costs, options: check::options(config, 0), warnings })
 }
 
 /// Most physics steps a sample, as the replay has it.
@@ -94,7 +108,7 @@ const MOST_DELAY: f64 = 1.0;
 /// Settings that name something this run does not have: harmless, or a slip of the pen.
 fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Log]) -> Result<Vec<String>, Failure> {
     let mut found = Vec::new();
-    let fitted = |name: &String| theta.entries.iter().any(|entry| entry.name == *name);
+    let fitted = |name: &String| theta.entries().iter().any(|entry| entry.name == *name);
     let known = config.truth.keys().map(|name| ("truth", name));
     for (table, name) in known.chain(config.published.keys().map(|name| ("published", name))) {
         if !fitted(name) {
@@ -111,47 +125,6 @@ fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Log]) -> Result<Vec<S
         }
     }
     Ok(found)
-}
-
-fn check(config: &AdaptConfig, path: &Path) -> Result<(), Failure> {
-    let optimizer = &config.optimizer;
-    let not_negative = |value: f64| value.is_finite() && value >= 0.0;
-    let wrong = if config.robot.is_empty() {
-        "`robot` names no robot file"
-    } else if config.logs.is_empty() {
-        "`logs` names no log to fit"
-    } else if config.costs.is_empty() {
-        "`costs` names no cost; take \"matcho\", \"wass\" or both"
-    } else if (1..config.costs.len()).any(|index| config.costs[..index].contains(&config.costs[index])) {
-        "`costs` names one cost twice"
-    } else if optimizer.generations == 0 {
-        "`optimizer.generations` must be at least 1"
-    } else if optimizer.seeds == 0 || optimizer.seeds > 1000 {
-        "`optimizer.seeds` must be 1 to 1000"
-    } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none() {
-        "`optimizer.seed` is too large"
-    } else if optimizer.population == 1 || optimizer.population > 100_000 {
-        "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 100000"
-    } else if !not_negative(optimizer.tolerance) || optimizer.tolerance >= 1.0 {
-        "`optimizer.tolerance` must be at least 0 and below 1"
-    } else if !not_negative(optimizer.max_seconds) {
-        "`optimizer.max_seconds` must be at least 0"
-    } else if !not_negative(config.checkpoint_seconds) {
-        "`checkpoint_seconds` must be at least 0"
-    } else if !config.simulation.timestep.is_finite() || config.simulation.timestep < 1e-6 {
-        "`simulation.timestep` must be at least 1e-6 s"
-    } else if !not_negative(config.simulation.skip_seconds) {
-        "`simulation.skip_seconds` must be at least 0"
-    } else if config.runs.is_empty() {
-        "`runs` names no folder; \".\" is the current one"
-    } else if config.check.rmse_rad.is_some_and(|limit| !not_negative(limit)) {
-        "`check.rmse_rad` must be at least 0"
-    } else if config.check.rmse_rad.is_some() && config.validate.is_empty() {
-        "`check.rmse_rad` needs logs in `validate`"
-    } else {
-        return Ok(());
-    };
-    Err(Failure::usage(format!("{}: {wrong}. `gaitfit config` shows every setting.", path.display())))
 }
 
 /// Replays logs that share a sample rate closely enough to share a number of substeps.
@@ -182,11 +155,7 @@ fn log_set(
     }
     let options = ReplayOptions {
         substeps,
-        preset: match config.simulation.preset {
-            PresetName::Fast => Preset::Fast,
-            PresetName::Accurate => Preset::Accurate,
-            PresetName::Converged => Preset::Converged,
-        },
+        preset: config.simulation.preset.into(),
         max_delay,
         isa: None,
     };
@@ -206,23 +175,12 @@ fn log_set(
 
 /// Actions carry no weight: a replay sends the log's own targets, so both sides act the same and the action's
 /// part of either cost is zero.
-fn cost(name: CostName, target: &Arc<Target>) -> Result<Box<dyn Cost>, CostError> {
-    let weights = Weights { position: 1.0, velocity: 1.0, action: 0.0 };
+fn cost(kind: CostKind, target: &Arc<Target>) -> Result<Box<dyn Cost>, CostError> {
+    let weights = Weights::JOINTS;
     let target = Arc::clone(target);
-    Ok(match name {
-        CostName::MatchO => Box::new(MatchO::new(target, weights)?),
-        CostName::Wass => Box::new(Wass::new(target, weights)?),
+    Ok(match kind {
+        CostKind::Wass => Box::new(Wass::new(target, weights)?),
+        // `check` has refused costs that need the base's state.
+        CostKind::MatchO | CostKind::MatchS(_) => Box::new(MatchO::new(target, weights)?),
     })
-}
-
-fn options(config: &AdaptConfig) -> FitOptions {
-    let optimizer = &config.optimizer;
-    FitOptions {
-        population: optimizer.population,
-        generations: optimizer.generations,
-        seeds: (0..optimizer.seeds as u64).map(|offset| optimizer.seed + offset).collect(),
-        covariance: optimizer.covariance,
-        bounds: optimizer.bounds,
-        tolerance: optimizer.tolerance,
-    }
 }

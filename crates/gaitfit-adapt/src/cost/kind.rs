@@ -1,0 +1,113 @@
+//! Costs by name.
+
+use super::{Cost, CostError, MatchO, MatchS, Target, Wass, Weights};
+use crate::Simulator;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::num::NonZeroUsize;
+use std::str::FromStr;
+use std::sync::Arc;
+
+/// A cost by its name in configurations and results: `wass`, `matcho`, `matchs` (never reset), `matchs1`,
+/// `matchs20` (reset every so many samples).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(into = "String", try_from = "String")]
+pub enum CostKind {
+    /// [`Wass`].
+    Wass,
+    /// [`MatchO`].
+    MatchO,
+    /// [`MatchS`], with the samples between resets.
+    MatchS(Option<NonZeroUsize>),
+}
+
+/// A name that is no cost's.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "there is no cost `{0}`; take wass, matcho, matchs (never reset), or matchs with the samples between resets, \
+     for example matchs1 or matchs20"
+)]
+pub struct UnknownCost(pub String);
+
+impl CostKind {
+    /// The cost against `target` with the paper's weights, as far as both sides have the signals.
+    ///
+    /// # Errors
+    /// As the cost's own `new`.
+    pub fn build(self, target: &Arc<Target>, simulator: &dyn Simulator) -> Result<Box<dyn Cost>, CostError> {
+        let (target, shared) = (Arc::clone(target), Weights::shared(target, simulator));
+        Ok(match self {
+            Self::Wass => Box::new(Wass::new(target, shared)?),
+            Self::MatchO => Box::new(MatchO::new(target, shared)?),
+            Self::MatchS(horizon) => Box::new(MatchS::new(target, Weights::PRIVILEGED, horizon)?),
+        })
+    }
+
+    /// Whether it needs the base's state in the log.
+    pub fn is_privileged(self) -> bool {
+        matches!(self, Self::MatchS(_))
+    }
+}
+
+impl fmt::Display for CostKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Wass => f.write_str("wass"),
+            Self::MatchO => f.write_str("matcho"),
+            Self::MatchS(None) => f.write_str("matchs"),
+            Self::MatchS(Some(horizon)) => write!(f, "matchs{horizon}"),
+        }
+    }
+}
+
+impl FromStr for CostKind {
+    type Err = UnknownCost;
+
+    fn from_str(name: &str) -> Result<Self, UnknownCost> {
+        match name {
+            "wass" => Ok(Self::Wass),
+            "matcho" => Ok(Self::MatchO),
+            "matchs" => Ok(Self::MatchS(None)),
+            _ => {
+                let unknown = || UnknownCost(name.to_owned());
+                let digits = name.strip_prefix("matchs").filter(|rest| !rest.starts_with(['+', '0']));
+                let horizon = digits.ok_or_else(unknown)?.parse().map_err(|_| unknown())?;
+                Ok(Self::MatchS(Some(horizon)))
+            }
+        }
+    }
+}
+
+impl From<CostKind> for String {
+    fn from(kind: CostKind) -> Self {
+        kind.to_string()
+    }
+}
+
+impl TryFrom<String> for CostKind {
+    type Error = UnknownCost;
+
+    fn try_from(name: String) -> Result<Self, UnknownCost> {
+        name.parse()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_read_as_they_print() {
+        for name in ["wass", "matcho", "matchs", "matchs1", "matchs20"] {
+            let kind: CostKind = name.parse().unwrap();
+            assert_eq!(kind.to_string(), name);
+            let json = serde_json::to_string(&kind).unwrap();
+            assert_eq!(serde_json::from_str::<CostKind>(&json).unwrap(), kind);
+        }
+        assert_eq!("matchs20".parse(), Ok(CostKind::MatchS(NonZeroUsize::new(20))));
+        for name in ["", "Wass", "matchs0", "matchs+1", "matchs020", "matchs-1", "matchs1.5", "matcho1"] {
+            assert_eq!(name.parse::<CostKind>(), Err(UnknownCost(name.to_owned())));
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! The privileged time-aligned cost with resets.
+
+use super::aligned::AlignedSums;
+use super::{Accumulator, Cost, CostError, CostKind, Signal, Target, Weights};
+use std::num::NonZeroUsize;
+use std::sync::Arc;
+
+/// MatchS(H): time-aligned L2 over joint position, joint velocity, base position and base velocity, the simulated
+/// robot reset to the recording's state every H samples (H infinite: never). Computed as [`super::MatchO`] is.
+/// Privileged: it needs the base's state, which robots do not log by themselves; a baseline.
+///
+/// With H = 1 each sample is predicted from the one before. Errors are then as small as one control period makes
+/// them, and with noise-free data the cost rises linearly from 0 at the truth (its square: as the square of the
+/// parameters' error).
+#[derive(Clone, Debug)]
+pub struct MatchS {
+    target: Arc<Target>,
+    weights: Weights,
+    horizon: Option<NonZeroUsize>,
+    name: String,
+}
+
+impl MatchS {
+    /// The cost against `target`, with resets every `horizon` samples.
+    ///
+    /// # Errors
+    /// [`CostError::Privileged`] without the base's position and velocity in every recording where `weights` ask
+    /// for them; as [`Weights::check`].
+    pub fn new(
+        target: Arc<Target>,
+        weights: Weights,
+        horizon: Option<NonZeroUsize>,
+    ) -> Result<Self, CostError> {
+        let name = CostKind::MatchS(horizon).to_string();
+        let missing = weights.signals().find(|signal| signal.is_privileged() && !target.has(*signal));
+        if let Some(signal) = missing {
+            return Err(CostError::Privileged { cost: name, signal });
+        }
+        // A robot that stands still or is clamped has a constant base: its dimensions are left out.
+        let constant = |signal: Signal| {
+            target.dimensions(signal).is_some_and(|all| all.iter().all(|one| one.scale.is_none()))
+        };
+        let mut weights = weights;
+        if constant(Signal::BasePosition) {
+            weights.base_position = 0.0;
+        }
+        if constant(Signal::BaseVelocity) {
+            weights.base_velocity = 0.0;
+        }
+        weights.check(&target)?;
+        Ok(Self { target, weights, horizon, name })
+    }
+}
+
+impl Cost for MatchS {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn reset_every(&self) -> Option<usize> {
+        self.horizon.map(NonZeroUsize::get)
+    }
+
+    fn begin(&self) -> Box<dyn Accumulator + '_> {
+        Box::new(AlignedSums::new(&self.target, self.weights))
+    }
+
+    fn lost(&self) -> f64 {
+        super::LOST * self.weights.sum()
+    }
+
+    fn subset(&self, recordings: &[usize]) -> Option<Box<dyn Cost>> {
+        Some(Box::new(Self { target: Arc::new(self.target.subset(recordings)), ..self.clone() }))
+    }
+}

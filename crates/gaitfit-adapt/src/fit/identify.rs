@@ -1,0 +1,311 @@
+//! Which parameters the data identify: how flat the cost is along each, measured against the cost's own noise.
+//!
+//! Around the best values each parameter alone is moved to both sides, in steps from a thousandth of its range to its
+//! bounds. The noise of each rise of the cost is its jackknife standard error over groups of recordings: the rise is
+//! computed anew without each group, which covers what the choice of recordings and the simulation's own randomness
+//! do to it (Efron and Stein 1981, eq. 1.1, in groups). The interval ends where the rise exceeds its standard error.
+//! For a smooth cost with curvature H and a gradient of noise s the rise is ½Hδ² and its error sδ, so the interval is
+//! δ = 2 s/H: two standard errors of the estimate to either side.
+//!
+//! Other parameters stay where they are: two that make up for each other are both found identified. Their spread over
+//! seeds shows that.
+
+use super::{FitError, Predicted};
+use crate::cost::{Cost, CostError};
+use crate::{Entry, Rollout, Signals, Simulator, Theta};
+use serde::{Deserialize, Serialize};
+use std::sync::Mutex;
+
+/// Most entries of a θ that is scanned.
+pub const MOST_SCANNED: usize = 50;
+/// Steps of the scan, parts of the range; the bounds come on top.
+const STEPS: [f64; 6] = [1e-3, 3.16e-3, 1e-2, 3.16e-2, 1e-1, 3.16e-1];
+/// Groups of recordings.
+const GROUPS: usize = 8;
+/// Draws, where recordings are too few.
+const DRAWS: u64 = 8;
+/// Rises below this count as rounding of single-precision signals, in units where the robot's range is 2; and parts of
+/// the cost below this as nothing worth telling apart.
+const FLOOR: (f64, f64) = (1e-6, 1e-3);
+/// The part of the cost taken for its noise where it cannot be measured.
+const ASSUMED: f64 = 0.05;
+/// A parameter whose interval is this part of its bounds or more is not identified.
+const MOST: f64 = 0.5;
+/// Memory for signals waiting for the rest of their candidate's, bytes.
+const MEMORY: usize = 256 << 20;
+
+/// Where the noise of the cost is known from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum NoiseSource {
+    /// Jackknife over groups of recordings.
+    Recordings,
+    /// The cost's standard deviation over random draws of the simulation: there is one recording only.
+    Draws,
+    /// Not known: one recording, no randomness. Five percent of the cost are taken.
+    Assumed,
+}
+
+/// How well the data identify a parameter, all others held.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Identification {
+    /// Lower end of the interval in which the cost rises less than its noise; a bound where it does so up to there.
+    pub lower: f64,
+    /// Upper end.
+    pub upper: f64,
+    /// The rise at the ends that counts as noise; of the larger end. Costs are in units where the robot's range is 2.
+    pub rise: f64,
+    /// Where it is known from.
+    pub noise: NoiseSource,
+    /// Whether the interval is less than half as wide as the bounds.
+    pub identified: bool,
+    /// A value at which the cost is lower than at the best found by more than noise: the search had not ended.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub better: Option<f64>,
+}
+
+/// A point of the scan.
+struct Point {
+    entry: usize,
+    value: f64,
+}
+
+/// The rise of the cost at a point, and what of it may be noise; `None` where the simulation diverged.
+type Rise = Option<(f64, f64)>;
+
+/// Measures how flat `cost` is along each entry of `theta` around `values`, in one batch of the simulator (after one for
+/// the values themselves). `draw` selects the random draws, the same for all. What falls add beyond the samples they
+/// lose, and regularisation, are left out: this is about the data.
+///
+/// # Errors
+/// As [`super::evaluate`]; [`FitError::Scan`] if there are more than [`MOST_SCANNED`] entries or `values` diverges.
+pub fn identify(
+    simulator: &dyn Simulator,
+    theta: &Theta,
+    cost: &dyn Cost,
+    values: &[f64],
+    draw: u64,
+) -> Result<Vec<Identification>, FitError> {
+    if theta.len() > MOST_SCANNED || values.len() != theta.len() {
+        return Err(FitError::Scan(format!(
+            "{} values of {} parameters; at most {MOST_SCANNED} can be scanned",
+            values.len(),
+            theta.len()
+        )));
+    }
+    let recordings = simulator.recordings();
+    let all: Vec<usize> = (0..recordings).collect();
+    let without = without_groups(cost, recordings);
+    let mut views = vec![View { cost, recordings: &all }];
+    views.extend(without.iter().map(|(cost, kept)| View { cost: cost.as_ref(), recordings: kept }));
+    let rollout = |values: Vec<f64>, draw: u64| Rollout { values, reset_every: cost.reset_every(), draw };
+    let more = if views.len() > 1 { 0 } else { DRAWS };
+    let best: Vec<Rollout> =
+        (0..=more).map(|next| rollout(values.to_vec(), draw.wrapping_add(next))).collect();
+    let (best, bytes) = measure(simulator, theta, &views, &best)?;
+    let diverged = || FitError::Scan("the simulation of the best values diverges".to_owned());
+    let centre = best.first().cloned().flatten().ok_or_else(diverged)?;
+
+    let floor = FLOOR.0 + FLOOR.1 * centre[0].abs();
+    let (noise, fixed) = if views.len() > 1 {
+        (NoiseSource::Recordings, 0.0)
+    } else {
+        let draws: Vec<f64> = best[1..].iter().flatten().map(|costs| costs[0]).collect();
+        match super::outcome::spread(&draws).filter(|spread| *spread > 0.0) {
+            Some(spread) => (NoiseSource::Draws, spread),
+            None => (NoiseSource::Assumed, ASSUMED * centre[0]),
+        }
+    };
+    let rise = |costs: &Vec<f64>| {
+        let rises: Vec<f64> = costs.iter().zip(&centre).map(|(there, here)| there - here).collect();
+        (rises[0], jackknife(&rises[1..]).max(fixed).max(floor))
+    };
+
+    let points: Vec<Point> =
+        theta.entries().iter().enumerate().flat_map(|(at, entry)| scan(at, entry, values[at])).collect();
+    let mut rises: Vec<Rise> = Vec::with_capacity(points.len());
+    for points in points.chunks((MEMORY / bytes.max(1)).max(1)) {
+        let moved = |point: &Point| {
+            let mut values = values.to_vec();
+            values[point.entry] = point.value;
+            rollout(values, draw)
+        };
+        let rollouts: Vec<Rollout> = points.iter().map(moved).collect();
+        let (costs, _) = measure(simulator, theta, &views, &rollouts)?;
+        rises.extend(costs.iter().map(|costs| costs.as_ref().map(rise)));
+    }
+    let of_entry = |(at, entry): (usize, &Entry)| {
+        let own: Vec<(f64, Rise)> = points
+            .iter()
+            .zip(&rises)
+            .filter(|(point, _)| point.entry == at)
+            .map(|(point, rise)| (point.value, *rise))
+            .collect();
+        verdict(entry, values[at], &own, noise)
+    };
+    Ok(theta.entries().iter().enumerate().map(of_entry).collect())
+}
+
+/// A cost and the numbers of the recordings it sees.
+struct View<'a> {
+    cost: &'a dyn Cost,
+    recordings: &'a [usize],
+}
+
+/// The cost without each group of recordings, with the numbers of those kept; none if there are fewer than two.
+fn without_groups(cost: &dyn Cost, recordings: usize) -> Vec<(Box<dyn Cost>, Vec<usize>)> {
+    let groups = recordings.min(GROUPS);
+    if groups < 2 {
+        return Vec::new();
+    }
+    let without = |group: usize| {
+        let kept: Vec<usize> = (0..recordings).filter(|recording| recording % groups != group).collect();
+        Some((cost.subset(&kept)?, kept))
+    };
+    (0..groups).map(without).collect::<Option<_>>().unwrap_or_default()
+}
+
+/// The costs of each rollout, one a view, `None` where it diverged; and the bytes of the first one's signals.
+fn measure(
+    simulator: &dyn Simulator,
+    theta: &Theta,
+    views: &[View<'_>],
+    rollouts: &[Rollout],
+) -> Result<(Vec<Option<Vec<f64>>>, usize), FitError> {
+    struct Pending {
+        signals: Vec<Option<Predicted>>,
+        missing: usize,
+        bytes: usize,
+        costs: Option<Result<Vec<f64>, CostError>>,
+    }
+    let recordings = simulator.recordings();
+    let begin = |_: &Rollout| {
+        Mutex::new(Pending { signals: vec![None; recordings], missing: recordings, bytes: 0, costs: None })
+    };
+    let pending: Vec<Mutex<Pending>> = rollouts.iter().map(begin).collect();
+    simulator.simulate(theta, rollouts, &|candidate, recording, signals: Signals<'_>| {
+        let Some(pending) = pending.get(candidate) else { return };
+        let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let Some(slot) = pending.signals.get_mut(recording).filter(|slot| slot.is_none()) else { return };
+        let predicted = Predicted::of(&signals);
+        let bytes = predicted.bytes();
+        *slot = Some(predicted);
+        pending.bytes += bytes;
+        pending.missing -= 1;
+        if pending.missing == 0 {
+            let signals = std::mem::take(&mut pending.signals);
+            pending.costs = Some(views.iter().map(|view| total(view, &signals)).collect());
+        }
+    })?;
+    let mut costs = Vec::with_capacity(rollouts.len());
+    let mut bytes = 0;
+    for (number, pending) in pending.into_iter().enumerate() {
+        let pending = pending.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        if number == 0 {
+            bytes = pending.bytes;
+        }
+        costs.push(match pending.costs {
+            Some(Ok(costs)) => costs.iter().all(|cost| cost.is_finite()).then_some(costs),
+            Some(Err(error)) if error.is_candidate_failure() => None,
+            Some(Err(error)) => return Err(FitError::Cost(error)),
+            None => return Err(FitError::Incomplete),
+        });
+    }
+    Ok((costs, bytes))
+}
+
+fn total(view: &View<'_>, signals: &[Option<Predicted>]) -> Result<f64, CostError> {
+    let mut accumulator = view.cost.begin();
+    for (number, &recording) in view.recordings.iter().enumerate() {
+        let signals = signals.get(recording).and_then(Option::as_ref);
+        accumulator.add(number, signals.ok_or(CostError::Missing(recording))?.signals())?;
+    }
+    Ok(accumulator.finish()?.total)
+}
+
+/// Jackknife standard error from the values without each group: √((g − 1)/g Σ (xᵢ − x̄)²).
+fn jackknife(without: &[f64]) -> f64 {
+    if without.is_empty() {
+        return 0.0;
+    }
+    let groups = without.len() as f64;
+    let mean = without.iter().sum::<f64>() / groups;
+    let sum: f64 = without.iter().map(|value| (value - mean).powi(2)).sum();
+    ((groups - 1.0) / groups * sum).sqrt()
+}
+
+/// The points of an entry: on each side outwards, ending at the bound.
+fn scan(at: usize, entry: &Entry, value: f64) -> Vec<Point> {
+    let range = entry.upper - entry.lower;
+    let mut points = Vec::new();
+    for (bound, sign) in [(entry.lower, -1.0), (entry.upper, 1.0)] {
+        let room = (bound - value).abs();
+        let steps = STEPS.iter().map(|step| step * range).filter(|step| *step < 0.9 * room);
+        points.extend(steps.map(|step| Point { entry: at, value: value + sign * step }));
+        if room > 0.0 {
+            points.push(Point { entry: at, value: bound });
+        }
+    }
+    points
+}
+
+fn verdict(entry: &Entry, value: f64, points: &[(f64, Rise)], noise: NoiseSource) -> Identification {
+    let side = |below: bool| -> (f64, f64) {
+        let mut side: Vec<(f64, Rise)> = points
+            .iter()
+            .filter(|(at, _)| (*at < value) == below)
+            .map(|(at, rise)| ((at - value).abs(), *rise))
+            .collect();
+        side.sort_by(|a, b| a.0.total_cmp(&b.0));
+        end(&side)
+    };
+    let ((down, rise_down), (up, rise_up)) = (side(true), side(false));
+    let (lower, upper) = ((value - down).max(entry.lower), (value + up).min(entry.upper));
+    let lowest = points.iter().filter_map(|(at, rise)| rise.map(|(rise, noise)| (*at, rise + noise)));
+    let lowest = lowest.min_by(|a, b| a.1.total_cmp(&b.1));
+    Identification {
+        lower,
+        upper,
+        rise: rise_down.max(rise_up),
+        noise,
+        identified: upper - lower < MOST * (entry.upper - entry.lower),
+        better: lowest.filter(|(_, rise)| *rise < 0.0).map(|(at, _)| at),
+    }
+}
+
+/// How far out the cost rises no more than its noise, and the noise there. `side` is ordered by distance. Beyond the
+/// last point whose rise is noise the end is found by the two's growth: the rise as δ², the noise as δ or not at all.
+fn end(side: &[(f64, Rise)]) -> (f64, f64) {
+    let within = |rise: &Rise| rise.is_some_and(|(rise, noise)| rise <= noise);
+    let last = side.iter().rposition(|(_, rise)| within(rise));
+    let from = last.map_or(0.0, |last| side[last].0);
+    let noise_from = last.and_then(|last| side[last].1).map_or(0.0, |(_, noise)| noise);
+    match side.get(last.map_or(0, |last| last + 1)) {
+        None => (from, noise_from),
+        Some((to, None)) => (0.5 * (from + to), noise_from),
+        Some((to, Some((rise, noise)))) => ((to * noise / rise).clamp(from, *to), *noise),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Leave-one-out means of 1, 2, 3, 4 have the standard error of the mean: √(5/3 / 4).
+    #[test]
+    fn the_jackknife_of_a_mean_is_its_standard_error() {
+        let without = [3.0, 8.0 / 3.0, 7.0 / 3.0, 2.0];
+        assert!((jackknife(&without) - (5.0_f64 / 12.0).sqrt()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn the_interval_ends_where_the_rise_meets_the_noise() {
+        // Rise δ², noise 0.3 δ: they meet at 0.3.
+        let point = |delta: f64| (delta, Some((delta * delta, 0.3 * delta)));
+        let side = [0.1, 0.2, 0.5, 1.0].map(point);
+        assert!((end(&side).0 - 0.3).abs() < 1e-12);
+        assert_eq!(end(&[0.1, 0.2].map(point)).0, 0.2, "flat up to the bound");
+        assert_eq!(end(&[point(0.1), (0.3, None)]).0, 0.2, "divergence ends it");
+        assert_eq!(end(&[]), (0.0, 0.0), "at a bound there is no side");
+    }
+}

@@ -1,0 +1,228 @@
+//! `theta.toml`: what a fit found, for programs that use it.
+
+use super::{Found, NetworkName, Theta, joint_parameters, networks, robot_numbers};
+use gaitfit_model::Model;
+use gaitfit_sim::Candidate;
+use serde::{Deserialize, Serialize};
+
+/// Version of the format. 1 had no networks.
+const FORMAT: u32 = 2;
+
+/// What a fit found: a file that can be written, read and applied to a robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ThetaFile {
+    /// Version of the format.
+    pub format: u32,
+    /// Robot name.
+    #[serde(default)]
+    pub robot: String,
+    /// The cost it minimises.
+    #[serde(default)]
+    pub cost_name: String,
+    /// Its value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cost: Option<f64>,
+    /// Single numbers.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameter: Vec<SavedParameter>,
+    /// Networks, one a joint.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub network: Vec<SavedNetwork>,
+}
+
+/// A number.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SavedParameter {
+    /// Name.
+    pub name: String,
+    /// What it changes.
+    pub kind: String,
+    /// The joints it covers; empty for what is not a joint's.
+    #[serde(default)]
+    pub joints: Vec<String>,
+    /// Value.
+    pub value: f64,
+    /// Unit.
+    #[serde(default)]
+    pub unit: String,
+    /// Standard deviation over seeds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spread: Option<f64>,
+    /// Lower bound of the search.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lower: Option<f64>,
+    /// Upper bound of the search.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub upper: Option<f64>,
+    /// Whether the value rests on one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_bound: Option<bool>,
+}
+
+/// A joint's network.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SavedNetwork {
+    /// Name, for example `resid_act_RR_calf`.
+    pub name: String,
+    /// What it corrects.
+    pub kind: NetworkName,
+    /// The joint.
+    pub joint: String,
+    /// Angle at which the position inputs are 0, rad.
+    pub rest: f64,
+    /// Factor on the joint's angle, 1/rad.
+    pub position_scale: f64,
+    /// Factor on the joint's velocity, s/rad.
+    pub velocity_scale: f64,
+    /// Output for a last layer of weight 1, rad or N·m.
+    pub output_scale: f64,
+    /// Weights: layer by layer (6 × 8, 8 × 4, 4 × 1), `inputs × outputs` row-major, then biases.
+    pub weights: Vec<f64>,
+}
+
+/// Why a file of found values cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ThetaFileError {
+    /// It is not such a file.
+    #[error("{0}; give the theta.toml of a `gaitfit adapt` run")]
+    Syntax(String),
+    /// It is of another version.
+    #[error("it has format {0}, and this program reads 1 and 2")]
+    Format(u32),
+    /// A kind that this program does not know.
+    #[error("parameter `{name}` is of kind `{kind}`, which this program does not know")]
+    Kind {
+        /// Parameter.
+        name: String,
+        /// Its kind.
+        kind: String,
+    },
+    /// A value without a meaning.
+    #[error("`{name}` is {value}; it must be a number of at least {least}")]
+    Value {
+        /// Parameter.
+        name: String,
+        /// Its value.
+        value: f64,
+        /// Smallest value with a meaning.
+        least: f64,
+    },
+    /// A joint that the robot lacks.
+    #[error("{robot} has no joint `{joint}`; it has {joints}")]
+    NoJoint {
+        /// Robot.
+        robot: String,
+        /// The joint sought.
+        joint: String,
+        /// The joints it has.
+        joints: String,
+    },
+    /// A network with a wrong number of weights, or numbers that are not finite.
+    #[error("network `{name}` has {count} weights; it needs 97, and all of its numbers finite")]
+    Network {
+        /// Network.
+        name: String,
+        /// Weights found.
+        count: usize,
+    },
+    /// Two networks do the same to one joint.
+    #[error("network `{name}` is the second of its kind on joint `{joint}`; remove one")]
+    Twice {
+        /// Network.
+        name: String,
+        /// Joint.
+        joint: String,
+    },
+    /// It cannot be written.
+    #[error("it cannot be written: {0}")]
+    Write(String),
+}
+
+/// What readers of single modifications look things up in.
+pub(super) struct ReadContext<'a> {
+    model: &'a Model,
+}
+
+impl ReadContext<'_> {
+    /// The index of the joint called `name`.
+    pub fn joint(&self, name: &str) -> Result<usize, ThetaFileError> {
+        self.model.find_joint(name).ok_or_else(|| ThetaFileError::NoJoint {
+            robot: self.model.name.clone(),
+            joint: name.to_owned(),
+            joints: self.model.joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", "),
+        })
+    }
+
+    /// Whether the value has a meaning.
+    pub fn check(&self, parameter: &SavedParameter, least: f64) -> Result<(), ThetaFileError> {
+        let SavedParameter { name, value, .. } = parameter;
+        if value.is_finite() && *value >= least {
+            return Ok(());
+        }
+        Err(ThetaFileError::Value { name: name.clone(), value: *value, least })
+    }
+}
+
+/// Readers of single numbers: the first that knows the kind applies it.
+type Reader = fn(&SavedParameter, &ReadContext<'_>, &mut Candidate) -> Option<Result<(), ThetaFileError>>;
+const READERS: [Reader; 2] = [joint_parameters::read, robot_numbers::read];
+
+impl ThetaFile {
+    /// The file of what a fit of `theta` found, one an entry.
+    pub fn new(theta: &Theta, found: &[Found], robot: &str, cost_name: &str, cost: f64) -> Self {
+        let mut file = Self {
+            format: FORMAT,
+            robot: robot.to_owned(),
+            cost_name: cost_name.to_owned(),
+            cost: Some(cost),
+            parameter: Vec::new(),
+            network: Vec::new(),
+        };
+        for (modification, part) in theta.parts() {
+            if let Some(found) = found.get(part) {
+                modification.save(found, &mut file);
+            }
+        }
+        file
+    }
+
+    /// Reads a file's text.
+    ///
+    /// # Errors
+    /// [`ThetaFileError::Syntax`] with line and column, [`ThetaFileError::Format`].
+    pub fn parse(text: &str) -> Result<Self, ThetaFileError> {
+        let file: Self = toml::from_str(text)
+            .map_err(|error| ThetaFileError::Syntax(error.to_string().trim_end().to_owned()))?;
+        if !(1..=FORMAT).contains(&file.format) {
+            return Err(ThetaFileError::Format(file.format));
+        }
+        Ok(file)
+    }
+
+    /// The file's text.
+    ///
+    /// # Errors
+    /// [`ThetaFileError::Write`].
+    pub fn to_toml(&self) -> Result<String, ThetaFileError> {
+        toml::to_string(self).map_err(|error| ThetaFileError::Write(error.to_string()))
+    }
+
+    /// The robot of `model` with everything the file says.
+    ///
+    /// # Errors
+    /// [`ThetaFileError`] naming what the robot lacks or what has no meaning.
+    pub fn candidate(&self, model: &Model) -> Result<Candidate, ThetaFileError> {
+        let mut candidate = Candidate::nominal(model);
+        let context = ReadContext { model };
+        for parameter in &self.parameter {
+            let applied = READERS.iter().find_map(|read| read(parameter, &context, &mut candidate));
+            applied.unwrap_or_else(|| {
+                Err(ThetaFileError::Kind { name: parameter.name.clone(), kind: parameter.kind.clone() })
+            })?;
+        }
+        for network in &self.network {
+            networks::read(network, &context, &mut candidate)?;
+        }
+        Ok(candidate)
+    }
+}

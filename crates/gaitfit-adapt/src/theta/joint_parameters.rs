@@ -1,0 +1,204 @@
+//! Parameters of joints: friction loss, armature, delay and the like.
+
+use super::patterns::{covered, every_joint, matcher, matches, plain};
+use super::{Entry, Modification, Quantity, ReadContext, SavedParameter, ThetaError, ThetaFileError};
+use gaitfit_sim::Candidate;
+use globset::GlobSet;
+use serde::{Deserialize, Serialize};
+
+/// How many joints share a value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Sharing {
+    /// One value a group.
+    #[default]
+    Group,
+    /// One value a joint.
+    Joint,
+    /// One value for all joints of the rule.
+    All,
+}
+
+/// A rule: a quantity, the joints it covers, and what it takes instead of the quantity's defaults.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ParameterRule {
+    /// Quantity.
+    pub kind: Quantity,
+    /// How many joints share a value.
+    #[serde(default)]
+    pub per: Sharing,
+    /// Patterns over joint names, with or without a final `_joint`; a joint is covered when any matches.
+    #[serde(default = "every_joint")]
+    pub joints: Vec<String>,
+    /// Name of the entry, or its first part where there are several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Lower bound.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lower: Option<f64>,
+    /// Upper bound.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub upper: Option<f64>,
+    /// First mean.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<f64>,
+    /// First standard deviation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deviation: Option<f64>,
+}
+
+impl ParameterRule {
+    /// A rule over all joints with the quantity's defaults, one value a group.
+    pub fn new(kind: Quantity) -> Self {
+        Self {
+            kind,
+            per: Sharing::Group,
+            joints: every_joint(),
+            name: None,
+            lower: None,
+            upper: None,
+            start: None,
+            deviation: None,
+        }
+    }
+
+    /// FricArm: friction loss and armature of every group (Dao and Fern).
+    pub fn fric_arm() -> Vec<Self> {
+        vec![Self::new(Quantity::FrictionLoss), Self::new(Quantity::Armature)]
+    }
+
+    /// Fills in the quantity's defaults where the rule is silent.
+    pub fn resolve(&mut self) {
+        let defaults = self.kind.defaults();
+        self.lower.get_or_insert(defaults.lower);
+        self.upper.get_or_insert(defaults.upper);
+        self.start.get_or_insert(defaults.start);
+        self.deviation.get_or_insert(defaults.deviation);
+    }
+
+    /// The modification for a robot with these `joints`; `groups` are names with joint patterns.
+    ///
+    /// # Errors
+    /// [`ThetaError`] if patterns or numbers do not fit.
+    pub fn modification(
+        &self,
+        groups: &[(String, Vec<String>)],
+        joints: &[String],
+    ) -> Result<Box<dyn Modification>, ThetaError> {
+        let entries = self.entries(groups, joints)?;
+        for entry in &entries {
+            entry.check(self.kind.least())?;
+        }
+        Ok(Box::new(JointParameters { quantity: self.kind, entries }))
+    }
+
+    /// The rule's entries for a robot, groups in the order of their first joint.
+    fn entries(&self, groups: &[(String, Vec<String>)], joints: &[String]) -> Result<Vec<Entry>, ThetaError> {
+        let kind = self.kind.name();
+        let covered = covered(kind, &self.joints, joints)?;
+        let prefix = self.name.as_deref().unwrap_or(kind);
+        match self.per {
+            Sharing::All => {
+                let name = self.name.clone().unwrap_or_else(|| named_after(kind, &self.joints));
+                Ok(vec![self.entry(name, covered)])
+            }
+            Sharing::Joint => Ok(covered
+                .into_iter()
+                .map(|joint| self.entry(format!("{prefix}_{}", plain(joint)), vec![joint]))
+                .collect()),
+            Sharing::Group => {
+                let mut found: Vec<(&str, Vec<&String>)> = Vec::new();
+                let compiled: Vec<(&str, GlobSet)> = groups
+                    .iter()
+                    .map(|(name, patterns)| Ok((name.as_str(), matcher(patterns)?)))
+                    .collect::<Result<_, ThetaError>>()?;
+                for joint in covered {
+                    let of: Vec<&str> = compiled
+                        .iter()
+                        .filter(|(_, set)| matches(set, joint))
+                        .map(|(name, _)| *name)
+                        .collect();
+                    let [group] = of[..] else {
+                        let found = if of.is_empty() { "none".to_owned() } else { of.join(" and ") };
+                        return Err(ThetaError::Group { kind, joint: joint.clone(), found });
+                    };
+                    match found.iter_mut().find(|(name, _)| *name == group) {
+                        Some((_, joints)) => joints.push(joint),
+                        None => found.push((group, vec![joint])),
+                    }
+                }
+                Ok(found
+                    .into_iter()
+                    .map(|(group, joints)| self.entry(format!("{prefix}_{group}"), joints))
+                    .collect())
+            }
+        }
+    }
+
+    fn entry(&self, name: String, joints: Vec<&String>) -> Entry {
+        let defaults = self.kind.defaults();
+        Entry {
+            name,
+            kind: self.kind.name(),
+            unit: self.kind.unit().to_owned(),
+            joints: joints.into_iter().cloned().collect(),
+            lower: self.lower.unwrap_or(defaults.lower),
+            upper: self.upper.unwrap_or(defaults.upper),
+            start: self.start.unwrap_or(defaults.start),
+            deviation: self.deviation.unwrap_or(defaults.deviation),
+        }
+    }
+}
+
+/// `damping` with `*_hip` is called `damping_hip`.
+fn named_after(kind: &str, patterns: &[String]) -> String {
+    let mut name = kind.to_owned();
+    for pattern in patterns {
+        let word = pattern.trim_matches(|letter: char| !letter.is_alphanumeric());
+        if !word.is_empty() {
+            name.push('_');
+            name.push_str(word);
+        }
+    }
+    name
+}
+
+/// One quantity of some joints.
+#[derive(Debug)]
+struct JointParameters {
+    quantity: Quantity,
+    entries: Vec<Entry>,
+}
+
+impl Modification for JointParameters {
+    fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    fn apply(&self, values: &[f64], joints: &[String], candidate: &mut Candidate) {
+        let all = self.quantity.of_joints(&mut candidate.robot);
+        for (entry, &value) in self.entries.iter().zip(values) {
+            for name in &entry.joints {
+                if let Some(joint) = joints.iter().position(|joint| joint == name) {
+                    all[joint] = value;
+                }
+            }
+        }
+    }
+}
+
+/// Applies a parameter of a file, if its kind is a joint's.
+pub(super) fn read(
+    parameter: &SavedParameter,
+    context: &ReadContext<'_>,
+    candidate: &mut Candidate,
+) -> Option<Result<(), ThetaFileError>> {
+    let quantity = Quantity::ALL.into_iter().find(|quantity| quantity.name() == parameter.kind)?;
+    Some(context.check(parameter, quantity.least()).and_then(|()| {
+        for name in &parameter.joints {
+            quantity.of_joints(&mut candidate.robot)[context.joint(name)?] = parameter.value;
+        }
+        Ok(())
+    }))
+}

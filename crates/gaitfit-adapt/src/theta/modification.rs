@@ -1,0 +1,49 @@
+//! What every change of the simulated robot offers.
+
+use super::{Entry, SavedParameter, ThetaFile};
+use gaitfit_sim::Candidate;
+use std::fmt::Debug;
+
+/// A value of an entry as a fit found it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Found {
+    /// The value.
+    pub value: f64,
+    /// Standard deviation over seeds, where there are several.
+    pub spread: Option<f64>,
+}
+
+/// A change of the simulated robot by some numbers: one file of this folder each. [`super::Theta`] combines them.
+pub trait Modification: Debug + Send + Sync {
+    /// Its numbers.
+    fn entries(&self) -> &[Entry];
+
+    /// Applies `values`, one an entry, to `candidate`; `joints` are the robot's joint names, in the candidate's
+    /// order. Joints that `joints` lacks are passed over.
+    fn apply(&self, values: &[f64], joints: &[String], candidate: &mut Candidate);
+
+    /// First mean of the search of a run with `seed`, one value an entry.
+    fn start(&self, _seed: u64) -> Vec<f64> {
+        self.entries().iter().map(|entry| entry.start).collect()
+    }
+
+    /// What is added to every cost for the size of the values.
+    fn regularisation(&self, _values: &[f64]) -> f64 {
+        0.0
+    }
+
+    /// Writes what was found, one an entry, into a file that [`ThetaFile::candidate`] reads.
+    fn save(&self, found: &[Found], file: &mut ThetaFile) {
+        file.parameter.extend(self.entries().iter().zip(found).map(|(entry, found)| SavedParameter {
+            name: entry.name.clone(),
+            kind: entry.kind.to_owned(),
+            joints: entry.joints.clone(),
+            value: found.value,
+            unit: entry.unit.clone(),
+            spread: found.spread,
+            lower: Some(entry.lower),
+            upper: Some(entry.upper),
+            at_bound: Some(entry.at_bound(found.value)),
+        }));
+    }
+}

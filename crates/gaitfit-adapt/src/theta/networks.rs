@@ -1,0 +1,306 @@
+//! Networks of joints: ActionDelta and ResidAct (Dao and Fern; He et al. 2025).
+
+use super::patterns::{covered, every_joint, plain};
+use super::{Entry, Found, Modification, ReadContext, SavedNetwork, ThetaError, ThetaFile, ThetaFileError};
+use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales};
+use gaitfit_random::{Purpose, Stream};
+use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
+use serde::{Deserialize, Serialize};
+
+/// Layers as (inputs, outputs); weights lie layer by layer, `inputs × outputs` row-major, then biases.
+const LAYERS: [(usize, usize); 3] = [(6, 8), (8, 4), (4, 1)];
+/// Weights of the last layer: 4 and a bias.
+const OUTPUT_WEIGHTS: usize = 5;
+/// Standard deviation of random hidden biases. Without any, hidden units would be odd functions.
+const BIAS_DEVIATION: f64 = 0.25;
+
+/// What the networks of a rule correct.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NetworkName {
+    /// Position targets, rad, at the policy's rate.
+    ActionDelta,
+    /// Torques, N·m, at every physics step.
+    ResidAct,
+}
+
+impl NetworkName {
+    /// Every one.
+    pub const ALL: [Self; 2] = [Self::ActionDelta, Self::ResidAct];
+
+    /// Name in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ActionDelta => "action_delta",
+            Self::ResidAct => "resid_act",
+        }
+    }
+
+    /// The simulator's word for it.
+    pub fn kind(self) -> NetworkKind {
+        match self {
+            Self::ActionDelta => NetworkKind::ActionDelta,
+            Self::ResidAct => NetworkKind::ResidAct,
+        }
+    }
+}
+
+/// Where the search for weights begins.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum NetworkStart {
+    /// All weights 0, as in the paper. All hidden units are then alike, and near the start the output depends on the
+    /// inputs only through products of three small weights.
+    #[default]
+    Zero,
+    /// Hidden weights drawn anew for each seed, the last layer 0: the output is 0 too, but the last layer's five
+    /// weights act on it at once. Weights are normal with variance 1 / inputs, biases with deviation 0.25.
+    Random,
+}
+
+/// A rule: one network (6 inputs, hidden 8 and 4, tanh, one output) for each joint it covers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NetworkRule {
+    /// What they correct.
+    pub kind: NetworkName,
+    /// Patterns over joint names, with or without a final `_joint`; a joint is covered when any matches.
+    #[serde(default = "every_joint")]
+    pub joints: Vec<String>,
+    /// Lower bound of every weight.
+    #[serde(default = "minus_one")]
+    pub lower: f64,
+    /// Upper bound of every weight.
+    #[serde(default = "one")]
+    pub upper: f64,
+    /// Where the search begins.
+    #[serde(default)]
+    pub start: NetworkStart,
+    /// First standard deviation of every weight.
+    #[serde(default = "quarter")]
+    pub deviation: f64,
+    /// Factor on the joint's angle less its rest angle, 1/rad.
+    #[serde(default = "one")]
+    pub position_scale: f64,
+    /// Factor on the joint's velocity, s/rad.
+    #[serde(default = "tenth")]
+    pub velocity_scale: f64,
+    /// Output for a last layer of weight 1, rad or N·m.
+    #[serde(default = "one")]
+    pub output_scale: f64,
+    /// Added to every cost times the mean over the joints of b² + Σ w² over the last layer (weights w, bias b). Hidden
+    /// units lie in [−1, 1], so five times that bounds the square of the output in units of `output_scale`: joints
+    /// that the cost says nothing about stay uncorrected.
+    #[serde(default)]
+    pub regularisation: f64,
+}
+
+fn minus_one() -> f64 {
+    -1.0
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn quarter() -> f64 {
+    0.25
+}
+
+fn tenth() -> f64 {
+    0.1
+}
+
+impl NetworkRule {
+    /// A rule over all joints with the defaults: the paper's bounds, start and deviation, outputs in rad or N·m.
+    pub fn new(kind: NetworkName) -> Self {
+        Self {
+            kind,
+            joints: every_joint(),
+            lower: -1.0,
+            upper: 1.0,
+            start: NetworkStart::Zero,
+            deviation: 0.25,
+            position_scale: 1.0,
+            velocity_scale: 0.1,
+            output_scale: 1.0,
+            regularisation: 0.0,
+        }
+    }
+
+    /// The modification for a robot with these `joints`; `rest` are the angles at which the position inputs are 0
+    /// (the policy's default pose), rad, one a joint.
+    ///
+    /// # Errors
+    /// [`ThetaError`] if patterns or numbers do not fit.
+    pub fn modification(&self, joints: &[String], rest: &[f64]) -> Result<Box<dyn Modification>, ThetaError> {
+        let kind = self.kind.name();
+        for (what, value, least) in [
+            ("position_scale", self.position_scale, f64::MIN_POSITIVE),
+            ("velocity_scale", self.velocity_scale, f64::MIN_POSITIVE),
+            ("output_scale", self.output_scale, f64::MIN_POSITIVE),
+            ("regularisation", self.regularisation, 0.0),
+        ] {
+            if !(value.is_finite() && value >= least) {
+                return Err(ThetaError::Network { kind, what, value });
+            }
+        }
+        if rest.len() != joints.len() || rest.iter().any(|angle| !angle.is_finite()) {
+            return Err(ThetaError::Rest { kind, count: rest.len(), joints: joints.len() });
+        }
+        let covered = covered(kind, &self.joints, joints)?;
+        let mut entries = Vec::with_capacity(covered.len() * NETWORK_WEIGHTS);
+        for joint in &covered {
+            for weight in 0..NETWORK_WEIGHTS {
+                entries.push(Entry {
+                    name: format!("{kind}_{}_{weight}", plain(joint)),
+                    kind,
+                    unit: "-".to_owned(),
+                    joints: vec![(*joint).clone()],
+                    lower: self.lower,
+                    upper: self.upper,
+                    start: 0.0,
+                    deviation: self.deviation,
+                });
+            }
+        }
+        if let Some(entry) = entries.first() {
+            entry.check(f64::NEG_INFINITY)?;
+        }
+        let angle = |name: &String| joints.iter().position(|joint| joint == name).map_or(0.0, |at| rest[at]);
+        Ok(Box::new(Networks {
+            rule: self.clone(),
+            rest: covered.iter().map(|joint| angle(joint)).collect(),
+            joints: covered.into_iter().cloned().collect(),
+            entries,
+        }))
+    }
+
+    fn scales(&self) -> NetworkScales {
+        NetworkScales {
+            position: self.position_scale,
+            velocity: self.velocity_scale,
+            output: self.output_scale,
+        }
+    }
+}
+
+/// One network for each of some joints.
+#[derive(Debug)]
+struct Networks {
+    rule: NetworkRule,
+    joints: Vec<String>,
+    rest: Vec<f64>,
+    entries: Vec<Entry>,
+}
+
+impl Modification for Networks {
+    fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    fn apply(&self, values: &[f64], joints: &[String], candidate: &mut Candidate) {
+        let mut networks = JointNetworks {
+            kind: self.rule.kind.kind(),
+            joints: Vec::new(),
+            rest: Vec::new(),
+            weights: Vec::new(),
+            scales: self.rule.scales(),
+        };
+        for ((name, &rest), weights) in
+            self.joints.iter().zip(&self.rest).zip(values.chunks_exact(NETWORK_WEIGHTS))
+        {
+            if let Some(joint) = joints.iter().position(|joint| joint == name) {
+                networks.joints.push(joint);
+                networks.rest.push(rest);
+                networks.weights.extend_from_slice(weights);
+            }
+        }
+        candidate.networks.push(networks);
+    }
+
+    fn start(&self, seed: u64) -> Vec<f64> {
+        match self.rule.start {
+            NetworkStart::Zero => vec![0.0; self.entries.len()],
+            NetworkStart::Random => {
+                (0..self.joints.len()).flat_map(|joint| random_start(&self.rule, seed, joint)).collect()
+            }
+        }
+    }
+
+    fn regularisation(&self, values: &[f64]) -> f64 {
+        if self.rule.regularisation == 0.0 {
+            return 0.0;
+        }
+        let last = |weights: &[f64]| -> f64 {
+            weights[NETWORK_WEIGHTS - OUTPUT_WEIGHTS..].iter().map(|weight| weight * weight).sum()
+        };
+        let sum: f64 = values.chunks_exact(NETWORK_WEIGHTS).map(last).sum();
+        self.rule.regularisation * sum / self.joints.len() as f64
+    }
+
+    fn save(&self, found: &[Found], file: &mut ThetaFile) {
+        let joints = self.joints.iter().zip(&self.rest).zip(found.chunks_exact(NETWORK_WEIGHTS));
+        file.network.extend(joints.map(|((joint, &rest), found)| SavedNetwork {
+            name: format!("{}_{}", self.rule.kind.name(), plain(joint)),
+            kind: self.rule.kind,
+            joint: joint.clone(),
+            rest,
+            position_scale: self.rule.position_scale,
+            velocity_scale: self.rule.velocity_scale,
+            output_scale: self.rule.output_scale,
+            weights: found.iter().map(|found| found.value).collect(),
+        }));
+    }
+}
+
+/// Random hidden layers and a last layer of 0, within the bounds.
+fn random_start(rule: &NetworkRule, seed: u64, joint: usize) -> Vec<f64> {
+    // The purpose is also the policies' initial weights', which no fit draws; the kind takes the step.
+    let stream = Stream::new(seed, Purpose::WEIGHTS).environment(joint as u32).step(rule.kind as u32);
+    let mut draws = vec![0.0; NETWORK_WEIGHTS - OUTPUT_WEIGHTS];
+    stream.fill_normals(0, &mut draws);
+    let mut at = 0;
+    for (inputs, outputs) in &LAYERS[..2] {
+        let (matrix, end) = (at + inputs * outputs, at + (inputs + 1) * outputs);
+        draws[at..matrix].iter_mut().for_each(|weight| *weight /= (*inputs as f64).sqrt());
+        draws[matrix..end].iter_mut().for_each(|bias| *bias *= BIAS_DEVIATION);
+        at = end;
+    }
+    draws.resize(NETWORK_WEIGHTS, 0.0);
+    draws.iter().map(|weight| weight.clamp(rule.lower, rule.upper)).collect()
+}
+
+/// Adds a network of a file to a candidate; networks of one kind and scale go together.
+pub(super) fn read(
+    saved: &SavedNetwork,
+    context: &ReadContext<'_>,
+    candidate: &mut Candidate,
+) -> Result<(), ThetaFileError> {
+    let joint = context.joint(&saved.joint)?;
+    let scales = [saved.position_scale, saved.velocity_scale, saved.output_scale];
+    let finite = saved.weights.iter().chain(&scales).chain([&saved.rest]).all(|value| value.is_finite());
+    if saved.weights.len() != NETWORK_WEIGHTS || !finite {
+        return Err(ThetaFileError::Network { name: saved.name.clone(), count: saved.weights.len() });
+    }
+    let kind = saved.kind.kind();
+    if candidate.networks.iter().any(|one| one.kind == kind && one.joints.contains(&joint)) {
+        return Err(ThetaFileError::Twice { name: saved.name.clone(), joint: saved.joint.clone() });
+    }
+    let scales = NetworkScales { position: scales[0], velocity: scales[1], output: scales[2] };
+    if candidate.networks.last().is_none_or(|last| last.kind != kind || last.scales != scales) {
+        candidate.networks.push(JointNetworks {
+            kind,
+            joints: Vec::new(),
+            rest: Vec::new(),
+            weights: Vec::new(),
+            scales,
+        });
+    }
+    if let Some(networks) = candidate.networks.last_mut() {
+        networks.joints.push(joint);
+        networks.rest.push(saved.rest);
+        networks.weights.extend_from_slice(&saved.weights);
+    }
+    Ok(())
+}

@@ -1,0 +1,158 @@
+//! Numbers of the robot as a whole: torque noise, and mass and centre of mass of the base.
+
+use super::{Defaults, Entry, Modification, ReadContext, SavedParameter, ThetaError, ThetaFileError};
+use gaitfit_sim::Candidate;
+use serde::{Deserialize, Serialize};
+
+/// A number of the robot as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RobotNumber {
+    /// Standard deviation of a Gaussian torque on every joint at every physics step, N·m.
+    TorqueNoise,
+    /// Mass added to the base, kg.
+    BaseMass,
+    /// Shift of the base's centre of mass forward, m, body frame.
+    BaseComX,
+    /// Shift of the base's centre of mass to the left, m, body frame.
+    BaseComY,
+    /// Shift of the base's centre of mass upward, m, body frame.
+    BaseComZ,
+}
+
+impl RobotNumber {
+    /// Every one.
+    pub const ALL: [Self; 5] =
+        [Self::TorqueNoise, Self::BaseMass, Self::BaseComX, Self::BaseComY, Self::BaseComZ];
+
+    /// Name in files and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::TorqueNoise => "torque_noise",
+            Self::BaseMass => "base_mass",
+            Self::BaseComX => "base_com_x",
+            Self::BaseComY => "base_com_y",
+            Self::BaseComZ => "base_com_z",
+        }
+    }
+
+    /// Unit.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::TorqueNoise => "N·m",
+            Self::BaseMass => "kg",
+            Self::BaseComX | Self::BaseComY | Self::BaseComZ => "m",
+        }
+    }
+
+    /// Bounds, start and deviation of a rule that does not give them.
+    pub fn defaults(self) -> Defaults {
+        let (lower, upper, start, deviation) = match self {
+            Self::TorqueNoise => (0.0, 10.0, 0.0, 0.5),
+            Self::BaseMass => (-2.0, 5.0, 0.0, 0.5),
+            Self::BaseComX | Self::BaseComY | Self::BaseComZ => (-0.1, 0.1, 0.0, 0.01),
+        };
+        Defaults { lower, upper, start, deviation }
+    }
+
+    /// Smallest value with a meaning.
+    fn least(self) -> f64 {
+        if self == Self::TorqueNoise { 0.0 } else { f64::NEG_INFINITY }
+    }
+
+    fn of(self, candidate: &mut Candidate) -> &mut f64 {
+        match self {
+            Self::TorqueNoise => &mut candidate.torque_noise,
+            Self::BaseMass => &mut candidate.robot.base_mass,
+            Self::BaseComX => &mut candidate.robot.base_com[0],
+            Self::BaseComY => &mut candidate.robot.base_com[1],
+            Self::BaseComZ => &mut candidate.robot.base_com[2],
+        }
+    }
+}
+
+/// A rule: a number, and what it takes instead of its defaults.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotRule {
+    /// Which number.
+    pub kind: RobotNumber,
+    /// Lower bound.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lower: Option<f64>,
+    /// Upper bound.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub upper: Option<f64>,
+    /// First mean.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<f64>,
+    /// First standard deviation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deviation: Option<f64>,
+}
+
+impl RobotRule {
+    /// A rule with the number's defaults.
+    pub fn new(kind: RobotNumber) -> Self {
+        Self { kind, lower: None, upper: None, start: None, deviation: None }
+    }
+
+    /// Fills in the defaults where the rule is silent.
+    pub fn resolve(&mut self) {
+        let defaults = self.kind.defaults();
+        self.lower.get_or_insert(defaults.lower);
+        self.upper.get_or_insert(defaults.upper);
+        self.start.get_or_insert(defaults.start);
+        self.deviation.get_or_insert(defaults.deviation);
+    }
+
+    /// The modification.
+    ///
+    /// # Errors
+    /// [`ThetaError`] if the numbers are out of order.
+    pub fn modification(&self) -> Result<Box<dyn Modification>, ThetaError> {
+        let defaults = self.kind.defaults();
+        let entry = Entry {
+            name: self.kind.name().to_owned(),
+            kind: self.kind.name(),
+            unit: self.kind.unit().to_owned(),
+            joints: Vec::new(),
+            lower: self.lower.unwrap_or(defaults.lower),
+            upper: self.upper.unwrap_or(defaults.upper),
+            start: self.start.unwrap_or(defaults.start),
+            deviation: self.deviation.unwrap_or(defaults.deviation),
+        };
+        entry.check(self.kind.least())?;
+        Ok(Box::new(OneNumber { number: self.kind, entry: [entry] }))
+    }
+}
+
+/// One number of the robot.
+#[derive(Debug)]
+struct OneNumber {
+    number: RobotNumber,
+    entry: [Entry; 1],
+}
+
+impl Modification for OneNumber {
+    fn entries(&self) -> &[Entry] {
+        &self.entry
+    }
+
+    fn apply(&self, values: &[f64], _joints: &[String], candidate: &mut Candidate) {
+        if let Some(&value) = values.first() {
+            *self.number.of(candidate) = value;
+        }
+    }
+}
+
+/// Applies a parameter of a file, if its kind is a number of the robot.
+pub(super) fn read(
+    parameter: &SavedParameter,
+    context: &ReadContext<'_>,
+    candidate: &mut Candidate,
+) -> Option<Result<(), ThetaFileError>> {
+    let number = RobotNumber::ALL.into_iter().find(|number| number.name() == parameter.kind)?;
+    let checked = context.check(parameter, number.least());
+    Some(checked.map(|()| *number.of(candidate) = parameter.value))
+}

@@ -1,0 +1,101 @@
+//! What a fit found, written, read back and applied: the same candidate, and bad files named.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use gaitfit_adapt::{
+    Found, NetworkName, NetworkRule, ParameterRule, Quantity, RobotNumber, RobotRule, Rules, Sharing, Theta,
+    ThetaFile, ThetaFileError,
+};
+use gaitfit_model::{Model, ReadOptions, read_mjcf_str};
+use gaitfit_sim::{Candidate, NetworkKind};
+
+const ROBOT: &str = r#"<mujoco model="legs"><worldbody><body name="base">
+    <geom type="sphere" size="0.1" mass="1"/>
+    <body name="left"><joint name="left_hip_joint" axis="0 1 0"/>
+      <geom type="sphere" size="0.1" pos="0 0 -0.2" mass="1"/></body>
+    <body name="right"><joint name="right_hip_joint" axis="0 1 0"/>
+      <geom type="sphere" size="0.1" pos="0 0 -0.2" mass="1"/></body>
+  </body></worldbody></mujoco>"#;
+
+fn model() -> Model {
+    read_mjcf_str(ROBOT, &ReadOptions::default()).unwrap()
+}
+
+fn joints(model: &Model) -> Vec<String> {
+    model.joints.iter().map(|joint| joint.name.clone()).collect()
+}
+
+fn theta(model: &Model) -> Theta {
+    let joint = ParameterRule { per: Sharing::Joint, ..ParameterRule::new(Quantity::FrictionLoss) };
+    let rules = Rules {
+        parameter: vec![joint],
+        network: vec![
+            NetworkRule { output_scale: 10.0, ..NetworkRule::new(NetworkName::ResidAct) },
+            NetworkRule { joints: vec!["right_*".into()], ..NetworkRule::new(NetworkName::ActionDelta) },
+        ],
+        robot: vec![RobotRule::new(RobotNumber::TorqueNoise), RobotRule::new(RobotNumber::BaseMass)],
+    };
+    rules.theta(&[], &joints(model), &[0.3, -0.3]).unwrap()
+}
+
+fn values(theta: &Theta) -> Vec<f64> {
+    (0..theta.len()).map(|index| (0.37 * index as f64).sin().abs()).collect()
+}
+
+fn file(model: &Model) -> ThetaFile {
+    let theta = theta(model);
+    let found: Vec<Found> =
+        values(&theta).into_iter().map(|value| Found { value, spread: Some(0.01) }).collect();
+    ThetaFile::new(&theta, &found, "legs", "wass", 0.25)
+}
+
+#[test]
+fn what_is_written_gives_the_same_candidate() {
+    let model = model();
+    let theta = theta(&model);
+    let mut direct = Candidate::nominal(&model);
+    theta.apply(&values(&theta), &joints(&model), &mut direct);
+    assert_eq!(direct.networks[1].kind, NetworkKind::ActionDelta);
+
+    let file = file(&model);
+    let text = file.to_toml().unwrap();
+    let read = ThetaFile::parse(&text).unwrap();
+    assert_eq!(read, file);
+    assert_eq!(read.candidate(&model).unwrap(), direct);
+    assert_eq!(text.matches("[[network]]").count(), 3, "{text}");
+    assert!(text.contains("name = \"resid_act_left_hip\""), "{text}");
+}
+
+#[test]
+fn files_without_networks_are_read_as_before() {
+    let model = model();
+    let text = "format = 1\nrobot = \"legs\"\ncost_name = \"matcho\"\ncost = 0.1\n\n[[parameter]]\nname = \
+                \"delay\"\nkind = \"delay\"\njoints = [\"left_hip\", \"right_hip_joint\"]\nvalue = 0.01\nunit = \
+                \"s\"\nlower = 0.0\nupper = 0.1\nat_bound = false\n";
+    let candidate = ThetaFile::parse(text).unwrap().candidate(&model).unwrap();
+    assert_eq!(candidate.robot.delay, [0.01, 0.01]);
+}
+
+#[test]
+fn what_does_not_fit_is_named() {
+    let model = model();
+    let with = |change: &dyn Fn(&mut ThetaFile)| {
+        let mut file = file(&model);
+        change(&mut file);
+        file.candidate(&model).unwrap_err()
+    };
+    let error = with(&|file| file.parameter[0].kind = "frictionlos".into());
+    assert!(matches!(error, ThetaFileError::Kind { .. }), "{error}");
+    let error = with(&|file| file.parameter[0].joints = vec!["knee".into()]);
+    assert!(error.to_string().contains("no joint `knee`"), "{error}");
+    let error = with(&|file| file.parameter[0].value = -1.0);
+    assert!(matches!(error, ThetaFileError::Value { .. }), "{error}");
+    let error = with(&|file| file.network[0].weights.truncate(96));
+    assert!(matches!(error, ThetaFileError::Network { count: 96, .. }), "{error}");
+    let error = with(&|file| file.network[0].weights[3] = f64::NAN);
+    assert!(matches!(error, ThetaFileError::Network { .. }), "{error}");
+    let error = with(&|file| file.network[1].joint = file.network[0].joint.clone());
+    assert!(matches!(error, ThetaFileError::Twice { .. }), "{error}");
+    assert_eq!(ThetaFile::parse("format = 3").unwrap_err(), ThetaFileError::Format(3));
+    let error = ThetaFile::parse("format = 1\n[[parameter]]\nname = \"a\"\nkind = 3\n").unwrap_err();
+    assert!(error.to_string().contains("line 4"), "{error}");
+}
