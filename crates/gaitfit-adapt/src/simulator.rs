@@ -8,8 +8,8 @@ use crate::cost::Signal;
 pub struct Rollout {
     /// One value an entry of θ; with an empty θ the robot is as its file says.
     pub values: Vec<f64>,
-    /// Samples between resets of the simulated robot (joints and base) to the recording's state; `None`: it runs
-    /// freely from the first. At sample `k · reset_every` the signals hold the state that the simulation reached;
+    /// Samples between resets of the simulated robot (joints and base) to the recording's state, the first at sample
+    /// 0; `None`: it starts as the recording's joints suggest and runs freely. At sample `k · reset_every` the signals hold the state that the simulation reached;
     /// the reset follows. With 1 every sample from the second on is a one-sample prediction.
     pub reset_every: Option<usize>,
     /// Selects the random draws (torque noise, observation noise): rollouts with equal `draw` see equal noise.

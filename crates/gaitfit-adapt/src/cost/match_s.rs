@@ -58,7 +58,8 @@ impl Cost for MatchS {
     }
 
     fn reset_every(&self) -> Option<usize> {
-        self.horizon.map(NonZeroUsize::get)
+        // Never is no reset after the first: the simulated robot starts in the recording's state.
+        Some(self.horizon.map_or(usize::MAX, NonZeroUsize::get))
     }
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {

@@ -52,7 +52,8 @@ pub trait Cost: Send + Sync {
     /// Short name, as in configuration files.
     fn name(&self) -> &str;
 
-    /// Samples between resets of the simulated robot to the recording's state; `None`: no resets.
+    /// Samples between resets of the simulated robot to the recording's state, which begin at the first; `None`: no
+    /// resets, and a start that the joints alone suggest.
     fn reset_every(&self) -> Option<usize> {
         None
     }

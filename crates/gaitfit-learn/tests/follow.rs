@@ -1,0 +1,157 @@
+//! A policy that follows the commands of its own log repeats the log.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use std::sync::Mutex;
+
+use gaitfit_learn::collect::{CollectOptions, Collected, collect};
+use gaitfit_learn::evaluate::Subject;
+use gaitfit_learn::follow::{Job, Script, Track, follow};
+use gaitfit_learn::policy::Policy;
+use gaitfit_learn::task::{Scene, TaskSettings, start_from_joints};
+use gaitfit_learn::{Training, TrainingSettings, ppo};
+use gaitfit_log::Trajectory;
+use gaitfit_physics::Preset;
+use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Start};
+
+fn scene() -> Scene {
+    let text = include_str!("../../../assets/go2.xml");
+    let model = gaitfit_model::read_mjcf_str(text, &gaitfit_model::ReadOptions::default()).unwrap();
+    Scene::new(&model, &TaskSettings::default().calm(), Preset::Fast).unwrap()
+}
+
+/// A policy that has learnt nothing, with outputs that move the legs.
+fn policy(scene: &Scene) -> Policy {
+    let ppo = ppo::Settings {
+        actor_hidden: vec![16],
+        critic_hidden: vec![16],
+        output_gain: 2.0,
+        ..ppo::Settings::default()
+    };
+    let learner = Training::fresh_learner(scene, &ppo, 3).unwrap();
+    let settings = TrainingSettings { environments: 1, steps: 1, iterations: 1 };
+    Training::new(scene, None, &settings, learner, 3).unwrap().policy("", "")
+}
+
+fn logs(scene: &Scene, policy: &Policy, candidate: &Candidate, count: usize) -> Vec<Collected> {
+    let subject = Subject { scene, policy, candidate: Some(candidate), seed: 5 };
+    let options = CollectOptions { count, seconds: 0.6, shift: [0.0; 2], privileged: true };
+    collect(&subject, &options, 2).unwrap()
+}
+
+fn row<const N: usize>(values: &Option<Vec<f64>>, row: usize) -> [f32; N] {
+    let values = values.as_ref().unwrap();
+    std::array::from_fn(|k| values[row * N + k] as f32)
+}
+
+fn script(scene: &Scene, log: &Trajectory) -> Script {
+    let joints = log.joints.len();
+    let base = log.base.as_ref().unwrap();
+    let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|&x| x as f32).collect() };
+    let states = (0..log.len()).map(|sample| Start {
+        base_position: row(&base.position, sample),
+        base_quaternion: row(&base.quaternion, sample),
+        base_linear: row(&base.linear_velocity, sample),
+        base_angular: row(&base.angular_velocity, sample),
+        joint_position: single(&log.position[sample * joints..(sample + 1) * joints]),
+        joint_velocity: single(&log.velocity[sample * joints..(sample + 1) * joints]),
+    });
+    Script {
+        commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
+        start: start_from_joints(scene, &log.position[..joints], &log.velocity[..joints]),
+        states: states.collect(),
+        actions: single(log.action.as_ref().unwrap()),
+    }
+}
+
+fn tracks(scene: &Scene, policy: &Policy, scripts: &[Script], job: Job, threads: usize) -> Vec<Track> {
+    let found = Mutex::new(vec![Track::default(); scripts.len()]);
+    follow(scene, policy, scripts, &[job], threads, &|_, script, track| {
+        found.lock().unwrap()[script] = track.clone();
+    })
+    .unwrap();
+    found.into_inner().unwrap()
+}
+
+fn job(candidate: &Candidate, reset_every: Option<usize>) -> Job {
+    Job { candidate: candidate.clone(), reset_every, seed: 0 }
+}
+
+fn worst(track: &[f32], log: &[f64]) -> f64 {
+    track.iter().zip(log).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn the_true_robot_repeats_the_log_and_another_does_not() {
+    let scene = scene();
+    let policy = policy(&scene);
+    let mut truth = Candidate::nominal(scene.batch.model());
+    truth.robot.frictionloss.fill(0.2);
+    truth.robot.armature.fill(0.05);
+    let logs = logs(&scene, &policy, &truth, 33);
+    let scripts: Vec<Script> = logs.iter().map(|log| script(&scene, &log.trajectory)).collect();
+    let same = tracks(&scene, &policy, &scripts, job(&truth, None), 2);
+    for (track, log) in same.iter().zip(&logs) {
+        assert_eq!(worst(&track.position, &log.trajectory.position), 0.0);
+        assert_eq!(worst(&track.action, log.trajectory.action.as_ref().unwrap()), 0.0);
+        assert_eq!(track.fell_at.is_some(), log.fell);
+    }
+    assert_eq!(same, tracks(&scene, &policy, &scripts, job(&truth, None), 1));
+    let nominal = Candidate::nominal(scene.batch.model());
+    let other = tracks(&scene, &policy, &scripts, job(&nominal, None), 2);
+    assert!(worst(&other[0].position, &logs[0].trajectory.position) > 0.01);
+
+    // One-sample predictions: near the log with the true robot (the solver starts colder), less so with another.
+    let of = |candidate: &Candidate| {
+        let tracks = tracks(&scene, &policy, &scripts, job(candidate, Some(1)), 2);
+        worst(&tracks[0].position, &logs[0].trajectory.position)
+    };
+    let (near, far) = (of(&truth), of(&nominal));
+    assert!(near < 0.1 * far && far < 0.1, "{near} {far}");
+}
+
+#[test]
+fn networks_and_noise_act_and_only_where_they_are() {
+    let scene = scene();
+    let policy = policy(&scene);
+    let nominal = Candidate::nominal(scene.batch.model());
+    let logs = logs(&scene, &policy, &nominal, 2);
+    let scripts: Vec<Script> = logs.iter().map(|log| script(&scene, &log.trajectory)).collect();
+    let plain = tracks(&scene, &policy, &scripts, job(&nominal, None), 1);
+    for kind in [NetworkKind::ActionDelta, NetworkKind::ResidAct] {
+        let mut silent = nominal.clone();
+        silent.networks = vec![JointNetworks {
+            kind,
+            joints: vec![11],
+            rest: vec![-1.5],
+            weights: vec![0.0; 97],
+            scales: gaitfit_physics::NetworkScales { position: 1.0, velocity: 0.1, output: 1.0 },
+        }];
+        assert_eq!(tracks(&scene, &policy, &scripts, job(&silent, None), 1), plain);
+        let mut loud = silent;
+        loud.networks[0].weights[96] = 0.5;
+        let changed = tracks(&scene, &policy, &scripts, job(&loud, None), 1);
+        // The second sample has felt it in that joint at once.
+        let joints = scene.joints.len();
+        let moved = |joint: usize| {
+            let at = joints + joint;
+            (changed[0].position[at] - plain[0].position[at]).abs()
+        };
+        assert!(moved(11) > 10.0 * moved(0) && moved(11) > 1e-4, "{} {}", moved(11), moved(0));
+    }
+    let mut noisy = nominal.clone();
+    noisy.torque_noise = 1.0;
+    let run = |seed| tracks(&scene, &policy, &scripts, Job { seed, ..job(&noisy, None) }, 1);
+    assert_eq!(run(1), run(1));
+    assert_ne!(run(1), run(2));
+}
+
+#[test]
+fn resets_without_a_logged_state_are_refused() {
+    let scene = scene();
+    let policy = policy(&scene);
+    let nominal = Candidate::nominal(scene.batch.model());
+    let log = &logs(&scene, &policy, &nominal, 1)[0].trajectory;
+    let script = Script { states: Vec::new(), ..script(&scene, log) };
+    let error = follow(&scene, &policy, &[script], &[job(&nominal, Some(20))], 1, &|_, _, _| {}).unwrap_err();
+    assert!(error.to_string().contains("wass"), "{error}");
+}
