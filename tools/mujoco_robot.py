@@ -117,6 +117,8 @@ def collect(args, world):
     if len(args.log_shift) > 2 or not 0 <= low <= high <= 10:
         raise Refused("--log-shift takes one or two times from 0 to 10 s, the shorter first")
     policy = Policy(args.policy)
+    if round(args.seconds / policy.dt) < 1:
+        raise Refused(f"--seconds {args.seconds} is shorter than a control period of {policy.dt} s")
     try:
         args.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -131,11 +131,13 @@ class Robot:
             hinges[name].frictionloss = value
         for name, value in by_joint(world.armature, names, "armature").items():
             hinges[name].armature = value
-        for name, stiffness, angle in world.springs:
-            by_joint({name: stiffness}, names, "spring")
-            # MuJoCo's springs are polynomials: the linear term alone.
-            hinges[name].stiffness = [stiffness, 0, 0]
-            hinges[name].springref = angle
+        for pattern, stiffness, angle in world.springs:
+            for name in by_joint({pattern: stiffness}, names, "spring"):
+                if any(hinges[name].stiffness):
+                    raise Refused(f"spring: {name} has one already; a joint takes one")
+                # MuJoCo's springs are polynomials: the linear term alone.
+                hinges[name].stiffness = [stiffness, 0, 0]
+                hinges[name].springref = angle
         if world.ground_only:
             # Geoms that touch nothing in the file stay so.
             for geom in spec.geoms:
