@@ -218,7 +218,8 @@ fn a_log_without_the_base_refuses_privileged_costs_by_name() {
         "{error}"
     );
     assert!(CostKind::Wass.build(&target, &simulator).is_ok());
-    let constant = simulator.target(true).constant();
+    let target = simulator.target(true);
+    let constant = target.constant();
     assert_eq!(constant[0], (Signal::BasePosition, "y"));
 }
 

@@ -111,7 +111,8 @@ pub fn identify(
         (NoiseSource::Recordings, 0.0)
     } else {
         let draws: Vec<f64> = best[1..].iter().flatten().map(|costs| costs[0]).collect();
-        match super::outcome::spread(&draws).filter(|spread| *spread > 0.0) {
+        // Draws of a simulator without randomness agree but for the rounding of their mean.
+        match super::outcome::spread(&draws).filter(|spread| *spread > 1e-12 * centre[0].abs()) {
             Some(spread) => (NoiseSource::Draws, spread),
             None => (NoiseSource::Assumed, ASSUMED * centre[0]),
         }
