@@ -6,8 +6,9 @@ use std::time::Instant;
 use gaitfit_sim::{Candidate, pool};
 use serde::{Deserialize, Serialize};
 
+use crate::network::Network;
 use crate::policy::{Policy, Provenance};
-use crate::ppo::{self, Diagnostics, Learner, LearnerError, Samples, UpdateError, Widths};
+use crate::ppo::{self, Diagnostics, Learner, LearnerError, Samples, SettingsError, UpdateError, Widths};
 use crate::rollout::{Divergence, Runner, Tally};
 use crate::task::{Environment, Scene, SceneError};
 
@@ -172,6 +173,44 @@ impl<'a> Training<'a> {
         Ok(Learner::new(ppo.clone(), widths(scene), seed)?)
     }
 
+    /// A learner that goes on from `policy`: its networks, whose shapes count and not those of the settings, and its
+    /// normalisers, which go on learning if the settings ask for it. A policy without a critic gets a new one, drawn
+    /// from `seed`, for the scene's critic observation.
+    ///
+    /// # Errors
+    /// PPO settings out of range, normalised observations where the policy takes them as they are, or a policy that
+    /// does not fit the scene.
+    pub fn learner_from(
+        scene: &Scene,
+        ppo: &ppo::Settings,
+        policy: &Policy,
+        seed: u64,
+    ) -> Result<Learner, TrainingError> {
+        if ppo.normalise_observations && policy.normaliser.is_none() {
+            return Err(TrainingError::Learner(LearnerError::Settings(SettingsError {
+                name: "normalise_observations",
+                value: "true".to_owned(),
+                remedy: "the policy takes observations as they are, and a normaliser would change it: leave it false",
+            })));
+        }
+        let widths = widths(scene);
+        let critic = match &policy.critic {
+            Some(critic) => critic.clone(),
+            None => {
+                let (_, shape) = ppo.shapes(widths);
+                Network::random(shape, seed, 1, 1.0).map_err(LearnerError::from)?
+            }
+        };
+        let (actor, log_std) = (policy.actor.clone(), policy.log_std.clone());
+        let mut learner = Learner::with_networks(ppo.clone(), widths, seed, actor, critic, log_std)?;
+        let critic_normaliser = match &policy.critic {
+            Some(_) => policy.critic_normaliser.clone(),
+            None => learner.critic_normaliser().cloned(),
+        };
+        learner.set_normalisers(policy.normaliser.clone(), critic_normaliser)?;
+        Ok(learner)
+    }
+
     /// The scene.
     pub fn scene(&self) -> &'a Scene {
         self.scene
@@ -201,6 +240,7 @@ impl<'a> Training<'a> {
                 program_version: program_version.to_owned(),
                 // Settings are numbers, names and tables: they have a TOML form.
                 task: toml::to_string(&self.scene.settings).unwrap_or_default(),
+                ..Provenance::default()
             },
         }
     }

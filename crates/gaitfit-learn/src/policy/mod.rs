@@ -53,6 +53,14 @@ pub struct Provenance {
     /// Settings of the task it was trained on, as TOML.
     #[serde(default)]
     pub task: String,
+    /// SHA-256 of the policy that its training began with, as [`weights::write`] writes it, hexadecimal; empty where
+    /// it began with new networks.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub parent: String,
+    /// SHA-256 of the file of the fitted parameters (`theta.toml`) it was trained with, hexadecimal; empty where it
+    /// was trained on the robot of the file.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub theta: String,
 }
 
 /// Working memory of [`Policy::act`]; one a thread, kept between calls.

@@ -73,6 +73,7 @@ impl Learner {
     /// Goes on from given networks, for fine-tuning: their shapes count, not those of the settings. `fixed_std` of
     /// the settings, if given, replaces `log_std`. Moments of Adam start at 0, observations without normalisers
     /// (see [`Learner::set_normalisers`]) start at mean 0 and variance 1 if the settings ask for them.
+    /// [`crate::Training::learner_from`] does it for a policy.
     ///
     /// # Errors
     /// [`LearnerError`] for bad settings or a network or `log_std` that does not fit `widths`.
@@ -148,7 +149,8 @@ impl Learner {
         self.learning_rate
     }
 
-    /// Statistics of the actor's observations, if the settings ask for them; they change in [`Learner::update`] only.
+    /// Statistics of the actor's observations, if there are any; they change in [`Learner::update`] only, and only if
+    /// the settings ask for them.
     pub fn normaliser(&self) -> Option<&Normaliser> {
         self.normaliser.as_ref()
     }
@@ -158,7 +160,8 @@ impl Learner {
         self.critic_normaliser.as_ref()
     }
 
-    /// Replaces the statistics of observations, for fine-tuning a policy that has some.
+    /// Replaces the statistics of observations, for fine-tuning a policy that has some. They go on changing only if the
+    /// settings ask for statistics.
     ///
     /// # Errors
     /// [`LearnerError::Width`] if they do not fit the rows.
@@ -189,7 +192,8 @@ impl Learner {
     /// The samples were drawn by this learner's actor and `log_std` as they are now, and hold raw observations (the
     /// networks saw them normalised, if there are normalisers). `iteration` numbers the update; it and the seed
     /// determine the order of the samples. Neither `threads` nor how threads are scheduled changes a bit of the
-    /// result. Statistics of observations take in the samples after the last step.
+    /// result. Statistics of observations take in the samples after the last step. In the first `critic_warmup`
+    /// updates the actor stays as it is; after them the moments of Adam start at 0 again.
     ///
     /// # Errors
     /// [`UpdateError`]: unfit samples (nothing changed), or arithmetic that is not finite (parameters and moments
@@ -213,6 +217,12 @@ impl Learner {
         if self.settings.normalise_advantage {
             gae::normalise_advantages(tiles);
         }
+        let warmup = self.settings.critic_warmup.unwrap_or(0);
+        let critic_alone = iteration < warmup;
+        if warmup > 0 && iteration == warmup {
+            // The correction for moments that started at 0 would have run out before the actor's first step.
+            self.adam = Adam::new(self.gradients.total.len());
+        }
         let scales = [&self.normaliser, &self.critic_normaliser].map(|n| n.as_ref().map(Normaliser::scale));
         let (actor, critic) = (&self.actor.shape, &self.critic.shape);
         self.gradients.prepare(threads, || Worker::new(actor, critic));
@@ -223,12 +233,14 @@ impl Learner {
             let places = shuffle::deal(tiles, minibatches, self.seed, iteration, epoch as u32);
             for minibatch in 0..minibatches {
                 let part = &places[shuffle::range(samples, minibatches, minibatch)];
-                let constants = Constants::new(&self.settings, part.len(), &self.log_std, &old_log_std);
+                let mut constants = Constants::new(&self.settings, part.len(), &self.log_std, &old_log_std);
+                constants.clipped_value_loss &= !critic_alone;
                 let point =
                     Point { actor: &self.actor.parameters, critic: &self.critic.parameters, constants };
                 let sums = self.gradients.of(&point, tiles, part, &scales);
-                let first = epoch == 0 && minibatch == 0;
-                self.step(&sums, part.len(), first, &mut report)
+                // Before the actor's first step the policy is the one that sampled: its divergence says nothing.
+                let unmoved = critic_alone || (epoch == 0 && minibatch == 0);
+                self.step(&sums, part.len(), critic_alone, unmoved, &mut report)
                     .map_err(|culprit| UpdateError::NotFinite { culprit, iteration, epoch, minibatch })?;
             }
         }
@@ -245,12 +257,16 @@ impl Learner {
         &mut self,
         sums: &Sums,
         rows: usize,
-        first: bool,
+        critic_alone: bool,
+        unmoved: bool,
         report: &mut Diagnostics,
     ) -> Result<(), Culprit> {
         let parts = self.parts();
-        let learn_std = self.settings.fixed_std.is_none();
+        let learn_std = self.settings.fixed_std.is_none() && !critic_alone;
         let gradient = &mut self.gradients.total;
+        if critic_alone {
+            gradient[parts.actor.clone()].fill(0.0);
+        }
         for g in &mut gradient[parts.log_std.clone()] {
             // ∂H/∂ln σ = 1 for each element: H = Σ ln σ + ½ ln 2πe.
             *g = if learn_std { *g - self.settings.entropy_coefficient as f32 } else { 0.0 };
@@ -272,8 +288,7 @@ impl Learner {
                 return Err(culprit);
             }
         }
-        // Before the first step the policy is the one that sampled, and its divergence says nothing.
-        if self.settings.schedule == Schedule::Adaptive && !first {
+        if self.settings.schedule == Schedule::Adaptive && !unmoved {
             let [least, greatest] = self.settings.learning_rate_limits;
             if kl > 2.0 * self.settings.desired_kl {
                 self.learning_rate = (self.learning_rate / 1.5).max(least);
@@ -284,10 +299,10 @@ impl Learner {
         let norm = squares.iter().sum::<f64>().sqrt();
         let factor = (self.settings.max_gradient_norm / (norm + 1e-6)).min(1.0);
         report.entropy += self.entropy();
-        let mut targets = vec![
-            (parts.actor, self.actor.parameters.as_mut_slice()),
-            (parts.critic, self.critic.parameters.as_mut_slice()),
-        ];
+        let mut targets = vec![(parts.critic, self.critic.parameters.as_mut_slice())];
+        if !critic_alone {
+            targets.push((parts.actor, self.actor.parameters.as_mut_slice()));
+        }
         if learn_std {
             targets.push((parts.log_std, self.log_std.as_mut_slice()));
         }
@@ -315,8 +330,11 @@ impl Learner {
         Parts { actor, critic, log_std }
     }
 
-    /// Takes the samples into the statistics of observations.
+    /// Takes the samples into the statistics of observations, if the settings ask for them.
     fn observe(&mut self, tiles: &[Samples]) {
+        if !self.settings.normalise_observations {
+            return;
+        }
         for tile in tiles {
             if let Some(normaliser) = &mut self.normaliser {
                 normaliser.merge(&Normaliser::of(self.widths.observation, &tile.observation));

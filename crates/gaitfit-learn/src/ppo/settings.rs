@@ -59,6 +59,10 @@ pub struct Settings {
     pub learning_rate_limits: [f64; 2],
     /// Limit on the Euclidean norm of the whole gradient (actor, critic and log-std together).
     pub max_gradient_norm: f64,
+    /// Updates at the start in which only the critic learns, its loss unclipped and its learning rate constant; none
+    /// is 0. A critic of another simulator, or a fresh one, then does not mislead the actor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub critic_warmup: Option<u32>,
     /// Passes over the samples in an update.
     pub epochs: usize,
     /// Gradient steps in a pass.
@@ -87,6 +91,7 @@ impl Default for Settings {
             desired_kl: 0.01,
             learning_rate_limits: [1e-5, 1e-2],
             max_gradient_norm: 1.0,
+            critic_warmup: None,
             epochs: 5,
             minibatches: 4,
         }

@@ -84,6 +84,8 @@ pub fn policy(activation: Activation) -> Policy {
             iteration: 300,
             program_version: "0.1.0".into(),
             task: "episode_seconds = 20.0\n".into(),
+            parent: "4567".into(),
+            theta: "89ef".into(),
         },
     }
 }
