@@ -175,7 +175,8 @@ fn parse_value(line: &str) -> DeValue<'_> {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use crate::config::{AdaptConfig, CostName, TrainConfig};
+    use crate::config::{AdaptConfig, TrainConfig};
+    use gaitfit_adapt::cost::CostKind;
     use gaitfit_log::PerJoint;
     use std::io::Write;
 
@@ -215,7 +216,7 @@ mod tests {
         let config = load_text(text, &sets).unwrap();
         assert_eq!(config.parameter[0].upper, Some(0.05));
         assert_eq!(config.optimizer.seeds, 2);
-        assert_eq!(config.costs, [CostName::Wass]);
+        assert_eq!(config.costs, [CostKind::Wass]);
         assert_eq!(config.gains.kp, Some(PerJoint::All(20.0)));
         assert_eq!(config.robot, "a/b.xml");
     }

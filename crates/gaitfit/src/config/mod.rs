@@ -1,17 +1,26 @@
 //! The configuration of `gaitfit adapt`: its settings and their defaults, and how any configuration is read.
 //! `gaitfit config` prints them.
 
+pub mod check;
+mod finetune;
+mod loop_;
 mod load;
 mod per_joint;
 mod text;
 mod train;
 
+pub use finetune::{FINETUNE_DEFAULTS, FinetuneConfig, changed};
+pub use loop_::{
+    FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, TargetConfig, TargetKind,
+};
 pub use load::{Configuration, load};
 pub use text::{DEFAULTS, train_defaults};
 pub use train::{TaskName, TrainConfig};
 
-use gaitfit_adapt::ParameterRule;
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
+use gaitfit_adapt::cost::CostKind;
+use gaitfit_adapt::fit::RandomNumbers;
+use gaitfit_adapt::{NetworkRule, ParameterRule, RobotRule, Rules};
 use gaitfit_log::PerJoint;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -23,18 +32,24 @@ pub struct AdaptConfig {
     /// Name of the run and of its folder; the configuration file's stem when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// Robot file (MJCF or URDF).
+    /// Robot file (MJCF or URDF); for walking logs the built-in Go2 when empty.
     pub robot: String,
     /// Drop what the engine does not honour in the robot file instead of refusing it.
     pub lenient: bool,
     /// How the robot's base was held while recording.
     pub base: Base,
+    /// Walking logs: the policy that walked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub policy: Option<String>,
+    /// Walking logs: parameters already known, a theta.toml; what is fitted comes on top.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub known: Option<String>,
     /// Logs to fit.
     pub logs: Vec<String>,
     /// Logs to validate on, not used in the fit.
     pub validate: Vec<String>,
     /// Costs to fit, one independent fit each.
-    pub costs: Vec<CostName>,
+    pub costs: Vec<CostKind>,
     /// Folder that holds the run folders.
     pub runs: String,
     /// Seconds between checkpoints.
@@ -50,8 +65,16 @@ pub struct AdaptConfig {
     pub groups: BTreeMap<String, Vec<String>>,
     /// What to fit.
     pub parameter: Vec<ParameterRule>,
+    /// Networks to fit.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub network: Vec<NetworkRule>,
+    /// Numbers of the whole robot to fit.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub number: Vec<RobotRule>,
     /// How logs are replayed.
     pub simulation: SimulationConfig,
+    /// Walking logs: falls.
+    pub falls: FallsConfig,
     /// The optimiser.
     pub optimizer: OptimizerConfig,
     /// Checks on the result; a failed one ends the program with exit code 3.
@@ -68,18 +91,10 @@ pub struct AdaptConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Base {
-    /// Clamped, legs in the air.
+    /// Clamped, legs in the air: the logs' targets are replayed.
     Fixed,
-}
-
-/// A cost by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum CostName {
-    /// Time-aligned root-mean-square distance over joint position and velocity.
-    MatchO,
-    /// Wasserstein-1 distance of the signals' distributions; no time axis.
-    Wass,
+    /// Free, walking: the policy is run under the logs' commands.
+    Free,
 }
 
 /// PD gains: one number for all joints, or numbers by joint name or pattern.
@@ -122,6 +137,24 @@ pub struct SimulationConfig {
     pub threads: usize,
 }
 
+/// What falls mean in fits of walking logs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FallsConfig {
+    /// What is cut from a log before a fall, s.
+    pub margin_seconds: f64,
+    /// Added to a candidate's cost times the share of the logs in which it falls; absent: chosen so that a candidate
+    /// that falls never beats one that stands, if the robot never fell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub penalty: Option<f64>,
+}
+
+impl Default for FallsConfig {
+    fn default() -> Self {
+        Self { margin_seconds: 0.5, penalty: None }
+    }
+}
+
 /// Solver effort by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -150,6 +183,8 @@ pub struct OptimizerConfig {
     pub covariance: CovarianceKind,
     /// What happens to draws outside the bounds.
     pub bounds: BoundHandling,
+    /// Which candidates see the same random numbers (torque noise).
+    pub random_numbers: RandomNumbers,
     /// A seed stops once its search distribution is this small: largest standard deviation of any
     /// parameter, relative to its initial deviation. 0 never stops early.
     pub tolerance: f64,
@@ -164,6 +199,22 @@ pub struct CheckConfig {
     /// Largest free-running position RMSE over the validation logs, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rmse_rad: Option<f64>,
+}
+
+impl AdaptConfig {
+    /// What is fitted.
+    pub fn rules(&self) -> Rules {
+        Rules {
+            parameter: self.parameter.clone(),
+            network: self.network.clone(),
+            robot: self.number.clone(),
+        }
+    }
+
+    /// Groups as the rules take them.
+    pub fn groups(&self) -> Vec<(String, Vec<String>)> {
+        self.groups.iter().map(|(name, patterns)| (name.clone(), patterns.clone())).collect()
+    }
 }
 
 impl Configuration for AdaptConfig {
@@ -189,9 +240,11 @@ impl Default for AdaptConfig {
             robot: String::new(),
             lenient: false,
             base: Base::Fixed,
+            policy: None,
+            known: None,
             logs: Vec::new(),
             validate: Vec::new(),
-            costs: vec![CostName::MatchO],
+            costs: vec![CostKind::MatchO],
             runs: "runs".to_owned(),
             checkpoint_seconds: 5.0,
             joint_names: BTreeMap::new(),
@@ -199,7 +252,10 @@ impl Default for AdaptConfig {
             validate_gains: Vec::new(),
             groups: ["hip", "thigh", "calf"].map(group).into(),
             parameter: ParameterRule::fric_arm(),
+            network: Vec::new(),
+            number: Vec::new(),
             simulation: SimulationConfig::default(),
+            falls: FallsConfig::default(),
             optimizer: OptimizerConfig::default(),
             check: CheckConfig::default(),
             truth: BTreeMap::new(),
@@ -223,6 +279,7 @@ impl Default for OptimizerConfig {
             seed: 1,
             covariance: CovarianceKind::Full,
             bounds: BoundHandling::Reflect,
+            random_numbers: RandomNumbers::default(),
             tolerance: 1e-4,
             max_seconds: 0.0,
         }

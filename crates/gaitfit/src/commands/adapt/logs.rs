@@ -2,7 +2,7 @@
 
 use crate::config::{AdaptConfig, FileGains};
 use crate::exit::Failure;
-use crate::{paths, robot};
+use crate::{log_joints, paths, robot};
 use gaitfit_log::{
     Finding, FindingKind, PerJoint, ReadOptions, ReadReport, Severity, Trajectory, check, read_csv_report,
 };
@@ -61,7 +61,8 @@ pub fn read(
         }
         (trajectory, report) = open(&path, &with_gains(config.gains.kp.clone(), config.gains.kd.clone()))?;
     }
-    let (trajectory, joints) = by_robot_joints(&trajectory, &path, config, model)?;
+    let all: Vec<usize> = (0..model.joints.len()).collect();
+    let (trajectory, joints) = log_joints::of_robot(&trajectory, &path, &config.joint_names, model, &all)?;
     let findings = check(&trajectory, &robot::check_spec(model, &trajectory.joints));
     let recording = recording(&trajectory, &path)?;
     if let Some(broken) = findings.iter().find(|finding| unusable(finding)) {
@@ -124,51 +125,6 @@ pub fn matching<'a>(
         }
     }
     Ok(None)
-}
-
-/// The same samples with the robot's joint names, in the robot's order; and the log's own names in that order.
-fn by_robot_joints(
-    trajectory: &Trajectory,
-    path: &Path,
-    config: &AdaptConfig,
-    model: &Model,
-) -> Result<(Trajectory, Vec<String>), Failure> {
-    let joints = &model.joints;
-    let listed = || joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", ");
-    let robot_joint = |of_log: &String| model.find_joint(config.joint_names.get(of_log).unwrap_or(of_log));
-    let shown = path.display();
-    let advice = "map names in [joint_names], or use the robot file the log was made with";
-    let mut columns: Vec<Option<&String>> = vec![None; joints.len()];
-    for of_log in &trajectory.joints {
-        let Some(joint) = robot_joint(of_log) else {
-            return Err(Failure::failed(format!(
-                "{shown}: the log has a joint `{of_log}` that the robot lacks (it has {}); {advice}.",
-                listed()
-            )));
-        };
-        if let Some(other) = columns[joint].replace(of_log) {
-            return Err(Failure::failed(format!(
-                "{shown}: the log's joints `{other}` and `{of_log}` are both the robot's `{}`; {advice}.",
-                joints[joint].name
-            )));
-        }
-    }
-    let mut names = Vec::with_capacity(joints.len());
-    for (joint, of_log) in joints.iter().zip(columns) {
-        let Some(of_log) = of_log else {
-            return Err(Failure::failed(format!(
-                "{shown}: the log lacks the robot's joint `{}` (it has {}); {advice}.",
-                joint.name,
-                trajectory.joints.join(", ")
-            )));
-        };
-        names.push(of_log);
-    }
-    let mut ordered =
-        trajectory.select_joints(&names).map_err(|error| Failure::failed(format!("{shown}: {error}")))?;
-    let of_robot = joints.iter().map(|joint| joint.name.clone()).collect();
-    let of_log = std::mem::replace(&mut ordered.joints, of_robot);
-    Ok((ordered, of_log))
 }
 
 fn recording(trajectory: &Trajectory, path: &Path) -> Result<Recording, Failure> {

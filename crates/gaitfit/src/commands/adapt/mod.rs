@@ -1,6 +1,7 @@
 //! `gaitfit adapt`: fits the simulator's parameters to logs of a robot.
 
 mod files;
+pub mod ground;
 mod inputs;
 mod logs;
 mod report;
@@ -12,6 +13,7 @@ use crate::cli;
 use crate::config;
 use crate::exit::{Exit, Failure};
 use crate::fitting;
+use crate::ground::setup::Ground;
 use crate::output::{self, note};
 use crate::run_folder::RunFolder;
 use results::Results;
@@ -25,22 +27,19 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
     config.name = Some(name.clone());
     // The folder keeps every default, these too.
     config.parameter.iter_mut().for_each(gaitfit_adapt::ParameterRule::resolve);
+    config.number.iter_mut().for_each(gaitfit_adapt::RobotRule::resolve);
     let threads = args.threads.map(std::num::NonZeroUsize::get);
+    if config.base == config::Base::Free {
+        let ground = Ground::open(&config, &args.config, threads)?;
+        let folder = folder(&config.runs, &name, args.resume)?;
+        let results = ground::fit(&config, &ground, &folder)?;
+        return ground::print(&results, args.json);
+    }
     let setup = setup::setup(&config, &args.config, threads)?;
     for warning in &setup.warnings {
         note(&format!("note: {warning}"));
     }
-    let runs = Path::new(&config.runs);
-    let earlier = if args.resume { RunFolder::latest(runs, &name)? } else { None };
-    let folder = match earlier {
-        Some(folder) => folder,
-        None => {
-            if args.resume {
-                note(&format!("note: there is no run called {name} in {}; starting one", runs.display()));
-            }
-            RunFolder::fresh(runs, &name)?
-        }
-    };
+    let folder = folder(&config.runs, &name, args.resume)?;
     let inputs = inputs::inputs(&config, &setup)?;
     let results = match files::finished(&folder, &inputs)? {
         Some(results) => {
@@ -57,6 +56,18 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
         }
     };
     report(&results, args.json)
+}
+
+/// The folder of a new run, or the latest of that name.
+fn folder(runs: &str, name: &str, resume: bool) -> Result<RunFolder, Failure> {
+    let runs = Path::new(runs);
+    if resume {
+        if let Some(folder) = RunFolder::latest(runs, name)? {
+            return Ok(folder);
+        }
+        note(&format!("note: there is no run called {name} in {}; starting one", runs.display()));
+    }
+    RunFolder::fresh(runs, name)
 }
 
 /// Prints the result; a check that failed decides the exit code.

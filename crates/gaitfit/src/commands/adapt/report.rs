@@ -1,17 +1,17 @@
 //! From results to the report's plain data.
 
-use crate::fitting::Metric;
 use super::results::{OtherFit, Results};
 use super::setup::{LogSet, Setup};
 use crate::config::AdaptConfig;
 use crate::exit::Failure;
-use crate::machine::{machine, now};
+use crate::machine::now;
+use crate::pieces;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{Predicted, simulate_one};
 use gaitfit_log::Signal;
 use gaitfit_view::report::{
-    Bound, Comparison, ComparisonEntry, JointDistribution, JointTrace, OptimizerRun, Parameter,
-    PublishedRange, Quantity, Score, Setting, Validation,
+    Comparison, ComparisonEntry, JointDistribution, JointTrace, Parameter,
+    PublishedRange, Quantity, Score, Validation,
 };
 use gaitfit_view::{AdaptReport, render};
 
@@ -42,14 +42,14 @@ pub fn page(
         baselines: results.baselines.iter().skip(1).map(score).collect(),
         noise_floor_rad: None,
         parameters: parameters(results),
-        runs: runs(results, metrics),
+        runs: pieces::runs(&results.cost_name, &results.runs, metrics),
         validation: validation(results),
         comparison: results.other_fits.first().map(|other| comparison(&results.cost_name, other)),
         traces: traces(shown, &fitted, &nominal),
         distributions: distributions(shown, &fitted, &nominal),
         warnings: warnings(results),
-        settings: settings(config)?,
-        versions: versions(),
+        settings: pieces::settings(config)?,
+        versions: pieces::versions(),
     };
     render(&report).map_err(Failure::failed)
 }
@@ -72,45 +72,19 @@ fn range([lower, upper]: [f64; 2], source: &str) -> PublishedRange {
 }
 
 fn parameters(results: &Results) -> Vec<Parameter> {
-    let parameter = |parameter: &super::results::Parameter| {
-        let found = &parameter.found;
-        let bound =
-            if found.value - found.lower < found.upper - found.value { Bound::Lower } else { Bound::Upper };
-        Parameter {
-            name: found.name.clone(),
-            unit: if found.unit == "-" { String::new() } else { found.unit.clone() },
-            value: found.value,
-            lower: found.lower,
-            upper: found.upper,
-            start: found.start,
-            spread: unknown(found.spread),
-            per_run: found.per_run.clone(),
-            at_bound: found.at_bound.then_some(bound),
-            published: parameter.truth.map(|truth| range([truth, truth], "the true value")).or_else(|| {
-                parameter.published.map(|published| range(published, "the configuration's [published]"))
-            }),
-            identified: None,
-        }
+    let published = |parameter: &super::results::Parameter| {
+        parameter.truth.map(|truth| range([truth, truth], "the true value")).or_else(|| {
+            parameter.published.map(|published| range(published, "the configuration's [published]"))
+        })
     };
-    results.parameters.iter().map(parameter).collect()
-}
-
-fn runs(results: &Results, metrics: &str) -> Vec<OptimizerRun> {
-    let metrics: Vec<Metric> = metrics.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
-    let run = |run: &gaitfit_adapt::fit::RunOutcome| {
-        let own: Vec<&Metric> = metrics
-            .iter()
-            .filter(|metric| metric.run.cost == results.cost_name && metric.run.seed == run.seed)
-            .collect();
-        OptimizerRun {
-            label: format!("seed {}", run.seed),
-            best_cost: run.best_cost,
-            best: own.iter().map(|metric| metric.run.best).collect(),
-            mean: own.iter().map(|metric| metric.run.mean).collect(),
-            sigma: own.iter().map(|metric| metric.run.sigma).collect(),
-        }
-    };
-    results.runs.iter().map(run).collect()
+    results
+        .parameters
+        .iter()
+        .map(|parameter| Parameter {
+            published: published(parameter),
+            ..pieces::parameter(&parameter.found)
+        })
+        .collect()
 }
 
 fn validation(results: &Results) -> Vec<Validation> {
@@ -182,8 +156,8 @@ fn distributions(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) -> V
             let histogram =
                 JointDistribution::from_samples(name, quantity, &measured, &nominal, &fitted, BINS);
             found.push(JointDistribution {
-                distance_nominal: distance(&nominal, &measured),
-                distance_fitted: distance(&fitted, &measured),
+                distance_nominal: pieces::distance(&nominal, &measured),
+                distance_fitted: pieces::distance(&fitted, &measured),
                 ..histogram
             });
         }
@@ -191,58 +165,8 @@ fn distributions(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) -> V
     found
 }
 
-/// Wasserstein-1 distance of simulated and measured samples; NaN where one is not finite.
-fn distance(simulated: &[f64], measured: &[f64]) -> f64 {
-    if simulated.iter().chain(measured).any(|value| !value.is_finite()) {
-        return f64::NAN;
-    }
-    let mut simulated: Vec<f32> = simulated.iter().map(|value| *value as f32).collect();
-    let mut measured = measured.to_vec();
-    simulated.sort_by(f32::total_cmp);
-    measured.sort_by(f64::total_cmp);
-    gaitfit_adapt::cost::wasserstein1(&simulated, &measured)
-}
-
 fn warnings(results: &Results) -> Vec<String> {
     let failed = results.checks.iter().filter(|check| !check.passed);
     let failed = failed.map(|check| format!("a check failed: {}", super::table::check(check)));
     failed.chain(results.warnings.iter().cloned()).collect()
-}
-
-/// The resolved configuration, one line a value.
-fn settings(config: &AdaptConfig) -> Result<Vec<Setting>, Failure> {
-    fn flatten(name: &str, value: &toml::Value, into: &mut Vec<Setting>) {
-        match value {
-            toml::Value::Table(table) => {
-                for (key, value) in table {
-                    let name = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
-                    flatten(&name, value, into);
-                }
-            }
-            toml::Value::Array(array) if array.iter().any(toml::Value::is_table) => {
-                for (index, value) in array.iter().enumerate() {
-                    flatten(&format!("{name}.{index}"), value, into);
-                }
-            }
-            _ => into.push(Setting { name: name.to_owned(), value: value.to_string() }),
-        }
-    }
-    let value = toml::Value::try_from(config)
-        .map_err(|error| Failure::failed(format!("cannot list the settings: {error}")))?;
-    let mut settings = Vec::new();
-    flatten("", &value, &mut settings);
-    Ok(settings)
-}
-
-fn versions() -> Vec<Setting> {
-    let machine = machine();
-    [
-        ("gaitfit", machine.gaitfit.to_owned()),
-        ("platform", machine.platform),
-        ("processor", machine.processor),
-        ("threads", machine.threads.to_string()),
-        ("features", machine.features.join(", ")),
-    ]
-    .map(|(name, value)| Setting { name: name.to_owned(), value })
-    .to_vec()
 }

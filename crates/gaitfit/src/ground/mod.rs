@@ -1,0 +1,13 @@
+//! Fits of walking logs: the policy is run in the simulator under the logs' commands.
+
+pub mod coverage;
+pub mod log_files;
+pub mod logs;
+pub mod observation;
+pub mod policy_check;
+pub mod rate;
+pub mod report;
+pub mod results;
+pub mod setup;
+pub mod simulator;
+pub mod table;

@@ -1,0 +1,148 @@
+//! The policy in the simulator, under the logs' commands: what a ground fit compares with the logs.
+
+use gaitfit_adapt::cost::Signal;
+use gaitfit_adapt::{Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
+use gaitfit_learn::follow::{Job, Script, Track, follow};
+use gaitfit_learn::policy::Policy;
+use gaitfit_learn::task::{Scene, start_from_joints};
+use gaitfit_log::Trajectory;
+use gaitfit_sim::{Candidate, Start};
+
+/// Runs a policy on candidate robots with the command sequences of some logs.
+pub struct GroundSimulator<'a> {
+    scene: &'a Scene,
+    policy: &'a Policy,
+    /// What θ changes.
+    base: Candidate,
+    scripts: Vec<Script>,
+    /// Joints of the signals: the policy's.
+    joints: Vec<String>,
+    /// Joints of the model, which θ names.
+    model_joints: Vec<String>,
+    threads: usize,
+}
+
+impl<'a> GroundSimulator<'a> {
+    /// A simulator of `logs` (joints in the policy's order, sampled at the policy's rate). `base`: the robot that θ
+    /// changes.
+    pub fn new(
+        scene: &'a Scene,
+        policy: &'a Policy,
+        base: Candidate,
+        logs: &[&Trajectory],
+        threads: usize,
+    ) -> Self {
+        let model = scene.batch.model();
+        Self {
+            scene,
+            policy,
+            base,
+            scripts: logs.iter().map(|log| script(scene, log)).collect(),
+            joints: scene.joints.iter().map(|&joint| model.joints[joint].name.clone()).collect(),
+            model_joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
+            threads,
+        }
+    }
+
+    /// The robot with these values of θ.
+    pub fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
+        let mut candidate = self.base.clone();
+        theta.apply(values, &self.model_joints, &mut candidate);
+        candidate
+    }
+}
+
+impl Simulator for GroundSimulator<'_> {
+    fn joints(&self) -> &[String] {
+        &self.joints
+    }
+
+    fn recordings(&self) -> usize {
+        self.scripts.len()
+    }
+
+    fn provides(&self, _signal: Signal) -> bool {
+        true
+    }
+
+    fn simulate(
+        &self,
+        theta: &Theta,
+        candidates: &[Rollout],
+        consume: &Consume<'_>,
+    ) -> Result<(), SimulatorError> {
+        let jobs: Vec<Job> = candidates
+            .iter()
+            .map(|rollout| Job {
+                candidate: self.candidate(theta, &rollout.values),
+                reset_every: rollout.reset_every,
+                seed: rollout.draw,
+            })
+            .collect();
+        let pass = |job: usize, script: usize, track: &Track| {
+            let signals = Signals {
+                position: &track.position,
+                velocity: &track.velocity,
+                action: Some(&track.action),
+                base_position: Some(&track.base_position),
+                base_velocity: Some(&track.base_velocity),
+                fell_at: track.fell_at,
+            };
+            consume(job, script, signals);
+        };
+        follow(self.scene, self.policy, &self.scripts, &jobs, self.threads, &pass)
+            .map_err(|error| SimulatorError(error.to_string()))
+    }
+}
+
+/// What the simulated robot follows: the log's commands, from the log's first joint angles and velocities. Where the
+/// base is at the start no robot knows: upright in the task's posture, feet on the ground, at rest.
+fn script(scene: &Scene, log: &Trajectory) -> Script {
+    let joints = scene.joints.len();
+    let samples = log.len();
+    let command = log.command.as_deref().unwrap_or_default();
+    let commands = (0..samples).map(|row| std::array::from_fn(|k| command[3 * row + k] as f32)).collect();
+    let model_order = |values: &[f64], row: usize, other: f64| -> Vec<f64> {
+        let mut all = vec![other; scene.start_pose.len()];
+        for (&joint, &value) in scene.joints.iter().zip(&values[row * joints..]) {
+            all[joint] = value;
+        }
+        all
+    };
+    let posture =
+        |row: usize| (model_order(&log.position, row, 0.0), model_order(&log.velocity, row, 0.0));
+    let (angles, velocities) = posture(0);
+    let start = start_from_joints(scene, &angles, &velocities);
+    Script { commands, start, states: states(log, posture), actions: actions(log) }
+}
+
+/// The whole state at every sample, where the log has it.
+fn states(log: &Trajectory, posture: impl Fn(usize) -> (Vec<f64>, Vec<f64>)) -> Vec<Start> {
+    let Some(base) = &log.base else { return Vec::new() };
+    let (Some(position), Some(quaternion), Some(linear), Some(angular)) =
+        (&base.position, &base.quaternion, &base.linear_velocity, &base.angular_velocity)
+    else {
+        return Vec::new();
+    };
+    fn row<const N: usize>(values: &[f64], row: usize) -> [f32; N] {
+        std::array::from_fn(|k| values[row * N + k] as f32)
+    }
+    (0..log.len())
+        .map(|sample| {
+            let (angles, velocities) = posture(sample);
+            let single = |values: Vec<f64>| values.into_iter().map(|x| x as f32).collect();
+            Start {
+                base_position: row(position, sample),
+                base_quaternion: row(quaternion, sample),
+                base_linear: row(linear, sample),
+                base_angular: row(angular, sample),
+                joint_position: single(angles),
+                joint_velocity: single(velocities),
+            }
+        })
+        .collect()
+}
+
+fn actions(log: &Trajectory) -> Vec<f32> {
+    log.action.iter().flatten().map(|&action| action as f32).collect()
+}
