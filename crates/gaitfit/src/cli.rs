@@ -1,6 +1,6 @@
 //! The command line.
 
-use crate::config::TaskName;
+use crate::config::{PresetName, TaskName};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -25,6 +25,8 @@ pub enum Command {
     Adapt(Adapt),
     /// Train a policy by PPO
     Train(Train),
+    /// Go on training a policy in an adapted simulator
+    Finetune(Finetune),
     /// Evaluate one physics step at given states
     Forward(Forward),
     /// Show a policy and write it as ONNX or safetensors
@@ -101,6 +103,52 @@ pub struct Train {
     #[arg(long, value_name = "N")]
     pub threads: Option<std::num::NonZeroUsize>,
     /// Name of the run and its folder [default: the configuration's name]
+    #[arg(long)]
+    pub name: Option<String>,
+    /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
+    #[arg(long, value_name = "N|LIST")]
+    pub seeds: Option<Seeds>,
+}
+
+/// Arguments of `finetune`.
+#[derive(Debug, Args)]
+pub struct Finetune {
+    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere [default: the configuration's]
+    pub policy: Option<PathBuf>,
+    /// Fitted parameters: the theta.toml of an `adapt` run
+    #[arg(long, value_name = "FILE")]
+    pub theta: Option<PathBuf>,
+    /// Robot (.xml, .mjcf, .urdf) [default: the built-in Go2]
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    #[arg(long)]
+    pub lenient: bool,
+    /// A spring on a joint, N·m/rad, about its default angle or REST, rad (repeatable)
+    #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
+    pub spring: Vec<String>,
+    /// Standard deviation of Gaussian torques at every joint and physics step, N·m
+    #[arg(long, value_name = "NM")]
+    pub torque_noise: Option<f64>,
+    /// Task: velocity, biped, or a file with a task's settings [default: the policy's own]
+    #[arg(long, value_name = "TASK")]
+    pub task: Option<String>,
+    /// Configuration (TOML); `gaitfit config finetune` prints one with every default
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Change one setting, for example --set train.iterations=300 (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Continue the latest run of this name from its checkpoints; train.iterations and seeds may grow
+    #[arg(long)]
+    pub resume: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+    /// Name of the run and its folder [default: the configuration's name, or `finetune`]
     #[arg(long)]
     pub name: Option<String>,
     /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
@@ -317,6 +365,8 @@ pub enum ConfigOf {
     Adapt,
     /// Settings of `gaitfit train`
     Train,
+    /// Settings of `gaitfit finetune`
+    Finetune,
 }
 
 /// Arguments of `doctor`.
@@ -336,6 +386,16 @@ pub enum Preset {
     Accurate,
     /// Until converged
     Converged,
+}
+
+impl From<PresetName> for Preset {
+    fn from(name: PresetName) -> Self {
+        match name {
+            PresetName::Fast => Self::Fast,
+            PresetName::Accurate => Self::Accurate,
+            PresetName::Converged => Self::Converged,
+        }
+    }
 }
 
 impl From<Preset> for gaitfit_physics::Preset {

@@ -54,6 +54,7 @@ fn json<T: Serialize>(value: &T) -> Result<Vec<u8>, Failure> {
         .map_err(|error| Failure::failed(format!("cannot hash the run's inputs: {error}")))
 }
 
-fn hash(bytes: &[u8]) -> String {
+/// SHA-256, hexadecimal.
+pub fn hash(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }

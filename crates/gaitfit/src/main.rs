@@ -32,6 +32,7 @@ fn main() -> ExitCode {
         Command::Inspect(args) => commands::inspect::run(args),
         Command::Adapt(args) => commands::adapt::run(args),
         Command::Train(args) => commands::train::run(args),
+        Command::Finetune(args) => commands::finetune::run(args),
         Command::Forward(args) => commands::forward::run(args),
         Command::Export(args) => commands::export::run(args),
         Command::Evaluate(args) => commands::evaluate::run(args),

@@ -3,13 +3,12 @@
 use crate::cli::WorldArgs;
 use crate::exit::Failure;
 use crate::robot::{self, Hold};
-use gaitfit_adapt::Quantity;
+use gaitfit_adapt::ThetaFile;
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::policy::{self, Policy};
 use gaitfit_learn::task::{Scene, TaskSettings, preset};
 use gaitfit_model::Model;
-use gaitfit_sim::{Candidate, RobotParams};
-use serde::Deserialize;
+use gaitfit_sim::Candidate;
 use std::path::Path;
 
 /// A policy and the simulator it runs in.
@@ -28,17 +27,20 @@ impl World {
     /// Reads everything the arguments name.
     pub fn open(args: &WorldArgs) -> Result<Self, Failure> {
         let policy = policy::read(&args.policy).map_err(Failure::failed)?;
+        let settings = task(args, &policy)?;
+        Self::with_task(args, policy, if args.randomised { settings } else { settings.calm() })
+    }
+
+    /// The simulator that the arguments name, for a policy and a task that are read already.
+    pub fn with_task(args: &WorldArgs, policy: Policy, settings: TaskSettings) -> Result<Self, Failure> {
         let mut changes = Vec::new();
+        if args.randomised {
+            changes.push("randomised as in training".to_owned());
+        }
         let mut model = match &args.robot {
             Some(path) => robot::read(path, args.lenient, Hold::File)?,
             None => robot::go2()?,
         };
-        let mut settings = task(args, &policy)?;
-        if !args.randomised {
-            settings = settings.calm();
-        } else {
-            changes.push("randomised as in training".to_owned());
-        }
         let interface = &policy.interface;
         let joints = interface.resolve(&model).map_err(Failure::failed)?;
         for text in &args.spring {
@@ -53,11 +55,13 @@ impl World {
             joint.springref = rest;
             changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, joint.name));
         }
-        let mut candidate = Candidate::nominal(&model);
-        if let Some(path) = &args.theta {
-            apply_theta(path, &model, &mut candidate.robot)?;
-            changes.push(format!("parameters of {}", path.display()));
-        }
+        let mut candidate = match &args.theta {
+            Some(path) => {
+                changes.push(format!("parameters of {}", path.display()));
+                fitted(path, &model)?
+            }
+            None => Candidate::nominal(&model),
+        };
         if !(0.0..=1000.0).contains(&args.torque_noise) {
             return Err(Failure::usage(format!(
                 "--torque-noise {} must be from 0 to 1000 N·m",
@@ -67,8 +71,9 @@ impl World {
         if args.torque_noise > 0.0 {
             changes.push(format!("torque noise of {} N·m", args.torque_noise));
         }
-        candidate.torque_noise = args.torque_noise;
-        let delay = candidate.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
+        // Of independent torques the variances add.
+        candidate.torque_noise = candidate.torque_noise.hypot(args.torque_noise);
+        let delay = longest_delay(&candidate);
         let scene = Scene::with_interface(&model, &settings, interface.clone(), args.preset.into(), delay)
             .map_err(Failure::failed)?;
         Ok(Self { policy, scene, candidate, changes })
@@ -76,12 +81,7 @@ impl World {
 
     /// Who is tested on what.
     pub fn subject(&self, seed: u64) -> Subject<'_> {
-        Subject {
-            scene: &self.scene,
-            policy: &self.policy,
-            candidate: Some(&self.candidate),
-            seed,
-        }
+        Subject { scene: &self.scene, policy: &self.policy, candidate: Some(&self.candidate), seed }
     }
 
     /// Threads asked for, or one a core.
@@ -100,8 +100,13 @@ impl World {
     }
 }
 
+/// The longest actuation delay of a joint, s.
+pub fn longest_delay(candidate: &Candidate) -> f64 {
+    candidate.robot.delay.iter().fold(0.0, |most, &delay| most.max(delay))
+}
+
 /// The task: as asked for, as the policy remembers it, or the built-in one.
-fn task(args: &WorldArgs, policy: &Policy) -> Result<TaskSettings, Failure> {
+pub fn task(args: &WorldArgs, policy: &Policy) -> Result<TaskSettings, Failure> {
     let parse = |text: &str, what: &str| {
         toml::from_str::<TaskSettings>(text).map_err(|error| Failure::usage(format!("{what}: {error}")))
     };
@@ -151,42 +156,13 @@ impl Spring {
     }
 }
 
-/// The part of `theta.toml` that a simulator needs.
-#[derive(Deserialize)]
-struct ThetaFile {
-    parameter: Vec<ThetaEntry>,
-}
-
-#[derive(Deserialize)]
-struct ThetaEntry {
-    name: String,
-    kind: Quantity,
-    joints: Vec<String>,
-    value: f64,
-}
-
-fn apply_theta(path: &Path, model: &Model, robot: &mut RobotParams) -> Result<(), Failure> {
+/// The robot of `model` as the `theta.toml` of a fit has it.
+fn fitted(path: &Path, model: &Model) -> Result<Candidate, Failure> {
     let shown = path.display();
     let text = std::fs::read_to_string(path)
         .map_err(|error| Failure::failed(format!("cannot read {shown}: {error}")))?;
-    let theta: ThetaFile = toml::from_str(&text).map_err(|error| {
-        Failure::failed(format!("{shown}: {error}; give the theta.toml of a `gaitfit adapt` run"))
-    })?;
-    for entry in theta.parameter {
-        if !entry.value.is_finite() || entry.value < entry.kind.least() {
-            return Err(Failure::failed(format!(
-                "{shown}: {} is {}; it must be a number of at least {}",
-                entry.name,
-                entry.value,
-                entry.kind.least()
-            )));
-        }
-        for name in &entry.joints {
-            let joint = model.find_joint(name).ok_or_else(|| no_joint(model, name, &shown.to_string()))?;
-            entry.kind.of_joints(robot)[joint] = entry.value;
-        }
-    }
-    Ok(())
+    let candidate = ThetaFile::parse(&text).and_then(|theta| theta.candidate(model));
+    candidate.map_err(|error| Failure::failed(format!("{shown}: {error}")))
 }
 
 fn no_joint(model: &Model, name: &str, whose: &str) -> Failure {

@@ -4,9 +4,8 @@ use super::metrics::{self, Metric};
 use super::report;
 use super::results::{Results, SeedResult};
 use super::seed::Files;
-use super::setup::{self, Setup};
+use super::setup::{Plan, Setup};
 use super::show::{self, Shown};
-use crate::config::TrainConfig;
 use crate::exit::Failure;
 use crate::inputs::Inputs;
 use crate::machine::now;
@@ -28,23 +27,22 @@ struct ResultFile {
     results: Results,
 }
 
+/// Settings that do not change what an iteration does; files count as what they are, not by their names.
+const FREE: [&str; 8] =
+    ["name", "runs", "seeds", "checkpoint_seconds", "robot", "lenient", "policy", "theta"];
+
 /// Refuses to continue a run of other settings, naming one that differs.
-pub fn check_same(folder: &RunFolder, config: &TrainConfig) -> Result<(), Failure> {
+pub fn check_same(folder: &RunFolder, plan: &Plan) -> Result<(), Failure> {
     let Some(text) = folder.read(CONFIG)? else { return Ok(()) };
     let shown = folder.path().join(CONFIG);
-    let wrong = |error: String| {
+    let saved: Table = toml::from_str(&text).map_err(|_| {
         Failure::failed(format!(
-            "{}: {error}. Restore it, or start afresh without --resume.",
-            shown.display()
+            "{}: not a configuration ({} bytes). Restore it, or start afresh without --resume.",
+            shown.display(),
+            text.len()
         ))
-    };
-    let saved: TrainConfig = crate::config::load(Some(&shown), &[])
-        .map_err(|_| wrong(format!("not a configuration of this version ({} bytes)", text.len())))?;
-    let table = |config: &TrainConfig| {
-        Table::try_from(setup::settings(config)).map_err(|error| wrong(error.to_string()))
-    };
-    let (saved, wanted) = (table(&saved)?, table(config)?);
-    match difference("", &Value::Table(saved), &Value::Table(wanted)) {
+    })?;
+    match difference("", &bound(saved), &bound(plan.configuration.clone())) {
         None => Ok(()),
         Some(difference) => Err(Failure::usage(format!(
             "{} cannot be continued: {difference}. Give the run's own settings (--resume with {}), or start afresh \
@@ -55,8 +53,17 @@ pub fn check_same(folder: &RunFolder, config: &TrainConfig) -> Result<(), Failur
     }
 }
 
-/// The first setting that differs, in words.
-fn difference(path: &str, saved: &Value, wanted: &Value) -> Option<String> {
+/// What a run is bound to of its settings.
+fn bound(mut settings: Table) -> Value {
+    settings.retain(|key, _| !FREE.contains(&key));
+    if let Some(Value::Table(train)) = settings.get_mut("train") {
+        train.remove("iterations");
+    }
+    Value::Table(settings)
+}
+
+/// The first setting that differs, in words; `path`: where the values are.
+pub fn difference(path: &str, saved: &Value, wanted: &Value) -> Option<String> {
     let (Value::Table(saved), Value::Table(wanted)) = (saved, wanted) else {
         return (saved != wanted).then(|| format!("`{path}` was {saved}, now it is {wanted}"));
     };
@@ -75,7 +82,7 @@ fn difference(path: &str, saved: &Value, wanted: &Value) -> Option<String> {
 }
 
 /// The result of a folder whose training is finished as it is wanted; none where there is more to do.
-pub fn finished(folder: &RunFolder, config: &TrainConfig, setup: &Setup) -> Result<Option<Results>, Failure> {
+pub fn finished(folder: &RunFolder, setup: &Setup) -> Result<Option<Results>, Failure> {
     let Some(text) = folder.read(RESULT)? else { return Ok(None) };
     let file: ResultFile = serde_json::from_str(&text).map_err(|error| {
         Failure::failed(format!(
@@ -84,7 +91,7 @@ pub fn finished(folder: &RunFolder, config: &TrainConfig, setup: &Setup) -> Resu
         ))
     })?;
     let seeds: Vec<u64> = file.results.seeds.iter().map(|seed| seed.seed).collect();
-    if seeds != config.seeds || file.iterations != config.train.iterations {
+    if seeds != setup.plan.seeds || file.iterations != setup.plan.train.iterations {
         return Ok(None);
     }
     // The robot counts as what it is, wherever its file lies.
@@ -99,13 +106,14 @@ pub fn finished(folder: &RunFolder, config: &TrainConfig, setup: &Setup) -> Resu
 }
 
 /// Writes what is known before the training.
-pub fn begin(folder: &RunFolder, config: &TrainConfig, setup: &Setup, begun: &str) -> Result<(), Failure> {
-    folder.write(CONFIG, resolved(config)?.as_bytes())?;
-    manifest::write(folder, &config.seeds, &setup.inputs, begun, None)
+pub fn begin(folder: &RunFolder, setup: &Setup, begun: &str) -> Result<(), Failure> {
+    folder.write(CONFIG, resolved(&setup.plan)?.as_bytes())?;
+    manifest::write(folder, &setup.plan.seeds, &setup.inputs, begun, None)
 }
 
-fn resolved(config: &TrainConfig) -> Result<String, Failure> {
-    toml::to_string_pretty(config).map_err(|error| Failure::failed(format!("cannot write {CONFIG}: {error}")))
+fn resolved(plan: &Plan) -> Result<String, Failure> {
+    toml::to_string_pretty(&plan.configuration)
+        .map_err(|error| Failure::failed(format!("cannot write {CONFIG}: {error}")))
 }
 
 /// What a trained seed leaves for the report.
@@ -119,31 +127,28 @@ pub struct Trained {
 }
 
 /// Shows the policies and writes what was found. The result comes last: a folder that has it has everything.
-pub fn finish(
-    folder: &RunFolder,
-    config: &TrainConfig,
-    setup: &Setup,
-    begun: &str,
-) -> Result<Results, Failure> {
-    let mut trained = Vec::with_capacity(config.seeds.len());
-    for &seed in &config.seeds {
-        trained.push(seed_results(folder, config, setup, seed)?);
+pub fn finish(folder: &RunFolder, setup: &Setup, begun: &str) -> Result<Results, Failure> {
+    let plan = &setup.plan;
+    let mut trained = Vec::with_capacity(plan.seeds.len());
+    for &seed in &plan.seeds {
+        trained.push(seed_results(folder, setup, seed)?);
     }
     let results = Results {
         name: folder.name(),
         robot: setup.model.name.clone(),
-        task: config.task.base.name().to_owned(),
-        environments: config.train.environments,
-        steps: config.train.steps,
+        task: plan.task.clone(),
+        environments: plan.train.environments,
+        steps: plan.train.steps,
+        parent: setup.start.as_ref().map(|start| start.parent.clone()),
         configuration_hash: setup.inputs.settings.clone(),
         seeds: trained.iter().map(|seed| seed.result.clone()).collect(),
         run_folder: folder.path().display().to_string(),
         wall_seconds: trained.iter().map(|seed| seed.result.wall_seconds).sum(),
     };
-    let page = report::page(&resolved(config)?, setup, &results, &trained)?;
+    let page = report::page(&resolved(plan)?, setup, &results, &trained)?;
     folder.write("report.html", page.as_bytes())?;
-    manifest::write(folder, &config.seeds, &setup.inputs, begun, Some(now()))?;
-    let iterations = config.train.iterations;
+    manifest::write(folder, &plan.seeds, &setup.inputs, begun, Some(now()))?;
+    let iterations = plan.train.iterations;
     folder.write_json(
         RESULT,
         &ResultFile { inputs: setup.inputs.clone(), iterations, results: results.clone() },
@@ -151,12 +156,7 @@ pub fn finish(
     Ok(results)
 }
 
-fn seed_results(
-    folder: &RunFolder,
-    config: &TrainConfig,
-    setup: &Setup,
-    seed: u64,
-) -> Result<Trained, Failure> {
+fn seed_results(folder: &RunFolder, setup: &Setup, seed: u64) -> Result<Trained, Failure> {
     let files = Files::of(seed);
     let path = folder.path().join(&files.policy);
     let bytes = folder.read_bytes(&files.policy)?.unwrap_or_default();
@@ -171,7 +171,7 @@ fn seed_results(
             policy.provenance.iteration
         ));
     }
-    let shown = show::show(config, setup, &policy, &format!("{}, seed {seed}", folder.name()))?;
+    let shown = show::show(setup, &policy, &format!("{}, seed {seed}", folder.name()))?;
     folder.write(&files.replay, shown.html.as_bytes())?;
     let result = SeedResult::new(seed, &metrics, shown.summary.clone(), folder.path());
     Ok(Trained { result, metrics, shown })

@@ -28,7 +28,7 @@ pub fn page(
         measured_on: format!(
             "the last {LAST} iterations of training, with its noise, pushes and varied robots"
         ),
-        seeds: trained.iter().map(curve).collect(),
+        seeds: trained.iter().map(|seed| curve(&seed.result, &seed.metrics)).collect(),
         gait: first.map(|seed| seed.shown.gait.clone()),
         gait_caption: first
             .map(|seed| format!("Seed {}, {GAIT_CAPTION}.", seed.result.seed))
@@ -58,8 +58,8 @@ fn result(seed: &SeedResult) -> Shown {
     }
 }
 
-fn curve(seed: &Trained) -> SeedCurve {
-    let metrics = &seed.metrics;
+/// The learning curves of a seed.
+pub fn curve(outcome: &SeedResult, metrics: &[Metric]) -> SeedCurve {
     let series = |name: &str, unit: &str, value: &dyn Fn(&Metric) -> f64| Series {
         name: name.to_owned(),
         unit: unit.to_owned(),
@@ -84,8 +84,8 @@ fn curve(seed: &Trained) -> SeedCurve {
         ..series(&name.replace('_', " "), "", &|metric| diagnostics(&metric.ppo)[index].1)
     });
     SeedCurve {
-        seed: seed.result.seed,
-        result: result(&seed.result),
+        seed: outcome.seed,
+        result: result(outcome),
         iteration: metrics.iter().map(|metric| metric.iteration).collect(),
         progress,
         rewards: rewards.collect(),
@@ -112,6 +112,10 @@ fn facts(setup: &Setup, results: &Results) -> Vec<Setting> {
         fact("Control", format!("{rate:.0} Hz, {} physics steps each", setup.scene.settings.substeps)),
         fact("Threads", setup.threads.to_string()),
     ];
+    if let Some(parent) = &results.parent {
+        facts.push(fact("Goes on from", parent.policy.clone()));
+        facts.push(fact("Simulator", parent.simulator.clone()));
+    }
     if let Some(gait) = results.seeds.first().map(|seed| &seed.gait) {
         facts.push(fact("Action rate", format!("{:.2} a step", gait.action_rate)));
         facts.push(fact(

@@ -21,6 +21,9 @@ pub struct Results {
     pub environments: usize,
     /// Control steps of a rollout.
     pub steps: usize,
+    /// What it went on from; absent where it began with new networks on the robot of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parent: Option<Parent>,
     /// SHA-256 of the settings, as in the policies.
     pub configuration_hash: String,
     /// One a seed.
@@ -29,6 +32,25 @@ pub struct Results {
     pub run_folder: String,
     /// Wall time of all seeds, over all sessions, s.
     pub wall_seconds: f64,
+}
+
+/// What a training went on from, and in which simulator.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Parent {
+    /// The policy's file.
+    pub policy: String,
+    /// SHA-256 of the policy as the program writes it, hexadecimal.
+    pub policy_sha256: String,
+    /// The file of fitted parameters.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub theta: Option<String>,
+    /// Its SHA-256, hexadecimal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub theta_sha256: Option<String>,
+    /// The simulator in a few words.
+    pub simulator: String,
+    /// Whether the policy had no critic, so that a new one was trained.
+    pub new_critic: bool,
 }
 
 /// How one seed ended: means over its last iterations.
@@ -52,7 +74,7 @@ pub struct SeedResult {
     pub linear_velocity_error: f64,
     /// Mean yaw-rate error, rad/s.
     pub angular_velocity_error: f64,
-    /// The gait of the policy, shown at work on the nominal robot.
+    /// The gait of the policy, shown at work without variation.
     pub gait: GaitSummary,
     /// Control steps of all robots a second: median over all iterations.
     pub samples_per_second: f64,

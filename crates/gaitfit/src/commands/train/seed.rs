@@ -2,7 +2,6 @@
 
 use super::metrics::{self, Metric};
 use super::setup::Setup;
-use crate::config::TrainConfig;
 use crate::exit::{Exit, Failure};
 use crate::interrupt;
 use crate::progress::{Lines, Progress};
@@ -48,21 +47,19 @@ impl Files {
 }
 
 /// Trains a seed to its end, from its checkpoint if it has one.
-pub fn train(config: &TrainConfig, setup: &Setup, folder: &RunFolder, seed: u64) -> Result<(), Failure> {
+pub fn train(setup: &Setup, folder: &RunFolder, seed: u64) -> Result<(), Failure> {
     let files = Files::of(seed);
     folder.make(&files.folder)?;
-    let learner = Training::fresh_learner(&setup.scene, &config.ppo, seed).map_err(Failure::usage)?;
-    let training = Training::new(&setup.scene, None, &config.train, learner, seed);
+    let learner = setup.learner(seed).map_err(Failure::usage)?;
+    let training = Training::new(&setup.scene, setup.candidate.as_ref(), &setup.plan.train, learner, seed);
     let training = training.map_err(Failure::usage)?;
-    let mut session =
-        Session { config, setup, folder, files, seed, training, before: 0.0, begun: Instant::now() };
+    let mut session = Session { setup, folder, files, seed, training, before: 0.0, begun: Instant::now() };
     session.start()?;
     session.run()
 }
 
 /// One seed in this process.
 struct Session<'a> {
-    config: &'a TrainConfig,
     setup: &'a Setup,
     folder: &'a RunFolder,
     files: Files,
@@ -103,7 +100,11 @@ impl Session<'_> {
 
     /// Writes policy and checkpoint. The checkpoint comes last: what it counts as done is on the disk.
     fn save(&mut self) -> Result<(), Failure> {
-        let policy = self.training.policy(&self.setup.inputs.settings, env!("CARGO_PKG_VERSION"));
+        let mut policy = self.training.policy(&self.setup.inputs.settings, env!("CARGO_PKG_VERSION"));
+        if let Some(start) = &self.setup.start {
+            policy.provenance.parent = start.parent.policy_sha256.clone();
+            policy.provenance.theta = start.parent.theta_sha256.clone().unwrap_or_default();
+        }
         let bytes = weights::write(&policy).map_err(Failure::failed)?;
         self.folder.write(&self.files.policy, &bytes)?;
         let seconds = self.seconds();
@@ -116,10 +117,10 @@ impl Session<'_> {
         let unwritable = |error| Failure::failed(format!("cannot write {}: {error}", event_path.display()));
         let first = self.training.iteration();
         let mut events = EventFile::open(&event_path, Some(u64::from(first))).map_err(unwritable)?;
-        let total = (self.config.train.iterations as usize).max(first as usize);
+        let total = (self.setup.plan.train.iterations as usize).max(first as usize);
         let what = format!("seed {}, iteration", self.seed);
         let mut progress = Progress::new(&what, total, first as usize, "samples", Lines::Parts(LINES));
-        let every = Duration::try_from_secs_f64(self.config.checkpoint_seconds).unwrap_or(Duration::MAX);
+        let every = Duration::try_from_secs_f64(self.setup.plan.checkpoint_seconds).unwrap_or(Duration::MAX);
         let mut saved = (Instant::now(), first);
         while !self.training.finished() {
             let iteration = match self.training.iterate(self.setup.threads) {
@@ -136,7 +137,7 @@ impl Session<'_> {
             let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
             let step = u64::from(metric.iteration);
             events.scalars(step, now.as_secs_f64(), &scalars).map_err(unwritable)?;
-            let steps = self.config.train.environments * self.config.train.steps;
+            let steps = self.setup.plan.train.environments * self.setup.plan.train.steps;
             progress.update(metric.iteration as usize, steps, &state(&metric));
             let interrupted = interrupt::asked();
             if interrupted || saved.0.elapsed() >= every || self.training.finished() {

@@ -1,34 +1,92 @@
 //! Everything a training needs, read and checked before anything is written.
 
-use crate::config::TrainConfig;
+use super::results::Parent;
+use crate::config::{PresetName, TrainConfig};
 use crate::exit::Failure;
 use crate::inputs::Inputs;
 use crate::robot::Hold;
 use crate::{paths, robot};
+use gaitfit_learn::policy::Policy;
+use gaitfit_learn::ppo::{self, Learner};
 use gaitfit_learn::task::Scene;
-use gaitfit_learn::{Origin, Training, TrainingError};
+use gaitfit_learn::{Origin, Training, TrainingError, TrainingSettings};
 use gaitfit_model::Model;
+use gaitfit_sim::Candidate;
+use serde::Serialize;
 use std::path::Path;
+use toml::Table;
 
-/// Everything a training needs.
+/// Everything a training needs, from nothing or from a policy.
 pub struct Setup {
+    /// What is done.
+    pub plan: Plan,
     /// The robot.
     pub model: Model,
+    /// What robots are varied around; the robot of the file if there is none.
+    pub candidate: Option<Candidate>,
     /// The task on it.
     pub scene: Scene,
+    /// What the training goes on from.
+    pub start: Option<Start>,
     /// What the result depends on.
     pub inputs: Inputs,
     /// Threads.
     pub threads: usize,
 }
 
+/// What is done, whichever command asks for it.
+pub struct Plan {
+    /// Name of the run.
+    pub name: String,
+    /// Folder that holds the run folders.
+    pub runs: String,
+    /// One training each.
+    pub seeds: Vec<u64>,
+    /// Seconds between checkpoints.
+    pub checkpoint_seconds: f64,
+    /// Solver effort of the physics.
+    pub preset: PresetName,
+    /// How much is trained.
+    pub train: TrainingSettings,
+    /// Networks and optimisation.
+    pub ppo: ppo::Settings,
+    /// The task's name.
+    pub task: String,
+    /// All settings.
+    pub configuration: Table,
+}
+
+/// What a training goes on from.
+pub struct Start {
+    /// The policy.
+    pub policy: Policy,
+    /// Where it and the simulator come from.
+    pub parent: Parent,
+}
+
 /// Most seeds in one call.
 const MOST_SEEDS: usize = 1000;
 
-/// Reads the robot and checks the settings.
-pub fn setup(config: &TrainConfig, path: Option<&Path>, threads: usize) -> Result<Setup, Failure> {
-    check(config).map_err(|wrong| Failure::usage(advice(path, &wrong)))?;
-    config.train.check().map_err(|error| refused(path, &error))?;
+/// Reads the robot and checks the settings of a training from nothing.
+pub fn setup(
+    config: &TrainConfig,
+    name: &str,
+    path: Option<&Path>,
+    threads: usize,
+) -> Result<Setup, Failure> {
+    let printed_by = "gaitfit config train";
+    let plan = Plan {
+        name: name.to_owned(),
+        runs: config.runs.clone(),
+        seeds: config.seeds.clone(),
+        checkpoint_seconds: config.checkpoint_seconds,
+        preset: config.preset,
+        train: config.train.clone(),
+        ppo: config.ppo.clone(),
+        task: config.task.base.name().to_owned(),
+        configuration: table(config)?,
+    };
+    plan.check().map_err(|wrong| Failure::usage(advice(path, &wrong, printed_by)))?;
     let robot_path = match &config.robot {
         Some(named) => Some(paths::find(named, "robot", path.unwrap_or(Path::new("--set")))?),
         None => None,
@@ -37,24 +95,26 @@ pub fn setup(config: &TrainConfig, path: Option<&Path>, threads: usize) -> Resul
         Some(path) => robot::read(path, config.lenient, Hold::File)?,
         None => robot::go2()?,
     };
+    let refused = |error: TrainingError| refused(path, &error, printed_by);
     let scene = Scene::new(&model, &config.task.settings, config.preset.into())
-        .map_err(|error| refused(path, &error.into()))?;
+        .map_err(|error| refused(error.into()))?;
     scene
         .interface
         .check()
-        .map_err(|error| Failure::usage(advice(path, &format!("task.policy: {error}"))))?;
+        .map_err(|error| Failure::usage(advice(path, &format!("task.policy: {error}"), printed_by)))?;
     if scene.interface.critic_observation.is_empty() {
         let wrong = "task.policy.critic_observation has no terms; list what the critic sees";
-        return Err(Failure::usage(advice(path, wrong)));
+        return Err(Failure::usage(advice(path, wrong, printed_by)));
     }
-    Training::fresh_learner(&scene, &config.ppo, 0).map_err(|error| refused(path, &error))?;
     let inputs = Inputs::new(robot_path.as_deref(), &model, &settings(config))?;
-    Ok(Setup { model, scene, inputs, threads })
+    let setup = Setup { plan, model, candidate: None, scene, start: None, inputs, threads };
+    setup.learner(0).map_err(refused)?;
+    Ok(setup)
 }
 
 /// The settings without those that do not change what an iteration does: where results go, how often they are
 /// saved, how many seeds and iterations there are. The robot counts as what it is, not by its file's name.
-pub fn settings(config: &TrainConfig) -> TrainConfig {
+fn settings(config: &TrainConfig) -> TrainConfig {
     let mut settings = config.clone();
     settings.name = None;
     settings.robot = None;
@@ -64,6 +124,12 @@ pub fn settings(config: &TrainConfig) -> TrainConfig {
     settings.checkpoint_seconds = 0.0;
     settings.train.iterations = 0;
     settings
+}
+
+/// A configuration as a TOML table.
+pub fn table<C: Serialize>(config: &C) -> Result<Table, Failure> {
+    Table::try_from(config)
+        .map_err(|error| Failure::failed(format!("cannot write the configuration: {error}")))
 }
 
 impl Setup {
@@ -76,44 +142,59 @@ impl Setup {
             seed,
         }
     }
+
+    /// The learner that `seed` begins with.
+    ///
+    /// # Errors
+    /// PPO settings out of range, or a policy that they do not fit.
+    pub fn learner(&self, seed: u64) -> Result<Learner, TrainingError> {
+        match &self.start {
+            Some(start) => Training::learner_from(&self.scene, &self.plan.ppo, &start.policy, seed),
+            None => Training::fresh_learner(&self.scene, &self.plan.ppo, seed),
+        }
+    }
 }
 
-fn check(config: &TrainConfig) -> Result<(), String> {
-    let seeds = &config.seeds;
-    let samples = config.train.environments.saturating_mul(config.train.steps);
-    let wrong = if seeds.is_empty() || seeds.len() > MOST_SEEDS {
-        format!("`seeds` has {} numbers; give 1 to {MOST_SEEDS}", seeds.len())
-    } else if let Some(twice) = (1..seeds.len()).find(|&index| seeds[..index].contains(&seeds[index])) {
-        format!("`seeds` has {} twice", seeds[twice])
-    } else if config.runs.is_empty() {
-        "`runs` names no folder; \".\" is the current one".to_owned()
-    } else if !(config.checkpoint_seconds >= 0.0 && config.checkpoint_seconds.is_finite()) {
-        "`checkpoint_seconds` must be at least 0".to_owned()
-    } else if config.train.iterations == 0 {
-        "`train.iterations` must be at least 1".to_owned()
-    } else if samples > 0 && samples < config.ppo.minibatches {
-        format!(
-            "{} samples a rollout (`train.environments` × `train.steps`) cannot fill {} minibatches; raise \
-             either, or lower `ppo.minibatches`",
-            samples, config.ppo.minibatches
-        )
-    } else {
-        return Ok(());
-    };
-    Err(wrong)
+impl Plan {
+    /// Refuses settings out of range, in words.
+    pub fn check(&self) -> Result<(), String> {
+        let seeds = &self.seeds;
+        let samples = self.train.environments.saturating_mul(self.train.steps);
+        let wrong = if seeds.is_empty() || seeds.len() > MOST_SEEDS {
+            format!("`seeds` has {} numbers; give 1 to {MOST_SEEDS}", seeds.len())
+        } else if let Some(twice) = (1..seeds.len()).find(|&index| seeds[..index].contains(&seeds[index])) {
+            format!("`seeds` has {} twice", seeds[twice])
+        } else if self.runs.is_empty() {
+            "`runs` names no folder; \".\" is the current one".to_owned()
+        } else if !(self.checkpoint_seconds >= 0.0 && self.checkpoint_seconds.is_finite()) {
+            "`checkpoint_seconds` must be at least 0".to_owned()
+        } else if self.train.iterations == 0 {
+            "`train.iterations` must be at least 1".to_owned()
+        } else if samples > 0 && samples < self.ppo.minibatches {
+            format!(
+                "{samples} samples a rollout (`train.environments` × `train.steps`) cannot fill {} minibatches; raise \
+                 either, or lower `ppo.minibatches`",
+                self.ppo.minibatches
+            )
+        } else {
+            return self.train.check().map_err(|error| error.to_string());
+        };
+        Err(wrong)
+    }
 }
 
-fn advice(path: Option<&Path>, wrong: &str) -> String {
+/// What is wrong with a configuration, where, and what prints one that is right.
+pub fn advice(path: Option<&Path>, wrong: &str, printed_by: &str) -> String {
     let wrong = wrong.trim_end_matches('.');
     let place = path.map(|path| format!("{}: ", path.display())).unwrap_or_default();
-    format!("{place}{wrong}. `gaitfit config train` shows every setting.")
+    format!("{place}{wrong}. `{printed_by}` shows every setting.")
 }
 
 /// A setting that cannot be, or a robot that does not fit the task.
-fn refused(path: Option<&Path>, error: &TrainingError) -> Failure {
+pub fn refused(path: Option<&Path>, error: &TrainingError, printed_by: &str) -> Failure {
     let text = match error {
         TrainingError::Learner(error) => format!("[ppo] {error}"),
         error => error.to_string(),
     };
-    Failure::usage(advice(path, &text))
+    Failure::usage(advice(path, &text, printed_by))
 }

@@ -1,8 +1,8 @@
-//! A trained policy shown at work: ten seconds of commands on the nominal robot.
+//! A trained policy shown at work: ten seconds of commands on the robot that training varied.
 
 use super::setup::Setup;
-use crate::config::TrainConfig;
 use crate::exit::Failure;
+use crate::world::longest_delay;
 use crate::{gait, replay};
 use gaitfit_learn::evaluate::{GaitSummary, Subject, record_gait};
 use gaitfit_learn::policy::Policy;
@@ -25,13 +25,14 @@ pub struct Shown {
 pub const GAIT_CAPTION: &str = "standing, ahead and to the left, as fast as it was asked for in training";
 
 /// Runs the policy's mean actions on the task without noise, pushes and variation, and records them.
-pub fn show(config: &TrainConfig, setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Failure> {
-    let task = config.task.settings.calm();
+pub fn show(setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Failure> {
+    let task = setup.scene.settings.calm();
     let interface = policy.interface.clone();
-    let scene = Scene::with_interface(&setup.model, &task, interface, config.preset.into(), 0.0)
+    let delay = setup.candidate.as_ref().map_or(0.0, longest_delay);
+    let scene = Scene::with_interface(&setup.model, &task, interface, setup.plan.preset.into(), delay)
         .map_err(Failure::failed)?;
     let seed = policy.provenance.seed;
-    let subject = Subject { scene: &scene, policy, candidate: None, seed };
+    let subject = Subject { scene: &scene, policy, candidate: setup.candidate.as_ref(), seed };
     let record = record_gait(&subject, &gait::tour(&task.command)).map_err(Failure::failed)?;
     let fell = record.fell.then(|| record.steps() as f64 * record.dt);
     let ends = fell.map_or_else(String::new, |time| format!("; it fell after {time:.1} s"));

@@ -12,6 +12,9 @@ pub fn text(results: &Results) -> String {
         "{}: {} trained for `{}`, {} robots, {:.0} s\n",
         results.name, results.robot, results.task, results.environments, results.wall_seconds
     );
+    if let Some(parent) = &results.parent {
+        let _ = writeln!(text, "from {} in {}\n", parent.policy, parent.simulator);
+    }
     let header = [
         "seed",
         "iterations",
