@@ -1,0 +1,242 @@
+//! The stages of a loop. Each gives what it finds done, goes on where it was left, or begins; what they leave does not
+//! depend on which.
+
+use super::files::Times;
+use super::results::Measurement;
+use super::setup::Setup;
+use crate::cli;
+use crate::commands::{adapt, finetune, train};
+use crate::config::{AdaptConfig, FinetuneConfig};
+use crate::exit::{Exit, Failure};
+use crate::ground::results::GroundResults;
+use crate::ground::setup::Ground;
+use crate::interrupt;
+use crate::output::note;
+use crate::run_folder::RunFolder;
+use crate::target::{Evaluation, PolicyFiles, Target, csv_files, measure};
+use gaitfit_learn::policy::{onnx, weights};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What stages share.
+pub struct Stages<'a> {
+    /// The loop.
+    pub setup: &'a Setup,
+    /// Its folder.
+    pub folder: &'a RunFolder,
+    /// The robot, if it can be run from here.
+    pub target: Option<Target>,
+    /// Wall times.
+    pub times: Times<'a>,
+}
+
+/// A simulated robot for fine-tuning.
+#[derive(Clone, Debug, Default)]
+pub struct Simulator {
+    /// Its numbers.
+    pub theta: PathBuf,
+    /// Its springs.
+    pub spring: Vec<String>,
+    /// Its torque noise, N·m.
+    pub torque_noise: f64,
+}
+
+impl Stages<'_> {
+    /// Stops between stages when that was asked for.
+    fn pause(&self) -> Result<(), Failure> {
+        if !interrupt::asked() {
+            return Ok(());
+        }
+        let message =
+            format!("interrupted; {} has what is done, --resume continues", self.folder.path().display());
+        Err(Failure { exit: Exit::Interrupted, message })
+    }
+
+    /// A file of the run's folder as seen from the current directory.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a policy under its number's name, in both formats.
+    pub fn keep(&self, name: &str, stem: &str, bytes: &[u8]) -> Result<PolicyFiles, Failure> {
+        let policy = weights::read(bytes).map_err(Failure::failed)?;
+        let files = [format!("policies/{stem}.safetensors"), format!("policies/{stem}.onnx")];
+        let graph = onnx::write(&policy).map_err(Failure::failed)?;
+        self.folder.write(&files[0], bytes)?;
+        self.folder.write(&files[1], &graph)?;
+        let [safetensors, onnx] = files.map(|file| self.path(&file));
+        Ok(PolicyFiles { name: name.to_owned(), safetensors, onnx, policy })
+    }
+
+    /// Logs of the policy on the target, in the folder `name`.
+    pub fn collect(&mut self, name: &str, policy: &PolicyFiles, seed: u64) -> Result<Vec<PathBuf>, Failure> {
+        self.pause()?;
+        let folder = self.path(name);
+        if let (false, Some(target)) = (folder.is_dir(), &self.target) {
+            note(&format!("{name}: {} walks on the target, {}", policy.name, target.description()));
+            let begun = Instant::now();
+            target.collect(policy, seed, &folder)?;
+            self.times.set(name, begun.elapsed().as_secs_f64())?;
+        }
+        let logs = csv_files(&folder)?;
+        if logs.is_empty() {
+            return Err(Failure::failed(format!(
+                "{} holds no logs: every robot fell before its log began",
+                folder.display()
+            )));
+        }
+        Ok(logs)
+    }
+
+    /// The fit in the folder `round/adapt`.
+    pub fn adapt(
+        &mut self,
+        round: &str,
+        config: &AdaptConfig,
+    ) -> Result<(Ground, GroundResults, PathBuf), Failure> {
+        self.pause()?;
+        let stage = format!("{round}/adapt");
+        let file = format!("{round}/adapt.toml");
+        self.folder.make(round)?;
+        self.write_config(&file, config)?;
+        let ground = Ground::open(config, &self.path(&file), Some(self.setup.threads))?;
+        note(&format!(
+            "{stage}: {} parameters are fitted to {} logs",
+            ground.theta.len(),
+            ground.trajectories().len()
+        ));
+        let folder = existing_or_fresh(&self.path(round), "adapt")?;
+        let results = adapt::ground::fit(config, &ground, &folder)?;
+        self.times.set(&stage, results.wall_seconds)?;
+        Ok((ground, results, folder.path().join("theta.toml")))
+    }
+
+    /// The training in the folder `round/finetune`, from a policy, in a simulator. Gives the trained policy's bytes.
+    pub fn finetune(
+        &mut self,
+        round: &str,
+        policy: &PolicyFiles,
+        simulator: &Simulator,
+    ) -> Result<(train::Results, Vec<u8>), Failure> {
+        self.pause()?;
+        let stage = format!("{round}/finetune");
+        let file = format!("{round}/finetune.toml");
+        self.folder.make(round)?;
+        let config = FinetuneConfig {
+            name: Some("finetune".to_owned()),
+            policy: Some(policy.safetensors.display().to_string()),
+            policy_sha256: None,
+            theta: Some(simulator.theta.display().to_string()),
+            theta_sha256: None,
+            robot: self.setup.robot.as_ref().map(|path| path.display().to_string()),
+            lenient: self.setup.config.lenient,
+            spring: simulator.spring.clone(),
+            torque_noise: simulator.torque_noise,
+            runs: self.path(round).display().to_string(),
+            checkpoint_seconds: self.setup.config.checkpoint_seconds,
+            ..self.setup.config.finetune.clone()
+        };
+        self.write_config(&file, &config)?;
+        let setup = finetune::setup(&cli::Finetune {
+            policy: None,
+            theta: None,
+            robot: None,
+            lenient: false,
+            spring: Vec::new(),
+            torque_noise: None,
+            task: None,
+            config: Some(self.path(&file)),
+            set: Vec::new(),
+            resume: false,
+            json: false,
+            threads: std::num::NonZeroUsize::new(self.setup.threads),
+            name: None,
+            seeds: None,
+        })?;
+        note(&format!(
+            "{stage}: {} goes on training for {} iterations with {} robots",
+            policy.name, config.train.iterations, config.train.environments
+        ));
+        let resume = self.path(&stage).is_dir();
+        let results = train::train(&setup, resume)?;
+        self.times.set(&stage, results.wall_seconds)?;
+        let path = results.seeds.first().map(|seed| seed.policy.clone()).unwrap_or_default();
+        let bytes = std::fs::read(&path)
+            .map_err(|error| Failure::failed(format!("cannot read the trained policy {path}: {error}")))?;
+        Ok((results, bytes))
+    }
+
+    /// What is measured of a policy on the target; none where that cannot be.
+    pub fn on_target(&mut self, stem: &str, policy: &PolicyFiles) -> Result<Option<Evaluation>, Failure> {
+        let Some(target) = self.target.take() else { return Ok(None) };
+        let plan = self.setup.plan();
+        let found = self.evaluation(&format!("{stem}-target"), || {
+            note(&format!("evaluating {} on the target", policy.name));
+            target.evaluate(policy, &plan)
+        });
+        self.target = Some(target);
+        found
+    }
+
+    /// What is measured of a policy in the simulator of a fit.
+    pub fn on_adapted(
+        &mut self,
+        stem: &str,
+        policy: &PolicyFiles,
+        round: u32,
+        theta: &Path,
+    ) -> Result<Option<Evaluation>, Failure> {
+        let setup = self.setup;
+        self.evaluation(&format!("{stem}-adapted-{round}"), || {
+            note(&format!("evaluating {} in the simulator of round {round}", policy.name));
+            let world = setup.adapted(policy, theta.to_owned())?;
+            Ok(Some(measure(&world, &policy.name, &setup.plan())?.evaluation))
+        })
+    }
+
+    /// An evaluation as it was written, or made and written now.
+    fn evaluation(
+        &mut self,
+        name: &str,
+        make: impl FnOnce() -> Result<Option<Evaluation>, Failure>,
+    ) -> Result<Option<Evaluation>, Failure> {
+        self.pause()?;
+        let file = format!("evaluations/{name}.json");
+        if let Some(text) = self.folder.read(&file)? {
+            return serde_json::from_str(&text).map(Some).map_err(|error| {
+                Failure::failed(format!(
+                    "{}: not an evaluation of this version: {error}. Remove it and --resume makes it again.",
+                    self.path(&file).display()
+                ))
+            });
+        }
+        let begun = Instant::now();
+        let found = make()?;
+        if let Some(found) = &found {
+            self.folder.write_json(&file, found)?;
+            self.times.set(&format!("evaluations/{name}"), begun.elapsed().as_secs_f64())?;
+        }
+        Ok(found)
+    }
+
+    /// Writes a stage's configuration, as the stage's own command reads it.
+    fn write_config<C: Serialize>(&self, name: &str, config: &C) -> Result<(), Failure> {
+        let text = toml::to_string_pretty(config)
+            .map_err(|error| Failure::failed(format!("cannot write {name}: {error}")))?;
+        self.folder.write(name, text.as_bytes())
+    }
+}
+
+/// The folder of a stage that was begun, or a new one.
+pub fn existing_or_fresh(within: &Path, name: &str) -> Result<RunFolder, Failure> {
+    match RunFolder::latest(within, name)? {
+        Some(folder) => Ok(folder),
+        None => RunFolder::fresh(within, name),
+    }
+}
+
+/// With the name of where it was measured.
+pub fn measurement(on: &str, evaluation: Option<Evaluation>) -> Option<Measurement> {
+    evaluation.map(|evaluation| Measurement { on: on.to_owned(), evaluation })
+}

@@ -1,0 +1,186 @@
+//! A robot that another program runs.
+
+use super::{Evaluation, Plan, PolicyFiles, csv_files};
+use crate::exit::{Exit, Failure};
+use crate::interrupt;
+use crate::output::note;
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{self, Stdio};
+
+/// Programs that record and measure, as lists of words with places to fill in.
+pub struct Command {
+    collect: Vec<String>,
+    evaluate: Vec<String>,
+    trajectories: usize,
+    seconds: f64,
+}
+
+/// Lines of a failed program's standard error that are repeated.
+const LAST_LINES: usize = 20;
+/// Most characters of a wrong document that are repeated.
+const MOST_SHOWN: usize = 200;
+
+impl Command {
+    /// `trajectories` of `seconds` are what is recorded.
+    ///
+    /// # Errors
+    /// In words: a place to fill in that there is not.
+    pub fn new(
+        collect: &[String],
+        evaluate: &[String],
+        trajectories: usize,
+        seconds: f64,
+    ) -> Result<Self, String> {
+        for (words, name, known) in
+            [(collect, "collect", &COLLECT[..]), (evaluate, "evaluate", &EVALUATE[..])]
+        {
+            for word in words {
+                if let Some(unknown) = places(word).find(|place| !known.contains(place)) {
+                    return Err(format!(
+                        "`target.{name}` has {{{unknown}}}; there are {{{}}}",
+                        known.join("}, {")
+                    ));
+                }
+            }
+        }
+        if !collect.iter().any(|word| word.contains("{folder}")) {
+            return Err(
+                "`target.collect` has no {folder}: the program must be told where its logs go".to_owned()
+            );
+        }
+        Ok(Self { collect: collect.to_vec(), evaluate: evaluate.to_vec(), trajectories, seconds })
+    }
+
+    /// Has the program record logs of the policy into `folder`.
+    ///
+    /// # Errors
+    /// A program that cannot be run, fails or writes no log.
+    pub fn collect(&self, policy: &PolicyFiles, seed: u64, folder: &Path) -> Result<(), Failure> {
+        let words = fill(
+            &self.collect,
+            policy,
+            &[
+                ("folder", folder.display().to_string()),
+                ("trajectories", self.trajectories.to_string()),
+                ("seconds", self.seconds.to_string()),
+                ("seed", seed.to_string()),
+            ],
+        );
+        run(&words, "target.collect")?;
+        if csv_files(folder)?.is_empty() {
+            return Err(Failure::failed(format!(
+                "target.collect, `{}`: it ended well and wrote no .csv into {{folder}}",
+                words.join(" ")
+            )));
+        }
+        Ok(())
+    }
+
+    /// Has the program measure the policy, if there is one that does.
+    ///
+    /// # Errors
+    /// A program that cannot be run, fails or prints something else.
+    pub fn evaluate(&self, policy: &PolicyFiles, plan: &Plan) -> Result<Option<Evaluation>, Failure> {
+        if self.evaluate.is_empty() {
+            return Ok(None);
+        }
+        let words = fill(
+            &self.evaluate,
+            policy,
+            &[
+                ("trajectories", plan.trajectories.to_string()),
+                ("seconds", plan.seconds.to_string()),
+                ("drift", plan.drift.to_string()),
+                ("seed", plan.seed.to_string()),
+            ],
+        );
+        let out = run(&words, "target.evaluate")?;
+        let mut found: Evaluation = serde_json::from_slice(&out).map_err(|error| {
+            let text: String = String::from_utf8_lossy(&out).chars().take(MOST_SHOWN).collect();
+            Failure::failed(format!(
+                "target.evaluate, `{}`: it printed no document such as `gaitfit evaluate --json` does: {error}. It \
+                 begins: {text}",
+                words.join(" ")
+            ))
+        })?;
+        found.policy = policy.name.clone();
+        Ok(Some(found))
+    }
+
+    /// The program.
+    pub fn description(&self) -> String {
+        format!("robot of `{}`", self.collect.iter().take(2).cloned().collect::<Vec<_>>().join(" "))
+    }
+}
+
+const COLLECT: [&str; 6] = ["onnx", "policy", "folder", "trajectories", "seconds", "seed"];
+const EVALUATE: [&str; 6] = ["onnx", "policy", "trajectories", "seconds", "drift", "seed"];
+
+/// Names in braces; braces around anything else are left alone.
+fn places(word: &str) -> impl Iterator<Item = &str> {
+    let inner = word.split('{').skip(1).filter_map(|rest| rest.split_once('}')).map(|(name, _)| name);
+    inner.filter(|name| {
+        !name.is_empty() && name.chars().all(|letter| letter.is_ascii_lowercase() || letter == '_')
+    })
+}
+
+fn fill(words: &[String], policy: &PolicyFiles, values: &[(&str, String)]) -> Vec<String> {
+    let onnx = policy.onnx.display().to_string();
+    let safetensors = policy.safetensors.display().to_string();
+    let fill = |word: &String| {
+        let word = word.replace("{onnx}", &onnx).replace("{policy}", &safetensors);
+        values.iter().fold(word, |word, (name, value)| word.replace(&format!("{{{name}}}"), value))
+    };
+    words.iter().map(fill).collect()
+}
+
+/// Runs a program to its end and gives what it printed; its standard error is passed on.
+fn run(words: &[String], setting: &str) -> Result<Vec<u8>, Failure> {
+    let shown = words.join(" ");
+    let failed = |what: String| Failure::failed(format!("{setting}, `{shown}`: {what}"));
+    let Some((program, arguments)) = words.split_first() else {
+        return Err(failed("no program".to_owned()));
+    };
+    let mut child = process::Command::new(program)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(|error| failed(format!("cannot be started: {error}; is it installed and on the path?")))?;
+    let (out, err) = (child.stdout.take(), child.stderr.take());
+    let (out, last) = std::thread::scope(|scope| {
+        let last = scope.spawn(|| err.map(pass_on).unwrap_or_default());
+        let mut bytes = Vec::new();
+        let read = out.map_or(Ok(0), |mut out| out.read_to_end(&mut bytes));
+        (read.map(|_| bytes), last.join().unwrap_or_default())
+    });
+    let status = child.wait().map_err(|error| failed(error.to_string()))?;
+    if interrupt::asked() {
+        return Err(Failure {
+            exit: Exit::Interrupted,
+            message: format!("interrupted in {setting}; --resume runs it again"),
+        });
+    }
+    if !status.success() {
+        let said = if last.is_empty() { "it said nothing on standard error".to_owned() } else { last };
+        return Err(failed(format!("{status}. {said}")));
+    }
+    out.map_err(|error| failed(format!("its output cannot be read: {error}")))
+}
+
+/// Repeats a program's standard error line by line, and keeps the last ones.
+fn pass_on(stream: impl Read) -> String {
+    let mut last = VecDeque::new();
+    for line in BufReader::new(stream).split(b'\n').map_while(Result::ok) {
+        let line = String::from_utf8_lossy(&line).trim_end().to_owned();
+        note(&format!("  {line}"));
+        last.push_back(line);
+        if last.len() > LAST_LINES {
+            last.pop_front();
+        }
+    }
+    last.make_contiguous().join("\n")
+}

@@ -1,0 +1,176 @@
+//! How well a policy walks, as `gaitfit evaluate --json` prints it and other programs may.
+
+use crate::exit::Failure;
+use crate::world::World;
+use gaitfit_learn::evaluate::{GaitRecord, GaitSummary, Trial, drift, record_gait, run_trials, summarise};
+use gaitfit_view::evaluation::Drift;
+use gaitfit_view::loop_report::Estimate;
+use serde::{Deserialize, Serialize};
+
+/// What is measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan {
+    /// Trajectories with random commands.
+    pub trajectories: usize,
+    /// Length of each, s.
+    pub seconds: f64,
+    /// Robots in each constant-command trial; 0 leaves them out.
+    pub drift: usize,
+    /// Seed of commands, starts and noise.
+    pub seed: u64,
+    /// Threads.
+    pub threads: usize,
+}
+
+/// What was measured. Of a program's document only the errors and falls are needed; a number it lacks is NaN.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// The policy, by file or name.
+    #[serde(default)]
+    pub policy: String,
+    /// Where it walked, in a few words.
+    #[serde(default)]
+    pub simulator: String,
+    /// Length of a trajectory, s.
+    #[serde(default)]
+    pub seconds: f64,
+    /// Seed of commands, starts and noise.
+    #[serde(default)]
+    pub seed: u64,
+    /// Trajectories.
+    pub trajectories: usize,
+    /// Summed reward.
+    #[serde(default)]
+    pub reward: Estimate,
+    /// |v − c|, horizontal, m/s.
+    pub linear_velocity_error: Estimate,
+    /// |ω − c|, rad/s.
+    pub angular_velocity_error: Estimate,
+    /// Share of falls.
+    pub fall_rate: Estimate,
+    /// Root-mean-square change of an action a step, per joint.
+    #[serde(default)]
+    pub action_rate: Estimate,
+    /// Trajectories whose state stopped being a number.
+    #[serde(default)]
+    pub diverged: usize,
+    /// Constant commands.
+    #[serde(default)]
+    pub drift: Vec<DriftResult>,
+    /// The gait ahead, where it walks.
+    #[serde(default)]
+    pub gait: Option<GaitSummary>,
+}
+
+/// The result of one constant command, over several robots; see [`gaitfit_learn::evaluate::DriftTrial`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DriftResult {
+    /// What was commanded, for example `+x`.
+    pub name: String,
+    /// Command: forward, left (m/s), yaw rate (rad/s).
+    pub command: [f64; 3],
+    /// Final position along the start's heading minus the wanted one, m.
+    pub x: Estimate,
+    /// To the left of the start's heading, m.
+    pub y: Estimate,
+    /// Final heading minus the wanted one, rad.
+    pub yaw: Estimate,
+    /// Share of falls.
+    pub fall_rate: Estimate,
+    /// Path of the first robot: x, y, m, and heading, rad.
+    #[serde(default)]
+    pub path: Vec<[f64; 3]>,
+}
+
+/// What was measured, and the rows behind it.
+pub struct Measured {
+    /// The means.
+    pub evaluation: Evaluation,
+    /// One a trajectory.
+    pub trials: Vec<Trial>,
+    /// The walk ahead, if the robot did not fall.
+    pub gait: Option<GaitRecord>,
+}
+
+/// Measures a policy in its world.
+///
+/// # Errors
+/// A robot that cannot be.
+pub fn measure(world: &World, policy: &str, plan: &Plan) -> Result<Measured, Failure> {
+    let subject = world.subject(plan.seed);
+    let trials =
+        run_trials(&subject, plan.trajectories, plan.seconds, plan.threads).map_err(Failure::failed)?;
+    let trials_of_drift =
+        if plan.drift == 0 { Vec::new() } else { drift(&subject, plan.drift).map_err(Failure::failed)? };
+    let limits = &world.scene.settings.command;
+    let ahead = [0.5 * limits.x[1], 0.0, 0.0];
+    let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)]).map_err(Failure::failed)?;
+    let walked = limits.x[1] > 0.0 && !record.fell;
+    let summary = summarise(&trials);
+    let estimate = |of: gaitfit_learn::evaluate::Estimate| Estimate { mean: of.mean, ci95: of.ci95 };
+    let evaluation = Evaluation {
+        policy: policy.to_owned(),
+        simulator: world.description(),
+        seconds: plan.seconds,
+        seed: plan.seed,
+        trajectories: summary.trajectories,
+        reward: estimate(summary.reward),
+        linear_velocity_error: estimate(summary.linear_velocity_error),
+        angular_velocity_error: estimate(summary.angular_velocity_error),
+        fall_rate: estimate(summary.fall_rate),
+        action_rate: estimate(summary.action_rate),
+        diverged: summary.diverged,
+        drift: trials_of_drift
+            .into_iter()
+            .map(|trial| DriftResult {
+                name: trial.name.to_owned(),
+                command: trial.command,
+                x: estimate(trial.x),
+                y: estimate(trial.y),
+                yaw: estimate(trial.yaw),
+                fall_rate: estimate(trial.fall_rate),
+                path: trial.path,
+            })
+            .collect(),
+        gait: walked.then(|| record.summary(&world.scene.gait_group)),
+    };
+    Ok(Measured { evaluation, trials, gait: walked.then_some(record) })
+}
+
+impl DriftResult {
+    /// The command in words, for example `+x 0.50`.
+    pub fn label(&self) -> String {
+        let [x, y, yaw] = self.command;
+        if self.name == "stand" {
+            "stand".to_owned()
+        } else {
+            format!("{} {:.2}", self.name, (x + y + yaw).abs())
+        }
+    }
+
+    /// How far from the wanted place the mean robot ends, m; NaN where all fell.
+    pub fn distance(&self) -> f64 {
+        self.x.mean.hypot(self.y.mean)
+    }
+
+    /// As pages draw it; `robots`: how many there were.
+    pub fn drawn(&self, robots: usize) -> Drift {
+        let [x, y, yaw] = self.command;
+        let falls = (self.fall_rate.mean * robots as f64).round();
+        // Half a confidence interval is 1.96 standard deviations over the root of the count.
+        let root = f64::max(robots as f64 - falls, 1.0).sqrt();
+        let spread = [self.x, self.y, self.yaw].map(|estimate| estimate.ci95 * root / 1.96);
+        let unit = if yaw == 0.0 { "m/s" } else { "rad/s" };
+        let name = if self.name == "stand" { self.label() } else { format!("{} {unit}", self.label()) };
+        Drift {
+            name,
+            command: self.command,
+            trials: robots as u32,
+            falls: falls as u32,
+            error: [self.x.mean, self.y.mean, self.yaw.mean],
+            spread,
+            path: self.path.iter().map(|[x, y, _]| [*x, *y]).collect(),
+            intended: vec![[0.0, 0.0], [4.0 * x, 4.0 * y]],
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! A robot that can be run from here: asked for logs, and for how well a policy walks on it.
+
+mod command;
+mod evaluation;
+mod logs;
+mod simulated;
+
+pub use command::Command;
+pub use evaluation::{Evaluation, Measured, Plan, measure};
+pub use logs::{csv_files, write_logs, write_whole};
+pub use simulated::{Simulated, truth};
+
+use crate::exit::Failure;
+use gaitfit_learn::policy::Policy;
+use std::path::{Path, PathBuf};
+
+/// A policy as the stages of a loop take it.
+pub struct PolicyFiles {
+    /// What it is called, for example `π₁`.
+    pub name: String,
+    /// Its file.
+    pub safetensors: PathBuf,
+    /// The same as ONNX.
+    pub onnx: PathBuf,
+    /// As read.
+    pub policy: Policy,
+}
+
+/// The robot.
+pub enum Target {
+    /// In this engine, with other numbers.
+    Simulated(Box<Simulated>),
+    /// By another program.
+    Command(Command),
+}
+
+impl Target {
+    /// Records logs of the policy, a new folder `into`, which has all of them or does not exist.
+    pub fn collect(&self, policy: &PolicyFiles, seed: u64, into: &Path) -> Result<(), Failure> {
+        write_whole(into, |folder| match self {
+            Self::Simulated(target) => target.collect(policy, seed, folder),
+            Self::Command(target) => target.collect(policy, seed, folder),
+        })
+    }
+
+    /// Measures the policy; none where a command says nothing of it.
+    pub fn evaluate(&self, policy: &PolicyFiles, plan: &Plan) -> Result<Option<Evaluation>, Failure> {
+        match self {
+            Self::Simulated(target) => Ok(Some(target.evaluate(policy, plan)?)),
+            Self::Command(target) => target.evaluate(policy, plan),
+        }
+    }
+
+    /// The robot in a few words.
+    pub fn description(&self) -> String {
+        match self {
+            Self::Simulated(target) => target.description(),
+            Self::Command(target) => target.description(),
+        }
+    }
+}

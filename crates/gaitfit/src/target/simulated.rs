@@ -1,0 +1,162 @@
+//! A robot in this engine, with other numbers than the file's.
+
+use super::{Evaluation, Plan, PolicyFiles, measure, write_logs};
+use crate::cli::WorldArgs;
+use crate::config::{LoopConfig, TargetConfig};
+use crate::exit::Failure;
+use crate::ground::setup::theta_file;
+use crate::paths;
+use crate::world::World;
+use gaitfit_adapt::{Found, ParameterRule, RobotRule, Rules, Sharing, ThetaFile};
+use gaitfit_learn::collect::{CollectOptions, collect};
+use gaitfit_learn::evaluate::{GaitRecord, record_gait};
+use gaitfit_learn::task::TaskSettings;
+use gaitfit_model::Model;
+use std::path::{Path, PathBuf};
+
+/// The robot.
+pub struct Simulated {
+    /// The simulator's arguments; the policy's are those of no policy.
+    pub arguments: WorldArgs,
+    /// The task that every policy is tested on.
+    task: TaskSettings,
+    options: CollectOptions,
+    description: String,
+    threads: usize,
+}
+
+/// The numbers in which the target differs from the robot's file.
+///
+/// # Errors
+/// A file that cannot be read, patterns that cover no joint, values without a meaning.
+pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<ThetaFile, Failure> {
+    let wrong =
+        |error: &dyn std::fmt::Display| Failure::usage(format!("{}: [target] {error}", path.display()));
+    let mut file = match &config.theta {
+        Some(named) => theta_file(&paths::find(named, "target.theta", path)?)?,
+        None => ThetaFile::parse("format = 2").map_err(|error| wrong(&error))?,
+    };
+    let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+    let rules = Rules {
+        parameter: config
+            .parameter
+            .iter()
+            .map(|one| ParameterRule {
+                per: Sharing::All,
+                joints: one.joints.clone(),
+                ..ParameterRule::new(one.kind)
+            })
+            .collect(),
+        network: Vec::new(),
+        robot: config.number.iter().map(|one| RobotRule::new(one.kind)).collect(),
+    };
+    let values =
+        config.parameter.iter().map(|one| one.value).chain(config.number.iter().map(|one| one.value));
+    let values: Vec<Found> = values.map(|value| Found { value, spread: None }).collect();
+    if !values.is_empty() {
+        let theta = rules.theta(&[], &joints, &[]).map_err(|error| wrong(&error))?;
+        let own = ThetaFile::new(&theta, &values, &model.name, "", 0.0);
+        file.parameter.extend(own.parameter.into_iter().map(|mut parameter| {
+            (parameter.lower, parameter.upper, parameter.at_bound) = (None, None, None);
+            parameter
+        }));
+    }
+    file.robot = model.name.clone();
+    (file.cost_name, file.cost) = (String::new(), None);
+    file.candidate(model).map_err(|error| wrong(&error))?;
+    Ok(file)
+}
+
+impl Simulated {
+    /// The target whose numbers stand in `theta` (see [`truth`]). `task`: that of the loop's first policy;
+    /// `privileged`: whether logs have the base's state.
+    pub fn new(
+        config: &LoopConfig,
+        target: &TargetConfig,
+        robot: Option<PathBuf>,
+        theta: PathBuf,
+        task: TaskSettings,
+        privileged: bool,
+        threads: usize,
+    ) -> Self {
+        let mut parts: Vec<String> = Vec::new();
+        let value =
+            |name: &str, joints: &[String], value: f64| format!("{name} {value} on {}", joints.join(", "));
+        parts.extend(target.theta.iter().map(|path| format!("parameters of {path}")));
+        parts.extend(target.parameter.iter().map(|one| value(one.kind.name(), &one.joints, one.value)));
+        parts.extend(target.number.iter().map(|one| format!("{} {}", one.kind.name(), one.value)));
+        parts.extend(target.spring.iter().map(|spring| format!("spring {spring}")));
+        if target.torque_noise > 0.0 {
+            parts.push(format!("torque noise {} N·m", target.torque_noise));
+        }
+        let description = if parts.is_empty() { "the nominal robot".to_owned() } else { parts.join("; ") };
+        Self {
+            arguments: WorldArgs {
+                policy: PathBuf::new(),
+                robot,
+                lenient: config.lenient,
+                task: None,
+                theta: Some(theta),
+                spring: target.spring.clone(),
+                torque_noise: target.torque_noise,
+                randomised: false,
+                preset: target.preset.into(),
+                seed: 0,
+                threads: None,
+            },
+            task: task.calm(),
+            options: CollectOptions {
+                count: target.trajectories,
+                seconds: target.seconds,
+                shift: target.log_shift,
+                privileged,
+            },
+            description,
+            threads,
+        }
+    }
+
+    /// The policy on the target.
+    ///
+    /// # Errors
+    /// A policy or a spring that does not fit the robot.
+    pub fn world(&self, policy: &PolicyFiles) -> Result<World, Failure> {
+        World::with_task(&self.arguments, policy.policy.clone(), self.task.clone())
+    }
+
+    /// Records logs into a folder.
+    ///
+    /// # Errors
+    /// As [`Simulated::world`], or a folder that cannot be written.
+    pub fn collect(&self, policy: &PolicyFiles, seed: u64, folder: &Path) -> Result<(), Failure> {
+        let world = self.world(policy)?;
+        let logs = collect(&world.subject(seed), &self.options, self.threads).map_err(Failure::failed)?;
+        write_logs(folder, &logs).map(|_| ())
+    }
+
+    /// Measures the policy.
+    ///
+    /// # Errors
+    /// As [`Simulated::world`].
+    pub fn evaluate(&self, policy: &PolicyFiles, plan: &Plan) -> Result<Evaluation, Failure> {
+        Ok(measure(&self.world(policy)?, &policy.name, plan)?.evaluation)
+    }
+
+    /// The policy under a row of commands (seconds, command).
+    ///
+    /// # Errors
+    /// As [`Simulated::world`].
+    pub fn record(
+        &self,
+        policy: &PolicyFiles,
+        commands: &[(f64, [f64; 3])],
+        seed: u64,
+    ) -> Result<GaitRecord, Failure> {
+        record_gait(&self.world(policy)?.subject(seed), commands).map_err(Failure::failed)
+    }
+
+    /// In which numbers it differs.
+    pub fn description(&self) -> String {
+        self.description.clone()
+    }
+}

@@ -1,0 +1,228 @@
+//! `gaitfit loop`: what it leaves, resuming to the same bits, targets that are programs, and what it refuses.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{errors, json, program, run};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::sync::OnceLock;
+use std::time::Duration;
+
+/// A policy that stands: one iteration of a tiny network.
+fn policy() -> &'static Path {
+    static POLICY: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
+    let (_, path) = POLICY.get_or_init(|| {
+        let runs = tempfile::tempdir().unwrap();
+        let sets = [
+            format!("runs={}", runs.path().display()),
+            "train.iterations=1".to_owned(),
+            "train.environments=8".to_owned(),
+            "ppo.actor_hidden=[8]".to_owned(),
+            "ppo.critic_hidden=[8]".to_owned(),
+        ];
+        let mut args = vec!["train".to_owned(), "--name".to_owned(), "p".to_owned()];
+        args.extend(sets.into_iter().flat_map(|set| ["--set".to_owned(), set]));
+        let output = run(&args);
+        assert!(output.status.success(), "{}", errors(&output));
+        let path = runs.path().join("p/seed-1/policy.safetensors");
+        (runs, path)
+    });
+    path
+}
+
+const SIMULATED: &str = r#"
+[target]
+kind = "simulated"
+trajectories = 4
+seconds = 1.0
+spring = ["RR_calf_joint=20"]
+torque_noise = 0.5
+[[target.parameter]]
+kind = "frictionloss"
+joints = ["*_hip*"]
+value = 0.2
+"#;
+
+const SMALL: &str = r#"
+checkpoint_seconds = 0.0
+[adapt]
+simulation.timestep = 0.02
+falls.margin_seconds = 0.1
+optimizer = { generations = 2, seeds = 1 }
+[finetune]
+train = { environments = 8, iterations = 1 }
+[evaluate]
+trajectories = 8
+seconds = 0.5
+drift = 1
+"#;
+
+/// Writes a small loop's configuration into `folder`, which its runs go to, and gives the command's arguments.
+fn args(folder: &Path, target: &str, more: &[&str]) -> Vec<String> {
+    let config = folder.join("l.toml");
+    let head = format!("policy = {:?}\nruns = {:?}\n", policy().display().to_string(), folder.display().to_string());
+    let (top, tables) = SMALL.split_once("[adapt]").unwrap();
+    fs::write(&config, format!("{head}{top}{target}\n[adapt]{tables}")).unwrap();
+    let mut args = vec!["loop".to_owned(), config.display().to_string(), "--json".to_owned()];
+    args.extend(more.iter().map(|&argument| argument.to_owned()));
+    args
+}
+
+/// Everything that must not depend on when a loop was killed.
+fn bits(run: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for folder in ["policies", "evaluations", "round-1/logs", "round-1/adapt"] {
+        for entry in fs::read_dir(run.join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            let kept = folder != "round-1/adapt" || name == "theta.toml";
+            if kept && !name.starts_with('.') {
+                found.insert(format!("{folder}/{name}"), fs::read(&path).unwrap());
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
+    let whole = tempfile::tempdir().unwrap();
+    let output = run(&args(whole.path(), SIMULATED, &[]));
+    assert!(output.status.success(), "{}", errors(&output));
+    let result = json(&output);
+    let folder = whole.path().join("l");
+    for file in ["config.toml", "manifest.json", "report.html", "result.json", "target.toml"] {
+        assert!(folder.join(file).exists(), "{file}");
+    }
+    let rows: Vec<(&str, &str)> = result["evaluations"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|row| (row["policy"].as_str().unwrap(), row["on"].as_str().unwrap()))
+        .collect();
+    let wanted = [
+        ("π₀", "target"),
+        ("π₁", "target"),
+        ("π₀", "adapted"),
+        ("π₁", "adapted"),
+        ("fine-tuned on the target", "target"),
+    ];
+    assert_eq!(rows, wanted);
+    let parameters = result["rounds"][0]["adapt"]["fits"][0]["parameters"].as_array().unwrap();
+    let hip = parameters.iter().find(|one| one["name"] == "frictionloss_hip").unwrap();
+    assert_eq!(hip["truth"], 0.2, "a simulated target's truth is known");
+    let undisturbed = bits(&folder);
+    assert_eq!(undisturbed.keys().filter(|name| name.starts_with("round-1/logs/")).count(), 4);
+
+    // The same loop cut after each stage: what comes later is not there yet, or is half written.
+    fs::create_dir(folder.join("round-1/.writing-logs")).unwrap();
+    let cuts: [&[&str]; 4] = [
+        &["result.json", "report.html", "evaluations/reference-target.json"],
+        &["reference", "policies/reference.onnx", "evaluations/policy-1-target.json"],
+        &["round-1/finetune", "policies/policy-1.safetensors", "round-1/adapt/result.json"],
+        &["round-1/logs", "round-1/adapt", "target.toml", "times.json", "evaluations"],
+    ];
+    for cut in cuts {
+        for name in ["result.json"].iter().chain(cut) {
+            let path = folder.join(name);
+            let _ = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+        }
+        let output = run(&args(whole.path(), SIMULATED, &["--resume"]));
+        assert!(output.status.success(), "{}", errors(&output));
+        assert!(bits(&folder) == undisturbed, "cut before {cut:?}, it ends elsewhere");
+    }
+
+    // Killed at some moments.
+    let killed = tempfile::tempdir().unwrap();
+    for milliseconds in [150, 400, 700] {
+        let mut child = program()
+            .args(args(killed.path(), SIMULATED, &["--resume"]))
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(Duration::from_millis(milliseconds));
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    let output = run(&args(killed.path(), SIMULATED, &["--resume"]));
+    assert!(output.status.success(), "{}", errors(&output));
+    assert!(bits(&killed.path().join("l")) == undisturbed, "a killed loop ends elsewhere");
+
+    // Finished, it is reported again; a changed setting is refused by name.
+    let output = run(&args(killed.path(), SIMULATED, &["--resume"]));
+    assert!(errors(&output).contains("is finished"), "{}", errors(&output));
+    let output = run(&args(killed.path(), SIMULATED, &["--resume", "--set", "evaluate.seed=9"]));
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    assert!(errors(&output).contains("`evaluate.seed` was 0, now it is 9"), "{}", errors(&output));
+
+    // A robot that another program runs: it hands out the logs, and one evaluation for all policies.
+    let other = tempfile::tempdir().unwrap();
+    let command = format!(
+        "[target]\nkind = \"command\"\ncollect = [\"sh\", \"-c\", \"test -s {{onnx}} && cp {}/*.csv {{folder}}\"]\n\
+         evaluate = [\"cat\", \"{}\"]\n",
+        folder.join("round-1/logs").display(),
+        folder.join("evaluations/policy-0-target.json").display()
+    );
+    let output = run(&args(other.path(), &command, &[]));
+    assert!(output.status.success(), "{}", errors(&output));
+    let result = json(&output);
+    assert_eq!(result["evaluations"][0]["policy"], "π₀");
+    assert_eq!(result["evaluations"][0]["reward"], result["evaluations"][1]["reward"]);
+
+    // Logs alone: it ends in the adapted simulator, and says what to record next.
+    let logs = format!("logs = [\"{}\"]\n", folder.join("round-1/logs/trajectory_00.csv").display());
+    let alone = tempfile::tempdir().unwrap();
+    let output = run(&args(alone.path(), &logs, &[]));
+    assert!(output.status.success(), "{}", errors(&output));
+    let result = json(&output);
+    assert!(result["next"].as_str().unwrap().contains("policy-1.onnx"), "{}", result["next"]);
+    assert_eq!(result["evaluations"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn a_program_that_fails_is_named_with_what_it_said() {
+    for (target, words) in [
+        (r#"collect = ["sh", "-c", "echo the robot is off >&2; exit 7", "{folder}"]"#, ["exit status: 7", "robot is off"]),
+        (r#"collect = ["no-such-robot", "{folder}"]"#, ["no-such-robot", "cannot be started"]),
+        (r#"collect = ["true", "{folder}"]"#, ["target.collect", "no .csv"]),
+        (r#"collect = ["true", "{foldr}"]"#, ["{foldr}", "{folder}"]),
+        (r#"collect = ["true"]"#, ["target.collect", "{folder}"]),
+        ("collect = [\"true\", \"{folder}\"]\nevaluate = [\"echo\", \"hello\"]", ["target.evaluate", "hello"]),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let output = run(&args(folder.path(), &format!("[target]\nkind = \"command\"\n{target}\n"), &[]));
+        assert!(matches!(output.status.code(), Some(1 | 2)), "{target}: {}", output.status);
+        assert!(words.iter().all(|word| errors(&output).contains(word)), "{target}: {}", errors(&output));
+    }
+}
+
+#[test]
+fn wrong_settings_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    for (target, set, words) in [
+        ("", "rounds=1", ["`logs`", "[target]"]),
+        (SIMULATED, "rounds=0", ["`rounds`", "1 to 100"]),
+        (SIMULATED, "policy=missing.onnx", ["policy", "missing.onnx"]),
+        (SIMULATED, "target.kind=real", ["real", "simulated"]),
+        (SIMULATED, "target.parameter.0.joints=[\"*_wheel\"]", ["[target]", "*_wheel"]),
+        (SIMULATED, "target.parameter.0.value=-1.0", ["[target]", "frictionloss"]),
+        (SIMULATED, "target.spring=[\"wing=3\"]", ["spring", "wing"]),
+        (SIMULATED, "target.trajektories=3", ["trajektories", "`trajectories`"]),
+        (SIMULATED, "finetune.seeds=[1, 2]", ["`finetune.seeds`", "one"]),
+        (SIMULATED, "adapt.costs=[]", ["[adapt]", "`costs`"]),
+        (SIMULATED, "adapt.policy=x.onnx", ["adapt.policy", "the loop decides it"]),
+        (SIMULATED, "evaluate.trajectories=0", ["`evaluate.trajectories`", "1 to"]),
+        ("logs = [\"Cargo.toml\"]\n", "rounds=2", ["`rounds`", "[target]"]),
+        (SIMULATED, "target.collect=[\"true\"]", ["target.collect", "command"]),
+    ] {
+        let output = run(&args(folder.path(), target, &["--set", set]));
+        assert_eq!(output.status.code(), Some(2), "{set}: {}", errors(&output));
+        assert!(words.iter().all(|word| errors(&output).contains(word)), "{set}: {}", errors(&output));
+    }
+    assert!(!folder.path().join("l").exists(), "nothing is written before settings are right");
+}
