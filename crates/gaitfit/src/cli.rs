@@ -27,6 +27,8 @@ pub enum Command {
     Train(Train),
     /// Go on training a policy in an adapted simulator
     Finetune(Finetune),
+    /// The whole method: collect, adapt, fine-tune, evaluate, repeated while it helps
+    Loop(Loop),
     /// Evaluate one physics step at given states
     Forward(Forward),
     /// Show a policy and write it as ONNX or safetensors
@@ -154,6 +156,28 @@ pub struct Finetune {
     /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
+}
+
+/// Arguments of `loop`.
+#[derive(Debug, Args)]
+pub struct Loop {
+    /// Configuration (TOML); `gaitfit config loop` prints one with every default
+    pub config: PathBuf,
+    /// Change one setting, for example --set adapt.optimizer.generations=50 (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Continue the latest run of this name where it was left; rounds may grow
+    #[arg(long)]
+    pub resume: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+    /// Name of the run and its folder [default: the configuration's name]
+    #[arg(long)]
+    pub name: Option<String>,
 }
 
 /// Seeds of trainings.
@@ -367,6 +391,8 @@ pub enum ConfigOf {
     Train,
     /// Settings of `gaitfit finetune`
     Finetune,
+    /// Settings of `gaitfit loop`
+    Loop,
 }
 
 /// Arguments of `doctor`.

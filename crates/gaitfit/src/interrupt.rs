@@ -5,8 +5,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 static ASKED: AtomicBool = AtomicBool::new(false);
 
-/// Listens from now on.
+static LISTENING: AtomicBool = AtomicBool::new(false);
+
+/// Listens from now on; asked again, it changes nothing.
 pub fn listen() -> Result<(), Failure> {
+    if LISTENING.swap(true, Ordering::SeqCst) {
+        return Ok(());
+    }
     let handler = || {
         if ASKED.swap(true, Ordering::SeqCst) {
             std::process::exit(Exit::Interrupted as i32);

@@ -4,19 +4,24 @@ mod cli;
 mod commands;
 mod config;
 mod exit;
+mod fitting;
 mod gait;
+mod ground;
 mod inputs;
 mod interrupt;
+mod log_joints;
 mod machine;
 mod manifest;
 mod output;
 mod output_file;
 mod paths;
+mod pieces;
 mod progress;
 mod replay;
 mod robot;
 mod run_folder;
 mod table;
+mod target;
 mod tensorboard;
 mod world;
 
@@ -33,6 +38,7 @@ fn main() -> ExitCode {
         Command::Adapt(args) => commands::adapt::run(args),
         Command::Train(args) => commands::train::run(args),
         Command::Finetune(args) => commands::finetune::run(args),
+        Command::Loop(args) => commands::loop_::run(args),
         Command::Forward(args) => commands::forward::run(args),
         Command::Export(args) => commands::export::run(args),
         Command::Evaluate(args) => commands::evaluate::run(args),

@@ -10,4 +10,5 @@ pub mod export;
 pub mod finetune;
 pub mod forward;
 pub mod inspect;
+pub mod loop_;
 pub mod train;

@@ -3,17 +3,15 @@
 
 pub mod check;
 mod finetune;
-mod loop_;
 mod load;
+mod loop_;
 mod per_joint;
 mod text;
 mod train;
 
 pub use finetune::{FINETUNE_DEFAULTS, FinetuneConfig, changed};
-pub use loop_::{
-    FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, TargetConfig, TargetKind,
-};
 pub use load::{Configuration, load};
+pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, TargetConfig, TargetKind};
 pub use text::{DEFAULTS, train_defaults};
 pub use train::{TaskName, TrainConfig};
 
@@ -204,11 +202,7 @@ pub struct CheckConfig {
 impl AdaptConfig {
     /// What is fitted.
     pub fn rules(&self) -> Rules {
-        Rules {
-            parameter: self.parameter.clone(),
-            network: self.network.clone(),
-            robot: self.number.clone(),
-        }
+        Rules { parameter: self.parameter.clone(), network: self.network.clone(), robot: self.number.clone() }
     }
 
     /// Groups as the rules take them.

@@ -2,10 +2,10 @@
 
 use crate::cli;
 use crate::exit::Failure;
-use crate::output::{self, note};
+use crate::output;
+use crate::target::write_logs;
 use crate::world::World;
 use gaitfit_learn::collect::{CollectOptions, collect};
-use gaitfit_log::write_csv;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -44,21 +44,8 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         CollectOptions { count, seconds: args.seconds, shift: [low, high], privileged: args.privileged };
     let logs = collect(&world.subject(args.world.seed), &options, World::threads(&args.world))
         .map_err(Failure::failed)?;
-    let mut files = Vec::with_capacity(count);
-    let mut falls = 0;
-    let digits = (count - 1).to_string().len().max(2);
-    for (number, log) in logs.iter().enumerate() {
-        if log.fell {
-            falls += 1;
-        }
-        if log.trajectory.is_empty() {
-            note(&format!("note: trajectory {number} fell before its log began; it has no file"));
-            continue;
-        }
-        let path = args.out.join(format!("trajectory_{number:0digits$}.csv"));
-        write_csv(&path, &log.trajectory).map_err(Failure::failed)?;
-        files.push(path);
-    }
+    let written = write_logs(&args.out, &logs)?;
+    let (files, falls) = (written.files, written.falls);
     let document = Document {
         simulator: world.description(),
         trajectories: files.len(),

@@ -7,33 +7,19 @@ use crate::cli;
 use crate::exit::Failure;
 use crate::output;
 use crate::output_file;
+use crate::target::{Evaluation, Plan, measure};
 use crate::world::World;
 use crate::{gait, replay};
-use gaitfit_learn::evaluate::{
-    DriftTrial, GaitRecord, GaitSummary, Trial, TrialSummary, drift, record_gait, run_trials, summarise,
-};
+use gaitfit_learn::evaluate::record_gait;
 use serde::Serialize;
 use std::time::Instant;
 
 /// Everything `--json` prints.
 #[derive(Serialize)]
-struct Document {
-    policy: String,
-    simulator: String,
-    seconds: f64,
-    seed: u64,
+struct Document<'a> {
     #[serde(flatten)]
-    summary: TrialSummary,
-    drift: Vec<DriftTrial>,
-    gait: Option<GaitSummary>,
+    evaluation: &'a Evaluation,
     wall_seconds: f64,
-}
-
-/// What was measured, and the rows behind it.
-struct Measured {
-    document: Document,
-    trials: Vec<Trial>,
-    gait: Option<GaitRecord>,
 }
 
 /// Longest trajectory, s, and most control steps of one call.
@@ -57,44 +43,29 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
             args.seconds
         )));
     }
-    let measured = measure(args, &world)?;
+    let begun = Instant::now();
+    let plan = Plan {
+        trajectories: count,
+        seconds: args.seconds,
+        drift: args.drift,
+        seed: args.world.seed,
+        threads: World::threads(&args.world),
+    };
+    let measured = measure(&world, &args.world.policy.display().to_string(), &plan)?;
+    let wall_seconds = begun.elapsed().as_secs_f64();
     if let Some(path) = &args.report {
-        output_file::write(path, page::page(args, &world, &measured)?.as_bytes())?;
+        let page = page::page(args, &world, &measured, wall_seconds)?;
+        output_file::write(path, page.as_bytes())?;
     }
     if let Some(path) = &args.replay {
         output_file::write(path, replay(args, &world)?.as_bytes())?;
     }
+    let evaluation = &measured.evaluation;
     if args.json {
-        output::print_json(&measured.document)
+        output::print_json(&Document { evaluation, wall_seconds })
     } else {
-        output::print(&text::text(&measured.document))
+        output::print(&text::text(evaluation, wall_seconds))
     }
-}
-
-fn measure(args: &cli::Evaluate, world: &World) -> Result<Measured, Failure> {
-    let begun = Instant::now();
-    let subject = world.subject(args.world.seed);
-    let threads = World::threads(&args.world);
-    let trials =
-        run_trials(&subject, args.trajectories.get(), args.seconds, threads).map_err(Failure::failed)?;
-    let drift =
-        if args.drift == 0 { Vec::new() } else { drift(&subject, args.drift).map_err(Failure::failed)? };
-    let limits = &world.scene.settings.command;
-    let ahead = [0.5 * limits.x[1], 0.0, 0.0];
-    let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)]).map_err(Failure::failed)?;
-    let walked = limits.x[1] > 0.0 && !record.fell;
-    let gait = walked.then(|| record.summary(&world.scene.gait_group));
-    let document = Document {
-        policy: args.world.policy.display().to_string(),
-        simulator: world.description(),
-        seconds: args.seconds,
-        seed: args.world.seed,
-        summary: summarise(&trials),
-        drift,
-        gait,
-        wall_seconds: begun.elapsed().as_secs_f64(),
-    };
-    Ok(Measured { document, trials, gait: walked.then_some(record) })
 }
 
 /// A tour over the commands as a 3-D replay.

@@ -1,23 +1,29 @@
 //! The result as a page.
 
-use super::Measured;
 use crate::cli;
 use crate::exit::Failure;
 use crate::gait;
 use crate::machine;
+use crate::target::Measured;
 use crate::world::World;
-use gaitfit_learn::evaluate::{DriftTrial, Estimate, Trial};
+use gaitfit_learn::evaluate::Trial;
 use gaitfit_view::EvaluationReport;
-use gaitfit_view::evaluation::{Drift, Histogram, Measure};
+use gaitfit_view::evaluation::{Histogram, Measure};
+use gaitfit_view::loop_report::Estimate;
 use gaitfit_view::report::Setting;
 
 /// Bars of a histogram.
 const BINS: usize = 40;
 
 /// `report.html`.
-pub fn page(args: &cli::Evaluate, world: &World, measured: &Measured) -> Result<String, Failure> {
-    let document = &measured.document;
-    let summary = &document.summary;
+pub fn page(
+    args: &cli::Evaluate,
+    world: &World,
+    measured: &Measured,
+    wall_seconds: f64,
+) -> Result<String, Failure> {
+    let document = &measured.evaluation;
+    let summary = document;
     let measure = |name: &str, unit: &str, estimate: Estimate, value: Option<fn(&Trial) -> f64>| Measure {
         name: name.to_owned(),
         unit: unit.to_owned(),
@@ -34,7 +40,7 @@ pub fn page(args: &cli::Evaluate, world: &World, measured: &Measured) -> Result<
         title: document.policy.clone(),
         robot: document.simulator.clone(),
         created: machine::now(),
-        wall_seconds: document.wall_seconds,
+        wall_seconds,
         trajectories: summary.trajectories as u64,
         seconds: document.seconds,
         measures: vec![
@@ -54,7 +60,7 @@ pub fn page(args: &cli::Evaluate, world: &World, measured: &Measured) -> Result<
             measure("falls", "share", summary.fall_rate, None),
             measure("action rate", "a step", summary.action_rate, Some(|t| t.action_rate)),
         ],
-        drift: document.drift.iter().map(|trial| drift(trial, args.drift)).collect(),
+        drift: document.drift.iter().map(|trial| trial.drawn(args.drift)).collect(),
         gait: measured.gait.as_ref().map(gait::picture),
         gait_caption: "standing, then ahead at half the greatest command".to_owned(),
         settings: vec![
@@ -66,27 +72,4 @@ pub fn page(args: &cli::Evaluate, world: &World, measured: &Measured) -> Result<
         ..EvaluationReport::default()
     };
     gaitfit_view::evaluation_html(&report).map_err(Failure::failed)
-}
-
-fn drift(trial: &DriftTrial, robots: usize) -> Drift {
-    let [x, y, yaw] = trial.command;
-    let falls = (trial.fall_rate.mean * robots as f64).round();
-    // Half a confidence interval is 1.96 standard deviations over the root of the count.
-    let root = f64::max(robots as f64 - falls, 1.0).sqrt();
-    let spread = [trial.x, trial.y, trial.yaw].map(|estimate| estimate.ci95 * root / 1.96);
-    Drift {
-        name: if trial.name == "stand" {
-            "stand".to_owned()
-        } else {
-            let unit = if yaw == 0.0 { "m/s" } else { "rad/s" };
-            format!("{} {:.2} {unit}", trial.name, (x + y + yaw).abs())
-        },
-        command: trial.command,
-        trials: robots as u32,
-        falls: falls as u32,
-        error: [trial.x.mean, trial.y.mean, trial.yaw.mean],
-        spread,
-        path: trial.path.iter().map(|[x, y, _]| [*x, *y]).collect(),
-        intended: vec![[0.0, 0.0], [4.0 * x, 4.0 * y]],
-    }
 }

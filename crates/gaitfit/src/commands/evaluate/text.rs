@@ -1,8 +1,8 @@
 //! The result on a terminal.
 
-use super::Document;
 use crate::table::table;
-use gaitfit_learn::evaluate::Estimate;
+use crate::target::Evaluation;
+use gaitfit_view::loop_report::Estimate;
 use std::fmt::Write as _;
 
 fn shown(estimate: Estimate, digits: usize) -> String {
@@ -10,8 +10,8 @@ fn shown(estimate: Estimate, digits: usize) -> String {
 }
 
 /// Tables of means, drift and gait.
-pub fn text(document: &Document) -> String {
-    let summary = &document.summary;
+pub fn text(document: &Evaluation, wall_seconds: f64) -> String {
+    let summary = document;
     let mut out = format!(
         "{} in {}: {} trajectories of {} s with random commands\n\n",
         document.policy, document.simulator, summary.trajectories, document.seconds
@@ -36,11 +36,7 @@ pub fn text(document: &Document) -> String {
         let mut drift =
             table(&["command", "x error, m", "y error, m", "yaw error, rad", "falls, %"], &[1, 2, 3, 4]);
         for trial in &document.drift {
-            let [x, y, yaw] = trial.command;
-            let name = match trial.name {
-                "stand" => "stand".to_owned(),
-                name => format!("{name} {:.2}", (x + y + yaw).abs()),
-            };
+            let name = trial.label();
             let falls = format!("{:.0}", 100.0 * trial.fall_rate.mean);
             drift.add_row([name, shown(trial.x, 3), shown(trial.y, 3), shown(trial.yaw, 3), falls]);
         }
@@ -63,6 +59,6 @@ pub fn text(document: &Document) -> String {
             100.0 * gait.torque_power_above_10_hz
         );
     }
-    let _ = writeln!(out, "{:.1} s", document.wall_seconds);
+    let _ = writeln!(out, "{:.1} s", wall_seconds);
     out
 }
