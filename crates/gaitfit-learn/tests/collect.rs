@@ -1,0 +1,139 @@
+//! Logs say what the policy saw and did: the policy, applied to a log's rows, does the same again.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod task_common;
+
+use gaitfit_learn::collect::{CollectOptions, collect};
+use gaitfit_learn::evaluate::Subject;
+use gaitfit_learn::policy::{ActScratch, Policy};
+use gaitfit_learn::task::Scene;
+use gaitfit_log::Trajectory;
+use gaitfit_sim::Candidate;
+use gaitfit_sim::kinematics::rotate;
+use task_common::{calm, random_policy, scene_with};
+
+/// A task whose policy lists the joints in another order than the model, and clips its actions.
+fn reordered() -> Scene {
+    let mut task = calm();
+    task.command.seconds = 0.1;
+    scene_with(&task, |interface| {
+        interface.joints.rotate_left(5);
+        interface.default_pose.rotate_left(5);
+        interface.action_scale[2] = 0.1;
+        interface.action_clip = Some(0.2);
+        (interface.kp[0], interface.kd[1]) = (30.0, 0.75);
+    })
+}
+
+fn logs(scene: &Scene, policy: &Policy, options: &CollectOptions, threads: usize) -> Vec<Trajectory> {
+    let noisy = Candidate { torque_noise: 1.0, ..Candidate::nominal(scene.batch.model()) };
+    let subject = Subject { scene, policy, candidate: Some(&noisy), seed: 5 };
+    let logs = collect(&subject, options, threads).unwrap();
+    assert!(logs.iter().all(|log| !log.fell));
+    logs.into_iter().map(|log| log.trajectory).collect()
+}
+
+const OPTIONS: CollectOptions = CollectOptions { count: 3, seconds: 0.4, shift: [0.0; 2], privileged: true };
+
+#[test]
+fn rows_hold_what_the_policy_saw_and_did() {
+    let scene = reordered();
+    let policy = random_policy(&scene);
+    let interface = &scene.interface;
+    assert_eq!(interface.joints[0], "FR_calf_joint");
+    let logs = logs(&scene, &policy, &OPTIONS, 1);
+    assert_eq!(logs.len(), 3);
+    let mut clipped = 0;
+    for log in &logs {
+        assert_eq!(log.joints, interface.joints);
+        assert_eq!((log.rate_hz, log.time.len()), (50.0, 20));
+        assert!(log.time.iter().enumerate().all(|(k, time)| (time - 0.02 * k as f64).abs() < 1e-9));
+        let gains = log.gains.as_ref().unwrap();
+        assert_eq!((&gains.kp, &gains.kd), (&interface.kp, &interface.kd));
+        let (targets, actions) = (log.target.as_ref().unwrap(), log.action.as_ref().unwrap());
+        let commands = log.command.as_ref().unwrap();
+        let base = log.base.as_ref().unwrap();
+        let quaternions = base.quaternion.as_ref().unwrap();
+        let turning = base.angular_velocity.as_ref().unwrap();
+        for row in 0..20 {
+            let joints = 12 * row..12 * (row + 1);
+            for (k, (target, action)) in
+                targets[joints.clone()].iter().zip(&actions[joints.clone()]).enumerate()
+            {
+                let wanted = interface.default_pose[k] + interface.action_scale[k] * action.clamp(-0.2, 0.2);
+                assert!((target - wanted).abs() < 1e-6, "row {row}, joint {k}: {target}, not {wanted}");
+                clipped += usize::from(action.abs() > 0.2);
+            }
+            // The observation, as the velocity task lays it out, from the log alone.
+            let [w, x, y, z]: [f64; 4] = quaternions[4 * row..4 * row + 4].try_into().unwrap();
+            let mut observation: Vec<f64> = turning[3 * row..3 * row + 3].iter().map(|w| 0.25 * w).collect();
+            observation.extend(rotate([w, -x, -y, -z], [0.0, 0.0, -1.0]));
+            observation.extend(&commands[3 * row..3 * row + 3]);
+            observation.extend((0..12).map(|k| log.position[12 * row + k] - interface.default_pose[k]));
+            observation.extend(log.velocity[joints.clone()].iter().map(|qd| 0.05 * qd));
+            match row {
+                0 => observation.extend([0.0; 12]),
+                _ => observation.extend(&actions[12 * (row - 1)..12 * row]),
+            }
+            let observation: Vec<f32> = observation.into_iter().map(|x| x as f32).collect();
+            let mut again = [f32::NAN; 12];
+            policy.act(1, &observation, &mut again, &mut ActScratch::default());
+            for (again, action) in again.iter().zip(&actions[joints]) {
+                assert!((f64::from(*again) - action).abs() < 1e-5, "row {row}: {again}, in the log {action}");
+            }
+        }
+        // Commands last five rows.
+        let command = |row: usize| &commands[3 * row..3 * row + 3];
+        assert!((0..20).all(|row| command(row) == command(row / 5 * 5)) && command(0) != command(5));
+    }
+    assert!(clipped > 0, "no action was clipped");
+}
+
+#[test]
+fn a_shifted_log_begins_later_in_the_same_walk() {
+    let scene = reordered();
+    let policy = random_policy(&scene);
+    let whole = logs(&scene, &policy, &OPTIONS, 1);
+    let options = CollectOptions { seconds: 0.2, shift: [0.06; 2], ..OPTIONS };
+    for (shifted, whole) in logs(&scene, &policy, &options, 2).iter().zip(&whole) {
+        assert_eq!((shifted.time.len(), shifted.time[0]), (10, 0.0));
+        let rows = 12 * 3..12 * 13;
+        assert_eq!(shifted.position, whole.position[rows.clone()]);
+        assert_eq!(shifted.velocity, whole.velocity[rows.clone()]);
+        assert_eq!(shifted.action.as_ref().unwrap()[..], whole.action.as_ref().unwrap()[rows]);
+        assert_eq!(shifted.command.as_ref().unwrap()[..], whole.command.as_ref().unwrap()[9..39]);
+    }
+    // Drawn shifts lie between the two, and differ.
+    let options = CollectOptions { count: 12, seconds: 0.1, shift: [0.04, 0.2], ..OPTIONS };
+    let whole = logs(&scene, &policy, &CollectOptions { count: 12, ..OPTIONS }, 1);
+    let shifts: Vec<usize> = logs(&scene, &policy, &options, 1)
+        .iter()
+        .zip(&whole)
+        .map(|(shifted, whole)| {
+            (0..=15).find(|&row| whole.position[12 * row..12 * (row + 5)] == shifted.position).unwrap()
+        })
+        .collect();
+    assert!(shifts.iter().all(|shift| (2..=10).contains(shift)), "{shifts:?}");
+    assert!(shifts.iter().any(|shift| *shift != shifts[0]), "{shifts:?}");
+}
+
+#[test]
+fn threads_change_no_bit_and_falls_end_logs() {
+    let scene = reordered();
+    let policy = random_policy(&scene);
+    // More than one tile of 64.
+    let options = CollectOptions { count: 70, seconds: 0.1, privileged: false, ..OPTIONS };
+    let once = logs(&scene, &policy, &options, 1);
+    assert!(once == logs(&scene, &policy, &options, 3));
+    assert!(once.iter().all(|log| log.base.is_none()));
+
+    let mut task = calm();
+    task.policy.kp = 1e-3;
+    let slack = task_common::scene(&task);
+    let policy = task_common::constant_policy(&slack, &[0.0; 12]);
+    let subject = Subject { scene: &slack, policy: &policy, candidate: None, seed: 5 };
+    let fallen = collect(&subject, &CollectOptions { count: 1, seconds: 2.0, ..OPTIONS }, 1).unwrap();
+    let rows = fallen[0].trajectory.time.len();
+    assert!(fallen[0].fell && rows > 5 && rows < 100, "{rows} rows");
+    assert_eq!(fallen[0].trajectory.target.as_ref().unwrap().len(), 12 * rows);
+}

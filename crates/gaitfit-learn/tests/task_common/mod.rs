@@ -1,0 +1,74 @@
+//! Small tasks on the Go2.
+#![allow(clippy::unwrap_used, dead_code, reason = "a failed unwrap is a failed test; no test uses all of it")]
+
+use gaitfit_learn::Interface;
+use gaitfit_learn::network::{Activation, Network, Shape};
+use gaitfit_learn::policy::{Policy, Provenance};
+use gaitfit_learn::task::{Ended, Environment, Scene, TaskSettings, preset};
+use gaitfit_model::Model;
+use gaitfit_physics::Preset;
+
+/// The project's Go2.
+pub fn go2() -> Model {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2.xml");
+    gaitfit_model::read(path.as_ref(), &Default::default()).unwrap()
+}
+
+/// The velocity task without noise, pushes and random starts.
+pub fn calm() -> TaskSettings {
+    TaskSettings::default().calm()
+}
+
+/// A built-in task.
+pub fn built_in(name: &str) -> TaskSettings {
+    toml::from_str(preset(name).unwrap()).unwrap()
+}
+
+/// The task on the Go2.
+pub fn scene(task: &TaskSettings) -> Scene {
+    Scene::new(&go2(), task, Preset::Fast).unwrap()
+}
+
+/// The task on the Go2 with its interface changed.
+pub fn scene_with(task: &TaskSettings, change: impl Fn(&mut Interface)) -> Scene {
+    let mut interface = scene(task).interface;
+    change(&mut interface);
+    Scene::with_interface(&go2(), task, interface, Preset::Fast, 0.0).unwrap()
+}
+
+/// A policy whose actions are `actions`, whatever it sees.
+pub fn constant_policy(scene: &Scene, actions: &[f32]) -> Policy {
+    let inputs = scene.interface.observation_width();
+    let shape = Shape { inputs, hidden: vec![4], outputs: actions.len(), activation: Activation::Elu };
+    let mut parameters = vec![0.0; shape.parameters()];
+    let bias = shape.layers().last().unwrap().bias.clone();
+    parameters[bias].copy_from_slice(actions);
+    policy(scene, Network::new(shape, parameters).unwrap())
+}
+
+/// A policy that reacts to everything it sees, gently.
+pub fn random_policy(scene: &Scene) -> Policy {
+    let (inputs, outputs) = (scene.interface.observation_width(), scene.joints.len());
+    let shape = Shape { inputs, hidden: vec![16], outputs, activation: Activation::Elu };
+    policy(scene, Network::random(shape, 3, 0, 0.5).unwrap())
+}
+
+fn policy(scene: &Scene, actor: Network) -> Policy {
+    Policy {
+        interface: scene.interface.clone(),
+        log_std: vec![-1.0; actor.shape.outputs],
+        actor,
+        critic: None,
+        normaliser: None,
+        critic_normaliser: None,
+        provenance: Provenance::default(),
+    }
+}
+
+/// One step of all robots under the same action in every joint: rewards and ends.
+pub fn step(environment: &mut Environment<'_>, step: u32, action: f32) -> (Vec<f32>, Vec<Ended>) {
+    let count = environment.count();
+    let (mut reward, mut ended) = (vec![f32::NAN; count], vec![Ended::No; count]);
+    environment.step(step, &vec![action; 12 * count], &mut reward, &mut ended);
+    (reward, ended)
+}
