@@ -178,7 +178,7 @@ fn paths_from_above_have_equal_scales() {
     let drift = vec![Drift { path: square, ..Drift::default() }];
     let html = evaluation_html(&EvaluationReport { drift, ..EvaluationReport::default() }).unwrap();
     let document = parse(&html);
-    let path = document.descendants().find(|n| n.attribute("class") == Some("d c0 ")).unwrap();
+    let path = document.descendants().find(|n| n.attribute("class") == Some("d c0")).unwrap();
     let numbers: Vec<f64> =
         path.attribute("d").unwrap().split(['M', 'L', ' ']).filter_map(|n| n.parse().ok()).collect();
     let (across, up) = (numbers[2] - numbers[0], numbers[3] - numbers[5]);

@@ -74,8 +74,7 @@ mod tests {
         let curve = |values| Quantiles { label: "", class: "fitted", values };
         let svg = cumulative("t", "x", &[curve(&log), curve(&wild)]).unwrap();
         let (_, rest) = svg.split_once("data-x=\"").unwrap();
-        let ends: Vec<f64> =
-            rest.split('"').next().unwrap().split(' ').map(|x| x.parse().unwrap()).collect();
+        let ends: Vec<f64> = rest.split('"').next().unwrap().split(' ').map(|x| x.parse().unwrap()).collect();
         assert!(ends[0] > -2.0 && ends[0] < -1.0 && ends[1] < 2.0 && ends[1] > 1.0, "{ends:?}");
         assert!(cumulative("t", "x", &[curve(&[]), curve(&[f64::NAN; 3])]).is_none());
     }

@@ -20,17 +20,17 @@ pub(crate) struct Track<'a> {
     pub radius: f64,
 }
 
-/// All tracks, x to the right and y upwards in equal scales; `None` without any point.
-pub(crate) fn plan(title: &str, tracks: &[Track]) -> Option<String> {
+/// All tracks, x to the right and y upwards in equal scales, `width` user units wide at most; `None` without any
+/// point.
+pub(crate) fn plan(title: &str, width: f64, tracks: &[Track]) -> Option<String> {
     let along = |k: usize| {
         let points = tracks.iter().flat_map(|t| t.points).map(move |p| p[k]);
         scale::extent(points.map(|x| x.clamp(-1e6, 1e6)))
     };
     let ((x0, x1), (y0, y1)) = (along(0)?, along(1)?);
     let (wide, tall) = ((x1 - x0).max(0.2) * 1.1, (y1 - y0).max(0.2) * 1.1);
-    let width = 420.0;
     // Pixels a metre, the same both ways.
-    let zoom = (width / wide).min(400.0 / tall);
+    let zoom = (width / wide).min(0.95 * width / tall);
     let height = (tall * zoom).max(100.0);
     let (left, top) = (56.0, 26.0);
     let (right, bottom) = (left + width, top + height);

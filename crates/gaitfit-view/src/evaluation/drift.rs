@@ -78,5 +78,5 @@ fn picture(drift: &[Drift]) -> Option<String> {
             ]
         })
         .collect();
-    plan("Paths under constant commands, from above", &tracks)
+    plan("Paths under constant commands, from above", 420.0, &tracks)
 }

@@ -46,12 +46,7 @@ pub(super) fn picture(log: &LogSummary) -> Option<String> {
             y_ticks: 4,
         };
         chart.open(&mut svg);
-        let _ = write!(
-            svg,
-            r#"<text class="t" x="{}" y="12">{}</text>"#,
-            coordinate(left - 40.0),
-            AXES[y]
-        );
+        let _ = write!(svg, r#"<text class="t" x="{}" y="12">{}</text>"#, coordinate(left - 40.0), AXES[y]);
         cells(&mut svg, &chart, log, &seen, (x, y));
         points(&mut svg, &chart, &seen, (x, y));
         panel::close(&mut svg);

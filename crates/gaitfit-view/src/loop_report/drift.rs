@@ -3,8 +3,8 @@
 use super::policies::{Cast, printed};
 use super::{DriftTrials, LoopReport};
 use crate::charts::plan::{Track, plan};
-use crate::evaluation::drift::{MOST_TRIALS, error};
 use crate::evaluation::Drift;
+use crate::evaluation::drift::{MOST_TRIALS, error};
 use crate::format::{UNKNOWN, fixed};
 use serde::Serialize;
 
@@ -119,7 +119,7 @@ fn picture(sets: &[&DriftTrials], commands: &[&str], cast: &Cast) -> Option<Stri
             radius: 3.5,
         })
     });
-    plan("Paths under constant commands, from above", &intended.chain(gone).collect::<Vec<_>>())
+    plan("Paths under constant commands, from above", 290.0, &intended.chain(gone).collect::<Vec<_>>())
 }
 
 #[cfg(test)]
@@ -129,8 +129,7 @@ mod tests {
     #[test]
     fn the_mean_drift_is_of_what_is_known() {
         let trial = |error| Drift { error, ..Drift::default() };
-        let trials =
-            vec![trial([3.0, -4.0, -0.5]), trial([0.0, 1.0, 0.1]), trial([f64::NAN, 0.0, 0.0])];
+        let trials = vec![trial([3.0, -4.0, -0.5]), trial([0.0, 1.0, 0.1]), trial([f64::NAN, 0.0, 0.0])];
         let (distance, yaw) = summary(&DriftTrials { trials, ..DriftTrials::default() });
         assert!((distance - 3.0).abs() < 1e-12 && (yaw - 0.3).abs() < 1e-12);
         assert!(summary(&DriftTrials::default()).0.is_nan());

@@ -34,9 +34,8 @@ struct Change {
 }
 
 pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<Headline> {
-    let tracked = |policy: &str| {
-        report.tracking.iter().find(|t| t.policy == policy && t.simulator == cast.target)
-    };
+    let tracked =
+        |policy: &str| report.tracking.iter().find(|t| t.policy == policy && t.simulator == cast.target);
     let drifted = |policy: &str| {
         let set = report.drift.iter().find(|d| d.policy == policy && d.simulator == cast.target)?;
         Some(Estimate { mean: drift::summary(set).0, ci95: f64::NAN })

@@ -1,7 +1,7 @@
 //! The repetitions: a line each, and what each found.
 
 use super::distributions::{self, DistributionGroup};
-use super::{Adaptation, LogSummary, LoopReport, Round, commands};
+use super::{Adaptation, LogSummary, LoopReport, Round, commands, warnings};
 use crate::format::{UNKNOWN, clean, clean_prose, duration, grouped, significant};
 use crate::report::parameters::{self, Known, ParameterTable};
 use crate::report::runs::{self, Level, Runs};
@@ -132,7 +132,7 @@ fn log_view(log: &LogSummary) -> LogView {
         falls: log.falls,
         cut: duration(log.cut_seconds),
         commands: commands::picture(log),
-        uncovered: log.uncovered.iter().take(MOST_LINES).map(|part| clean_prose(part)).collect(),
+        uncovered: log.uncovered.iter().take(warnings::MOST).map(|part| clean_prose(part)).collect(),
     }
 }
 

@@ -66,12 +66,7 @@ pub(super) struct Quantity {
 
 /// In the order of the page.
 pub(super) const QUANTITIES: [Quantity; 4] = [
-    Quantity {
-        name: "Linear-velocity error",
-        unit: "m/s",
-        is_error: true,
-        of: |t| t.linear_velocity_error,
-    },
+    Quantity { name: "Linear-velocity error", unit: "m/s", is_error: true, of: |t| t.linear_velocity_error },
     Quantity {
         name: "Angular-velocity error",
         unit: "rad/s",
@@ -121,12 +116,13 @@ fn card(quantity: &Quantity, shown: &[Tracking], cast: &Cast) -> Card {
     let drawn: Vec<Row> = shown.iter().map(row).collect();
     let scale = intervals::shared_scale(&drawn);
     let group = |simulator: &&str| {
-        let rows = shown.iter().zip(&drawn).filter(|(t, _)| t.simulator == **simulator).map(|(t, row)| CardRow {
-            policy: printed(&t.policy, UNKNOWN),
-            color: cast.color(&t.policy),
-            svg: intervals::row(row, &scale),
-            text: text((quantity.of)(t)),
-        });
+        let rows =
+            shown.iter().zip(&drawn).filter(|(t, _)| t.simulator == **simulator).map(|(t, row)| CardRow {
+                policy: printed(&t.policy, UNKNOWN),
+                color: cast.color(&t.policy),
+                svg: intervals::row(row, &scale),
+                text: text((quantity.of)(t)),
+            });
         Group { simulator: printed(simulator, UNKNOWN), rows: rows.collect() }
     };
     Card {

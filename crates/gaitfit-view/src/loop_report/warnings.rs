@@ -5,16 +5,15 @@ use super::{LogSummary, LoopReport, Round};
 use crate::format::{clean, clean_prose, round_number, significant};
 use crate::page;
 
-/// Sentences of one kind at most.
-const MOST: usize = 50;
+/// Sentences of one kind a round at most.
+pub(super) const MOST: usize = 20;
 
 /// The caller's warnings, then those of each round.
 pub(super) fn build(report: &LoopReport, replay: Option<String>) -> Vec<String> {
     let mut all = page::lines(&report.warnings);
     all.extend(replay.map(|why| format!("The replay is left out: {}.", clean_prose(&why))));
     for (i, round) in report.rounds.iter().enumerate() {
-        let prefix =
-            if report.rounds.len() > 1 { format!("{}: ", title(round, i)) } else { String::new() };
+        let prefix = if report.rounds.len() > 1 { format!("{}: ", title(round, i)) } else { String::new() };
         let found = round.log.iter().flat_map(of_log).chain(of_parameters(round));
         all.extend(found.map(|sentence| format!("{prefix}{sentence}")));
     }
@@ -75,9 +74,14 @@ mod tests {
     #[test]
     fn falls_are_counted_and_measured() {
         let log = LogSummary { falls: 3, cut_seconds: 6.4, seconds: 256.0, ..LogSummary::default() };
-        assert!(of_log(&log)[0].starts_with("3 falls in the log were cut with a margin (6.40 s of 256.0 s, 2.5 %)"));
+        assert!(
+            of_log(&log)[0]
+                .starts_with("3 falls in the log were cut with a margin (6.40 s of 256.0 s, 2.5 %)")
+        );
         let log = LogSummary { falls: 1, ..LogSummary::default() };
-        assert!(of_log(&log)[0].contains("1 fall in the log was cut with a margin (a stretch of unknown length)"));
+        assert!(
+            of_log(&log)[0].contains("1 fall in the log was cut with a margin (a stretch of unknown length)")
+        );
         assert!(of_log(&LogSummary::default()).is_empty());
     }
 }

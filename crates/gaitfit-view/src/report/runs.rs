@@ -70,7 +70,12 @@ pub(crate) fn build(all: &[OptimizerRun], cost_unit: &str, levels: &[Level]) -> 
         })
         .collect();
     Some(Runs {
-        cost: chart("cost over generations", &format!("best cost so far{unit}"), &x, across.chain(faint).chain(bold)),
+        cost: chart(
+            "cost over generations",
+            &format!("best cost so far{unit}"),
+            &x,
+            across.chain(faint).chain(bold),
+        ),
         sigma: chart("step size over generations", "step size σ (relative)", &x, sigmas),
         rows,
         levels: levels

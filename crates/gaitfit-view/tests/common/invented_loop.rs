@@ -90,7 +90,7 @@ fn drift() -> Vec<DriftTrials> {
     let trial = |k: usize, skill: f64, bend: f64| {
         let (name, command) = commands[k];
         let time = |i: usize| 4.0 * i as f64 / 200.0;
-        let side = bend * (0.6 + 0.4 * noise(k, 3)) * if k % 2 == 0 { 1.0 } else { -0.6 };
+        let side = bend * (0.6 + 0.4 * noise(k, 3)) * if k.is_multiple_of(2) { 1.0 } else { -0.6 };
         let path = |i: usize| {
             let t = time(i);
             let along = [skill * command[0] * t, skill * command[1] * t];
@@ -118,7 +118,8 @@ fn drift() -> Vec<DriftTrials> {
 }
 
 fn round(name: &str, index: usize, seeds: usize, generations: usize) -> Round {
-    let uncovered = if index == 0 { vec!["backward walking with a turn to the right".into()] } else { vec![] };
+    let uncovered =
+        if index == 0 { vec!["backward walking with a turn to the right".into()] } else { vec![] };
     let within = |c: &[f64; 3]| index > 0 || !(c[0] < -0.2 && c[2] < -0.1);
     let command = |i: usize| [0, 1, 2].map(|k| noise(i, 40 + 10 * index + k));
     Round {
@@ -140,14 +141,15 @@ fn round(name: &str, index: usize, seeds: usize, generations: usize) -> Round {
     }
 }
 
+/// Name, unit, value, truth, spread, upper bound, and whether the log identifies it.
+type Invented = (&'static str, &'static str, f64, f64, f64, f64, bool);
+
 fn adaptation(index: usize, seeds: usize, generations: usize) -> Adaptation {
     let (nominal, floor) = ([1.62, 1.48][index], [0.094, 0.071][index]);
     let run = |seed: usize| {
         let curve = |scale: f64, end: f64, stream: usize| -> Vec<f64> {
             let decay = |g: usize| (-(g as f64) / (16.0 + 3.0 * noise(seed, stream))).exp();
-            (0..generations)
-                .map(|g| end + scale * decay(g) * (1.0 + 0.3 * noise(g, stream + seed)))
-                .collect()
+            (0..generations).map(|g| end + scale * decay(g) * (1.0 + 0.3 * noise(g, stream + seed))).collect()
         };
         OptimizerRun {
             label: format!("seed {}", seed + 1),
@@ -157,7 +159,7 @@ fn adaptation(index: usize, seeds: usize, generations: usize) -> Adaptation {
             sigma: (0..generations).map(|g| (-(g as f64) / 40.0 + 0.2 * noise(g / 3, seed)).exp()).collect(),
         }
     };
-    let invented = [
+    let invented: [Invented; 7] = [
         ("frictionloss_hip", "N·m", 0.197, 0.2, 0.004, 0.5, true),
         ("frictionloss_thigh", "N·m", 0.153, 0.15, 0.006, 0.5, true),
         ("frictionloss_calf", "N·m", 0.106, 0.1, 0.009, 0.5, true),
@@ -166,7 +168,7 @@ fn adaptation(index: usize, seeds: usize, generations: usize) -> Adaptation {
         ("armature_calf", "kg·m²", 0.121, 0.075, 0.061, 0.5, false),
         ("delay", "s", 0.0104, 0.01, 0.0004, 0.04, true),
     ];
-    let parameter = |(i, row): (usize, &(&str, &str, f64, f64, f64, f64, bool))| {
+    let parameter = |(i, row): (usize, &Invented)| {
         let (name, unit, value, truth, spread, upper, identified) = *row;
         FittedParameter {
             parameter: Parameter {
@@ -181,7 +183,11 @@ fn adaptation(index: usize, seeds: usize, generations: usize) -> Adaptation {
                 identified: Some(identified),
                 ..Parameter::default()
             },
-            profile: Some(if identified { [value - 2.2 * spread, value + 2.6 * spread] } else { [0.012, 0.31] }),
+            profile: Some(if identified {
+                [value - 2.2 * spread, value + 2.6 * spread]
+            } else {
+                [0.012, 0.31]
+            }),
             truth: Some(truth),
         }
     };
@@ -219,13 +225,13 @@ fn distributions(index: usize) -> Vec<SignalDistribution> {
             let log = side(1, 1.0, 0.0);
             let nominal = side(2, 1.24 - 0.08 * index as f64, 0.06 * noise(j, 9));
             let adapted = side(3, 1.02, 0.004 * noise(j, 10));
-            [Signal::Position, Signal::Velocity, Signal::Action].into_iter().enumerate().map(move |(k, signal)| {
-                SignalDistribution {
+            [Signal::Position, Signal::Velocity, Signal::Action].into_iter().enumerate().map(
+                move |(k, signal)| SignalDistribution {
                     distance_nominal: [0.061, 0.47, 0.19][k],
                     distance_adapted: [0.0052, 0.038, 0.021][k],
                     ..SignalDistribution::from_samples(&joint, signal, &log[k], &nominal[k], &adapted[k])
-                }
-            })
+                },
+            )
         })
         .collect()
 }
