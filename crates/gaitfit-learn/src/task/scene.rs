@@ -285,6 +285,7 @@ fn check(settings: &TaskSettings) -> Result<(), SceneError> {
         ("episode_seconds", settings.episode_seconds, 1e4),
         ("control_dt", settings.control_dt, 1.0),
         ("tracking_width", settings.tracking_width, 1e3),
+        ("yaw_tracking_width", settings.yaw_tracking_width, 1e3),
         ("swing_height", settings.swing_height, 1e3),
         ("swing_seconds", settings.swing_seconds, 1e3),
         ("command.seconds", settings.command.seconds, 1e4),

@@ -33,6 +33,9 @@ pub struct TaskSettings {
     pub swing_seconds: f64,
     /// Width of the tracking rewards: exp(−error²/width²); m/s and rad/s.
     pub tracking_width: f64,
+    /// Yaw-rate error at which that tracking pays 1/e, rad/s.
+    #[serde(default = "half")]
+    pub yaw_tracking_width: f64,
     /// The policy's interface.
     pub policy: PolicySettings,
     /// Commands.
@@ -121,6 +124,10 @@ pub struct StartSettings {
     pub angular_velocity: f64,
     /// Half range of roll and pitch about the start's orientation, degrees.
     pub tilt: f64,
+}
+
+fn half() -> f64 {
+    0.5
 }
 
 fn any_heading() -> f64 {

@@ -12,7 +12,7 @@ pub fn linear_velocity(m: &Moment<'_>) -> f32 {
 /// exp(−(ω − c)²/w²) of the yaw rate.
 pub fn yaw_rate(m: &Moment<'_>) -> f32 {
     let error = m.yaw_rate - m.command[2];
-    let width = m.scene.settings.tracking_width as f32;
+    let width = m.scene.settings.yaw_tracking_width as f32;
     (-error * error / (width * width)).exp()
 }
 
