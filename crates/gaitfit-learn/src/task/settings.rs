@@ -31,9 +31,9 @@ pub struct TaskSettings {
     pub swing_height: f64,
     /// Time a foot is off the ground in a step that the rewards want, s.
     pub swing_seconds: f64,
-    /// Width of the tracking rewards: exp(−error²/width²); m/s and rad/s.
+    /// Width of the velocity tracking reward, exp(−error²/width²), m/s.
     pub tracking_width: f64,
-    /// Yaw-rate error at which that tracking pays 1/e, rad/s.
+    /// The same of the yaw rate, rad/s.
     #[serde(default = "half")]
     pub yaw_tracking_width: f64,
     /// The policy's interface.
