@@ -4,6 +4,7 @@
 //! recordings of real robots pass: a robot standing under a zero command, legs swept in the air, a trot with
 //! soft gains and noisy velocities.
 
+mod falls;
 mod following;
 mod joints;
 mod saturation;
@@ -12,6 +13,8 @@ mod time;
 mod values;
 mod velocity;
 mod windows;
+
+pub use falls::{Fall, FallSign, falls};
 
 use crate::Trajectory;
 use serde::Serialize;

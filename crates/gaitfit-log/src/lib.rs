@@ -43,7 +43,7 @@ mod summary;
 mod trajectory;
 mod write;
 
-pub use check::{CheckSpec, Finding, FindingKind, Severity, Span, check};
+pub use check::{CheckSpec, Fall, FallSign, Finding, FindingKind, Severity, Span, check, falls};
 pub use error::LogError;
 pub use metadata::PerJoint;
 pub use ops::Signal;

@@ -13,11 +13,11 @@ use crate::{Signal, Trajectory};
 const IN_A_ROW: usize = 2;
 /// Distance from target or pose, rad, that no standing robot's load explains: a loaded Go2 calf at kp 20
 /// sags by 0.4.
-const FAR: f64 = 0.6;
+pub(super) const FAR: f64 = 0.6;
 /// Command norm (m/s and rad/s together) that asks for walking.
 const COMMANDED: f64 = 0.1;
 /// cos 60°: upright component of the base's z axis below which the robot fell.
-const TILTED: f64 = 0.5;
+pub(super) const TILTED: f64 = 0.5;
 /// Time below it, s, that is a fall and not a stumble.
 const TILTED_S: f64 = 0.5;
 
@@ -31,14 +31,14 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
 }
 
 /// More than half of the joints that are asked to move, and at least two, do not.
-fn is_stuck(window: &Window) -> bool {
+pub(super) fn is_stuck(window: &Window) -> bool {
     let asked = window.joints.iter().filter(|joint| joint.asked).count();
     let held = window.joints.iter().filter(|joint| joint.asked && !joint.follows).count();
     held >= 2 && 2 * held > asked
 }
 
 /// Runs of `IN_A_ROW` or more true windows (any, when there are fewer windows than that), as window ranges.
-fn runs(flags: &[bool]) -> Vec<std::ops::Range<usize>> {
+pub(super) fn runs(flags: &[bool]) -> Vec<std::ops::Range<usize>> {
     let needed = IN_A_ROW.min(flags.len());
     let mut runs = Vec::new();
     let mut start = None;
@@ -131,9 +131,7 @@ fn single_joints(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
 
 fn resting(findings: &mut Findings, windows: &[Window], spec: &CheckSpec) {
     let log = findings.log;
-    let rests = |window: &Window| window.joints.iter().all(|joint| joint.rests && !joint.asked);
-
-    let idle: Vec<bool> = windows.iter().map(|window| rests(window) && window.command > COMMANDED).collect();
+    let idle: Vec<bool> = windows.iter().map(|window| window.rests() && window.command > COMMANDED).collect();
     for run in runs(&idle) {
         let span = span(&windows[run]);
         let message = format!(
@@ -143,13 +141,9 @@ fn resting(findings: &mut Findings, windows: &[Window], spec: &CheckSpec) {
         findings.add(FindingKind::Stuck, Severity::Warning, &[], Some(span), message);
     }
 
-    let far = |window: &Window| -> Vec<usize> {
-        (0..log.joints.len()).filter(|&joint| window.joints[joint].distance > FAR).collect()
-    };
-    let collapsed: Vec<bool> =
-        windows.iter().map(|window| rests(window) && 3 * far(window).len() >= log.joints.len()).collect();
+    let collapsed: Vec<bool> = windows.iter().map(Window::collapsed).collect();
     for run in runs(&collapsed) {
-        let joints = far(&windows[run.start]);
+        let joints = windows[run.start].far(FAR);
         let span = span(&windows[run]);
         let message = format!(
             "{}, the robot rests with {} more than {FAR} rad from their targets; it lies with its motors off, or \
@@ -161,7 +155,7 @@ fn resting(findings: &mut Findings, windows: &[Window], spec: &CheckSpec) {
     }
 
     // Against the standing pose only when the whole log is at rest: a motion may start from a crouch.
-    if windows.is_empty() || !windows.iter().all(rests) {
+    if windows.is_empty() || !windows.iter().all(Window::rests) {
         return;
     }
     let joints: Vec<usize> = (0..log.joints.len())

@@ -7,6 +7,7 @@
 //! [`MOVED_SHARE`] of what is asked, does not follow. On a real trot at kp 20 the median joint reaches
 //! 0.84–0.89 in every window; on the same robot lying, 0.0.
 
+use super::following::FAR;
 use super::stats::{correlation, deviation, mean, rms};
 use crate::{Signal, Trajectory};
 
@@ -68,6 +69,23 @@ pub(super) struct Window {
     pub joints: Vec<Joint>,
     /// Mean command norm; 0 without one.
     pub command: f64,
+}
+
+impl Window {
+    /// Nothing moves, and nothing is asked to.
+    pub fn rests(&self) -> bool {
+        self.joints.iter().all(|joint| joint.rests && !joint.asked)
+    }
+
+    /// Joints more than `distance` rad from their targets.
+    pub fn far(&self, distance: f64) -> Vec<usize> {
+        (0..self.joints.len()).filter(|&joint| self.joints[joint].distance > distance).collect()
+    }
+
+    /// At rest with a third of the joints far from their targets: no robot stands like this.
+    pub fn collapsed(&self) -> bool {
+        self.rests() && 3 * self.far(FAR).len() >= self.joints.len()
+    }
 }
 
 /// The log's windows, each half over the one before; none when the log is too short to judge.

@@ -1,0 +1,124 @@
+//! Where the robot fell, for cutting: from the base's state where the log has it, and from the joints alone.
+//!
+//! Unlike the findings of [`super::check`], which name stretches that are bad for sure, a fall begins where
+//! something first goes wrong.
+
+use super::CheckSpec;
+use super::following::{TILTED, is_stuck, runs};
+use super::windows::{Window, windows};
+use crate::Trajectory;
+use serde::Serialize;
+use std::ops::Range;
+
+/// What shows a fall.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FallSign {
+    /// The base leans by more than 60°.
+    Tilt,
+    /// The base is lower than [`CheckSpec::lying_height`].
+    Height,
+    /// Most joints that are asked to move do not.
+    Stuck,
+    /// At rest far from the targets.
+    Lying,
+}
+
+impl std::fmt::Display for FallSign {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Tilt => "the base leans by more than 60°",
+            Self::Height => "the base is on the ground",
+            Self::Stuck => "most joints do not do what they are asked",
+            Self::Lying => "the robot rests far from its targets",
+        })
+    }
+}
+
+/// One fall.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Fall {
+    /// From the first sample that shows it to one past the last.
+    pub samples: Range<usize>,
+    /// What showed it first.
+    pub sign: FallSign,
+}
+
+/// Tilt or low height that lasts less than this, s, and ends, is a stumble.
+const STUMBLE_S: f64 = 0.1;
+/// Falls closer together than this, s, are one: whoever stands up this briefly does not stand.
+const BETWEEN_S: f64 = 1.0;
+
+/// The falls of a log, in order. Of a log whose arrays do not fit together: none.
+pub fn falls(log: &Trajectory, spec: &CheckSpec) -> Vec<Fall> {
+    if log.validate().is_err() || log.is_empty() {
+        return Vec::new();
+    }
+    let mut signs = of_base(log, spec);
+    signs.extend(of_joints(log));
+    signs.sort_by_key(|fall| (fall.samples.start, fall.sign));
+    let apart = (BETWEEN_S * log.rate_hz).round() as usize;
+    let mut falls: Vec<Fall> = Vec::new();
+    for sign in signs {
+        match falls.last_mut() {
+            Some(last) if sign.samples.start <= last.samples.end + apart => {
+                last.samples.end = last.samples.end.max(sign.samples.end);
+            }
+            _ => falls.push(sign),
+        }
+    }
+    falls
+}
+
+fn of_base(log: &Trajectory, spec: &CheckSpec) -> Vec<Fall> {
+    let Some(base) = &log.base else { return Vec::new() };
+    let mut falls = Vec::new();
+    let mut add = |down: Vec<bool>, sign| {
+        let least = (STUMBLE_S * log.rate_hz).ceil() as usize;
+        for samples in stretches(&down) {
+            if samples.len() >= least || samples.end == down.len() {
+                falls.push(Fall { samples, sign });
+            }
+        }
+    };
+    if let Some(quaternion) = &base.quaternion {
+        // z component of the body's z axis in the world.
+        let up = |q: &[f64]| 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2]);
+        add(quaternion.chunks_exact(4).map(|q| up(q) < TILTED).collect(), FallSign::Tilt);
+    }
+    if let (Some(position), Some(limit)) = (&base.position, spec.lying_height) {
+        add(position.chunks_exact(3).map(|p| p[2] < limit).collect(), FallSign::Height);
+    }
+    falls
+}
+
+fn of_joints(log: &Trajectory) -> Vec<Fall> {
+    let windows = windows(log);
+    let mut falls = Vec::new();
+    let mut add = |flags: Vec<bool>, sign| {
+        for run in runs(&flags) {
+            let (first, last) = (&windows[run.start], &windows[run.end - 1]);
+            falls.push(Fall { samples: first.start..last.end, sign });
+        }
+    };
+    add(windows.iter().map(is_stuck).collect(), FallSign::Stuck);
+    add(windows.iter().map(Window::collapsed).collect(), FallSign::Lying);
+    falls
+}
+
+/// Stretches of true.
+fn stretches(flags: &[bool]) -> Vec<Range<usize>> {
+    let mut found = Vec::new();
+    let mut start = None;
+    for (i, flag) in flags.iter().chain([&false]).enumerate() {
+        match (flag, start) {
+            (true, None) => start = Some(i),
+            (false, Some(from)) => {
+                found.push(from..i);
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    found
+}

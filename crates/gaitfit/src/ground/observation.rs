@@ -1,0 +1,163 @@
+//! A log's samples as a policy observes them, and what a log lacks for that.
+
+use gaitfit_learn::policy::Policy;
+use gaitfit_learn::{Interface, Quantity};
+use gaitfit_log::Trajectory;
+
+/// What an inertial unit measures, as far as a sample has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Given {
+    /// Rates of the base, rad/s, body frame.
+    pub rates: Option<[f64; 3]>,
+    /// Direction of gravity, body frame.
+    pub gravity: Option<[f64; 3]>,
+    /// Velocity of the base, m/s, body frame.
+    pub velocity: Option<[f64; 3]>,
+}
+
+/// One number that a sample lacks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unknown {
+    /// Rate about a body axis, rad/s.
+    Rate(usize),
+    /// Gravity's part along a horizontal body axis; the third follows from its length.
+    Gravity(usize),
+    /// Velocity along a body axis, m/s.
+    Velocity(usize),
+}
+
+impl Unknown {
+    /// Spread about 0 on a robot that walks.
+    pub fn spread(self) -> f64 {
+        match self {
+            Self::Rate(_) => 0.6,
+            Self::Gravity(_) => 0.1,
+            Self::Velocity(_) => 0.6,
+        }
+    }
+}
+
+impl Given {
+    /// Of sample `row`; a part with a number that is not finite is unknown.
+    pub fn of(log: &Trajectory, row: usize) -> Self {
+        let Some(base) = &log.base else { return Self::default() };
+        let finite = |values: &[f64]| values.iter().all(|x| x.is_finite());
+        let three = |values: &Option<Vec<f64>>| -> Option<[f64; 3]> {
+            let values = values.as_deref()?.get(3 * row..3 * row + 3)?;
+            finite(values).then(|| [values[0], values[1], values[2]])
+        };
+        let quaternion = base
+            .quaternion
+            .as_deref()
+            .and_then(|values| values.get(4 * row..4 * row + 4))
+            .filter(|values| finite(values));
+        Self {
+            rates: three(&base.angular_velocity),
+            gravity: quaternion.map(|q| to_body(q, [0.0, 0.0, -1.0])),
+            velocity: quaternion.zip(three(&base.linear_velocity)).map(|(q, v)| to_body(q, v)),
+        }
+    }
+
+    /// What `interface` observes and is not given.
+    pub fn missing(&self, interface: &Interface) -> Vec<Unknown> {
+        let mut missing = Vec::new();
+        for term in &interface.observation {
+            match term.quantity {
+                Quantity::BaseAngularVelocity if self.rates.is_none() => {
+                    missing.extend((0..3).map(Unknown::Rate));
+                }
+                Quantity::ProjectedGravity if self.gravity.is_none() => {
+                    missing.extend((0..2).map(Unknown::Gravity));
+                }
+                Quantity::BaseLinearVelocity if self.velocity.is_none() => {
+                    missing.extend((0..3).map(Unknown::Velocity));
+                }
+                _ => {}
+            }
+        }
+        missing
+    }
+
+    /// With `values` for what was missing.
+    pub fn filled(&self, missing: &[Unknown], values: &[f64]) -> Self {
+        let level = [0.0, 0.0, -1.0];
+        let (mut rates, mut velocity) = (self.rates.unwrap_or_default(), self.velocity.unwrap_or_default());
+        let mut gravity = self.gravity.unwrap_or(level);
+        for (unknown, &value) in missing.iter().zip(values) {
+            match *unknown {
+                Unknown::Rate(axis) => rates[axis] = value,
+                Unknown::Velocity(axis) => velocity[axis] = value,
+                Unknown::Gravity(axis) => gravity[axis] = value,
+            }
+        }
+        if self.gravity.is_none() {
+            let across = (gravity[0].powi(2) + gravity[1].powi(2)).min(1.0);
+            gravity[2] = -(1.0 - across).sqrt();
+        }
+        Self { rates: Some(rates), gravity: Some(gravity), velocity: Some(velocity) }
+    }
+}
+
+/// A world vector in the body frame of a base with orientation `q` (wxyz).
+fn to_body(q: &[f64], v: [f64; 3]) -> [f64; 3] {
+    let rotation =
+        nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q[0], q[1], q[2], q[3]));
+    rotation.inverse_transform_vector(&nalgebra::Vector3::from(v)).into()
+}
+
+/// Writes the observation of sample `row`; what `given` lacks counts as level and at rest. `last`: the row of the last
+/// action. `clock`: phase of the gait clock at sample 0, 0 to 1.
+pub fn write(
+    policy: &Policy,
+    log: &Trajectory,
+    row: usize,
+    last: &[f64],
+    given: &Given,
+    clock: f64,
+    out: &mut [f32],
+) {
+    let interface = &policy.interface;
+    let joints = interface.joints.len();
+    let of = |values: &[f64], joint: usize| values[row * joints + joint];
+    for (quantity, range) in interface.observation_layout() {
+        let out = &mut out[range];
+        let three = |out: &mut [f32], values: [f64; 3]| {
+            for (out, value) in out.iter_mut().zip(values) {
+                *out = value as f32;
+            }
+        };
+        match quantity {
+            Quantity::BaseAngularVelocity => three(out, given.rates.unwrap_or_default()),
+            Quantity::ProjectedGravity => three(out, given.gravity.unwrap_or([0.0, 0.0, -1.0])),
+            Quantity::BaseLinearVelocity => three(out, given.velocity.unwrap_or_default()),
+            Quantity::Command => {
+                let command = log.command.as_deref().unwrap_or_default();
+                three(out, std::array::from_fn(|k| command.get(3 * row + k).copied().unwrap_or(0.0)));
+            }
+            Quantity::JointPosition => {
+                for (joint, out) in out.iter_mut().enumerate() {
+                    *out = (of(&log.position, joint) - interface.default_pose[joint]) as f32;
+                }
+            }
+            Quantity::JointVelocity => {
+                for (joint, out) in out.iter_mut().enumerate() {
+                    *out = of(&log.velocity, joint) as f32;
+                }
+            }
+            Quantity::LastAction => {
+                for (out, &last) in out.iter_mut().zip(last) {
+                    *out = last as f32;
+                }
+            }
+            Quantity::GaitPhase => {
+                let turns =
+                    clock + row as f64 * interface.control_dt * interface.gait_frequency.unwrap_or(0.0);
+                let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
+                out.copy_from_slice(&[sin as f32, cos as f32]);
+            }
+        }
+    }
+    for (out, scale) in out.iter_mut().zip(interface.scales(&interface.observation)) {
+        *out *= scale;
+    }
+}

@@ -1,0 +1,57 @@
+//! From a log's joints to a robot's, by name.
+
+use crate::exit::Failure;
+use gaitfit_log::Trajectory;
+use gaitfit_model::Model;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The samples with the robot's joints `wanted` (indices of `model.joints`), in that order and under the robot's
+/// names; and the log's own names of them. `joint_names`: the robot's name of a log's joint, where they differ.
+///
+/// # Errors
+/// A joint of the log that the robot lacks, two that are the same, a wanted one that is missing.
+pub fn of_robot(
+    trajectory: &Trajectory,
+    path: &Path,
+    joint_names: &BTreeMap<String, String>,
+    model: &Model,
+    wanted: &[usize],
+) -> Result<(Trajectory, Vec<String>), Failure> {
+    let joints = &model.joints;
+    let listed = || joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", ");
+    let robot_joint = |of_log: &String| model.find_joint(joint_names.get(of_log).unwrap_or(of_log));
+    let shown = path.display();
+    let advice = "map names in [joint_names], or use the robot file the log was made with";
+    let mut columns: Vec<Option<&String>> = vec![None; joints.len()];
+    for of_log in &trajectory.joints {
+        let Some(joint) = robot_joint(of_log) else {
+            return Err(Failure::failed(format!(
+                "{shown}: the log has a joint `{of_log}` that the robot lacks (it has {}); {advice}.",
+                listed()
+            )));
+        };
+        if let Some(other) = columns[joint].replace(of_log) {
+            return Err(Failure::failed(format!(
+                "{shown}: the log's joints `{other}` and `{of_log}` are both the robot's `{}`; {advice}.",
+                joints[joint].name
+            )));
+        }
+    }
+    let mut names = Vec::with_capacity(wanted.len());
+    for &joint in wanted {
+        let Some(of_log) = columns[joint] else {
+            return Err(Failure::failed(format!(
+                "{shown}: the log lacks the robot's joint `{}` (it has {}); {advice}.",
+                joints[joint].name,
+                trajectory.joints.join(", ")
+            )));
+        };
+        names.push(of_log);
+    }
+    let mut ordered =
+        trajectory.select_joints(&names).map_err(|error| Failure::failed(format!("{shown}: {error}")))?;
+    let of_robot = wanted.iter().map(|&joint| joints[joint].name.clone()).collect();
+    let of_log = std::mem::replace(&mut ordered.joints, of_robot);
+    Ok((ordered, of_log))
+}
