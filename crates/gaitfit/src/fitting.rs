@@ -116,11 +116,7 @@ pub fn fit(
 }
 
 /// A fresh fit, or the checkpoint's with the metrics cut back to it.
-fn start<'a>(
-    setup: &Fitting<'a>,
-    folder: &RunFolder,
-    inputs: &Inputs,
-) -> Result<(Fit<'a>, f64), Failure> {
+fn start<'a>(setup: &Fitting<'a>, folder: &RunFolder, inputs: &Inputs) -> Result<(Fit<'a>, f64), Failure> {
     let Fitting { simulator, theta, costs, .. } = *setup;
     let options = setup.options.clone();
     let Some(text) = folder.read(CHECKPOINT)? else {
@@ -142,8 +138,7 @@ fn start<'a>(
         )));
     }
     let generation = saved.fit.generation;
-    let fit =
-        Fit::resume(simulator, theta, costs, options, saved.fit).map_err(Failure::failed)?;
+    let fit = Fit::resume(simulator, theta, costs, options, saved.fit).map_err(Failure::failed)?;
     let metrics = folder.read(METRICS)?.unwrap_or_default();
     let kept = metrics.lines().filter(|line| {
         serde_json::from_str::<Metric>(line).is_ok_and(|metric| metric.generation <= generation)

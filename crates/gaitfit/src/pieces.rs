@@ -9,7 +9,8 @@ use serde::Serialize;
 
 /// A fitted parameter, without what is known of it from elsewhere.
 pub fn parameter(found: &ParameterOutcome) -> Parameter {
-    let bound = if found.value - found.lower < found.upper - found.value { Bound::Lower } else { Bound::Upper };
+    let bound =
+        if found.value - found.lower < found.upper - found.value { Bound::Lower } else { Bound::Upper };
     Parameter {
         name: found.name.clone(),
         unit: if found.unit == "-" { String::new() } else { found.unit.clone() },

@@ -99,9 +99,7 @@ pub fn results(
         let Some(cost) = costs.iter().find(|cost| cost.name() == outcome.cost) else { continue };
         let mut outcome = outcome.clone();
         if ground.theta.len() <= MOST_SCANNED {
-            outcome
-                .identify(simulator, &ground.theta, cost.as_ref(), 0)
-                .map_err(Failure::failed)?;
+            outcome.identify(simulator, &ground.theta, cost.as_ref(), 0).map_err(Failure::failed)?;
         }
         let fit = fit(config, ground, simulator, cost, outcome)?;
         warn(&fit, &mut warnings);

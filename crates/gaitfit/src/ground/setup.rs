@@ -46,9 +46,8 @@ impl Ground {
     /// Reads policy, robot and logs and checks the settings.
     pub fn open(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -> Result<Self, Failure> {
         check::check(config, config_path)?;
-        let usage = |error: &dyn std::fmt::Display| {
-            Failure::usage(format!("{}: {error}", config_path.display()))
-        };
+        let usage =
+            |error: &dyn std::fmt::Display| Failure::usage(format!("{}: {error}", config_path.display()));
         let mut files = Vec::new();
         let model = match config.robot.as_str() {
             "" => robot::go2()?,
@@ -76,8 +75,7 @@ impl Ground {
 
         let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
         let rest = rest_angles(&policy, &model)?;
-        let theta =
-            config.rules().theta(&config.groups(), &joints, &rest).map_err(|error| usage(&error))?;
+        let theta = config.rules().theta(&config.groups(), &joints, &rest).map_err(|error| usage(&error))?;
         let scene = scene(config, &policy, &model, &theta, &base)?;
         let notes = logs::read(config, config_path, &policy, &scene)?;
         for log in &notes.logs {

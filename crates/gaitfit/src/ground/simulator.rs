@@ -109,8 +109,7 @@ fn script(scene: &Scene, log: &Trajectory) -> Script {
         }
         all
     };
-    let posture =
-        |row: usize| (model_order(&log.position, row, 0.0), model_order(&log.velocity, row, 0.0));
+    let posture = |row: usize| (model_order(&log.position, row, 0.0), model_order(&log.velocity, row, 0.0));
     let (angles, velocities) = posture(0);
     let start = start_from_joints(scene, &angles, &velocities);
     Script { commands, start, states: states(log, posture), actions: actions(log) }

@@ -29,7 +29,8 @@ pub fn text(results: &GroundResults) -> String {
 
 fn headline(fit: &GroundFit) -> String {
     let seeds = fit.runs.len();
-    let nominal = fit.nominal_cost.map_or_else(|| "a simulation that diverges".to_owned(), |c| format!("{c:.5}"));
+    let nominal =
+        fit.nominal_cost.map_or_else(|| "a simulation that diverges".to_owned(), |c| format!("{c:.5}"));
     let mut text = format!(
         "{}: cost {:.5}, from {nominal} before the fit; {seeds} seed{}",
         fit.cost_name,

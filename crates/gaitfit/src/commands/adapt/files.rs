@@ -77,7 +77,8 @@ pub fn finish(
 }
 
 fn theta(setup: &Setup, results: &Results) -> ThetaFile {
-    let found = |parameter: &Parameter| Found { value: parameter.found.value, spread: parameter.found.spread };
+    let found =
+        |parameter: &Parameter| Found { value: parameter.found.value, spread: parameter.found.spread };
     let found: Vec<Found> = results.parameters.iter().map(found).collect();
     ThetaFile::new(&setup.theta, &found, &results.robot, &results.cost_name, results.cost)
 }

@@ -10,8 +10,8 @@ use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{Predicted, simulate_one};
 use gaitfit_log::Signal;
 use gaitfit_view::report::{
-    Comparison, ComparisonEntry, JointDistribution, JointTrace, Parameter,
-    PublishedRange, Quantity, Score, Validation,
+    Comparison, ComparisonEntry, JointDistribution, JointTrace, Parameter, PublishedRange, Quantity, Score,
+    Validation,
 };
 use gaitfit_view::{AdaptReport, render};
 
@@ -80,10 +80,7 @@ fn parameters(results: &Results) -> Vec<Parameter> {
     results
         .parameters
         .iter()
-        .map(|parameter| Parameter {
-            published: published(parameter),
-            ..pieces::parameter(&parameter.found)
-        })
+        .map(|parameter| Parameter { published: published(parameter), ..pieces::parameter(&parameter.found) })
         .collect()
 }
 

@@ -200,7 +200,8 @@ fn costs_of(
     cost: usize,
     candidates: &[Vec<f64>],
 ) -> Result<Vec<Option<f64>>, gaitfit_adapt::fit::FitError> {
-    let jobs: Vec<Job> = candidates.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
+    let jobs: Vec<Job> =
+        candidates.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
     let falls = &setup.options.falls;
     let found = evaluate(&setup.fit.simulator, &setup.theta, &setup.costs, falls, &jobs)?;
     Ok(found.into_iter().map(|found| found.cost).collect())

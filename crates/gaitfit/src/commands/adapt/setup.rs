@@ -153,12 +153,7 @@ fn log_set(
              lower `upper`"
         )));
     }
-    let options = ReplayOptions {
-        substeps,
-        preset: config.simulation.preset.into(),
-        max_delay,
-        isa: None,
-    };
+    let options = ReplayOptions { substeps, preset: config.simulation.preset.into(), max_delay, isa: None };
     let recordings = logs.iter().map(|log| log.recording.clone()).collect();
     let names = logs.iter().map(|log| log.name.as_str()).collect::<Vec<_>>().join(", ");
     let simulator = ReplaySimulator::new(model, recordings, options, threads)
