@@ -37,8 +37,8 @@ fn policy() -> &'static Path {
 const SIMULATED: &str = r#"
 [target]
 kind = "simulated"
-trajectories = 4
-seconds = 1.0
+trajectories = 6
+seconds = 2.0
 spring = ["RR_calf_joint=20"]
 torque_noise = 0.5
 [[target.parameter]]
@@ -50,11 +50,12 @@ value = 0.2
 const SMALL: &str = r#"
 checkpoint_seconds = 0.0
 [adapt]
-simulation.timestep = 0.02
+simulation.timestep = 0.01
 falls.margin_seconds = 0.1
 optimizer = { generations = 2, seeds = 1 }
 [finetune]
 train = { environments = 8, iterations = 1 }
+ppo.critic_warmup = 0
 [evaluate]
 trajectories = 8
 seconds = 0.5
@@ -64,7 +65,8 @@ drift = 1
 /// Writes a small loop's configuration into `folder`, which its runs go to, and gives the command's arguments.
 fn args(folder: &Path, target: &str, more: &[&str]) -> Vec<String> {
     let config = folder.join("l.toml");
-    let head = format!("policy = {:?}\nruns = {:?}\n", policy().display().to_string(), folder.display().to_string());
+    let head =
+        format!("policy = {:?}\nruns = {:?}\n", policy().display().to_string(), folder.display().to_string());
     let (top, tables) = SMALL.split_once("[adapt]").unwrap();
     fs::write(&config, format!("{head}{top}{target}\n[adapt]{tables}")).unwrap();
     let mut args = vec!["loop".to_owned(), config.display().to_string(), "--json".to_owned()];
@@ -116,7 +118,8 @@ fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
     let hip = parameters.iter().find(|one| one["name"] == "frictionloss_hip").unwrap();
     assert_eq!(hip["truth"], 0.2, "a simulated target's truth is known");
     let undisturbed = bits(&folder);
-    assert_eq!(undisturbed.keys().filter(|name| name.starts_with("round-1/logs/")).count(), 4);
+    assert!(undisturbed["policies/policy-0.safetensors"] != undisturbed["policies/policy-1.safetensors"]);
+    assert_eq!(undisturbed.keys().filter(|name| name.starts_with("round-1/logs/")).count(), 6);
 
     // The same loop cut after each stage: what comes later is not there yet, or is half written.
     fs::create_dir(folder.join("round-1/.writing-logs")).unwrap();
@@ -175,7 +178,7 @@ fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
     assert_eq!(result["evaluations"][0]["reward"], result["evaluations"][1]["reward"]);
 
     // Logs alone: it ends in the adapted simulator, and says what to record next.
-    let logs = format!("logs = [\"{}\"]\n", folder.join("round-1/logs/trajectory_00.csv").display());
+    let logs = format!("logs = [\"{}\"]\n", folder.join("round-1/logs").display());
     let alone = tempfile::tempdir().unwrap();
     let output = run(&args(alone.path(), &logs, &[]));
     assert!(output.status.success(), "{}", errors(&output));
@@ -187,12 +190,18 @@ fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
 #[test]
 fn a_program_that_fails_is_named_with_what_it_said() {
     for (target, words) in [
-        (r#"collect = ["sh", "-c", "echo the robot is off >&2; exit 7", "{folder}"]"#, ["exit status: 7", "robot is off"]),
+        (
+            r#"collect = ["sh", "-c", "echo the robot is off >&2; exit 7", "{folder}"]"#,
+            ["exit status: 7", "robot is off"],
+        ),
         (r#"collect = ["no-such-robot", "{folder}"]"#, ["no-such-robot", "cannot be started"]),
         (r#"collect = ["true", "{folder}"]"#, ["target.collect", "no .csv"]),
         (r#"collect = ["true", "{foldr}"]"#, ["{foldr}", "{folder}"]),
         (r#"collect = ["true"]"#, ["target.collect", "{folder}"]),
-        ("collect = [\"true\", \"{folder}\"]\nevaluate = [\"echo\", \"hello\"]", ["target.evaluate", "hello"]),
+        (
+            "collect = [\"true\", \"{folder}\"]\nevaluate = [\"echo\", \"hello\"]",
+            ["target.evaluate", "hello"],
+        ),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let output = run(&args(folder.path(), &format!("[target]\nkind = \"command\"\n{target}\n"), &[]));
@@ -217,7 +226,7 @@ fn wrong_settings_are_refused_by_name() {
         (SIMULATED, "adapt.costs=[]", ["[adapt]", "`costs`"]),
         (SIMULATED, "adapt.policy=x.onnx", ["adapt.policy", "the loop decides it"]),
         (SIMULATED, "evaluate.trajectories=0", ["`evaluate.trajectories`", "1 to"]),
-        ("logs = [\"Cargo.toml\"]\n", "rounds=2", ["`rounds`", "[target]"]),
+        ("logs = [\"assets\"]\n", "rounds=2", ["`rounds`", "[target]"]),
         (SIMULATED, "target.collect=[\"true\"]", ["target.collect", "command"]),
     ] {
         let output = run(&args(folder.path(), target, &["--set", set]));

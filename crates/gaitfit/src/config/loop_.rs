@@ -381,7 +381,8 @@ mod tests {
         load(Some(file.path()), &[])
     }
 
-    const TARGET: &str = "[target]\nkind = \"simulated\"\n[[target.parameter]]\nkind = \"armature\"\nvalue = 0.1\n";
+    const TARGET: &str =
+        "[target]\nkind = \"simulated\"\n[[target.parameter]]\nkind = \"armature\"\nvalue = 0.1\n";
 
     #[test]
     fn the_printed_settings_are_the_defaults_and_complete() {
@@ -398,7 +399,10 @@ mod tests {
             }
         }
         for (key, _) in Table::try_from(read(TARGET).unwrap().target.unwrap()).unwrap() {
-            assert!(LOOP_DEFAULTS.contains(&format!("# {key} =")) || key == "parameter", "`target.{key}` is missing");
+            assert!(
+                LOOP_DEFAULTS.contains(&format!("# {key} =")) || key == "parameter",
+                "`target.{key}` is missing"
+            );
         }
         let finetune: FinetuneConfig = load(None, &[]).unwrap();
         assert_eq!(defaults.finetune, finetune);
@@ -420,6 +424,9 @@ mod tests {
         let error = read("[finetune]\n\ntheta = \"t.toml\"\n").unwrap_err();
         assert!(error.message.contains(":3:1:") && error.message.contains("finetune.theta"), "{error}");
         let error = read("[evaluate]\nsecs = 1.0\n").unwrap_err();
-        assert!(error.message.contains(":2:1:") && error.message.contains("Did you mean `seconds`?"), "{error}");
+        assert!(
+            error.message.contains(":2:1:") && error.message.contains("Did you mean `seconds`?"),
+            "{error}"
+        );
     }
 }

@@ -86,7 +86,7 @@ fn one_round(
         setup.logs.clone()
     } else {
         let seed = setup.config.target.as_ref().map_or(0, |target| target.seed);
-        stages.collect(&format!("{round}/logs"), before, seed.saturating_add(u64::from(number - 1)))?
+        vec![stages.collect(&format!("{round}/logs"), before, seed.saturating_add(u64::from(number - 1)))?]
     };
     let mut config = setup.config.adapt(
         number,

@@ -3,7 +3,9 @@
 use crate::cli::WorldArgs;
 use crate::config::{LoopConfig, TargetConfig, TargetKind};
 use crate::exit::Failure;
+use crate::ground::log_files;
 use crate::inputs::Inputs;
+use crate::output::note;
 use crate::robot::Hold;
 use crate::target::{self, Command, Plan, PolicyFiles, Simulated, Target};
 use crate::world::{self, World};
@@ -51,9 +53,15 @@ impl Setup {
         };
         let policy_path = find(&config.policy, "policy")?;
         let robot = if config.robot.is_empty() { None } else { Some(find(&config.robot, "robot")?) };
-        let logs = config.logs.iter().map(|log| find(log, "log")).collect::<Result<Vec<_>, _>>()?;
         if let Some(theta) = config.target.as_ref().and_then(|target| target.theta.as_deref()) {
             find(theta, "target.theta")?;
+        }
+        let mut logs = Vec::new();
+        if !config.logs.is_empty() {
+            let (found, warnings) = log_files::find(&config.logs, config_path)?;
+            warnings.iter().for_each(|warning| note(&format!("note: {warning}")));
+            logs.extend(found.into_iter().map(|file| file.path));
+            files.extend(logs.iter().cloned());
         }
         let policy = policy::read(&policy_path).map_err(Failure::failed)?;
         let policy_bytes = weights::write(&policy).map_err(Failure::failed)?;

@@ -69,8 +69,8 @@ impl Stages<'_> {
         Ok(PolicyFiles { name: name.to_owned(), safetensors, onnx, policy })
     }
 
-    /// Logs of the policy on the target, in the folder `name`.
-    pub fn collect(&mut self, name: &str, policy: &PolicyFiles, seed: u64) -> Result<Vec<PathBuf>, Failure> {
+    /// The folder `name` with logs of the policy on the target.
+    pub fn collect(&mut self, name: &str, policy: &PolicyFiles, seed: u64) -> Result<PathBuf, Failure> {
         self.pause()?;
         let folder = self.path(name);
         if let (false, Some(target)) = (folder.is_dir(), &self.target) {
@@ -79,14 +79,13 @@ impl Stages<'_> {
             target.collect(policy, seed, &folder)?;
             self.times.set(name, begun.elapsed().as_secs_f64())?;
         }
-        let logs = csv_files(&folder)?;
-        if logs.is_empty() {
+        if csv_files(&folder)?.is_empty() {
             return Err(Failure::failed(format!(
                 "{} holds no logs: every robot fell before its log began",
                 folder.display()
             )));
         }
-        Ok(logs)
+        Ok(folder)
     }
 
     /// The fit in the folder `round/adapt`.
@@ -172,7 +171,7 @@ impl Stages<'_> {
         let Some(target) = self.target.take() else { return Ok(None) };
         let plan = self.setup.plan();
         let found = self.evaluation(&format!("{stem}-target"), || {
-            note(&format!("evaluating {} on the target", policy.name));
+            note(&format!("evaluations, on the target: {}", policy.name));
             target.evaluate(policy, &plan)
         });
         self.target = Some(target);
@@ -189,7 +188,7 @@ impl Stages<'_> {
     ) -> Result<Option<Evaluation>, Failure> {
         let setup = self.setup;
         self.evaluation(&format!("{stem}-adapted-{round}"), || {
-            note(&format!("evaluating {} in the simulator of round {round}", policy.name));
+            note(&format!("evaluations, in the simulator of round {round}: {}", policy.name));
             let world = setup.adapted(policy, theta.to_owned())?;
             Ok(Some(measure(&world, &policy.name, &setup.plan())?.evaluation))
         })
