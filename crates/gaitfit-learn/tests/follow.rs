@@ -16,7 +16,9 @@ use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Start};
 fn scene() -> Scene {
     let text = include_str!("../../../assets/go2.xml");
     let model = gaitfit_model::read_mjcf_str(text, &gaitfit_model::ReadOptions::default()).unwrap();
-    Scene::new(&model, &TaskSettings::default().calm(), Preset::Fast).unwrap()
+    let mut settings = TaskSettings::default().calm();
+    settings.start.yaw = 0.0;
+    Scene::new(&model, &settings, Preset::Fast).unwrap()
 }
 
 /// A policy that has learnt nothing, with outputs that move the legs.

@@ -79,6 +79,13 @@ impl World {
         Ok(Self { policy, scene, candidate, changes })
     }
 
+    /// With robots that begin facing along x, as fits of logs let them: pyramidal friction cones are not quite the
+    /// same in all directions.
+    pub fn facing_ahead(mut self) -> Self {
+        self.scene.settings.start.yaw = 0.0;
+        self
+    }
+
     /// Who is tested on what.
     pub fn subject(&self, seed: u64) -> Subject<'_> {
         Subject { scene: &self.scene, policy: &self.policy, candidate: Some(&self.candidate), seed }

@@ -199,7 +199,6 @@ impl TaskSettings {
         };
         calm.push = PushSettings { seconds: 0.0, velocity: 0.0 };
         calm.start = StartSettings {
-            yaw: 0.0,
             joint_position: 0.0,
             joint_velocity: 0.0,
             linear_velocity: 0.0,

@@ -129,7 +129,7 @@ impl Simulated {
     /// # Errors
     /// As [`Simulated::world`], or a folder that cannot be written.
     pub fn collect(&self, policy: &PolicyFiles, seed: u64, folder: &Path) -> Result<(), Failure> {
-        let world = self.world(policy)?;
+        let world = self.world(policy)?.facing_ahead();
         let logs = collect(&world.subject(seed), &self.options, self.threads).map_err(Failure::failed)?;
         write_logs(folder, &logs).map(|_| ())
     }
