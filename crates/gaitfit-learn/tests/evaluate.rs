@@ -1,0 +1,160 @@
+//! Evaluation of policies whose walk is known beforehand: they stand, or they fall.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod task_common;
+
+use gaitfit_learn::evaluate::{Estimate, Subject, Trial, drift, record_gait, run_trials, summarise};
+use gaitfit_learn::policy::Policy;
+use gaitfit_learn::task::{Scene, TaskSettings};
+use gaitfit_sim::Candidate;
+use task_common::{calm, constant_policy, random_policy, scene};
+
+const STILL: [f32; 12] = [0.0; 12];
+
+fn subject<'a>(scene: &'a Scene, policy: &'a Policy) -> Subject<'a> {
+    Subject { scene, policy, candidate: None, seed: 11 }
+}
+
+#[test]
+fn a_standing_policy_misses_its_commands_by_all_of_them() {
+    let scene = scene(&calm());
+    let policy = constant_policy(&scene, &STILL);
+    let trials = run_trials(&subject(&scene, &policy), 12, 2.0, 1).unwrap();
+    assert_eq!(trials.len(), 12);
+    for trial in &trials {
+        let [x, y, yaw] = trial.command.map(f64::from);
+        assert!(!trial.fell && !trial.diverged && trial.steps == 100);
+        assert_eq!(trial.action_rate, 0.0);
+        // It sinks into its stance in the first tenths of a second: a few centimetres a second on average.
+        assert!((trial.linear_velocity_error - x.hypot(y)).abs() < 0.03, "{trial:?}");
+        assert!((trial.angular_velocity_error - yaw.abs()).abs() < 0.03, "{trial:?}");
+    }
+    let speeds: Vec<f64> = trials.iter().map(|trial| f64::from(trial.command[0])).collect();
+    assert!(speeds.iter().any(|&x| x > 0.3) && speeds.iter().any(|&x| x < -0.3), "{speeds:?}");
+    let summary = summarise(&trials);
+    assert_eq!((summary.trajectories, summary.diverged, summary.fall_rate.mean), (12, 0, 0.0));
+}
+
+#[test]
+fn a_falling_policy_is_counted_up_to_its_fall() {
+    let task = calm();
+    let scene = scene(&task);
+    // Hind legs stretch, front legs fold: onto the nose.
+    let mut nose_dive = STILL;
+    for (leg, [thigh, calf]) in [[3.0, -4.0], [3.0, -4.0], [-2.0, 4.0], [-2.0, 4.0]].into_iter().enumerate() {
+        (nose_dive[3 * leg + 1], nose_dive[3 * leg + 2]) = (thigh, calf);
+    }
+    let policy = constant_policy(&scene, &nose_dive);
+    let subject = subject(&scene, &policy);
+    let long = run_trials(&subject, 3, 2.0, 1).unwrap();
+    for (index, trial) in long.iter().enumerate() {
+        assert!(trial.fell && !trial.diverged && trial.steps < 100, "{trial:?}");
+        // Nothing after the fall counts.
+        let short = run_trials(&subject, 3, f64::from(trial.steps) * 0.02, 1).unwrap();
+        assert_eq!(short[index], *trial);
+        // From zero to the constant action in the first step, and no change after.
+        let square: f32 = nose_dive.iter().map(|a| a * a).sum();
+        let wanted = f64::from((square / 12.0).sqrt()) / f64::from(trial.steps);
+        assert!((trial.action_rate - wanted).abs() < 1e-6, "{}, by hand {wanted}", trial.action_rate);
+    }
+    assert_eq!(summarise(&long).fall_rate.mean, 1.0);
+}
+
+#[test]
+fn threads_change_no_bit() {
+    let scene = scene(&TaskSettings::default());
+    let policy = random_policy(&scene);
+    let noisy = Candidate { torque_noise: 2.0, ..Candidate::nominal(scene.batch.model()) };
+    let subject = Subject { candidate: Some(&noisy), ..subject(&scene, &policy) };
+    // More than one tile of 256.
+    let once = run_trials(&subject, 261, 0.1, 1).unwrap();
+    assert!(once == run_trials(&subject, 261, 0.1, 3).unwrap());
+    // Nor do the trajectories beside it; noise and seed do.
+    assert!(once[..20] == run_trials(&subject, 20, 0.1, 1).unwrap());
+    let other = Subject { candidate: None, ..subject };
+    assert!(once[..20] != run_trials(&other, 20, 0.1, 1).unwrap());
+    let other = Subject { seed: 12, ..subject };
+    assert!(once[0].command != run_trials(&other, 20, 0.1, 1).unwrap()[0].command);
+}
+
+#[test]
+fn summaries_by_hand() {
+    let trial = |reward: f64, linear: f64, fell: bool| Trial {
+        reward,
+        linear_velocity_error: linear,
+        angular_velocity_error: 0.5,
+        fell,
+        diverged: fell,
+        ..Trial::default()
+    };
+    let summary = summarise(&[trial(1.0, 0.1, false), trial(3.0, 0.1, true), trial(5.0, 0.4, false)]);
+    // Mean 3, variance 4, standard error 2/√3.
+    assert!((summary.reward.mean - 3.0).abs() < 1e-12);
+    assert!((summary.reward.ci95 - 1.96 * 2.0 / 3f64.sqrt()).abs() < 1e-4);
+    // Mean 0.2, variance 0.03, standard error 0.1.
+    assert!((summary.linear_velocity_error.mean - 0.2).abs() < 1e-12);
+    assert!((summary.linear_velocity_error.ci95 - 0.196).abs() < 1e-4);
+    assert_eq!(summary.angular_velocity_error, Estimate { mean: 0.5, ci95: 0.0 });
+    assert_eq!(summary.fall_rate, Estimate::share(1, 3));
+    assert_eq!((summary.trajectories, summary.diverged), (3, 1));
+}
+
+#[test]
+fn a_standing_policy_drifts_by_minus_the_command() {
+    let mut task = calm();
+    (task.command.x, task.command.y, task.command.yaw) = ([-0.5, 1.0], [-0.8, 0.6], [-1.0, 0.4]);
+    task.start.tilt = 2.0;
+    let scene = scene(&task);
+    let policy = constant_policy(&scene, &STILL);
+    let trials = drift(&subject(&scene, &policy), 4).unwrap();
+    // Half the greatest speeds for four seconds.
+    let wanted = [
+        ("stand", [0.0; 3]),
+        ("+x", [0.5, 0.0, 0.0]),
+        ("-x", [-0.25, 0.0, 0.0]),
+        ("+y", [0.0, 0.3, 0.0]),
+        ("-y", [0.0, -0.4, 0.0]),
+        ("+yaw", [0.0, 0.0, 0.2]),
+        ("-yaw", [0.0, 0.0, -0.5]),
+    ];
+    assert_eq!(trials.len(), wanted.len());
+    // It sinks by centimetres while it settles, whatever it is told.
+    let settled = &trials[0];
+    assert!(
+        [&settled.x, &settled.y, &settled.yaw].iter().all(|error| error.mean.abs() < 0.05),
+        "{settled:?}"
+    );
+    for (trial, (name, command)) in trials.iter().zip(wanted) {
+        assert_eq!((trial.name, trial.command, trial.fall_rate.mean), (name, command, 0.0));
+        let errors = [(&trial.x, &settled.x), (&trial.y, &settled.y), (&trial.yaw, &settled.yaw)];
+        for (axis, ((error, settled), speed)) in errors.into_iter().zip(command).enumerate() {
+            let added = error.mean - settled.mean;
+            assert!((added + 4.0 * speed).abs() < 1e-9, "{name}, axis {axis}: {added}");
+            assert!((error.ci95 - settled.ci95).abs() < 1e-9, "{name}, axis {axis}: {error:?}");
+        }
+        // From the command's beginning to the end of the last stand: five seconds.
+        assert!(trial.path.len() == 250 && trial.path == settled.path, "{name} walks");
+    }
+    assert!(settled.x.ci95 > 0.0, "robots that start differently end alike");
+}
+
+#[test]
+fn the_gait_of_a_standing_policy_is_to_stand() {
+    let scene = scene(&calm());
+    let policy = constant_policy(&scene, &STILL);
+    let subject = subject(&scene, &policy);
+    let record = record_gait(&subject, &[(0.5, [0.0; 3]), (1.0, [0.4, 0.0, -0.2])]).unwrap();
+    assert!(!record.fell && record.steps() == 75 && record.dt == 0.02);
+    assert_eq!(record.command[3 * 24..3 * 26], [0.0, 0.0, 0.0, 0.4, 0.0, -0.2]);
+    assert!(record.contact[4 * 25..].iter().all(|&touching| touching), "a foot leaves the ground");
+    // Feet sink into the ground, which is soft.
+    let heights = &record.foot_clearance[4 * 25..];
+    assert!(heights.iter().all(|height| (-0.02..0.002).contains(height)), "{:?}", &heights[..4]);
+    // It still settles, by centimetres a second.
+    assert!(record.velocity[3 * 50..].iter().all(|v| v.abs() < 0.05));
+    let summary = record.summary(&scene.gait_group);
+    assert_eq!((summary.alternation, summary.step_frequency, summary.duty_factor), (0.0, 0.0, 1.0));
+    assert_eq!((summary.action_rate, summary.foot_lift), (0.0, 0.0));
+    // About 15 kg on bent legs.
+    assert!(summary.torque > 1.0 && summary.torque < 10.0, "{}", summary.torque);
+}
