@@ -17,7 +17,7 @@ fn scene() -> Scene {
     let text = include_str!("../../../assets/go2.xml");
     let model = gaitfit_model::read_mjcf_str(text, &gaitfit_model::ReadOptions::default()).unwrap();
     let mut settings = TaskSettings::default().calm();
-    settings.start.yaw = 0.0;
+    (settings.start.yaw, settings.start.tilt, settings.start.joint_position) = (0.0, 0.0, 0.0);
     Scene::new(&model, &settings, Preset::Fast).unwrap()
 }
 

@@ -17,7 +17,8 @@ pub struct Motion {
     pub joint_velocity: Vec<f32>,
     /// Joint accelerations of the last physics step, rad/s²; `× joints`.
     pub joint_acceleration: Vec<f32>,
-    /// Motor torques of the last physics step, N·m; `× joints`.
+    /// Torques on the joints in the last physics step, N·m: the motors', with modifications and disturbances;
+    /// `× joints`.
     pub torque: Vec<f32>,
     /// Normal ground force on each contact geom in the last physics step, N; `× geoms`, in
     /// [`Batch::contact_geoms`](crate::Batch::contact_geoms) order.

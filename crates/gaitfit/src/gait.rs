@@ -5,7 +5,6 @@ use gaitfit_learn::evaluate::GaitRecord;
 use gaitfit_learn::task::CommandSettings;
 use gaitfit_view::GaitPicture;
 use gaitfit_view::gait::{FootTrack, TorqueSpectrum, VelocityTrack};
-use indexmap::IndexMap;
 
 /// Ten seconds (each part's length, s, and its command) that show what a policy can: standing, ahead, left, turning,
 /// back, standing; as fast as it is asked for in training.
@@ -45,20 +44,20 @@ pub fn picture(record: &GaitRecord) -> GaitPicture {
 
 /// Torque spectra by joints of one name on different legs.
 fn spectra(record: &GaitRecord) -> Vec<TorqueSpectrum> {
-    let joints = record.joints.len();
-    let torques =
-        |joint: usize| -> Vec<f64> { record.torque.iter().skip(joint).step_by(joints).copied().collect() };
-    let mut groups: IndexMap<&str, Vec<Vec<f64>>> = IndexMap::new();
-    for (joint, name) in record.joints.iter().enumerate() {
-        groups.entry(group(name)).or_default().push(torques(joint));
+    let mut groups: Vec<&str> = Vec::new();
+    for name in record.joints.iter().map(|joint| group(joint)) {
+        if !groups.contains(&name) {
+            groups.push(name);
+        }
     }
-    if groups.len() == joints {
-        groups = IndexMap::from([("all joints", (0..joints).map(torques).collect())]);
+    let spectrum = |name: &str, wanted: &dyn Fn(&str) -> bool| {
+        let (frequency_hz, density) = record.torque_spectrum(wanted);
+        TorqueSpectrum { group: name.to_owned(), frequency_hz, density }
+    };
+    if groups.len() == record.joints.len() {
+        return vec![spectrum("all joints", &|_| true)];
     }
-    groups
-        .iter()
-        .map(|(name, torques)| TorqueSpectrum::from_samples(name, record.dt.recip(), torques))
-        .collect()
+    groups.iter().map(|&name| spectrum(name, &|joint| group(joint) == name)).collect()
 }
 
 /// `hip` of `FL_hip_joint`.

@@ -1,6 +1,7 @@
 //! Files that the command line names to be written.
 
 use crate::exit::Failure;
+use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 
@@ -21,10 +22,15 @@ pub fn check(path: &Path, option: &str, ending: &str) -> Result<(), Failure> {
 
 /// Writes a file whole or not at all.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    write_with(path, |file| file.write_all(bytes))
+}
+
+/// Writes a file whole or not at all; `fill` writes what it holds, and flushes its own buffers.
+pub fn write_with(path: &Path, fill: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), Failure> {
     let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let whole = || -> std::io::Result<()> {
         let mut file = crate::run_folder::readable(&mut tempfile::Builder::new()).tempfile_in(parent)?;
-        file.write_all(bytes)?;
+        fill(file.as_file_mut())?;
         file.as_file().sync_all()?;
         file.persist(path).map_err(|error| error.error)?;
         Ok(())

@@ -79,10 +79,11 @@ impl World {
         Ok(Self { policy, scene, candidate, changes })
     }
 
-    /// With robots that begin facing along x, as fits of logs let them: pyramidal friction cones are not quite the
-    /// same in all directions.
-    pub fn facing_ahead(mut self) -> Self {
-        self.scene.settings.start.yaw = 0.0;
+    /// With robots that begin where a fit of their logs lets them begin: upright, facing along x (pyramidal friction
+    /// cones are not quite the same in all directions), joints in the start's pose.
+    pub fn with_plain_starts(mut self) -> Self {
+        let start = &mut self.scene.settings.start;
+        (start.yaw, start.tilt, start.joint_position) = (0.0, 0.0, 0.0);
         self
     }
 

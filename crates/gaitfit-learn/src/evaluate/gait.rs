@@ -122,6 +122,9 @@ impl GaitRecord {
         for j in (0..joints).filter(|&j| wanted(&self.joints[j])) {
             let signal: Vec<f64> = self.torque.iter().skip(j).step_by(joints).copied().collect();
             let (at, densities) = power_spectrum(&signal, 1.0 / self.dt);
+            if densities.is_empty() {
+                continue;
+            }
             sum.resize(densities.len(), 0.0);
             sum.iter_mut().zip(&densities).for_each(|(sum, density)| *sum += density);
             frequencies = at;
@@ -179,7 +182,7 @@ impl GaitRecord {
             alternation: alternating / steps,
             step_frequency: landings / f64::max(gait_feet * self.dt, self.dt),
             duty_factor: on_ground / f64::max(gait_feet, 1.0),
-            foot_lift: lifts.iter().sum::<f64>() / f64::max(lifts.len() as f64, 1.0),
+            foot_lift: lifts.iter().fold(0.0, |sum, lift| sum + lift) / f64::max(lifts.len() as f64, 1.0),
             action_rate: mean_square(&changes).sqrt(),
             torque: mean_square(&self.torque).sqrt(),
             torque_power_above_10_hz: if power > 0.0 { fast / power } else { 0.0 },

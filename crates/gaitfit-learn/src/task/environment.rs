@@ -60,6 +60,8 @@ pub struct Environment<'a> {
     feet: Vec<Foot>,
     /// Sum of each reward term since [`Environment::take_terms`].
     terms: Vec<f64>,
+    /// Terms of one environment and step.
+    step_terms: Vec<f32>,
     /// Commands set from outside are not redrawn.
     held_commands: bool,
     candidate: Candidate,
@@ -99,6 +101,7 @@ impl<'a> Environment<'a> {
             targets: vec![0.0; count * scene.batch.model().joints.len()],
             feet: vec![Foot::default(); count * scene.settings.feet.len()],
             terms: vec![0.0; scene.rewards.len()],
+            step_terms: Vec::with_capacity(scene.rewards.len()),
             held_commands: false,
             candidate,
             noise: Noise::default(),
@@ -326,16 +329,19 @@ impl<'a> Environment<'a> {
             clock: self.clock(index),
             fallen,
         };
-        let mut sum = 0.0;
-        for (&(term, weight), total) in scene.rewards.iter().zip(&mut self.terms) {
-            let value = weight * (reward::TERMS[term].value)(&moment);
-            *total += value as f64;
-            sum += value;
+        let value = |&(term, weight): &(usize, f32)| weight * (reward::TERMS[term].value)(&moment);
+        self.step_terms.clear();
+        self.step_terms.extend(scene.rewards.iter().map(value));
+        let sum: f32 = self.step_terms.iter().sum();
+        if !sum.is_finite() {
+            *paid = 0.0;
+            return Ended::Diverged;
         }
         *paid = sum;
-        if !sum.is_finite() {
-            Ended::Diverged
-        } else if fallen {
+        for (total, &value) in self.terms.iter_mut().zip(&self.step_terms) {
+            *total += f64::from(value);
+        }
+        if fallen {
             Ended::Fall
         } else if self.steps[index] >= scene.episode_steps() {
             Ended::TimeOut

@@ -179,7 +179,7 @@ pub struct PushSettings {
 }
 
 impl TaskSettings {
-    /// The task as it is evaluated: one command, the nominal robot, no noise, no pushes, a still start.
+    /// The task as it is evaluated: one command, the nominal robot, no noise, no pushes, starts at rest.
     pub fn calm(&self) -> Self {
         let mut calm = self.clone();
         calm.noise = NoiseSettings {
@@ -199,11 +199,9 @@ impl TaskSettings {
         };
         calm.push = PushSettings { seconds: 0.0, velocity: 0.0 };
         calm.start = StartSettings {
-            joint_position: 0.0,
             joint_velocity: 0.0,
             linear_velocity: 0.0,
             angular_velocity: 0.0,
-            tilt: 0.0,
             ..self.start.clone()
         };
         calm.command.standing = 0.0;

@@ -50,10 +50,10 @@ pub struct VelocityTrack {
 pub struct TorqueSpectrum {
     /// Name of the group.
     pub group: String,
-    /// Frequencies, Hz, ascending from zero.
+    /// Frequencies, Hz, ascending.
     #[serde(with = "nullable::list")]
     pub frequency_hz: Vec<f64>,
-    /// One-sided density averaged over the group's joints, (N·m)²/Hz; the mean torque is taken out before.
+    /// One-sided density averaged over the group's joints, (N·m)²/Hz; without the mean torque.
     #[serde(with = "nullable::list")]
     pub density: Vec<f64>,
 }

@@ -2,7 +2,6 @@
 //! command, and at which frequencies the joints work.
 
 mod data;
-mod spectrum;
 pub(crate) mod svg;
 
 pub use data::{FootTrack, GaitPicture, TorqueSpectrum, VelocityTrack};

@@ -200,19 +200,13 @@ pub fn gait(count: usize) -> GaitPicture {
         command: robot.frames.iter().map(|f| f.command[k]).collect(),
         measured: robot.frames.iter().map(|f| f.velocity[k]).collect(),
     };
+    // Peaks at the step frequency and its multiples, above noise that falls off.
     let spectra = [("hip", 2.0), ("thigh", 5.0), ("calf", 9.0)].map(|(group, amplitude)| {
-        let torques: Vec<Vec<f64>> = (0..4)
-            .map(|leg| {
-                let sample = |i: usize| {
-                    let t = i as f64 / 200.0;
-                    let noise = (i as f64 * 12.9898 + leg as f64).sin() * 43758.5453 % 1.0;
-                    let tone = |k: f64| (TAU * k * FREQUENCY * t + leg as f64).sin() / (k * k);
-                    amplitude * (tone(1.0) + tone(2.0) + tone(3.0) + 0.05 * noise)
-                };
-                (0..2000).map(sample).collect()
-            })
-            .collect();
-        TorqueSpectrum::from_samples(group, 200.0, &torques)
+        let frequency_hz: Vec<f64> = (1..=128).map(|bin| bin as f64 * 200.0 / 256.0).collect();
+        let peak = |f: f64, k: f64| (-((f - k * FREQUENCY) / 0.8).powi(2)).exp() / k.powi(4);
+        let at = |f: f64| peak(f, 1.0) + peak(f, 2.0) + peak(f, 3.0) + 1e-3 / (1.0 + f * f / 100.0);
+        let density = frequency_hz.iter().map(|&f| amplitude * amplitude * at(f)).collect();
+        TorqueSpectrum { group: group.to_string(), frequency_hz, density }
     });
     GaitPicture {
         time_s: (0..count).map(|i| i as f64 * DT).collect(),

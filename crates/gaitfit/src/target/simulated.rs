@@ -129,7 +129,7 @@ impl Simulated {
     /// # Errors
     /// As [`Simulated::world`], or a folder that cannot be written.
     pub fn collect(&self, policy: &PolicyFiles, seed: u64, folder: &Path) -> Result<(), Failure> {
-        let world = self.world(policy)?.facing_ahead();
+        let world = self.world(policy)?.with_plain_starts();
         let logs = collect(&world.subject(seed), &self.options, self.threads).map_err(Failure::failed)?;
         write_logs(folder, &logs).map(|_| ())
     }
@@ -139,7 +139,9 @@ impl Simulated {
     /// # Errors
     /// As [`Simulated::world`].
     pub fn evaluate(&self, policy: &PolicyFiles, plan: &Plan) -> Result<Evaluation, Failure> {
-        Ok(measure(&self.world(policy)?, &policy.name, plan)?.evaluation)
+        let found = measure(&self.world(policy)?, &policy.name, plan)?.evaluation;
+        // Not where its file of numbers lies: documents are the same wherever the run's folder is.
+        Ok(Evaluation { simulator: self.description(), ..found })
     }
 
     /// The policy under a row of commands (seconds, command).

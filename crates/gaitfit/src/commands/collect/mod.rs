@@ -23,7 +23,7 @@ struct Document {
 
 /// Runs the policy and writes one log a trajectory.
 pub fn run(args: &cli::Collect) -> Result<(), Failure> {
-    let world = World::open(&args.world)?.facing_ahead();
+    let world = World::open(&args.world)?.with_plain_starts();
     let count = args.trajectories.get();
     let [low, high] = [args.log_shift[0], *args.log_shift.last().unwrap_or(&args.log_shift[0])];
     if !(0.0 <= low && low <= high && high <= 10.0) {

@@ -1,6 +1,7 @@
 //! Arrays in NumPy's `.npz` archives.
 
 use crate::exit::Failure;
+use crate::output_file;
 use npyz::{NpyFile, Order, WriterBuilder};
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Error, ErrorKind, Seek, Write};
@@ -105,17 +106,7 @@ fn array(entry: impl std::io::Read) -> Result<Array, Error> {
 
 /// Writes an archive whole or not at all.
 pub fn write(path: &Path, arrays: &[(&'static str, Array)]) -> Result<(), Failure> {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let save = || -> Result<(), Error> {
-        let mut file = crate::run_folder::readable(&mut tempfile::Builder::new()).tempfile_in(parent)?;
-        fill(BufWriter::new(file.as_file_mut()), arrays)?;
-        file.as_file().sync_all()?;
-        file.persist(path).map_err(|error| error.error)?;
-        Ok(())
-    };
-    save().map_err(|error| {
-        Failure::failed(format!("cannot write {}: {error}; nothing was changed", path.display()))
-    })
+    output_file::write_with(path, |file| fill(BufWriter::new(file), arrays))
 }
 
 fn fill(out: impl Write + Seek, arrays: &[(&'static str, Array)]) -> Result<(), Error> {

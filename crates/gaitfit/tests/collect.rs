@@ -1,0 +1,119 @@
+//! `gaitfit collect`: its logs are read back as what the policy saw and did.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{errors, json, run};
+use gaitfit_learn::policy::{self, ActScratch};
+use gaitfit_log::{ReadOptions, Trajectory, read_csv};
+use gaitfit_sim::kinematics::rotate;
+use std::path::Path;
+
+/// Its joints are in another order than the robot's.
+const FOREIGN: &str = "crates/gaitfit-learn/tests/fixtures/policies/foreign.toml";
+
+/// Logs of three trajectories of 0.4 s.
+fn collect(folder: &Path, more: &[&str]) -> Vec<Trajectory> {
+    let out = folder.join("logs/of a policy").display().to_string();
+    let mut args =
+        vec!["collect", FOREIGN, "--out", &out, "--trajectories", "3", "--seconds", "0.4", "--json"];
+    args.extend(more);
+    let output = run(&args);
+    assert!(output.status.success(), "{}", errors(&output));
+    let document = json(&output);
+    assert_eq!((&document["trajectories"], &document["falls"]), (&3.into(), &0.into()));
+    let files = document["files"].as_array().unwrap();
+    assert!(files[2].as_str().unwrap().ends_with("trajectory_02.csv"), "{files:?}");
+    let read = |file: &serde_json::Value| {
+        read_csv(Path::new(file.as_str().unwrap()), &ReadOptions::default()).unwrap()
+    };
+    files.iter().map(read).collect()
+}
+
+#[test]
+fn logs_read_back_are_what_the_policy_saw_and_did() {
+    let folder = tempfile::tempdir().unwrap();
+    let policy = policy::read(&common::root().join(FOREIGN)).unwrap();
+    let interface = &policy.interface;
+    let scales = interface.scales(&interface.observation);
+    let logs = collect(folder.path(), &["--privileged", "--torque-noise", "1"]);
+    assert!(logs[0].position != logs[1].position);
+    for log in &logs {
+        assert_eq!((&log.joints, log.robot.as_deref()), (&interface.joints, Some("go2")));
+        assert_eq!((log.rate_hz, log.time.len()), (50.0, 20));
+        let gains = log.gains.as_ref().unwrap();
+        assert_eq!((&gains.kp, &gains.kd), (&interface.kp, &interface.kd));
+        let (targets, actions) = (log.target.as_ref().unwrap(), log.action.as_ref().unwrap());
+        let (commands, base) = (log.command.as_ref().unwrap(), log.base.as_ref().unwrap());
+        assert!(commands.iter().any(|&command| command != 0.0));
+        let (quaternions, turning) =
+            (base.quaternion.as_ref().unwrap(), base.angular_velocity.as_ref().unwrap());
+        for row in 0..20 {
+            let joints = 12 * row..12 * (row + 1);
+            for (k, (target, action)) in
+                targets[joints.clone()].iter().zip(&actions[joints.clone()]).enumerate()
+            {
+                let wanted = interface.default_pose[k] + interface.action_scale[k] * action;
+                assert!((target - wanted).abs() < 1e-5, "row {row}, joint {k}: {target}, not {wanted}");
+            }
+            let [w, x, y, z]: [f64; 4] = quaternions[4 * row..4 * row + 4].try_into().unwrap();
+            let mut observation = turning[3 * row..3 * row + 3].to_vec();
+            observation.extend(rotate([w, -x, -y, -z], [0.0, 0.0, -1.0]));
+            observation.extend(&commands[3 * row..3 * row + 3]);
+            observation.extend((0..12).map(|k| log.position[12 * row + k] - interface.default_pose[k]));
+            observation.extend(&log.velocity[joints.clone()]);
+            match row {
+                0 => observation.extend([0.0; 12]),
+                _ => observation.extend(&actions[12 * (row - 1)..12 * row]),
+            }
+            let observation: Vec<f32> =
+                observation.iter().zip(&scales).map(|(&value, scale)| value as f32 * scale).collect();
+            let mut again = [f32::NAN; 12];
+            policy.act(1, &observation, &mut again, &mut ActScratch::default());
+            for (again, action) in again.iter().zip(&actions[joints]) {
+                assert!((f64::from(*again) - action).abs() < 1e-4, "row {row}: {again}, in the log {action}");
+            }
+        }
+    }
+}
+
+#[test]
+fn shifts_seeds_and_threads() {
+    let folders: Vec<_> = (0..4).map(|_| tempfile::tempdir().unwrap()).collect();
+    let plain = collect(folders[0].path(), &["--threads", "1"]);
+    assert!(plain[0].base.is_none(), "a robot does not measure its base");
+    let signals =
+        |logs: &[Trajectory]| -> Vec<Vec<f64>> { logs.iter().map(|log| log.position.clone()).collect() };
+    assert!(signals(&plain) == signals(&collect(folders[1].path(), &["--threads", "2"])));
+    assert!(signals(&plain) != signals(&collect(folders[2].path(), &["--seed", "1"])));
+    let shifted = collect(folders[3].path(), &["--log-shift", "0.1", "0.1"]);
+    for (shifted, plain) in shifted.iter().zip(&plain) {
+        assert_eq!(shifted.time[0], 0.0);
+        assert_eq!(shifted.position[..12 * 15], plain.position[12 * 5..]);
+    }
+}
+
+#[test]
+fn what_cannot_be_collected_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("logs").display().to_string();
+    let cases = [
+        (vec!["--log-shift", "0.2", "0.1"], 2, "the shorter first"),
+        (vec!["--seconds", "0"], 2, "at least one"),
+        (vec!["--trajectories", "0"], 2, "--trajectories"),
+        (vec!["--torque-noise", "-1"], 2, "torque-noise"),
+        (vec!["--spring", "RR_calf_joint"], 2, "JOINT=STIFFNESS"),
+        (vec!["--spring", "tail=75"], 2, "no joint `tail`"),
+        (vec!["--task", "none.toml"], 2, "none.toml"),
+        (vec!["--theta", "none.toml"], 1, "cannot read none.toml"),
+        (vec!["--robot", "none.xml"], 1, "none.xml"),
+    ];
+    for (more, code, message) in cases {
+        let args: Vec<&str> = ["collect", FOREIGN, "--out", &out].into_iter().chain(more).collect();
+        let output = run(&args);
+        let error = errors(&output);
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {error}");
+        assert!(error.contains(message), "`{message}` is not in `{error}`");
+    }
+    assert!(!Path::new(&out).exists(), "a refused call leaves a folder");
+}

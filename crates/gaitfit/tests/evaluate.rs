@@ -1,0 +1,88 @@
+//! `gaitfit evaluate`: what it prints and writes for a policy that only stands.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{errors, json, run};
+use gaitfit_learn::policy::{self, weights};
+use std::path::Path;
+
+const FOREIGN: &str = "crates/gaitfit-learn/tests/fixtures/policies/foreign.toml";
+
+/// A policy of zeros: it holds the default pose.
+fn standing(folder: &Path) -> String {
+    let mut policy = policy::read(&common::root().join(FOREIGN)).unwrap();
+    policy.actor.parameters.fill(0.0);
+    let path = folder.join("standing.safetensors");
+    std::fs::write(&path, weights::write(&policy).unwrap()).unwrap();
+    path.display().to_string()
+}
+
+#[test]
+fn a_standing_policy_neither_falls_nor_follows() {
+    let folder = tempfile::tempdir().unwrap();
+    let policy = standing(folder.path());
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (page, replay) = (path("page.html"), path("replay.html"));
+    let shared = ["evaluate", &policy, "--trajectories", "8", "--seconds", "1", "--drift", "2", "--json"];
+    let measure = |more: &[&str]| {
+        let args: Vec<&str> = shared.iter().chain(more).copied().collect();
+        let output = run(&args);
+        assert!(output.status.success(), "{}", errors(&output));
+        let mut document = json(&output);
+        assert!(document.as_object_mut().unwrap().remove("wall_seconds").unwrap().as_f64().unwrap() > 0.0);
+        document
+    };
+    let found = measure(&["--threads", "1", "--report", &page, "--replay", &replay]);
+    assert_eq!(found["trajectories"], 8);
+    assert_eq!(found["fall_rate"]["mean"], 0.0);
+    for key in ["reward", "linear_velocity_error", "angular_velocity_error", "fall_rate"] {
+        assert!(found[key]["mean"].is_f64() && found[key]["ci95"].as_f64().unwrap() > 0.0, "{key}: {found}");
+    }
+    // Commands of ±1 m/s along two axes: 0.765 m/s on average.
+    let error = found["linear_velocity_error"]["mean"].as_f64().unwrap();
+    assert!((0.4..1.1).contains(&error), "{error}");
+    let drift = found["drift"].as_array().unwrap();
+    assert_eq!(drift.len(), 7);
+    for trial in drift {
+        // It settles by centimetres.
+        for (axis, key) in ["x", "y", "yaw"].into_iter().enumerate() {
+            let wanted = -4.0 * trial["command"][axis].as_f64().unwrap();
+            let mean = trial[key]["mean"].as_f64().unwrap();
+            assert!((mean - wanted).abs() < 0.05, "{}, {key}: {mean}, not {wanted}", trial["name"]);
+        }
+    }
+    assert_eq!(found["gait"]["step_frequency"], 0.0);
+    for file in [&page, &replay] {
+        let html = std::fs::read_to_string(file).unwrap();
+        assert!(html.trim_start().to_lowercase().starts_with("<!doctype html>"), "{file}");
+    }
+    assert_eq!(measure(&["--threads", "2"]), found, "threads change results");
+    assert!(measure(&["--seed", "7"])["reward"] != found["reward"]);
+    // A spring that is stiffer than the motors bends the leg it is on.
+    let sprung = measure(&["--spring", "RR_calf_joint=75@-2.2"]);
+    assert!(sprung["gait"]["torque"].as_f64().unwrap() > found["gait"]["torque"].as_f64().unwrap());
+    assert!(sprung["simulator"].as_str().unwrap().contains("spring 75"), "{sprung}");
+}
+
+#[test]
+fn what_cannot_be_evaluated_is_refused() {
+    let cases = [
+        (vec!["--report", "page.txt"], 2, "ends in .html"),
+        (vec!["--replay", "/dev/null.html/a.html"], 1, "cannot write"),
+        (vec!["--seconds", "0"], 2, "above 0"),
+        (vec!["--seconds", "1e9"], 2, "at most"),
+        (vec!["--trajectories", "0"], 2, "--trajectories"),
+        (vec!["--task", "swim"], 2, "velocity"),
+        (vec!["--robot", "crates/gaitfit-model/tests/robots/biped.xml"], 1, "go2"),
+    ];
+    for (more, code, message) in cases {
+        let quick = ["evaluate", FOREIGN, "--drift", "0"].into_iter();
+        let small = ["--trajectories", "1", "--seconds", "0.1"].into_iter().filter(|_| more[0] == "--replay");
+        let args: Vec<&str> = quick.chain(small).chain(more.iter().copied()).collect();
+        let output = run(&args);
+        let error = errors(&output);
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {error}");
+        assert!(error.contains(message), "`{message}` is not in `{error}`");
+    }
+}
