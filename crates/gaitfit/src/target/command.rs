@@ -83,7 +83,7 @@ impl Command {
     /// # Errors
     /// A program that cannot be run, fails or prints something else.
     pub fn evaluate(&self, policy: &PolicyFiles, plan: &Plan) -> Result<Option<Evaluation>, Failure> {
-        if self.evaluate.is_empty() {
+        if !self.measures() {
             return Ok(None);
         }
         let words = fill(
@@ -101,17 +101,24 @@ impl Command {
             let text: String = String::from_utf8_lossy(&out).chars().take(MOST_SHOWN).collect();
             Failure::failed(format!(
                 "target.evaluate, `{}`: it printed no document such as `gaitfit evaluate --json` does: {error}. It \
-                 begins: {text}",
-                words.join(" ")
+                 begins: {}",
+                words.join(" "),
+                text.trim_end()
             ))
         })?;
         found.policy = policy.name.clone();
         Ok(Some(found))
     }
 
+    /// Whether there is a program that measures.
+    pub fn measures(&self) -> bool {
+        !self.evaluate.is_empty()
+    }
+
     /// The program.
     pub fn description(&self) -> String {
-        format!("robot of `{}`", self.collect.iter().take(2).cloned().collect::<Vec<_>>().join(" "))
+        let words = self.collect.iter().take(3).take_while(|word| !word.contains('{'));
+        format!("the robot of `{}`", words.cloned().collect::<Vec<_>>().join(" "))
     }
 }
 

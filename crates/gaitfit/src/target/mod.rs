@@ -51,6 +51,14 @@ impl Target {
         }
     }
 
+    /// Whether it can be measured how well a policy walks on it.
+    pub fn measures(&self) -> bool {
+        match self {
+            Self::Simulated(_) => true,
+            Self::Command(target) => target.measures(),
+        }
+    }
+
     /// The robot in a few words.
     pub fn description(&self) -> String {
         match self {

@@ -127,7 +127,7 @@ fn links(folder: &RunFolder, results: &Results) -> Vec<Link> {
     for round in &results.rounds {
         let number = round.round;
         links.push(link(format!("{} (ONNX)", round.after), format!("policies/policy-{number}.onnx")));
-        links.push(link(format!("{}", round.after), format!("policies/policy-{number}.safetensors")));
+        links.push(link(round.after.clone(), format!("policies/policy-{number}.safetensors")));
         links.push(link(format!("Fit of round {number}"), format!("round-{number}/adapt/report.html")));
         links.push(link(
             format!("Training of round {number}"),

@@ -100,18 +100,11 @@ impl Setup {
         setup.check_fit()?;
         if let Some(target) = &setup.config.target {
             // A spring on no joint, a place to fill in that there is not: found now, not after an hour.
-            let no_policy = PathBuf::new();
-            match setup.build_target(target, PathBuf::new())? {
-                Target::Simulated(mut target) => {
-                    target.arguments.theta = None;
-                    target.world(&PolicyFiles {
-                        name: String::new(),
-                        safetensors: no_policy.clone(),
-                        onnx: no_policy,
-                        policy: setup.policy.clone(),
-                    })?;
-                }
-                Target::Command(_) => {}
+            if let Target::Simulated(mut target) = setup.build_target(target, PathBuf::new())? {
+                target.arguments.theta = None;
+                let policy = setup.policy.clone();
+                let [safetensors, onnx] = [PathBuf::new(), PathBuf::new()];
+                target.world(&PolicyFiles { name: String::new(), safetensors, onnx, policy })?;
             }
         }
         Ok(setup)

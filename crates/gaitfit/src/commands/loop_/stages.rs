@@ -168,7 +168,7 @@ impl Stages<'_> {
 
     /// What is measured of a policy on the target; none where that cannot be.
     pub fn on_target(&mut self, stem: &str, policy: &PolicyFiles) -> Result<Option<Evaluation>, Failure> {
-        let Some(target) = self.target.take() else { return Ok(None) };
+        let Some(target) = self.target.take_if(|target| target.measures()) else { return Ok(None) };
         let plan = self.setup.plan();
         let found = self.evaluation(&format!("{stem}-target"), || {
             note(&format!("evaluations, on the target: {}", policy.name));
@@ -190,7 +190,8 @@ impl Stages<'_> {
         self.evaluation(&format!("{stem}-adapted-{round}"), || {
             note(&format!("evaluations, in the simulator of round {round}: {}", policy.name));
             let world = setup.adapted(policy, theta.to_owned())?;
-            Ok(Some(measure(&world, &policy.name, &setup.plan())?.evaluation))
+            let found = measure(&world, &policy.name, &setup.plan())?.evaluation;
+            Ok(Some(Evaluation { simulator: format!("the simulator of round {round}"), ..found }))
         })
     }
 
