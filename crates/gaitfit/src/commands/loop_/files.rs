@@ -14,8 +14,10 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use toml::{Table, Value};
 
-const CONFIG: &str = "config.toml";
-const INPUTS: &str = "inputs.json";
+/// The resolved settings.
+pub const CONFIG: &str = "config.toml";
+/// What the result depends on.
+pub const INPUTS: &str = "inputs.json";
 const RESULT: &str = "result.json";
 const TIMES: &str = "times.json";
 /// The first policy's file.

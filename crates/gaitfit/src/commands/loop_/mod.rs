@@ -1,11 +1,11 @@
 //! `gaitfit loop`: collect, adapt, fine-tune, evaluate, repeated while it helps.
 
-mod files;
+pub mod files;
 mod report;
-mod results;
-mod rounds;
-mod setup;
-mod stages;
+pub mod results;
+pub mod rounds;
+pub mod setup;
+pub mod stages;
 mod table;
 
 use crate::cli;

@@ -1,6 +1,6 @@
 //! `report.html`: the whole loop on one page.
 
-use super::results::{REFERENCE, Results, TARGET};
+use super::results::{REFERENCE, Results};
 use super::rounds::Done;
 use super::setup::Setup;
 use super::stages::existing_or_fresh;
@@ -108,11 +108,15 @@ fn side_by_side(setup: &Setup, done: &Done) -> Result<Option<Replay>, Failure> {
             gaitfit_learn::evaluate::record_gait(&world.subject(seed), &commands).map_err(Failure::failed)
         }
     };
-    let on = if matches!(done.target, Some(Target::Simulated(_))) { TARGET } else { "adapted simulator" };
+    let on = if matches!(done.target, Some(Target::Simulated(_))) {
+        "on the target"
+    } else {
+        "in the adapted simulator"
+    };
     let (first, second) = (record(before)?, record(after)?);
     Ok(Some(Replay {
         title: results.name.clone(),
-        note: format!("{} and {} under the same commands, {on}", before.name, after.name),
+        note: format!("{} and {} under the same commands {on}", before.name, after.name),
         dt: first.dt,
         robots: vec![
             replay::robot(&before.name, &setup.model, &first),

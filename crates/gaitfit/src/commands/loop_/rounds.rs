@@ -117,7 +117,7 @@ fn one_round(
 }
 
 /// Gives a fit the true values that a simulated target has for its parameters.
-fn add_truth(setup: &Setup, config: &mut AdaptConfig) {
+pub fn add_truth(setup: &Setup, config: &mut AdaptConfig) {
     let Some(ThetaFile { parameter, .. }) = &setup.truth else { return };
     let joints: Vec<String> = setup.model.joints.iter().map(|joint| joint.name.clone()).collect();
     let rest = vec![0.0; joints.len()];
