@@ -38,7 +38,7 @@ impl TrainingSettings {
             return refuse("environments", environments, "from 1 to 1048576");
         }
         if steps == 0 || environments.saturating_mul(steps) > MAX_SAMPLES {
-            return refuse("steps", steps, "at least 1, and times environments at most 67108864");
+            return refuse("steps", steps, "at least 1, and times environments at most 16777216");
         }
         if u64::from(iterations) * steps as u64 > u64::from(u32::MAX / 2) {
             return refuse(
@@ -61,7 +61,7 @@ impl Default for TrainingSettings {
 const TILE: usize = 256;
 /// Most environments, and most samples in a rollout (a sample takes about half a kilobyte).
 const MAX_ENVIRONMENTS: usize = 1 << 20;
-const MAX_SAMPLES: usize = 1 << 26;
+const MAX_SAMPLES: usize = 1 << 24;
 
 /// Why training stopped.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -64,6 +64,9 @@ pub struct Identification {
     pub better: Option<f64>,
 }
 
+/// The costs of a rollout, one a view; `None` where it diverged.
+type Costs = Option<Vec<f64>>;
+
 /// A point of the scan.
 struct Point {
     entry: usize,
@@ -172,7 +175,7 @@ fn measure(
     theta: &Theta,
     views: &[View<'_>],
     rollouts: &[Rollout],
-) -> Result<(Vec<Option<Vec<f64>>>, usize), FitError> {
+) -> Result<(Vec<Costs>, usize), FitError> {
     struct Pending {
         signals: Vec<Option<Predicted>>,
         missing: usize,

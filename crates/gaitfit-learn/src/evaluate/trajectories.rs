@@ -31,7 +31,7 @@ pub struct Trial {
     pub diverged: bool,
 }
 
-/// Means over trajectories.
+/// Means over trajectories. One that diverged counts as a fall, and in no other mean; without any left they are NaN.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrialSummary {
     /// Trajectories.
@@ -85,13 +85,13 @@ fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Resu
                 continue;
             }
             trial.steps = step;
-            trial.reward += f64::from(player.reward[index]);
             let [linear, angular] = player.environment.tracking_error(index);
             let ended = player.ended[index];
             if ended == Ended::Diverged {
                 (trial.fell, trial.diverged) = (true, true);
                 continue;
             }
+            trial.reward += f64::from(player.reward[index]);
             trial.linear_velocity_error += f64::from(linear);
             trial.angular_velocity_error += f64::from(angular);
             let row = index * joints..(index + 1) * joints;
@@ -116,7 +116,8 @@ fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Resu
 
 /// Means over trajectories.
 pub fn summarise(trials: &[Trial]) -> TrialSummary {
-    let estimate = |value: fn(&Trial) -> f64| Estimate::of(trials.iter().map(value));
+    let finite = || trials.iter().filter(|trial| !trial.diverged);
+    let estimate = |value: fn(&Trial) -> f64| Estimate::of(finite().map(value));
     TrialSummary {
         trajectories: trials.len(),
         reward: estimate(|trial| trial.reward),

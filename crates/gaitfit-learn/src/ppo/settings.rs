@@ -110,6 +110,9 @@ pub struct SettingsError {
     pub remedy: &'static str,
 }
 
+/// Most hidden layers of a network, and most units of one.
+const MAX_LAYERS: usize = 16;
+const MAX_WIDTH: usize = 4096;
 /// Largest limit on the gradient's norm: its square must stay far from the greatest `f32`.
 const MAX_GRADIENT_NORM: f64 = 1e9;
 
@@ -123,9 +126,9 @@ impl Settings {
             if fine { Ok(()) } else { Err(SettingsError { name, value, remedy }) }
         };
         let positive =
-            |name, x: f64| require(x > 0.0 && x.is_finite(), name, x.to_string(), "give a number above 0");
+            |name, x: f64| require(x > 1e-30 && x < 1e30, name, x.to_string(), "give a number above 0, and not above 1e30");
         let not_negative = |name, x: f64| {
-            require(x >= 0.0 && x.is_finite(), name, x.to_string(), "give 0 or a number above it")
+            require((0.0..1e30).contains(&x), name, x.to_string(), "give 0 or a number above it, not above 1e30")
         };
         let fraction = |name, x: f64| require((0.0..=1.0).contains(&x), name, x.to_string(), "give 0 … 1");
         for (name, hidden) in [("actor_hidden", &self.actor_hidden), ("critic_hidden", &self.critic_hidden)] {
@@ -134,6 +137,12 @@ impl Settings {
                 name,
                 format!("{hidden:?}"),
                 "give every layer at least one number",
+            )?;
+            require(
+                hidden.len() <= MAX_LAYERS && hidden.iter().all(|&width| width <= MAX_WIDTH),
+                name,
+                format!("{hidden:?}"),
+                "give at most 16 layers of at most 4096",
             )?;
         }
         not_negative("output_gain", self.output_gain)?;
@@ -150,10 +159,10 @@ impl Settings {
         positive("desired_kl", self.desired_kl)?;
         let [least, greatest] = self.learning_rate_limits;
         require(
-            least > 0.0 && least <= greatest && greatest.is_finite(),
+            least > 1e-30 && least <= greatest && greatest <= 1e3,
             "learning_rate_limits",
             format!("{:?}", self.learning_rate_limits),
-            "give two numbers above 0, the lower first",
+            "give two numbers above 0, the lower first, at most 1000",
         )?;
         let norm = self.max_gradient_norm;
         require(
@@ -162,8 +171,9 @@ impl Settings {
             norm.to_string(),
             "give a number above 0, at most 1e9",
         )?;
-        require(self.epochs > 0, "epochs", "0".into(), "give at least 1")?;
-        require(self.minibatches > 0, "minibatches", "0".into(), "give at least 1")
+        require((1..=1000).contains(&self.epochs), "epochs", self.epochs.to_string(), "give 1 to 1000")?;
+        let minibatches = self.minibatches;
+        require((1..=100_000).contains(&minibatches), "minibatches", minibatches.to_string(), "give 1 to 100000")
     }
 
     /// Shapes of the actor and the critic for rows of these widths.

@@ -280,6 +280,9 @@ fn check_terms(terms: &[Term], joints: usize, clock: Option<f64>) -> Result<(), 
     Ok(())
 }
 
+/// Shortest control period, s: replays and gaits take some seconds of them.
+const MIN_CONTROL_DT: f64 = 1e-3;
+
 fn check(settings: &TaskSettings) -> Result<(), SceneError> {
     let positive = [
         ("episode_seconds", settings.episode_seconds, 1e4),
@@ -298,6 +301,12 @@ fn check(settings: &TaskSettings) -> Result<(), SceneError> {
             return refuse(setting, format!("is {value}; it must be above 0 and at most {most}"));
         }
     }
+    if settings.control_dt < MIN_CONTROL_DT {
+        return refuse(
+            "control_dt",
+            format!("is {} s; it must be at least {MIN_CONTROL_DT} s", settings.control_dt),
+        );
+    }
     let ranges = [
         ("noise.base_angular_velocity", settings.noise.base_angular_velocity),
         ("noise.projected_gravity", settings.noise.projected_gravity),
@@ -308,6 +317,8 @@ fn check(settings: &TaskSettings) -> Result<(), SceneError> {
         ("start.linear_velocity", settings.start.linear_velocity),
         ("start.angular_velocity", settings.start.angular_velocity),
         ("start.tilt", settings.start.tilt),
+        ("start.yaw", settings.start.yaw),
+        ("height", settings.height),
         ("push.seconds", settings.push.seconds),
         ("push.velocity", settings.push.velocity),
         ("randomisation.base_com", settings.randomisation.base_com),
@@ -316,6 +327,11 @@ fn check(settings: &TaskSettings) -> Result<(), SceneError> {
     for (setting, value) in ranges {
         if !(0.0..=1e4).contains(&value) {
             return refuse(setting, format!("is {value}; it must be from 0 to 10000"));
+        }
+    }
+    for (setting, value) in [("start.pitch", settings.start.pitch), ("fall.height", settings.fall.height)] {
+        if !(-1e4..=1e4).contains(&value) {
+            return refuse(setting, format!("is {value}; it must be from -10000 to 10000"));
         }
     }
     let r = &settings.randomisation;
@@ -327,7 +343,7 @@ fn check(settings: &TaskSettings) -> Result<(), SceneError> {
         ("randomisation.base_mass", r.base_mass, -1e4),
         ("randomisation.kp", r.kp, 0.0),
         ("randomisation.kd", r.kd, 0.0),
-        ("randomisation.floor_friction", r.floor_friction, 0.0),
+        ("randomisation.floor_friction", r.floor_friction, 1e-3),
         ("randomisation.frictionloss", r.frictionloss, 0.0),
         ("randomisation.armature", r.armature, 0.0),
     ];

@@ -38,6 +38,12 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
             args.seconds
         )));
     }
+    if !crate::target::csv_files(&args.out).unwrap_or_default().is_empty() {
+        return Err(Failure::usage(format!(
+            "--out {0}: holds CSV files already, and logs of two runs would be mixed; give another folder, or empty it",
+            args.out.display()
+        )));
+    }
     std::fs::create_dir_all(&args.out)
         .map_err(|error| Failure::failed(format!("cannot make {}: {error}", args.out.display())))?;
     let options =

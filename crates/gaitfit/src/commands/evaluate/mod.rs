@@ -26,6 +26,9 @@ struct Document<'a> {
 const LONGEST: f64 = 3600.0;
 const MOST_STEPS: f64 = 2e9;
 
+/// Most robots of a drift trial.
+const MOST_DRIFT: usize = 100_000;
+
 /// Measures and prints.
 pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     for (path, option) in [(&args.report, "--report"), (&args.replay, "--replay")] {
@@ -43,6 +46,9 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
             args.seconds
         )));
     }
+    if args.drift > MOST_DRIFT {
+        return Err(Failure::usage(format!("--drift {}: give at most {MOST_DRIFT} robots", args.drift)));
+    }
     let begun = Instant::now();
     let plan = Plan {
         trajectories: count,
@@ -53,6 +59,13 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     };
     let measured = measure(&world, &args.world.policy.display().to_string(), &plan)?;
     let wall_seconds = begun.elapsed().as_secs_f64();
+    let evaluation = &measured.evaluation;
+    if args.json {
+        output::print_json(&Document { evaluation, wall_seconds })?;
+    } else {
+        output::print(&text::text(evaluation, wall_seconds))?;
+    }
+    // A page that cannot be written costs no numbers.
     if let Some(path) = &args.report {
         let page = page::page(args, &world, &measured, wall_seconds)?;
         output_file::write(path, page.as_bytes())?;
@@ -60,12 +73,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     if let Some(path) = &args.replay {
         output_file::write(path, replay(args, &world)?.as_bytes())?;
     }
-    let evaluation = &measured.evaluation;
-    if args.json {
-        output::print_json(&Document { evaluation, wall_seconds })
-    } else {
-        output::print(&text::text(evaluation, wall_seconds))
-    }
+    Ok(())
 }
 
 /// A tour over the commands as a 3-D replay.

@@ -42,6 +42,12 @@ pub fn check_same(folder: &RunFolder, plan: &Plan) -> Result<(), Failure> {
             text.len()
         ))
     })?;
+    if let Some(less) = shrunk(&saved, plan) {
+        return Err(Failure::usage(format!(
+            "{} cannot be continued: {less}; both may only grow",
+            folder.path().display()
+        )));
+    }
     match difference("", &bound(saved), &bound(plan.configuration.clone())) {
         None => Ok(()),
         Some(difference) => Err(Failure::usage(format!(
@@ -51,6 +57,18 @@ pub fn check_same(folder: &RunFolder, plan: &Plan) -> Result<(), Failure> {
             shown.display()
         ))),
     }
+}
+
+/// What the run has more of than is asked for now, in words.
+fn shrunk(saved: &Table, plan: &Plan) -> Option<String> {
+    let iterations = saved.get("train")?.get("iterations")?.as_integer()?;
+    if i64::from(plan.train.iterations) < iterations {
+        let now = plan.train.iterations;
+        return Some(format!("`train.iterations` was {iterations}, now it is {now}"));
+    }
+    let seeds = saved.get("seeds")?.as_array()?.iter().filter_map(Value::as_integer);
+    let gone = seeds.into_iter().find(|&seed| !plan.seeds.iter().any(|&kept| i64::try_from(kept) == Ok(seed)))?;
+    Some(format!("`seeds` had {gone}, and now lacks it"))
 }
 
 /// What a run is bound to of its settings.

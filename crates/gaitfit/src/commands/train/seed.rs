@@ -88,6 +88,13 @@ impl Session<'_> {
                     ))
                 })?;
             }
+            None if self.folder.read(&self.files.metrics)?.is_some_and(|lines| !lines.is_empty()) => {
+                return Err(Failure::failed(format!(
+                    "{} is missing, and the seed has been trained already; restore it, or start afresh without \
+                     --resume (the policy is where it was)",
+                    self.folder.path().join(name).display()
+                )));
+            }
             None => self.save()?,
         }
         let kept = metrics::read(self.folder, &self.files.metrics, self.training.iteration())?;
