@@ -117,3 +117,13 @@ fn what_cannot_be_collected_is_refused() {
     }
     assert!(!Path::new(&out).exists(), "a refused call leaves a folder");
 }
+
+#[test]
+fn logs_of_two_runs_are_not_mixed() {
+    let folder = tempfile::tempdir().unwrap();
+    collect(folder.path(), &[]);
+    let out = folder.path().join("logs/of a policy").display().to_string();
+    let output = run(&["collect", FOREIGN, "--out", &out, "--trajectories", "1", "--seconds", "0.1"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("another folder"), "{}", errors(&output));
+}

@@ -78,6 +78,11 @@ fn what_cannot_be_trained_is_refused_by_name() {
         ("task.command.x=[1, -1]", "command.x"),
         ("ppo.gama=1", "gamma"),
         ("task.feet=[\"paw\"]", "paw"),
+        ("ppo.actor_hidden=[9223372036854775807]", "actor_hidden"),
+        ("ppo.epochs=100000000000", "epochs"),
+        ("task.control_dt=1e-9", "control_dt"),
+        ("task.start.pitch=nan", "start.pitch"),
+        ("task.height=inf", "height"),
     ] {
         let output = run(&args(folder.path(), 1, &["--set", set]));
         assert!(matches!(output.status.code(), Some(1 | 2)), "{set}: {}", output.status);
@@ -95,4 +100,24 @@ fn a_cut_checkpoint_is_named() {
     let output = run(&args(folder.path(), 2, &["--resume"]));
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("checkpoint.safetensors"), "{}", errors(&output));
+}
+
+#[test]
+fn a_resumed_training_may_not_shrink_nor_have_lost_its_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let small = ["--set", "train.environments=8", "--set", "train.steps=4"];
+    let output = run(&args(folder.path(), 2, &small));
+    assert!(output.status.success(), "{}", errors(&output));
+    let trained = policy(folder.path());
+    let resumed = |iterations: u32, more: &[&str]| {
+        let output = run(&args(folder.path(), iterations, &[&small, more, &["--resume"]].concat()));
+        assert!(!output.status.success());
+        errors(&output)
+    };
+    assert!(resumed(1, &[]).contains("`train.iterations` was 2, now it is 1"));
+    assert!(resumed(2, &["--seeds", "7,"]).contains("`seeds` had 1"));
+    let checkpoint = folder.path().join("t/seed-1/checkpoint.safetensors");
+    std::fs::remove_file(checkpoint).unwrap();
+    assert!(resumed(3, &[]).contains("checkpoint.safetensors is missing"));
+    assert!(policy(folder.path()) == trained, "the policy is where it was");
 }

@@ -125,10 +125,16 @@ impl Settings {
         let require = |fine: bool, name: &'static str, value: String, remedy: &'static str| {
             if fine { Ok(()) } else { Err(SettingsError { name, value, remedy }) }
         };
-        let positive =
-            |name, x: f64| require(x > 1e-30 && x < 1e30, name, x.to_string(), "give a number above 0, and not above 1e30");
+        let positive = |name, x: f64| {
+            require(x > 1e-30 && x < 1e30, name, x.to_string(), "give a number above 0, and not above 1e30")
+        };
         let not_negative = |name, x: f64| {
-            require((0.0..1e30).contains(&x), name, x.to_string(), "give 0 or a number above it, not above 1e30")
+            require(
+                (0.0..1e30).contains(&x),
+                name,
+                x.to_string(),
+                "give 0 or a number above it, not above 1e30",
+            )
         };
         let fraction = |name, x: f64| require((0.0..=1.0).contains(&x), name, x.to_string(), "give 0 … 1");
         for (name, hidden) in [("actor_hidden", &self.actor_hidden), ("critic_hidden", &self.critic_hidden)] {
@@ -173,7 +179,12 @@ impl Settings {
         )?;
         require((1..=1000).contains(&self.epochs), "epochs", self.epochs.to_string(), "give 1 to 1000")?;
         let minibatches = self.minibatches;
-        require((1..=100_000).contains(&minibatches), "minibatches", minibatches.to_string(), "give 1 to 100000")
+        require(
+            (1..=100_000).contains(&minibatches),
+            "minibatches",
+            minibatches.to_string(),
+            "give 1 to 100000",
+        )
     }
 
     /// Shapes of the actor and the critic for rows of these widths.

@@ -67,7 +67,8 @@ fn shrunk(saved: &Table, plan: &Plan) -> Option<String> {
         return Some(format!("`train.iterations` was {iterations}, now it is {now}"));
     }
     let seeds = saved.get("seeds")?.as_array()?.iter().filter_map(Value::as_integer);
-    let gone = seeds.into_iter().find(|&seed| !plan.seeds.iter().any(|&kept| i64::try_from(kept) == Ok(seed)))?;
+    let gone =
+        seeds.into_iter().find(|&seed| !plan.seeds.iter().any(|&kept| i64::try_from(kept) == Ok(seed)))?;
     Some(format!("`seeds` had {gone}, and now lacks it"))
 }
 
