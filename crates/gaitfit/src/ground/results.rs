@@ -27,6 +27,10 @@ pub struct GroundResults {
     pub seconds: f64,
     /// Logs in which the robot fell, and which were cut there.
     pub falls: usize,
+    /// How far the logs' actions are from the policy's, as a share of their spread; over what base sensors the logs
+    /// lack, the nearest. 0 is the policy that was given.
+    #[serde(default)]
+    pub action_mismatch: f64,
     /// Parts of the command space without data, in words.
     pub uncovered: Vec<String>,
     /// What to know before trusting the numbers.
@@ -113,6 +117,7 @@ pub fn results(
         trajectories: ground.notes.logs.len(),
         seconds: ground.notes.logs.iter().map(|log| log.trajectory.duration()).sum(),
         falls: ground.notes.falls(),
+        action_mismatch: ground.notes.policy_match.mismatch,
         uncovered: ground.notes.uncovered(),
         warnings,
         run_folder,

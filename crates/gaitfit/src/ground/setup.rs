@@ -20,8 +20,6 @@ use std::sync::Arc;
 pub struct Ground {
     /// The policy that walked.
     pub policy: Policy,
-    /// Where it was found.
-    pub policy_path: PathBuf,
     /// Its task, without noise, pushes and variety, and the simulator.
     pub scene: Scene,
     /// The robot that θ changes.
@@ -61,7 +59,7 @@ impl Ground {
         let named = config.policy.as_deref().unwrap_or_default();
         let policy_path = paths::find(named, "policy", config_path)?;
         let policy = policy::read(&policy_path).map_err(Failure::failed)?;
-        files.push(policy_path.clone());
+        files.push(policy_path);
         let base = match &config.known {
             Some(named) => {
                 let path = paths::find(named, "known", config_path)?;
@@ -97,7 +95,6 @@ impl Ground {
             options: check::options(config, notes.falls()),
             threads: threads.unwrap_or_else(machine::threads),
             policy,
-            policy_path,
             scene,
             base,
             theta,
