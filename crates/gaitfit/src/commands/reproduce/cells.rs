@@ -1,0 +1,250 @@
+//! Running cells: each is one round of a loop in a folder of its own; cells of a scenario share the target's logs and
+//! the reference policies.
+
+use super::experiments::{self, Experiment};
+use super::paper::Kind;
+use super::results::{SeedFit, SeedResult, Walk};
+use crate::commands::loop_::files::{self, Times};
+use crate::commands::loop_::results::{REFERENCE, policy_name};
+use crate::commands::loop_::rounds::add_truth;
+use crate::commands::loop_::setup::Setup;
+use crate::commands::loop_::stages::{Simulator, Stages, existing_or_fresh};
+use crate::commands::train;
+use crate::config::{LOOP_FREE, LoopConfig};
+use crate::exit::{Exit, Failure};
+use crate::inputs::Inputs;
+use crate::machine::now;
+use crate::output::note;
+use crate::run_folder::RunFolder;
+use indexmap::IndexMap;
+use std::path::{Path, PathBuf};
+
+/// Written last: a folder that has it is finished.
+const SEED: &str = "seed.json";
+
+/// A table being run.
+pub struct Run<'a> {
+    /// The table's cells.
+    pub experiments: &'a [Experiment],
+    /// What they go through.
+    pub kind: Kind,
+    /// Seeds of each cell.
+    pub seeds: u64,
+    /// The table's folder.
+    pub folder: &'a RunFolder,
+    /// Threads.
+    pub threads: usize,
+}
+
+/// What a table's cells came to, by cell or scenario and by seed.
+#[derive(Default)]
+pub struct Outcome {
+    /// By cell.
+    pub cells: IndexMap<String, Vec<SeedResult>>,
+    /// By scenario: π₀, the same for all seeds.
+    pub first: IndexMap<String, SeedResult>,
+    /// By scenario: fine-tuned on the target.
+    pub reference: IndexMap<String, Vec<SeedResult>>,
+}
+
+/// What the cells of a scenario share.
+struct Shared {
+    logs: PathBuf,
+    first: Option<SeedResult>,
+    reference: Option<SeedResult>,
+}
+
+impl Run<'_> {
+    /// Runs the selected cells; the first seed of all comes before the second of any.
+    pub fn run(&self) -> Result<Outcome, Failure> {
+        let mut outcome = Outcome::default();
+        let selected: Vec<&Experiment> = self.experiments.iter().filter(|one| one.selected).collect();
+        for seed in 1..=self.seeds {
+            let mut shared: IndexMap<&str, Shared> = IndexMap::new();
+            for (number, experiment) in selected.iter().enumerate() {
+                let scenario = experiment.scenario.as_str();
+                let of =
+                    if self.seeds > 1 { format!(", seed {seed} of {}", self.seeds) } else { String::new() };
+                note(&format!("\n[{}/{}] {}{of}", number + 1, selected.len(), experiment.paper.name));
+                let failed = |failure| self.explained(failure, &experiment.file);
+                if !shared.contains_key(scenario) {
+                    let made = self.shared(experiment, seed).map_err(failed)?;
+                    if let Some(first) = &made.first {
+                        outcome.first.entry(scenario.to_owned()).or_insert_with(|| first.clone());
+                    }
+                    let reference = made.reference.clone();
+                    outcome.reference.entry(scenario.to_owned()).or_default().extend(reference);
+                    shared.insert(scenario, made);
+                }
+                let Some(with) = shared.get(scenario) else { continue };
+                let result = self.cell(experiment, seed, &with.logs).map_err(failed)?;
+                note(&headline(&result));
+                outcome.cells.entry(experiment.paper.name.clone()).or_default().push(result);
+            }
+        }
+        Ok(outcome)
+    }
+
+    /// The logs of a scenario's target and, for fine-tuning, both references.
+    fn shared(&self, experiment: &Experiment, seed: u64) -> Result<Shared, Failure> {
+        let scenario = &experiment.scenario;
+        let Some(config) = experiments::shared(self.experiments, scenario, seed) else {
+            return Err(Failure::failed(format!("the table has no cell of {scenario}")));
+        };
+        let setup = Setup::open(config, &experiment.file, self.threads)?;
+        let folder = self.open(&format!("shared/{scenario}"), seed, &setup)?;
+        let Some(target) = setup.config.target.clone() else {
+            return Err(Failure::usage("an experiment needs a [target]"));
+        };
+        let mut stages = stages(&setup, &folder)?;
+        let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
+        let logs = stages.collect("logs", &first, target.seed)?;
+        if self.kind == Kind::Identification {
+            return Ok(Shared { logs, first: None, reference: None });
+        }
+        let result = |walk: Option<Walk>, seconds: f64| SeedResult {
+            seed,
+            walk,
+            seconds,
+            run_folder: folder.path().display().to_string(),
+            ..SeedResult::default()
+        };
+        let walk = stages.on_target("policy-0", &first)?.as_ref().map(Walk::from);
+        let before = result(walk, 0.0);
+        let simulator = Simulator {
+            theta: files::truth(&folder),
+            spring: target.spring.clone(),
+            torque_noise: target.torque_noise,
+        };
+        let (trained, bytes) = stages.finetune("reference", &first, &simulator)?;
+        let policy = stages.keep(REFERENCE, "reference", &bytes)?;
+        let walk = stages.on_target("reference", &policy)?.as_ref().map(Walk::from);
+        let reference = result(walk, trained.wall_seconds);
+        Ok(Shared { logs, first: Some(before), reference: Some(reference) })
+    }
+
+    /// One seed of a cell: as it was finished, or made now.
+    fn cell(&self, experiment: &Experiment, seed: u64, logs: &Path) -> Result<SeedResult, Failure> {
+        let setup = Setup::open(experiment.seeded(seed), &experiment.file, self.threads)?;
+        let folder = self.open(&format!("cells/{}", experiment.paper.name), seed, &setup)?;
+        if let Some(text) = folder.read(SEED)? {
+            note("finished earlier");
+            return serde_json::from_str(&text).map_err(|error| {
+                let file = folder.path().join(SEED);
+                Failure::failed(format!(
+                    "{}: not a result of this version: {error}; remove it, and it is made again",
+                    file.display()
+                ))
+            });
+        }
+        let mut stages = stages(&setup, &folder)?;
+        let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
+        let round = "round-1";
+        let mut adapt =
+            setup.config.adapt(1, first.safetensors.display().to_string(), vec![logs.display().to_string()]);
+        adapt.runs = stages.path(round).display().to_string();
+        add_truth(&setup, &mut adapt);
+        let (_, found, theta) = stages.adapt(round, &adapt)?;
+        let mut result = SeedResult {
+            seed,
+            fit: found.fits.first().map(|fit| SeedFit::new(fit, found.wall_seconds)),
+            walk: None,
+            seconds: found.wall_seconds,
+            warnings: found.warnings,
+            run_folder: folder.path().display().to_string(),
+        };
+        if self.kind == Kind::Finetuning {
+            let simulator = Simulator { theta, ..Simulator::default() };
+            let (trained, bytes) = stages.finetune(round, &first, &simulator)?;
+            let policy = stages.keep(&policy_name(1), "policy-1", &bytes)?;
+            result.walk = stages.on_target("policy-1", &policy)?.as_ref().map(Walk::from);
+            result.seconds += trained.wall_seconds;
+        }
+        folder.write_json(SEED, &result)?;
+        Ok(result)
+    }
+
+    /// The folder of a seed, which belongs to these settings and inputs.
+    fn open(&self, within: &str, seed: u64, setup: &Setup) -> Result<RunFolder, Failure> {
+        let folder = existing_or_fresh(&self.folder.path().join(within), &format!("seed-{seed}"))?;
+        if let Some(difference) = difference(&folder, setup)? {
+            return Err(Failure::usage(format!(
+                "{} was made with other settings: {difference}. Give those, or write elsewhere with --set runs=FOLDER.",
+                folder.path().display()
+            )));
+        }
+        if folder.read(SEED)?.is_none() {
+            files::begin(&folder, setup, &now())?;
+        }
+        Ok(folder)
+    }
+
+    /// A failure of a cell, which names the cell's file; how to go on after an interruption.
+    fn explained(&self, mut failure: Failure, file: &Path) -> Failure {
+        let file = file.display().to_string();
+        if failure.exit == Exit::Interrupted {
+            failure.message = format!(
+                "interrupted; {} has what is done, the same command continues",
+                self.folder.path().display()
+            );
+        } else if !failure.message.contains(&file) {
+            failure.message = format!("{file}: {}", failure.message);
+        }
+        failure
+    }
+}
+
+/// The stages of one round in a folder.
+fn stages<'a>(setup: &'a Setup, folder: &'a RunFolder) -> Result<Stages<'a>, Failure> {
+    let target = setup.target(files::truth(folder))?;
+    Ok(Stages { setup, folder, target, times: Times::read(folder)? })
+}
+
+/// What a folder was made with that is not so now, in words.
+fn difference(folder: &RunFolder, setup: &Setup) -> Result<Option<String>, Failure> {
+    let wrong = |name: &str, error: &dyn std::fmt::Display| {
+        Failure::failed(format!(
+            "{}: {error}; restore it or remove the folder",
+            folder.path().join(name).display()
+        ))
+    };
+    if let Some(text) = folder.read(files::CONFIG)? {
+        let saved: toml::Table = toml::from_str(&text).map_err(|error| wrong(files::CONFIG, &error))?;
+        let own = settings(&setup.config)?;
+        if let Some(found) = train::difference("", &bound(saved), &bound(own)) {
+            return Ok(Some(found));
+        }
+    }
+    let Some(text) = folder.read(files::INPUTS)? else { return Ok(None) };
+    let saved: Inputs = serde_json::from_str(&text).map_err(|error| wrong(files::INPUTS, &error))?;
+    Ok(setup.inputs.difference(&saved))
+}
+
+fn settings(config: &LoopConfig) -> Result<toml::Table, Failure> {
+    config.resolved().map_err(|error| Failure::failed(format!("cannot write the configuration: {error}")))
+}
+
+/// The settings that change results.
+fn bound(mut settings: toml::Table) -> toml::Value {
+    settings.retain(|key, _| !LOOP_FREE.contains(&key));
+    toml::Value::Table(settings)
+}
+
+/// A finished cell in a line.
+fn headline(result: &SeedResult) -> String {
+    let mut parts = Vec::new();
+    if let Some(fit) = &result.fit {
+        parts.push(match fit.nominal_cost {
+            Some(nominal) => format!("cost {nominal:.5} → {:.5}", fit.cost),
+            None => format!("cost {:.5}", fit.cost),
+        });
+        parts.extend(fit.mean_error_percent.map(|error| format!("mean parameter error {error:.2} %")));
+    }
+    if let Some(walk) = &result.walk {
+        let (linear, angular) = (walk.linear_velocity_error, walk.angular_velocity_error);
+        parts.push(format!("on the target: reward {:.2}", walk.reward.mean));
+        parts.push(format!("errors {:.3} m/s, {:.3} rad/s", linear.mean, angular.mean));
+    }
+    parts.push(format!("{:.0} s", result.seconds));
+    parts.join(", ")
+}
