@@ -29,6 +29,8 @@ pub enum Command {
     Finetune(Finetune),
     /// The whole method: collect, adapt, fine-tune, evaluate, repeated while it helps
     Loop(Loop),
+    /// Run a table of the paper from its experiment files, with the paper's numbers beside
+    Reproduce(Reproduce),
     /// Evaluate one physics step at given states
     Forward(Forward),
     /// Show a policy and write it as ONNX or safetensors
@@ -178,6 +180,34 @@ pub struct Loop {
     /// Name of the run and its folder [default: the configuration's name]
     #[arg(long)]
     pub name: Option<String>,
+}
+
+/// Arguments of `reproduce`.
+#[derive(Debug, Args)]
+pub struct Reproduce {
+    /// Which table; `list` names them and says what each takes
+    pub table: String,
+    /// The paper's scale instead of one for two cores
+    #[arg(long)]
+    pub full: bool,
+    /// Repetitions of every cell with other seeds
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub seeds: std::num::NonZeroU32,
+    /// Cells to run, for example '*-wass'; the others are left out of the table
+    #[arg(long, value_name = "GLOB")]
+    pub only: Option<String>,
+    /// Change one setting of every cell, for example --set policy=my.safetensors (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Folder of the experiment files
+    #[arg(long, value_name = "FOLDER", default_value = "experiments")]
+    pub experiments: PathBuf,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
 }
 
 /// Seeds of trainings.

@@ -39,6 +39,7 @@ fn main() -> ExitCode {
         Command::Train(args) => commands::train::run(args),
         Command::Finetune(args) => commands::finetune::run(args),
         Command::Loop(args) => commands::loop_::run(args),
+        Command::Reproduce(args) => commands::reproduce::run(args),
         Command::Forward(args) => commands::forward::run(args),
         Command::Export(args) => commands::export::run(args),
         Command::Evaluate(args) => commands::evaluate::run(args),

@@ -11,4 +11,5 @@ pub mod finetune;
 pub mod forward;
 pub mod inspect;
 pub mod loop_;
+pub mod reproduce;
 pub mod train;
