@@ -132,7 +132,7 @@ pub struct Finetune {
     #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
     pub spring: Vec<String>,
     /// Standard deviation of Gaussian torques at every joint and physics step, N·m
-    #[arg(long, value_name = "NM")]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub torque_noise: Option<f64>,
     /// Task: velocity, biped, or a file with a task's settings [default: the policy's own]
     #[arg(long, value_name = "TASK")]
@@ -287,7 +287,7 @@ pub struct WorldArgs {
     #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
     pub spring: Vec<String>,
     /// Standard deviation of Gaussian torques at every joint and physics step, N·m
-    #[arg(long, value_name = "NM", default_value_t = 0.0)]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true, default_value_t = 0.0)]
     pub torque_noise: f64,
     /// Vary robots, starts and observations as in training, with pushes
     #[arg(long)]

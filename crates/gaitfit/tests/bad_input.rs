@@ -44,7 +44,7 @@ fn settings() {
         ("parameter.1.kind=frictionloss", &["two parameters are called `frictionloss_hip`"]),
         ("logs=[\"nowhere.csv\"]", &["nowhere.csv", "does not exist", "--set"]),
         ("robot=nothing.xml", &["nothing.xml", "does not exist"]),
-        ("costs=[\"wassr\"]", &["Did you mean `wass`?"]),
+        ("costs=[\"wassr\"]", &["take wass, matcho"]),
         ("logs=[]", &["`logs` names no log"]),
         ("optimizer.seeds=0", &["`optimizer.seeds`"]),
         ("name=../up", &["cannot name a run folder"]),

@@ -121,7 +121,7 @@ mod tests {
     fn slower_is_refused() {
         assert!(check(49.9, 0.02, "x.csv").is_ok());
         let text = check(20.0, 0.02, "x.csv").unwrap_err().message;
-        assert!(text.contains("x.csv: the log has 20.0000 samples") && text.contains("50.0000"), "{text}");
+        assert!(text.contains("x.csv: the log has 20 samples") && text.contains("50 times"), "{text}");
         assert_eq!(super::text([200.0, 50.0, 50.1].into_iter()), "50.0000, 200.0000");
     }
 }
