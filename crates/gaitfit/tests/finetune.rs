@@ -49,9 +49,11 @@ fn theta(folder: &Path, joint: &str) -> PathBuf {
 fn args(runs: &Path, policy: &Path, iterations: u32, more: &[&str]) -> Vec<String> {
     let mut args = ["finetune", "--json", "--name", "f"].map(str::to_owned).to_vec();
     args.push(policy.display().to_string());
-    args.extend(more.iter().map(|&argument| argument.to_owned()));
     let sets = [format!("runs={}", runs.display()), format!("train.iterations={iterations}")];
-    with_sets(args, &[&sets[0], &sets[1]])
+    let mut args = with_sets(args, &[&sets[0], &sets[1]]);
+    // The last setting of a key wins.
+    args.extend(more.iter().map(|&argument| argument.to_owned()));
+    args
 }
 
 fn read(path: &Path) -> Policy {
@@ -161,8 +163,8 @@ fn what_cannot_be_fine_tuned_is_refused_by_name() {
         (vec!["--theta", lost.to_str().unwrap()], "FL_wheel_joint"),
         (vec!["--theta", "nowhere.toml"], "nowhere.toml"),
         (vec!["--spring", "XX_calf_joint=75"], "XX_calf_joint"),
-        (vec!["--torque-noise", "-1"], "--torque-noise"),
-        (vec!["--robot", "crates/gaitfit-model/tests/fixtures/none.xml"], "none.xml"),
+        (vec!["--torque-noise=-1"], "--torque-noise"),
+        (vec!["--robot", "none.xml"], "none.xml"),
         (vec!["--set", "ppo.actor_hidden=[7]"], "actor_hidden"),
         (vec!["--set", "ppo.normalise_observations=true"], "normalise_observations"),
         (vec!["--set", "task.policy.kp=30"], "task.policy"),
