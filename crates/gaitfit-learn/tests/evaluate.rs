@@ -84,10 +84,12 @@ fn summaries_by_hand() {
         linear_velocity_error: linear,
         angular_velocity_error: 0.5,
         fell,
-        diverged: fell,
         ..Trial::default()
     };
-    let summary = summarise(&[trial(1.0, 0.1, false), trial(3.0, 0.1, true), trial(5.0, 0.4, false)]);
+    let lost = Trial { diverged: true, ..trial(f64::NAN, 0.0, true) };
+    let summary =
+        summarise(&[trial(1.0, 0.1, false), trial(3.0, 0.1, true), lost, trial(5.0, 0.4, false)]);
+    // What diverged is a fall, and in no other mean.
     // Mean 3, variance 4, standard error 2/√3.
     assert!((summary.reward.mean - 3.0).abs() < 1e-12);
     assert!((summary.reward.ci95 - 1.96 * 2.0 / 3f64.sqrt()).abs() < 1e-4);
@@ -95,8 +97,8 @@ fn summaries_by_hand() {
     assert!((summary.linear_velocity_error.mean - 0.2).abs() < 1e-12);
     assert!((summary.linear_velocity_error.ci95 - 0.196).abs() < 1e-4);
     assert_eq!(summary.angular_velocity_error, Estimate { mean: 0.5, ci95: 0.0 });
-    assert_eq!(summary.fall_rate, Estimate::share(1, 3));
-    assert_eq!((summary.trajectories, summary.diverged), (3, 1));
+    assert_eq!(summary.fall_rate, Estimate::share(2, 4));
+    assert_eq!((summary.trajectories, summary.diverged), (4, 1));
 }
 
 #[test]

@@ -288,6 +288,7 @@ fn gains_vary_within_their_ranges() {
     (task.substeps, task.control_dt) = (1, 0.005);
     (task.randomisation.kp, task.randomisation.kd) = ([0.8, 1.1], [0.5, 2.0]);
     task.start.joint_velocity = 1.0;
+    task.start.joint_position = 0.0;
     let scene = scene(&task);
     let count = 64;
     let mut environment = Environment::new(&scene, None, 2, 0, count).unwrap();

@@ -22,7 +22,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Failure> {
         "a cost in `costs` resets the base, and base = \"fixed\" has none to reset; take \"matcho\" or \"wass\""
     } else if !free && (config.policy.is_some() || config.known.is_some()) {
         "`policy` and `known` are for walking logs; add base = \"free\" if the robot walked"
-    } else if !free && !(config.network.is_empty() && config.number.is_empty()) {
+    } else if !(free || config.network.is_empty() && config.number.is_empty()) {
         "[[network]] and [[number]] are for walking logs; add base = \"free\" if the robot walked"
     } else if free && config.policy.is_none() {
         "base = \"free\" needs `policy`, the file of the policy that walked"

@@ -105,7 +105,7 @@ pub fn results(
         if ground.theta.len() <= MOST_SCANNED {
             outcome.identify(simulator, &ground.theta, cost.as_ref(), 0).map_err(Failure::failed)?;
         }
-        let fit = fit(config, ground, simulator, cost, outcome)?;
+        let fit = fit(config, ground, simulator, std::slice::from_ref(cost), outcome)?;
         warn(&fit, &mut warnings);
         fits.push(fit);
     }
@@ -129,10 +129,10 @@ fn fit(
     config: &AdaptConfig,
     ground: &Ground,
     simulator: &GroundSimulator<'_>,
-    cost: &Box<dyn Cost>,
+    // The outcome's cost, alone.
+    alone: &[Box<dyn Cost>],
     outcome: CostOutcome,
 ) -> Result<GroundFit, Failure> {
-    let alone = std::slice::from_ref(cost);
     let score = |theta: &Theta, values: Vec<f64>| {
         let jobs = [Job { cost: 0, values, draw: 0 }];
         let found = evaluate(simulator, theta, alone, &FallPenalty::NONE, &jobs).map_err(Failure::failed)?;
