@@ -87,8 +87,7 @@ fn summaries_by_hand() {
         ..Trial::default()
     };
     let lost = Trial { diverged: true, ..trial(f64::NAN, 0.0, true) };
-    let summary =
-        summarise(&[trial(1.0, 0.1, false), trial(3.0, 0.1, true), lost, trial(5.0, 0.4, false)]);
+    let summary = summarise(&[trial(1.0, 0.1, false), trial(3.0, 0.1, true), lost, trial(5.0, 0.4, false)]);
     // What diverged is a fall, and in no other mean.
     // Mean 3, variance 4, standard error 2/√3.
     assert!((summary.reward.mean - 3.0).abs() < 1e-12);
