@@ -8,7 +8,7 @@ use std::fmt::Write;
 
 /// The tables that there are.
 pub fn list(paper: &Paper) -> String {
-    let mut rows = table(&["table", "what", "cells", "takes"], &[2]);
+    let mut rows = table(&["table", "what", "cells", "takes (estimate)"], &[2]);
     for one in &paper.tables {
         rows.add_row([one.name.clone(), one.title.clone(), one.cells.len().to_string(), one.time.clone()]);
     }
