@@ -30,7 +30,7 @@ fn args(table: &str, folder: &Path, policy: &str, more: &[&str]) -> Vec<String> 
     let sets = [
         format!("policy={policy}"),
         format!("runs={}", folder.display()),
-        "target.trajectories=4".to_owned(),
+        "target.trajectories=8".to_owned(),
         "target.seconds=2.0".to_owned(),
         "adapt.simulation.timestep=0.01".to_owned(),
         "adapt.falls.margin_seconds=0.1".to_owned(),
