@@ -4,7 +4,7 @@
 use super::coverage::Coverage;
 use super::log_files::{self, LogFile};
 use super::policy_check::{self, PolicyMatch};
-use super::rate;
+use super::{rate, tilt};
 use crate::config::AdaptConfig;
 use crate::exit::Failure;
 use crate::{log_joints, robot};
@@ -133,37 +133,37 @@ pub fn read(
     }
 
     let spec = fall_spec(scene);
-    let (mut logs, mut cuts) = (Vec::new(), Vec::new());
+    let margin = config.falls.margin_seconds;
+    let skipped = config.simulation.skip_seconds;
+    let (mut stretches, mut cuts) = (Vec::new(), Vec::new());
     for read in &reads {
-        let (kept, removed) = keep(read, &spec, config.falls.margin_seconds);
+        let fallen: Vec<_> = falls(&read.trajectory, &spec)
+            .into_iter()
+            .map(|fall| (fall.samples, fall.sign.to_string()))
+            .collect();
+        let (kept, removed) = keep(&read.file.name, &read.trajectory, &fallen, margin);
         for stretch in kept {
-            let skipped = config.simulation.skip_seconds;
-            let log = count(read, stretch, scene)?;
-            if log.trajectory.duration() < LEAST_STRETCH_S + skipped {
-                warnings.push(format!(
-                    "{}: {:.2} s of data are too short to count; {} s are the least",
-                    log.name,
-                    log.trajectory.duration(),
-                    LEAST_STRETCH_S + skipped
-                ));
-                continue;
-            }
-            logs.push(log);
+            stretches.push(count(read, stretch, scene)?);
         }
         cuts.extend(removed);
     }
-    warnings.extend(cut_text(&cuts, reads.len()));
+    let mut logs = long_enough(stretches, skipped, &mut warnings);
     enough(config, config_path, &logs, &cuts)?;
 
     let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
-    let commands =
-        trajectories.iter().flat_map(|log| log.command.iter().flat_map(|rows| rows.chunks_exact(3)));
-    let coverage = Coverage::new(commands, scene.interface.control_dt, &scene.settings.command);
-    warnings.extend(coverage.warnings());
     let policy_match = policy_check::check(policy, &trajectories);
     let policy_name = config.policy.as_deref().unwrap_or("the policy");
     let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
     warnings.extend(policy_match.judge(policy_name, &names)?);
+    if policy_match.agrees() && !policy_match.exact {
+        logs = long_enough(cut_felt(policy, logs, margin, &mut cuts)?, skipped, &mut warnings);
+        enough(config, config_path, &logs, &cuts)?;
+    }
+    warnings.extend(cut_text(&cuts, reads.len()));
+    let commands =
+        logs.iter().flat_map(|log| log.trajectory.command.iter().flat_map(|rows| rows.chunks_exact(3)));
+    let coverage = Coverage::new(commands, scene.interface.control_dt, &scene.settings.command);
+    warnings.extend(coverage.warnings());
     warnings.extend(targets_differ(&logs, &scene.interface));
     for log in &mut logs {
         drop_broken_base(&mut log.trajectory);
@@ -245,7 +245,8 @@ fn same_data(a: &Trajectory, b: &Trajectory) -> bool {
     a.position == b.position && a.velocity == b.velocity && a.action == b.action
 }
 
-/// What the checks of a log doubt, each kind once.
+/// What the checks of a log doubt, each kind once. Following is judged on noise in some walks of any robot: it counts
+/// where most logs show it.
 fn findings(reads: &[Read], scene: &Scene) -> Vec<String> {
     // Falls and gaps are cut, coverage is looked at, short stretches are left out: those have their own words.
     let told = [
@@ -274,6 +275,10 @@ fn findings(reads: &[Read], scene: &Scene) -> Vec<String> {
             kinds.entry(finding.kind).or_insert_with(|| (0, text())).0 += 1;
         }
     }
+    kinds.retain(|kind, (count, _)| {
+        let noisy = [FindingKind::JointNotFollowing, FindingKind::VelocityMismatch].contains(kind);
+        !noisy || 2 * *count > reads.len()
+    });
     let text = |(count, text): (usize, String)| match count {
         1 => text,
         _ => format!("{text} ({} more logs have the like)", count - 1),
@@ -322,34 +327,26 @@ fn fall_spec(scene: &Scene) -> CheckSpec {
     }
 }
 
-/// The sample ranges that count, and the cuts between them: from `margin` s before a fall until the robot has stood
-/// for a second, and where samples were lost.
-fn keep(read: &Read, spec: &CheckSpec, margin: f64) -> (Vec<Range<usize>>, Vec<Cut>) {
-    let log = &read.trajectory;
+/// The sample ranges of `log` that count, and the cuts between them: from `margin` s before a fall (samples, and what
+/// showed it) until the robot has stood for a second, and where samples were lost.
+fn keep(
+    name: &str,
+    log: &Trajectory,
+    falls: &[(Range<usize>, String)],
+    margin: f64,
+) -> (Vec<Range<usize>>, Vec<Cut>) {
     let (time, samples) = (&log.time, log.len());
     let at = |seconds: f64| (seconds * log.rate_hz).ceil() as usize;
-    let mut cuts: Vec<(Range<usize>, Cut)> = Vec::new();
-    for fall in falls(log, spec) {
-        let start = fall.samples.start.saturating_sub(at(margin));
-        let end = if fall.samples.end >= samples {
-            samples
-        } else {
-            (fall.samples.end + at(STANDS_S)).min(samples)
-        };
-        let cut = Cut {
-            log: read.file.name.clone(),
-            from_s: time[start],
-            to_s: time[end - 1],
-            reason: fall.sign.to_string(),
-            fall: true,
-        };
-        cuts.push((start..end, cut));
-    }
+    let mut cuts = Vec::new();
     let mut kept = Vec::new();
     let mut begin = 0;
-    for (range, _) in &cuts {
-        kept.push(begin..range.start.max(begin));
-        begin = range.end.max(begin);
+    for (fall, reason) in falls {
+        let start = fall.start.saturating_sub(at(margin));
+        let end = if fall.end >= samples { samples } else { (fall.end + at(STANDS_S)).min(samples) };
+        kept.push(begin..start.max(begin));
+        begin = end.max(begin);
+        let (from_s, to_s) = (time[start], time[end - 1]);
+        cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason: reason.clone(), fall: true });
     }
     kept.push(begin..samples);
     let mut whole = Vec::new();
@@ -358,21 +355,64 @@ fn keep(read: &Read, spec: &CheckSpec, margin: f64) -> (Vec<Range<usize>>, Vec<C
         for next in range.start + 1..range.end {
             if time[next] - time[next - 1] > rate::LONG_GAP_S.max(3.0 * log.dt()) {
                 whole.push(begin..next);
-                let cut = Cut {
-                    log: read.file.name.clone(),
-                    from_s: time[next - 1],
-                    to_s: time[next],
-                    reason: "samples were lost".to_owned(),
-                    fall: false,
-                };
-                cuts.push((next..next, cut));
+                let (from_s, to_s) = (time[next - 1], time[next]);
+                let reason = "samples were lost".to_owned();
+                cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason, fall: false });
                 begin = next;
             }
         }
         whole.push(begin..range.end);
     }
     whole.retain(|range| !range.is_empty());
-    (whole, cuts.into_iter().map(|(_, cut)| cut).collect())
+    (whole, cuts)
+}
+
+/// Cuts falls that only the policy felt (see [`tilt`]) out of logs without the base's orientation.
+fn cut_felt(
+    policy: &Policy,
+    logs: Vec<GroundLog>,
+    margin: f64,
+    cuts: &mut Vec<Cut>,
+) -> Result<Vec<GroundLog>, Failure> {
+    let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
+    let spread = policy_check::spread(&trajectories, policy.interface.joints.len());
+    let mut left = Vec::with_capacity(logs.len());
+    for log in logs {
+        let leaning: Vec<_> = tilt::falls(policy, &log.trajectory, &spread)
+            .into_iter()
+            .map(|range| (range, "the policy acts as if the base leaned by more than 50°".to_owned()))
+            .collect();
+        if leaning.is_empty() {
+            left.push(log);
+            continue;
+        }
+        let (kept, removed) = keep(&log.name, &log.trajectory, &leaning, margin);
+        cuts.extend(removed);
+        for range in kept {
+            let failed =
+                |error: gaitfit_log::LogError| Failure::failed(format!("{}: {error}", log.path.display()));
+            let trajectory = log.trajectory.slice(range).map_err(failed)?;
+            let name =
+                format!("{} from {:.2} s", log.name, trajectory.time.first().copied().unwrap_or_default());
+            left.push(GroundLog { name, trajectory, ..log.clone() });
+        }
+    }
+    Ok(left)
+}
+
+/// The logs that are long enough to count, and warnings about the others.
+fn long_enough(logs: Vec<GroundLog>, skipped: f64, warnings: &mut Vec<String>) -> Vec<GroundLog> {
+    let least = LEAST_STRETCH_S + skipped;
+    let (long, short): (Vec<_>, Vec<_>) =
+        logs.into_iter().partition(|log| log.trajectory.duration() >= least);
+    for log in short {
+        let seconds = log.trajectory.duration();
+        warnings.push(format!(
+            "{}: {seconds:.2} s of data are too short to count; {least} s are the least",
+            log.name
+        ));
+    }
+    long
 }
 
 /// A stretch at the policy's rate.

@@ -1,6 +1,7 @@
 //! Fits of walking logs: the policy is run in the simulator under the logs' commands.
 
 pub mod coverage;
+pub mod imu_search;
 pub mod log_files;
 pub mod logs;
 pub mod observation;
@@ -11,3 +12,7 @@ pub mod results;
 pub mod setup;
 pub mod simulator;
 pub mod table;
+pub mod tilt;
+
+#[cfg(test)]
+mod fixtures;

@@ -1,0 +1,158 @@
+//! What an inertial unit would have said, as far as a policy's actions tell it.
+
+use super::observation::{self, Given};
+use gaitfit_learn::Quantity;
+use gaitfit_learn::policy::{ActScratch, Policy};
+use gaitfit_log::Trajectory;
+use nalgebra::{DMatrix, DVector};
+
+/// Most steps of the search for what the log lacks.
+const STEPS: usize = 10;
+/// Weight of an action's error against an unknown's distance from rest, both relative to their spread.
+const PRECISION: f64 = 30.0;
+/// Phases of a gait clock that are tried; a log does not say when the clock began.
+const PHASES: usize = 20;
+
+/// Finds what a sample lacks: Levenberg–Marquardt on ‖PRECISION (π(o) − a) / spread‖² + ‖unknown / spread‖².
+pub struct Search<'a> {
+    policy: &'a Policy,
+    spread: &'a [f64],
+    clip: f64,
+    scratch: ActScratch,
+    observation: Vec<f32>,
+    action: Vec<f32>,
+}
+
+/// Step of finite differences, relative to an unknown's spread. `f32` networks resolve 1e-6.
+const DIFFERENCE: f64 = 0.01;
+
+impl<'a> Search<'a> {
+    /// `spread`: of each joint's actions; `clip`: largest action.
+    pub fn new(policy: &'a Policy, spread: &'a [f64], clip: f64) -> Self {
+        Self {
+            policy,
+            spread,
+            clip,
+            scratch: ActScratch::default(),
+            observation: Vec::new(),
+            action: Vec::new(),
+        }
+    }
+
+    /// The policy's actions where the log is in `all` the states of its base; one row each.
+    fn act(
+        &mut self,
+        log: &Trajectory,
+        sample: usize,
+        last: &[f64],
+        all: &[Given],
+        clock: f64,
+    ) -> Vec<Vec<f64>> {
+        let interface = &self.policy.interface;
+        let (width, joints) = (interface.observation_width(), interface.joints.len());
+        self.observation.resize(all.len() * width, 0.0);
+        self.action.resize(all.len() * joints, 0.0);
+        for (given, row) in all.iter().zip(self.observation.chunks_exact_mut(width)) {
+            observation::write(self.policy, log, sample, last, given, clock, row);
+        }
+        self.policy.act(all.len(), &self.observation, &mut self.action, &mut self.scratch);
+        let clip = self.clip;
+        let row = |row: &[f32]| row.iter().map(|&x| f64::from(x).clamp(-clip, clip)).collect();
+        self.action.chunks_exact(joints).map(row).collect()
+    }
+
+    /// The policy's action nearest to `logged`, and the state of the base in which it is chosen.
+    pub fn nearest(
+        &mut self,
+        log: &Trajectory,
+        sample: usize,
+        last: &[f64],
+        given: &Given,
+        clock: f64,
+        logged: &[f64],
+    ) -> (Vec<f64>, Given) {
+        let missing = given.missing(&self.policy.interface);
+        let unknowns = missing.len();
+        let mut values = vec![0.0; unknowns];
+        let mut action = self.act(log, sample, last, &[given.filled(&missing, &values)], clock).remove(0);
+        if unknowns == 0 {
+            return (action, *given);
+        }
+        let spreads = self.spread;
+        let error = |action: &[f64]| -> DVector<f64> {
+            let each = action.iter().zip(logged).zip(spreads).map(|((a, b), s)| PRECISION * (a - b) / s);
+            DVector::from_iterator(logged.len(), each)
+        };
+        let relative = |values: &[f64]| -> DVector<f64> {
+            DVector::from_iterator(
+                unknowns,
+                values.iter().zip(&missing).map(|(x, unknown)| x / unknown.spread()),
+            )
+        };
+        let mut residual = error(&action);
+        let mut price = residual.norm_squared() + relative(&values).norm_squared();
+        let mut damping = 1e-3;
+        for _ in 0..STEPS {
+            let probes: Vec<Given> = (0..unknowns)
+                .map(|k| {
+                    let mut values = values.clone();
+                    values[k] += DIFFERENCE * missing[k].spread();
+                    given.filled(&missing, &values)
+                })
+                .collect();
+            let probes = self.act(log, sample, last, &probes, clock);
+            // Columns: change of the residual per unit of unknown / spread.
+            let slopes = DMatrix::from_fn(logged.len(), unknowns, |joint, k| {
+                PRECISION * (probes[k][joint] - action[joint]) / (spreads[joint] * DIFFERENCE)
+            });
+            let pull = slopes.tr_mul(&residual) + relative(&values);
+            let curvature = slopes.tr_mul(&slopes) + DMatrix::identity(unknowns, unknowns);
+            let mut moved = false;
+            for _ in 0..4 {
+                let damped = &curvature + DMatrix::from_diagonal(&curvature.diagonal()) * damping;
+                let Some(factor) = damped.cholesky() else { break };
+                let step = factor.solve(&pull);
+                let trial: Vec<f64> =
+                    (0..unknowns).map(|k| values[k] - step[k] * missing[k].spread()).collect();
+                let there = self.act(log, sample, last, &[given.filled(&missing, &trial)], clock).remove(0);
+                let off = error(&there);
+                let cost = off.norm_squared() + relative(&trial).norm_squared();
+                if cost < price {
+                    moved = price - cost > 1e-4 * price;
+                    (values, action, residual, price) = (trial, there, off, cost);
+                    damping = (damping * 0.3).max(1e-6);
+                    break;
+                }
+                damping *= 5.0;
+            }
+            if !moved {
+                break;
+            }
+        }
+        (action, given.filled(&missing, &values))
+    }
+
+    /// Phase of the gait clock at the log's first sample; 0 for policies without one.
+    pub fn clock(&mut self, log: &Trajectory, chosen: &[(usize, Vec<f64>, Vec<f64>)]) -> f64 {
+        let clocked =
+            self.policy.interface.observation.iter().any(|term| term.quantity == Quantity::GaitPhase);
+        if !clocked {
+            return 0.0;
+        }
+        let some: Vec<_> = chosen.iter().step_by(chosen.len().div_ceil(20).max(1)).collect();
+        let mut best = (f64::INFINITY, 0.0);
+        for phase in 0..PHASES {
+            let clock = phase as f64 / PHASES as f64;
+            let mut off = 0.0;
+            for (sample, logged, last) in &some {
+                let given = Given::of(log, *sample);
+                let action = self.act(log, *sample, last, &[given], clock).remove(0);
+                off += action.iter().zip(logged).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+            }
+            if off < best.0 {
+                best = (off, clock);
+            }
+        }
+        best.1
+    }
+}
