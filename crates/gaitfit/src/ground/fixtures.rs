@@ -1,9 +1,10 @@
 //! What the tests of this folder share: a policy that has learnt nothing, and logs of it.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
+use super::observation::{self, Given};
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::policy::Policy;
+use gaitfit_learn::policy::{ActScratch, Policy};
 use gaitfit_learn::task::{Scene, TaskSettings};
 use gaitfit_learn::{Training, TrainingSettings, ppo};
 use gaitfit_log::Trajectory;
@@ -33,4 +34,50 @@ pub fn logs(scene: &Scene, policy: &Policy, privileged: bool) -> Vec<Trajectory>
     let subject = Subject { scene, policy, candidate: None, seed: 5 };
     let options = CollectOptions { count: 8, seconds: 1.0, shift: [0.0; 2], privileged };
     collect(&subject, &options, 1).unwrap().into_iter().map(|log| log.trajectory).collect()
+}
+
+/// A log of joints that run after their targets with a push of their own, under the actions that `policy` chooses if it
+/// feels level and at rest. Number and command differ from log to log; a sample a control period.
+pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
+    let interface = &policy.interface;
+    let joints = interface.joints.len();
+    let samples = (seconds / interface.control_dt).round() as usize + 1;
+    let spread = |k: usize| 2.0 * ((number * (k + 3) + k * k) as f64 * 0.618).fract() - 1.0;
+    let command = [spread(0), spread(1), spread(2)];
+    let mut log = Trajectory {
+        source: None,
+        robot: None,
+        joints: interface.joints.clone(),
+        time: (0..samples).map(|sample| sample as f64 * interface.control_dt).collect(),
+        rate_hz: 1.0 / interface.control_dt,
+        position: Vec::new(),
+        velocity: Vec::new(),
+        target: Some(Vec::new()),
+        action: Some(Vec::new()),
+        command: Some(command.repeat(samples)),
+        base: None,
+        gains: None,
+    };
+    let mut scratch = ActScratch::default();
+    let (mut position, mut velocity) = (interface.default_pose.clone(), vec![0.0; joints]);
+    let mut action = vec![0.0f32; joints];
+    let mut observation = vec![0.0f32; interface.observation_width()];
+    for sample in 0..samples {
+        log.position.extend(&position);
+        log.velocity.extend(&velocity);
+        let last: Vec<f64> = action.iter().map(|&x| f64::from(x)).collect();
+        observation::write(policy, &log, sample, &last, &Given::default(), 0.0, &mut observation);
+        policy.act(1, &observation, &mut action, &mut scratch);
+        for joint in 0..joints {
+            let target =
+                interface.default_pose[joint] + interface.action_scale[joint] * f64::from(action[joint]);
+            log.target.get_or_insert_default().push(target);
+            log.action.get_or_insert_default().push(f64::from(action[joint]));
+            let push = 0.05 * (0.3 * sample as f64 + (joint + number) as f64).sin();
+            let next = position[joint] + 0.5 * (target - position[joint]) + push;
+            velocity[joint] = (next - position[joint]) / interface.control_dt;
+            position[joint] = next;
+        }
+    }
+    log
 }

@@ -2,12 +2,13 @@
 //! about the data.
 
 use super::coverage::Coverage;
+use super::cuts::{self, Cut};
 use super::log_files::{self, LogFile};
 use super::policy_check::{self, PolicyMatch};
-use super::{rate, tilt};
+use super::{doubts, rate};
 use crate::config::AdaptConfig;
 use crate::exit::Failure;
-use crate::{log_joints, robot};
+use crate::log_joints;
 use gaitfit_learn::Interface;
 use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::Scene;
@@ -15,8 +16,7 @@ use gaitfit_log::{
     BaseState, CheckSpec, FindingKind, ReadOptions, Severity, Signal, Trajectory, check, falls,
     read_csv_report,
 };
-use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -24,10 +24,6 @@ use std::path::{Path, PathBuf};
 const LEAST_STRETCH_S: f64 = 1.0;
 /// Counted data that a fit needs, s.
 const LEAST_S: f64 = 10.0;
-/// After a fall the data count again when the robot has stood this long, s.
-const STANDS_S: f64 = 1.0;
-/// Relative difference of gains that is worth a word.
-const GAINS: f64 = 0.01;
 
 /// A stretch of a walking log, ready to be compared with rollouts of the policy.
 #[derive(Clone, Debug)]
@@ -41,21 +37,6 @@ pub struct GroundLog {
     /// Its samples: the policy's joints in the policy's order under the model's names, at the policy's rate, with
     /// actions and commands, all finite. Parts of the base's state that are not finite are absent.
     pub trajectory: Trajectory,
-}
-
-/// A part of a log that does not count.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Cut {
-    /// The log's name.
-    pub log: String,
-    /// Where it begins, s, the log's own time.
-    pub from_s: f64,
-    /// Where it ends, s.
-    pub to_s: f64,
-    /// Why, in words.
-    pub reason: String,
-    /// Whether the robot fell.
-    pub fall: bool,
 }
 
 /// The logs, and what to know about them.
@@ -76,10 +57,8 @@ pub struct LogNotes {
 impl LogNotes {
     /// Log files in which the robot fell.
     pub fn falls(&self) -> usize {
-        let mut fallen: Vec<&str> =
-            self.cuts.iter().filter(|cut| cut.fall).map(|cut| cut.log.as_str()).collect();
-        fallen.dedup();
-        fallen.len()
+        let fallen = self.cuts.iter().filter(|cut| cut.fall).map(|cut| cut.log.as_str());
+        fallen.collect::<BTreeSet<&str>>().len()
     }
 
     /// Seconds of data that do not count.
@@ -94,10 +73,12 @@ impl LogNotes {
 }
 
 /// A log as read, joints in the policy's order.
-struct Read {
-    file: LogFile,
+pub struct Read {
+    /// Where from.
+    pub file: LogFile,
     sidecars: Vec<PathBuf>,
-    trajectory: Trajectory,
+    /// Its samples as recorded.
+    pub trajectory: Trajectory,
 }
 
 /// Reads `config.logs` for fits of `policy` in `scene`.
@@ -122,8 +103,8 @@ pub fn read(
         }
         reads.push(read);
     }
-    warnings.extend(findings(&reads, scene));
-    warnings.extend(other_robots(&reads, &scene.interface));
+    warnings.extend(doubts::findings(&reads, scene));
+    warnings.extend(doubts::other_robots(&reads, &scene.interface));
     let rates = rate::text(reads.iter().map(|read| read.trajectory.rate_hz));
     if rates.contains(", ") {
         warnings.push(format!(
@@ -132,23 +113,23 @@ pub fn read(
         ));
     }
 
-    let spec = fall_spec(scene);
+    let spec = cuts::fall_spec(scene);
     let margin = config.falls.margin_seconds;
     let skipped = config.simulation.skip_seconds;
-    let (mut stretches, mut cuts) = (Vec::new(), Vec::new());
+    let (mut stretches, mut removed) = (Vec::new(), Vec::new());
     for read in &reads {
         let fallen: Vec<_> = falls(&read.trajectory, &spec)
             .into_iter()
             .map(|fall| (fall.samples, fall.sign.to_string()))
             .collect();
-        let (kept, removed) = keep(&read.file.name, &read.trajectory, &fallen, margin);
+        let (kept, cut) = cuts::keep(&read.file.name, &read.trajectory, &fallen, margin);
         for stretch in kept {
             stretches.push(count(read, stretch, scene)?);
         }
-        cuts.extend(removed);
+        removed.extend(cut);
     }
     let mut logs = long_enough(stretches, skipped, &mut warnings);
-    enough(config, config_path, &logs, &cuts)?;
+    enough(config, config_path, &logs, &removed)?;
 
     let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
     let policy_match = policy_check::check(policy, &trajectories);
@@ -156,19 +137,19 @@ pub fn read(
     let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
     warnings.extend(policy_match.judge(policy_name, &names)?);
     if policy_match.agrees() && !policy_match.exact {
-        logs = long_enough(cut_felt(policy, logs, margin, &mut cuts)?, skipped, &mut warnings);
-        enough(config, config_path, &logs, &cuts)?;
+        logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, skipped, &mut warnings);
+        enough(config, config_path, &logs, &removed)?;
     }
-    warnings.extend(cut_text(&cuts, reads.len()));
+    warnings.extend(cuts::cut_text(&removed, reads.len()));
     let commands =
         logs.iter().flat_map(|log| log.trajectory.command.iter().flat_map(|rows| rows.chunks_exact(3)));
     let coverage = Coverage::new(commands, scene.interface.control_dt, &scene.settings.command);
     warnings.extend(coverage.warnings());
-    warnings.extend(targets_differ(&logs, &scene.interface));
+    warnings.extend(doubts::targets_differ(&logs, &scene.interface));
     for log in &mut logs {
         drop_broken_base(&mut log.trajectory);
     }
-    Ok(LogNotes { logs, warnings, cuts, coverage, policy_match })
+    Ok(LogNotes { logs, warnings, cuts: removed, coverage, policy_match })
 }
 
 fn open(file: LogFile, config: &AdaptConfig, scene: &Scene) -> Result<Read, Failure> {
@@ -245,161 +226,6 @@ fn same_data(a: &Trajectory, b: &Trajectory) -> bool {
     a.position == b.position && a.velocity == b.velocity && a.action == b.action
 }
 
-/// What the checks of a log doubt, each kind once. Following is judged on noise in some walks of any robot: it counts
-/// where most logs show it.
-fn findings(reads: &[Read], scene: &Scene) -> Vec<String> {
-    // Falls and gaps are cut, coverage is looked at, short stretches are left out: those have their own words.
-    let told = [
-        FindingKind::TooShort,
-        FindingKind::TimeGap,
-        FindingKind::Stuck,
-        FindingKind::Lying,
-        FindingKind::Fallen,
-        FindingKind::NotFinite,
-        FindingKind::ConstantSignal,
-        FindingKind::MissingJoint,
-    ];
-    let mut kinds: BTreeMap<FindingKind, (usize, String)> = BTreeMap::new();
-    for read in reads {
-        let spec = robot::check_spec(scene.batch.model(), &read.trajectory.joints);
-        let mut seen = Vec::new();
-        for finding in check(&read.trajectory, &spec) {
-            if finding.severity == Severity::Note
-                || told.contains(&finding.kind)
-                || seen.contains(&finding.kind)
-            {
-                continue;
-            }
-            seen.push(finding.kind);
-            let text = || format!("{}: {}: {}", read.file.name, finding.kind, finding.message);
-            kinds.entry(finding.kind).or_insert_with(|| (0, text())).0 += 1;
-        }
-    }
-    kinds.retain(|kind, (count, _)| {
-        let noisy = [FindingKind::JointNotFollowing, FindingKind::VelocityMismatch].contains(kind);
-        !noisy || 2 * *count > reads.len()
-    });
-    let text = |(count, text): (usize, String)| match count {
-        1 => text,
-        _ => format!("{text} ({} more logs have the like)", count - 1),
-    };
-    kinds.into_values().map(text).collect()
-}
-
-/// Logs that say they are another robot's or were made with other gains.
-fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
-    let mut warnings = Vec::new();
-    let of = |read: &&Read| read.trajectory.robot.as_ref().is_some_and(|robot| *robot != interface.robot);
-    if let Some(read) = reads.iter().find(of) {
-        warnings.push(format!(
-            "{}: the log is of robot `{}`, the policy for `{}`",
-            read.file.name,
-            read.trajectory.robot.as_deref().unwrap_or_default(),
-            interface.robot
-        ));
-    }
-    let differs = |read: &Read| {
-        let gains = read.trajectory.gains.as_ref()?;
-        let pairs = gains.kp.iter().zip(&interface.kp).chain(gains.kd.iter().zip(&interface.kd));
-        pairs
-            .into_iter()
-            .find(|(log, policy)| (*log - *policy).abs() > GAINS * policy.abs())
-            .map(|(l, p)| (*l, *p))
-    };
-    if let Some((read, (log, policy))) = reads.iter().find_map(|read| Some((read, differs(read)?))) {
-        warnings.push(format!(
-            "{}: the log was made with a gain of {log} where the policy has {policy}; the simulated robot has the \
-             policy's",
-            read.file.name
-        ));
-    }
-    warnings
-}
-
-/// What tells a fallen robot: its trunk on the ground, by the task's rule.
-fn fall_spec(scene: &Scene) -> CheckSpec {
-    let model = scene.batch.model();
-    let pose = |(&joint, &angle): (&usize, &f64)| (model.joints[joint].name.clone(), angle);
-    CheckSpec {
-        default_pose: scene.joints.iter().zip(&scene.interface.default_pose).map(pose).collect(),
-        lying_height: Some(scene.settings.fall.height).filter(|&height| height > 0.0),
-        ..CheckSpec::default()
-    }
-}
-
-/// The sample ranges of `log` that count, and the cuts between them: from `margin` s before a fall (samples, and what
-/// showed it) until the robot has stood for a second, and where samples were lost.
-fn keep(
-    name: &str,
-    log: &Trajectory,
-    falls: &[(Range<usize>, String)],
-    margin: f64,
-) -> (Vec<Range<usize>>, Vec<Cut>) {
-    let (time, samples) = (&log.time, log.len());
-    let at = |seconds: f64| (seconds * log.rate_hz).ceil() as usize;
-    let mut cuts = Vec::new();
-    let mut kept = Vec::new();
-    let mut begin = 0;
-    for (fall, reason) in falls {
-        let start = fall.start.saturating_sub(at(margin));
-        let end = if fall.end >= samples { samples } else { (fall.end + at(STANDS_S)).min(samples) };
-        kept.push(begin..start.max(begin));
-        begin = end.max(begin);
-        let (from_s, to_s) = (time[start], time[end - 1]);
-        cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason: reason.clone(), fall: true });
-    }
-    kept.push(begin..samples);
-    let mut whole = Vec::new();
-    for range in kept {
-        let mut begin = range.start;
-        for next in range.start + 1..range.end {
-            if time[next] - time[next - 1] > rate::LONG_GAP_S.max(3.0 * log.dt()) {
-                whole.push(begin..next);
-                let (from_s, to_s) = (time[next - 1], time[next]);
-                let reason = "samples were lost".to_owned();
-                cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason, fall: false });
-                begin = next;
-            }
-        }
-        whole.push(begin..range.end);
-    }
-    whole.retain(|range| !range.is_empty());
-    (whole, cuts)
-}
-
-/// Cuts falls that only the policy felt (see [`tilt`]) out of logs without the base's orientation.
-fn cut_felt(
-    policy: &Policy,
-    logs: Vec<GroundLog>,
-    margin: f64,
-    cuts: &mut Vec<Cut>,
-) -> Result<Vec<GroundLog>, Failure> {
-    let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
-    let spread = policy_check::spread(&trajectories, policy.interface.joints.len());
-    let mut left = Vec::with_capacity(logs.len());
-    for log in logs {
-        let leaning: Vec<_> = tilt::falls(policy, &log.trajectory, &spread)
-            .into_iter()
-            .map(|range| (range, "the policy acts as if the base leaned by more than 50°".to_owned()))
-            .collect();
-        if leaning.is_empty() {
-            left.push(log);
-            continue;
-        }
-        let (kept, removed) = keep(&log.name, &log.trajectory, &leaning, margin);
-        cuts.extend(removed);
-        for range in kept {
-            let failed =
-                |error: gaitfit_log::LogError| Failure::failed(format!("{}: {error}", log.path.display()));
-            let trajectory = log.trajectory.slice(range).map_err(failed)?;
-            let name =
-                format!("{} from {:.2} s", log.name, trajectory.time.first().copied().unwrap_or_default());
-            left.push(GroundLog { name, trajectory, ..log.clone() });
-        }
-    }
-    Ok(left)
-}
-
 /// The logs that are long enough to count, and warnings about the others.
 fn long_enough(logs: Vec<GroundLog>, skipped: f64, warnings: &mut Vec<String>) -> Vec<GroundLog> {
     let least = LEAST_STRETCH_S + skipped;
@@ -430,26 +256,6 @@ fn count(read: &Read, stretch: Range<usize>, scene: &Scene) -> Result<GroundLog,
     Ok(GroundLog { name, path: read.file.path.clone(), sidecars: read.sidecars.clone(), trajectory })
 }
 
-fn cut_text(cuts: &[Cut], logs: usize) -> Vec<String> {
-    let mut warnings = Vec::new();
-    for (fall, what) in [(true, "the robot fell"), (false, "samples were lost")] {
-        let these: Vec<&Cut> = cuts.iter().filter(|cut| cut.fall == fall).collect();
-        let Some(first) = these.first() else { continue };
-        let seconds: f64 = these.iter().map(|cut| cut.to_s - cut.from_s).sum();
-        let mut names: Vec<&str> = these.iter().map(|cut| cut.log.as_str()).collect();
-        names.dedup();
-        let why = if fall { format!(", {}", first.reason) } else { String::new() };
-        warnings.push(format!(
-            "{what} in {} of {logs} logs; {seconds:.1} s do not count (the first: {} from {:.2} to {:.2} s{why})",
-            names.len(),
-            first.log,
-            first.from_s,
-            first.to_s
-        ));
-    }
-    warnings
-}
-
 /// Refuses too little data.
 fn enough(config: &AdaptConfig, config_path: &Path, logs: &[GroundLog], cuts: &[Cut]) -> Result<(), Failure> {
     let skipped = config.simulation.skip_seconds;
@@ -473,34 +279,6 @@ fn enough(config: &AdaptConfig, config_path: &Path, logs: &[GroundLog], cuts: &[
              and does well with some minutes: record more, with varied commands."
         )
     }))
-}
-
-/// Whether the logged targets are what the policy's interface makes of the logged actions.
-fn targets_differ(logs: &[GroundLog], interface: &Interface) -> Option<String> {
-    let joints = interface.joints.len();
-    let clip = interface.action_clip.unwrap_or(f64::INFINITY);
-    let (mut squares, mut samples) = (vec![0.0; joints], 0.0);
-    for log in logs {
-        let (Some(target), Some(action)) = (&log.trajectory.target, &log.trajectory.action) else { continue };
-        for (target, action) in target.chunks_exact(joints).zip(action.chunks_exact(joints)) {
-            for joint in 0..joints {
-                let meant = interface.default_pose[joint]
-                    + interface.action_scale[joint] * action[joint].clamp(-clip, clip);
-                squares[joint] += (target[joint] - meant).powi(2);
-            }
-            samples += 1.0;
-        }
-    }
-    let rms = |joint: usize| (squares[joint] / samples).sqrt();
-    let worst = (0..joints).max_by(|&a, &b| rms(a).total_cmp(&rms(b)))?;
-    (rms(worst) > 0.02).then(|| {
-        format!(
-            "the logged targets are not default pose + scale × action as the policy has them (off by {:.3} rad RMS at \
-             {}): was the robot driven with another pose or scale?",
-            rms(worst),
-            interface.joints[worst]
-        )
-    })
 }
 
 /// A base state with holes is none.

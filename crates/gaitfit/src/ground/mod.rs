@@ -1,6 +1,8 @@
 //! Fits of walking logs: the policy is run in the simulator under the logs' commands.
 
 pub mod coverage;
+pub mod cuts;
+pub mod doubts;
 pub mod imu_search;
 pub mod log_files;
 pub mod logs;
@@ -16,3 +18,5 @@ pub mod tilt;
 
 #[cfg(test)]
 mod fixtures;
+#[cfg(test)]
+mod logs_test;

@@ -1,0 +1,110 @@
+//! Doubts about walking logs that do not keep them from being used, each in a sentence.
+
+use super::logs::{GroundLog, Read};
+use crate::robot;
+use gaitfit_learn::Interface;
+use gaitfit_learn::task::Scene;
+use gaitfit_log::{FindingKind, Severity, check};
+use std::collections::BTreeMap;
+
+/// Relative difference of gains that is worth a word.
+const GAINS: f64 = 0.01;
+
+/// What the checks of a log doubt, each kind once. Following is judged on noise in some walks of any robot: it counts
+/// where most logs show it.
+pub fn findings(reads: &[Read], scene: &Scene) -> Vec<String> {
+    // Falls and gaps are cut, coverage is looked at, short stretches are left out: those have their own words.
+    let told = [
+        FindingKind::TooShort,
+        FindingKind::TimeGap,
+        FindingKind::Stuck,
+        FindingKind::Lying,
+        FindingKind::Fallen,
+        FindingKind::NotFinite,
+        FindingKind::ConstantSignal,
+        FindingKind::MissingJoint,
+    ];
+    let mut kinds: BTreeMap<FindingKind, (usize, String)> = BTreeMap::new();
+    for read in reads {
+        let spec = robot::check_spec(scene.batch.model(), &read.trajectory.joints);
+        let mut seen = Vec::new();
+        for finding in check(&read.trajectory, &spec) {
+            if finding.severity == Severity::Note
+                || told.contains(&finding.kind)
+                || seen.contains(&finding.kind)
+            {
+                continue;
+            }
+            seen.push(finding.kind);
+            let text = || format!("{}: {}: {}", read.file.name, finding.kind, finding.message);
+            kinds.entry(finding.kind).or_insert_with(|| (0, text())).0 += 1;
+        }
+    }
+    kinds.retain(|kind, (count, _)| {
+        let noisy = [FindingKind::JointNotFollowing, FindingKind::VelocityMismatch].contains(kind);
+        !noisy || 2 * *count > reads.len()
+    });
+    let text = |(count, text): (usize, String)| match count {
+        1 => text,
+        _ => format!("{text} ({} more logs have the like)", count - 1),
+    };
+    kinds.into_values().map(text).collect()
+}
+
+/// Logs that say they are another robot's or were made with other gains.
+pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let of = |read: &&Read| read.trajectory.robot.as_ref().is_some_and(|robot| *robot != interface.robot);
+    if let Some(read) = reads.iter().find(of) {
+        warnings.push(format!(
+            "{}: the log is of robot `{}`, the policy for `{}`",
+            read.file.name,
+            read.trajectory.robot.as_deref().unwrap_or_default(),
+            interface.robot
+        ));
+    }
+    let differs = |read: &Read| {
+        let gains = read.trajectory.gains.as_ref()?;
+        let pairs = gains.kp.iter().zip(&interface.kp).chain(gains.kd.iter().zip(&interface.kd));
+        pairs
+            .into_iter()
+            .find(|(log, policy)| (*log - *policy).abs() > GAINS * policy.abs())
+            .map(|(l, p)| (*l, *p))
+    };
+    if let Some((read, (log, policy))) = reads.iter().find_map(|read| Some((read, differs(read)?))) {
+        warnings.push(format!(
+            "{}: the log was made with a gain of {log} where the policy has {policy}; the simulated robot has the \
+             policy's",
+            read.file.name
+        ));
+    }
+    warnings
+}
+
+/// Whether the logged targets are what the policy's interface makes of the logged actions.
+pub fn targets_differ(logs: &[GroundLog], interface: &Interface) -> Option<String> {
+    let joints = interface.joints.len();
+    let clip = interface.action_clip.unwrap_or(f64::INFINITY);
+    let (mut squares, mut samples) = (vec![0.0; joints], 0.0);
+    for log in logs {
+        let (Some(target), Some(action)) = (&log.trajectory.target, &log.trajectory.action) else { continue };
+        for (target, action) in target.chunks_exact(joints).zip(action.chunks_exact(joints)) {
+            for joint in 0..joints {
+                let meant = interface.default_pose[joint]
+                    + interface.action_scale[joint] * action[joint].clamp(-clip, clip);
+                squares[joint] += (target[joint] - meant).powi(2);
+            }
+            samples += 1.0;
+        }
+    }
+    let rms = |joint: usize| (squares[joint] / samples).sqrt();
+    let worst = (0..joints).max_by(|&a, &b| rms(a).total_cmp(&rms(b)))?;
+    (rms(worst) > 0.02).then(|| {
+        format!(
+            "the logged targets are not default pose + scale × action as the policy has them (off by {:.3} rad RMS at \
+             {}): was the robot driven with another pose or scale?",
+            rms(worst),
+            interface.joints[worst]
+        )
+    })
+}
