@@ -419,7 +419,7 @@ fn networks_are_fitted_from_either_start_by_the_separable_form() {
     let costs = [CostKind::MatchO.build(&target, &simulator).unwrap()];
     for start in [NetworkStart::Zero, NetworkStart::Random] {
         let rule = NetworkRule { start, regularisation: 1e-4, ..NetworkRule::new(NetworkName::ResidAct) };
-        let theta = Theta::new(vec![rule.modification(&simulator.0, &[0.0]).unwrap()]).unwrap();
+        let theta = Theta::new(vec![rule.modification(&[], &simulator.0, &[0.0]).unwrap()]).unwrap();
         let options = FitOptions { covariance: CovarianceKind::Separable, ..options(300) };
         let before = simulate_one(&simulator, &theta, &theta.start(1)).unwrap();
         assert_eq!(before[0].position, OneNetwork::signals(|_| 0.0).0, "starts at no correction");

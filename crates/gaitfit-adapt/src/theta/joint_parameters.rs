@@ -1,23 +1,11 @@
 //! Parameters of joints: friction loss, armature, delay and the like.
 
-use super::patterns::{covered, every_joint, matcher, matches, plain};
-use super::{Entry, Modification, Quantity, ReadContext, SavedParameter, ThetaError, ThetaFileError};
+use super::patterns::every_joint;
+use super::{
+    Entry, Modification, Quantity, ReadContext, SavedParameter, Sharing, ThetaError, ThetaFileError,
+};
 use gaitfit_sim::Candidate;
-use globset::GlobSet;
 use serde::{Deserialize, Serialize};
-
-/// How many joints share a value.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Sharing {
-    /// One value a group.
-    #[default]
-    Group,
-    /// One value a joint.
-    Joint,
-    /// One value for all joints of the rule.
-    All,
-}
 
 /// A rule: a quantity, the joints it covers, and what it takes instead of the quantity's defaults.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -96,44 +84,14 @@ impl ParameterRule {
     /// The rule's entries for a robot, groups in the order of their first joint.
     fn entries(&self, groups: &[(String, Vec<String>)], joints: &[String]) -> Result<Vec<Entry>, ThetaError> {
         let kind = self.kind.name();
-        let covered = covered(kind, &self.joints, joints)?;
+        let shares = self.per.shares(kind, &self.joints, groups, joints)?;
         let prefix = self.name.as_deref().unwrap_or(kind);
-        match self.per {
-            Sharing::All => {
-                let name = self.name.clone().unwrap_or_else(|| named_after(kind, &self.joints));
-                Ok(vec![self.entry(name, covered)])
-            }
-            Sharing::Joint => Ok(covered
-                .into_iter()
-                .map(|joint| self.entry(format!("{prefix}_{}", plain(joint)), vec![joint]))
-                .collect()),
-            Sharing::Group => {
-                let mut found: Vec<(&str, Vec<&String>)> = Vec::new();
-                let compiled: Vec<(&str, GlobSet)> = groups
-                    .iter()
-                    .map(|(name, patterns)| Ok((name.as_str(), matcher(patterns)?)))
-                    .collect::<Result<_, ThetaError>>()?;
-                for joint in covered {
-                    let of: Vec<&str> = compiled
-                        .iter()
-                        .filter(|(_, set)| matches(set, joint))
-                        .map(|(name, _)| *name)
-                        .collect();
-                    let [group] = of[..] else {
-                        let found = if of.is_empty() { "none".to_owned() } else { of.join(" and ") };
-                        return Err(ThetaError::Group { kind, joint: joint.clone(), found });
-                    };
-                    match found.iter_mut().find(|(name, _)| *name == group) {
-                        Some((_, joints)) => joints.push(joint),
-                        None => found.push((group, vec![joint])),
-                    }
-                }
-                Ok(found
-                    .into_iter()
-                    .map(|(group, joints)| self.entry(format!("{prefix}_{group}"), joints))
-                    .collect())
-            }
-        }
+        let named = |share: &str| match (share, &self.name) {
+            ("", Some(name)) => name.clone(),
+            ("", None) => named_after(kind, &self.joints),
+            _ => format!("{prefix}_{share}"),
+        };
+        Ok(shares.into_iter().map(|share| self.entry(named(share.name), share.joints)).collect())
     }
 
     fn entry(&self, name: String, joints: Vec<&String>) -> Entry {

@@ -14,16 +14,18 @@ mod patterns;
 mod quantity;
 mod robot_numbers;
 mod rules;
+mod sharing;
 
 pub use entry::Entry;
 use file::ReadContext;
 pub use file::{SavedNetwork, SavedParameter, ThetaFile, ThetaFileError};
-pub use joint_parameters::{ParameterRule, Sharing};
+pub use joint_parameters::ParameterRule;
 pub use modification::{Found, Modification};
 pub use networks::{NetworkName, NetworkRule, NetworkStart};
 pub use quantity::{Defaults, Quantity};
 pub use robot_numbers::{RobotNumber, RobotRule};
 pub use rules::Rules;
+pub use sharing::Sharing;
 
 use gaitfit_sim::Candidate;
 use std::collections::HashMap;
@@ -427,7 +429,7 @@ mod tests {
             regularisation: 2.0,
             ..NetworkRule::new(NetworkName::ResidAct)
         };
-        let theta = Theta::new(vec![rule.modification(&joints(), &rest).unwrap()]).unwrap();
+        let theta = Theta::new(vec![rule.modification(&[], &joints(), &rest).unwrap()]).unwrap();
         let (one, two) = (theta.start(1), theta.start(2));
         assert_eq!(one, theta.start(1));
         assert_ne!(one, two);
@@ -441,8 +443,39 @@ mod tests {
         let mut values = one;
         values[92..97].copy_from_slice(&[0.1, 0.2, 0.0, -0.2, 0.4]);
         assert!((theta.regularisation(&values) - 2.0 * 0.25 / 6.0).abs() < 1e-15);
-        let zero = NetworkRule::new(NetworkName::ResidAct).modification(&joints(), &rest).unwrap();
+        let zero = NetworkRule::new(NetworkName::ResidAct).modification(&[], &joints(), &rest).unwrap();
         assert_eq!(Theta::new(vec![zero]).unwrap().start(1), vec![0.0; 582]);
+    }
+
+    #[test]
+    fn a_network_that_a_group_shares_acts_on_each_of_its_joints() {
+        let rest = [0.1, 0.8, -1.5, -0.1, 0.8, -1.4];
+        let rule = NetworkRule {
+            per: Sharing::Group,
+            joints: vec!["*_hip".into(), "*_calf".into()],
+            regularisation: 1.0,
+            ..NetworkRule::new(NetworkName::ActionDelta)
+        };
+        let theta = Theta::new(vec![rule.modification(&groups(), &joints(), &rest).unwrap()]).unwrap();
+        assert_eq!(theta.len(), 2 * 97);
+        assert_eq!(theta.entries()[97].name, "action_delta_calf_0");
+        assert_eq!(theta.entries()[97].joints, ["FL_calf", "FR_calf"]);
+        let values: Vec<f64> = (0..theta.len()).map(|index| 0.001 * index as f64).collect();
+        let mut candidate = tests_candidate(6);
+        theta.apply(&values, &joints(), &mut candidate);
+        let networks = &candidate.networks[0];
+        assert_eq!(
+            (networks.joints.as_slice(), networks.rest.as_slice()),
+            (&[0, 3, 2, 5][..], &[0.1, -0.1, -1.5, -1.4][..])
+        );
+        for (network, weights) in networks.weights.chunks_exact(97).enumerate() {
+            assert_eq!(weights, &values[97 * (network / 2)..][..97]);
+        }
+        let last: f64 =
+            [92..97, 189..194].into_iter().flatten().map(|at: usize| values[at] * values[at]).sum();
+        assert!((theta.regularisation(&values) - last / 2.0).abs() < 1e-15);
+        let error = rule.modification(&groups()[..2], &joints(), &rest).unwrap_err();
+        assert!(matches!(error, ThetaError::Group { .. }), "{error}");
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! Networks of joints: ActionDelta and ResidAct (Dao and Fern; He et al. 2025).
 
-use super::patterns::{covered, every_joint, plain};
-use super::{Entry, Found, Modification, ReadContext, SavedNetwork, ThetaError, ThetaFile, ThetaFileError};
+use super::patterns::{every_joint, plain};
+use super::{
+    Entry, Found, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile, ThetaFileError,
+};
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
@@ -58,12 +60,15 @@ pub enum NetworkStart {
     Random,
 }
 
-/// A rule: one network (6 inputs, hidden 8 and 4, tanh, one output) for each joint it covers.
+/// A rule: networks (6 inputs, hidden 8 and 4, tanh, one output) of the joints it covers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkRule {
     /// What they correct.
     pub kind: NetworkName,
+    /// How many joints share weights. A network sees its own joint alone either way.
+    #[serde(default = "per_joint")]
+    pub per: Sharing,
     /// Patterns over joint names, with or without a final `_joint`; a joint is covered when any matches.
     #[serde(default = "every_joint")]
     pub joints: Vec<String>,
@@ -88,11 +93,15 @@ pub struct NetworkRule {
     /// Output for a last layer of weight 1, rad or N·m.
     #[serde(default = "one")]
     pub output_scale: f64,
-    /// Added to every cost times the mean over the joints of b² + Σ w² over the last layer (weights w, bias b). Hidden
+    /// Added to every cost times the mean over the networks of b² + Σ w² over the last layer (weights w, bias b). Hidden
     /// units lie in [−1, 1], so five times that bounds the square of the output in units of `output_scale`: joints
     /// that the cost says nothing about stay uncorrected.
     #[serde(default)]
     pub regularisation: f64,
+}
+
+fn per_joint() -> Sharing {
+    Sharing::Joint
 }
 
 fn minus_one() -> f64 {
@@ -116,6 +125,7 @@ impl NetworkRule {
     pub fn new(kind: NetworkName) -> Self {
         Self {
             kind,
+            per: Sharing::Joint,
             joints: every_joint(),
             lower: -1.0,
             upper: 1.0,
@@ -128,12 +138,17 @@ impl NetworkRule {
         }
     }
 
-    /// The modification for a robot with these `joints`; `rest` are the angles at which the position inputs are 0
-    /// (the policy's default pose), rad, one a joint.
+    /// The modification for a robot with these `joints`; `groups` are names with joint patterns; `rest` are the angles
+    /// at which the position inputs are 0 (the policy's default pose), rad, one a joint.
     ///
     /// # Errors
     /// [`ThetaError`] if patterns or numbers do not fit.
-    pub fn modification(&self, joints: &[String], rest: &[f64]) -> Result<Box<dyn Modification>, ThetaError> {
+    pub fn modification(
+        &self,
+        groups: &[(String, Vec<String>)],
+        joints: &[String],
+        rest: &[f64],
+    ) -> Result<Box<dyn Modification>, ThetaError> {
         let kind = self.kind.name();
         for (what, value, least) in [
             ("position_scale", self.position_scale, f64::MIN_POSITIVE),
@@ -148,32 +163,31 @@ impl NetworkRule {
         if rest.len() != joints.len() || rest.iter().any(|angle| !angle.is_finite()) {
             return Err(ThetaError::Rest { kind, count: rest.len(), joints: joints.len() });
         }
-        let covered = covered(kind, &self.joints, joints)?;
-        let mut entries = Vec::with_capacity(covered.len() * NETWORK_WEIGHTS);
-        for joint in &covered {
+        let shares = self.per.shares(kind, &self.joints, groups, joints)?;
+        let mut entries = Vec::with_capacity(shares.len() * NETWORK_WEIGHTS);
+        let mut networks = Vec::with_capacity(shares.len());
+        for share in shares {
+            let name = if share.name.is_empty() { kind.to_owned() } else { format!("{kind}_{}", share.name) };
             for weight in 0..NETWORK_WEIGHTS {
                 entries.push(Entry {
-                    name: format!("{kind}_{}_{weight}", plain(joint)),
+                    name: format!("{name}_{weight}"),
                     kind,
                     unit: "-".to_owned(),
-                    joints: vec![(*joint).clone()],
+                    joints: share.joints.iter().map(|&joint| joint.clone()).collect(),
                     lower: self.lower,
                     upper: self.upper,
                     start: 0.0,
                     deviation: self.deviation,
                 });
             }
+            let angle =
+                |name: &String| joints.iter().position(|joint| joint == name).map_or(0.0, |at| rest[at]);
+            networks.push(share.joints.into_iter().map(|joint| (joint.clone(), angle(joint))).collect());
         }
         if let Some(entry) = entries.first() {
             entry.check(f64::NEG_INFINITY)?;
         }
-        let angle = |name: &String| joints.iter().position(|joint| joint == name).map_or(0.0, |at| rest[at]);
-        Ok(Box::new(Networks {
-            rule: self.clone(),
-            rest: covered.iter().map(|joint| angle(joint)).collect(),
-            joints: covered.into_iter().cloned().collect(),
-            entries,
-        }))
+        Ok(Box::new(Networks { rule: self.clone(), networks, entries }))
     }
 
     fn scales(&self) -> NetworkScales {
@@ -185,12 +199,12 @@ impl NetworkRule {
     }
 }
 
-/// One network for each of some joints.
+/// Some networks, each of one joint or shared by several.
 #[derive(Debug)]
 struct Networks {
     rule: NetworkRule,
-    joints: Vec<String>,
-    rest: Vec<f64>,
+    /// Joints of each network, with their rest angles, rad.
+    networks: Vec<Vec<(String, f64)>>,
     entries: Vec<Entry>,
 }
 
@@ -207,13 +221,13 @@ impl Modification for Networks {
             weights: Vec::new(),
             scales: self.rule.scales(),
         };
-        for ((name, &rest), weights) in
-            self.joints.iter().zip(&self.rest).zip(values.chunks_exact(NETWORK_WEIGHTS))
-        {
-            if let Some(joint) = joints.iter().position(|joint| joint == name) {
-                networks.joints.push(joint);
-                networks.rest.push(rest);
-                networks.weights.extend_from_slice(weights);
+        for (shared, weights) in self.networks.iter().zip(values.chunks_exact(NETWORK_WEIGHTS)) {
+            for (name, rest) in shared {
+                if let Some(joint) = joints.iter().position(|joint| joint == name) {
+                    networks.joints.push(joint);
+                    networks.rest.push(*rest);
+                    networks.weights.extend_from_slice(weights);
+                }
             }
         }
         candidate.networks.push(networks);
@@ -223,7 +237,7 @@ impl Modification for Networks {
         match self.rule.start {
             NetworkStart::Zero => vec![0.0; self.entries.len()],
             NetworkStart::Random => {
-                (0..self.joints.len()).flat_map(|joint| random_start(&self.rule, seed, joint)).collect()
+                (0..self.networks.len()).flat_map(|network| random_start(&self.rule, seed, network)).collect()
             }
         }
     }
@@ -236,28 +250,29 @@ impl Modification for Networks {
             weights[NETWORK_WEIGHTS - OUTPUT_WEIGHTS..].iter().map(|weight| weight * weight).sum()
         };
         let sum: f64 = values.chunks_exact(NETWORK_WEIGHTS).map(last).sum();
-        self.rule.regularisation * sum / self.joints.len() as f64
+        self.rule.regularisation * sum / self.networks.len() as f64
     }
 
     fn save(&self, found: &[Found], file: &mut ThetaFile) {
-        let joints = self.joints.iter().zip(&self.rest).zip(found.chunks_exact(NETWORK_WEIGHTS));
-        file.network.extend(joints.map(|((joint, &rest), found)| SavedNetwork {
-            name: format!("{}_{}", self.rule.kind.name(), plain(joint)),
-            kind: self.rule.kind,
-            joint: joint.clone(),
-            rest,
-            position_scale: self.rule.position_scale,
-            velocity_scale: self.rule.velocity_scale,
-            output_scale: self.rule.output_scale,
-            weights: found.iter().map(|found| found.value).collect(),
-        }));
+        for (shared, found) in self.networks.iter().zip(found.chunks_exact(NETWORK_WEIGHTS)) {
+            file.network.extend(shared.iter().map(|(joint, rest)| SavedNetwork {
+                name: format!("{}_{}", self.rule.kind.name(), plain(joint)),
+                kind: self.rule.kind,
+                joint: joint.clone(),
+                rest: *rest,
+                position_scale: self.rule.position_scale,
+                velocity_scale: self.rule.velocity_scale,
+                output_scale: self.rule.output_scale,
+                weights: found.iter().map(|found| found.value).collect(),
+            }));
+        }
     }
 }
 
 /// Random hidden layers and a last layer of 0, within the bounds.
-fn random_start(rule: &NetworkRule, seed: u64, joint: usize) -> Vec<f64> {
+fn random_start(rule: &NetworkRule, seed: u64, network: usize) -> Vec<f64> {
     // The purpose is also the policies' initial weights', which no fit draws; the kind takes the step.
-    let stream = Stream::new(seed, Purpose::WEIGHTS).environment(joint as u32).step(rule.kind as u32);
+    let stream = Stream::new(seed, Purpose::WEIGHTS).environment(network as u32).step(rule.kind as u32);
     let mut draws = vec![0.0; NETWORK_WEIGHTS - OUTPUT_WEIGHTS];
     stream.fill_normals(0, &mut draws);
     let mut at = 0;

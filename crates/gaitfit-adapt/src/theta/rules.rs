@@ -37,7 +37,7 @@ impl Rules {
         rest: &[f64],
     ) -> Result<Theta, ThetaError> {
         let parameters = self.parameter.iter().map(|rule| rule.modification(groups, joints));
-        let networks = self.network.iter().map(|rule| rule.modification(joints, rest));
+        let networks = self.network.iter().map(|rule| rule.modification(groups, joints, rest));
         let robot = self.robot.iter().map(RobotRule::modification);
         Theta::new(parameters.chain(networks).chain(robot).collect::<Result<_, _>>()?)
     }

@@ -1,0 +1,74 @@
+//! Which joints share what is searched.
+
+use super::ThetaError;
+use super::patterns::{covered, matcher, matches, plain};
+use globset::GlobSet;
+use serde::{Deserialize, Serialize};
+
+/// How many joints share a value, or a network.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Sharing {
+    /// One a group.
+    #[default]
+    Group,
+    /// One a joint.
+    Joint,
+    /// One for all joints of the rule.
+    All,
+}
+
+/// Joints that share.
+pub(super) struct Share<'a> {
+    /// The group, the joint without `_joint`, or nothing where all share.
+    pub(super) name: &'a str,
+    /// At least one.
+    pub(super) joints: Vec<&'a String>,
+}
+
+impl Sharing {
+    /// The joints of the robot that `patterns` cover, by what they share; groups (names with joint patterns) in the
+    /// order of their first joint.
+    ///
+    /// # Errors
+    /// [`ThetaError`] if no joint is covered, a pattern is none, or a joint is not in just one group.
+    pub(super) fn shares<'a>(
+        self,
+        kind: &'static str,
+        patterns: &[String],
+        groups: &'a [(String, Vec<String>)],
+        joints: &'a [String],
+    ) -> Result<Vec<Share<'a>>, ThetaError> {
+        let covered = covered(kind, patterns, joints)?;
+        match self {
+            Self::All => Ok(vec![Share { name: "", joints: covered }]),
+            Self::Joint => Ok(covered
+                .into_iter()
+                .map(|joint| Share { name: plain(joint), joints: vec![joint] })
+                .collect()),
+            Self::Group => {
+                let mut found: Vec<Share<'a>> = Vec::new();
+                let compiled: Vec<(&str, GlobSet)> = groups
+                    .iter()
+                    .map(|(name, patterns)| Ok((name.as_str(), matcher(patterns)?)))
+                    .collect::<Result<_, ThetaError>>()?;
+                for joint in covered {
+                    let of: Vec<&str> = compiled
+                        .iter()
+                        .filter(|(_, set)| matches(set, joint))
+                        .map(|(name, _)| *name)
+                        .collect();
+                    let [group] = of[..] else {
+                        let found = if of.is_empty() { "none".to_owned() } else { of.join(" and ") };
+                        return Err(ThetaError::Group { kind, joint: joint.clone(), found });
+                    };
+                    match found.iter_mut().find(|share| share.name == group) {
+                        Some(share) => share.joints.push(joint),
+                        None => found.push(Share { name: group, joints: vec![joint] }),
+                    }
+                }
+                Ok(found)
+            }
+        }
+    }
+}
