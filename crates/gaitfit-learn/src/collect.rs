@@ -84,6 +84,7 @@ fn collect_tile(
             angular_velocity: Some(Vec::new()),
         }),
         gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
+        fell: false,
     };
     let mut logs: Vec<Collected> =
         (0..count).map(|_| Collected { trajectory: empty(), fell: false }).collect();
@@ -96,10 +97,12 @@ fn collect_tile(
         }
         player.step(step);
         for (index, log) in logs.iter_mut().enumerate() {
-            if recording(log, step, shifts[index], steps) {
+            let recorded = recording(log, step, shifts[index], steps);
+            if recorded {
                 after_action(&mut log.trajectory, &player, &scene.joints, index);
             }
             log.fell |= matches!(player.ended[index], Ended::Fall | Ended::Diverged);
+            log.trajectory.fell |= recorded && log.fell;
         }
     }
     Ok(logs)

@@ -78,6 +78,7 @@ pub(crate) fn assemble(
         command: layout.command.map(|_| command),
         base: (base != BaseState::default()).then_some(base),
         gains,
+        fell: metadata.fell.is_some_and(|fell| fell.value),
     };
     trajectory.validate()?;
     Ok((trajectory, report))

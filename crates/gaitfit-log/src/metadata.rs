@@ -87,6 +87,7 @@ pub(crate) struct Metadata {
     pub rate_hz: Option<Sourced<f64>>,
     pub kp: Option<Sourced<PerJoint>>,
     pub kd: Option<Sourced<PerJoint>>,
+    pub fell: Option<Sourced<bool>>,
 }
 
 /// The keys of header comments and sidecar files.
@@ -97,12 +98,13 @@ pub(crate) struct Statements {
     pub rate_hz: Option<f64>,
     pub kp: Option<PerJoint>,
     pub kd: Option<PerJoint>,
+    pub fell: Option<bool>,
     /// Free remarks of the recorder; not used.
     #[serde(rename = "notes")]
     pub _notes: Option<toml::Table>,
 }
 
-const KEYS: [&str; 4] = ["robot", "rate_hz", "kp", "kd"];
+const KEYS: [&str; 5] = ["robot", "rate_hz", "kp", "kd", "fell"];
 
 impl Metadata {
     /// Takes what `statements` says and nothing stronger has said.
@@ -116,6 +118,7 @@ impl Metadata {
         fill(&mut self.rate_hz, statements.rate_hz, place);
         fill(&mut self.kp, statements.kp, place);
         fill(&mut self.kd, statements.kd, place);
+        fill(&mut self.fell, statements.fell, place);
     }
 
     /// One header comment, without its `#`. Returns the key of a `key = value` line that means nothing here.
@@ -134,6 +137,7 @@ impl Metadata {
                 "rate" | "ratehz" | "hz" | "frequency" | "samplerate" => "rate_hz",
                 "kp" | "pgain" => "kp",
                 "kd" | "dgain" => "kd",
+                "fell" | "fall" | "fallen" => "fell",
                 _ => return Ok(Some(key.to_owned())),
             };
             return Err(refuse(format!("`{key}` is not a key of log headers; write `{meant} = …`")));
@@ -141,7 +145,7 @@ impl Metadata {
         let statements: Statements = toml::from_str(comment).map_err(|error| {
             refuse(format!(
                 "`{}` is not TOML for `{key}`: {}; write for example `# robot = \"go2\"`, `# rate_hz = 200`, \
-                 `# kp = 25` or `# kp = {{ \"*_hip\" = 20, \"*_thigh\" = 20, \"*_calf\" = 40 }}`, one a line",
+                 `# fell = true`, `# kp = 25` or `# kp = {{ \"*_hip\" = 20, \"*_thigh\" = 20, \"*_calf\" = 40 }}`, one a line",
                 comment.trim(),
                 error.message()
             ))
@@ -150,7 +154,8 @@ impl Metadata {
             "robot" => self.robot.as_ref().map(|said| &said.place),
             "rate_hz" => self.rate_hz.as_ref().map(|said| &said.place),
             "kp" => self.kp.as_ref().map(|said| &said.place),
-            _ => self.kd.as_ref().map(|said| &said.place),
+            "kd" => self.kd.as_ref().map(|said| &said.place),
+            _ => self.fell.as_ref().map(|said| &said.place),
         };
         if let Some(first) = repeated {
             return Err(refuse(format!("`{key}` is stated twice, first at {first}; keep one")));
@@ -166,6 +171,7 @@ impl Metadata {
             rate_hz: self.rate_hz.or(other.rate_hz),
             kp: self.kp.or(other.kp),
             kd: self.kd.or(other.kd),
+            fell: self.fell.or(other.fell),
         }
     }
 }
@@ -196,7 +202,7 @@ pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), Log
         let text = std::fs::read_to_string(&sidecar).map_err(io)?;
         let statements: Statements = toml::from_str(&text).map_err(|error| {
             refuse(format!(
-                "{}a log's sidecar has the keys robot, rate_hz, kp, kd and the table notes; if this file is something \
+                "{}a log's sidecar has the keys robot, rate_hz, kp, kd, fell and the table notes; if this file is something \
                  else, rename it or read without sidecar files",
                 error
             ))

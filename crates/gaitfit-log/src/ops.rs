@@ -156,9 +156,10 @@ impl Trajectory {
                 problem: format!("samples {}..{} of {}", range.start, range.end, self.len()),
             });
         }
-        Ok(self.map_arrays(self.joints.clone(), self.gains.clone(), |values, width| {
+        let part = self.map_arrays(self.joints.clone(), self.gains.clone(), |values, width| {
             values[range.start * width..range.end * width].to_vec()
-        }))
+        });
+        Ok(Trajectory { fell: self.fell && range.end == self.len(), ..part })
     }
 
     /// Samples with `from <= time < to`, s. Needs increasing time.
@@ -283,6 +284,7 @@ impl Trajectory {
             robot: self.robot.clone(),
             joints: self.joints.clone(),
             gains: self.gains.clone(),
+            fell: self.fell,
         })
     }
 
@@ -329,6 +331,7 @@ impl Trajectory {
                 angular_velocity: optional(&base.angular_velocity, 3),
             }),
             gains,
+            fell: self.fell,
         }
     }
 }

@@ -31,6 +31,8 @@ pub struct Trajectory {
     pub base: Option<BaseState>,
     /// PD gains in force while recording, one a joint; may be absent.
     pub gains: Option<Gains>,
+    /// The recording ends because the robot fell. A log that goes on after a fall shows it and need not say so.
+    pub fell: bool,
 }
 
 /// PD gains of the recording, one entry a joint in the trajectory's joint order.

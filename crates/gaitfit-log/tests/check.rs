@@ -29,6 +29,7 @@ fn simulate(
         command: None,
         base: None,
         gains: Some(Gains { kp: vec![20.0; joints], kd: vec![1.0; joints] }),
+        fell: false,
     };
     let mut q: Vec<f64> = (0..joints).map(|joint| target(0.0, joint) - load / 20.0).collect();
     let mut dq = vec![0.0; joints];
@@ -424,6 +425,7 @@ fn summary_counts_by_hand() {
         velocity: vec![0.0; 4],
         target: Some(vec![1.0, 0.0, 0.0, 0.0]),
         gains: Some(Gains { kp: vec![3.0], kd: vec![4.0] }),
+        fell: false,
         source: None,
         robot: None,
         action: None,

@@ -19,6 +19,7 @@ fn walk(stuck: f64) -> Trajectory {
         command: None,
         base: None,
         gains: None,
+        fell: false,
         time,
     };
     for &at in &log.time {
@@ -48,6 +49,18 @@ fn a_walk_is_no_fall() {
     assert!(falls(&walk(9.0), &CheckSpec::default()).is_empty());
     let sways = rolling(walk(9.0), |at| 25.0 * (9.0 * at).sin());
     assert!(falls(&sways, &CheckSpec::default()).is_empty());
+}
+
+#[test]
+fn a_log_may_say_that_it_ends_in_a_fall() {
+    let log = Trajectory { fell: true, ..walk(9.0) };
+    let found = falls(&log, &CheckSpec::default());
+    assert_eq!((found.len(), &found[0].samples, found[0].sign), (1, &(299..300), FallSign::Stated));
+    assert!(falls(&log.slice(0..200).unwrap(), &CheckSpec::default()).is_empty());
+    assert_eq!(falls(&log.slice(200..300).unwrap(), &CheckSpec::default()).len(), 1);
+    // One that also shows it fell once.
+    let found = falls(&Trajectory { fell: true, ..walk(3.0) }, &CheckSpec::default());
+    assert_eq!((found.len(), found[0].sign), (1, FallSign::Stuck));
 }
 
 #[test]

@@ -95,6 +95,7 @@ mod tests {
             command: None,
             base: None,
             gains: Some(Gains { kp: vec![1.0; joints], kd: vec![1.0; joints] }),
+            fell: false,
         }
     }
 

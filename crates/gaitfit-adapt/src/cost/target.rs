@@ -364,6 +364,7 @@ mod tests {
             command: None,
             base: None,
             gains: None,
+            fell: false,
         };
         let recorded = Recorded::from_trajectory(&trajectory, &names(&["hip", "calf"]), 0).unwrap();
         assert_eq!(recorded.position, [2.0, 1.0, 4.0, 3.0]);

@@ -22,6 +22,8 @@ pub enum FallSign {
     Stuck,
     /// At rest far from the targets.
     Lying,
+    /// The log says that it ends in a fall.
+    Stated,
 }
 
 impl std::fmt::Display for FallSign {
@@ -31,6 +33,7 @@ impl std::fmt::Display for FallSign {
             Self::Height => "the base is on the ground",
             Self::Stuck => "most joints do not do what they are asked",
             Self::Lying => "the robot rests far from its targets",
+            Self::Stated => "the log says so",
         })
     }
 }
@@ -56,6 +59,9 @@ pub fn falls(log: &Trajectory, spec: &CheckSpec) -> Vec<Fall> {
     }
     let mut signs = of_base(log, spec);
     signs.extend(of_joints(log));
+    if log.fell {
+        signs.push(Fall { samples: log.len() - 1..log.len(), sign: FallSign::Stated });
+    }
     signs.sort_by_key(|fall| (fall.samples.start, fall.sign));
     let apart = (BETWEEN_S * log.rate_hz).round() as usize;
     let mut falls: Vec<Fall> = Vec::new();

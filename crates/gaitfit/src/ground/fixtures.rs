@@ -57,6 +57,7 @@ pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
         command: Some(command.repeat(samples)),
         base: None,
         gains: None,
+        fell: false,
     };
     let mut scratch = ActScratch::default();
     let (mut position, mut velocity) = (interface.default_pose.clone(), vec![0.0; joints]);
