@@ -126,7 +126,7 @@ def collect(args, world):
     if any(args.out.glob("*.csv")):
         raise Refused(f"{args.out} already holds logs; give an empty folder")
     jobs = [(world, numbers, args.seconds, (low, high)) for numbers in groups(args.trajectories)]
-    logs = parallel(record, jobs, args.processes)
+    logs = parallel(record, jobs, args.processes, "logs")
     columns = [f"{prefix}_{joint}" for prefix in ("q", "dq", "qdes", "act") for joint in policy.joints]
     header = ",".join(["time", *columns, "vx_cmd", "vy_cmd", "wz_cmd"])
     digits, files = max(2, len(str(args.trajectories - 1))), []
@@ -135,7 +135,10 @@ def collect(args, world):
             print(f"note: trajectory {number} fell before its log began; it has no file", file=sys.stderr)
             continue
         path = args.out / f"trajectory_{number:0{digits}}.csv"
-        np.savetxt(path, log["rows"], fmt="%.7g", delimiter=",", header=header, comments="")
+        # Times need their digits however long the log is.
+        formats = ["%.7g", *[f"%.{args.digits}g"] * (len(log["rows"][0]) - 1)]
+        stated = "# fell = true\n" if log["fell"] else ""
+        np.savetxt(path, log["rows"], fmt=formats, delimiter=",", header=stated + header, comments="")
         files.append(str(path))
     write_sidecar(args.out, policy, args)
     report = {"trajectories": len(files), "seconds": args.seconds, "falls": sum(log["fell"] for log in logs), "files": files}
@@ -184,7 +187,7 @@ def drift(world, task, robots, processes):
         "+yaw": (0.0, 0.0, counter), "-yaw": (0.0, 0.0, clockwise),
     }  # fmt: skip
     jobs = [(world, numbers, tuple(map(float, command))) for command in commands.values() for numbers in groups(robots)]
-    results = iter(parallel(drift_trial, jobs, processes))
+    results = iter(parallel(drift_trial, jobs, processes, "robots under constant commands"))
     report = []
     for name, command in commands.items():
         mine = [next(results) for _ in range(robots)]
@@ -235,6 +238,8 @@ def main():
     commands.choices["collect"].add_argument("--out", type=pathlib.Path, required=True, help="folder for the logs")
     commands.choices["collect"].add_argument("--log-shift", type=float, nargs="+", default=[0.0], metavar="S",
         help="begin each log this long after the robot, drawn between two times [0]")  # fmt: skip
+    commands.choices["collect"].add_argument("--digits", type=int, default=7, choices=range(3, 18), metavar="N",
+        help="significant digits of the numbers in the logs [7]")  # fmt: skip
     commands.choices["evaluate"].add_argument("--drift", type=int, default=16, help="robots a constant command, 0: none [16]")
     args = parser.parse_args()
     if min(args.trajectories, args.processes) < 1 or not 0 < args.seconds <= 3600 or args.seed < 0:

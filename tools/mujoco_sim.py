@@ -13,6 +13,8 @@ import json
 import math
 import multiprocessing
 import pathlib
+import sys
+import time
 import tomllib
 
 import mujoco
@@ -25,6 +27,8 @@ DIVERGED = [mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, 
 COMMAND, START, TORQUE_NOISE, LOG_SHIFT = range(4)
 # Robots advanced together. Fixed, so that results do not depend on the number of processes.
 GROUP = 16
+# Between words about how far it is, s.
+SAY_SECONDS = 5.0
 # What a policy without a task of its own is tried with.
 TASK = {
     "command": {"x": [-1.0, 1.0], "y": [-1.0, 1.0], "yaw": [-1.0, 1.0], "seconds": 4.0, "standing": 0.0},
@@ -309,10 +313,20 @@ def check(world):
     Group(world, [0])
 
 
-def parallel(function, jobs, processes):
-    """Results of `function` over jobs, in their order; each job's result is a list, and they are joined."""
+def parallel(function, jobs, processes, what):
+    """Results of `function` over jobs, in their order; each job's result is a list, one a robot, and they are joined. What
+    takes long is told on standard error; `what` names the results in the plural."""
+    results, total, begun = [], sum(len(job[1]) for job in jobs), time.monotonic()
+    said = begun
     with concurrent.futures.ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-        return [result for results in pool.map(function, jobs) for result in results]
+        for found in pool.map(function, jobs):
+            results.extend(found)
+            now = time.monotonic()
+            if now - said > SAY_SECONDS and len(results) < total:
+                left = (now - begun) / len(results) * (total - len(results))
+                print(f"{what} {len(results)}/{total}  {left:.0f} s left", file=sys.stderr, flush=True)
+                said = now
+    return results
 
 
 def groups(count):
@@ -340,7 +354,7 @@ def trial(job):
 def trials(world, commands, seconds, skip, processes):
     """Statistics of `trial` over commands, named as in `gaitfit evaluate --json`."""
     jobs = [(world, numbers, commands[numbers], seconds, skip) for numbers in groups(len(commands))]
-    results = parallel(trial, jobs, processes)
+    results = parallel(trial, jobs, processes, "trajectories")
     moved = [result for result in results if result["error"] is not None]
     if not moved:
         raise Refused("no trajectory lasted long enough to be measured")

@@ -47,6 +47,8 @@ joints = ["*_hip*"]
 value = 0.2
 "#;
 
+const COMMAND: &str = "[target]\nkind = \"command\"\ncollect = [\"true\", \"{folder}\"]\n";
+
 const SMALL: &str = r#"
 checkpoint_seconds = 0.0
 [adapt]
@@ -188,6 +190,60 @@ fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
 }
 
 #[test]
+fn a_robot_that_may_be_missing_is_asked_once() {
+    let recorded = tempfile::tempdir().unwrap();
+    let logs = recorded.path().join("l/round-1/logs");
+    let more = ["--set", "references=false"];
+    let output = run(&args(recorded.path(), SIMULATED, &more));
+    assert!(output.status.success(), "{}", errors(&output));
+
+    let folder = tempfile::tempdir().unwrap();
+    let there = folder.path().join("there");
+    let target = format!(
+        "logs = [{:?}]\n[target]\nkind = \"command\"\n\
+         probe = [\"sh\", \"-c\", \"test -e {} || {{ echo no robot here >&2; exit 1; }}\"]\n\
+         collect = [\"sh\", \"-c\", \"cp {}/*.csv {{folder}}\"]\nevaluate = [\"cat\", {:?}]\n",
+        logs.display().to_string(),
+        there.display(),
+        logs.display(),
+        recorded.path().join("l/evaluations/policy-0-target.json").display().to_string(),
+    );
+    let loop_of = |more: &[&str]| run(&args(folder.path(), &target, more));
+
+    // Not there: one line says so, whatever there is to measure is measured in the fitted simulator.
+    let output = loop_of(&["--set", "rounds=2"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    assert_eq!(errors(&output).matches("no robot here").count(), 1, "{}", errors(&output));
+    let result = json(&output);
+    let places = |result: &serde_json::Value| -> Vec<String> {
+        let rows = result["evaluations"].as_array().unwrap();
+        rows.iter().map(|row| row["on"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(places(&result), ["adapted", "adapted"]);
+    assert_eq!(result["rounds"].as_array().unwrap().len(), 1);
+    assert!(result["next"].as_str().unwrap().contains("no robot here"), "{}", result["next"]);
+    let page = fs::read_to_string(folder.path().join("l/report.html")).unwrap();
+    assert!(page.contains("no robot here"));
+
+    // It came: the loop that began without it ends without it, a new one measures on it.
+    fs::write(&there, "").unwrap();
+    fs::remove_file(folder.path().join("l/result.json")).unwrap();
+    let output = loop_of(&["--resume", "--set", "rounds=2"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    assert_eq!(places(&json(&output)), ["adapted", "adapted"]);
+    let output = loop_of(&[]);
+    assert!(output.status.success(), "{}", errors(&output));
+    assert_eq!(places(&json(&output)), ["target", "target", "adapted", "adapted"]);
+
+    // It went: what was begun with it waits for it.
+    fs::remove_file(&there).unwrap();
+    fs::remove_file(folder.path().join("l-2/result.json")).unwrap();
+    let output = loop_of(&["--resume"]);
+    assert_eq!(output.status.code(), Some(4), "{}", errors(&output));
+    assert!(errors(&output).contains("no robot here"), "{}", errors(&output));
+}
+
+#[test]
 fn a_program_that_fails_is_named_with_what_it_said() {
     for (target, words) in [
         (
@@ -228,6 +284,8 @@ fn wrong_settings_are_refused_by_name() {
         (SIMULATED, "evaluate.trajectories=0", ["`evaluate.trajectories`", "1 to"]),
         ("logs = [\"assets\"]\n", "rounds=2", ["`rounds`", "[target]"]),
         (SIMULATED, "target.collect=[\"true\"]", ["target.collect", "command"]),
+        (SIMULATED, "target.probe=[\"true\"]", ["target.probe", "command"]),
+        (COMMAND, "target.probe=[\"true\"]", ["target.probe", "`logs`"]),
     ] {
         let output = run(&args(folder.path(), target, &["--set", set]));
         assert_eq!(output.status.code(), Some(2), "{set}: {}", errors(&output));

@@ -43,8 +43,8 @@ pub struct LoopReport {
     pub facts: Vec<Setting>,
     /// Files beside the report to look at.
     pub links: Vec<Link>,
-    /// What the reader must know before trusting the numbers. Falls, uncovered commands and parameters that are not
-    /// identified come from the rounds and need no repeating.
+    /// What the reader must know before trusting the numbers, falls, uncovered commands and parameters that are not
+    /// identified among them: rounds show these where they belong, without a word of warning.
     pub warnings: Vec<String>,
     /// Resolved settings, in the order to print them.
     pub settings: Vec<Setting>,

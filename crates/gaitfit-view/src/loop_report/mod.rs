@@ -10,7 +10,6 @@ mod page;
 mod policies;
 mod rounds;
 mod tracking;
-mod warnings;
 
 pub use data::{
     Adaptation, DriftTrials, Estimate, FittedParameter, LogSummary, LoopReport, Round, Signal,

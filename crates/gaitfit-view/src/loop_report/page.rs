@@ -1,11 +1,11 @@
 //! The page as the template sees it: text and pictures, ready to be placed.
 
+use super::LoopReport;
 use super::drift::{self, DriftSection};
 use super::headline::{self, Headline};
 use super::policies::Cast;
 use super::rounds::{self, RoundLine, RoundSection};
 use super::tracking::{self, TrackingSection};
-use super::{LoopReport, warnings};
 use crate::format::{clean, clean_prose, duration};
 use crate::page::{self, ShownLink};
 use crate::replay::{Player, Replay, ReplayError};
@@ -64,6 +64,8 @@ impl Page {
             Some(Ok(player)) => (Some(player), None),
             Some(Err(why)) => (None, Some(why.to_string())),
         };
+        let mut warnings = page::lines(&report.warnings);
+        warnings.extend(problem.map(|why: String| format!("The replay is left out: {}.", clean_prose(&why))));
         let mut facts = vec![Setting { name: "Wall time".into(), value: duration(report.wall_seconds) }];
         facts.extend(page::settings(&report.facts));
         Page {
@@ -73,7 +75,7 @@ impl Page {
             headline: headline::build(report, &cast),
             facts,
             links: page::links(&report.links),
-            warnings: warnings::build(report, problem),
+            warnings,
             lines: rounds::lines(report),
             rounds,
             has,

@@ -1,7 +1,7 @@
 //! The repetitions: a line each, and what each found.
 
 use super::distributions::{self, DistributionGroup};
-use super::{Adaptation, LogSummary, LoopReport, Round, commands, warnings};
+use super::{Adaptation, LogSummary, LoopReport, Round, commands};
 use crate::format::{UNKNOWN, clean, clean_prose, duration, grouped, significant};
 use crate::report::parameters::{self, Known, ParameterTable};
 use crate::report::runs::{self, Level, Runs};
@@ -13,6 +13,7 @@ const MOST_ROUNDS: usize = 6;
 const MOST_LINES: usize = 100;
 /// Fits of a round at most.
 const MOST_FITS: usize = 6;
+const MOST_UNCOVERED: usize = 20;
 
 /// A line of the table of rounds.
 #[derive(Serialize)]
@@ -64,7 +65,7 @@ struct LegendEntry {
 }
 
 /// What the round is called.
-pub(super) fn title(round: &Round, index: usize) -> String {
+fn title(round: &Round, index: usize) -> String {
     if round.name.is_empty() { format!("Round {}", index + 1) } else { clean(&round.name) }
 }
 
@@ -132,7 +133,7 @@ fn log_view(log: &LogSummary) -> LogView {
         falls: log.falls,
         cut: duration(log.cut_seconds),
         commands: commands::picture(log),
-        uncovered: log.uncovered.iter().take(warnings::MOST).map(|part| clean_prose(part)).collect(),
+        uncovered: log.uncovered.iter().take(MOST_UNCOVERED).map(|part| clean_prose(part)).collect(),
     }
 }
 

@@ -95,6 +95,10 @@ pub struct TargetConfig {
     /// Simulated: solver effort.
     #[serde(default = "accurate")]
     pub preset: PresetName,
+    /// Command: a program that ends well if the robot is there, and its arguments; if it is not, the loop goes on
+    /// without a target. Without one the robot must be there.
+    #[serde(default)]
+    pub probe: Vec<String>,
     /// Command: the program that records, and its arguments.
     #[serde(default)]
     pub collect: Vec<String>,
@@ -259,6 +263,11 @@ impl LoopConfig {
             "`policy` names no policy; give the file of the policy that walks".to_owned()
         } else if self.logs.is_empty() && self.target.is_none() {
             "there are neither `logs` of a robot nor a [target] to record them on".to_owned()
+        } else if self.logs.is_empty() && self.target.as_ref().is_some_and(|target| !target.probe.is_empty())
+        {
+            "`target.probe` lets a loop go on without the robot, which needs `logs` to fit; leave it out if the \
+             robot must be there"
+                .to_owned()
         } else if self.rounds == 0 || self.rounds > 100 {
             "`rounds` must be 1 to 100".to_owned()
         } else if self.rounds > 1 && self.target.is_none() {
@@ -347,8 +356,9 @@ impl TargetConfig {
             "`target.trajectories` must be 1 to 100000"
         } else if !(self.seconds > 0.0 && self.seconds <= 3600.0) {
             "`target.seconds` must be above 0 and at most 3600"
-        } else if simulated && !(self.collect.is_empty() && self.evaluate.is_empty()) {
-            "`target.collect` and `target.evaluate` are for kind = \"command\""
+        } else if simulated && !(self.probe.is_empty() && self.collect.is_empty() && self.evaluate.is_empty())
+        {
+            "`target.probe`, `target.collect` and `target.evaluate` are for kind = \"command\""
         } else if !(0.0 <= low && low <= high && high <= 10.0) {
             "`target.log_shift` takes two times from 0 to 10 s, the shorter first"
         } else if !simulated

@@ -11,6 +11,7 @@ pub mod policy_check;
 pub mod rate;
 pub mod report;
 pub mod results;
+pub mod scan;
 pub mod setup;
 pub mod simulator;
 pub mod table;

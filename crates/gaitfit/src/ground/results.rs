@@ -1,10 +1,12 @@
 //! What a fit of walking logs found, as the one document that `--json` prints, `result.json` keeps, and tables and
 //! report show.
 
+use super::scan::Scan;
 use super::setup::Ground;
 use super::simulator::GroundSimulator;
 use crate::config::AdaptConfig;
-use crate::exit::Failure;
+use crate::exit::{Exit, Failure};
+use crate::interrupt;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::cost::Cost;
 use gaitfit_adapt::fit::{
@@ -103,7 +105,15 @@ pub fn results(
         let Some(cost) = costs.iter().find(|cost| cost.name() == outcome.cost) else { continue };
         let mut outcome = outcome.clone();
         if ground.theta.len() <= MOST_SCANNED {
-            outcome.identify(simulator, &ground.theta, cost.as_ref(), 0).map_err(Failure::failed)?;
+            let scan = Scan::new(simulator, cost.name());
+            let found = outcome.identify(&scan, &ground.theta, cost.as_ref(), 0);
+            if interrupt::asked() {
+                return Err(Failure {
+                    exit: Exit::Interrupted,
+                    message: format!("interrupted after the search; {run_folder} has it, --resume continues"),
+                });
+            }
+            found.map_err(Failure::failed)?;
         }
         let fit = fit(config, ground, simulator, std::slice::from_ref(cost), outcome)?;
         warn(&fit, &mut warnings);

@@ -8,8 +8,8 @@ use std::fmt::Write;
 /// Most parameters that are listed; networks have more, and say nothing one by one.
 const MOST_LISTED: usize = 50;
 
-/// Costs and parameters of each fit, and what to know.
-pub fn text(results: &GroundResults) -> String {
+/// Costs and parameters of each fit, and what to know besides what was `said` already.
+pub fn text(results: &GroundResults, said: &[String]) -> String {
     let mut text = String::new();
     let _ = writeln!(
         text,
@@ -20,7 +20,7 @@ pub fn text(results: &GroundResults) -> String {
         let _ = writeln!(text, "\n{}\n\n{}", headline(fit), parameters(fit));
     }
     text.push('\n');
-    for warning in &results.warnings {
+    for warning in results.warnings.iter().filter(|warning| !said.contains(warning)) {
         let _ = writeln!(text, "note: {warning}");
     }
     let _ = writeln!(text, "theta: {0}/theta.toml   report: {0}/report.html", results.run_folder);

@@ -1,6 +1,8 @@
 //! A robot that another program runs.
 
+use super::probe::with_python;
 use super::{Evaluation, Plan, PolicyFiles, csv_files};
+use crate::config::TargetConfig;
 use crate::exit::{Exit, Failure};
 use crate::interrupt;
 use crate::output::note;
@@ -23,19 +25,17 @@ const LAST_LINES: usize = 20;
 const MOST_SHOWN: usize = 200;
 
 impl Command {
-    /// `trajectories` of `seconds` are what is recorded.
+    /// The programs of a target. `python`: what `{python}` is, where that is known already.
     ///
     /// # Errors
     /// In words: a place to fill in that there is not.
-    pub fn new(
-        collect: &[String],
-        evaluate: &[String],
-        trajectories: usize,
-        seconds: f64,
-    ) -> Result<Self, String> {
-        for (words, name, known) in
-            [(collect, "collect", &COLLECT[..]), (evaluate, "evaluate", &EVALUATE[..])]
-        {
+    pub fn new(target: &TargetConfig, python: Option<&str>) -> Result<Self, String> {
+        let TargetConfig { probe, collect, evaluate, .. } = target;
+        for (words, name, known) in [
+            (probe, "probe", &["python"][..]),
+            (collect, "collect", &COLLECT[..]),
+            (evaluate, "evaluate", &EVALUATE[..]),
+        ] {
             for word in words {
                 if let Some(unknown) = places(word).find(|place| !known.contains(place)) {
                     return Err(format!(
@@ -50,7 +50,14 @@ impl Command {
                 "`target.collect` has no {folder}: the program must be told where its logs go".to_owned()
             );
         }
-        Ok(Self { collect: collect.to_vec(), evaluate: evaluate.to_vec(), trajectories, seconds })
+        let words =
+            |words: &[String]| python.map_or_else(|| words.to_vec(), |python| with_python(words, python));
+        Ok(Self {
+            collect: words(collect),
+            evaluate: words(evaluate),
+            trajectories: target.trajectories,
+            seconds: target.seconds,
+        })
     }
 
     /// Has the program record logs of the policy into `folder`.
@@ -122,8 +129,8 @@ impl Command {
     }
 }
 
-const COLLECT: [&str; 6] = ["onnx", "policy", "folder", "trajectories", "seconds", "seed"];
-const EVALUATE: [&str; 6] = ["onnx", "policy", "trajectories", "seconds", "drift", "seed"];
+const COLLECT: [&str; 7] = ["python", "onnx", "policy", "folder", "trajectories", "seconds", "seed"];
+const EVALUATE: [&str; 7] = ["python", "onnx", "policy", "trajectories", "seconds", "drift", "seed"];
 
 /// Names in braces; braces around anything else are left alone.
 fn places(word: &str) -> impl Iterator<Item = &str> {
@@ -183,7 +190,10 @@ fn pass_on(stream: impl Read) -> String {
     let mut last = VecDeque::new();
     for line in BufReader::new(stream).split(b'\n').map_while(Result::ok) {
         let line = String::from_utf8_lossy(&line).trim_end().to_owned();
-        note(&format!("  {line}"));
+        // What a program says of an interruption is of no use to who asked for it.
+        if !interrupt::asked() {
+            note(&format!("  {line}"));
+        }
         last.push_back(line);
         if last.len() > LAST_LINES {
             last.pop_front();

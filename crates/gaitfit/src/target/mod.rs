@@ -3,11 +3,13 @@
 mod command;
 mod evaluation;
 mod logs;
+mod probe;
 mod simulated;
 
 pub use command::Command;
-pub use evaluation::{Evaluation, Measured, Plan, measure};
+pub use evaluation::{DriftResult, Evaluation, Measured, Plan, measure};
 pub use logs::{csv_files, write_logs, write_whole};
+pub use probe::{Presence, asks_for_python, probe};
 pub use simulated::{Simulated, truth};
 
 use crate::exit::Failure;

@@ -62,9 +62,9 @@ pub fn fit(config: &AdaptConfig, ground: &Ground, folder: &RunFolder) -> Result<
     Ok(results)
 }
 
-/// Prints the result.
-pub fn print(results: &GroundResults, json: bool) -> Result<(), Failure> {
-    if json { output::print_json(results) } else { output::print(&table::text(results)) }
+/// Prints the result; what the logs' warnings are [`fit`] has said.
+pub fn print(results: &GroundResults, ground: &Ground, json: bool) -> Result<(), Failure> {
+    if json { output::print_json(results) } else { output::print(&table::text(results, &ground.warnings)) }
 }
 
 fn finished(folder: &RunFolder, text: &str, inputs: &Inputs) -> Result<GroundResults, Failure> {

@@ -33,7 +33,7 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
         let ground = Ground::open(&config, &args.config, threads)?;
         let folder = folder(&config.runs, &name, args.resume)?;
         let results = ground::fit(&config, &ground, &folder)?;
-        return ground::print(&results, args.json);
+        return ground::print(&results, &ground, args.json);
     }
     let setup = setup::setup(&config, &args.config, threads)?;
     for warning in &setup.warnings {
@@ -55,7 +55,7 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
             results
         }
     };
-    report(&results, args.json)
+    report(&results, &setup.warnings, args.json)
 }
 
 /// The folder of a new run, or the latest of that name.
@@ -70,12 +70,12 @@ fn folder(runs: &str, name: &str, resume: bool) -> Result<RunFolder, Failure> {
     RunFolder::fresh(runs, name)
 }
 
-/// Prints the result; a check that failed decides the exit code.
-fn report(results: &Results, json: bool) -> Result<(), Failure> {
+/// Prints the result, less the warnings that were `said`; a check that failed decides the exit code.
+fn report(results: &Results, said: &[String], json: bool) -> Result<(), Failure> {
     if json {
         output::print_json(results)?;
     } else {
-        output::print(&table::text(results))?;
+        output::print(&table::text(results, said))?;
     }
     let failed: Vec<String> = results.checks.iter().filter(|check| !check.passed).map(table::check).collect();
     if failed.is_empty() {

@@ -5,8 +5,8 @@ use crate::table::table;
 use comfy_table::Table;
 use std::fmt::Write;
 
-/// Parameters, predictors, validation, the other fits, and what to know.
-pub fn text(results: &Results) -> String {
+/// Parameters, predictors, validation, the other fits, and what to know besides what was `said` already.
+pub fn text(results: &Results, said: &[String]) -> String {
     let mut text = String::new();
     let seeds = results.runs.len();
     let _ = writeln!(
@@ -33,7 +33,7 @@ pub fn text(results: &Results) -> String {
     for check in &results.checks {
         let _ = writeln!(text, "{}: {}", if check.passed { "passed" } else { "FAILED" }, self::check(check));
     }
-    for warning in &results.warnings {
+    for warning in results.warnings.iter().filter(|warning| !said.contains(warning)) {
         let _ = writeln!(text, "note: {warning}");
     }
     let _ = writeln!(text, "report: {}/report.html", results.run_folder);

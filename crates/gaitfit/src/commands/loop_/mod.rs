@@ -1,6 +1,7 @@
 //! `gaitfit loop`: collect, adapt, fine-tune, evaluate, repeated while it helps.
 
 pub mod files;
+mod presence;
 mod report;
 pub mod results;
 pub mod rounds;

@@ -4,13 +4,15 @@
 //! under commands that are the same for all policies: it is what the loop is for, and costs of two rounds compare
 //! logs of different policies, each scaled by its own range. Where only logs can be had, it is the cost of the fit.
 
-use super::files::{self, Times};
+use super::files;
+use super::presence;
 use super::results::{self, Measurement, REFERENCE, Results, RoundResult, TARGET, adapted, policy_name};
 use super::setup::Setup;
 use super::stages::{Simulator, Stages, measurement};
-use crate::config::{AdaptConfig, TargetKind};
+use crate::config::{AdaptConfig, TargetConfig, TargetKind};
 use crate::exit::Failure;
 use crate::ground::setup::Ground;
+use crate::output::note;
 use crate::run_folder::RunFolder;
 use crate::target::{Evaluation, PolicyFiles, Target};
 use gaitfit_adapt::ThetaFile;
@@ -29,8 +31,14 @@ pub struct Done {
 
 /// Runs all rounds that there are to be, and the reference.
 pub fn run(setup: &Setup, folder: &RunFolder) -> Result<Done, Failure> {
-    let target = setup.target(files::truth(folder))?;
-    let mut stages = Stages { setup, folder, target, times: Times::read(folder)? };
+    let (target, absent) = presence::target(setup, folder)?;
+    let most = if absent.is_some() { 1 } else { setup.config.rounds };
+    if most < setup.config.rounds {
+        note("note: without the robot there is one round");
+    }
+    let mut stages = Stages::new(setup, folder, target)?;
+    let all = count(setup, most, stages.target.as_ref());
+    stages = stages.counted(all);
     let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
     let mut evaluations = Vec::new();
     evaluations.extend(measurement(TARGET, stages.on_target("policy-0", &first)?));
@@ -38,7 +46,7 @@ pub fn run(setup: &Setup, folder: &RunFolder) -> Result<Done, Failure> {
     let mut rounds: Vec<RoundResult> = Vec::new();
     let mut grounds = Vec::new();
     let mut stopped_because = "all rounds are done".to_owned();
-    for number in 1..=setup.config.rounds {
+    for number in 1..=most {
         let (round, ground) = one_round(&mut stages, number, &mut policies, &mut evaluations)?;
         rounds.push(round);
         grounds.push(ground);
@@ -59,7 +67,7 @@ pub fn run(setup: &Setup, folder: &RunFolder) -> Result<Done, Failure> {
         policy: after.safetensors.display().to_string(),
         onnx: after.onnx.display().to_string(),
         stopped_because,
-        next: next(setup, after),
+        next: next(stages.target.is_some(), absent.as_deref(), after),
         warnings: warnings(&rounds, &evaluations),
         run_folder: folder.path().display().to_string(),
         wall_seconds: stages.times.all().values().sum(),
@@ -68,6 +76,15 @@ pub fn run(setup: &Setup, folder: &RunFolder) -> Result<Done, Failure> {
         evaluations,
     };
     Ok(Done { results, grounds, policies, target: stages.target })
+}
+
+/// Stages of so many rounds, if none ends the loop.
+fn count(setup: &Setup, rounds: u32, target: Option<&Target>) -> usize {
+    let measured = usize::from(target.is_some_and(Target::measures));
+    // Logs, fit, training, the new policy on the target, both in the fitted simulator.
+    let round = 5 + measured;
+    let reference = if has_reference(setup) { 1 + measured } else { 0 };
+    rounds as usize * round - usize::from(!setup.logs.is_empty()) + measured + reference
 }
 
 fn one_round(
@@ -167,6 +184,11 @@ fn measured<'a>(evaluations: &'a [Measurement], policy: &str) -> Option<&'a Eval
     found.map(|one| &one.evaluation)
 }
 
+fn has_reference(setup: &Setup) -> bool {
+    let simulated = |target: &TargetConfig| target.kind == TargetKind::Simulated;
+    setup.config.references && setup.config.target.as_ref().is_some_and(simulated)
+}
+
 /// The first policy fine-tuned in the true simulator, where there is one.
 fn reference(
     stages: &mut Stages<'_>,
@@ -174,8 +196,9 @@ fn reference(
     evaluations: &mut Vec<Measurement>,
 ) -> Result<(), Failure> {
     let setup = stages.setup;
-    let wanted = setup.config.target.as_ref().filter(|target| target.kind == TargetKind::Simulated);
-    let (true, Some(target), Some(first)) = (setup.config.references, wanted, policies.first()) else {
+    let (true, Some(target), Some(first)) =
+        (has_reference(setup), setup.config.target.as_ref(), policies.first())
+    else {
         return Ok(());
     };
     let simulator = Simulator {
@@ -200,15 +223,20 @@ fn best<'a>(policies: &'a [PolicyFiles], evaluations: &[Measurement]) -> &'a Pol
 }
 
 /// What only the user can do.
-fn next(setup: &Setup, after: &PolicyFiles) -> Option<String> {
-    setup.config.target.is_none().then(|| {
-        format!(
+fn next(target: bool, absent: Option<&str>, after: &PolicyFiles) -> Option<String> {
+    match (target, absent) {
+        (true, _) => None,
+        (false, Some(why)) => Some(format!(
+            "The robot was not there ({why}), so what the policies do on it is not known. Once it is, start this loop \
+             afresh to measure them on it."
+        )),
+        (false, None) => Some(format!(
             "Run {} (or {}) on the robot under commands over its whole range, record joint positions, velocities, \
              actions and commands, and give these logs and this policy to the next loop.",
             after.onnx.display(),
             after.safetensors.display()
-        )
-    })
+        )),
+    }
 }
 
 /// What the rounds warn of, and policies that are no better.

@@ -100,7 +100,7 @@ impl Setup {
         setup.check_fit()?;
         if let Some(target) = &setup.config.target {
             // A spring on no joint, a place to fill in that there is not: found now, not after an hour.
-            if let Target::Simulated(mut target) = setup.build_target(target, PathBuf::new())? {
+            if let Target::Simulated(mut target) = setup.target(target, PathBuf::new(), None)? {
                 target.arguments.theta = None;
                 let policy = setup.policy.clone();
                 let [safetensors, onnx] = [PathBuf::new(), PathBuf::new()];
@@ -120,12 +120,13 @@ impl Setup {
             .map_err(|error| Failure::usage(format!("{}: [adapt] {error}", self.config_path.display())))
     }
 
-    /// The robot, if it can be run from here. `theta`: where a simulated one's numbers were written.
-    pub fn target(&self, theta: PathBuf) -> Result<Option<Target>, Failure> {
-        self.config.target.as_ref().map(|target| self.build_target(target, theta)).transpose()
-    }
-
-    fn build_target(&self, target: &TargetConfig, theta: PathBuf) -> Result<Target, Failure> {
+    /// The robot. `theta`: where a simulated one's numbers were written; `python`: the one that runs a command.
+    pub fn target(
+        &self,
+        target: &TargetConfig,
+        theta: PathBuf,
+        python: Option<&str>,
+    ) -> Result<Target, Failure> {
         match target.kind {
             TargetKind::Simulated => {
                 let privileged = self.config.adapt.costs.iter().any(|cost| cost.is_privileged());
@@ -139,11 +140,9 @@ impl Setup {
                     self.threads,
                 ))))
             }
-            TargetKind::Command => {
-                Command::new(&target.collect, &target.evaluate, target.trajectories, target.seconds)
-                    .map(Target::Command)
-                    .map_err(|wrong| Failure::usage(format!("{}: {wrong}", self.config_path.display())))
-            }
+            TargetKind::Command => Command::new(target, python)
+                .map(Target::Command)
+                .map_err(|wrong| Failure::usage(format!("{}: {wrong}", self.config_path.display()))),
         }
     }
 

@@ -29,6 +29,8 @@ pub struct Stages<'a> {
     pub target: Option<Target>,
     /// Wall times.
     pub times: Times<'a>,
+    /// Stages that were come to, and all there will be, if that is known.
+    steps: (usize, Option<usize>),
 }
 
 /// A simulated robot for fine-tuning.
@@ -42,9 +44,32 @@ pub struct Simulator {
     pub torque_noise: f64,
 }
 
-impl Stages<'_> {
-    /// Stops between stages when that was asked for.
-    fn pause(&self) -> Result<(), Failure> {
+impl<'a> Stages<'a> {
+    /// Those of a folder.
+    ///
+    /// # Errors
+    /// A folder that cannot be read.
+    pub fn new(setup: &'a Setup, folder: &'a RunFolder, target: Option<Target>) -> Result<Self, Failure> {
+        Ok(Self { setup, folder, target, times: Times::read(folder)?, steps: (0, None) })
+    }
+
+    /// Says from now on which of so many stages begins.
+    pub fn counted(mut self, all: usize) -> Self {
+        self.steps.1 = Some(all);
+        self
+    }
+
+    /// Says that a stage begins.
+    fn announce(&self, text: &str) {
+        match self.steps {
+            (number, Some(all)) => note(&format!("[{number}/{all}] {text}")),
+            (_, None) => note(text),
+        }
+    }
+
+    /// Comes to the next stage, or stops before it when that was asked for.
+    fn pause(&mut self) -> Result<(), Failure> {
+        self.steps.0 += 1;
         if !interrupt::asked() {
             return Ok(());
         }
@@ -74,7 +99,7 @@ impl Stages<'_> {
         self.pause()?;
         let folder = self.path(name);
         if let (false, Some(target)) = (folder.is_dir(), &self.target) {
-            note(&format!("{name}: {} walks on the target, {}", policy.name, target.description()));
+            self.announce(&format!("{name}: {} walks on the target, {}", policy.name, target.description()));
             let begun = Instant::now();
             target.collect(policy, seed, &folder)?;
             self.times.set(name, begun.elapsed().as_secs_f64())?;
@@ -100,7 +125,7 @@ impl Stages<'_> {
         self.folder.make(round)?;
         self.write_config(&file, config)?;
         let ground = Ground::open(config, &self.path(&file), Some(self.setup.threads))?;
-        note(&format!(
+        self.announce(&format!(
             "{stage}: {} parameters are fitted to {} logs",
             ground.theta.len(),
             ground.trajectories().len()
@@ -153,7 +178,7 @@ impl Stages<'_> {
             name: None,
             seeds: None,
         })?;
-        note(&format!(
+        self.announce(&format!(
             "{stage}: {} goes on training for {} iterations with {} robots",
             policy.name, config.train.iterations, config.train.environments
         ));
@@ -170,10 +195,8 @@ impl Stages<'_> {
     pub fn on_target(&mut self, stem: &str, policy: &PolicyFiles) -> Result<Option<Evaluation>, Failure> {
         let Some(target) = self.target.take_if(|target| target.measures()) else { return Ok(None) };
         let plan = self.setup.plan();
-        let found = self.evaluation(&format!("{stem}-target"), || {
-            note(&format!("evaluations, on the target: {}", policy.name));
-            target.evaluate(policy, &plan)
-        });
+        let what = format!("{} on the target, {}", policy.name, target.description());
+        let found = self.evaluation(&format!("{stem}-target"), &what, || target.evaluate(policy, &plan));
         self.target = Some(target);
         found
     }
@@ -187,18 +210,19 @@ impl Stages<'_> {
         theta: &Path,
     ) -> Result<Option<Evaluation>, Failure> {
         let setup = self.setup;
-        self.evaluation(&format!("{stem}-adapted-{round}"), || {
-            note(&format!("evaluations, in the simulator of round {round}: {}", policy.name));
+        let what = format!("{} in the simulator of round {round}", policy.name);
+        self.evaluation(&format!("{stem}-adapted-{round}"), &what, || {
             let world = setup.adapted(policy, theta.to_owned())?;
             let found = measure(&world, &policy.name, &setup.plan())?.evaluation;
             Ok(Some(Evaluation { simulator: format!("the simulator of round {round}"), ..found }))
         })
     }
 
-    /// An evaluation as it was written, or made and written now.
+    /// An evaluation as it was written, or made and written now; `what` says of which policy and where.
     fn evaluation(
         &mut self,
         name: &str,
+        what: &str,
         make: impl FnOnce() -> Result<Option<Evaluation>, Failure>,
     ) -> Result<Option<Evaluation>, Failure> {
         self.pause()?;
@@ -211,6 +235,8 @@ impl Stages<'_> {
                 ))
             });
         }
+        let plan = self.setup.plan();
+        self.announce(&format!("evaluations: {what}, {} trajectories", plan.trajectories));
         let begun = Instant::now();
         let found = make()?;
         if let Some(found) = &found {

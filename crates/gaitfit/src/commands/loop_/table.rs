@@ -1,8 +1,8 @@
 //! The result as tables.
 
-use super::results::{REFERENCE, Results, TARGET};
+use super::results::{Measurement, REFERENCE, Results, TARGET};
 use crate::table::table;
-use crate::target::Evaluation;
+use crate::target::{DriftResult, Evaluation};
 use gaitfit_view::loop_report::Estimate;
 use std::fmt::Write;
 
@@ -30,6 +30,9 @@ pub fn text(results: &Results) -> String {
         }
     }
     let _ = writeln!(text, "\nTracking of random commands, mean ± 95 %\n{}", tracking(results));
+    for place in places(results).into_iter().filter_map(|name| place(results, name)) {
+        let _ = writeln!(text, "{place}");
+    }
     if let Some(drift) = drift(results) {
         let _ = writeln!(
             text,
@@ -51,10 +54,35 @@ pub fn text(results: &Results) -> String {
     text
 }
 
+/// Names of where policies were measured, the target's first.
+fn places(results: &Results) -> Vec<&str> {
+    let mut found: Vec<&str> = Vec::new();
+    let on_target = results.evaluations.iter().filter(|one| one.on == TARGET);
+    for one in on_target.chain(&results.evaluations) {
+        if !found.contains(&one.on.as_str()) {
+            found.push(&one.on);
+        }
+    }
+    found
+}
+
+/// What such a name stands for, and how much was measured there.
+fn place(results: &Results, name: &str) -> Option<String> {
+    let found = results.evaluations.iter().find(|one| one.on == name)?;
+    let Evaluation { simulator, trajectories, seconds, .. } = &found.evaluation;
+    let stands_for = if simulator.is_empty() { results.target.as_deref()? } else { simulator };
+    let length = if *seconds > 0.0 { format!(" of {seconds} s") } else { String::new() };
+    Some(format!("{name}: {stands_for}, {trajectories} trajectories{length}"))
+}
+
 fn tracking(results: &Results) -> comfy_table::Table {
     let header = ["on", "policy", "linear error, m/s", "angular error, rad/s", "summed reward", "falls, %"];
     let mut rows = table(&header, &[2, 3, 4, 5]);
-    for one in &results.evaluations {
+    let places = places(results);
+    let mut evaluations: Vec<&Measurement> = results.evaluations.iter().collect();
+    // One place after the other, the target first: what is to be compared stands together.
+    evaluations.sort_by_key(|one| places.iter().position(|place| *place == one.on));
+    for one in evaluations {
         let found = &one.evaluation;
         let falls = Estimate { mean: 100.0 * found.fall_rate.mean, ci95: 100.0 * found.fall_rate.ci95 };
         rows.add_row([
@@ -105,5 +133,20 @@ fn drift(results: &Results) -> Option<comfy_table::Table> {
         }
         rows.add_row(row);
     }
+    let mut row = vec!["mean".to_owned()];
+    row.extend(columns.iter().map(|(_, found)| {
+        let (distance, yaw) = mean_drift(found);
+        if distance.is_nan() { "all fell".to_owned() } else { format!("{distance:.3} m  {yaw:.3} rad") }
+    }));
+    rows.add_row(row);
     Some(rows)
+}
+
+/// Mean distance, m, and mean size of the turn, rad, over the commands under which any robot stood to the end.
+fn mean_drift(found: &Evaluation) -> (f64, f64) {
+    let standing: Vec<_> = found.drift.iter().filter(|trial| !trial.distance().is_nan()).collect();
+    let mean = |of: fn(&DriftResult) -> f64| {
+        standing.iter().map(|trial| of(trial)).sum::<f64>() / standing.len() as f64
+    };
+    (mean(DriftResult::distance), mean(|trial| trial.yaw.mean.abs()))
 }

@@ -4,7 +4,7 @@
 use super::experiments::{self, Experiment};
 use super::paper::Kind;
 use super::results::{SeedFit, SeedResult, Walk};
-use crate::commands::loop_::files::{self, Times};
+use crate::commands::loop_::files;
 use crate::commands::loop_::results::{REFERENCE, policy_name};
 use crate::commands::loop_::rounds::add_truth;
 use crate::commands::loop_::setup::Setup;
@@ -196,8 +196,9 @@ impl Run<'_> {
 
 /// The stages of one round in a folder.
 fn stages<'a>(setup: &'a Setup, folder: &'a RunFolder) -> Result<Stages<'a>, Failure> {
-    let target = setup.target(files::truth(folder))?;
-    Ok(Stages { setup, folder, target, times: Times::read(folder)? })
+    let target = setup.config.target.as_ref();
+    let target = target.map(|target| setup.target(target, files::truth(folder), None)).transpose()?;
+    Stages::new(setup, folder, target)
 }
 
 /// What a folder was made with that is not so now, in words.
