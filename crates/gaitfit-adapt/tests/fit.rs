@@ -103,6 +103,7 @@ fn options(generations: usize) -> FitOptions {
     FitOptions {
         population: 0,
         generations,
+        restarts: 0,
         seeds: vec![1, 2, 3],
         covariance: CovarianceKind::Full,
         bounds: BoundHandling::Reflect,
@@ -163,6 +164,36 @@ fn a_resumed_fit_ends_with_the_same_bits() {
     while resumed.step().unwrap().is_some() {}
     assert_eq!(resumed.outcomes(), whole.outcomes());
     assert_eq!(resumed.checkpoint(), whole.checkpoint());
+}
+
+/// Each start takes twice the candidates of the one before; the best of all is kept; a stop between or within starts
+/// changes nothing.
+#[test]
+fn restarts_double_the_population_and_resume_to_the_same_bits() {
+    let simulator = sines(9.0);
+    let (theta, costs) = (theta(), costs(&simulator));
+    let options = FitOptions { restarts: 2, seeds: vec![4], ..options(6) };
+    let mut whole = Fit::new(&simulator, &theta, &costs[..1], options.clone()).unwrap();
+    let (mut evaluations, mut best) = (Vec::new(), f64::INFINITY);
+    while let Some(generation) = whole.step().unwrap() {
+        evaluations.push(generation.evaluations);
+        best = best.min(generation.runs[0].best);
+        assert_eq!(generation.runs[0].best_so_far, best);
+    }
+    assert_eq!(evaluations, [[7; 6], [14; 6], [28; 6]].concat());
+    assert_eq!((options.most_generations(), whole.outcomes()[0].runs[0].generations), (18, 18));
+    assert_eq!(whole.outcomes()[0].runs[0].stop, Some(Stop::Generations));
+    for stopped in [4, 6, 15] {
+        let mut part = Fit::new(&simulator, &theta, &costs[..1], options.clone()).unwrap();
+        for _ in 0..stopped {
+            part.step().unwrap();
+        }
+        let saved = serde_json::to_string(&part.checkpoint()).unwrap();
+        let checkpoint = serde_json::from_str(&saved).unwrap();
+        let mut resumed = Fit::resume(&simulator, &theta, &costs[..1], options.clone(), checkpoint).unwrap();
+        while resumed.step().unwrap().is_some() {}
+        assert_eq!(resumed.checkpoint(), whole.checkpoint(), "stopped after {stopped}");
+    }
 }
 
 #[test]

@@ -160,6 +160,7 @@ fn options(generations: usize) -> FitOptions {
     FitOptions {
         population: 0,
         generations,
+        restarts: 0,
         seeds: vec![1],
         covariance: CovarianceKind::Full,
         bounds: BoundHandling::Reflect,

@@ -69,7 +69,7 @@ pub fn fit(
     let seconds = || before + begun.elapsed().as_secs_f64();
     let mut progress = Progress::new(
         "generation",
-        setup.options.generations,
+        setup.options.most_generations(),
         fit.generation(),
         "evaluations",
         Lines::Seconds(5),

@@ -140,7 +140,20 @@ impl Search {
             return Err(CmaError::Finished);
         }
         self.current.tell(population, costs)?;
-        let Some(stop) = self.current.stop() else { return Ok(None) };
+        match self.current.stop() {
+            Some(stop) => self.end(stop).map(Some),
+            None => Ok(None),
+        }
+    }
+
+    /// Ends the run under way, for a reason of the caller's; the next one begins. Returns the ended run's summary.
+    ///
+    /// # Errors
+    /// [`CmaError::Finished`] if no run is left.
+    pub fn end(&mut self, stop: StopReason) -> Result<&RunSummary, CmaError> {
+        if self.is_finished() {
+            return Err(CmaError::Finished);
+        }
         self.finished.push(RunSummary {
             run: self.run(),
             seed: self.current.settings().seed,
@@ -155,7 +168,7 @@ impl Search {
         if !self.is_finished() {
             self.current = Cma::new(run_settings(&self.settings, self.plan, self.finished.len() as u32))?;
         }
-        Ok(self.finished.last())
+        self.finished.last().ok_or(CmaError::Finished)
     }
 
     /// Whether all runs have ended, or one reached the target cost.
@@ -183,6 +196,12 @@ impl Search {
         let runs = self.finished.iter().filter_map(|run| run.best.as_ref());
         runs.chain(self.current.best())
             .reduce(|best, other| if other.cost < best.cost { other } else { best })
+    }
+
+    /// Generations told in all runs.
+    pub fn generation(&self) -> u32 {
+        let ended: u32 = self.finished.iter().map(|run| run.generations).sum();
+        if self.is_finished() { ended } else { ended + self.current.generation() }
     }
 
     /// Candidates told in all runs.

@@ -14,8 +14,10 @@ use serde::{Deserialize, Serialize};
 pub struct FitOptions {
     /// Candidates a generation; 0 takes 4 + ⌊3 ln n⌋.
     pub population: usize,
-    /// Generations of every run.
+    /// Generations of every start.
     pub generations: usize,
+    /// Starts after the first, each once the one before has ended, with twice its population.
+    pub restarts: u32,
     /// Seeds: one run for each and each cost.
     pub seeds: Vec<u64>,
     /// Covariance model.
@@ -30,6 +32,13 @@ pub struct FitOptions {
     pub falls: FallPenalty,
     /// Which candidates see the same random draws; nothing to a simulator without randomness.
     pub random_numbers: RandomNumbers,
+}
+
+impl FitOptions {
+    /// The most generations that a seed can take, restarts among them.
+    pub fn most_generations(&self) -> usize {
+        self.generations.saturating_mul(self.restarts as usize + 1)
+    }
 }
 
 /// Which candidates see the same random draws (torque noise, observation noise). Draws differ from seed to seed.
@@ -140,7 +149,7 @@ impl<'a> Fit<'a> {
             return Err(FitError::Checkpoint(format!("it holds {found}")));
         }
         for (run, saved) in fit.runs.iter_mut().zip(checkpoint.runs) {
-            *run = run.restored(costs[run.cost].name(), saved)?;
+            *run = run.restored(costs[run.cost].name(), saved, theta, &fit.options)?;
         }
         fit.generation = checkpoint.generation;
         Ok(fit)

@@ -3,7 +3,10 @@
 use super::driver::{FitOptions, RunGeneration};
 use super::{Evaluation, FitError, RunOutcome};
 use crate::Theta;
-use crate::cmaes::{Best, Cma, CmaError, Population, Settings, State, StopReason, default_population};
+use crate::cmaes::{
+    Best, CmaError, Population, RestartPlan, RestartStart, Search, SearchState, Settings, StopReason,
+    default_population,
+};
 use serde::{Deserialize, Serialize};
 
 /// Why a run ended.
@@ -29,24 +32,25 @@ pub(super) struct Run {
     pub stop: Option<Stop>,
     diverged: usize,
     falls: usize,
-    cma: Cma,
+    search: Search,
     asked: Option<Population>,
 }
 
 impl Run {
     pub fn new(cost: usize, seed: u64, theta: &Theta, options: &FitOptions) -> Result<Self, FitError> {
-        let cma = Cma::new(settings(seed, theta, options)).map_err(FitError::Optimizer)?;
-        Ok(Self { cost, seed, stop: None, diverged: 0, falls: 0, cma, asked: None })
+        let search =
+            Search::new(settings(seed, theta, options), plan(options)).map_err(FitError::Optimizer)?;
+        Ok(Self { cost, seed, stop: None, diverged: 0, falls: 0, search, asked: None })
     }
 
-    /// Number of the next generation, from 1.
+    /// Number of the next generation, from 1, restarts counted on.
     pub fn generation(&self) -> u32 {
-        self.cma.generation() + 1
+        self.search.generation() + 1
     }
 
     /// The candidates of the next generation.
     pub fn ask(&mut self) -> Vec<Vec<f64>> {
-        let population = self.cma.ask();
+        let population = self.search.ask();
         let candidates = population.x().to_vec();
         self.asked = Some(population);
         candidates
@@ -59,25 +63,32 @@ impl Run {
         found: &[Evaluation],
         options: &FitOptions,
     ) -> Result<RunGeneration, FitError> {
-        let generation = self.cma.generation() as usize + 1;
+        let generation = self.generation() as usize;
+        let sigma = self.search.current().sigma();
         let finite: Vec<f64> = found.iter().filter_map(|found| found.cost).collect();
-        let population = self.asked.take().unwrap_or_else(|| self.cma.ask());
+        let population = self.asked.take().unwrap_or_else(|| self.search.ask());
         let told: Vec<f64> = found.iter().map(|found| found.cost.unwrap_or(f64::INFINITY)).collect();
-        self.cma.tell(&population, &told).map_err(FitError::Optimizer)?;
+        let restarted = self.search.tell(&population, &told).map_err(FitError::Optimizer)?.is_some();
         let diverged = found.len() - finite.len();
         let falls = found.iter().map(|found| found.falls).sum();
         self.diverged += diverged;
         self.falls += falls;
-        let Some(best) = self.cma.best().filter(|_| !finite.is_empty()) else {
+        if finite.is_empty() {
+            return Err(FitError::AllDiverged { cost: name.to_owned(), seed: self.seed, generation });
+        }
+        if !restarted && self.settled(options) {
+            self.search.end(StopReason::TolX).map_err(FitError::Optimizer)?;
+        }
+        self.stop = self.why_stop();
+        let Some(best) = self.search.best() else {
             return Err(FitError::AllDiverged { cost: name.to_owned(), seed: self.seed, generation });
         };
-        self.stop = self.why_stop(options);
         Ok(RunGeneration {
             cost: name.to_owned(),
             seed: self.seed,
             best: finite.iter().copied().fold(f64::INFINITY, f64::min),
             mean: finite.iter().sum::<f64>() / finite.len() as f64,
-            sigma: self.cma.sigma(),
+            sigma,
             diverged,
             fallen: found.iter().filter(|found| found.falls > 0).count(),
             falls,
@@ -87,30 +98,33 @@ impl Run {
         })
     }
 
-    fn why_stop(&self, options: &FitOptions) -> Option<Stop> {
-        if let Some(reason) = self.cma.stop() {
-            return Some(match reason {
-                StopReason::TolXUp | StopReason::ConditionCov | StopReason::NumericalFailure => {
-                    Stop::Degenerate
-                }
-                StopReason::MaxGenerations => Stop::Generations,
-                _ => Stop::Converged,
-            });
-        }
-        let first = &self.cma.settings().deviation;
-        let left =
-            self.cma.deviations().iter().zip(first).map(|(now, first)| now / first).fold(0.0, f64::max);
-        (left <= options.tolerance).then_some(Stop::Tolerance)
+    /// Whether the deviations of the run under way shrank to the tolerance.
+    fn settled(&self, options: &FitOptions) -> bool {
+        let current = self.search.current();
+        let first = &current.settings().deviation;
+        let left = current.deviations().iter().zip(first).map(|(now, first)| now / first).fold(0.0, f64::max);
+        left <= options.tolerance
+    }
+
+    /// Why the last restart ended, once it has.
+    fn why_stop(&self) -> Option<Stop> {
+        let last = self.search.finished().last().filter(|_| self.search.is_finished())?;
+        Some(match last.stop {
+            StopReason::TolXUp | StopReason::ConditionCov | StopReason::NumericalFailure => Stop::Degenerate,
+            StopReason::MaxGenerations => Stop::Generations,
+            StopReason::TolX => Stop::Tolerance,
+            _ => Stop::Converged,
+        })
     }
 
     /// What the run found so far; `None` before its first finite cost.
     pub fn outcome(&self) -> Option<RunOutcome> {
-        let best = self.cma.best()?;
+        let best = self.search.best()?;
         Some(RunOutcome {
             seed: self.seed,
             best_cost: best.cost,
             values: best.x.clone(),
-            generations: self.cma.generation() as usize,
+            generations: self.search.generation() as usize,
             stop: self.stop,
             diverged: self.diverged,
             falls: self.falls,
@@ -119,7 +133,7 @@ impl Run {
 
     /// The best candidate so far.
     pub fn best(&self) -> Option<&Best> {
-        self.cma.best()
+        self.search.best()
     }
 
     /// State to save, under the cost's name.
@@ -130,17 +144,23 @@ impl Run {
             stop: self.stop,
             diverged: self.diverged,
             falls: self.falls,
-            state: self.cma.state().clone(),
+            state: self.search.state(),
         }
     }
 
     /// This run in the state `saved`.
-    pub fn restored(&self, cost: &str, saved: SavedRun) -> Result<Self, FitError> {
+    pub fn restored(
+        &self,
+        cost: &str,
+        saved: SavedRun,
+        theta: &Theta,
+        options: &FitOptions,
+    ) -> Result<Self, FitError> {
         if saved.cost != cost || saved.seed != self.seed {
             let found = format!("it holds {} with seed {}", saved.cost, saved.seed);
             return Err(FitError::Checkpoint(format!("{found} where {cost} with seed {} is due", self.seed)));
         }
-        let cma = Cma::resume(self.cma.settings().clone(), saved.state)
+        let search = Search::resume(settings(self.seed, theta, options), plan(options), saved.state)
             .map_err(|error: CmaError| FitError::Checkpoint(error.to_string()))?;
         Ok(Self {
             cost: self.cost,
@@ -148,7 +168,7 @@ impl Run {
             stop: saved.stop,
             diverged: saved.diverged,
             falls: saved.falls,
-            cma,
+            search,
             asked: None,
         })
     }
@@ -164,6 +184,11 @@ fn settings(seed: u64, theta: &Theta, options: &FitOptions) -> Settings {
     settings.bound_handling = options.bounds;
     settings.tolerances.max_generations = Some(u32::try_from(options.generations).unwrap_or(u32::MAX));
     settings
+}
+
+/// Restarts from the same start with twice the population each time (Auger and Hansen, CEC 2005).
+fn plan(options: &FitOptions) -> RestartPlan {
+    RestartPlan { runs: options.restarts.saturating_add(1), population_factor: 2, start: RestartStart::Same }
 }
 
 /// Everything a fit needs to go on later.
@@ -194,5 +219,5 @@ pub struct SavedRun {
     #[serde(default)]
     pub falls: usize,
     /// The optimiser.
-    pub state: State,
+    pub state: SearchState,
 }

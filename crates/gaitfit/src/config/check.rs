@@ -40,6 +40,8 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Failure> {
         "`optimizer.seed` is too large"
     } else if optimizer.population == 1 || optimizer.population > 100_000 {
         "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 100000"
+    } else if optimizer.restarts > 20 {
+        "`optimizer.restarts` must be 0 to 20: each doubles the population"
     } else if !not_negative(optimizer.tolerance) || optimizer.tolerance >= 1.0 {
         "`optimizer.tolerance` must be at least 0 and below 1"
     } else if !not_negative(optimizer.max_seconds) {
@@ -68,6 +70,7 @@ pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
     FitOptions {
         population: optimizer.population,
         generations: optimizer.generations,
+        restarts: optimizer.restarts,
         seeds: (0..optimizer.seeds as u64).map(|offset| optimizer.seed + offset).collect(),
         covariance: optimizer.covariance,
         bounds: optimizer.bounds,

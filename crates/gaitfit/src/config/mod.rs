@@ -171,8 +171,10 @@ pub enum PresetName {
 pub struct OptimizerConfig {
     /// Candidates a generation; 0 takes 4 + ⌊3 ln n⌋.
     pub population: usize,
-    /// Generations of every seed.
+    /// Generations of every start.
     pub generations: usize,
+    /// Starts after the first, each with twice the population of the one before.
+    pub restarts: u32,
     /// Independent fits; the spread of a parameter is its standard deviation over them.
     pub seeds: usize,
     /// First seed; the others follow it.
@@ -269,6 +271,7 @@ impl Default for OptimizerConfig {
         Self {
             population: 0,
             generations: 200,
+            restarts: 0,
             seeds: 5,
             seed: 1,
             covariance: CovarianceKind::Full,
