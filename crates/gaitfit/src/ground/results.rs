@@ -13,6 +13,7 @@ use gaitfit_adapt::fit::{
     CostOutcome, FallPenalty, Job, MOST_SCANNED, ParameterOutcome, RunOutcome, evaluate,
 };
 use serde::{Deserialize, Serialize};
+use std::time::Instant;
 
 /// The result of one ground fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -39,7 +40,7 @@ pub struct GroundResults {
     pub warnings: Vec<String>,
     /// Where the files are.
     pub run_folder: String,
-    /// Wall time of the fit, over all its sessions, s.
+    /// Wall time of the search, over all its sessions, and of what measures its result, s.
     pub wall_seconds: f64,
 }
 
@@ -83,7 +84,7 @@ impl GroundFit {
     }
 }
 
-/// Scores the outcomes of a finished fit.
+/// Scores the outcomes of a finished fit, whose search took `wall_seconds`.
 pub fn results(
     config: &AdaptConfig,
     ground: &Ground,
@@ -99,6 +100,7 @@ pub fn results(
              a smaller simulation.timestep",
         ));
     }
+    let begun = Instant::now();
     let mut warnings = ground.warnings.clone();
     let mut fits = Vec::with_capacity(outcomes.len());
     for outcome in outcomes {
@@ -131,7 +133,7 @@ pub fn results(
         uncovered: ground.notes.uncovered(),
         warnings,
         run_folder,
-        wall_seconds,
+        wall_seconds: wall_seconds + begun.elapsed().as_secs_f64(),
     })
 }
 
@@ -176,6 +178,7 @@ fn fit(
 
 /// What a reader must know of one fit.
 fn warn(fit: &GroundFit, warnings: &mut Vec<String>) {
+    let mut better = Vec::new();
     for GroundParameter { found, .. } in &fit.parameters {
         let Some(identification) = &found.identification else { continue };
         if !identification.identified {
@@ -184,12 +187,15 @@ fn warn(fit: &GroundFit, warnings: &mut Vec<String>) {
                 fit.cost_name, found.name, identification.lower, identification.upper, found.unit
             ));
         }
-        if let Some(better) = identification.better {
-            warnings.push(format!(
-                "{}: {} = {better:.4} fits better than what the search found; give it more generations",
-                fit.cost_name, found.name
-            ));
-        }
+        better.extend(identification.better.map(|value| format!("{} = {value:.4}", found.name)));
+    }
+    if !better.is_empty() {
+        let (verb, alone) = if better.len() == 1 { ("fits", "") } else { ("fit", ", each alone,") };
+        warnings.push(format!(
+            "{}: {}{alone} {verb} better than what the search found; give it more generations",
+            fit.cost_name,
+            better.join(", ")
+        ));
     }
     if fit.falls > 0 {
         warnings.push(format!(
