@@ -89,6 +89,12 @@ fn what_does_not_fit_is_named() {
     assert!(error.to_string().contains("no joint `knee`"), "{error}");
     let error = with(&|file| file.parameter[0].value = -1.0);
     assert!(matches!(error, ThetaFileError::Value { .. }), "{error}");
+    let error = with(&|file| file.parameter[0].value = 1e30);
+    assert!(error.to_string().contains("1e6"), "{error}");
+    let error = with(&|file| file.parameter[0].joints.clear());
+    assert!(matches!(error, ThetaFileError::NoJoints { .. }), "{error}");
+    let error = with(&|file| file.parameter.push(file.parameter[0].clone()));
+    assert!(error.to_string().contains("second of its kind"), "{error}");
     let error = with(&|file| file.network[0].weights.truncate(96));
     assert!(matches!(error, ThetaFileError::Network { count: 96, .. }), "{error}");
     let error = with(&|file| file.network[0].weights[3] = f64::NAN);

@@ -4,6 +4,7 @@ use super::{Found, NetworkName, Theta, joint_parameters, networks, robot_numbers
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
 
 /// Version of the format. 1 had no networks.
 const FORMAT: u32 = 2;
@@ -80,6 +81,9 @@ pub struct SavedNetwork {
     pub weights: Vec<f64>,
 }
 
+/// Largest value of any number: beyond it no robot is meant, and single precision may overflow.
+const MOST: f64 = 1e6;
+
 /// Why a file of found values cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ThetaFileError {
@@ -98,7 +102,7 @@ pub enum ThetaFileError {
         kind: String,
     },
     /// A value without a meaning.
-    #[error("`{name}` is {value}; it must be a number of at least {least}")]
+    #[error("`{name}` is {value}; it must be a number from {least} to {MOST:e}")]
     Value {
         /// Parameter.
         name: String,
@@ -106,6 +110,12 @@ pub enum ThetaFileError {
         value: f64,
         /// Smallest value with a meaning.
         least: f64,
+    },
+    /// A joint's parameter of no joint.
+    #[error("`{name}` names no joints; give `joints`")]
+    NoJoints {
+        /// Parameter.
+        name: String,
     },
     /// A joint that the robot lacks.
     #[error("{robot} has no joint `{joint}`; it has {joints}")]
@@ -125,10 +135,10 @@ pub enum ThetaFileError {
         /// Weights found.
         count: usize,
     },
-    /// Two networks do the same to one joint.
-    #[error("network `{name}` is the second of its kind on joint `{joint}`; remove one")]
+    /// Two networks or parameters do the same to one joint.
+    #[error("`{name}` is the second of its kind on joint `{joint}`; remove one")]
     Twice {
-        /// Network.
+        /// Network or parameter.
         name: String,
         /// Joint.
         joint: String,
@@ -156,7 +166,7 @@ impl ReadContext<'_> {
     /// Whether the value has a meaning.
     pub fn check(&self, parameter: &SavedParameter, least: f64) -> Result<(), ThetaFileError> {
         let SavedParameter { name, value, .. } = parameter;
-        if value.is_finite() && *value >= least {
+        if value.is_finite() && *value >= least && value.abs() <= MOST {
             return Ok(());
         }
         Err(ThetaFileError::Value { name: name.clone(), value: *value, least })
@@ -214,7 +224,13 @@ impl ThetaFile {
     pub fn candidate(&self, model: &Model) -> Result<Candidate, ThetaFileError> {
         let mut candidate = Candidate::nominal(model);
         let context = ReadContext { model };
+        let mut seen = HashSet::new();
         for parameter in &self.parameter {
+            for joint in &parameter.joints {
+                if !seen.insert((parameter.kind.as_str(), context.joint(joint)?)) {
+                    return Err(ThetaFileError::Twice { name: parameter.name.clone(), joint: joint.clone() });
+                }
+            }
             let applied = READERS.iter().find_map(|read| read(parameter, &context, &mut candidate));
             applied.unwrap_or_else(|| {
                 Err(ThetaFileError::Kind { name: parameter.name.clone(), kind: parameter.kind.clone() })

@@ -154,6 +154,9 @@ pub(super) fn read(
 ) -> Option<Result<(), ThetaFileError>> {
     let quantity = Quantity::ALL.into_iter().find(|quantity| quantity.name() == parameter.kind)?;
     Some(context.check(parameter, quantity.least()).and_then(|()| {
+        if parameter.joints.is_empty() {
+            return Err(ThetaFileError::NoJoints { name: parameter.name.clone() });
+        }
         for name in &parameter.joints {
             quantity.of_joints(&mut candidate.robot)[context.joint(name)?] = parameter.value;
         }
