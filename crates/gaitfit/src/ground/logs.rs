@@ -175,7 +175,7 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Scene) -> Result<Read, Fail
         };
         trajectory.action = Some(actions_of(target, &scene.interface));
     }
-    finite(&trajectory, &shown.to_string())?;
+    plausible(&trajectory, &shown.to_string())?;
     let findings = check(&trajectory, &CheckSpec::default());
     let broken = [FindingKind::Malformed, FindingKind::NonMonotonicTime, FindingKind::RateMismatch];
     if let Some(finding) =
@@ -202,22 +202,26 @@ fn actions_of(target: &[f64], interface: &Interface) -> Vec<f64> {
     target.iter().enumerate().map(action).collect()
 }
 
-fn finite(trajectory: &Trajectory, shown: &str) -> Result<(), Failure> {
-    let refuse = |what: String, sample: usize| {
-        Err(Failure::failed(format!(
-            "{shown}: {what} of sample {sample} is not a number; cut or repair the log."
-        )))
+/// Largest joint angle, speed, action or command that a log may hold: beyond it a sample is a decoder's mistake, and
+/// the signal's range, which costs are relative to, would be its alone.
+const WILD: f64 = 1e4;
+
+fn plausible(trajectory: &Trajectory, shown: &str) -> Result<(), Failure> {
+    let wild = |values: &[f64]| values.iter().position(|x| x.is_nan() || x.abs() > WILD);
+    let refuse = |what: String, sample: usize, value: f64| {
+        Err(Failure::failed(format!("{shown}: {what} of sample {sample} is {value}; cut or repair the log.")))
     };
     let width = trajectory.joints.len();
     for signal in [Signal::Position, Signal::Velocity, Signal::Action] {
-        let bad = trajectory.signal(signal).and_then(|values| values.iter().position(|x| !x.is_finite()));
-        if let Some(bad) = bad {
-            return refuse(format!("{}{}", signal.prefix(), trajectory.joints[bad % width]), bad / width);
+        let Some(values) = trajectory.signal(signal) else { continue };
+        if let Some(bad) = wild(values) {
+            let what = format!("{}{}", signal.prefix(), trajectory.joints[bad % width]);
+            return refuse(what, bad / width, values[bad]);
         }
     }
     let commands = trajectory.command.as_deref().unwrap_or_default();
-    match commands.iter().position(|x| !x.is_finite()) {
-        Some(bad) => refuse(["vx_cmd", "vy_cmd", "wz_cmd"][bad % 3].to_owned(), bad / 3),
+    match wild(commands) {
+        Some(bad) => refuse(["vx_cmd", "vy_cmd", "wz_cmd"][bad % 3].to_owned(), bad / 3, commands[bad]),
         None => Ok(()),
     }
 }

@@ -101,7 +101,7 @@ fn what_is_missing_is_named() {
         *log = log.select_joints(&eleven).unwrap();
     });
     bench.refused(&short, &["lacks the robot's joint", "RR_calf"]);
-    bench.refused(&each(&logs, |log| log.position[30] = f64::NAN), &["log-0.csv", "is not a number"]);
+    bench.refused(&each(&logs, |log| log.position[30] = f64::NAN), &["log-0.csv", "is NaN"]);
 }
 
 #[test]
@@ -126,6 +126,21 @@ fn too_little_is_refused_with_what_is_needed() {
     let notes = bench.read(&mixed).unwrap();
     assert_eq!(notes.logs.len(), 8);
     assert!(warned(&notes, "log-8.csv: 0.38 s of data are too short"), "{:?}", notes.warnings);
+}
+
+#[test]
+fn a_wild_sample_is_named() {
+    let bench = Bench::new();
+    for (value, shown) in [(1e308, "1000"), (f64::NAN, "NaN"), (-1e5, "-100000")] {
+        let mut logs = bench.logs();
+        let width = logs[1].joints.len();
+        logs[1].velocity[7 * width + 2] = value;
+        let column = format!("dq_{} of sample 7 is {shown}", logs[1].joints[2]);
+        bench.refused(&logs, &["log-1.csv", &column]);
+    }
+    let mut logs = bench.logs();
+    logs[0].command.as_mut().unwrap()[4] = 1e9;
+    bench.refused(&logs, &["vy_cmd of sample 1 is 1000000000"]);
 }
 
 #[test]
