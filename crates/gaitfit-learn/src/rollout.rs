@@ -2,7 +2,7 @@
 
 use gaitfit_random::{Purpose, Stream};
 
-use crate::network::{Normaliser, Prepared, Scratch};
+use crate::network::{Network, Normaliser, Scratch};
 use crate::ppo::{Learner, Samples};
 use crate::task::{Ended, Environment};
 
@@ -70,7 +70,7 @@ pub struct Runner<'a> {
 
 /// `input` through the normaliser, if there is one, and the network.
 fn evaluate(
-    network: &Prepared,
+    network: &Network,
     normaliser: Option<&Normaliser>,
     rows: usize,
     input: &[f32],
@@ -118,7 +118,6 @@ impl<'a> Runner<'a> {
         let constant =
             learner.log_std().iter().sum::<f32>() + 0.5 * widths.action as f32 * std::f32::consts::TAU.ln();
         let mut normals = vec![0.0; widths.action];
-        let (actor, critic) = (learner.actor().prepare(), learner.critic().prepare());
         self.tally = Tally::default();
         for t in 0..samples.steps {
             let step = first_step + t as u32;
@@ -130,10 +129,18 @@ impl<'a> Runner<'a> {
             self.environment.observe_critic(critic_observation);
             let mean = &mut samples.mean[of(widths.action)];
             let (normalised, scratch) = (&mut self.normalised, &mut self.scratch);
-            evaluate(&actor, learner.normaliser(), count, observation, mean, normalised, scratch);
+            evaluate(learner.actor(), learner.normaliser(), count, observation, mean, normalised, scratch);
             let value = &mut samples.value[rows.clone()];
             let critic_normaliser = learner.critic_normaliser();
-            evaluate(&critic, critic_normaliser, count, critic_observation, value, normalised, scratch);
+            evaluate(
+                learner.critic(),
+                critic_normaliser,
+                count,
+                critic_observation,
+                value,
+                normalised,
+                scratch,
+            );
             let action = &mut samples.action[of(widths.action)];
             let stream = Stream::new(seed, Purpose::EXPLORATION).step(step);
             for (index, (action, mean)) in
@@ -177,7 +184,7 @@ impl<'a> Runner<'a> {
                 let mut last = vec![0.0; count * widths.critic_observation];
                 self.environment.observe_critic(&mut last);
                 let mut values = vec![0.0; count];
-                evaluate(&critic, critic_normaliser, count, &last, &mut values, normalised, scratch);
+                evaluate(learner.critic(), critic_normaliser, count, &last, &mut values, normalised, scratch);
                 let gamma = learner.settings().gamma as f32;
                 for index in (0..count).filter(|&index| self.ended[index] == Ended::TimeOut) {
                     reward[index] += gamma * values[index];
@@ -189,7 +196,15 @@ impl<'a> Runner<'a> {
         self.environment.observe_critic(&mut last);
         let critic_normaliser = learner.critic_normaliser();
         let (normalised, scratch) = (&mut self.normalised, &mut self.scratch);
-        evaluate(&critic, critic_normaliser, count, &last, &mut samples.last_value, normalised, scratch);
+        evaluate(
+            learner.critic(),
+            critic_normaliser,
+            count,
+            &last,
+            &mut samples.last_value,
+            normalised,
+            scratch,
+        );
         self.tally.terms = self.environment.take_terms();
         Ok(())
     }

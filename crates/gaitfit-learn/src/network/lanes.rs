@@ -1,9 +1,120 @@
-//! Loops over numbers in a row.
+//! Elementwise kernels of a layer, compiled for several instruction sets and chosen at run time.
 #![allow(unsafe_code, reason = "a function of a detected instruction set is entered by an unsafe call")]
 
-use super::{dispatch::dispatched, scalar::Scalar};
+use super::{Activation, scalar::Scalar};
+
+/// Compiles the body of each function three times (AVX-512, AVX2 with FMA, the target's baseline) and calls the best
+/// that the processor has. `FUSED` tells the body whether it may fuse multiplication and addition: the first two
+/// return the same bits, the baseline others in the last place.
+macro_rules! dispatched {
+    ($($(#[$doc:meta])* fn $name:ident($($argument:ident: $type:ty),*) $body:block)*) => {$(
+        $(#[$doc])*
+        pub(crate) fn $name<T: Scalar>($($argument: $type),*) {
+            #[inline(always)]
+            fn body<T: Scalar, const FUSED: bool>($($argument: $type),*) $body
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx512f,avx512dq,avx512vl,fma")]
+                fn avx512<T: Scalar>($($argument: $type),*) {
+                    body::<T, true>($($argument),*);
+                }
+                #[target_feature(enable = "avx2,fma")]
+                fn avx2<T: Scalar>($($argument: $type),*) {
+                    body::<T, true>($($argument),*);
+                }
+                if is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl")
+                    && is_x86_feature_detected!("fma")
+                {
+                    // SAFETY: the four features that the function is compiled for were detected.
+                    return unsafe { avx512($($argument),*) };
+                }
+                if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                    // SAFETY: as above.
+                    return unsafe { avx2($($argument),*) };
+                }
+            }
+            body::<T, false>($($argument),*);
+        }
+    )*};
+}
 
 dispatched! {
+    /// y += b on every row of y: `rows × bias.len()`.
+    fn add_bias(y: &mut [T], bias: &[T]) {
+        for row in y.chunks_exact_mut(bias.len()) {
+            for (y, &b) in row.iter_mut().zip(bias) {
+                *y += b;
+            }
+        }
+    }
+
+    /// y = f(y + b) on every row of y: `rows × bias.len()`.
+    fn add_bias_and_activate(y: &mut [T], bias: &[T], activation: Activation) {
+        match activation {
+            Activation::Elu => {
+                for row in y.chunks_exact_mut(bias.len()) {
+                    for (y, &b) in row.iter_mut().zip(bias) {
+                        let x = *y + b;
+                        let below = x.exponential::<FUSED>() - T::ONE;
+                        *y = if x > T::ZERO { x } else { below };
+                    }
+                }
+            }
+            Activation::Relu => {
+                for row in y.chunks_exact_mut(bias.len()) {
+                    for (y, &b) in row.iter_mut().zip(bias) {
+                        let x = *y + b;
+                        // A NaN fails the comparison and stays.
+                        *y = if x < T::ZERO { T::ZERO } else { x };
+                    }
+                }
+            }
+            Activation::Tanh => {
+                for row in y.chunks_exact_mut(bias.len()) {
+                    for (y, &b) in row.iter_mut().zip(bias) {
+                        *y = (*y + b).hyperbolic_tangent::<FUSED>();
+                    }
+                }
+            }
+        }
+    }
+
+    /// d *= f′ and sums += Σ over the rows of d; d and the layer's output h = f(x) are `rows × sums.len()`. By h,
+    /// ELU′ = h + 1 below 0 and tanh′ = 1 − h².
+    fn multiply_by_derivative(d: &mut [T], h: &[T], sums: &mut [T], activation: Activation) {
+        let width = sums.len();
+        let rows = d.chunks_exact_mut(width).zip(h.chunks_exact(width));
+        match activation {
+            Activation::Elu => {
+                for (d, h) in rows {
+                    for ((d, &h), sum) in d.iter_mut().zip(h).zip(&mut *sums) {
+                        let slope = if h > T::ZERO { T::ONE } else { h + T::ONE };
+                        *d *= slope;
+                        *sum += *d;
+                    }
+                }
+            }
+            Activation::Relu => {
+                for (d, h) in rows {
+                    for ((d, &h), sum) in d.iter_mut().zip(h).zip(&mut *sums) {
+                        let slope = if h > T::ZERO { T::ONE } else { T::ZERO };
+                        *d *= slope;
+                        *sum += *d;
+                    }
+                }
+            }
+            Activation::Tanh => {
+                for (d, h) in rows {
+                    for ((d, &h), sum) in d.iter_mut().zip(h).zip(&mut *sums) {
+                        *d *= T::ONE - h * h;
+                        *sum += *d;
+                    }
+                }
+            }
+        }
+    }
 
     /// sums += Σ over the rows of d: `rows × sums.len()`.
     fn add_column_sums(sums: &mut [T], d: &[T]) {

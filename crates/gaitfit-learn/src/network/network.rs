@@ -2,14 +2,10 @@
 
 use gaitfit_random::{Purpose, Stream};
 
-use super::{
-    Aligned, Shape, ShapeError, Weights,
-    dense::{self, Rows, RowsMut},
-    dispatch::stride,
-};
+use super::{Shape, ShapeError, forward};
 
 /// Rows that pass through all layers together, so that their activations stay in the second-level cache.
-const TILE: usize = 192;
+const TILE: usize = 256;
 
 /// A network: its shape and its parameters in the order of [`Shape::layers`].
 #[derive(Clone, Debug, PartialEq)]
@@ -24,7 +20,7 @@ pub struct Network {
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     /// Two buffers that the layers take in turn.
-    buffers: [Aligned<f32>; 2],
+    buffers: [Vec<f32>; 2],
 }
 
 impl Scratch {
@@ -73,53 +69,29 @@ impl Network {
         Ok(Self { shape, parameters })
     }
 
-    /// Lays the parameters out for evaluation; worth it before each many rows.
-    pub fn prepare(&self) -> Prepared {
-        Prepared { shape: self.shape.clone(), weights: Weights::new(&self.shape, &self.parameters, false) }
-    }
-
-    /// [`Self::prepare`] and [`Prepared::forward`].
-    ///
-    /// # Panics
-    /// If a slice is shorter than its size: an error of the caller.
-    pub fn forward(&self, rows: usize, input: &[f32], output: &mut [f32], scratch: &mut Scratch) {
-        self.prepare().forward(rows, input, output, scratch);
-    }
-}
-
-/// A network laid out for evaluation. It does not follow when the network changes.
-#[derive(Clone, Debug)]
-pub struct Prepared {
-    shape: Shape,
-    weights: Weights<f32>,
-}
-
-impl Prepared {
     /// Evaluates `rows` rows: `input` is `rows × inputs`, `output` `rows × outputs`, both row-major. Runs on the
-    /// calling thread; a row's output depends on that row alone.
+    /// calling thread; the same rows in the same call give the same bits.
     ///
     /// # Panics
     /// If a slice is shorter than its size: an error of the caller.
     pub fn forward(&self, rows: usize, input: &[f32], output: &mut [f32], scratch: &mut Scratch) {
-        let Shape { inputs, outputs, activation, .. } = self.shape;
+        let layers = self.shape.layers();
+        let (inputs, outputs) = (self.shape.inputs, self.shape.outputs);
+        let size = TILE.min(rows) * self.shape.widest();
         for buffer in &mut scratch.buffers {
-            buffer.at_least(TILE.min(rows) * stride(self.shape.widest()));
+            if buffer.len() < size {
+                buffer.resize(size, 0.0);
+            }
         }
         let [even, odd] = &mut scratch.buffers;
         let tiles = input[..rows * inputs].chunks(TILE * inputs);
         for (input, output) in tiles.zip(output[..rows * outputs].chunks_mut(TILE * outputs)) {
             let rows = input.len() / inputs;
-            let (mut from, mut to) = (&mut *even, &mut *odd);
-            let mut x = Rows { data: input, stride: inputs };
-            for (index, ([w, _], bias)) in self.weights.layers.iter().zip(&self.weights.biases).enumerate() {
-                if index + 1 == self.weights.layers.len() {
-                    dense::forward(x, rows, w, bias, None, RowsMut { data: output, stride: outputs });
-                    break;
-                }
-                let stride = stride(w.columns);
-                dense::forward(x, rows, w, bias, Some(activation), RowsMut { data: to, stride });
-                std::mem::swap(&mut from, &mut to);
-                x = Rows { data: from, stride };
+            for index in 0..layers.len() {
+                let (from, to) = if index % 2 == 0 { (&*odd, &mut *even) } else { (&*even, &mut *odd) };
+                let from = if index == 0 { input } else { from };
+                let to = if index + 1 == layers.len() { &mut *output } else { to };
+                forward::layer(&layers, index, self.shape.activation, &self.parameters, rows, from, to);
             }
         }
     }

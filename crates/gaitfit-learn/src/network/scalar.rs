@@ -32,8 +32,6 @@ pub(crate) trait Scalar:
     fn multiply_add<const FUSED: bool>(self, a: Self, b: Self) -> Self;
     /// eˣ; the `f32` form is within 2 units in the last place on [−87, 88] and saturates outside.
     fn exponential<const FUSED: bool>(self) -> Self;
-    /// The exponential linear unit: x where x > 0, else eˣ − 1.
-    fn elu<const FUSED: bool>(self) -> Self;
     fn square_root(self) -> Self;
     /// Hyperbolic tangent; absolute error below 2⁻²² for `f32`.
     fn hyperbolic_tangent<const FUSED: bool>(self) -> Self;
@@ -58,10 +56,6 @@ impl Scalar for f64 {
     #[inline(always)]
     fn exponential<const FUSED: bool>(self) -> Self {
         self.exp()
-    }
-    #[inline(always)]
-    fn elu<const FUSED: bool>(self) -> Self {
-        if self > 0.0 { self } else { self.exp() - 1.0 }
     }
     #[inline(always)]
     fn square_root(self) -> Self {
@@ -94,18 +88,25 @@ impl Scalar for f32 {
         if FUSED { self.mul_add(a, b) } else { self * a + b }
     }
 
+    /// Cody and Waite (1980): x = n ln 2 + r with ln 2 in two parts, Taylor's series of degree 6 for eʳ, 2ⁿ by its
+    /// bits.
     #[inline(always)]
     fn exponential<const FUSED: bool>(self) -> Self {
-        let [factor, power] = (if self > 88.0 { 88.0 } else { self }).factors_of_exponential::<FUSED>();
-        factor * power
-    }
-
-    #[inline(always)]
-    fn elu<const FUSED: bool>(self) -> Self {
-        // Worked out for both and then chosen: there is no branch in vector code.
-        let [factor, power] = self.factors_of_exponential::<FUSED>();
-        let below = factor.multiply_add::<FUSED>(power, -1.0);
-        if self > 0.0 { self } else { below }
+        // 1.5 × 2²³: adding it leaves the nearest integer in the low bits of the sum.
+        const ROUND: f32 = 12_582_912.0;
+        const LN_2_HIGH: f32 = 0.693_359_4;
+        const LN_2_LOW: f32 = -2.121_944_4e-4;
+        // Selections written so that a NaN fails the comparison and passes through.
+        let x = if self < -87.0 { -87.0 } else { self };
+        let x = if x > 88.0 { 88.0 } else { x };
+        let shifted = x.multiply_add::<FUSED>(std::f32::consts::LOG2_E, ROUND);
+        let n = shifted - ROUND;
+        let r = n.multiply_add::<FUSED>(-LN_2_LOW, n.multiply_add::<FUSED>(-LN_2_HIGH, x));
+        let mut p = 1.0 / 720.0;
+        for coefficient in [1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0] {
+            p = p.multiply_add::<FUSED>(r, coefficient);
+        }
+        p * f32::from_bits((shifted.to_bits() << 23).wrapping_add(127 << 23))
     }
 
     /// 1 − 2 / (e²ˣ + 1), from `exponential`.
@@ -113,34 +114,6 @@ impl Scalar for f32 {
     fn hyperbolic_tangent<const FUSED: bool>(self) -> Self {
         let x = if self > 10.0 { 10.0 } else { self };
         1.0 - 2.0 / ((2.0 * x).exponential::<FUSED>() + 1.0)
-    }
-}
-
-/// Two numbers whose product is eˣ.
-trait FactorsOfExponential: Sized {
-    /// Up to x = 88; above it they are any.
-    fn factors_of_exponential<const FUSED: bool>(self) -> [Self; 2];
-}
-
-impl FactorsOfExponential for f32 {
-    /// Cody and Waite (1980): x = n ln 2 + r with ln 2 in two parts; 2ⁿ by its bits; for eʳ stands 1 + r + r² p(r) with
-    /// the p of degree 3 whose greatest relative error on |r| ≤ ½ ln 2 is least: 1.05e-7.
-    #[inline(always)]
-    fn factors_of_exponential<const FUSED: bool>(self) -> [Self; 2] {
-        // 1.5 × 2²³: adding it leaves the nearest integer in the low bits of the sum.
-        const ROUND: f32 = 12_582_912.0;
-        const LN_2_HIGH: f32 = 0.693_359_4;
-        const LN_2_LOW: f32 = -2.121_944_4e-4;
-        // A selection written so that a NaN fails the comparison and passes through.
-        let x = if self < -87.0 { -87.0 } else { self };
-        let shifted = x.multiply_add::<FUSED>(std::f32::consts::LOG2_E, ROUND);
-        let n = shifted - ROUND;
-        let r = n.multiply_add::<FUSED>(-LN_2_LOW, n.multiply_add::<FUSED>(-LN_2_HIGH, x));
-        let mut p = 0.008_312_501;
-        for coefficient in [0.041_890_33, 0.166_671_16, 0.499_992_3, 1.0, 1.0] {
-            p = p.multiply_add::<FUSED>(r, coefficient);
-        }
-        [p, f32::from_bits((shifted.to_bits() << 23).wrapping_add(127 << 23))]
     }
 }
 
@@ -161,14 +134,10 @@ mod tests {
                 let (got, want) = (f64::from(x.exponential::<FUSED>()), f64::from(x).exp());
                 assert!((got / want - 1.0).abs() < 2.5e-7, "exp({x}) = {got}, not {want}");
             }
-            let (got, want) = (f64::from(x.elu::<FUSED>()), f64::from(x).elu::<FUSED>());
-            assert!((got - want).abs() < 1.8e-7, "elu({x}) = {got}, not {want}");
             let (got, want) = (f64::from(x.hyperbolic_tangent::<FUSED>()), f64::from(x).tanh());
             assert!((got - want).abs() < 2.4e-7, "tanh({x}) = {got}, not {want}");
         }
         assert_eq!(0.0_f32.exponential::<FUSED>(), 1.0);
-        assert_eq!((0.0_f32.elu::<FUSED>(), f32::NEG_INFINITY.elu::<FUSED>()), (0.0, -1.0));
-        assert!(f32::NAN.elu::<FUSED>().is_nan() && f32::INFINITY.elu::<FUSED>() == f32::INFINITY);
         assert!(f32::NAN.exponential::<FUSED>().is_nan() && f32::NAN.hyperbolic_tangent::<FUSED>().is_nan());
         assert!(
             f32::NEG_INFINITY.exponential::<FUSED>() < 1e-37 && f32::INFINITY.exponential::<FUSED>() > 1e38

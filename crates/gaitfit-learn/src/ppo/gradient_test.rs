@@ -8,7 +8,7 @@ use super::{
     loss::{Constants, Sums, Targets},
     worker::{Point, Worker},
 };
-use crate::network::{Activation, Scalar, Shape, Weights, stride};
+use crate::network::{Activation, Scalar, Shape};
 
 const ROWS: usize = 40;
 const WIDTHS: Widths = Widths { observation: 5, critic_observation: 7, action: 3 };
@@ -117,18 +117,11 @@ impl Problem {
         let (split, end) = (actor.parameters(), actor.parameters() + critic.parameters());
         let log_std = convert(self.log_std());
         let constants = Constants::new(&self.settings, ROWS, &log_std, &convert(&self.old_log_std));
-        let of_actor = Weights::new(actor, &parameters[..split], true);
-        let of_critic = Weights::new(critic, &parameters[split..end], true);
-        let point = Point { actor: &of_actor, critic: &of_critic, constants };
+        let point = Point { actor: &parameters[..split], critic: &parameters[split..end], constants };
         let mut worker = Worker::<T>::new(actor, critic);
-        for (to, from, width) in [
-            (&mut worker.observation, &self.observation, WIDTHS.observation),
-            (&mut worker.critic_observation, &self.critic_observation, WIDTHS.critic_observation),
-        ] {
-            for (to, from) in to.chunks_exact_mut(stride(width)).zip(from.chunks_exact(width)) {
-                to[..width].copy_from_slice(&convert(from));
-            }
-        }
+        worker.observation[..self.observation.len()].copy_from_slice(&convert(&self.observation));
+        worker.critic_observation[..self.critic_observation.len()]
+            .copy_from_slice(&convert(&self.critic_observation));
         worker.targets = Targets {
             action: convert(&self.targets.action),
             mean: convert(&self.targets.mean),

@@ -11,7 +11,7 @@ use super::{
     shuffle,
     worker::{Point, Worker},
 };
-use crate::network::{Network, Normaliser, ShapeError, Weights};
+use crate::network::{Network, Normaliser, ShapeError};
 
 /// Actor, critic, standard deviation, and what is needed to improve them. See [`Learner::update`].
 pub struct Learner {
@@ -228,7 +228,6 @@ impl Learner {
         self.gradients.prepare(threads, || Worker::new(actor, critic));
 
         let old_log_std = self.log_std.clone();
-        let (mut actor, mut critic) = (Weights::default(), Weights::default());
         let mut report = Diagnostics { explained_variance, ..Diagnostics::default() };
         for epoch in 0..epochs {
             let places = shuffle::deal(tiles, minibatches, self.seed, iteration, epoch as u32);
@@ -236,9 +235,8 @@ impl Learner {
                 let part = &places[shuffle::range(samples, minibatches, minibatch)];
                 let mut constants = Constants::new(&self.settings, part.len(), &self.log_std, &old_log_std);
                 constants.clipped_value_loss &= !critic_alone;
-                actor.fill(&self.actor.shape, &self.actor.parameters, true);
-                critic.fill(&self.critic.shape, &self.critic.parameters, true);
-                let point = Point { actor: &actor, critic: &critic, constants };
+                let point =
+                    Point { actor: &self.actor.parameters, critic: &self.critic.parameters, constants };
                 let sums = self.gradients.of(&point, tiles, part, &scales);
                 // Before the actor's first step the policy is the one that sampled: its divergence says nothing.
                 let unmoved = critic_alone || (epoch == 0 && minibatch == 0);

@@ -4,10 +4,10 @@ use super::{
     Samples,
     loss::{self, Constants, Sums, Targets},
 };
-use crate::network::{Aligned, Scalar, Shape, Tape, Weights, normalise_row, stride};
+use crate::network::{Scalar, Shape, Tape, normalise_row};
 
 /// Rows that pass forward and back together, so that the activations stay in the second-level cache.
-pub(super) const TILE: usize = 384;
+pub(super) const TILE: usize = 512;
 
 /// Where a sample lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,21 +22,21 @@ pub(super) struct Place {
 pub(super) type Scale = Option<Vec<(f32, f32)>>;
 
 /// The parameters that a minibatch is evaluated at.
-pub(super) struct Point<'a, T: Scalar> {
+pub(super) struct Point<'a, T> {
     /// Of the actor.
-    pub(super) actor: &'a Weights<T>,
+    pub(super) actor: &'a [T],
     /// Of the critic.
-    pub(super) critic: &'a Weights<T>,
+    pub(super) critic: &'a [T],
     /// Settings, standard deviation and number of rows.
     pub(super) constants: Constants<T>,
 }
 
 /// A thread's working memory.
-pub(super) struct Worker<T: Scalar> {
-    /// `TILE` rows, [`stride`] apart.
-    pub(super) observation: Aligned<T>,
-    /// `TILE` rows, [`stride`] apart.
-    pub(super) critic_observation: Aligned<T>,
+pub(super) struct Worker<T> {
+    /// `TILE × observation`.
+    pub(super) observation: Vec<T>,
+    /// `TILE × critic_observation`.
+    pub(super) critic_observation: Vec<T>,
     /// What the losses need of the samples.
     pub(super) targets: Targets<T>,
     actor: Tape<T>,
@@ -47,8 +47,8 @@ impl<T: Scalar> Worker<T> {
     /// For networks of these shapes.
     pub(super) fn new(actor: &Shape, critic: &Shape) -> Self {
         Self {
-            observation: Aligned::zeros(TILE * stride(actor.inputs)),
-            critic_observation: Aligned::zeros(TILE * stride(critic.inputs)),
+            observation: vec![T::ZERO; TILE * actor.inputs],
+            critic_observation: vec![T::ZERO; TILE * critic.inputs],
             targets: Targets::default(),
             actor: Tape::new(actor, TILE),
             critic: Tape::new(critic, TILE),
@@ -64,8 +64,8 @@ impl<T: Scalar> Worker<T> {
         gradient: &mut [T],
         sums: &mut Sums,
     ) {
-        let (of_actor, rest) = gradient.split_at_mut(point.actor.count);
-        let (of_critic, of_log_std) = rest.split_at_mut(point.critic.count);
+        let (of_actor, rest) = gradient.split_at_mut(point.actor.len());
+        let (of_critic, of_log_std) = rest.split_at_mut(point.critic.len());
 
         self.actor.forward(point.actor, rows, &self.observation);
         let (mean, derivative) = self.actor.output(rows);
@@ -102,9 +102,9 @@ impl Worker<f32> {
     }
 }
 
-/// Row `from` of `source`, `width` wide, to row `to` of `target`, whose rows are [`stride`] apart.
+/// Row `from` of `source` to row `to` of `target`, both of `width`.
 fn copy(target: &mut [f32], to: usize, source: &[f32], from: usize, width: usize, scale: &Scale) {
-    let target = &mut target[to * stride(width)..][..width];
+    let target = &mut target[to * width..(to + 1) * width];
     let source = &source[from * width..(from + 1) * width];
     match scale {
         None => target.copy_from_slice(source),

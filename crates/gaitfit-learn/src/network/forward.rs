@@ -1,0 +1,26 @@
+//! Forward pass over one tile of rows, keeping every layer's output for the backward pass.
+
+use super::{Activation, Layer, lanes, matmul, matmul::Matrix, scalar::Scalar};
+
+/// Computes layer `index` of `layers`: `output[..rows × outputs]` from `input[..rows × inputs]`.
+pub(crate) fn layer<T: Scalar>(
+    layers: &[Layer],
+    index: usize,
+    activation: Activation,
+    parameters: &[T],
+    rows: usize,
+    input: &[T],
+    output: &mut [T],
+) {
+    let layer = &layers[index];
+    let output = &mut output[..rows * layer.outputs];
+    let x = Matrix::row_major(input, rows, layer.inputs);
+    let w = Matrix::row_major(&parameters[layer.weight.clone()], layer.inputs, layer.outputs);
+    matmul::multiply(output, x, w, false);
+    let bias = &parameters[layer.bias.clone()];
+    if index + 1 == layers.len() {
+        lanes::add_bias(output, bias);
+    } else {
+        lanes::add_bias_and_activate(output, bias, activation);
+    }
+}
