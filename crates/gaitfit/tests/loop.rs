@@ -219,7 +219,7 @@ fn a_robot_that_may_be_missing_is_asked_once() {
         let rows = result["evaluations"].as_array().unwrap();
         rows.iter().map(|row| row["on"].as_str().unwrap().to_owned()).collect()
     };
-    assert_eq!(places(&result), ["adapted", "adapted"]);
+    assert_eq!(places(&result), ["adapted, round 1", "adapted, round 1"]);
     assert_eq!(result["rounds"].as_array().unwrap().len(), 1);
     assert!(result["next"].as_str().unwrap().contains("no robot here"), "{}", result["next"]);
     let page = fs::read_to_string(folder.path().join("l/report.html")).unwrap();
@@ -230,7 +230,7 @@ fn a_robot_that_may_be_missing_is_asked_once() {
     fs::remove_file(folder.path().join("l/result.json")).unwrap();
     let output = loop_of(&["--resume", "--set", "rounds=2"]);
     assert!(output.status.success(), "{}", errors(&output));
-    assert_eq!(places(&json(&output)), ["adapted", "adapted"]);
+    assert_eq!(places(&json(&output)), ["adapted, round 1", "adapted, round 1"]);
     let output = loop_of(&[]);
     assert!(output.status.success(), "{}", errors(&output));
     assert_eq!(places(&json(&output)), ["target", "target", "adapted", "adapted"]);

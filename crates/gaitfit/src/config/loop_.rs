@@ -263,7 +263,11 @@ impl LoopConfig {
             "`policy` names no policy; give the file of the policy that walks".to_owned()
         } else if self.logs.is_empty() && self.target.is_none() {
             "there are neither `logs` of a robot nor a [target] to record them on".to_owned()
-        } else if self.logs.is_empty() && self.target.as_ref().is_some_and(|target| !target.probe.is_empty())
+        } else if self.logs.is_empty()
+            && self
+                .target
+                .as_ref()
+                .is_some_and(|target| target.kind == TargetKind::Command && !target.probe.is_empty())
         {
             "`target.probe` lets a loop go on without the robot, which needs `logs` to fit; leave it out if the \
              robot must be there"
