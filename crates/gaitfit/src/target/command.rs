@@ -23,6 +23,9 @@ pub struct Command {
 const LAST_LINES: usize = 20;
 /// Most characters of a wrong document that are repeated.
 const MOST_SHOWN: usize = 200;
+/// Most bytes that a program may print, and that a line of its standard error may have.
+const MOST_BYTES: u64 = 64 << 20;
+const MOST_LINE: u64 = 1 << 16;
 
 impl Command {
     /// The programs of a target. `python`: what `{python}` is, where that is known already.
@@ -113,6 +116,12 @@ impl Command {
                 text.trim_end()
             ))
         })?;
+        if let Some(wrong) = found.wrong() {
+            return Err(Failure::failed(format!(
+                "target.evaluate, `{}`: {wrong}, which cannot be",
+                words.join(" ")
+            )));
+        }
         found.policy = policy.name.clone();
         Ok(Some(found))
     }
@@ -168,7 +177,11 @@ fn run(words: &[String], setting: &str) -> Result<Vec<u8>, Failure> {
     let (out, last) = std::thread::scope(|scope| {
         let last = scope.spawn(|| err.map(pass_on).unwrap_or_default());
         let mut bytes = Vec::new();
-        let read = out.map_or(Ok(0), |mut out| out.read_to_end(&mut bytes));
+        let read = out.map_or(Ok(0), |out| out.take(MOST_BYTES + 1).read_to_end(&mut bytes));
+        if bytes.len() as u64 > MOST_BYTES {
+            // Its standard error ends with it.
+            let _ = child.kill();
+        }
         (read.map(|_| bytes), last.join().unwrap_or_default())
     });
     let status = child.wait().map_err(|error| failed(error.to_string()))?;
@@ -177,6 +190,9 @@ fn run(words: &[String], setting: &str) -> Result<Vec<u8>, Failure> {
             exit: Exit::Interrupted,
             message: format!("interrupted in {setting}; --resume runs it again"),
         });
+    }
+    if out.as_ref().is_ok_and(|bytes| bytes.len() as u64 > MOST_BYTES) {
+        return Err(failed(format!("it printed more than {} MiB", MOST_BYTES >> 20)));
     }
     if !status.success() {
         let said = if last.is_empty() { "it said nothing on standard error".to_owned() } else { last };
@@ -188,7 +204,14 @@ fn run(words: &[String], setting: &str) -> Result<Vec<u8>, Failure> {
 /// Repeats a program's standard error line by line, and keeps the last ones.
 fn pass_on(stream: impl Read) -> String {
     let mut last = VecDeque::new();
-    for line in BufReader::new(stream).split(b'\n').map_while(Result::ok) {
+    let mut stream = BufReader::new(stream);
+    loop {
+        let mut line = Vec::new();
+        // A longer line comes in parts.
+        match stream.by_ref().take(MOST_LINE).read_until(b'\n', &mut line) {
+            Ok(0) | Err(_) => break,
+            Ok(_) => {}
+        }
         let line = String::from_utf8_lossy(&line).trim_end().to_owned();
         // What a program says of an interruption is of no use to who asked for it.
         if !interrupt::asked() {

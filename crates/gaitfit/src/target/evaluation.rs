@@ -62,6 +62,24 @@ pub struct Evaluation {
     pub gait: Option<GaitSummary>,
 }
 
+impl Evaluation {
+    /// What cannot have been measured, in words.
+    pub fn wrong(&self) -> Option<String> {
+        let errors = [
+            ("linear_velocity_error", self.linear_velocity_error, f64::INFINITY),
+            ("angular_velocity_error", self.angular_velocity_error, f64::INFINITY),
+            ("fall_rate", self.fall_rate, 1.0),
+        ];
+        if self.trajectories == 0 {
+            return Some("`trajectories` is 0".to_owned());
+        }
+        errors.into_iter().find_map(|(name, found, most)| {
+            let possible = (0.0..=most).contains(&found.mean) && found.mean.is_finite() && found.ci95 >= 0.0;
+            (!possible).then(|| format!("`{name}` is {} ± {}", found.mean, found.ci95))
+        })
+    }
+}
+
 /// The result of one constant command, over several robots; see [`gaitfit_learn::evaluate::DriftTrial`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DriftResult {

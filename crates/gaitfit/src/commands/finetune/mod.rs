@@ -3,7 +3,7 @@
 mod policy;
 mod setup;
 
-pub use setup::setup;
+pub use setup::{check, setup};
 
 use super::train;
 use crate::cli;

@@ -6,6 +6,7 @@ use crate::commands::train::{Parent, Plan, Setup, Start, advice, configuration, 
 use crate::config::{self, FinetuneConfig, changed};
 use crate::exit::Failure;
 use crate::inputs::{self, Inputs};
+use crate::output::note;
 use crate::paths;
 use crate::world::{self, World};
 use gaitfit_learn::policy::Policy;
@@ -33,30 +34,15 @@ pub fn setup(args: &Finetune) -> Result<Setup, Failure> {
         pinned(&mut config.theta_sha256, theta_sha256.as_ref(), theta)?;
     }
     let arguments = world_arguments(args, &files, &mut config);
-    let settings = task(&arguments, &policy, &mut config.task).map_err(&wrong)?;
-    policy::settle(&mut config.ppo, &policy).map_err(&wrong)?;
-    let new_critic = policy.critic.is_none();
-    if new_critic && policy.interface.critic_observation.is_empty() {
-        // A policy trained elsewhere need not say what a critic would see: the task does.
-        policy.interface.critic_observation = settings.policy.critic_observation.clone();
-    }
-    if policy.interface.critic_observation.is_empty() {
-        return Err(wrong(
-            "neither policy nor task says what the critic sees (critic_observation)".to_owned(),
+    let (plan, settings, new_critic) = plan(&mut config, &arguments, &mut policy, run).map_err(&wrong)?;
+    if plan.ppo.critic_warmup.is_some_and(|updates| updates >= plan.train.iterations) {
+        note(&format!(
+            "note: the first {} updates teach the critic alone, so {} iterations leave the policy as it is; raise \
+             train.iterations or lower ppo.critic_warmup",
+            plan.ppo.critic_warmup.unwrap_or(0),
+            plan.train.iterations
         ));
     }
-    let plan = Plan {
-        name: run,
-        runs: config.runs.clone(),
-        seeds: config.seeds.clone(),
-        checkpoint_seconds: config.checkpoint_seconds,
-        preset: config.preset,
-        train: config.train.clone(),
-        ppo: config.ppo.clone(),
-        task: arguments.task.clone().unwrap_or_else(|| "the policy's own".to_owned()),
-        configuration: configuration(&config)?,
-    };
-    plan.check().map_err(&wrong)?;
     let world = World::with_task(&arguments, policy, settings)?;
     let model = world.scene.batch.model().clone();
     let inputs = Inputs::new(files.all(), &model, &bound(&config))?;
@@ -79,6 +65,54 @@ pub fn setup(args: &Finetune) -> Result<Setup, Failure> {
     };
     setup.learner(0).map_err(|error| refused(path, &error, PRINTED_BY))?;
     Ok(setup)
+}
+
+/// The training that the settings ask for, its task, and whether it begins with a new critic; settles what the policy
+/// decides.
+///
+/// # Errors
+/// In words.
+fn plan(
+    config: &mut FinetuneConfig,
+    arguments: &WorldArgs,
+    policy: &mut Policy,
+    run: String,
+) -> Result<(Plan, TaskSettings, bool), String> {
+    let settings = task(arguments, policy, &mut config.task)?;
+    policy::settle(&mut config.ppo, policy)?;
+    let new_critic = policy.critic.is_none();
+    if new_critic && policy.interface.critic_observation.is_empty() {
+        // A policy trained elsewhere need not say what a critic would see: the task does.
+        policy.interface.critic_observation = settings.policy.critic_observation.clone();
+    }
+    if policy.interface.critic_observation.is_empty() {
+        return Err("neither policy nor task says what the critic sees (critic_observation)".to_owned());
+    }
+    let plan = Plan {
+        name: run,
+        runs: config.runs.clone(),
+        seeds: config.seeds.clone(),
+        checkpoint_seconds: config.checkpoint_seconds,
+        preset: config.preset,
+        train: config.train.clone(),
+        ppo: config.ppo.clone(),
+        task: arguments.task.clone().unwrap_or_else(|| "the policy's own".to_owned()),
+        configuration: configuration(config).map_err(|failure| failure.message)?,
+    };
+    plan.check()?;
+    Ok((plan, settings, new_critic))
+}
+
+/// Refuses settings that no training can be made of, for programs that train later: `arguments` say on which robot.
+///
+/// # Errors
+/// Usage, naming the setting.
+pub fn check(config: &FinetuneConfig, arguments: &WorldArgs, policy: &Policy) -> Result<(), Failure> {
+    let mut policy = policy.clone();
+    let mut config = FinetuneConfig { runs: ".".to_owned(), ..config.clone() };
+    let (_, settings, _) =
+        plan(&mut config, arguments, &mut policy, "finetune".to_owned()).map_err(Failure::usage)?;
+    World::with_task(arguments, policy, settings).map(|_| ())
 }
 
 /// The files that a fine-tuning reads.

@@ -1,6 +1,7 @@
 //! Everything a loop needs, read and checked before anything is written.
 
 use crate::cli::WorldArgs;
+use crate::commands::finetune;
 use crate::config::{LoopConfig, TargetConfig, TargetKind};
 use crate::exit::Failure;
 use crate::ground::log_files;
@@ -98,6 +99,11 @@ impl Setup {
         let task = world::task(&setup.world_arguments(None), &setup.policy)?;
         let setup = Self { task, ..setup };
         setup.check_fit()?;
+        let training = finetune::check(&setup.config.finetune, &setup.world_arguments(None), &setup.policy);
+        training.map_err(|mut failure| {
+            failure.message = format!("{}: [finetune] {}", config_path.display(), failure.message);
+            failure
+        })?;
         if let Some(target) = &setup.config.target {
             // A spring on no joint, a place to fill in that there is not: found now, not after an hour.
             if let Target::Simulated(mut target) = setup.target(target, PathBuf::new(), None)? {
