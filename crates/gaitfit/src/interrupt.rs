@@ -1,6 +1,7 @@
 //! Ctrl-C and termination: the first asks the fit to save and stop, the second stops at once.
 
 use crate::exit::{Exit, Failure};
+use crate::output::note;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static ASKED: AtomicBool = AtomicBool::new(false);
@@ -16,6 +17,7 @@ pub fn listen() -> Result<(), Failure> {
         if ASKED.swap(true, Ordering::SeqCst) {
             std::process::exit(Exit::Interrupted as i32);
         }
+        note("stopping after the step under way; once more stops at once");
     };
     ctrlc::set_handler(handler).map_err(|error| Failure::failed(format!("cannot listen for Ctrl-C: {error}")))
 }

@@ -277,7 +277,11 @@ fn enough(config: &AdaptConfig, config_path: &Path, logs: &[GroundLog], cuts: &[
             cuts.first().map_or("", |cut| &cut.reason)
         )
     } else {
-        let because = if fell > 0.0 { format!(" ({fell:.1} s of falls are cut)") } else { String::new() };
+        let mut because = if fell > 0.0 { format!(" ({fell:.1} s of falls are cut)") } else { String::new() };
+        if skipped > 0.0 {
+            because += &format!(" after the first {skipped} s of each (simulation.skip_seconds)");
+        }
+        let seconds = seconds.max(0.0);
         format!(
             "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {LEAST_S} s, \
              and does well with some minutes: record more, with varied commands."

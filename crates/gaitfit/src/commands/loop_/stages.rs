@@ -124,7 +124,17 @@ impl<'a> Stages<'a> {
         let file = format!("{round}/adapt.toml");
         self.folder.make(round)?;
         self.write_config(&file, config)?;
-        let ground = Ground::open(config, &self.path(&file), Some(self.setup.threads))?;
+        let recorded = self.path(&format!("{round}/logs"));
+        let ground =
+            Ground::open(config, &self.path(&file), Some(self.setup.threads)).map_err(|mut failure| {
+                if recorded.is_dir() {
+                    let folder = recorded.display();
+                    failure.message += &format!(
+                        " The target recorded these logs; remove {folder}, and --resume asks it for others."
+                    );
+                }
+                failure
+            })?;
         self.announce(&format!(
             "{stage}: {} parameters are fitted to {} logs",
             ground.theta.len(),
