@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{errors, json, program, run};
+use common::{errors, json, program, run, standing_policy};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,23 +12,12 @@ use std::process::Stdio;
 use std::sync::OnceLock;
 use std::time::Duration;
 
-/// A policy that stands: one iteration of a tiny network.
+/// A policy that stands, trained once.
 fn policy() -> &'static Path {
     static POLICY: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     let (_, path) = POLICY.get_or_init(|| {
         let runs = tempfile::tempdir().unwrap();
-        let sets = [
-            format!("runs={}", runs.path().display()),
-            "train.iterations=1".to_owned(),
-            "train.environments=8".to_owned(),
-            "ppo.actor_hidden=[8]".to_owned(),
-            "ppo.critic_hidden=[8]".to_owned(),
-        ];
-        let mut args = vec!["train".to_owned(), "--name".to_owned(), "p".to_owned()];
-        args.extend(sets.into_iter().flat_map(|set| ["--set".to_owned(), set]));
-        let output = run(&args);
-        assert!(output.status.success(), "{}", errors(&output));
-        let path = runs.path().join("p/seed-1/policy.safetensors");
+        let path = standing_policy(runs.path());
         (runs, path)
     });
     path
@@ -243,6 +232,15 @@ fn a_robot_that_may_be_missing_is_asked_once() {
     assert!(errors(&output).contains("no robot here"), "{}", errors(&output));
 }
 
+/// A target whose measurement is what is given.
+fn evaluating(trajectories: usize, error: f64, falls: &str) -> String {
+    let found = format!(
+        r#"{{"trajectories": {trajectories}, "linear_velocity_error": {{"mean": {error}, "ci95": null}},
+            "angular_velocity_error": {{"mean": 0.1, "ci95": 0.01}}, "fall_rate": {{"mean": {falls}, "ci95": 0.0}}}}"#
+    );
+    format!("collect = [\"true\", \"{{folder}}\"]\nevaluate = [\"echo\", '''{found}''']")
+}
+
 #[test]
 fn a_program_that_fails_is_named_with_what_it_said() {
     for (target, words) in [
@@ -258,6 +256,9 @@ fn a_program_that_fails_is_named_with_what_it_said() {
             "collect = [\"true\", \"{folder}\"]\nevaluate = [\"echo\", \"hello\"]",
             ["target.evaluate", "hello"],
         ),
+        (&evaluating(5, 0.1, "7.0"), ["target.evaluate", "`fall_rate` is 7"]),
+        (&evaluating(5, -1.0, "0.0"), ["target.evaluate", "`linear_velocity_error` is -1"]),
+        (&evaluating(0, 0.1, "0.0"), ["target.evaluate", "`trajectories` is 0"]),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let output = run(&args(folder.path(), &format!("[target]\nkind = \"command\"\n{target}\n"), &[]));

@@ -4,25 +4,9 @@
 
 mod common;
 
-use common::{errors, json, program, run};
+use common::{errors, json, program, run, standing_policy};
 use std::fs;
 use std::path::Path;
-
-/// A policy that stands, trained into `runs`: one iteration of a tiny network.
-fn policy(runs: &Path) -> String {
-    let sets = [
-        format!("runs={}", runs.display()),
-        "train.iterations=1".to_owned(),
-        "train.environments=8".to_owned(),
-        "ppo.actor_hidden=[8]".to_owned(),
-        "ppo.critic_hidden=[8]".to_owned(),
-    ];
-    let mut args = vec!["train".to_owned(), "--name".to_owned(), "p".to_owned()];
-    args.extend(sets.into_iter().flat_map(|set| ["--set".to_owned(), set]));
-    let output = run(&args);
-    assert!(output.status.success(), "{}", errors(&output));
-    runs.join("p/seed-1/policy.safetensors").display().to_string()
-}
 
 /// Arguments of a tiny run of a table.
 fn args(table: &str, folder: &Path, policy: &str, more: &[&str]) -> Vec<String> {
@@ -75,7 +59,7 @@ fn the_list_needs_no_files() {
 #[test]
 fn a_cell_of_each_kind_is_run_and_resumed() {
     let folder = tempfile::tempdir().unwrap();
-    let policy = policy(folder.path());
+    let policy = standing_policy(folder.path()).display().to_string();
     let whole = args("parameters", folder.path(), &policy, &["--only", "*-fricarm-wass"]);
     let output = run(&whole);
     assert!(output.status.success(), "{}", errors(&output));

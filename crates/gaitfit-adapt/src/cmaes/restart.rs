@@ -141,19 +141,23 @@ impl Search {
         }
         self.current.tell(population, costs)?;
         match self.current.stop() {
-            Some(stop) => self.end(stop).map(Some),
+            Some(stop) => self.conclude(stop).map(Some),
             None => Ok(None),
         }
     }
 
-    /// Ends the run under way, for a reason of the caller's; the next one begins. Returns the ended run's summary.
+    /// Ends the run under way as [`StopReason::Ended`]; the next one begins. Returns the ended run's summary.
     ///
     /// # Errors
     /// [`CmaError::Finished`] if no run is left.
-    pub fn end(&mut self, stop: StopReason) -> Result<&RunSummary, CmaError> {
+    pub fn end(&mut self) -> Result<&RunSummary, CmaError> {
         if self.is_finished() {
             return Err(CmaError::Finished);
         }
+        self.conclude(StopReason::Ended)
+    }
+
+    fn conclude(&mut self, stop: StopReason) -> Result<&RunSummary, CmaError> {
         self.finished.push(RunSummary {
             run: self.run(),
             seed: self.current.settings().seed,

@@ -54,6 +54,8 @@ pub enum StopReason {
     MaxGenerations,
     /// `target_cost` reached.
     TargetCost,
+    /// Whoever runs the search ended this run, see [`Search::end`](super::Search::end).
+    Ended,
     /// An update left the finite numbers and was dropped.
     NumericalFailure,
 }

@@ -77,7 +77,7 @@ impl Run {
             return Err(FitError::AllDiverged { cost: name.to_owned(), seed: self.seed, generation });
         }
         if !restarted && self.settled(options) {
-            self.search.end(StopReason::TolX).map_err(FitError::Optimizer)?;
+            self.search.end().map_err(FitError::Optimizer)?;
         }
         self.stop = self.why_stop();
         let Some(best) = self.search.best() else {
@@ -112,7 +112,7 @@ impl Run {
         Some(match last.stop {
             StopReason::TolXUp | StopReason::ConditionCov | StopReason::NumericalFailure => Stop::Degenerate,
             StopReason::MaxGenerations => Stop::Generations,
-            StopReason::TolX => Stop::Tolerance,
+            StopReason::Ended => Stop::Tolerance,
             _ => Stop::Converged,
         })
     }

@@ -1,6 +1,7 @@
 //! Parameters of joints: friction loss, armature, delay and the like.
 
 use super::patterns::every_joint;
+use super::sharing::Share;
 use super::{
     Entry, Modification, Quantity, ReadContext, SavedParameter, Sharing, ThetaError, ThetaFileError,
 };
@@ -85,13 +86,12 @@ impl ParameterRule {
     fn entries(&self, groups: &[(String, Vec<String>)], joints: &[String]) -> Result<Vec<Entry>, ThetaError> {
         let kind = self.kind.name();
         let shares = self.per.shares(kind, &self.joints, groups, joints)?;
-        let prefix = self.name.as_deref().unwrap_or(kind);
-        let named = |share: &str| match (share, &self.name) {
-            ("", Some(name)) => name.clone(),
-            ("", None) => named_after(kind, &self.joints),
-            _ => format!("{prefix}_{share}"),
+        let named = |share: &Share<'_>| match &self.name {
+            // The only entry takes the name as it is.
+            Some(name) if self.per == Sharing::All => name.clone(),
+            name => share.named(name.as_deref().unwrap_or(kind)),
         };
-        Ok(shares.into_iter().map(|share| self.entry(named(share.name), share.joints)).collect())
+        Ok(shares.into_iter().map(|share| self.entry(named(&share), share.joints)).collect())
     }
 
     fn entry(&self, name: String, joints: Vec<&String>) -> Entry {
@@ -107,19 +107,6 @@ impl ParameterRule {
             deviation: self.deviation.unwrap_or(defaults.deviation),
         }
     }
-}
-
-/// `damping` with `*_hip` is called `damping_hip`.
-fn named_after(kind: &str, patterns: &[String]) -> String {
-    let mut name = kind.to_owned();
-    for pattern in patterns {
-        let word = pattern.trim_matches(|letter: char| !letter.is_alphanumeric());
-        if !word.is_empty() {
-            name.push('_');
-            name.push_str(word);
-        }
-    }
-    name
 }
 
 /// One quantity of some joints.

@@ -474,6 +474,14 @@ mod tests {
         let last: f64 =
             [92..97, 189..194].into_iter().flatten().map(|at: usize| values[at] * values[at]).sum();
         assert!((theta.regularisation(&values) - last / 2.0).abs() < 1e-15);
+        // One for all joints is called after them, so that two such rules go together.
+        let all = |joint: &str| {
+            let rule = NetworkRule { per: Sharing::All, joints: vec![joint.into()], ..rule.clone() };
+            rule.modification(&groups(), &joints(), &rest).unwrap()
+        };
+        let theta = Theta::new(vec![all("*_hip"), all("*_calf")]).unwrap();
+        assert_eq!(theta.len(), 2 * 97);
+        assert_eq!(theta.entries()[97].name, "action_delta_calf_0");
         let error = rule.modification(&groups()[..2], &joints(), &rest).unwrap_err();
         assert!(matches!(error, ThetaError::Group { .. }), "{error}");
     }

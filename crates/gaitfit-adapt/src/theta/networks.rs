@@ -167,7 +167,7 @@ impl NetworkRule {
         let mut entries = Vec::with_capacity(shares.len() * NETWORK_WEIGHTS);
         let mut networks = Vec::with_capacity(shares.len());
         for share in shares {
-            let name = if share.name.is_empty() { kind.to_owned() } else { format!("{kind}_{}", share.name) };
+            let name = share.named(kind);
             for weight in 0..NETWORK_WEIGHTS {
                 entries.push(Entry {
                     name: format!("{name}_{weight}"),

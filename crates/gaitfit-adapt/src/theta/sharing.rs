@@ -20,10 +20,17 @@ pub enum Sharing {
 
 /// Joints that share.
 pub(super) struct Share<'a> {
-    /// The group, the joint without `_joint`, or nothing where all share.
-    pub(super) name: &'a str,
+    /// The group, the joint without `_joint`, or where all share the words of their patterns, of `*` none.
+    name: String,
     /// At least one.
     pub(super) joints: Vec<&'a String>,
+}
+
+impl Share<'_> {
+    /// Name of what they share: `damping` of `*_hip` is `damping_hip`.
+    pub(super) fn named(&self, what: &str) -> String {
+        if self.name.is_empty() { what.to_owned() } else { format!("{what}_{}", self.name) }
+    }
 }
 
 impl Sharing {
@@ -36,15 +43,15 @@ impl Sharing {
         self,
         kind: &'static str,
         patterns: &[String],
-        groups: &'a [(String, Vec<String>)],
+        groups: &[(String, Vec<String>)],
         joints: &'a [String],
     ) -> Result<Vec<Share<'a>>, ThetaError> {
         let covered = covered(kind, patterns, joints)?;
         match self {
-            Self::All => Ok(vec![Share { name: "", joints: covered }]),
+            Self::All => Ok(vec![Share { name: words(patterns), joints: covered }]),
             Self::Joint => Ok(covered
                 .into_iter()
-                .map(|joint| Share { name: plain(joint), joints: vec![joint] })
+                .map(|joint| Share { name: plain(joint).to_owned(), joints: vec![joint] })
                 .collect()),
             Self::Group => {
                 let mut found: Vec<Share<'a>> = Vec::new();
@@ -64,11 +71,18 @@ impl Sharing {
                     };
                     match found.iter_mut().find(|share| share.name == group) {
                         Some(share) => share.joints.push(joint),
-                        None => found.push(Share { name: group, joints: vec![joint] }),
+                        None => found.push(Share { name: group.to_owned(), joints: vec![joint] }),
                     }
                 }
                 Ok(found)
             }
         }
     }
+}
+
+/// What patterns say besides their wildcards at the ends.
+fn words(patterns: &[String]) -> String {
+    let word =
+        |pattern: &'_ String| pattern.trim_matches(|letter: char| !letter.is_alphanumeric()).to_owned();
+    patterns.iter().map(word).filter(|word| !word.is_empty()).collect::<Vec<_>>().join("_")
 }

@@ -12,6 +12,9 @@ use toml::{Spanned, Table};
 
 use crate::exit::Failure;
 
+/// Most robots of a drift trial.
+pub const MOST_DRIFT: usize = 100_000;
+
 /// The defaults, as `gaitfit config loop` prints them.
 pub const LOOP_DEFAULTS: &str = include_str!("loop.toml");
 
@@ -290,8 +293,8 @@ impl LoopConfig {
             )
         } else if evaluate.trajectories == 0 || evaluate.trajectories > 10_000_000 {
             "`evaluate.trajectories` must be 1 to 10000000".to_owned()
-        } else if evaluate.drift > 100_000 {
-            "`evaluate.drift` must be at most 100000 robots".to_owned()
+        } else if evaluate.drift > MOST_DRIFT {
+            format!("`evaluate.drift` must be at most {MOST_DRIFT} robots")
         } else if !length(evaluate.seconds) {
             "`evaluate.seconds` must be above 0 and at most 3600".to_owned()
         } else if let Some(wrong) = self.target.as_ref().and_then(TargetConfig::wrong) {

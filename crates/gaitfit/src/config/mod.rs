@@ -11,7 +11,7 @@ mod train;
 
 pub use finetune::{FINETUNE_DEFAULTS, FinetuneConfig, changed};
 pub use load::{Configuration, load};
-pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, TargetConfig, TargetKind};
+pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MOST_DRIFT, TargetConfig, TargetKind};
 pub use text::{DEFAULTS, train_defaults};
 pub use train::{TaskName, TrainConfig};
 

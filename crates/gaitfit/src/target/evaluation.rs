@@ -63,7 +63,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// What cannot have been measured, in words.
+    /// What cannot have been measured, in words. An interval may be missing.
     pub fn wrong(&self) -> Option<String> {
         let errors = [
             ("linear_velocity_error", self.linear_velocity_error, f64::INFINITY),
@@ -74,8 +74,9 @@ impl Evaluation {
             return Some("`trajectories` is 0".to_owned());
         }
         errors.into_iter().find_map(|(name, found, most)| {
-            let possible = (0.0..=most).contains(&found.mean) && found.mean.is_finite() && found.ci95 >= 0.0;
-            (!possible).then(|| format!("`{name}` is {} ± {}", found.mean, found.ci95))
+            let impossible =
+                !(0.0..=most).contains(&found.mean) || found.mean.is_infinite() || found.ci95 < 0.0;
+            impossible.then(|| format!("`{name}` is {} ± {}", found.mean, found.ci95))
         })
     }
 }

@@ -36,6 +36,22 @@ pub fn json(output: &Output) -> serde_json::Value {
         .unwrap_or_else(|error| panic!("no JSON document: {error}\n{}", errors(output)))
 }
 
+/// A policy that stands, trained into `runs`: one iteration of a tiny network.
+pub fn standing_policy(runs: &Path) -> PathBuf {
+    let sets = [
+        &format!("runs={}", runs.display()),
+        "train.iterations=1",
+        "train.environments=8",
+        "ppo.actor_hidden=[8]",
+        "ppo.critic_hidden=[8]",
+    ];
+    let mut args = vec!["train", "--name", "p"];
+    args.extend(sets.into_iter().flat_map(|set| ["--set", set]));
+    let output = run(&args);
+    assert!(output.status.success(), "{}", errors(&output));
+    runs.join("p/seed-1/policy.safetensors")
+}
+
 /// Arguments of a quick fit of the demo: few generations of few seeds, coarse steps, results under `runs`.
 pub fn quick_demo(runs: &Path, more: &[&str]) -> Vec<String> {
     let mut args = vec!["adapt".to_owned(), "examples/go2-demo/adapt.toml".to_owned(), "--json".to_owned()];

@@ -4,6 +4,7 @@ mod page;
 mod text;
 
 use crate::cli;
+use crate::config::MOST_DRIFT;
 use crate::exit::Failure;
 use crate::output;
 use crate::output_file;
@@ -25,9 +26,6 @@ struct Document<'a> {
 /// Longest trajectory, s, and most control steps of one call.
 const LONGEST: f64 = 3600.0;
 const MOST_STEPS: f64 = 2e9;
-
-/// Most robots of a drift trial.
-const MOST_DRIFT: usize = 100_000;
 
 /// Measures and prints.
 pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {

@@ -15,9 +15,9 @@ use std::path::PathBuf;
 use toml::{Table, Value};
 
 /// The resolved settings.
-pub const CONFIG: &str = "config.toml";
+const CONFIG: &str = "config.toml";
 /// What the result depends on.
-pub const INPUTS: &str = "inputs.json";
+const INPUTS: &str = "inputs.json";
 const RESULT: &str = "result.json";
 const TIMES: &str = "times.json";
 /// The first policy's file.
@@ -40,23 +40,8 @@ pub fn check_same(folder: &RunFolder, setup: &Setup) -> Result<(), Failure> {
             folder.path().join(CONFIG).display()
         )))
     };
-    let unreadable = |name: &str, error: &dyn std::fmt::Display| {
-        Failure::failed(format!(
-            "{}: {error}. Restore it, or start afresh without --resume.",
-            folder.path().join(name).display()
-        ))
-    };
-    if let Some(text) = folder.read(CONFIG)? {
-        let saved: Table = toml::from_str(&text).map_err(|error| unreadable(CONFIG, &error))?;
-        if let Some(difference) = train::difference("", &bound(saved), &bound(resolved(setup)?)) {
-            return refuse(difference);
-        }
-    }
-    if let Some(text) = folder.read(INPUTS)? {
-        let saved: Inputs = serde_json::from_str(&text).map_err(|error| unreadable(INPUTS, &error))?;
-        if let Some(difference) = setup.inputs.difference(&saved) {
-            return refuse(difference);
-        }
+    if let Some(difference) = difference(folder, setup)? {
+        return refuse(difference);
     }
     match folder.read_bytes(FIRST_POLICY)? {
         Some(bytes) if bytes != setup.policy_bytes => {
@@ -64,6 +49,28 @@ pub fn check_same(folder: &RunFolder, setup: &Setup) -> Result<(), Failure> {
         }
         _ => Ok(()),
     }
+}
+
+/// A setting or input that a folder was made with and that is not so now, in words; none if it has none.
+///
+/// # Errors
+/// Files that are damaged.
+pub fn difference(folder: &RunFolder, setup: &Setup) -> Result<Option<String>, Failure> {
+    let unreadable = |name: &str, error: &dyn std::fmt::Display| {
+        Failure::failed(format!(
+            "{}: {error}. Restore it, or start afresh in another folder.",
+            folder.path().join(name).display()
+        ))
+    };
+    if let Some(text) = folder.read(CONFIG)? {
+        let saved: Table = toml::from_str(&text).map_err(|error| unreadable(CONFIG, &error))?;
+        if let Some(difference) = train::difference("", &bound(saved), &bound(resolved(setup)?)) {
+            return Ok(Some(difference));
+        }
+    }
+    let Some(text) = folder.read(INPUTS)? else { return Ok(None) };
+    let saved: Inputs = serde_json::from_str(&text).map_err(|error| unreadable(INPUTS, &error))?;
+    Ok(setup.inputs.difference(&saved))
 }
 
 fn bound(mut settings: Table) -> Value {

@@ -9,10 +9,7 @@ use crate::commands::loop_::results::{REFERENCE, policy_name};
 use crate::commands::loop_::rounds::add_truth;
 use crate::commands::loop_::setup::Setup;
 use crate::commands::loop_::stages::{Simulator, Stages, existing_or_fresh};
-use crate::commands::train;
-use crate::config::{LOOP_FREE, LoopConfig};
 use crate::exit::{Exit, Failure};
-use crate::inputs::Inputs;
 use crate::machine::now;
 use crate::output::note;
 use crate::run_folder::RunFolder;
@@ -167,7 +164,7 @@ impl Run<'_> {
     /// The folder of a seed, which belongs to these settings and inputs.
     fn open(&self, within: &str, seed: u64, setup: &Setup) -> Result<RunFolder, Failure> {
         let folder = existing_or_fresh(&self.folder.path().join(within), &format!("seed-{seed}"))?;
-        if let Some(difference) = difference(&folder, setup)? {
+        if let Some(difference) = files::difference(&folder, setup)? {
             return Err(Failure::usage(format!(
                 "{} was made with other settings: {difference}. Give those, or write elsewhere with --set runs=FOLDER.",
                 folder.path().display()
@@ -199,36 +196,6 @@ fn stages<'a>(setup: &'a Setup, folder: &'a RunFolder) -> Result<Stages<'a>, Fai
     let target = setup.config.target.as_ref();
     let target = target.map(|target| setup.target(target, files::truth(folder), None)).transpose()?;
     Stages::new(setup, folder, target)
-}
-
-/// What a folder was made with that is not so now, in words.
-fn difference(folder: &RunFolder, setup: &Setup) -> Result<Option<String>, Failure> {
-    let wrong = |name: &str, error: &dyn std::fmt::Display| {
-        Failure::failed(format!(
-            "{}: {error}; restore it or remove the folder",
-            folder.path().join(name).display()
-        ))
-    };
-    if let Some(text) = folder.read(files::CONFIG)? {
-        let saved: toml::Table = toml::from_str(&text).map_err(|error| wrong(files::CONFIG, &error))?;
-        let own = settings(&setup.config)?;
-        if let Some(found) = train::difference("", &bound(saved), &bound(own)) {
-            return Ok(Some(found));
-        }
-    }
-    let Some(text) = folder.read(files::INPUTS)? else { return Ok(None) };
-    let saved: Inputs = serde_json::from_str(&text).map_err(|error| wrong(files::INPUTS, &error))?;
-    Ok(setup.inputs.difference(&saved))
-}
-
-fn settings(config: &LoopConfig) -> Result<toml::Table, Failure> {
-    config.resolved().map_err(|error| Failure::failed(format!("cannot write the configuration: {error}")))
-}
-
-/// The settings that change results.
-fn bound(mut settings: toml::Table) -> toml::Value {
-    settings.retain(|key, _| !LOOP_FREE.contains(&key));
-    toml::Value::Table(settings)
 }
 
 /// A finished cell in a line.
