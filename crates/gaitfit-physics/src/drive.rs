@@ -9,7 +9,7 @@ use crate::{Params, Real, Settings, State};
 pub struct Drive<T> {
     /// Torque, N·m.
     pub torque: T,
-    /// Minus its derivative by joint velocity, N·m·s/rad (used where actuators are integrated implicitly).
+    /// What of minus its derivative by joint velocity is integrated implicitly, N·m·s/rad.
     pub damping: T,
 }
 
@@ -84,7 +84,13 @@ pub fn delay_taps(max_delay: f64, period: f64, centred: bool) -> usize {
 /// Drives from the model's actuators at controls `ctrl` (MuJoCo's `actuator` computation without dynamics).
 ///
 /// `ctrl` is as long as `model.actuators`; `qpos_joints` and `qvel_joints` hold one value a joint.
-pub fn actuate(model: &Model, ctrl: &[f64], qpos_joints: &[f64], qvel_joints: &[f64]) -> Vec<Drive<f64>> {
+pub fn actuate(
+    model: &Model,
+    settings: &Settings,
+    ctrl: &[f64],
+    qpos_joints: &[f64],
+    qvel_joints: &[f64],
+) -> Vec<Drive<f64>> {
     let mut drives = vec![Drive { torque: 0.0, damping: 0.0 }; model.joints.len()];
     for (actuator, &u) in model.actuators.iter().zip(ctrl) {
         let u = actuator.ctrlrange.map_or(u, |[low, high]| u.max(low).min(high));
@@ -97,7 +103,7 @@ pub fn actuate(model: &Model, ctrl: &[f64], qpos_joints: &[f64], qvel_joints: &[
             None => (force, false),
         };
         drives[j].torque += actuator.gear * limited;
-        if !saturated {
+        if !saturated && settings.implicit_actuators {
             drives[j].damping -= actuator.gear * actuator.gear * b2;
         }
     }

@@ -307,8 +307,7 @@ fn joint_rows<T: Real>(
     }
     let implicit = match tree.settings.damping {
         Damping::Explicit => z,
-        _ if tree.settings.implicit_actuators => p.damping + drives[j].damping,
-        _ => p.damping,
+        _ => p.damping + drives[j].damping,
     };
     let share = if tree.settings.centred { 0.5 } else { 1.0 };
     out.implicit = T::lit(tree.settings.timestep * share) * implicit;

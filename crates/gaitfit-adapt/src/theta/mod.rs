@@ -6,6 +6,7 @@
 //! ones, a table of its own in [`ThetaFile`].
 
 mod entry;
+mod features;
 mod file;
 mod joint_parameters;
 mod modification;
@@ -445,6 +446,37 @@ mod tests {
         assert!((theta.regularisation(&values) - 2.0 * 0.25 / 6.0).abs() < 1e-15);
         let zero = NetworkRule::new(NetworkName::ResidAct).modification(&[], &joints(), &rest).unwrap();
         assert_eq!(Theta::new(vec![zero]).unwrap().start(1), vec![0.0; 582]);
+    }
+
+    #[test]
+    fn of_features_only_the_last_layer_is_searched_and_whole_networks_are_simulated_and_saved() {
+        let rule = NetworkRule {
+            start: NetworkStart::Features,
+            per: Sharing::Group,
+            regularisation: 2.0,
+            ..NetworkRule::new(NetworkName::ResidAct)
+        };
+        let theta =
+            Theta::new(vec![rule.modification(&groups(), &joints(), &[0.0; 6]).unwrap()]).unwrap();
+        let names: Vec<&str> = theta.entries().iter().map(|entry| entry.name.as_str()).collect();
+        assert_eq!(names.len(), 3 * 5);
+        assert_eq!(names[..2], ["resid_act_hip_friction", "resid_act_hip_damping"]);
+        assert_eq!(theta.start(7), [0.0; 15]);
+        let mut values = vec![0.0; 15];
+        values[5..10].copy_from_slice(&[0.1, 0.2, 0.0, -0.2, 0.4]);
+        assert!((theta.regularisation(&values) - 2.0 * 0.25 / 3.0).abs() < 1e-15);
+
+        let mut candidate = tests_candidate(6);
+        theta.apply(&values, &joints(), &mut candidate);
+        let networks = &candidate.networks[0];
+        let thigh = networks.joints.iter().position(|&joint| joints()[joint] == "FL_thigh").unwrap();
+        let weights = networks.weights.chunks_exact(97).nth(thigh).unwrap();
+        assert_eq!(weights[92..96], values[5..9]);
+        assert!(weights[..92].iter().any(|weight| *weight != 0.0));
+        let found: Vec<Found> = values.iter().map(|&value| Found { value, spread: None }).collect();
+        let saved = ThetaFile::new(&theta, &found, "legs", "wass", 0.1);
+        let of_thigh = saved.network.iter().find(|network| network.joint == "FL_thigh").unwrap();
+        assert_eq!(of_thigh.weights, weights);
     }
 
     #[test]

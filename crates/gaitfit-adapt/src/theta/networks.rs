@@ -1,5 +1,6 @@
 //! Networks of joints: ActionDelta and ResidAct (Dao and Fern; He et al. 2025).
 
+use super::features;
 use super::patterns::{every_joint, plain};
 use super::{
     Entry, Found, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile, ThetaFileError,
@@ -58,6 +59,19 @@ pub enum NetworkStart {
     /// Hidden weights drawn anew for each seed, the last layer 0: the output is 0 too, but the last layer's five
     /// weights act on it at once. Weights are normal with variance 1 / inputs, biases with deviation 0.25.
     Random,
+    /// Hidden weights fixed so that the last layer's five weights stand for friction, damping, inertia, stiffness and
+    /// an offset; only these five are searched, from 0.
+    Features,
+}
+
+impl NetworkStart {
+    /// Weights of a network that are searched, and what each is called after the network's name.
+    fn searched(self) -> Vec<String> {
+        match self {
+            Self::Zero | Self::Random => (0..NETWORK_WEIGHTS).map(|weight| weight.to_string()).collect(),
+            Self::Features => features::NAMES.map(str::to_owned).to_vec(),
+        }
+    }
 }
 
 /// A rule: networks (6 inputs, hidden 8 and 4, tanh, one output) of the joints it covers.
@@ -72,16 +86,16 @@ pub struct NetworkRule {
     /// Patterns over joint names, with or without a final `_joint`; a joint is covered when any matches.
     #[serde(default = "every_joint")]
     pub joints: Vec<String>,
-    /// Lower bound of every weight.
+    /// Lower bound of every weight that is searched.
     #[serde(default = "minus_one")]
     pub lower: f64,
-    /// Upper bound of every weight.
+    /// Upper bound of every weight that is searched.
     #[serde(default = "one")]
     pub upper: f64,
     /// Where the search begins.
     #[serde(default)]
     pub start: NetworkStart,
-    /// First standard deviation of every weight.
+    /// First standard deviation of every weight that is searched.
     #[serde(default = "quarter")]
     pub deviation: f64,
     /// Factor on the joint's angle less its rest angle, 1/rad.
@@ -164,11 +178,12 @@ impl NetworkRule {
             return Err(ThetaError::Rest { kind, count: rest.len(), joints: joints.len() });
         }
         let shares = self.per.shares(kind, &self.joints, groups, joints)?;
-        let mut entries = Vec::with_capacity(shares.len() * NETWORK_WEIGHTS);
+        let searched = self.start.searched();
+        let mut entries = Vec::with_capacity(shares.len() * searched.len());
         let mut networks = Vec::with_capacity(shares.len());
         for share in shares {
             let name = share.named(kind);
-            for weight in 0..NETWORK_WEIGHTS {
+            for weight in &searched {
                 entries.push(Entry {
                     name: format!("{name}_{weight}"),
                     kind,
@@ -208,6 +223,23 @@ struct Networks {
     entries: Vec<Entry>,
 }
 
+impl Networks {
+    /// Values of θ a network.
+    fn searched(&self) -> usize {
+        self.entries.len() / self.networks.len().max(1)
+    }
+
+    /// All weights of the network with these values of θ.
+    fn weights(&self, values: &[f64]) -> Vec<f64> {
+        match (self.rule.start, <&[f64; 5]>::try_from(values)) {
+            (NetworkStart::Features, Ok(last)) => {
+                features::weights(last, self.rule.position_scale, self.rule.velocity_scale).to_vec()
+            }
+            _ => values.to_vec(),
+        }
+    }
+}
+
 impl Modification for Networks {
     fn entries(&self) -> &[Entry] {
         &self.entries
@@ -221,12 +253,13 @@ impl Modification for Networks {
             weights: Vec::new(),
             scales: self.rule.scales(),
         };
-        for (shared, weights) in self.networks.iter().zip(values.chunks_exact(NETWORK_WEIGHTS)) {
+        for (shared, values) in self.networks.iter().zip(values.chunks_exact(self.searched())) {
+            let weights = self.weights(values);
             for (name, rest) in shared {
                 if let Some(joint) = joints.iter().position(|joint| joint == name) {
                     networks.joints.push(joint);
                     networks.rest.push(*rest);
-                    networks.weights.extend_from_slice(weights);
+                    networks.weights.extend_from_slice(&weights);
                 }
             }
         }
@@ -235,7 +268,7 @@ impl Modification for Networks {
 
     fn start(&self, seed: u64) -> Vec<f64> {
         match self.rule.start {
-            NetworkStart::Zero => vec![0.0; self.entries.len()],
+            NetworkStart::Zero | NetworkStart::Features => vec![0.0; self.entries.len()],
             NetworkStart::Random => {
                 (0..self.networks.len()).flat_map(|network| random_start(&self.rule, seed, network)).collect()
             }
@@ -246,15 +279,17 @@ impl Modification for Networks {
         if self.rule.regularisation == 0.0 {
             return 0.0;
         }
-        let last = |weights: &[f64]| -> f64 {
-            weights[NETWORK_WEIGHTS - OUTPUT_WEIGHTS..].iter().map(|weight| weight * weight).sum()
+        let last = |values: &[f64]| -> f64 {
+            values[values.len() - OUTPUT_WEIGHTS..].iter().map(|weight| weight * weight).sum()
         };
-        let sum: f64 = values.chunks_exact(NETWORK_WEIGHTS).map(last).sum();
+        let sum: f64 = values.chunks_exact(self.searched()).map(last).sum();
         self.rule.regularisation * sum / self.networks.len() as f64
     }
 
     fn save(&self, found: &[Found], file: &mut ThetaFile) {
-        for (shared, found) in self.networks.iter().zip(found.chunks_exact(NETWORK_WEIGHTS)) {
+        for (shared, found) in self.networks.iter().zip(found.chunks_exact(self.searched())) {
+            let values: Vec<f64> = found.iter().map(|found| found.value).collect();
+            let weights = self.weights(&values);
             file.network.extend(shared.iter().map(|(joint, rest)| SavedNetwork {
                 name: format!("{}_{}", self.rule.kind.name(), plain(joint)),
                 kind: self.rule.kind,
@@ -263,7 +298,7 @@ impl Modification for Networks {
                 position_scale: self.rule.position_scale,
                 velocity_scale: self.rule.velocity_scale,
                 output_scale: self.rule.output_scale,
-                weights: found.iter().map(|found| found.value).collect(),
+                weights: weights.clone(),
             }));
         }
     }

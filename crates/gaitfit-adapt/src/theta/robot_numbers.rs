@@ -48,7 +48,8 @@ impl RobotNumber {
     /// Bounds, start and deviation of a rule that does not give them.
     pub fn defaults(self) -> Defaults {
         let (lower, upper, start, deviation) = match self {
-            Self::TorqueNoise => (0.0, 10.0, 0.0, 0.5),
+            // Costs do not mind noise near 0, so a search that begins there can stay there.
+            Self::TorqueNoise => (0.0, 10.0, 1.0, 0.5),
             Self::BaseMass => (-2.0, 5.0, 0.0, 0.5),
             Self::BaseComX | Self::BaseComY | Self::BaseComZ => (-0.1, 0.1, 0.0, 0.01),
         };

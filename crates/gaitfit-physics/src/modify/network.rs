@@ -70,20 +70,58 @@ impl<K: Copy> JointNetwork<K> {
         y
     }
 
+    /// Output for the inputs x, unscaled, and its derivative by the joint's velocity now, x₁.
+    #[inline(always)]
+    fn evaluate_with_slope<T: Real<K = K>>(&self, x: &[T; INPUTS]) -> (T, T) {
+        let (first, rest) = self.weights.split_at((INPUTS + 1) * HIDDEN[0]);
+        let (second, last) = rest.split_at((HIDDEN[0] + 1) * HIDDEN[1]);
+        let a: [T; HIDDEN[0]] = layer(x, first).map(T::tanh);
+        let b: [T; HIDDEN[1]] = layer(&a, second).map(T::tanh);
+        let [y]: [T; 1] = layer(&b, last);
+        let slope = |tanh: T| tanh.fnma(tanh, T::lit(1.0));
+        let a: [T; HIDDEN[0]] = std::array::from_fn(|unit| slope(a[unit]) * T::k(first[HIDDEN[0] + unit]));
+        let mut dy = T::zero();
+        for unit in 0..HIDDEN[1] {
+            let mut sum = T::zero();
+            for input in 0..HIDDEN[0] {
+                sum = a[input].fma(T::k(second[input * HIDDEN[1] + unit]), sum);
+            }
+            dy = (slope(b[unit]) * sum).fma(T::k(last[unit]), dy);
+        }
+        (y, dy)
+    }
+
     /// Output for the joint's motion; afterwards the motion is part of the past.
     #[inline(always)]
     pub(super) fn advance<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, past: &mut [T]) -> T {
-        let (q, qd) = self.motion(params, state);
-        let x = [q, qd, past[0], past[1], past[2], past[3]];
-        let y = self.evaluate(&x);
+        let x = self.inputs(params, state, past);
         past.copy_from_slice(&x[..PAST]);
-        y
+        self.evaluate(&x)
+    }
+
+    /// As [`Self::advance`], with the output's derivative by the joint's velocity.
+    #[inline(always)]
+    pub(super) fn advance_with_slope<T: Real<K = K>>(
+        &self,
+        params: &Params<T>,
+        state: &State<T>,
+        past: &mut [T],
+    ) -> (T, T) {
+        let x = self.inputs(params, state, past);
+        past.copy_from_slice(&x[..PAST]);
+        self.evaluate_with_slope(&x)
     }
 
     /// A past in which the joint was where it is and as fast as it is.
     pub(super) fn settle<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, past: &mut [T]) {
         let (q, qd) = self.motion(params, state);
         past.copy_from_slice(&[q, qd, q, qd]);
+    }
+
+    #[inline(always)]
+    fn inputs<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, past: &[T]) -> [T; INPUTS] {
+        let (q, qd) = self.motion(params, state);
+        [q, qd, past[0], past[1], past[2], past[3]]
     }
 
     #[inline(always)]
@@ -135,5 +173,15 @@ mod tests {
         }
         assert_eq!(at, NETWORK_WEIGHTS);
         assert!((network.evaluate(&motion) - 3.0 * x[0]).abs() < 1e-12);
+
+        let (y, slope) = network.evaluate_with_slope(&motion);
+        assert_eq!(y, network.evaluate(&motion));
+        let at = |velocity: f64| network.evaluate(&{
+            let mut motion = motion;
+            motion[1] = velocity;
+            motion
+        });
+        let difference = (at(4.0 + 1e-5) - at(4.0 - 1e-5)) / 2e-5;
+        assert!((slope - difference).abs() < 1e-9 && slope.abs() > 1e-3, "{slope} {difference}");
     }
 }

@@ -7,6 +7,10 @@ use crate::{Drive, Params, Real, State};
 /// Networks whose outputs (N·m) are added to the PD torques after their limits, at the physics' rate; their past is
 /// sampled at that rate too (Dao and Fern's residual actuator model). After the limits, as what is missing may be
 /// outside the motor: a spring, a cable.
+///
+/// What of an output resists the joint's velocity (−∂τ/∂q̇ > 0) is integrated implicitly, as joint damping is under the
+/// settings' [`Damping`](crate::Damping). A torque against the change of velocity since the step before, −A Δq̇/h, is
+/// an inertia: explicitly it is unstable for A beyond the joint's own, implicitly for none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResidAct<K>(pub Vec<JointNetwork<K>>);
 
@@ -32,7 +36,9 @@ impl<K: Copy> Modify<K> for ResidAct<K> {
     ) {
         for (network, past) in self.0.iter().zip(memory.chunks_exact_mut(PAST)) {
             let drive = &mut drives[network.joint];
-            drive.torque = drive.torque + network.advance(params, state, past);
+            let (torque, slope) = network.advance_with_slope(params, state, past);
+            drive.torque = drive.torque + torque;
+            drive.damping = drive.damping + (-slope).max(T::zero());
         }
     }
 }

@@ -50,7 +50,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Failure> {
         "`checkpoint_seconds` must be at least 0"
     } else if !config.simulation.timestep.is_finite() || config.simulation.timestep < 1e-6 {
         "`simulation.timestep` must be at least 1e-6 s"
-    } else if !not_negative(config.simulation.skip_seconds) {
+    } else if !not_negative(config.skip_seconds()) {
         "`simulation.skip_seconds` must be at least 0"
     } else if config.runs.is_empty() {
         "`runs` names no folder; \".\" is the current one"

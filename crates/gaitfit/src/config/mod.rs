@@ -129,8 +129,9 @@ pub struct SimulationConfig {
     pub timestep: f64,
     /// Solver effort.
     pub preset: PresetName,
-    /// Seconds at the start of each log that do not count in costs and errors.
-    pub skip_seconds: f64,
+    /// Seconds at the start of each log that do not count in costs and errors; see [`AdaptConfig::skip_seconds`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub skip_seconds: Option<f64>,
     /// Threads; 0 takes one for each core.
     pub threads: usize,
 }
@@ -207,6 +208,16 @@ impl AdaptConfig {
         Rules { parameter: self.parameter.clone(), network: self.network.clone(), robot: self.number.clone() }
     }
 
+    /// Seconds at the start of each log that do not count. How a walking robot's base moved when the log began no log of
+    /// joints says; the simulated one begins at rest and needs about a second to walk as the robot does.
+    pub fn skip_seconds(&self) -> f64 {
+        let chosen = match self.base {
+            Base::Fixed => 0.0,
+            Base::Free => 1.0,
+        };
+        self.simulation.skip_seconds.unwrap_or(chosen)
+    }
+
     /// Groups as the rules take them.
     pub fn groups(&self) -> Vec<(String, Vec<String>)> {
         self.groups.iter().map(|(name, patterns)| (name.clone(), patterns.clone())).collect()
@@ -262,7 +273,7 @@ impl Default for AdaptConfig {
 
 impl Default for SimulationConfig {
     fn default() -> Self {
-        Self { timestep: 0.005, preset: PresetName::Accurate, skip_seconds: 0.0, threads: 0 }
+        Self { timestep: 0.005, preset: PresetName::Accurate, skip_seconds: None, threads: 0 }
     }
 }
 

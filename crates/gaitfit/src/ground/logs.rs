@@ -115,7 +115,7 @@ pub fn read(
 
     let spec = cuts::fall_spec(scene);
     let margin = config.falls.margin_seconds;
-    let skipped = config.simulation.skip_seconds;
+    let skipped = config.skip_seconds();
     let (mut stretches, mut removed) = (Vec::new(), Vec::new());
     for read in &reads {
         let fallen: Vec<_> = falls(&read.trajectory, &spec)
@@ -262,7 +262,7 @@ fn count(read: &Read, stretch: Range<usize>, scene: &Scene) -> Result<GroundLog,
 
 /// Refuses too little data.
 fn enough(config: &AdaptConfig, config_path: &Path, logs: &[GroundLog], cuts: &[Cut]) -> Result<(), Failure> {
-    let skipped = config.simulation.skip_seconds;
+    let skipped = config.skip_seconds();
     let seconds: f64 = logs.iter().map(|log| log.trajectory.duration() - skipped).sum();
     if seconds >= LEAST_S {
         return Ok(());

@@ -178,7 +178,7 @@ fn target(config: &AdaptConfig, notes: &LogNotes, scene: &Scene) -> Result<Targe
         .enumerate()
         .map(|(number, log)| Recorded::from_trajectory(&log.trajectory, &joints, number))
         .collect::<Result<Vec<Recorded>, _>>();
-    let skip = (config.simulation.skip_seconds / scene.interface.control_dt).round() as usize;
+    let skip = (config.skip_seconds() / scene.interface.control_dt).round() as usize;
     recorded
         .and_then(|recorded| Target::new(joints, &recorded, skip))
         .map_err(|error| Failure::failed(format!("the logs cannot be compared: {error}")))

@@ -161,7 +161,7 @@ fn log_set(
     let recorded = |(number, log): (usize, &Log)| Recorded::from_trajectory(&log.trajectory, joints, number);
     let target = || -> Result<Target, CostError> {
         let recorded = logs.iter().enumerate().map(recorded).collect::<Result<Vec<_>, _>>()?;
-        let skip = (config.simulation.skip_seconds / longest).round() as usize;
+        let skip = (config.skip_seconds() / longest).round() as usize;
         Target::new(joints.to_vec(), &recorded, skip)
     };
     let target = target().map_err(|error| Failure::failed(format!("{names}: {error}.")))?;

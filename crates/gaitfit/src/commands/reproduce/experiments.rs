@@ -219,7 +219,7 @@ mod tests {
                     }
                     if modification != "fricarm" {
                         assert!(kinds.is_empty(), "{}", cell.name);
-                        let small = if scenario == "spring" { 300 } else { 1000 };
+                        let small = if scenario == "spring" { 100 } else { 200 };
                         assert_eq!(generations, if full { 10_000 } else { small }, "{}", cell.name);
                     }
                     let theta =

@@ -1,0 +1,97 @@
+//! Hidden layers that are not searched: what a joint's torque can be expected to depend on.
+//!
+//! From random or zero hidden layers a search has to find, through products of three small weights, that a joint has
+//! friction; 97 weights a network make that slow, and unstable on the way. With these the last layer's few weights say
+//! it at once. Fixed hidden layers with a searched last one are random features (Rahimi and Recht 2008) that are not
+//! random.
+
+use gaitfit_physics::NETWORK_WEIGHTS;
+
+/// What the weights of the last layer stand for, in their order: torques (or corrections of the target) that resist for
+/// positive weights, but for the last.
+pub(super) const NAMES: [&str; 5] = ["friction", "damping", "inertia", "stiffness", "offset"];
+
+/// Velocity at which friction is about its full size, rad/s, inverse.
+const FRICTION_SLOPE: f64 = 10.0;
+/// Size of friction for a weight of 1, and of the offset, in units of the output scale.
+const SMALL: f64 = 0.02;
+/// Damping for a weight of 1, s/rad in units of the output scale.
+const DAMPING: f64 = 0.02;
+/// Change of velocity since the sample before for an output of about 1, rad/s, inverse.
+const INERTIA: f64 = 0.1;
+/// Stiffness for a weight of 1, 1/rad in units of the output scale.
+const STIFFNESS: f64 = 1.0;
+
+/// Units of the two hidden layers.
+const HIDDEN: [usize; 2] = [8, 4];
+/// Inputs: angle and velocity now, then at the sample before.
+const ANGLE: usize = 0;
+const VELOCITY: usize = 1;
+const VELOCITY_BEFORE: usize = 3;
+const INPUTS: usize = 6;
+
+/// All weights of a network whose last layer is `last`, for inputs scaled by `position` (1/rad) and `velocity` (s/rad):
+/// −(w₁ 0.02 tanh 10 q̇ + w₂ tanh 0.02 q̇ + w₃ tanh 0.1 Δq̇ + w₄ tanh Δq) + 0.02 w₅, each within another tanh, with Δq̇
+/// the change of velocity since the sample before and Δq the angle less its rest angle.
+pub(super) fn weights(last: &[f64; 5], position: f64, velocity: f64) -> [f64; NETWORK_WEIGHTS] {
+    let mut weights = [0.0; NETWORK_WEIGHTS];
+    let first = |input: usize, unit: usize| input * HIDDEN[0] + unit;
+    weights[first(VELOCITY, 0)] = FRICTION_SLOPE / velocity;
+    weights[first(VELOCITY, 1)] = DAMPING / velocity;
+    weights[first(VELOCITY, 2)] = INERTIA / velocity;
+    weights[first(VELOCITY_BEFORE, 2)] = -INERTIA / velocity;
+    weights[first(ANGLE, 3)] = STIFFNESS / position;
+    let second = (INPUTS + 1) * HIDDEN[0];
+    for (unit, size) in [SMALL, 1.0, 1.0, 1.0].into_iter().enumerate() {
+        weights[second + unit * HIDDEN[1] + unit] = -size;
+    }
+    let output = second + (HIDDEN[0] + 1) * HIDDEN[1];
+    weights[output..].copy_from_slice(last);
+    weights[NETWORK_WEIGHTS - 1] *= SMALL;
+    weights
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The network by its formula, for the physical inputs (Δq, q̇) of three samples.
+    fn output(last: [f64; 5], motion: [f64; 6]) -> f64 {
+        let (position, velocity) = (2.0, 0.1);
+        let weights = weights(&last, position, velocity);
+        let mut x: Vec<f64> = motion
+            .iter()
+            .enumerate()
+            .map(|(input, value)| value * if input % 2 == 0 { position } else { velocity })
+            .collect();
+        let mut at = 0;
+        for (inputs, outputs) in [(6, 8), (8, 4), (4, 1)] {
+            x = (0..outputs)
+                .map(|unit| {
+                    let sum: f64 = (0..inputs).map(|i| x[i] * weights[at + i * outputs + unit]).sum();
+                    let sum = sum + weights[at + inputs * outputs + unit];
+                    if outputs > 1 { sum.tanh() } else { sum }
+                })
+                .collect();
+            at += (inputs + 1) * outputs;
+        }
+        x[0]
+    }
+
+    #[test]
+    fn each_weight_is_what_its_name_says() {
+        let of = |number: usize, motion: [f64; 6]| {
+            let mut last = [0.0; 5];
+            last[number] = 1.0;
+            output(last, motion)
+        };
+        let moving = |velocity: f64, before: f64| [0.0, velocity, 0.0, before, 0.0, before];
+        assert!((of(0, moving(3.0, 3.0)) + 0.02).abs() < 1e-5);
+        assert!((of(0, moving(-3.0, -3.0)) - 0.02).abs() < 1e-5);
+        assert!((of(1, moving(3.0, 3.0)) + 0.06).abs() < 2e-4);
+        assert!((of(2, moving(3.0, 2.0)) + 0.1).abs() < 1e-3);
+        assert_eq!(of(2, moving(3.0, 3.0)), 0.0);
+        assert!((of(3, [0.1, 5.0, 0.0, 5.0, 0.0, 5.0]) + 0.1).abs() < 1e-3);
+        assert_eq!(of(4, moving(3.0, -2.0)), 0.02);
+    }
+}
