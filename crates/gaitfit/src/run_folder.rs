@@ -16,6 +16,8 @@ pub struct RunFolder {
 
 /// Most runs of one name.
 const MOST_RUNS: usize = 10_000;
+/// How names of files begin that are not whole yet.
+const WRITING: &str = ".writing-";
 
 impl RunFolder {
     /// A new folder `runs/name`, or `runs/name-2`, … where that exists.
@@ -34,6 +36,15 @@ impl RunFolder {
         Err(Failure::failed(format!("{runs} holds {MOST_RUNS} runs called {name}; take another --name")))
     }
 
+    /// The folder `within/name` itself, new or as an earlier process left it; never one of the numbered ones beside it,
+    /// which a stage repeated by hand may have made.
+    pub fn only(within: &Path, name: &str) -> Result<Self, Failure> {
+        check_name(name)?;
+        let path = within.join(name);
+        fs::create_dir_all(&path).map_err(|error| unwritable(&path, &error))?;
+        Self::lock(path)
+    }
+
     /// The latest folder of that name, if there is one.
     pub fn latest(runs: &Path, name: &str) -> Result<Option<Self>, Failure> {
         check_name(name)?;
@@ -46,7 +57,10 @@ impl RunFolder {
         let file = path.join(".lock");
         let lock = File::create(&file).map_err(|error| unwritable(&file, &error))?;
         match lock.try_lock() {
-            Ok(()) => Ok(Self { path, _lock: lock }),
+            Ok(()) => {
+                sweep(&path);
+                Ok(Self { path, _lock: lock })
+            }
             Err(fs::TryLockError::WouldBlock) => Err(Failure::failed(format!(
                 "another process is working on {}; wait for it, or take another --name",
                 path.display()
@@ -76,7 +90,7 @@ impl RunFolder {
         let path = self.path.join(name);
         let folder = path.parent().unwrap_or(&self.path);
         let whole = || -> std::io::Result<()> {
-            let mut file = readable(&mut tempfile::Builder::new()).prefix(".writing-").tempfile_in(folder)?;
+            let mut file = readable(&mut tempfile::Builder::new()).prefix(WRITING).tempfile_in(folder)?;
             file.write_all(bytes)?;
             file.as_file().sync_all()?;
             file.persist(&path).map_err(|error| error.error)?;
@@ -162,6 +176,22 @@ fn check_name(name: &str) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Removes the unfinished files that a killed run left in a folder of its own; folders with a lock are other runs'.
+fn sweep(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        let kind = entry.file_type();
+        if kind.as_ref().is_ok_and(fs::FileType::is_dir) && !path.join(".lock").exists() {
+            sweep(&path);
+        } else if kind.is_ok_and(|kind| kind.is_file())
+            && entry.file_name().to_string_lossy().starts_with(WRITING)
+        {
+            // What cannot be removed does no harm.
+            fs::remove_file(&path).ok();
+        }
+    }
+}
+
 fn unwritable(path: &Path, error: &std::io::Error) -> Failure {
     let remedy = match error.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free some space, then continue with --resume",
@@ -198,6 +228,10 @@ mod tests {
         assert!(busy.message.contains("another process"), "{busy}");
         drop(second);
         assert_eq!(RunFolder::latest(runs.path(), "a").unwrap().unwrap().name(), "a-2");
+        drop(first);
+        let only = RunFolder::only(runs.path(), "a").unwrap();
+        assert_eq!(only.read("theta.toml").unwrap().as_deref(), Some("one"));
+        assert_eq!(RunFolder::only(runs.path(), "b").unwrap().name(), "b");
     }
 
     #[test]
@@ -211,6 +245,26 @@ mod tests {
         let names: Vec<_> =
             fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         assert_eq!(names.len(), 2, "{names:?}");
+    }
+
+    #[test]
+    fn what_a_killed_run_left_unfinished_is_swept_and_other_runs_are_not() {
+        let runs = tempfile::tempdir().unwrap();
+        let folder = RunFolder::fresh(runs.path(), "a").unwrap();
+        for name in ["seed-1", "round-1/adapt"] {
+            folder.make(name).unwrap();
+        }
+        folder.write("round-1/adapt/.lock", b"").unwrap();
+        let left = ["seed-1/.writing-x", ".writing-y", "round-1/adapt/.writing-z"];
+        for name in left {
+            fs::write(folder.path().join(name), "half").unwrap();
+        }
+        folder.write("seed-1/whole", b"whole").unwrap();
+        drop(folder);
+        let folder = RunFolder::latest(runs.path(), "a").unwrap().unwrap();
+        let there = |name: &str| folder.path().join(name).exists();
+        assert_eq!(left.map(there), [false, false, true]);
+        assert!(there("seed-1/whole"));
     }
 
     #[test]

@@ -456,8 +456,7 @@ mod tests {
             regularisation: 2.0,
             ..NetworkRule::new(NetworkName::ResidAct)
         };
-        let theta =
-            Theta::new(vec![rule.modification(&groups(), &joints(), &[0.0; 6]).unwrap()]).unwrap();
+        let theta = Theta::new(vec![rule.modification(&groups(), &joints(), &[0.0; 6]).unwrap()]).unwrap();
         let names: Vec<&str> = theta.entries().iter().map(|entry| entry.name.as_str()).collect();
         assert_eq!(names.len(), 3 * 5);
         assert_eq!(names[..2], ["resid_act_hip_friction", "resid_act_hip_damping"]);

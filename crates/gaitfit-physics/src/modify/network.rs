@@ -176,11 +176,13 @@ mod tests {
 
         let (y, slope) = network.evaluate_with_slope(&motion);
         assert_eq!(y, network.evaluate(&motion));
-        let at = |velocity: f64| network.evaluate(&{
-            let mut motion = motion;
-            motion[1] = velocity;
-            motion
-        });
+        let at = |velocity: f64| {
+            network.evaluate(&{
+                let mut motion = motion;
+                motion[1] = velocity;
+                motion
+            })
+        };
         let difference = (at(4.0 + 1e-5) - at(4.0 - 1e-5)) / 2e-5;
         assert!((slope - difference).abs() < 1e-9 && slope.abs() > 1e-3, "{slope} {difference}");
     }

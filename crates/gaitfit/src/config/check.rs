@@ -38,8 +38,8 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Failure> {
         "`optimizer.seeds` must be 1 to 1000"
     } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none() {
         "`optimizer.seed` is too large"
-    } else if optimizer.population == 1 || optimizer.population > 100_000 {
-        "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 100000"
+    } else if optimizer.population == 1 || optimizer.population > 10_000 {
+        "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 10000"
     } else if optimizer.restarts > 20 {
         "`optimizer.restarts` must be 0 to 20: each doubles the population"
     } else if !not_negative(optimizer.tolerance) || optimizer.tolerance >= 1.0 {

@@ -279,7 +279,7 @@ fn enough(config: &AdaptConfig, config_path: &Path, logs: &[GroundLog], cuts: &[
     } else {
         let mut because = if fell > 0.0 { format!(" ({fell:.1} s of falls are cut)") } else { String::new() };
         if skipped > 0.0 {
-            because += &format!(" after the first {skipped} s of each (simulation.skip_seconds)");
+            because += &format!(" after the first {skipped} s of each (`simulation.skip_seconds`)");
         }
         let seconds = seconds.max(0.0);
         format!(

@@ -3,7 +3,6 @@
 use super::results::{REFERENCE, Results};
 use super::rounds::Done;
 use super::setup::Setup;
-use super::stages::existing_or_fresh;
 use crate::commands::train;
 use crate::exit::Failure;
 use crate::fitting;
@@ -55,12 +54,12 @@ fn rounds(folder: &RunFolder, done: &Done) -> Result<Vec<Round>, Failure> {
     let mut rounds = Vec::with_capacity(done.results.rounds.len());
     for (result, (_, ground)) in done.results.rounds.iter().zip(&done.grounds) {
         let within = folder.path().join(format!("round-{}", result.round));
-        let metrics = existing_or_fresh(&within, "adapt")?.read(fitting::METRICS)?.unwrap_or_default();
+        let metrics = RunFolder::only(&within, "adapt")?.read(fitting::METRICS)?.unwrap_or_default();
         let round = report::round(ground, &ground.simulator(), &result.adapt, &metrics)?;
         rounds.push(Round {
             name: format!("Round {}: {} → {}", result.round, result.before, result.after),
             wall_seconds: result.adapt.wall_seconds + result.finetune.wall_seconds,
-            fine_tuning: train::curves(&within, "finetune", &result.finetune)?,
+            fine_tuning: train::curves(&RunFolder::only(&within, "finetune")?, &result.finetune)?,
             ..round
         });
     }

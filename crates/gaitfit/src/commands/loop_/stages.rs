@@ -140,7 +140,7 @@ impl<'a> Stages<'a> {
             ground.theta.len(),
             ground.trajectories().len()
         ));
-        let folder = existing_or_fresh(&self.path(round), "adapt")?;
+        let folder = RunFolder::only(&self.path(round), "adapt")?;
         let results = adapt::ground::fit(config, &ground, &folder)?;
         self.times.set(&stage, results.wall_seconds)?;
         Ok((ground, results, folder.path().join("theta.toml")))
@@ -192,8 +192,8 @@ impl<'a> Stages<'a> {
             "{stage}: {} goes on training for {} iterations with {} robots",
             policy.name, config.train.iterations, config.train.environments
         ));
-        let resume = self.path(&stage).is_dir();
-        let results = train::train(&setup, resume)?;
+        let folder = RunFolder::only(&self.path(round), "finetune")?;
+        let results = train::train_in(&setup, &folder)?;
         self.times.set(&stage, results.wall_seconds)?;
         let path = results.seeds.first().map(|seed| seed.policy.clone()).unwrap_or_default();
         let bytes = std::fs::read(&path)
@@ -261,14 +261,6 @@ impl<'a> Stages<'a> {
         let text = toml::to_string_pretty(config)
             .map_err(|error| Failure::failed(format!("cannot write {name}: {error}")))?;
         self.folder.write(name, text.as_bytes())
-    }
-}
-
-/// The folder of a stage that was begun, or a new one.
-pub fn existing_or_fresh(within: &Path, name: &str) -> Result<RunFolder, Failure> {
-    match RunFolder::latest(within, name)? {
-        Some(folder) => Ok(folder),
-        None => RunFolder::fresh(within, name),
     }
 }
 

@@ -8,7 +8,7 @@ use crate::commands::loop_::files;
 use crate::commands::loop_::results::{REFERENCE, policy_name};
 use crate::commands::loop_::rounds::add_truth;
 use crate::commands::loop_::setup::Setup;
-use crate::commands::loop_::stages::{Simulator, Stages, existing_or_fresh};
+use crate::commands::loop_::stages::{Simulator, Stages};
 use crate::exit::{Exit, Failure};
 use crate::machine::now;
 use crate::output::note;
@@ -163,7 +163,7 @@ impl Run<'_> {
 
     /// The folder of a seed, which belongs to these settings and inputs.
     fn open(&self, within: &str, seed: u64, setup: &Setup) -> Result<RunFolder, Failure> {
-        let folder = existing_or_fresh(&self.folder.path().join(within), &format!("seed-{seed}"))?;
+        let folder = RunFolder::only(&self.folder.path().join(within), &format!("seed-{seed}"))?;
         if let Some(difference) = files::difference(&folder, setup)? {
             return Err(Failure::usage(format!(
                 "{} was made with other settings: {difference}. Give those, or write elsewhere with --set runs=FOLDER.",

@@ -7,12 +7,12 @@ mod plot;
 mod results;
 mod text;
 
-use super::loop_::stages::existing_or_fresh;
 use crate::cli;
 use crate::exit::Failure;
 use crate::interrupt;
 use crate::machine;
 use crate::output::{self, note};
+use crate::run_folder::RunFolder;
 use cells::{Outcome, Run};
 use experiments::Experiment;
 use paper::{Kind, Paper, Table};
@@ -36,7 +36,7 @@ pub fn run(args: &cli::Reproduce) -> Result<(), Failure> {
     interrupt::listen()?;
     let runs = experiments.first().map_or("runs", |one| one.config.runs.as_str());
     let scale = if args.full { "-full" } else { "" };
-    let folder = existing_or_fresh(Path::new(runs), &format!("reproduce-{}{scale}", table.name))?;
+    let folder = RunFolder::only(Path::new(runs), &format!("reproduce-{}{scale}", table.name))?;
     let seeds = u64::from(args.seeds.get());
     let run = Run { experiments: &experiments, kind: table.kind, seeds, folder: &folder, threads };
     let outcome = run.run()?;

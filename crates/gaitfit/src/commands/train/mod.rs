@@ -49,10 +49,7 @@ pub fn train(setup: &Setup, resume: bool) -> Result<Results, Failure> {
     let (name, runs) = (&setup.plan.name, Path::new(&setup.plan.runs));
     let earlier = if resume { RunFolder::latest(runs, name)? } else { None };
     let folder = match earlier {
-        Some(folder) => {
-            files::check_same(&folder, &setup.plan)?;
-            folder
-        }
+        Some(folder) => folder,
         None => {
             if resume {
                 note(&format!("note: there is no run called {name} in {}; starting one", runs.display()));
@@ -60,23 +57,28 @@ pub fn train(setup: &Setup, resume: bool) -> Result<Results, Failure> {
             RunFolder::fresh(runs, name)?
         }
     };
-    if let Some(results) = files::finished(&folder, setup)? {
+    train_in(setup, &folder)
+}
+
+/// Trains all seeds in this folder, or continues what it holds.
+pub fn train_in(setup: &Setup, folder: &RunFolder) -> Result<Results, Failure> {
+    files::check_same(folder, &setup.plan)?;
+    if let Some(results) = files::finished(folder, setup)? {
         note(&format!("note: {} is finished; this is its result", folder.path().display()));
         return Ok(results);
     }
     let begun = machine::now();
-    files::begin(&folder, setup, &begun)?;
+    files::begin(folder, setup, &begun)?;
     for &seed in &setup.plan.seeds {
-        seed::train(setup, &folder, seed)?;
+        seed::train(setup, folder, seed)?;
     }
-    files::finish(&folder, setup, &begun)
+    files::finish(folder, setup, &begun)
 }
 
-/// The learning curves of a finished run, the latest one called `name` in the folder `runs`.
-pub fn curves(runs: &Path, name: &str, results: &Results) -> Result<Vec<SeedCurve>, Failure> {
-    let Some(folder) = RunFolder::latest(runs, name)? else { return Ok(Vec::new()) };
+/// The learning curves of a finished run.
+pub fn curves(folder: &RunFolder, results: &Results) -> Result<Vec<SeedCurve>, Failure> {
     let curve = |seed: &SeedResult| {
-        let metrics = metrics::read(&folder, &seed::Files::of(seed.seed).metrics, seed.iterations)?;
+        let metrics = metrics::read(folder, &seed::Files::of(seed.seed).metrics, seed.iterations)?;
         Ok(report::curve(seed, &metrics))
     };
     results.seeds.iter().map(curve).collect()
