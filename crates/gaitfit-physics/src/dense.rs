@@ -91,7 +91,7 @@ pub(crate) fn carries(tree: &Tree<f64>, ancestor: usize, mut link: usize) -> boo
 }
 
 fn drives(tree: &Tree<f64>) -> Vec<Drive<f64>> {
-    vec![Drive { torque: 0.0, damping: 0.0 }; tree.joints()]
+    vec![Drive::<f64>::zero(); tree.joints()]
 }
 
 fn at_zero_acceleration(state: &State<f64>) -> State<f64> {

@@ -11,12 +11,15 @@ pub struct Drive<T> {
     pub torque: T,
     /// What of minus its derivative by joint velocity is integrated implicitly, N·m·s/rad.
     pub damping: T,
+    /// What of it is treated as the solver's own under any settings, N·m·s/rad: it enters the matrix, so that contacts
+    /// feel it too.
+    pub resistance: T,
 }
 
 impl<T: Real> Drive<T> {
     /// No torque.
     pub fn zero() -> Self {
-        Self { torque: T::zero(), damping: T::zero() }
+        Self { torque: T::zero(), damping: T::zero(), resistance: T::zero() }
     }
 }
 
@@ -65,6 +68,7 @@ pub(crate) fn pd<T: Real>(
         let error = target - (state.q[j] + p.encoder_bias);
         let torque = p.torque_scale.fma(p.kd.fnma(state.qd[j], p.kp * error), p.torque_offset);
         drives[j].torque = torque.clamp(-p.torque_limit, p.torque_limit);
+        drives[j].resistance = z;
         // A saturated torque does not depend on velocity.
         drives[j].damping = if settings.implicit_actuators {
             T::select_lt(torque.abs(), p.torque_limit, p.torque_scale * p.kd, z)
@@ -91,7 +95,7 @@ pub fn actuate(
     qpos_joints: &[f64],
     qvel_joints: &[f64],
 ) -> Vec<Drive<f64>> {
-    let mut drives = vec![Drive { torque: 0.0, damping: 0.0 }; model.joints.len()];
+    let mut drives = vec![Drive::<f64>::zero(); model.joints.len()];
     for (actuator, &u) in model.actuators.iter().zip(ctrl) {
         let u = actuator.ctrlrange.map_or(u, |[low, high]| u.max(low).min(high));
         let j = actuator.joint;

@@ -310,9 +310,10 @@ fn joint_rows<T: Real>(
         _ => p.damping + drives[j].damping,
     };
     let share = if tree.settings.centred { 0.5 } else { 1.0 };
-    out.implicit = T::lit(tree.settings.timestep * share) * implicit;
-    out.armature =
-        if tree.settings.damping == Damping::Folded { p.armature + out.implicit } else { p.armature };
+    let h = T::lit(tree.settings.timestep * share);
+    out.implicit = h * implicit;
+    let folded = if tree.settings.damping == Damping::Folded { implicit } else { z };
+    out.armature = p.armature + h * (folded + drives[j].resistance);
 
     out.friction_d = p.weight * T::k(link.friction_weight);
     out.friction_bias = out.friction_d * (T::k(link.friction_b) * qd);

@@ -206,7 +206,7 @@ fn kinetic_energy_agrees_with_a_second_kinematics() {
             let state = state_from(&tree, &q, &v).unwrap();
             let torques = random.signed(tree.joints(), 5.0);
             let drives: Vec<Drive<f64>> =
-                torques.iter().map(|&torque| Drive { torque, damping: 0.0 }).collect();
+                torques.iter().map(|&torque| Drive { torque, ..Drive::zero() }).collect();
             let mut solved = state.clone();
             gaitfit_physics::accelerate(&tree, &params, &drives, &mut solved, &mut Work::new(&tree));
             let qacc = acceleration(&tree, &solved);
@@ -231,7 +231,7 @@ fn imbalance(model: &Model, q: &[f64], v: &[f64], torques: &[f64], warm: &[f64])
     let params = Robot::nominal(model).params(model).unwrap();
     let mut state = state_from(&tree, q, v).unwrap();
     state.qacc.copy_from_slice(warm);
-    let drives: Vec<Drive<f64>> = torques.iter().map(|&torque| Drive { torque, damping: 0.0 }).collect();
+    let drives: Vec<Drive<f64>> = torques.iter().map(|&torque| Drive { torque, ..Drive::zero() }).collect();
     let mut work = Work::new(&tree);
     let mut solved = state.clone();
     gaitfit_physics::accelerate(&tree, &params, &drives, &mut solved, &mut work);

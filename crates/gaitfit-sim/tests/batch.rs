@@ -229,7 +229,7 @@ fn robots_of_a_tile_move_as_each_alone_in_double_precision() {
                     let before = sent(period.saturating_sub(1));
                     let motor = torque(robot, j, sent(period), before, substep, state.q[j], state.qd[j]);
                     let other = f64::from(disturbance(index, period * SUBSTEPS + substep, j));
-                    (motor, Drive { torque: motor + other, damping: 0.0 })
+                    (motor, Drive { torque: motor + other, ..Drive::zero() })
                 };
                 let (motors, drives): (Vec<f64>, Vec<_>) = (0..12).map(drive).unzip();
                 saturated += motors

@@ -41,7 +41,7 @@ fn settings() {
         ("parameter.0.upper=-1", &["frictionloss_hip", "lower 0", "upper -1"]),
         ("parameter.0.lower=-1", &["frictionloss_hip", "has no meaning"]),
         ("parameter.0.joints=[\"*_wheel\"]", &["covers no joint", "FL_hip"]),
-        ("parameter.1.kind=frictionloss", &["two parameters are called `frictionloss_hip`"]),
+        ("parameter.1.kind=frictionloss", &["two rules give `frictionloss_hip`"]),
         ("logs=[\"nowhere.csv\"]", &["nowhere.csv", "does not exist", "--set"]),
         ("robot=nothing.xml", &["nothing.xml", "does not exist"]),
         ("costs=[\"wassr\"]", &["take wass, matcho"]),

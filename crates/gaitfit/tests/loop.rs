@@ -41,7 +41,7 @@ const COMMAND: &str = "[target]\nkind = \"command\"\ncollect = [\"true\", \"{fol
 const SMALL: &str = r#"
 checkpoint_seconds = 0.0
 [adapt]
-simulation = { timestep = 0.01, skip_seconds = 0.5 }
+simulation = { timestep = 0.01, skip_seconds = 0.0 }
 falls.margin_seconds = 0.1
 optimizer = { generations = 2, seeds = 1 }
 [finetune]

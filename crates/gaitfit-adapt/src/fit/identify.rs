@@ -145,7 +145,12 @@ pub fn identify(
             .filter(|(point, _)| point.entry == at)
             .map(|(point, rise)| (point.value, *rise))
             .collect();
-        verdict(entry, values[at], &own, noise)
+        let charged = |value: f64| {
+            let mut moved = values.to_vec();
+            moved[at] = value;
+            theta.regularisation(&moved) - theta.regularisation(values)
+        };
+        verdict(entry, values[at], &own, noise, charged)
     };
     Ok(theta.entries().iter().enumerate().map(of_entry).collect())
 }
@@ -253,7 +258,14 @@ fn scan(at: usize, entry: &Entry, value: f64) -> Vec<Point> {
     points
 }
 
-fn verdict(entry: &Entry, value: f64, points: &[(f64, Rise)], noise: NoiseSource) -> Identification {
+/// `charged` is what regularisation adds at a value: part of what the search minimises, not of what the data say.
+fn verdict(
+    entry: &Entry,
+    value: f64,
+    points: &[(f64, Rise)],
+    noise: NoiseSource,
+    charged: impl Fn(f64) -> f64,
+) -> Identification {
     let side = |below: bool| -> (f64, f64) {
         let mut side: Vec<(f64, Rise)> = points
             .iter()
@@ -265,7 +277,8 @@ fn verdict(entry: &Entry, value: f64, points: &[(f64, Rise)], noise: NoiseSource
     };
     let ((down, rise_down), (up, rise_up)) = (side(true), side(false));
     let (lower, upper) = ((value - down).max(entry.lower), (value + up).min(entry.upper));
-    let lowest = points.iter().filter_map(|(at, rise)| rise.map(|(rise, noise)| (*at, rise + noise)));
+    let lowest =
+        points.iter().filter_map(|(at, rise)| rise.map(|(rise, noise)| (*at, rise + noise + charged(*at))));
     let lowest = lowest.min_by(|a, b| a.1.total_cmp(&b.1));
     Identification {
         lower,

@@ -117,7 +117,7 @@ pub enum ThetaError {
     },
     /// A number of a network rule makes no sense.
     #[error(
-        "networks {kind}: {what} is {value}; scales must be above 0, regularisation at least 0, both finite"
+        "networks {kind}: {what} is {value:e}; scales must be 1e-6 to 1e6, regularisation at least 0 and finite"
     )]
     Network {
         /// What they correct.
@@ -138,7 +138,9 @@ pub enum ThetaError {
         joints: usize,
     },
     /// Two entries have the same name.
-    #[error("two parameters are called `{0}`; give one of them another `name`")]
+    #[error(
+        "two rules give `{0}`; leave one out, limit one to other `joints`, or give a [[parameter]] another `name`"
+    )]
     SameName(String),
     /// There is nothing to fit.
     #[error("there is no [[parameter]] to fit; add one, `gaitfit config` shows the kinds")]

@@ -9,11 +9,14 @@ use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// Layers as (inputs, outputs); weights lie layer by layer, `inputs × outputs` row-major, then biases.
 const LAYERS: [(usize, usize); 3] = [(6, 8), (8, 4), (4, 1)];
 /// Weights of the last layer: 4 and a bias.
 const OUTPUT_WEIGHTS: usize = 5;
+/// What scales may be: beyond it no unit is meant, and single precision may overflow.
+const SCALES: RangeInclusive<f64> = 1e-6..=1e6;
 /// Standard deviation of random hidden biases. Without any, hidden units would be odd functions.
 const BIAS_DEVIATION: f64 = 0.25;
 
@@ -164,13 +167,13 @@ impl NetworkRule {
         rest: &[f64],
     ) -> Result<Box<dyn Modification>, ThetaError> {
         let kind = self.kind.name();
-        for (what, value, least) in [
-            ("position_scale", self.position_scale, f64::MIN_POSITIVE),
-            ("velocity_scale", self.velocity_scale, f64::MIN_POSITIVE),
-            ("output_scale", self.output_scale, f64::MIN_POSITIVE),
-            ("regularisation", self.regularisation, 0.0),
+        for (what, value, allowed) in [
+            ("position_scale", self.position_scale, SCALES),
+            ("velocity_scale", self.velocity_scale, SCALES),
+            ("output_scale", self.output_scale, SCALES),
+            ("regularisation", self.regularisation, 0.0..=f64::MAX),
         ] {
-            if !(value.is_finite() && value >= least) {
+            if !allowed.contains(&value) {
                 return Err(ThetaError::Network { kind, what, value });
             }
         }

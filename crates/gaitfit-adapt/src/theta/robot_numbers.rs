@@ -103,8 +103,15 @@ impl RobotRule {
         let defaults = self.kind.defaults();
         self.lower.get_or_insert(defaults.lower);
         self.upper.get_or_insert(defaults.upper);
-        self.start.get_or_insert(defaults.start);
+        self.start.get_or_insert(self.default_start());
         self.deviation.get_or_insert(defaults.deviation);
+    }
+
+    /// The default start, within the rule's own bounds.
+    fn default_start(&self) -> f64 {
+        let defaults = self.kind.defaults();
+        let (lower, upper) = (self.lower.unwrap_or(defaults.lower), self.upper.unwrap_or(defaults.upper));
+        defaults.start.min(upper).max(lower)
     }
 
     /// The modification.
@@ -120,7 +127,7 @@ impl RobotRule {
             joints: Vec::new(),
             lower: self.lower.unwrap_or(defaults.lower),
             upper: self.upper.unwrap_or(defaults.upper),
-            start: self.start.unwrap_or(defaults.start),
+            start: self.start.unwrap_or_else(|| self.default_start()),
             deviation: self.deviation.unwrap_or(defaults.deviation),
         };
         entry.check(self.kind.least())?;

@@ -8,9 +8,10 @@ use crate::{Drive, Params, Real, State};
 /// sampled at that rate too (Dao and Fern's residual actuator model). After the limits, as what is missing may be
 /// outside the motor: a spring, a cable.
 ///
-/// What of an output resists the joint's velocity (−∂τ/∂q̇ > 0) is integrated implicitly, as joint damping is under the
-/// settings' [`Damping`](crate::Damping). A torque against the change of velocity since the step before, −A Δq̇/h, is
-/// an inertia: explicitly it is unstable for A beyond the joint's own, implicitly for none.
+/// What of an output resists the joint's velocity (−∂τ/∂q̇ > 0) is integrated implicitly: it enters the solver's matrix.
+/// A torque against the change of velocity since the step before, −A Δq̇/h, stands for an inertia of 2 A: by itself it
+/// is unstable for A beyond the joint's own inertia M, integrated so its fastest mode is −A / (M + A), which decays.
+/// What resists more than it should because another part of the network pushes is not told apart: only the sum counts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResidAct<K>(pub Vec<JointNetwork<K>>);
 
@@ -38,7 +39,7 @@ impl<K: Copy> Modify<K> for ResidAct<K> {
             let drive = &mut drives[network.joint];
             let (torque, slope) = network.advance_with_slope(params, state, past);
             drive.torque = drive.torque + torque;
-            drive.damping = drive.damping + (-slope).max(T::zero());
+            drive.resistance = drive.resistance + (-slope).max(T::zero());
         }
     }
 }

@@ -129,7 +129,7 @@ pub fn read(
         removed.extend(cut);
     }
     let mut logs = long_enough(stretches, skipped, &mut warnings);
-    enough(config, config_path, &logs, &removed)?;
+    enough(config, config_path, reads.len(), &logs, &removed)?;
 
     let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
     let policy_match = policy_check::check(policy, &trajectories);
@@ -138,7 +138,7 @@ pub fn read(
     warnings.extend(policy_match.judge(policy_name, &names)?);
     if policy_match.agrees() && !policy_match.exact {
         logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, skipped, &mut warnings);
-        enough(config, config_path, &logs, &removed)?;
+        enough(config, config_path, reads.len(), &logs, &removed)?;
     }
     warnings.extend(cuts::cut_text(&removed, reads.len()));
     let commands =
@@ -261,17 +261,25 @@ fn count(read: &Read, stretch: Range<usize>, scene: &Scene) -> Result<GroundLog,
 }
 
 /// Refuses too little data.
-fn enough(config: &AdaptConfig, config_path: &Path, logs: &[GroundLog], cuts: &[Cut]) -> Result<(), Failure> {
+fn enough(
+    config: &AdaptConfig,
+    config_path: &Path,
+    read: usize,
+    logs: &[GroundLog],
+    cuts: &[Cut],
+) -> Result<(), Failure> {
     let skipped = config.skip_seconds();
     let seconds: f64 = logs.iter().map(|log| log.trajectory.duration() - skipped).sum();
     if seconds >= LEAST_S {
         return Ok(());
     }
     let shown = config_path.display();
-    let fell: f64 = cuts.iter().filter(|cut| cut.fall).map(|cut| cut.to_s - cut.from_s).sum();
-    Err(Failure::failed(if logs.is_empty() && fell > 0.0 {
+    let falls = cuts.iter().filter(|cut| cut.fall);
+    let fell: f64 = falls.clone().map(|cut| cut.to_s - cut.from_s).sum();
+    let least = LEAST_STRETCH_S + skipped;
+    Err(Failure::failed(if logs.is_empty() && falls.count() >= read {
         format!(
-            "{shown}: in all logs the robot falls or does not walk before {LEAST_STRETCH_S} s have passed ({}). A fit \
+            "{shown}: in all logs the robot falls or does not walk before {least} s have passed ({}). A fit \
              needs walking: record next time with slower commands, on better ground, or with a policy that stands; \
              `gaitfit inspect` shows a log.",
             cuts.first().map_or("", |cut| &cut.reason)
@@ -279,12 +287,14 @@ fn enough(config: &AdaptConfig, config_path: &Path, logs: &[GroundLog], cuts: &[
     } else {
         let mut because = if fell > 0.0 { format!(" ({fell:.1} s of falls are cut)") } else { String::new() };
         if skipped > 0.0 {
-            because += &format!(" after the first {skipped} s of each (`simulation.skip_seconds`)");
+            because += &format!(
+                " after the first {skipped} s of each (`simulation.skip_seconds`), in pieces of {LEAST_STRETCH_S} s or more"
+            );
         }
         let seconds = seconds.max(0.0);
         format!(
             "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {LEAST_S} s, \
-             and does well with some minutes: record more, with varied commands."
+             and does well with some minutes: record more and longer, with varied commands."
         )
     }))
 }

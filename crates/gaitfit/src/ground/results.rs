@@ -182,9 +182,10 @@ fn warn(fit: &GroundFit, warnings: &mut Vec<String>) {
     for GroundParameter { found, .. } in &fit.parameters {
         let Some(identification) = &found.identification else { continue };
         if !identification.identified {
+            let unit = if found.unit == "-" { String::new() } else { format!(" {}", found.unit) };
             warnings.push(format!(
-                "{}: the logs do not identify {}: anything from {:.3} to {:.3} {} fits as well",
-                fit.cost_name, found.name, identification.lower, identification.upper, found.unit
+                "{}: the logs do not identify {}: anything from {:.3} to {:.3}{unit} fits as well",
+                fit.cost_name, found.name, identification.lower, identification.upper
             ));
         }
         better.extend(identification.better.map(|value| format!("{} = {value:.4}", found.name)));
