@@ -9,10 +9,10 @@ use crate::{Params, Real, Settings, State};
 pub struct Drive<T> {
     /// Torque, N·m.
     pub torque: T,
-    /// What of minus its derivative by joint velocity is integrated implicitly, N·m·s/rad.
+    /// Minus its derivative by joint velocity, N·m·s/rad (used where actuators are integrated implicitly).
     pub damping: T,
-    /// What of it is treated as the solver's own under any settings, N·m·s/rad: it enters the matrix, so that contacts
-    /// feel it too.
+    /// A further such derivative, N·m·s/rad, that enters the solver's matrix under all settings, so that contacts feel
+    /// it too.
     pub resistance: T,
 }
 
@@ -88,13 +88,7 @@ pub fn delay_taps(max_delay: f64, period: f64, centred: bool) -> usize {
 /// Drives from the model's actuators at controls `ctrl` (MuJoCo's `actuator` computation without dynamics).
 ///
 /// `ctrl` is as long as `model.actuators`; `qpos_joints` and `qvel_joints` hold one value a joint.
-pub fn actuate(
-    model: &Model,
-    settings: &Settings,
-    ctrl: &[f64],
-    qpos_joints: &[f64],
-    qvel_joints: &[f64],
-) -> Vec<Drive<f64>> {
+pub fn actuate(model: &Model, ctrl: &[f64], qpos_joints: &[f64], qvel_joints: &[f64]) -> Vec<Drive<f64>> {
     let mut drives = vec![Drive::<f64>::zero(); model.joints.len()];
     for (actuator, &u) in model.actuators.iter().zip(ctrl) {
         let u = actuator.ctrlrange.map_or(u, |[low, high]| u.max(low).min(high));
@@ -107,7 +101,7 @@ pub fn actuate(
             None => (force, false),
         };
         drives[j].torque += actuator.gear * limited;
-        if !saturated && settings.implicit_actuators {
+        if !saturated {
             drives[j].damping -= actuator.gear * actuator.gear * b2;
         }
     }

@@ -79,7 +79,7 @@ impl Forward {
         if ctrl.len() != expected {
             return Err(PhysicsError::Length { what: "ctrl", found: ctrl.len(), expected });
         }
-        Ok(actuate(&self.model, &self.tree.settings, ctrl, &state.q, &state.qd))
+        Ok(actuate(&self.model, ctrl, &state.q, &state.qd))
     }
 }
 

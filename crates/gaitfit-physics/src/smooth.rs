@@ -307,7 +307,8 @@ fn joint_rows<T: Real>(
     }
     let implicit = match tree.settings.damping {
         Damping::Explicit => z,
-        _ => p.damping + drives[j].damping,
+        _ if tree.settings.implicit_actuators => p.damping + drives[j].damping,
+        _ => p.damping,
     };
     let share = if tree.settings.centred { 0.5 } else { 1.0 };
     let h = T::lit(tree.settings.timestep * share);

@@ -5,11 +5,12 @@
 //! it at once. Fixed hidden layers with a searched last one are random features (Rahimi and Recht 2008) that are not
 //! random.
 
+use super::networks::{LAYERS, OUTPUT_WEIGHTS};
 use gaitfit_physics::NETWORK_WEIGHTS;
 
 /// What the weights of the last layer stand for, in their order: torques (or corrections of the target) that resist for
 /// positive weights, but for the last.
-pub(super) const NAMES: [&str; 5] = ["friction", "damping", "inertia", "stiffness", "offset"];
+pub(super) const NAMES: [&str; OUTPUT_WEIGHTS] = ["friction", "damping", "inertia", "stiffness", "offset"];
 
 /// Velocity at which friction is about its full size, rad/s, inverse.
 const FRICTION_SLOPE: f64 = 10.0;
@@ -22,31 +23,28 @@ const INERTIA: f64 = 0.1;
 /// Stiffness for a weight of 1, 1/rad in units of the output scale.
 const STIFFNESS: f64 = 1.0;
 
-/// Units of the two hidden layers.
-const HIDDEN: [usize; 2] = [8, 4];
 /// Inputs: angle and velocity now, then at the sample before.
 const ANGLE: usize = 0;
 const VELOCITY: usize = 1;
 const VELOCITY_BEFORE: usize = 3;
-const INPUTS: usize = 6;
 
 /// All weights of a network whose last layer is `last`, for inputs scaled by `position` (1/rad) and `velocity` (s/rad):
 /// −(w₁ 0.02 tanh 10 q̇ + w₂ tanh 0.02 q̇ + w₃ tanh 0.1 Δq̇ + w₄ tanh Δq) + 0.02 w₅, each within another tanh, with Δq̇
 /// the change of velocity since the sample before and Δq the angle less its rest angle.
-pub(super) fn weights(last: &[f64; 5], position: f64, velocity: f64) -> [f64; NETWORK_WEIGHTS] {
+pub(super) fn weights(last: &[f64; OUTPUT_WEIGHTS], position: f64, velocity: f64) -> [f64; NETWORK_WEIGHTS] {
     let mut weights = [0.0; NETWORK_WEIGHTS];
-    let first = |input: usize, unit: usize| input * HIDDEN[0] + unit;
+    let [(inputs, units), (_, seconds), _] = LAYERS;
+    let first = |input: usize, unit: usize| input * units + unit;
     weights[first(VELOCITY, 0)] = FRICTION_SLOPE / velocity;
     weights[first(VELOCITY, 1)] = DAMPING / velocity;
     weights[first(VELOCITY, 2)] = INERTIA / velocity;
     weights[first(VELOCITY_BEFORE, 2)] = -INERTIA / velocity;
     weights[first(ANGLE, 3)] = STIFFNESS / position;
-    let second = (INPUTS + 1) * HIDDEN[0];
+    let second = (inputs + 1) * units;
     for (unit, size) in [SMALL, 1.0, 1.0, 1.0].into_iter().enumerate() {
-        weights[second + unit * HIDDEN[1] + unit] = -size;
+        weights[second + unit * seconds + unit] = -size;
     }
-    let output = second + (HIDDEN[0] + 1) * HIDDEN[1];
-    weights[output..].copy_from_slice(last);
+    weights[NETWORK_WEIGHTS - OUTPUT_WEIGHTS..].copy_from_slice(last);
     weights[NETWORK_WEIGHTS - 1] *= SMALL;
     weights
 }
@@ -56,7 +54,7 @@ mod tests {
     use super::*;
 
     /// The network by its formula, for the physical inputs (Δq, q̇) of three samples.
-    fn output(last: [f64; 5], motion: [f64; 6]) -> f64 {
+    fn output(last: [f64; OUTPUT_WEIGHTS], motion: [f64; 6]) -> f64 {
         let (position, velocity) = (2.0, 0.1);
         let weights = weights(&last, position, velocity);
         let mut x: Vec<f64> = motion
@@ -65,7 +63,7 @@ mod tests {
             .map(|(input, value)| value * if input % 2 == 0 { position } else { velocity })
             .collect();
         let mut at = 0;
-        for (inputs, outputs) in [(6, 8), (8, 4), (4, 1)] {
+        for (inputs, outputs) in LAYERS {
             x = (0..outputs)
                 .map(|unit| {
                     let sum: f64 = (0..inputs).map(|i| x[i] * weights[at + i * outputs + unit]).sum();
@@ -81,7 +79,7 @@ mod tests {
     #[test]
     fn each_weight_is_what_its_name_says() {
         let of = |number: usize, motion: [f64; 6]| {
-            let mut last = [0.0; 5];
+            let mut last = [0.0; OUTPUT_WEIGHTS];
             last[number] = 1.0;
             output(last, motion)
         };

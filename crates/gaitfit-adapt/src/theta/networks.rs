@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 
 /// Layers as (inputs, outputs); weights lie layer by layer, `inputs × outputs` row-major, then biases.
-const LAYERS: [(usize, usize); 3] = [(6, 8), (8, 4), (4, 1)];
+pub(super) const LAYERS: [(usize, usize); 3] = [(6, 8), (8, 4), (4, 1)];
 /// Weights of the last layer: 4 and a bias.
-const OUTPUT_WEIGHTS: usize = 5;
+pub(super) const OUTPUT_WEIGHTS: usize = 5;
 /// What scales may be: beyond it no unit is meant, and single precision may overflow.
 const SCALES: RangeInclusive<f64> = 1e-6..=1e6;
 /// Standard deviation of random hidden biases. Without any, hidden units would be odd functions.
@@ -234,7 +234,7 @@ impl Networks {
 
     /// All weights of the network with these values of θ.
     fn weights(&self, values: &[f64]) -> Vec<f64> {
-        match (self.rule.start, <&[f64; 5]>::try_from(values)) {
+        match (self.rule.start, <&[f64; OUTPUT_WEIGHTS]>::try_from(values)) {
             (NetworkStart::Features, Ok(last)) => {
                 features::weights(last, self.rule.position_scale, self.rule.velocity_scale).to_vec()
             }

@@ -59,25 +59,29 @@ impl<K: Copy> JointNetwork<K> {
         Self { joint, weights: folded.map(T::constant) }
     }
 
-    /// Output for the inputs x, unscaled.
+    /// The weights of the three layers.
     #[inline(always)]
-    fn evaluate<T: Real<K = K>>(&self, x: &[T; INPUTS]) -> T {
+    fn layers(&self) -> [&[K]; 3] {
         let (first, rest) = self.weights.split_at((INPUTS + 1) * HIDDEN[0]);
         let (second, last) = rest.split_at((HIDDEN[0] + 1) * HIDDEN[1]);
-        let a: [T; HIDDEN[0]] = layer(x, first);
-        let b: [T; HIDDEN[1]] = layer(&a.map(T::tanh), second);
-        let [y]: [T; 1] = layer(&b.map(T::tanh), last);
-        y
+        [first, second, last]
+    }
+
+    /// Both hidden layers and the output for the inputs x, unscaled.
+    #[inline(always)]
+    fn evaluate<T: Real<K = K>>(&self, x: &[T; INPUTS]) -> ([T; HIDDEN[0]], [T; HIDDEN[1]], T) {
+        let [first, second, last] = self.layers();
+        let a = layer(x, first).map(T::tanh);
+        let b = layer(&a, second).map(T::tanh);
+        let [y] = layer(&b, last);
+        (a, b, y)
     }
 
     /// Output for the inputs x, unscaled, and its derivative by the joint's velocity now, x₁.
     #[inline(always)]
     fn evaluate_with_slope<T: Real<K = K>>(&self, x: &[T; INPUTS]) -> (T, T) {
-        let (first, rest) = self.weights.split_at((INPUTS + 1) * HIDDEN[0]);
-        let (second, last) = rest.split_at((HIDDEN[0] + 1) * HIDDEN[1]);
-        let a: [T; HIDDEN[0]] = layer(x, first).map(T::tanh);
-        let b: [T; HIDDEN[1]] = layer(&a, second).map(T::tanh);
-        let [y]: [T; 1] = layer(&b, last);
+        let [first, second, last] = self.layers();
+        let (a, b, y) = self.evaluate(x);
         let slope = |tanh: T| tanh.fnma(tanh, T::lit(1.0));
         let a: [T; HIDDEN[0]] = std::array::from_fn(|unit| slope(a[unit]) * T::k(first[HIDDEN[0] + unit]));
         let mut dy = T::zero();
@@ -96,7 +100,7 @@ impl<K: Copy> JointNetwork<K> {
     pub(super) fn advance<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, past: &mut [T]) -> T {
         let x = self.inputs(params, state, past);
         past.copy_from_slice(&x[..PAST]);
-        self.evaluate(&x)
+        self.evaluate(&x).2
     }
 
     /// As [`Self::advance`], with the output's derivative by the joint's velocity.
@@ -172,16 +176,14 @@ mod tests {
             x = if outputs > 1 { y.iter().map(|y| y.tanh()).collect() } else { y };
         }
         assert_eq!(at, NETWORK_WEIGHTS);
-        assert!((network.evaluate(&motion) - 3.0 * x[0]).abs() < 1e-12);
+        assert!((network.evaluate(&motion).2 - 3.0 * x[0]).abs() < 1e-12);
 
         let (y, slope) = network.evaluate_with_slope(&motion);
-        assert_eq!(y, network.evaluate(&motion));
+        assert_eq!(y, network.evaluate(&motion).2);
         let at = |velocity: f64| {
-            network.evaluate(&{
-                let mut motion = motion;
-                motion[1] = velocity;
-                motion
-            })
+            let mut moved = motion;
+            moved[1] = velocity;
+            network.evaluate(&moved).2
         };
         let difference = (at(4.0 + 1e-5) - at(4.0 - 1e-5)) / 2e-5;
         assert!((slope - difference).abs() < 1e-9 && slope.abs() > 1e-3, "{slope} {difference}");

@@ -85,7 +85,8 @@ pub struct SeedResult {
     pub walk: Option<Walk>,
     /// Wall time of fit and training, s; collecting does not count, as cells share their logs.
     pub seconds: f64,
-    /// What to know before trusting the numbers.
+    /// What to know of the fit before trusting its numbers. What is to be said of the logs stands in the fit's own
+    /// `result.json`: all cells of a scenario share them.
     pub warnings: Vec<String>,
     /// Where the files are.
     pub run_folder: String,

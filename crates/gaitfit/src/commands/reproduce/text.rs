@@ -24,21 +24,12 @@ pub fn text(results: &Results) -> String {
         Kind::Finetuning => finetuning(results),
     };
     let _ = writeln!(text, "{rows}\n");
-    let mut of_logs = 0;
     for row in &results.rows {
         for seed in &row.seeds {
             for warning in &seed.warnings {
-                // What a check says of the target's logs every cell of a scenario says again.
-                if warning.contains(".csv: ") {
-                    of_logs += 1;
-                } else {
-                    let _ = writeln!(text, "note: {}, seed {}: {warning}", row.cell, seed.seed);
-                }
+                let _ = writeln!(text, "note: {}, seed {}: {warning}", row.cell, seed.seed);
             }
         }
-    }
-    if of_logs > 0 {
-        let _ = writeln!(text, "note: {of_logs} notes on the logs are in result.json");
     }
     let _ = writeln!(text, "files: {}", results.run_folder);
     text
