@@ -105,3 +105,16 @@ fn what_does_not_fit_is_named() {
     let error = ThetaFile::parse("format = 1\n[[parameter]]\nname = \"a\"\nkind = 3\n").unwrap_err();
     assert!(error.to_string().contains("line 4"), "{error}");
 }
+
+#[test]
+fn networks_at_another_physics_step_are_doubted() {
+    let file = ThetaFile { physics_step: Some(0.005), ..file(&model()) };
+    assert!(!file.network.is_empty());
+    assert_eq!(file.step_doubt(0.005), None);
+    let doubt = file.step_doubt(0.0025).unwrap();
+    assert!(doubt.contains("0.005 s") && doubt.contains("0.0025 s"), "{doubt}");
+    let numbers_only = ThetaFile { network: Vec::new(), ..file.clone() };
+    assert_eq!(numbers_only.step_doubt(0.0025), None, "numbers mean the same at every step");
+    let before = ThetaFile { physics_step: None, ..file };
+    assert_eq!(before.step_doubt(0.0025), None, "files of earlier versions do not say");
+}

@@ -2,14 +2,14 @@
 
 use crate::cli::WorldArgs;
 use crate::exit::Failure;
+use crate::ground::setup::{candidate as fitted, theta_file};
+use crate::output::note;
 use crate::robot::{self, Hold};
-use gaitfit_adapt::ThetaFile;
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::policy::{self, Policy};
 use gaitfit_learn::task::{Scene, TaskSettings, preset};
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
-use std::path::Path;
 
 /// A policy and the simulator it runs in.
 pub struct World {
@@ -55,10 +55,11 @@ impl World {
             joint.springref = rest;
             changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, joint.name));
         }
-        let mut candidate = match &args.theta {
-            Some(path) => {
+        let theta = args.theta.as_deref().map(|path| Ok((path, theta_file(path)?))).transpose()?;
+        let mut candidate = match &theta {
+            Some((path, file)) => {
                 changes.push(format!("parameters of {}", path.display()));
-                fitted(path, &model)?
+                fitted(file, path, &model)?
             }
             None => Candidate::nominal(&model),
         };
@@ -76,6 +77,10 @@ impl World {
         let delay = longest_delay(&candidate);
         let scene = Scene::with_interface(&model, &settings, interface.clone(), args.preset.into(), delay)
             .map_err(Failure::failed)?;
+        let doubt = theta.and_then(|(path, file)| Some((path, file.step_doubt(scene.physics_step())?)));
+        if let Some((path, doubt)) = doubt {
+            note(&format!("warning: {}: {doubt}", path.display()));
+        }
         Ok(Self { policy, scene, candidate, changes })
     }
 
@@ -162,15 +167,6 @@ impl Spring {
         }
         Ok(Self { joint: joint.trim().to_owned(), stiffness, rest: rest.map(number).transpose()? })
     }
-}
-
-/// The robot of `model` as the `theta.toml` of a fit has it.
-fn fitted(path: &Path, model: &Model) -> Result<Candidate, Failure> {
-    let shown = path.display();
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| Failure::failed(format!("cannot read {shown}: {error}")))?;
-    let candidate = ThetaFile::parse(&text).and_then(|theta| theta.candidate(model));
-    candidate.map_err(|error| Failure::failed(format!("{shown}: {error}")))
 }
 
 fn no_joint(model: &Model, name: &str, whose: &str) -> Failure {

@@ -23,6 +23,9 @@ pub struct ThetaFile {
     /// Its value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
+    /// Physics step of the fit, s. What a network remembers is in steps, so another step gives another network.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub physics_step: Option<f64>,
     /// Single numbers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameter: Vec<SavedParameter>,
@@ -185,6 +188,7 @@ impl ThetaFile {
             robot: robot.to_owned(),
             cost_name: cost_name.to_owned(),
             cost: Some(cost),
+            physics_step: None,
             parameter: Vec::new(),
             network: Vec::new(),
         };
@@ -194,6 +198,17 @@ impl ThetaFile {
             }
         }
         file
+    }
+
+    /// A doubt, in words, about using the file's networks at a physics step of `step` s.
+    pub fn step_doubt(&self, step: f64) -> Option<String> {
+        let fitted = self.physics_step.filter(|_| !self.network.is_empty())?;
+        ((fitted / step - 1.0).abs() > 0.01).then(|| {
+            format!(
+                "its networks were fitted at a physics step of {fitted} s and act differently at {step} s; fit again \
+                 at that step, or simulate at the fit's"
+            )
+        })
     }
 
     /// Reads a file's text.

@@ -112,6 +112,11 @@ impl Scene {
         Self::with_interface(model, settings, interface, preset, 0.0)
     }
 
+    /// Physics step, s.
+    pub fn physics_step(&self) -> f64 {
+        self.interface.control_dt / self.settings.substeps as f64
+    }
+
     /// The task on `model` for a policy that exists. `max_delay`: largest actuation delay of any robot, s.
     ///
     /// # Errors

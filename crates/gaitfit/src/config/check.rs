@@ -1,6 +1,6 @@
 //! Settings of `gaitfit adapt` that do not go together, and what they mean to the optimiser.
 
-use super::{AdaptConfig, Base};
+use super::{AdaptConfig, Base, LEAST_STRETCH_S};
 use crate::exit::Failure;
 use gaitfit_adapt::fit::{FallPenalty, FitOptions};
 use std::path::Path;
@@ -9,6 +9,7 @@ use std::path::Path;
 pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Failure> {
     let free = config.base == Base::Free;
     let optimizer = &config.optimizer;
+    let horizon = config.simulation.horizon_seconds;
     let not_negative = |value: f64| value.is_finite() && value >= 0.0;
     let wrong = if !free && config.robot.is_empty() {
         "`robot` names no robot file"
@@ -52,6 +53,10 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Failure> {
         "`simulation.timestep` must be at least 1e-6 s"
     } else if !not_negative(config.skip_seconds()) {
         "`simulation.skip_seconds` must be at least 0"
+    } else if horizon != 0.0 && !(horizon >= LEAST_STRETCH_S && horizon.is_finite()) {
+        "`simulation.horizon_seconds` must be 0 (whole logs) or at least 1"
+    } else if !free && horizon != 0.0 {
+        "`simulation.horizon_seconds` is for walking logs; add base = \"free\" if the robot walked"
     } else if config.runs.is_empty() {
         "`runs` names no folder; \".\" is the current one"
     } else if config.check.rmse_rad.is_some_and(|limit| !not_negative(limit)) {

@@ -121,6 +121,9 @@ pub struct FileGains {
     pub kd: Option<PerJoint>,
 }
 
+/// Counted data that a stretch of a walking log needs to be of use, s.
+pub const LEAST_STRETCH_S: f64 = 1.0;
+
 /// How logs are replayed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -132,6 +135,8 @@ pub struct SimulationConfig {
     /// Seconds at the start of each log that do not count in costs and errors; see [`AdaptConfig::skip_seconds`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub skip_seconds: Option<f64>,
+    /// Seconds of each walking log, after the skipped ones, that count; 0 counts all of it.
+    pub horizon_seconds: f64,
     /// Threads; 0 takes one for each core.
     pub threads: usize,
 }
@@ -273,7 +278,13 @@ impl Default for AdaptConfig {
 
 impl Default for SimulationConfig {
     fn default() -> Self {
-        Self { timestep: 0.005, preset: PresetName::Accurate, skip_seconds: None, threads: 0 }
+        Self {
+            timestep: 0.005,
+            preset: PresetName::Accurate,
+            skip_seconds: None,
+            horizon_seconds: 0.0,
+            threads: 0,
+        }
     }
 }
 

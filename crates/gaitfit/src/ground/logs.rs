@@ -6,7 +6,7 @@ use super::cuts::{self, Cut};
 use super::log_files::{self, LogFile};
 use super::policy_check::{self, PolicyMatch};
 use super::{doubts, rate};
-use crate::config::AdaptConfig;
+use crate::config::{AdaptConfig, LEAST_STRETCH_S};
 use crate::exit::Failure;
 use crate::log_joints;
 use gaitfit_learn::Interface;
@@ -20,8 +20,6 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Counted data that a stretch of a log needs to be of use, s.
-const LEAST_STRETCH_S: f64 = 1.0;
 /// Counted data that a fit needs, s.
 const LEAST_S: f64 = 10.0;
 
@@ -141,6 +139,12 @@ pub fn read(
         enough(config, config_path, reads.len(), &logs, &removed)?;
     }
     warnings.extend(cuts::cut_text(&removed, reads.len()));
+    if config.simulation.horizon_seconds > 0.0 {
+        for log in &mut logs {
+            shorten(log, skipped + config.simulation.horizon_seconds)?;
+        }
+        enough(config, config_path, reads.len(), &logs, &removed)?;
+    }
     let commands =
         logs.iter().flat_map(|log| log.trajectory.command.iter().flat_map(|rows| rows.chunks_exact(3)));
     let coverage = Coverage::new(commands, scene.interface.control_dt, &scene.settings.command);
@@ -260,6 +264,17 @@ fn count(read: &Read, stretch: Range<usize>, scene: &Scene) -> Result<GroundLog,
     Ok(GroundLog { name, path: read.file.path.clone(), sidecars: read.sidecars.clone(), trajectory })
 }
 
+/// Keeps the first `seconds` of a log.
+fn shorten(log: &mut GroundLog, seconds: f64) -> Result<(), Failure> {
+    let samples = (seconds * log.trajectory.rate_hz).round() as usize + 1;
+    if samples < log.trajectory.len() {
+        let failed =
+            |error: gaitfit_log::LogError| Failure::failed(format!("{}: {error}", log.path.display()));
+        log.trajectory = log.trajectory.slice(0..samples).map_err(failed)?;
+    }
+    Ok(())
+}
+
 /// Refuses too little data.
 fn enough(
     config: &AdaptConfig,
@@ -290,6 +305,10 @@ fn enough(
             because += &format!(
                 " after the first {skipped} s of each (`simulation.skip_seconds`), in pieces of {LEAST_STRETCH_S} s or more"
             );
+        }
+        let horizon = config.simulation.horizon_seconds;
+        if horizon > 0.0 {
+            because += &format!(", at most {horizon} s of each (`simulation.horizon_seconds`)");
         }
         let seconds = seconds.max(0.0);
         format!(

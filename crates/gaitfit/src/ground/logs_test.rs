@@ -223,3 +223,25 @@ fn gains_and_robots_that_differ_are_told() {
     assert!(warned(&notes, "a gain of 40 where the policy has 25"), "{:?}", notes.warnings);
     assert!(warned(&notes, "robot `b2`"), "{:?}", notes.warnings);
 }
+
+#[test]
+fn only_the_horizon_of_each_log_counts_and_it_must_leave_enough() {
+    let bench = Bench::new();
+    let logs = bench.logs();
+    let with = |seconds: f64| {
+        bench.read_with(&logs, &bench.policy, |config| {
+            config.simulation.skip_seconds = Some(0.25);
+            config.simulation.horizon_seconds = seconds;
+        })
+    };
+    let whole = with(0.0).unwrap();
+    let short = with(1.5).unwrap();
+    for (short, whole) in short.logs.iter().zip(&whole.logs) {
+        assert_eq!(short.trajectory.duration(), 1.76, "skipped and counted, in steps of 20 ms");
+        let kept = short.trajectory.position.len();
+        assert!(short.trajectory.position[..] == whole.trajectory.position[..kept]);
+    }
+    assert!(with(9.0).unwrap().logs[0].trajectory.position == whole.logs[0].trajectory.position);
+    let text = with(1.0).unwrap_err().message;
+    assert!(text.contains("at most 1 s of each (`simulation.horizon_seconds`)"), "{text}");
+}

@@ -60,16 +60,15 @@ impl Ground {
         let policy_path = paths::find(named, "policy", config_path)?;
         let policy = policy::read(&policy_path).map_err(Failure::failed)?;
         files.push(policy_path);
-        let base = match &config.known {
-            Some(named) => {
-                let path = paths::find(named, "known", config_path)?;
-                let known = theta_file(&path)?.candidate(&model);
-                let known = known.map_err(|error| Failure::failed(format!("{}: {error}", path.display())))?;
-                files.push(path);
-                known
-            }
-            None => Candidate::nominal(&model),
-        };
+        let mut known = None;
+        let mut base = Candidate::nominal(&model);
+        if let Some(named) = &config.known {
+            let path = paths::find(named, "known", config_path)?;
+            let file = theta_file(&path)?;
+            base = candidate(&file, &path, &model)?;
+            files.push(path.clone());
+            known = Some((path, file));
+        }
 
         let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
         let rest = rest_angles(&policy, &model)?;
@@ -82,6 +81,11 @@ impl Ground {
         }
         let target = target(config, &notes, &scene)?;
         let mut warnings = notes.warnings.clone();
+        if let Some((path, doubt)) =
+            known.and_then(|(path, file)| Some((path, file.step_doubt(scene.physics_step())?)))
+        {
+            warnings.push(format!("{}: {doubt}", path.display()));
+        }
         for (signal, column) in target.constant() {
             warnings.push(format!("{signal} {column} is constant in the logs and left out of the costs"));
         }
@@ -133,6 +137,11 @@ pub fn theta_file(path: &Path) -> Result<ThetaFile, Failure> {
     let text = std::fs::read_to_string(path)
         .map_err(|error| Failure::failed(format!("cannot read {}: {error}", path.display())))?;
     ThetaFile::parse(&text).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
+}
+
+/// The robot of `model` as the file at `path` has it.
+pub fn candidate(file: &ThetaFile, path: &Path, model: &Model) -> Result<Candidate, Failure> {
+    file.candidate(model).map_err(|error| Failure::failed(format!("{}: {error}", path.display())))
 }
 
 /// The policy's default pose in the model's order, rad.

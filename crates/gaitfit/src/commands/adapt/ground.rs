@@ -94,9 +94,13 @@ fn theta_text(ground: &Ground, results: &GroundResults) -> Result<String, Failur
         .iter()
         .map(|parameter| Found { value: parameter.found.value, spread: parameter.found.spread })
         .collect();
-    ThetaFile::new(&ground.theta, &found, &results.robot, &first.cost_name, first.cost)
-        .to_toml()
-        .map_err(|error| Failure::failed(format!("cannot write theta.toml: {error}")))
+    let step = Some(ground.scene.physics_step());
+    ThetaFile {
+        physics_step: step,
+        ..ThetaFile::new(&ground.theta, &found, &results.robot, &first.cost_name, first.cost)
+    }
+    .to_toml()
+    .map_err(|error| Failure::failed(format!("cannot write theta.toml: {error}")))
 }
 
 /// What the fit depends on.
