@@ -1,6 +1,6 @@
 //! From a ground fit to the page's plain data.
 
-use super::results::{GroundFit, GroundResults};
+use super::results::{GroundFit, GroundResults, MOST_SHOWN};
 use super::setup::Ground;
 use super::simulator::GroundSimulator;
 use crate::config::AdaptConfig;
@@ -17,8 +17,6 @@ use gaitfit_view::{LoopReport, loop_html};
 
 /// Most commands of the logs that are drawn.
 const MOST_COMMANDS: usize = 5000;
-/// Most parameters that are drawn; networks have more.
-const MOST_DRAWN: usize = 50;
 
 /// The page of a finished fit.
 pub fn page(
@@ -88,7 +86,7 @@ fn log(ground: &Ground, results: &GroundResults) -> LogSummary {
 }
 
 fn adaptation(fit: &GroundFit, metrics: &str) -> Adaptation {
-    let parameters = fit.parameters.iter().take(MOST_DRAWN).map(|parameter| FittedParameter {
+    let parameters = fit.parameters.iter().take(MOST_SHOWN).map(|parameter| FittedParameter {
         parameter: pieces::parameter(&parameter.found),
         profile: parameter.found.identification.as_ref().map(|one| [one.lower, one.upper]),
         truth: parameter.truth,
@@ -100,7 +98,7 @@ fn adaptation(fit: &GroundFit, metrics: &str) -> Adaptation {
         fitted_cost: fit.cost,
         floor_cost: f64::NAN,
         runs: pieces::runs(&fit.cost_name, &fit.runs, metrics),
-        parameters: if fit.parameters.len() <= MOST_DRAWN { parameters.collect() } else { Vec::new() },
+        parameters: if fit.parameters.len() <= MOST_SHOWN { parameters.collect() } else { Vec::new() },
     }
 }
 

@@ -15,6 +15,10 @@ use gaitfit_adapt::fit::{
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
+/// Most parameters that tables and reports show: a network of features on every joint of a quadruped and its friction
+/// and armature; not the 97 weights of a whole network, which say nothing one by one.
+pub const MOST_SHOWN: usize = 90;
+
 /// The result of one ground fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct GroundResults {
@@ -26,7 +30,7 @@ pub struct GroundResults {
     pub fits: Vec<GroundFit>,
     /// Trajectories that were compared.
     pub trajectories: usize,
-    /// Their length together, s.
+    /// What counts of them together, s.
     pub seconds: f64,
     /// Logs in which the robot fell, and which were cut there.
     pub falls: usize,
@@ -127,7 +131,7 @@ pub fn results(
         robot: model.name.clone(),
         fits,
         trajectories: ground.notes.logs.len(),
-        seconds: ground.notes.logs.iter().map(|log| log.trajectory.duration()).sum(),
+        seconds: ground.notes.logs.iter().map(|log| log.trajectory.duration() - config.skip_seconds()).sum(),
         falls: ground.notes.falls(),
         action_mismatch: ground.notes.policy_match.mismatch,
         uncovered: ground.notes.uncovered(),

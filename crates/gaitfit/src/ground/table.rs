@@ -1,19 +1,16 @@
 //! The result of a ground fit as tables.
 
-use super::results::{GroundFit, GroundResults};
+use super::results::{GroundFit, GroundResults, MOST_SHOWN};
 use crate::table::table;
 use comfy_table::Table;
 use std::fmt::Write;
-
-/// Most parameters that are listed; networks have more, and say nothing one by one.
-const MOST_LISTED: usize = 50;
 
 /// Costs and parameters of each fit, and what to know besides what was `said` already.
 pub fn text(results: &GroundResults, said: &[String]) -> String {
     let mut text = String::new();
     let _ = writeln!(
         text,
-        "{}: {} fitted to {} trajectories, {:.0} s together, in {:.1} s",
+        "{}: {} fitted to {} trajectories, of which {:.0} s count, in {:.1} s",
         results.name, results.robot, results.trajectories, results.seconds, results.wall_seconds
     );
     for fit in &results.fits {
@@ -51,7 +48,7 @@ fn parameters(fit: &GroundFit) -> Table {
     }
     header.push("");
     let mut table = table(&header, if known { &[1, 2, 3, 6, 7] } else { &[1, 2, 3] });
-    for parameter in fit.parameters.iter().take(MOST_LISTED) {
+    for parameter in fit.parameters.iter().take(MOST_SHOWN) {
         let found = &parameter.found;
         let identification = found.identification.as_ref();
         let mut row = vec![
@@ -76,7 +73,7 @@ fn parameters(fit: &GroundFit) -> Table {
         });
         table.add_row(row);
     }
-    if let Some(more) = fit.parameters.len().checked_sub(MOST_LISTED).filter(|&more| more > 0) {
+    if let Some(more) = fit.parameters.len().checked_sub(MOST_SHOWN).filter(|&more| more > 0) {
         table.add_row([format!("… {more} more, in theta.toml")]);
     }
     table
