@@ -266,11 +266,11 @@ fn count(read: &Read, stretch: Range<usize>, scene: &Scene) -> Result<GroundLog,
 
 /// Keeps the first `seconds` of a log.
 fn shorten(log: &mut GroundLog, seconds: f64) -> Result<(), Failure> {
-    let samples = (seconds * log.trajectory.rate_hz).round() as usize + 1;
+    let samples = (seconds * log.trajectory.rate_hz).round() as usize;
     if samples < log.trajectory.len() {
         let failed =
             |error: gaitfit_log::LogError| Failure::failed(format!("{}: {error}", log.path.display()));
-        log.trajectory = log.trajectory.slice(0..samples).map_err(failed)?;
+        log.trajectory = log.trajectory.slice(0..samples + 1).map_err(failed)?;
     }
     Ok(())
 }

@@ -241,7 +241,7 @@ fn only_the_horizon_of_each_log_counts_and_it_must_leave_enough() {
         let kept = short.trajectory.position.len();
         assert!(short.trajectory.position[..] == whole.trajectory.position[..kept]);
     }
-    assert!(with(9.0).unwrap().logs[0].trajectory.position == whole.logs[0].trajectory.position);
+    assert!(with(1e300).unwrap().logs[0].trajectory.position == whole.logs[0].trajectory.position);
     let text = with(1.0).unwrap_err().message;
     assert!(text.contains("at most 1 s of each (`simulation.horizon_seconds`)"), "{text}");
 }
