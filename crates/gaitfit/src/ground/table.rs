@@ -5,6 +5,9 @@ use crate::table::table;
 use comfy_table::Table;
 use std::fmt::Write;
 
+/// Parameters that are listed where there are too many.
+const FEW: usize = 20;
+
 /// Costs and parameters of each fit, and what to know besides what was `said` already.
 pub fn text(results: &GroundResults, said: &[String]) -> String {
     let mut text = String::new();
@@ -48,7 +51,9 @@ fn parameters(fit: &GroundFit) -> Table {
     }
     header.push("");
     let mut table = table(&header, if known { &[1, 2, 3, 6, 7] } else { &[1, 2, 3] });
-    for parameter in fit.parameters.iter().take(MOST_SHOWN) {
+    let count = fit.parameters.len();
+    let shown = if count <= MOST_SHOWN { count } else { FEW };
+    for parameter in &fit.parameters[..shown] {
         let found = &parameter.found;
         let identification = found.identification.as_ref();
         let mut row = vec![
@@ -73,8 +78,8 @@ fn parameters(fit: &GroundFit) -> Table {
         });
         table.add_row(row);
     }
-    if let Some(more) = fit.parameters.len().checked_sub(MOST_SHOWN).filter(|&more| more > 0) {
-        table.add_row([format!("… {more} more, in theta.toml")]);
+    if shown < count {
+        table.add_row([format!("… {} more, in theta.toml", count - shown)]);
     }
     table
 }
