@@ -115,6 +115,10 @@ fn networks_at_another_physics_step_are_doubted() {
     assert!(doubt.contains("0.005 s") && doubt.contains("0.0025 s"), "{doubt}");
     let numbers_only = ThetaFile { network: Vec::new(), ..file.clone() };
     assert_eq!(numbers_only.step_doubt(0.0025), None, "numbers mean the same at every step");
+    let mut at_policy_rate = file.clone();
+    at_policy_rate.network.retain(|network| network.kind == NetworkName::ActionDelta);
+    assert!(!at_policy_rate.network.is_empty());
+    assert_eq!(at_policy_rate.step_doubt(0.0025), None, "action_delta acts at the policy's rate");
     let before = ThetaFile { physics_step: None, ..file };
     assert_eq!(before.step_doubt(0.0025), None, "files of earlier versions do not say");
 }

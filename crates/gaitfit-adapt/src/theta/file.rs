@@ -23,7 +23,7 @@ pub struct ThetaFile {
     /// Its value.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
-    /// Physics step of the fit, s. What a network remembers is in steps, so another step gives another network.
+    /// Physics step of the fit, s. What `resid_act` remembers is in steps, so another step gives another network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub physics_step: Option<f64>,
     /// Single numbers.
@@ -200,9 +200,11 @@ impl ThetaFile {
         file
     }
 
-    /// A doubt, in words, about using the file's networks at a physics step of `step` s.
+    /// A doubt, in words, about using the file's networks at a physics step of `step` s: those that act at every
+    /// physics step (`resid_act`) are others there; `action_delta` acts at the policy's rate.
     pub fn step_doubt(&self, step: f64) -> Option<String> {
-        let fitted = self.physics_step.filter(|_| !self.network.is_empty())?;
+        let stepped = self.network.iter().any(|network| network.kind == NetworkName::ResidAct);
+        let fitted = self.physics_step.filter(|_| stepped)?;
         ((fitted / step - 1.0).abs() > 0.01).then(|| {
             format!(
                 "its networks were fitted at a physics step of {fitted} s and act differently at {step} s; fit again \

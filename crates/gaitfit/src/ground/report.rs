@@ -86,7 +86,7 @@ fn log(ground: &Ground, results: &GroundResults) -> LogSummary {
 }
 
 fn adaptation(fit: &GroundFit, metrics: &str) -> Adaptation {
-    let parameters = fit.parameters.iter().take(MOST_SHOWN).map(|parameter| FittedParameter {
+    let parameters = fit.parameters.iter().map(|parameter| FittedParameter {
         parameter: pieces::parameter(&parameter.found),
         profile: parameter.found.identification.as_ref().map(|one| [one.lower, one.upper]),
         truth: parameter.truth,
