@@ -353,6 +353,24 @@ fn identification_without_noise_and_away_from_the_minimum() {
     assert_eq!(drawn[0].noise, NoiseSource::Draws);
 }
 
+/// A robot that happens to fall in the draw asked for says little of how flat the cost is: the next without a fall counts.
+#[test]
+fn identification_takes_a_draw_in_which_the_robot_stays_up() {
+    let mut simulator = Pendulum::new(4, 0.5);
+    let highest = |draw: u64| {
+        let states = (0..4).flat_map(|recording| simulator.run(recording, &TRUTH, None, draw));
+        states.map(|state| state[0].abs()).fold(0.0, f64::max)
+    };
+    let heights: Vec<f64> = (0..8).map(highest).collect();
+    let worst = (0..7).max_by(|&a, &b| heights[a].total_cmp(&heights[b])).unwrap();
+    simulator.reach = 0.5 * (heights[worst] + heights[worst + 1]);
+    let theta = theta(&["a", "b"], 1.0);
+    let cost = simulator.cost("wass");
+    let found = identify(&simulator, &theta, cost.as_ref(), &TRUTH, worst as u64).unwrap();
+    assert_eq!(simulator.draws.lock().unwrap().last(), Some(&(worst as u64 + 1)));
+    assert!(found[0].identified, "{found:?}");
+}
+
 /// One network with the last three angles and velocities: evaluated as documented, it learns tanh of the velocity.
 struct OneNetwork(Vec<String>);
 

@@ -15,6 +15,7 @@ use crate::cost::{Cost, CostError};
 use crate::{Entry, Rollout, Signals, Simulator, Theta};
 use serde::{Deserialize, Serialize};
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most entries of a θ that is scanned.
 pub const MOST_SCANNED: usize = 50;
@@ -22,7 +23,7 @@ pub const MOST_SCANNED: usize = 50;
 const STEPS: [f64; 6] = [1e-3, 3.16e-3, 1e-2, 3.16e-2, 1e-1, 3.16e-1];
 /// Groups of recordings.
 const GROUPS: usize = 8;
-/// Draws, where recordings are too few.
+/// Draws, where recordings are too few or the robot falls.
 const DRAWS: u64 = 8;
 /// Rises below this count as rounding of single-precision signals, in units where the robot's range is 2; and parts of
 /// the cost below this as nothing worth telling apart.
@@ -77,8 +78,9 @@ struct Point {
 type Rise = Option<(f64, f64)>;
 
 /// Measures how flat `cost` is along each entry of `theta` around `values`, in one batch of the simulator (after one for
-/// the values themselves). `draw` selects the random draws, the same for all. What falls add beyond the samples they
-/// lose, and regularisation, are left out: this is about the data.
+/// the values themselves). `draw` selects the random draws, the same for all; if robots of the values fall in it, one of
+/// the next few in which fewest do is taken, for a robot that by chance falls in one recording drowns all that the others
+/// say. What falls add beyond the samples they lose, and regularisation, are left out: this is about the data.
 ///
 /// # Errors
 /// As [`super::evaluate`]; [`FitError::Scan`] if there are more than [`MOST_SCANNED`] entries or `values` diverges.
@@ -102,6 +104,7 @@ pub fn identify(
     let mut views = vec![View { cost, recordings: &all }];
     views.extend(without.iter().map(|(cost, kept)| View { cost: cost.as_ref(), recordings: kept }));
     let rollout = |values: Vec<f64>, draw: u64| Rollout { values, reset_every: cost.reset_every(), draw };
+    let draw = steadiest(simulator, theta, draw, |draw| rollout(values.to_vec(), draw))?;
     let more = if views.len() > 1 { 0 } else { DRAWS };
     let best: Vec<Rollout> =
         (0..=more).map(|next| rollout(values.to_vec(), draw.wrapping_add(next))).collect();
@@ -153,6 +156,31 @@ pub fn identify(
         verdict(entry, values[at], &own, noise, charged)
     };
     Ok(theta.entries().iter().enumerate().map(of_entry).collect())
+}
+
+/// The first of [`DRAWS`] draws from `first` with the fewest falls.
+fn steadiest(
+    simulator: &dyn Simulator,
+    theta: &Theta,
+    first: u64,
+    rollout: impl Fn(u64) -> Rollout,
+) -> Result<u64, FitError> {
+    let falls = |draws: &[u64]| -> Result<Vec<usize>, FitError> {
+        let counts: Vec<AtomicUsize> = draws.iter().map(|_| AtomicUsize::new(0)).collect();
+        let rollouts: Vec<Rollout> = draws.iter().map(|&draw| rollout(draw)).collect();
+        simulator.simulate(theta, &rollouts, &|candidate, _, signals: Signals<'_>| {
+            if let Some(count) = counts.get(candidate).filter(|_| signals.fell_at.is_some()) {
+                count.fetch_add(1, Ordering::Relaxed);
+            }
+        })?;
+        Ok(counts.into_iter().map(AtomicUsize::into_inner).collect())
+    };
+    if falls(&[first])? == [0] {
+        return Ok(first);
+    }
+    let draws: Vec<u64> = (0..DRAWS).map(|next| first.wrapping_add(next)).collect();
+    let fewest = draws.iter().zip(falls(&draws)?).min_by_key(|&(_, falls)| falls);
+    Ok(fewest.map_or(first, |(&draw, _)| draw))
 }
 
 /// A cost and the numbers of the recordings it sees.

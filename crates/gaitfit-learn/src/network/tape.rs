@@ -4,72 +4,121 @@
 //! the first: ∂loss/∂Wₗ = xₗᵀ D, ∂loss/∂bₗ = Σ_rows D, and for the layer before D ← (D Wₗᵀ) ∘ f′(xₗ)
 //! (Rumelhart, Hinton, Williams 1986).
 
-use super::{Layer, Shape, forward, lanes, matmul, matmul::Matrix, scalar::Scalar};
+use super::{Shape, forward, lanes, matmul, matmul::Matrix, scalar::Scalar};
 
-/// A network's layer outputs and derivatives on a tile of up to a fixed number of rows.
+/// Layer outputs and derivatives of one network at a time on a tile of up to a fixed number of rows. Networks take
+/// turns in the same memory, which so stays in the second-level cache.
 pub(crate) struct Tape<T> {
-    shape: Shape,
-    layers: Vec<Layer>,
     /// Output of every layer, `rows × outputs`.
     outputs: Vec<Vec<T>>,
     /// ∂loss/∂output of the last layer, `rows × outputs`; the caller fills it before [`Self::backward`].
     output_derivative: Vec<T>,
     /// Derivatives between the layers, two buffers in turn.
     derivatives: [Vec<T>; 2],
+    /// Derivative of a narrow layer's transposed weights.
+    transposed: Vec<T>,
 }
 
 impl<T: Scalar> Tape<T> {
-    /// For tiles of up to `rows` rows.
-    pub(crate) fn new(shape: &Shape, rows: usize) -> Self {
-        let layers = shape.layers();
-        let outputs = layers.iter().map(|layer| vec![T::ZERO; rows * layer.outputs]).collect();
-        let buffer = vec![T::ZERO; rows * shape.widest()];
-        Self {
-            layers,
-            outputs,
-            output_derivative: vec![T::ZERO; rows * shape.outputs],
-            derivatives: [buffer.clone(), buffer],
-            shape: shape.clone(),
+    /// For networks of `shapes` and tiles of up to `rows` rows.
+    pub(crate) fn new(shapes: &[&Shape], rows: usize) -> Self {
+        let mut tape = Self {
+            outputs: Vec::new(),
+            output_derivative: Vec::new(),
+            derivatives: [Vec::new(), Vec::new()],
+            transposed: Vec::new(),
+        };
+        let grow = |buffer: &mut Vec<T>, width: usize| {
+            buffer.resize(buffer.len().max(rows * width), T::ZERO);
+        };
+        for shape in shapes {
+            let layers = shape.layers();
+            tape.outputs.resize_with(tape.outputs.len().max(layers.len()), Vec::new);
+            for (output, layer) in tape.outputs.iter_mut().zip(&layers) {
+                grow(output, layer.outputs);
+            }
+            grow(&mut tape.output_derivative, shape.outputs);
+            for derivative in &mut tape.derivatives {
+                grow(derivative, shape.widest());
+            }
         }
+        tape
     }
 
     /// The network's output after [`Self::forward`], and where its derivative goes; both `rows × outputs`.
-    pub(crate) fn output(&mut self, rows: usize) -> (&[T], &mut [T]) {
-        let size = rows * self.shape.outputs;
-        let output = self.outputs.last().map_or(&[][..], |output| &output[..size]);
-        (output, &mut self.output_derivative[..size])
+    pub(crate) fn output(&mut self, shape: &Shape, rows: usize) -> (&[T], &mut [T]) {
+        let size = rows * shape.outputs;
+        (&self.outputs[shape.hidden.len()][..size], &mut self.output_derivative[..size])
     }
 
     /// Evaluates `input`, `rows × inputs`, and keeps every layer's output.
-    pub(crate) fn forward(&mut self, parameters: &[T], rows: usize, input: &[T]) {
-        for index in 0..self.layers.len() {
+    pub(crate) fn forward(&mut self, shape: &Shape, parameters: &[T], rows: usize, input: &[T]) {
+        let layers = shape.layers();
+        for index in 0..layers.len() {
             let (before, after) = self.outputs.split_at_mut(index);
             let input = before.last().map_or(input, |output| output);
-            forward::layer(
-                &self.layers,
-                index,
-                self.shape.activation,
-                parameters,
-                rows,
-                input,
-                &mut after[0],
-            );
+            forward::layer(&layers, index, shape.activation, parameters, rows, input, &mut after[0]);
         }
+    }
+
+    /// Drops the rows whose derivative of [`Self::output`] is 0 throughout, of which PPO's clips make some: they add
+    /// nothing to a gradient. The others close up in their order, in `input` too, so that sums keep their bits. Returns
+    /// how many rows are left for [`Self::backward`].
+    pub(crate) fn drop_idle(&mut self, shape: &Shape, rows: usize, input: &mut [T]) -> usize {
+        let width = shape.outputs;
+        let mut left = 0;
+        for row in 0..rows {
+            if self.output_derivative[row * width..(row + 1) * width].iter().all(|&d| d == T::ZERO) {
+                continue;
+            }
+            if left < row {
+                let close_up = |values: &mut [T], width: usize| {
+                    values.copy_within(row * width..(row + 1) * width, left * width);
+                };
+                close_up(input, shape.inputs);
+                close_up(&mut self.output_derivative, width);
+                for (&width, output) in shape.hidden.iter().zip(&mut self.outputs) {
+                    close_up(output, width);
+                }
+            }
+            left += 1;
+        }
+        left
     }
 
     /// Adds ∂loss/∂parameters to `gradient` (same layout), after [`Self::forward`] of the same `input` and with the
     /// derivative of [`Self::output`] filled.
-    pub(crate) fn backward(&mut self, parameters: &[T], rows: usize, input: &[T], gradient: &mut [T]) {
+    pub(crate) fn backward(
+        &mut self,
+        shape: &Shape,
+        parameters: &[T],
+        rows: usize,
+        input: &[T],
+        gradient: &mut [T],
+    ) {
+        let layers = shape.layers();
         let [even, odd] = &mut self.derivatives;
         let (mut current, mut next) = (even, odd);
-        for (index, layer) in self.layers.iter().enumerate().rev() {
+        for (index, layer) in layers.iter().enumerate().rev() {
             let size = rows * layer.outputs;
-            let last = index + 1 == self.layers.len();
+            let last = index + 1 == layers.len();
             let derivative = if last { &self.output_derivative[..size] } else { &current[..size] };
             let x = if index == 0 { input } else { &self.outputs[index - 1] };
             let derivative_matrix = Matrix::row_major(derivative, rows, layer.outputs);
-            let x_transposed = Matrix::row_major(x, rows, layer.inputs).transposed();
-            matmul::multiply(&mut gradient[layer.weight.clone()], x_transposed, derivative_matrix, true);
+            let x_matrix = Matrix::row_major(x, rows, layer.inputs);
+            let of_weight = &mut gradient[layer.weight.clone()];
+            if layer.outputs > 1 && layer.outputs < layer.inputs {
+                // Narrow rows would leave vectors half empty; a single column has its own kernel.
+                self.transposed.resize(layer.inputs * layer.outputs, T::ZERO);
+                let product = &mut self.transposed[..layer.inputs * layer.outputs];
+                matmul::multiply(product, derivative_matrix.transposed(), x_matrix, false);
+                for (i, row) in of_weight.chunks_exact_mut(layer.outputs).enumerate() {
+                    let column = product[i..].iter().step_by(layer.inputs);
+                    row.iter_mut().zip(column).for_each(|(sum, &term)| *sum += term);
+                }
+            } else {
+                matmul::multiply(of_weight, x_matrix.transposed(), derivative_matrix, true);
+            }
             if last {
                 lanes::add_column_sums(&mut gradient[layer.bias.clone()], derivative);
             }
@@ -79,8 +128,8 @@ impl<T: Scalar> Tape<T> {
             let w = Matrix::row_major(&parameters[layer.weight.clone()], layer.inputs, layer.outputs);
             let size = rows * layer.inputs;
             matmul::multiply(&mut next[..size], derivative_matrix, w.transposed(), false);
-            let sums = &mut gradient[self.layers[index - 1].bias.clone()];
-            lanes::multiply_by_derivative(&mut next[..size], &x[..size], sums, self.shape.activation);
+            let sums = &mut gradient[layers[index - 1].bias.clone()];
+            lanes::multiply_by_derivative(&mut next[..size], &x[..size], sums, shape.activation);
             std::mem::swap(&mut current, &mut next);
         }
     }

@@ -224,6 +224,21 @@ fn the_gradient_test_meets_every_branch_of_both_clips() {
 }
 
 #[test]
+fn rows_without_a_derivative_are_left_out_and_rows_that_are_no_numbers_are_not() {
+    let mut problem = Problem::new(settings(Activation::Elu, true));
+    let actor = problem.shapes.0.parameters();
+    let (with_all, _) = problem.gradient::<f64>();
+    problem.targets.advantage.fill(0.0);
+    let (gradient, _) = problem.gradient::<f64>();
+    assert!(gradient[..actor].iter().all(|&g| g == 0.0), "no row pulls at the actor");
+    let critic = actor..gradient.len() - WIDTHS.action;
+    assert_eq!(gradient[critic.clone()], with_all[critic]);
+    problem.targets.advantage[ROWS / 2] = f64::NAN;
+    let (gradient, _) = problem.gradient::<f64>();
+    assert!(gradient[..actor].iter().all(|g| g.is_nan()));
+}
+
+#[test]
 fn single_precision_gradient_is_that_of_double() {
     let problem = Problem::new(settings(Activation::Elu, true));
     let (double, _) = problem.gradient::<f64>();

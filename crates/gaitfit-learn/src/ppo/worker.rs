@@ -39,8 +39,8 @@ pub(super) struct Worker<T> {
     pub(super) critic_observation: Vec<T>,
     /// What the losses need of the samples.
     pub(super) targets: Targets<T>,
-    actor: Tape<T>,
-    critic: Tape<T>,
+    shapes: [Shape; 2],
+    tape: Tape<T>,
 }
 
 impl<T: Scalar> Worker<T> {
@@ -50,8 +50,8 @@ impl<T: Scalar> Worker<T> {
             observation: vec![T::ZERO; TILE * actor.inputs],
             critic_observation: vec![T::ZERO; TILE * critic.inputs],
             targets: Targets::default(),
-            actor: Tape::new(actor, TILE),
-            critic: Tape::new(critic, TILE),
+            tape: Tape::new(&[actor, critic], TILE),
+            shapes: [actor.clone(), critic.clone()],
         }
     }
 
@@ -67,15 +67,19 @@ impl<T: Scalar> Worker<T> {
         let (of_actor, rest) = gradient.split_at_mut(point.actor.len());
         let (of_critic, of_log_std) = rest.split_at_mut(point.critic.len());
 
-        self.actor.forward(point.actor, rows, &self.observation);
-        let (mean, derivative) = self.actor.output(rows);
-        loss::policy(&point.constants, &self.targets, mean, derivative, of_log_std, sums);
-        self.actor.backward(point.actor, rows, &self.observation, of_actor);
+        let Self { observation, critic_observation, targets, shapes: [actor, critic], tape } = self;
 
-        self.critic.forward(point.critic, rows, &self.critic_observation);
-        let (value, derivative) = self.critic.output(rows);
-        loss::value(&point.constants, &self.targets, value, derivative, sums);
-        self.critic.backward(point.critic, rows, &self.critic_observation, of_critic);
+        tape.forward(actor, point.actor, rows, observation);
+        let (mean, derivative) = tape.output(actor, rows);
+        loss::policy(&point.constants, targets, mean, derivative, of_log_std, sums);
+        let active = tape.drop_idle(actor, rows, observation);
+        tape.backward(actor, point.actor, active, observation, of_actor);
+
+        tape.forward(critic, point.critic, rows, critic_observation);
+        let (value, derivative) = tape.output(critic, rows);
+        loss::value(&point.constants, targets, value, derivative, sums);
+        let active = tape.drop_idle(critic, rows, critic_observation);
+        tape.backward(critic, point.critic, active, critic_observation, of_critic);
     }
 }
 
