@@ -1,6 +1,6 @@
 //! Rollouts: a policy acts in a tile of environments, and what happens is written down for the learner.
 
-use gaitfit_random::{Purpose, Stream};
+use gaitfit_random::{Purpose, Stream, fill_normal_rows};
 
 use crate::network::{Network, Normaliser, Scratch};
 use crate::ppo::{Learner, Samples};
@@ -117,7 +117,7 @@ impl<'a> Runner<'a> {
         // Σ ln σ + n/2 ln 2π of the density.
         let constant =
             learner.log_std().iter().sum::<f32>() + 0.5 * widths.action as f32 * std::f32::consts::TAU.ln();
-        let mut normals = vec![0.0; widths.action];
+        let mut normals = vec![0.0; count * widths.action];
         self.tally = Tally::default();
         for t in 0..samples.steps {
             let step = first_step + t as u32;
@@ -143,10 +143,11 @@ impl<'a> Runner<'a> {
             );
             let action = &mut samples.action[of(widths.action)];
             let stream = Stream::new(seed, Purpose::EXPLORATION).step(step);
-            for (index, (action, mean)) in
-                action.chunks_exact_mut(widths.action).zip(mean.chunks_exact(widths.action)).enumerate()
+            fill_normal_rows(stream, self.first, widths.action, &mut normals);
+            let rows_of = action.chunks_exact_mut(widths.action).zip(mean.chunks_exact(widths.action));
+            for (index, ((action, mean), normals)) in
+                rows_of.zip(normals.chunks_exact(widths.action)).enumerate()
             {
-                stream.environment(self.first + index as u32).fill_normals(0, &mut normals);
                 let mut squares = 0.0;
                 for k in 0..widths.action {
                     let z = normals[k] as f32;

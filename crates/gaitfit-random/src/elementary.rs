@@ -31,13 +31,13 @@ const COSINE_SINE: [(f64, f64); 8] = {
 ///
 /// With x = m·2^e, m in [√½, √2) and s = (m − 1)/(m + 1): ln m = 2·(s + s³/3 + s⁵/5 + …). |s| ≤ 0.172, so
 /// twelve terms are below the rounding error.
-#[inline]
+#[inline(always)]
 pub(crate) fn ln(x: f64) -> f64 {
     let bits = x.to_bits();
     let mantissa = f64::from_bits((bits & ((1 << 52) - 1)) | (1023 << 52));
-    // Arithmetic instead of a branch that half of all draws would mispredict.
+    // Arithmetic instead of a branch that half of all draws would mispredict: one less in the exponent halves.
     let upper = u64::from(mantissa >= SQRT_2);
-    let mantissa = mantissa * [1.0, 0.5][upper as usize];
+    let mantissa = f64::from_bits(mantissa.to_bits() - (upper << 52));
     let exponent = ((bits >> 52) + upper) as i64 - 1023;
     let s = (mantissa - 1.0) / (mantissa + 1.0);
     let s2 = s * s;
@@ -52,7 +52,7 @@ pub(crate) fn ln(x: f64) -> f64 {
 ///
 /// t is reduced exactly to the nearest quarter turn; the Taylor series on [−π/4, π/4] end below the rounding
 /// error (x^18/18! ≈ 2e-18).
-#[inline]
+#[inline(always)]
 pub(crate) fn cos_sin_turns(t: f64) -> (f64, f64) {
     let quarter = (4.0 * t + 0.5) as u32;
     let angle = TAU * (t - 0.25 * f64::from(quarter));

@@ -56,7 +56,7 @@ impl Stream {
     }
 
     /// The same stream at another environment (or candidate).
-    #[inline]
+    #[inline(always)]
     pub const fn environment(self, environment: u32) -> Self {
         Self { environment, ..self }
     }
@@ -68,7 +68,7 @@ impl Stream {
     }
 
     /// Four random words: number `block` of this address.
-    #[inline]
+    #[inline(always)]
     pub fn block(self, block: u32) -> [u32; 4] {
         let counter = [block, self.step, self.environment, self.purpose.0];
         philox4x32_10(counter, [self.seed as u32, (self.seed >> 32) as u32])
@@ -118,7 +118,7 @@ impl Stream {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn uniform_pair(self, block: u32) -> [f64; 2] {
         const SCALE: f64 = 1.0 / (1_u64 << 53) as f64;
         let [w0, w1, w2, w3] = self.block(block);
@@ -126,8 +126,8 @@ impl Stream {
         [join(w0, w1), join(w2, w3)]
     }
 
-    #[inline]
-    fn normal_pair(self, block: u32) -> [f64; 2] {
+    #[inline(always)]
+    pub(crate) fn normal_pair(self, block: u32) -> [f64; 2] {
         let [u, v] = self.uniform_pair(block);
         // 1 − u lies in (0, 1] and is exact, so the logarithm is finite.
         let radius = (-2.0 * ln(1.0 - u)).sqrt();

@@ -1,6 +1,6 @@
 //! Torque noise: what a motor does besides what it is told.
 
-use gaitfit_random::{Purpose, Stream};
+use gaitfit_random::{Purpose, Stream, fill_normal_rows};
 use gaitfit_sim::Candidate;
 
 use super::Scene;
@@ -9,6 +9,7 @@ use super::Scene;
 #[derive(Debug, Default)]
 pub(crate) struct Noise {
     torques: Vec<f32>,
+    normals: Vec<f64>,
 }
 
 impl Noise {
@@ -29,15 +30,12 @@ impl Noise {
         }
         let (substeps, joints) = (scene.settings.substeps, scene.start_pose.len());
         self.torques.resize(substeps * count * joints, 0.0);
-        let mut normals = vec![0.0; joints];
-        for (row, torques) in self.torques.chunks_exact_mut(joints).enumerate() {
-            let (substep, index) = (row / count, row % count);
+        self.normals.resize(count * joints, 0.0);
+        for (substep, torques) in self.torques.chunks_exact_mut(count * joints).enumerate() {
             let physics_step = step.wrapping_mul(substeps as u32).wrapping_add(substep as u32);
-            Stream::new(seed, Purpose::TORQUE_NOISE)
-                .environment(first + index as u32)
-                .step(physics_step)
-                .fill_normals(0, &mut normals);
-            for (torque, normal) in torques.iter_mut().zip(&normals) {
+            let stream = Stream::new(seed, Purpose::TORQUE_NOISE).step(physics_step);
+            fill_normal_rows(stream, first, joints, &mut self.normals);
+            for (torque, normal) in torques.iter_mut().zip(&self.normals) {
                 *torque = (candidate.torque_noise * normal) as f32;
             }
         }
