@@ -77,10 +77,11 @@ struct Point {
 /// The rise of the cost at a point, and what of it may be noise; `None` where the simulation diverged.
 type Rise = Option<(f64, f64)>;
 
-/// Measures how flat `cost` is along each entry of `theta` around `values`, in one batch of the simulator (after one for
-/// the values themselves). `draw` selects the random draws, the same for all; if robots of the values fall in it, one of
-/// the next few in which fewest do is taken, for a robot that by chance falls in one recording drowns all that the others
-/// say. What falls add beyond the samples they lose, and regularisation, are left out: this is about the data.
+/// Measures how flat `cost` is along each entry of `theta` around `values`, in one batch of the simulator after small
+/// ones for the values themselves. `draw` selects the random draws, the same for all; if robots of the values fall in
+/// it, one of the next few in which fewest do is taken, for a robot that by chance falls in one recording drowns all
+/// that the others say. What falls add beyond the samples they lose, and regularisation, are left out: this is about
+/// the data.
 ///
 /// # Errors
 /// As [`super::evaluate`]; [`FitError::Scan`] if there are more than [`MOST_SCANNED`] entries or `values` diverges.

@@ -6,8 +6,11 @@
 
 use super::{Shape, forward, lanes, matmul, matmul::Matrix, scalar::Scalar};
 
+/// Outputs of layers up to this wide leave vectors half empty.
+const NARROW: usize = 16;
+
 /// Layer outputs and derivatives of one network at a time on a tile of up to a fixed number of rows. Networks take
-/// turns in the same memory, which so stays in the second-level cache.
+/// turns in the same memory, which the caches so hold longer.
 pub(crate) struct Tape<T> {
     /// Output of every layer, `rows × outputs`.
     outputs: Vec<Vec<T>>,
@@ -62,8 +65,8 @@ impl<T: Scalar> Tape<T> {
     }
 
     /// Drops the rows whose derivative of [`Self::output`] is 0 throughout, of which PPO's clips make some: they add
-    /// nothing to a gradient. The others close up in their order, in `input` too, so that sums keep their bits. Returns
-    /// how many rows are left for [`Self::backward`].
+    /// nothing to a gradient. The others close up in their order, in `input` too, so that sums over many rows keep their
+    /// bits. Returns how many rows are left for [`Self::backward`].
     pub(crate) fn drop_idle(&mut self, shape: &Shape, rows: usize, input: &mut [T]) -> usize {
         let width = shape.outputs;
         let mut left = 0;
@@ -107,10 +110,11 @@ impl<T: Scalar> Tape<T> {
             let derivative_matrix = Matrix::row_major(derivative, rows, layer.outputs);
             let x_matrix = Matrix::row_major(x, rows, layer.inputs);
             let of_weight = &mut gradient[layer.weight.clone()];
-            if layer.outputs > 1 && layer.outputs < layer.inputs {
-                // Narrow rows would leave vectors half empty; a single column has its own kernel.
-                self.transposed.resize(layer.inputs * layer.outputs, T::ZERO);
-                let product = &mut self.transposed[..layer.inputs * layer.outputs];
+            // A single column has its own kernel.
+            if (2..=NARROW).contains(&layer.outputs) && layer.outputs < layer.inputs {
+                let size = layer.inputs * layer.outputs;
+                self.transposed.resize(self.transposed.len().max(size), T::ZERO);
+                let product = &mut self.transposed[..size];
                 matmul::multiply(product, derivative_matrix.transposed(), x_matrix, false);
                 for (i, row) in of_weight.chunks_exact_mut(layer.outputs).enumerate() {
                     let column = product[i..].iter().step_by(layer.inputs);
@@ -132,5 +136,30 @@ impl<T: Scalar> Tape<T> {
             lanes::multiply_by_derivative(&mut next[..size], &x[..size], sums, shape.activation);
             std::mem::swap(&mut current, &mut next);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::network::Activation;
+
+    #[test]
+    fn idle_rows_are_dropped_and_the_others_close_up_in_order() {
+        let shape = Shape { inputs: 2, hidden: vec![3], outputs: 2, activation: Activation::Elu };
+        let mut tape = Tape::<f64>::new(&[&shape], 6);
+        let mut input: Vec<f64> = (0..12).map(f64::from).collect();
+        let parameters: Vec<f64> = (0..shape.parameters()).map(|i| 0.1 * i as f64 - 0.7).collect();
+        tape.forward(&shape, &parameters, 6, &input);
+        let hidden = tape.outputs[0].clone();
+        let derivative = [0.0, 0.0, 0.0, 1.0, f64::NAN, 0.0, 0.0, -0.0, 2.0, 3.0, 0.0, 0.0];
+        tape.output(&shape, 6).1.copy_from_slice(&derivative);
+        assert_eq!(tape.drop_idle(&shape, 6, &mut input), 3);
+        assert_eq!(input[..6], [2.0, 3.0, 4.0, 5.0, 8.0, 9.0]);
+        let kept = [&hidden[3..9], &hidden[12..15]].concat();
+        assert_eq!(tape.outputs[0][..9], kept);
+        assert_eq!(tape.output_derivative[..2], [0.0, 1.0]);
+        assert!(tape.output_derivative[2].is_nan());
+        assert_eq!(tape.output_derivative[3..6], [0.0, 2.0, 3.0]);
     }
 }

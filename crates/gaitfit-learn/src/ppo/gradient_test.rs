@@ -11,6 +11,8 @@ use super::{
 use crate::network::{Activation, Scalar, Shape};
 
 const ROWS: usize = 40;
+/// Of them in the first of two tiles.
+const TILE_ROWS: usize = 29;
 const WIDTHS: Widths = Widths { observation: 5, critic_observation: 7, action: 3 };
 
 /// A minibatch of random numbers at a random point, in either float type.
@@ -119,20 +121,26 @@ impl Problem {
         let constants = Constants::new(&self.settings, ROWS, &log_std, &convert(&self.old_log_std));
         let point = Point { actor: &parameters[..split], critic: &parameters[split..end], constants };
         let mut worker = Worker::<T>::new(actor, critic);
-        worker.observation[..self.observation.len()].copy_from_slice(&convert(&self.observation));
-        worker.critic_observation[..self.critic_observation.len()]
-            .copy_from_slice(&convert(&self.critic_observation));
-        worker.targets = Targets {
-            action: convert(&self.targets.action),
-            mean: convert(&self.targets.mean),
-            log_probability: convert(&self.targets.log_probability),
-            advantage: convert(&self.targets.advantage),
-            value: convert(&self.targets.value),
-            returns: convert(&self.targets.returns),
-        };
         let mut gradient = vec![T::ZERO; parameters.len()];
         let mut sums = Sums::default();
-        worker.accumulate(&point, ROWS, &mut gradient, &mut sums);
+        // Two tiles: what the second finds is added to what the first left.
+        for rows in [0..TILE_ROWS, TILE_ROWS..ROWS] {
+            let part =
+                |numbers: &[f64], width: usize| convert(&numbers[rows.start * width..rows.end * width]);
+            let observation = part(&self.observation, WIDTHS.observation);
+            worker.observation[..observation.len()].copy_from_slice(&observation);
+            let observation = part(&self.critic_observation, WIDTHS.critic_observation);
+            worker.critic_observation[..observation.len()].copy_from_slice(&observation);
+            worker.targets = Targets {
+                action: part(&self.targets.action, WIDTHS.action),
+                mean: part(&self.targets.mean, WIDTHS.action),
+                log_probability: part(&self.targets.log_probability, 1),
+                advantage: part(&self.targets.advantage, 1),
+                value: part(&self.targets.value, 1),
+                returns: part(&self.targets.returns, 1),
+            };
+            worker.accumulate(&point, rows.len(), &mut gradient, &mut sums);
+        }
         (gradient, sums)
     }
 
@@ -224,7 +232,7 @@ fn the_gradient_test_meets_every_branch_of_both_clips() {
 }
 
 #[test]
-fn rows_without_a_derivative_are_left_out_and_rows_that_are_no_numbers_are_not() {
+fn tiles_without_a_derivative_add_nothing_and_rows_that_are_no_numbers_show() {
     let mut problem = Problem::new(settings(Activation::Elu, true));
     let actor = problem.shapes.0.parameters();
     let (with_all, _) = problem.gradient::<f64>();
