@@ -144,9 +144,9 @@ impl<'a> Runner<'a> {
             let action = &mut samples.action[of(widths.action)];
             let stream = Stream::new(seed, Purpose::EXPLORATION).step(step);
             fill_normal_rows(stream, self.first, widths.action, &mut normals);
-            let rows_of = action.chunks_exact_mut(widths.action).zip(mean.chunks_exact(widths.action));
+            let drawn = action.chunks_exact_mut(widths.action).zip(mean.chunks_exact(widths.action));
             for (index, ((action, mean), normals)) in
-                rows_of.zip(normals.chunks_exact(widths.action)).enumerate()
+                drawn.zip(normals.chunks_exact(widths.action)).enumerate()
             {
                 let mut squares = 0.0;
                 for k in 0..widths.action {

@@ -11,7 +11,7 @@ const LANES: usize = 8;
 /// Environments wrap around at 2³².
 ///
 /// # Panics
-/// If `width` is 0: an error of the caller.
+/// If `width` is 0 or `out` does not end with a whole row: an error of the caller.
 pub fn fill_normal_rows(stream: Stream, first: u32, width: usize, out: &mut [f64]) {
     #[cfg(target_arch = "x86_64")]
     {

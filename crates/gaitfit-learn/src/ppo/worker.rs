@@ -56,7 +56,8 @@ impl<T: Scalar> Worker<T> {
     }
 
     /// Adds the loss of the first `rows` gathered rows to `sums` and its derivative to `gradient`: actor, critic,
-    /// ln σ, one after the other. The entropy bonus is not in it.
+    /// ln σ, one after the other. The entropy bonus is not in it. Gathered observations are used up: rows without a
+    /// derivative are overwritten.
     pub(super) fn accumulate(
         &mut self,
         point: &Point<'_, T>,
