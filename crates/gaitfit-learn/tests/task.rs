@@ -6,6 +6,7 @@ mod task_common;
 use gaitfit_learn::task::{Ended, Environment, NoiseSettings, Scene, TaskSettings};
 use gaitfit_learn::{Quantity, Term};
 use gaitfit_physics::Preset;
+use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::kinematics::rotate;
 use gaitfit_sim::{Candidate, RobotParams};
 use task_common::{built_in, calm, go2, scene, scene_with, step};
@@ -142,6 +143,15 @@ fn noise_fills_its_ranges_and_spares_what_has_none() {
     let mut again = vec![0.0; 16 * 45];
     environment.observe(20, &mut again);
     assert!(again == noisy, "the same step has another noise");
+    // The fifth joint's position is number 13 of the row, the first of its block.
+    let word = Stream::new(5, Purpose::OBSERVATION_NOISE).step(20).environment(3).block(13)[0];
+    let uniform = (word >> 8) as f32 / (1 << 24) as f32;
+    let want = clean[3 * 45 + 13] + 0.01 * (2.0 * uniform - 1.0) * scales[13];
+    assert!((noisy[3 * 45 + 13] - want).abs() < 1e-6);
+    let part = Environment::new(&scene, None, 5, 8, 8).unwrap();
+    let mut rows = vec![0.0; 8 * 45];
+    part.observe(20, &mut rows);
+    assert!(rows == noisy[8 * 45..], "noise depends on the tile");
 }
 
 #[test]

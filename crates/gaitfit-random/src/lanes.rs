@@ -1,57 +1,94 @@
-//! Normals of many environments at once, compiled for several instruction sets and chosen at run time.
+//! Draws of many environments at once, compiled for several instruction sets and chosen at run time.
 #![allow(unsafe_code, reason = "a function of a detected instruction set is entered by an unsafe call")]
 
 use crate::Stream;
 
-/// Environments side by side: the `f64` lanes of AVX-512.
+/// Environments side by side: the 64-bit lanes of AVX-512.
 const LANES: usize = 8;
 
-/// Fills row r of `out`, `rows × width`, with the standard normals of draws 0, 1, … of `stream` at environment
-/// `first + r`: the bits of [`Stream::fill_normals`], in a fraction of its time where the processor has wide vectors.
-/// Environments wrap around at 2³².
-///
-/// # Panics
-/// If `width` is 0 or `out` does not end with a whole row: an error of the caller.
-pub fn fill_normal_rows(stream: Stream, first: u32, width: usize, out: &mut [f64]) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx512f,avx512dq,avx512vl")]
-        fn avx512(stream: Stream, first: u32, width: usize, out: &mut [f64]) {
-            fill(stream, first, width, out);
+/// Compiles the body of each function three times (AVX-512, AVX2, the target's baseline) and calls the best that the
+/// processor has; all return the same bits.
+macro_rules! dispatched {
+    ($($(#[$doc:meta])* pub fn $name:ident($($argument:ident: $type:ty),*) $body:block)*) => {$(
+        mod $name {
+            use super::*;
+            #[inline(always)]
+            pub(super) fn body($($argument: $type),*) $body
         }
-        #[target_feature(enable = "avx2")]
-        fn avx2(stream: Stream, first: u32, width: usize, out: &mut [f64]) {
-            fill(stream, first, width, out);
+        $(#[$doc])*
+        pub fn $name($($argument: $type),*) {
+            use self::$name::body;
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx512f,avx512dq,avx512vl")]
+                fn avx512($($argument: $type),*) {
+                    body($($argument),*);
+                }
+                #[target_feature(enable = "avx2")]
+                fn avx2($($argument: $type),*) {
+                    body($($argument),*);
+                }
+                if is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl")
+                {
+                    // SAFETY: the three features that the function is compiled for were detected.
+                    return unsafe { avx512($($argument),*) };
+                }
+                if is_x86_feature_detected!("avx2") {
+                    // SAFETY: as above.
+                    return unsafe { avx2($($argument),*) };
+                }
+            }
+            body($($argument),*);
         }
-        if is_x86_feature_detected!("avx512f")
-            && is_x86_feature_detected!("avx512dq")
-            && is_x86_feature_detected!("avx512vl")
-        {
-            // SAFETY: the three features that the function is compiled for were detected.
-            return unsafe { avx512(stream, first, width, out) };
-        }
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: as above.
-            return unsafe { avx2(stream, first, width, out) };
-        }
-    }
-    fill(stream, first, width, out);
+    )*};
 }
 
-#[inline(always)]
-fn fill(stream: Stream, first: u32, width: usize, out: &mut [f64]) {
-    for (number, rows) in out.chunks_mut(LANES * width).enumerate() {
-        let first = first.wrapping_add((number * LANES) as u32);
-        for column in (0..width).step_by(2) {
-            let (mut even, mut odd) = ([0.0; LANES], [0.0; LANES]);
-            for lane in 0..LANES {
-                let stream = stream.environment(first.wrapping_add(lane as u32));
-                [even[lane], odd[lane]] = stream.normal_pair(column as u32 / 2);
+dispatched! {
+    /// Fills row r of `out`, `rows × width`, with the standard normals of draws 0, 1, … of `stream` at environment
+    /// `first + r`: the bits of [`Stream::fill_normals`], in a fraction of its time where the processor has wide
+    /// vectors. Environments wrap around at 2³².
+    ///
+    /// # Panics
+    /// If `width` is 0 or `out` does not end with a whole row: an error of the caller.
+    pub fn fill_normal_rows(stream: Stream, first: u32, width: usize, out: &mut [f64]) {
+        for (number, rows) in out.chunks_mut(LANES * width).enumerate() {
+            let first = first.wrapping_add((number * LANES) as u32);
+            for column in (0..width).step_by(2) {
+                let (mut even, mut odd) = ([0.0; LANES], [0.0; LANES]);
+                for lane in 0..LANES {
+                    let stream = stream.environment(first.wrapping_add(lane as u32));
+                    [even[lane], odd[lane]] = stream.normal_pair(column as u32 / 2);
+                }
+                for (lane, row) in rows.chunks_mut(width).enumerate() {
+                    row[column] = even[lane];
+                    if let Some(next) = row.get_mut(column + 1) {
+                        *next = odd[lane];
+                    }
+                }
             }
-            for (lane, row) in rows.chunks_mut(width).enumerate() {
-                row[column] = even[lane];
-                if let Some(next) = row.get_mut(column + 1) {
-                    *next = odd[lane];
+        }
+    }
+
+    /// Fills row r of `out`, `rows × blocks.len()`, with these blocks of `stream` at environment `first + r`: the bits
+    /// of [`Stream::block`]. Environments wrap around at 2³². Without blocks there is nothing to fill.
+    ///
+    /// # Panics
+    /// If `out` does not end with a whole row: an error of the caller.
+    pub fn fill_block_rows(stream: Stream, first: u32, blocks: &[u32], out: &mut [[u32; 4]]) {
+        for (number, rows) in out.chunks_mut(LANES * blocks.len().max(1)).enumerate() {
+            let first = first.wrapping_add((number * LANES) as u32);
+            for (column, &block) in blocks.iter().enumerate() {
+                let mut words = [[0; LANES]; 4];
+                for lane in 0..LANES {
+                    let block = stream.environment(first.wrapping_add(lane as u32)).block(block);
+                    for (words, word) in words.iter_mut().zip(block) {
+                        words[lane] = word;
+                    }
+                }
+                for (lane, row) in rows.chunks_mut(blocks.len()).enumerate() {
+                    row[column] = [words[0][lane], words[1][lane], words[2][lane], words[3][lane]];
                 }
             }
         }
@@ -72,15 +109,40 @@ mod tests {
             let mut out = vec![f64::NAN; rows * width];
             fill_normal_rows(stream, first, width, &mut out);
             let mut portable = vec![f64::NAN; rows * width];
-            fill(stream, first, width, &mut portable);
+            super::fill_normal_rows::body(stream, first, width, &mut portable);
+            assert_eq!(out, portable);
             for (row, out) in out.chunks(width).enumerate() {
                 let mut want = vec![0.0; width];
                 stream.environment(first.wrapping_add(row as u32)).fill_normals(0, &mut want);
                 let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
                 assert_eq!(bits(out), bits(&want), "row {row} of {rows} × {width}");
-                assert_eq!(bits(&portable[row * width..(row + 1) * width]), bits(&want));
             }
         }
+    }
+
+    #[test]
+    fn rows_of_blocks_are_the_streams_of_their_environments() {
+        let stream = Stream::new(5, Purpose::OBSERVATION_NOISE).step(9);
+        for (rows, blocks, first) in [
+            (1, &[3][..], 0),
+            (8, &[0, 4, 8], 5),
+            (21, &[7, 1], u32::MAX - 9),
+            (300, &[2], 1 << 20),
+            (0, &[1], 1),
+        ] {
+            let mut out = vec![[0; 4]; rows * blocks.len()];
+            fill_block_rows(stream, first, blocks, &mut out);
+            let mut portable = out.clone();
+            portable.fill([0; 4]);
+            super::fill_block_rows::body(stream, first, blocks, &mut portable);
+            assert_eq!(out, portable);
+            for (row, out) in out.chunks(blocks.len()).enumerate() {
+                let stream = stream.environment(first.wrapping_add(row as u32));
+                let want: Vec<[u32; 4]> = blocks.iter().map(|&block| stream.block(block)).collect();
+                assert_eq!(out, want, "row {row} of {rows}");
+            }
+        }
+        fill_block_rows(stream, 0, &[], &mut []);
     }
 
     /// Every recorded result rests on these.

@@ -23,6 +23,6 @@ mod lanes;
 mod philox;
 mod stream;
 
-pub use lanes::fill_normal_rows;
+pub use lanes::{fill_block_rows, fill_normal_rows};
 pub use philox::philox4x32_10;
 pub use stream::{Purpose, Stream, derive_seed};

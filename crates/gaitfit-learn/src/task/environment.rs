@@ -1,6 +1,6 @@
 //! One tile of robots at a task.
 
-use gaitfit_random::{Purpose, Stream};
+use gaitfit_random::{Purpose, Stream, fill_block_rows};
 use gaitfit_sim::{Candidate, Motion, Tile};
 
 use super::command::{command, within};
@@ -8,7 +8,7 @@ use super::fall::{fallen, touching, uprightness};
 use super::feet::Foot;
 use super::moment::{heading_velocity, up_axis};
 use super::noise::Noise;
-use super::observation::{Context, observe};
+use super::observation::{Context, noise_blocks, observe};
 use super::randomise::randomised;
 use super::start::start;
 use super::{Moment, Scene, SceneError, reward};
@@ -181,8 +181,12 @@ impl<'a> Environment<'a> {
 
     /// Writes the actor's observations, with noise; one row an environment.
     pub fn observe(&self, step: u32, rows: &mut [f32]) {
+        let terms = &self.scene.interface.observation;
+        let blocks = noise_blocks(self.scene, terms);
+        let mut noise = vec![[0; 4]; self.count() * blocks.len()];
         let stream = Stream::new(self.seed, Purpose::OBSERVATION_NOISE).step(step);
-        self.write_observations(&self.scene.interface.observation, Some(stream), rows);
+        fill_block_rows(stream, self.first, &blocks, &mut noise);
+        self.write_observations(terms, Some((&noise, blocks.len())), rows);
     }
 
     /// Writes the critic's observations, without noise; one row an environment.
@@ -190,7 +194,8 @@ impl<'a> Environment<'a> {
         self.write_observations(&self.scene.interface.critic_observation, None, rows);
     }
 
-    fn write_observations(&self, terms: &[Term], noise: Option<Stream>, rows: &mut [f32]) {
+    /// `noise`: the words of every environment's blocks, and how many blocks each has.
+    fn write_observations(&self, terms: &[Term], noise: Option<(&[[u32; 4]], usize)>, rows: &mut [f32]) {
         let joints = self.scene.joints.len();
         let width = rows.len() / self.count();
         for (index, row) in rows.chunks_exact_mut(width).enumerate() {
@@ -199,7 +204,7 @@ impl<'a> Environment<'a> {
                 last_action: &self.last_action[index * joints..(index + 1) * joints],
                 clock: self.clock(index),
             };
-            let noise = noise.map(|stream| stream.environment(self.first + index as u32));
+            let noise = noise.map(|(words, blocks)| &words[index * blocks..(index + 1) * blocks]);
             observe(self.scene, terms, &self.motion, index, &context, noise, row);
         }
     }

@@ -1,6 +1,5 @@
 //! Observations: rows of numbers as an interface lays them out.
 
-use gaitfit_random::Stream;
 use gaitfit_sim::Motion;
 
 use super::moment::{to_body, up_axis};
@@ -26,14 +25,30 @@ fn half_range(noise: &NoiseSettings, quantity: Quantity) -> f32 {
     }) as f32
 }
 
-/// Writes the observation of environment `index` into `row`, with noise from `stream` if there is one.
+/// Numbers of the random blocks that [`observe`] takes noise from, in its order: four draws a block, blocks apart by the
+/// place in the row.
+pub(crate) fn noise_blocks(scene: &Scene, terms: &[Term]) -> Vec<u32> {
+    let mut blocks = Vec::new();
+    let mut place = 0;
+    for term in terms {
+        let width = term.quantity.width(scene.joints.len());
+        if half_range(&scene.settings.noise, term.quantity) > 0.0 {
+            blocks.extend((place..place + width).step_by(4).map(|place| place as u32));
+        }
+        place += width;
+    }
+    blocks
+}
+
+/// Writes the observation of environment `index` into `row`, with noise from the words of [`noise_blocks`] if there are
+/// any.
 pub(crate) fn observe(
     scene: &Scene,
     terms: &[Term],
     motion: &Motion,
     index: usize,
     context: &Context<'_>,
-    stream: Option<Stream>,
+    noise: Option<&[[u32; 4]]>,
     row: &mut [f32],
 ) {
     let joints = scene.start_pose.len();
@@ -42,6 +57,7 @@ pub(crate) fn observe(
     let angular = &motion.base_angular[3 * index..3 * index + 3];
     let position = &motion.joint_position[joints * index..joints * (index + 1)];
     let velocity = &motion.joint_velocity[joints * index..joints * (index + 1)];
+    let mut noise = noise.map(|blocks| blocks.iter());
     let mut place = 0;
     for term in terms {
         let width = term.quantity.width(scene.joints.len());
@@ -67,12 +83,10 @@ pub(crate) fn observe(
                 out.copy_from_slice(&[sin, cos]);
             }
         }
-        if let Some(stream) = stream {
+        if let Some(blocks) = &mut noise {
             let half = half_range(&scene.settings.noise, term.quantity);
             if half > 0.0 {
-                // Four draws a block, blocks apart by the place in the row.
-                for (k, chunk) in out.chunks_mut(4).enumerate() {
-                    let words = stream.block((place + 4 * k) as u32);
+                for (chunk, words) in out.chunks_mut(4).zip(blocks) {
                     for (value, word) in chunk.iter_mut().zip(words) {
                         let uniform = (word >> 8) as f32 * (1.0 / (1 << 24) as f32);
                         *value += half * (2.0 * uniform - 1.0);
@@ -87,4 +101,5 @@ pub(crate) fn observe(
         }
         place += width;
     }
+    debug_assert!(noise.is_none_or(|mut blocks| blocks.next().is_none()), "blocks that no term took");
 }
