@@ -13,7 +13,7 @@ lane_type! {
     /// Eight `f32` in one AVX register, with fused multiply-add.
     F32x8(__m256) of 8:
     _mm256_add_ps _mm256_sub_ps _mm256_mul_ps _mm256_div_ps _mm256_sqrt_ps _mm256_min_ps _mm256_max_ps
-    _mm256_xor_ps _mm256_andnot_ps _mm256_set1_ps _mm256_loadu_ps _mm256_storeu_ps;
+    _mm256_xor_ps _mm256_andnot_ps _mm256_set1_ps;
     Real {
         #[inline(always)]
         fn fma(self, b: Self, c: Self) -> Self {

@@ -13,7 +13,7 @@ lane_type! {
     /// Sixteen `f32` in one AVX-512 register.
     F32x16(__m512) of 16:
     _mm512_add_ps _mm512_sub_ps _mm512_mul_ps _mm512_div_ps _mm512_sqrt_ps _mm512_min_ps _mm512_max_ps
-    _mm512_xor_ps _mm512_andnot_ps _mm512_set1_ps _mm512_loadu_ps _mm512_storeu_ps;
+    _mm512_xor_ps _mm512_andnot_ps _mm512_set1_ps;
     Real {
         #[inline(always)]
         fn fma(self, b: Self, c: Self) -> Self {

@@ -12,7 +12,7 @@ lane_type! {
     /// Four `f32` in one SSE register: what every x86-64 has.
     F32x4(__m128) of 4:
     _mm_add_ps _mm_sub_ps _mm_mul_ps _mm_div_ps _mm_sqrt_ps _mm_min_ps _mm_max_ps
-    _mm_xor_ps _mm_andnot_ps _mm_set1_ps _mm_loadu_ps _mm_storeu_ps;
+    _mm_xor_ps _mm_andnot_ps _mm_set1_ps;
     Real {
         #[inline(always)]
         fn fma(self, b: Self, c: Self) -> Self {

@@ -10,14 +10,14 @@ macro_rules! intrinsic {
 }
 pub(super) use intrinsic;
 
-/// A lane type over one register: operators, loads and stores from the named intrinsics, and the methods of
+/// A lane type over one register: operators from the named intrinsics, and the methods of
 /// [`crate::Real`] and [`super::Lanes`] that differ from set to set as they are given.
 macro_rules! lane_type {
     (
         $(#[$doc:meta])*
         $name:ident($register:ty) of $lanes:literal:
         $add:ident $sub:ident $mul:ident $div:ident $sqrt:ident $min:ident $max:ident
-        $xor:ident $andnot:ident $set1:ident $load:ident $store:ident;
+        $xor:ident $andnot:ident $set1:ident;
         Real { $($real:tt)* }
         Lanes { $($own:tt)* }
     ) => {
@@ -90,17 +90,19 @@ macro_rules! lane_type {
 
         impl super::Lanes for $name {
             const LANES: usize = $lanes;
+            // Not by intrinsics: outside of `control_period` each would be a call.
             #[inline(always)]
             fn load(x: &[f32]) -> Self {
-                let x = &x[..$lanes];
-                // SAFETY: the slice above has as many elements as the register has lanes; unaligned load.
-                Self(unsafe { $load(x.as_ptr()) })
+                let mut numbers = [0.0; $lanes];
+                numbers.copy_from_slice(&x[..$lanes]);
+                // SAFETY: the register is as many numbers of 32 bits, any of which are valid.
+                Self(unsafe { core::mem::transmute::<[f32; $lanes], $register>(numbers) })
             }
             #[inline(always)]
             fn store(self, x: &mut [f32]) {
-                let x = &mut x[..$lanes];
-                // SAFETY: the slice above has as many elements as the register has lanes; unaligned store.
-                unsafe { $store(x.as_mut_ptr(), self.0) }
+                // SAFETY: as above.
+                let numbers = unsafe { core::mem::transmute::<$register, [f32; $lanes]>(self.0) };
+                x[..$lanes].copy_from_slice(&numbers);
             }
             $($own)*
         }
