@@ -203,6 +203,16 @@ fn a_nan_in_the_samples_is_named_with_its_place() {
     };
     assert_eq!((tile, array, step, environment, element), (1, "observation", 2, 3, 5));
     assert!(bits(&learner) == before);
+    // Of several, the first, however threads share the tiles.
+    let mut tiles = bench::synthetic(&learner, 5, 10, 4, 0);
+    tiles[3].reward[1] = f32::INFINITY;
+    tiles[4].reward[0] = f32::NAN;
+    for threads in [0, 1, 2, 3, 8] {
+        let error = learner.update(&mut tiles, 0, threads).unwrap_err();
+        let first =
+            matches!(error, UpdateError::Samples(SamplesError::NotFinite { tile: 3, array: "reward", .. }));
+        assert!(first, "{threads} threads: {error}");
+    }
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn forward_is_the_network_in_double_precision() {
     for activation in [Activation::Elu, Activation::Relu, Activation::Tanh] {
         let network = Network::random(shape(activation), 5, 0, 1.0).unwrap();
         let mut scratch = Scratch::new();
-        for rows in [0, 1, 7, 256, 600] {
+        for rows in [0, 1, 7, 9, 256, 261, 600] {
             let input = input(rows);
             let mut output = vec![f32::NAN; rows * 12];
             network.forward(rows, &input, &mut output, &mut scratch);
@@ -107,6 +107,6 @@ fn networks_that_cannot_be_are_refused() {
     let empty = Shape { inputs: 3, hidden: vec![4, 0], outputs: 2, activation: Activation::Elu };
     assert_eq!(Network::random(empty, 0, 0, 1.0), Err(ShapeError::EmptyLayer("hidden layer 2".into())));
     let shape = Shape { inputs: 3, hidden: vec![], outputs: 2, activation: Activation::Elu };
-    let error = Network::new(shape, vec![0.0; 7]).unwrap_err();
+    let error = Network::new(shape, &[0.0; 7]).unwrap_err();
     assert_eq!(error.to_string(), "a network of 3-2 has 8 parameters, 7 were given");
 }

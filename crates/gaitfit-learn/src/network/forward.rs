@@ -14,11 +14,16 @@ pub(crate) fn layer<T: Scalar>(
 ) {
     let layer = &layers[index];
     let output = &mut output[..rows * layer.outputs];
+    let bias = &parameters[layer.bias.clone()];
+    let last = index + 1 == layers.len();
+    if last && (2..=lanes::NARROW).contains(&layer.outputs) {
+        let input = &input[..rows * layer.inputs];
+        return lanes::multiply_narrow(output, input, &parameters[layer.weight.clone()], bias);
+    }
     let x = Matrix::row_major(input, rows, layer.inputs);
     let w = Matrix::row_major(&parameters[layer.weight.clone()], layer.inputs, layer.outputs);
     matmul::multiply(output, x, w, false);
-    let bias = &parameters[layer.bias.clone()];
-    if index + 1 == layers.len() {
+    if last {
         lanes::add_bias(output, bias);
     } else {
         lanes::add_bias_and_activate(output, bias, activation);

@@ -40,7 +40,89 @@ macro_rules! dispatched {
     )*};
 }
 
+/// Columns that are summed together, in registers.
+const COLUMNS: usize = 64;
+
+/// d *= slope(h) and sums += Σ over the rows of d.
+#[inline(always)]
+fn multiply_and_sum<T: Scalar>(d: &mut [T], h: &[T], sums: &mut [T], slope: impl Fn(T) -> T) {
+    let width = sums.len();
+    let (blocks, rest) = sums.as_chunks_mut::<COLUMNS>();
+    for (number, sums) in blocks.iter_mut().enumerate() {
+        let first = number * COLUMNS;
+        let mut held = *sums;
+        for (d, h) in d.chunks_exact_mut(width).zip(h.chunks_exact(width)) {
+            let columns = d[first..first + COLUMNS].iter_mut().zip(&h[first..first + COLUMNS]);
+            for ((d, &h), sum) in columns.zip(&mut held) {
+                *d *= slope(h);
+                *sum += *d;
+            }
+        }
+        *sums = held;
+    }
+    if rest.is_empty() {
+        return;
+    }
+    let first = width - rest.len();
+    for (d, h) in d.chunks_exact_mut(width).zip(h.chunks_exact(width)) {
+        for ((d, &h), sum) in d[first..].iter_mut().zip(&h[first..]).zip(&mut *rest) {
+            *d *= slope(h);
+            *sum += *d;
+        }
+    }
+}
+
+/// Greatest width of a layer's output that leaves the vectors of matrix kernels half empty; [`multiply_narrow`] takes
+/// these.
+pub(crate) const NARROW: usize = 16;
+/// Rows that [`multiply_narrow`] works on together, so that their sums do not wait for each other.
+const ROWS: usize = 8;
+
+/// Up to `ROWS` rows of `multiply_narrow`, with the columns of w and b made up to `NARROW`.
+#[inline(always)]
+fn multiply_rows<T: Scalar, const FUSED: bool>(
+    y: &mut [T],
+    x: [&[T]; ROWS],
+    w: &[[T; NARROW]],
+    bias: [T; NARROW],
+    width: usize,
+) {
+    let mut sums = [[T::ZERO; NARROW]; ROWS];
+    for (k, w) in w.iter().enumerate() {
+        for (sums, x) in sums.iter_mut().zip(x) {
+            for (sum, &w) in sums.iter_mut().zip(w) {
+                *sum = x[k].multiply_add::<FUSED>(w, *sum);
+            }
+        }
+    }
+    for (y, sums) in y.chunks_exact_mut(width).zip(sums) {
+        for ((y, sum), bias) in y.iter_mut().zip(sums).zip(bias) {
+            *y = sum + bias;
+        }
+    }
+}
+
 dispatched! {
+    /// y = x w + b with up to [`NARROW`] columns, fewer than matrix kernels are made for: y is `rows × bias.len()`, w
+    /// `inputs × bias.len()`. Each number is summed in the order of the inputs.
+    fn multiply_narrow(y: &mut [T], x: &[T], w: &[T], bias: &[T]) {
+        let width = bias.len();
+        let inputs = w.len() / width;
+        assert_eq!(x.len() * width, y.len() * inputs, "rows of a matrix product differ");
+        let mut wide = vec![[T::ZERO; NARROW]; inputs];
+        for (wide, w) in wide.iter_mut().zip(w.chunks_exact(width)) {
+            wide[..width].copy_from_slice(w);
+        }
+        let mut wide_bias = [T::ZERO; NARROW];
+        wide_bias[..width].copy_from_slice(bias);
+        for (y, x) in y.chunks_mut(ROWS * width).zip(x.chunks(ROWS * inputs)) {
+            // A last group of fewer rows computes its last one again.
+            let last = y.len() / width - 1;
+            let rows = std::array::from_fn(|row| &x[row.min(last) * inputs..][..inputs]);
+            multiply_rows::<T, FUSED>(y, rows, &wide, wide_bias, width);
+        }
+    }
+
     /// y += b on every row of y: `rows × bias.len()`.
     fn add_bias(y: &mut [T], bias: &[T]) {
         for row in y.chunks_exact_mut(bias.len()) {
@@ -84,35 +166,10 @@ dispatched! {
     /// d *= f′ and sums += Σ over the rows of d; d and the layer's output h = f(x) are `rows × sums.len()`. By h,
     /// ELU′ = h + 1 below 0 and tanh′ = 1 − h².
     fn multiply_by_derivative(d: &mut [T], h: &[T], sums: &mut [T], activation: Activation) {
-        let width = sums.len();
-        let rows = d.chunks_exact_mut(width).zip(h.chunks_exact(width));
         match activation {
-            Activation::Elu => {
-                for (d, h) in rows {
-                    for ((d, &h), sum) in d.iter_mut().zip(h).zip(&mut *sums) {
-                        let slope = if h > T::ZERO { T::ONE } else { h + T::ONE };
-                        *d *= slope;
-                        *sum += *d;
-                    }
-                }
-            }
-            Activation::Relu => {
-                for (d, h) in rows {
-                    for ((d, &h), sum) in d.iter_mut().zip(h).zip(&mut *sums) {
-                        let slope = if h > T::ZERO { T::ONE } else { T::ZERO };
-                        *d *= slope;
-                        *sum += *d;
-                    }
-                }
-            }
-            Activation::Tanh => {
-                for (d, h) in rows {
-                    for ((d, &h), sum) in d.iter_mut().zip(h).zip(&mut *sums) {
-                        *d *= T::ONE - h * h;
-                        *sum += *d;
-                    }
-                }
-            }
+            Activation::Elu => multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { h + T::ONE }),
+            Activation::Relu => multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { T::ZERO }),
+            Activation::Tanh => multiply_and_sum(d, h, sums, |h| T::ONE - h * h),
         }
     }
 

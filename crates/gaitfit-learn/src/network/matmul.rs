@@ -1,7 +1,12 @@
 //! Matrix products on slices: the one door to the `gemm` crate.
 #![allow(unsafe_code, reason = "gemm takes raw pointers; every index it can reach is checked here first")]
 
+use std::sync::Once;
+
 use super::scalar::Scalar;
+
+/// Whether gemm was told when to copy a factor.
+static PACKING: Once = Once::new();
 
 /// A matrix in a slice: element (i, j) at `i · row_stride + j · column_stride`.
 #[derive(Clone, Copy)]
@@ -35,7 +40,9 @@ impl<'a, T> Matrix<'a, T> {
 }
 
 /// out = a b, or out += a b if `accumulate`; out is row-major, `a.rows × b.columns`. Runs on the calling thread, in
-/// an order of summation that depends on the sizes alone.
+/// an order of summation that depends on the sizes, the strides and the processor alone. Fastest where `b` and `out` are
+/// row-major, begin with a cache line and have rows of whole ones: then `b` is not copied and no vector lies across two
+/// lines.
 ///
 /// # Panics
 /// If the sizes do not fit or a slice is too short: an error of the caller.
@@ -47,6 +54,9 @@ pub(crate) fn multiply<T: Scalar>(out: &mut [T], a: Matrix<'_, T>, b: Matrix<'_,
     if m == 0 || n == 0 {
         return;
     }
+    // By default gemm copies all but the smallest factors. With rows as above that costs more than it gains; where
+    // another layout needs it, it is done regardless of this number.
+    PACKING.call_once(|| gemm::set_lhs_packing_threshold_single_thread(usize::MAX));
     // SAFETY: the three assertions above bound every index i · row_stride + j · column_stride that gemm forms for
     // i < rows and j < columns; `out` is borrowed mutably, so it overlaps neither factor; T is f32 or f64 (the
     // trait is private to the crate), which gemm knows; no stride exceeds a slice's length, so isize holds it.

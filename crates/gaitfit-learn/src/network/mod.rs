@@ -10,11 +10,13 @@ mod normaliser;
 mod scalar;
 mod shape;
 mod tape;
+mod weights;
 
 pub(crate) use lanes::{add as add_slices, descend};
 pub(crate) use normaliser::normalise_row;
 pub(crate) use scalar::Scalar;
 pub(crate) use tape::Tape;
+pub(crate) use weights::Weights;
 
 pub use activation::Activation;
 pub use network::{Network, Scratch};

@@ -1,5 +1,6 @@
 //! A multilayer perceptron at work: parameters and inference.
 
+use aligned_vec::{AVec, avec};
 use gaitfit_random::{Purpose, Stream};
 
 use super::{Shape, ShapeError, forward};
@@ -12,15 +13,21 @@ const TILE: usize = 256;
 pub struct Network {
     /// Layer sizes and activation.
     pub shape: Shape,
-    /// All weights and biases, [`Shape::parameters`] of them.
-    pub parameters: Vec<f32>,
+    /// All weights and biases, [`Shape::parameters`] of them, from a cache line's beginning on.
+    pub parameters: AVec<f32>,
 }
 
 /// Working memory of [`Network::forward`]; one a thread, kept between calls. Any network may use it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Scratch {
     /// Two buffers that the layers take in turn.
-    buffers: [Vec<f32>; 2],
+    buffers: [AVec<f32>; 2],
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self { buffers: [AVec::new(0), AVec::new(0)] }
+    }
 }
 
 impl Scratch {
@@ -35,7 +42,7 @@ impl Network {
     ///
     /// # Errors
     /// [`ShapeError`] if a layer is empty or the parameters are not as many as the shape needs.
-    pub fn new(shape: Shape, parameters: Vec<f32>) -> Result<Self, ShapeError> {
+    pub fn new(shape: Shape, parameters: &[f32]) -> Result<Self, ShapeError> {
         shape.check()?;
         let expected = shape.parameters();
         if parameters.len() != expected {
@@ -45,7 +52,7 @@ impl Network {
                 found: parameters.len(),
             });
         }
-        Ok(Self { shape, parameters })
+        Ok(Self { shape, parameters: AVec::from_slice(0, parameters) })
     }
 
     /// Random parameters, uniform in ±1/√inputs for weights and biases alike (the usual choice of PyTorch's
@@ -56,7 +63,7 @@ impl Network {
     /// [`ShapeError::EmptyLayer`].
     pub fn random(shape: Shape, seed: u64, index: u32, output_gain: f64) -> Result<Self, ShapeError> {
         shape.check()?;
-        let mut parameters = vec![0.0; shape.parameters()];
+        let mut parameters = avec![0.0; shape.parameters()];
         let layers = shape.layers();
         for (number, layer) in layers.iter().enumerate() {
             let stream = Stream::new(seed, Purpose::WEIGHTS).environment(index).step(number as u32);

@@ -4,22 +4,21 @@
 //! the first: ∂loss/∂Wₗ = xₗᵀ D, ∂loss/∂bₗ = Σ_rows D, and for the layer before D ← (D Wₗᵀ) ∘ f′(xₗ)
 //! (Rumelhart, Hinton, Williams 1986).
 
-use super::{Shape, forward, lanes, matmul, matmul::Matrix, scalar::Scalar};
+use aligned_vec::AVec;
 
-/// Outputs of layers up to this wide leave vectors half empty.
-const NARROW: usize = 16;
+use super::{Shape, Weights, forward, lanes, matmul, matmul::Matrix, scalar::Scalar};
 
 /// Layer outputs and derivatives of one network at a time on a tile of up to a fixed number of rows. Networks take
 /// turns in the same memory, which the caches so hold longer.
 pub(crate) struct Tape<T> {
     /// Output of every layer, `rows × outputs`.
-    outputs: Vec<Vec<T>>,
+    outputs: Vec<AVec<T>>,
     /// ∂loss/∂output of the last layer, `rows × outputs`; the caller fills it before [`Self::backward`].
-    output_derivative: Vec<T>,
+    output_derivative: AVec<T>,
     /// Derivatives between the layers, two buffers in turn.
-    derivatives: [Vec<T>; 2],
-    /// Derivative of a narrow layer's transposed weights.
-    transposed: Vec<T>,
+    derivatives: [AVec<T>; 2],
+    /// Derivative of a narrow layer's weights, transposed.
+    narrow: AVec<T>,
 }
 
 impl<T: Scalar> Tape<T> {
@@ -27,16 +26,16 @@ impl<T: Scalar> Tape<T> {
     pub(crate) fn new(shapes: &[&Shape], rows: usize) -> Self {
         let mut tape = Self {
             outputs: Vec::new(),
-            output_derivative: Vec::new(),
-            derivatives: [Vec::new(), Vec::new()],
-            transposed: Vec::new(),
+            output_derivative: AVec::new(0),
+            derivatives: [AVec::new(0), AVec::new(0)],
+            narrow: AVec::new(0),
         };
-        let grow = |buffer: &mut Vec<T>, width: usize| {
+        let grow = |buffer: &mut AVec<T>, width: usize| {
             buffer.resize(buffer.len().max(rows * width), T::ZERO);
         };
         for shape in shapes {
             let layers = shape.layers();
-            tape.outputs.resize_with(tape.outputs.len().max(layers.len()), Vec::new);
+            tape.outputs.resize_with(tape.outputs.len().max(layers.len()), || AVec::new(0));
             for (output, layer) in tape.outputs.iter_mut().zip(&layers) {
                 grow(output, layer.outputs);
             }
@@ -55,7 +54,8 @@ impl<T: Scalar> Tape<T> {
     }
 
     /// Evaluates `input`, `rows × inputs`, and keeps every layer's output.
-    pub(crate) fn forward(&mut self, shape: &Shape, parameters: &[T], rows: usize, input: &[T]) {
+    pub(crate) fn forward(&mut self, weights: &Weights<'_, T>, rows: usize, input: &[T]) {
+        let &Weights { shape, parameters, .. } = weights;
         let layers = shape.layers();
         for index in 0..layers.len() {
             let (before, after) = self.outputs.split_at_mut(index);
@@ -93,12 +93,12 @@ impl<T: Scalar> Tape<T> {
     /// derivative of [`Self::output`] filled.
     pub(crate) fn backward(
         &mut self,
-        shape: &Shape,
-        parameters: &[T],
+        weights: &Weights<'_, T>,
         rows: usize,
         input: &[T],
         gradient: &mut [T],
     ) {
+        let shape = weights.shape;
         let layers = shape.layers();
         let [even, odd] = &mut self.derivatives;
         let (mut current, mut next) = (even, odd);
@@ -110,11 +110,11 @@ impl<T: Scalar> Tape<T> {
             let derivative_matrix = Matrix::row_major(derivative, rows, layer.outputs);
             let x_matrix = Matrix::row_major(x, rows, layer.inputs);
             let of_weight = &mut gradient[layer.weight.clone()];
-            // A single column has its own kernel.
-            if (2..=NARROW).contains(&layer.outputs) && layer.outputs < layer.inputs {
+            // With outputs along the vectors they would be half empty. A single column has its own kernel.
+            if (2..=lanes::NARROW).contains(&layer.outputs) && layer.outputs < layer.inputs {
                 let size = layer.inputs * layer.outputs;
-                self.transposed.resize(self.transposed.len().max(size), T::ZERO);
-                let product = &mut self.transposed[..size];
+                self.narrow.resize(self.narrow.len().max(size), T::ZERO);
+                let product = &mut self.narrow[..size];
                 matmul::multiply(product, derivative_matrix.transposed(), x_matrix, false);
                 for (i, row) in of_weight.chunks_exact_mut(layer.outputs).enumerate() {
                     let column = product[i..].iter().step_by(layer.inputs);
@@ -129,9 +129,10 @@ impl<T: Scalar> Tape<T> {
             if index == 0 {
                 break;
             }
-            let w = Matrix::row_major(&parameters[layer.weight.clone()], layer.inputs, layer.outputs);
+            let w = &weights.transposed[layer.weight.clone()];
+            let w = Matrix::row_major(w, layer.outputs, layer.inputs);
             let size = rows * layer.inputs;
-            matmul::multiply(&mut next[..size], derivative_matrix, w.transposed(), false);
+            matmul::multiply(&mut next[..size], derivative_matrix, w, false);
             let sums = &mut gradient[layers[index - 1].bias.clone()];
             lanes::multiply_by_derivative(&mut next[..size], &x[..size], sums, shape.activation);
             std::mem::swap(&mut current, &mut next);
@@ -150,7 +151,7 @@ mod tests {
         let mut tape = Tape::<f64>::new(&[&shape], 6);
         let mut input: Vec<f64> = (0..12).map(f64::from).collect();
         let parameters: Vec<f64> = (0..shape.parameters()).map(|i| 0.1 * i as f64 - 0.7).collect();
-        tape.forward(&shape, &parameters, 6, &input);
+        tape.forward(&Weights::new(&shape, &parameters), 6, &input);
         let hidden = tape.outputs[0].clone();
         let derivative = [0.0, 0.0, 0.0, 1.0, f64::NAN, 0.0, 0.0, -0.0, 2.0, 3.0, 0.0, 0.0];
         tape.output(&shape, 6).1.copy_from_slice(&derivative);

@@ -74,6 +74,6 @@ pub(super) fn assemble(layers: &[Affine], activation: Activation) -> Result<Netw
     }
     let hidden = layers[..layers.len() - 1].iter().map(|layer| layer.outputs).collect();
     let shape = Shape { inputs: first.inputs, hidden, outputs: last.outputs, activation };
-    let parts = layers.iter().flat_map(|layer| layer.weight.iter().chain(&layer.bias));
-    Ok(Network::new(shape, parts.copied().collect())?)
+    let parts = layers.iter().flat_map(|layer| [&layer.weight[..], &layer.bias]);
+    Ok(Network::new(shape, &parts.collect::<Vec<_>>().concat())?)
 }

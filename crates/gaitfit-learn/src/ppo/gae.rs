@@ -1,6 +1,6 @@
 //! Generalised advantage estimation.
 
-use super::Samples;
+use super::{Samples, SamplesError, Widths, minibatch::share};
 
 impl Samples {
     /// Fills `advantage` and `returns` (Schulman et al. 2016, equations 11, 12 and 16, computed backwards):
@@ -25,6 +25,26 @@ impl Samples {
             }
         }
     }
+}
+
+/// Checks every tile against `widths` and estimates its advantages, tiles shared by `threads`.
+///
+/// # Errors
+/// The first unfit tile's; advantages of others may have been filled.
+pub(super) fn check_and_estimate(
+    tiles: &mut [Samples],
+    widths: Widths,
+    gamma: f64,
+    lambda: f64,
+    threads: usize,
+) -> Result<(), SamplesError> {
+    let mut outcomes = vec![Ok(()); tiles.len()];
+    let mut workers = vec![(); threads.clamp(1, tiles.len().max(1))];
+    let jobs = tiles.iter_mut().zip(&mut outcomes).enumerate();
+    share(&mut workers, jobs, |(), (index, (tile, outcome))| {
+        *outcome = tile.check(index, widths).map(|()| tile.estimate_advantages(gamma, lambda));
+    });
+    outcomes.into_iter().collect()
 }
 
 /// Shifts and scales the advantages of all tiles together to mean 0 and standard deviation 1 (n − 1 in the

@@ -8,7 +8,7 @@ use super::{
     loss::{Constants, Sums, Targets},
     worker::{Point, Worker},
 };
-use crate::network::{Activation, Scalar, Shape};
+use crate::network::{Activation, Scalar, Shape, Weights};
 
 const ROWS: usize = 40;
 /// Of them in the first of two tiles.
@@ -36,7 +36,8 @@ impl Problem {
     fn new(settings: Settings) -> Self {
         let shapes = settings.shapes(WIDTHS);
         let size = shapes.0.parameters() + shapes.1.parameters();
-        let mut parameters = normals(0, size, 0.5);
+        let widest = shapes.0.widest().max(shapes.1.widest());
+        let mut parameters = normals(0, size, (1.5 / widest as f64).sqrt());
         parameters.extend([-0.2, 0.1, 0.3]);
         let mut problem = Self {
             parameters,
@@ -119,7 +120,11 @@ impl Problem {
         let (split, end) = (actor.parameters(), actor.parameters() + critic.parameters());
         let log_std = convert(self.log_std());
         let constants = Constants::new(&self.settings, ROWS, &log_std, &convert(&self.old_log_std));
-        let point = Point { actor: &parameters[..split], critic: &parameters[split..end], constants };
+        let point = Point {
+            actor: Weights::new(actor, &parameters[..split]),
+            critic: Weights::new(critic, &parameters[split..end]),
+            constants,
+        };
         let mut worker = Worker::<T>::new(actor, critic);
         let mut gradient = vec![T::ZERO; parameters.len()];
         let mut sums = Sums::default();
@@ -139,7 +144,10 @@ impl Problem {
                 value: part(&self.targets.value, 1),
                 returns: part(&self.targets.returns, 1),
             };
-            worker.accumulate(&point, rows.len(), &mut gradient, &mut sums);
+            let (of_actor, rest) = gradient.split_at_mut(split);
+            let (of_critic, of_log_std) = rest.split_at_mut(end - split);
+            worker.policy(&point, rows.len(), of_actor, of_log_std, &mut sums);
+            worker.value(&point, rows.len(), of_critic, &mut sums);
         }
         (gradient, sums)
     }
@@ -183,29 +191,47 @@ fn settings(activation: Activation, clipped_value_loss: bool) -> Settings {
     }
 }
 
+/// Holds every `stride`-th element of the gradient against central differences.
+fn check_by_differences(settings: Settings, stride: usize) {
+    let activation = settings.activation;
+    let mut problem = Problem::new(settings);
+    let (gradient, sums) = problem.gradient::<f64>();
+    let (loss, kl) = problem.loss();
+    let own = (sums.surrogate + problem.settings.value_coefficient * sums.value) / ROWS as f64;
+    assert!((own - loss).abs() < 1e-12 && (sums.kl / ROWS as f64 - kl).abs() < 1e-12);
+    let greatest = gradient.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+    for (index, &derivative) in gradient.iter().enumerate().step_by(stride) {
+        let (h, at) = (1e-6, problem.parameters[index]);
+        problem.parameters[index] = at + h;
+        let above = problem.loss().0;
+        problem.parameters[index] = at - h;
+        let below = problem.loss().0;
+        problem.parameters[index] = at;
+        let difference = (above - below) / (2.0 * h);
+        assert!(
+            (difference - derivative).abs() < 1e-7 * greatest,
+            "{activation:?}, parameter {index}: {derivative} by hand, {difference} by differences"
+        );
+    }
+}
+
+/// Layers of more than one block of columns and of less, with columns left over, and none at all.
+fn wide(activation: Activation) -> [Settings; 2] {
+    let settings = settings(activation, true);
+    [
+        Settings { actor_hidden: vec![80, 64], critic_hidden: vec![70, 33], ..settings.clone() },
+        Settings { actor_hidden: vec![], critic_hidden: vec![128], ..settings },
+    ]
+}
+
 #[test]
 fn gradient_is_that_of_the_formulas_by_central_differences() {
     for activation in [Activation::Elu, Activation::Relu, Activation::Tanh] {
         for clipped_value_loss in [true, false] {
-            let mut problem = Problem::new(settings(activation, clipped_value_loss));
-            let (gradient, sums) = problem.gradient::<f64>();
-            let (loss, kl) = problem.loss();
-            let own = (sums.surrogate + problem.settings.value_coefficient * sums.value) / ROWS as f64;
-            assert!((own - loss).abs() < 1e-12 && (sums.kl / ROWS as f64 - kl).abs() < 1e-12);
-            let greatest = gradient.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-            for (index, &derivative) in gradient.iter().enumerate() {
-                let (h, at) = (1e-6, problem.parameters[index]);
-                problem.parameters[index] = at + h;
-                let above = problem.loss().0;
-                problem.parameters[index] = at - h;
-                let below = problem.loss().0;
-                problem.parameters[index] = at;
-                let difference = (above - below) / (2.0 * h);
-                assert!(
-                    (difference - derivative).abs() < 1e-7 * greatest,
-                    "{activation:?}, parameter {index}: {derivative} by hand, {difference} by differences"
-                );
-            }
+            check_by_differences(settings(activation, clipped_value_loss), 1);
+        }
+        for settings in wide(activation) {
+            check_by_differences(settings, 67);
         }
     }
 }
@@ -248,12 +274,14 @@ fn tiles_without_a_derivative_add_nothing_and_rows_that_are_no_numbers_show() {
 
 #[test]
 fn single_precision_gradient_is_that_of_double() {
-    let problem = Problem::new(settings(Activation::Elu, true));
-    let (double, _) = problem.gradient::<f64>();
-    let (single, _) = problem.gradient::<f32>();
-    let greatest = double.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
-    for (single, double) in single.iter().zip(&double) {
-        assert!((f64::from(*single) - double).abs() < 3e-6 * greatest, "{single} {double}");
+    for settings in [settings(Activation::Elu, true)].into_iter().chain(wide(Activation::Elu)) {
+        let problem = Problem::new(settings);
+        let (double, _) = problem.gradient::<f64>();
+        let (single, _) = problem.gradient::<f32>();
+        let greatest = double.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+        for (single, double) in single.iter().zip(&double) {
+            assert!((f64::from(*single) - double).abs() < 3e-6 * greatest, "{single} {double}");
+        }
     }
 }
 

@@ -11,7 +11,7 @@ use super::{
     shuffle,
     worker::{Point, Worker},
 };
-use crate::network::{Network, Normaliser, ShapeError};
+use crate::network::{Network, Normaliser, ShapeError, Weights};
 
 /// Actor, critic, standard deviation, and what is needed to improve them. See [`Learner::update`].
 pub struct Learner {
@@ -86,8 +86,8 @@ impl Learner {
         mut log_std: Vec<f32>,
     ) -> Result<Self, LearnerError> {
         settings.check()?;
-        let actor = Network::new(actor.shape, actor.parameters)?;
-        let critic = Network::new(critic.shape, critic.parameters)?;
+        let actor = Network::new(actor.shape, &actor.parameters)?;
+        let critic = Network::new(critic.shape, &critic.parameters)?;
         for (what, expected, found) in [
             ("the actor's input", widths.observation, actor.shape.inputs),
             ("the actor's output", widths.action, actor.shape.outputs),
@@ -196,7 +196,7 @@ impl Learner {
     /// updates the actor stays as it is; after them the moments of Adam start at 0 again.
     ///
     /// # Errors
-    /// [`UpdateError`]: unfit samples (nothing changed), or arithmetic that is not finite (parameters and moments
+    /// [`UpdateError`]: unfit samples (the learner is unchanged), or arithmetic that is not finite (parameters and moments
     /// are those before the step named).
     pub fn update(
         &mut self,
@@ -205,10 +205,7 @@ impl Learner {
         threads: usize,
     ) -> Result<Diagnostics, UpdateError> {
         let Settings { epochs, minibatches, gamma, lambda, .. } = self.settings;
-        for (index, tile) in tiles.iter_mut().enumerate() {
-            tile.check(index, self.widths)?;
-            tile.estimate_advantages(gamma, lambda);
-        }
+        gae::check_and_estimate(tiles, self.widths, gamma, lambda, threads)?;
         let samples = tiles.iter().map(Samples::rows).sum();
         if samples < minibatches {
             return Err(SamplesError::TooFew { samples, minibatches }.into());
@@ -235,8 +232,9 @@ impl Learner {
                 let part = &places[shuffle::range(samples, minibatches, minibatch)];
                 let mut constants = Constants::new(&self.settings, part.len(), &self.log_std, &old_log_std);
                 constants.clipped_value_loss &= !critic_alone;
-                let point =
-                    Point { actor: &self.actor.parameters, critic: &self.critic.parameters, constants };
+                let [actor, critic] =
+                    [&self.actor, &self.critic].map(|n| Weights::new(&n.shape, &n.parameters));
+                let point = Point { actor, critic, constants };
                 let sums = self.gradients.of(&point, tiles, part, &scales);
                 // Before the actor's first step the policy is the one that sampled: its divergence says nothing.
                 let unmoved = critic_alone || (epoch == 0 && minibatch == 0);

@@ -1,9 +1,11 @@
 //! The gradient of one minibatch, by several threads, to the same bits whatever their number.
 //!
-//! A minibatch is cut into a fixed number of pieces. Threads take pieces as they come free; each piece has its own
-//! gradient and sums, and these are added up in the order of the pieces.
+//! A minibatch is cut into a fixed number of pieces, each with its own gradient and sums. Threads take them as they come
+//! free, the actor's and the critic's part one by one; gradients and sums are added up in the order of the pieces.
 
 use std::sync::{Mutex, PoisonError};
+
+use aligned_vec::{AVec, avec};
 
 use super::{
     Samples,
@@ -12,15 +14,22 @@ use super::{
 };
 use crate::network::add_slices;
 
-/// Pieces of a minibatch: the greatest number of threads that have work.
+/// Pieces of a minibatch; twice as many threads have work.
 const PIECES: usize = 16;
 /// Parameters that one thread adds up at a time.
 const SPAN: usize = 4096;
 
 /// Gradient and sums of one piece.
 struct Piece {
-    gradient: Vec<f32>,
+    gradient: AVec<f32>,
     sums: Sums,
+    value_sums: Sums,
+}
+
+/// One network's part of a piece.
+enum Part<'a> {
+    Policy { gradient: &'a mut [f32], of_log_std: &'a mut [f32], sums: &'a mut Sums },
+    Value { gradient: &'a mut [f32], sums: &'a mut Sums },
 }
 
 /// Memory for gradients, kept between minibatches.
@@ -40,8 +49,12 @@ impl Gradients {
     /// Readies memory for `threads` workers, made by `worker`.
     pub(super) fn prepare(&mut self, threads: usize, worker: impl Fn() -> Worker<f32>) {
         let size = self.total.len();
-        self.workers.resize_with(threads.clamp(1, PIECES), worker);
-        self.pieces.resize_with(PIECES, || Piece { gradient: vec![0.0; size], sums: Sums::default() });
+        self.workers.resize_with(threads.clamp(1, 2 * PIECES), worker);
+        self.pieces.resize_with(PIECES, || Piece {
+            gradient: avec![0.0; size],
+            sums: Sums::default(),
+            value_sums: Sums::default(),
+        });
     }
 
     /// Fills `total` with the gradient over the samples at `places` and returns the sums of the losses.
@@ -53,16 +66,34 @@ impl Gradients {
         scales: &[Scale; 2],
     ) -> Sums {
         let count = self.pieces.len();
-        let pieces = self.pieces.iter_mut().enumerate().map(|(index, piece)| {
-            let part = &places[index * places.len() / count..(index + 1) * places.len() / count];
-            (part, piece)
+        let parts = self.pieces.iter_mut().enumerate().flat_map(|(index, piece)| {
+            let places = &places[index * places.len() / count..(index + 1) * places.len() / count];
+            let Piece { gradient, sums, value_sums } = piece;
+            let (of_actor, rest) = gradient.split_at_mut(point.actor.shape.parameters());
+            let (of_critic, of_log_std) = rest.split_at_mut(point.critic.shape.parameters());
+            [
+                (places, Part::Policy { gradient: of_actor, of_log_std, sums }),
+                (places, Part::Value { gradient: of_critic, sums: value_sums }),
+            ]
         });
-        share(&mut self.workers, pieces, |worker, (places, piece)| {
-            piece.gradient.fill(0.0);
-            piece.sums = Sums::default();
-            for places in places.chunks(TILE) {
-                worker.gather(tiles, places, scales);
-                worker.accumulate(point, places.len(), &mut piece.gradient, &mut piece.sums);
+        let [scale, critic_scale] = scales;
+        share(&mut self.workers, parts, |worker, (places, part)| match part {
+            Part::Policy { gradient, of_log_std, sums } => {
+                gradient.fill(0.0);
+                of_log_std.fill(0.0);
+                *sums = Sums::default();
+                for places in places.chunks(TILE) {
+                    worker.gather_for_policy(tiles, places, scale);
+                    worker.policy(point, places.len(), gradient, of_log_std, sums);
+                }
+            }
+            Part::Value { gradient, sums } => {
+                gradient.fill(0.0);
+                *sums = Sums::default();
+                for places in places.chunks(TILE) {
+                    worker.gather_for_value(tiles, places, critic_scale);
+                    worker.value(point, places.len(), gradient, sums);
+                }
             }
         });
 
@@ -77,13 +108,14 @@ impl Gradients {
         let mut sums = Sums::default();
         for piece in pieces {
             sums.add(&piece.sums);
+            sums.add(&piece.value_sums);
         }
         sums
     }
 }
 
 /// Does every job once: one thread a worker, the calling thread among them, each taking the next job when it is free.
-fn share<W: Send, J: Send>(
+pub(super) fn share<W: Send, J: Send>(
     workers: &mut [W],
     jobs: impl Iterator<Item = J> + Send,
     work: impl Fn(&mut W, J) + Sync,

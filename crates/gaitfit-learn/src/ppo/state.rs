@@ -109,7 +109,7 @@ impl Learner {
                 return Err(StateError::Normaliser(name));
             }
         }
-        let targets = [
+        let targets: [&mut [f32]; 5] = [
             &mut self.actor.parameters,
             &mut self.critic.parameters,
             &mut self.log_std,

@@ -1,10 +1,12 @@
-//! One tile of rows through both networks, the losses and back: what a thread does.
+//! One tile of rows through a network, its loss and back: what a thread does.
+
+use aligned_vec::{AVec, avec};
 
 use super::{
     Samples,
     loss::{self, Constants, Sums, Targets},
 };
-use crate::network::{Scalar, Shape, Tape, normalise_row};
+use crate::network::{Scalar, Shape, Tape, Weights, normalise_row};
 
 /// Rows that pass forward and back together, so that the activations stay in the second-level cache.
 pub(super) const TILE: usize = 512;
@@ -24,9 +26,9 @@ pub(super) type Scale = Option<Vec<(f32, f32)>>;
 /// The parameters that a minibatch is evaluated at.
 pub(super) struct Point<'a, T> {
     /// Of the actor.
-    pub(super) actor: &'a [T],
+    pub(super) actor: Weights<'a, T>,
     /// Of the critic.
-    pub(super) critic: &'a [T],
+    pub(super) critic: Weights<'a, T>,
     /// Settings, standard deviation and number of rows.
     pub(super) constants: Constants<T>,
 }
@@ -34,12 +36,11 @@ pub(super) struct Point<'a, T> {
 /// A thread's working memory.
 pub(super) struct Worker<T> {
     /// `TILE × observation`.
-    pub(super) observation: Vec<T>,
+    pub(super) observation: AVec<T>,
     /// `TILE × critic_observation`.
-    pub(super) critic_observation: Vec<T>,
+    pub(super) critic_observation: AVec<T>,
     /// What the losses need of the samples.
     pub(super) targets: Targets<T>,
-    shapes: [Shape; 2],
     tape: Tape<T>,
 }
 
@@ -47,60 +48,71 @@ impl<T: Scalar> Worker<T> {
     /// For networks of these shapes.
     pub(super) fn new(actor: &Shape, critic: &Shape) -> Self {
         Self {
-            observation: vec![T::ZERO; TILE * actor.inputs],
-            critic_observation: vec![T::ZERO; TILE * critic.inputs],
+            observation: avec![T::ZERO; TILE * actor.inputs],
+            critic_observation: avec![T::ZERO; TILE * critic.inputs],
             targets: Targets::default(),
             tape: Tape::new(&[actor, critic], TILE),
-            shapes: [actor.clone(), critic.clone()],
         }
     }
 
-    /// Adds the loss of the first `rows` gathered rows to `sums` and its derivative to `gradient`: actor, critic,
-    /// ln σ, one after the other. The entropy bonus is not in it. Gathered observations are used up: rows without a
-    /// derivative are overwritten.
-    pub(super) fn accumulate(
+    /// Adds the policy's loss on the first `rows` gathered rows to `sums` and its derivatives to `gradient`, by the
+    /// actor's parameters, and `of_log_std`. The entropy bonus is not in it. Gathered observations are used up: rows
+    /// without a derivative are overwritten.
+    pub(super) fn policy(
         &mut self,
         point: &Point<'_, T>,
         rows: usize,
         gradient: &mut [T],
+        of_log_std: &mut [T],
         sums: &mut Sums,
     ) {
-        let (of_actor, rest) = gradient.split_at_mut(point.actor.len());
-        let (of_critic, of_log_std) = rest.split_at_mut(point.critic.len());
-
-        let Self { observation, critic_observation, targets, shapes: [actor, critic], tape } = self;
-
-        tape.forward(actor, point.actor, rows, observation);
-        let (mean, derivative) = tape.output(actor, rows);
+        let Self { observation, targets, tape, .. } = self;
+        tape.forward(&point.actor, rows, observation);
+        let (mean, derivative) = tape.output(point.actor.shape, rows);
         loss::policy(&point.constants, targets, mean, derivative, of_log_std, sums);
-        let active = tape.drop_idle(actor, rows, observation);
-        tape.backward(actor, point.actor, active, observation, of_actor);
+        let active = tape.drop_idle(point.actor.shape, rows, observation);
+        tape.backward(&point.actor, active, observation, gradient);
+    }
 
-        tape.forward(critic, point.critic, rows, critic_observation);
-        let (value, derivative) = tape.output(critic, rows);
+    /// The same of the values' loss, by the critic's parameters.
+    pub(super) fn value(&mut self, point: &Point<'_, T>, rows: usize, gradient: &mut [T], sums: &mut Sums) {
+        let Self { critic_observation, targets, tape, .. } = self;
+        tape.forward(&point.critic, rows, critic_observation);
+        let (value, derivative) = tape.output(point.critic.shape, rows);
         loss::value(&point.constants, targets, value, derivative, sums);
-        let active = tape.drop_idle(critic, rows, critic_observation);
-        tape.backward(critic, point.critic, active, critic_observation, of_critic);
+        let active = tape.drop_idle(point.critic.shape, rows, critic_observation);
+        tape.backward(&point.critic, active, critic_observation, gradient);
     }
 }
 
 impl Worker<f32> {
-    /// Copies the samples at `places`, at most [`TILE`], into this worker, normalised if there are scales.
-    pub(super) fn gather(&mut self, tiles: &[Samples], places: &[Place], scales: &[Scale; 2]) {
-        let Targets { action, mean, log_probability, advantage, value, returns } = &mut self.targets;
-        for numbers in [&mut *action, mean, log_probability, advantage, value, returns] {
+    /// Copies what [`Self::policy`] needs of the samples at `places`, at most [`TILE`], into this worker; observations
+    /// normalised if there are scales.
+    pub(super) fn gather_for_policy(&mut self, tiles: &[Samples], places: &[Place], scale: &Scale) {
+        let Targets { action, mean, log_probability, advantage, .. } = &mut self.targets;
+        for numbers in [&mut *action, mean, log_probability, advantage] {
             numbers.clear();
         }
         for (to, place) in places.iter().enumerate() {
             let (tile, row) = (&tiles[place.tile as usize], place.row as usize);
-            copy(&mut self.observation, to, &tile.observation, row, tile.widths.observation, &scales[0]);
-            let width = tile.widths.critic_observation;
-            copy(&mut self.critic_observation, to, &tile.critic_observation, row, width, &scales[1]);
+            copy(&mut self.observation, to, &tile.observation, row, tile.widths.observation, scale);
             let width = tile.widths.action;
             action.extend_from_slice(&tile.action[row * width..(row + 1) * width]);
             mean.extend_from_slice(&tile.mean[row * width..(row + 1) * width]);
             log_probability.push(tile.log_probability[row]);
             advantage.push(tile.advantage[row]);
+        }
+    }
+
+    /// The same for [`Self::value`].
+    pub(super) fn gather_for_value(&mut self, tiles: &[Samples], places: &[Place], scale: &Scale) {
+        let Targets { value, returns, .. } = &mut self.targets;
+        value.clear();
+        returns.clear();
+        for (to, place) in places.iter().enumerate() {
+            let (tile, row) = (&tiles[place.tile as usize], place.row as usize);
+            let width = tile.widths.critic_observation;
+            copy(&mut self.critic_observation, to, &tile.critic_observation, row, width, scale);
             value.push(tile.value[row]);
             returns.push(tile.returns[row]);
         }

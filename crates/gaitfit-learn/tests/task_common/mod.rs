@@ -43,7 +43,7 @@ pub fn constant_policy(scene: &Scene, actions: &[f32]) -> Policy {
     let mut parameters = vec![0.0; shape.parameters()];
     let bias = shape.layers().last().unwrap().bias.clone();
     parameters[bias].copy_from_slice(actions);
-    policy(scene, Network::new(shape, parameters).unwrap())
+    policy(scene, Network::new(shape, &parameters).unwrap())
 }
 
 /// A policy that reacts to everything it sees, gently.
