@@ -53,7 +53,7 @@ impl TrainingSettings {
 
 impl Default for TrainingSettings {
     fn default() -> Self {
-        Self { environments: 4096, steps: 24, iterations: 500 }
+        Self { environments: 4096, steps: 24, iterations: 400 }
     }
 }
 
