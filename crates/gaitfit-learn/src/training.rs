@@ -197,7 +197,7 @@ impl<'a> Training<'a> {
         let critic = match &policy.critic {
             Some(critic) => critic.clone(),
             None => {
-                let (_, shape) = ppo.shapes(widths);
+                let (_, shape) = ppo.shapes(widths).map_err(LearnerError::from)?;
                 Network::random(shape, seed, 1, 1.0).map_err(LearnerError::from)?
             }
         };

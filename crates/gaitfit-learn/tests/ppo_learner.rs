@@ -1,7 +1,7 @@
 //! The learner from outside: it learns, to the same bits on any number of threads, and says what is wrong.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-use gaitfit_learn::network::Scratch;
+use gaitfit_learn::network::{Normaliser, Scratch};
 use gaitfit_learn::ppo::{
     Culprit, Diagnostics, Learner, LearnerError, Samples, SamplesError, Schedule, Settings, StateError,
     UpdateError, Widths, bench,
@@ -38,6 +38,29 @@ fn the_number_of_threads_changes_no_bit() {
         let (many, other_reports, _) = run(&settings, threads);
         assert!(one == many, "{threads} threads");
         assert_eq!(reports, other_reports);
+    }
+}
+
+#[test]
+fn the_first_minibatch_meets_the_networks_as_they_sampled() {
+    // One step a call: its losses are those of the policy and the values that the samples hold. Statistics of
+    // the two networks' observations differ, and the second call finds the memory of the first.
+    let settings = Settings { epochs: 1, minibatches: 1, ..small() };
+    let mut learner = Learner::new(settings, WIDTHS, 7).unwrap();
+    let statistics = |width: usize, mean: f64, variance: f64| {
+        Some(Normaliser { mean: vec![mean; width], variance: vec![variance; width], count: 10.0 })
+    };
+    learner.set_normalisers(statistics(9, 0.7, 2.5), statistics(11, -1.5, 0.2)).unwrap();
+    for iteration in 0..2 {
+        let mut tiles = bench::synthetic(&learner, 3, 50, 12, u64::from(iteration));
+        let report = learner.update(&mut tiles, iteration, 2).unwrap();
+        let errors = tiles.iter().flat_map(|tile| tile.value.iter().zip(&tile.returns));
+        let squares = errors.map(|(&value, &target)| f64::from(value - target).powi(2));
+        let value_loss = squares.sum::<f64>() / (3.0 * 50.0 * 12.0);
+        assert!((report.value_loss / value_loss - 1.0).abs() < 1e-5, "{report:?}, {value_loss}");
+        // Normalised advantages have the mean 0, and with it the surrogate where no ratio has moved.
+        assert!(report.policy_loss.abs() < 1e-5 && report.approx_kl_k3.abs() < 1e-9, "{report:?}");
+        assert!(report.kl.abs() < 1e-9 && report.clip_fraction == 0.0, "{report:?}");
     }
 }
 
@@ -269,6 +292,7 @@ fn bad_settings_are_named() {
         (Settings { learning_rate_limits: [1e-2, 1e-5], ..small() }, "learning_rate_limits"),
         (Settings { fixed_std: Some(0.0), ..small() }, "fixed_std"),
         (Settings { critic_hidden: vec![8, 0], ..small() }, "critic_hidden"),
+        (Settings { critic_hidden: vec![4096; 2], ..small() }, "critic_hidden"),
     ] {
         match Learner::new(settings, WIDTHS, 0).err() {
             Some(LearnerError::Settings(error)) => assert_eq!(error.name, name),

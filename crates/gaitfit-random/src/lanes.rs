@@ -72,10 +72,10 @@ dispatched! {
     }
 
     /// Fills row r of `out`, `rows × blocks.len()`, with these blocks of `stream` at environment `first + r`: the bits
-    /// of [`Stream::block`]. Environments wrap around at 2³². Without blocks there is nothing to fill.
+    /// of [`Stream::block`]. Environments wrap around at 2³². Without blocks `out` stays as it is.
     ///
     /// # Panics
-    /// If `out` does not end with a whole row: an error of the caller.
+    /// If there are blocks and `out` does not end with a whole row: an error of the caller.
     pub fn fill_block_rows(stream: Stream, first: u32, blocks: &[u32], out: &mut [[u32; 4]]) {
         for (number, rows) in out.chunks_mut(LANES * blocks.len().max(1)).enumerate() {
             let first = first.wrapping_add((number * LANES) as u32);

@@ -1,12 +1,23 @@
 //! Matrix products on slices: the one door to the `gemm` crate.
 #![allow(unsafe_code, reason = "gemm takes raw pointers; every index it can reach is checked here first")]
 
-use std::sync::Once;
-
 use super::scalar::Scalar;
 
-/// Whether gemm was told when to copy a factor.
-static PACKING: Once = Once::new();
+/// Widest product for which gemm need not copy `b`. Up to here reading it in place was as fast or faster; from 1,024
+/// on, where rows a power of two apart crowd each other out of the cache, it took 13 to 22 % longer.
+const WIDEST_IN_PLACE: usize = 512;
+/// gemm's setting for that, the greatest it knows and its own.
+const IN_PLACE: usize = 256;
+const COPIED: usize = 8;
+
+/// Tells gemm whether to copy the second factor of a product with `columns`. The setting is the whole process's: a thread
+/// that changes it meanwhile costs time, never a bit of the result.
+fn choose_packing(columns: usize) {
+    let wanted = if columns <= WIDEST_IN_PLACE { IN_PLACE } else { COPIED };
+    if gemm::get_lhs_packing_threshold_single_thread() != wanted {
+        gemm::set_lhs_packing_threshold_single_thread(wanted);
+    }
+}
 
 /// A matrix in a slice: element (i, j) at `i · row_stride + j · column_stride`.
 #[derive(Clone, Copy)]
@@ -41,8 +52,8 @@ impl<'a, T> Matrix<'a, T> {
 
 /// out = a b, or out += a b if `accumulate`; out is row-major, `a.rows × b.columns`. Runs on the calling thread, in
 /// an order of summation that depends on the sizes, the strides and the processor alone. Fastest where `b` and `out` are
-/// row-major, begin with a cache line and have rows of whole ones: then `b` is not copied and no vector lies across two
-/// lines.
+/// row-major, begin with a cache line and have rows of whole ones: then no vector lies across two lines, and gemm need
+/// not copy `b`.
 ///
 /// # Panics
 /// If the sizes do not fit or a slice is too short: an error of the caller.
@@ -54,9 +65,7 @@ pub(crate) fn multiply<T: Scalar>(out: &mut [T], a: Matrix<'_, T>, b: Matrix<'_,
     if m == 0 || n == 0 {
         return;
     }
-    // By default gemm copies all but the smallest factors. With rows as above that costs more than it gains; where
-    // another layout needs it, it is done regardless of this number.
-    PACKING.call_once(|| gemm::set_lhs_packing_threshold_single_thread(usize::MAX));
+    choose_packing(n);
     // SAFETY: the three assertions above bound every index i · row_stride + j · column_stride that gemm forms for
     // i < rows and j < columns; `out` is borrowed mutably, so it overlaps neither factor; T is f32 or f64 (the
     // trait is private to the crate), which gemm knows; no stride exceeds a slice's length, so isize holds it.

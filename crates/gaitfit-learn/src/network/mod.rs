@@ -15,6 +15,7 @@ mod weights;
 pub(crate) use lanes::{add as add_slices, descend};
 pub(crate) use normaliser::normalise_row;
 pub(crate) use scalar::Scalar;
+pub(crate) use shape::MOST_PARAMETERS;
 pub(crate) use tape::Tape;
 pub(crate) use weights::Weights;
 

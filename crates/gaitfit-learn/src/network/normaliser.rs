@@ -84,8 +84,15 @@ impl Normaliser {
 }
 
 /// One row through the factors and offsets of [`Normaliser::scale`].
+///
+/// # Panics
+/// If a width differs: an error of the caller.
 #[inline]
 pub(crate) fn normalise_row(scale: &[(f32, f32)], input: &[f32], output: &mut [f32]) {
+    assert!(
+        input.len() == scale.len() && output.len() == scale.len(),
+        "a row and its statistics differ in width"
+    );
     for ((output, &input), &(factor, offset)) in output.iter_mut().zip(input).zip(scale) {
         *output = input * factor + offset;
     }

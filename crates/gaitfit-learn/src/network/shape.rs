@@ -6,6 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Activation;
 
+/// Most parameters of one network.
+pub(crate) const MOST_PARAMETERS: usize = 16 << 20;
+
 /// Sizes of a fully connected network: inputs, hidden layers, outputs.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -3,10 +3,7 @@
 use super::error::invalid;
 use super::{Policy, PolicyError};
 use crate::interface::Term;
-use crate::network::{Network, Normaliser};
-
-/// Most parameters of one network.
-const MOST_PARAMETERS: usize = 16 << 20;
+use crate::network::{MOST_PARAMETERS, Network, Normaliser};
 
 impl Policy {
     /// Checks the interface, then every network, normaliser and number against it.

@@ -34,7 +34,7 @@ fn normals(number: u32, size: usize, scale: f64) -> Vec<f64> {
 
 impl Problem {
     fn new(settings: Settings) -> Self {
-        let shapes = settings.shapes(WIDTHS);
+        let shapes = settings.shapes(WIDTHS).unwrap();
         let size = shapes.0.parameters() + shapes.1.parameters();
         let widest = shapes.0.widest().max(shapes.1.widest());
         let mut parameters = normals(0, size, (1.5 / widest as f64).sqrt());

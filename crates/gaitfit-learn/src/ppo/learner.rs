@@ -60,10 +60,10 @@ impl Learner {
     /// Fresh networks for rows of `widths`, drawn from `seed` (actor: network 0, critic: network 1).
     ///
     /// # Errors
-    /// [`LearnerError`] for bad settings or an empty row.
+    /// [`LearnerError`] for bad settings, among them networks too large for these rows, or an empty row.
     pub fn new(settings: Settings, widths: Widths, seed: u64) -> Result<Self, LearnerError> {
         settings.check()?;
-        let (actor, critic) = settings.shapes(widths);
+        let (actor, critic) = settings.shapes(widths)?;
         let actor = Network::random(actor, seed, 0, settings.output_gain)?;
         let critic = Network::random(critic, seed, 1, 1.0)?;
         let log_std = vec![settings.initial_std.ln() as f32; widths.action];
@@ -196,8 +196,8 @@ impl Learner {
     /// updates the actor stays as it is; after them the moments of Adam start at 0 again.
     ///
     /// # Errors
-    /// [`UpdateError`]: unfit samples (the learner is unchanged), or arithmetic that is not finite (parameters and moments
-    /// are those before the step named).
+    /// [`UpdateError`]: unfit samples (the learner is unchanged), or arithmetic that is not finite (parameters and
+    /// moments are those before the step named).
     pub fn update(
         &mut self,
         tiles: &mut [Samples],

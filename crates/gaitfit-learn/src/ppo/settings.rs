@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::network::{Activation, Shape};
+use crate::network::{Activation, MOST_PARAMETERS, Shape};
 
 /// How the learning rate moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -126,15 +126,10 @@ impl Settings {
             if fine { Ok(()) } else { Err(SettingsError { name, value, remedy }) }
         };
         let positive = |name, x: f64| {
-            require(x > 1e-30 && x < 1e30, name, x.to_string(), "give a number above 0, and not above 1e30")
+            require(x > 1e-30 && x < 1e30, name, format!("{x:?}"), "give a number above 1e-30 and below 1e30")
         };
         let not_negative = |name, x: f64| {
-            require(
-                (0.0..1e30).contains(&x),
-                name,
-                x.to_string(),
-                "give 0 or a number above it, not above 1e30",
-            )
+            require((0.0..1e30).contains(&x), name, format!("{x:?}"), "give 0 or more, below 1e30")
         };
         let fraction = |name, x: f64| require((0.0..=1.0).contains(&x), name, x.to_string(), "give 0 … 1");
         for (name, hidden) in [("actor_hidden", &self.actor_hidden), ("critic_hidden", &self.critic_hidden)] {
@@ -188,17 +183,21 @@ impl Settings {
     }
 
     /// Shapes of the actor and the critic for rows of these widths.
-    pub fn shapes(&self, widths: super::Widths) -> (Shape, Shape) {
-        let activation = self.activation;
-        let shape = |inputs, hidden: &[usize], outputs| Shape {
-            inputs,
-            hidden: hidden.to_vec(),
-            outputs,
-            activation,
+    ///
+    /// # Errors
+    /// [`SettingsError`] naming the network that would have more parameters than a policy file may.
+    pub fn shapes(&self, widths: super::Widths) -> Result<(Shape, Shape), SettingsError> {
+        let shape = |name, inputs, hidden: &[usize], outputs| {
+            let shape = Shape { inputs, hidden: hidden.to_vec(), outputs, activation: self.activation };
+            if shape.parameters() <= MOST_PARAMETERS {
+                return Ok(shape);
+            }
+            let value = format!("{hidden:?}, a network of {} parameters", shape.parameters());
+            Err(SettingsError { name, value, remedy: "make it narrower, at most 16777216 parameters" })
         };
-        (
-            shape(widths.observation, &self.actor_hidden, widths.action),
-            shape(widths.critic_observation, &self.critic_hidden, 1),
-        )
+        Ok((
+            shape("actor_hidden", widths.observation, &self.actor_hidden, widths.action)?,
+            shape("critic_hidden", widths.critic_observation, &self.critic_hidden, 1)?,
+        ))
     }
 }

@@ -48,7 +48,7 @@ pub(crate) fn observe(
     motion: &Motion,
     index: usize,
     context: &Context<'_>,
-    noise: Option<&[[u32; 4]]>,
+    mut noise: Option<&[[u32; 4]]>,
     row: &mut [f32],
 ) {
     let joints = scene.start_pose.len();
@@ -57,7 +57,6 @@ pub(crate) fn observe(
     let angular = &motion.base_angular[3 * index..3 * index + 3];
     let position = &motion.joint_position[joints * index..joints * (index + 1)];
     let velocity = &motion.joint_velocity[joints * index..joints * (index + 1)];
-    let mut noise = noise.map(|blocks| blocks.iter());
     let mut place = 0;
     for term in terms {
         let width = term.quantity.width(scene.joints.len());
@@ -83,16 +82,18 @@ pub(crate) fn observe(
                 out.copy_from_slice(&[sin, cos]);
             }
         }
-        if let Some(blocks) = &mut noise {
-            let half = half_range(&scene.settings.noise, term.quantity);
-            if half > 0.0 {
-                for (chunk, words) in out.chunks_mut(4).zip(blocks) {
-                    for (value, word) in chunk.iter_mut().zip(words) {
-                        let uniform = (word >> 8) as f32 * (1.0 / (1 << 24) as f32);
-                        *value += half * (2.0 * uniform - 1.0);
-                    }
+        let half = half_range(&scene.settings.noise, term.quantity);
+        if let Some(blocks) = noise
+            && half > 0.0
+        {
+            let (own, rest) = blocks.split_at(width.div_ceil(4));
+            for (chunk, words) in out.chunks_mut(4).zip(own) {
+                for (value, word) in chunk.iter_mut().zip(words) {
+                    let uniform = (word >> 8) as f32 * (1.0 / (1 << 24) as f32);
+                    *value += half * (2.0 * uniform - 1.0);
                 }
             }
+            noise = Some(rest);
         }
         match term.scale.as_slice() {
             [] => {}
@@ -101,5 +102,5 @@ pub(crate) fn observe(
         }
         place += width;
     }
-    debug_assert!(noise.is_none_or(|mut blocks| blocks.next().is_none()), "blocks that no term took");
+    debug_assert!(noise.is_none_or(<[_]>::is_empty), "blocks that no term took");
 }

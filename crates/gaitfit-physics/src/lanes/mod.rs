@@ -1,8 +1,8 @@
 //! Vectors of `f32` lanes, one environment a lane, and the choice of instruction set at run time.
 //!
-//! This is the only module with `unsafe`: vector intrinsics, registers read as numbers, and calls into functions compiled for an
-//! instruction set that has been found on the machine. Everything below [`Lanes::control_period`] is inlined
-//! into it, so the whole step is compiled once for each set.
+//! This is the only module with `unsafe`: vector intrinsics, registers read as numbers, and calls into functions
+//! compiled for an instruction set that has been found on the machine. Everything below [`Lanes::control_period`]
+//! is inlined into it, so the whole step is compiled once for each set.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

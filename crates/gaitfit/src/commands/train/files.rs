@@ -44,7 +44,7 @@ pub fn check_same(folder: &RunFolder, plan: &Plan) -> Result<(), Failure> {
     })?;
     if let Some(less) = shrunk(&saved, plan) {
         return Err(Failure::usage(format!(
-            "{} cannot be continued: {less}; both may only grow",
+            "{} cannot be continued: {less}, or start afresh without --resume",
             folder.path().display()
         )));
     }
@@ -59,17 +59,22 @@ pub fn check_same(folder: &RunFolder, plan: &Plan) -> Result<(), Failure> {
     }
 }
 
-/// What the run has more of than is asked for now, in words.
+/// What the run has more of than is asked for now, and how to ask for it.
 fn shrunk(saved: &Table, plan: &Plan) -> Option<String> {
     let iterations = saved.get("train")?.get("iterations")?.as_integer()?;
     if i64::from(plan.train.iterations) < iterations {
         let now = plan.train.iterations;
-        return Some(format!("`train.iterations` was {iterations}, now it is {now}"));
+        return Some(format!(
+            "`train.iterations` was {iterations}, now it is {now}, and it may only grow: give --set \
+             train.iterations={iterations}"
+        ));
     }
     let seeds = saved.get("seeds")?.as_array()?.iter().filter_map(Value::as_integer);
     let gone =
         seeds.into_iter().find(|&seed| !plan.seeds.iter().any(|&kept| i64::try_from(kept) == Ok(seed)))?;
-    Some(format!("`seeds` had {gone}, and now lacks it"))
+    Some(format!(
+        "`seeds` had {gone} and now lacks it, and the list may only grow: give all of the run's seeds"
+    ))
 }
 
 /// What a run is bound to of its settings.
