@@ -182,6 +182,9 @@ impl Training<'_> {
             if returns.len() != 2 * runner.returns.len() {
                 return Err(damaged(format!("tensor tile.{tile}.returns has {} numbers", returns.len())));
             }
+            if let Some(bad) = returns.iter().find(|x| !x.is_finite()) {
+                return Err(damaged(format!("tensor tile.{tile}.returns holds {bad}")));
+            }
             runner.returns.as_flattened_mut().copy_from_slice(&returns);
         }
         self.iteration = header.iteration;

@@ -5,6 +5,7 @@ use gaitfit_learn::policy::weights;
 use gaitfit_learn::task::{Scene, TaskSettings};
 use gaitfit_learn::{CheckpointError, Origin, Training, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
+use safetensors::SafeTensors;
 
 const SETTINGS: TrainingSettings = TrainingSettings { environments: 270, steps: 6, iterations: 5 };
 
@@ -80,4 +81,23 @@ fn what_does_not_fit_is_refused() {
     let settings = TrainingSettings { environments: 200, ..SETTINGS };
     let mut smaller = Training::new(&scene, None, &settings, learner, 7).unwrap();
     assert!(smaller.restore(&bytes, &origin()).is_err());
+}
+
+#[test]
+fn numbers_that_cannot_be_are_refused() {
+    let scene = scene();
+    let mut training = training(&scene);
+    let bytes = training.save(&origin(), 0.0).unwrap();
+    let mut spoilt = |tensor: &str, number: [u8; 4]| {
+        let mut bytes = bytes.clone();
+        let data = SafeTensors::deserialize(&bytes).unwrap().tensor(tensor).unwrap().data().as_ptr();
+        let place = data as usize - bytes.as_ptr() as usize;
+        bytes[place..place + 4].copy_from_slice(&number);
+        training.restore(&bytes, &origin()).unwrap_err().to_string()
+    };
+    let longest = scene.episode_steps();
+    assert!(spoilt("tile.0.steps", (longest + 1).to_le_bytes()).contains("of another task"));
+    assert!(spoilt("tile.1.returns", f32::INFINITY.to_le_bytes()).contains("tile.1.returns holds inf"));
+    assert!(spoilt("learner.adam.second", (-1.0_f32).to_le_bytes()).contains("`adam.second` is -1"));
+    assert!(spoilt("learner.actor", f32::NAN.to_le_bytes()).contains("`actor` is NaN"));
 }

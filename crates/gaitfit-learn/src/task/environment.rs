@@ -391,7 +391,8 @@ impl<'a> Environment<'a> {
             what: "is of another task, robot or number of environments".to_owned(),
         };
         let Some(split) = saved.numbers.len().checked_sub(own) else { return Err(foreign) };
-        if saved.steps.len() != self.steps.len() {
+        let longest = self.scene.episode_steps();
+        if saved.steps.len() != self.steps.len() || saved.steps.iter().any(|&steps| steps > longest) {
             return Err(foreign);
         }
         let (tile, rest) = saved.numbers.split_at(split);
