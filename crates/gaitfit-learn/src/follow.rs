@@ -6,7 +6,8 @@ use std::sync::PoisonError;
 use gaitfit_physics::Params;
 use gaitfit_sim::{Candidate, Motion, Start, pool};
 
-use crate::policy::{ActScratch, Policy};
+use crate::network::Scratch;
+use crate::policy::Policy;
 use crate::task::{Context, Noise, Scene, SceneError, fallen, observe};
 
 /// What one robot is to follow.
@@ -113,7 +114,7 @@ struct Worker {
     last_action: Vec<f32>,
     targets: Vec<f32>,
     noise: Noise,
-    scratch: ActScratch,
+    scratch: Scratch,
 }
 
 impl Worker {

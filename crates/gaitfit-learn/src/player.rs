@@ -1,6 +1,7 @@
 //! A policy at work in a tile of environments: its mean actions, no learning.
 
-use crate::policy::{ActScratch, Policy};
+use crate::network::Scratch;
+use crate::policy::Policy;
 use crate::task::{Ended, Environment, Scene};
 
 /// A policy and the tile it moves. Ended episodes are left where they are.
@@ -15,7 +16,7 @@ pub struct Player<'a> {
     pub ended: Vec<Ended>,
     policy: &'a Policy,
     observation: Vec<f32>,
-    scratch: ActScratch,
+    scratch: Scratch,
 }
 
 impl<'a> Player<'a> {
@@ -29,7 +30,7 @@ impl<'a> Player<'a> {
             ended: vec![Ended::No; count],
             policy,
             observation: vec![0.0; count * scene.interface.observation_width()],
-            scratch: ActScratch::default(),
+            scratch: Scratch::default(),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use gaitfit_random::{Purpose, Stream, fill_normal_rows};
 
-use crate::network::{Network, Normaliser, Scratch};
+use crate::network::Scratch;
 use crate::ppo::{Learner, Samples};
 use crate::task::{Ended, Environment};
 
@@ -64,28 +64,7 @@ pub struct Runner<'a> {
     /// Number of the tile's first environment.
     first: u32,
     scratch: Scratch,
-    normalised: Vec<f32>,
     ended: Vec<Ended>,
-}
-
-/// `input` through the normaliser, if there is one, and the network.
-fn evaluate(
-    network: &Network,
-    normaliser: Option<&Normaliser>,
-    rows: usize,
-    input: &[f32],
-    output: &mut [f32],
-    normalised: &mut Vec<f32>,
-    scratch: &mut Scratch,
-) {
-    match normaliser {
-        Some(normaliser) => {
-            normalised.resize(input.len(), 0.0);
-            normaliser.apply(input, normalised);
-            network.forward(rows, normalised, output, scratch);
-        }
-        None => network.forward(rows, input, output, scratch),
-    }
 }
 
 impl<'a> Runner<'a> {
@@ -99,7 +78,6 @@ impl<'a> Runner<'a> {
             returns: vec![[0.0; 2]; count],
             first,
             scratch: Scratch::new(),
-            normalised: Vec::new(),
             ended: vec![Ended::No; count],
         }
     }
@@ -128,19 +106,11 @@ impl<'a> Runner<'a> {
             let critic_observation = &mut samples.critic_observation[of(widths.critic_observation)];
             self.environment.observe_critic(critic_observation);
             let mean = &mut samples.mean[of(widths.action)];
-            let (normalised, scratch) = (&mut self.normalised, &mut self.scratch);
-            evaluate(learner.actor(), learner.normaliser(), count, observation, mean, normalised, scratch);
+            let scratch = &mut self.scratch;
+            learner.actor().forward_normalised(learner.normaliser(), count, observation, mean, scratch);
             let value = &mut samples.value[rows.clone()];
             let critic_normaliser = learner.critic_normaliser();
-            evaluate(
-                learner.critic(),
-                critic_normaliser,
-                count,
-                critic_observation,
-                value,
-                normalised,
-                scratch,
-            );
+            learner.critic().forward_normalised(critic_normaliser, count, critic_observation, value, scratch);
             let action = &mut samples.action[of(widths.action)];
             let stream = Stream::new(seed, Purpose::EXPLORATION).step(step);
             fill_normal_rows(stream, self.first, widths.action, &mut normals);
@@ -185,7 +155,7 @@ impl<'a> Runner<'a> {
                 let mut last = vec![0.0; count * widths.critic_observation];
                 self.environment.observe_critic(&mut last);
                 let mut values = vec![0.0; count];
-                evaluate(learner.critic(), critic_normaliser, count, &last, &mut values, normalised, scratch);
+                learner.critic().forward_normalised(critic_normaliser, count, &last, &mut values, scratch);
                 let gamma = learner.settings().gamma as f32;
                 for index in (0..count).filter(|&index| self.ended[index] == Ended::TimeOut) {
                     reward[index] += gamma * values[index];
@@ -196,16 +166,8 @@ impl<'a> Runner<'a> {
         let mut last = vec![0.0; count * widths.critic_observation];
         self.environment.observe_critic(&mut last);
         let critic_normaliser = learner.critic_normaliser();
-        let (normalised, scratch) = (&mut self.normalised, &mut self.scratch);
-        evaluate(
-            learner.critic(),
-            critic_normaliser,
-            count,
-            &last,
-            &mut samples.last_value,
-            normalised,
-            scratch,
-        );
+        let (values, scratch) = (&mut samples.last_value, &mut self.scratch);
+        learner.critic().forward_normalised(critic_normaliser, count, &last, values, scratch);
         self.tally.terms = self.environment.take_terms();
         Ok(())
     }

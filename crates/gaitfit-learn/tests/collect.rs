@@ -5,7 +5,8 @@ mod task_common;
 
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::policy::{ActScratch, Policy};
+use gaitfit_learn::network::Scratch;
+use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::Scene;
 use gaitfit_log::Trajectory;
 use gaitfit_sim::Candidate;
@@ -77,7 +78,7 @@ fn rows_hold_what_the_policy_saw_and_did() {
             }
             let observation: Vec<f32> = observation.into_iter().map(|x| x as f32).collect();
             let mut again = [f32::NAN; 12];
-            policy.act(1, &observation, &mut again, &mut ActScratch::default());
+            policy.act(1, &observation, &mut again, &mut Scratch::default());
             for (again, action) in again.iter().zip(&actions[joints]) {
                 assert!((f64::from(*again) - action).abs() < 1e-5, "row {row}: {again}, in the log {action}");
             }

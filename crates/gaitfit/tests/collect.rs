@@ -4,7 +4,8 @@
 mod common;
 
 use common::{errors, json, run};
-use gaitfit_learn::policy::{self, ActScratch};
+use gaitfit_learn::network::Scratch;
+use gaitfit_learn::policy;
 use gaitfit_log::{ReadOptions, Trajectory, read_csv};
 use gaitfit_sim::kinematics::rotate;
 use std::path::Path;
@@ -69,7 +70,7 @@ fn logs_read_back_are_what_the_policy_saw_and_did() {
             let observation: Vec<f32> =
                 observation.iter().zip(&scales).map(|(&value, scale)| value as f32 * scale).collect();
             let mut again = [f32::NAN; 12];
-            policy.act(1, &observation, &mut again, &mut ActScratch::default());
+            policy.act(1, &observation, &mut again, &mut Scratch::default());
             for (again, action) in again.iter().zip(&actions[joints]) {
                 assert!((f64::from(*again) - action).abs() < 1e-4, "row {row}: {again}, in the log {action}");
             }

@@ -3,7 +3,7 @@
 use aligned_vec::{AVec, avec};
 use gaitfit_random::{Purpose, Stream};
 
-use super::{Shape, ShapeError, forward};
+use super::{Normaliser, Shape, ShapeError, forward};
 
 /// Rows that pass through all layers together, so that their activations stay in the second-level cache.
 const TILE: usize = 256;
@@ -17,16 +17,18 @@ pub struct Network {
     pub parameters: AVec<f32>,
 }
 
-/// Working memory of [`Network::forward`]; one a thread, kept between calls. Any network may use it.
+/// Working memory of networks; one a thread, kept between calls. Any network may use it.
 #[derive(Clone, Debug)]
 pub struct Scratch {
     /// Two buffers that the layers take in turn.
     buffers: [AVec<f32>; 2],
+    /// The input of the first layer, where there is a normaliser.
+    normalised: Vec<f32>,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
-        Self { buffers: [AVec::new(0), AVec::new(0)] }
+        Self { buffers: [AVec::new(0), AVec::new(0)], normalised: Vec::new() }
     }
 }
 
@@ -43,16 +45,22 @@ impl Network {
     /// # Errors
     /// [`ShapeError`] if a layer is empty or the parameters are not as many as the shape needs.
     pub fn new(shape: Shape, parameters: &[f32]) -> Result<Self, ShapeError> {
-        shape.check()?;
-        let expected = shape.parameters();
-        if parameters.len() != expected {
-            return Err(ShapeError::Parameters {
-                shape: shape.to_string(),
-                expected,
-                found: parameters.len(),
-            });
+        let network = Self { shape, parameters: AVec::from_slice(0, parameters) };
+        network.check()?;
+        Ok(network)
+    }
+
+    /// Refuses what [`Network::new`] refuses.
+    ///
+    /// # Errors
+    /// As there.
+    pub(crate) fn check(&self) -> Result<(), ShapeError> {
+        self.shape.check()?;
+        let (expected, found) = (self.shape.parameters(), self.parameters.len());
+        if found == expected {
+            return Ok(());
         }
-        Ok(Self { shape, parameters: AVec::from_slice(0, parameters) })
+        Err(ShapeError::Parameters { shape: self.shape.to_string(), expected, found })
     }
 
     /// Random parameters, uniform in ±1/√inputs for weights and biases alike (the usual choice of PyTorch's
@@ -74,6 +82,27 @@ impl Network {
             }
         }
         Ok(Self { shape, parameters })
+    }
+
+    /// [`Network::forward`] of `input` as `normaliser`, if there is one, makes it.
+    ///
+    /// # Panics
+    /// As there, and if the normaliser's width is not the network's.
+    pub(crate) fn forward_normalised(
+        &self,
+        normaliser: Option<&Normaliser>,
+        rows: usize,
+        input: &[f32],
+        output: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        let Some(normaliser) = normaliser else { return self.forward(rows, input, output, scratch) };
+        let mut normalised = std::mem::take(&mut scratch.normalised);
+        let size = rows * self.shape.inputs;
+        normalised.resize(size, 0.0);
+        normaliser.apply(&input[..size], &mut normalised);
+        self.forward(rows, &normalised, output, scratch);
+        scratch.normalised = normalised;
     }
 
     /// Evaluates `rows` rows: `input` is `rows × inputs`, `output` `rows × outputs`, both row-major. Runs on the

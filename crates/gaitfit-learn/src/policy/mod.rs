@@ -63,26 +63,13 @@ pub struct Provenance {
     pub theta: String,
 }
 
-/// Working memory of [`Policy::act`]; one a thread, kept between calls.
-#[derive(Clone, Debug, Default)]
-pub struct ActScratch {
-    network: Scratch,
-    normalised: Vec<f32>,
-}
-
 impl Policy {
     /// Mean actions, before scaling and clipping: `observation` is `rows × observation_width`, scaled as the
     /// interface's terms say, `actions` `rows × joints`; both row-major. The actor's normaliser is applied here.
     ///
     /// # Panics
     /// If a slice is shorter than its size, or the policy does not pass [`Policy::check`]: errors of the caller.
-    pub fn act(&self, rows: usize, observation: &[f32], actions: &mut [f32], scratch: &mut ActScratch) {
-        let Some(normaliser) = &self.normaliser else {
-            return self.actor.forward(rows, observation, actions, &mut scratch.network);
-        };
-        let size = rows * self.actor.shape.inputs;
-        scratch.normalised.resize(size, 0.0);
-        normaliser.apply(&observation[..size], &mut scratch.normalised);
-        self.actor.forward(rows, &scratch.normalised, actions, &mut scratch.network);
+    pub fn act(&self, rows: usize, observation: &[f32], actions: &mut [f32], scratch: &mut Scratch) {
+        self.actor.forward_normalised(self.normaliser.as_ref(), rows, observation, actions, scratch);
     }
 }

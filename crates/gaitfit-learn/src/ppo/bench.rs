@@ -6,7 +6,7 @@ use gaitfit_random::{Purpose, Stream};
 use serde::Serialize;
 
 use super::{Diagnostics, Learner, LearnerError, Samples, Settings, UpdateError, Widths, loss::HALF_LOG_TAU};
-use crate::network::{Network, Normaliser, Scratch};
+use crate::network::Scratch;
 
 /// What one timing says.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -56,17 +56,10 @@ pub fn synthetic(
         normals(2, &mut samples.action);
         normals(3, &mut samples.reward);
         normals(4, &mut samples.last_value);
-        let mut forward =
-            |network: &Network, normaliser: Option<&Normaliser>, input: &[f32], output: &mut [f32]| {
-                let mut seen = input.to_vec();
-                if let Some(normaliser) = normaliser {
-                    normaliser.apply(input, &mut seen);
-                }
-                network.forward(rows, &seen, output, &mut scratch);
-            };
-        forward(learner.actor(), learner.normaliser(), &samples.observation, &mut samples.mean);
-        let critic_normaliser = learner.critic_normaliser();
-        forward(learner.critic(), critic_normaliser, &samples.critic_observation, &mut samples.value);
+        let (seen, mean) = (&samples.observation, &mut samples.mean);
+        learner.actor().forward_normalised(learner.normaliser(), rows, seen, mean, &mut scratch);
+        let (seen, value) = (&samples.critic_observation, &mut samples.value);
+        learner.critic().forward_normalised(learner.critic_normaliser(), rows, seen, value, &mut scratch);
         for row in 0..rows {
             let mut log_probability = 0.0;
             for (c, &log_std) in learner.log_std().iter().enumerate() {

@@ -62,7 +62,6 @@ impl Learner {
     /// # Errors
     /// [`LearnerError`] for bad settings, among them networks too large for these rows, or an empty row.
     pub fn new(settings: Settings, widths: Widths, seed: u64) -> Result<Self, LearnerError> {
-        settings.check()?;
         let (actor, critic) = settings.shapes(widths)?;
         let actor = Network::random(actor, seed, 0, settings.output_gain)?;
         let critic = Network::random(critic, seed, 1, 1.0)?;
@@ -86,8 +85,8 @@ impl Learner {
         mut log_std: Vec<f32>,
     ) -> Result<Self, LearnerError> {
         settings.check()?;
-        let actor = Network::new(actor.shape, &actor.parameters)?;
-        let critic = Network::new(critic.shape, &critic.parameters)?;
+        actor.check()?;
+        critic.check()?;
         for (what, expected, found) in [
             ("the actor's input", widths.observation, actor.shape.inputs),
             ("the actor's output", widths.action, actor.shape.outputs),

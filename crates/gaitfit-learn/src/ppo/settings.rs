@@ -185,15 +185,19 @@ impl Settings {
     /// Shapes of the actor and the critic for rows of these widths.
     ///
     /// # Errors
-    /// [`SettingsError`] naming the network that would have more parameters than a policy file may.
+    /// [`SettingsError`] naming the first bad setting, or the network that would have more parameters than a policy
+    /// file may.
     pub fn shapes(&self, widths: super::Widths) -> Result<(Shape, Shape), SettingsError> {
+        self.check()?;
         let shape = |name, inputs, hidden: &[usize], outputs| {
             let shape = Shape { inputs, hidden: hidden.to_vec(), outputs, activation: self.activation };
             if shape.parameters() <= MOST_PARAMETERS {
                 return Ok(shape);
             }
-            let value = format!("{hidden:?}, a network of {} parameters", shape.parameters());
-            Err(SettingsError { name, value, remedy: "make it narrower, at most 16777216 parameters" })
+            let count = shape.parameters();
+            let value =
+                format!("{hidden:?}, {count} parameters where a policy has at most {MOST_PARAMETERS}");
+            Err(SettingsError { name, value, remedy: "make it narrower" })
         };
         Ok((
             shape("actor_hidden", widths.observation, &self.actor_hidden, widths.action)?,

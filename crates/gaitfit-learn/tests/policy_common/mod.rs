@@ -1,8 +1,8 @@
 //! A Go2 and policies for it.
 #![allow(clippy::unwrap_used, dead_code, reason = "a failed unwrap is a failed test; no test uses all of it")]
 
-use gaitfit_learn::network::{Activation, Network, Normaliser, Shape};
-use gaitfit_learn::policy::{ActScratch, Policy, Provenance};
+use gaitfit_learn::network::{Activation, Network, Normaliser, Scratch, Shape};
+use gaitfit_learn::policy::{Policy, Provenance};
 use gaitfit_learn::{Interface, Quantity, Term};
 use gaitfit_model::Model;
 use std::path::{Path, PathBuf};
@@ -94,7 +94,7 @@ pub fn policy(activation: Activation) -> Policy {
 pub fn act(policy: &Policy, observation: &[f32]) -> Vec<f32> {
     let rows = observation.len() / policy.actor.shape.inputs;
     let mut actions = vec![f32::NAN; rows * policy.actor.shape.outputs];
-    policy.act(rows, observation, &mut actions, &mut ActScratch::default());
+    policy.act(rows, observation, &mut actions, &mut Scratch::default());
     actions
 }
 

@@ -4,7 +4,8 @@
 use super::observation::{self, Given};
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::policy::{ActScratch, Policy};
+use gaitfit_learn::network::Scratch;
+use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::{Scene, TaskSettings};
 use gaitfit_learn::{Training, TrainingSettings, ppo};
 use gaitfit_log::Trajectory;
@@ -59,7 +60,7 @@ pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
         gains: None,
         fell: false,
     };
-    let mut scratch = ActScratch::default();
+    let mut scratch = Scratch::default();
     let (mut position, mut velocity) = (interface.default_pose.clone(), vec![0.0; joints]);
     let mut action = vec![0.0f32; joints];
     let mut observation = vec![0.0f32; interface.observation_width()];

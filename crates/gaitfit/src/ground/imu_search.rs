@@ -2,7 +2,8 @@
 
 use super::observation::{self, Given};
 use gaitfit_learn::Quantity;
-use gaitfit_learn::policy::{ActScratch, Policy};
+use gaitfit_learn::network::Scratch;
+use gaitfit_learn::policy::Policy;
 use gaitfit_log::Trajectory;
 use nalgebra::{DMatrix, DVector};
 
@@ -18,7 +19,7 @@ pub struct Search<'a> {
     policy: &'a Policy,
     spread: &'a [f64],
     clip: f64,
-    scratch: ActScratch,
+    scratch: Scratch,
     observation: Vec<f32>,
     action: Vec<f32>,
 }
@@ -33,7 +34,7 @@ impl<'a> Search<'a> {
             policy,
             spread,
             clip,
-            scratch: ActScratch::default(),
+            scratch: Scratch::default(),
             observation: Vec::new(),
             action: Vec::new(),
         }
