@@ -87,7 +87,7 @@ impl Network {
     /// [`Network::forward`] of `input` as `normaliser`, if there is one, makes it.
     ///
     /// # Panics
-    /// As there, and if the normaliser's width is not the network's.
+    /// As there.
     pub(crate) fn forward_normalised(
         &self,
         normaliser: Option<&Normaliser>,
