@@ -5,6 +5,7 @@ use crate::error::ModelError;
 use crate::joint::{AUTO, LIMITED, resolve_range};
 use crate::model::{Actuator, Joint};
 use crate::options::Compiler;
+use crate::shown::shown;
 use crate::xml::Element;
 
 /// Actuator elements that are honoured.
@@ -116,11 +117,11 @@ impl ActuatorForm {
     fn apply_general(&mut self, ctx: &mut Context, a: &mut Attributes) -> Result<(), ModelError> {
         let label = a.element().label();
         if let Some(text) = a.text("dyntype").filter(|t| *t != "none") {
-            let what = format!("{label} with dyntype {}", crate::xml::shorten(text));
+            let what = format!("{label} with dyntype {}", shown(text));
             ctx.refuse(a.at("dyntype"), what, NO_STATE, "use dyntype=\"none\"")?;
         }
         if let Some(text) = a.text("gaintype").filter(|t| *t != "fixed") {
-            let what = format!("{label} with gaintype {}", crate::xml::shorten(text));
+            let what = format!("{label} with gaintype {}", shown(text));
             ctx.refuse(a.at("gaintype"), what, "only fixed gains", "use gaintype=\"fixed\"")?;
         }
         match a.text("biastype") {
@@ -128,7 +129,7 @@ impl ActuatorForm {
             Some("none") => self.bias_type = 0,
             Some("affine") => self.bias_type = 1,
             Some(text) => {
-                let what = format!("{label} with biastype {}", crate::xml::shorten(text));
+                let what = format!("{label} with biastype {}", shown(text));
                 ctx.refuse(a.at("biastype"), what, "only none and affine", "use biastype=\"affine\"")?;
             }
         }
@@ -168,10 +169,7 @@ impl ActuatorForm {
             return Err(ctx.invalid(at, format!("{label} drives nothing"), "add joint=\"...\""));
         };
         let Some(joint) = joints.iter().position(|j| !j.name.is_empty() && j.name == target) else {
-            let message = format!(
-                "{label} names joint \"{}\", which is no hinge of the file",
-                crate::xml::shorten(target)
-            );
+            let message = format!("{label} names joint \"{}\", which is no hinge of the file", shown(target));
             if ctx.lenient {
                 ctx.refuse(at, message, "its joint is missing or was dropped", "correct the name")?;
                 return Ok(None);

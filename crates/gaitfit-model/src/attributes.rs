@@ -2,7 +2,8 @@
 
 use crate::error::ModelError;
 use crate::model::Dropped;
-use crate::xml::{At, Element, Sources, shorten};
+use crate::shown::{shown, shown_number};
+use crate::xml::{At, Element, Sources};
 
 /// Entries listed in `Model::dropped`; more than this is a hostile or wrong file.
 const MAX_DROPPED: usize = 2_000;
@@ -119,7 +120,7 @@ impl<'e> Attributes<'e> {
                 _ => {
                     return Err(ctx.invalid(
                         self.at(name),
-                        format!("`{name}` of {} has \"{}\"", self.element.label(), shorten(word)),
+                        format!("`{name}` of {} has \"{}\"", self.element.label(), shown(word)),
                         "write finite numbers separated by spaces",
                     ));
                 }
@@ -192,7 +193,7 @@ impl<'e> Attributes<'e> {
             if value < 0.0 {
                 return Err(ctx.invalid(
                     self.at(name),
-                    format!("`{name}` of {} is {value}", self.element.label()),
+                    format!("`{name}` of {} is {}", self.element.label(), shown_number(value)),
                     "give a value of zero or more",
                 ));
             }
@@ -207,7 +208,7 @@ impl<'e> Attributes<'e> {
         text.trim().parse().map(Some).map_err(|_| {
             ctx.invalid(
                 self.at(name),
-                format!("`{name}` of {} is \"{}\"", self.element.label(), shorten(text)),
+                format!("`{name}` of {} is \"{}\"", self.element.label(), shown(text)),
                 "give a whole number",
             )
         })
@@ -220,7 +221,7 @@ impl<'e> Attributes<'e> {
             Some(index) => Ok(Some(index)),
             None => Err(ctx.invalid(
                 self.at(name),
-                format!("`{name}` of {} is \"{}\"", self.element.label(), shorten(text)),
+                format!("`{name}` of {} is \"{}\"", self.element.label(), shown(text)),
                 format!("use one of {}", words.join(", ")),
             )),
         }
@@ -253,7 +254,7 @@ impl<'e> Attributes<'e> {
             if !used {
                 ctx.refuse(
                     attribute.at,
-                    format!("`{}` of {}", shorten(&attribute.name), self.element.label()),
+                    format!("`{}` of {}", shown(&attribute.name), self.element.label()),
                     "this attribute is not known here",
                     "correct or remove it",
                 )?;

@@ -8,9 +8,11 @@ use crate::error::ModelError;
 use crate::keyframes::fill_keyframes;
 use crate::model::{Body, Geom, Model, Plane, Root};
 use crate::orientation::{IDENTITY, Quat, Vec3, compose};
+use crate::scan::MAX_NAME;
 use crate::servo::resolve_damping_ratios;
+use crate::shown::{commands, escaped, shown};
 use crate::spec::{GeomKind, Spec};
-use crate::xml::{At, shorten};
+use crate::xml::At;
 
 /// Below this a moving mass or inertia counts as none (`mjMINVAL`).
 const MIN_MASS: f64 = 1e-15;
@@ -22,6 +24,9 @@ pub(crate) fn compile(
     stem: &str,
     wanted: Option<Root>,
 ) -> Result<Model, ModelError> {
+    if let Some(name) = &spec.name {
+        check_name(ctx, At::default(), "model", name)?;
+    }
     name_everything(ctx, &mut spec)?;
     scale_total_mass(&mut spec);
     let Some(robot) = choose_robot(ctx, &spec)? else {
@@ -57,7 +62,7 @@ pub(crate) fn compile(
     }
 
     let mut model = Model {
-        name: spec.name.clone().unwrap_or_else(|| stem.to_string()),
+        name: spec.name.clone().unwrap_or_else(|| escaped(stem, MAX_NAME)),
         options: spec.options.clone(),
         root: attachment,
         bodies: Vec::new(),
@@ -86,7 +91,7 @@ pub(crate) fn compile(
             }
             None => ctx.drop_quietly(
                 At::default(),
-                format!("actuator \"{}\"", shorten(&actuator.name)),
+                format!("actuator \"{}\"", shown(&actuator.name)),
                 "its joint belongs to a body that was dropped",
             ),
         }
@@ -123,13 +128,27 @@ fn name_everything(ctx: &Context, spec: &mut Spec) -> Result<(), ModelError> {
     unique(ctx, "keyframe", spec.keys.iter_mut().map(|k| (&mut k.name, k.at)).collect())
 }
 
+/// Names go into tables, pages and file names: they are short, and none commands a terminal.
+fn check_name(ctx: &Context, at: At, kind: &str, name: &str) -> Result<(), ModelError> {
+    if name.len() > MAX_NAME {
+        let message = format!("{kind} name \"{}\" has {} bytes", shown(name), name.len());
+        return Err(ctx.invalid(at, message, format!("give it at most {MAX_NAME}")));
+    }
+    if name.chars().any(commands) {
+        let message = format!("{kind} name \"{}\" has control characters", shown(name));
+        return Err(ctx.invalid(at, message, "remove them"));
+    }
+    Ok(())
+}
+
 fn unique(ctx: &Context, kind: &str, names: Vec<(&mut String, At)>) -> Result<(), ModelError> {
     let mut seen: HashSet<String> = HashSet::new();
     for (name, at) in &names {
+        check_name(ctx, *at, kind, name)?;
         if !name.is_empty() && !seen.insert((*name).clone()) {
             return Err(ctx.invalid(
                 *at,
-                format!("{kind} name \"{}\" is used twice", shorten(name)),
+                format!("{kind} name \"{}\" is used twice", shown(name)),
                 "names must differ",
             ));
         }
@@ -191,8 +210,8 @@ fn choose_robot(ctx: &mut Context, spec: &Spec) -> Result<Option<Robot>, ModelEr
     for &other in moving.iter().filter(|&&b| b != root) {
         ctx.refuse(
             spec.bodies[other].at,
-            format!("body \"{}\"", shorten(&spec.bodies[other].name)),
-            format!("a second moving body beside \"{}\"", shorten(&spec.bodies[root].name)),
+            format!("body \"{}\"", shown(&spec.bodies[other].name)),
+            format!("a second moving body beside \"{}\"", shown(&spec.bodies[root].name)),
             "keep one robot in the file",
         )?;
     }
@@ -205,7 +224,7 @@ fn attach(ctx: &Context, spec: &Spec, root: usize, wanted: Option<Root>) -> Resu
     match wanted {
         Some(Root::Floating) if !body.joints.is_empty() => Err(ctx.invalid(
             body.at,
-            format!("root body \"{}\" hangs on hinge joints and cannot float", shorten(&body.name)),
+            format!("root body \"{}\" hangs on hinge joints and cannot float", shown(&body.name)),
             "leave the base as the file has it",
         )),
         Some(other) => Ok(other),
@@ -238,7 +257,7 @@ fn check_masses(ctx: &Context, spec: &Spec, welds: &[usize], member: &[bool]) ->
         if mass < MIN_MASS || !parts().any(|p| p.inertia.iter().any(|i| *i >= MIN_MASS)) {
             return Err(ctx.invalid(
                 body.at,
-                format!("body \"{}\" moves, but has no mass or no inertia", shorten(&body.name)),
+                format!("body \"{}\" moves, but has no mass or no inertia", shown(&body.name)),
                 "give it an <inertial>, or geoms with mass",
             ));
         }
@@ -305,7 +324,7 @@ fn fill_geoms(
     for (number, (body, geom)) in numbered(spec).into_iter().enumerate() {
         let paired = pairs.iter().any(|p| p.geom == number || p.plane == number);
         let visual = geom.surface.is_visual() && !paired;
-        let what = |kind: &str| format!("geom \"{}\" ({kind})", shorten(&geom.name));
+        let what = |kind: &str| format!("geom \"{}\" ({kind})", shown(&geom.name));
         let kind = match geom.kind {
             GeomKind::Plane => "plane",
             GeomKind::Solid(shape) => shape.name(),

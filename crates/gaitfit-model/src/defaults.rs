@@ -9,9 +9,10 @@ use crate::geom::GeomForm;
 use crate::joint::JointForm;
 use crate::model::ContactPair;
 use crate::options::Compiler;
+use crate::shown::shown;
 use crate::site::SiteForm;
 use crate::spec::default_pair;
-use crate::xml::{At, Element, shorten};
+use crate::xml::{At, Element};
 
 /// The defaults of one class.
 #[derive(Clone, Debug)]
@@ -64,7 +65,7 @@ impl Defaults {
         self.names.get(name).copied().ok_or_else(|| {
             ctx.invalid(
                 at,
-                format!("default class \"{}\" does not exist", shorten(name)),
+                format!("default class \"{}\" does not exist", shown(name)),
                 "define it in <default>, or correct the name",
             )
         })
@@ -95,14 +96,14 @@ impl Defaults {
             None => {
                 return Err(ctx.invalid(
                     at,
-                    format!("the top-level default class is called \"{}\"", shorten(name)),
+                    format!("the top-level default class is called \"{}\"", shown(name)),
                     "leave out its `class`, and put a named <default> inside it",
                 ));
             }
             Some(_) if name.is_empty() || self.names.contains_key(name) => {
                 return Err(ctx.invalid(
                     at,
-                    format!("default class name \"{}\" is empty or repeated", shorten(name)),
+                    format!("default class name \"{}\" is empty or repeated", shown(name)),
                     "give every nested <default> its own `class`",
                 ));
             }

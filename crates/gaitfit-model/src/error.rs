@@ -1,6 +1,8 @@
 //! What can go wrong when a robot file is read.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use crate::shown::shown_path;
 
 /// A position in a robot file.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -15,7 +17,7 @@ pub struct Place {
 
 impl std::fmt::Display for Place {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}:{}:{}", self.file, self.line, self.column)
+        write!(f, "{}:{}:{}", shown_path(Path::new(&self.file)), self.line, self.column)
     }
 }
 
@@ -23,7 +25,7 @@ impl std::fmt::Display for Place {
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
     /// The file could not be opened or read.
-    #[error("{}: {source}; check the path and the permissions", path.display())]
+    #[error("{}: {source}; check the path and the permissions", shown_path(path))]
     Io {
         /// The file.
         path: PathBuf,

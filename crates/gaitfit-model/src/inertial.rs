@@ -4,6 +4,7 @@ use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
 use crate::inertia::{Inertial, principal};
 use crate::orientation::{AngleUnits, IDENTITY, read_orientation};
+use crate::shown::shown_number;
 use crate::xml::{At, Element};
 
 /// MJCF `<inertial>`: diagonal with an orientation, full, or a bare mass.
@@ -23,7 +24,11 @@ pub(crate) fn read_inertial(
         return Err(ctx.invalid(at, what, remedy));
     };
     if mass < 0.0 {
-        return Err(ctx.invalid(a.at("mass"), format!("mass is {mass}"), "give zero or more"));
+        return Err(ctx.invalid(
+            a.at("mass"),
+            format!("mass is {}", shown_number(mass)),
+            "give zero or more",
+        ));
     }
     let mut quat = IDENTITY;
     let oriented = read_orientation(&mut a, ctx, units, &mut quat)?;
@@ -46,7 +51,7 @@ pub(crate) fn read_inertial(
             if values[2] < 1e-14 {
                 return Err(ctx.invalid(
                     element.at,
-                    format!("`fullinertia` has a principal moment of {}", values[2]),
+                    format!("`fullinertia` has a principal moment of {}", shown_number(values[2])),
                     "give a positive definite tensor: xx yy zz xy xz yz",
                 ));
             }
@@ -73,11 +78,16 @@ pub(crate) fn check_inertia(
     balance: bool,
 ) -> Result<Inertial, ModelError> {
     let [a, b, c] = inertial.inertia;
+    let moments = || format!("[{}]", [a, b, c].map(shown_number).join(", "));
     let finite = inertial.mass.is_finite() && (a + b + c).is_finite();
     if !finite || inertial.mass < 0.0 || a < 0.0 || b < 0.0 || c < 0.0 {
         return Err(ctx.invalid(
             at,
-            format!("{label}: mass {} or inertia [{a}, {b}, {c}] is negative or not finite", inertial.mass),
+            format!(
+                "{label}: mass {} or inertia {} is negative or not finite",
+                shown_number(inertial.mass),
+                moments()
+            ),
             "give a mass and principal moments of zero or more",
         ));
     }
@@ -85,7 +95,7 @@ pub(crate) fn check_inertia(
         if !balance {
             return Err(ctx.invalid(
                 at,
-                format!("{label}: principal moments [{a}, {b}, {c}] violate A + B >= C"),
+                format!("{label}: principal moments {} violate A + B >= C", moments()),
                 "correct the inertia, or set <compiler balanceinertia=\"true\"/>",
             ));
         }

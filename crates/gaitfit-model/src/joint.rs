@@ -5,6 +5,7 @@ use crate::error::ModelError;
 use crate::model::Joint;
 use crate::options::Compiler;
 use crate::orientation::{Quat, Vec3, add, rotate, unit};
+use crate::shown::shown_number;
 use crate::spec::default_joint;
 use crate::xml::{At, Element};
 
@@ -154,7 +155,7 @@ fn linear(ctx: &mut Context, a: &mut Attributes, name: &str, target: &mut f64) -
     if values[0] < 0.0 {
         return Err(ctx.invalid(
             a.at(name),
-            format!("`{name}` of {} is {}", a.element().label(), values[0]),
+            format!("`{name}` of {} is {}", a.element().label(), shown_number(values[0])),
             "give a value of zero or more",
         ));
     }
@@ -192,7 +193,7 @@ pub(crate) fn resolve_range(
     if on && range[0] >= range[1] {
         return Err(ctx.invalid(
             at,
-            format!("`{name}` of {label} is [{}, {}]", range[0], range[1]),
+            format!("`{name}` of {label} is [{}, {}]", shown_number(range[0]), shown_number(range[1])),
             "give a lower and a higher bound",
         ));
     }

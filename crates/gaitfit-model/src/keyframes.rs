@@ -4,8 +4,8 @@ use crate::attributes::Context;
 use crate::error::ModelError;
 use crate::model::{Keyframe, Model, Root};
 use crate::orientation::normalize;
+use crate::shown::shown;
 use crate::spec::{KeySpec, Spec};
-use crate::xml::shorten;
 
 /// Fills `model.keyframes` from the file's keys; joints and actuators are in place already.
 pub(crate) fn fill_keyframes(
@@ -66,7 +66,7 @@ fn accept_lengths(
 ) -> Result<bool, ModelError> {
     for (name, got, want) in lengths {
         if got != want {
-            let what = format!("keyframe \"{}\": `{name}` has {got} numbers", shorten(&key.name));
+            let what = format!("keyframe \"{}\": `{name}` has {got} numbers", shown(&key.name));
             if !ctx.lenient {
                 return Err(ctx.invalid(key.at, what, format!("give {want}")));
             }

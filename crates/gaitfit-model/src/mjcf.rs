@@ -8,8 +8,9 @@ use crate::error::ModelError;
 use crate::model::Joint;
 use crate::options::{Compiler, default_options, read_option};
 use crate::pairs::read_contact;
+use crate::shown::shown;
 use crate::spec::{Disabled, KeySpec, MAX_ITEMS, Spec};
-use crate::xml::{Element, shorten};
+use crate::xml::Element;
 
 /// Sections whose content has no influence on the motion.
 const IGNORED: [&str; 4] = ["size", "visual", "statistic", "asset"];
@@ -177,10 +178,7 @@ fn read_speed_limits(ctx: &mut Context, section: &Element, spec: &mut Spec) -> R
                 _ => {
                     return Err(ctx.invalid(
                         element.at,
-                        format!(
-                            "velocity_limit of joint \"{}\": no such hinge, or no limit",
-                            shorten(wanted)
-                        ),
+                        format!("velocity_limit of joint \"{}\": no such hinge, or no limit", shown(wanted)),
                         "write <element objtype=\"joint\" objname=\"...\" prm=\"rad/s above zero\"/>",
                     ));
                 }

@@ -4,6 +4,7 @@ use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
 use crate::model::{Cone, Integrator, Options};
 use crate::orientation::AngleUnits;
+use crate::shown::shown_number;
 use crate::spec::Disabled;
 use crate::xml::Element;
 
@@ -128,7 +129,11 @@ pub(crate) fn read_option(
     for (name, target) in [("timestep", &mut options.timestep), ("impratio", &mut options.impratio)] {
         a.set(ctx, name, target)?;
         if *target <= 0.0 {
-            return Err(ctx.invalid(a.at(name), format!("`{name}` is {target}"), "give a value above zero"));
+            return Err(ctx.invalid(
+                a.at(name),
+                format!("`{name}` is {}", shown_number(*target)),
+                "give a value above zero",
+            ));
         }
     }
     a.set_array(ctx, "gravity", &mut options.gravity)?;

@@ -5,8 +5,9 @@ use crate::defaults::Defaults;
 use crate::error::ModelError;
 use crate::geom::read_condim;
 use crate::model::ContactPair;
+use crate::shown::shown;
 use crate::spec::{BodySpec, MAX_ITEMS, PairSpec};
-use crate::xml::{Element, shorten};
+use crate::xml::Element;
 
 /// Reads the parameters of a `<pair>` over the present values; the caller finishes the attributes.
 pub(crate) fn apply_pair(
@@ -79,7 +80,7 @@ pub(crate) fn read_contact(
 fn unknown(ctx: &Context, element: &Element, what: &str, name: &str) -> ModelError {
     ctx.invalid(
         element.at,
-        format!("{} names {what} \"{}\", which does not exist", element.label(), shorten(name)),
+        format!("{} names {what} \"{}\", which does not exist", element.label(), shown(name)),
         format!("name an existing {what}"),
     )
 }

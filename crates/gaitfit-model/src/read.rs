@@ -6,7 +6,8 @@ use crate::attributes::Context;
 use crate::compile::compile;
 use crate::error::{ModelError, Place};
 use crate::model::{Model, Root};
-use crate::xml::{self, Element, Sources, shorten};
+use crate::shown::shown;
+use crate::xml::{self, Element, Sources};
 use crate::{mjcf, urdf};
 
 /// How a robot file is read.
@@ -75,7 +76,7 @@ fn wrong_root(document: &Element, sources: &Sources) -> ModelError {
     let place: Place = sources.place(document.at);
     ModelError::Invalid {
         place,
-        message: format!("the root element is <{}>", shorten(&document.name)),
+        message: format!("the root element is <{}>", shown(&document.name)),
         remedy: "give an MJCF file (<mujoco>) or a URDF file (<robot>)".into(),
     }
 }

@@ -11,15 +11,11 @@ use std::path::{Path, PathBuf};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::error::{ModelError, Place};
+use crate::scan::{self, MAX_NODES};
+use crate::shown::{escaped, shown, shown_path};
 
 /// Bytes of all files together.
 const MAX_BYTES: usize = 16 << 20;
-/// Most attributes of one tag: the parser compares each with every other.
-const MAX_ATTRIBUTES: usize = 1000;
-/// XML nodes of one file (elements, texts and comments).
-const MAX_NODES: u32 = 200_000;
-/// Nesting of elements.
-pub(crate) const MAX_DEPTH: usize = 100;
 /// Files joined by `<include>`.
 const MAX_FILES: usize = 64;
 
@@ -56,18 +52,10 @@ impl Element {
     /// `<geom> "shell"`, or `<geom>` when it has no name.
     pub fn label(&self) -> String {
         match self.get("name") {
-            Some(name) => format!("<{}> \"{}\"", self.name, shorten(name)),
-            None => format!("<{}>", self.name),
+            Some(name) => format!("<{}> \"{}\"", shown(&self.name), shown(name)),
+            None => format!("<{}>", shown(&self.name)),
         }
     }
-}
-
-/// Text for a message: at most 60 characters of it.
-pub(crate) fn shorten(text: &str) -> String {
-    if text.chars().count() <= 60 {
-        return text.to_string();
-    }
-    text.chars().take(57).chain("...".chars()).collect()
 }
 
 /// In lines longer than this, columns count bytes: a hostile one-line file stays cheap.
@@ -119,6 +107,7 @@ pub(crate) fn load(path: &Path, sources: &mut Sources) -> Result<Element, ModelE
         base: Some(path.parent().unwrap_or(Path::new("")).to_path_buf()),
         seen: HashSet::new(),
         bytes: 0,
+        nodes: 0,
     };
     let text = loader.read(path)?;
     loader.seen.insert(canonical(path));
@@ -127,7 +116,7 @@ pub(crate) fn load(path: &Path, sources: &mut Sources) -> Result<Element, ModelE
 
 /// Parses a text called `name` in messages; includes are refused because there is no folder to look in.
 pub(crate) fn parse(name: &str, text: &str, sources: &mut Sources) -> Result<Element, ModelError> {
-    let mut loader = Loader { sources, base: None, seen: HashSet::new(), bytes: 0 };
+    let mut loader = Loader { sources, base: None, seen: HashSet::new(), bytes: 0, nodes: 0 };
     loader.count(name, text.len())?;
     loader.parse(name.to_string(), text.to_string(), 1)
 }
@@ -138,6 +127,7 @@ struct Loader<'a> {
     base: Option<PathBuf>,
     seen: HashSet<PathBuf>,
     bytes: usize,
+    nodes: usize,
 }
 
 impl Loader<'_> {
@@ -183,28 +173,22 @@ impl Loader<'_> {
     fn parse(&mut self, name: String, text: String, depth: usize) -> Result<Element, ModelError> {
         let file = self.sources.files.len() as u32;
         self.sources.add(name.clone(), text.clone());
-        if let Some(byte) = crowded_tag(&text) {
-            return Err(ModelError::TooLarge {
-                place: self.sources.place(At { file, byte: byte as u32 }),
-                message: format!("a tag with more than {MAX_ATTRIBUTES} attributes"),
-                remedy: "correct the file at this place".into(),
-            });
-        }
-        let options = ParsingOptions { allow_dtd: false, nodes_limit: MAX_NODES, ..Default::default() };
+        scan::check(&text, depth, &mut self.nodes).map_err(|excess| ModelError::TooLarge {
+            place: self.sources.place(At { file, byte: excess.byte as u32 }),
+            message: excess.message,
+            remedy: excess.remedy.into(),
+        })?;
+        // Between the nodes that were counted stand texts.
+        let options =
+            ParsingOptions { allow_dtd: false, nodes_limit: 2 * MAX_NODES as u32 + 8, ..Default::default() };
         let document = Document::parse_with_options(&text, options).map_err(|error| {
             let pos = error.pos();
             let place = Place { file: name, line: pos.row, column: pos.col };
-            match error {
-                roxmltree::Error::NodesLimitReached => ModelError::TooLarge {
-                    place,
-                    message: format!("more than {MAX_NODES} XML nodes"),
-                    remedy: "reduce the file to the robot's description".into(),
-                },
-                other => ModelError::Syntax {
-                    place,
-                    message: format!("not well-formed XML: {other}"),
-                    remedy: "correct the XML at this place".into(),
-                },
+            ModelError::Syntax {
+                place,
+                // The parser's own message may hold names of the file.
+                message: format!("not well-formed XML: {}", escaped(&error.to_string(), 200)),
+                remedy: "correct the XML at this place".into(),
             }
         })?;
         self.convert(document.root_element(), file, depth)
@@ -212,13 +196,6 @@ impl Loader<'_> {
 
     fn convert(&mut self, node: Node, file: u32, depth: usize) -> Result<Element, ModelError> {
         let at = At { file, byte: node.range().start as u32 };
-        if depth > MAX_DEPTH {
-            return Err(ModelError::TooLarge {
-                place: self.sources.place(at),
-                message: format!("elements nested deeper than {MAX_DEPTH}"),
-                remedy: "flatten the file".into(),
-            });
-        }
         let attributes = node
             .attributes()
             .map(|a| Attribute {
@@ -249,7 +226,7 @@ impl Loader<'_> {
         };
         if let Some(other) = node.attributes().find(|a| a.name() != "file") {
             return Err(invalid(
-                format!("<include> has no attribute \"{}\"", shorten(other.name())),
+                format!("<include> has no attribute \"{}\"", shown(other.name())),
                 "keep only `file`",
             ));
         }
@@ -272,13 +249,13 @@ impl Loader<'_> {
         let path = base.join(wanted);
         let text = self.read(&path).map_err(|error| match error {
             ModelError::Io { source, .. } => {
-                invalid(format!("cannot include {}: {source}", path.display()), "correct the file name")
+                invalid(format!("cannot include {}: {source}", shown_path(&path)), "correct the file name")
             }
             other => other,
         })?;
         if !self.seen.insert(canonical(&path)) {
             return Err(invalid(
-                format!("{} is included twice, or includes itself", path.display()),
+                format!("{} is included twice, or includes itself", shown_path(&path)),
                 "include every file once",
             ));
         }
@@ -289,17 +266,4 @@ impl Loader<'_> {
 /// One name for one file, so that `a/../x.xml` and `x.xml` are the same include.
 fn canonical(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
-}
-
-/// Where a tag begins that has more attributes than [`MAX_ATTRIBUTES`].
-fn crowded_tag(text: &str) -> Option<usize> {
-    let mut begin = 0;
-    for tag in text.split_inclusive('<') {
-        // Comments and declarations may hold anything.
-        if !tag.starts_with('!') && tag.matches("=\"").count() + tag.matches("='").count() > MAX_ATTRIBUTES {
-            return Some(begin);
-        }
-        begin += tag.len();
-    }
-    None
 }

@@ -6,8 +6,9 @@ use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
 use crate::model::Joint;
 use crate::orientation::{IDENTITY, Quat, Vec3, unit};
+use crate::shown::shown;
 use crate::spec::default_joint;
-use crate::xml::{At, Element, shorten};
+use crate::xml::{At, Element};
 
 use super::{read_origin, required};
 
@@ -40,7 +41,7 @@ pub(super) fn read_joint(
         // Dropped, the joint becomes a weld: its child stays part of the robot.
         ctx.refuse(
             element.at,
-            format!("{label} of type {}", shorten(kind)),
+            format!("{label} of type {}", shown(kind)),
             "only revolute, continuous and fixed joints are simulated",
             "replace it",
         )?;
@@ -60,7 +61,7 @@ pub(super) fn read_joint(
                 let Some(&link) = links.get(wanted) else {
                     return Err(ctx.invalid(
                         child.at,
-                        format!("{label} names link \"{}\", which does not exist", shorten(wanted)),
+                        format!("{label} names link \"{}\", which does not exist", shown(wanted)),
                         "name an existing link",
                     ));
                 };

@@ -7,6 +7,7 @@ use crate::inertial::check_inertia;
 use crate::model::Shape;
 use crate::options::Compiler;
 use crate::orientation::{IDENTITY, Quat, mul};
+use crate::shown::shown_number;
 use crate::spec::{BodySpec, GeomKind, GeomSpec, MAX_BODIES, MAX_ITEMS, Surface};
 use crate::xml::Element;
 
@@ -90,7 +91,7 @@ fn read_inertial(ctx: &mut Context, element: &Element) -> Result<Inertial, Model
     if inertia[2] < 0.0 {
         return Err(ctx.invalid(
             element.at,
-            format!("<inertia> has a principal moment of {}", inertia[2]),
+            format!("<inertia> has a principal moment of {}", shown_number(inertia[2])),
             "give a positive definite tensor",
         ));
     }

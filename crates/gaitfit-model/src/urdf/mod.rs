@@ -14,8 +14,9 @@ use crate::inertia::MASSLESS;
 use crate::model::{Actuator, Root};
 use crate::options::{Compiler, default_options, read_option};
 use crate::orientation::{IDENTITY, Quat, Vec3, euler};
+use crate::shown::shown;
 use crate::spec::{BodySpec, Disabled, GeomKind, GeomSpec, MAX_BODIES, Spec, Surface};
-use crate::xml::{At, Element, shorten};
+use crate::xml::{At, Element};
 
 use joint::{Connection, read_joint};
 use link::read_link;
@@ -63,7 +64,7 @@ pub(crate) fn read(
         if by_name.insert(link.body.name.clone(), links.len()).is_some() {
             return Err(ctx.invalid(
                 element.at,
-                format!("link name \"{}\" is used twice", shorten(&link.body.name)),
+                format!("link name \"{}\" is used twice", shown(&link.body.name)),
                 "names must differ",
             ));
         }
@@ -75,10 +76,7 @@ pub(crate) fn read(
         if links[connection.child].held_by.is_some() {
             return Err(ctx.invalid(
                 element.at,
-                format!(
-                    "link \"{}\" is the child of two joints",
-                    shorten(&links[connection.child].body.name)
-                ),
+                format!("link \"{}\" is the child of two joints", shown(&links[connection.child].body.name)),
                 "a robot is a tree: keep one",
             ));
         }
@@ -127,8 +125,8 @@ fn assemble(
             links[other].body.at,
             format!(
                 "links \"{}\" and \"{}\" both have no parent",
-                shorten(&links[root].body.name),
-                shorten(&links[other].body.name)
+                shown(&links[root].body.name),
+                shown(&links[other].body.name)
             ),
             "join them by a joint",
         ));
@@ -192,7 +190,7 @@ fn assemble(
     if let Some(left) = bodyless.iter().flatten().find(|b| !(is_world && b.name == "world")) {
         return Err(ctx.invalid(
             left.at,
-            format!("link \"{}\" hangs on itself through its joints", shorten(&left.name)),
+            format!("link \"{}\" hangs on itself through its joints", shown(&left.name)),
             "break the cycle",
         ));
     }
