@@ -1,6 +1,6 @@
 //! From a log's joints to a robot's, by name.
 
-use crate::exit::Failure;
+use crate::Error;
 use gaitfit_log::Trajectory;
 use gaitfit_model::Model;
 use std::collections::BTreeMap;
@@ -17,7 +17,7 @@ pub fn of_robot(
     joint_names: &BTreeMap<String, String>,
     model: &Model,
     wanted: &[usize],
-) -> Result<(Trajectory, Vec<String>), Failure> {
+) -> Result<(Trajectory, Vec<String>), Error> {
     let joints = &model.joints;
     let listed = || joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", ");
     let robot_joint = |of_log: &String| model.find_joint(joint_names.get(of_log).unwrap_or(of_log));
@@ -26,13 +26,13 @@ pub fn of_robot(
     let mut columns: Vec<Option<&String>> = vec![None; joints.len()];
     for of_log in &trajectory.joints {
         let Some(joint) = robot_joint(of_log) else {
-            return Err(Failure::failed(format!(
+            return Err(Error::failed(format!(
                 "{shown}: the log has a joint `{of_log}` that the robot lacks (it has {}); {advice}.",
                 listed()
             )));
         };
         if let Some(other) = columns[joint].replace(of_log) {
-            return Err(Failure::failed(format!(
+            return Err(Error::failed(format!(
                 "{shown}: the log's joints `{other}` and `{of_log}` are both the robot's `{}`; {advice}.",
                 joints[joint].name
             )));
@@ -41,7 +41,7 @@ pub fn of_robot(
     let mut names = Vec::with_capacity(wanted.len());
     for &joint in wanted {
         let Some(of_log) = columns[joint] else {
-            return Err(Failure::failed(format!(
+            return Err(Error::failed(format!(
                 "{shown}: the log lacks the robot's joint `{}` (it has {}); {advice}.",
                 joints[joint].name,
                 trajectory.joints.join(", ")
@@ -50,7 +50,7 @@ pub fn of_robot(
         names.push(of_log);
     }
     let mut ordered =
-        trajectory.select_joints(&names).map_err(|error| Failure::failed(format!("{shown}: {error}")))?;
+        trajectory.select_joints(&names).map_err(|error| Error::failed(format!("{shown}: {error}")))?;
     let of_robot = wanted.iter().map(|&joint| joints[joint].name.clone()).collect();
     let of_log = std::mem::replace(&mut ordered.joints, of_robot);
     Ok((ordered, of_log))

@@ -1,8 +1,8 @@
 //! Pieces that the pages of several commands are made of.
 
-use crate::exit::Failure;
-use crate::fitting::Metric;
+use crate::Error;
 use crate::machine::machine;
+use crate::search::Metric;
 use gaitfit_adapt::fit::{ParameterOutcome, RunOutcome};
 use gaitfit_view::report::{Bound, OptimizerRun, Parameter, Setting};
 use serde::Serialize;
@@ -56,7 +56,7 @@ pub fn distance(simulated: &[f64], measured: &[f64]) -> f64 {
 }
 
 /// A resolved configuration, one line a value.
-pub fn settings<C: Serialize>(config: &C) -> Result<Vec<Setting>, Failure> {
+pub fn settings<C: Serialize>(config: &C) -> Result<Vec<Setting>, Error> {
     fn flatten(name: &str, value: &toml::Value, into: &mut Vec<Setting>) {
         match value {
             toml::Value::Table(table) => {
@@ -74,7 +74,7 @@ pub fn settings<C: Serialize>(config: &C) -> Result<Vec<Setting>, Failure> {
         }
     }
     let value = toml::Value::try_from(config)
-        .map_err(|error| Failure::failed(format!("cannot list the settings: {error}")))?;
+        .map_err(|error| Error::failed(format!("cannot list the settings: {error}")))?;
     let mut settings = Vec::new();
     flatten("", &value, &mut settings);
     Ok(settings)

@@ -1,6 +1,6 @@
 //! Reading robot files.
 
-use crate::exit::Failure;
+use crate::Error;
 use gaitfit_log::CheckSpec;
 use gaitfit_model::{Model, ReadOptions, Root};
 use std::path::Path;
@@ -9,8 +9,8 @@ use std::path::Path;
 const GO2: &str = include_str!("../../../assets/go2.xml");
 
 /// The built-in Go2.
-pub fn go2() -> Result<Model, Failure> {
-    gaitfit_model::read_mjcf_str(GO2, &ReadOptions::default()).map_err(Failure::failed)
+pub fn go2() -> Result<Model, Error> {
+    gaitfit_model::read_mjcf_str(GO2, &ReadOptions::default()).map_err(Error::failed)
 }
 
 /// How the robot's base hangs in the world.
@@ -23,12 +23,12 @@ pub enum Hold {
 }
 
 /// Reads an MJCF or URDF robot.
-pub fn read(path: &Path, lenient: bool, hold: Hold) -> Result<Model, Failure> {
+pub fn read(path: &Path, lenient: bool, hold: Hold) -> Result<Model, Error> {
     let root = match hold {
         Hold::File => None,
         Hold::Clamped => Some(Root::Fixed),
     };
-    gaitfit_model::read(path, &ReadOptions { lenient, root }).map_err(Failure::failed)
+    gaitfit_model::read(path, &ReadOptions { lenient, root }).map_err(Error::failed)
 }
 
 /// What a log of this robot is checked against; limits under both the robot's names and the log's.

@@ -1,15 +1,42 @@
 //! The simulated robot that a policy is run on: robot file, task, fitted parameters, springs, noise.
 
-use crate::cli::WorldArgs;
-use crate::exit::Failure;
-use crate::ground::setup::{candidate as fitted, theta_file};
-use crate::output::note;
+use crate::Error;
 use crate::robot::{self, Hold};
+use crate::settings::PresetName;
+use crate::walk::setup::{candidate as fitted, theta_file};
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::policy::{self, Policy};
 use gaitfit_learn::task::{Scene, TaskSettings, preset};
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
+use std::path::PathBuf;
+
+/// A policy and the simulator it runs in.
+#[derive(Clone, Debug)]
+pub struct WorldSettings {
+    /// The policy's file.
+    pub policy: PathBuf,
+    /// Robot file; the built-in Go2 without one.
+    pub robot: Option<PathBuf>,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it.
+    pub lenient: bool,
+    /// Task: `velocity`, `biped`, or a file with a task's settings; the policy's own without one.
+    pub task: Option<String>,
+    /// Fitted parameters, a theta.toml.
+    pub theta: Option<PathBuf>,
+    /// Springs on joints: `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`, N·m/rad and rad.
+    pub spring: Vec<String>,
+    /// Standard deviation of Gaussian torques at every joint and physics step, N·m.
+    pub torque_noise: f64,
+    /// Vary robots, starts and observations as in training, with pushes.
+    pub randomised: bool,
+    /// Solver effort.
+    pub preset: PresetName,
+    /// Seed of commands, starts and noise.
+    pub seed: u64,
+    /// Threads; none takes one a core.
+    pub threads: Option<std::num::NonZeroUsize>,
+}
 
 /// A policy and the simulator it runs in.
 pub struct World {
@@ -21,18 +48,20 @@ pub struct World {
     pub candidate: Candidate,
     /// What differs from the nominal robot, for reports.
     pub changes: Vec<String>,
+    /// Things to know before trusting what it shows.
+    pub warnings: Vec<String>,
 }
 
 impl World {
     /// Reads everything the arguments name.
-    pub fn open(args: &WorldArgs) -> Result<Self, Failure> {
-        let policy = policy::read(&args.policy).map_err(Failure::failed)?;
+    pub fn open(args: &WorldSettings) -> Result<Self, Error> {
+        let policy = policy::read(&args.policy).map_err(Error::failed)?;
         let settings = task(args, &policy)?;
         Self::with_task(args, policy, if args.randomised { settings } else { settings.calm() })
     }
 
     /// The simulator that the arguments name, for a policy and a task that are read already.
-    pub fn with_task(args: &WorldArgs, policy: Policy, settings: TaskSettings) -> Result<Self, Failure> {
+    pub fn with_task(args: &WorldSettings, policy: Policy, settings: TaskSettings) -> Result<Self, Error> {
         let mut changes = Vec::new();
         if args.randomised {
             changes.push("randomised as in training".to_owned());
@@ -42,7 +71,7 @@ impl World {
             None => robot::go2()?,
         };
         let interface = &policy.interface;
-        let joints = interface.resolve(&model).map_err(Failure::failed)?;
+        let joints = interface.resolve(&model).map_err(Error::failed)?;
         for text in &args.spring {
             let spring = Spring::parse(text)?;
             let joint =
@@ -64,7 +93,7 @@ impl World {
             None => Candidate::nominal(&model),
         };
         if !(0.0..=1000.0).contains(&args.torque_noise) {
-            return Err(Failure::usage(format!(
+            return Err(Error::settings(format!(
                 "--torque-noise {} must be from 0 to 1000 N·m",
                 args.torque_noise
             )));
@@ -76,12 +105,10 @@ impl World {
         candidate.torque_noise = candidate.torque_noise.hypot(args.torque_noise);
         let delay = longest_delay(&candidate);
         let scene = Scene::with_interface(&model, &settings, interface.clone(), args.preset.into(), delay)
-            .map_err(Failure::failed)?;
+            .map_err(Error::failed)?;
         let doubt = theta.and_then(|(path, file)| Some((path, file.step_doubt(scene.physics_step())?)));
-        if let Some((path, doubt)) = doubt {
-            note(&format!("warning: {}: {doubt}", path.display()));
-        }
-        Ok(Self { policy, scene, candidate, changes })
+        let warnings = doubt.map(|(path, doubt)| format!("{}: {doubt}", path.display()));
+        Ok(Self { policy, scene, candidate, changes, warnings: warnings.into_iter().collect() })
     }
 
     /// With robots that begin where a fit of their logs lets them begin: upright, facing along x (pyramidal friction
@@ -98,7 +125,7 @@ impl World {
     }
 
     /// Threads asked for, or one a core.
-    pub fn threads(args: &WorldArgs) -> usize {
+    pub fn threads(args: &WorldSettings) -> usize {
         args.threads.map_or_else(crate::machine::threads, std::num::NonZeroUsize::get)
     }
 
@@ -119,16 +146,16 @@ pub fn longest_delay(candidate: &Candidate) -> f64 {
 }
 
 /// The task: as asked for, as the policy remembers it, or the built-in one.
-pub fn task(args: &WorldArgs, policy: &Policy) -> Result<TaskSettings, Failure> {
+pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error> {
     let parse = |text: &str, what: &str| {
-        toml::from_str::<TaskSettings>(text).map_err(|error| Failure::usage(format!("{what}: {error}")))
+        toml::from_str::<TaskSettings>(text).map_err(|error| Error::settings(format!("{what}: {error}")))
     };
     match &args.task {
         Some(name) => match preset(name) {
             Some(text) => parse(text, name),
             None => {
                 let text = std::fs::read_to_string(name).map_err(|error| {
-                    Failure::usage(format!(
+                    Error::settings(format!(
                         "--task {name}: {error}; give `velocity`, `biped` or a file with a task's settings"
                     ))
                 })?;
@@ -148,9 +175,9 @@ struct Spring {
 }
 
 impl Spring {
-    fn parse(text: &str) -> Result<Self, Failure> {
+    fn parse(text: &str) -> Result<Self, Error> {
         let wrong = || {
-            Failure::usage(format!(
+            Error::settings(format!(
                 "--spring {text}: give JOINT=STIFFNESS (N·m/rad) or JOINT=STIFFNESS@REST (rad), for example \
                  RR_calf_joint=75"
             ))
@@ -169,7 +196,7 @@ impl Spring {
     }
 }
 
-fn no_joint(model: &Model, name: &str, whose: &str) -> Failure {
+fn no_joint(model: &Model, name: &str, whose: &str) -> Error {
     let joints: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
-    Failure::usage(format!("{whose}: {} has no joint `{name}`; it has {}", model.name, joints.join(", ")))
+    Error::settings(format!("{whose}: {} has no joint `{name}`; it has {}", model.name, joints.join(", ")))
 }

@@ -2,10 +2,9 @@
 
 use super::probe::with_python;
 use super::{Evaluation, Plan, PolicyFiles, csv_files};
-use crate::config::TargetConfig;
-use crate::exit::{Exit, Failure};
-use crate::interrupt;
-use crate::output::note;
+use crate::Error;
+use crate::settings::TargetConfig;
+use crate::watch::{Event, Watch};
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -67,7 +66,13 @@ impl Command {
     ///
     /// # Errors
     /// A program that cannot be run, fails or writes no log.
-    pub fn collect(&self, policy: &PolicyFiles, seed: u64, folder: &Path) -> Result<(), Failure> {
+    pub fn collect(
+        &self,
+        policy: &PolicyFiles,
+        seed: u64,
+        folder: &Path,
+        watch: &Watch<'_>,
+    ) -> Result<(), Error> {
         let words = fill(
             &self.collect,
             policy,
@@ -78,9 +83,9 @@ impl Command {
                 ("seed", seed.to_string()),
             ],
         );
-        run(&words, "target.collect")?;
+        run(&words, "target.collect", watch)?;
         if csv_files(folder)?.is_empty() {
-            return Err(Failure::failed(format!(
+            return Err(Error::failed(format!(
                 "target.collect, `{}`: it ended well and wrote no .csv into {{folder}}",
                 words.join(" ")
             )));
@@ -92,7 +97,12 @@ impl Command {
     ///
     /// # Errors
     /// A program that cannot be run, fails or prints something else.
-    pub fn evaluate(&self, policy: &PolicyFiles, plan: &Plan) -> Result<Option<Evaluation>, Failure> {
+    pub fn evaluate(
+        &self,
+        policy: &PolicyFiles,
+        plan: &Plan,
+        watch: &Watch<'_>,
+    ) -> Result<Option<Evaluation>, Error> {
         if !self.measures() {
             return Ok(None);
         }
@@ -106,10 +116,10 @@ impl Command {
                 ("seed", plan.seed.to_string()),
             ],
         );
-        let out = run(&words, "target.evaluate")?;
+        let out = run(&words, "target.evaluate", watch)?;
         let mut found: Evaluation = serde_json::from_slice(&out).map_err(|error| {
             let text: String = String::from_utf8_lossy(&out).chars().take(MOST_SHOWN).collect();
-            Failure::failed(format!(
+            Error::failed(format!(
                 "target.evaluate, `{}`: it printed no document such as `gaitfit evaluate --json` does: {error}. It \
                  begins: {}",
                 words.join(" "),
@@ -117,7 +127,7 @@ impl Command {
             ))
         })?;
         if let Some(wrong) = found.wrong() {
-            return Err(Failure::failed(format!(
+            return Err(Error::failed(format!(
                 "target.evaluate, `{}`: {wrong}, which cannot be",
                 words.join(" ")
             )));
@@ -160,9 +170,9 @@ fn fill(words: &[String], policy: &PolicyFiles, values: &[(&str, String)]) -> Ve
 }
 
 /// Runs a program to its end and gives what it printed; its standard error is passed on.
-fn run(words: &[String], setting: &str) -> Result<Vec<u8>, Failure> {
+fn run(words: &[String], setting: &str, watch: &Watch<'_>) -> Result<Vec<u8>, Error> {
     let shown = words.join(" ");
-    let failed = |what: String| Failure::failed(format!("{setting}, `{shown}`: {what}"));
+    let failed = |what: String| Error::failed(format!("{setting}, `{shown}`: {what}"));
     let Some((program, arguments)) = words.split_first() else {
         return Err(failed("no program".to_owned()));
     };
@@ -175,7 +185,7 @@ fn run(words: &[String], setting: &str) -> Result<Vec<u8>, Failure> {
         .map_err(|error| failed(format!("cannot be started: {error}; is it installed and on the path?")))?;
     let (out, err) = (child.stdout.take(), child.stderr.take());
     let (out, last) = std::thread::scope(|scope| {
-        let last = scope.spawn(|| err.map(pass_on).unwrap_or_default());
+        let last = scope.spawn(|| err.map(|err| pass_on(err, watch)).unwrap_or_default());
         let mut bytes = Vec::new();
         let read = out.map_or(Ok(0), |out| out.take(MOST_BYTES + 1).read_to_end(&mut bytes));
         if bytes.len() as u64 > MOST_BYTES {
@@ -185,11 +195,8 @@ fn run(words: &[String], setting: &str) -> Result<Vec<u8>, Failure> {
         (read.map(|_| bytes), last.join().unwrap_or_default())
     });
     let status = child.wait().map_err(|error| failed(error.to_string()))?;
-    if interrupt::asked() {
-        return Err(Failure {
-            exit: Exit::Interrupted,
-            message: format!("interrupted in {setting}; --resume runs it again"),
-        });
+    if watch.stop() {
+        return Err(Error::Interrupted(format!("interrupted in {setting}; --resume runs it again")));
     }
     if out.as_ref().is_ok_and(|bytes| bytes.len() as u64 > MOST_BYTES) {
         return Err(failed(format!("it printed more than {} MiB", MOST_BYTES >> 20)));
@@ -202,7 +209,7 @@ fn run(words: &[String], setting: &str) -> Result<Vec<u8>, Failure> {
 }
 
 /// Repeats a program's standard error line by line, and keeps the last ones.
-fn pass_on(stream: impl Read) -> String {
+fn pass_on(stream: impl Read, watch: &Watch<'_>) -> String {
     let mut last = VecDeque::new();
     let mut stream = BufReader::new(stream);
     loop {
@@ -214,8 +221,8 @@ fn pass_on(stream: impl Read) -> String {
         }
         let line = String::from_utf8_lossy(&line).trim_end().to_owned();
         // What a program says of an interruption is of no use to who asked for it.
-        if !interrupt::asked() {
-            note(&format!("  {line}"));
+        if !watch.stop() {
+            watch.tell(Event::Output(&line));
         }
         last.push_back(line);
         if last.len() > LAST_LINES {

@@ -1,6 +1,6 @@
 //! How well a policy walks, as `gaitfit evaluate --json` prints it and other programs may.
 
-use crate::exit::Failure;
+use crate::Error;
 use crate::world::World;
 use gaitfit_learn::evaluate::{GaitRecord, GaitSummary, Trial, drift, record_gait, run_trials, summarise};
 use gaitfit_view::evaluation::Drift;
@@ -115,15 +115,15 @@ pub struct Measured {
 ///
 /// # Errors
 /// A robot that cannot be.
-pub fn measure(world: &World, policy: &str, plan: &Plan) -> Result<Measured, Failure> {
+pub fn measure(world: &World, policy: &str, plan: &Plan) -> Result<Measured, Error> {
     let subject = world.subject(plan.seed);
     let trials =
-        run_trials(&subject, plan.trajectories, plan.seconds, plan.threads).map_err(Failure::failed)?;
+        run_trials(&subject, plan.trajectories, plan.seconds, plan.threads).map_err(Error::failed)?;
     let trials_of_drift =
-        if plan.drift == 0 { Vec::new() } else { drift(&subject, plan.drift).map_err(Failure::failed)? };
+        if plan.drift == 0 { Vec::new() } else { drift(&subject, plan.drift).map_err(Error::failed)? };
     let limits = &world.scene.settings.command;
     let ahead = [0.5 * limits.x[1], 0.0, 0.0];
-    let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)]).map_err(Failure::failed)?;
+    let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)]).map_err(Error::failed)?;
     let walked = limits.x[1] > 0.0 && !record.fell;
     let summary = summarise(&trials);
     let estimate = |of: gaitfit_learn::evaluate::Estimate| Estimate { mean: of.mean, ci95: of.ci95 };

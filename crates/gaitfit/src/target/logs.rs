@@ -1,7 +1,6 @@
 //! Folders of logs.
 
-use crate::exit::Failure;
-use crate::output::note;
+use crate::Error;
 use gaitfit_learn::collect::Collected;
 use gaitfit_log::write_csv;
 use std::fs;
@@ -13,36 +12,39 @@ pub struct Written {
     pub files: Vec<PathBuf>,
     /// Robots that fell.
     pub falls: usize,
+    /// Trajectories without a file: their robot fell before its log began.
+    pub without: Vec<usize>,
 }
 
 /// Writes one CSV a trajectory into a folder that exists.
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write_logs(folder: &Path, logs: &[Collected]) -> Result<Written, Failure> {
+pub fn write_logs(folder: &Path, logs: &[Collected]) -> Result<Written, Error> {
     let mut files = Vec::with_capacity(logs.len());
+    let mut without = Vec::new();
     let digits = logs.len().saturating_sub(1).to_string().len().max(2);
     for (number, log) in logs.iter().enumerate() {
         if log.trajectory.is_empty() {
-            note(&format!("note: trajectory {number} fell before its log began; it has no file"));
+            without.push(number);
             continue;
         }
         let path = folder.join(format!("trajectory_{number:0digits$}.csv"));
-        write_csv(&path, &log.trajectory).map_err(Failure::failed)?;
+        write_csv(&path, &log.trajectory).map_err(Error::failed)?;
         files.push(path);
     }
-    Ok(Written { files, falls: logs.iter().filter(|log| log.fell).count() })
+    Ok(Written { files, falls: logs.iter().filter(|log| log.fell).count(), without })
 }
 
 /// Has `fill` fill a folder beside `into`, which then takes that name: whoever finds it finds all of it.
 ///
 /// # Errors
 /// Those of `fill`, or a folder that cannot be written.
-pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Failure>) -> Result<(), Failure> {
+pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -> Result<(), Error> {
     let name = into.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let partial = into.with_file_name(format!(".writing-{name}"));
     let unwritable =
-        |error: std::io::Error| Failure::failed(format!("cannot write {}: {error}", into.display()));
+        |error: std::io::Error| Error::failed(format!("cannot write {}: {error}", into.display()));
     // What a killed run left.
     if partial.exists() {
         fs::remove_dir_all(&partial).map_err(unwritable)?;
@@ -63,9 +65,9 @@ pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Failure>)
 ///
 /// # Errors
 /// A folder that cannot be read.
-pub fn csv_files(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+pub fn csv_files(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let unreadable =
-        |error: std::io::Error| Failure::failed(format!("cannot read {}: {error}", folder.display()));
+        |error: std::io::Error| Error::failed(format!("cannot read {}: {error}", folder.display()));
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();

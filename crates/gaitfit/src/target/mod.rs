@@ -12,7 +12,8 @@ pub use logs::{csv_files, write_logs, write_whole};
 pub use probe::{Presence, asks_for_python, probe};
 pub use simulated::{Simulated, truth};
 
-use crate::exit::Failure;
+use crate::Error;
+use crate::watch::Watch;
 use gaitfit_learn::policy::Policy;
 use std::path::{Path, PathBuf};
 
@@ -38,18 +39,29 @@ pub enum Target {
 
 impl Target {
     /// Records logs of the policy, a new folder `into`, which has all of them or does not exist.
-    pub fn collect(&self, policy: &PolicyFiles, seed: u64, into: &Path) -> Result<(), Failure> {
+    pub fn collect(
+        &self,
+        policy: &PolicyFiles,
+        seed: u64,
+        into: &Path,
+        watch: &Watch<'_>,
+    ) -> Result<(), Error> {
         write_whole(into, |folder| match self {
-            Self::Simulated(target) => target.collect(policy, seed, folder),
-            Self::Command(target) => target.collect(policy, seed, folder),
+            Self::Simulated(target) => target.collect(policy, seed, folder, watch),
+            Self::Command(target) => target.collect(policy, seed, folder, watch),
         })
     }
 
     /// Measures the policy; none where a command says nothing of it.
-    pub fn evaluate(&self, policy: &PolicyFiles, plan: &Plan) -> Result<Option<Evaluation>, Failure> {
+    pub fn evaluate(
+        &self,
+        policy: &PolicyFiles,
+        plan: &Plan,
+        watch: &Watch<'_>,
+    ) -> Result<Option<Evaluation>, Error> {
         match self {
             Self::Simulated(target) => Ok(Some(target.evaluate(policy, plan)?)),
-            Self::Command(target) => target.evaluate(policy, plan),
+            Self::Command(target) => target.evaluate(policy, plan, watch),
         }
     }
 

@@ -1,12 +1,12 @@
 //! A robot in this engine, with other numbers than the file's.
 
 use super::{Evaluation, Plan, PolicyFiles, measure, write_logs};
-use crate::cli::WorldArgs;
-use crate::config::{LoopConfig, TargetConfig};
-use crate::exit::Failure;
-use crate::ground::setup::theta_file;
+use crate::Error;
 use crate::paths;
-use crate::world::World;
+use crate::settings::{LoopConfig, TargetConfig};
+use crate::walk::setup::theta_file;
+use crate::watch::Watch;
+use crate::world::{World, WorldSettings};
 use gaitfit_adapt::{Found, ParameterRule, RobotRule, Rules, Sharing, ThetaFile};
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::{GaitRecord, record_gait};
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// The robot.
 pub struct Simulated {
     /// The simulator's arguments; the policy's are those of no policy.
-    pub arguments: WorldArgs,
+    pub arguments: WorldSettings,
     /// The task that every policy is tested on.
     task: TaskSettings,
     options: CollectOptions,
@@ -29,9 +29,9 @@ pub struct Simulated {
 ///
 /// # Errors
 /// A file that cannot be read, patterns that cover no joint, values without a meaning.
-pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<ThetaFile, Failure> {
+pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<ThetaFile, Error> {
     let wrong =
-        |error: &dyn std::fmt::Display| Failure::usage(format!("{}: [target] {error}", path.display()));
+        |error: &dyn std::fmt::Display| Error::settings(format!("{}: [target] {error}", path.display()));
     let mut file = match &config.theta {
         Some(named) => theta_file(&paths::find(named, "target.theta", path)?)?,
         None => ThetaFile::parse("format = 2").map_err(|error| wrong(&error))?,
@@ -91,7 +91,7 @@ impl Simulated {
         }
         let description = if parts.is_empty() { "the nominal robot".to_owned() } else { parts.join("; ") };
         Self {
-            arguments: WorldArgs {
+            arguments: WorldSettings {
                 policy: PathBuf::new(),
                 robot,
                 lenient: config.lenient,
@@ -100,7 +100,7 @@ impl Simulated {
                 spring: target.spring.clone(),
                 torque_noise: target.torque_noise,
                 randomised: false,
-                preset: target.preset.into(),
+                preset: target.preset,
                 seed: 0,
                 threads: None,
             },
@@ -120,7 +120,7 @@ impl Simulated {
     ///
     /// # Errors
     /// A policy or a spring that does not fit the robot.
-    pub fn world(&self, policy: &PolicyFiles) -> Result<World, Failure> {
+    pub fn world(&self, policy: &PolicyFiles) -> Result<World, Error> {
         World::with_task(&self.arguments, policy.policy.clone(), self.task.clone())
     }
 
@@ -128,17 +128,26 @@ impl Simulated {
     ///
     /// # Errors
     /// As [`Simulated::world`], or a folder that cannot be written.
-    pub fn collect(&self, policy: &PolicyFiles, seed: u64, folder: &Path) -> Result<(), Failure> {
+    pub fn collect(
+        &self,
+        policy: &PolicyFiles,
+        seed: u64,
+        folder: &Path,
+        watch: &Watch<'_>,
+    ) -> Result<(), Error> {
         let world = self.world(policy)?.with_plain_starts();
-        let logs = collect(&world.subject(seed), &self.options, self.threads).map_err(Failure::failed)?;
-        write_logs(folder, &logs).map(|_| ())
+        let logs = collect(&world.subject(seed), &self.options, self.threads).map_err(Error::failed)?;
+        for number in write_logs(folder, &logs)?.without {
+            watch.note(&format!("trajectory {number} fell before its log began; it has no file"));
+        }
+        Ok(())
     }
 
     /// Measures the policy.
     ///
     /// # Errors
     /// As [`Simulated::world`].
-    pub fn evaluate(&self, policy: &PolicyFiles, plan: &Plan) -> Result<Evaluation, Failure> {
+    pub fn evaluate(&self, policy: &PolicyFiles, plan: &Plan) -> Result<Evaluation, Error> {
         let found = measure(&self.world(policy)?, &policy.name, plan)?.evaluation;
         // Not where its file of numbers lies: documents are the same wherever the run's folder is.
         Ok(Evaluation { simulator: self.description(), ..found })
@@ -153,8 +162,8 @@ impl Simulated {
         policy: &PolicyFiles,
         commands: &[(f64, [f64; 3])],
         seed: u64,
-    ) -> Result<GaitRecord, Failure> {
-        record_gait(&self.world(policy)?.subject(seed), commands).map_err(Failure::failed)
+    ) -> Result<GaitRecord, Error> {
+        record_gait(&self.world(policy)?.subject(seed), commands).map_err(Error::failed)
     }
 
     /// In which numbers it differs.

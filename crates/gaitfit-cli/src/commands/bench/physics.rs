@@ -1,0 +1,76 @@
+//! `gaitfit bench physics`: substeps a second.
+
+use crate::cli;
+use crate::exit::Failure;
+use crate::output;
+use gaitfit_sim::bench::{self, PhysicsBench};
+use serde::Serialize;
+
+/// Environments at once: enough to keep every thread in work, small enough for the caches.
+const ENVIRONMENTS: usize = 1024;
+/// Measured repetitions of ten control periods.
+const REPETITIONS: usize = 200;
+
+#[derive(Serialize)]
+struct Document {
+    substeps_per_second: f64,
+    best_substeps_per_second: f64,
+    threads: usize,
+    lanes: usize,
+    isa: &'static str,
+    preset: &'static str,
+    geoms: &'static str,
+    environments: usize,
+    contacts: f64,
+    base_height_m: f64,
+}
+
+/// Measures and prints.
+pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
+    let model = gaitfit::robot::go2()?;
+    let preset: gaitfit_physics::Preset = args.preset.into();
+    let geoms = match args.geoms {
+        cli::Geoms::Feet => bench::Geoms::Feet,
+        cli::Geoms::All => bench::Geoms::All,
+    };
+    let threads = args.threads.get();
+    let what = PhysicsBench {
+        preset,
+        geoms,
+        threads,
+        isa: None,
+        environments: ENVIRONMENTS,
+        repetitions: REPETITIONS,
+    };
+    let speed = bench::physics(&model, &what).map_err(Failure::failed)?;
+    let document = Document {
+        substeps_per_second: speed.substeps_per_second,
+        best_substeps_per_second: speed.best_substeps_per_second,
+        threads: speed.threads,
+        lanes: speed.lanes,
+        isa: speed.isa.name(),
+        preset: preset.name(),
+        geoms: geoms.name(),
+        environments: speed.environments,
+        contacts: speed.contacts,
+        base_height_m: speed.base_height,
+    };
+    if args.json {
+        return output::print_json(&document);
+    }
+    output::print(&format!(
+        "{:.2} M substeps/s (median; best {:.2} M): {} preset, {} geoms, {} thread{}, {} lanes ({})\n\
+         {} trotting robots, {:.1} contacts each, base at {:.2} m\n",
+        1e-6 * document.substeps_per_second,
+        1e-6 * document.best_substeps_per_second,
+        document.preset,
+        document.geoms,
+        document.threads,
+        if document.threads == 1 { "" } else { "s" },
+        document.lanes,
+        document.isa,
+        document.environments,
+        document.contacts,
+        document.base_height_m
+    ))
+}

@@ -1,0 +1,105 @@
+//! `gaitfit bench train`: whole iterations of PPO on the default task.
+
+use crate::cli::BenchTrain;
+use crate::exit::Failure;
+use crate::output;
+use gaitfit::settings::TrainConfig;
+use gaitfit::{machine, robot};
+use gaitfit_learn::task::Scene;
+use gaitfit_learn::{Iteration, Training, TrainingSettings};
+use serde::Serialize;
+
+/// Iterations before those that are measured: memory is touched, threads are there.
+const WARM_UP: u32 = 2;
+const SEED: u64 = 1;
+
+#[derive(Serialize)]
+struct Document {
+    iteration_seconds: f64,
+    rollout_seconds: f64,
+    update_seconds: f64,
+    samples_per_second: f64,
+    /// Largest resident memory of the process; none where the system does not tell.
+    peak_memory_bytes: Option<u64>,
+    environments: usize,
+    steps: usize,
+    epochs: usize,
+    minibatches: usize,
+    iterations: usize,
+    threads: usize,
+    isa: &'static str,
+}
+
+/// Trains from nothing and prints medians over the measured iterations.
+pub fn run(args: &BenchTrain) -> Result<(), Failure> {
+    let config = TrainConfig::default();
+    let threads = args.threads.map_or_else(machine::threads, std::num::NonZeroUsize::get);
+    let settings = TrainingSettings {
+        environments: args.environments,
+        steps: args.steps,
+        iterations: args.iterations.get().saturating_add(WARM_UP),
+    };
+    settings.check().map_err(Failure::usage)?;
+    let model = robot::go2()?;
+    let scene = Scene::new(&model, &config.task.settings, config.preset.into()).map_err(Failure::failed)?;
+    let learner = Training::fresh_learner(&scene, &config.ppo, SEED).map_err(Failure::failed)?;
+    let mut training = Training::new(&scene, None, &settings, learner, SEED).map_err(Failure::usage)?;
+    let mut measured = Vec::new();
+    while !training.finished() {
+        let iteration = training.iterate(threads).map_err(Failure::failed)?;
+        if iteration.number >= WARM_UP {
+            measured.push(iteration);
+        }
+    }
+    let iteration_seconds = median(&measured, |it| it.rollout_seconds + it.update_seconds);
+    let document = Document {
+        iteration_seconds,
+        rollout_seconds: median(&measured, |it| it.rollout_seconds),
+        update_seconds: median(&measured, |it| it.update_seconds),
+        samples_per_second: (args.environments * args.steps) as f64 / iteration_seconds,
+        peak_memory_bytes: peak_memory(),
+        environments: args.environments,
+        steps: args.steps,
+        epochs: config.ppo.epochs,
+        minibatches: config.ppo.minibatches,
+        iterations: measured.len(),
+        threads,
+        isa: scene.batch.isa().name(),
+    };
+    if args.json {
+        return output::print_json(&document);
+    }
+    let memory = document.peak_memory_bytes.map_or_else(String::new, |bytes| {
+        format!(", peak memory {:.0} MiB", bytes as f64 / f64::from(1 << 20))
+    });
+    output::print(&format!(
+        "{:.3} s an iteration (median of {}): rollout {:.3} s, update {:.3} s; {:.0} k samples/s{memory}\n\
+         {} environments × {} steps, {} epochs × {} minibatches, {threads} thread{}, {}\n",
+        document.iteration_seconds,
+        document.iterations,
+        document.rollout_seconds,
+        document.update_seconds,
+        1e-3 * document.samples_per_second,
+        document.environments,
+        document.steps,
+        document.epochs,
+        document.minibatches,
+        if threads == 1 { "" } else { "s" },
+        document.isa
+    ))
+}
+
+fn median(iterations: &[Iteration], value: fn(&Iteration) -> f64) -> f64 {
+    let mut values: Vec<f64> = iterations.iter().map(value).collect();
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    if values.len() % 2 == 1 { values[middle] } else { 0.5 * (values[middle - 1] + values[middle]) }
+}
+
+/// Linux's high-water mark of resident memory.
+fn peak_memory() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = text.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kilobytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(1024 * kilobytes)
+}

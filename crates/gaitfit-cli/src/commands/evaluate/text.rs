@@ -1,0 +1,64 @@
+//! The result on a terminal.
+
+use crate::table::table;
+use gaitfit::target::Evaluation;
+use gaitfit_view::loop_report::Estimate;
+use std::fmt::Write as _;
+
+fn shown(estimate: Estimate, digits: usize) -> String {
+    format!("{:.digits$} ± {:.digits$}", estimate.mean, estimate.ci95)
+}
+
+/// Tables of means, drift and gait.
+pub fn text(document: &Evaluation, wall_seconds: f64) -> String {
+    let summary = document;
+    let mut out = format!(
+        "{} in {}: {} trajectories of {} s with random commands\n\n",
+        document.policy, document.simulator, summary.trajectories, document.seconds
+    );
+    let mut means = table(&["", "mean ± 95 %", "unit"], &[1]);
+    let percent = Estimate { mean: 100.0 * summary.fall_rate.mean, ci95: 100.0 * summary.fall_rate.ci95 };
+    for (name, value, unit) in [
+        ("summed reward", shown(summary.reward, 3), ""),
+        ("linear-velocity error", shown(summary.linear_velocity_error, 4), "m/s"),
+        ("angular-velocity error", shown(summary.angular_velocity_error, 4), "rad/s"),
+        ("falls", shown(percent, 2), "%"),
+        ("action rate", shown(summary.action_rate, 4), "a step"),
+    ] {
+        means.add_row([name, &value, unit]);
+    }
+    let _ = writeln!(out, "{means}");
+    if summary.diverged > 0 {
+        let _ =
+            writeln!(out, "\n{} trajectories diverged: their state stopped being a number", summary.diverged);
+    }
+    if !document.drift.is_empty() {
+        let mut drift =
+            table(&["command", "x error, m", "y error, m", "yaw error, rad", "falls, %"], &[1, 2, 3, 4]);
+        for trial in &document.drift {
+            let name = trial.label();
+            let falls = format!("{:.0}", 100.0 * trial.fall_rate.mean);
+            drift.add_row([name, shown(trial.x, 3), shown(trial.y, 3), shown(trial.yaw, 3), falls]);
+        }
+        let _ = writeln!(
+            out,
+            "\nDrift: stand, command for 4 s, stand; where the robot ends against where it should\n{drift}"
+        );
+    }
+    if let Some(gait) = &document.gait {
+        let _ = writeln!(
+            out,
+            "\nGait ahead: {:.0} % of the time on one foot group, {:.1} steps/s a foot, duty {:.2}, feet lifted {:.3} m,\n\
+             action rate {:.3} a step, torque {:.1} N·m rms, {:.1} % of its power above 10 Hz",
+            100.0 * gait.alternation,
+            gait.step_frequency,
+            gait.duty_factor,
+            gait.foot_lift,
+            gait.action_rate,
+            gait.torque,
+            100.0 * gait.torque_power_above_10_hz
+        );
+    }
+    let _ = writeln!(out, "{:.1} s", wall_seconds);
+    out
+}

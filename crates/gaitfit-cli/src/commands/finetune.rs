@@ -1,0 +1,37 @@
+//! `gaitfit finetune`: goes on training a policy by PPO in an adapted simulator.
+
+use super::{run_name, train};
+use crate::cli;
+use crate::exit::Failure;
+use crate::interrupt;
+use crate::watcher::watched;
+use gaitfit::finetune::{Files, Request, setup};
+use gaitfit::settings::{self, FinetuneConfig};
+
+/// Trains all seeds, or continues them, and reports what came out.
+pub fn run(args: &cli::Finetune) -> Result<(), Failure> {
+    let path = args.config.as_deref();
+    let mut config: FinetuneConfig = settings::load(path, &args.set)?;
+    let name = run_name(args.name.as_ref(), config.name.as_ref(), path);
+    if let Some(seeds) = &args.seeds {
+        config.seeds = seeds.0.clone();
+    }
+    config.lenient |= args.lenient;
+    if !args.spring.is_empty() {
+        config.spring = args.spring.clone();
+    }
+    if let Some(noise) = args.torque_noise {
+        config.torque_noise = noise;
+    }
+    let setup = setup(Request {
+        config,
+        path: args.config.clone(),
+        name: name.unwrap_or_else(|| "finetune".to_owned()),
+        files: Files { policy: args.policy.clone(), theta: args.theta.clone(), robot: args.robot.clone() },
+        task: args.task.clone(),
+        threads: args.threads,
+    })?;
+    interrupt::listen()?;
+    let results = watched(train::LINES, |watch| gaitfit::train::train(&setup, args.resume, watch))?;
+    train::print(&results, args.json)
+}

@@ -1,0 +1,104 @@
+//! `gaitfit forward`: one physics step at given states, for holding the engine against another.
+
+mod npz;
+
+use crate::exit::Failure;
+use gaitfit::robot;
+use gaitfit_model::Model;
+use gaitfit_physics::{Forward, PhysicsError, Settings};
+use npz::{Array, read, write};
+
+/// Evaluates every state of the input and writes the results, row by row.
+pub fn run(args: &crate::cli::Forward) -> Result<(), Failure> {
+    // Replacing a device or a pipe by a file would break it for every other program.
+    if args.out.exists() && !args.out.is_file() {
+        return Err(Failure::usage(format!(
+            "{}: exists and is not a regular file; name a file to write, for example out.npz",
+            args.out.display()
+        )));
+    }
+    let model = robot::read(&args.model, args.lenient, robot::Hold::File)?;
+    let states = read(&args.states, &["qpos", "qvel", "ctrl"])?;
+    let rows = states.first().map_or(0, |array| array.rows);
+    let widths = [("qpos", model.nq()), ("qvel", model.nv()), ("ctrl", model.nu())];
+    for (array, (name, width)) in states.iter().zip(widths) {
+        check(array, name, rows, width, args)?;
+    }
+    let [qpos, qvel, ctrl] = &states[..] else {
+        return Err(Failure::failed("the input does not hold three arrays"));
+    };
+    let settings = Settings::new(&model.options, args.preset.into());
+    let mut forward = Forward::new(&model, &settings)
+        .map_err(|error| Failure::failed(format!("{}: {error}", args.model.display())))?;
+    let out = evaluate(&model, &mut forward, rows, qpos, qvel, ctrl)
+        .map_err(|(row, error)| Failure::failed(format!("{}: row {row}: {error}", args.states.display())))?;
+    for (name, array) in &out {
+        if let Some(bad) = array.values.iter().position(|value| !value.is_finite()) {
+            let width = array.values.len() / rows.max(1);
+            return Err(Failure::failed(format!(
+                "{}: row {}: {name} overflows; take smaller positions, velocities or controls",
+                args.states.display(),
+                bad / width.max(1)
+            )));
+        }
+    }
+    write(&args.out, &out)
+}
+
+/// Refuses arrays that are not `rows × width` finite numbers.
+fn check(
+    array: &Array,
+    name: &str,
+    rows: usize,
+    width: usize,
+    args: &crate::cli::Forward,
+) -> Result<(), Failure> {
+    let shown = args.states.display();
+    if array.shape != [rows, width] {
+        let shape = &array.shape;
+        return Err(Failure::failed(format!(
+            "{shown}: {name} has shape {shape:?}, but {} needs [{rows}, {width}]: rows are states, in MuJoCo's \
+             layout and joint order",
+            args.model.display()
+        )));
+    }
+    match array.values.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(bad) => Err(Failure::failed(format!(
+            "{shown}: {name}[{}, {}] is {}; states must be finite",
+            bad / width,
+            bad % width,
+            array.values[bad]
+        ))),
+    }
+}
+
+fn evaluate(
+    model: &Model,
+    forward: &mut Forward,
+    rows: usize,
+    qpos: &Array,
+    qvel: &Array,
+    ctrl: &Array,
+) -> Result<Vec<(&'static str, Array)>, (usize, PhysicsError)> {
+    let (nq, nv, nu) = (model.nq(), model.nv(), model.nu());
+    let mut out: [(&'static str, Array); 5] = [
+        ("M", Array::empty(&[rows, nv, nv])),
+        ("qfrc_bias", Array::empty(&[rows, nv])),
+        ("qacc", Array::empty(&[rows, nv])),
+        ("next_qpos", Array::empty(&[rows, nq])),
+        ("next_qvel", Array::empty(&[rows, nv])),
+    ];
+    for row in 0..rows {
+        let of = |width: usize| row * width..(row + 1) * width;
+        let (q, v, u) = (of(nq), of(nv), of(nu));
+        let found = forward
+            .evaluate(&qpos.values[q], &qvel.values[v], &ctrl.values[u])
+            .map_err(|error| (row, error))?;
+        let parts = [found.mass, found.qfrc_bias, found.qacc, found.next_qpos, found.next_qvel];
+        for ((_, array), part) in out.iter_mut().zip(parts) {
+            array.values.extend(part);
+        }
+    }
+    Ok(out.into())
+}

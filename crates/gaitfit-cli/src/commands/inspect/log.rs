@@ -1,0 +1,132 @@
+//! A log at a glance, its findings, and a picture.
+
+use super::{number, plot};
+use crate::cli::Inspect;
+use crate::exit::{Exit, Failure};
+use crate::output;
+use crate::table::table;
+use gaitfit::robot;
+use gaitfit_log::{
+    CheckSpec, Finding, LogSummary, ReadOptions, Severity, Signal, Trajectory, check, read_csv_report,
+    summary_with_report,
+};
+use serde::Serialize;
+use std::fmt::Write;
+
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    summary: &'a LogSummary,
+    findings: &'a [Finding],
+}
+
+/// Prints what the log holds and what is wrong with it; a log that must not be used ends with exit code 3.
+pub fn run(args: &Inspect) -> Result<(), Failure> {
+    let (log, report) = read_csv_report(&args.file, &ReadOptions::default()).map_err(Failure::failed)?;
+    let spec = match &args.robot {
+        None => CheckSpec::default(),
+        Some(path) => robot::check_spec(&robot::read(path, args.lenient, robot::Hold::File)?, &log.joints),
+    };
+    let findings = check(&log, &spec);
+    let summary = summary_with_report(&log, report);
+    if let Some(path) = &args.plot {
+        plot::write(&log, path)?;
+    }
+    if args.json {
+        output::print_json(&Document { summary: &summary, findings: &findings })?;
+    } else {
+        output::print(&text(&log, &summary, &findings))?;
+    }
+    let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();
+    if errors > 0 {
+        let message = format!("{}: {errors} finding(s) forbid using this log", args.file.display());
+        return Err(Failure { exit: Exit::Check, message });
+    }
+    Ok(())
+}
+
+fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding]) -> String {
+    let mut text = format!(
+        "{}: {} joints, {} samples in {} s at {} Hz (intervals vary by {} ms, longest {} ms)\nchannels: {}\n",
+        summary.robot.as_deref().unwrap_or("robot not named"),
+        summary.joints.len(),
+        summary.samples,
+        number(Some(summary.duration_s)),
+        number(Some(summary.rate_hz)),
+        number(summary.jitter_s.map(|seconds| 1e3 * seconds)),
+        number(summary.longest_interval_s.map(|seconds| 1e3 * seconds)),
+        summary.channels.join(", ")
+    );
+    let mut joints = table(
+        &[
+            "joint",
+            "position over time",
+            "rad",
+            "speed rms rad/s",
+            "from target rms rad",
+            "kp N·m/rad",
+            "kd N·m·s/rad",
+        ],
+        &[3, 4, 5, 6],
+    );
+    for (index, joint) in summary.joints.iter().enumerate() {
+        let position = log.column_at(Signal::Position, index).unwrap_or_default();
+        joints.add_row([
+            joint.name.clone(),
+            spark(&position, 32),
+            super::interval(joint.position.map(|position| [position.min, position.max])),
+            number(joint.velocity.map(|velocity| velocity.rms)),
+            number(joint.tracking_rms_rad),
+            number(joint.kp),
+            number(joint.kd),
+        ]);
+    }
+    let _ = writeln!(text, "\n{joints}");
+    if let Some(place) = &summary.reading.gains_from {
+        let _ = writeln!(text, "\ngains from {place}");
+    }
+    if !summary.reading.ignored.is_empty() {
+        let names: Vec<&str> = summary.reading.ignored.iter().map(|column| column.name.as_str()).collect();
+        let _ = writeln!(text, "\ncolumns not used: {}", names.join(", "));
+    }
+    text.push('\n');
+    if findings.is_empty() {
+        text.push_str("nothing suspicious\n");
+    }
+    for finding in findings {
+        let _ = writeln!(text, "{finding}");
+    }
+    text
+}
+
+/// Values as a row of block characters, `width` wide: each the mean of its stretch.
+fn spark(values: &[f64], width: usize) -> String {
+    const BLOCKS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+    let finite = || values.iter().copied().filter(|value| value.is_finite());
+    let (low, high) = (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
+    let width = width.min(values.len());
+    let cell = |number: usize| {
+        let stretch = &values[number * values.len() / width..(number + 1) * values.len() / width];
+        let mean = stretch.iter().sum::<f64>() / stretch.len() as f64;
+        if !mean.is_finite() {
+            return ' ';
+        }
+        let level = if high > low { (mean - low) / (high - low) * 7.0 } else { 0.0 };
+        BLOCKS[(level.round() as usize).min(7)]
+    };
+    (0..width).map(cell).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::spark;
+
+    #[test]
+    fn a_ramp_rises_and_gaps_stay_blank() {
+        let ramp: Vec<f64> = (0..64).map(f64::from).collect();
+        assert_eq!(spark(&ramp, 8), "▁▂▃▄▅▆▇█");
+        assert_eq!(spark(&[1.0, f64::NAN, 2.0], 3), "▁ █");
+        assert_eq!(spark(&[1.0, 1.0], 8), "▁▁");
+        assert_eq!(spark(&[], 8), "");
+    }
+}

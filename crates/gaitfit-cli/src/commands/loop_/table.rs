@@ -1,0 +1,152 @@
+//! The result as tables.
+
+use crate::table::table;
+use gaitfit::loop_::results::{Measurement, REFERENCE, Results, TARGET};
+use gaitfit::target::{DriftResult, Evaluation};
+use gaitfit_view::loop_report::Estimate;
+use std::fmt::Write;
+
+/// Before and after, drift, what to know, and where the files are.
+pub fn text(results: &Results) -> String {
+    let mut text = String::new();
+    let rounds = results.rounds.len();
+    let _ = writeln!(
+        text,
+        "{}: {} in {rounds} round{}, {:.0} s ({})\n",
+        results.name,
+        results.robot,
+        if rounds == 1 { "" } else { "s" },
+        results.wall_seconds,
+        results.stopped_because
+    );
+    for round in &results.rounds {
+        for fit in &round.adapt.fits {
+            let nominal = fit.nominal_cost.map_or_else(|| "none".to_owned(), |cost| format!("{cost:.5}"));
+            let _ = write!(text, "round {}: {} {nominal} → {:.5}", round.round, fit.cost_name, fit.cost);
+            if let Some(error) = fit.mean_error_percent {
+                let _ = write!(text, ", mean parameter error {error:.2} %");
+            }
+            text.push('\n');
+        }
+    }
+    let _ = writeln!(text, "\nTracking of random commands, mean ± 95 %\n{}", tracking(results));
+    for place in places(results).into_iter().filter_map(|name| place(results, name)) {
+        let _ = writeln!(text, "{place}");
+    }
+    if let Some(drift) = drift(results) {
+        let _ = writeln!(
+            text,
+            "\nDrift: stand, command for 4 s, stand; how far from where it should it ends\n{drift}"
+        );
+    }
+    text.push('\n');
+    for warning in &results.warnings {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    if let Some(next) = &results.next {
+        let _ = writeln!(text, "next: {next}");
+    }
+    let _ = writeln!(text, "policy: {}   {}", results.policy, results.onnx);
+    if let Some(round) = results.rounds.last() {
+        let _ = writeln!(text, "theta: {}", round.theta);
+    }
+    let _ = writeln!(text, "report: {}/report.html", results.run_folder);
+    text
+}
+
+/// Names of where policies were measured, the target's first.
+fn places(results: &Results) -> Vec<&str> {
+    let mut found: Vec<&str> = Vec::new();
+    let on_target = results.evaluations.iter().filter(|one| one.on == TARGET);
+    for one in on_target.chain(&results.evaluations) {
+        if !found.contains(&one.on.as_str()) {
+            found.push(&one.on);
+        }
+    }
+    found
+}
+
+/// What such a name stands for, and how much was measured there.
+fn place(results: &Results, name: &str) -> Option<String> {
+    let found = results.evaluations.iter().find(|one| one.on == name)?;
+    let Evaluation { simulator, trajectories, seconds, .. } = &found.evaluation;
+    let stands_for = if simulator.is_empty() { results.target.as_deref()? } else { simulator };
+    let length = if *seconds > 0.0 { format!(" of {seconds} s") } else { String::new() };
+    Some(format!("{name}: {stands_for}, {trajectories} trajectories{length}"))
+}
+
+fn tracking(results: &Results) -> comfy_table::Table {
+    let header = ["on", "policy", "linear error, m/s", "angular error, rad/s", "summed reward", "falls, %"];
+    let mut rows = table(&header, &[2, 3, 4, 5]);
+    let places = places(results);
+    let mut evaluations: Vec<&Measurement> = results.evaluations.iter().collect();
+    // One place after the other, the target first: what is to be compared stands together.
+    evaluations.sort_by_key(|one| places.iter().position(|place| *place == one.on));
+    for one in evaluations {
+        let found = &one.evaluation;
+        let falls = Estimate { mean: 100.0 * found.fall_rate.mean, ci95: 100.0 * found.fall_rate.ci95 };
+        rows.add_row([
+            one.on.clone(),
+            found.policy.clone(),
+            shown(found.linear_velocity_error, 4),
+            shown(found.angular_velocity_error, 4),
+            shown(found.reward, 3),
+            shown(falls, 2),
+        ]);
+    }
+    rows
+}
+
+fn shown(estimate: Estimate, digits: usize) -> String {
+    if estimate.mean.is_nan() {
+        "–".to_owned()
+    } else {
+        format!("{:.digits$} ± {:.digits$}", estimate.mean, estimate.ci95)
+    }
+}
+
+/// On the target, or else in the last adapted simulator: a row a command, a column a policy.
+fn drift(results: &Results) -> Option<comfy_table::Table> {
+    let on = match results.measured(&results.before, TARGET) {
+        Some(_) => TARGET,
+        None => &results.evaluations.last()?.on,
+    };
+    let columns: Vec<(&str, &Evaluation)> = [results.before.as_str(), results.after.as_str(), REFERENCE]
+        .into_iter()
+        .filter_map(|policy| Some((policy, results.measured(policy, on)?)))
+        .filter(|(_, found)| !found.drift.is_empty())
+        .collect();
+    let (_, first) = columns.first()?;
+    let mut header = vec!["command"];
+    header.extend(columns.iter().map(|(policy, _)| *policy));
+    let mut rows = table(&header, &(1..=columns.len()).collect::<Vec<_>>());
+    for (index, trial) in first.drift.iter().enumerate() {
+        let mut row = vec![trial.label()];
+        for (_, found) in &columns {
+            row.push(found.drift.get(index).map_or_else(String::new, |trial| {
+                let distance = trial.distance();
+                if distance.is_nan() {
+                    return "all fell".to_owned();
+                }
+                format!("{distance:.3} m {:+.3} rad", trial.yaw.mean)
+            }));
+        }
+        rows.add_row(row);
+    }
+    let mut row = vec!["mean".to_owned()];
+    row.extend(columns.iter().map(|(_, found)| {
+        let (distance, yaw) = mean_drift(found);
+        if distance.is_nan() { "all fell".to_owned() } else { format!("{distance:.3} m  {yaw:.3} rad") }
+    }));
+    rows.add_row(row);
+    Some(rows)
+}
+
+/// Mean distance, m, and mean size of the turn, rad, over the commands under which any robot stood to the end.
+fn mean_drift(found: &Evaluation) -> (f64, f64) {
+    let standing: Vec<_> = found.drift.iter().filter(|trial| !trial.distance().is_nan()).collect();
+    let mean = |of: fn(&DriftResult) -> f64| {
+        standing.iter().map(|trial| of(trial)).sum::<f64>() / standing.len() as f64
+    };
+    (mean(DriftResult::distance), mean(|trial| trial.yaw.mean.abs()))
+}

@@ -1,0 +1,23 @@
+//! The commands, one file each.
+
+pub mod adapt;
+pub mod bench;
+pub mod collect;
+pub mod config;
+pub mod doctor;
+pub mod evaluate;
+pub mod export;
+pub mod finetune;
+pub mod forward;
+pub mod inspect;
+pub mod loop_;
+pub mod reproduce;
+pub mod train;
+
+use std::path::Path;
+
+/// The name of a run: as asked for, as configured, or the configuration file's stem.
+fn run_name(asked: Option<&String>, configured: Option<&String>, path: Option<&Path>) -> Option<String> {
+    let stem = || Some(path?.file_stem()?.to_string_lossy().into_owned());
+    asked.or(configured).cloned().or_else(stem)
+}

@@ -1,0 +1,36 @@
+//! `gaitfit train`: trains a policy by PPO.
+
+mod table;
+
+use super::run_name;
+use crate::cli;
+use crate::exit::Failure;
+use crate::progress::Lines;
+use crate::watcher::watched;
+use crate::{interrupt, output};
+use gaitfit::machine;
+use gaitfit::settings::{self, TrainConfig};
+use gaitfit::train::{self, Results};
+
+/// Plain lines of progress over a training.
+pub const LINES: Lines = Lines::Parts(10);
+
+/// Trains all seeds, or continues them, and reports what came out.
+pub fn run(args: &cli::Train) -> Result<(), Failure> {
+    let mut config: TrainConfig = settings::load(args.config.as_deref(), &args.set)?;
+    let name = run_name(args.name.as_ref(), config.name.as_ref(), args.config.as_deref());
+    let name = name.unwrap_or_else(|| config.task.base.name().to_owned());
+    config.name = Some(name.clone());
+    if let Some(seeds) = &args.seeds {
+        config.seeds = seeds.0.clone();
+    }
+    let threads = args.threads.map_or_else(machine::threads, std::num::NonZeroUsize::get);
+    let setup = train::setup(&config, &name, args.config.as_deref(), threads)?;
+    interrupt::listen()?;
+    print(&watched(LINES, |watch| train::train(&setup, args.resume, watch))?, args.json)
+}
+
+/// Prints what came out.
+pub fn print(results: &Results, json: bool) -> Result<(), Failure> {
+    if json { output::print_json(results) } else { output::print(&table::text(results)) }
+}

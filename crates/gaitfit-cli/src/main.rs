@@ -1,0 +1,40 @@
+//! `gaitfit`: fits a legged robot's simulator to the real robot from its joint sensors.
+
+mod cli;
+mod commands;
+mod exit;
+mod interrupt;
+mod output;
+mod progress;
+mod table;
+mod watcher;
+
+use clap::Parser;
+use cli::{Cli, Command};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let done = match &cli.command {
+        Command::Config(args) => commands::config::run(args),
+        Command::Doctor(args) => commands::doctor::run(args),
+        Command::Inspect(args) => commands::inspect::run(args),
+        Command::Adapt(args) => commands::adapt::run(args),
+        Command::Train(args) => commands::train::run(args),
+        Command::Finetune(args) => commands::finetune::run(args),
+        Command::Loop(args) => commands::loop_::run(args),
+        Command::Reproduce(args) => commands::reproduce::run(args),
+        Command::Forward(args) => commands::forward::run(args),
+        Command::Export(args) => commands::export::run(args),
+        Command::Evaluate(args) => commands::evaluate::run(args),
+        Command::Collect(args) => commands::collect::run(args),
+        Command::Bench(args) => commands::bench::run(args),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            output::note(&format!("error: {failure}"));
+            failure.exit.into()
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! From log files to recordings in the robot's joint order, with gains.
+
+use crate::Error;
+use crate::settings::{AdaptConfig, FileGains};
+use crate::{log_joints, paths, robot};
+use gaitfit_log::{
+    Finding, FindingKind, PerJoint, ReadOptions, ReadReport, Severity, Trajectory, check, read_csv_report,
+};
+use gaitfit_model::Model;
+use gaitfit_sim::Recording;
+use globset::Glob;
+use std::path::{Path, PathBuf};
+
+/// A log ready to be replayed.
+#[derive(Debug)]
+pub struct Log {
+    /// As the configuration names it.
+    pub name: String,
+    /// Where it was found.
+    pub path: PathBuf,
+    /// Files beside it that were read too.
+    pub sidecars: Vec<PathBuf>,
+    /// What the checks of a log say about it.
+    pub findings: Vec<Finding>,
+    /// The log's own names of the robot's joints, in the robot's order.
+    pub joints: Vec<String>,
+    /// Its samples, joints in the robot's order under the robot's names.
+    pub trajectory: Trajectory,
+    /// What the simulator replays.
+    pub recording: Recording,
+}
+
+impl Log {
+    /// Position targets, rad; `samples × joints`.
+    pub fn target(&self) -> &[f64] {
+        &self.recording.target
+    }
+}
+
+/// Reads the log `named` for a robot. `override_gains` are gains that win over the log's own.
+pub fn read(
+    named: &str,
+    config_path: &Path,
+    config: &AdaptConfig,
+    model: &Model,
+    override_gains: &[FileGains],
+) -> Result<Log, Error> {
+    let path = paths::find(named, "log", config_path)?;
+    let gains = matching(override_gains, named, &path)?;
+    let own = gains.map_or_else(ReadOptions::default, |gains| with_gains(gains.kp.clone(), gains.kd.clone()));
+    let (mut trajectory, mut report) = open(&path, &own)?;
+    if trajectory.gains.is_none() {
+        if config.gains.kp.is_none() || config.gains.kd.is_none() {
+            return Err(Error::settings(format!(
+                "{}: the log does not state its PD gains, and neither does the configuration. Give `kp` and `kd` \
+                 in [gains] (for example --set gains.kp=25 --set gains.kd=0.5), in the log's header, or in a file \
+                 {} beside it.",
+                path.display(),
+                path.with_extension("toml").display()
+            )));
+        }
+        (trajectory, report) = open(&path, &with_gains(config.gains.kp.clone(), config.gains.kd.clone()))?;
+    }
+    let all: Vec<usize> = (0..model.joints.len()).collect();
+    let (trajectory, joints) = log_joints::of_robot(&trajectory, &path, &config.joint_names, model, &all)?;
+    let findings = check(&trajectory, &robot::check_spec(model, &trajectory.joints));
+    let recording = recording(&trajectory, &path)?;
+    if let Some(broken) = findings.iter().find(|finding| unusable(finding)) {
+        return Err(Error::failed(format!(
+            "{}: {}: {}. `gaitfit inspect` shows the log; cut or repair it.",
+            path.display(),
+            broken.kind,
+            broken.message.trim_end_matches('.')
+        )));
+    }
+    Ok(Log {
+        name: named.to_owned(),
+        path,
+        sidecars: report.sidecars,
+        findings,
+        joints,
+        trajectory,
+        recording,
+    })
+}
+
+/// Findings after which a replay means nothing. Others, such as a robot that does not follow, are warnings: an
+/// in-air log with strong friction looks like one that is held.
+fn unusable(finding: &Finding) -> bool {
+    let broken = [
+        FindingKind::Malformed,
+        FindingKind::TooShort,
+        FindingKind::NonMonotonicTime,
+        FindingKind::TimeGap,
+        FindingKind::RateMismatch,
+        FindingKind::NotFinite,
+    ];
+    finding.severity == Severity::Error && broken.contains(&finding.kind)
+}
+
+fn open(path: &Path, options: &ReadOptions) -> Result<(Trajectory, ReadReport), Error> {
+    read_csv_report(path, options).map_err(Error::failed)
+}
+
+fn with_gains(kp: Option<PerJoint>, kd: Option<PerJoint>) -> ReadOptions {
+    ReadOptions { kp, kd, ..ReadOptions::default() }
+}
+
+/// The first entry with a pattern that matches the path, as named or as found, or the file's name.
+pub fn matching<'a>(
+    gains: &'a [FileGains],
+    named: &str,
+    path: &Path,
+) -> Result<Option<&'a FileGains>, Error> {
+    let file = path.file_name().map(Path::new);
+    for entry in gains {
+        for pattern in &entry.files {
+            let glob = Glob::new(pattern).map_err(|error| {
+                Error::settings(format!("validate_gains: `{pattern}` is no file pattern: {}", error.kind()))
+            })?;
+            let glob = glob.compile_matcher();
+            if pattern == named || glob.is_match(named) || file.is_some_and(|file| glob.is_match(file)) {
+                return Ok(Some(entry));
+            }
+        }
+    }
+    Ok(None)
+}
+
+fn recording(trajectory: &Trajectory, path: &Path) -> Result<Recording, Error> {
+    let shown = path.display();
+    let Some(target) = trajectory.target.clone() else {
+        return Err(Error::failed(format!(
+            "{shown}: the log has no position targets (columns qdes_…); a replay needs what the robot was told."
+        )));
+    };
+    let Some(gains) = trajectory.gains.clone() else {
+        return Err(Error::failed(format!("{shown}: the log has no PD gains.")));
+    };
+    let width = trajectory.joints.len();
+    for (name, signal) in [("q", &trajectory.position), ("dq", &trajectory.velocity), ("qdes", &target)] {
+        if let Some(bad) = signal.iter().position(|value| !value.is_finite()) {
+            return Err(Error::failed(format!(
+                "{shown}: {name}_{} of sample {} is not a number; cut or repair the log.",
+                trajectory.joints[bad % width],
+                bad / width
+            )));
+        }
+    }
+    if trajectory.len() < 2 {
+        return Err(Error::failed(format!(
+            "{shown}: a single sample cannot be replayed; record some seconds of motion."
+        )));
+    }
+    Ok(Recording {
+        dt: trajectory.dt(),
+        q0: trajectory.position[..width].to_vec(),
+        dq0: trajectory.velocity[..width].to_vec(),
+        target,
+        kp: gains.kp,
+        kd: gains.kd,
+    })
+}

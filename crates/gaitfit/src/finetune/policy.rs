@@ -1,0 +1,48 @@
+//! The policy that fine-tuning goes on from, and what its networks decide in the settings.
+
+use crate::Error;
+use crate::run::inputs;
+use gaitfit_learn::policy::{self, Policy, weights};
+use gaitfit_learn::ppo;
+use std::path::Path;
+
+/// First updates that only the critic learns in: with the policy's critic, and with a new one.
+const CRITIC_WARMUP: [u32; 2] = [5, 20];
+
+/// Reads a policy, and its SHA-256 as the program writes it: weights and description count, in one file or two.
+pub fn read(path: &Path) -> Result<(Policy, String), Error> {
+    let policy = policy::read(path).map_err(Error::failed)?;
+    let bytes = weights::write(&policy).map_err(Error::failed)?;
+    Ok((policy, inputs::hash(&bytes)))
+}
+
+/// Settles what the policy's networks decide.
+///
+/// # Errors
+/// In words: networks asked for that are not the policy's.
+pub fn settle(ppo: &mut ppo::Settings, policy: &Policy) -> Result<(), String> {
+    let defaults = ppo::Settings::default();
+    let kept = |name: &str, asked: &[usize], usual: &[usize], own: &[usize]| {
+        if asked == own || asked == usual {
+            return Ok(own.to_vec());
+        }
+        Err(format!(
+            "`ppo.{name}` is {asked:?}, and the policy has {own:?}: fine-tuning keeps its networks, leave it out"
+        ))
+    };
+    let actor = &policy.actor.shape;
+    ppo.actor_hidden = kept("actor_hidden", &ppo.actor_hidden, &defaults.actor_hidden, &actor.hidden)?;
+    if let Some(critic) = &policy.critic {
+        let own = &critic.shape.hidden;
+        ppo.critic_hidden = kept("critic_hidden", &ppo.critic_hidden, &defaults.critic_hidden, own)?;
+    }
+    if ppo.activation != defaults.activation && ppo.activation != actor.activation {
+        return Err(format!(
+            "`ppo.activation` is {:?}, and the policy has {:?}: fine-tuning keeps its networks, leave it out",
+            ppo.activation, actor.activation
+        ));
+    }
+    ppo.activation = actor.activation;
+    ppo.critic_warmup.get_or_insert(CRITIC_WARMUP[usize::from(policy.critic.is_none())]);
+    Ok(())
+}

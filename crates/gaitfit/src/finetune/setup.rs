@@ -1,0 +1,267 @@
+//! Everything a fine-tuning needs, read and checked before anything is written.
+
+use super::policy;
+use crate::Error;
+use crate::paths;
+use crate::run::inputs::{self, Inputs};
+use crate::settings::{FinetuneConfig, changed};
+use crate::train::{Parent, Plan, Setup, Start, advice, configuration, refused};
+use crate::world::{self, World, WorldSettings};
+use gaitfit_learn::policy::Policy;
+use gaitfit_learn::task::TaskSettings;
+use std::path::{Path, PathBuf};
+use toml::Table;
+
+const PRINTED_BY: &str = "gaitfit config finetune";
+
+/// What is asked of a fine-tuning.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// All settings.
+    pub config: FinetuneConfig,
+    /// Where the settings were read: relative paths may start from its folder.
+    pub path: Option<PathBuf>,
+    /// Name of the run.
+    pub name: String,
+    /// Files that win over those of the settings.
+    pub files: Files,
+    /// Task: `velocity`, `biped`, or a file with a task's settings; the policy's own without one.
+    pub task: Option<String>,
+    /// Threads; none takes one a core.
+    pub threads: Option<std::num::NonZeroUsize>,
+}
+
+/// Reads policy, robot and fitted parameters, and checks the settings.
+pub fn setup(request: Request) -> Result<Setup, Error> {
+    let Request { mut config, path, name: run, files, task, threads } = request;
+    let path = path.as_deref();
+    let wrong = |wrong: String| Error::settings(advice(path, &wrong, PRINTED_BY));
+    config.name = Some(run.clone());
+    let files = Found::find(&files, &mut config, path)?;
+    let (mut policy, policy_sha256) = policy::read(&files.policy)?;
+    let theta_sha256 = files.theta.as_deref().map(hash).transpose()?;
+    pinned(&mut config.policy_sha256, Some(&policy_sha256), &files.policy)?;
+    if let Some(theta) = &files.theta {
+        pinned(&mut config.theta_sha256, theta_sha256.as_ref(), theta)?;
+    }
+    let arguments = WorldSettings {
+        policy: files.policy.clone(),
+        robot: files.robot.clone(),
+        lenient: config.lenient,
+        task,
+        theta: files.theta.clone(),
+        spring: config.spring.clone(),
+        torque_noise: config.torque_noise,
+        randomised: true,
+        preset: config.preset,
+        seed: 0,
+        threads,
+    };
+    let (plan, settings, new_critic) = plan(&mut config, &arguments, &mut policy, run).map_err(&wrong)?;
+    let mut warnings = Vec::new();
+    if plan.ppo.critic_warmup.is_some_and(|updates| updates >= plan.train.iterations) {
+        warnings.push(format!(
+            "the first {} updates teach the critic alone, so {} iterations leave the policy as it is; raise \
+             train.iterations or lower ppo.critic_warmup",
+            plan.ppo.critic_warmup.unwrap_or(0),
+            plan.train.iterations
+        ));
+    }
+    let world = World::with_task(&arguments, policy, settings)?;
+    warnings.extend(world.warnings.iter().cloned());
+    let model = world.scene.batch.model().clone();
+    let inputs = Inputs::new(files.all(), &model, &bound(&config))?;
+    let parent = Parent {
+        policy: files.policy.display().to_string(),
+        policy_sha256,
+        theta: files.theta.as_ref().map(|path| path.display().to_string()),
+        theta_sha256,
+        simulator: world.description(),
+        new_critic,
+    };
+    let setup = Setup {
+        plan,
+        model,
+        candidate: Some(world.candidate),
+        scene: world.scene,
+        start: Some(Start { policy: world.policy, parent }),
+        inputs,
+        threads: World::threads(&arguments),
+        warnings,
+    };
+    setup.learner(0).map_err(|error| refused(path, &error, PRINTED_BY))?;
+    Ok(setup)
+}
+
+/// The training that the settings ask for, its task, and whether it begins with a new critic; settles what the policy
+/// decides.
+///
+/// # Errors
+/// In words.
+fn plan(
+    config: &mut FinetuneConfig,
+    arguments: &WorldSettings,
+    policy: &mut Policy,
+    run: String,
+) -> Result<(Plan, TaskSettings, bool), String> {
+    let settings = task(arguments, policy, &mut config.task)?;
+    policy::settle(&mut config.ppo, policy)?;
+    let new_critic = policy.critic.is_none();
+    if new_critic && policy.interface.critic_observation.is_empty() {
+        // A policy trained elsewhere need not say what a critic would see: the task does.
+        policy.interface.critic_observation = settings.policy.critic_observation.clone();
+    }
+    if policy.interface.critic_observation.is_empty() {
+        return Err("neither policy nor task says what the critic sees (critic_observation)".to_owned());
+    }
+    let plan = Plan {
+        name: run,
+        runs: config.runs.clone(),
+        seeds: config.seeds.clone(),
+        checkpoint_seconds: config.checkpoint_seconds,
+        preset: config.preset,
+        train: config.train.clone(),
+        ppo: config.ppo.clone(),
+        task: arguments.task.clone().unwrap_or_else(|| "the policy's own".to_owned()),
+        configuration: configuration(config).map_err(|error| error.to_string())?,
+    };
+    plan.check()?;
+    Ok((plan, settings, new_critic))
+}
+
+/// Refuses settings that no training can be made of, for programs that train later: `arguments` say on which robot.
+///
+/// # Errors
+/// Usage, naming the setting.
+pub fn check(config: &FinetuneConfig, arguments: &WorldSettings, policy: &Policy) -> Result<(), Error> {
+    let mut policy = policy.clone();
+    let mut config = FinetuneConfig { runs: ".".to_owned(), ..config.clone() };
+    let (_, settings, _) =
+        plan(&mut config, arguments, &mut policy, "finetune".to_owned()).map_err(Error::settings)?;
+    World::with_task(arguments, policy, settings).map(|_| ())
+}
+
+/// Files that are asked for beside the settings.
+#[derive(Clone, Debug, Default)]
+pub struct Files {
+    /// Policy to go on from.
+    pub policy: Option<PathBuf>,
+    /// Fitted parameters.
+    pub theta: Option<PathBuf>,
+    /// Robot.
+    pub robot: Option<PathBuf>,
+}
+
+/// The files that a fine-tuning reads.
+struct Found {
+    policy: PathBuf,
+    theta: Option<PathBuf>,
+    robot: Option<PathBuf>,
+}
+
+impl Found {
+    /// The files asked for, else the configuration's, which then names the former. A file asked for need not have the
+    /// hash that the configuration asks for.
+    fn find(asked: &Files, config: &mut FinetuneConfig, path: Option<&Path>) -> Result<Self, Error> {
+        if asked.policy.is_some() {
+            config.policy_sha256 = None;
+        }
+        if asked.theta.is_some() {
+            config.theta_sha256 = None;
+        }
+        let find =
+            |asked: &Option<PathBuf>, configured: &mut Option<String>, what: &str| match (asked, &configured)
+            {
+                (Some(path), _) => {
+                    *configured = Some(path.display().to_string());
+                    Ok(Some(path.clone()))
+                }
+                (None, Some(named)) => paths::find(named, what, path.unwrap_or(Path::new("--set"))).map(Some),
+                (None, None) => Ok(None),
+            };
+        let policy = find(&asked.policy, &mut config.policy, "policy")?.ok_or_else(|| {
+            Error::settings(
+                "no policy to go on from; give one, for example `gaitfit finetune runs/velocity/seed-1/policy.safetensors \
+                 --theta runs/fit/theta.toml`",
+            )
+        })?;
+        let theta = find(&asked.theta, &mut config.theta, "theta")?;
+        let robot = find(&asked.robot, &mut config.robot, "robot")?;
+        Ok(Self { policy, theta, robot })
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Path> {
+        [Some(&self.policy), self.theta.as_ref(), self.robot.as_ref()]
+            .into_iter()
+            .flatten()
+            .map(PathBuf::as_path)
+    }
+}
+
+fn hash(path: &Path) -> Result<String, Error> {
+    let bytes = std::fs::read(path)
+        .map_err(|error| Error::failed(format!("cannot read {}: {error}", path.display())))?;
+    Ok(inputs::hash(&bytes))
+}
+
+/// Holds a file to the hash that the configuration asks for, or writes its own there.
+fn pinned(asked: &mut Option<String>, found: Option<&String>, path: &Path) -> Result<(), Error> {
+    match (&asked, found) {
+        (Some(asked), Some(found)) if asked != found => Err(Error::settings(format!(
+            "{} has SHA-256 {found}, the configuration asks for {asked}; give the file it was written for, or leave \
+             the hash out",
+            path.display()
+        ))),
+        _ => {
+            *asked = found.cloned();
+            Ok(())
+        }
+    }
+}
+
+/// The task: the policy's own or the one asked for, with the changes of the configuration, which becomes the whole.
+///
+/// # Errors
+/// In words.
+fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Result<TaskSettings, String> {
+    for (key, why) in [
+        ("base", "name the built-in task with --task"),
+        ("policy", "what the policy sees and does is its own"),
+    ] {
+        if changes.contains_key(key) {
+            return Err(format!("`task.{key}` cannot be set in fine-tuning: {why}"));
+        }
+    }
+    let own = policy.interface.control_dt;
+    let mut settings = world::task(arguments, policy).map_err(|error| error.to_string())?;
+    settings.control_dt = own;
+    let whole = Table::try_from(&settings).map_err(|error| error.to_string())?;
+    let mut whole = changed(whole, changes);
+    let settings: TaskSettings =
+        whole.clone().try_into().map_err(|error| format!("[task] {}", error.to_string().trim_end()))?;
+    if settings.control_dt != own {
+        let asked = settings.control_dt;
+        return Err(format!(
+            "`task.control_dt` is {asked} s, and the policy acts every {own} s: leave it out"
+        ));
+    }
+    whole.remove("policy");
+    *changes = whole;
+    Ok(settings)
+}
+
+/// What a run is bound to: its settings without those that do not change what an iteration does. Files count by their
+/// hashes, the robot as what it is.
+fn bound(config: &FinetuneConfig) -> FinetuneConfig {
+    let mut bound = config.clone();
+    bound.name = None;
+    bound.policy = None;
+    bound.theta = None;
+    bound.robot = None;
+    bound.lenient = false;
+    bound.runs = String::new();
+    bound.seeds = Vec::new();
+    bound.checkpoint_seconds = 0.0;
+    bound.train.iterations = 0;
+    bound
+}

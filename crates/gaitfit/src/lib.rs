@@ -1,0 +1,31 @@
+//! The method of gaitfit as a library: fits of a robot's simulator to its logs, training and fine-tuning of policies,
+//! and the loop that joins them.
+//!
+//! Every stage is a function of typed settings ([`settings`]) that returns a typed result or an [`Error`] that names the
+//! object and the remedy. Stages report progress and may be stopped through one callback ([`watch::Watch`]). What they
+//! compute lies in run folders ([`run::RunFolder`]), from which an interrupted stage goes on to the same bits.
+
+pub mod air;
+mod error;
+pub mod files;
+pub mod finetune;
+pub mod gait;
+mod log_joints;
+pub mod loop_;
+pub mod machine;
+mod paths;
+mod pieces;
+pub mod replay;
+pub mod reproduce;
+pub mod robot;
+pub mod run;
+mod search;
+pub mod settings;
+pub mod target;
+mod tensorboard;
+pub mod train;
+pub mod walk;
+pub mod watch;
+pub mod world;
+
+pub use error::Error;

@@ -1,0 +1,34 @@
+//! The whole method: collect, adapt, fine-tune, evaluate, repeated while it helps.
+
+pub mod files;
+mod presence;
+mod report;
+pub mod results;
+pub mod rounds;
+pub mod setup;
+pub mod stages;
+
+pub use results::Results;
+pub use setup::Setup;
+
+use crate::Error;
+use crate::machine;
+use crate::run::RunFolder;
+use crate::watch::Watch;
+use std::path::Path;
+
+/// Runs the loop called `name` in a new run folder, or with `resume` continues the latest one of that name.
+pub fn run(setup: &Setup, name: &str, resume: bool, watch: &Watch<'_>) -> Result<Results, Error> {
+    setup.warnings.iter().for_each(|warning| watch.note(warning));
+    let folder = RunFolder::begin(Path::new(&setup.config.runs), name, resume, watch)?;
+    files::check_same(&folder, setup)?;
+    if let Some(results) = files::finished(&folder, setup)? {
+        watch.note(&format!("{} is finished; this is its result", folder.path().display()));
+        return Ok(results);
+    }
+    let begun = machine::now();
+    files::begin(&folder, setup, &begun)?;
+    let done = rounds::run(setup, &folder, watch)?;
+    report::write(setup, &folder, &done)?;
+    files::finish(&folder, setup, &begun, done.results)
+}

@@ -1,0 +1,144 @@
+//! `report.html`: the whole loop on one page.
+
+use super::results::{REFERENCE, Results};
+use super::rounds::Done;
+use super::setup::Setup;
+use crate::Error;
+use crate::gait;
+use crate::machine::now;
+use crate::pieces;
+use crate::replay;
+use crate::run::RunFolder;
+use crate::search;
+use crate::target::{PolicyFiles, Target};
+use crate::train;
+use crate::walk::report;
+use gaitfit_view::loop_report::{DriftTrials, Round, Tracking};
+use gaitfit_view::report::Setting;
+use gaitfit_view::training::Link;
+use gaitfit_view::{LoopReport, Replay, loop_html};
+
+/// Writes the page.
+pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error> {
+    let results = &done.results;
+    let fact = |name: &str, value: String| Setting { name: name.to_owned(), value };
+    let mut facts = vec![
+        fact("Rounds", results.rounds.len().to_string()),
+        fact("Stopped because", results.stopped_because.clone()),
+    ];
+    facts.extend(results.target.iter().map(|target| fact("Target", target.clone())));
+    facts.extend(results.next.iter().map(|next| fact("Next", next.clone())));
+    let page = LoopReport {
+        title: results.name.clone(),
+        robot: results.robot.clone(),
+        created: now(),
+        wall_seconds: results.wall_seconds,
+        before: results.before.clone(),
+        after: results.after.clone(),
+        target: results.evaluations.first().map(|one| one.on.clone()).unwrap_or_default(),
+        rounds: rounds(folder, done)?,
+        tracking: tracking(results),
+        drift: drift(setup, results),
+        replay: side_by_side(setup, done)?,
+        facts,
+        links: links(folder, results),
+        warnings: results.warnings.clone(),
+        settings: pieces::settings(&setup.config)?,
+        versions: pieces::versions(),
+    };
+    let page = loop_html(&page).map_err(Error::failed)?;
+    folder.write("report.html", page.as_bytes())
+}
+
+fn rounds(folder: &RunFolder, done: &Done) -> Result<Vec<Round>, Error> {
+    let mut rounds = Vec::with_capacity(done.results.rounds.len());
+    for (result, (_, ground)) in done.results.rounds.iter().zip(&done.grounds) {
+        let within = folder.path().join(format!("round-{}", result.round));
+        let metrics = RunFolder::only(&within, "adapt")?.read(search::METRICS)?.unwrap_or_default();
+        let round = report::round(ground, &ground.simulator(), &result.adapt, &metrics)?;
+        rounds.push(Round {
+            name: format!("Round {}: {} → {}", result.round, result.before, result.after),
+            wall_seconds: result.adapt.wall_seconds + result.finetune.wall_seconds,
+            fine_tuning: train::curves(&RunFolder::only(&within, "finetune")?, &result.finetune)?,
+            ..round
+        });
+    }
+    Ok(rounds)
+}
+
+fn tracking(results: &Results) -> Vec<Tracking> {
+    let row = |one: &super::results::Measurement| Tracking {
+        policy: one.evaluation.policy.clone(),
+        simulator: one.on.clone(),
+        trajectories: one.evaluation.trajectories as u64,
+        linear_velocity_error: one.evaluation.linear_velocity_error,
+        angular_velocity_error: one.evaluation.angular_velocity_error,
+        reward: one.evaluation.reward,
+        fall_rate: one.evaluation.fall_rate,
+    };
+    results.evaluations.iter().map(row).collect()
+}
+
+fn drift(setup: &Setup, results: &Results) -> Vec<DriftTrials> {
+    let row = |one: &super::results::Measurement| DriftTrials {
+        policy: one.evaluation.policy.clone(),
+        simulator: one.on.clone(),
+        trials: one.evaluation.drift.iter().map(|trial| trial.drawn(setup.config.evaluate.drift)).collect(),
+    };
+    results.evaluations.iter().filter(|one| !one.evaluation.drift.is_empty()).map(row).collect()
+}
+
+/// The first and the best policy under the same commands, on the target if it is simulated, or else in the last
+/// adapted simulator.
+fn side_by_side(setup: &Setup, done: &Done) -> Result<Option<Replay>, Error> {
+    let results = &done.results;
+    let named = |name: &str| done.policies.iter().find(|policy| policy.name == name);
+    let (Some(before), Some(after), Some(round)) =
+        (named(&results.before), named(&results.after), results.rounds.last())
+    else {
+        return Ok(None);
+    };
+    let commands = gait::tour(&setup.task.command);
+    let seed = setup.config.evaluate.seed;
+    let record = |policy: &PolicyFiles| match &done.target {
+        Some(Target::Simulated(target)) => target.record(policy, &commands, seed),
+        _ => {
+            let world = setup.adapted(policy, round.theta.clone().into())?;
+            gaitfit_learn::evaluate::record_gait(&world.subject(seed), &commands).map_err(Error::failed)
+        }
+    };
+    let on = if matches!(done.target, Some(Target::Simulated(_))) {
+        "on the target"
+    } else {
+        "in the adapted simulator"
+    };
+    let (first, second) = (record(before)?, record(after)?);
+    Ok(Some(Replay {
+        title: results.name.clone(),
+        note: format!("{} and {} under the same commands {on}", before.name, after.name),
+        dt: first.dt,
+        robots: vec![
+            replay::robot(&before.name, &setup.model, &first),
+            replay::robot(&after.name, &setup.model, &second),
+        ],
+    }))
+}
+
+fn links(folder: &RunFolder, results: &Results) -> Vec<Link> {
+    let link = |text: String, path: String| Link { text, path };
+    let mut links = Vec::new();
+    for round in &results.rounds {
+        let number = round.round;
+        links.push(link(format!("{} (ONNX)", round.after), format!("policies/policy-{number}.onnx")));
+        links.push(link(round.after.clone(), format!("policies/policy-{number}.safetensors")));
+        links.push(link(format!("Fit of round {number}"), format!("round-{number}/adapt/report.html")));
+        links.push(link(
+            format!("Training of round {number}"),
+            format!("round-{number}/finetune/report.html"),
+        ));
+    }
+    if folder.path().join("reference").is_dir() {
+        links.push(link(format!("Training: {REFERENCE}"), "reference/finetune/report.html".to_owned()));
+    }
+    links
+}

@@ -1,0 +1,100 @@
+//! What a loop came to, as the one document that `--json` prints, `result.json` keeps, and table and report show.
+
+use crate::target::Evaluation;
+use crate::train;
+use crate::walk::results::GroundResults;
+use indexmap::IndexMap;
+use serde::{Deserialize, Serialize};
+
+/// The result of a loop.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Results {
+    /// Name of the run.
+    pub name: String,
+    /// Robot name.
+    pub robot: String,
+    /// The target in a few words; absent where it cannot be run from here.
+    pub target: Option<String>,
+    /// The repetitions.
+    pub rounds: Vec<RoundResult>,
+    /// Every policy in every simulator it was measured in, the same commands for all.
+    pub evaluations: Vec<Measurement>,
+    /// Name of the policy it began with.
+    pub before: String,
+    /// Name of the best policy it found.
+    pub after: String,
+    /// That policy's file.
+    pub policy: String,
+    /// The same as ONNX.
+    pub onnx: String,
+    /// Why there was no further round.
+    pub stopped_because: String,
+    /// What to do next, where the loop cannot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub next: Option<String>,
+    /// What to know before trusting the numbers.
+    pub warnings: Vec<String>,
+    /// Where the files are.
+    pub run_folder: String,
+    /// Wall time of all stages, over all sessions, s.
+    pub wall_seconds: f64,
+    /// The same by stage.
+    pub stage_seconds: IndexMap<String, f64>,
+}
+
+/// One repetition.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct RoundResult {
+    /// Its number, from 1.
+    pub round: u32,
+    /// The policy that walked.
+    pub before: String,
+    /// The policy that came out.
+    pub after: String,
+    /// The fit.
+    pub adapt: GroundResults,
+    /// The fitted parameters' file.
+    pub theta: String,
+    /// The training.
+    pub finetune: train::Results,
+}
+
+/// One policy in one simulator.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Measurement {
+    /// Where it was measured: [`TARGET`], or the adapted simulator of a round.
+    pub on: String,
+    /// What was measured.
+    #[serde(flatten)]
+    pub evaluation: Evaluation,
+}
+
+/// [`Measurement::on`] of the target.
+pub const TARGET: &str = "target";
+/// Name of a policy that was fine-tuned in the true simulator.
+pub const REFERENCE: &str = "fine-tuned on the target";
+
+/// [`Measurement::on`] of a round's fitted simulator; of `rounds` in all.
+pub fn adapted(round: u32, rounds: u32) -> String {
+    if rounds == 1 { "adapted".to_owned() } else { format!("adapted, round {round}") }
+}
+
+/// Name of the policy after so many rounds.
+pub fn policy_name(round: u32) -> String {
+    let digits = round.to_string();
+    let below = digits.chars().filter_map(|digit| char::from_u32(0x2080 + digit.to_digit(10)?));
+    format!("π{}", below.collect::<String>())
+}
+
+impl Results {
+    /// What was measured of a policy in a simulator.
+    pub fn measured(&self, policy: &str, on: &str) -> Option<&Evaluation> {
+        let found = self.evaluations.iter().find(|one| one.on == on && one.evaluation.policy == policy);
+        found.map(|one| &one.evaluation)
+    }
+}
+
+/// Sum of both tracking errors, m/s and rad/s.
+pub fn tracking_error(evaluation: &Evaluation) -> f64 {
+    evaluation.linear_velocity_error.mean + evaluation.angular_velocity_error.mean
+}

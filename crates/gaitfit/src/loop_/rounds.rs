@@ -1,0 +1,260 @@
+//! The loop itself: what follows what, and when it ends.
+//!
+//! A further round begins only if the last one helped. Where the target can be measured, that is its tracking error
+//! under commands that are the same for all policies: it is what the loop is for, and costs of two rounds compare
+//! logs of different policies, each scaled by its own range. Where only logs can be had, it is the cost of the fit.
+
+use super::files;
+use super::presence;
+use super::results::{self, Measurement, REFERENCE, Results, RoundResult, TARGET, adapted, policy_name};
+use super::setup::Setup;
+use super::stages::{Simulator, Stages, measurement};
+use crate::Error;
+use crate::run::RunFolder;
+use crate::settings::{AdaptConfig, TargetConfig, TargetKind};
+use crate::target::{Evaluation, PolicyFiles, Target};
+use crate::walk::setup::Ground;
+use crate::watch::Watch;
+use gaitfit_adapt::ThetaFile;
+
+/// A finished loop, with what its report needs besides the results.
+pub struct Done {
+    /// What came out.
+    pub results: Results,
+    /// The fits' inputs, one a round.
+    pub grounds: Vec<(AdaptConfig, Ground)>,
+    /// The policies before the first round and after each.
+    pub policies: Vec<PolicyFiles>,
+    /// The robot, if it can be run from here.
+    pub target: Option<Target>,
+}
+
+/// Runs all rounds that there are to be, and the reference.
+pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done, Error> {
+    let (target, absent) = presence::target(setup, folder, watch)?;
+    let most = if absent.is_some() { 1 } else { setup.config.rounds };
+    if most < setup.config.rounds {
+        watch.note("without the robot there is one round");
+    }
+    let mut stages = Stages::new(setup, folder, target, watch)?;
+    let all = count(setup, most, stages.target.as_ref());
+    stages = stages.counted(all);
+    let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
+    let mut evaluations = Vec::new();
+    evaluations.extend(measurement(TARGET, stages.on_target("policy-0", &first)?));
+    let mut policies = vec![first];
+    let mut rounds: Vec<RoundResult> = Vec::new();
+    let mut grounds = Vec::new();
+    let mut stopped_because = "all rounds are done".to_owned();
+    for number in 1..=most {
+        let (round, ground) = one_round(&mut stages, number, &mut policies, &mut evaluations)?;
+        rounds.push(round);
+        grounds.push(ground);
+        let (helped, why) = helped(setup, &rounds, &evaluations);
+        if !helped {
+            stopped_because = why;
+            break;
+        }
+    }
+    reference(&mut stages, &policies, &mut evaluations)?;
+    let after = best(&policies, &evaluations);
+    let results = Results {
+        name: folder.name(),
+        robot: setup.model.name.clone(),
+        target: stages.target.as_ref().map(Target::description),
+        before: policies.first().map(|policy| policy.name.clone()).unwrap_or_default(),
+        after: after.name.clone(),
+        policy: after.safetensors.display().to_string(),
+        onnx: after.onnx.display().to_string(),
+        stopped_because,
+        next: next(stages.target.is_some(), absent.as_deref(), after),
+        warnings: warnings(&rounds, &evaluations),
+        run_folder: folder.path().display().to_string(),
+        wall_seconds: stages.times.all().values().sum(),
+        stage_seconds: stages.times.all().clone(),
+        rounds,
+        evaluations,
+    };
+    Ok(Done { results, grounds, policies, target: stages.target })
+}
+
+/// Stages of so many rounds, if none ends the loop.
+fn count(setup: &Setup, rounds: u32, target: Option<&Target>) -> usize {
+    let measured = usize::from(target.is_some_and(Target::measures));
+    // Logs, fit, training, the new policy on the target, both in the fitted simulator.
+    let round = 5 + measured;
+    let reference = if has_reference(setup) { 1 + measured } else { 0 };
+    rounds as usize * round - usize::from(!setup.logs.is_empty()) + measured + reference
+}
+
+fn one_round(
+    stages: &mut Stages<'_>,
+    number: u32,
+    policies: &mut Vec<PolicyFiles>,
+    evaluations: &mut Vec<Measurement>,
+) -> Result<(RoundResult, (AdaptConfig, Ground)), Error> {
+    let setup = stages.setup;
+    let round = format!("round-{number}");
+    stages.folder.make(&round)?;
+    let Some(before) = policies.last() else {
+        return Err(Error::failed("a round without a policy to begin with"));
+    };
+    let logs = if number == 1 && !setup.logs.is_empty() {
+        setup.logs.clone()
+    } else {
+        let seed = setup.config.target.as_ref().map_or(0, |target| target.seed);
+        vec![stages.collect(&format!("{round}/logs"), before, seed.saturating_add(u64::from(number - 1)))?]
+    };
+    let mut config = setup.config.adapt(
+        number,
+        before.safetensors.display().to_string(),
+        logs.iter().map(|path| path.display().to_string()).collect(),
+    );
+    config.runs = stages.path(&round).display().to_string();
+    add_truth(setup, &mut config);
+    let (ground, adapt, theta) = stages.adapt(&round, &config)?;
+    let simulator = Simulator { theta: theta.clone(), ..Simulator::default() };
+    let (finetune, bytes) = stages.finetune(&round, before, &simulator)?;
+    let stem = |number: u32| format!("policy-{number}");
+    let after = stages.keep(&policy_name(number), &stem(number), &bytes)?;
+    let on = adapted(number, setup.config.rounds);
+    evaluations.extend(measurement(TARGET, stages.on_target(&stem(number), &after)?));
+    evaluations.extend(measurement(&on, stages.on_adapted(&stem(number - 1), before, number, &theta)?));
+    evaluations.extend(measurement(&on, stages.on_adapted(&stem(number), &after, number, &theta)?));
+    let result = RoundResult {
+        round: number,
+        before: before.name.clone(),
+        after: after.name.clone(),
+        adapt,
+        theta: theta.display().to_string(),
+        finetune,
+    };
+    policies.push(after);
+    Ok((result, (config, ground)))
+}
+
+/// Gives a fit the true values that a simulated target has for its parameters.
+pub fn add_truth(setup: &Setup, config: &mut AdaptConfig) {
+    let Some(ThetaFile { parameter, .. }) = &setup.truth else { return };
+    let joints: Vec<String> = setup.model.joints.iter().map(|joint| joint.name.clone()).collect();
+    let rest = vec![0.0; joints.len()];
+    let Ok(theta) = config.rules().theta(&config.groups(), &joints, &rest) else { return };
+    for entry in theta.entries() {
+        let covers = |joints: &[String]| entry.joints.iter().all(|joint| joints.contains(joint));
+        // Later numbers win, as in the file.
+        let known = parameter.iter().rev().find(|one| one.kind == entry.kind && covers(&one.joints));
+        if let Some(known) = known {
+            config.truth.entry(entry.name.clone()).or_insert(known.value);
+        }
+    }
+}
+
+/// Whether the last round helped, and if not, why there is no further one.
+fn helped(setup: &Setup, rounds: &[RoundResult], evaluations: &[Measurement]) -> (bool, String) {
+    let share = setup.config.improvement;
+    let Some(last) = rounds.last() else { return (true, String::new()) };
+    let error = |policy: &str| measured(evaluations, policy).map(results::tracking_error);
+    let percent = 100.0 * share;
+    if let (Some(before), Some(after)) = (error(&last.before), error(&last.after)) {
+        let why = format!(
+            "round {} did not lower the tracking error on the target by {percent:.0} %: {before:.4} before, {after:.4} \
+             after (m/s and rad/s added)",
+            last.round
+        );
+        return (after <= (1.0 - share) * before, why);
+    }
+    let fitted = |round: &RoundResult| round.adapt.fits.first().map(|fit| fit.cost);
+    let nominal = last.adapt.fits.first().and_then(|fit| fit.nominal_cost);
+    let earlier =
+        rounds.len().checked_sub(2).and_then(|index| rounds.get(index)).and_then(fitted).or(nominal);
+    match (earlier, fitted(last)) {
+        (Some(before), Some(after)) => {
+            let why = format!(
+                "round {} did not lower the cost by {percent:.0} %: {before:.5} before, {after:.5} after",
+                last.round
+            );
+            (after <= (1.0 - share) * before, why)
+        }
+        _ => (true, String::new()),
+    }
+}
+
+fn measured<'a>(evaluations: &'a [Measurement], policy: &str) -> Option<&'a Evaluation> {
+    let found = evaluations.iter().find(|one| one.on == TARGET && one.evaluation.policy == policy);
+    found.map(|one| &one.evaluation)
+}
+
+fn has_reference(setup: &Setup) -> bool {
+    let simulated = |target: &TargetConfig| target.kind == TargetKind::Simulated;
+    setup.config.references && setup.config.target.as_ref().is_some_and(simulated)
+}
+
+/// The first policy fine-tuned in the true simulator, where there is one.
+fn reference(
+    stages: &mut Stages<'_>,
+    policies: &[PolicyFiles],
+    evaluations: &mut Vec<Measurement>,
+) -> Result<(), Error> {
+    let setup = stages.setup;
+    let (true, Some(target), Some(first)) =
+        (has_reference(setup), setup.config.target.as_ref(), policies.first())
+    else {
+        return Ok(());
+    };
+    let simulator = Simulator {
+        theta: files::truth(stages.folder),
+        spring: target.spring.clone(),
+        torque_noise: target.torque_noise,
+    };
+    let (_, bytes) = stages.finetune("reference", first, &simulator)?;
+    let policy = stages.keep(REFERENCE, "reference", &bytes)?;
+    evaluations.extend(measurement(TARGET, stages.on_target("reference", &policy)?));
+    Ok(())
+}
+
+/// The trained policy with the smallest tracking error on the target; the last one where that is not known.
+fn best<'a>(policies: &'a [PolicyFiles], evaluations: &[Measurement]) -> &'a PolicyFiles {
+    let trained = &policies[usize::from(policies.len() > 1)..];
+    let error = |policy: &PolicyFiles| {
+        measured(evaluations, &policy.name).map_or(f64::INFINITY, results::tracking_error)
+    };
+    let least = trained.iter().rev().min_by(|a, b| error(a).total_cmp(&error(b)));
+    least.unwrap_or(&policies[policies.len() - 1])
+}
+
+/// What only the user can do.
+fn next(target: bool, absent: Option<&str>, after: &PolicyFiles) -> Option<String> {
+    match (target, absent) {
+        (true, _) => None,
+        (false, Some(why)) => Some(format!(
+            "The robot was not there ({why}), so what the policies do on it is not known. Once it is, start this loop \
+             afresh to measure them on it."
+        )),
+        (false, None) => Some(format!(
+            "Run {} (or {}) on the robot under commands over its whole range, record joint positions, velocities, \
+             actions and commands, and give these logs and this policy to the next loop.",
+            after.onnx.display(),
+            after.safetensors.display()
+        )),
+    }
+}
+
+/// What the rounds warn of, and policies that are no better.
+fn warnings(rounds: &[RoundResult], evaluations: &[Measurement]) -> Vec<String> {
+    let mut found = Vec::new();
+    for round in rounds {
+        let which = if rounds.len() == 1 { String::new() } else { format!("round {}: ", round.round) };
+        found.extend(round.adapt.warnings.iter().map(|warning| format!("{which}{warning}")));
+        let (before, after) = (measured(evaluations, &round.before), measured(evaluations, &round.after));
+        if let (Some(before), Some(after)) = (before, after) {
+            if results::tracking_error(after) >= results::tracking_error(before) {
+                found.push(format!("{} tracks no better than {} on the target", round.after, round.before));
+            }
+            let (falls, fell) = (after.fall_rate, before.fall_rate);
+            if falls.mean - falls.ci95 > fell.mean + fell.ci95 {
+                found.push(format!("{} falls more often than {} on the target", round.after, round.before));
+            }
+        }
+    }
+    found
+}

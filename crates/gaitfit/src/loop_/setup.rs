@@ -1,0 +1,188 @@
+//! Everything a loop needs, read and checked before anything is written.
+
+use crate::Error;
+use crate::finetune;
+use crate::robot::Hold;
+use crate::run::inputs::Inputs;
+use crate::settings::{LoopConfig, TargetConfig, TargetKind};
+use crate::target::{self, Command, Plan, PolicyFiles, Simulated, Target};
+use crate::walk::log_files;
+use crate::world::{self, World, WorldSettings};
+use crate::{paths, robot};
+use gaitfit_adapt::ThetaFile;
+use gaitfit_learn::policy::{self, Policy, weights};
+use gaitfit_learn::task::TaskSettings;
+use gaitfit_model::Model;
+use std::path::{Path, PathBuf};
+
+/// A loop.
+pub struct Setup {
+    /// Settings.
+    pub config: LoopConfig,
+    /// Where they were read, which relative paths may start from.
+    pub config_path: PathBuf,
+    /// The robot of the file.
+    pub model: Model,
+    /// Its file; the built-in Go2 without one.
+    pub robot: Option<PathBuf>,
+    /// The policy that walks at first.
+    pub policy: Policy,
+    /// As the program writes it.
+    pub policy_bytes: Vec<u8>,
+    /// The task that all policies are measured on: the first one's.
+    pub task: TaskSettings,
+    /// Logs of the first round, if the target does not record them.
+    pub logs: Vec<PathBuf>,
+    /// Simulated target: what is different there.
+    pub truth: Option<ThetaFile>,
+    /// What the result depends on.
+    pub inputs: Inputs,
+    /// Threads.
+    pub threads: usize,
+    /// Things to know before the loop.
+    pub warnings: Vec<String>,
+}
+
+impl Setup {
+    /// Reads policy and robot, finds the logs, and checks that settings fit them.
+    pub fn open(config: LoopConfig, config_path: &Path, threads: usize) -> Result<Self, Error> {
+        let mut files = Vec::new();
+        let mut find = |named: &str, what: &str| {
+            let path = paths::find(named, what, config_path)?;
+            files.push(path.clone());
+            Ok::<_, Error>(path)
+        };
+        let policy_path = find(&config.policy, "policy")?;
+        let robot = if config.robot.is_empty() { None } else { Some(find(&config.robot, "robot")?) };
+        if let Some(theta) = config.target.as_ref().and_then(|target| target.theta.as_deref()) {
+            find(theta, "target.theta")?;
+        }
+        let mut logs = Vec::new();
+        let mut doubts = Vec::new();
+        if !config.logs.is_empty() {
+            let (found, warnings) = log_files::find(&config.logs, config_path)?;
+            doubts.extend(warnings);
+            logs.extend(found.into_iter().map(|file| file.path));
+            files.extend(logs.iter().cloned());
+        }
+        let policy = policy::read(&policy_path).map_err(Error::failed)?;
+        let policy_bytes = weights::write(&policy).map_err(Error::failed)?;
+        let model = match &robot {
+            Some(path) => robot::read(path, config.lenient, Hold::File)?,
+            None => robot::go2()?,
+        };
+        let truth = match &config.target {
+            Some(target) if target.kind == TargetKind::Simulated => {
+                Some(target::truth(target, config_path, &model)?)
+            }
+            _ => None,
+        };
+        let resolved = config
+            .resolved()
+            .map_err(|error| Error::failed(format!("cannot write the configuration: {error}")))?;
+        let bound = toml::Table::from_iter(
+            resolved.into_iter().filter(|(key, _)| !crate::settings::LOOP_FREE.contains(&key.as_str())),
+        );
+        let inputs = Inputs::new(files.iter().map(PathBuf::as_path), &model, &bound)?;
+        let setup = Self {
+            task: TaskSettings::default(),
+            config_path: config_path.to_owned(),
+            config,
+            model,
+            robot,
+            policy,
+            policy_bytes,
+            logs,
+            truth,
+            inputs,
+            threads,
+            warnings: doubts,
+        };
+        let task = world::task(&setup.world_arguments(None), &setup.policy)?;
+        let setup = Self { task, ..setup };
+        setup.check_fit()?;
+        let training = finetune::check(&setup.config.finetune, &setup.world_arguments(None), &setup.policy);
+        training
+            .map_err(|error| error.map(|text| format!("{}: [finetune] {text}", config_path.display())))?;
+        if let Some(target) = &setup.config.target {
+            // A spring on no joint, a place to fill in that there is not: found now, not after an hour.
+            if let Target::Simulated(mut target) = setup.target(target, PathBuf::new(), None)? {
+                target.arguments.theta = None;
+                let policy = setup.policy.clone();
+                let [safetensors, onnx] = [PathBuf::new(), PathBuf::new()];
+                target.world(&PolicyFiles { name: String::new(), safetensors, onnx, policy })?;
+            }
+        }
+        Ok(setup)
+    }
+
+    /// Refuses parameters that the robot cannot have.
+    fn check_fit(&self) -> Result<(), Error> {
+        let adapt = self.config.adapt(1, String::new(), Vec::new());
+        let joints: Vec<String> = self.model.joints.iter().map(|joint| joint.name.clone()).collect();
+        let theta = adapt.rules().theta(&adapt.groups(), &joints, &vec![0.0; joints.len()]);
+        theta
+            .map(|_| ())
+            .map_err(|error| Error::settings(format!("{}: [adapt] {error}", self.config_path.display())))
+    }
+
+    /// The robot. `theta`: where a simulated one's numbers were written; `python`: the one that runs a command.
+    pub fn target(
+        &self,
+        target: &TargetConfig,
+        theta: PathBuf,
+        python: Option<&str>,
+    ) -> Result<Target, Error> {
+        match target.kind {
+            TargetKind::Simulated => {
+                let privileged = self.config.adapt.costs.iter().any(|cost| cost.is_privileged());
+                Ok(Target::Simulated(Box::new(Simulated::new(
+                    &self.config,
+                    target,
+                    self.robot.clone(),
+                    theta,
+                    self.task.clone(),
+                    privileged,
+                    self.threads,
+                ))))
+            }
+            TargetKind::Command => Command::new(target, python)
+                .map(Target::Command)
+                .map_err(|wrong| Error::settings(format!("{}: {wrong}", self.config_path.display()))),
+        }
+    }
+
+    /// The robot of the file with fitted parameters.
+    pub fn world_arguments(&self, theta: Option<PathBuf>) -> WorldSettings {
+        WorldSettings {
+            policy: PathBuf::new(),
+            robot: self.robot.clone(),
+            lenient: self.config.lenient,
+            task: None,
+            theta,
+            spring: Vec::new(),
+            torque_noise: 0.0,
+            randomised: false,
+            preset: self.config.evaluate.preset.into(),
+            seed: 0,
+            threads: None,
+        }
+    }
+
+    /// A policy in a fitted simulator.
+    pub fn adapted(&self, policy: &PolicyFiles, theta: PathBuf) -> Result<World, Error> {
+        World::with_task(&self.world_arguments(Some(theta)), policy.policy.clone(), self.task.calm())
+    }
+
+    /// What is measured of every policy.
+    pub fn plan(&self) -> Plan {
+        let evaluate = &self.config.evaluate;
+        Plan {
+            trajectories: evaluate.trajectories,
+            seconds: evaluate.seconds,
+            drift: evaluate.drift,
+            seed: evaluate.seed,
+            threads: self.threads,
+        }
+    }
+}

@@ -1,0 +1,268 @@
+//! The stages of a loop. Each gives what it finds done, goes on where it was left, or begins; what they leave does not
+//! depend on which.
+
+use super::files::Times;
+use super::results::Measurement;
+use super::setup::Setup;
+use crate::Error;
+use crate::run::RunFolder;
+use crate::settings::{AdaptConfig, FinetuneConfig};
+use crate::target::{Evaluation, PolicyFiles, Target, csv_files, measure};
+use crate::walk::results::GroundResults;
+use crate::walk::setup::Ground;
+use crate::watch::{Event, Watch};
+use crate::{finetune, train, walk};
+use gaitfit_learn::policy::{onnx, weights};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What stages share.
+pub struct Stages<'a> {
+    /// The loop.
+    pub setup: &'a Setup,
+    /// Its folder.
+    pub folder: &'a RunFolder,
+    /// The robot, if it can be run from here.
+    pub target: Option<Target>,
+    /// Wall times.
+    pub times: Times<'a>,
+    /// Stages that were come to, and all there will be, if that is known.
+    steps: (usize, Option<usize>),
+    watch: &'a Watch<'a>,
+}
+
+/// A simulated robot for fine-tuning.
+#[derive(Clone, Debug, Default)]
+pub struct Simulator {
+    /// Its numbers.
+    pub theta: PathBuf,
+    /// Its springs.
+    pub spring: Vec<String>,
+    /// Its torque noise, N·m.
+    pub torque_noise: f64,
+}
+
+impl<'a> Stages<'a> {
+    /// Those of a folder.
+    ///
+    /// # Errors
+    /// A folder that cannot be read.
+    pub fn new(
+        setup: &'a Setup,
+        folder: &'a RunFolder,
+        target: Option<Target>,
+        watch: &'a Watch<'a>,
+    ) -> Result<Self, Error> {
+        Ok(Self { setup, folder, target, times: Times::read(folder)?, steps: (0, None), watch })
+    }
+
+    /// Says from now on which of so many stages begins.
+    pub fn counted(mut self, all: usize) -> Self {
+        self.steps.1 = Some(all);
+        self
+    }
+
+    /// Says that a stage begins.
+    fn announce(&self, text: &str) {
+        match self.steps {
+            (number, Some(all)) => self.watch.tell(Event::Stage(&format!("[{number}/{all}] {text}"))),
+            (_, None) => self.watch.tell(Event::Stage(text)),
+        }
+    }
+
+    /// Comes to the next stage, or stops before it when that was asked for.
+    fn pause(&mut self) -> Result<(), Error> {
+        self.steps.0 += 1;
+        if !self.watch.stop() {
+            return Ok(());
+        }
+        let message =
+            format!("interrupted; {} has what is done, --resume continues", self.folder.path().display());
+        Err(Error::Interrupted(message))
+    }
+
+    /// A file of the run's folder as seen from the current directory.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a policy under its number's name, in both formats.
+    pub fn keep(&self, name: &str, stem: &str, bytes: &[u8]) -> Result<PolicyFiles, Error> {
+        let policy = weights::read(bytes).map_err(Error::failed)?;
+        let files = [format!("policies/{stem}.safetensors"), format!("policies/{stem}.onnx")];
+        let graph = onnx::write(&policy).map_err(Error::failed)?;
+        self.folder.write(&files[0], bytes)?;
+        self.folder.write(&files[1], &graph)?;
+        let [safetensors, onnx] = files.map(|file| self.path(&file));
+        Ok(PolicyFiles { name: name.to_owned(), safetensors, onnx, policy })
+    }
+
+    /// The folder `name` with logs of the policy on the target.
+    pub fn collect(&mut self, name: &str, policy: &PolicyFiles, seed: u64) -> Result<PathBuf, Error> {
+        self.pause()?;
+        let folder = self.path(name);
+        if let (false, Some(target)) = (folder.is_dir(), &self.target) {
+            self.announce(&format!("{name}: {} walks on the target, {}", policy.name, target.description()));
+            let begun = Instant::now();
+            target.collect(policy, seed, &folder, self.watch)?;
+            self.times.set(name, begun.elapsed().as_secs_f64())?;
+        }
+        if csv_files(&folder)?.is_empty() {
+            return Err(Error::failed(format!(
+                "{} holds no logs: every robot fell before its log began",
+                folder.display()
+            )));
+        }
+        Ok(folder)
+    }
+
+    /// The fit in the folder `round/adapt`.
+    pub fn adapt(
+        &mut self,
+        round: &str,
+        config: &AdaptConfig,
+    ) -> Result<(Ground, GroundResults, PathBuf), Error> {
+        self.pause()?;
+        let stage = format!("{round}/adapt");
+        let file = format!("{round}/adapt.toml");
+        self.folder.make(round)?;
+        self.write_config(&file, config)?;
+        let recorded = self.path(&format!("{round}/logs"));
+        let ground = Ground::open(config, &self.path(&file), Some(self.setup.threads)).map_err(|error| {
+            if !recorded.is_dir() {
+                return error;
+            }
+            let folder = recorded.display();
+            error.map(|text| {
+                format!(
+                    "{text} The target recorded these logs; remove {folder}, and --resume asks it for others."
+                )
+            })
+        })?;
+        self.announce(&format!(
+            "{stage}: {} parameters are fitted to {} logs",
+            ground.theta.len(),
+            ground.trajectories().len()
+        ));
+        let folder = RunFolder::only(&self.path(round), "adapt")?;
+        let results = walk::fit::fit(config, &ground, &folder, self.watch)?;
+        self.times.set(&stage, results.wall_seconds)?;
+        Ok((ground, results, folder.path().join("theta.toml")))
+    }
+
+    /// The training in the folder `round/finetune`, from a policy, in a simulator. Gives the trained policy's bytes.
+    pub fn finetune(
+        &mut self,
+        round: &str,
+        policy: &PolicyFiles,
+        simulator: &Simulator,
+    ) -> Result<(train::Results, Vec<u8>), Error> {
+        self.pause()?;
+        let stage = format!("{round}/finetune");
+        let file = format!("{round}/finetune.toml");
+        self.folder.make(round)?;
+        let config = FinetuneConfig {
+            name: Some("finetune".to_owned()),
+            policy: Some(policy.safetensors.display().to_string()),
+            policy_sha256: None,
+            theta: Some(simulator.theta.display().to_string()),
+            theta_sha256: None,
+            robot: self.setup.robot.as_ref().map(|path| path.display().to_string()),
+            lenient: self.setup.config.lenient,
+            spring: simulator.spring.clone(),
+            torque_noise: simulator.torque_noise,
+            runs: self.path(round).display().to_string(),
+            checkpoint_seconds: self.setup.config.checkpoint_seconds,
+            ..self.setup.config.finetune.clone()
+        };
+        self.write_config(&file, &config)?;
+        let setup = finetune::setup(finetune::Request {
+            config: config.clone(),
+            path: Some(self.path(&file)),
+            name: "finetune".to_owned(),
+            files: finetune::Files::default(),
+            task: None,
+            threads: std::num::NonZeroUsize::new(self.setup.threads),
+        })?;
+        self.announce(&format!(
+            "{stage}: {} goes on training for {} iterations with {} robots",
+            policy.name, config.train.iterations, config.train.environments
+        ));
+        let folder = RunFolder::only(&self.path(round), "finetune")?;
+        let results = train::train_in(&setup, &folder, self.watch)?;
+        self.times.set(&stage, results.wall_seconds)?;
+        let path = results.seeds.first().map(|seed| seed.policy.clone()).unwrap_or_default();
+        let bytes = std::fs::read(&path)
+            .map_err(|error| Error::failed(format!("cannot read the trained policy {path}: {error}")))?;
+        Ok((results, bytes))
+    }
+
+    /// What is measured of a policy on the target; none where that cannot be.
+    pub fn on_target(&mut self, stem: &str, policy: &PolicyFiles) -> Result<Option<Evaluation>, Error> {
+        let Some(target) = self.target.take_if(|target| target.measures()) else { return Ok(None) };
+        let (plan, watch) = (self.setup.plan(), self.watch);
+        let what = format!("{} on the target, {}", policy.name, target.description());
+        let found =
+            self.evaluation(&format!("{stem}-target"), &what, || target.evaluate(policy, &plan, watch));
+        self.target = Some(target);
+        found
+    }
+
+    /// What is measured of a policy in the simulator of a fit.
+    pub fn on_adapted(
+        &mut self,
+        stem: &str,
+        policy: &PolicyFiles,
+        round: u32,
+        theta: &Path,
+    ) -> Result<Option<Evaluation>, Error> {
+        let setup = self.setup;
+        let what = format!("{} in the simulator of round {round}", policy.name);
+        self.evaluation(&format!("{stem}-adapted-{round}"), &what, || {
+            let world = setup.adapted(policy, theta.to_owned())?;
+            let found = measure(&world, &policy.name, &setup.plan())?.evaluation;
+            Ok(Some(Evaluation { simulator: format!("the simulator of round {round}"), ..found }))
+        })
+    }
+
+    /// An evaluation as it was written, or made and written now; `what` says of which policy and where.
+    fn evaluation(
+        &mut self,
+        name: &str,
+        what: &str,
+        make: impl FnOnce() -> Result<Option<Evaluation>, Error>,
+    ) -> Result<Option<Evaluation>, Error> {
+        self.pause()?;
+        let file = format!("evaluations/{name}.json");
+        if let Some(text) = self.folder.read(&file)? {
+            return serde_json::from_str(&text).map(Some).map_err(|error| {
+                Error::failed(format!(
+                    "{}: not an evaluation of this version: {error}. Remove it and --resume makes it again.",
+                    self.path(&file).display()
+                ))
+            });
+        }
+        let plan = self.setup.plan();
+        self.announce(&format!("evaluations: {what}, {} trajectories", plan.trajectories));
+        let begun = Instant::now();
+        let found = make()?;
+        if let Some(found) = &found {
+            self.folder.write_json(&file, found)?;
+            self.times.set(&format!("evaluations/{name}"), begun.elapsed().as_secs_f64())?;
+        }
+        Ok(found)
+    }
+
+    /// Writes a stage's configuration, as the stage's own command reads it.
+    fn write_config<C: Serialize>(&self, name: &str, config: &C) -> Result<(), Error> {
+        let text = toml::to_string_pretty(config)
+            .map_err(|error| Error::failed(format!("cannot write {name}: {error}")))?;
+        self.folder.write(name, text.as_bytes())
+    }
+}
+
+/// With the name of where it was measured.
+pub fn measurement(on: &str, evaluation: Option<Evaluation>) -> Option<Measurement> {
+    evaluation.map(|evaluation| Measurement { on: on.to_owned(), evaluation })
+}

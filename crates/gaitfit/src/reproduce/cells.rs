@@ -1,0 +1,219 @@
+//! Running cells: each is one round of a loop in a folder of its own; cells of a scenario share the target's logs and
+//! the reference policies.
+
+use super::experiments::{self, Experiment};
+use super::paper::Kind;
+use super::results::{SeedFit, SeedResult, Walk};
+use crate::Error;
+use crate::loop_::files;
+use crate::loop_::results::{REFERENCE, policy_name};
+use crate::loop_::rounds::add_truth;
+use crate::loop_::setup::Setup;
+use crate::loop_::stages::{Simulator, Stages};
+use crate::machine::now;
+use crate::run::RunFolder;
+use crate::watch::{Event, Watch};
+use indexmap::IndexMap;
+use std::path::{Path, PathBuf};
+
+/// Written last: a folder that has it is finished.
+const SEED: &str = "seed.json";
+
+/// A table being run.
+pub struct Run<'a> {
+    /// The table's cells.
+    pub experiments: &'a [Experiment],
+    /// What they go through.
+    pub kind: Kind,
+    /// Seeds of each cell.
+    pub seeds: u64,
+    /// The table's folder.
+    pub folder: &'a RunFolder,
+    /// Threads.
+    pub threads: usize,
+    /// Who is told, and may stop it.
+    pub watch: &'a Watch<'a>,
+}
+
+/// What a table's cells came to, by cell or scenario and by seed.
+#[derive(Default)]
+pub struct Outcome {
+    /// By cell.
+    pub cells: IndexMap<String, Vec<SeedResult>>,
+    /// By scenario: π₀, the same for all seeds.
+    pub first: IndexMap<String, SeedResult>,
+    /// By scenario: fine-tuned on the target.
+    pub reference: IndexMap<String, Vec<SeedResult>>,
+}
+
+/// What the cells of a scenario share.
+struct Shared {
+    logs: PathBuf,
+    first: Option<SeedResult>,
+    reference: Option<SeedResult>,
+}
+
+impl Run<'_> {
+    /// Runs the selected cells; the first seed of all comes before the second of any.
+    pub fn run(&self) -> Result<Outcome, Error> {
+        let mut outcome = Outcome::default();
+        let selected: Vec<&Experiment> = self.experiments.iter().filter(|one| one.selected).collect();
+        for seed in 1..=self.seeds {
+            let mut shared: IndexMap<&str, Shared> = IndexMap::new();
+            for (number, experiment) in selected.iter().enumerate() {
+                let scenario = experiment.scenario.as_str();
+                let of =
+                    if self.seeds > 1 { format!(", seed {seed} of {}", self.seeds) } else { String::new() };
+                let stage = format!("\n[{}/{}] {}{of}", number + 1, selected.len(), experiment.paper.name);
+                self.watch.tell(Event::Stage(&stage));
+                let failed = |failure| self.explained(failure, &experiment.file);
+                if !shared.contains_key(scenario) {
+                    let made = self.shared(experiment, seed).map_err(failed)?;
+                    if let Some(first) = &made.first {
+                        outcome.first.entry(scenario.to_owned()).or_insert_with(|| first.clone());
+                    }
+                    let reference = made.reference.clone();
+                    outcome.reference.entry(scenario.to_owned()).or_default().extend(reference);
+                    shared.insert(scenario, made);
+                }
+                let Some(with) = shared.get(scenario) else { continue };
+                let result = self.cell(experiment, seed, &with.logs).map_err(failed)?;
+                self.watch.tell(Event::Stage(&headline(&result)));
+                outcome.cells.entry(experiment.paper.name.clone()).or_default().push(result);
+            }
+        }
+        Ok(outcome)
+    }
+
+    /// The logs of a scenario's target and, for fine-tuning, both references.
+    fn shared(&self, experiment: &Experiment, seed: u64) -> Result<Shared, Error> {
+        let scenario = &experiment.scenario;
+        let Some(config) = experiments::shared(self.experiments, scenario, seed) else {
+            return Err(Error::failed(format!("the table has no cell of {scenario}")));
+        };
+        let setup = Setup::open(config, &experiment.file, self.threads)?;
+        let folder = self.open(&format!("shared/{scenario}"), seed, &setup)?;
+        let Some(target) = setup.config.target.clone() else {
+            return Err(Error::settings("an experiment needs a [target]"));
+        };
+        let mut stages = stages(&setup, &folder, self.watch)?;
+        let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
+        let logs = stages.collect("logs", &first, target.seed)?;
+        if self.kind == Kind::Identification {
+            return Ok(Shared { logs, first: None, reference: None });
+        }
+        let result = |walk: Option<Walk>, seconds: f64| SeedResult {
+            seed,
+            walk,
+            seconds,
+            run_folder: folder.path().display().to_string(),
+            ..SeedResult::default()
+        };
+        let walk = stages.on_target("policy-0", &first)?.as_ref().map(Walk::from);
+        let before = result(walk, 0.0);
+        let simulator = Simulator {
+            theta: files::truth(&folder),
+            spring: target.spring.clone(),
+            torque_noise: target.torque_noise,
+        };
+        let (trained, bytes) = stages.finetune("reference", &first, &simulator)?;
+        let policy = stages.keep(REFERENCE, "reference", &bytes)?;
+        let walk = stages.on_target("reference", &policy)?.as_ref().map(Walk::from);
+        let reference = result(walk, trained.wall_seconds);
+        Ok(Shared { logs, first: Some(before), reference: Some(reference) })
+    }
+
+    /// One seed of a cell: as it was finished, or made now.
+    fn cell(&self, experiment: &Experiment, seed: u64, logs: &Path) -> Result<SeedResult, Error> {
+        let setup = Setup::open(experiment.seeded(seed), &experiment.file, self.threads)?;
+        let folder = self.open(&format!("cells/{}", experiment.paper.name), seed, &setup)?;
+        if let Some(text) = folder.read(SEED)? {
+            self.watch.note("finished earlier");
+            return serde_json::from_str(&text).map_err(|error| {
+                let file = folder.path().join(SEED);
+                Error::failed(format!(
+                    "{}: not a result of this version: {error}; remove it, and it is made again",
+                    file.display()
+                ))
+            });
+        }
+        let mut stages = stages(&setup, &folder, self.watch)?;
+        let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
+        let round = "round-1";
+        let mut adapt =
+            setup.config.adapt(1, first.safetensors.display().to_string(), vec![logs.display().to_string()]);
+        adapt.runs = stages.path(round).display().to_string();
+        add_truth(&setup, &mut adapt);
+        let (ground, found, theta) = stages.adapt(round, &adapt)?;
+        let mut result = SeedResult {
+            seed,
+            fit: found.fits.first().map(|fit| SeedFit::new(fit, found.wall_seconds)),
+            walk: None,
+            seconds: found.wall_seconds,
+            warnings: found.warnings.into_iter().filter(|one| !ground.warnings.contains(one)).collect(),
+            run_folder: folder.path().display().to_string(),
+        };
+        if self.kind == Kind::Finetuning {
+            let simulator = Simulator { theta, ..Simulator::default() };
+            let (trained, bytes) = stages.finetune(round, &first, &simulator)?;
+            let policy = stages.keep(&policy_name(1), "policy-1", &bytes)?;
+            result.walk = stages.on_target("policy-1", &policy)?.as_ref().map(Walk::from);
+            result.seconds += trained.wall_seconds;
+        }
+        folder.write_json(SEED, &result)?;
+        Ok(result)
+    }
+
+    /// The folder of a seed, which belongs to these settings and inputs.
+    fn open(&self, within: &str, seed: u64, setup: &Setup) -> Result<RunFolder, Error> {
+        let folder = RunFolder::only(&self.folder.path().join(within), &format!("seed-{seed}"))?;
+        if let Some(difference) = files::difference(&folder, setup)? {
+            return Err(Error::settings(format!(
+                "{} was made with other settings: {difference}. Give those, or write elsewhere with --set runs=FOLDER.",
+                folder.path().display()
+            )));
+        }
+        if folder.read(SEED)?.is_none() {
+            files::begin(&folder, setup, &now())?;
+        }
+        Ok(folder)
+    }
+
+    /// A failure of a cell, which names the cell's file; how to go on after an interruption.
+    fn explained(&self, error: Error, file: &Path) -> Error {
+        let file = file.display().to_string();
+        if let Error::Interrupted(_) = error {
+            return Error::Interrupted(format!(
+                "interrupted; {} has what is done, the same command continues",
+                self.folder.path().display()
+            ));
+        }
+        error.map(|text| if text.contains(&file) { text } else { format!("{file}: {text}") })
+    }
+}
+
+/// The stages of one round in a folder.
+fn stages<'a>(setup: &'a Setup, folder: &'a RunFolder, watch: &'a Watch<'a>) -> Result<Stages<'a>, Error> {
+    let target = setup.config.target.as_ref();
+    let target = target.map(|target| setup.target(target, files::truth(folder), None)).transpose()?;
+    Stages::new(setup, folder, target, watch)
+}
+
+/// A finished cell in a line.
+fn headline(result: &SeedResult) -> String {
+    let mut parts = Vec::new();
+    if let Some(fit) = &result.fit {
+        parts.push(match fit.nominal_cost {
+            Some(nominal) => format!("cost {nominal:.5} → {:.5}", fit.cost),
+            None => format!("cost {:.5}", fit.cost),
+        });
+        parts.extend(fit.mean_error_percent.map(|error| format!("mean parameter error {error:.2} %")));
+    }
+    if let Some(walk) = &result.walk {
+        let (linear, angular) = (walk.linear_velocity_error, walk.angular_velocity_error);
+        parts.push(format!("on the target: reward {:.2}", walk.reward.mean));
+        parts.push(format!("errors {:.3} m/s, {:.3} rad/s", linear.mean, angular.mean));
+    }
+    parts.push(format!("{:.0} s", result.seconds));
+    parts.join(", ")
+}

@@ -1,0 +1,93 @@
+//! The paper's tables from experiment files, with the paper's numbers beside.
+
+mod cells;
+mod experiments;
+mod paper;
+mod plot;
+mod results;
+
+pub use paper::{Kind, Paper, Table};
+pub use results::{PaperRow, Results, Row, Walk, shown};
+
+use crate::Error;
+use crate::run::RunFolder;
+use crate::watch::Watch;
+use cells::{Outcome, Run};
+use experiments::Experiment;
+use std::path::{Path, PathBuf};
+
+/// What is asked of a table.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Which table; [`Paper::tables`] names them.
+    pub table: String,
+    /// The paper's scale instead of one for two cores.
+    pub full: bool,
+    /// Repetitions of every cell with other seeds.
+    pub seeds: u64,
+    /// Cells to run, a pattern; the others are left out of the table.
+    pub only: Option<String>,
+    /// Changes of every cell's settings, `key=value`.
+    pub set: Vec<String>,
+    /// Folder of the experiment files.
+    pub experiments: PathBuf,
+    /// Threads.
+    pub threads: usize,
+}
+
+/// Runs a table or continues it. Returns its results and its folder, which has all files but the printed table.
+pub fn run(request: &Request, watch: &Watch<'_>) -> Result<(Results, RunFolder), Error> {
+    let paper = Paper::read()?;
+    let table = paper.table(&request.table)?;
+    let only = request.only.as_deref();
+    let experiments =
+        experiments::read(&paper, table, &request.experiments, request.full, &request.set, only)?;
+    let runs = experiments.first().map_or("runs", |one| one.config.runs.as_str());
+    let scale = if request.full { "-full" } else { "" };
+    let folder = RunFolder::only(Path::new(runs), &format!("reproduce-{}{scale}", table.name))?;
+    let run = Run {
+        experiments: &experiments,
+        kind: table.kind,
+        seeds: request.seeds,
+        folder: &folder,
+        threads: request.threads,
+        watch,
+    };
+    let outcome = run.run()?;
+    let results = Results {
+        table: table.name.clone(),
+        title: table.title.clone(),
+        kind: table.kind,
+        full: request.full,
+        rows: rows(&paper, table, &experiments, outcome),
+        run_folder: folder.path().display().to_string(),
+    };
+    folder.write("plot.svg", plot::svg(&results)?.as_bytes())?;
+    folder.write_json("result.json", &results)?;
+    Ok((results, folder))
+}
+
+/// A row for each reference of each scenario, then one for each cell that was run.
+fn rows(paper: &Paper, table: &Table, experiments: &[Experiment], mut outcome: Outcome) -> Vec<Row> {
+    let mut rows = Vec::new();
+    if table.kind == Kind::Finetuning {
+        for (scenario, first) in outcome.first {
+            let none = PaperRow::default;
+            rows.push(Row::new(format!("{scenario}-pi0"), scenario.clone(), None, vec![first], none()));
+            let seeds = outcome.reference.shift_remove(&scenario).unwrap_or_default();
+            rows.push(Row::new(format!("{scenario}-reference"), scenario.clone(), None, seeds, none()));
+        }
+    }
+    for one in experiments {
+        let Some(seeds) = outcome.cells.shift_remove(&one.paper.name) else { continue };
+        let beside = PaperRow {
+            errors_percent: paper.errors(&one.paper),
+            mean_error_percent: paper.mean_error(&one.paper),
+            says: one.paper.says.clone(),
+        };
+        let [modification, cost] = &one.parts;
+        let parts = Some([modification.as_str(), cost.as_str()]);
+        rows.push(Row::new(one.paper.name.clone(), one.scenario.clone(), parts, seeds, beside));
+    }
+    rows
+}

@@ -1,0 +1,292 @@
+//! The folder of one run. Every file in it is written whole or not at all, and no run writes into another's.
+
+use crate::Error;
+use crate::watch::Watch;
+use serde::Serialize;
+use std::fs::{self, File};
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+/// A run's folder, locked by this process.
+#[derive(Debug)]
+pub struct RunFolder {
+    path: PathBuf,
+    /// Held open for its lock, which the system drops with the process.
+    _lock: File,
+}
+
+/// Most runs of one name.
+const MOST_RUNS: usize = 10_000;
+/// How names of files begin that are not whole yet.
+const WRITING: &str = ".writing-";
+
+impl RunFolder {
+    /// A new folder `runs/name`, or `runs/name-2`, … where that exists.
+    pub fn fresh(runs: &Path, name: &str) -> Result<Self, Error> {
+        check_name(name)?;
+        fs::create_dir_all(runs).map_err(|error| unwritable(runs, &error))?;
+        for number in 1..=MOST_RUNS {
+            let path = numbered(runs, name, number);
+            match fs::create_dir(&path) {
+                Ok(()) => return Self::lock(path),
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(unwritable(&path, &error)),
+            }
+        }
+        let runs = runs.display();
+        Err(Error::failed(format!("{runs} holds {MOST_RUNS} runs called {name}; take another --name")))
+    }
+
+    /// The folder of a new run, or with `resume` the latest of that name if there is one.
+    pub fn begin(runs: &Path, name: &str, resume: bool, watch: &Watch<'_>) -> Result<Self, Error> {
+        if resume {
+            if let Some(folder) = Self::latest(runs, name)? {
+                return Ok(folder);
+            }
+            watch.note(&format!("there is no run called {name} in {}; starting one", runs.display()));
+        }
+        Self::fresh(runs, name)
+    }
+
+    /// The folder `within/name` itself, new or as an earlier process left it; never one of the numbered ones beside it,
+    /// which a stage repeated by hand may have made.
+    pub fn only(within: &Path, name: &str) -> Result<Self, Error> {
+        check_name(name)?;
+        let path = within.join(name);
+        fs::create_dir_all(&path).map_err(|error| unwritable(&path, &error))?;
+        Self::lock(path)
+    }
+
+    /// The latest folder of that name, if there is one.
+    pub fn latest(runs: &Path, name: &str) -> Result<Option<Self>, Error> {
+        check_name(name)?;
+        let existing =
+            (1..=MOST_RUNS).map(|number| numbered(runs, name, number)).take_while(|path| path.is_dir());
+        existing.last().map(Self::lock).transpose()
+    }
+
+    fn lock(path: PathBuf) -> Result<Self, Error> {
+        let file = path.join(".lock");
+        let lock = File::create(&file).map_err(|error| unwritable(&file, &error))?;
+        match lock.try_lock() {
+            Ok(()) => {
+                sweep(&path);
+                Ok(Self { path, _lock: lock })
+            }
+            Err(fs::TryLockError::WouldBlock) => Err(Error::failed(format!(
+                "another process is working on {}; wait for it, or take another --name",
+                path.display()
+            ))),
+            Err(fs::TryLockError::Error(error)) => Err(unwritable(&file, &error)),
+        }
+    }
+
+    /// The folder's path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Name of the folder itself, for example `go2-air-2`.
+    pub fn name(&self) -> String {
+        self.path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+    }
+
+    /// Makes a folder in this one, if it is not there yet. Files in it have names such as `seed-1/metrics.jsonl`.
+    pub fn make(&self, name: &str) -> Result<(), Error> {
+        let path = self.path.join(name);
+        fs::create_dir_all(&path).map_err(|error| unwritable(&path, &error))
+    }
+
+    /// Writes a file whole: a temporary file beside it, synced, then renamed.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Error> {
+        let path = self.path.join(name);
+        let folder = path.parent().unwrap_or(&self.path);
+        let whole = || -> std::io::Result<()> {
+            let mut file = readable(&mut tempfile::Builder::new()).prefix(WRITING).tempfile_in(folder)?;
+            file.write_all(bytes)?;
+            file.as_file().sync_all()?;
+            file.persist(&path).map_err(|error| error.error)?;
+            // The rename itself reaches the disk with the folder.
+            File::open(folder)?.sync_all()
+        };
+        whole().map_err(|error| unwritable(&path, &error))
+    }
+
+    /// Writes a value as a JSON document, whole.
+    pub fn write_json<T: Serialize>(&self, name: &str, value: &T) -> Result<(), Error> {
+        let mut text = serde_json::to_string_pretty(value)
+            .map_err(|error| Error::failed(format!("cannot write {name}: {error}")))?;
+        text.push('\n');
+        self.write(name, text.as_bytes())
+    }
+
+    /// Reads a text; `None` where there is none.
+    pub fn read(&self, name: &str) -> Result<Option<String>, Error> {
+        self.read_as(name, fs::read_to_string)
+    }
+
+    /// Reads a file; `None` where there is none.
+    pub fn read_bytes(&self, name: &str) -> Result<Option<Vec<u8>>, Error> {
+        self.read_as(name, fs::read)
+    }
+
+    fn read_as<T>(
+        &self,
+        name: &str,
+        read: impl Fn(PathBuf) -> std::io::Result<T>,
+    ) -> Result<Option<T>, Error> {
+        let path = self.path.join(name);
+        match read(path.clone()) {
+            Ok(content) => Ok(Some(content)),
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(Error::failed(format!(
+                "cannot read {}: {error}; restore it, or start afresh without --resume",
+                path.display()
+            ))),
+        }
+    }
+
+    /// Adds lines to a file. A line cut short by a crash is mended by [`RunFolder::write`] on resuming.
+    pub fn append(&self, name: &str, text: &str) -> Result<(), Error> {
+        let path = self.path.join(name);
+        let add = || fs::OpenOptions::new().create(true).append(true).open(&path)?.write_all(text.as_bytes());
+        add().map_err(|error| unwritable(&path, &error))
+    }
+
+    /// Waits until what was appended to a file is on the disk.
+    pub fn sync(&self, name: &str) -> Result<(), Error> {
+        let path = self.path.join(name);
+        let sync = || File::open(&path)?.sync_all();
+        sync().map_err(|error| unwritable(&path, &error))
+    }
+}
+
+/// Temporary files are private by default; these become results that others may read, as the umask says.
+#[cfg(unix)]
+pub fn readable<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c mut tempfile::Builder<'a, 'b> {
+    use std::os::unix::fs::PermissionsExt;
+    builder.permissions(fs::Permissions::from_mode(0o666))
+}
+
+/// As the system does it.
+#[cfg(not(unix))]
+pub fn readable<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c mut tempfile::Builder<'a, 'b> {
+    builder
+}
+
+fn numbered(runs: &Path, name: &str, number: usize) -> PathBuf {
+    if number == 1 { runs.join(name) } else { runs.join(format!("{name}-{number}")) }
+}
+
+fn check_name(name: &str) -> Result<(), Error> {
+    let plain = |letter: char| letter.is_alphanumeric() || "._-".contains(letter);
+    if name.is_empty() || name.starts_with('.') || name.len() > 100 || !name.chars().all(plain) {
+        return Err(Error::settings(format!(
+            "`{name}` cannot name a run folder; use letters, digits, `-`, `_` and `.`, not beginning with a dot"
+        )));
+    }
+    Ok(())
+}
+
+/// Removes the unfinished files that a killed run left in a folder of its own; folders with a lock are other runs'.
+fn sweep(folder: &Path) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        let kind = entry.file_type();
+        if kind.as_ref().is_ok_and(fs::FileType::is_dir) && !path.join(".lock").exists() {
+            sweep(&path);
+        } else if kind.is_ok_and(|kind| kind.is_file())
+            && entry.file_name().to_string_lossy().starts_with(WRITING)
+        {
+            // What cannot be removed does no harm.
+            fs::remove_file(&path).ok();
+        }
+    }
+}
+
+fn unwritable(path: &Path, error: &std::io::Error) -> Error {
+    let remedy = match error.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free some space, then continue with --resume",
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+            "make it writable, or write elsewhere with --set runs=FOLDER"
+        }
+        ErrorKind::NotADirectory | ErrorKind::AlreadyExists => {
+            "something else has that name: move it away, or write elsewhere with --set runs=FOLDER"
+        }
+        _ => "check the disk, or write elsewhere with --set runs=FOLDER",
+    };
+    Error::failed(format!("cannot write {}: {error}; {remedy}. Earlier results are intact.", path.display()))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_second_run_gets_its_own_folder_and_the_latest_is_found() {
+        let runs = tempfile::tempdir().unwrap();
+        assert!(RunFolder::latest(runs.path(), "a").unwrap().is_none());
+        let first = RunFolder::fresh(runs.path(), "a").unwrap();
+        first.write("theta.toml", b"one").unwrap();
+        let second = RunFolder::fresh(runs.path(), "a").unwrap();
+        assert_eq!((first.name().as_str(), second.name().as_str()), ("a", "a-2"));
+        assert_eq!(first.read("theta.toml").unwrap().as_deref(), Some("one"));
+        assert_eq!(second.read("theta.toml").unwrap(), None);
+        let busy = RunFolder::latest(runs.path(), "a").unwrap_err();
+        assert!(busy.to_string().contains("another process"), "{busy}");
+        // Folders of processes that are gone: a lock dropped here may live on for a moment in what another test starts.
+        for name in ["b", "b-2"] {
+            fs::create_dir(runs.path().join(name)).unwrap();
+        }
+        assert_eq!(RunFolder::latest(runs.path(), "b").unwrap().unwrap().name(), "b-2");
+        assert_eq!(RunFolder::only(runs.path(), "b").unwrap().name(), "b");
+        assert_eq!(RunFolder::only(runs.path(), "c").unwrap().name(), "c");
+    }
+
+    #[test]
+    fn a_write_replaces_the_whole_file_and_leaves_nothing_behind() {
+        let runs = tempfile::tempdir().unwrap();
+        let folder = RunFolder::fresh(runs.path(), "a").unwrap();
+        folder.write("x", b"a long first version").unwrap();
+        folder.write("x", b"short").unwrap();
+        folder.append("x", " tail").unwrap();
+        assert_eq!(folder.read("x").unwrap().as_deref(), Some("short tail"));
+        let names: Vec<_> =
+            fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(names.len(), 2, "{names:?}");
+    }
+
+    #[test]
+    fn what_a_killed_run_left_unfinished_is_swept_and_other_runs_are_not() {
+        let runs = tempfile::tempdir().unwrap();
+        let killed = runs.path().join("a");
+        for name in ["seed-1", "round-1/adapt"] {
+            fs::create_dir_all(killed.join(name)).unwrap();
+        }
+        let left = ["seed-1/.writing-x", ".writing-y", "round-1/adapt/.writing-z"];
+        for name in ["round-1/adapt/.lock", "seed-1/whole"].iter().chain(&left) {
+            fs::write(killed.join(name), "half").unwrap();
+        }
+        let folder = RunFolder::latest(runs.path(), "a").unwrap().unwrap();
+        let there = |name: &str| folder.path().join(name).exists();
+        assert_eq!(left.map(there), [false, false, true]);
+        assert!(there("seed-1/whole"));
+    }
+
+    #[test]
+    fn names_that_leave_the_folder_are_refused() {
+        for name in ["", ".", "..", "../a", "a/b", ".a"] {
+            assert!(check_name(name).is_err(), "{name}");
+        }
+        assert!(check_name("go2-air_1.5").is_ok());
+    }
+
+    #[test]
+    fn a_file_in_the_way_is_named() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let error = RunFolder::fresh(file.path(), "a").unwrap_err();
+        assert!(error.to_string().contains(&file.path().display().to_string()), "{error}");
+        assert!(error.to_string().contains("--set runs="), "{error}");
+    }
+}

@@ -1,0 +1,59 @@
+//! What a run's result depends on, as hashes: a checkpoint is continued only where they are the same.
+
+use crate::Error;
+use gaitfit_model::Model;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Hashes of a run's inputs.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Inputs {
+    /// SHA-256 of every file read, by path.
+    pub files: BTreeMap<String, String>,
+    /// SHA-256 of the robot as compiled: includes count too.
+    pub model: String,
+    /// SHA-256 of the settings that change the result.
+    pub settings: String,
+}
+
+impl Inputs {
+    /// Hashes the inputs of a run. `settings`: without those that change nothing, such as where results go.
+    pub fn new<'a, S: Serialize>(
+        files: impl IntoIterator<Item = &'a Path>,
+        model: &Model,
+        settings: &S,
+    ) -> Result<Self, Error> {
+        let mut hashes = BTreeMap::new();
+        for path in files {
+            let bytes = std::fs::read(path)
+                .map_err(|error| Error::failed(format!("cannot read {}: {error}", path.display())))?;
+            hashes.insert(path.display().to_string(), hash(&bytes));
+        }
+        Ok(Self { files: hashes, model: hash(&json(model)?), settings: hash(&json(settings)?) })
+    }
+
+    /// What differs from `saved`, in words; `None` when nothing does.
+    pub fn difference(&self, saved: &Self) -> Option<String> {
+        let changed = |path: &&String| saved.files.get(*path) != self.files.get(*path);
+        if let Some(path) = self.files.keys().chain(saved.files.keys()).find(changed) {
+            return Some(format!("{path} is not the file it was"));
+        }
+        if self.model != saved.model {
+            return Some(
+                "the robot (a file it includes, or this program's reading of it) has changed".to_owned(),
+            );
+        }
+        (self.settings != saved.settings).then(|| "the settings have changed".to_owned())
+    }
+}
+
+fn json<T: Serialize>(value: &T) -> Result<Vec<u8>, Error> {
+    serde_json::to_vec(value).map_err(|error| Error::failed(format!("cannot hash the run's inputs: {error}")))
+}
+
+/// SHA-256, hexadecimal.
+pub fn hash(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,43 @@
+//! `manifest.json`: what made a run.
+
+use crate::Error;
+use crate::machine::{Machine, machine};
+use crate::run::RunFolder;
+use crate::run::inputs::Inputs;
+use serde::Serialize;
+
+const MANIFEST: &str = "manifest.json";
+
+#[derive(Serialize)]
+struct Manifest<'a> {
+    gaitfit: &'static str,
+    command: Vec<String>,
+    folder: String,
+    begun: &'a str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ended: Option<String>,
+    seeds: &'a [u64],
+    machine: Machine,
+    inputs: &'a Inputs,
+}
+
+/// Writes the manifest of a run that began at `begun`, and ended at `ended` if it has.
+pub fn write(
+    folder: &RunFolder,
+    seeds: &[u64],
+    inputs: &Inputs,
+    begun: &str,
+    ended: Option<String>,
+) -> Result<(), Error> {
+    let manifest = Manifest {
+        gaitfit: env!("CARGO_PKG_VERSION"),
+        command: std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect(),
+        folder: std::env::current_dir().map(|folder| folder.display().to_string()).unwrap_or_default(),
+        begun,
+        ended,
+        seeds,
+        machine: machine(),
+        inputs,
+    };
+    folder.write_json(MANIFEST, &manifest)
+}

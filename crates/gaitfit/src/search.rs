@@ -1,0 +1,167 @@
+//! Stepping a fit: metrics, progress, checkpoints, interruption.
+
+use crate::Error;
+use crate::run::RunFolder;
+use crate::run::inputs::Inputs;
+use crate::watch::{Watch, Work};
+use gaitfit_adapt::cost::Cost;
+use gaitfit_adapt::fit::{Checkpoint, CostOutcome, Fit, FitOptions, Generation, RunGeneration};
+use gaitfit_adapt::{Simulator, Theta};
+use serde::{Deserialize, Serialize};
+use std::time::{Duration, Instant};
+
+const CHECKPOINT: &str = "checkpoint.json";
+/// One line a generation and run.
+pub const METRICS: &str = "metrics.jsonl";
+
+/// The checkpoint file.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    /// What the fit depends on.
+    inputs: Inputs,
+    /// Wall time spent so far, s.
+    wall_seconds: f64,
+    /// The fit.
+    fit: Checkpoint,
+}
+
+/// One line of the metrics.
+#[derive(Serialize, Deserialize)]
+pub struct Metric {
+    /// Generation, from 1.
+    pub generation: usize,
+    /// Wall time of the fit when it was done, s.
+    pub wall_seconds: f64,
+    /// The run's part of it.
+    #[serde(flatten)]
+    pub run: RunGeneration,
+}
+
+/// What is fitted, and how far.
+#[derive(Clone, Copy)]
+pub struct Fitting<'a> {
+    /// Simulates candidates.
+    pub simulator: &'a dyn Simulator,
+    /// What is fitted.
+    pub theta: &'a Theta,
+    /// The costs, an independent fit each.
+    pub costs: &'a [Box<dyn Cost>],
+    /// The optimiser's settings.
+    pub options: &'a FitOptions,
+    /// Wall time after which it stops with what it has, s; 0: none.
+    pub max_seconds: f64,
+    /// Time between checkpoints, s.
+    pub checkpoint_seconds: f64,
+}
+
+/// Fits to the end, from the folder's checkpoint if it has one. Returns the outcomes and the wall time of all
+/// sessions, s.
+pub fn fit(
+    setup: &Fitting<'_>,
+    folder: &RunFolder,
+    inputs: &Inputs,
+    watch: &Watch<'_>,
+) -> Result<(Vec<CostOutcome>, f64), Error> {
+    let (mut fit, before) = start(setup, folder, inputs)?;
+    let begun = Instant::now();
+    let seconds = || before + begun.elapsed().as_secs_f64();
+    let counting = watch.begin(Work {
+        what: "generation",
+        total: setup.options.most_generations(),
+        first: fit.generation(),
+        parts: "evaluations",
+    });
+    let mut saved = Instant::now();
+    let every = Duration::try_from_secs_f64(setup.checkpoint_seconds).unwrap_or(Duration::MAX);
+    let save = |fit: &Fit<'_>| -> Result<(), Error> {
+        let state = Saved { inputs: inputs.clone(), wall_seconds: seconds(), fit: fit.checkpoint() };
+        let text = serde_json::to_vec(&state)
+            .map_err(|error| Error::failed(format!("cannot write the checkpoint: {error}")))?;
+        folder.write(CHECKPOINT, &text)
+    };
+    while let Some(generation) = fit.step().map_err(Error::failed)? {
+        folder.append(METRICS, &metric_lines(&generation, seconds())?)?;
+        counting.step(fit.generation(), generation.evaluations, &best(setup, &fit));
+        if watch.stop() {
+            save(&fit)?;
+            return Err(Error::Interrupted(format!(
+                "interrupted after generation {}; {} has the checkpoint, --resume continues",
+                fit.generation(),
+                folder.path().display()
+            )));
+        }
+        let limit = setup.max_seconds;
+        if limit > 0.0 && seconds() >= limit && !fit.finished() {
+            watch.note(&format!(
+                "note: stopped after {limit} s (optimizer.max_seconds), generation {}",
+                fit.generation()
+            ));
+            break;
+        }
+        if saved.elapsed() >= every {
+            save(&fit)?;
+            saved = Instant::now();
+        }
+    }
+    drop(counting);
+    save(&fit)?;
+    Ok((fit.outcomes(), seconds()))
+}
+
+/// A fresh fit, or the checkpoint's with the metrics cut back to it.
+fn start<'a>(setup: &Fitting<'a>, folder: &RunFolder, inputs: &Inputs) -> Result<(Fit<'a>, f64), Error> {
+    let Fitting { simulator, theta, costs, .. } = *setup;
+    let options = setup.options.clone();
+    let Some(text) = folder.read(CHECKPOINT)? else {
+        folder.write(METRICS, b"")?;
+        let fit = Fit::new(simulator, theta, costs, options).map_err(Error::failed)?;
+        return Ok((fit, 0.0));
+    };
+    let shown = folder.path().join(CHECKPOINT);
+    let saved: Saved = serde_json::from_str(&text).map_err(|error| {
+        Error::failed(format!(
+            "{}: not a checkpoint of this version: {error}. Start afresh without --resume.",
+            shown.display()
+        ))
+    })?;
+    if let Some(difference) = inputs.difference(&saved.inputs) {
+        return Err(Error::settings(format!(
+            "{} cannot be continued: {difference} since. Restore it, or start afresh without --resume.",
+            shown.display()
+        )));
+    }
+    let generation = saved.fit.generation;
+    let fit = Fit::resume(simulator, theta, costs, options, saved.fit).map_err(Error::failed)?;
+    let metrics = folder.read(METRICS)?.unwrap_or_default();
+    let kept = metrics.lines().filter(|line| {
+        serde_json::from_str::<Metric>(line).is_ok_and(|metric| metric.generation <= generation)
+    });
+    let kept: String = kept.flat_map(|line| [line, "\n"]).collect();
+    folder.write(METRICS, kept.as_bytes())?;
+    Ok((fit, saved.wall_seconds))
+}
+
+fn metric_lines(generation: &Generation, wall_seconds: f64) -> Result<String, Error> {
+    let mut lines = String::new();
+    for run in &generation.runs {
+        let metric = Metric { generation: generation.generation, wall_seconds, run: run.clone() };
+        let line = serde_json::to_string(&metric)
+            .map_err(|error| Error::failed(format!("cannot write {METRICS}: {error}")))?;
+        lines.push_str(&line);
+        lines.push('\n');
+    }
+    Ok(lines)
+}
+
+/// The best so far, for the progress bar: each cost, and the first values of θ of the first one.
+fn best(setup: &Fitting<'_>, fit: &Fit<'_>) -> String {
+    const SHOWN: usize = 3;
+    let costs = setup.costs.iter().zip(fit.best_costs());
+    let mut text: Vec<String> =
+        costs.filter_map(|(cost, best)| Some(format!("{} {:.5}", cost.name(), best?))).collect();
+    if let Some(values) = fit.best_values(0) {
+        let shown = setup.theta.entries().iter().zip(values).take(SHOWN);
+        text.extend(shown.map(|(entry, value)| format!("{} {value:.3}", entry.name)));
+    }
+    text.join("  ")
+}

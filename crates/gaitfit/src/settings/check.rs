@@ -1,0 +1,86 @@
+//! Settings of `gaitfit adapt` that do not go together, and what they mean to the optimiser.
+
+use super::{AdaptConfig, Base, LEAST_STRETCH_S};
+use crate::Error;
+use gaitfit_adapt::fit::{FallPenalty, FitOptions};
+use std::path::Path;
+
+/// Refuses settings out of range, and those that a kind of log does not have.
+pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
+    let free = config.base == Base::Free;
+    let optimizer = &config.optimizer;
+    let horizon = config.simulation.horizon_seconds;
+    let not_negative = |value: f64| value.is_finite() && value >= 0.0;
+    let wrong = if !free && config.robot.is_empty() {
+        "`robot` names no robot file"
+    } else if config.logs.is_empty() {
+        "`logs` names no log to fit"
+    } else if config.costs.is_empty() {
+        "`costs` names no cost; take \"matcho\", \"wass\" or both"
+    } else if (1..config.costs.len()).any(|index| config.costs[..index].contains(&config.costs[index])) {
+        "`costs` names one cost twice"
+    } else if !free && config.costs.iter().any(|cost| cost.is_privileged()) {
+        "a cost in `costs` resets the base, and base = \"fixed\" has none to reset; take \"matcho\" or \"wass\""
+    } else if !free && (config.policy.is_some() || config.known.is_some()) {
+        "`policy` and `known` are for walking logs; add base = \"free\" if the robot walked"
+    } else if !(free || config.network.is_empty() && config.number.is_empty()) {
+        "[[network]] and [[number]] are for walking logs; add base = \"free\" if the robot walked"
+    } else if free && config.policy.is_none() {
+        "base = \"free\" needs `policy`, the file of the policy that walked"
+    } else if free && !config.validate.is_empty() {
+        "`validate` is for logs of a clamped robot; fit walking logs with several seeds instead"
+    } else if !not_negative(config.falls.margin_seconds)
+        || config.falls.penalty.is_some_and(|price| !not_negative(price))
+    {
+        "`falls.margin_seconds` and `falls.penalty` must be at least 0"
+    } else if optimizer.generations == 0 {
+        "`optimizer.generations` must be at least 1"
+    } else if optimizer.seeds == 0 || optimizer.seeds > 1000 {
+        "`optimizer.seeds` must be 1 to 1000"
+    } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none() {
+        "`optimizer.seed` is too large"
+    } else if optimizer.population == 1 || optimizer.population > 10_000 {
+        "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 10000"
+    } else if optimizer.restarts > 20 {
+        "`optimizer.restarts` must be 0 to 20: each doubles the population"
+    } else if !not_negative(optimizer.tolerance) || optimizer.tolerance >= 1.0 {
+        "`optimizer.tolerance` must be at least 0 and below 1"
+    } else if !not_negative(optimizer.max_seconds) {
+        "`optimizer.max_seconds` must be at least 0"
+    } else if !not_negative(config.checkpoint_seconds) {
+        "`checkpoint_seconds` must be at least 0"
+    } else if !config.simulation.timestep.is_finite() || config.simulation.timestep < 1e-6 {
+        "`simulation.timestep` must be at least 1e-6 s"
+    } else if !not_negative(config.skip_seconds()) {
+        "`simulation.skip_seconds` must be at least 0"
+    } else if horizon != 0.0 && !(horizon >= LEAST_STRETCH_S && horizon.is_finite()) {
+        "`simulation.horizon_seconds` must be 0 (whole logs) or at least 1"
+    } else if !free && horizon != 0.0 {
+        "`simulation.horizon_seconds` is for walking logs; add base = \"free\" if the robot walked"
+    } else if config.runs.is_empty() {
+        "`runs` names no folder; \".\" is the current one"
+    } else if config.check.rmse_rad.is_some_and(|limit| !not_negative(limit)) {
+        "`check.rmse_rad` must be at least 0"
+    } else if config.check.rmse_rad.is_some() && config.validate.is_empty() {
+        "`check.rmse_rad` needs logs in `validate`"
+    } else {
+        return Ok(());
+    };
+    Err(Error::settings(format!("{}: {wrong}. `gaitfit config` shows every setting.", path.display())))
+}
+
+/// Settings of the fit; the robot fell in `falls` of the logs.
+pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
+    let optimizer = &config.optimizer;
+    FitOptions {
+        population: optimizer.population,
+        generations: optimizer.generations,
+        restarts: optimizer.restarts,
+        seeds: (0..optimizer.seeds as u64).map(|offset| optimizer.seed + offset).collect(),
+        covariance: optimizer.covariance,
+        bounds: optimizer.bounds,
+        tolerance: optimizer.tolerance,
+        falls: FallPenalty { penalty: config.falls.penalty, robot: falls },
+        random_numbers: optimizer.random_numbers,
+    }
+}

@@ -1,0 +1,291 @@
+//! Reading a configuration: the file, then `--set`; errors with file, line, column and the nearest key.
+
+use crate::Error;
+use serde::de::DeserializeOwned;
+use std::borrow::Cow;
+use std::path::Path;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue, Deserializer};
+
+/// Largest configuration file.
+const MOST_BYTES: u64 = 16 << 20;
+
+/// A command's settings.
+pub trait Configuration: DeserializeOwned {
+    /// What prints a file to start from, for advice.
+    const PRINTED_BY: &'static str;
+    /// A `--set` that may stand as an example.
+    const EXAMPLE: &'static str;
+
+    /// Fills in defaults that depend on other settings, before the table is read. What is already there keeps its
+    /// place in the file.
+    fn complete(_table: &mut DeTable<'_>) {}
+}
+
+/// Reads `path` (without one: the defaults) and applies `sets` (`a.b=c`; list entries by number,
+/// `parameter.0.upper=1`).
+pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C, Error> {
+    // Tables borrow from these texts.
+    let text = path.map(|path| read(path).map_err(|error| unreadable::<C>(path, &error))).transpose()?;
+    let values = sets.iter().map(|set| value_text(set, C::EXAMPLE)).collect::<Result<Vec<_>, _>>()?;
+    let mut table = DeTable::new();
+    if let (Some(path), Some(text)) = (path, &text) {
+        let located = |error| located(path, text, &error);
+        table = DeTable::parse(text).map_err(located)?.into_inner();
+        understand::<C>(table.clone()).map_err(located)?;
+    }
+    for (set, (key, line)) in sets.iter().zip(&values) {
+        apply(&mut table, set, key, line)?;
+        understand::<C>(table.clone()).map_err(|error| {
+            Error::settings(format!(
+                "--set {set}: {}{}",
+                error.message().trim_end(),
+                nearest(error.message())
+            ))
+        })?;
+    }
+    understand(table).map_err(|error| Error::settings(error.message()))
+}
+
+fn unreadable<C: Configuration>(path: &Path, error: &std::io::Error) -> Error {
+    Error::settings(format!(
+        "cannot read the configuration {}: {error}. `{}` prints one to start from.",
+        path.display(),
+        C::PRINTED_BY
+    ))
+}
+
+/// The settings of a table.
+fn understand<C: Configuration>(mut table: DeTable<'_>) -> Result<C, toml::de::Error> {
+    C::complete(&mut table);
+    C::deserialize(Deserializer::from(Spanned::new(0..0, table)))
+}
+
+/// Lays `over` upon `under`, key by key; tables are merged, everything else is replaced. Places in the file are those
+/// of `over`.
+pub fn merge<'a>(under: &mut DeTable<'a>, over: DeTable<'a>) {
+    for (key, value) in over {
+        match under.get_mut(&key) {
+            None => {
+                under.insert(key, value);
+            }
+            Some(old) => {
+                let span = value.span();
+                let merged = match (taken(old.get_mut()), value.into_inner()) {
+                    (DeValue::Table(mut inner), DeValue::Table(changes)) => {
+                        merge(&mut inner, changes);
+                        DeValue::Table(inner)
+                    }
+                    (_, value) => value,
+                };
+                *old = Spanned::new(span, merged);
+            }
+        }
+    }
+}
+
+/// The value, leaving a placeholder.
+pub fn taken<'a>(value: &mut DeValue<'a>) -> DeValue<'a> {
+    std::mem::replace(value, DeValue::Boolean(false))
+}
+
+/// The text of a regular file of moderate size: a pipe would hang, a device would fill the memory.
+fn read(path: &Path) -> std::io::Result<String> {
+    let refuse = |why: &str| std::io::Error::new(std::io::ErrorKind::InvalidInput, why.to_owned());
+    let data = std::fs::metadata(path)?;
+    if !data.is_file() {
+        return Err(refuse("not a regular file"));
+    }
+    if data.len() > MOST_BYTES {
+        return Err(refuse("larger than 16 MiB, no configuration"));
+    }
+    std::fs::read_to_string(path)
+}
+
+/// The paragraph for an error at a place of the file.
+fn located(path: &Path, text: &str, error: &toml::de::Error) -> Error {
+    let place = error.span().map(|span| line_and_column(text, span.start)).unwrap_or_default();
+    let message = error.message().trim_end();
+    Error::settings(format!("{}{place}: {message}{}", path.display(), nearest(message)))
+}
+
+fn line_and_column(text: &str, offset: usize) -> String {
+    let before = text.get(..offset.min(text.len())).unwrap_or_default();
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
+    format!(":{line}:{column}")
+}
+
+/// The known name nearest to the unknown one in a message such as "unknown field `a`, expected one of `b`, `c`".
+fn nearest(message: &str) -> String {
+    if !message.starts_with("unknown ") {
+        return String::new();
+    }
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let Some(unknown) = quoted.next() else { return String::new() };
+    let scored = quoted.map(|known| (strsim::jaro_winkler(unknown, known), known));
+    match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        Some((score, known)) if score > 0.6 => format!(". Did you mean `{known}`?"),
+        _ => String::new(),
+    }
+}
+
+/// The key of a `--set`, and its value as the line `value = …`.
+fn value_text<'a>(set: &'a str, example: &str) -> Result<(&'a str, String), Error> {
+    match set.split_once('=') {
+        Some((key, value)) => Ok((key, format!("value = {}", value.trim()))),
+        None => Err(Error::settings(format!("--set {set}: write it as key=value, for example {example}"))),
+    }
+}
+
+/// Sets one value of a table by its dotted path.
+fn apply<'a>(table: &mut DeTable<'a>, set: &str, path: &str, line: &'a str) -> Result<(), Error> {
+    let mut root = DeValue::Table(std::mem::take(table));
+    let mut at = &mut root;
+    for key in path.split('.').map(str::trim) {
+        at = enter(at, key)
+            .ok_or_else(|| Error::settings(format!("--set {set}: there is no `{key}` in `{path}`")))?;
+    }
+    *at = parse_value(line);
+    if let DeValue::Table(changed) = root {
+        *table = changed;
+    }
+    Ok(())
+}
+
+/// The value under `key`, made when a table lacks it; `None` where there can be none.
+fn enter<'a, 't>(at: &'a mut DeValue<'t>, key: &str) -> Option<&'a mut DeValue<'t>> {
+    match at {
+        DeValue::Table(table) if !key.is_empty() => {
+            let key = Spanned::new(0..0, Cow::Owned(key.to_owned()));
+            let empty = || Spanned::new(0..0, DeValue::Table(DeTable::new()));
+            Some(table.entry(key).or_insert_with(empty).get_mut())
+        }
+        DeValue::Array(array) => array.get_mut(key.parse::<usize>().ok()?).map(Spanned::get_mut),
+        _ => None,
+    }
+}
+
+/// The TOML value of a line `value = …`; what is none is taken as a plain string.
+fn parse_value(line: &str) -> DeValue<'_> {
+    let parsed = DeTable::parse(line).ok().map(Spanned::into_inner);
+    match parsed.filter(|table| table.len() == 1).and_then(|mut table| table.remove("value")) {
+        Some(value) => value.into_inner(),
+        None => DeValue::String(Cow::Borrowed(line.trim_start_matches("value = "))),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::settings::{AdaptConfig, TrainConfig};
+    use gaitfit_adapt::cost::CostKind;
+    use gaitfit_log::PerJoint;
+    use std::io::Write;
+
+    fn load_text(text: &str, sets: &[&str]) -> Result<AdaptConfig, Error> {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+        load(Some(file.path()), &sets)
+    }
+
+    fn train(text: &str) -> Result<TrainConfig, Error> {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        load(Some(file.path()), &[])
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_with_its_place_and_the_nearest_key() {
+        let error = load_text("robot = \"a\"\n[optimizer]\npopulaton = 3\n", &[]).unwrap_err();
+        assert!(matches!(error, Error::Settings(_)));
+        assert!(error.to_string().contains(":3:1:"), "{error}");
+        assert!(error.to_string().contains("Did you mean `population`?"), "{error}");
+        let error = load_text("[[parameter]]\nkind = \"armatur\"\n", &[]).unwrap_err();
+        assert!(error.to_string().contains("Did you mean `armature`?"), "{error}");
+    }
+
+    #[test]
+    fn set_changes_nested_listed_and_new_values() {
+        let text = "[[parameter]]\nkind = \"delay\"\nper = \"all\"\n";
+        let sets = [
+            "parameter.0.upper=0.05",
+            "optimizer.seeds=2",
+            "costs=[\"wass\"]",
+            "gains.kp=20",
+            "robot=a/b.xml",
+        ];
+        let config = load_text(text, &sets).unwrap();
+        assert_eq!(config.parameter[0].upper, Some(0.05));
+        assert_eq!(config.optimizer.seeds, 2);
+        assert_eq!(config.costs, [CostKind::Wass]);
+        assert_eq!(config.gains.kp, Some(PerJoint::All(20.0)));
+        assert_eq!(config.robot, "a/b.xml");
+    }
+
+    #[test]
+    fn a_wrong_set_is_named() {
+        for (set, word) in [
+            ("optimizer.seedz=3", "`seeds`"),
+            ("optimizer", "key=value"),
+            ("parameter.7.upper=1", "`7`"),
+            ("optimizer.seeds=\"many\"", "invalid type"),
+            ("optimizer..seeds=1", "``"),
+        ] {
+            let error = load_text("[[parameter]]\nkind = \"delay\"\n", &[set]).unwrap_err();
+            assert!(error.to_string().contains(set) && error.to_string().contains(word), "{error}");
+        }
+    }
+
+    #[test]
+    fn gains_are_a_number_or_patterns() {
+        let config = load_text("gains.kp = { \"*_hip\" = 20, \"*_calf\" = 40 }\n", &[]).unwrap();
+        assert!(matches!(config.gains.kp, Some(PerJoint::Named(entries)) if entries.len() == 2));
+        let error = load_text("gains.kp = true\n", &[]).unwrap_err();
+        assert!(error.to_string().contains("one number for all joints"), "{error}");
+    }
+
+    #[test]
+    fn a_task_begins_with_its_base_and_changes_it_key_by_key() {
+        let none: TrainConfig = load(None, &[]).unwrap();
+        let config = train("[task.rewards]\ngait = 2.5\n[task.command]\nx = [0.0, 0.5]\n").unwrap();
+        assert_eq!(config.task.settings.rewards["gait"], 2.5);
+        assert_eq!(config.task.settings.command.x, [0.0, 0.5]);
+        assert_eq!(config.task.settings.command.y, none.task.settings.command.y);
+        let weight = "track_yaw_rate";
+        assert_eq!(config.task.settings.rewards[weight], none.task.settings.rewards[weight]);
+        let biped = train("[task]\nbase = \"biped\"\nheight = 0.4\n").unwrap();
+        assert_eq!((biped.task.settings.posture, biped.task.settings.height), ([-1.0, 0.0, 0.0], 0.4));
+        assert_eq!(train("task = \"biped\"\n").unwrap().task.settings.posture, [-1.0, 0.0, 0.0]);
+        let set: TrainConfig = load(None, &["task.base=biped".to_owned()]).unwrap();
+        assert_eq!(set, train("task = \"biped\"\n").unwrap());
+    }
+
+    #[test]
+    fn a_wrong_task_setting_has_its_place_in_the_file() {
+        for (text, words) in [
+            ("[task.command]\nz = 1\n", [":2:1:", "unknown field `z`"]),
+            ("[task]\n\nhight = 1\n", [":3:1:", "Did you mean `height`?"]),
+            ("[task.command]\nx = \"fast\"\n", [":2:5:", "invalid type"]),
+            ("[task.command]\n\nx = [1.0]\n", [":3:5:", "invalid length"]),
+            ("[task]\nbase = \"bipe\"\n", [":2:8:", "Did you mean `biped`?"]),
+            ("[ppo]\ngama = 1\n", [":2:1:", "Did you mean `gamma`?"]),
+            ("[train]\niterations = -3\n", [":2:14:", "invalid value"]),
+            ("\ntask = 3\n", [":2:8:", "invalid type"]),
+        ] {
+            let error = train(text).unwrap_err();
+            assert!(words.iter().all(|word| error.to_string().contains(word)), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_resolved_configuration_reads_as_itself() {
+        for text in ["", "task = \"biped\"\n", "[task.policy.default_pose]\n\"FL_*\" = 0.2\n"] {
+            let config = train(text).unwrap();
+            let resolved = toml::to_string_pretty(&config).unwrap();
+            assert_eq!(train(&resolved).unwrap(), config, "{resolved}");
+        }
+    }
+}

@@ -1,0 +1,454 @@
+//! The configuration of `gaitfit loop`: its settings and their defaults. `gaitfit config loop` prints them.
+
+use super::finetune::FINETUNE_DEFAULTS;
+use super::load::{Configuration, merge, taken};
+use super::{AdaptConfig, Base, FinetuneConfig, PresetName, check};
+use gaitfit_adapt::{Quantity, RobotNumber};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::borrow::Cow;
+use std::path::Path;
+use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Table};
+
+use crate::Error;
+
+/// Most robots of a drift trial.
+pub const MOST_DRIFT: usize = 100_000;
+
+/// The defaults, as `gaitfit config loop` prints them.
+pub const LOOP_DEFAULTS: &str = include_str!("loop.toml");
+
+/// All settings of one loop.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoopConfig {
+    /// Name of the run and of its folder; the configuration file's stem when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// The policy that walks.
+    pub policy: String,
+    /// Robot file (MJCF or URDF); the built-in Go2 when empty.
+    pub robot: String,
+    /// Drop what the engine does not honour in the robot file instead of refusing it.
+    pub lenient: bool,
+    /// Folder that holds the run folders.
+    pub runs: String,
+    /// Logs of the first round; the target's when empty.
+    pub logs: Vec<String>,
+    /// Most rounds.
+    pub rounds: u32,
+    /// Share by which a round must lower the tracking error for a further one to begin.
+    pub improvement: f64,
+    /// Whether a policy is fine-tuned in the true simulator too.
+    pub references: bool,
+    /// Seconds between checkpoints.
+    pub checkpoint_seconds: f64,
+    /// The robot, if it can be run from here.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub target: Option<TargetConfig>,
+    /// What is fitted, and how.
+    pub adapt: AdaptConfig,
+    /// Training in the fitted simulator.
+    pub finetune: FinetuneConfig,
+    /// What is measured.
+    pub evaluate: EvaluateConfig,
+    /// Never there.
+    #[serde(default, skip_serializing)]
+    decided: Decided,
+}
+
+/// Refuses a setting that the loop decides itself; it stands for the setting's name.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Decided;
+
+impl<'de> Deserialize<'de> for Decided {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        Err(serde::de::Error::custom(format!("`{name}` cannot be set: the loop decides it")))
+    }
+}
+
+/// A robot that can be run from here.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TargetConfig {
+    /// How it is run.
+    pub kind: TargetKind,
+    /// Trajectories recorded each round.
+    #[serde(default = "trajectories")]
+    pub trajectories: usize,
+    /// Length of each, s.
+    #[serde(default = "seconds")]
+    pub seconds: f64,
+    /// Seed of the first round's commands and noise; later rounds take the next ones.
+    #[serde(default = "first_seed")]
+    pub seed: u64,
+    /// Simulated: a `theta.toml` with numbers of the true robot.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub theta: Option<String>,
+    /// Simulated: springs, `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`, N·m/rad and rad.
+    #[serde(default)]
+    pub spring: Vec<String>,
+    /// Simulated: standard deviation of Gaussian torques at every joint and physics step, N·m.
+    #[serde(default)]
+    pub torque_noise: f64,
+    /// Simulated: each log begins this long after the robot, drawn between the two, s.
+    #[serde(default)]
+    pub log_shift: [f64; 2],
+    /// Simulated: solver effort.
+    #[serde(default = "accurate")]
+    pub preset: PresetName,
+    /// Command: a program that ends well if the robot is there, and its arguments; if it is not, the loop goes on
+    /// without a target. Without one the robot must be there.
+    #[serde(default)]
+    pub probe: Vec<String>,
+    /// Command: the program that records, and its arguments.
+    #[serde(default)]
+    pub collect: Vec<String>,
+    /// Command: the program that measures, and its arguments.
+    #[serde(default)]
+    pub evaluate: Vec<String>,
+    /// Simulated: true values of joints.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameter: Vec<TrueParameter>,
+    /// Simulated: true values of the robot as a whole.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub number: Vec<TrueNumber>,
+}
+
+/// How a target is run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TargetKind {
+    /// In this engine, with other numbers.
+    Simulated,
+    /// By another program.
+    Command,
+}
+
+/// A value of some joints of a simulated target.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrueParameter {
+    /// Quantity.
+    pub kind: Quantity,
+    /// Patterns over joint names.
+    #[serde(default = "every_joint")]
+    pub joints: Vec<String>,
+    /// Its value on these joints, in the quantity's unit.
+    pub value: f64,
+}
+
+/// A number of a simulated target.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrueNumber {
+    /// Which number.
+    pub kind: RobotNumber,
+    /// Its value.
+    pub value: f64,
+}
+
+/// What is measured of every policy.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EvaluateConfig {
+    /// Trajectories with random commands.
+    pub trajectories: usize,
+    /// Length of each, s.
+    pub seconds: f64,
+    /// Robots in each constant-command trial; 0 leaves them out.
+    pub drift: usize,
+    /// Seed of commands, starts and noise.
+    pub seed: u64,
+    /// Solver effort in the fitted simulator.
+    pub preset: PresetName,
+}
+
+fn trajectories() -> usize {
+    64
+}
+
+fn seconds() -> f64 {
+    4.0
+}
+
+fn first_seed() -> u64 {
+    1
+}
+
+fn accurate() -> PresetName {
+    PresetName::Accurate
+}
+
+fn every_joint() -> Vec<String> {
+    vec!["*".to_owned()]
+}
+
+/// Settings that do not change what a stage does.
+pub const FREE: [&str; 4] = ["name", "runs", "rounds", "checkpoint_seconds"];
+
+/// Settings of `[adapt]` and `[finetune]` that the loop decides.
+const DECIDED: [(&str, &[&str]); 2] = [
+    (
+        "adapt",
+        &[
+            "name",
+            "robot",
+            "lenient",
+            "base",
+            "policy",
+            "known",
+            "logs",
+            "validate",
+            "validate_gains",
+            "check",
+            "runs",
+            "checkpoint_seconds",
+        ],
+    ),
+    (
+        "finetune",
+        &[
+            "name",
+            "policy",
+            "policy_sha256",
+            "theta",
+            "theta_sha256",
+            "robot",
+            "lenient",
+            "spring",
+            "torque_noise",
+            "runs",
+            "checkpoint_seconds",
+        ],
+    ),
+];
+
+impl Configuration for LoopConfig {
+    const PRINTED_BY: &'static str = "gaitfit config loop";
+    const EXAMPLE: &'static str = "adapt.optimizer.generations=50";
+
+    /// Lays the settings upon the defaults. A setting that the loop decides itself is put in their place, so that it is
+    /// refused when the table is read.
+    fn complete(table: &mut DeTable<'_>) {
+        let own = std::mem::take(table);
+        for (section, keys) in DECIDED {
+            let Some(DeValue::Table(inner)) = own.get(section).map(Spanned::get_ref) else { continue };
+            if let Some((key, _)) = inner.iter().find(|(key, _)| keys.contains(&key.get_ref().as_ref())) {
+                let name = Cow::Owned(format!("{section}.{}", key.get_ref()));
+                let name = Spanned::new(key.span(), DeValue::String(name));
+                let key = Spanned::new(key.span(), Cow::Borrowed("decided"));
+                *table = DeTable::from_iter([(key, name)]);
+                return;
+            }
+        }
+        let mut defaults = DeTable::parse(LOOP_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
+        if let Some(finetune) = defaults.get_mut("finetune") {
+            let mut whole = DeTable::parse(FINETUNE_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
+            let span = finetune.span();
+            if let DeValue::Table(changes) = taken(finetune.get_mut()) {
+                merge(&mut whole, changes);
+            }
+            *finetune = Spanned::new(span, DeValue::Table(whole));
+        }
+        merge(&mut defaults, own);
+        *table = defaults;
+    }
+}
+
+impl LoopConfig {
+    /// Refuses settings out of range, and those that do not go together.
+    pub fn check(&self, path: &Path) -> Result<(), Error> {
+        let evaluate = &self.evaluate;
+        let length = |seconds: f64| seconds > 0.0 && seconds <= 3600.0;
+        let wrong = if self.policy.is_empty() {
+            "`policy` names no policy; give the file of the policy that walks".to_owned()
+        } else if self.logs.is_empty() && self.target.is_none() {
+            "there are neither `logs` of a robot nor a [target] to record them on".to_owned()
+        } else if self.logs.is_empty()
+            && self
+                .target
+                .as_ref()
+                .is_some_and(|target| target.kind == TargetKind::Command && !target.probe.is_empty())
+        {
+            "`target.probe` lets a loop go on without the robot, which needs `logs` to fit; leave it out if the \
+             robot must be there"
+                .to_owned()
+        } else if self.rounds == 0 || self.rounds > 100 {
+            "`rounds` must be 1 to 100".to_owned()
+        } else if self.rounds > 1 && self.target.is_none() {
+            "`rounds` above 1 needs a [target]: without one, record the logs of the next round by hand"
+                .to_owned()
+        } else if !(0.0..1.0).contains(&self.improvement) {
+            "`improvement` must be at least 0 and below 1".to_owned()
+        } else if self.runs.is_empty() {
+            "`runs` names no folder; \".\" is the current one".to_owned()
+        } else if !(self.checkpoint_seconds >= 0.0 && self.checkpoint_seconds.is_finite()) {
+            "`checkpoint_seconds` must be at least 0".to_owned()
+        } else if self.finetune.seeds.len() != 1 {
+            format!(
+                "`finetune.seeds` has {} numbers; a loop goes on with one policy, give one",
+                self.finetune.seeds.len()
+            )
+        } else if evaluate.trajectories == 0 || evaluate.trajectories > 10_000_000 {
+            "`evaluate.trajectories` must be 1 to 10000000".to_owned()
+        } else if evaluate.drift > MOST_DRIFT {
+            format!("`evaluate.drift` must be at most {MOST_DRIFT} robots")
+        } else if !length(evaluate.seconds) {
+            "`evaluate.seconds` must be above 0 and at most 3600".to_owned()
+        } else if let Some(wrong) = self.target.as_ref().and_then(TargetConfig::wrong) {
+            wrong
+        } else {
+            return self.check_adapt(path);
+        };
+        Err(Error::settings(format!(
+            "{}: {wrong}. `gaitfit config loop` shows every setting.",
+            path.display()
+        )))
+    }
+
+    /// Holds `[adapt]` to the rules of `gaitfit adapt`, before there are logs.
+    fn check_adapt(&self, path: &Path) -> Result<(), Error> {
+        let mut adapt = self.adapt(1, String::new(), vec!["recorded.csv".to_owned()]);
+        adapt.runs = ".".to_owned();
+        check::check(&adapt, path).map_err(|error| error.map(|text| format!("[adapt] {text}")))
+    }
+
+    /// The adaptation of a round, to be written into `runs`.
+    pub fn adapt(&self, round: u32, policy: String, logs: Vec<String>) -> AdaptConfig {
+        let mut adapt = AdaptConfig {
+            name: Some("adapt".to_owned()),
+            robot: self.robot.clone(),
+            lenient: self.lenient,
+            base: Base::Free,
+            policy: Some(policy),
+            known: None,
+            logs,
+            validate: Vec::new(),
+            validate_gains: Vec::new(),
+            checkpoint_seconds: self.checkpoint_seconds,
+            ..self.adapt.clone()
+        };
+        // Rounds draw different candidates.
+        let offset = u64::from(round - 1).saturating_mul(adapt.optimizer.seeds as u64);
+        adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset);
+        adapt.parameter.iter_mut().for_each(gaitfit_adapt::ParameterRule::resolve);
+        adapt.number.iter_mut().for_each(gaitfit_adapt::RobotRule::resolve);
+        adapt
+    }
+
+    /// All settings as a table that reads as themselves.
+    ///
+    /// # Errors
+    /// A number that TOML cannot have.
+    pub fn resolved(&self) -> Result<Table, toml::ser::Error> {
+        let mut table = Table::try_from(self)?;
+        for (section, keys) in DECIDED {
+            if let Some(toml::Value::Table(inner)) = table.get_mut(section) {
+                inner.retain(|key, _| !keys.contains(&key));
+            }
+        }
+        Ok(table)
+    }
+}
+
+impl TargetConfig {
+    /// What is wrong with it, in words.
+    fn wrong(&self) -> Option<String> {
+        let simulated = self.kind == TargetKind::Simulated;
+        let [low, high] = self.log_shift;
+        let wrong = if self.trajectories == 0 || self.trajectories > 100_000 {
+            "`target.trajectories` must be 1 to 100000"
+        } else if !(self.seconds > 0.0 && self.seconds <= 3600.0) {
+            "`target.seconds` must be above 0 and at most 3600"
+        } else if simulated && !(self.probe.is_empty() && self.collect.is_empty() && self.evaluate.is_empty())
+        {
+            "`target.probe`, `target.collect` and `target.evaluate` are for kind = \"command\""
+        } else if !(0.0 <= low && low <= high && high <= 10.0) {
+            "`target.log_shift` takes two times from 0 to 10 s, the shorter first"
+        } else if !simulated
+            && (self.theta.is_some()
+                || !(self.spring.is_empty() && self.parameter.is_empty() && self.number.is_empty())
+                || self.torque_noise != 0.0
+                || high != 0.0)
+        {
+            "`target.theta`, `spring`, `torque_noise`, `log_shift`, [[target.parameter]] and [[target.number]] are for \
+             kind = \"simulated\"; a command's arguments say what its robot is"
+        } else if !simulated && self.collect.is_empty() {
+            "`target.collect` names no program; give a list such as [\"python\", \"robot.py\", \"{onnx}\", \"{folder}\"]"
+        } else {
+            return None;
+        };
+        Some(wrong.to_owned())
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::settings::load;
+    use std::io::Write;
+
+    fn read(text: &str) -> Result<LoopConfig, Error> {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        load(Some(file.path()), &[])
+    }
+
+    const TARGET: &str =
+        "[target]\nkind = \"simulated\"\n[[target.parameter]]\nkind = \"armature\"\nvalue = 0.1\n";
+
+    #[test]
+    fn the_printed_settings_are_the_defaults_and_complete() {
+        let defaults: LoopConfig = load(None, &[]).unwrap();
+        assert_eq!(read(LOOP_DEFAULTS).unwrap(), defaults);
+        let printed: Table = toml::from_str(LOOP_DEFAULTS).unwrap();
+        for (section, value) in defaults.resolved().unwrap() {
+            let printed = printed.get(&section).unwrap_or_else(|| panic!("`{section}` is missing"));
+            if section == "finetune" {
+                continue;
+            }
+            for (key, _) in value.as_table().into_iter().flatten() {
+                assert!(printed.get(key).is_some(), "`{section}.{key}` is missing");
+            }
+        }
+        for (key, _) in Table::try_from(read(TARGET).unwrap().target.unwrap()).unwrap() {
+            assert!(
+                LOOP_DEFAULTS.contains(&format!("# {key} =")) || key == "parameter",
+                "`target.{key}` is missing"
+            );
+        }
+        let finetune: FinetuneConfig = load(None, &[]).unwrap();
+        assert_eq!(defaults.finetune, finetune);
+    }
+
+    #[test]
+    fn resolved_settings_read_as_themselves() {
+        for text in ["", TARGET, "[finetune.ppo]\nclip = 0.1\n[finetune.task.rewards]\ngait = 2.0\n"] {
+            let config = read(text).unwrap();
+            let resolved = toml::to_string_pretty(&config.resolved().unwrap()).unwrap();
+            assert_eq!(read(&resolved).unwrap(), config, "{resolved}");
+        }
+    }
+
+    #[test]
+    fn what_the_loop_decides_is_refused_at_its_place() {
+        let error = read("[adapt]\nlogs = [\"a.csv\"]\n").unwrap_err();
+        assert!(
+            error.to_string().contains(":2:1:") && error.to_string().contains("the loop decides it"),
+            "{error}"
+        );
+        let error = read("[finetune]\n\ntheta = \"t.toml\"\n").unwrap_err();
+        assert!(
+            error.to_string().contains(":3:1:") && error.to_string().contains("finetune.theta"),
+            "{error}"
+        );
+        let error = read("[evaluate]\nsecs = 1.0\n").unwrap_err();
+        assert!(
+            error.to_string().contains(":2:1:") && error.to_string().contains("Did you mean `seconds`?"),
+            "{error}"
+        );
+    }
+}

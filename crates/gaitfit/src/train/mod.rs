@@ -1,0 +1,51 @@
+//! Trains a policy by PPO: from nothing, or from a policy that exists (see [`crate::finetune`]).
+
+mod files;
+mod metrics;
+mod report;
+mod results;
+mod seed;
+mod setup;
+mod show;
+
+pub use files::difference;
+pub use results::{LAST, Parent, Results, SeedResult};
+pub use setup::{Plan, Setup, Start, advice, refused, setup, table as configuration};
+
+use crate::Error;
+use crate::machine;
+use crate::run::RunFolder;
+use crate::watch::Watch;
+use gaitfit_view::training::SeedCurve;
+use std::path::Path;
+
+/// Trains all seeds in a run folder of their own, or continues the latest one of that name.
+pub fn train(setup: &Setup, resume: bool, watch: &Watch<'_>) -> Result<Results, Error> {
+    let folder = RunFolder::begin(Path::new(&setup.plan.runs), &setup.plan.name, resume, watch)?;
+    train_in(setup, &folder, watch)
+}
+
+/// Trains all seeds in this folder, or continues what it holds.
+pub fn train_in(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Results, Error> {
+    files::check_same(folder, &setup.plan)?;
+    setup.warnings.iter().for_each(|warning| watch.note(warning));
+    if let Some(results) = files::finished(folder, setup)? {
+        watch.note(&format!("{} is finished; this is its result", folder.path().display()));
+        return Ok(results);
+    }
+    let begun = machine::now();
+    files::begin(folder, setup, &begun)?;
+    for &seed in &setup.plan.seeds {
+        seed::train(setup, folder, seed, watch)?;
+    }
+    files::finish(folder, setup, &begun, watch)
+}
+
+/// The learning curves of a finished run.
+pub fn curves(folder: &RunFolder, results: &Results) -> Result<Vec<SeedCurve>, Error> {
+    let curve = |seed: &SeedResult| {
+        let metrics = metrics::read(folder, &seed::Files::of(seed.seed).metrics, seed.iterations)?;
+        Ok(report::curve(seed, &metrics))
+    };
+    results.seeds.iter().map(curve).collect()
+}

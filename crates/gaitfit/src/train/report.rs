@@ -1,0 +1,148 @@
+//! From results to the report's plain data.
+
+use super::files::Trained;
+use super::metrics::{Metric, diagnostics};
+use super::results::{LAST, Results, SeedResult};
+use super::seed::Files;
+use super::setup::Setup;
+use super::show::GAIT_CAPTION;
+use crate::Error;
+use crate::machine::{machine, now};
+use gaitfit_view::report::Setting;
+use gaitfit_view::training::{Link, SeedCurve, SeedResult as Shown, Series};
+use gaitfit_view::{TrainingReport, training_report};
+
+/// The page of a finished run. `configuration`: the resolved one.
+pub fn page(
+    configuration: &str,
+    setup: &Setup,
+    results: &Results,
+    trained: &[Trained],
+) -> Result<String, Error> {
+    let first = trained.first();
+    let report = TrainingReport {
+        title: results.name.clone(),
+        robot: format!("{}, task {}", results.robot, results.task),
+        created: now(),
+        wall_seconds: results.wall_seconds,
+        measured_on: format!(
+            "the last {LAST} iterations of training, with its noise, pushes and varied robots"
+        ),
+        seeds: trained.iter().map(|seed| curve(&seed.result, &seed.metrics)).collect(),
+        gait: first.map(|seed| seed.shown.gait.clone()),
+        gait_caption: first
+            .map(|seed| format!("Seed {}, {GAIT_CAPTION}.", seed.result.seed))
+            .unwrap_or_default(),
+        links: trained.iter().flat_map(|seed| links(seed.result.seed)).collect(),
+        facts: facts(setup, results),
+        warnings: trained.iter().filter_map(warning).collect(),
+        configuration: configuration.to_owned(),
+        versions: versions(results),
+    };
+    training_report(&report).map_err(Error::failed)
+}
+
+fn unknown(value: Option<f64>) -> f64 {
+    value.unwrap_or(f64::NAN)
+}
+
+fn result(seed: &SeedResult) -> Shown {
+    Shown {
+        reward: unknown(seed.episode_return),
+        linear_velocity_error: seed.linear_velocity_error,
+        angular_velocity_error: seed.angular_velocity_error,
+        fall_rate: unknown(seed.fall_rate),
+        iterations: seed.iterations,
+        wall_seconds: seed.wall_seconds,
+        samples_per_second: seed.samples_per_second,
+    }
+}
+
+/// The learning curves of a seed.
+pub fn curve(outcome: &SeedResult, metrics: &[Metric]) -> SeedCurve {
+    let series = |name: &str, unit: &str, value: &dyn Fn(&Metric) -> f64| Series {
+        name: name.to_owned(),
+        unit: unit.to_owned(),
+        values: metrics.iter().map(value).collect(),
+        ..Series::default()
+    };
+    let progress = vec![
+        series("reward of a step", "", &|metric| metric.reward),
+        series("episode return", "", &|metric| unknown(metric.episode_return)),
+        series("linear velocity error", "m/s", &|metric| metric.linear_velocity_error),
+        series("angular velocity error", "rad/s", &|metric| metric.angular_velocity_error),
+        series("episode length", "s", &|metric| unknown(metric.episode_seconds)),
+        series("falls", "share of episodes", &|metric| unknown(metric.fall_rate)),
+    ];
+    let names = metrics.first().map(|metric| metric.rewards.keys().cloned().collect::<Vec<_>>());
+    let rewards = names.unwrap_or_default().into_iter().map(|name| {
+        series(&name.replace('_', " "), "1/s", &|metric| unknown(metric.rewards.get(&name).copied()))
+    });
+    let names = metrics.first().map(|metric| diagnostics(&metric.ppo).map(|(name, _)| name));
+    let learner = names.into_iter().flatten().enumerate().map(|(index, name)| Series {
+        log: name == "learning_rate",
+        ..series(&name.replace('_', " "), "", &|metric| diagnostics(&metric.ppo)[index].1)
+    });
+    SeedCurve {
+        seed: outcome.seed,
+        result: result(outcome),
+        iteration: metrics.iter().map(|metric| metric.iteration).collect(),
+        progress,
+        rewards: rewards.collect(),
+        diagnostics: learner
+            .chain([series("samples per second", "1/s", &|metric| metric.times.samples_per_second)])
+            .collect(),
+    }
+}
+
+fn links(seed: u64) -> [Link; 2] {
+    let files = Files::of(seed);
+    [
+        Link { text: format!("Watch seed {seed}"), path: files.replay },
+        Link { text: format!("Policy of seed {seed}"), path: files.policy },
+    ]
+}
+
+fn facts(setup: &Setup, results: &Results) -> Vec<Setting> {
+    let fact = |name: &str, value: String| Setting { name: name.to_owned(), value };
+    let rate = setup.scene.interface.control_dt.recip();
+    let mut facts = vec![
+        fact("Robots", results.environments.to_string()),
+        fact("Steps an iteration", results.steps.to_string()),
+        fact("Control", format!("{rate:.0} Hz, {} physics steps each", setup.scene.settings.substeps)),
+        fact("Threads", setup.threads.to_string()),
+    ];
+    if let Some(parent) = &results.parent {
+        facts.push(fact("Goes on from", parent.policy.clone()));
+        facts.push(fact("Simulator", parent.simulator.clone()));
+    }
+    if let Some(gait) = results.seeds.first().map(|seed| &seed.gait) {
+        facts.push(fact("Action rate", format!("{:.2} a step", gait.action_rate)));
+        facts.push(fact(
+            "Torque power above 10 Hz",
+            format!("{:.1} %", 100.0 * gait.torque_power_above_10_hz),
+        ));
+        facts.push(fact("Foot lift", format!("{:.3} m", gait.foot_lift)));
+        facts.push(fact("Step frequency", format!("{:.1} Hz", gait.step_frequency)));
+    }
+    facts
+}
+
+fn warning(seed: &Trained) -> Option<String> {
+    let time = seed.shown.fell?;
+    Some(format!("The policy of seed {} falls {time:.1} s into its replay.", seed.result.seed))
+}
+
+fn versions(results: &Results) -> Vec<Setting> {
+    let machine = machine();
+    [
+        ("gaitfit", machine.gaitfit.to_owned()),
+        ("platform", machine.platform),
+        ("processor", machine.processor),
+        ("engine", machine.engine.to_owned()),
+        ("settings (SHA-256)", results.configuration_hash.clone()),
+    ]
+    .into_iter()
+    .map(|(name, value)| Setting { name: name.to_owned(), value })
+    .collect()
+}

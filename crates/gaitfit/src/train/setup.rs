@@ -1,0 +1,197 @@
+//! Everything a training needs, read and checked before anything is written.
+
+use super::results::Parent;
+use crate::Error;
+use crate::robot::Hold;
+use crate::run::inputs::Inputs;
+use crate::settings::{PresetName, TrainConfig};
+use crate::{paths, robot};
+use gaitfit_learn::policy::Policy;
+use gaitfit_learn::ppo::{self, Learner};
+use gaitfit_learn::task::Scene;
+use gaitfit_learn::{Origin, Training, TrainingError, TrainingSettings};
+use gaitfit_model::Model;
+use gaitfit_sim::Candidate;
+use serde::Serialize;
+use std::path::Path;
+use toml::Table;
+
+/// Everything a training needs, from nothing or from a policy.
+pub struct Setup {
+    /// What is done.
+    pub plan: Plan,
+    /// The robot.
+    pub model: Model,
+    /// What robots are varied around; the robot of the file if there is none.
+    pub candidate: Option<Candidate>,
+    /// The task on it.
+    pub scene: Scene,
+    /// What the training goes on from.
+    pub start: Option<Start>,
+    /// What the result depends on.
+    pub inputs: Inputs,
+    /// Threads.
+    pub threads: usize,
+    /// Things to know before the training.
+    pub warnings: Vec<String>,
+}
+
+/// What is done, whichever command asks for it.
+pub struct Plan {
+    /// Name of the run.
+    pub name: String,
+    /// Folder that holds the run folders.
+    pub runs: String,
+    /// One training each.
+    pub seeds: Vec<u64>,
+    /// Seconds between checkpoints.
+    pub checkpoint_seconds: f64,
+    /// Solver effort of the physics.
+    pub preset: PresetName,
+    /// How much is trained.
+    pub train: TrainingSettings,
+    /// Networks and optimisation.
+    pub ppo: ppo::Settings,
+    /// The task's name.
+    pub task: String,
+    /// All settings.
+    pub configuration: Table,
+}
+
+/// What a training goes on from.
+pub struct Start {
+    /// The policy.
+    pub policy: Policy,
+    /// Where it and the simulator come from.
+    pub parent: Parent,
+}
+
+/// Most seeds in one call.
+const MOST_SEEDS: usize = 1000;
+
+/// Reads the robot and checks the settings of a training from nothing.
+pub fn setup(config: &TrainConfig, name: &str, path: Option<&Path>, threads: usize) -> Result<Setup, Error> {
+    let printed_by = "gaitfit config train";
+    let plan = Plan {
+        name: name.to_owned(),
+        runs: config.runs.clone(),
+        seeds: config.seeds.clone(),
+        checkpoint_seconds: config.checkpoint_seconds,
+        preset: config.preset,
+        train: config.train.clone(),
+        ppo: config.ppo.clone(),
+        task: config.task.base.name().to_owned(),
+        configuration: table(config)?,
+    };
+    plan.check().map_err(|wrong| Error::settings(advice(path, &wrong, printed_by)))?;
+    let robot_path = match &config.robot {
+        Some(named) => Some(paths::find(named, "robot", path.unwrap_or(Path::new("--set")))?),
+        None => None,
+    };
+    let model = match &robot_path {
+        Some(path) => robot::read(path, config.lenient, Hold::File)?,
+        None => robot::go2()?,
+    };
+    let refused = |error: TrainingError| refused(path, &error, printed_by);
+    let scene = Scene::new(&model, &config.task.settings, config.preset.into())
+        .map_err(|error| refused(error.into()))?;
+    scene
+        .interface
+        .check()
+        .map_err(|error| Error::settings(advice(path, &format!("task.policy: {error}"), printed_by)))?;
+    if scene.interface.critic_observation.is_empty() {
+        let wrong = "task.policy.critic_observation has no terms; list what the critic sees";
+        return Err(Error::settings(advice(path, wrong, printed_by)));
+    }
+    let inputs = Inputs::new(robot_path.as_deref(), &model, &settings(config))?;
+    let setup =
+        Setup { plan, model, candidate: None, scene, start: None, inputs, threads, warnings: Vec::new() };
+    setup.learner(0).map_err(refused)?;
+    Ok(setup)
+}
+
+/// The settings without those that do not change what an iteration does: where results go, how often they are
+/// saved, how many seeds and iterations there are. The robot counts as what it is, not by its file's name.
+fn settings(config: &TrainConfig) -> TrainConfig {
+    let mut settings = config.clone();
+    settings.name = None;
+    settings.robot = None;
+    settings.lenient = false;
+    settings.runs = String::new();
+    settings.seeds = Vec::new();
+    settings.checkpoint_seconds = 0.0;
+    settings.train.iterations = 0;
+    settings
+}
+
+/// A configuration as a TOML table.
+pub fn table<C: Serialize>(config: &C) -> Result<Table, Error> {
+    Table::try_from(config).map_err(|error| Error::failed(format!("cannot write the configuration: {error}")))
+}
+
+impl Setup {
+    /// What a checkpoint of `seed` belongs to.
+    pub fn origin(&self, seed: u64) -> Origin {
+        Origin {
+            robot: self.model.name.clone(),
+            model: self.inputs.model.clone(),
+            settings: self.inputs.settings.clone(),
+            seed,
+        }
+    }
+
+    /// The learner that `seed` begins with.
+    ///
+    /// # Errors
+    /// PPO settings out of range, or a policy that they do not fit.
+    pub fn learner(&self, seed: u64) -> Result<Learner, TrainingError> {
+        match &self.start {
+            Some(start) => Training::learner_from(&self.scene, &self.plan.ppo, &start.policy, seed),
+            None => Training::fresh_learner(&self.scene, &self.plan.ppo, seed),
+        }
+    }
+}
+
+impl Plan {
+    /// Refuses settings out of range, in words.
+    pub fn check(&self) -> Result<(), String> {
+        let seeds = &self.seeds;
+        let samples = self.train.environments.saturating_mul(self.train.steps);
+        let wrong = if seeds.is_empty() || seeds.len() > MOST_SEEDS {
+            format!("`seeds` has {} numbers; give 1 to {MOST_SEEDS}", seeds.len())
+        } else if let Some(twice) = (1..seeds.len()).find(|&index| seeds[..index].contains(&seeds[index])) {
+            format!("`seeds` has {} twice", seeds[twice])
+        } else if self.runs.is_empty() {
+            "`runs` names no folder; \".\" is the current one".to_owned()
+        } else if !(self.checkpoint_seconds >= 0.0 && self.checkpoint_seconds.is_finite()) {
+            "`checkpoint_seconds` must be at least 0".to_owned()
+        } else if self.train.iterations == 0 {
+            "`train.iterations` must be at least 1".to_owned()
+        } else if samples > 0 && samples < self.ppo.minibatches {
+            format!(
+                "{samples} samples a rollout (`train.environments` × `train.steps`) cannot fill {} minibatches; raise \
+                 either, or lower `ppo.minibatches`",
+                self.ppo.minibatches
+            )
+        } else {
+            return self.train.check().map_err(|error| error.to_string());
+        };
+        Err(wrong)
+    }
+}
+
+/// What is wrong with a configuration, where, and what prints one that is right.
+pub fn advice(path: Option<&Path>, wrong: &str, printed_by: &str) -> String {
+    let wrong = wrong.trim_end_matches('.');
+    let place = path.map(|path| format!("{}: ", path.display())).unwrap_or_default();
+    format!("{place}{wrong}. `{printed_by}` shows every setting.")
+}
+
+/// A setting that cannot be, or a robot that does not fit the task.
+pub fn refused(path: Option<&Path>, error: &TrainingError, printed_by: &str) -> Error {
+    let text = match error {
+        TrainingError::Learner(error) => format!("[ppo] {error}"),
+        error => error.to_string(),
+    };
+    Error::settings(advice(path, &text, printed_by))
+}

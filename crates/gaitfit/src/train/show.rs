@@ -1,0 +1,54 @@
+//! A trained policy shown at work: ten seconds of commands on the robot that training varied.
+
+use super::setup::Setup;
+use crate::Error;
+use crate::world::longest_delay;
+use crate::{gait, replay};
+use gaitfit_learn::evaluate::{GaitSummary, Subject, record_gait};
+use gaitfit_learn::policy::Policy;
+use gaitfit_learn::task::Scene;
+use gaitfit_view::{GaitPicture, Replay, replay_html};
+
+/// A policy at work.
+pub struct Shown {
+    /// The page.
+    pub html: String,
+    /// Its gait.
+    pub gait: GaitPicture,
+    /// The gait in numbers.
+    pub summary: GaitSummary,
+    /// When it fell, s; the rest is not shown.
+    pub fell: Option<f64>,
+}
+
+/// What [`Shown::gait`] shows.
+pub const GAIT_CAPTION: &str = "standing, ahead and to the left, as fast as it was asked for in training";
+
+/// Runs the policy's mean actions on the task without noise, pushes and variation, and records them.
+pub fn show(setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Error> {
+    let task = setup.scene.settings.calm();
+    let interface = policy.interface.clone();
+    let delay = setup.candidate.as_ref().map_or(0.0, longest_delay);
+    let scene = Scene::with_interface(&setup.model, &task, interface, setup.plan.preset.into(), delay)
+        .map_err(Error::failed)?;
+    let seed = policy.provenance.seed;
+    let subject = Subject { scene: &scene, policy, candidate: setup.candidate.as_ref(), seed };
+    let record = record_gait(&subject, &gait::tour(&task.command)).map_err(Error::failed)?;
+    let fell = record.fell.then(|| record.steps() as f64 * record.dt);
+    let ends = fell.map_or_else(String::new, |time| format!("; it fell after {time:.1} s"));
+    let page = Replay {
+        title: title.to_owned(),
+        note: format!(
+            "{} iterations; standing, ahead, left, turning, back, standing{ends}",
+            policy.provenance.iteration
+        ),
+        dt: record.dt,
+        robots: vec![replay::robot(&setup.model.name, &setup.model, &record)],
+    };
+    Ok(Shown {
+        html: replay_html(&page).map_err(Error::failed)?,
+        gait: gait::picture(&record),
+        summary: record.summary(&scene.gait_group),
+        fell,
+    })
+}

@@ -1,0 +1,133 @@
+//! What does not count in a log: falls with a margin, and where samples were lost.
+
+use super::logs::GroundLog;
+use super::{policy_check, rate, tilt};
+use crate::Error;
+use gaitfit_learn::policy::Policy;
+use gaitfit_learn::task::Scene;
+use gaitfit_log::{CheckSpec, Trajectory};
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// After a fall the data count again when the robot has stood this long, s.
+const STANDS_S: f64 = 1.0;
+
+/// A part of a log that does not count.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cut {
+    /// The log's name.
+    pub log: String,
+    /// Where it begins, s, the log's own time.
+    pub from_s: f64,
+    /// Where it ends, s.
+    pub to_s: f64,
+    /// Why, in words.
+    pub reason: String,
+    /// Whether the robot fell.
+    pub fall: bool,
+}
+
+/// What tells a fallen robot: its trunk on the ground, by the task's rule.
+pub fn fall_spec(scene: &Scene) -> CheckSpec {
+    let model = scene.batch.model();
+    let pose = |(&joint, &angle): (&usize, &f64)| (model.joints[joint].name.clone(), angle);
+    CheckSpec {
+        default_pose: scene.joints.iter().zip(&scene.interface.default_pose).map(pose).collect(),
+        lying_height: Some(scene.settings.fall.height).filter(|&height| height > 0.0),
+        ..CheckSpec::default()
+    }
+}
+
+/// The sample ranges of `log` that count, and the cuts between them: from `margin` s before a fall (samples, and what
+/// showed it) until the robot has stood for a second, and where samples were lost.
+pub fn keep(
+    name: &str,
+    log: &Trajectory,
+    falls: &[(Range<usize>, String)],
+    margin: f64,
+) -> (Vec<Range<usize>>, Vec<Cut>) {
+    let (time, samples) = (&log.time, log.len());
+    let at = |seconds: f64| (seconds * log.rate_hz).ceil() as usize;
+    let mut cuts = Vec::new();
+    let mut kept = Vec::new();
+    let mut begin = 0;
+    for (fall, reason) in falls {
+        let start = fall.start.saturating_sub(at(margin));
+        let end = if fall.end >= samples { samples } else { (fall.end + at(STANDS_S)).min(samples) };
+        kept.push(begin..start.max(begin));
+        begin = end.max(begin);
+        let (from_s, to_s) = (time[start], time[end - 1]);
+        cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason: reason.clone(), fall: true });
+    }
+    kept.push(begin..samples);
+    let mut whole = Vec::new();
+    for range in kept {
+        let mut begin = range.start;
+        for next in range.start + 1..range.end {
+            if time[next] - time[next - 1] > rate::LONG_GAP_S.max(3.0 * log.dt()) {
+                whole.push(begin..next);
+                let (from_s, to_s) = (time[next - 1], time[next]);
+                let reason = "samples were lost".to_owned();
+                cuts.push(Cut { log: name.to_owned(), from_s, to_s, reason, fall: false });
+                begin = next;
+            }
+        }
+        whole.push(begin..range.end);
+    }
+    whole.retain(|range| !range.is_empty());
+    (whole, cuts)
+}
+
+/// Cuts falls that only the policy felt (see [`tilt`]) out of logs without the base's orientation.
+pub fn cut_felt(
+    policy: &Policy,
+    logs: Vec<GroundLog>,
+    margin: f64,
+    cuts: &mut Vec<Cut>,
+) -> Result<Vec<GroundLog>, Error> {
+    let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
+    let spread = policy_check::spread(&trajectories, policy.interface.joints.len());
+    let mut left = Vec::with_capacity(logs.len());
+    for log in logs {
+        let leaning: Vec<_> = tilt::falls(policy, &log.trajectory, &spread)
+            .into_iter()
+            .map(|range| (range, "the policy acts as if the base leaned by more than 50°".to_owned()))
+            .collect();
+        if leaning.is_empty() {
+            left.push(log);
+            continue;
+        }
+        let (kept, removed) = keep(&log.path.display().to_string(), &log.trajectory, &leaning, margin);
+        cuts.extend(removed);
+        for range in kept {
+            let failed =
+                |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", log.path.display()));
+            let trajectory = log.trajectory.slice(range).map_err(failed)?;
+            let name =
+                format!("{} from {:.2} s", log.name, trajectory.time.first().copied().unwrap_or_default());
+            left.push(GroundLog { name, trajectory, ..log.clone() });
+        }
+    }
+    Ok(left)
+}
+
+/// What was cut, in words.
+pub fn cut_text(cuts: &[Cut], logs: usize) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for (fall, what) in [(true, "the robot fell"), (false, "samples were lost")] {
+        let these: Vec<&Cut> = cuts.iter().filter(|cut| cut.fall == fall).collect();
+        let Some(first) = these.first() else { continue };
+        let seconds: f64 = these.iter().map(|cut| cut.to_s - cut.from_s).sum();
+        let names: BTreeSet<&str> = these.iter().map(|cut| cut.log.as_str()).collect();
+        let why = if fall { format!(", {}", first.reason) } else { String::new() };
+        warnings.push(format!(
+            "{what} in {} of {logs} logs; {seconds:.1} s do not count (the first: {} from {:.2} to {:.2} s{why})",
+            names.len(),
+            first.log,
+            first.from_s,
+            first.to_s
+        ));
+    }
+    warnings
+}

@@ -1,0 +1,211 @@
+//! The files that a configuration's `logs` name: files, folders and patterns.
+
+use crate::Error;
+use crate::paths;
+use globset::GlobBuilder;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// Most files of one configuration, and most folder entries looked at for one pattern.
+const MOST_FILES: usize = 100_000;
+
+/// A log file and what to call it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LogFile {
+    /// As a message shows it.
+    pub name: String,
+    /// Where it lies.
+    pub path: PathBuf,
+}
+
+/// The files that `named` lists, in its order, files of one entry by name; and warnings about those listed twice,
+/// which are taken once. An entry is a file, a folder (all its `*.csv`) or a pattern (`logs/run_*.csv`), seen from
+/// the current directory or else from the configuration's folder.
+///
+/// # Errors
+/// An entry that names nothing.
+pub fn find(named: &[String], config_path: &Path) -> Result<(Vec<LogFile>, Vec<String>), Error> {
+    let mut files: Vec<LogFile> = Vec::new();
+    let mut seen = BTreeSet::new();
+    let mut warnings = Vec::new();
+    for entry in named {
+        for path in of_entry(entry, config_path)? {
+            let identity = path.canonicalize().unwrap_or_else(|_| path.clone());
+            if !seen.insert(identity) {
+                warnings.push(format!("{}: `logs` names this file twice; it counts once", path.display()));
+                continue;
+            }
+            if files.len() == MOST_FILES {
+                return Err(Error::settings(format!("`logs` names more than {MOST_FILES} files")));
+            }
+            files.push(LogFile { name: path.display().to_string(), path });
+        }
+    }
+    if files.is_empty() {
+        return Err(Error::settings(format!(
+            "{}: `logs` names no files; name the robot's logs, their folder, or a pattern such as \"logs/*.csv\"",
+            config_path.display()
+        )));
+    }
+    Ok((files, warnings))
+}
+
+fn of_entry(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
+    // A file whose name looks like a pattern is that file.
+    let pattern = entry.contains(['*', '?', '[', '{'])
+        && !Path::new(entry).exists()
+        && !beside(entry, config_path).exists();
+    if pattern {
+        return matching(entry, config_path);
+    }
+    let path = paths::find(entry, "log", config_path)?;
+    if !path.is_dir() {
+        return Ok(vec![path]);
+    }
+    let files: Vec<PathBuf> =
+        list(&path)?.into_iter().filter(|file| file.is_file() && has_csv_name(file)).collect();
+    if files.is_empty() {
+        return Err(Error::settings(format!(
+            "{}: the folder {} holds no *.csv files; name the folder with the robot's logs",
+            config_path.display(),
+            path.display()
+        )));
+    }
+    Ok(files)
+}
+
+fn has_csv_name(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
+}
+
+fn beside(entry: &str, config_path: &Path) -> PathBuf {
+    config_path.parent().unwrap_or(Path::new("")).join(entry)
+}
+
+/// Files that match a pattern; a `*` does not cross folders, `**` does.
+fn matching(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
+    let here = PathBuf::from(entry);
+    let beside = beside(entry, config_path);
+    for pattern in [&here, &beside] {
+        let text = pattern.to_string_lossy();
+        let glob = GlobBuilder::new(&text).literal_separator(true).build().map_err(|error| {
+            Error::settings(format!(
+                "{}: `logs` has `{entry}`, which is no file pattern: {}",
+                config_path.display(),
+                error.kind()
+            ))
+        })?;
+        // The folders before the first wildcard are names.
+        let plain = |part: &std::path::Component<'_>| {
+            !part.as_os_str().to_string_lossy().contains(['*', '?', '[', '{'])
+        };
+        let root: PathBuf = pattern.components().take_while(plain).collect();
+        let depth =
+            if text.contains("**") { 16 } else { pattern.components().count() - root.components().count() };
+        let matcher = glob.compile_matcher();
+        let mut found = Vec::new();
+        walk(&root, depth, &mut 0, &mut |path| {
+            if matcher.is_match(path) {
+                found.push(path.to_owned());
+            }
+        })?;
+        if !found.is_empty() {
+            found.sort();
+            return Ok(found);
+        }
+    }
+    Err(Error::settings(format!(
+        "{}: no file matches the log pattern `{entry}` (seen from the current directory and from the configuration's \
+         folder); correct the pattern, or record logs there",
+        config_path.display()
+    )))
+}
+
+/// Hands all files at most `depth` folders below `folder` to `take`; a folder that is not there has none.
+fn walk(folder: &Path, depth: usize, visited: &mut usize, take: &mut dyn FnMut(&Path)) -> Result<(), Error> {
+    let entries = match folder {
+        folder if folder.as_os_str().is_empty() => list(Path::new(".")).map(|paths| {
+            paths
+                .into_iter()
+                .map(|path| path.strip_prefix(".").map_or(path.clone(), Path::to_owned))
+                .collect()
+        })?,
+        folder if folder.is_dir() => list(folder)?,
+        _ => Vec::new(),
+    };
+    for path in entries {
+        *visited += 1;
+        if *visited > MOST_FILES {
+            return Err(Error::settings(format!(
+                "more than {MOST_FILES} files lie below {}; name the logs' folder more closely",
+                folder.display()
+            )));
+        }
+        // Links to folders are not followed: they may lead in circles.
+        if path.is_dir() && !path.is_symlink() {
+            if depth > 1 {
+                walk(&path, depth - 1, visited, take)?;
+            }
+        } else if path.is_file() {
+            take(&path);
+        }
+    }
+    Ok(())
+}
+
+/// A folder's entries, by name.
+fn list(folder: &Path) -> Result<Vec<PathBuf>, Error> {
+    let refused = |error: std::io::Error| {
+        Error::failed(format!("cannot read the folder {}: {error}", folder.display()))
+    };
+    let mut paths = std::fs::read_dir(folder)
+        .map_err(refused)?
+        .map(|entry| entry.map(|entry| entry.path()))
+        .collect::<Result<Vec<PathBuf>, _>>()
+        .map_err(refused)?;
+    paths.sort();
+    Ok(paths)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    fn names(entries: &[&str], config: &Path) -> Result<(Vec<String>, usize), Error> {
+        let entries: Vec<String> = entries.iter().map(|&entry| entry.to_owned()).collect();
+        let (files, warnings) = find(&entries, config)?;
+        let name = |file: LogFile| file.path.file_name().unwrap().to_string_lossy().into_owned();
+        Ok((files.into_iter().map(name).collect(), warnings.len()))
+    }
+
+    #[test]
+    fn files_folders_and_patterns_beside_the_configuration() {
+        let folder = tempfile::tempdir().unwrap();
+        let config = folder.path().join("adapt.toml");
+        std::fs::create_dir_all(folder.path().join("logs/old")).unwrap();
+        for file in ["logs/b.csv", "logs/a.csv", "logs/notes.txt", "logs/old/c.csv", "d.csv"] {
+            std::fs::write(folder.path().join(file), "").unwrap();
+        }
+        let same = |entries: &[&str], expected: &[&str], twice: usize| {
+            let (files, warnings) = names(entries, &config).unwrap();
+            assert_eq!(files, expected);
+            assert_eq!(warnings, twice);
+        };
+        same(&["d.csv"], &["d.csv"], 0);
+        same(&["logs"], &["a.csv", "b.csv"], 0);
+        same(&["logs/*.csv"], &["a.csv", "b.csv"], 0);
+        same(&["**/*.csv"], &["d.csv", "a.csv", "b.csv", "c.csv"], 0);
+        same(&["logs/b.csv", "logs"], &["b.csv", "a.csv"], 1);
+        let wrong = |entries: &[&str], part: &str| {
+            let text = names(entries, &config).unwrap_err().to_string();
+            assert!(text.contains(part), "{text}");
+        };
+        wrong(&["logs/x*.csv"], "no file matches");
+        wrong(&["other"], "does not exist");
+        wrong(&["logs/[.csv"], "no file pattern");
+        wrong(&[], "names no files");
+        std::fs::create_dir(folder.path().join("empty")).unwrap();
+        wrong(&["empty"], "holds no *.csv");
+    }
+}

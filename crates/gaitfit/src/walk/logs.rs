@@ -1,0 +1,332 @@
+//! From log files to what a fit of walking logs compares: named joints, the policy's rate, falls cut out, and doubts
+//! about the data.
+
+use super::coverage::Coverage;
+use super::cuts::{self, Cut};
+use super::log_files::{self, LogFile};
+use super::policy_check::{self, PolicyMatch};
+use super::{doubts, rate};
+use crate::Error;
+use crate::log_joints;
+use crate::settings::{AdaptConfig, LEAST_STRETCH_S};
+use gaitfit_learn::Interface;
+use gaitfit_learn::policy::Policy;
+use gaitfit_learn::task::Scene;
+use gaitfit_log::{
+    BaseState, CheckSpec, FindingKind, ReadOptions, Severity, Signal, Trajectory, check, falls,
+    read_csv_report,
+};
+use std::collections::BTreeSet;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Counted data that a fit needs, s.
+const LEAST_S: f64 = 10.0;
+
+/// A stretch of a walking log, ready to be compared with rollouts of the policy.
+#[derive(Clone, Debug)]
+pub struct GroundLog {
+    /// As the configuration leads to it; stretches of a log that was cut say where they begin.
+    pub name: String,
+    /// Where it was found.
+    pub path: PathBuf,
+    /// Files beside it that were read too.
+    pub sidecars: Vec<PathBuf>,
+    /// Its samples: the policy's joints in the policy's order under the model's names, at the policy's rate, with
+    /// actions and commands, all finite. Parts of the base's state that are not finite are absent.
+    pub trajectory: Trajectory,
+}
+
+/// The logs, and what to know about them.
+#[derive(Clone, Debug)]
+pub struct LogNotes {
+    /// The data that count.
+    pub logs: Vec<GroundLog>,
+    /// Doubts, each one sentence.
+    pub warnings: Vec<String>,
+    /// Parts that do not count.
+    pub cuts: Vec<Cut>,
+    /// Commands covered.
+    pub coverage: Coverage,
+    /// Whether the actions are the policy's.
+    pub policy_match: PolicyMatch,
+}
+
+impl LogNotes {
+    /// Log files in which the robot fell.
+    pub fn falls(&self) -> usize {
+        let fallen = self.cuts.iter().filter(|cut| cut.fall).map(|cut| cut.log.as_str());
+        fallen.collect::<BTreeSet<&str>>().len()
+    }
+
+    /// Seconds of data that do not count.
+    pub fn cut_seconds(&self) -> f64 {
+        self.cuts.iter().map(|cut| cut.to_s - cut.from_s).sum()
+    }
+
+    /// Parts of the policy's commands without data, in words.
+    pub fn uncovered(&self) -> Vec<String> {
+        self.coverage.uncovered()
+    }
+}
+
+/// A log as read, joints in the policy's order.
+pub struct Read {
+    /// Where from.
+    pub file: LogFile,
+    sidecars: Vec<PathBuf>,
+    /// Its samples as recorded.
+    pub trajectory: Trajectory,
+}
+
+/// Reads `config.logs` for fits of `policy` in `scene`.
+///
+/// # Errors
+/// Files that are not there or no logs, signals that a fit needs and the logs lack, logs slower than the policy, too
+/// little data, actions that are not the policy's; each says what to record next time.
+pub fn read(
+    config: &AdaptConfig,
+    config_path: &Path,
+    policy: &Policy,
+    scene: &Scene,
+) -> Result<LogNotes, Error> {
+    let (files, mut warnings) = log_files::find(&config.logs, config_path)?;
+    let mut reads: Vec<Read> = Vec::with_capacity(files.len());
+    for file in files {
+        let read = open(file, config, scene)?;
+        if let Some(other) = reads.iter().find(|other| same_data(&other.trajectory, &read.trajectory)) {
+            warnings
+                .push(format!("{}: the same data as {}; it counts once", read.file.name, other.file.name));
+            continue;
+        }
+        reads.push(read);
+    }
+    warnings.extend(doubts::findings(&reads, scene));
+    warnings.extend(doubts::other_robots(&reads, &scene.interface));
+    let rates = rate::text(reads.iter().map(|read| read.trajectory.rate_hz));
+    if rates.contains(", ") {
+        warnings.push(format!(
+            "the logs were recorded at {rates} Hz; all are brought to the policy's {:.4} Hz",
+            1.0 / scene.interface.control_dt
+        ));
+    }
+
+    let spec = cuts::fall_spec(scene);
+    let margin = config.falls.margin_seconds;
+    let skipped = config.skip_seconds();
+    let (mut stretches, mut removed) = (Vec::new(), Vec::new());
+    for read in &reads {
+        let fallen: Vec<_> = falls(&read.trajectory, &spec)
+            .into_iter()
+            .map(|fall| (fall.samples, fall.sign.to_string()))
+            .collect();
+        let (kept, cut) = cuts::keep(&read.file.name, &read.trajectory, &fallen, margin);
+        for stretch in kept {
+            stretches.push(count(read, stretch, scene)?);
+        }
+        removed.extend(cut);
+    }
+    let mut logs = long_enough(stretches, skipped, &mut warnings);
+    enough(config, config_path, reads.len(), &logs, &removed)?;
+
+    let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
+    let policy_match = policy_check::check(policy, &trajectories);
+    let policy_name = config.policy.as_deref().unwrap_or("the policy");
+    let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
+    warnings.extend(policy_match.judge(policy_name, &names)?);
+    if policy_match.agrees() && !policy_match.exact {
+        logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, skipped, &mut warnings);
+        enough(config, config_path, reads.len(), &logs, &removed)?;
+    }
+    warnings.extend(cuts::cut_text(&removed, reads.len()));
+    if config.simulation.horizon_seconds > 0.0 {
+        for log in &mut logs {
+            shorten(log, skipped + config.simulation.horizon_seconds)?;
+        }
+        enough(config, config_path, reads.len(), &logs, &removed)?;
+    }
+    let commands =
+        logs.iter().flat_map(|log| log.trajectory.command.iter().flat_map(|rows| rows.chunks_exact(3)));
+    let coverage = Coverage::new(commands, scene.interface.control_dt, &scene.settings.command);
+    warnings.extend(coverage.warnings());
+    warnings.extend(doubts::targets_differ(&logs, &scene.interface));
+    for log in &mut logs {
+        drop_broken_base(&mut log.trajectory);
+    }
+    Ok(LogNotes { logs, warnings, cuts: removed, coverage, policy_match })
+}
+
+fn open(file: LogFile, config: &AdaptConfig, scene: &Scene) -> Result<Read, Error> {
+    let model = scene.batch.model();
+    let (trajectory, report) = read_csv_report(&file.path, &ReadOptions::default()).map_err(Error::failed)?;
+    let (mut trajectory, _) =
+        log_joints::of_robot(&trajectory, &file.path, &config.joint_names, model, &scene.joints)?;
+    let shown = file.path.display();
+    if trajectory.command.is_none() {
+        return Err(Error::failed(format!(
+            "{shown}: the log has no commands (columns vx_cmd, vy_cmd, wz_cmd), and the simulated robot must be asked \
+             for what the real one was. Record the command of every sample next time; if it was constant, add the \
+             three columns now."
+        )));
+    }
+    if trajectory.action.is_none() {
+        let Some(target) = &trajectory.target else {
+            return Err(Error::failed(format!(
+                "{shown}: the log has neither actions (columns act_…) nor position targets (qdes_…), so nothing says \
+                 what the policy did. Record the policy's outputs of every step next time."
+            )));
+        };
+        trajectory.action = Some(actions_of(target, &scene.interface));
+    }
+    plausible(&trajectory, &shown.to_string())?;
+    let findings = check(&trajectory, &CheckSpec::default());
+    let broken = [FindingKind::Malformed, FindingKind::NonMonotonicTime, FindingKind::RateMismatch];
+    if let Some(finding) =
+        findings.iter().find(|finding| finding.severity == Severity::Error && broken.contains(&finding.kind))
+    {
+        return Err(Error::failed(format!(
+            "{shown}: {}: {}. `gaitfit inspect` shows the log; cut or repair it.",
+            finding.kind,
+            finding.message.trim_end_matches('.')
+        )));
+    }
+    rate::check(trajectory.rate_hz, scene.interface.control_dt, &shown.to_string())?;
+    Ok(Read { file, sidecars: report.sidecars, trajectory })
+}
+
+/// Actions that give these targets: (target − default pose) / scale; 0 where the scale is.
+fn actions_of(target: &[f64], interface: &Interface) -> Vec<f64> {
+    let joints = interface.joints.len();
+    let action = |(place, target): (usize, &f64)| {
+        let joint = place % joints;
+        let scale = interface.action_scale[joint];
+        if scale == 0.0 { 0.0 } else { (target - interface.default_pose[joint]) / scale }
+    };
+    target.iter().enumerate().map(action).collect()
+}
+
+/// Largest joint angle, speed, action or command that a log may hold: beyond it a sample is a decoder's mistake, and
+/// the signal's range, which costs are relative to, would be its alone.
+const WILD: f64 = 1e4;
+
+fn plausible(trajectory: &Trajectory, shown: &str) -> Result<(), Error> {
+    let wild = |values: &[f64]| values.iter().position(|x| x.is_nan() || x.abs() > WILD);
+    let refuse = |what: String, sample: usize, value: f64| {
+        Err(Error::failed(format!("{shown}: {what} of sample {sample} is {value}; cut or repair the log.")))
+    };
+    let width = trajectory.joints.len();
+    for signal in [Signal::Position, Signal::Velocity, Signal::Action] {
+        let Some(values) = trajectory.signal(signal) else { continue };
+        if let Some(bad) = wild(values) {
+            let what = format!("{}{}", signal.prefix(), trajectory.joints[bad % width]);
+            return refuse(what, bad / width, values[bad]);
+        }
+    }
+    let commands = trajectory.command.as_deref().unwrap_or_default();
+    match wild(commands) {
+        Some(bad) => refuse(["vx_cmd", "vy_cmd", "wz_cmd"][bad % 3].to_owned(), bad / 3, commands[bad]),
+        None => Ok(()),
+    }
+}
+
+fn same_data(a: &Trajectory, b: &Trajectory) -> bool {
+    a.position == b.position && a.velocity == b.velocity && a.action == b.action
+}
+
+/// The logs that are long enough to count, and warnings about the others.
+fn long_enough(logs: Vec<GroundLog>, skipped: f64, warnings: &mut Vec<String>) -> Vec<GroundLog> {
+    let least = LEAST_STRETCH_S + skipped;
+    let (long, short): (Vec<_>, Vec<_>) =
+        logs.into_iter().partition(|log| log.trajectory.duration() >= least);
+    for log in short {
+        let seconds = log.trajectory.duration();
+        warnings.push(format!(
+            "{}: {seconds:.2} s of data are too short to count; {least} s are the least",
+            log.name
+        ));
+    }
+    long
+}
+
+/// A stretch at the policy's rate.
+fn count(read: &Read, stretch: Range<usize>, scene: &Scene) -> Result<GroundLog, Error> {
+    let whole = stretch.len() == read.trajectory.len();
+    let failed =
+        |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", read.file.path.display()));
+    let trajectory = read.trajectory.slice(stretch).map_err(failed)?;
+    let trajectory = rate::to_control(&trajectory, scene.interface.control_dt).map_err(failed)?;
+    let name = if whole {
+        read.file.name.clone()
+    } else {
+        format!("{} from {:.2} s", read.file.name, trajectory.time.first().copied().unwrap_or_default())
+    };
+    Ok(GroundLog { name, path: read.file.path.clone(), sidecars: read.sidecars.clone(), trajectory })
+}
+
+/// Keeps the first `seconds` of a log.
+fn shorten(log: &mut GroundLog, seconds: f64) -> Result<(), Error> {
+    let samples = (seconds * log.trajectory.rate_hz).round() as usize;
+    if samples < log.trajectory.len() {
+        let failed = |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", log.path.display()));
+        log.trajectory = log.trajectory.slice(0..samples + 1).map_err(failed)?;
+    }
+    Ok(())
+}
+
+/// Refuses too little data.
+fn enough(
+    config: &AdaptConfig,
+    config_path: &Path,
+    read: usize,
+    logs: &[GroundLog],
+    cuts: &[Cut],
+) -> Result<(), Error> {
+    let skipped = config.skip_seconds();
+    let seconds: f64 = logs.iter().map(|log| log.trajectory.duration() - skipped).sum();
+    if seconds >= LEAST_S {
+        return Ok(());
+    }
+    let shown = config_path.display();
+    let falls = cuts.iter().filter(|cut| cut.fall);
+    let fell: f64 = falls.clone().map(|cut| cut.to_s - cut.from_s).sum();
+    let least = LEAST_STRETCH_S + skipped;
+    Err(Error::failed(if logs.is_empty() && falls.count() >= read {
+        format!(
+            "{shown}: in all logs the robot falls or does not walk before {least} s have passed ({}). A fit \
+             needs walking: record next time with slower commands, on better ground, or with a policy that stands; \
+             `gaitfit inspect` shows a log.",
+            cuts.first().map_or("", |cut| &cut.reason)
+        )
+    } else {
+        let mut because = if fell > 0.0 { format!(" ({fell:.1} s of falls are cut)") } else { String::new() };
+        if skipped > 0.0 {
+            because += &format!(
+                " after the first {skipped} s of each (`simulation.skip_seconds`), in pieces of {LEAST_STRETCH_S} s or more"
+            );
+        }
+        let horizon = config.simulation.horizon_seconds;
+        if horizon > 0.0 {
+            because += &format!(", at most {horizon} s of each (`simulation.horizon_seconds`)");
+        }
+        let seconds = seconds.max(0.0);
+        format!(
+            "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {LEAST_S} s, \
+             and does well with some minutes: record more and longer, with varied commands."
+        )
+    }))
+}
+
+/// A base state with holes is none.
+fn drop_broken_base(trajectory: &mut Trajectory) {
+    let Some(base) = &mut trajectory.base else { return };
+    let parts =
+        [&mut base.position, &mut base.quaternion, &mut base.linear_velocity, &mut base.angular_velocity];
+    for part in parts {
+        if part.as_ref().is_some_and(|values| values.iter().any(|x| !x.is_finite())) {
+            *part = None;
+        }
+    }
+    if *base == BaseState::default() {
+        trajectory.base = None;
+    }
+}

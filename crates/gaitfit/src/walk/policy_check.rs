@@ -1,0 +1,348 @@
+//! Whether a log's actions are the policy's: they follow from the log's own observations, or they do not.
+//!
+//! What the log lacks of an observation (all that an inertial unit measures, in a log of joint signals) is found sample
+//! by sample: the values, near those of a level robot at rest, with which the policy comes closest to the logged
+//! action. A dozen actions stand against five unknowns (three rates, two of a unit vector), so that the right policy's
+//! actions are met almost exactly and another's are not.
+
+use super::imu_search::Search;
+use super::observation::Given;
+use crate::Error;
+use gaitfit_learn::policy::Policy;
+use gaitfit_log::Trajectory;
+use serde::Serialize;
+
+/// Most samples that are looked at, evenly over the logs.
+const MOST_SAMPLES: usize = 1500;
+/// Samples below which nothing can be said.
+const LEAST_SAMPLES: usize = 40;
+/// Share of the samples, those least well met, that do not count: stumbles, dropouts, samples between two steps.
+const LEFT_OUT: f64 = 0.1;
+/// Mismatch from which on it is worth a warning, and from which on the policy is another. Measured on logs of three
+/// trained Go2 policies, joints only: the right policy 0.002–0.004 (0.06 where the log has other sensor noise than the
+/// policy saw), actions a sample off 0.12–0.20, scaled by 1.2 0.12, commands lost 0.25–0.29; another policy of the same
+/// task 0.39–0.49, legs permuted 0.63–0.84, scaled by a half 0.63.
+const DOUBTFUL: f64 = 0.08;
+const ANOTHER: f64 = 0.33;
+/// Below this mismatch not even a shift is looked for.
+const NOTICED: f64 = 0.02;
+
+/// How well logged actions follow from logged observations.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PolicyMatch {
+    /// Whether the logs held the whole observation, base state included.
+    pub exact: bool,
+    /// Samples compared.
+    pub samples: usize,
+    /// RMS of (policy's action − logged action), relative to the logged actions' spread about their mean; over the best
+    /// 90 % of the samples. 0: the same; 1: no better than a constant.
+    pub mismatch: f64,
+    /// As `mismatch`, if the logged actions were one sample earlier, and one later, than they are.
+    pub shifted: [f64; 2],
+    /// Factor on the policy's deviations from the mean that meets the logged actions best: 1 if the scale is right.
+    pub slope: f64,
+    /// Correlation of the policy's and the logged action, by joint.
+    pub correlation: Vec<(String, f64)>,
+    /// As `mismatch`, a log each.
+    pub by_log: Vec<f64>,
+}
+
+/// Compares the actions of `logs` (joints in the policy's order, at its rate) with `policy`'s.
+pub fn check(policy: &Policy, logs: &[&Trajectory]) -> PolicyMatch {
+    let here = Comparison::new(policy, logs, 0);
+    PolicyMatch {
+        exact: here.exact,
+        samples: here.samples.len(),
+        mismatch: here.mismatch(None),
+        shifted: [-1, 1].map(|shift| Comparison::new(policy, logs, shift).mismatch(None)),
+        slope: here.slope(),
+        correlation: here.correlation(&policy.interface.joints),
+        by_log: (0..logs.len()).map(|log| here.mismatch(Some(log))).collect(),
+    }
+}
+
+/// Logged actions beside the policy's.
+struct Comparison {
+    joints: usize,
+    /// Log of each sample.
+    samples: Vec<usize>,
+    /// `samples × joints`.
+    logged: Vec<f64>,
+    /// `samples × joints`, with the best values of what the log lacks.
+    predicted: Vec<f64>,
+    exact: bool,
+}
+
+impl Comparison {
+    /// `shift`: samples by which the logged actions are taken later than the row they stand in.
+    fn new(policy: &Policy, logs: &[&Trajectory], shift: isize) -> Self {
+        let interface = &policy.interface;
+        let joints = interface.joints.len();
+        let all: usize = logs.iter().map(|log| log.len()).sum();
+        let every = all.div_ceil(MOST_SAMPLES).max(1);
+        let spread = spread(logs, joints);
+        let clip = interface.action_clip.unwrap_or(f64::INFINITY);
+        let mut this =
+            Self { joints, samples: Vec::new(), logged: Vec::new(), predicted: Vec::new(), exact: true };
+        let mut search = Search::new(policy, &spread, clip);
+        let mut seen = 0;
+        for (number, log) in logs.iter().enumerate() {
+            let Some(action) = &log.action else { continue };
+            let row = |row: usize| -> Vec<f64> {
+                action[row * joints..(row + 1) * joints].iter().map(|x| x.clamp(-clip, clip)).collect()
+            };
+            let mut chosen = Vec::new();
+            // The first sample's last action is unknown.
+            for sample in 1..log.len() {
+                seen += 1;
+                let at = sample.checked_add_signed(shift).filter(|&at| at >= 1 && at < log.len());
+                if let Some(at) = at.filter(|_| seen % every == 0) {
+                    chosen.push((sample, row(at), action[(at - 1) * joints..at * joints].to_vec()));
+                }
+            }
+            let clock = search.clock(log, &chosen);
+            for (sample, logged, last) in chosen {
+                let given = Given::of(log, sample);
+                this.exact &= given.missing(interface).is_empty();
+                this.predicted.extend(search.nearest(log, sample, &last, &given, clock, &logged).0);
+                this.logged.extend(logged);
+                this.samples.push(number);
+            }
+        }
+        this
+    }
+
+    /// Relative RMS difference over the best samples, of one log or all; NaN for none.
+    fn mismatch(&self, log: Option<usize>) -> f64 {
+        let mean = mean(&self.logged, self.joints);
+        let mut squares: Vec<(f64, f64)> = Vec::new();
+        let rows = self.logged.chunks_exact(self.joints).zip(self.predicted.chunks_exact(self.joints));
+        for (&of, (logged, predicted)) in self.samples.iter().zip(rows) {
+            if log.is_none_or(|log| log == of) {
+                let error = logged.iter().zip(predicted).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+                let away = logged.iter().zip(&mean).map(|(a, m)| (a - m).powi(2)).sum::<f64>();
+                squares.push((error, away));
+            }
+        }
+        let away = squares.iter().map(|(_, away)| away).sum::<f64>() / squares.len() as f64;
+        squares.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let counted = ((1.0 - LEFT_OUT) * squares.len() as f64).ceil() as usize;
+        let error = squares[..counted].iter().map(|(error, _)| error).sum::<f64>() / counted as f64;
+        (error / away).sqrt()
+    }
+
+    fn slope(&self) -> f64 {
+        let (logged, predicted) = (mean(&self.logged, self.joints), mean(&self.predicted, self.joints));
+        let (mut both, mut own) = (0.0, 0.0);
+        for (place, (a, b)) in self.logged.iter().zip(&self.predicted).enumerate() {
+            let (a, b) = (a - logged[place % self.joints], b - predicted[place % self.joints]);
+            both += a * b;
+            own += b * b;
+        }
+        both / own
+    }
+
+    fn correlation(&self, names: &[String]) -> Vec<(String, f64)> {
+        let (logged, predicted) = (mean(&self.logged, self.joints), mean(&self.predicted, self.joints));
+        let of = |joint: usize| {
+            let column = |values: &'_ [f64], mean: f64| -> Vec<f64> {
+                values.iter().skip(joint).step_by(self.joints).map(|x| x - mean).collect()
+            };
+            let (a, b) = (column(&self.logged, logged[joint]), column(&self.predicted, predicted[joint]));
+            let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let norm = (product(&a, &a) * product(&b, &b)).sqrt();
+            if norm > 0.0 { product(&a, &b) / norm } else { 0.0 }
+        };
+        names.iter().enumerate().map(|(joint, name)| (name.clone(), of(joint))).collect()
+    }
+}
+
+fn mean(values: &[f64], joints: usize) -> Vec<f64> {
+    let rows = (values.len() / joints).max(1) as f64;
+    (0..joints).map(|joint| values.iter().skip(joint).step_by(joints).sum::<f64>() / rows).collect()
+}
+
+/// Standard deviation of each joint's actions over all logs; 1 where they stand still.
+pub fn spread(logs: &[&Trajectory], joints: usize) -> Vec<f64> {
+    let all: Vec<f64> = logs.iter().flat_map(|log| log.action.iter().flatten().copied()).collect();
+    let rows = (all.len() / joints).max(1) as f64;
+    let mean = mean(&all, joints);
+    let of = |joint: usize| {
+        let squares = all.iter().skip(joint).step_by(joints).map(|x| (x - mean[joint]).powi(2)).sum::<f64>();
+        let spread = (squares / rows).sqrt();
+        if spread > 1e-9 { spread } else { 1.0 }
+    };
+    (0..joints).map(of).collect()
+}
+
+impl PolicyMatch {
+    /// Correlation of the joint that agrees least.
+    fn worst(&self) -> (&str, f64) {
+        let least = self.correlation.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+        least.map_or(("", f64::NAN), |(name, value)| (name, *value))
+    }
+
+    /// Whether the actions are the policy's without doubt.
+    pub fn agrees(&self) -> bool {
+        self.samples >= LEAST_SAMPLES && self.mismatch < DOUBTFUL
+    }
+
+    /// What was measured, for messages.
+    fn numbers(&self) -> String {
+        let (joint, correlation) = self.worst();
+        format!(
+            "difference {:.3} of the actions' spread over {} samples{}; least correlation {correlation:.2}, at {joint}",
+            self.mismatch,
+            self.samples,
+            if self.exact { "" } else { ", unmeasured base motion chosen in the policy's favour" }
+        )
+    }
+
+    /// Warnings about a doubtful match. `policy` and `logs` are names for messages; `logs` as given to [`check`].
+    ///
+    /// # Errors
+    /// Another policy: named, with the log that fits least.
+    pub fn judge(&self, policy: &str, logs: &[&str]) -> Result<Vec<String>, Error> {
+        if self.samples < LEAST_SAMPLES || !self.mismatch.is_finite() {
+            return Ok(vec![format!(
+                "whether the logs' actions are those of {policy} cannot be told: {} samples that say something",
+                self.samples
+            )]);
+        }
+        let numbers = self.numbers();
+        let [earlier, later] = self.shifted;
+        // A slow walk changes little in a sample: what counts there is how much better the other sample fits.
+        let fits = |shifted: f64| {
+            if self.mismatch < DOUBTFUL {
+                self.mismatch > NOTICED && shifted < 0.25 * self.mismatch
+            } else {
+                shifted < DOUBTFUL.max(0.5 * self.mismatch) && shifted < ANOTHER
+            }
+        };
+        for (shifted, how, remedy) in [(earlier, "earlier", "later"), (later, "later", "earlier")] {
+            if fits(shifted) {
+                return Ok(vec![format!(
+                    "the logs' actions follow from {policy} one sample {how} than they are logged ({shifted:.3} there; \
+                     {numbers}): log an action in the row of the state it was chosen in, or shift the columns act_… \
+                     {remedy}",
+                )]);
+            }
+        }
+        if self.mismatch < DOUBTFUL {
+            return Ok(Vec::new());
+        }
+        if self.mismatch < ANOTHER {
+            return Ok(vec![format!(
+                "the logs' actions are not quite those of {policy} ({numbers}, best factor {:.2}): are filters, delays or \
+                 another observation scale between the log and the policy?",
+                self.slope
+            )]);
+        }
+        let of = self.by_log.iter().zip(logs).filter(|(mismatch, _)| mismatch.is_finite());
+        let worst = of.max_by(|a, b| a.0.total_cmp(b.0));
+        let worst =
+            worst.map_or(String::new(), |(mismatch, log)| format!("; worst: {log} with {mismatch:.2}"));
+        Err(Error::failed(format!(
+            "the logs' actions do not follow from {policy}: {numbers}{worst}. Give the policy that walked while the logs \
+             were recorded, and check its joint order, default pose and scales (`gaitfit inspect` shows a log)."
+        )))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::walk::fixtures::{logs, policy, scene};
+
+    fn judged(policy: &Policy, logs: &[Trajectory]) -> (PolicyMatch, Result<Vec<String>, Error>) {
+        let found = check(policy, &logs.iter().collect::<Vec<_>>());
+        let names: Vec<String> = (0..logs.len()).map(|k| format!("log-{k}.csv")).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let verdict = found.judge("walk.safetensors", &names);
+        (found, verdict)
+    }
+
+    /// Logs whose actions are changed row by row: `change(row, actions of the log)`.
+    fn changed(logs: &[Trajectory], change: impl Fn(usize, &[f64]) -> Vec<f64>) -> Vec<Trajectory> {
+        let mut logs = logs.to_vec();
+        for log in &mut logs {
+            let action = log.action.clone().unwrap();
+            log.action = Some((0..log.len()).flat_map(|row| change(row, &action)).collect());
+        }
+        logs
+    }
+
+    #[test]
+    fn the_policy_that_walked_is_known() {
+        let scene = scene();
+        let policy = policy(&scene, 3);
+        let (found, verdict) = judged(&policy, &logs(&scene, &policy, true));
+        assert!(found.exact && found.mismatch < 1e-4, "{found:?}");
+        assert!(verdict.unwrap().is_empty());
+        let (found, verdict) = judged(&policy, &logs(&scene, &policy, false));
+        assert!(!found.exact && found.mismatch < 0.5 * DOUBTFUL, "{found:?}");
+        assert!(verdict.unwrap().is_empty());
+    }
+
+    #[test]
+    fn another_policy_is_refused_by_name() {
+        let scene = scene();
+        let (walked, other) = (policy(&scene, 3), policy(&scene, 4));
+        for privileged in [true, false] {
+            let (found, verdict) = judged(&other, &logs(&scene, &walked, privileged));
+            let text = verdict.unwrap_err().to_string();
+            assert!(text.contains("walk.safetensors") && text.contains("log-"), "{text} {found:?}");
+        }
+    }
+
+    #[test]
+    fn joints_in_another_order_are_refused() {
+        let scene = scene();
+        let policy = policy(&scene, 3);
+        let swapped = changed(&logs(&scene, &policy, false), |row, action| {
+            let mut row = action[12 * row..12 * row + 12].to_vec();
+            row.rotate_left(3);
+            row
+        });
+        let (found, verdict) = judged(&policy, &swapped);
+        assert!(verdict.is_err(), "{found:?}");
+    }
+
+    #[test]
+    fn actions_in_another_unit_are_told() {
+        let scene = scene();
+        let policy = policy(&scene, 3);
+        let scaled = changed(&logs(&scene, &policy, false), |row, action| {
+            action[12 * row..12 * row + 12].iter().map(|x| 0.25 * x).collect()
+        });
+        let (found, verdict) = judged(&policy, &scaled);
+        assert!(verdict.is_err(), "{found:?}");
+    }
+
+    #[test]
+    fn actions_a_sample_late_are_told() {
+        let scene = scene();
+        let policy = policy(&scene, 3);
+        for (privileged, offset, word) in [(true, -1, "later"), (false, -1, "later"), (false, 1, "earlier")] {
+            let moved = changed(&logs(&scene, &policy, privileged), |row, action| {
+                let last = action.len() / 12 - 1;
+                let row = row.saturating_add_signed(offset).min(last);
+                action[12 * row..12 * row + 12].to_vec()
+            });
+            let (found, verdict) = judged(&policy, &moved);
+            let warnings = verdict.unwrap();
+            let expected = format!("one sample {word} than");
+            assert!(warnings[0].contains(&expected), "{warnings:?} {found:?}");
+        }
+    }
+
+    #[test]
+    fn too_few_samples_say_nothing() {
+        let scene = scene();
+        let policy = policy(&scene, 3);
+        let short = logs(&scene, &policy, true)[0].slice(0..10).unwrap();
+        let (_, verdict) = judged(&policy, &[short]);
+        assert!(verdict.unwrap()[0].contains("cannot be told"));
+    }
+}

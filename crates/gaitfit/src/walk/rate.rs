@@ -1,0 +1,128 @@
+//! Logs at the policy's rate.
+
+use crate::Error;
+use gaitfit_log::{LogError, Trajectory};
+
+/// Rates this close, relative, are the same.
+const SAME: f64 = 0.02;
+/// A pause between two samples this long, s, is a gap, not jitter.
+pub const LONG_GAP_S: f64 = 0.1;
+
+/// Refuses a log that is slower than the policy.
+pub fn check(rate_hz: f64, control_dt: f64, shown: &str) -> Result<(), Error> {
+    let needed = 1.0 / control_dt;
+    if rate_hz < needed * (1.0 - SAME) {
+        return Err(Error::failed(format!(
+            "{shown}: the log has {rate_hz} samples a second, the policy acts {needed} times: actions are missing. \
+             Record every step of the policy next time."
+        )));
+    }
+    Ok(())
+}
+
+/// The different rates, Hz, rising, for a message.
+pub fn text(rates: impl Iterator<Item = f64>) -> String {
+    let mut rates: Vec<f64> = rates.collect();
+    rates.sort_by(f64::total_cmp);
+    rates.dedup_by(|a, b| (*a / *b - 1.0).abs() < SAME);
+    rates.iter().map(|rate| format!("{rate:.4}")).collect::<Vec<_>>().join(", ")
+}
+
+/// The same run with one sample a control period. A faster log begins where its actions change, so that a sample holds
+/// the state in which the action was chosen.
+///
+/// # Errors
+/// A trajectory that cannot be resampled.
+pub fn to_control(log: &Trajectory, control_dt: f64) -> Result<Trajectory, LogError> {
+    let needed = 1.0 / control_dt;
+    let ratio = log.rate_hz / needed;
+    let regular = log.time.windows(2).all(|pair| (pair[1] - pair[0]) < 1.5 * log.dt());
+    if (ratio - 1.0).abs() <= SAME && regular {
+        // A sample a step, whatever its clock says.
+        let start = log.time.first().copied().unwrap_or_default();
+        let mut same = log.clone();
+        same.rate_hz = needed;
+        same.time = (0..log.len()).map(|sample| start + sample as f64 * control_dt).collect();
+        return Ok(same);
+    }
+    log.slice(first_change(log, ratio)..log.len())?.resample(needed)
+}
+
+/// Sample of the first control period: that at which actions change most often, of every `ratio` samples.
+fn first_change(log: &Trajectory, ratio: f64) -> usize {
+    let Some(action) = &log.action else { return 0 };
+    let period = ratio.round().max(1.0) as usize;
+    let width = log.joints.len();
+    let mut changes = vec![0usize; period];
+    for sample in 1..log.len() {
+        let row = |sample: usize| &action[sample * width..(sample + 1) * width];
+        if row(sample) != row(sample - 1) {
+            // By time, so that lost samples and rates that are no multiple do not move it.
+            let passed = (log.time[sample] - log.time[0]) * log.rate_hz;
+            changes[(passed % ratio).round() as usize % period] += 1;
+        }
+    }
+    let most = changes.iter().copied().max().unwrap_or(0);
+    if most == 0 {
+        0
+    } else {
+        changes.iter().position(|&count| count == most).unwrap_or(0).min(log.len() - 1)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    /// At 500 Hz, actions held for ten samples from `first` on; position counts samples.
+    fn fast(first: usize, rate_hz: f64) -> Trajectory {
+        let samples = 200;
+        let time: Vec<f64> = (0..samples).map(|k| 3.0 + k as f64 / rate_hz).collect();
+        let count: Vec<f64> = (0..samples).map(|k| k as f64).collect();
+        Trajectory {
+            source: None,
+            robot: None,
+            joints: vec!["knee".into()],
+            time,
+            rate_hz,
+            velocity: count.clone(),
+            action: Some((0..samples).map(|k| ((k + 10 - first) / 10) as f64).collect()),
+            position: count,
+            target: None,
+            command: None,
+            base: None,
+            gains: None,
+            fell: false,
+        }
+    }
+
+    #[test]
+    fn a_fast_log_is_taken_where_its_actions_change() {
+        for first in [0, 3, 9] {
+            let log = to_control(&fast(first, 500.0), 0.02).unwrap();
+            assert_eq!(log.rate_hz, 50.0);
+            let expected: Vec<f64> = (0..log.len()).map(|k| (first + 10 * k) as f64).collect();
+            for (found, expected) in log.position.iter().zip(&expected) {
+                assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+            }
+            let action = log.action.unwrap();
+            assert!(action.windows(2).all(|pair| pair[1] == pair[0] + 1.0), "{action:?}");
+        }
+    }
+
+    #[test]
+    fn a_log_at_the_rate_keeps_its_samples() {
+        let log = to_control(&fast(0, 50.3), 0.02).unwrap();
+        assert_eq!(log.len(), 200);
+        assert!((log.time[199] - 3.0 - 199.0 * 0.02).abs() < 1e-9);
+    }
+
+    #[test]
+    fn slower_is_refused() {
+        assert!(check(49.9, 0.02, "x.csv").is_ok());
+        let text = check(20.0, 0.02, "x.csv").unwrap_err().to_string();
+        assert!(text.contains("x.csv: the log has 20 samples") && text.contains("50 times"), "{text}");
+        assert_eq!(super::text([200.0, 50.0, 50.1].into_iter()), "50.0000, 200.0000");
+    }
+}
