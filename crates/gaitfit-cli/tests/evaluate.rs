@@ -4,14 +4,14 @@
 mod common;
 
 use common::{errors, json, run};
-use gaitfit_learn::policy::{self, weights};
+use gaitfit_policy::weights;
 use std::path::Path;
 
-const FOREIGN: &str = "crates/gaitfit-learn/tests/fixtures/policies/foreign.toml";
+const FOREIGN: &str = "crates/gaitfit-policy/tests/fixtures/policies/foreign.toml";
 
 /// A policy of zeros: it holds the default pose.
 fn standing(folder: &Path) -> String {
-    let mut policy = policy::read(&common::root().join(FOREIGN)).unwrap();
+    let mut policy = gaitfit_policy::read(&common::root().join(FOREIGN)).unwrap();
     policy.actor.parameters.fill(0.0);
     let path = folder.join("standing.safetensors");
     std::fs::write(&path, weights::write(&policy).unwrap()).unwrap();

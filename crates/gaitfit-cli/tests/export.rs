@@ -5,7 +5,7 @@ mod common;
 
 use common::{errors, json, run};
 
-const FOREIGN: &str = "crates/gaitfit-learn/tests/fixtures/policies/foreign.toml";
+const FOREIGN: &str = "crates/gaitfit-policy/tests/fixtures/policies/foreign.toml";
 
 #[test]
 fn a_policy_trained_elsewhere_becomes_files_that_are_read_again() {

@@ -5,7 +5,7 @@
 mod common;
 
 use common::{errors, json, run};
-use gaitfit_learn::policy::{Policy, weights};
+use gaitfit_policy::{Policy, weights};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 

@@ -6,9 +6,9 @@ use std::sync::PoisonError;
 use gaitfit_physics::Params;
 use gaitfit_sim::{Candidate, Motion, Start, pool};
 
-use crate::network::Scratch;
-use crate::policy::Policy;
 use crate::task::{Context, Noise, Scene, SceneError, fallen, observe};
+use gaitfit_policy::Policy;
+use gaitfit_policy::network::Scratch;
 
 /// What one robot is to follow.
 #[derive(Clone, Debug, PartialEq)]

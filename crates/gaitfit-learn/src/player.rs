@@ -1,8 +1,8 @@
 //! A policy at work in a tile of environments: its mean actions, no learning.
 
-use crate::network::Scratch;
-use crate::policy::Policy;
 use crate::task::{Ended, Environment, Scene};
+use gaitfit_policy::Policy;
+use gaitfit_policy::network::Scratch;
 
 /// A policy and the tile it moves. Ended episodes are left where they are.
 pub struct Player<'a> {

@@ -2,9 +2,9 @@
 
 use gaitfit_random::{Purpose, Stream, fill_normal_rows};
 
-use crate::network::Scratch;
 use crate::ppo::{Learner, Samples};
 use crate::task::{Ended, Environment};
+use gaitfit_policy::network::Scratch;
 
 /// Sums over the steps and the ended episodes of a rollout.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,11 +6,11 @@ use std::time::Instant;
 use gaitfit_sim::{Candidate, pool};
 use serde::{Deserialize, Serialize};
 
-use crate::network::Network;
-use crate::policy::{Policy, Provenance};
 use crate::ppo::{self, Diagnostics, Learner, LearnerError, Samples, SettingsError, UpdateError, Widths};
 use crate::rollout::{Divergence, Runner, Tally};
 use crate::task::{Environment, Scene, SceneError};
+use gaitfit_policy::network::Network;
+use gaitfit_policy::{Policy, Provenance};
 
 /// How much is trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,10 +1,10 @@
 //! Checkpoints: what is taken up again goes on with the same bits, and what does not fit is refused.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-use gaitfit_learn::policy::weights;
 use gaitfit_learn::task::{Scene, TaskSettings};
 use gaitfit_learn::{CheckpointError, Origin, Training, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
+use gaitfit_policy::weights;
 use safetensors::SafeTensors;
 
 const SETTINGS: TrainingSettings = TrainingSettings { environments: 270, steps: 6, iterations: 5 };

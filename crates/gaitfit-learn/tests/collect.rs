@@ -5,10 +5,10 @@ mod task_common;
 
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::network::Scratch;
-use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::Scene;
 use gaitfit_log::Trajectory;
+use gaitfit_policy::Policy;
+use gaitfit_policy::network::Scratch;
 use gaitfit_sim::Candidate;
 use gaitfit_sim::kinematics::rotate;
 use task_common::{calm, random_policy, scene_with};

@@ -4,8 +4,8 @@
 mod task_common;
 
 use gaitfit_learn::evaluate::{Estimate, Subject, Trial, drift, record_gait, run_trials, summarise};
-use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::{Scene, TaskSettings};
+use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 use task_common::{calm, constant_policy, random_policy, scene};
 

@@ -6,11 +6,11 @@ use std::sync::Mutex;
 use gaitfit_learn::collect::{CollectOptions, Collected, collect};
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::follow::{Job, Script, Track, follow};
-use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::{Scene, TaskSettings, start_from_joints};
 use gaitfit_learn::{Training, TrainingSettings, ppo};
 use gaitfit_log::Trajectory;
 use gaitfit_physics::Preset;
+use gaitfit_policy::Policy;
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Start};
 
 fn scene() -> Scene {

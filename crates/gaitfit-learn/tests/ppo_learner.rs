@@ -1,11 +1,11 @@
 //! The learner from outside: it learns, to the same bits on any number of threads, and says what is wrong.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-use gaitfit_learn::network::{Normaliser, Scratch};
 use gaitfit_learn::ppo::{
     Culprit, Diagnostics, Learner, LearnerError, Samples, SamplesError, Schedule, Settings, StateError,
     UpdateError, Widths, bench,
 };
+use gaitfit_policy::network::{Normaliser, Scratch};
 use gaitfit_random::{Purpose, Stream};
 
 const WIDTHS: Widths = Widths { observation: 9, critic_observation: 11, action: 3 };

@@ -1,8 +1,8 @@
 //! Going on from given networks: the critic learns alone first, and normalisers only if they are asked to.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-use gaitfit_learn::network::Normaliser;
 use gaitfit_learn::ppo::{Diagnostics, Learner, Settings, Widths, bench};
+use gaitfit_policy::network::Normaliser;
 
 const WIDTHS: Widths = Widths { observation: 9, critic_observation: 11, action: 3 };
 

@@ -4,8 +4,8 @@
 mod task_common;
 
 use gaitfit_learn::task::{Ended, Environment, NoiseSettings, Scene, TaskSettings};
-use gaitfit_learn::{Quantity, Term};
 use gaitfit_physics::Preset;
+use gaitfit_policy::{Quantity, Term};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::kinematics::rotate;
 use gaitfit_sim::{Candidate, RobotParams};

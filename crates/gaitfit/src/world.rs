@@ -5,9 +5,9 @@ use crate::robot::{self, Hold};
 use crate::settings::PresetName;
 use crate::walk::setup::{candidate as fitted, theta_file};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::policy::{self, Policy};
 use gaitfit_learn::task::{Scene, TaskSettings, preset};
 use gaitfit_model::Model;
+use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 use std::path::PathBuf;
 
@@ -55,7 +55,7 @@ pub struct World {
 impl World {
     /// Reads everything the arguments name.
     pub fn open(args: &WorldSettings) -> Result<Self, Error> {
-        let policy = policy::read(&args.policy).map_err(Error::failed)?;
+        let policy = gaitfit_policy::read(&args.policy).map_err(Error::failed)?;
         let settings = task(args, &policy)?;
         Self::with_task(args, policy, if args.randomised { settings } else { settings.calm() })
     }

@@ -5,8 +5,8 @@ use crate::exit::Failure;
 use crate::output;
 use crate::table::table;
 use gaitfit::files;
-use gaitfit_learn::policy::{self, Policy, PolicyError, Provenance, onnx, weights};
-use gaitfit_learn::{Quantity, Term};
+use gaitfit_policy::{Policy, PolicyError, Provenance, onnx, weights};
+use gaitfit_policy::{Quantity, Term};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -64,7 +64,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
             files::check(path, &format!("--{ending}"), ending)?;
         }
     }
-    let policy = policy::read(&args.policy).map_err(Failure::failed)?;
+    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
     let mut written = Vec::new();
     for (path, _, writer) in outputs {
         let Some(path) = path else { continue };
@@ -79,7 +79,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
 
 fn document(policy: &Policy, written: Vec<String>) -> Document {
     let interface = &policy.interface;
-    let network = |network: &gaitfit_learn::network::Network| Network {
+    let network = |network: &gaitfit_policy::network::Network| Network {
         layers: std::iter::once(network.shape.inputs)
             .chain(network.shape.hidden.iter().copied())
             .chain([network.shape.outputs])

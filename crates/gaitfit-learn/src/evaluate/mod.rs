@@ -14,8 +14,8 @@ pub use trajectories::{Trial, TrialSummary, run_trials, summarise};
 
 use gaitfit_sim::Candidate;
 
-use crate::policy::Policy;
 use crate::task::Scene;
+use gaitfit_policy::Policy;
 
 /// Who is tested on what.
 #[derive(Clone, Copy)]

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::network::descend;
+use gaitfit_policy::network::descend;
 
 /// β₁, β₂ and ε of Kingma and Ba (2015), the usual values.
 const BETA_1: f64 = 0.9;

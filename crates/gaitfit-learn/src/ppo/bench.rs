@@ -6,7 +6,7 @@ use gaitfit_random::{Purpose, Stream};
 use serde::Serialize;
 
 use super::{Diagnostics, Learner, LearnerError, Samples, Settings, UpdateError, Widths, loss::HALF_LOG_TAU};
-use crate::network::Scratch;
+use gaitfit_policy::network::Scratch;
 
 /// What one timing says.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -8,7 +8,7 @@ use super::{
     loss::{Constants, Sums, Targets},
     worker::{Point, Worker},
 };
-use crate::network::{Activation, Scalar, Shape, Weights};
+use gaitfit_policy::network::{Activation, Scalar, Shape, Weights};
 
 const ROWS: usize = 40;
 /// Of them in the first of two tiles.

@@ -11,7 +11,7 @@ use super::{
     shuffle,
     worker::{Point, Worker},
 };
-use crate::network::{Network, Normaliser, ShapeError, Weights};
+use gaitfit_policy::network::{Network, Normaliser, ShapeError, Weights};
 
 /// Actor, critic, standard deviation, and what is needed to improve them. See [`Learner::update`].
 pub struct Learner {

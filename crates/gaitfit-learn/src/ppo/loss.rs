@@ -1,6 +1,6 @@
 //! Clipped losses of PPO on a tile of rows, with their derivatives by the networks' outputs.
 
-use crate::network::Scalar;
+use gaitfit_policy::network::Scalar;
 
 /// ½ ln 2π.
 pub(super) const HALF_LOG_TAU: f64 = 0.918_938_533_204_672_8;

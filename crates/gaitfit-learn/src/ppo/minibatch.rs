@@ -12,7 +12,7 @@ use super::{
     loss::Sums,
     worker::{Place, Point, Scale, TILE, Worker},
 };
-use crate::network::add_slices;
+use gaitfit_policy::network::add_slices;
 
 /// Pieces of a minibatch; twice as many threads have work.
 const PIECES: usize = 16;

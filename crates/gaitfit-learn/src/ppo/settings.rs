@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::network::{Activation, MOST_PARAMETERS, Shape};
+use gaitfit_policy::network::{Activation, MOST_PARAMETERS, Shape};
 
 /// How the learning rate moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

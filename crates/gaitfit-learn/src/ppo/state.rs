@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::Learner;
-use crate::network::Normaliser;
+use gaitfit_policy::network::Normaliser;
 
 /// What a learner's state holds besides tensors; written as JSON with shortest round-trip numbers it is exact.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -6,7 +6,7 @@ use super::{
     Samples,
     loss::{self, Constants, Sums, Targets},
 };
-use crate::network::{Scalar, Shape, Tape, Weights, normalise_row};
+use gaitfit_policy::network::{Scalar, Shape, Tape, Weights, normalise_row};
 
 /// Rows that pass forward and back together, so that the activations stay in the second-level cache.
 pub(super) const TILE: usize = 512;
@@ -20,7 +20,7 @@ pub(super) struct Place {
     pub(super) row: u32,
 }
 
-/// Factor and offset of every element of an observation, [`crate::network::Normaliser::scale`].
+/// Factor and offset of every element of an observation, [`gaitfit_policy::network::Normaliser::scale`].
 pub(super) type Scale = Option<Vec<(f32, f32)>>;
 
 /// The parameters that a minibatch is evaluated at.

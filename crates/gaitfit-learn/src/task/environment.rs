@@ -12,7 +12,7 @@ use super::observation::{Context, noise_blocks, observe};
 use super::randomise::randomised;
 use super::start::start;
 use super::{Moment, Scene, SceneError, reward};
-use crate::Term;
+use gaitfit_policy::Term;
 
 /// Below this norm (m/s, rad/s) a command means standing.
 const STANDING: f32 = 0.1;

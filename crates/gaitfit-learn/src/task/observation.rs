@@ -4,7 +4,7 @@ use gaitfit_sim::Motion;
 
 use super::moment::{to_body, up_axis};
 use super::{NoiseSettings, Scene};
-use crate::{Quantity, Term};
+use gaitfit_policy::{Quantity, Term};
 
 /// What an observation is made of besides the motion; rows of one environment.
 pub(crate) struct Context<'a> {

@@ -6,7 +6,7 @@ use gaitfit_sim::{Batch, BatchOptions, Candidate, SimError};
 use globset::Glob;
 
 use super::{JointTable, TaskSettings, reward};
-use crate::{Interface, InterfaceError, Quantity, Term};
+use gaitfit_policy::{Interface, InterfaceError, Quantity, Term};
 
 /// Why a task does not fit a robot or contradicts itself.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

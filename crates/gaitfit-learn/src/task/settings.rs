@@ -59,9 +59,9 @@ pub struct TaskSettings {
 #[serde(deny_unknown_fields)]
 pub struct PolicySettings {
     /// The actor's observation, part by part.
-    pub observation: Vec<crate::Term>,
+    pub observation: Vec<gaitfit_policy::Term>,
     /// The critic's observation, part by part.
-    pub critic_observation: Vec<crate::Term>,
+    pub critic_observation: Vec<gaitfit_policy::Term>,
     /// Pose at action zero, rad.
     pub default_pose: JointTable,
     /// Target change per unit action, rad.

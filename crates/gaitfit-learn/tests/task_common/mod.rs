@@ -1,12 +1,12 @@
 //! Small tasks on the Go2.
 #![allow(clippy::unwrap_used, dead_code, reason = "a failed unwrap is a failed test; no test uses all of it")]
 
-use gaitfit_learn::Interface;
-use gaitfit_learn::network::{Activation, Network, Shape};
-use gaitfit_learn::policy::{Policy, Provenance};
 use gaitfit_learn::task::{Ended, Environment, Scene, TaskSettings, preset};
 use gaitfit_model::Model;
 use gaitfit_physics::Preset;
+use gaitfit_policy::Interface;
+use gaitfit_policy::network::{Activation, Network, Shape};
+use gaitfit_policy::{Policy, Provenance};
 
 /// The project's Go2.
 pub fn go2() -> Model {

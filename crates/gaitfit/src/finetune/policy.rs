@@ -2,8 +2,8 @@
 
 use crate::Error;
 use crate::run::inputs;
-use gaitfit_learn::policy::{self, Policy, weights};
 use gaitfit_learn::ppo;
+use gaitfit_policy::{Policy, weights};
 use std::path::Path;
 
 /// First updates that only the critic learns in: with the policy's critic, and with a new one.
@@ -11,7 +11,7 @@ const CRITIC_WARMUP: [u32; 2] = [5, 20];
 
 /// Reads a policy, and its SHA-256 as the program writes it: weights and description count, in one file or two.
 pub fn read(path: &Path) -> Result<(Policy, String), Error> {
-    let policy = policy::read(path).map_err(Error::failed)?;
+    let policy = gaitfit_policy::read(path).map_err(Error::failed)?;
     let bytes = weights::write(&policy).map_err(Error::failed)?;
     Ok((policy, inputs::hash(&bytes)))
 }

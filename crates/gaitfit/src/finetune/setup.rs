@@ -7,8 +7,8 @@ use crate::run::inputs::{self, Inputs};
 use crate::settings::{FinetuneConfig, changed};
 use crate::train::{Parent, Plan, Setup, Start, advice, configuration, refused};
 use crate::world::{self, World, WorldSettings};
-use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::TaskSettings;
+use gaitfit_policy::Policy;
 use std::path::{Path, PathBuf};
 use toml::Table;
 

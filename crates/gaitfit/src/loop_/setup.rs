@@ -10,9 +10,9 @@ use crate::walk::log_files;
 use crate::world::{self, World, WorldSettings};
 use crate::{paths, robot};
 use gaitfit_adapt::ThetaFile;
-use gaitfit_learn::policy::{self, Policy, weights};
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_model::Model;
+use gaitfit_policy::{Policy, weights};
 use std::path::{Path, PathBuf};
 
 /// A loop.
@@ -65,7 +65,7 @@ impl Setup {
             logs.extend(found.into_iter().map(|file| file.path));
             files.extend(logs.iter().cloned());
         }
-        let policy = policy::read(&policy_path).map_err(Error::failed)?;
+        let policy = gaitfit_policy::read(&policy_path).map_err(Error::failed)?;
         let policy_bytes = weights::write(&policy).map_err(Error::failed)?;
         let model = match &robot {
             Some(path) => robot::read(path, config.lenient, Hold::File)?,

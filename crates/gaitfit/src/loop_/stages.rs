@@ -12,7 +12,7 @@ use crate::walk::results::GroundResults;
 use crate::walk::setup::Ground;
 use crate::watch::{Event, Watch};
 use crate::{finetune, train, walk};
-use gaitfit_learn::policy::{onnx, weights};
+use gaitfit_policy::{onnx, weights};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Instant;

@@ -14,7 +14,7 @@ pub use simulated::{Simulated, truth};
 
 use crate::Error;
 use crate::watch::Watch;
-use gaitfit_learn::policy::Policy;
+use gaitfit_policy::Policy;
 use std::path::{Path, PathBuf};
 
 /// A policy as the stages of a loop take it.

@@ -12,7 +12,7 @@ use crate::run::RunFolder;
 use crate::run::inputs::Inputs;
 use crate::run::manifest;
 use crate::watch::Watch;
-use gaitfit_learn::policy::weights;
+use gaitfit_policy::weights;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 

@@ -6,8 +6,8 @@ use crate::Error;
 use crate::run::RunFolder;
 use crate::tensorboard::EventFile;
 use crate::watch::{Watch, Work};
-use gaitfit_learn::policy::weights;
 use gaitfit_learn::{Training, TrainingError};
+use gaitfit_policy::weights;
 use std::time::{Duration, Instant, SystemTime};
 
 /// Files of a seed, in its folder.

@@ -5,8 +5,8 @@ use crate::Error;
 use crate::world::longest_delay;
 use crate::{gait, replay};
 use gaitfit_learn::evaluate::{GaitSummary, Subject, record_gait};
-use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::Scene;
+use gaitfit_policy::Policy;
 use gaitfit_view::{GaitPicture, Replay, replay_html};
 
 /// A policy at work.

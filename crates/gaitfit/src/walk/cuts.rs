@@ -3,9 +3,9 @@
 use super::logs::GroundLog;
 use super::{policy_check, rate, tilt};
 use crate::Error;
-use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::Scene;
 use gaitfit_log::{CheckSpec, Trajectory};
+use gaitfit_policy::Policy;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::ops::Range;

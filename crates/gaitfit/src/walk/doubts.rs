@@ -2,9 +2,9 @@
 
 use super::logs::{GroundLog, Read};
 use crate::robot;
-use gaitfit_learn::Interface;
 use gaitfit_learn::task::Scene;
 use gaitfit_log::{FindingKind, Severity, check};
+use gaitfit_policy::Interface;
 use std::collections::BTreeMap;
 
 /// Relative difference of gains that is worth a word.

@@ -4,12 +4,12 @@
 use super::observation::{self, Given};
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::network::Scratch;
-use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::{Scene, TaskSettings};
 use gaitfit_learn::{Training, TrainingSettings, ppo};
 use gaitfit_log::Trajectory;
 use gaitfit_physics::Preset;
+use gaitfit_policy::Policy;
+use gaitfit_policy::network::Scratch;
 
 /// The Go2 at the built-in task.
 pub fn scene() -> Scene {

@@ -1,10 +1,10 @@
 //! What an inertial unit would have said, as far as a policy's actions tell it.
 
 use super::observation::{self, Given};
-use gaitfit_learn::Quantity;
-use gaitfit_learn::network::Scratch;
-use gaitfit_learn::policy::Policy;
 use gaitfit_log::Trajectory;
+use gaitfit_policy::Policy;
+use gaitfit_policy::Quantity;
+use gaitfit_policy::network::Scratch;
 use nalgebra::{DMatrix, DVector};
 
 /// Most steps of the search for what the log lacks.

@@ -9,13 +9,13 @@ use super::{doubts, rate};
 use crate::Error;
 use crate::log_joints;
 use crate::settings::{AdaptConfig, LEAST_STRETCH_S};
-use gaitfit_learn::Interface;
-use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::Scene;
 use gaitfit_log::{
     BaseState, CheckSpec, FindingKind, ReadOptions, Severity, Signal, Trajectory, check, falls,
     read_csv_report,
 };
+use gaitfit_policy::Interface;
+use gaitfit_policy::Policy;
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -5,9 +5,9 @@ use super::fixtures::{policy, puppet, scene};
 use super::logs::{LogNotes, read};
 use crate::Error;
 use crate::settings::AdaptConfig;
-use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::Scene;
 use gaitfit_log::{BaseState, Trajectory, write_csv};
+use gaitfit_policy::Policy;
 
 struct Bench {
     scene: Scene,

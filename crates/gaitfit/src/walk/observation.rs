@@ -1,8 +1,8 @@
 //! A log's samples as a policy observes them, and what a log lacks for that.
 
-use gaitfit_learn::policy::Policy;
-use gaitfit_learn::{Interface, Quantity};
 use gaitfit_log::Trajectory;
+use gaitfit_policy::Policy;
+use gaitfit_policy::{Interface, Quantity};
 
 /// What an inertial unit measures, as far as a sample has it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

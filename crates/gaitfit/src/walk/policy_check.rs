@@ -8,8 +8,8 @@
 use super::imu_search::Search;
 use super::observation::Given;
 use crate::Error;
-use gaitfit_learn::policy::Policy;
 use gaitfit_log::Trajectory;
+use gaitfit_policy::Policy;
 use serde::Serialize;
 
 /// Most samples that are looked at, evenly over the logs.

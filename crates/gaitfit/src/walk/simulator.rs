@@ -3,9 +3,9 @@
 use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::{Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_learn::follow::{Job, Script, Track, follow};
-use gaitfit_learn::policy::Policy;
 use gaitfit_learn::task::{Scene, start_from_joints};
 use gaitfit_log::Trajectory;
+use gaitfit_policy::Policy;
 use gaitfit_sim::{Candidate, Start};
 
 /// Runs a policy on candidate robots with the command sequences of some logs.

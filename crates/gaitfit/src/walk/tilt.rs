@@ -7,8 +7,8 @@
 
 use super::imu_search::Search;
 use super::observation::{Given, Unknown};
-use gaitfit_learn::policy::Policy;
 use gaitfit_log::Trajectory;
+use gaitfit_policy::Policy;
 use std::ops::Range;
 
 /// Time between looks, s.

@@ -1,0 +1,268 @@
+//! A policy trained elsewhere, described in TOML: everything that its weights do not say.
+
+use super::layers::{assemble, take_apart};
+use super::onnx;
+use super::read::bytes;
+use super::tensors::Tensors;
+use crate::error::invalid;
+use crate::network::{Activation, Network};
+use crate::{Interface, InterfaceError, Quantity, Term};
+use crate::{Policy, PolicyError, Provenance};
+use serde::Deserialize;
+use std::path::Path;
+
+/// The description of a policy trained elsewhere. Vectors over joints are in the order of `joints`, and may be one
+/// number for all.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Description {
+    /// The weights: an `.onnx` or `.safetensors` file, relative to the description.
+    pub file: String,
+    /// Activation of the hidden layers; for safetensors, which do not say.
+    pub activation: Option<Activation>,
+    /// Prefix of the actor's tensors in safetensors: `actor` finds `actor.0.weight`.
+    #[serde(default = "actor")]
+    pub actor: String,
+    /// Prefix of the critic's tensors in safetensors; none leaves the critic out. Needs `critic_observation`.
+    pub critic: Option<String>,
+    /// Normaliser of the actor's observation in safetensors; it becomes part of the actor's first layer.
+    pub normaliser: Option<NormaliserTensors>,
+    /// The same of the critic's observation.
+    pub critic_normaliser: Option<NormaliserTensors>,
+    /// Standard deviation of the actions, for training on; safetensors with `log_std` or `std` have their own.
+    #[serde(default = "half")]
+    pub std: f64,
+    /// Name of the robot model.
+    pub robot: String,
+    /// Joint names in the policy's order.
+    pub joints: Vec<String>,
+    /// Pose at action zero, rad.
+    pub default_pose: PerJoint,
+    /// Target change per unit action, rad.
+    pub action_scale: PerJoint,
+    /// Largest action magnitude, before scaling.
+    pub action_clip: Option<f64>,
+    /// Position gain, N·m/rad.
+    pub kp: PerJoint,
+    /// Velocity gain, N·m·s/rad.
+    pub kd: PerJoint,
+    /// Time between actions, s.
+    pub control_dt: f64,
+    /// Frequency of the gait clock, Hz; where `gait_phase` is observed.
+    pub gait_frequency: Option<f64>,
+    /// The actor's observation, part by part.
+    pub observation: Vec<DescribedTerm>,
+    /// The critic's observation, part by part.
+    #[serde(default)]
+    pub critic_observation: Vec<DescribedTerm>,
+}
+
+/// One number for all joints, or one a joint.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged, expecting = "give one number for all joints, or a list of one number a joint")]
+pub enum PerJoint {
+    /// The same for every joint.
+    All(f64),
+    /// One a joint.
+    Each(Vec<f64>),
+}
+
+impl PerJoint {
+    fn spread(&self, joints: usize) -> Vec<f64> {
+        match self {
+            Self::All(value) => vec![*value; joints],
+            Self::Each(values) => values.clone(),
+        }
+    }
+}
+
+/// One part of a described observation.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DescribedTerm {
+    /// What is observed.
+    pub quantity: Quantity,
+    /// Factor on it; none is 1.
+    pub scale: Option<PerJoint>,
+}
+
+/// Where safetensors hold a normaliser (x − mean) / (std + epsilon).
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NormaliserTensors {
+    /// Name of the means' tensor.
+    pub mean: String,
+    /// Name of the standard deviations' tensor.
+    pub std: String,
+    /// Added to the standard deviation.
+    #[serde(default = "hundredth")]
+    pub epsilon: f64,
+}
+
+fn actor() -> String {
+    "actor".to_owned()
+}
+
+fn half() -> f64 {
+    0.5
+}
+
+fn hundredth() -> f64 {
+    0.01
+}
+
+impl Description {
+    /// Reads the description itself.
+    ///
+    /// # Errors
+    /// Wrong TOML, or unknown and missing keys, with line and column.
+    pub fn parse(text: &str) -> Result<Self, PolicyError> {
+        toml::from_str(text).map_err(|error| {
+            let message = error.message().trim_end();
+            match error.span() {
+                Some(span) => {
+                    let before = text.get(..span.start).unwrap_or_default();
+                    let line = before.matches('\n').count() + 1;
+                    let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
+                    invalid(format!("line {line}, column {column}: {message}"))
+                }
+                None => invalid(message),
+            }
+        })
+    }
+
+    /// What the description says about the robot.
+    ///
+    /// # Errors
+    /// As [`Interface::check`].
+    pub fn interface(&self) -> Result<Interface, InterfaceError> {
+        let joints = self.joints.len();
+        let terms = |terms: &[DescribedTerm]| {
+            let term = |term: &DescribedTerm| {
+                let scale = match &term.scale {
+                    None => Vec::new(),
+                    Some(PerJoint::All(value)) => vec![*value as f32],
+                    Some(PerJoint::Each(values)) => values.iter().map(|&value| value as f32).collect(),
+                };
+                Term { quantity: term.quantity, scale }
+            };
+            terms.iter().map(term).collect()
+        };
+        let interface = Interface {
+            robot: self.robot.clone(),
+            joints: self.joints.clone(),
+            default_pose: self.default_pose.spread(joints),
+            action_scale: self.action_scale.spread(joints),
+            action_clip: self.action_clip,
+            kp: self.kp.spread(joints),
+            kd: self.kd.spread(joints),
+            control_dt: self.control_dt,
+            gait_frequency: self.gait_frequency,
+            observation: terms(&self.observation),
+            critic_observation: terms(&self.critic_observation),
+        };
+        interface.check()?;
+        Ok(interface)
+    }
+
+    /// Reads the weights, relative to `folder`, and puts the policy together.
+    ///
+    /// # Errors
+    /// Weights that are no multilayer perceptron, or do not fit the description.
+    pub fn load(&self, folder: &Path) -> Result<Policy, PolicyError> {
+        let interface = self.interface()?;
+        if !(self.std > 0.0 && self.std.is_finite()) {
+            return Err(invalid(format!("std is {}; give a positive number", self.std)));
+        }
+        let path = folder.join(&self.file);
+        let inside = |source| PolicyError::In { path: path.clone(), source: Box::new(source) };
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+        let (actor, critic, log_std) = match ending.as_deref() {
+            Some("onnx") => (self.onnx(&bytes(&path)?).map_err(inside)?, None, None),
+            Some("safetensors") => self.safetensors(&bytes(&path)?).map_err(inside)?,
+            _ => return Err(inside(invalid("`file` must name an .onnx or .safetensors file"))),
+        };
+        let policy = Policy {
+            log_std: log_std.unwrap_or_else(|| vec![self.std.ln() as f32; interface.joints.len()]),
+            interface,
+            actor,
+            critic,
+            normaliser: None,
+            critic_normaliser: None,
+            provenance: Provenance::default(),
+        };
+        policy.check()?;
+        Ok(policy)
+    }
+
+    fn onnx(&self, bytes: &[u8]) -> Result<Network, PolicyError> {
+        let other = [
+            ("activation", self.activation.is_some()),
+            ("critic", self.critic.is_some()),
+            ("normaliser", self.normaliser.is_some()),
+            ("critic_normaliser", self.critic_normaliser.is_some()),
+        ];
+        if let Some((key, _)) = other.iter().find(|(_, given)| *given) {
+            return Err(invalid(format!(
+                "`{key}` is for safetensors; the ONNX graph itself says it: leave it out"
+            )));
+        }
+        onnx::read_chain(bytes)?.network(None)
+    }
+
+    fn safetensors(&self, bytes: &[u8]) -> Result<Loaded, PolicyError> {
+        let activation = self.activation.ok_or_else(|| {
+            invalid("safetensors do not say the activation; add activation = \"elu\" (or relu, tanh)")
+        })?;
+        let mut tensors = Tensors::parse(bytes)?;
+        let actor = normalised(&mut tensors, &self.actor, activation, self.normaliser.as_ref())?;
+        let critic = match &self.critic {
+            Some(prefix) => {
+                Some(normalised(&mut tensors, prefix, activation, self.critic_normaliser.as_ref())?)
+            }
+            None if self.critic_normaliser.is_some() => {
+                return Err(invalid("critic_normaliser is given without critic; leave it out"));
+            }
+            None => None,
+        };
+        let log_std = if tensors.has("log_std") {
+            Some(tensors.vector("log_std")?)
+        } else if tensors.has("std") {
+            Some(tensors.vector("std")?.into_iter().map(f64::ln).collect())
+        } else {
+            None
+        };
+        Ok((actor, critic, log_std.map(|values| values.into_iter().map(|value| value as f32).collect())))
+    }
+}
+
+/// Actor, critic and log_std from one file.
+type Loaded = (Network, Option<Network>, Option<Vec<f32>>);
+
+/// The network of `prefix`, its normaliser made part of the first layer.
+fn normalised(
+    tensors: &mut Tensors<'_>,
+    prefix: &str,
+    activation: Activation,
+    normaliser: Option<&NormaliserTensors>,
+) -> Result<Network, PolicyError> {
+    let network = tensors.network(prefix, activation)?;
+    let Some(names) = normaliser else { return Ok(network) };
+    let (mean, std) = (tensors.vector(&names.mean)?, tensors.vector(&names.std)?);
+    for (name, values) in [(&names.mean, &mean), (&names.std, &std)] {
+        if values.len() != network.shape.inputs {
+            return Err(invalid(format!(
+                "tensor {name} has {} numbers, {prefix} takes {}",
+                values.len(),
+                network.shape.inputs
+            )));
+        }
+    }
+    let factor: Vec<f64> = std.iter().map(|std| 1.0 / (std + names.epsilon)).collect();
+    let offset: Vec<f64> = mean.iter().zip(&factor).map(|(mean, factor)| -mean * factor).collect();
+    let mut layers = take_apart(&network);
+    if let Some(first) = layers.first_mut() {
+        *first = first.behind(&factor, &offset);
+    }
+    assemble(&layers, activation)
+}

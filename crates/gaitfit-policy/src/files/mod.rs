@@ -1,0 +1,13 @@
+//! Policies as files: the project's own (safetensors), ONNX out and in, and policies trained elsewhere.
+//!
+//! Everything here reads untrusted files: sizes are bounded, nothing panics, and errors name the mismatch.
+
+mod description;
+mod layers;
+pub mod onnx;
+mod read;
+mod tensors;
+pub mod weights;
+
+pub use description::{DescribedTerm, Description, NormaliserTensors, PerJoint};
+pub use read::read;

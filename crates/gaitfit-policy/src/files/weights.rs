@@ -1,0 +1,164 @@
+//! The project's own policy file: safetensors, with the rest of the policy as JSON in its metadata.
+//!
+//! | tensor | type, shape |
+//! | --- | --- |
+//! | `actor.0.weight`, `actor.2.weight`, … | F32 `outputs × inputs`, as PyTorch's `nn.Sequential` stores them |
+//! | `actor.0.bias`, … | F32 `outputs` |
+//! | `critic.0.weight`, … | the same, where there is a critic |
+//! | `log_std` | F32 `joints` |
+//! | `normaliser.mean`, `.variance`, `.count` | F64 `width`, `width`, 1; `critic_normaliser.…` likewise |
+//!
+//! The metadata has one entry, `gaitfit`: a JSON object with format version, interface, activation, provenance.
+
+use super::layers::take_apart;
+use super::tensors::Tensors;
+use crate::Interface;
+use crate::error::invalid;
+use crate::network::{Activation, Network, Normaliser};
+use crate::{Policy, PolicyError, Provenance};
+use safetensors::tensor::{Dtype, TensorView, serialize};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+
+/// Version of the layout; a reader refuses every other.
+const FORMAT: u32 = 1;
+/// Where the metadata keeps the header.
+const KEY: &str = "gaitfit";
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    format: u32,
+    interface: Interface,
+    activation: Activation,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    critic_activation: Option<Activation>,
+    provenance: Provenance,
+}
+
+/// The bytes of a policy's file. The same policy gives the same bytes, and [`read`] gives the same policy, bit for
+/// bit.
+///
+/// # Errors
+/// A policy whose parts do not fit ([`Policy::check`]).
+pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
+    policy.check()?;
+    let mut tensors: Vec<(String, Vec<usize>, Dtype, Vec<u8>)> = Vec::new();
+    let mut network = |prefix: &str, network: &Network| {
+        for (index, layer) in take_apart(network).iter().enumerate() {
+            // nn.Sequential counts the activations too.
+            let number = 2 * index;
+            let shape = vec![layer.outputs, layer.inputs];
+            tensors.push((
+                format!("{prefix}.{number}.weight"),
+                shape,
+                Dtype::F32,
+                single(&layer.transposed()),
+            ));
+            tensors.push((
+                format!("{prefix}.{number}.bias"),
+                vec![layer.outputs],
+                Dtype::F32,
+                single(&layer.bias),
+            ));
+        }
+    };
+    network("actor", &policy.actor);
+    if let Some(critic) = &policy.critic {
+        network("critic", critic);
+    }
+    tensors.push(("log_std".into(), vec![policy.log_std.len()], Dtype::F32, single(&policy.log_std)));
+    for (name, normaliser) in
+        [("normaliser", &policy.normaliser), ("critic_normaliser", &policy.critic_normaliser)]
+    {
+        let Some(normaliser) = normaliser else { continue };
+        let count = [normaliser.count];
+        let parts: [(&str, &[f64]); 3] =
+            [("mean", &normaliser.mean), ("variance", &normaliser.variance), ("count", &count)];
+        for (part, values) in parts {
+            tensors.push((format!("{name}.{part}"), vec![values.len()], Dtype::F64, double(values)));
+        }
+    }
+    let header = Header {
+        format: FORMAT,
+        interface: policy.interface.clone(),
+        activation: policy.actor.shape.activation,
+        critic_activation: policy.critic.as_ref().map(|critic| critic.shape.activation),
+        provenance: policy.provenance.clone(),
+    };
+    let header = serde_json::to_string(&header).map_err(|error| invalid(error.to_string()))?;
+    let views = tensors.iter().map(|(name, shape, dtype, bytes)| {
+        TensorView::new(*dtype, shape.clone(), bytes).map(|view| (name.as_str(), view))
+    });
+    let views: Vec<_> = views.collect::<Result<_, _>>().map_err(|error| invalid(error.to_string()))?;
+    serialize(views, Some(HashMap::from([(KEY.to_owned(), header)])))
+        .map_err(|error| invalid(error.to_string()))
+}
+
+/// Reads a policy from its file's bytes.
+///
+/// # Errors
+/// A file that is cut short, of another program or version, with tensors missing, unknown or of wrong shape, or
+/// whose parts do not fit each other.
+pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
+    let mut tensors = Tensors::parse(bytes)?;
+    let header = header(bytes)?;
+    let actor = tensors.network("actor", header.activation)?;
+    let critic =
+        header.critic_activation.map(|activation| tensors.network("critic", activation)).transpose()?;
+    let log_std = tensors.vector("log_std")?.into_iter().map(|value| value as f32).collect();
+    let normaliser = normaliser(&mut tensors, "normaliser")?;
+    let critic_normaliser = self::normaliser(&mut tensors, "critic_normaliser")?;
+    if let Some(name) = tensors.unused() {
+        return Err(invalid(format!("tensor {name} is none of a policy's; export the policy again")));
+    }
+    let Header { interface, provenance, .. } = header;
+    let policy = Policy { interface, actor, log_std, critic, normaliser, critic_normaliser, provenance };
+    policy.check()?;
+    Ok(policy)
+}
+
+fn header(bytes: &[u8]) -> Result<Header, PolicyError> {
+    let (_, metadata) =
+        safetensors::SafeTensors::read_metadata(bytes).map_err(|error| invalid(error.to_string()))?;
+    let text = metadata.metadata().as_ref().and_then(|entries| entries.get(KEY)).ok_or_else(|| {
+        invalid(
+            "its metadata has no `gaitfit` entry, so it was not written by this program; describe it in a TOML \
+             file and give that (docs/policies.md)",
+        )
+    })?;
+    #[derive(Deserialize)]
+    struct Version {
+        format: u32,
+    }
+    let damaged = |error: serde_json::Error| invalid(format!("its `gaitfit` metadata is damaged: {error}"));
+    let version: Version = serde_json::from_str(text).map_err(damaged)?;
+    if version.format != FORMAT {
+        return Err(invalid(format!(
+            "it has format {}, this program reads format {FORMAT}; use the program that wrote it",
+            version.format
+        )));
+    }
+    serde_json::from_str(text).map_err(damaged)
+}
+
+fn normaliser(tensors: &mut Tensors<'_>, name: &str) -> Result<Option<Normaliser>, PolicyError> {
+    if !tensors.has(&format!("{name}.mean")) {
+        return Ok(None);
+    }
+    let mean = tensors.vector(&format!("{name}.mean"))?;
+    let variance = tensors.vector(&format!("{name}.variance"))?;
+    let count = tensors.vector(&format!("{name}.count"))?;
+    match count[..] {
+        [count] => Ok(Some(Normaliser { mean, variance, count })),
+        _ => Err(invalid(format!("tensor {name}.count has {} numbers; it is one", count.len()))),
+    }
+}
+
+fn single(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+fn double(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}

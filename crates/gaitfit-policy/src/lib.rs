@@ -1,0 +1,16 @@
+//! Policies of legged robots: what they see and do, their networks and their files.
+//!
+//! Everything is batched: arrays of rows, one row an environment, row-major, never an object an environment. Joints
+//! are in the order of [`Interface::joints`] and matched to a model by name.
+
+mod check;
+mod error;
+mod files;
+mod interface;
+pub mod network;
+mod policy;
+
+pub use error::PolicyError;
+pub use files::{DescribedTerm, Description, NormaliserTensors, PerJoint, onnx, read, weights};
+pub use interface::{Interface, InterfaceError, Quantity, Term};
+pub use policy::{Policy, Provenance};

@@ -1,0 +1,203 @@
+//! Elementwise kernels of a layer, compiled for several instruction sets and chosen at run time.
+#![allow(unsafe_code, reason = "a function of a detected instruction set is entered by an unsafe call")]
+
+use super::{Activation, scalar::Scalar};
+
+/// Compiles the body of each function three times (AVX-512, AVX2 with FMA, the target's baseline) and calls the best
+/// that the processor has. `FUSED` tells the body whether it may fuse multiplication and addition: the first two
+/// return the same bits, the baseline others in the last place.
+macro_rules! dispatched {
+    ($($(#[$doc:meta])* fn $name:ident($($argument:ident: $type:ty),*) $body:block)*) => {$(
+        $(#[$doc])*
+        pub fn $name<T: Scalar>($($argument: $type),*) {
+            #[inline(always)]
+            fn body<T: Scalar, const FUSED: bool>($($argument: $type),*) $body
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx512f,avx512dq,avx512vl,fma")]
+                fn avx512<T: Scalar>($($argument: $type),*) {
+                    body::<T, true>($($argument),*);
+                }
+                #[target_feature(enable = "avx2,fma")]
+                fn avx2<T: Scalar>($($argument: $type),*) {
+                    body::<T, true>($($argument),*);
+                }
+                if is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl")
+                    && is_x86_feature_detected!("fma")
+                {
+                    // SAFETY: the four features that the function is compiled for were detected.
+                    return unsafe { avx512($($argument),*) };
+                }
+                if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                    // SAFETY: as above.
+                    return unsafe { avx2($($argument),*) };
+                }
+            }
+            body::<T, false>($($argument),*);
+        }
+    )*};
+}
+
+/// Columns that are summed together, in registers.
+const COLUMNS: usize = 64;
+
+/// d *= slope(h) and sums += Σ over the rows of d.
+#[inline(always)]
+fn multiply_and_sum<T: Scalar>(d: &mut [T], h: &[T], sums: &mut [T], slope: impl Fn(T) -> T) {
+    let width = sums.len();
+    let (blocks, rest) = sums.as_chunks_mut::<COLUMNS>();
+    for (number, sums) in blocks.iter_mut().enumerate() {
+        let first = number * COLUMNS;
+        let mut held = *sums;
+        for (d, h) in d.chunks_exact_mut(width).zip(h.chunks_exact(width)) {
+            let columns = d[first..first + COLUMNS].iter_mut().zip(&h[first..first + COLUMNS]);
+            for ((d, &h), sum) in columns.zip(&mut held) {
+                *d *= slope(h);
+                *sum += *d;
+            }
+        }
+        *sums = held;
+    }
+    if rest.is_empty() {
+        return;
+    }
+    let first = width - rest.len();
+    for (d, h) in d.chunks_exact_mut(width).zip(h.chunks_exact(width)) {
+        for ((d, &h), sum) in d[first..].iter_mut().zip(&h[first..]).zip(&mut *rest) {
+            *d *= slope(h);
+            *sum += *d;
+        }
+    }
+}
+
+/// Greatest width of a layer's output that leaves the vectors of matrix kernels half empty; [`multiply_narrow`] takes
+/// these.
+pub(crate) const NARROW: usize = 16;
+/// Rows that [`multiply_narrow`] works on together, so that their sums do not wait for each other.
+const ROWS: usize = 8;
+
+/// Up to `ROWS` rows of `multiply_narrow`, with the columns of w and b made up to `NARROW`.
+#[inline(always)]
+fn multiply_rows<T: Scalar, const FUSED: bool>(
+    y: &mut [T],
+    x: [&[T]; ROWS],
+    w: &[[T; NARROW]],
+    bias: [T; NARROW],
+    width: usize,
+) {
+    let mut sums = [[T::ZERO; NARROW]; ROWS];
+    for (k, w) in w.iter().enumerate() {
+        for (sums, x) in sums.iter_mut().zip(x) {
+            for (sum, &w) in sums.iter_mut().zip(w) {
+                *sum = x[k].multiply_add::<FUSED>(w, *sum);
+            }
+        }
+    }
+    for (y, sums) in y.chunks_exact_mut(width).zip(sums) {
+        for ((y, sum), bias) in y.iter_mut().zip(sums).zip(bias) {
+            *y = sum + bias;
+        }
+    }
+}
+
+dispatched! {
+    /// y = x w + b with up to [`NARROW`] columns, fewer than matrix kernels are made for: y is `rows × bias.len()`, w
+    /// `inputs × bias.len()`. Each number is summed in the order of the inputs.
+    fn multiply_narrow(y: &mut [T], x: &[T], w: &[T], bias: &[T]) {
+        let width = bias.len();
+        let inputs = w.len() / width;
+        assert_eq!(x.len() * width, y.len() * inputs, "rows of a matrix product differ");
+        let mut wide = vec![[T::ZERO; NARROW]; inputs];
+        for (wide, w) in wide.iter_mut().zip(w.chunks_exact(width)) {
+            wide[..width].copy_from_slice(w);
+        }
+        let mut wide_bias = [T::ZERO; NARROW];
+        wide_bias[..width].copy_from_slice(bias);
+        for (y, x) in y.chunks_mut(ROWS * width).zip(x.chunks(ROWS * inputs)) {
+            // A last group of fewer rows computes its last one again.
+            let last = y.len() / width - 1;
+            let rows = std::array::from_fn(|row| &x[row.min(last) * inputs..][..inputs]);
+            multiply_rows::<T, FUSED>(y, rows, &wide, wide_bias, width);
+        }
+    }
+
+    /// y += b on every row of y: `rows × bias.len()`.
+    fn add_bias(y: &mut [T], bias: &[T]) {
+        for row in y.chunks_exact_mut(bias.len()) {
+            for (y, &b) in row.iter_mut().zip(bias) {
+                *y += b;
+            }
+        }
+    }
+
+    /// y = f(y + b) on every row of y: `rows × bias.len()`.
+    fn add_bias_and_activate(y: &mut [T], bias: &[T], activation: Activation) {
+        match activation {
+            Activation::Elu => {
+                for row in y.chunks_exact_mut(bias.len()) {
+                    for (y, &b) in row.iter_mut().zip(bias) {
+                        let x = *y + b;
+                        let below = x.exponential::<FUSED>() - T::ONE;
+                        *y = if x > T::ZERO { x } else { below };
+                    }
+                }
+            }
+            Activation::Relu => {
+                for row in y.chunks_exact_mut(bias.len()) {
+                    for (y, &b) in row.iter_mut().zip(bias) {
+                        let x = *y + b;
+                        // A NaN fails the comparison and stays.
+                        *y = if x < T::ZERO { T::ZERO } else { x };
+                    }
+                }
+            }
+            Activation::Tanh => {
+                for row in y.chunks_exact_mut(bias.len()) {
+                    for (y, &b) in row.iter_mut().zip(bias) {
+                        *y = (*y + b).hyperbolic_tangent::<FUSED>();
+                    }
+                }
+            }
+        }
+    }
+
+    /// d *= f′ and sums += Σ over the rows of d; d and the layer's output h = f(x) are `rows × sums.len()`. By h,
+    /// ELU′ = h + 1 below 0 and tanh′ = 1 − h².
+    fn multiply_by_derivative(d: &mut [T], h: &[T], sums: &mut [T], activation: Activation) {
+        match activation {
+            Activation::Elu => multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { h + T::ONE }),
+            Activation::Relu => multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { T::ZERO }),
+            Activation::Tanh => multiply_and_sum(d, h, sums, |h| T::ONE - h * h),
+        }
+    }
+
+    /// sums += Σ over the rows of d: `rows × sums.len()`.
+    fn add_column_sums(sums: &mut [T], d: &[T]) {
+        for row in d.chunks_exact(sums.len()) {
+            for (sum, &d) in sums.iter_mut().zip(row) {
+                *sum += d;
+            }
+        }
+    }
+
+    /// sums += terms.
+    fn add(sums: &mut [T], terms: &[T]) {
+        for (sum, &term) in sums.iter_mut().zip(terms) {
+            *sum += term;
+        }
+    }
+
+    /// One step of Adam: `rates` = [1 − β₁, 1 − β₂, factor on the gradient, learning rate / (1 − β₁ᵗ), √(1 − β₂ᵗ), ε].
+    fn descend(parameters: &mut [T], first: &mut [T], second: &mut [T], gradient: &[T], rates: [T; 6]) {
+        let [share_1, share_2, factor, rate, correction, epsilon] = rates;
+        let moments = first.iter_mut().zip(second);
+        for ((parameter, (first, second)), &gradient) in parameters.iter_mut().zip(moments).zip(gradient) {
+            let g = gradient * factor;
+            *first += share_1 * (g - *first);
+            *second += share_2 * (g * g - *second);
+            *parameter = *parameter - rate * *first / (second.square_root() / correction + epsilon);
+        }
+    }
+}

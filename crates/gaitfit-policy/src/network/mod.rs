@@ -1,0 +1,22 @@
+//! Multilayer perceptrons with hand-derived gradients, on flat parameters and rows.
+
+mod activation;
+mod forward;
+mod lanes;
+mod matmul;
+#[allow(clippy::module_inception, reason = "the file is the network")]
+mod network;
+mod normaliser;
+mod scalar;
+mod shape;
+mod tape;
+mod weights;
+
+pub use activation::Activation;
+pub use lanes::{add as add_slices, descend};
+pub use network::{Network, Scratch};
+pub use normaliser::{Normaliser, normalise_row};
+pub use scalar::Scalar;
+pub use shape::{Layer, MOST_PARAMETERS, Shape, ShapeError};
+pub use tape::Tape;
+pub use weights::Weights;

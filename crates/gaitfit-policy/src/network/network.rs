@@ -1,0 +1,134 @@
+//! A multilayer perceptron at work: parameters and inference.
+
+use aligned_vec::{AVec, avec};
+use gaitfit_random::{Purpose, Stream};
+
+use super::{Normaliser, Shape, ShapeError, forward};
+
+/// Rows that pass through all layers together, so that their activations stay in the second-level cache.
+const TILE: usize = 256;
+
+/// A network: its shape and its parameters in the order of [`Shape::layers`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Network {
+    /// Layer sizes and activation.
+    pub shape: Shape,
+    /// All weights and biases, [`Shape::parameters`] of them, from a cache line's beginning on.
+    pub parameters: AVec<f32>,
+}
+
+/// Working memory of networks; one a thread, kept between calls. Any network may use it.
+#[derive(Clone, Debug)]
+pub struct Scratch {
+    /// Two buffers that the layers take in turn.
+    buffers: [AVec<f32>; 2],
+    /// The input of the first layer, where there is a normaliser.
+    normalised: Vec<f32>,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self { buffers: [AVec::new(0), AVec::new(0)], normalised: Vec::new() }
+    }
+}
+
+impl Scratch {
+    /// Empty; it grows at the first use.
+    pub fn new() -> Self {
+        Self::default()
+    }
+}
+
+impl Network {
+    /// A network of given parameters.
+    ///
+    /// # Errors
+    /// [`ShapeError`] if a layer is empty or the parameters are not as many as the shape needs.
+    pub fn new(shape: Shape, parameters: &[f32]) -> Result<Self, ShapeError> {
+        let network = Self { shape, parameters: AVec::from_slice(0, parameters) };
+        network.check()?;
+        Ok(network)
+    }
+
+    /// Refuses what [`Network::new`] refuses.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn check(&self) -> Result<(), ShapeError> {
+        self.shape.check()?;
+        let (expected, found) = (self.shape.parameters(), self.parameters.len());
+        if found == expected {
+            return Ok(());
+        }
+        Err(ShapeError::Parameters { shape: self.shape.to_string(), expected, found })
+    }
+
+    /// Random parameters, uniform in ±1/√inputs for weights and biases alike (the usual choice of PyTorch's
+    /// `Linear`); those of the last layer are multiplied by `output_gain`. Draws are [`Purpose::WEIGHTS`] of `seed`
+    /// at environment `index` (which network of the run it is) and step = layer.
+    ///
+    /// # Errors
+    /// [`ShapeError::EmptyLayer`].
+    pub fn random(shape: Shape, seed: u64, index: u32, output_gain: f64) -> Result<Self, ShapeError> {
+        shape.check()?;
+        let mut parameters = avec![0.0; shape.parameters()];
+        let layers = shape.layers();
+        for (number, layer) in layers.iter().enumerate() {
+            let stream = Stream::new(seed, Purpose::WEIGHTS).environment(index).step(number as u32);
+            let gain = if number + 1 == layers.len() { output_gain } else { 1.0 };
+            let bound = (gain / (layer.inputs as f64).sqrt()) as f32;
+            for (draw, parameter) in parameters[layer.weight.start..layer.bias.end].iter_mut().enumerate() {
+                *parameter = (2.0 * stream.uniform_f32(draw as u32) - 1.0) * bound;
+            }
+        }
+        Ok(Self { shape, parameters })
+    }
+
+    /// [`Network::forward`] of `input` as `normaliser`, if there is one, makes it.
+    ///
+    /// # Panics
+    /// As there.
+    pub fn forward_normalised(
+        &self,
+        normaliser: Option<&Normaliser>,
+        rows: usize,
+        input: &[f32],
+        output: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        let Some(normaliser) = normaliser else { return self.forward(rows, input, output, scratch) };
+        let mut normalised = std::mem::take(&mut scratch.normalised);
+        let size = rows * self.shape.inputs;
+        normalised.resize(size, 0.0);
+        normaliser.apply(&input[..size], &mut normalised);
+        self.forward(rows, &normalised, output, scratch);
+        scratch.normalised = normalised;
+    }
+
+    /// Evaluates `rows` rows: `input` is `rows × inputs`, `output` `rows × outputs`, both row-major. Runs on the
+    /// calling thread; the same rows in the same call give the same bits.
+    ///
+    /// # Panics
+    /// If a slice is shorter than its size: an error of the caller.
+    pub fn forward(&self, rows: usize, input: &[f32], output: &mut [f32], scratch: &mut Scratch) {
+        let layers = self.shape.layers();
+        let (inputs, outputs) = (self.shape.inputs, self.shape.outputs);
+        let size = TILE.min(rows) * self.shape.widest();
+        for buffer in &mut scratch.buffers {
+            if buffer.len() < size {
+                buffer.resize(size, 0.0);
+            }
+        }
+        let [even, odd] = &mut scratch.buffers;
+        let tiles = input[..rows * inputs].chunks(TILE * inputs);
+        for (input, output) in tiles.zip(output[..rows * outputs].chunks_mut(TILE * outputs)) {
+            let rows = input.len() / inputs;
+            for index in 0..layers.len() {
+                let (from, to) = if index % 2 == 0 { (&*odd, &mut *even) } else { (&*even, &mut *odd) };
+                let from = if index == 0 { input } else { from };
+                let to = if index + 1 == layers.len() { &mut *output } else { to };
+                forward::layer(&layers, index, self.shape.activation, &self.parameters, rows, from, to);
+            }
+        }
+    }
+}

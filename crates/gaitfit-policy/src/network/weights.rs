@@ -1,0 +1,30 @@
+//! A network's parameters as the passes of a gradient want them.
+
+use aligned_vec::{AVec, avec};
+
+use super::{Shape, scalar::Scalar};
+
+/// Parameters with each matrix in both orders, so that it can be read row by row on the way forth and back.
+pub struct Weights<'a, T> {
+    /// Of the network.
+    pub shape: &'a Shape,
+    /// As [`Shape::layers`] has them.
+    pub(super) parameters: &'a [T],
+    /// Wᵀ where W is in `parameters`, of all layers but the first, through which nothing goes back.
+    pub(super) transposed: AVec<T>,
+}
+
+impl<'a, T: Scalar> Weights<'a, T> {
+    /// Of `shape` with these parameters.
+    pub fn new(shape: &'a Shape, parameters: &'a [T]) -> Self {
+        let mut transposed = avec![T::ZERO; parameters.len()];
+        for layer in shape.layers().iter().skip(1) {
+            let w = &parameters[layer.weight.clone()];
+            for (j, row) in transposed[layer.weight.clone()].chunks_exact_mut(layer.inputs).enumerate() {
+                let column = w[j..].iter().step_by(layer.outputs);
+                row.iter_mut().zip(column).for_each(|(to, &from)| *to = from);
+            }
+        }
+        Self { shape, parameters, transposed }
+    }
+}

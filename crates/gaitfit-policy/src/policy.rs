@@ -1,0 +1,60 @@
+//! A policy: its interface, its networks, and where it came from.
+
+use crate::Interface;
+use crate::network::{Network, Normaliser, Scratch};
+use serde::{Deserialize, Serialize};
+
+/// A policy: what it sees, its networks, and where it came from. [`Policy::check`] says whether the parts fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Policy {
+    /// What the policy sees and what its outputs mean.
+    pub interface: Interface,
+    /// From the (normalised) observation to the mean action; one output a joint, before scaling.
+    pub actor: Network,
+    /// Natural logarithm of the actions' standard deviation, one a joint.
+    pub log_std: Vec<f32>,
+    /// From the (normalised) critic observation to the value; one output.
+    pub critic: Option<Network>,
+    /// Of the actor's observation.
+    pub normaliser: Option<Normaliser>,
+    /// Of the critic's observation.
+    pub critic_normaliser: Option<Normaliser>,
+    /// Where it came from.
+    pub provenance: Provenance,
+}
+
+/// Where a policy came from. Of policies trained elsewhere nothing is known: all zero and empty.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Seed of its training.
+    pub seed: u64,
+    /// SHA-256 of its training's configuration, hexadecimal.
+    pub configuration_hash: String,
+    /// Iterations it was trained.
+    pub iteration: u32,
+    /// Version of the program that trained it.
+    pub program_version: String,
+    /// Settings of the task it was trained on, as TOML.
+    #[serde(default)]
+    pub task: String,
+    /// SHA-256 of the policy that its training began with, as [`crate::weights::write`] writes it, hexadecimal; empty where
+    /// it began with new networks.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub parent: String,
+    /// SHA-256 of the file of the fitted parameters (`theta.toml`) it was trained with, hexadecimal; empty where it
+    /// was trained on the robot of the file.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub theta: String,
+}
+
+impl Policy {
+    /// Mean actions, before scaling and clipping: `observation` is `rows × observation_width`, scaled as the
+    /// interface's terms say, `actions` `rows × joints`; both row-major. The actor's normaliser is applied here.
+    ///
+    /// # Panics
+    /// If a slice is shorter than its size, or the policy does not pass [`Policy::check`]: errors of the caller.
+    pub fn act(&self, rows: usize, observation: &[f32], actions: &mut [f32], scratch: &mut Scratch) {
+        self.actor.forward_normalised(self.normaliser.as_ref(), rows, observation, actions, scratch);
+    }
+}

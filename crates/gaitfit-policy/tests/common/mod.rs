@@ -1,0 +1,114 @@
+//! A Go2 and policies for it.
+#![allow(clippy::unwrap_used, dead_code, reason = "a failed unwrap is a failed test; no test uses all of it")]
+
+use gaitfit_model::Model;
+use gaitfit_policy::network::{Activation, Network, Normaliser, Scratch, Shape};
+use gaitfit_policy::{Interface, Quantity, Term};
+use gaitfit_policy::{Policy, Provenance};
+use std::path::{Path, PathBuf};
+
+/// The repository root.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
+}
+
+/// A file of the policies made by `tools/make_policy_fixtures.py`.
+pub fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/policies").join(name)
+}
+
+/// The project's Go2.
+pub fn go2() -> Model {
+    gaitfit_model::read(&root().join("assets/go2.xml"), &Default::default()).unwrap()
+}
+
+/// 45 observed numbers, 48 for the critic.
+pub fn interface() -> Interface {
+    let term = |quantity, scale: &[f32]| Term { quantity, scale: scale.to_vec() };
+    let observation = vec![
+        term(Quantity::BaseAngularVelocity, &[0.25]),
+        term(Quantity::ProjectedGravity, &[]),
+        term(Quantity::Command, &[2.0, 2.0, 0.5]),
+        term(Quantity::JointPosition, &[]),
+        term(Quantity::JointVelocity, &[0.05]),
+        term(Quantity::LastAction, &[]),
+    ];
+    let mut critic_observation = observation.clone();
+    critic_observation.push(term(Quantity::BaseLinearVelocity, &[]));
+    let legs = ["FL", "FR", "RL", "RR"];
+    let joints =
+        legs.iter().flat_map(|leg| ["hip", "thigh", "calf"].map(|kind| format!("{leg}_{kind}_joint")));
+    Interface {
+        robot: "go2".into(),
+        joints: joints.collect(),
+        default_pose: vec![0.1, 0.8, -1.5, -0.1, 0.8, -1.5, 0.1, 1.0, -1.5, -0.1, 1.0, -1.5],
+        action_scale: vec![0.25; 12],
+        action_clip: Some(100.0),
+        kp: vec![25.0; 12],
+        kd: vec![0.5; 12],
+        control_dt: 0.02,
+        gait_frequency: None,
+        observation,
+        critic_observation,
+    }
+}
+
+/// Numbers without a pattern, in ±1, the same every time.
+pub fn numbers(count: usize, seed: u32) -> Vec<f32> {
+    let mut state = seed.wrapping_mul(2_654_435_761).wrapping_add(1);
+    let mut next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 23) as f32 - 1.0
+    };
+    (0..count).map(|_| next()).collect()
+}
+
+/// A random policy with critic and normalisers.
+pub fn policy(activation: Activation) -> Policy {
+    let shape = |inputs, outputs| Shape { inputs, hidden: vec![24, 16], outputs, activation };
+    let normaliser = |width: usize| Normaliser {
+        mean: numbers(width, 7).into_iter().map(f64::from).map(|x| x / 3.0).collect(),
+        variance: numbers(width, 8).into_iter().map(|x| 0.1 + f64::from(x) * f64::from(x)).collect(),
+        count: 12345.678,
+    };
+    Policy {
+        interface: interface(),
+        actor: Network::random(shape(45, 12), 1, 0, 1.0).unwrap(),
+        log_std: numbers(12, 3),
+        critic: Some(Network::random(shape(48, 1), 1, 1, 1.0).unwrap()),
+        normaliser: Some(normaliser(45)),
+        critic_normaliser: Some(normaliser(48)),
+        provenance: Provenance {
+            seed: u64::MAX - 1,
+            configuration_hash: "0123abcd".into(),
+            iteration: 300,
+            program_version: "0.1.0".into(),
+            task: "episode_seconds = 20.0\n".into(),
+            parent: "4567".into(),
+            theta: "89ef".into(),
+        },
+    }
+}
+
+/// Mean actions of `rows` rows.
+pub fn act(policy: &Policy, observation: &[f32]) -> Vec<f32> {
+    let rows = observation.len() / policy.actor.shape.inputs;
+    let mut actions = vec![f32::NAN; rows * policy.actor.shape.outputs];
+    policy.act(rows, observation, &mut actions, &mut Scratch::default());
+    actions
+}
+
+/// Largest difference; NaN counts as infinite.
+pub fn largest_difference(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len());
+    let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    differences.fold(0.0, |worst, d| {
+        if d <= worst {
+            worst
+        } else if d.is_nan() {
+            f32::INFINITY
+        } else {
+            d
+        }
+    })
+}

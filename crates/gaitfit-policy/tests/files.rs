@@ -1,0 +1,209 @@
+//! The project's own policy files, safetensors and ONNX: there and back, and everything that can be wrong.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{act, largest_difference, numbers, policy, root};
+use gaitfit_policy::network::{Activation, Network, Shape};
+use gaitfit_policy::{Policy, onnx, read, weights};
+
+fn bits(network: &Network) -> Vec<u32> {
+    network.parameters.iter().map(|x| x.to_bits()).collect()
+}
+
+#[test]
+fn safetensors_come_back_bit_for_bit() {
+    for activation in [Activation::Elu, Activation::Relu, Activation::Tanh] {
+        let policy = policy(activation);
+        let bytes = weights::write(&policy).unwrap();
+        assert_eq!(bytes, weights::write(&policy).unwrap(), "the same policy gives the same bytes");
+        let back = weights::read(&bytes).unwrap();
+        assert_eq!(back, policy);
+        assert_eq!(bits(&back.actor), bits(&policy.actor));
+        assert_eq!(weights::write(&back).unwrap(), bytes);
+    }
+    let bare = Policy { critic: None, normaliser: None, critic_normaliser: None, ..policy(Activation::Elu) };
+    assert_eq!(weights::read(&weights::write(&bare).unwrap()).unwrap(), bare);
+}
+
+#[test]
+fn weights_lie_as_pytorch_has_them() {
+    let policy = policy(Activation::Elu);
+    let bytes = weights::write(&policy).unwrap();
+    let file = safetensors::SafeTensors::deserialize(&bytes).unwrap();
+    let weight = file.tensor("actor.2.weight").unwrap();
+    assert_eq!(weight.shape(), [16, 24]);
+    // Output 3, input 5 of the second layer; the flat vector is inputs × outputs.
+    let layer = &policy.actor.shape.layers()[1];
+    let expected = policy.actor.parameters[layer.weight.start + 5 * 16 + 3];
+    let at = 4 * (3 * 24 + 5);
+    assert_eq!(f32::from_le_bytes(weight.data()[at..at + 4].try_into().unwrap()), expected);
+}
+
+#[test]
+fn a_file_cut_anywhere_is_refused() {
+    let policy = policy(Activation::Elu);
+    let bytes = weights::write(&policy).unwrap();
+    for length in (0..bytes.len()).step_by(97).chain([bytes.len() - 1]) {
+        let error = weights::read(&bytes[..length]).unwrap_err().to_string();
+        assert!(error.contains("cut short"), "{length}: {error}");
+    }
+    let graph = onnx::write(&policy).unwrap();
+    for length in (0..graph.len()).step_by(97).chain([graph.len() - 1]) {
+        assert!(onnx::read(&graph[..length]).is_err(), "{length}");
+    }
+}
+
+#[test]
+fn flipped_bytes_never_panic() {
+    let policy = policy(Activation::Elu);
+    for (bytes, read) in [
+        (weights::write(&policy).unwrap(), weights::read as fn(&[u8]) -> _),
+        (onnx::write(&policy).unwrap(), onnx::read),
+    ] {
+        for at in (0..bytes.len()).step_by(41).chain(0..300) {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x5a;
+            let _: Result<Policy, _> = read(&damaged);
+        }
+    }
+}
+
+#[test]
+fn parts_that_do_not_fit_are_named() {
+    let good = policy(Activation::Elu);
+    let wide = Shape { inputs: 48, ..good.actor.shape.clone() };
+    let wide = Network::random(wide, 1, 0, 1.0).unwrap();
+    let error = weights::write(&Policy { actor: wide, ..good.clone() }).unwrap_err().to_string();
+    assert!(
+        error.starts_with("observation is 45 numbers (3 base_angular_velocity + 3 projected_gravity + ")
+            && error.ends_with("the actor takes 48"),
+        "{error}"
+    );
+    type Change = fn(&mut Policy);
+    let wrong: [(Change, &str); 8] = [
+        (|p| p.log_std.truncate(3), "log_std has 3 numbers for 12 joints"),
+        (|p| p.actor.parameters[7] = f32::NAN, "the actor holds NaN"),
+        (|p| p.actor.parameters.truncate(9), "parameters, it needs"),
+        (|p| p.actor.shape.hidden = vec![usize::MAX, usize::MAX], "has more than"),
+        (|p| p.interface.critic_observation.clear(), "critic_observation has no terms"),
+        (|p| p.normaliser.as_mut().unwrap().mean.truncate(44), "normaliser has 44 means and 45 variances"),
+        (|p| p.critic_normaliser.as_mut().unwrap().variance[0] = -1.0, "variances and a count that are not"),
+        (|p| p.critic = None, "there is a critic_normaliser, but no critic"),
+    ];
+    for (change, message) in wrong {
+        let mut policy = good.clone();
+        change(&mut policy);
+        for error in [weights::write(&policy).unwrap_err(), onnx::write(&policy).unwrap_err()] {
+            let error = error.to_string();
+            assert!(error.contains(message), "`{message}` is not in `{error}`");
+        }
+    }
+}
+
+/// The file of a policy with its JSON header changed.
+fn edited(from: &str, to: &str) -> String {
+    let bytes = weights::write(&policy(Activation::Elu)).unwrap();
+    let length = usize::try_from(u64::from_le_bytes(bytes[..8].try_into().unwrap())).unwrap();
+    let header = std::str::from_utf8(&bytes[8..8 + length]).unwrap();
+    assert!(header.contains(from), "{header}");
+    let header = header.replacen(from, to, 1);
+    let mut file = (header.len() as u64).to_le_bytes().to_vec();
+    file.extend(header.as_bytes());
+    file.extend(&bytes[8 + length..]);
+    weights::read(&file).unwrap_err().to_string()
+}
+
+#[test]
+fn a_damaged_header_is_named() {
+    let cases = [
+        ("\"actor.2.weight\"", "\"actor.2.wait\"", "layer 1 gives 24 numbers, layer 2 takes 16"),
+        ("\"log_std\"", "\"log_sdt\"", "tensor log_std is missing"),
+        ("[24,45]", "[45,24]", "tensor actor.0.bias has 24 numbers"),
+        ("\\\"format\\\":1", "\\\"format\\\":2", "it has format 2"),
+        ("\"gaitfit\"", "\"geitfit\"", "docs/policies.md"),
+        ("\\\"kd\\\"", "\\\"kq\\\"", "unknown field `kq`"),
+        (
+            "\\\"joints\\\":[\\\"FL_hip_joint\\\",",
+            "\\\"joints\\\":[",
+            "default_pose has 12 numbers for 11 joints",
+        ),
+    ];
+    for (from, to, message) in cases {
+        let error = edited(from, to);
+        assert!(error.contains(message), "`{message}` is not in `{error}`");
+    }
+}
+
+#[test]
+fn onnx_comes_back_with_the_same_actor() {
+    let observation: Vec<f32> = numbers(45 * 20, 9).into_iter().map(|x| 3.0 * x).collect();
+    for activation in [Activation::Elu, Activation::Relu, Activation::Tanh] {
+        for normalised in [true, false] {
+            let mut policy = policy(activation);
+            if !normalised {
+                policy.normaliser = None;
+            }
+            let back = onnx::read(&onnx::write(&policy).unwrap()).unwrap();
+            assert_eq!(bits(&back.actor), bits(&policy.actor));
+            assert_eq!((&back.interface, &back.log_std), (&policy.interface, &policy.log_std));
+            assert_eq!((&back.normaliser, &back.provenance), (&policy.normaliser, &policy.provenance));
+            assert_eq!(act(&back, &observation), act(&policy, &observation));
+        }
+    }
+}
+
+#[test]
+fn onnxruntime_gives_the_same_actions() {
+    let python = root().join(".venv/bin/python");
+    let found = std::process::Command::new(&python).args(["-c", "import onnx, onnxruntime"]).output();
+    if !found.is_ok_and(|output| output.status.success()) {
+        eprintln!("skipped: tools/setup_venv.sh has not set up onnxruntime");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let policy = policy(Activation::Elu);
+    let observation: Vec<f32> = numbers(45 * 200, 9).into_iter().map(|x| 3.0 * x).collect();
+    let actions = act(&policy, &observation);
+    assert!(actions.iter().any(|action| action.abs() > 0.1), "actions of zero would prove nothing");
+    let rows = |values: &[f32], width| values.chunks_exact(width).map(<[f32]>::to_vec).collect::<Vec<_>>();
+    let table = serde_json::json!({ "observation": rows(&observation, 45), "actions": rows(&actions, 12) });
+    std::fs::write(folder.path().join("rows.json"), table.to_string()).unwrap();
+    std::fs::write(folder.path().join("policy.onnx"), onnx::write(&policy).unwrap()).unwrap();
+    std::fs::write(folder.path().join("policy.safetensors"), weights::write(&policy).unwrap()).unwrap();
+    let output = std::process::Command::new(python)
+        .current_dir(folder.path())
+        .arg(root().join("tools/check_onnx.py"))
+        .args([
+            "policy.onnx",
+            "--rows",
+            "rows.json",
+            "--weights",
+            "policy.safetensors",
+            "--tolerance",
+            "1e-5",
+        ])
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{text}{}", String::from_utf8_lossy(&output.stderr));
+    eprintln!("{text}");
+}
+
+#[test]
+fn paths_are_read_by_their_ending() {
+    let folder = tempfile::tempdir().unwrap();
+    let policy = policy(Activation::Elu);
+    let path = folder.path().join("a.safetensors");
+    std::fs::write(&path, weights::write(&policy).unwrap()).unwrap();
+    assert_eq!(read(&path).unwrap(), policy);
+    let graph = folder.path().join("a.onnx");
+    std::fs::write(&graph, onnx::write(&policy).unwrap()).unwrap();
+    assert!(largest_difference(&read(&graph).unwrap().log_std, &policy.log_std) == 0.0);
+    for (name, message) in [("a.txt", "no policy by its ending"), ("none.onnx", "cannot read")] {
+        let error = read(&folder.path().join(name)).unwrap_err().to_string();
+        assert!(error.contains(name) && error.contains(message), "{error}");
+    }
+    let error = read(folder.path().join("a.onnx").parent().unwrap()).unwrap_err().to_string();
+    assert!(error.contains("no policy by its ending"), "{error}");
+}

@@ -1,0 +1,91 @@
+//! An interface against itself and against robots.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{go2, interface};
+use gaitfit_model::read_mjcf_str;
+use gaitfit_policy::{Interface, Quantity, Term};
+
+/// The error of an interface changed by `change`.
+fn error(change: impl Fn(&mut Interface)) -> String {
+    let mut interface = interface();
+    change(&mut interface);
+    interface.check().unwrap_err().to_string()
+}
+
+#[test]
+fn layout_and_scales_follow_the_terms() {
+    let interface = interface();
+    interface.check().unwrap();
+    assert_eq!((interface.observation_width(), interface.critic_width()), (45, 48));
+    let layout = interface.observation_layout();
+    assert_eq!(layout[2], (Quantity::Command, 6..9));
+    assert_eq!(layout[5], (Quantity::LastAction, 33..45));
+    let scales = interface.scales(&interface.observation);
+    assert_eq!(scales.len(), 45);
+    assert_eq!((scales[0], scales[3], scales[6], scales[8], scales[21]), (0.25, 1.0, 2.0, 0.5, 0.05));
+    assert!(
+        interface.describe(&interface.observation).starts_with("45 numbers (3 base_angular_velocity + 3 ")
+    );
+}
+
+#[test]
+fn contradictions_are_named() {
+    type Change = fn(&mut Interface);
+    let wrong: [(Change, &str); 14] = [
+        (|i| i.kp.truncate(11), "kp has 11 numbers for 12 joints"),
+        (|i| i.kp[3] = -1.0, "kp of FR_hip_joint is -1"),
+        (|i| i.kp.fill(0.0), "kp is zero for every joint"),
+        (|i| i.default_pose[2] = f64::NAN, "default_pose of FL_calf_joint is NaN"),
+        (|i| i.action_scale[0] = 1e300, "action_scale of FL_hip_joint"),
+        (|i| i.control_dt = 0.0, "control_dt is 0"),
+        (|i| i.action_clip = Some(f64::INFINITY), "action_clip is inf"),
+        (|i| i.joints[1] = "FL_hip_joint".into(), "joint FL_hip_joint is listed twice"),
+        (|i| i.joints.clear(), "0 joints"),
+        (|i| i.robot = "go2\n".into(), "`go2\\n` names no robot"),
+        (|i| i.observation.clear(), "the observation has no terms"),
+        (
+            |i| i.observation[0].scale = vec![1.0; 2],
+            "scale of base_angular_velocity in observation has 2 numbers",
+        ),
+        (|i| i.observation[0].scale = vec![f32::NAN], "scale of base_angular_velocity in observation is NaN"),
+        (
+            |i| i.critic_observation.push(Term { quantity: Quantity::GaitPhase, scale: vec![] }),
+            "gait_frequency is missing",
+        ),
+    ];
+    for (change, message) in wrong {
+        let found = error(change);
+        assert!(found.contains(message), "`{message}` is not in `{found}`");
+    }
+}
+
+#[test]
+fn joints_are_found_by_name_in_any_order() {
+    let (model, mut interface) = (go2(), interface());
+    assert_eq!(interface.resolve(&model).unwrap(), (0..12).collect::<Vec<_>>());
+    interface.joints.reverse();
+    interface.joints[0] = "RR_calf".into();
+    assert_eq!(interface.resolve(&model).unwrap(), (0..12).rev().collect::<Vec<_>>());
+}
+
+#[test]
+fn joints_that_are_missing_or_named_twice_are_refused() {
+    let (model, mut interface) = (go2(), interface());
+    interface.joints[4] = "FR_tigh_joint".into();
+    let missing = interface.resolve(&model).unwrap_err().to_string();
+    assert!(missing.contains("no joint `FR_tigh_joint`; the nearest name is `FR_thigh_joint`"), "{missing}");
+    interface.joints[4] = "FL_hip".into();
+    let twice = interface.resolve(&model).unwrap_err().to_string();
+    assert!(twice.contains("`FL_hip_joint` and `FL_hip` are both joint `FL_hip_joint`"), "{twice}");
+}
+
+#[test]
+fn a_policy_of_another_robot_is_refused_with_both_names() {
+    let text = std::fs::read_to_string(common::root().join("assets/go2.xml")).unwrap();
+    let other = text.replace("model=\"go2\"", "model=\"go1\"");
+    let model = read_mjcf_str(&other, &Default::default()).unwrap();
+    let message = interface().resolve(&model).unwrap_err().to_string();
+    assert!(message.contains("`go2`") && message.contains("`go1`"), "{message}");
+}

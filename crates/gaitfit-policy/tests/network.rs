@@ -1,0 +1,112 @@
+//! Inference: against scalar products in double precision, whatever the number of rows.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use gaitfit_policy::network::{Activation, Network, Scratch, Shape, ShapeError};
+use gaitfit_random::{Purpose, Stream};
+
+fn shape(activation: Activation) -> Shape {
+    Shape { inputs: 45, hidden: vec![128, 33, 64], outputs: 12, activation }
+}
+
+fn input(rows: usize) -> Vec<f32> {
+    let stream = Stream::new(3, Purpose::BOOTSTRAP);
+    (0..rows * 45).map(|draw| 2.0 * stream.normal(draw as u32) as f32).collect()
+}
+
+fn reference(network: &Network, row: &[f32]) -> Vec<f64> {
+    let mut x: Vec<f64> = row.iter().map(|&x| f64::from(x)).collect();
+    let layers = network.shape.layers();
+    for (number, layer) in layers.iter().enumerate() {
+        let p = |index: usize| f64::from(network.parameters[index]);
+        let y = (0..layer.outputs).map(|j| {
+            let products = (0..layer.inputs).map(|i| x[i] * p(layer.weight.start + i * layer.outputs + j));
+            let y = products.sum::<f64>() + p(layer.bias.start + j);
+            match network.shape.activation {
+                _ if number + 1 == layers.len() => y,
+                Activation::Elu => {
+                    if y > 0.0 {
+                        y
+                    } else {
+                        y.exp_m1()
+                    }
+                }
+                Activation::Relu => y.max(0.0),
+                Activation::Tanh => y.tanh(),
+            }
+        });
+        x = y.collect();
+    }
+    x
+}
+
+#[test]
+fn forward_is_the_network_in_double_precision() {
+    for activation in [Activation::Elu, Activation::Relu, Activation::Tanh] {
+        let network = Network::random(shape(activation), 5, 0, 1.0).unwrap();
+        let mut scratch = Scratch::new();
+        for rows in [0, 1, 7, 9, 256, 261, 600] {
+            let input = input(rows);
+            let mut output = vec![f32::NAN; rows * 12];
+            network.forward(rows, &input, &mut output, &mut scratch);
+            for (row, output) in input.chunks_exact(45).zip(output.chunks_exact(12)) {
+                for (got, want) in output.iter().zip(reference(&network, row)) {
+                    assert!(
+                        (f64::from(*got) - want).abs() < 2e-6,
+                        "{activation:?}, {rows} rows: {got} {want}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_nan_in_a_row_comes_out_of_that_row_alone() {
+    for activation in [Activation::Elu, Activation::Relu, Activation::Tanh] {
+        let network = Network::random(shape(activation), 5, 0, 1.0).unwrap();
+        let mut input = input(20);
+        input[3 * 45 + 7] = f32::NAN;
+        let mut output = vec![0.0; 20 * 12];
+        network.forward(20, &input, &mut output, &mut Scratch::new());
+        for (row, output) in output.chunks_exact(12).enumerate() {
+            assert!(output.iter().all(|x| x.is_nan() == (row == 3)), "{activation:?}, row {row}: {output:?}");
+        }
+    }
+}
+
+#[test]
+fn layers_lie_one_after_the_other() {
+    let shape = Shape { inputs: 3, hidden: vec![4], outputs: 2, activation: Activation::Tanh };
+    let layers = shape.layers();
+    assert_eq!((layers[0].weight.clone(), layers[0].bias.clone()), (0..12, 12..16));
+    assert_eq!((layers[1].weight.clone(), layers[1].bias.clone()), (16..24, 24..26));
+    assert_eq!(shape.parameters(), 26);
+    assert_eq!(shape.to_string(), "3-4-2");
+}
+
+#[test]
+fn first_parameters_are_uniform_within_their_bounds() {
+    let network = Network::random(shape(Activation::Elu), 9, 1, 0.1).unwrap();
+    for (number, layer) in network.shape.layers().iter().enumerate() {
+        let bound = f64::from(if number == 3 { 0.1_f32 } else { 1.0 }) / (layer.inputs as f64).sqrt();
+        let weights = &network.parameters[layer.weight.clone()];
+        let greatest = weights.iter().fold(0.0_f64, |a, &b| a.max(f64::from(b).abs()));
+        assert!(
+            greatest <= bound * 1.000_001 && greatest > 0.97 * bound,
+            "layer {number}: {greatest} of {bound}"
+        );
+        let variance = weights.iter().map(|&w| f64::from(w).powi(2)).sum::<f64>() / weights.len() as f64;
+        assert!((variance / (bound * bound / 3.0) - 1.0).abs() < 0.1, "layer {number}");
+    }
+    let other = Network::random(shape(Activation::Elu), 9, 0, 0.1).unwrap();
+    assert_ne!(network.parameters[0], other.parameters[0]);
+}
+
+#[test]
+fn networks_that_cannot_be_are_refused() {
+    let empty = Shape { inputs: 3, hidden: vec![4, 0], outputs: 2, activation: Activation::Elu };
+    assert_eq!(Network::random(empty, 0, 0, 1.0), Err(ShapeError::EmptyLayer("hidden layer 2".into())));
+    let shape = Shape { inputs: 3, hidden: vec![], outputs: 2, activation: Activation::Elu };
+    let error = Network::new(shape, &[0.0; 7]).unwrap_err();
+    assert_eq!(error.to_string(), "a network of 3-2 has 8 parameters, 7 were given");
+}
