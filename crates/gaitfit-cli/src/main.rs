@@ -29,6 +29,8 @@ fn main() -> ExitCode {
         Command::Evaluate(args) => commands::evaluate::run(args),
         Command::Collect(args) => commands::collect::run(args),
         Command::Bench(args) => commands::bench::run(args),
+        Command::Completions(args) => commands::shell::completions(args),
+        Command::Man(args) => commands::shell::man(args),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -2,12 +2,18 @@
 
 use crate::exit::Failure;
 use serde::Serialize;
+use std::borrow::Cow;
 use std::io::{ErrorKind, Write};
 
-/// Prints `text` as it is.
+/// Prints text for people. Control characters, which names in files may hold, are shown escaped.
 pub fn print(text: &str) -> Result<(), Failure> {
+    print_bytes(harmless(text).as_bytes())
+}
+
+/// Prints bytes as they are.
+pub fn print_bytes(bytes: &[u8]) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    match out.write_all(bytes).and_then(|()| out.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             Err(Failure::failed(format!("cannot write to standard output: {error}")))
         }
@@ -20,10 +26,52 @@ pub fn print_json<T: Serialize>(document: &T) -> Result<(), Failure> {
     let mut text = serde_json::to_string_pretty(document)
         .map_err(|error| Failure::failed(format!("cannot write the result as JSON: {error}")))?;
     text.push('\n');
-    print(&text)
+    // JSON itself lets some characters stand that steer a terminal.
+    print_bytes(escaped(&text, |letter| format!("\\u{:04x}", u32::from(letter))).as_bytes())
 }
 
 /// Prints a line of progress or advice on standard error; a closed standard error is ignored.
 pub fn note(text: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{text}");
+    let _ = writeln!(std::io::stderr().lock(), "{}", harmless(text));
+}
+
+/// The text without characters that steer a terminal: those are shown escaped.
+pub fn harmless(text: &str) -> Cow<'_, str> {
+    escaped(text, |letter| letter.escape_unicode().to_string())
+}
+
+fn escaped(text: &str, escape: impl Fn(char) -> String) -> Cow<'_, str> {
+    let steers = |letter: char| letter.is_control() && letter != '\n' && letter != '\t' || is_bidi(letter);
+    if !text.chars().any(steers) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for letter in text.chars() {
+        if steers(letter) {
+            shown.push_str(&escape(letter));
+        } else {
+            shown.push(letter);
+        }
+    }
+    Cow::Owned(shown)
+}
+
+/// Whether a character turns the direction of the text around it.
+fn is_bidi(letter: char) -> bool {
+    matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::harmless;
+
+    #[test]
+    fn what_steers_a_terminal_is_escaped_and_the_rest_is_not() {
+        let tables = "joint  rad\n──────\nFL_hip\t0.1 ± 0.2 N·m\n";
+        assert_eq!(harmless(tables), tables);
+        assert_eq!(
+            harmless("a\u{1b}[31mb\rc\u{9b}\u{202e}d\u{7f}"),
+            "a\\u{1b}[31mb\\u{d}c\\u{9b}\\u{202e}d\\u{7f}"
+        );
+    }
 }

@@ -1,6 +1,6 @@
 //! Progress on standard error: a live bar on a terminal, a plain line now and then elsewhere.
 
-use crate::output::note;
+use crate::output::{harmless, note};
 use gaitfit::watch::Work;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
@@ -65,6 +65,7 @@ impl Progress {
         let left =
             seconds / done.saturating_sub(self.first).max(1) as f64 * self.total.saturating_sub(done) as f64;
         let speed = speed(self.counted as f64 / seconds);
+        let state = harmless(state);
         let text = format!("{state}  {speed} {}/s  {} left", self.parts, time(left));
         match &self.bar {
             Some(bar) => {

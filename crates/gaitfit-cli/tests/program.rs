@@ -51,3 +51,39 @@ fn bench_prints_what_it_measured() {
     // Robots that fell over would measure another thing.
     assert!(found["base_height_m"].as_f64().unwrap() > 0.15, "{found}");
 }
+
+#[test]
+fn shells_and_manuals_know_the_commands() {
+    for shell in ["bash", "zsh", "fish"] {
+        let script = String::from_utf8(run(&["completions", shell]).stdout).unwrap();
+        assert!(script.contains("finetune") && script.contains("--resume"), "{shell}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let man = folder.path().join("man");
+    assert_eq!(run(&["man", man.to_str().unwrap()]).status.code(), Some(0));
+    let page = std::fs::read_to_string(man.join("gaitfit-loop.1")).unwrap();
+    assert!(page.contains("resume"), "{page}");
+}
+
+#[test]
+fn a_policy_can_be_inspected() {
+    let policy = "assets/go2-walk.safetensors";
+    let shown = String::from_utf8(run(&["inspect", policy]).stdout).unwrap();
+    assert!(shown.contains("base_angular_velocity") && shown.contains("FL_calf_joint"), "{shown}");
+    assert_eq!(json(&run(&["inspect", policy, "--json"]))["control_dt"], 0.02);
+}
+
+#[test]
+fn names_in_files_do_not_steer_the_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.csv");
+    let rows: String = (0..50).map(|row| format!("{},0,0,0\n", 0.02 * f64::from(row))).collect();
+    let name = "\u{1b}[2Jevil";
+    std::fs::write(&path, format!("time,q_{name},dq_{name},qdes_{name}\n{rows}")).unwrap();
+    for extra in [&[][..], &["--json"]] {
+        let output = run(&[&["inspect", path.to_str().unwrap()], extra].concat());
+        let said = [output.stdout, output.stderr].concat();
+        assert!(String::from_utf8_lossy(&said).contains("evil"), "{}", String::from_utf8_lossy(&said));
+        assert!(!said.contains(&0x1b), "{}", String::from_utf8_lossy(&said).escape_debug());
+    }
+}

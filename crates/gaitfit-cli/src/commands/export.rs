@@ -1,58 +1,12 @@
 //! `gaitfit export`: a policy in other programs' formats, and at a glance.
 
+use super::policy::{document, text};
 use crate::cli::Export;
 use crate::exit::Failure;
 use crate::output;
-use crate::table::table;
 use gaitfit::files;
-use gaitfit_policy::{Policy, PolicyError, Provenance, onnx, weights};
-use gaitfit_policy::{Quantity, Term};
-use serde::Serialize;
-use std::fmt::Write as _;
-use std::ops::Range;
+use gaitfit_policy::{Policy, PolicyError, onnx, weights};
 use std::path::PathBuf;
-
-#[derive(Serialize)]
-struct Document {
-    robot: String,
-    actor: Network,
-    critic: Option<Network>,
-    normaliser: bool,
-    observation: Vec<Part>,
-    critic_observation: Vec<Part>,
-    joints: Vec<Joint>,
-    action_clip: Option<f64>,
-    control_dt: f64,
-    gait_frequency: Option<f64>,
-    provenance: Provenance,
-    written: Vec<String>,
-}
-
-#[derive(Serialize)]
-struct Network {
-    layers: Vec<usize>,
-    activation: &'static str,
-    parameters: usize,
-}
-
-/// One term of an observation: elements `start .. end`.
-#[derive(Serialize)]
-struct Part {
-    quantity: Quantity,
-    start: usize,
-    end: usize,
-    scale: Vec<f32>,
-}
-
-#[derive(Serialize)]
-struct Joint {
-    name: String,
-    default_pose: f64,
-    action_scale: f64,
-    kp: f64,
-    kd: f64,
-    std: f32,
-}
 
 /// Reads the policy, writes what is asked for, prints what it is.
 pub fn run(args: &Export) -> Result<(), Failure> {
@@ -75,106 +29,4 @@ pub fn run(args: &Export) -> Result<(), Failure> {
     }
     let document = document(&policy, written);
     if args.json { output::print_json(&document) } else { output::print(&text(&document)) }
-}
-
-fn document(policy: &Policy, written: Vec<String>) -> Document {
-    let interface = &policy.interface;
-    let network = |network: &gaitfit_policy::network::Network| Network {
-        layers: std::iter::once(network.shape.inputs)
-            .chain(network.shape.hidden.iter().copied())
-            .chain([network.shape.outputs])
-            .collect(),
-        activation: network.shape.activation.name(),
-        parameters: network.parameters.len(),
-    };
-    let parts = |terms: &[Term], layout: Vec<(Quantity, Range<usize>)>| {
-        let part = |(term, (quantity, range)): (&Term, (Quantity, Range<usize>))| Part {
-            quantity,
-            start: range.start,
-            end: range.end,
-            scale: term.scale.clone(),
-        };
-        terms.iter().zip(layout).map(part).collect()
-    };
-    let joint = |(index, name): (usize, &String)| Joint {
-        name: name.clone(),
-        default_pose: interface.default_pose[index],
-        action_scale: interface.action_scale[index],
-        kp: interface.kp[index],
-        kd: interface.kd[index],
-        std: policy.log_std[index].exp(),
-    };
-    Document {
-        robot: interface.robot.clone(),
-        actor: network(&policy.actor),
-        critic: policy.critic.as_ref().map(network),
-        normaliser: policy.normaliser.is_some(),
-        observation: parts(&interface.observation, interface.observation_layout()),
-        critic_observation: parts(&interface.critic_observation, interface.critic_layout()),
-        joints: interface.joints.iter().enumerate().map(joint).collect(),
-        action_clip: interface.action_clip,
-        control_dt: interface.control_dt,
-        gait_frequency: interface.gait_frequency,
-        provenance: policy.provenance.clone(),
-        written,
-    }
-}
-
-fn text(document: &Document) -> String {
-    let shape = |network: &Network| {
-        let widths: Vec<String> = network.layers.iter().map(usize::to_string).collect();
-        format!("{} {}, {} parameters", widths.join("-"), network.activation, network.parameters)
-    };
-    let mut text = format!("policy for {}\nactor   {}", document.robot, shape(&document.actor));
-    text.push_str(if document.normaliser { ", observation normalised\n" } else { "\n" });
-    if let Some(critic) = &document.critic {
-        let _ = writeln!(text, "critic  {}", shape(critic));
-    }
-    let _ = write!(text, "action every {} s", document.control_dt);
-    if let Some(clip) = document.action_clip {
-        let _ = write!(text, ", clipped to ±{clip}");
-    }
-    if let Some(frequency) = document.gait_frequency {
-        let _ = write!(text, ", gait clock {frequency} Hz");
-    }
-    let provenance = &document.provenance;
-    if provenance.program_version.is_empty() {
-        text.push_str("\ntrained elsewhere\n\n");
-    } else {
-        let hash: String = provenance.configuration_hash.chars().take(12).collect();
-        let _ = writeln!(
-            text,
-            "\n{} iterations, seed {}, configuration {hash}, gaitfit {}\n",
-            provenance.iteration, provenance.seed, provenance.program_version
-        );
-    }
-    let mut observation = table(&["observation", "elements", "scale"], &[1]);
-    for part in &document.observation {
-        let scale: Vec<String> = part.scale.iter().map(f32::to_string).collect();
-        let scale = if scale.is_empty() { "1".to_owned() } else { scale.join(" ") };
-        observation.add_row([
-            part.quantity.name().to_owned(),
-            format!("{}..{}", part.start, part.end),
-            scale,
-        ]);
-    }
-    let mut joints = table(
-        &["joint", "default rad", "action scale rad", "kp N·m/rad", "kd N·m·s/rad", "action std"],
-        &[1, 2, 3, 4, 5],
-    );
-    for joint in &document.joints {
-        joints.add_row([
-            joint.name.clone(),
-            joint.default_pose.to_string(),
-            joint.action_scale.to_string(),
-            joint.kp.to_string(),
-            joint.kd.to_string(),
-            format!("{:.3}", joint.std),
-        ]);
-    }
-    let _ = writeln!(text, "{observation}\n\n{joints}");
-    for path in &document.written {
-        let _ = writeln!(text, "wrote {path}");
-    }
-    text
 }

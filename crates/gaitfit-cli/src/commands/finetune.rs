@@ -11,8 +11,8 @@ use gaitfit::settings::{self, FinetuneConfig};
 /// Trains all seeds, or continues them, and reports what came out.
 pub fn run(args: &cli::Finetune) -> Result<(), Failure> {
     let path = args.config.as_deref();
-    let mut config: FinetuneConfig = settings::load(path, &args.set)?;
-    let name = run_name(args.name.as_ref(), config.name.as_ref(), path);
+    let mut config: FinetuneConfig = settings::load(path, &args.run.set)?;
+    let name = run_name(args.run.name.as_ref(), config.name.as_ref(), path);
     if let Some(seeds) = &args.seeds {
         config.seeds = seeds.0.clone();
     }
@@ -29,9 +29,9 @@ pub fn run(args: &cli::Finetune) -> Result<(), Failure> {
         name: name.unwrap_or_else(|| "finetune".to_owned()),
         files: Files { policy: args.policy.clone(), theta: args.theta.clone(), robot: args.robot.clone() },
         task: args.task.clone(),
-        threads: args.threads,
+        threads: args.run.threads,
     })?;
     interrupt::listen()?;
-    let results = watched(train::LINES, |watch| gaitfit::train::train(&setup, args.resume, watch))?;
-    train::print(&results, args.json)
+    let results = watched(train::LINES, |watch| gaitfit::train::train(&setup, args.run.resume, watch))?;
+    train::print(&results, args.run.json)
 }

@@ -11,7 +11,9 @@ pub mod finetune;
 pub mod forward;
 pub mod inspect;
 pub mod loop_;
+mod policy;
 pub mod reproduce;
+pub mod shell;
 pub mod train;
 
 use std::path::Path;

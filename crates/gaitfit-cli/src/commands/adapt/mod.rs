@@ -18,13 +18,13 @@ use std::path::Path;
 
 /// Runs or continues a fit and reports what it found.
 pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
-    let mut config: AdaptConfig = settings::load(Some(&args.config), &args.set)?;
-    let name = run_name(args.name.as_ref(), config.name.as_ref(), Some(&args.config)).unwrap_or_default();
+    let mut config: AdaptConfig = settings::load(Some(&args.config), &args.run.set)?;
+    let name = run_name(args.run.name.as_ref(), config.name.as_ref(), Some(&args.config)).unwrap_or_default();
     config.name = Some(name.clone());
     // The folder keeps every default, these too.
     config.parameter.iter_mut().for_each(gaitfit_adapt::ParameterRule::resolve);
     config.number.iter_mut().for_each(gaitfit_adapt::RobotRule::resolve);
-    let threads = args.threads.map(std::num::NonZeroUsize::get);
+    let threads = args.run.threads.map(std::num::NonZeroUsize::get);
     watched(Lines::Seconds(5), |watch| match config.base {
         Base::Free => walk(args, &config, &name, threads, watch),
         Base::Fixed => air(args, &config, &name, threads, watch),
@@ -39,10 +39,10 @@ fn walk(
     watch: &Watch<'_>,
 ) -> Result<(), Failure> {
     let ground = Ground::open(config, &args.config, threads)?;
-    let folder = RunFolder::begin(Path::new(&config.runs), name, args.resume, watch)?;
+    let folder = RunFolder::begin(Path::new(&config.runs), name, args.run.resume, watch)?;
     interrupt::listen()?;
     let results = walk::fit::fit(config, &ground, &folder, watch)?;
-    if args.json {
+    if args.run.json {
         output::print_json(&results)
     } else {
         output::print(&walk_table::text(&results, &ground.warnings))
@@ -57,10 +57,10 @@ fn air(
     watch: &Watch<'_>,
 ) -> Result<(), Failure> {
     let setup = air::setup(config, &args.config, threads)?;
-    let folder = RunFolder::begin(Path::new(&config.runs), name, args.resume, watch)?;
+    let folder = RunFolder::begin(Path::new(&config.runs), name, args.run.resume, watch)?;
     interrupt::listen()?;
     let results = air::fit(config, &setup, &folder, watch)?;
-    if args.json {
+    if args.run.json {
         output::print_json(&results)?;
     } else {
         output::print(&air_table::text(&results, &setup.warnings))?;

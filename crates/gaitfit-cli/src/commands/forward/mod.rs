@@ -27,6 +27,7 @@ pub fn run(args: &crate::cli::Forward) -> Result<(), Failure> {
     let [qpos, qvel, ctrl] = &states[..] else {
         return Err(Failure::failed("the input does not hold three arrays"));
     };
+    bounded(&model, rows, args)?;
     let settings = Settings::new(&model.options, args.preset.into());
     let mut forward = Forward::new(&model, &settings)
         .map_err(|error| Failure::failed(format!("{}: {error}", args.model.display())))?;
@@ -43,6 +44,24 @@ pub fn run(args: &crate::cli::Forward) -> Result<(), Failure> {
         }
     }
     write(&args.out, &out)
+}
+
+/// Most values of all results together: 1 GiB.
+const MOST_VALUES: u64 = 1 << 27;
+
+/// Refuses more states than results fit into memory.
+fn bounded(model: &Model, rows: usize, args: &crate::cli::Forward) -> Result<(), Failure> {
+    let (nq, nv) = (model.nq() as u64, model.nv() as u64);
+    let each = (nv * nv + 3 * nv + nq).max(1);
+    if rows as u64 <= MOST_VALUES / each {
+        return Ok(());
+    }
+    Err(Failure::failed(format!(
+        "{}: {rows} states of {} would give {each} values each; give at most {} states in one file",
+        args.states.display(),
+        model.name,
+        MOST_VALUES / each
+    )))
 }
 
 /// Refuses arrays that are not `rows × width` finite numbers.
@@ -101,4 +120,22 @@ fn evaluate(
         }
     }
     Ok(out.into())
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[test]
+    fn results_that_fit_into_no_memory_are_refused_before_they_are_made() {
+        let line = ["gaitfit", "forward", "go2.xml", "states.npz", "out.npz"];
+        let crate::cli::Command::Forward(args) = crate::cli::Cli::parse_from(line).command else { panic!() };
+        let model = robot::go2().unwrap();
+        // 18 degrees of freedom: 324 + 54 + 19 values a state.
+        assert!(bounded(&model, (1 << 27) / 397, &args).is_ok());
+        let error = bounded(&model, (1 << 27) / 397 + 1, &args).unwrap_err();
+        assert!(error.message.contains("states.npz") && error.message.contains("at most 338080"), "{error}");
+    }
 }

@@ -10,8 +10,8 @@ use zip::ZipArchive;
 use zip::result::ZipError;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
-/// Most values of one array read: 2 GB.
-const MOST_VALUES: u64 = 1 << 28;
+/// Most values of one array read: 512 MiB.
+const MOST_VALUES: u64 = 1 << 26;
 
 /// An array of numbers, row-major.
 #[derive(Clone, Debug, PartialEq)]

@@ -4,8 +4,10 @@ mod log;
 mod plot;
 mod robot;
 
+use super::policy::{document, text};
 use crate::cli::Inspect;
 use crate::exit::Failure;
+use crate::output;
 
 /// Tells robots from logs by the file's ending and prints what they hold.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
@@ -23,11 +25,25 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
             }
             log::run(args)
         }
+        Some("safetensors" | "onnx" | "toml") => {
+            if args.plot.is_some() || args.robot.is_some() || args.lenient {
+                return Err(Failure::usage("--plot, --robot and --lenient are for robots and logs"));
+            }
+            policy(args)
+        }
         _ => Err(Failure::usage(format!(
-            "{}: neither a robot (.xml, .mjcf, .urdf) nor a log (.csv)",
+            "{}: neither a robot (.xml, .mjcf, .urdf), a log (.csv), a folder of logs, nor a policy (.safetensors, \
+             .onnx, .toml)",
             args.file.display()
         ))),
     }
+}
+
+/// Prints what a policy sees and does.
+fn policy(args: &Inspect) -> Result<(), Failure> {
+    let policy = gaitfit_policy::read(&args.file).map_err(Failure::failed)?;
+    let document = document(&policy, Vec::new());
+    if args.json { output::print_json(&document) } else { output::print(&text(&document)) }
 }
 
 /// A number for a table: up to four digits that matter, "–" for none.

@@ -9,19 +9,18 @@ use crate::progress::Lines;
 use crate::watcher::watched;
 use crate::{interrupt, output};
 use gaitfit::loop_::{self, Setup};
-use gaitfit::machine;
 use gaitfit::settings::{self, LoopConfig};
 
 /// Runs or continues a loop and reports what came out.
 pub fn run(args: &cli::Loop) -> Result<(), Failure> {
-    let mut config: LoopConfig = settings::load(Some(&args.config), &args.set)?;
-    let name = run_name(args.name.as_ref(), config.name.as_ref(), Some(&args.config));
+    let mut config: LoopConfig = settings::load(Some(&args.config), &args.run.set)?;
+    let name = run_name(args.run.name.as_ref(), config.name.as_ref(), Some(&args.config));
     let name = name.unwrap_or_else(|| "loop".to_owned());
     config.name = Some(name.clone());
     config.check(&args.config)?;
-    let threads = args.threads.map_or_else(machine::threads, std::num::NonZeroUsize::get);
+    let threads = args.run.threads();
     let setup = Setup::open(config, &args.config, threads)?;
     interrupt::listen()?;
-    let results = watched(Lines::Seconds(5), |watch| loop_::run(&setup, &name, args.resume, watch))?;
-    if args.json { output::print_json(&results) } else { output::print(&table::text(&results)) }
+    let results = watched(Lines::Seconds(5), |watch| loop_::run(&setup, &name, args.run.resume, watch))?;
+    if args.run.json { output::print_json(&results) } else { output::print(&table::text(&results)) }
 }

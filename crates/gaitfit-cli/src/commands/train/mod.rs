@@ -8,7 +8,6 @@ use crate::exit::Failure;
 use crate::progress::Lines;
 use crate::watcher::watched;
 use crate::{interrupt, output};
-use gaitfit::machine;
 use gaitfit::settings::{self, TrainConfig};
 use gaitfit::train::{self, Results};
 
@@ -17,17 +16,20 @@ pub const LINES: Lines = Lines::Parts(10);
 
 /// Trains all seeds, or continues them, and reports what came out.
 pub fn run(args: &cli::Train) -> Result<(), Failure> {
-    let mut config: TrainConfig = settings::load(args.config.as_deref(), &args.set)?;
-    let name = run_name(args.name.as_ref(), config.name.as_ref(), args.config.as_deref());
+    let mut config: TrainConfig = settings::load(args.config.as_deref(), &args.run.set)?;
+    let name = run_name(args.run.name.as_ref(), config.name.as_ref(), args.config.as_deref());
     let name = name.unwrap_or_else(|| config.task.base.name().to_owned());
     config.name = Some(name.clone());
     if let Some(seeds) = &args.seeds {
         config.seeds = seeds.0.clone();
     }
-    let threads = args.threads.map_or_else(machine::threads, std::num::NonZeroUsize::get);
+    let threads = args.run.threads();
+    if let Some(robot) = &args.robot {
+        config.robot = Some(robot.display().to_string());
+    }
     let setup = train::setup(&config, &name, args.config.as_deref(), threads)?;
     interrupt::listen()?;
-    print(&watched(LINES, |watch| train::train(&setup, args.resume, watch))?, args.json)
+    print(&watched(LINES, |watch| train::train(&setup, args.run.resume, watch))?, args.run.json)
 }
 
 /// Prints what came out.

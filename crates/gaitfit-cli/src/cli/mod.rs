@@ -1,0 +1,137 @@
+//! The command line.
+
+mod bench;
+mod choices;
+mod run;
+mod world;
+
+pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms};
+pub use choices::{Config, ConfigOf, Preset};
+pub use run::{Adapt, Finetune, Loop, Reproduce, Train};
+pub use world::{Collect, Evaluate};
+
+use clap::{Args, Parser, Subcommand};
+use clap_complete::Shell;
+use std::path::PathBuf;
+
+/// Fits a legged robot's simulator to the real robot from its joint sensors.
+///
+/// Results go to standard output, progress to standard error. Exit codes: 0 done, 1 failed, 2 wrong usage or
+/// configuration, 3 ran but a stated check failed, 4 hardware or library missing, 130 interrupted.
+#[derive(Debug, Parser)]
+#[command(name = "gaitfit", version, propagate_version = true, arg_required_else_help = true)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Show what a robot file, a log, a folder of logs or a policy holds, and what is wrong with it
+    Inspect(Inspect),
+    /// Fit the simulator's parameters to logs of a robot
+    Adapt(Adapt),
+    /// Train a policy by PPO
+    Train(Train),
+    /// Go on training a policy in an adapted simulator
+    Finetune(Finetune),
+    /// The whole method: collect, adapt, fine-tune, evaluate, repeated while it helps
+    Loop(Loop),
+    /// Run a table of the paper from its experiment files, with the paper's numbers beside
+    Reproduce(Reproduce),
+    /// Evaluate one physics step at given states
+    Forward(Forward),
+    /// Show a policy and write it as ONNX or safetensors
+    Export(Export),
+    /// Measure how well a policy walks in a simulator
+    Evaluate(Evaluate),
+    /// Run a policy in a simulator and write its logs
+    Collect(Collect),
+    /// Measure speed
+    #[command(subcommand)]
+    Bench(Bench),
+    /// Print every setting with its default
+    Config(Config),
+    /// Show what this machine offers
+    Doctor(Doctor),
+    /// Print what completes commands in a shell
+    Completions(Completions),
+    /// Write the manual pages into a folder
+    Man(Man),
+}
+
+/// Arguments of `inspect`.
+#[derive(Debug, Args)]
+pub struct Inspect {
+    /// Robot (.xml, .mjcf, .urdf), log (.csv), folder of logs, or policy (.safetensors, .onnx, .toml)
+    pub file: PathBuf,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Robot: drop what the engine does not honour and list it, instead of refusing the file
+    #[arg(long)]
+    pub lenient: bool,
+    /// Log: check it against this robot's joints and limits
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Log: write a picture of the joint signals
+    #[arg(long, value_name = "FILE.svg")]
+    pub plot: Option<PathBuf>,
+}
+
+/// Arguments of `forward`.
+#[derive(Debug, Args)]
+pub struct Forward {
+    /// Robot (.xml, .mjcf, .urdf)
+    pub model: PathBuf,
+    /// States: arrays qpos, qvel, ctrl; one row a state; MuJoCo's layout
+    pub states: PathBuf,
+    /// Output: arrays M, qfrc_bias, qacc, next_qpos, next_qvel
+    pub out: PathBuf,
+    /// Solver effort
+    #[arg(long, value_enum, default_value_t = Preset::Converged)]
+    pub preset: Preset,
+    /// Drop what the engine does not honour, instead of refusing the file
+    #[arg(long)]
+    pub lenient: bool,
+}
+
+/// Arguments of `export`.
+#[derive(Debug, Args)]
+pub struct Export {
+    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
+    pub policy: PathBuf,
+    /// Write the actor as an ONNX graph, the interface in its metadata
+    #[arg(long, value_name = "FILE.onnx")]
+    pub onnx: Option<PathBuf>,
+    /// Write the whole policy in the project's own format
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub safetensors: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `doctor`.
+#[derive(Debug, Args)]
+pub struct Doctor {
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `completions`.
+#[derive(Debug, Args)]
+pub struct Completions {
+    /// The shell
+    pub shell: Shell,
+}
+
+/// Arguments of `man`.
+#[derive(Debug, Args)]
+pub struct Man {
+    /// Folder for the pages; it is made if it is not there
+    pub folder: PathBuf,
+}

@@ -1,0 +1,153 @@
+//! Arguments of the commands that work in a run folder.
+
+use clap::Args;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+/// What all commands share that work in a run folder.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// Change one setting, for example --set optimizer.seeds=3 (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Continue the latest run of this name where it was left, to the same result
+    #[arg(long)]
+    pub resume: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+    /// Name of the run and its folder [default: the configuration's name]
+    #[arg(long)]
+    pub name: Option<String>,
+}
+
+impl RunArgs {
+    /// Threads asked for, or one for each core.
+    pub fn threads(&self) -> usize {
+        self.threads.map_or_else(gaitfit::machine::threads, NonZeroUsize::get)
+    }
+}
+
+/// Arguments of `adapt`.
+#[derive(Debug, Args)]
+pub struct Adapt {
+    /// Configuration (TOML); `gaitfit config` prints one with every default
+    pub config: PathBuf,
+    /// How it runs.
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+/// Arguments of `train`.
+#[derive(Debug, Args)]
+pub struct Train {
+    /// Configuration (TOML); `gaitfit config train` prints one with every default
+    pub config: Option<PathBuf>,
+    /// Robot (.xml, .mjcf, .urdf) [default: the configuration's, or the built-in Go2]
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
+    #[arg(long, value_name = "N|LIST")]
+    pub seeds: Option<Seeds>,
+    /// How it runs.
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+/// Arguments of `finetune`.
+#[derive(Debug, Args)]
+pub struct Finetune {
+    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere [default: the configuration's]
+    pub policy: Option<PathBuf>,
+    /// Fitted parameters: the theta.toml of an `adapt` run
+    #[arg(long, value_name = "FILE")]
+    pub theta: Option<PathBuf>,
+    /// Robot (.xml, .mjcf, .urdf) [default: the built-in Go2]
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    #[arg(long)]
+    pub lenient: bool,
+    /// A spring on a joint, N·m/rad, about its default angle or REST, rad (repeatable)
+    #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
+    pub spring: Vec<String>,
+    /// Standard deviation of Gaussian torques at every joint and physics step, N·m
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    pub torque_noise: Option<f64>,
+    /// Task: velocity, biped, or a file with a task's settings [default: the policy's own]
+    #[arg(long, value_name = "TASK")]
+    pub task: Option<String>,
+    /// Configuration (TOML); `gaitfit config finetune` prints one with every default
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
+    #[arg(long, value_name = "N|LIST")]
+    pub seeds: Option<Seeds>,
+    /// How it runs.
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+/// Arguments of `loop`.
+#[derive(Debug, Args)]
+pub struct Loop {
+    /// Configuration (TOML); `gaitfit config loop` prints one with every default
+    pub config: PathBuf,
+    /// How it runs.
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+/// Arguments of `reproduce`.
+#[derive(Debug, Args)]
+pub struct Reproduce {
+    /// Which table; `list` names them and says what each takes
+    pub table: String,
+    /// The paper's scale instead of one for two cores
+    #[arg(long)]
+    pub full: bool,
+    /// Repetitions of every cell with other seeds
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub seeds: std::num::NonZeroU32,
+    /// Cells to run, for example '*-wass'; the others are left out of the table
+    #[arg(long, value_name = "GLOB")]
+    pub only: Option<String>,
+    /// Change one setting of every cell, for example --set policy=my.safetensors (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Folder of the experiment files
+    #[arg(long, value_name = "FOLDER", default_value = "experiments")]
+    pub experiments: PathBuf,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+}
+
+/// Seeds of trainings.
+#[derive(Clone, Debug)]
+pub struct Seeds(pub Vec<u64>);
+
+impl std::str::FromStr for Seeds {
+    type Err = String;
+
+    /// `3` is 1, 2, 3; `4,9` these two; `7,` seed 7 alone.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |text: &str| {
+            text.trim().parse::<u64>().map_err(|_| format!("`{text}` is no number; give 3 or 4,9"))
+        };
+        if !text.contains(',') {
+            return match number(text)? {
+                count @ 1..=1000 => Ok(Self((1..=count).collect())),
+                count => Err(format!("{count} seeds; give 1 to 1000, or a list such as 4,9")),
+            };
+        }
+        let list = text.strip_suffix(',').unwrap_or(text);
+        list.split(',').map(number).collect::<Result<_, _>>().map(Self)
+    }
+}

@@ -1,0 +1,114 @@
+//! Arguments of the commands that run a policy in a simulator.
+
+use super::Preset;
+use clap::Args;
+use gaitfit::world::WorldSettings;
+use std::path::PathBuf;
+
+/// A policy and the simulator it runs in.
+#[derive(Debug, Args)]
+pub struct WorldArgs {
+    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
+    pub policy: PathBuf,
+    /// Robot (.xml, .mjcf, .urdf) [default: the built-in Go2]
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    #[arg(long)]
+    pub lenient: bool,
+    /// Task: velocity, biped, or a file with a task's settings [default: the policy's own]
+    #[arg(long, value_name = "TASK")]
+    pub task: Option<String>,
+    /// Fitted parameters: the theta.toml of an `adapt` run
+    #[arg(long, value_name = "FILE")]
+    pub theta: Option<PathBuf>,
+    /// A spring on a joint, N·m/rad, about its default angle or REST, rad (repeatable)
+    #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
+    pub spring: Vec<String>,
+    /// Standard deviation of Gaussian torques at every joint and physics step, N·m
+    #[arg(long, value_name = "NM", allow_negative_numbers = true, default_value_t = 0.0)]
+    pub torque_noise: f64,
+    /// Vary robots, starts and observations as in training, with pushes
+    #[arg(long)]
+    pub randomised: bool,
+    /// Solver effort
+    #[arg(long, value_enum, default_value_t = Preset::Fast)]
+    pub preset: Preset,
+    /// Seed of commands, starts and noise
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+}
+
+impl WorldArgs {
+    /// As the library takes them.
+    pub fn settings(&self) -> WorldSettings {
+        WorldSettings {
+            policy: self.policy.clone(),
+            robot: self.robot.clone(),
+            lenient: self.lenient,
+            task: self.task.clone(),
+            theta: self.theta.clone(),
+            spring: self.spring.clone(),
+            torque_noise: self.torque_noise,
+            randomised: self.randomised,
+            preset: self.preset.into(),
+            seed: self.seed,
+            threads: self.threads,
+        }
+    }
+}
+
+/// Arguments of `evaluate`.
+#[derive(Debug, Args)]
+pub struct Evaluate {
+    /// The policy and its simulator
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// Trajectories with random commands
+    #[arg(long, value_name = "N", default_value = "10000")]
+    pub trajectories: std::num::NonZeroUsize,
+    /// Length of each, s
+    #[arg(long, value_name = "S", default_value_t = 4.0)]
+    pub seconds: f64,
+    /// Robots in each constant-command drift trial; 0 leaves them out
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub drift: usize,
+    /// Write a page with pictures
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+    /// Write a 3-D replay
+    #[arg(long, value_name = "FILE.html")]
+    pub replay: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `collect`.
+#[derive(Debug, Args)]
+pub struct Collect {
+    /// The policy and its simulator
+    #[command(flatten)]
+    pub world: WorldArgs,
+    /// Folder for the logs, one CSV a trajectory
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Trajectories
+    #[arg(long, value_name = "N", default_value = "64")]
+    pub trajectories: std::num::NonZeroUsize,
+    /// Length of each, s
+    #[arg(long, value_name = "S", default_value_t = 4.0)]
+    pub seconds: f64,
+    /// Begin each log this long after the robot, drawn between the two times, s
+    #[arg(long, value_names = ["FROM", "TO"], num_args = 1..=2, default_values_t = [0.0])]
+    pub log_shift: Vec<f64>,
+    /// Record the base's pose and velocity too, which a robot does not measure
+    #[arg(long)]
+    pub privileged: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
