@@ -136,6 +136,6 @@ mod tests {
         // 18 degrees of freedom: 324 + 54 + 19 values a state.
         assert!(bounded(&model, (1 << 27) / 397, &args).is_ok());
         let error = bounded(&model, (1 << 27) / 397 + 1, &args).unwrap_err();
-        assert!(error.message.contains("states.npz") && error.message.contains("at most 338080"), "{error}");
+        assert!(error.message.contains("states.npz") && error.message.contains("at most 338079"), "{error}");
     }
 }
