@@ -39,12 +39,9 @@ fn a_healthy_log_is_summarised_and_drawn() {
 }
 
 #[test]
-fn a_robot_that_lies_or_is_stuck_is_told_from_one_that_trots() {
+#[ignore = "needs recordings of real robots and reference numbers in ../shared"]
+fn shared_a_robot_that_lies_or_is_stuck_is_told_from_one_that_trots() {
     let folder = root().join("../shared/data/go2_ground");
-    if !folder.join("stuck.csv").exists() {
-        eprintln!("skipped: {} is not there", folder.display());
-        return;
-    }
     let inspect = |name: &str| run(&["inspect".as_ref(), folder.join(name).as_os_str(), "--json".as_ref()]);
     let kinds = |output: &std::process::Output| {
         let found = json(output);

@@ -277,13 +277,10 @@ fn arm_is_what_mujoco_compiles_with_its_flags_honoured() {
 
 /// The reference robots of the shared data, when they are at hand.
 #[test]
-fn reference_robots_are_read() {
+#[ignore = "needs recordings of real robots and reference numbers in ../shared"]
+fn shared_reference_robots_are_read() {
     for name in ["go2_full", "go2_feet"] {
         let path = here(&format!("../../../shared/data/mujoco_ref/{name}.xml"));
-        if !path.exists() {
-            println!("skipped: {} is absent", path.display());
-            continue;
-        }
         let (reference, own) =
             (read(&path, &ReadOptions::default()).unwrap(), strict("../../assets/go2.xml"));
         assert_eq!(reference.pairs.len(), if name == "go2_full" { 23 } else { 4 });

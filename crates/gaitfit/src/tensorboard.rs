@@ -256,14 +256,10 @@ mod tests {
     }
 
     #[test]
-    fn tensorboard_reads_the_file() {
+    #[ignore = "needs the Python packages of tools/setup_venv.sh"]
+    fn python_tensorboard_reads_the_file() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let python = root.join(".venv/bin/python");
-        let has = std::process::Command::new(&python).args(["-c", "import tensorboard"]).output();
-        if !has.is_ok_and(|output| output.status.success()) {
-            eprintln!("skipped: tools/setup_venv.sh has not set up tensorboard");
-            return;
-        }
         let folder = tempfile::tempdir().unwrap();
         let mut file = EventFile::open(&folder.path().join("events.out.tfevents.0.test"), None).unwrap();
         file.scalars(10, 1.5e9, &[("reward/total", 1.25), ("kl", -0.5)]).unwrap();
