@@ -8,9 +8,8 @@ mod page;
 
 use gaitfit_view::evaluation::{Drift, EvaluationReport, Histogram, Measure};
 use gaitfit_view::gait::{FootTrack, GaitPicture, TorqueSpectrum, VelocityTrack};
-use gaitfit_view::report::Setting;
-use gaitfit_view::training::{Link, SeedCurve, SeedResult, Series, TrainingReport};
-use gaitfit_view::{evaluation_html, gait_picture_svg, training_report};
+use gaitfit_view::training::{SeedCurve, SeedResult, Series, TrainingReport};
+use gaitfit_view::{Doubt, DoubtKind, Link, Setting, evaluation_html, gait_picture_svg, training_report};
 use page::{HOSTILE, assert_finite, assert_harmless, assert_offline, parse, text};
 
 fn figures(html: &str) -> usize {
@@ -44,7 +43,7 @@ fn a_training_page_says_how_every_seed_ended() {
     assert!(hrefs(&html).contains(&"seed-1/replay.html".to_string()));
     // A thin line a seed, and their mean, in every chart.
     let means = document.descendants().filter(|n| n.attribute("class") == Some("s mean")).count();
-    let thin = document.descendants().filter(|n| n.attribute("class").is_some_and(|c| c.ends_with(" thin")));
+    let thin = document.descendants().filter(|n| n.attribute("class").is_some_and(|c| c.starts_with("s c") && c.ends_with(" thin")));
     // The legend is there three times.
     assert_eq!((means, thin.count()), (18 + 3, 3 * 18));
 }
@@ -65,6 +64,17 @@ fn pages_without_data_are_whole() {
     assert_finite(&html);
     assert_eq!(hrefs(&html), ["#result", "#settings"]);
     parse(&gait_picture_svg(&GaitPicture::default()));
+}
+
+#[test]
+fn doubts_come_first() {
+    let doubts = vec![Doubt::new(DoubtKind::Diverged, "3 of 100 robots diverged; they count as falls.")];
+    let report = EvaluationReport { doubts: doubts.clone(), ..invented::evaluation(100) };
+    let shown = text(&parse(&evaluation_html(&report).unwrap()));
+    assert!(shown.find("3 of 100 robots diverged") < shown.find("Means over"), "{shown}");
+    let report = TrainingReport { doubts, ..invented::training(1, 20) };
+    let shown = text(&parse(&training_report(&report).unwrap()));
+    assert!(shown.find("3 of 100 robots diverged") < shown.find("mean linear-velocity error"), "{shown}");
 }
 
 #[test]
@@ -168,7 +178,7 @@ fn an_evaluation_names_means_limits_and_drift() {
     // Three histograms, the paths, the gait.
     assert_eq!(figures(&html), 3 + 1 + 1);
     let rings =
-        document.descendants().filter(|n| n.attribute("class").is_some_and(|c| c.starts_with("ring")));
+        document.descendants().filter(|n| n.attribute("class").is_some_and(|c| c.starts_with("s ring")));
     assert_eq!(rings.count(), 7);
 }
 
@@ -178,7 +188,7 @@ fn paths_from_above_have_equal_scales() {
     let drift = vec![Drift { path: square, ..Drift::default() }];
     let html = evaluation_html(&EvaluationReport { drift, ..EvaluationReport::default() }).unwrap();
     let document = parse(&html);
-    let path = document.descendants().find(|n| n.attribute("class") == Some("d c0")).unwrap();
+    let path = document.descendants().find(|n| n.attribute("class") == Some("s c0")).unwrap();
     let numbers: Vec<f64> =
         path.attribute("d").unwrap().split(['M', 'L', ' ']).filter_map(|n| n.parse().ok()).collect();
     let (across, up) = (numbers[2] - numbers[0], numbers[3] - numbers[5]);

@@ -7,13 +7,10 @@ mod invented_loop;
 mod page;
 
 use gaitfit_view::evaluation::Drift;
-use gaitfit_view::loop_report::{
-    Adaptation, DriftTrials, Estimate, FittedParameter, LogSummary, LoopReport, Round, SignalDistribution,
-    Tracking,
-};
-use gaitfit_view::report::{OptimizerRun, Setting};
-use gaitfit_view::training::{Link, SeedCurve};
-use gaitfit_view::{Replay, loop_html};
+use gaitfit_view::fit::{Fit, LogSummary, OptimizerRun, Parameter, SignalDistribution};
+use gaitfit_view::loop_report::{DriftTrials, Estimate, LoopReport, Round, Tracking};
+use gaitfit_view::training::SeedCurve;
+use gaitfit_view::{Doubt, DoubtKind, Link, Replay, Setting, loop_html};
 use page::{HOSTILE, assert_finite, assert_harmless, assert_offline, parse, text};
 
 fn sections(html: &str) -> Vec<String> {
@@ -57,7 +54,7 @@ fn the_page_holds_the_numbers_given() {
         // What not to trust.
         "clock jumps by 0.3 s",
         // The log.
-        "3 falls cut, 6.40\u{a0}s with their margins",
+        "3 falls cut out, 6.40\u{a0}s with their margins",
         "backward walking with a turn to the right",
         "W₁ 0.47 → 0.038 rad/s",
         "explained variance",
@@ -124,7 +121,7 @@ fn every_section_may_be_missing() {
 
     let of = |round: Round| loop_html(&LoopReport { rounds: vec![round], ..LoopReport::default() }).unwrap();
     let first = &full.rounds[0];
-    let html = of(Round { adaptations: first.adaptations.clone(), ..Round::default() });
+    let html = of(Round { fits: first.fits.clone(), ..Round::default() });
     assert_eq!(sections(&html), ["result", "parameters", "convergence", "settings"]);
     assert!(text(&parse(&html)).contains("Round 1"), "a round without a name has its number");
     let html = of(Round { distributions: first.distributions.clone(), ..Round::default() });
@@ -142,9 +139,24 @@ fn a_replay_that_cannot_be_drawn_costs_only_itself() {
     let html = loop_html(&report).unwrap();
     assert!(!sections(&html).contains(&"motion".to_string()));
     let shown = text(&parse(&html));
-    assert!(shown.contains("The replay is left out: replay of robot \"π₂\": has 0 frames"), "{shown}");
+    assert!(shown.contains("The page has no replay: replay of robot \"π₂\": has 0 frames"), "{shown}");
     report.replay = Some(Replay::default());
-    assert!(text(&parse(&loop_html(&report).unwrap())).contains("The replay is left out"));
+    assert!(text(&parse(&loop_html(&report).unwrap())).contains("The page has no replay"));
+}
+
+#[test]
+fn doubts_come_before_anything_good() {
+    let mut report = invented_loop::two_rounds(1, 5, 5);
+    assert!(loop_html(&report).unwrap().contains(r#"<p class="good">43 % less</p>"#));
+    report.doubts = vec![Doubt::new(DoubtKind::OwnSimulatorOnly, "")];
+    let html = loop_html(&report).unwrap();
+    let shown = text(&parse(&html));
+    assert!(shown.find("own simulator only") < shown.find("0.214"), "{shown}");
+    report.doubts.push(Doubt::new(DoubtKind::NotConverged, "The fit of round 2 ended early."));
+    let html = loop_html(&report).unwrap();
+    let shown = text(&parse(&html));
+    assert!(shown.find("Not converged") < shown.find("own simulator only"), "the worst first");
+    assert!(!html.contains(r#"class="good""#), "nothing is praised");
 }
 
 #[test]
@@ -160,19 +172,19 @@ fn strange_numbers_leave_gaps() {
     report.drift[1].trials.push(Drift::default());
     report.drift.push(DriftTrials::default());
     let round = &mut report.rounds[0];
-    round.adaptations.push(Adaptation::default());
-    let fit = &mut round.adaptations[0];
+    round.fits.push(Fit::default());
+    let fit = &mut round.fits[0];
     (fit.nominal_cost, fit.floor_cost) = (f64::INFINITY, f64::NAN);
     fit.runs[0].best = vec![f64::NAN, f64::INFINITY, 0.0, -1.0];
     fit.runs.push(OptimizerRun::default());
-    fit.parameters[0].parameter.value = f64::NAN;
-    fit.parameters[1].profile = Some([f64::NEG_INFINITY, f64::NAN]);
-    fit.parameters[2].profile = Some([-1e308, 1e308]);
+    fit.parameters[0].value = f64::NAN;
+    fit.parameters[1].interval = Some([f64::NEG_INFINITY, f64::NAN]);
+    fit.parameters[2].interval = Some([-1e308, 1e308]);
     fit.parameters[3].truth = Some(f64::NAN);
-    fit.parameters.push(FittedParameter::default());
+    fit.parameters.push(Parameter::default());
     round.distributions[0].log = vec![f64::NAN; 5];
     round.distributions[1].nominal = vec![-1e308, f64::INFINITY, 1e308];
-    round.distributions[2].adapted = vec![1.0];
+    round.distributions[2].fitted = vec![1.0];
     round.distributions.push(SignalDistribution::default());
     round.fine_tuning[0].progress[0].values = vec![f64::NAN; 150];
     round.fine_tuning.push(SeedCurve::default());
@@ -214,9 +226,9 @@ fn hostile_names_stay_text() {
         round.fine_tuning[0].progress[0].name = hostile();
         round.fine_tuning[0].progress[0].unit = hostile();
         round.distributions[0].joint = hostile();
-        let fit = &mut round.adaptations[0];
+        let fit = &mut round.fits[0];
         (fit.name, fit.cost_name, fit.runs[0].label) = (hostile(), hostile(), hostile());
-        let parameter = &mut fit.parameters[5].parameter;
+        let parameter = &mut fit.parameters[5];
         (parameter.name, parameter.unit) = (hostile(), hostile());
         let log = round.log.as_mut().unwrap();
         (log.source, log.uncovered) = (hostile(), vec![hostile()]);
@@ -241,7 +253,7 @@ fn long_loops_stay_small_pages() {
     log.commands =
         (0..20_000).map(|i| [(f64::from(i) * 0.37).sin(), (f64::from(i) * 0.11).cos(), 0.0]).collect();
     log.uncovered = vec!["very long ".repeat(10_000); 1000];
-    let fit = &mut round.adaptations[0];
+    let fit = &mut round.fits[0];
     fit.runs = vec![fit.runs[0].clone(); 50];
     fit.parameters = vec![fit.parameters[0].clone(); 300];
     round.distributions = vec![round.distributions[0].clone(); 60];
@@ -269,11 +281,11 @@ fn long_loops_stay_small_pages() {
 fn data_survive_json_with_their_unknowns() {
     let mut report = invented_loop::two_rounds(1, 3, 3);
     report.tracking[0].reward.ci95 = f64::NAN;
-    report.rounds[0].adaptations[0].floor_cost = f64::NAN;
+    report.rounds[0].fits[0].floor_cost = f64::NAN;
     report.rounds[0].distributions[0].log[2] = f64::NAN;
     let json = serde_json::to_string(&report).unwrap();
     let back: LoopReport = serde_json::from_str(&json).unwrap();
     assert!(back.tracking[0].reward.ci95.is_nan() && back.rounds[0].distributions[0].log[2].is_nan());
-    assert!(back.rounds[0].adaptations[0].floor_cost.is_nan());
+    assert!(back.rounds[0].fits[0].floor_cost.is_nan());
     assert_eq!(serde_json::to_string(&back).unwrap(), json);
 }

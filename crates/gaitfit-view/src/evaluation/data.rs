@@ -1,13 +1,9 @@
 //! What the report of an evaluation shows, filled in by whoever ran it.
-//!
-//! Conventions as in [`crate::report`]: an unknown number is NaN (shown as "–", `null` in JSON), an empty list
-//! leaves its section out, names are untrusted.
 
-use crate::charts::scale;
+use crate::chart::Scale;
 use crate::gait::GaitPicture;
 use crate::nullable;
-use crate::report::Setting;
-use crate::training::Link;
+use crate::page::{Doubt, Link, Setting};
 use serde::{Deserialize, Serialize};
 
 /// Everything the page shows of one evaluated policy.
@@ -23,6 +19,8 @@ pub struct EvaluationReport {
     /// Wall-clock time, s.
     #[serde(with = "nullable::scalar")]
     pub wall_seconds: f64,
+    /// Why the result must not be taken as it stands.
+    pub doubts: Vec<Doubt>,
     /// Trajectories with random commands.
     pub trajectories: u64,
     /// Length of each, s.
@@ -111,7 +109,7 @@ impl Histogram {
         let Some(low) = sorted.first().copied() else { return Histogram::default() };
         let bins = bins.clamp(1, 1000);
         let high = sorted[(sorted.len() - 1) * 199 / 200];
-        let (low, high) = scale::Scale::linear(Some((low, high)), 0.0, 1.0).domain();
+        let (low, high) = Scale::linear(Some((low, high)), 0.0, 1.0).domain();
         let width = (high - low) / bins as f64;
         let mut counts = vec![0; bins];
         for x in &sorted {

@@ -1,7 +1,8 @@
 //! Constant commands: where the robot went, seen from above, and how far it ended from where it should.
 
 use super::Drift;
-use crate::charts::plan::{Track, plan};
+use crate::chart::Look;
+use crate::chart::plan::{Track, plan};
 use crate::format::{UNKNOWN, clean, fixed, with_spread};
 use serde::Serialize;
 
@@ -65,16 +66,10 @@ fn picture(drift: &[Drift]) -> Option<String> {
         .iter()
         .enumerate()
         .flat_map(|(i, trial)| {
-            let color = i % 8;
-            let (dashed, ring) = (format!("c{color} dashed"), format!("ring c{color}"));
+            let look = Look::color(i);
             [
-                Track { points: &trial.intended, line: dashed, mark: ring, radius: 5.0 },
-                Track {
-                    points: &trial.path,
-                    line: format!("c{color}"),
-                    mark: format!("bar{color}"),
-                    radius: 4.0,
-                },
+                Track { points: &trial.intended, look: look.dashed(), radius: 5.0, ring: true },
+                Track { points: &trial.path, look, radius: 4.0, ring: false },
             ]
         })
         .collect();

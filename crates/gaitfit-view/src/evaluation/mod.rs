@@ -2,11 +2,12 @@
 
 mod data;
 pub(crate) mod drift;
+mod histogram;
 mod page;
 
 pub use data::{Drift, EvaluationReport, Histogram, Measure};
 
-use crate::report::ReportError;
+use crate::page::ReportError;
 
 /// Renders the page as UTF-8 HTML: one file that opens offline.
 ///

@@ -1,12 +1,11 @@
 //! The page as the template sees it: text and pictures, ready to be placed.
 
 use super::drift::{self, DriftTable};
+use super::histogram::histogram;
 use super::{EvaluationReport, Measure};
-use crate::charts::histogram::histogram;
 use crate::format::{UNKNOWN, clean, clean_prose, duration, grouped, round_number, significant, with_spread};
 use crate::gait;
-use crate::page::{self, ShownLink};
-use crate::report::Setting;
+use crate::page::{self, Setting, ShownDoubt, ShownLink};
 use serde::Serialize;
 
 /// Measures shown at most.
@@ -18,6 +17,7 @@ pub(super) struct Page {
     title: String,
     robot: String,
     created: String,
+    doubts: Vec<ShownDoubt>,
     trajectories: String,
     seconds: String,
     wall_time: String,
@@ -59,6 +59,7 @@ impl Page {
             title: clean(&report.title),
             robot: clean(&report.robot),
             created: clean(&report.created),
+            doubts: page::doubts(&report.doubts),
             trajectories: grouped(report.trajectories),
             seconds: round_number(report.seconds),
             wall_time: duration(report.wall_seconds),
@@ -66,7 +67,7 @@ impl Page {
             measures: rows,
             histograms: measures.iter().filter_map(card).collect(),
             drift: drift::build(&report.drift),
-            gait: report.gait.as_ref().map(gait::svg::draw).unwrap_or_default(),
+            gait: report.gait.as_ref().map(gait::inline).unwrap_or_default(),
             gait_caption: clean_prose(&report.gait_caption),
             links: page::links(&report.links),
             warnings: page::lines(&report.warnings),

@@ -2,7 +2,8 @@
 
 use super::policies::{Cast, printed};
 use super::{DriftTrials, LoopReport};
-use crate::charts::plan::{Track, plan};
+use crate::chart::Look;
+use crate::chart::plan::{Track, plan};
 use crate::evaluation::Drift;
 use crate::evaluation::drift::{MOST_TRIALS, error};
 use crate::format::{UNKNOWN, fixed};
@@ -107,16 +108,16 @@ fn picture(sets: &[&DriftTrials], commands: &[&str], cast: &Cast) -> Option<Stri
     let intended = commands.iter().filter_map(|command| {
         let points = sets.iter().filter_map(|s| find(s, command)).map(|t| &t.intended);
         let points = points.into_iter().find(|points| !points.is_empty())?;
-        Some(Track { points, line: "asked dashed".into(), mark: "ring asked".into(), radius: 6.0 })
+        Some(Track { points, look: Look::TARGET.dashed(), radius: 6.0, ring: true })
     });
     let gone = sets.iter().flat_map(|set| {
         let color = cast.color(&set.policy);
         let shown = commands.iter().filter_map(|command| find(set, command));
         shown.map(move |trial| Track {
             points: &trial.path,
-            line: format!("c{color} path"),
-            mark: format!("bar{color}"),
+            look: Look::color(color),
             radius: 3.5,
+            ring: false,
         })
     });
     plan("Paths under constant commands, from above", 290.0, &intended.chain(gone).collect::<Vec<_>>())

@@ -4,6 +4,7 @@ use super::policies::{Cast, printed};
 use super::tracking::QUANTITIES;
 use super::{Estimate, LoopReport, drift};
 use crate::format::significant;
+use crate::page::is_severe;
 use serde::Serialize;
 
 /// What stands in large print.
@@ -47,7 +48,13 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<Headline> {
     });
     let mean = drifted(cast.before).filter(|_| is_pair);
     let drift = number("Mean drift of constant commands", "m", mean, drifted(cast.after));
-    let numbers: Vec<Number> = errors.chain([drift]).flatten().collect();
+    let mut numbers: Vec<Number> = errors.chain([drift]).flatten().collect();
+    if is_severe(&report.doubts) {
+        // Nothing is praised beside a doubt.
+        for change in numbers.iter_mut().filter_map(|number| number.change.as_mut()) {
+            change.class = if change.class == "good" { "soft" } else { change.class };
+        }
+    }
     (!numbers.is_empty()).then(|| Headline {
         before: printed(cast.before, "the first policy"),
         after: printed(cast.after, "the last policy"),
@@ -79,7 +86,7 @@ fn change(before: Estimate, after: Estimate) -> Option<Change> {
     let known = |x: f64| if x.is_finite() { x } else { 0.0 };
     let apart = after.mean - before.mean;
     if apart.abs() <= known(before.ci95).hypot(known(after.ci95)) {
-        return Some(Change { text: "the same within the 95 % intervals".into(), class: "soft" });
+        return Some(Change { text: "no difference outside the 95 % intervals".into(), class: "soft" });
     }
     if before.mean <= 0.0 {
         return None;

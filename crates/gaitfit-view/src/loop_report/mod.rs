@@ -1,9 +1,7 @@
 //! `report.html` of a whole loop: what the robot's log changed in the simulator, and the policy trained there beside
 //! the one it came from.
 
-mod commands;
 mod data;
-mod distributions;
 mod drift;
 mod headline;
 mod page;
@@ -11,12 +9,9 @@ mod policies;
 mod rounds;
 mod tracking;
 
-pub use data::{
-    Adaptation, DriftTrials, Estimate, FittedParameter, LogSummary, LoopReport, Round, Signal,
-    SignalDistribution, Tracking,
-};
+pub use data::{DriftTrials, Estimate, LoopReport, Round, Tracking};
 
-use crate::report::ReportError;
+use crate::page::ReportError;
 
 /// Renders the page as UTF-8 HTML: one file that opens offline, its replay included.
 ///

@@ -7,9 +7,8 @@ use super::policies::Cast;
 use super::rounds::{self, RoundLine, RoundSection};
 use super::tracking::{self, TrackingSection};
 use crate::format::{clean, clean_prose, duration};
-use crate::page::{self, ShownLink};
+use crate::page::{self, Setting, ShownDoubt, ShownLink};
 use crate::replay::{Player, Replay, ReplayError};
-use crate::report::Setting;
 use serde::Serialize;
 
 /// Robots and frames of the replay at most: two minutes at 50 Hz.
@@ -22,6 +21,7 @@ pub(super) struct Page {
     title: String,
     robot: String,
     created: String,
+    doubts: Vec<ShownDoubt>,
     headline: Option<Headline>,
     facts: Vec<Setting>,
     links: Vec<ShownLink>,
@@ -65,13 +65,14 @@ impl Page {
             Some(Err(why)) => (None, Some(why.to_string())),
         };
         let mut warnings = page::lines(&report.warnings);
-        warnings.extend(problem.map(|why: String| format!("The replay is left out: {}.", clean_prose(&why))));
+        warnings.extend(problem.map(|why: String| format!("The page has no replay: {}.", clean_prose(&why))));
         let mut facts = vec![Setting { name: "Wall time".into(), value: duration(report.wall_seconds) }];
         facts.extend(page::settings(&report.facts));
         Page {
             title: clean(&report.title),
             robot: clean(&report.robot),
             created: clean(&report.created),
+            doubts: page::doubts(&report.doubts),
             headline: headline::build(report, &cast),
             facts,
             links: page::links(&report.links),

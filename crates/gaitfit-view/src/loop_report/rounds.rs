@@ -1,19 +1,17 @@
 //! The repetitions: a line each, and what each found.
 
-use super::distributions::{self, DistributionGroup};
-use super::{Adaptation, LogSummary, LoopReport, Round, commands};
-use crate::format::{UNKNOWN, clean, clean_prose, duration, grouped, significant};
-use crate::report::parameters::{self, Known, ParameterTable};
-use crate::report::runs::{self, Level, Runs};
-use crate::training::curves::{self, Card, MOST_SEEDS};
+use super::{LoopReport, Round};
+use crate::fit::Fit;
+use crate::fit::distributions::{self, DistributionGroup};
+use crate::fit::log::{self, LogView};
+use crate::fit::sections::{self, FitView};
+use crate::format::{UNKNOWN, clean, duration, grouped, significant};
+use crate::training::curves::{self, Card, LegendEntry, MOST_SEEDS};
 use serde::Serialize;
 
 /// Rounds shown in full at most, the last ones; and in the table.
 const MOST_ROUNDS: usize = 6;
 const MOST_LINES: usize = 100;
-/// Fits of a round at most.
-const MOST_FITS: usize = 6;
-const MOST_UNCOVERED: usize = 20;
 
 /// A line of the table of rounds.
 #[derive(Serialize)]
@@ -33,35 +31,11 @@ pub(super) struct RoundLine {
 pub(super) struct RoundSection {
     name: String,
     log: Option<LogView>,
-    fits: Vec<Fit>,
+    fits: Vec<FitView>,
     pub distributions: Vec<DistributionGroup>,
     pub progress: Vec<Card>,
     details: Vec<Card>,
     legend: Vec<LegendEntry>,
-}
-
-#[derive(Serialize)]
-struct LogView {
-    source: String,
-    trajectories: String,
-    seconds: String,
-    falls: u64,
-    cut: String,
-    commands: Option<String>,
-    uncovered: Vec<String>,
-}
-
-#[derive(Serialize)]
-struct Fit {
-    name: String,
-    parameters: Option<ParameterTable>,
-    runs: Option<Runs>,
-}
-
-#[derive(Serialize)]
-struct LegendEntry {
-    class: String,
-    text: String,
 }
 
 /// What the round is called.
@@ -74,10 +48,10 @@ pub(super) fn lines(report: &LoopReport) -> Vec<RoundLine> {
 }
 
 fn line(round: &Round, index: usize) -> RoundLine {
-    let fit = round.adaptations.first();
+    let fit = round.fits.first();
     let log = round.log.as_ref();
-    let cost = |of: fn(&Adaptation) -> f64| significant(fit.map_or(f64::NAN, of), 4);
-    let judged = || fit.iter().flat_map(|f| &f.parameters).filter_map(|p| p.parameter.identified);
+    let cost = |of: fn(&Fit) -> f64| significant(fit.map_or(f64::NAN, of), 4);
+    let judged = || fit.iter().flat_map(|f| &f.parameters).filter_map(|p| p.identified);
     let generations = fit.iter().flat_map(|f| &f.runs).map(|r| r.best.len().max(r.mean.len())).max();
     RoundLine {
         name: title(round, index),
@@ -104,61 +78,16 @@ pub(super) fn sections(report: &LoopReport) -> Vec<RoundSection> {
 
 fn section(round: &Round, index: usize) -> RoundSection {
     let seeds = &round.fine_tuning[..round.fine_tuning.len().min(MOST_SEEDS)];
-    let mut legend: Vec<LegendEntry> = seeds
-        .iter()
-        .enumerate()
-        .map(|(i, s)| LegendEntry { class: format!("c{}", i % 8), text: format!("seed {}", s.seed) })
-        .collect();
-    if seeds.len() > 1 {
-        legend.push(LegendEntry { class: "mean".into(), text: "mean".into() });
-    }
     let small = (300.0, 170.0);
     let rewards = curves::cards(seeds, |s| &s.rewards, small);
     RoundSection {
         name: title(round, index),
-        log: round.log.as_ref().map(log_view),
-        fits: round.adaptations.iter().take(MOST_FITS).map(fit).collect(),
+        log: round.log.as_ref().map(log::view),
+        fits: sections::build(&round.fits),
         distributions: distributions::build(&round.distributions),
         progress: curves::cards(seeds, |s| &s.progress, (420.0, 240.0)),
         details: rewards.into_iter().chain(curves::cards(seeds, |s| &s.diagnostics, small)).collect(),
-        legend,
-    }
-}
-
-fn log_view(log: &LogSummary) -> LogView {
-    LogView {
-        source: clean(&log.source),
-        trajectories: grouped(log.trajectories),
-        seconds: duration(log.seconds),
-        falls: log.falls,
-        cut: duration(log.cut_seconds),
-        commands: commands::picture(log),
-        uncovered: log.uncovered.iter().take(MOST_UNCOVERED).map(|part| clean_prose(part)).collect(),
-    }
-}
-
-fn fit(adaptation: &Adaptation) -> Fit {
-    let known: Vec<Known> = adaptation
-        .parameters
-        .iter()
-        .map(|p| Known {
-            parameter: &p.parameter,
-            profile: p.profile.filter(|ends| ends.iter().all(|x| x.is_finite())).map(|[a, b]| (a, b)),
-            truth: p.truth.filter(|x| x.is_finite()),
-        })
-        .collect();
-    let levels = [
-        Level { text: "nominal simulator", class: "nominal", cost: adaptation.nominal_cost },
-        Level { text: "as low as it gets", class: "over mean", cost: adaptation.floor_cost },
-    ];
-    Fit {
-        name: match (adaptation.name.is_empty(), adaptation.cost_name.is_empty()) {
-            (false, _) => clean(&adaptation.name),
-            (true, false) => format!("Cost {}", clean(&adaptation.cost_name)),
-            (true, true) => String::new(),
-        },
-        parameters: parameters::build(&known),
-        runs: runs::build(&adaptation.runs, "", &levels),
+        legend: curves::legend(seeds),
     }
 }
 

@@ -2,16 +2,13 @@
 
 use super::policies::{Cast, printed};
 use super::{Estimate, LoopReport, Tracking};
-use crate::charts::intervals::{self, Mark, Row};
+use crate::chart::Look;
+use crate::chart::intervals::{self, Mark, Row};
 use crate::format::{UNKNOWN, grouped, with_spread};
 use serde::Serialize;
 
 /// Policies on simulators shown at most.
 const MOST_ROWS: usize = 64;
-/// Classes of the colours for lines and circles.
-const COLORS: [&str; 8] =
-    ["c0 bar0", "c1 bar1", "c2 bar2", "c3 bar3", "c4 bar4", "c5 bar5", "c6 bar6", "c7 bar7"];
-
 #[derive(Serialize)]
 pub(super) struct TrackingSection {
     cards: Vec<Card>,
@@ -110,8 +107,8 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection>
 fn card(quantity: &Quantity, shown: &[Tracking], cast: &Cast) -> Card {
     let row = |t: &Tracking| {
         let Estimate { mean, ci95 } = (quantity.of)(t);
-        let class = COLORS[cast.color(&t.policy) % COLORS.len()];
-        Row { marks: vec![Mark { value: mean, spread: ci95, class, ..Mark::default() }], ..Row::default() }
+        let look = Look::color(cast.color(&t.policy));
+        Row { marks: vec![Mark { value: mean, spread: ci95, look, ..Mark::default() }], ..Row::default() }
     };
     let drawn: Vec<Row> = shown.iter().map(row).collect();
     let scale = intervals::shared_scale(&drawn);

@@ -1,7 +1,7 @@
 //! Links to files beside a report.
 
+use super::data::Link;
 use crate::format::clean;
-use crate::training::Link;
 use serde::Serialize;
 
 /// Links a page shows at most.

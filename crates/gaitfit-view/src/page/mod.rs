@@ -1,11 +1,15 @@
 //! What all report pages share: head, style sheet, read-out script, and the rules of escaping.
 
-use crate::format::{clean, clean_prose};
+mod data;
+mod doubts;
 mod links;
 
+pub use data::{Doubt, DoubtKind, Link, ReportError, Setting};
+pub(crate) use doubts::{ShownDoubt, doubts, is_severe};
 pub(crate) use links::{ShownLink, links};
 
-use crate::report::{ReportError, Setting};
+use crate::chart::STYLE;
+use crate::format::{clean, clean_prose};
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment, UndefinedBehavior};
 use serde::Serialize;
@@ -19,11 +23,11 @@ pub(crate) fn render(template: &str, page: impl Serialize) -> Result<String, Rep
     // Names of logs and joints come from files: everything is escaped but the crate's own pictures.
     environment.set_auto_escape_callback(|_| AutoEscape::Html);
     environment.set_undefined_behavior(UndefinedBehavior::Strict);
-    environment.add_global("style", include_str!("style.css"));
+    environment.add_global("style", format!("{STYLE}{}", include_str!("style.css")));
     environment.add_global("script", include_str!("script.js"));
     environment.add_template("base.html", include_str!("base.html"))?;
     environment.add_template("macros.html", include_str!("macros.html"))?;
-    environment.add_template("parts.html", include_str!("../report/parts.html"))?;
+    environment.add_template("parts.html", include_str!("parts.html"))?;
     environment.add_template("player.html", include_str!("../replay/player.html"))?;
     environment.add_template("page.html", template)?;
     Ok(environment.get_template("page.html")?.render(Serde(page))?)

@@ -31,7 +31,7 @@
     var b = numbers(panel.dataset.box), x = numbers(panel.dataset.x), y = numbers(panel.dataset.y);
     var log = panel.dataset.log === "1";
     var lines = [];
-    panel.querySelectorAll(".s:not(.faint)").forEach(function (path) {
+    panel.querySelectorAll("[data-n]:not(.faint)").forEach(function (path) {
       var best = null, distance = Infinity;
       points(path).forEach(function (p) {
         var d = Math.abs(p[0] - at.x);
@@ -57,7 +57,7 @@
   }
 
   document.querySelectorAll("svg[role=img]").forEach(function (svg) {
-    if (svg.querySelector(".s")) {
+    if (svg.querySelector("[data-n]")) {
       svg.addEventListener("pointermove", move);
       svg.addEventListener("pointerleave", hide);
     }

@@ -7,8 +7,7 @@ mod pack;
 pub use data::{Body, Frame, Geom, Joint, Replay, ReplayRobot, Shape};
 
 use crate::format::{clean, clean_prose};
-use crate::page;
-use crate::report::ReportError;
+use crate::page::{self, ReportError};
 use serde::Serialize;
 
 /// Why no replay came out.

@@ -78,7 +78,7 @@ fn robot(robot: &ReplayRobot) -> PackedRobot {
     let (mut offset, mut scale) = (Vec::new(), Vec::new());
     for mut channel in channels(&robot.frames, joints) {
         hold(&mut channel);
-        let (low, high) = crate::charts::scale::extent(channel.iter().copied()).unwrap_or((0.0, 0.0));
+        let (low, high) = crate::chart::extent(channel.iter().copied()).unwrap_or((0.0, 0.0));
         let (low, high) = (low.max(-1e30), high.min(1e30));
         let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
         let step = if half > 0.0 { half / LARGEST } else { 1.0 };

@@ -1,8 +1,8 @@
 //! One chart a series, with a thin line a seed and their mean.
 
 use super::{SeedCurve, Series};
-use crate::charts::curves::{Curves, Line};
-use crate::format::{clean, escape, significant};
+use crate::chart::{Axis, Look, Plot, Series as Drawn};
+use crate::format::{clean, significant};
 use serde::Serialize;
 
 /// Charts of one kind at most, and seeds drawn at most.
@@ -18,6 +18,25 @@ pub(crate) struct Card {
     /// Mean of the seeds' last values, with its unit.
     last: String,
     svg: String,
+}
+
+/// An entry of the charts' legend.
+#[derive(Serialize)]
+pub(crate) struct LegendEntry {
+    look: Look,
+    text: String,
+}
+
+/// A line a seed, and their mean where there are several.
+pub(crate) fn legend(seeds: &[SeedCurve]) -> Vec<LegendEntry> {
+    let shown = seeds.iter().take(MOST_SEEDS).enumerate();
+    let mut legend: Vec<LegendEntry> = shown
+        .map(|(i, s)| LegendEntry { look: Look::color(i), text: format!("seed {}", s.seed) })
+        .collect();
+    if legend.len() > 1 {
+        legend.push(LegendEntry { look: Look::MEAN, text: "mean".into() });
+    }
+    legend
 }
 
 /// The charts of one kind of series, in the order in which names first appear.
@@ -53,43 +72,64 @@ fn card(
         })
         .collect();
     let several = tracks.len() > 1;
-    let mut lines: Vec<Line> = tracks
-        .iter()
-        .map(|(i, label, x, y)| {
-            let class = if several { format!("c{} thin", i % 8) } else { "c0".to_string() };
-            Line { label, class, x, y }
-        })
-        .collect();
-    let (mean_x, mean_y) = mean(&tracks);
+    let mut series = Vec::new();
+    let mean = mean(&tracks);
     if several {
-        lines.push(Line { label: "mean", class: "mean".to_string(), x: &mean_x, y: &mean_y });
+        let area = Look::AREA.thin();
+        series.push(Drawn::Band { look: area, x: &mean.x, low: &mean.low, high: &mean.high });
     }
-    let svg = Curves {
-        title: &format!("{name} over iterations"),
-        x_title: "iteration",
-        y_title: &first.unit,
-        size,
-        log: first.log,
-        goal: first.goal,
-        lines,
+    series.extend(tracks.iter().map(|(i, name, x, y)| {
+        let look = if several { Look::color(*i).thin() } else { Look::color(0) };
+        Drawn::Line { name, look, x, y }
+    }));
+    if several {
+        series.push(Drawn::Line { name: "mean", look: Look::MEAN, x: &mean.x, y: &mean.y });
     }
-    .draw()?;
-    let last = mean_y.iter().rev().copied().find(|x| x.is_finite()).unwrap_or(f64::NAN);
-    Some(Card { name: clean(name), last: format!("{} {}", significant(last, 3), escape(&first.unit)), svg })
+    if let Some(at) = first.goal {
+        series.push(Drawn::Rule { look: Look::FLOOR, at, upright: false });
+    }
+    let plot = Plot {
+        x: Axis { title: "iteration", ticks: (size.0 / 80.0) as usize, ..Axis::default() },
+        y: Axis {
+            title: &first.unit,
+            log: first.log,
+            pad: 0.04,
+            ticks: (size.1 / 50.0) as usize,
+            ..Axis::default()
+        },
+        series,
+        points: size.0 as usize,
+    };
+    let svg = plot.figure(&format!("{name} over iterations"), size.0, size.1)?.inline();
+    let last = mean.y.iter().rev().copied().find(|x| x.is_finite()).unwrap_or(f64::NAN);
+    Some(Card { name: clean(name), last: format!("{} {}", significant(last, 3), clean(&first.unit)), svg })
 }
 
-/// The mean over seeds at every iteration that any has, of those that have it and have not stopped before.
-fn mean(tracks: &[(usize, String, Vec<f64>, Vec<f64>)]) -> (Vec<f64>, Vec<f64>) {
+/// Over seeds, at every iteration that any has: mean, smallest and largest value.
+struct Mean {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    low: Vec<f64>,
+    high: Vec<f64>,
+}
+
+/// Of the seeds that have an iteration and have not stopped before.
+fn mean(tracks: &[(usize, String, Vec<f64>, Vec<f64>)]) -> Mean {
     let mut points: Vec<(f64, f64)> = tracks
         .iter()
         .flat_map(|(_, _, x, y)| x.iter().copied().zip(y.iter().copied()))
         .filter(|(_, y)| y.is_finite())
         .collect();
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    points
-        .chunk_by(|a, b| a.0 == b.0)
-        .map(|same| (same[0].0, same.iter().map(|(_, y)| y).sum::<f64>() / same.len() as f64))
-        .unzip()
+    let mut found = Mean { x: Vec::new(), y: Vec::new(), low: Vec::new(), high: Vec::new() };
+    for same in points.chunk_by(|a, b| a.0 == b.0) {
+        let values = || same.iter().map(|(_, y)| *y);
+        found.x.push(same[0].0);
+        found.y.push(values().sum::<f64>() / same.len() as f64);
+        found.low.push(values().fold(f64::INFINITY, f64::min));
+        found.high.push(values().fold(f64::NEG_INFINITY, f64::max));
+    }
+    found
 }
 
 #[cfg(test)]
@@ -99,12 +139,13 @@ mod tests {
     #[test]
     fn the_mean_is_of_the_seeds_that_are_there() {
         let track = |x: &[f64], y: &[f64]| (0, String::new(), x.to_vec(), y.to_vec());
-        let (x, y) = mean(&[
+        let found = mean(&[
             track(&[0.0, 1.0, 2.0], &[1.0, f64::NAN, 5.0]),
             track(&[0.0, 1.0], &[3.0, 4.0]),
             track(&[], &[]),
         ]);
-        assert_eq!(x, [0.0, 1.0, 2.0]);
-        assert_eq!(y, [2.0, 4.0, 5.0]);
+        assert_eq!(found.x, [0.0, 1.0, 2.0]);
+        assert_eq!(found.y, [2.0, 4.0, 5.0]);
+        assert_eq!((found.low[0], found.high[0]), (1.0, 3.0));
     }
 }

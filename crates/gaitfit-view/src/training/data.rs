@@ -1,11 +1,8 @@
 //! What the report of a training run shows, filled in by whoever ran it.
-//!
-//! Conventions as in [`crate::report`]: an unknown number is NaN (shown as "–", `null` in JSON), an empty list
-//! leaves its section out, names are untrusted.
 
 use crate::gait::GaitPicture;
 use crate::nullable;
-use crate::report::Setting;
+use crate::page::{Doubt, Link, Setting};
 use serde::{Deserialize, Serialize};
 
 /// Everything `report.html` shows of one training run, over one or several seeds.
@@ -21,6 +18,8 @@ pub struct TrainingReport {
     /// Wall-clock time of all seeds together, s.
     #[serde(with = "nullable::scalar")]
     pub wall_seconds: f64,
+    /// Why the result must not be taken as it stands.
+    pub doubts: Vec<Doubt>,
     /// What [`SeedResult`] was measured on, e.g. `10,000 trajectories of 4 s with random commands` or `the last 20
     /// iterations of training`.
     pub measured_on: String,
@@ -101,17 +100,6 @@ pub struct Series {
     pub log: bool,
     /// A value to reach or to stay below, drawn as a line.
     pub goal: Option<f64>,
-}
-
-/// A file to look at.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Link {
-    /// What it says.
-    pub text: String,
-    /// A relative path with `/` between its parts, e.g. `seed-1/replay.html`. Anything that leads elsewhere (a
-    /// scheme, an absolute path, `..`) is shown as text only.
-    pub path: String,
 }
 
 impl Default for SeedResult {

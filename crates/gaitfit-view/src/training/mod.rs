@@ -4,9 +4,9 @@ pub(crate) mod curves;
 mod data;
 mod page;
 
-pub use data::{Link, SeedCurve, SeedResult, Series, TrainingReport};
+pub use data::{SeedCurve, SeedResult, Series, TrainingReport};
 
-use crate::report::ReportError;
+use crate::page::ReportError;
 
 /// Renders the page as UTF-8 HTML: one file that opens offline.
 ///

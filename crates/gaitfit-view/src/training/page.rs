@@ -1,11 +1,10 @@
 //! The page as the template sees it: text and pictures, ready to be placed.
 
-use super::curves::{self, Card, MOST_SEEDS};
+use super::curves::{self, Card, LegendEntry, MOST_SEEDS};
 use super::{SeedResult, TrainingReport};
 use crate::format::{UNKNOWN, clean, clean_prose, duration, fixed, round_number, significant};
 use crate::gait;
-use crate::page::{self, ShownLink};
-use crate::report::Setting;
+use crate::page::{self, Setting, ShownDoubt, ShownLink};
 use serde::Serialize;
 
 /// Characters of the configuration shown at most.
@@ -18,6 +17,7 @@ pub(super) struct Page {
     robot: String,
     created: String,
     measured_on: String,
+    doubts: Vec<ShownDoubt>,
     headline: Vec<Headline>,
     rows: Vec<Row>,
     total: Option<Row>,
@@ -56,12 +56,6 @@ struct Row {
     rate: String,
 }
 
-#[derive(Serialize)]
-struct LegendEntry {
-    class: String,
-    text: String,
-}
-
 impl Page {
     pub fn new(report: &TrainingReport) -> Page {
         let seeds = &report.seeds[..report.seeds.len().min(MOST_SEEDS)];
@@ -69,19 +63,12 @@ impl Page {
         let results: Vec<&SeedResult> = report.seeds.iter().map(|s| &s.result).collect();
         let mut facts = vec![Setting { name: "Wall time".into(), value: duration(report.wall_seconds) }];
         facts.extend(page::settings(&report.facts));
-        let mut legend: Vec<LegendEntry> = seeds
-            .iter()
-            .enumerate()
-            .map(|(i, s)| LegendEntry { class: format!("c{}", i % 8), text: format!("seed {}", s.seed) })
-            .collect();
-        if seeds.len() > 1 {
-            legend.push(LegendEntry { class: "mean".into(), text: "mean".into() });
-        }
         Page {
             title: clean(&report.title),
             robot: clean(&report.robot),
             created: clean(&report.created),
             measured_on: clean_prose(&report.measured_on),
+            doubts: page::doubts(&report.doubts),
             headline: headline(&results),
             rows,
             total: (results.len() > 1).then(|| mean_row(&results)),
@@ -89,11 +76,11 @@ impl Page {
             facts,
             warnings: page::lines(&report.warnings),
             links: page::links(&report.links),
-            legend,
+            legend: curves::legend(seeds),
             progress: curves::cards(&report.seeds, |s| &s.progress, (420.0, 240.0)),
             rewards: curves::cards(&report.seeds, |s| &s.rewards, (300.0, 170.0)),
             diagnostics: curves::cards(&report.seeds, |s| &s.diagnostics, (300.0, 170.0)),
-            gait: report.gait.as_ref().map(gait::svg::draw).unwrap_or_default(),
+            gait: report.gait.as_ref().map(gait::inline).unwrap_or_default(),
             gait_caption: clean_prose(&report.gait_caption),
             configuration: configuration(&report.configuration),
             versions: page::settings(&report.versions),

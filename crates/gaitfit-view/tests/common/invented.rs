@@ -4,8 +4,8 @@
 pub mod go2;
 
 use gaitfit_view::evaluation::{Drift, EvaluationReport, Histogram, Measure};
-use gaitfit_view::report::Setting;
-use gaitfit_view::training::{Link, SeedCurve, SeedResult, Series, TrainingReport};
+use gaitfit_view::training::{SeedCurve, SeedResult, Series, TrainingReport};
+use gaitfit_view::{Link, Setting};
 
 /// A small deterministic stand-in for noise, uniform in ±1.
 fn noise(i: usize, stream: usize) -> f64 {
@@ -87,6 +87,7 @@ pub fn training(seeds: usize, iterations: usize) -> TrainingReport {
         robot: "go2, velocity tracking".into(),
         created: "2026-11-21 12:00 UTC".into(),
         wall_seconds: 2710.0,
+        doubts: Vec::new(),
         measured_on: "10,000 trajectories of 4 s with random commands".into(),
         seeds: (0..seeds).map(seed).collect(),
         gait: Some(go2::gait(200)),
@@ -148,6 +149,7 @@ pub fn evaluation(count: usize) -> EvaluationReport {
         robot: "go2, nominal".into(),
         created: "2026-11-21 12:10 UTC".into(),
         wall_seconds: 63.0,
+        doubts: Vec::new(),
         trajectories: count as u64,
         seconds: 4.0,
         measures: vec![

@@ -5,13 +5,11 @@
 pub mod go2;
 
 use gaitfit_view::evaluation::Drift;
-use gaitfit_view::loop_report::{
-    Adaptation, DriftTrials, Estimate, FittedParameter, LogSummary, LoopReport, Round, Signal,
-    SignalDistribution, Tracking,
-};
+use gaitfit_view::fit::{Fit, LogSummary, OptimizerRun, Parameter, Signal, SignalDistribution};
+use gaitfit_view::loop_report::{DriftTrials, Estimate, LoopReport, Round, Tracking};
 use gaitfit_view::replay::Replay;
-use gaitfit_view::report::{OptimizerRun, Parameter, Setting};
-use gaitfit_view::training::{Link, SeedCurve, Series};
+use gaitfit_view::training::{SeedCurve, Series};
+use gaitfit_view::{Link, Setting};
 
 /// A small deterministic stand-in for noise, uniform in ±1.
 fn noise(i: usize, stream: usize) -> f64 {
@@ -49,6 +47,7 @@ pub fn two_rounds(seeds: usize, generations: usize, frames: usize) -> LoopReport
             robots: vec![go2::trot("π₀", frames, 0.7), go2::trot("π₂", frames, 0.98)],
             ..Replay::default()
         }),
+        doubts: Vec::new(),
         facts: vec![setting("Rounds", "2"), setting("Stopped because", "the cost stopped falling")],
         links: vec![Link { text: "Fine-tuned policy".into(), path: "round-2/policy.safetensors".into() }],
         warnings: vec!["The log's clock jumps by 0.3 s in trajectory 12.".into()],
@@ -135,7 +134,7 @@ fn round(name: &str, index: usize, seeds: usize, generations: usize) -> Round {
             uncovered,
             ..LogSummary::default()
         }),
-        adaptations: vec![adaptation(index, seeds, generations)],
+        fits: vec![fit(index, seeds, generations)],
         distributions: distributions(index),
         fine_tuning: (0..2).map(|seed| fine_tuning(index, seed)).collect(),
     }
@@ -144,7 +143,7 @@ fn round(name: &str, index: usize, seeds: usize, generations: usize) -> Round {
 /// Name, unit, value, truth, spread, upper bound, and whether the log identifies it.
 type Invented = (&'static str, &'static str, f64, f64, f64, f64, bool);
 
-fn adaptation(index: usize, seeds: usize, generations: usize) -> Adaptation {
+fn fit(index: usize, seeds: usize, generations: usize) -> Fit {
     let (nominal, floor) = ([1.62, 1.48][index], [0.094, 0.071][index]);
     let run = |seed: usize| {
         let curve = |scale: f64, end: f64, stream: usize| -> Vec<f64> {
@@ -170,28 +169,26 @@ fn adaptation(index: usize, seeds: usize, generations: usize) -> Adaptation {
     ];
     let parameter = |(i, row): (usize, &Invented)| {
         let (name, unit, value, truth, spread, upper, identified) = *row;
-        FittedParameter {
-            parameter: Parameter {
-                name: name.into(),
-                unit: unit.into(),
-                value,
-                lower: 0.0,
-                upper,
-                start: 0.0,
-                spread,
-                per_run: (0..seeds).map(|s| (value + 1.4 * spread * noise(i, s)).max(0.0)).collect(),
-                identified: Some(identified),
-                ..Parameter::default()
-            },
-            profile: Some(if identified {
+        Parameter {
+            name: name.into(),
+            unit: unit.into(),
+            value,
+            lower: 0.0,
+            upper,
+            start: 0.0,
+            spread,
+            per_run: (0..seeds).map(|s| (value + 1.4 * spread * noise(i, s)).max(0.0)).collect(),
+            identified: Some(identified),
+            interval: Some(if identified {
                 [value - 2.2 * spread, value + 2.6 * spread]
             } else {
                 [0.012, 0.31]
             }),
             truth: Some(truth),
+            ..Parameter::default()
         }
     };
-    Adaptation {
+    Fit {
         name: "FricArm and delay, Wass".into(),
         cost_name: "Wass".into(),
         nominal_cost: nominal,
@@ -199,6 +196,7 @@ fn adaptation(index: usize, seeds: usize, generations: usize) -> Adaptation {
         floor_cost: floor * 0.9,
         runs: (0..seeds).map(run).collect(),
         parameters: invented.iter().enumerate().map(parameter).collect(),
+        ..Fit::default()
     }
 }
 
@@ -228,7 +226,7 @@ fn distributions(index: usize) -> Vec<SignalDistribution> {
             [Signal::Position, Signal::Velocity, Signal::Action].into_iter().enumerate().map(
                 move |(k, signal)| SignalDistribution {
                     distance_nominal: [0.061, 0.47, 0.19][k],
-                    distance_adapted: [0.0052, 0.038, 0.021][k],
+                    distance_fitted: [0.0052, 0.038, 0.021][k],
                     ..SignalDistribution::from_samples(&joint, signal, &log[k], &nominal[k], &adapted[k])
                 },
             )

@@ -1,0 +1,78 @@
+//! Long series as short SVG paths.
+
+use std::fmt::Write;
+
+/// A coordinate with at most two decimals, without trailing zeros.
+pub(crate) fn coordinate(x: f64) -> String {
+    let text = format!("{:.2}", if x.is_finite() { x } else { 0.0 });
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".to_string() } else { text.to_string() }
+}
+
+/// A position in percent of the width.
+pub(crate) fn percent(x: f64) -> String {
+    format!("{}%", coordinate(x))
+}
+
+/// Indices that keep the look of `y` in at most about `points` points: the smallest and the largest value of each
+/// of `points / 2` equal stretches, so that no spike is lost, and the ends. Gaps (NaN) stay gaps.
+pub(crate) fn thin(y: &[f64], points: usize) -> Vec<usize> {
+    if y.len() <= points.max(4) {
+        return (0..y.len()).collect();
+    }
+    let buckets = (points / 2).max(2);
+    let mut kept = vec![0];
+    for bucket in 0..buckets {
+        let (from, to) = (bucket * y.len() / buckets, (bucket + 1) * y.len() / buckets);
+        let finite = || (from..to).filter(|i| y[*i].is_finite());
+        let low = finite().min_by(|a, b| y[*a].total_cmp(&y[*b]));
+        let high = finite().max_by(|a, b| y[*a].total_cmp(&y[*b]));
+        match (low, high) {
+            (Some(a), Some(b)) => kept.extend([a.min(b), a.max(b)]),
+            _ => kept.push(from),
+        }
+    }
+    kept.push(y.len() - 1);
+    kept.dedup();
+    kept
+}
+
+/// A line through the points; a point that is not finite breaks it.
+pub(crate) fn line(points: impl IntoIterator<Item = (f64, f64)>) -> String {
+    let mut path = String::new();
+    let mut pen_down = false;
+    for (x, y) in points {
+        if x.is_finite() && y.is_finite() {
+            let command = if pen_down { 'L' } else { 'M' };
+            let _ = write!(path, "{command}{} {}", coordinate(x), coordinate(y));
+            pen_down = true;
+        } else {
+            pen_down = false;
+        }
+    }
+    path
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thinning_keeps_spikes_and_ends() {
+        let mut y = vec![0.0; 10_000];
+        y[1234] = 5.0;
+        y[7777] = -3.0;
+        let kept = thin(&y, 100);
+        assert!(kept.len() <= 104);
+        assert!(kept.contains(&1234) && kept.contains(&7777) && kept.contains(&9999) && kept[0] == 0);
+        assert!(kept.windows(2).all(|w| w[0] < w[1]));
+        assert_eq!(thin(&[1.0, f64::NAN], 100), [0, 1]);
+        assert!(thin(&vec![f64::NAN; 1000], 10).len() <= 8);
+    }
+
+    #[test]
+    fn a_gap_lifts_the_pen() {
+        let points = [(0.0, 1.0), (1.0, 2.504), (2.0, f64::NAN), (3.0, -0.001)];
+        assert_eq!(line(points), "M0 1L1 2.5M3 0");
+    }
+}

@@ -1,0 +1,40 @@
+//! How often a number was what.
+
+use crate::chart::{Axis, Look, Plot, Series, extent};
+
+/// Bins drawn at most.
+const BINS: usize = 400;
+
+/// Counts between edges with a line at their mean and, dashed, at a limit; `None` when edges and counts do not fit
+/// together or nothing was counted.
+pub(super) fn histogram(
+    title: &str,
+    x_title: &str,
+    edges: &[f64],
+    counts: &[u64],
+    mean: f64,
+    limit: Option<f64>,
+) -> Option<String> {
+    let ascending = edges.windows(2).all(|e| e[0] < e[1]) && edges.iter().all(|e| e.is_finite());
+    if counts.is_empty() || counts.len() > BINS || edges.len() != counts.len() + 1 || !ascending {
+        return None;
+    }
+    let total = counts.iter().map(|c| *c as f64).sum::<f64>();
+    let shares: Vec<f64> = counts.iter().map(|c| 100.0 * *c as f64 / total).collect();
+    let highest = extent(shares.iter().copied())?.1;
+    let (low, high) = (edges[0], edges[edges.len() - 1]);
+    // A limit far away would squeeze the rest.
+    let limit = limit.filter(|l| *l > low && *l < high + 2.0 * (high - low));
+    let outline = |look, filled| Series::Stairs { look, edges, heights: &shares, filled };
+    let mut series = vec![outline(Look::AREA, true), outline(Look::FITTED, false)];
+    series.push(Series::Rule { look: Look::MEAN, at: mean, upright: true });
+    series.extend(limit.map(|at| Series::Rule { look: Look::FLOOR, at, upright: true }));
+    let end = limit.map_or(high, |l| l.max(high));
+    let plot = Plot {
+        x: Axis { title: x_title, range: Some((low, end)), ticks: 6, ..Axis::default() },
+        y: Axis { title: "% of trajectories", range: Some((0.0, highest * 1.05)), ticks: 3, ..Axis::default() },
+        series,
+        ..Plot::default()
+    };
+    plot.figure(title, 360.0, 200.0).map(|figure| figure.inline())
+}

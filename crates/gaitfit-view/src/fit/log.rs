@@ -1,0 +1,72 @@
+//! What was recorded, and how a page says it.
+
+use super::commands;
+use crate::format::{clean, clean_prose, duration, grouped};
+use crate::nullable;
+use serde::{Deserialize, Serialize};
+
+/// Parts of the command space listed at most.
+const MOST_UNCOVERED: usize = 20;
+
+/// What was recorded and what of it was used.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct LogSummary {
+    /// Where it is from, e.g. a file name.
+    pub source: String,
+    /// Trajectories recorded.
+    pub trajectories: u64,
+    /// Length of all of them together, s.
+    #[serde(with = "nullable::scalar")]
+    pub seconds: f64,
+    /// Falls found.
+    pub falls: u64,
+    /// Length of what was cut because of falls, margins included, s.
+    #[serde(with = "nullable::scalar")]
+    pub cut_seconds: f64,
+    /// Commands given: forward and left (m/s), yaw rate (rad/s), each as often as it is to count. The page thins them.
+    pub commands: Vec<[f64; 3]>,
+    /// Smallest and largest command the policy is to follow, same order and units.
+    pub command_range: [[f64; 2]; 3],
+    /// Parts of the command space without data, in words.
+    pub uncovered: Vec<String>,
+}
+
+/// The logs as the template sees them.
+#[derive(Serialize)]
+pub(crate) struct LogView {
+    source: String,
+    trajectories: String,
+    seconds: String,
+    falls: u64,
+    cut: String,
+    commands: Option<String>,
+    uncovered: Vec<String>,
+}
+
+pub(crate) fn view(log: &LogSummary) -> LogView {
+    LogView {
+        source: clean(&log.source),
+        trajectories: grouped(log.trajectories),
+        seconds: duration(log.seconds),
+        falls: log.falls,
+        cut: duration(log.cut_seconds),
+        commands: commands::picture(log),
+        uncovered: log.uncovered.iter().take(MOST_UNCOVERED).map(|part| clean_prose(part)).collect(),
+    }
+}
+
+impl Default for LogSummary {
+    fn default() -> Self {
+        LogSummary {
+            source: String::new(),
+            trajectories: 0,
+            seconds: f64::NAN,
+            falls: 0,
+            cut_seconds: f64::NAN,
+            commands: Vec::new(),
+            command_range: [[-1.0, 1.0]; 3],
+            uncovered: Vec::new(),
+        }
+    }
+}

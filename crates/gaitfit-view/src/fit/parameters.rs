@@ -1,0 +1,283 @@
+//! θ as pictures on one axis a unit and as a table, and two fits of it side by side.
+
+use super::{Bound, Comparison, Parameter};
+use crate::chart::Look;
+use crate::chart::intervals::{self, Mark, Row};
+use crate::format::{UNKNOWN, clean, clean_prose, round_number, with_spread};
+use serde::Serialize;
+
+/// Parameters shown at most; networks have thousands.
+const MOST_PARAMETERS: usize = 200;
+
+#[derive(Serialize)]
+pub(crate) struct ParameterTable {
+    groups: Vec<Group>,
+    rows: Vec<ParameterRow>,
+    at_bound: usize,
+    /// Parameters that the logs determine, of those that were judged.
+    identified: usize,
+    judged: usize,
+    total: usize,
+    left_out: usize,
+    has_published: bool,
+    has_profile: bool,
+    has_truth: bool,
+    /// Whether any parameter is known not to be identified.
+    has_open: bool,
+    /// Distinct sources of the published ranges.
+    sources: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Group {
+    unit: String,
+    rows: Vec<Picture>,
+    axis: String,
+}
+
+#[derive(Serialize)]
+struct Picture {
+    name: String,
+    text: String,
+    flagged: bool,
+    svg: String,
+}
+
+#[derive(Serialize)]
+struct ParameterRow {
+    name: String,
+    unit: String,
+    value: String,
+    spread: String,
+    profile: String,
+    truth: String,
+    lower: String,
+    upper: String,
+    start: String,
+    published: String,
+    notes: Vec<&'static str>,
+}
+
+#[derive(Serialize)]
+pub(super) struct ComparisonTable {
+    first: String,
+    second: String,
+    groups: Vec<Group>,
+    rows: Vec<ComparisonRow>,
+    agreeing: usize,
+    judged: usize,
+    reasons: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct ComparisonRow {
+    name: String,
+    unit: String,
+    first: String,
+    first_spread: String,
+    second: String,
+    second_spread: String,
+    agrees: Option<bool>,
+}
+
+/// Tables and pictures; `None` without parameters.
+pub(super) fn build(parameters: &[Parameter]) -> Option<ParameterTable> {
+    let shown = &parameters[..parameters.len().min(MOST_PARAMETERS)];
+    if shown.is_empty() {
+        return None;
+    }
+    let mut sources: Vec<String> = Vec::new();
+    for range in shown.iter().filter_map(|p| p.published.as_ref()) {
+        let source = clean(&range.source);
+        if !source.is_empty() && !sources.contains(&source) {
+            sources.push(source);
+        }
+    }
+    Some(ParameterTable {
+        groups: group(shown.iter().map(entry).collect()),
+        rows: shown.iter().map(table_row).collect(),
+        at_bound: parameters.iter().filter(|p| p.at_bound.is_some()).count(),
+        identified: parameters.iter().filter(|p| p.identified == Some(true)).count(),
+        judged: parameters.iter().filter(|p| p.identified.is_some()).count(),
+        total: parameters.len(),
+        left_out: parameters.len() - shown.len(),
+        has_published: shown.iter().any(|p| p.published.is_some()),
+        has_profile: shown.iter().any(|p| interval(p).is_some()),
+        has_truth: shown.iter().any(|p| truth(p).is_some()),
+        has_open: shown.iter().any(|p| p.identified == Some(false)),
+        sources,
+    })
+}
+
+/// A parameter before it has an axis.
+struct Entry {
+    unit: String,
+    name: String,
+    text: String,
+    flagged: bool,
+    row: Row,
+}
+
+fn entry(parameter: &Parameter) -> Entry {
+    let is_open = parameter.identified == Some(false);
+    let flagged = parameter.at_bound.is_some() || is_open;
+    let mark = Mark {
+        value: parameter.value,
+        spread: parameter.spread,
+        runs: parameter.per_run.iter().copied().take(100).collect(),
+        look: match parameter.at_bound {
+            _ if is_open => Look::OPEN,
+            Some(_) => Look::HIT,
+            None => Look::FIRST,
+        },
+    };
+    let row = Row {
+        bounds: Some((parameter.lower, parameter.upper)),
+        published: parameter.published.as_ref().map(|r| (r.lower, r.upper)),
+        start: Some(parameter.start),
+        profile: interval(parameter),
+        truth: truth(parameter),
+        marks: vec![mark],
+    };
+    let (value, spread) = with_spread(parameter.value, parameter.spread);
+    let text = if spread == UNKNOWN { value } else { format!("{value} ± {spread}") };
+    Entry { unit: clean(&parameter.unit), name: clean(&parameter.name), text, flagged, row }
+}
+
+/// The parameter's interval where both ends are known.
+fn interval(parameter: &Parameter) -> Option<(f64, f64)> {
+    parameter.interval.filter(|ends| ends.iter().all(|x| x.is_finite())).map(|[low, high]| (low, high))
+}
+
+fn truth(parameter: &Parameter) -> Option<f64> {
+    parameter.truth.filter(|x| x.is_finite())
+}
+
+fn table_row(parameter: &Parameter) -> ParameterRow {
+    let (value, spread) = with_spread(parameter.value, parameter.spread);
+    let mut notes = Vec::new();
+    match parameter.at_bound {
+        Some(Bound::Lower) => notes.push("at the lower bound"),
+        Some(Bound::Upper) => notes.push("at the upper bound"),
+        None => {}
+    }
+    if parameter.identified == Some(false) {
+        notes.push("not determined by these logs");
+    }
+    if let Some(range) = &parameter.published
+        && (parameter.value < range.lower || parameter.value > range.upper)
+    {
+        notes.push("outside the published range");
+    }
+    let range = |low, high| format!("{} … {}", round_number(low), round_number(high));
+    ParameterRow {
+        name: clean(&parameter.name),
+        unit: clean(&parameter.unit),
+        value,
+        spread,
+        profile: interval(parameter).map_or(UNKNOWN.to_string(), |(low, high)| range(low, high)),
+        truth: round_number(truth(parameter).unwrap_or(f64::NAN)),
+        lower: round_number(parameter.lower),
+        upper: round_number(parameter.upper),
+        start: round_number(parameter.start),
+        published: parameter.published.as_ref().map_or(UNKNOWN.to_string(), |r| range(r.lower, r.upper)),
+        notes,
+    }
+}
+
+/// Pictures of one unit share an axis; units come in order of appearance.
+fn group(entries: Vec<Entry>) -> Vec<Group> {
+    let mut by_unit: Vec<Vec<Entry>> = Vec::new();
+    for entry in entries {
+        match by_unit.iter_mut().find(|known| known[0].unit == entry.unit) {
+            Some(known) => known.push(entry),
+            None => by_unit.push(vec![entry]),
+        }
+    }
+    let draw = |entries: Vec<Entry>| {
+        let rows: Vec<Row> = entries.iter().map(|e| e.row.clone()).collect();
+        let scale = intervals::shared_scale(&rows);
+        let unit = entries[0].unit.clone();
+        let picture = |e: Entry| Picture {
+            svg: intervals::row(&e.row, &scale),
+            name: e.name,
+            text: e.text,
+            flagged: e.flagged,
+        };
+        Group { unit, rows: entries.into_iter().map(picture).collect(), axis: intervals::axis(&scale) }
+    };
+    by_unit.into_iter().map(draw).collect()
+}
+
+pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
+    let entries = &comparison.entries[..comparison.entries.len().min(MOST_PARAMETERS)];
+    if entries.is_empty() {
+        return None;
+    }
+    let mark = |value, spread, look| Mark { value, spread, runs: Vec::new(), look };
+    let drawn = entries
+        .iter()
+        .map(|e| {
+            let marks =
+                vec![mark(e.first, e.first_spread, Look::FIRST), mark(e.second, e.second_spread, Look::SECOND)];
+            let text = match e.agrees {
+                Some(true) => "agrees",
+                Some(false) => "differs",
+                None => UNKNOWN,
+            };
+            let row = Row { marks, ..Row::default() };
+            let (unit, name) = (clean(&e.unit), clean(&e.name));
+            Entry { unit, name, text: text.to_string(), flagged: e.agrees == Some(false), row }
+        })
+        .collect();
+    let rows = entries
+        .iter()
+        .map(|e| {
+            let (first, first_spread) = with_spread(e.first, e.first_spread);
+            let (second, second_spread) = with_spread(e.second, e.second_spread);
+            let (name, unit) = (clean(&e.name), clean(&e.unit));
+            ComparisonRow { name, unit, first, first_spread, second, second_spread, agrees: e.agrees }
+        })
+        .collect();
+    Some(ComparisonTable {
+        first: clean(&comparison.first),
+        second: clean(&comparison.second),
+        groups: group(drawn),
+        rows,
+        agreeing: comparison.entries.iter().filter(|e| e.agrees == Some(true)).count(),
+        judged: comparison.entries.iter().filter(|e| e.agrees.is_some()).count(),
+        reasons: comparison.reasons.iter().take(100).map(|r| clean_prose(r)).collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::PublishedRange;
+
+    #[test]
+    fn what_is_wrong_with_a_value_is_said() {
+        let parameter = Parameter {
+            value: 0.5,
+            upper: 0.5,
+            at_bound: Some(Bound::Upper),
+            identified: Some(false),
+            published: Some(PublishedRange { lower: 0.1, upper: 0.2, source: "x".into() }),
+            truth: Some(0.15),
+            ..Parameter::default()
+        };
+        let row = table_row(&parameter);
+        assert_eq!(row.notes, ["at the upper bound", "not determined by these logs", "outside the published range"]);
+        assert_eq!((row.spread.as_str(), row.lower.as_str()), ("–", "–"));
+        assert_eq!((row.profile.as_str(), row.truth.as_str()), ("–", "0.15"));
+    }
+
+    #[test]
+    fn units_share_an_axis() {
+        let parameter = |unit: &str| Parameter { unit: unit.into(), value: 1.0, ..Parameter::default() };
+        let parameters = ["N·m", "s", "N·m"].map(parameter);
+        let table = build(&parameters);
+        let sizes: Vec<usize> = table.iter().flat_map(|t| &t.groups).map(|g| g.rows.len()).collect();
+        assert_eq!(sizes, [2, 1]);
+    }
+}

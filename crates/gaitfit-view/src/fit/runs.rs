@@ -1,0 +1,113 @@
+//! How the optimiser got there, run by run.
+
+use super::OptimizerRun;
+use crate::chart::{Axis, Look, Plot, Series};
+use crate::format::{clean, significant};
+use serde::Serialize;
+
+/// Runs drawn at most.
+const MOST_RUNS: usize = 40;
+
+#[derive(Serialize)]
+pub(crate) struct Runs {
+    cost: Option<String>,
+    sigma: Option<String>,
+    rows: Vec<RunRow>,
+    levels: Vec<LevelRow>,
+    total: usize,
+    left_out: usize,
+}
+
+#[derive(Serialize)]
+struct RunRow {
+    label: String,
+    color: usize,
+    best: String,
+    generations: usize,
+}
+
+/// A cost to set the runs against, drawn as a line across.
+pub(crate) struct Level {
+    pub text: &'static str,
+    pub look: Look,
+    pub cost: f64,
+}
+
+#[derive(Serialize)]
+struct LevelRow {
+    text: String,
+    look: Look,
+}
+
+/// Charts of all runs; levels that are not finite are left out.
+pub(crate) fn build(all: &[OptimizerRun], cost_unit: &str, levels: &[Level]) -> Option<Runs> {
+    let runs = &all[..all.len().min(MOST_RUNS)];
+    if runs.is_empty() {
+        return None;
+    }
+    let best: Vec<Vec<f64>> = runs.iter().map(|r| best_so_far(&r.best)).collect();
+    let means: Vec<String> = runs.iter().map(|r| format!("{}, generation's mean", r.label)).collect();
+    let longest = runs.iter().map(|r| r.mean.len().max(r.best.len()).max(r.sigma.len())).max().unwrap_or(0);
+    let x: Vec<f64> = (1..=longest).map(|i| i as f64).collect();
+    let faint = (0..runs.len()).map(|i| (&means[i], &runs[i].mean, Look::color(i).faint()));
+    let bold = (0..runs.len()).map(|i| (&runs[i].label, &best[i], Look::color(i)));
+    let sigmas = (0..runs.len()).map(|i| (&runs[i].label, &runs[i].sigma, Look::color(i)));
+    let unit = if cost_unit.is_empty() { String::new() } else { format!(" ({cost_unit})") };
+    let levels: Vec<&Level> = levels.iter().filter(|l| l.cost.is_finite()).collect();
+    let across: Vec<(String, Vec<f64>)> =
+        levels.iter().map(|l| (l.text.to_string(), vec![l.cost; longest])).collect();
+    let across = across.iter().zip(&levels).map(|((text, y), l)| (text, y, l.look));
+    let rows = runs
+        .iter()
+        .enumerate()
+        .map(|(i, run)| RunRow {
+            label: clean(&run.label),
+            color: i % 8,
+            best: significant(run.best_cost, 5),
+            generations: run.best.len(),
+        })
+        .collect();
+    Some(Runs {
+        cost: chart(
+            "cost over generations",
+            &format!("best cost so far{unit}"),
+            &x,
+            across.chain(faint).chain(bold),
+        ),
+        sigma: chart("step size over generations", "step size σ (relative)", &x, sigmas),
+        rows,
+        levels: levels
+            .iter()
+            .map(|l| LevelRow { text: format!("{}: {}", l.text, significant(l.cost, 4)), look: l.look })
+            .collect(),
+        total: all.len(),
+        left_out: all.len() - runs.len(),
+    })
+}
+
+fn chart<'a>(
+    title: &str,
+    y_title: &str,
+    x: &'a [f64],
+    lines: impl Iterator<Item = (&'a String, &'a Vec<f64>, Look)>,
+) -> Option<String> {
+    let plot = Plot {
+        x: Axis { title: "generation", ticks: 6, ..Axis::default() },
+        y: Axis { title: y_title, log: true, pad: 0.04, ..Axis::default() },
+        series: lines.map(|(name, y, look)| Series::Line { name, look, x, y }).collect(),
+        points: 480,
+    };
+    plot.figure(title, 480.0, 275.0).map(|figure| figure.inline())
+}
+
+/// The best value so far; what is not finite leaves it as it was.
+fn best_so_far(values: &[f64]) -> Vec<f64> {
+    let mut best = f64::INFINITY;
+    values
+        .iter()
+        .map(|v| {
+            best = if v.is_finite() { best.min(*v) } else { best };
+            best
+        })
+        .collect()
+}

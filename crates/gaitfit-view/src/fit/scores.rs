@@ -1,0 +1,276 @@
+//! The result in one line, and the fitted simulator beside everything it has to beat.
+
+use super::{FitReport, Score};
+use crate::chart::{extent, strip};
+use crate::format::{UNKNOWN, clean, fixed, significant};
+use serde::Serialize;
+
+/// Headline and score table.
+#[derive(Serialize)]
+pub(super) struct Scores {
+    before: String,
+    after: String,
+    unit: String,
+    /// What the two numbers are.
+    meaning: String,
+    /// Sentences that set the result against nominal, the best baseline and the noise floor.
+    verdicts: Vec<Verdict>,
+    rows: Vec<ScoreRow>,
+    /// Heading of the bars: what they measure.
+    bars: String,
+    noise_floor: Option<String>,
+    cost_heading: String,
+    cost: String,
+    cost_before: String,
+    has_fit: bool,
+    has_validation: bool,
+    has_cost: bool,
+    /// Whether a doubt leaves nothing to praise.
+    doubted: bool,
+}
+
+#[derive(Serialize)]
+struct Verdict {
+    text: String,
+    good: bool,
+}
+
+#[derive(Serialize)]
+struct ScoreRow {
+    name: String,
+    is_fit: bool,
+    bar: String,
+    headline: String,
+    fit: String,
+    validation: String,
+    cost: String,
+}
+
+/// What the headline compares: the strictest that the fitted and the nominal simulator both have.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Measure {
+    ValidationRmse,
+    FitRmse,
+    Cost,
+}
+
+impl Measure {
+    fn of_report(report: &FitReport) -> Measure {
+        let known = |measure: Measure| {
+            [Who::Fitted, Who::Nominal].iter().all(|who| measure.value(report, *who).is_finite())
+        };
+        [Measure::ValidationRmse, Measure::FitRmse].into_iter().find(|m| known(*m)).unwrap_or_else(|| {
+            // A fit that diverged still has the errors of the others to be set against.
+            let any = report.fitted.rmse_fit_rad.is_finite() || report.nominal.rmse_fit_rad.is_finite();
+            if any && !known(Measure::Cost) { Measure::FitRmse } else { Measure::Cost }
+        })
+    }
+
+    fn value(self, report: &FitReport, who: Who) -> f64 {
+        let score = match who {
+            Who::Fitted => &report.fitted,
+            Who::Nominal => &report.nominal,
+        };
+        match self {
+            Measure::Cost => cost(report, who),
+            _ => self.of(score),
+        }
+    }
+
+    fn of(self, score: &Score) -> f64 {
+        match self {
+            Measure::ValidationRmse => score.rmse_validation_rad,
+            Measure::FitRmse => score.rmse_fit_rad,
+            Measure::Cost => score.cost,
+        }
+    }
+
+    /// What is smaller or larger, in a sentence about the nominal simulator or a baseline.
+    fn noun(self) -> &'static str {
+        if self == Measure::Cost { "cost" } else { "error" }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Who {
+    Fitted,
+    Nominal,
+}
+
+/// The cost as the scores have it, or else the first fit.
+fn cost(report: &FitReport, who: Who) -> f64 {
+    let first = report.fits.first();
+    let (scored, found) = match who {
+        Who::Fitted => (report.fitted.cost, first.map(|fit| fit.fitted_cost)),
+        Who::Nominal => (report.nominal.cost, first.map(|fit| fit.nominal_cost)),
+    };
+    if scored.is_finite() { scored } else { found.unwrap_or(f64::NAN) }
+}
+
+/// What says that the nominal simulator is closer to the logs than the fitted one; `None` if it is not.
+pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
+    let measured = [
+        (Measure::ValidationRmse, "position error on the logs that the fit did not see", " rad"),
+        (Measure::Cost, "cost on the logs of the fit", ""),
+        (Measure::FitRmse, "position error on the logs of the fit", " rad"),
+    ];
+    measured.into_iter().find_map(|(measure, what, unit)| {
+        let (fitted, nominal) = (measure.value(report, Who::Fitted), measure.value(report, Who::Nominal));
+        (fitted > nominal && fitted.is_finite()).then(|| {
+            format!(
+                "The {what} is {}{unit} after the fit and {}{unit} before it. Do not use this fit.",
+                significant(fitted, 3),
+                significant(nominal, 3)
+            )
+        })
+    })
+}
+
+/// The headline; with a severe doubt (`doubted`) nothing is praised.
+pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
+    let measure = Measure::of_report(report);
+    let (fitted, nominal) = (measure.value(report, Who::Fitted), measure.value(report, Who::Nominal));
+    let floor = report.noise_floor_rad.filter(|f| f.is_finite() && measure != Measure::Cost);
+    let first = report.fits.first();
+    let unit = first.map_or(String::new(), |fit| clean(&fit.cost_unit));
+    let cost_name = first.map_or(String::new(), |fit| clean(&fit.cost_name));
+    let in_unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
+    let cost_heading = format!("{cost_name} cost{in_unit}").trim_start().to_string();
+    let rows = rows(report, measure, floor);
+    let all = || [&report.nominal, &report.fitted].into_iter().chain(&report.baselines);
+    Scores {
+        before: significant(nominal, 3),
+        after: significant(fitted, 3),
+        unit: if measure == Measure::Cost { unit } else { "rad".into() },
+        meaning: match measure {
+            Measure::ValidationRmse => "RMS error of the joint positions, nominal → fitted, on logs that the fit did \
+                                        not see. The simulators run freely: nothing resets them"
+                .into(),
+            Measure::FitRmse => "RMS error of the joint positions, nominal → fitted, on the logs that the fit used. \
+                                 The simulators run freely: nothing resets them"
+                .into(),
+            Measure::Cost => {
+                let name = if cost_name.is_empty() { String::new() } else { format!(" {cost_name}") };
+                format!("The cost{name} that the fit makes small, nominal → fitted, on the logs that the fit used")
+            }
+        },
+        verdicts: verdicts(report, measure, floor),
+        rows,
+        bars: match measure {
+            Measure::ValidationRmse => "Position error on the validation logs (RMS, rad)".into(),
+            Measure::FitRmse => "Position error on the fitted logs (RMS, rad)".into(),
+            Measure::Cost => cost_heading.clone(),
+        },
+        noise_floor: floor.map(|f| significant(f, 2)),
+        cost_heading,
+        cost: significant(cost(report, Who::Fitted), 4),
+        cost_before: significant(cost(report, Who::Nominal), 4),
+        has_fit: all().any(|s| s.rmse_fit_rad.is_finite()),
+        has_validation: all().any(|s| s.rmse_validation_rad.is_finite()),
+        has_cost: cost(report, Who::Fitted).is_finite() || all().any(|s| s.cost.is_finite()),
+        doubted,
+    }
+}
+
+/// Every predictor, the longest bar first and the fit last: the eye runs down to it.
+fn rows(report: &FitReport, measure: Measure, floor: Option<f64>) -> Vec<ScoreRow> {
+    let nominal = Score { cost: cost(report, Who::Nominal), ..report.nominal.clone() };
+    let fitted = Score { cost: cost(report, Who::Fitted), ..report.fitted.clone() };
+    let value = |score: &Score| measure.of(score);
+    let all = || std::iter::once(&nominal).chain(&report.baselines).chain([&fitted]);
+    let largest = extent(all().map(value).chain(floor)).map_or(1.0, |(_, high)| high);
+    // Four decimals line up under one another; values they would round away keep their digits instead.
+    let plain = all().map(value).filter(|x| x.is_finite()).all(|x| (0.001..100.0).contains(&x));
+    let row = |score: &Score, is_fit: bool| ScoreRow {
+        name: name_of(score, if is_fit { "fitted simulator" } else { "nominal simulator" }),
+        is_fit,
+        bar: strip::bar(value(score), largest, floor, is_fit),
+        headline: if plain { fixed(value(score), 4) } else { significant(value(score), 2) },
+        fit: significant(score.rmse_fit_rad, 3),
+        validation: significant(score.rmse_validation_rad, 3),
+        cost: significant(score.cost, 4),
+    };
+    let mut others: Vec<&Score> = std::iter::once(&nominal).chain(&report.baselines).collect();
+    others.retain(|s| value(s).is_finite() || s.cost.is_finite() || !s.name.is_empty());
+    others.sort_by(|a, b| descending(value(a), value(b)));
+    let mut rows: Vec<ScoreRow> = others.iter().map(|s| row(s, false)).collect();
+    rows.push(row(&fitted, true));
+    rows
+}
+
+fn verdicts(report: &FitReport, measure: Measure, floor: Option<f64>) -> Vec<Verdict> {
+    let (fitted, nominal) = (measure.value(report, Who::Fitted), measure.value(report, Who::Nominal));
+    let noun = measure.noun();
+    let mut verdicts = Vec::new();
+    verdicts.extend(verdict(fitted, nominal, &format!("the nominal simulator's {noun}")));
+    let known = report.baselines.iter().filter(|s| measure.of(s).is_finite());
+    if let Some(best) = known.min_by(|a, b| measure.of(a).total_cmp(&measure.of(b))) {
+        let what = format!("the {noun} of the best baseline, {}", name_of(best, "unnamed"));
+        verdicts.extend(verdict(fitted, measure.of(best), &what));
+    }
+    if let Some(floor) = floor.filter(|f| *f > 0.0)
+        && fitted.is_finite()
+    {
+        let text = format!(
+            "{} times the {} rad by which repeated recordings of one command differ",
+            significant(fitted / floor, 2),
+            significant(floor, 2)
+        );
+        verdicts.push(Verdict { text, good: true });
+    }
+    verdicts
+}
+
+fn name_of(score: &Score, fallback: &str) -> String {
+    if score.name.is_empty() { fallback.to_string() } else { clean(&score.name) }
+}
+
+fn descending(a: f64, b: f64) -> std::cmp::Ordering {
+    let key = |x: f64| if x.is_finite() { x } else { f64::INFINITY };
+    key(b).total_cmp(&key(a))
+}
+
+/// How `ours` compares with `theirs`, said without a sign to misread.
+fn verdict(ours: f64, theirs: f64, what: &str) -> Option<Verdict> {
+    if !(ours.is_finite() && theirs.is_finite() && theirs > 0.0) {
+        return None;
+    }
+    let good = ours <= theirs;
+    let share = significant(100.0 * ours / theirs, 2);
+    let share = if share == UNKNOWN { return None } else { share };
+    let text = if good { format!("{share} % of {what}") } else { format!("worse: {share} % of {what}") };
+    Some(Verdict { text, good })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::Fit;
+
+    #[test]
+    fn a_worse_fit_is_called_worse() {
+        let score = |rmse: f64| Score { rmse_fit_rad: rmse, ..Score::default() };
+        let mut report = FitReport { fitted: score(0.02), nominal: score(0.08), ..FitReport::default() };
+        report.baselines = vec![Score { name: "delay".into(), ..score(0.01) }];
+        let scores = build(&report, false);
+        assert_eq!(scores.verdicts[0].text, "25 % of the nominal simulator's error");
+        assert_eq!(scores.verdicts[1].text, "worse: 200 % of the error of the best baseline, delay");
+        assert!(scores.verdicts[0].good && !scores.verdicts[1].good);
+        assert_eq!((scores.before.as_str(), scores.after.as_str()), ("0.0800", "0.0200"));
+        assert!(worse_than_nominal(&report).is_none());
+        report.fitted.rmse_fit_rad = 0.09;
+        assert!(worse_than_nominal(&report).is_some_and(|text| text.contains("0.0900 rad after the fit")));
+    }
+
+    #[test]
+    fn a_fit_without_errors_is_judged_by_its_cost() {
+        let fit = Fit { cost_name: "Wass".into(), nominal_cost: 1.5, fitted_cost: 0.3, ..Fit::default() };
+        let mut report = FitReport { fits: vec![fit], ..FitReport::default() };
+        let scores = build(&report, false);
+        assert_eq!((scores.before.as_str(), scores.after.as_str()), ("1.50", "0.300"));
+        assert_eq!(scores.verdicts[0].text, "20 % of the nominal simulator's cost");
+        assert!(worse_than_nominal(&report).is_none());
+        report.fits[0].fitted_cost = 1.6;
+        assert!(worse_than_nominal(&report).is_some());
+    }
+}

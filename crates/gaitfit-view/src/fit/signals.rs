@@ -1,0 +1,141 @@
+//! Joints' signals as a page shows them: over time, and as distributions.
+
+use crate::nullable;
+use serde::{Deserialize, Serialize};
+
+/// Positions of one joint over one log, rad. The series share `time_s`; an empty series is not drawn. The page
+/// thins them out by itself.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct JointTrace {
+    /// Joint name.
+    pub joint: String,
+    /// The log shown.
+    pub file: String,
+    /// Sample times, s, ascending.
+    #[serde(with = "nullable::list")]
+    pub time_s: Vec<f64>,
+    /// The robot's encoder.
+    #[serde(with = "nullable::list")]
+    pub measured: Vec<f64>,
+    /// The fitted simulator.
+    #[serde(with = "nullable::list")]
+    pub fitted: Vec<f64>,
+    /// The simulator before the fit.
+    #[serde(with = "nullable::list")]
+    pub nominal: Vec<f64>,
+    /// The position target sent, held until the next sample.
+    #[serde(with = "nullable::list")]
+    pub target: Vec<f64>,
+}
+
+/// How one joint's signal is distributed, as quantiles at equal steps of probability (0, 1/n, …, 1).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SignalDistribution {
+    /// Joint name.
+    pub joint: String,
+    /// What is distributed.
+    pub signal: Signal,
+    /// Quantiles of the robot's log, in the signal's unit, ascending.
+    #[serde(with = "nullable::list")]
+    pub log: Vec<f64>,
+    /// Quantiles of the nominal simulator; may be empty.
+    #[serde(with = "nullable::list")]
+    pub nominal: Vec<f64>,
+    /// Quantiles of the fitted simulator; may be empty.
+    #[serde(with = "nullable::list")]
+    pub fitted: Vec<f64>,
+    /// Wasserstein-1 distance from nominal to log in the signal's unit, when known.
+    #[serde(with = "nullable::scalar")]
+    pub distance_nominal: f64,
+    /// Wasserstein-1 distance from fitted to log in the signal's unit, when known.
+    #[serde(with = "nullable::scalar")]
+    pub distance_fitted: f64,
+}
+
+/// A signal of a joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Signal {
+    /// Joint position, rad.
+    #[default]
+    Position,
+    /// Joint velocity, rad/s.
+    Velocity,
+    /// The policy's action for the joint, without a unit.
+    Action,
+}
+
+/// Steps of probability in [`SignalDistribution::from_samples`].
+const STEPS: usize = 200;
+
+impl SignalDistribution {
+    /// Quantiles of samples in the signal's unit, any counts; what is not finite is not counted. The distances stay
+    /// unknown.
+    pub fn from_samples(joint: &str, signal: Signal, log: &[f64], nominal: &[f64], fitted: &[f64]) -> Self {
+        SignalDistribution {
+            joint: joint.to_string(),
+            signal,
+            log: quantiles(log),
+            nominal: quantiles(nominal),
+            fitted: quantiles(fitted),
+            ..SignalDistribution::default()
+        }
+    }
+}
+
+/// Empirical quantiles at `STEPS + 1` probabilities, interpolated between the samples next to them.
+fn quantiles(samples: &[f64]) -> Vec<f64> {
+    let mut sorted: Vec<f64> = samples.iter().copied().filter(|x| x.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let Some(last) = sorted.len().checked_sub(1) else { return Vec::new() };
+    let at = |i: usize| {
+        let exact = i as f64 / STEPS as f64 * last as f64;
+        let below = (exact as usize).min(last);
+        let share = exact - below as f64;
+        sorted[below] * (1.0 - share) + sorted[(below + 1).min(last)] * share
+    };
+    (0..=STEPS).map(at).collect()
+}
+
+impl Signal {
+    /// The unit of its samples; empty when it has none.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Signal::Position => "rad",
+            Signal::Velocity => "rad/s",
+            Signal::Action => "",
+        }
+    }
+}
+
+impl Default for SignalDistribution {
+    fn default() -> Self {
+        SignalDistribution {
+            joint: String::new(),
+            signal: Signal::Position,
+            log: Vec::new(),
+            nominal: Vec::new(),
+            fitted: Vec::new(),
+            distance_nominal: f64::NAN,
+            distance_fitted: f64::NAN,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_lie_between_the_samples() {
+        let samples: Vec<f64> = (0..=1000).rev().map(f64::from).chain([f64::NAN]).collect();
+        let found = quantiles(&samples);
+        assert_eq!((found[0], found[STEPS / 2], found[STEPS]), (0.0, 500.0, 1000.0));
+        assert_eq!(quantiles(&[3.0]), [3.0; STEPS + 1]);
+        let two = quantiles(&[1.0, 2.0]);
+        assert!((two[STEPS / 4] - 1.25).abs() < 1e-12);
+        assert!(quantiles(&[f64::INFINITY]).is_empty());
+    }
+}

@@ -1,0 +1,106 @@
+//! Errors on logs the fit did not see, joint by joint.
+
+use super::Validation;
+use crate::chart::extent;
+use crate::format::{clean, significant};
+use serde::Serialize;
+
+/// Logs and joints shown at most.
+const MOST_FILES: usize = 30;
+const MOST_JOINTS: usize = 100;
+/// Shades of the table.
+const SHADES: f64 = 9.0;
+
+#[derive(Serialize)]
+pub(super) struct ValidationTable {
+    files: Vec<String>,
+    totals: Vec<String>,
+    nominal: Option<Vec<String>>,
+    joints: Vec<JointRow>,
+    files_left_out: usize,
+    joints_left_out: usize,
+}
+
+#[derive(Serialize)]
+struct JointRow {
+    joint: String,
+    cells: Vec<Cell>,
+}
+
+#[derive(Serialize)]
+struct Cell {
+    text: String,
+    /// 0 (smallest) to 9 (largest of the table).
+    shade: u8,
+}
+
+pub(super) fn build(validation: &[Validation]) -> Option<ValidationTable> {
+    let shown = &validation[..validation.len().min(MOST_FILES)];
+    if shown.is_empty() {
+        return None;
+    }
+    // Logs may name different joints: the union, in order of appearance.
+    let mut names: Vec<&str> = Vec::new();
+    let mut joints_left_out = 0;
+    for (name, _) in shown.iter().flat_map(|v| &v.rmse_per_joint) {
+        if names.contains(&name.as_str()) {
+            continue;
+        }
+        if names.len() < MOST_JOINTS {
+            names.push(name);
+        } else {
+            joints_left_out += 1;
+        }
+    }
+    let of_joint = |v: &Validation, joint: &str| {
+        v.rmse_per_joint.iter().find(|(name, _)| name == joint).map_or(f64::NAN, |(_, rmse)| *rmse)
+    };
+    let all = shown.iter().flat_map(|v| v.rmse_per_joint.iter().map(|(_, rmse)| *rmse));
+    let largest = extent(all).map_or(1.0, |(_, high)| high);
+    let cell = |rmse: f64| Cell {
+        text: significant(rmse, 3),
+        shade: if rmse.is_finite() && largest > 0.0 { (SHADES * rmse / largest).round() as u8 } else { 0 },
+    };
+    let joints = names
+        .iter()
+        .map(|name| JointRow {
+            joint: clean(name),
+            cells: shown.iter().map(|v| cell(of_joint(v, name))).collect(),
+        })
+        .collect();
+    let has_nominal = shown.iter().any(|v| v.nominal_rmse_rad.is_finite());
+    let texts =
+        |get: fn(&Validation) -> f64| shown.iter().map(|v| significant(get(v), 3)).collect::<Vec<_>>();
+    Some(ValidationTable {
+        files: shown.iter().map(|v| clean(&v.file)).collect(),
+        totals: texts(|v| v.rmse_rad),
+        nominal: has_nominal.then(|| texts(|v| v.nominal_rmse_rad)),
+        joints,
+        files_left_out: validation.len() - shown.len(),
+        joints_left_out,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn joints_are_matched_by_name() {
+        let log = |joints: &[(&str, f64)]| Validation {
+            rmse_per_joint: joints.iter().map(|(n, x)| (n.to_string(), *x)).collect(),
+            ..Validation::default()
+        };
+        let table = build(&[log(&[("a", 0.01), ("b", 0.02)]), log(&[("b", 0.04), ("c", f64::NAN)])]);
+        let rows: Vec<(String, Vec<(String, u8)>)> = table
+            .into_iter()
+            .flat_map(|t| t.joints)
+            .map(|r| (r.joint, r.cells.into_iter().map(|c| (c.text, c.shade)).collect()))
+            .collect();
+        let cell = |text: &str, shade: u8| (text.to_string(), shade);
+        assert_eq!(rows[0], ("a".into(), vec![cell("0.0100", 2), cell("–", 0)]));
+        assert_eq!(rows[1], ("b".into(), vec![cell("0.0200", 5), cell("0.0400", 9)]));
+        assert_eq!(rows[2], ("c".into(), vec![cell("–", 0), cell("–", 0)]));
+        assert!(build(&[]).is_none());
+    }
+}

@@ -1,0 +1,98 @@
+//! What several pages show: settings, links, and doubts.
+
+use serde::{Deserialize, Serialize};
+
+/// Why no page came out.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// The page template and the data disagree: a defect of this crate, not of the data.
+    #[error("the report page could not be filled in ({0}); report this with the run's metrics file")]
+    Template(#[from] minijinja::Error),
+}
+
+/// A name and what it was set to.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Setting {
+    /// Name, dotted as in the configuration file.
+    pub name: String,
+    /// Value as text.
+    pub value: String,
+}
+
+/// A file to look at.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Link {
+    /// What it says.
+    pub text: String,
+    /// A relative path with `/` between its parts, e.g. `seed-1/replay.html`. Anything that leads elsewhere (a
+    /// scheme, an absolute path, `..`) is shown as text only.
+    pub path: String,
+}
+
+/// Why a result must not be taken as it stands. A page says its doubts first, in large print, before any number.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Doubt {
+    /// What is wrong.
+    pub kind: DoubtKind,
+    /// The evidence, in a sentence or two; empty: what the kind means in general.
+    #[serde(default)]
+    pub text: String,
+}
+
+/// What can be wrong with a result, the worst first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DoubtKind {
+    /// Simulations did not come to their end.
+    Diverged,
+    /// The result is farther from the robot than what it began with.
+    WorseThanNominal,
+    /// The search or the training was still changing when it ended.
+    NotConverged,
+    /// Nothing but this project's own simulator judged the result.
+    OwnSimulatorOnly,
+}
+
+impl Doubt {
+    /// A doubt with its evidence.
+    pub fn new(kind: DoubtKind, text: impl Into<String>) -> Doubt {
+        Doubt { kind, text: text.into() }
+    }
+}
+
+impl DoubtKind {
+    /// The doubt in a few words, as pages and tables print it.
+    pub fn headline(self) -> &'static str {
+        match self {
+            DoubtKind::Diverged => "Diverged",
+            DoubtKind::WorseThanNominal => "Worse than the nominal robot",
+            DoubtKind::NotConverged => "Not converged",
+            DoubtKind::OwnSimulatorOnly => "Measured in gaitfit's own simulator only",
+        }
+    }
+
+    /// What it means, for doubts that bring no evidence.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            DoubtKind::Diverged => {
+                "Some simulations did not come to their end. The numbers below leave them out or count them as falls."
+            }
+            DoubtKind::WorseThanNominal => {
+                "The robot file without any fit is closer to the logs. Do not use this fit."
+            }
+            DoubtKind::NotConverged => {
+                "The search was still changing the values when it ended. They can be far from the best ones: \
+                 give it more generations."
+            }
+            DoubtKind::OwnSimulatorOnly => {
+                "Neither a robot nor another simulator judged this result. A simulator does not see its own errors."
+            }
+        }
+    }
+
+    /// Whether the result is of no use, rather than in need of another test.
+    pub fn is_severe(self) -> bool {
+        self != DoubtKind::OwnSimulatorOnly
+    }
+}
