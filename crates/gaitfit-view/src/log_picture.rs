@@ -56,8 +56,7 @@ pub fn log_picture_svg(log: &LogPicture) -> String {
     let columns = if shown.is_multiple_of(3) { 3 } else { 4.min(shown.max(1)) };
     let rows = shown.div_ceil(columns);
     let width = PANEL.0 * columns.max(2) as f64;
-    let mut figure =
-        Figure::new(&format!("Log {}", log.title), width, HEADING + PANEL.1 * rows as f64 + 8.0);
+    let mut figure = Figure::new(&format!("Log {}", log.title), width, HEADING + PANEL.1 * rows as f64 + 8.0);
     figure.heading(12.0, 22.0, &clean(&log.title));
     let left_out = match log.joints.len() {
         count if count > JOINTS => format!("; the first {JOINTS} of {count} joints"),
@@ -65,7 +64,12 @@ pub fn log_picture_svg(log: &LogPicture) -> String {
     };
     let facts = format!("{}{left_out}; position (rad) over time (s)", log.facts);
     figure.text(12.0, 41.0, crate::chart::Anchor::Start, facts.trim_start_matches("; "));
-    figure.legend(width - 190.0, 22.0, width, &[("measured", Look::FITTED), ("target", Look::MEASURED.thin())]);
+    figure.legend(
+        width - 190.0,
+        22.0,
+        width,
+        &[("measured", Look::FITTED), ("target", Look::MEASURED.thin())],
+    );
     for (number, joint) in log.joints.iter().take(JOINTS).enumerate() {
         let left = PANEL.0 * (number % columns) as f64;
         let top = HEADING + PANEL.1 * (number / columns) as f64;
@@ -98,8 +102,12 @@ fn panel(figure: &mut Figure, log: &LogPicture, joint: &LogJoint, left: f64, top
         ],
         points: POINTS,
     };
-    let frame =
-        Frame { left: left + 56.0, top: top + 24.0, right: left + PANEL.0 - 12.0, bottom: top + PANEL.1 - 24.0 };
+    let frame = Frame {
+        left: left + 56.0,
+        top: top + 24.0,
+        right: left + PANEL.0 - 12.0,
+        bottom: top + PANEL.1 - 24.0,
+    };
     figure.plot(&plot, frame);
 }
 

@@ -350,7 +350,8 @@ fn control_characters_in_names_do_not_reach_the_page() {
     report.distributions[0].joint = evil.into();
     report.fits[0].parameters[0].name = evil.into();
     report.doubts = vec![Doubt::new(DoubtKind::Diverged, evil)];
-    report.log = Some(LogSummary { source: evil.into(), uncovered: vec![evil.into()], ..LogSummary::default() });
+    report.log =
+        Some(LogSummary { source: evil.into(), uncovered: vec![evil.into()], ..LogSummary::default() });
     let page = render(&report).unwrap();
     assert!(page.chars().all(|c| c == '\n' || !c.is_control()), "a control character is in the page");
     assert_eq!(page.matches("<script").count(), render(&full(1, 3)).unwrap().matches("<script").count());

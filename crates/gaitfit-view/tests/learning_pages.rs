@@ -43,7 +43,9 @@ fn a_training_page_says_how_every_seed_ended() {
     assert!(hrefs(&html).contains(&"seed-1/replay.html".to_string()));
     // A thin line a seed, and their mean, in every chart.
     let means = document.descendants().filter(|n| n.attribute("class") == Some("s mean")).count();
-    let thin = document.descendants().filter(|n| n.attribute("class").is_some_and(|c| c.starts_with("s c") && c.ends_with(" thin")));
+    let thin = document
+        .descendants()
+        .filter(|n| n.attribute("class").is_some_and(|c| c.starts_with("s c") && c.ends_with(" thin")));
     // The legend is there three times.
     assert_eq!((means, thin.count()), (18 + 3, 3 * 18));
 }

@@ -31,7 +31,10 @@ fn with_class<'a>(document: &'a Document, class: &str) -> Vec<Node<'a, 'a>> {
 fn corners(path: &Node) -> Vec<[f64; 2]> {
     let d = path.attribute("d").unwrap();
     let points = d.split(['M', 'L']).filter(|point| !point.is_empty());
-    points.map(|p| p.split_once(' ').unwrap()).map(|(x, y)| [x.parse().unwrap(), y.parse().unwrap()]).collect()
+    points
+        .map(|p| p.split_once(' ').unwrap())
+        .map(|(x, y)| [x.parse().unwrap(), y.parse().unwrap()])
+        .collect()
 }
 
 #[test]

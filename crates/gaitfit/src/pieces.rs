@@ -4,7 +4,8 @@ use crate::Error;
 use crate::machine::machine;
 use crate::search::Metric;
 use gaitfit_adapt::fit::{ParameterOutcome, RunOutcome};
-use gaitfit_view::report::{Bound, OptimizerRun, Parameter, Setting};
+use gaitfit_view::Setting;
+use gaitfit_view::fit::{Bound, OptimizerRun, Parameter};
 use serde::Serialize;
 
 /// A fitted parameter, without what is known of it from elsewhere.
@@ -23,6 +24,8 @@ pub fn parameter(found: &ParameterOutcome) -> Parameter {
         at_bound: found.at_bound.then_some(bound),
         published: None,
         identified: found.identification.as_ref().map(|identification| identification.identified),
+        interval: found.identification.as_ref().map(|one| [one.lower, one.upper]),
+        truth: None,
     }
 }
 

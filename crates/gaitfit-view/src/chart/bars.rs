@@ -83,10 +83,9 @@ fn draw(figure: &mut Figure, bars: &[Bar], frame: Frame) {
         .filter(|(_, bar)| bar.value.is_finite() && bar.half_width.is_finite())
         .map(|(i, bar)| ([interval(bar).0, interval(bar).1], [line(i); 2]))
         .collect();
-    let drawn = boxes.iter().map(|(look, corners)| Series::Boxes {
-        look: *look,
-        corners: std::slice::from_ref(corners),
-    });
+    let drawn = boxes
+        .iter()
+        .map(|(look, corners)| Series::Boxes { look: *look, corners: std::slice::from_ref(corners) });
     let over = whiskers.iter().map(|(x, y)| Series::Line { name: "", look: Look::MEAN, x, y });
     let zero = Series::Rule { look: Look::MEASURED.thin(), at: 0.0, upright: true };
     let plot = Plot {
@@ -100,7 +99,8 @@ fn draw(figure: &mut Figure, bars: &[Bar], frame: Frame) {
     for (i, bar) in bars.iter().enumerate() {
         let base = frame.top + LINE * (i as f64 + 0.5) + 4.0;
         figure.text(frame.left - 8.0, base, Anchor::End, &shortened(&bar.name, NAME));
-        let reach = [0.0, interval(bar).1].map(|end| if end.is_finite() { scale.at(end) } else { frame.left });
+        let reach =
+            [0.0, interval(bar).1].map(|end| if end.is_finite() { scale.at(end) } else { frame.left });
         figure.text(reach[0].max(reach[1]) + 6.0, base, Anchor::Start, &shortened(&bar.text, TEXT));
     }
 }
@@ -125,10 +125,8 @@ mod tests {
         let width = |number: usize| -> f64 {
             let path = document.descendants().filter(|n| n.attribute("class") == Some("f c0")).nth(number);
             let d = path.unwrap().attribute("d").unwrap().to_string();
-            let ends: Vec<f64> = d[1..]
-                .split(['H', ' ', 'V', 'Z'])
-                .filter_map(|text| text.parse().ok())
-                .collect();
+            let ends: Vec<f64> =
+                d[1..].split(['H', ' ', 'V', 'Z']).filter_map(|text| text.parse().ok()).collect();
             ends[2] - ends[0]
         };
         // The axis reaches from -1 to 5.

@@ -149,7 +149,8 @@ pub(super) fn shortened(text: &str, longest: usize) -> String {
 
 /// The variables of light pages as `(name, value)`: the first block of the style sheet.
 fn variables() -> impl Iterator<Item = (&'static str, &'static str)> {
-    let block = STYLE.split_once('{').and_then(|(_, rest)| rest.split_once('}')).map_or("", |(block, _)| block);
+    let block =
+        STYLE.split_once('{').and_then(|(_, rest)| rest.split_once('}')).map_or("", |(block, _)| block);
     block.split(';').filter_map(|line| line.split_once(':')).map(|(name, value)| (name.trim(), value.trim()))
 }
 

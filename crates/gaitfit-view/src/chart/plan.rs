@@ -50,12 +50,8 @@ pub(crate) fn plan(title: &str, width: f64, tracks: &[Track]) -> Option<String> 
         .map(|line| last(line))
         .map(|(x, y)| ([x.unwrap_or(f64::NAN)], [y.unwrap_or(f64::NAN)]))
         .collect();
-    let drawn = tracks.iter().zip(&lines).map(|(track, (x, y))| Series::Line {
-        name: "",
-        look: track.look,
-        x,
-        y,
-    });
+    let drawn =
+        tracks.iter().zip(&lines).map(|(track, (x, y))| Series::Line { name: "", look: track.look, x, y });
     // Marks above all lines, and discs above rings.
     let marks = |ring: bool| {
         tracks.iter().zip(&ends).filter(move |(track, _)| track.ring == ring).map(|(track, (x, y))| {

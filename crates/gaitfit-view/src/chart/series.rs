@@ -120,7 +120,8 @@ impl Series<'_> {
                 let (radius, kind) = (coordinate(*radius), if *ring { "s ring" } else { "f" });
                 for (x, y) in x.iter().zip(*y).filter(|(x, y)| fits(&axes.x, **x) && fits(&axes.y, **y)) {
                     let (cx, cy) = (coordinate(axes.x.at(*x)), coordinate(axes.y.at(*y)));
-                    let _ = write!(svg, r#"<circle class="{kind} {look}" cx="{cx}" cy="{cy}" r="{radius}"/>"#);
+                    let _ =
+                        write!(svg, r#"<circle class="{kind} {look}" cx="{cx}" cy="{cy}" r="{radius}"/>"#);
                 }
             }
             Series::Stairs { look, edges, heights, filled } => {
@@ -187,13 +188,7 @@ fn stairs(axes: &Axes, edges: &[f64], heights: &[f64]) -> String {
 }
 
 /// A closed outline a stretch without gaps.
-fn band(
-    svg: &mut String,
-    axes: &Axes,
-    look: Look,
-    (x, low, high): (&[f64], &[f64], &[f64]),
-    points: usize,
-) {
+fn band(svg: &mut String, axes: &Axes, look: Look, (x, low, high): (&[f64], &[f64], &[f64]), points: usize) {
     let count = x.len().min(low.len()).min(high.len());
     let mut known = path::thin(&low[..count], points / 2);
     known.extend(path::thin(&high[..count], points / 2));

@@ -32,7 +32,12 @@ pub(super) fn histogram(
     let end = limit.map_or(high, |l| l.max(high));
     let plot = Plot {
         x: Axis { title: x_title, range: Some((low, end)), ticks: 6, ..Axis::default() },
-        y: Axis { title: "% of trajectories", range: Some((0.0, highest * 1.05)), ticks: 3, ..Axis::default() },
+        y: Axis {
+            title: "% of trajectories",
+            range: Some((0.0, highest * 1.05)),
+            ticks: 3,
+            ..Axis::default()
+        },
         series,
         ..Plot::default()
     };

@@ -42,10 +42,7 @@ pub(super) fn build(all: &[JointTrace]) -> Traces {
     if let Some((_, card)) = cards.get_mut(worst) {
         card.checked = true;
     }
-    Traces {
-        cards: cards.into_iter().map(|(_, card)| card).collect(),
-        left_out: all.len() - shown.len(),
-    }
+    Traces { cards: cards.into_iter().map(|(_, card)| card).collect(), left_out: all.len() - shown.len() }
 }
 
 /// The joint's card with its fitted RMSE; `None` when there is nothing to draw.

@@ -218,8 +218,10 @@ pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
     let drawn = entries
         .iter()
         .map(|e| {
-            let marks =
-                vec![mark(e.first, e.first_spread, Look::FIRST), mark(e.second, e.second_spread, Look::SECOND)];
+            let marks = vec![
+                mark(e.first, e.first_spread, Look::FIRST),
+                mark(e.second, e.second_spread, Look::SECOND),
+            ];
             let text = match e.agrees {
                 Some(true) => "agrees",
                 Some(false) => "differs",
@@ -267,7 +269,10 @@ mod tests {
             ..Parameter::default()
         };
         let row = table_row(&parameter);
-        assert_eq!(row.notes, ["at the upper bound", "not determined by these logs", "outside the published range"]);
+        assert_eq!(
+            row.notes,
+            ["at the upper bound", "not determined by these logs", "outside the published range"]
+        );
         assert_eq!((row.spread.as_str(), row.lower.as_str()), ("–", "–"));
         assert_eq!((row.profile.as_str(), row.truth.as_str()), ("–", "0.15"));
     }

@@ -143,15 +143,21 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
         after: significant(fitted, 3),
         unit: if measure == Measure::Cost { unit } else { "rad".into() },
         meaning: match measure {
-            Measure::ValidationRmse => "RMS error of the joint positions, nominal → fitted, on logs that the fit did \
+            Measure::ValidationRmse => {
+                "RMS error of the joint positions, nominal → fitted, on logs that the fit did \
                                         not see. The simulators run freely: nothing resets them"
-                .into(),
-            Measure::FitRmse => "RMS error of the joint positions, nominal → fitted, on the logs that the fit used. \
+                    .into()
+            }
+            Measure::FitRmse => {
+                "RMS error of the joint positions, nominal → fitted, on the logs that the fit used. \
                                  The simulators run freely: nothing resets them"
-                .into(),
+                    .into()
+            }
             Measure::Cost => {
                 let name = if cost_name.is_empty() { String::new() } else { format!(" {cost_name}") };
-                format!("The cost{name} that the fit makes small, nominal → fitted, on the logs that the fit used")
+                format!(
+                    "The cost{name} that the fit makes small, nominal → fitted, on the logs that the fit used"
+                )
             }
         },
         verdicts: verdicts(report, measure, floor),

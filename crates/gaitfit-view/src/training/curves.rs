@@ -30,9 +30,8 @@ pub(crate) struct LegendEntry {
 /// A line a seed, and their mean where there are several.
 pub(crate) fn legend(seeds: &[SeedCurve]) -> Vec<LegendEntry> {
     let shown = seeds.iter().take(MOST_SEEDS).enumerate();
-    let mut legend: Vec<LegendEntry> = shown
-        .map(|(i, s)| LegendEntry { look: Look::color(i), text: format!("seed {}", s.seed) })
-        .collect();
+    let mut legend: Vec<LegendEntry> =
+        shown.map(|(i, s)| LegendEntry { look: Look::color(i), text: format!("seed {}", s.seed) }).collect();
     if legend.len() > 1 {
         legend.push(LegendEntry { look: Look::MEAN, text: "mean".into() });
     }

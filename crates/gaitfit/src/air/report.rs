@@ -9,14 +9,11 @@ use crate::settings::AdaptConfig;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{Predicted, simulate_one};
 use gaitfit_log::Signal;
-use gaitfit_view::report::{
-    Comparison, ComparisonEntry, JointDistribution, JointTrace, Parameter, PublishedRange, Quantity, Score,
-    Validation,
+use gaitfit_view::fit::{
+    Comparison, ComparisonEntry, Fit, JointTrace, Parameter, PublishedRange, Score, Signal as Shown,
+    SignalDistribution, Validation,
 };
-use gaitfit_view::{AdaptReport, render};
-
-/// Bins of a histogram.
-const BINS: usize = 60;
+use gaitfit_view::{FitReport, fit_html};
 
 /// The page of a finished run.
 pub fn page(config: &AdaptConfig, setup: &Setup, results: &Results, metrics: &str) -> Result<String, Error> {
@@ -24,29 +21,33 @@ pub fn page(config: &AdaptConfig, setup: &Setup, results: &Results, metrics: &st
     let shown = setup.validate.first().unwrap_or(&setup.fit);
     let fitted = simulate_one(&shown.simulator, &setup.theta, &values).map_err(Error::failed)?;
     let nominal = simulate_one(&shown.simulator, &Theta::default(), &[]).map_err(Error::failed)?;
-    let report = AdaptReport {
+    let report = FitReport {
         title: results.name.clone(),
         robot: format!("{} ({})", results.robot, config.robot),
         created: now(),
         wall_seconds: results.wall_seconds,
         fit_logs: config.logs.clone(),
-        cost_name: results.cost_name.clone(),
-        cost_unit: String::new(),
+        fits: vec![Fit {
+            cost_name: results.cost_name.clone(),
+            nominal_cost: results.baselines.first().and_then(|nominal| nominal.cost).unwrap_or(f64::NAN),
+            fitted_cost: results.cost,
+            parameters: parameters(results),
+            runs: pieces::runs(&results.cost_name, &results.runs, metrics),
+            ..Fit::default()
+        }],
         fitted: score(&results.fitted),
         nominal: results.baselines.first().map(score).unwrap_or_default(),
         baselines: results.baselines.iter().skip(1).map(score).collect(),
-        noise_floor_rad: None,
-        parameters: parameters(results),
-        runs: pieces::runs(&results.cost_name, &results.runs, metrics),
         validation: validation(results),
-        comparison: results.other_fits.first().map(|other| comparison(&results.cost_name, other)),
+        comparisons: results.other_fits.iter().map(|other| comparison(&results.cost_name, other)).collect(),
         traces: traces(shown, &fitted, &nominal),
         distributions: distributions(shown, &fitted, &nominal),
         warnings: warnings(results),
         settings: pieces::settings(config)?,
         versions: pieces::versions(),
+        ..FitReport::default()
     };
-    render(&report).map_err(Error::failed)
+    fit_html(&report).map_err(Error::failed)
 }
 
 fn unknown(value: Option<f64>) -> f64 {
@@ -62,20 +63,20 @@ fn score(score: &super::results::Score) -> Score {
     }
 }
 
-fn range([lower, upper]: [f64; 2], source: &str) -> PublishedRange {
-    PublishedRange { lower, upper, source: source.to_owned() }
-}
-
 fn parameters(results: &Results) -> Vec<Parameter> {
-    let published = |parameter: &super::results::Parameter| {
-        parameter.truth.map(|truth| range([truth, truth], "the true value")).or_else(|| {
-            parameter.published.map(|published| range(published, "the configuration's [published]"))
-        })
+    let published = |range: [f64; 2]| PublishedRange {
+        lower: range[0],
+        upper: range[1],
+        source: "[published]".to_owned(),
     };
     results
         .parameters
         .iter()
-        .map(|parameter| Parameter { published: published(parameter), ..pieces::parameter(&parameter.found) })
+        .map(|parameter| Parameter {
+            published: parameter.published.map(published),
+            truth: parameter.truth,
+            ..pieces::parameter(&parameter.found)
+        })
         .collect()
 }
 
@@ -131,26 +132,23 @@ fn traces(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) -> Vec<Join
     (0..joints.len()).map(trace).collect()
 }
 
-fn distributions(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) -> Vec<JointDistribution> {
+fn distributions(set: &LogSet, fitted: &[Predicted], nominal: &[Predicted]) -> Vec<SignalDistribution> {
     let log = &set.logs[0];
     let joints = &log.joints;
     let mut found = Vec::with_capacity(2 * joints.len());
     for (joint, name) in joints.iter().enumerate() {
-        for (signal, quantity) in
-            [(Signal::Position, Quantity::Position), (Signal::Velocity, Quantity::Velocity)]
-        {
-            let of = |predicted: &Predicted| match quantity {
-                Quantity::Position => column(&predicted.position, joint, joints.len()),
-                Quantity::Velocity => column(&predicted.velocity, joint, joints.len()),
+        for (signal, shown) in [(Signal::Position, Shown::Position), (Signal::Velocity, Shown::Velocity)] {
+            let of = |predicted: &Predicted| {
+                let matrix =
+                    if signal == Signal::Position { &predicted.position } else { &predicted.velocity };
+                column(matrix, joint, joints.len())
             };
             let measured = log.trajectory.column_at(signal, joint).unwrap_or_default();
             let (nominal, fitted) = (of(&nominal[0]), of(&fitted[0]));
-            let histogram =
-                JointDistribution::from_samples(name, quantity, &measured, &nominal, &fitted, BINS);
-            found.push(JointDistribution {
+            found.push(SignalDistribution {
                 distance_nominal: pieces::distance(&nominal, &measured),
                 distance_fitted: pieces::distance(&fitted, &measured),
-                ..histogram
+                ..SignalDistribution::from_samples(name, shown, &measured, &nominal, &fitted)
             });
         }
     }

@@ -1,6 +1,6 @@
 //! `report.html`: the whole loop on one page.
 
-use super::results::{REFERENCE, Results};
+use super::results::{REFERENCE, Results, TARGET};
 use super::rounds::Done;
 use super::setup::Setup;
 use crate::Error;
@@ -14,9 +14,7 @@ use crate::target::{PolicyFiles, Target};
 use crate::train;
 use crate::walk::report;
 use gaitfit_view::loop_report::{DriftTrials, Round, Tracking};
-use gaitfit_view::report::Setting;
-use gaitfit_view::training::Link;
-use gaitfit_view::{LoopReport, Replay, loop_html};
+use gaitfit_view::{Doubt, DoubtKind, Link, LoopReport, Replay, Setting, loop_html};
 
 /// Writes the page.
 pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error> {
@@ -33,6 +31,7 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         robot: results.robot.clone(),
         created: now(),
         wall_seconds: results.wall_seconds,
+        doubts: doubts(done),
         before: results.before.clone(),
         after: results.after.clone(),
         target: results.evaluations.first().map(|one| one.on.clone()).unwrap_or_default(),
@@ -45,9 +44,28 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         warnings: results.warnings.clone(),
         settings: pieces::settings(&setup.config)?,
         versions: pieces::versions(),
+        ..LoopReport::default()
     };
     let page = loop_html(&page).map_err(Error::failed)?;
     folder.write("report.html", page.as_bytes())
+}
+
+/// Whether anything but this program's own simulator judged the policies.
+fn doubts(done: &Done) -> Vec<Doubt> {
+    let evaluations = &done.results.evaluations;
+    let text = match &done.target {
+        _ if evaluations.is_empty() => return Vec::new(),
+        Some(Target::Simulated(_)) => {
+            "The robot of this loop is the program's own simulator with other numbers. On another simulator or a \
+             robot the policies can do worse."
+        }
+        _ if evaluations.iter().any(|one| one.on == TARGET) => return Vec::new(),
+        _ => {
+            "The policies walked in the fitted simulator, in which the new one was trained. The robot itself was not \
+             there."
+        }
+    };
+    vec![Doubt::new(DoubtKind::OwnSimulatorOnly, text)]
 }
 
 fn rounds(folder: &RunFolder, done: &Done) -> Result<Vec<Round>, Error> {

@@ -62,7 +62,7 @@ pub fn run(request: &Request, watch: &Watch<'_>) -> Result<(Results, RunFolder),
         rows: rows(&paper, table, &experiments, outcome),
         run_folder: folder.path().display().to_string(),
     };
-    folder.write("plot.svg", plot::svg(&results)?.as_bytes())?;
+    folder.write("plot.svg", plot::svg(&results).as_bytes())?;
     folder.write_json("result.json", &results)?;
     Ok((results, folder))
 }

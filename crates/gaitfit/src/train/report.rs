@@ -8,9 +8,8 @@ use super::setup::Setup;
 use super::show::GAIT_CAPTION;
 use crate::Error;
 use crate::machine::{machine, now};
-use gaitfit_view::report::Setting;
-use gaitfit_view::training::{Link, SeedCurve, SeedResult as Shown, Series};
-use gaitfit_view::{TrainingReport, training_report};
+use gaitfit_view::training::{SeedCurve, SeedResult as Shown, Series};
+use gaitfit_view::{Link, Setting, TrainingReport, training_report};
 
 /// The page of a finished run. `configuration`: the resolved one.
 pub fn page(
@@ -38,6 +37,7 @@ pub fn page(
         warnings: trained.iter().filter_map(warning).collect(),
         configuration: configuration.to_owned(),
         versions: versions(results),
+        ..TrainingReport::default()
     };
     training_report(&report).map_err(Error::failed)
 }

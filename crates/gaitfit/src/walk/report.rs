@@ -10,10 +10,9 @@ use crate::settings::AdaptConfig;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{Predicted, simulate_one};
 use gaitfit_log::Signal;
-use gaitfit_view::loop_report::{
-    Adaptation, FittedParameter, LogSummary, Round, Signal as Shown, SignalDistribution,
-};
-use gaitfit_view::{LoopReport, loop_html};
+use gaitfit_view::fit::{Fit, LogSummary, Parameter, Signal as Shown, SignalDistribution};
+use gaitfit_view::loop_report::Round;
+use gaitfit_view::{FitReport, fit_html};
 
 /// Most commands of the logs that are drawn.
 const MOST_COMMANDS: usize = 5000;
@@ -26,18 +25,22 @@ pub fn page(
     results: &GroundResults,
     metrics: &str,
 ) -> Result<String, Error> {
-    let report = LoopReport {
+    let round = round(ground, simulator, results, metrics)?;
+    let report = FitReport {
         title: results.name.clone(),
         robot: results.robot.clone(),
         created: now(),
         wall_seconds: results.wall_seconds,
-        rounds: vec![round(ground, simulator, results, metrics)?],
+        fit_logs: config.logs.clone(),
+        log: round.log,
+        fits: round.fits,
+        distributions: round.distributions,
         warnings: results.warnings.clone(),
         settings: pieces::settings(config)?,
         versions: pieces::versions(),
-        ..LoopReport::default()
+        ..FitReport::default()
     };
-    loop_html(&report).map_err(Error::failed)
+    fit_html(&report).map_err(Error::failed)
 }
 
 /// The fit as a round of a loop, without its training.
@@ -50,7 +53,7 @@ pub fn round(
     let mut round = Round {
         wall_seconds: results.wall_seconds,
         log: Some(log(ground, results)),
-        adaptations: results.fits.iter().map(|fit| adaptation(fit, metrics)).collect(),
+        fits: results.fits.iter().map(|one| fit(one, metrics)).collect(),
         ..Round::default()
     };
     if let Some(first) = results.fits.first() {
@@ -85,20 +88,18 @@ fn log(ground: &Ground, results: &GroundResults) -> LogSummary {
     }
 }
 
-fn adaptation(fit: &GroundFit, metrics: &str) -> Adaptation {
-    let parameters = fit.parameters.iter().map(|parameter| FittedParameter {
-        parameter: pieces::parameter(&parameter.found),
-        profile: parameter.found.identification.as_ref().map(|one| [one.lower, one.upper]),
-        truth: parameter.truth,
-    });
-    Adaptation {
-        name: fit.cost_name.clone(),
-        cost_name: fit.cost_name.clone(),
-        nominal_cost: fit.nominal_cost.unwrap_or(f64::NAN),
-        fitted_cost: fit.cost,
-        floor_cost: f64::NAN,
-        runs: pieces::runs(&fit.cost_name, &fit.runs, metrics),
-        parameters: if fit.parameters.len() <= MOST_SHOWN { parameters.collect() } else { Vec::new() },
+fn fit(found: &GroundFit, metrics: &str) -> Fit {
+    let parameters = found
+        .parameters
+        .iter()
+        .map(|parameter| Parameter { truth: parameter.truth, ..pieces::parameter(&parameter.found) });
+    Fit {
+        cost_name: found.cost_name.clone(),
+        nominal_cost: found.nominal_cost.unwrap_or(f64::NAN),
+        fitted_cost: found.cost,
+        runs: pieces::runs(&found.cost_name, &found.runs, metrics),
+        parameters: if found.parameters.len() <= MOST_SHOWN { parameters.collect() } else { Vec::new() },
+        ..Fit::default()
     }
 }
 
@@ -137,7 +138,7 @@ fn distributions(ground: &Ground, nominal: &[Predicted], fitted: &[Predicted]) -
             }
             found.push(SignalDistribution {
                 distance_nominal: pieces::distance(&nominal, &measured),
-                distance_adapted: pieces::distance(&fitted, &measured),
+                distance_fitted: pieces::distance(&fitted, &measured),
                 ..SignalDistribution::from_samples(name, shown, &measured, &nominal, &fitted)
             });
         }

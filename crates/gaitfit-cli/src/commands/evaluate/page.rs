@@ -7,10 +7,9 @@ use gaitfit::machine;
 use gaitfit::target::Measured;
 use gaitfit::world::World;
 use gaitfit_learn::evaluate::Trial;
-use gaitfit_view::EvaluationReport;
 use gaitfit_view::evaluation::{Histogram, Measure};
 use gaitfit_view::loop_report::Estimate;
-use gaitfit_view::report::Setting;
+use gaitfit_view::{EvaluationReport, Setting};
 
 /// Bars of a histogram.
 const BINS: usize = 40;

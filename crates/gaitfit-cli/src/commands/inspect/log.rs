@@ -30,7 +30,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     let findings = check(&log, &spec);
     let summary = summary_with_report(&log, report);
     if let Some(path) = &args.plot {
-        plot::write(&log, path)?;
+        plot::write(&log, &findings, path)?;
     }
     if args.json {
         output::print_json(&Document { summary: &summary, findings: &findings })?;
