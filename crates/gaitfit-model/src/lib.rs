@@ -52,5 +52,5 @@ mod xml;
 pub use error::{ModelError, Place};
 pub use model::*;
 pub use read::{ReadOptions, read, read_mjcf_str, read_urdf_str};
-pub use shown::{shown, shown_number, shown_path};
+pub use shown::{escaped, shown, shown_number, shown_path};
 pub use summary::*;

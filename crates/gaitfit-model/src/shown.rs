@@ -28,8 +28,8 @@ pub fn shown_number(value: f64) -> String {
     }
 }
 
-/// `text` without characters that control a terminal, cut to `most` characters.
-pub(crate) fn escaped(text: &str, most: usize) -> String {
+/// As [`shown`], cut to `most` characters.
+pub fn escaped(text: &str, most: usize) -> String {
     let mut out = String::new();
     let (mut count, mut cut) = (0, 0);
     for c in text.chars() {

@@ -12,7 +12,6 @@ pub use results::Results;
 pub use setup::Setup;
 
 use crate::Error;
-use crate::machine;
 use crate::run::RunFolder;
 use crate::watch::Watch;
 use std::path::Path;
@@ -21,14 +20,12 @@ use std::path::Path;
 pub fn run(setup: &Setup, name: &str, resume: bool, watch: &Watch<'_>) -> Result<Results, Error> {
     setup.warnings.iter().for_each(|warning| watch.note(warning));
     let folder = RunFolder::begin(Path::new(&setup.config.runs), name, resume, watch)?;
-    files::check_same(&folder, setup)?;
-    if let Some(results) = files::finished(&folder, setup)? {
-        watch.note(&format!("{} is finished; this is its result", folder.path().display()));
-        return Ok(results);
-    }
-    let begun = machine::now();
-    files::begin(&folder, setup, &begun)?;
-    let done = rounds::run(setup, &folder, watch)?;
-    report::write(setup, &folder, &done)?;
-    files::finish(&folder, setup, &begun, done.results)
+    let protocol = files::protocol(&folder, setup)?;
+    files::check_policy(&protocol, setup)?;
+    protocol.run(watch, || {
+        files::begin(&folder, setup)?;
+        let done = rounds::run(setup, &folder, watch)?;
+        report::write(setup, &folder, &done)?;
+        Ok(done.results)
+    })
 }

@@ -10,7 +10,6 @@ use crate::loop_::results::{REFERENCE, policy_name};
 use crate::loop_::rounds::add_truth;
 use crate::loop_::setup::Setup;
 use crate::loop_::stages::{Simulator, Stages};
-use crate::machine::now;
 use crate::run::RunFolder;
 use crate::watch::{Event, Watch};
 use indexmap::IndexMap;
@@ -167,14 +166,16 @@ impl Run<'_> {
     /// The folder of a seed, which belongs to these settings and inputs.
     fn open(&self, within: &str, seed: u64, setup: &Setup) -> Result<RunFolder, Error> {
         let folder = RunFolder::only(&self.folder.path().join(within), &format!("seed-{seed}"))?;
-        if let Some(difference) = files::difference(&folder, setup)? {
+        let protocol = files::protocol(&folder, setup)?;
+        if let Some(difference) = protocol.difference()? {
             return Err(Error::settings(format!(
                 "{} was made with other settings: {difference}. Give those, or write elsewhere with --set runs=FOLDER.",
                 folder.path().display()
             )));
         }
         if folder.read(SEED)?.is_none() {
-            files::begin(&folder, setup, &now())?;
+            protocol.begin()?;
+            files::begin(&folder, setup)?;
         }
         Ok(folder)
     }

@@ -21,11 +21,11 @@ const MOST_RUNS: usize = 10_000;
 const WRITING: &str = ".writing-";
 
 impl RunFolder {
-    /// A new folder `runs/name`, or `runs/name-2`, … where that exists.
+    /// A new folder `runs/name`, or `runs/name-2`, … : the number after that of the latest run.
     pub fn fresh(runs: &Path, name: &str) -> Result<Self, Error> {
         check_name(name)?;
         fs::create_dir_all(runs).map_err(|error| unwritable(runs, &error))?;
-        for number in 1..=MOST_RUNS {
+        for number in latest(runs, name)? + 1..=MOST_RUNS {
             let path = numbered(runs, name, number);
             match fs::create_dir(&path) {
                 Ok(()) => return Self::lock(path),
@@ -34,7 +34,9 @@ impl RunFolder {
             }
         }
         let runs = runs.display();
-        Err(Error::failed(format!("{runs} holds {MOST_RUNS} runs called {name}; take another --name")))
+        Err(Error::failed(format!(
+            "{runs} has numbered runs called {name} up to {MOST_RUNS}; take another --name"
+        )))
     }
 
     /// The folder of a new run, or with `resume` the latest of that name if there is one.
@@ -57,12 +59,13 @@ impl RunFolder {
         Self::lock(path)
     }
 
-    /// The latest folder of that name, if there is one.
+    /// The latest folder of that name, the one with the highest number, if there is one.
     pub fn latest(runs: &Path, name: &str) -> Result<Option<Self>, Error> {
         check_name(name)?;
-        let existing =
-            (1..=MOST_RUNS).map(|number| numbered(runs, name, number)).take_while(|path| path.is_dir());
-        existing.last().map(Self::lock).transpose()
+        match latest(runs, name)? {
+            0 => Ok(None),
+            number => Self::lock(numbered(runs, name, number)).map(Some),
+        }
     }
 
     fn lock(path: PathBuf) -> Result<Self, Error> {
@@ -178,6 +181,47 @@ fn numbered(runs: &Path, name: &str, number: usize) -> PathBuf {
     if number == 1 { runs.join(name) } else { runs.join(format!("{name}-{number}")) }
 }
 
+/// The highest number of a run called `name`; 0 if there is none.
+fn latest(runs: &Path, name: &str) -> Result<usize, Error> {
+    let unreadable =
+        |error: std::io::Error| Error::failed(format!("cannot read {}: {error}", runs.display()));
+    let entries = match fs::read_dir(runs) {
+        Ok(entries) => entries,
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => return Ok(0),
+        Err(error) => return Err(unreadable(error)),
+    };
+    let mut highest = 0;
+    for entry in entries {
+        let entry = entry.map_err(unreadable)?;
+        let file = entry.file_name();
+        let Some(number) = file.to_str().and_then(|file| number(file, name)) else { continue };
+        let path = entry.path();
+        if number > highest && path.is_dir() && !is_of_another(&path, name) {
+            highest = number;
+        }
+    }
+    Ok(highest)
+}
+
+/// Which run called `name` has a folder called `file`: 1 for the name itself.
+fn number(file: &str, name: &str) -> Option<usize> {
+    let rest = file.strip_prefix(name)?;
+    if rest.is_empty() {
+        return Some(1);
+    }
+    let digits = rest.strip_prefix('-')?;
+    let number = digits.parse().ok().filter(|number| (2..=MOST_RUNS).contains(number))?;
+    // Not `-007` and not `-+7`.
+    (number.to_string() == digits).then_some(number)
+}
+
+/// Whether a folder such as `walk-2024` belongs to a run of that name, and not to run 2024 of `walk`.
+fn is_of_another(folder: &Path, name: &str) -> bool {
+    let text = fs::read_to_string(folder.join(super::protocol::CONFIG)).unwrap_or_default();
+    let settings: toml::Table = toml::from_str(&text).unwrap_or_default();
+    settings.get("name").and_then(toml::Value::as_str).is_some_and(|own| own != name)
+}
+
 fn check_name(name: &str) -> Result<(), Error> {
     let plain = |letter: char| letter.is_alphanumeric() || "._-".contains(letter);
     if name.is_empty() || name.starts_with('.') || name.len() > 100 || !name.chars().all(plain) {
@@ -242,6 +286,25 @@ mod tests {
         assert_eq!(RunFolder::latest(runs.path(), "b").unwrap().unwrap().name(), "b-2");
         assert_eq!(RunFolder::only(runs.path(), "b").unwrap().name(), "b");
         assert_eq!(RunFolder::only(runs.path(), "c").unwrap().name(), "c");
+    }
+
+    #[test]
+    fn a_missing_number_hides_no_later_run() {
+        let runs = tempfile::tempdir().unwrap();
+        for name in ["a", "a-3", "a-007", "a-b", "a-1"] {
+            fs::create_dir(runs.path().join(name)).unwrap();
+        }
+        // A file, and the run of another name.
+        fs::write(runs.path().join("a-9"), "").unwrap();
+        fs::create_dir(runs.path().join("a-8")).unwrap();
+        fs::write(runs.path().join("a-8/config.toml"), "name = \"a-8\"\n").unwrap();
+        assert_eq!(RunFolder::latest(runs.path(), "a").unwrap().unwrap().name(), "a-3");
+        assert_eq!(RunFolder::fresh(runs.path(), "a").unwrap().name(), "a-4", "a new run is the latest");
+        fs::remove_dir(runs.path().join("a")).unwrap();
+        fs::write(runs.path().join("a-3/config.toml"), "name = \"a\"\n").unwrap();
+        fs::remove_dir_all(runs.path().join("a-4")).unwrap();
+        assert_eq!(RunFolder::latest(runs.path(), "a").unwrap().unwrap().name(), "a-3");
+        assert_eq!(RunFolder::latest(runs.path(), "a-8").unwrap().unwrap().name(), "a-8");
     }
 
     #[test]

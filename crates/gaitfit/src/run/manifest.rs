@@ -4,7 +4,7 @@ use crate::Error;
 use crate::machine::{Machine, machine};
 use crate::run::RunFolder;
 use crate::run::inputs::Inputs;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 const MANIFEST: &str = "manifest.json";
 
@@ -40,4 +40,24 @@ pub fn write(
         inputs,
     };
     folder.write_json(MANIFEST, &manifest)
+}
+
+/// What a manifest says of the inputs.
+#[derive(Deserialize)]
+struct Saved {
+    inputs: Inputs,
+}
+
+/// The inputs of the run that a folder holds, if it was begun.
+///
+/// # Errors
+/// A file that is damaged.
+pub fn inputs(folder: &RunFolder) -> Result<Option<Inputs>, Error> {
+    let Some(text) = folder.read(MANIFEST)? else { return Ok(None) };
+    serde_json::from_str::<Saved>(&text).map(|saved| Some(saved.inputs)).map_err(|error| {
+        Error::failed(format!(
+            "{}: {error}. Restore it, or start afresh without --resume.",
+            folder.path().join(MANIFEST).display()
+        ))
+    })
 }

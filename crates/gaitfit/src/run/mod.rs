@@ -1,8 +1,11 @@
 //! The folder of a run: how it begins, what it depends on, and how its files are written.
 
+mod changes;
 mod folder;
 pub mod inputs;
 pub mod manifest;
+pub mod protocol;
 
 pub use folder::{RunFolder, readable};
 pub use inputs::Inputs;
+pub use protocol::{Protocol, Whole};

@@ -7,56 +7,56 @@ use super::seed::Files;
 use super::setup::{Plan, Setup};
 use super::show::{self, Shown};
 use crate::Error;
-use crate::machine::now;
-use crate::run::RunFolder;
-use crate::run::inputs::Inputs;
-use crate::run::manifest;
+use crate::run::protocol::CONFIG;
+use crate::run::{Protocol, RunFolder};
 use crate::watch::Watch;
 use gaitfit_policy::weights;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
-const CONFIG: &str = "config.toml";
-const RESULT: &str = "result.json";
-
-/// `result.json`: the results, and what they belong to.
-#[derive(Serialize, Deserialize)]
-struct ResultFile {
-    inputs: Inputs,
+/// How much training is asked for.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Asked {
     iterations: u32,
-    results: Results,
+    seeds: Vec<u64>,
 }
 
 /// Settings that do not change what an iteration does; files count as what they are, not by their names.
-const FREE: [&str; 8] =
-    ["name", "runs", "seeds", "checkpoint_seconds", "robot", "lenient", "policy", "theta"];
+const FREE: [&str; 9] = [
+    "name",
+    "runs",
+    "seeds",
+    "checkpoint_seconds",
+    "robot",
+    "lenient",
+    "policy",
+    "theta",
+    "train.iterations",
+];
 
-/// Refuses to continue a run of other settings, naming one that differs.
-pub fn check_same(folder: &RunFolder, plan: &Plan) -> Result<(), Error> {
-    let Some(text) = folder.read(CONFIG)? else { return Ok(()) };
-    let shown = folder.path().join(CONFIG);
-    let saved: Table = toml::from_str(&text).map_err(|_| {
-        Error::failed(format!(
-            "{}: not a configuration ({} bytes). Restore it, or start afresh without --resume.",
-            shown.display(),
-            text.len()
-        ))
-    })?;
-    if let Some(less) = shrunk(&saved, plan) {
-        return Err(Error::settings(format!(
+/// The run of a training in its folder.
+pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Protocol<'a, Asked> {
+    let plan = &setup.plan;
+    Protocol {
+        folder,
+        settings: plan.configuration.clone(),
+        free: &FREE,
+        inputs: setup.inputs.clone(),
+        same_files: false,
+        seeds: plan.seeds.clone(),
+        asked: Asked { iterations: plan.train.iterations, seeds: plan.seeds.clone() },
+    }
+}
+
+/// Refuses to go on with fewer iterations or without a seed.
+pub fn check_grown(protocol: &Protocol<'_, Asked>, plan: &Plan) -> Result<(), Error> {
+    let shrunk = protocol.saved()?.and_then(|saved| shrunk(&saved, plan));
+    shrunk.map_or(Ok(()), |less| {
+        Err(Error::settings(format!(
             "{} cannot be continued: {less}, or start afresh without --resume",
-            folder.path().display()
-        )));
-    }
-    match difference("", &bound(saved), &bound(plan.configuration.clone())) {
-        None => Ok(()),
-        Some(difference) => Err(Error::settings(format!(
-            "{} cannot be continued: {difference}. Give the run's own settings (--resume with {}), or start afresh \
-             without --resume.",
-            folder.path().display(),
-            shown.display()
-        ))),
-    }
+            protocol.folder.path().display()
+        )))
+    })
 }
 
 /// What the run has more of than is asked for now, and how to ask for it.
@@ -77,69 +77,6 @@ fn shrunk(saved: &Table, plan: &Plan) -> Option<String> {
     ))
 }
 
-/// What a run is bound to of its settings.
-fn bound(mut settings: Table) -> Value {
-    settings.retain(|key, _| !FREE.contains(&key));
-    if let Some(Value::Table(train)) = settings.get_mut("train") {
-        train.remove("iterations");
-    }
-    Value::Table(settings)
-}
-
-/// The first setting that differs, in words; `path`: where the values are.
-pub fn difference(path: &str, saved: &Value, wanted: &Value) -> Option<String> {
-    let (Value::Table(saved), Value::Table(wanted)) = (saved, wanted) else {
-        return (saved != wanted).then(|| format!("`{path}` was {saved}, now it is {wanted}"));
-    };
-    let inner = |key: &str| if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") };
-    for (key, value) in saved {
-        let found = match wanted.get(key) {
-            Some(other) => difference(&inner(key), value, other),
-            None => Some(format!("`{}` was {value}, now it is not set", inner(key))),
-        };
-        if found.is_some() {
-            return found;
-        }
-    }
-    let new = wanted.iter().find(|(key, _)| !saved.contains_key(*key))?;
-    Some(format!("`{}` was not set, now it is {}", inner(new.0), new.1))
-}
-
-/// The result of a folder whose training is finished as it is wanted; none where there is more to do.
-pub fn finished(folder: &RunFolder, setup: &Setup) -> Result<Option<Results>, Error> {
-    let Some(text) = folder.read(RESULT)? else { return Ok(None) };
-    let file: ResultFile = serde_json::from_str(&text).map_err(|error| {
-        Error::failed(format!(
-            "{}: not a result of this version: {error}. Start afresh without --resume.",
-            folder.path().join(RESULT).display()
-        ))
-    })?;
-    let seeds: Vec<u64> = file.results.seeds.iter().map(|seed| seed.seed).collect();
-    if seeds != setup.plan.seeds || file.iterations != setup.plan.train.iterations {
-        return Ok(None);
-    }
-    // The robot counts as what it is, wherever its file lies.
-    let of = |inputs: &Inputs| Inputs { files: Default::default(), ..inputs.clone() };
-    match of(&setup.inputs).difference(&of(&file.inputs)) {
-        None => Ok(Some(file.results)),
-        Some(difference) => Err(Error::settings(format!(
-            "{} is finished, and {difference} since. Start afresh without --resume.",
-            folder.path().display()
-        ))),
-    }
-}
-
-/// Writes what is known before the training.
-pub fn begin(folder: &RunFolder, setup: &Setup, begun: &str) -> Result<(), Error> {
-    folder.write(CONFIG, resolved(&setup.plan)?.as_bytes())?;
-    manifest::write(folder, &setup.plan.seeds, &setup.inputs, begun, None)
-}
-
-fn resolved(plan: &Plan) -> Result<String, Error> {
-    toml::to_string_pretty(&plan.configuration)
-        .map_err(|error| Error::failed(format!("cannot write {CONFIG}: {error}")))
-}
-
 /// What a trained seed leaves for the report.
 pub struct Trained {
     /// Its result.
@@ -150,8 +87,8 @@ pub struct Trained {
     pub shown: Shown,
 }
 
-/// Shows the policies and writes what was found. The result comes last: a folder that has it has everything.
-pub fn finish(folder: &RunFolder, setup: &Setup, begun: &str, watch: &Watch<'_>) -> Result<Results, Error> {
+/// Shows the policies and writes the page.
+pub fn results(folder: &RunFolder, setup: &Setup, watch: &Watch<'_>) -> Result<Results, Error> {
     let plan = &setup.plan;
     let mut trained = Vec::with_capacity(plan.seeds.len());
     for &seed in &plan.seeds {
@@ -169,14 +106,9 @@ pub fn finish(folder: &RunFolder, setup: &Setup, begun: &str, watch: &Watch<'_>)
         run_folder: folder.path().display().to_string(),
         wall_seconds: trained.iter().map(|seed| seed.result.wall_seconds).sum(),
     };
-    let page = report::page(&resolved(plan)?, setup, &results, &trained)?;
+    let configuration = folder.read(CONFIG)?.unwrap_or_default();
+    let page = report::page(&configuration, setup, &results, &trained)?;
     folder.write("report.html", page.as_bytes())?;
-    manifest::write(folder, &plan.seeds, &setup.inputs, begun, Some(now()))?;
-    let iterations = plan.train.iterations;
-    folder.write_json(
-        RESULT,
-        &ResultFile { inputs: setup.inputs.clone(), iterations, results: results.clone() },
-    )?;
     Ok(results)
 }
 

@@ -8,12 +8,10 @@ mod seed;
 mod setup;
 mod show;
 
-pub use files::difference;
 pub use results::{LAST, Parent, Results, SeedResult};
 pub use setup::{Plan, Setup, Start, advice, refused, setup, table as configuration};
 
 use crate::Error;
-use crate::machine;
 use crate::run::RunFolder;
 use crate::watch::Watch;
 use gaitfit_view::training::SeedCurve;
@@ -27,18 +25,15 @@ pub fn train(setup: &Setup, resume: bool, watch: &Watch<'_>) -> Result<Results, 
 
 /// Trains all seeds in this folder, or continues what it holds.
 pub fn train_in(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Results, Error> {
-    files::check_same(folder, &setup.plan)?;
+    let protocol = files::protocol(folder, setup);
+    files::check_grown(&protocol, &setup.plan)?;
     setup.warnings.iter().for_each(|warning| watch.note(warning));
-    if let Some(results) = files::finished(folder, setup)? {
-        watch.note(&format!("{} is finished; this is its result", folder.path().display()));
-        return Ok(results);
-    }
-    let begun = machine::now();
-    files::begin(folder, setup, &begun)?;
-    for &seed in &setup.plan.seeds {
-        seed::train(setup, folder, seed, watch)?;
-    }
-    files::finish(folder, setup, &begun, watch)
+    protocol.run(watch, || {
+        for &seed in &setup.plan.seeds {
+            seed::train(setup, folder, seed, watch)?;
+        }
+        files::results(folder, setup, watch)
+    })
 }
 
 /// The learning curves of a finished run.
