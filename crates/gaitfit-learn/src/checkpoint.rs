@@ -17,7 +17,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use serde::{Deserialize, Serialize};
 
 use crate::ppo::{Scalars, StateError};
-use crate::task::{Saved, SceneError};
+use crate::task::{Saved, TaskError};
 use crate::training::Training;
 
 /// Version of the layout; a reader refuses every other.
@@ -72,7 +72,7 @@ pub enum CheckpointError {
     Learner(#[from] StateError),
     /// The robots' part.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Task(#[from] TaskError),
 }
 
 fn damaged(error: impl std::fmt::Display) -> CheckpointError {
@@ -122,7 +122,7 @@ impl Training<'_> {
         let header = Header {
             format: FORMAT,
             origin: origin.clone(),
-            isa: self.scene.batch.isa().name().to_owned(),
+            isa: self.task.walker.batch.isa().name().to_owned(),
             iteration: self.iteration,
             wall_seconds,
             learner: self.learner.scalars(),
@@ -148,7 +148,7 @@ impl Training<'_> {
         if let Some(difference) = header.origin.difference(origin) {
             return Err(CheckpointError::Foreign(difference));
         }
-        let isa = self.scene.batch.isa().name();
+        let isa = self.task.walker.batch.isa().name();
         if header.isa != isa {
             return Err(CheckpointError::Foreign(format!(
                 "it was written with {} instructions, this machine has {isa}; continue on a machine of the same kind",

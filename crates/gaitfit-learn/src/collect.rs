@@ -5,7 +5,7 @@ use gaitfit_random::{Purpose, Stream};
 
 use crate::evaluate::Subject;
 use crate::player::Player;
-use crate::task::{Ended, Environment, SceneError};
+use crate::task::{Ended, Environment, TaskError};
 use crate::tiles::in_tiles;
 
 /// What is recorded.
@@ -43,7 +43,7 @@ pub fn collect(
     subject: &Subject<'_>,
     options: &CollectOptions,
     threads: usize,
-) -> Result<Vec<Collected>, SceneError> {
+) -> Result<Vec<Collected>, TaskError> {
     in_tiles(options.count, TILE, threads, |first, count| collect_tile(subject, options, first, count))
 }
 
@@ -52,12 +52,12 @@ fn collect_tile(
     options: &CollectOptions,
     first: u32,
     count: usize,
-) -> Result<Vec<Collected>, SceneError> {
-    let Subject { scene, policy, candidate, seed } = *subject;
-    let interface = &scene.interface;
+) -> Result<Vec<Collected>, TaskError> {
+    let Subject { task, policy, candidate, seed } = *subject;
+    let interface = &task.walker.interface;
     let dt = interface.control_dt;
-    let environment = Environment::new(scene, candidate, seed, first, count)?;
-    let mut player = Player::new(scene, policy, environment);
+    let environment = Environment::new(task, candidate, seed, first, count)?;
+    let mut player = Player::new(task, policy, environment);
     let steps = (options.seconds / dt).round().max(1.0) as u32;
     let shifts: Vec<u32> = (0..count as u32)
         .map(|index| {
@@ -92,14 +92,14 @@ fn collect_tile(
     for step in 1..=last {
         for (index, log) in logs.iter_mut().enumerate() {
             if recording(log, step, shifts[index], steps) {
-                before_action(&mut log.trajectory, &player.environment, &scene.joints, index, dt);
+                before_action(&mut log.trajectory, &player.environment, &task.walker.joints, index, dt);
             }
         }
         player.step(step);
         for (index, log) in logs.iter_mut().enumerate() {
             let recorded = recording(log, step, shifts[index], steps);
             if recorded {
-                after_action(&mut log.trajectory, &player, &scene.joints, index);
+                after_action(&mut log.trajectory, &player, &task.walker.joints, index);
             }
             log.fell |= matches!(player.ended[index], Ended::Fall | Ended::Diverged);
             log.trajectory.fell |= recorded && log.fell;

@@ -6,7 +6,6 @@
 mod checkpoint;
 pub mod collect;
 pub mod evaluate;
-pub mod follow;
 mod player;
 pub mod ppo;
 mod rollout;

@@ -1,6 +1,6 @@
 //! A policy at work in a tile of environments: its mean actions, no learning.
 
-use crate::task::{Ended, Environment, Scene};
+use crate::task::{Ended, Environment, Task};
 use gaitfit_policy::Policy;
 use gaitfit_policy::network::Scratch;
 
@@ -20,16 +20,16 @@ pub struct Player<'a> {
 }
 
 impl<'a> Player<'a> {
-    /// `policy` in `environment`, which is of `scene`.
-    pub fn new(scene: &'a Scene, policy: &'a Policy, environment: Environment<'a>) -> Self {
+    /// `policy` in `environment`, which is of `task`.
+    pub fn new(task: &'a Task, policy: &'a Policy, environment: Environment<'a>) -> Self {
         let count = environment.count();
         Self {
             environment,
-            action: vec![0.0; count * scene.joints.len()],
+            action: vec![0.0; count * task.walker.joints.len()],
             reward: vec![0.0; count],
             ended: vec![Ended::No; count],
             policy,
-            observation: vec![0.0; count * scene.interface.observation_width()],
+            observation: vec![0.0; count * task.walker.interface.observation_width()],
             scratch: Scratch::default(),
         }
     }

@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use gaitfit_sim::pool;
 
-use crate::task::SceneError;
+use crate::task::TaskError;
 
 /// Runs `work(first, count)` on tiles of at most `tile` of `count` environments, and joins what each returns in the
 /// environments' order. Results do not depend on the number of threads.
@@ -15,8 +15,8 @@ pub(crate) fn in_tiles<T: Send>(
     count: usize,
     tile: usize,
     threads: usize,
-    work: impl Fn(u32, usize) -> Result<Vec<T>, SceneError> + Sync,
-) -> Result<Vec<T>, SceneError> {
+    work: impl Fn(u32, usize) -> Result<Vec<T>, TaskError> + Sync,
+) -> Result<Vec<T>, TaskError> {
     let results: Vec<_> = (0..count.div_ceil(tile)).map(|_| Mutex::new(Ok(Vec::new()))).collect();
     pool::for_each(
         results.len(),

@@ -6,9 +6,12 @@ use std::time::Instant;
 use gaitfit_sim::{Candidate, pool};
 use serde::{Deserialize, Serialize};
 
-use crate::ppo::{self, Diagnostics, Learner, LearnerError, Samples, SettingsError, UpdateError, Widths};
+use crate::ppo::{
+    self, Diagnostics, Exploration, Learner, LearnerError, Recorder, Samples, SettingsError, UpdateError,
+    Widths,
+};
 use crate::rollout::{Divergence, Runner, Tally};
-use crate::task::{Environment, Scene, SceneError};
+use crate::task::{Environment, Task, TaskError};
 use gaitfit_policy::network::Network;
 use gaitfit_policy::{Policy, Provenance};
 
@@ -78,7 +81,7 @@ pub enum TrainingError {
     },
     /// The task.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Task(#[from] TaskError),
     /// The networks.
     #[error(transparent)]
     Learner(#[from] LearnerError),
@@ -121,9 +124,9 @@ pub struct Iteration {
     pub update_seconds: f64,
 }
 
-/// A training run on a scene.
+/// A training run on a task.
 pub struct Training<'a> {
-    pub(crate) scene: &'a Scene,
+    pub(crate) task: &'a Task,
     settings: TrainingSettings,
     pub(crate) seed: u64,
     pub(crate) learner: Learner,
@@ -131,12 +134,12 @@ pub struct Training<'a> {
     pub(crate) iteration: u32,
 }
 
-/// Widths of a scene's rows.
-pub fn widths(scene: &Scene) -> Widths {
+/// Widths of a task's rows.
+pub fn widths(task: &Task) -> Widths {
     Widths {
-        observation: scene.interface.observation_width(),
-        critic_observation: scene.interface.critic_width(),
-        action: scene.joints.len(),
+        observation: task.walker.interface.observation_width(),
+        critic_observation: task.walker.interface.critic_width(),
+        action: task.walker.joints.len(),
     }
 }
 
@@ -146,7 +149,7 @@ impl<'a> Training<'a> {
     /// # Errors
     /// Settings out of range, or robots that cannot be.
     pub fn new(
-        scene: &'a Scene,
+        task: &'a Task,
         candidate: Option<&Candidate>,
         settings: &TrainingSettings,
         learner: Learner,
@@ -157,31 +160,32 @@ impl<'a> Training<'a> {
         let mut runners = Vec::new();
         for first in (0..environments).step_by(TILE) {
             let count = TILE.min(environments - first);
-            let mut environment = Environment::new(scene, candidate, seed, first as u32, count)?;
+            let mut environment = Environment::new(task, candidate, seed, first as u32, count)?;
             environment.stagger();
-            let samples = Samples::new(steps, count, widths(scene));
-            runners.push(Mutex::new(Runner::new(environment, first as u32, samples)));
+            let samples = Samples::new(steps, count, widths(task));
+            let recorder = Recorder::new(samples, Exploration::new(seed, first as u32));
+            runners.push(Mutex::new(Runner::new(environment, recorder)));
         }
-        Ok(Self { scene, settings: settings.clone(), seed, learner, runners, iteration: 0 })
+        Ok(Self { task, settings: settings.clone(), seed, learner, runners, iteration: 0 })
     }
 
-    /// A learner with new networks for a scene.
+    /// A learner with new networks for a task.
     ///
     /// # Errors
     /// PPO settings out of range.
-    pub fn fresh_learner(scene: &Scene, ppo: &ppo::Settings, seed: u64) -> Result<Learner, TrainingError> {
-        Ok(Learner::new(ppo.clone(), widths(scene), seed)?)
+    pub fn fresh_learner(task: &Task, ppo: &ppo::Settings, seed: u64) -> Result<Learner, TrainingError> {
+        Ok(Learner::new(ppo.clone(), widths(task), seed)?)
     }
 
     /// A learner that goes on from `policy`: its networks, whose shapes count and not those of the settings, and its
     /// normalisers, which go on learning if the settings ask for it. A policy without a critic gets a new one, drawn
-    /// from `seed`, for the scene's critic observation.
+    /// from `seed`, for the task's critic observation.
     ///
     /// # Errors
     /// PPO settings out of range, normalised observations where the policy takes them as they are, or a policy that
-    /// does not fit the scene.
+    /// does not fit the task.
     pub fn learner_from(
-        scene: &Scene,
+        task: &Task,
         ppo: &ppo::Settings,
         policy: &Policy,
         seed: u64,
@@ -193,7 +197,7 @@ impl<'a> Training<'a> {
                 remedy: "the policy takes observations as they are, and a normaliser would change it: leave it false",
             })));
         }
-        let widths = widths(scene);
+        let widths = widths(task);
         let critic = match &policy.critic {
             Some(critic) => critic.clone(),
             None => {
@@ -211,9 +215,9 @@ impl<'a> Training<'a> {
         Ok(learner)
     }
 
-    /// The scene.
-    pub fn scene(&self) -> &'a Scene {
-        self.scene
+    /// The task.
+    pub fn task(&self) -> &'a Task {
+        self.task
     }
 
     /// The learner.
@@ -227,7 +231,7 @@ impl<'a> Training<'a> {
     pub fn policy(&self, configuration_hash: &str, program_version: &str) -> Policy {
         let learner = &self.learner;
         Policy {
-            interface: self.scene.interface.clone(),
+            interface: self.task.walker.interface.clone(),
             actor: learner.actor().clone(),
             log_std: learner.log_std().to_vec(),
             critic: Some(learner.critic().clone()),
@@ -239,7 +243,7 @@ impl<'a> Training<'a> {
                 iteration: self.iteration,
                 program_version: program_version.to_owned(),
                 // Settings are numbers, names and tables: they have a TOML form.
-                task: toml::to_string(&self.scene.settings).unwrap_or_default(),
+                task: toml::to_string(&self.task.settings).unwrap_or_default(),
                 ..Provenance::default()
             },
         }
@@ -272,7 +276,7 @@ impl<'a> Training<'a> {
             || (),
             |(), tile| {
                 let mut runner = self.runners[tile].lock().unwrap_or_else(PoisonError::into_inner);
-                if let Err(divergence) = runner.rollout(&self.learner, self.seed, first_step) {
+                if let Err(divergence) = runner.rollout(&self.learner, first_step) {
                     divergences.lock().unwrap_or_else(PoisonError::into_inner).push((tile, divergence));
                 }
             },
@@ -292,12 +296,12 @@ impl<'a> Training<'a> {
         for runner in &mut self.runners {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
             tally.add(&runner.tally);
-            let empty = Samples::new(0, 0, runner.samples.widths);
-            samples.push(std::mem::replace(&mut runner.samples, empty));
+            let empty = Samples::new(0, 0, runner.recorder.samples.widths);
+            samples.push(std::mem::replace(&mut runner.recorder.samples, empty));
         }
         let updated = self.learner.update(&mut samples, number, threads);
         for (runner, samples) in self.runners.iter_mut().zip(samples) {
-            runner.get_mut().unwrap_or_else(PoisonError::into_inner).samples = samples;
+            runner.get_mut().unwrap_or_else(PoisonError::into_inner).recorder.samples = samples;
         }
         let diagnostics = updated.map_err(|error| TrainingError::Update { iteration: number, error })?;
         self.iteration += 1;

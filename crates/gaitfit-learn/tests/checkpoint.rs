@@ -1,7 +1,7 @@
 //! Checkpoints: what is taken up again goes on with the same bits, and what does not fit is refused.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-use gaitfit_learn::task::{Scene, TaskSettings};
+use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_learn::{CheckpointError, Origin, Training, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
 use gaitfit_policy::weights;
@@ -9,17 +9,17 @@ use safetensors::SafeTensors;
 
 const SETTINGS: TrainingSettings = TrainingSettings { environments: 270, steps: 6, iterations: 5 };
 
-fn scene() -> Scene {
+fn scene() -> Task {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2.xml");
     let model = gaitfit_model::read(path.as_ref(), &Default::default()).unwrap();
     // Episodes, commands and pushes shorter than the training, so that their clocks matter.
     let mut task = TaskSettings { episode_seconds: 0.3, ..TaskSettings::default() };
     task.command.seconds = 0.1;
     task.push.seconds = 0.2;
-    Scene::new(&model, &task, Preset::Fast).unwrap()
+    Task::new(&model, &task, Preset::Fast).unwrap()
 }
 
-fn training(scene: &Scene) -> Training<'_> {
+fn training(scene: &Task) -> Training<'_> {
     let ppo = ppo::Settings { normalise_observations: true, ..ppo::Settings::default() };
     let learner = Training::fresh_learner(scene, &ppo, 7).unwrap();
     Training::new(scene, None, &SETTINGS, learner, 7).unwrap()

@@ -5,7 +5,7 @@ mod task_common;
 
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::task::Scene;
+use gaitfit_learn::task::Task;
 use gaitfit_log::Trajectory;
 use gaitfit_policy::Policy;
 use gaitfit_policy::network::Scratch;
@@ -14,7 +14,7 @@ use gaitfit_sim::kinematics::rotate;
 use task_common::{calm, random_policy, scene_with};
 
 /// A task whose policy lists the joints in another order than the model, and clips its actions.
-fn reordered() -> Scene {
+fn reordered() -> Task {
     let mut task = calm();
     task.command.seconds = 0.1;
     scene_with(&task, |interface| {
@@ -26,9 +26,9 @@ fn reordered() -> Scene {
     })
 }
 
-fn logs(scene: &Scene, policy: &Policy, options: &CollectOptions, threads: usize) -> Vec<Trajectory> {
-    let noisy = Candidate { torque_noise: 1.0, ..Candidate::nominal(scene.batch.model()) };
-    let subject = Subject { scene, policy, candidate: Some(&noisy), seed: 5 };
+fn logs(scene: &Task, policy: &Policy, options: &CollectOptions, threads: usize) -> Vec<Trajectory> {
+    let noisy = Candidate { torque_noise: 1.0, ..Candidate::nominal(scene.walker.batch.model()) };
+    let subject = Subject { task: scene, policy, candidate: Some(&noisy), seed: 5 };
     let logs = collect(&subject, options, threads).unwrap();
     assert!(logs.iter().all(|log| !log.fell));
     logs.into_iter().map(|log| log.trajectory).collect()
@@ -40,7 +40,7 @@ const OPTIONS: CollectOptions = CollectOptions { count: 3, seconds: 0.4, shift: 
 fn rows_hold_what_the_policy_saw_and_did() {
     let scene = reordered();
     let policy = random_policy(&scene);
-    let interface = &scene.interface;
+    let interface = &scene.walker.interface;
     assert_eq!(interface.joints[0], "FR_calf_joint");
     let logs = logs(&scene, &policy, &OPTIONS, 1);
     assert_eq!(logs.len(), 3);
@@ -132,7 +132,7 @@ fn threads_change_no_bit_and_falls_end_logs() {
     task.policy.kp = 1e-3;
     let slack = task_common::scene(&task);
     let policy = task_common::constant_policy(&slack, &[0.0; 12]);
-    let subject = Subject { scene: &slack, policy: &policy, candidate: None, seed: 5 };
+    let subject = Subject { task: &slack, policy: &policy, candidate: None, seed: 5 };
     let fallen = collect(&subject, &CollectOptions { count: 1, seconds: 2.0, ..OPTIONS }, 1).unwrap();
     let rows = fallen[0].trajectory.time.len();
     assert!(fallen[0].fell && rows > 5 && rows < 100, "{rows} rows");

@@ -4,15 +4,15 @@
 mod task_common;
 
 use gaitfit_learn::evaluate::{Estimate, Subject, Trial, drift, record_gait, run_trials, summarise};
-use gaitfit_learn::task::{Scene, TaskSettings};
+use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 use task_common::{calm, constant_policy, random_policy, scene};
 
 const STILL: [f32; 12] = [0.0; 12];
 
-fn subject<'a>(scene: &'a Scene, policy: &'a Policy) -> Subject<'a> {
-    Subject { scene, policy, candidate: None, seed: 11 }
+fn subject<'a>(scene: &'a Task, policy: &'a Policy) -> Subject<'a> {
+    Subject { task: scene, policy, candidate: None, seed: 11 }
 }
 
 #[test]
@@ -64,7 +64,7 @@ fn a_falling_policy_is_counted_up_to_its_fall() {
 fn threads_change_no_bit() {
     let scene = scene(&TaskSettings::default());
     let policy = random_policy(&scene);
-    let noisy = Candidate { torque_noise: 2.0, ..Candidate::nominal(scene.batch.model()) };
+    let noisy = Candidate { torque_noise: 2.0, ..Candidate::nominal(scene.walker.batch.model()) };
     let subject = Subject { candidate: Some(&noisy), ..subject(&scene, &policy) };
     // More than one tile of 256.
     let once = run_trials(&subject, 261, 0.1, 1).unwrap();

@@ -5,24 +5,24 @@ use std::sync::Mutex;
 
 use gaitfit_learn::collect::{CollectOptions, Collected, collect};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::follow::{Job, Script, Track, follow};
-use gaitfit_learn::task::{Scene, TaskSettings, start_from_joints};
+use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_learn::{Training, TrainingSettings, ppo};
 use gaitfit_log::Trajectory;
 use gaitfit_physics::Preset;
 use gaitfit_policy::Policy;
+use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Start};
 
-fn scene() -> Scene {
+fn scene() -> Task {
     let text = include_str!("../../../assets/go2.xml");
     let model = gaitfit_model::read_mjcf_str(text, &gaitfit_model::ReadOptions::default()).unwrap();
     let mut settings = TaskSettings::default().calm();
     (settings.start.yaw, settings.start.tilt, settings.start.joint_position) = (0.0, 0.0, 0.0);
-    Scene::new(&model, &settings, Preset::Fast).unwrap()
+    Task::new(&model, &settings, Preset::Fast).unwrap()
 }
 
 /// A policy that has learnt nothing, with outputs that move the legs.
-fn policy(scene: &Scene) -> Policy {
+fn policy(scene: &Task) -> Policy {
     let ppo = ppo::Settings {
         actor_hidden: vec![16],
         critic_hidden: vec![16],
@@ -34,8 +34,8 @@ fn policy(scene: &Scene) -> Policy {
     Training::new(scene, None, &settings, learner, 3).unwrap().policy("", "")
 }
 
-fn logs(scene: &Scene, policy: &Policy, candidate: &Candidate, count: usize) -> Vec<Collected> {
-    let subject = Subject { scene, policy, candidate: Some(candidate), seed: 5 };
+fn logs(scene: &Task, policy: &Policy, candidate: &Candidate, count: usize) -> Vec<Collected> {
+    let subject = Subject { task: scene, policy, candidate: Some(candidate), seed: 5 };
     let options = CollectOptions { count, seconds: 0.6, shift: [0.0; 2], privileged: true };
     collect(&subject, &options, 2).unwrap()
 }
@@ -45,7 +45,7 @@ fn row<const N: usize>(values: &Option<Vec<f64>>, row: usize) -> [f32; N] {
     std::array::from_fn(|k| values[row * N + k] as f32)
 }
 
-fn script(scene: &Scene, log: &Trajectory) -> Script {
+fn script(scene: &Task, log: &Trajectory) -> Script {
     let joints = log.joints.len();
     let base = log.base.as_ref().unwrap();
     let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|&x| x as f32).collect() };
@@ -59,15 +59,15 @@ fn script(scene: &Scene, log: &Trajectory) -> Script {
     });
     Script {
         commands: (0..log.len()).map(|sample| row(&log.command, sample)).collect(),
-        start: start_from_joints(scene, &log.position[..joints], &log.velocity[..joints]),
+        start: scene.walker.start_from_joints(&log.position[..joints], &log.velocity[..joints]),
         states: states.collect(),
         actions: single(log.action.as_ref().unwrap()),
     }
 }
 
-fn tracks(scene: &Scene, policy: &Policy, scripts: &[Script], job: Job, threads: usize) -> Vec<Track> {
+fn tracks(scene: &Task, policy: &Policy, scripts: &[Script], job: Job, threads: usize) -> Vec<Track> {
     let found = Mutex::new(vec![Track::default(); scripts.len()]);
-    follow(scene, policy, scripts, &[job], threads, &|_, script, track| {
+    follow(&scene.walker, policy, scripts, &[job], threads, &|_, script, track| {
         found.lock().unwrap()[script] = track.clone();
     })
     .unwrap();
@@ -86,7 +86,7 @@ fn worst(track: &[f32], log: &[f64]) -> f64 {
 fn the_true_robot_repeats_the_log_and_another_does_not() {
     let scene = scene();
     let policy = policy(&scene);
-    let mut truth = Candidate::nominal(scene.batch.model());
+    let mut truth = Candidate::nominal(scene.walker.batch.model());
     truth.robot.frictionloss.fill(0.2);
     truth.robot.armature.fill(0.05);
     let logs = logs(&scene, &policy, &truth, 33);
@@ -98,7 +98,7 @@ fn the_true_robot_repeats_the_log_and_another_does_not() {
         assert_eq!(track.fell_at.is_some(), log.fell);
     }
     assert_eq!(same, tracks(&scene, &policy, &scripts, job(&truth, None), 1));
-    let nominal = Candidate::nominal(scene.batch.model());
+    let nominal = Candidate::nominal(scene.walker.batch.model());
     let other = tracks(&scene, &policy, &scripts, job(&nominal, None), 2);
     assert!(worst(&other[0].position, &logs[0].trajectory.position) > 0.01);
 
@@ -115,7 +115,7 @@ fn the_true_robot_repeats_the_log_and_another_does_not() {
 fn networks_and_noise_act_and_only_where_they_are() {
     let scene = scene();
     let policy = policy(&scene);
-    let nominal = Candidate::nominal(scene.batch.model());
+    let nominal = Candidate::nominal(scene.walker.batch.model());
     let logs = logs(&scene, &policy, &nominal, 2);
     let scripts: Vec<Script> = logs.iter().map(|log| script(&scene, &log.trajectory)).collect();
     let plain = tracks(&scene, &policy, &scripts, job(&nominal, None), 1);
@@ -133,7 +133,7 @@ fn networks_and_noise_act_and_only_where_they_are() {
         loud.networks[0].weights[96] = 0.5;
         let changed = tracks(&scene, &policy, &scripts, job(&loud, None), 1);
         // The second sample has felt it in that joint at once.
-        let joints = scene.joints.len();
+        let joints = scene.walker.joints.len();
         let moved = |joint: usize| {
             let at = joints + joint;
             (changed[0].position[at] - plain[0].position[at]).abs()
@@ -151,9 +151,10 @@ fn networks_and_noise_act_and_only_where_they_are() {
 fn resets_without_a_logged_state_are_refused() {
     let scene = scene();
     let policy = policy(&scene);
-    let nominal = Candidate::nominal(scene.batch.model());
+    let nominal = Candidate::nominal(scene.walker.batch.model());
     let log = &logs(&scene, &policy, &nominal, 1)[0].trajectory;
     let script = Script { states: Vec::new(), ..script(&scene, log) };
-    let error = follow(&scene, &policy, &[script], &[job(&nominal, Some(20))], 1, &|_, _, _| {}).unwrap_err();
+    let error =
+        follow(&scene.walker, &policy, &[script], &[job(&nominal, Some(20))], 1, &|_, _, _| {}).unwrap_err();
     assert!(error.to_string().contains("wass"), "{error}");
 }

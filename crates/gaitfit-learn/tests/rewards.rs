@@ -3,15 +3,15 @@
 
 mod task_common;
 
-use gaitfit_learn::task::{Foot, Moment, Scene, reward};
+use gaitfit_learn::task::{Foot, Moment, Task, reward};
 use task_common::{built_in, calm, scene};
 
 const ZEROS: [f32; 12] = [0.0; 12];
 
 /// A robot that stands as it should, commanded to walk.
-fn moment<'a>(scene: &'a Scene, feet: &'a [Foot]) -> Moment<'a> {
+fn moment<'a>(scene: &'a Task, feet: &'a [Foot]) -> Moment<'a> {
     Moment {
-        scene,
+        task: scene,
         command: [0.5, -0.2, 0.3],
         walking: true,
         velocity: [0.0; 3],
@@ -20,7 +20,7 @@ fn moment<'a>(scene: &'a Scene, feet: &'a [Foot]) -> Moment<'a> {
         gravity: [0.0, 0.0, -1.0],
         uprightness: 1.0,
         height: scene.settings.height as f32,
-        joint_position: &scene.default_pose,
+        joint_position: &scene.walker.default_pose,
         joint_velocity: &ZEROS,
         joint_acceleration: &ZEROS,
         torque: &ZEROS,
@@ -54,7 +54,7 @@ fn up(air: f32, height: f32) -> Foot {
 #[test]
 fn tracking_terms() {
     let scene = scene(&calm());
-    assert_eq!((scene.settings.tracking_width, scene.interface.control_dt), (0.5, 0.02));
+    assert_eq!((scene.settings.tracking_width, scene.walker.interface.control_dt), (0.5, 0.02));
     let feet = [down(); 4];
     let still = moment(&scene, &feet);
     // |(0, 0) − (0.5, −0.2)|² = 0.29; width² = 0.25. Vertical speed does not count.
@@ -93,7 +93,7 @@ fn effort_terms() {
     expect("joint_acceleration", &Moment { joint_acceleration: &ramp, ..moment(&scene, &feet) }, 506.0);
     // (−1)² + 0² + … + 10² = 386.
     expect("action_rate", &Moment { action: &ramp, last_action: &ones, ..moment(&scene, &feet) }, 386.0);
-    for (slot, home) in ones.iter_mut().zip(&scene.default_pose) {
+    for (slot, home) in ones.iter_mut().zip(&scene.walker.default_pose) {
         *slot = home + 0.1;
     }
     let walking = Moment { joint_position: &ones, ..moment(&scene, &feet) };

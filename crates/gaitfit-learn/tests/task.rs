@@ -3,7 +3,7 @@
 
 mod task_common;
 
-use gaitfit_learn::task::{Ended, Environment, NoiseSettings, Scene, TaskSettings};
+use gaitfit_learn::task::{Ended, Environment, NoiseSettings, Task, TaskSettings};
 use gaitfit_physics::Preset;
 use gaitfit_policy::{Quantity, Term};
 use gaitfit_random::{Purpose, Stream};
@@ -55,7 +55,7 @@ fn observations_are_laid_out_as_the_interface_says() {
         ];
         interface.critic_observation = vec![term(Quantity::BaseLinearVelocity, &[4.0])];
     });
-    assert_eq!(scene.joints[0], 11, "the policy's first joint is the model's last");
+    assert_eq!(scene.walker.joints[0], 11, "the policy's first joint is the model's last");
     let count = 3;
     let mut environment = Environment::new(&scene, None, 5, 0, count).unwrap();
     let actions: Vec<f32> = (0..12 * count).map(|k| 0.02 * k as f32 - 0.3).collect();
@@ -64,20 +64,20 @@ fn observations_are_laid_out_as_the_interface_says() {
         environment.step(number, &actions, &mut reward, &mut ended);
     }
     // Targets in the model's order: default pose and scaled action of the same joint.
-    for (k, &joint) in scene.joints.iter().enumerate() {
+    for (k, &joint) in scene.walker.joints.iter().enumerate() {
         let scale = if k == 0 { 0.5 } else { 0.25 };
-        let wanted = scene.interface.default_pose[k] + scale * f64::from(actions[k]);
+        let wanted = scene.walker.interface.default_pose[k] + scale * f64::from(actions[k]);
         close(&environment.targets()[joint..=joint], &[wanted]);
     }
     let width = 3 * 12 + 3 + 3 + 3 + 2 + 3;
-    assert_eq!(scene.interface.observation_width(), width);
+    assert_eq!(scene.walker.interface.observation_width(), width);
     let mut rows = vec![f32::NAN; count * width];
     environment.observe(4, &mut rows);
     let mut critic = vec![f32::NAN; count * 3];
     environment.observe_critic(&mut critic);
     let motion = environment.motion();
     for (index, row) in rows.chunks_exact(width).enumerate() {
-        let joint = |values: &[f32], k: usize| f64::from(values[12 * index + scene.joints[k]]);
+        let joint = |values: &[f32], k: usize| f64::from(values[12 * index + scene.walker.joints[k]]);
         let three =
             |values: &[f32]| -> [f64; 3] { std::array::from_fn(|k| f64::from(values[3 * index + k])) };
         let quaternion = &motion.base_quaternion[4 * index..4 * index + 4];
@@ -86,7 +86,7 @@ fn observations_are_laid_out_as_the_interface_says() {
         close(&row[12..24], &velocity);
         let command = environment.commands()[index].map(f64::from);
         close(&row[24..27], &[2.0 * command[0], 3.0 * command[1], 0.5 * command[2]]);
-        let home = |k: usize| scene.interface.default_pose[k];
+        let home = |k: usize| scene.walker.interface.default_pose[k];
         let position: Vec<f64> =
             (0..12).map(|k| 10.0 * (joint(&motion.joint_position, k) - home(k))).collect();
         close(&row[27..39], &position);
@@ -114,7 +114,7 @@ fn noise_fills_its_ranges_and_spares_what_has_none() {
     let environment = Environment::new(&scene, None, 5, 0, 16).unwrap();
     let (mut noisy, mut clean) = (vec![0.0; 16 * 45], vec![0.0; 16 * 45]);
     environment.observe_critic(&mut clean);
-    let scales = scene.interface.scales(&scene.interface.observation);
+    let scales = scene.walker.interface.scales(&scene.walker.interface.observation);
     let mut most = [0.0f32; 45];
     let mut sum = 0.0f64;
     for step in 1..=20 {
@@ -164,8 +164,8 @@ fn episodes_end_by_contact_tilt_height_and_time() {
     let belly = sinking.fall.contacts.clone();
     let scene = scene(&sinking);
     let mut environment = Environment::new(&scene, None, 1, 0, 2).unwrap();
-    let geoms = scene.batch.contact_geoms();
-    let name = |place: usize| scene.batch.model().geoms[geoms[place]].name.as_str();
+    let geoms = scene.walker.batch.contact_geoms();
+    let name = |place: usize| scene.walker.batch.model().geoms[geoms[place]].name.as_str();
     let mut fell = None;
     for number in 1..=50 {
         let (_, ended) = step(&mut environment, number, 0.0);
@@ -179,7 +179,7 @@ fn episodes_end_by_contact_tilt_height_and_time() {
     }
     assert!(fell.is_some(), "a robot without motors stands");
     let spared = TaskSettings {
-        fall: gaitfit_learn::task::FallSettings { contacts: vec![], ..sinking.fall },
+        fall: gaitfit_policy::walker::FallSettings { contacts: vec![], ..sinking.fall },
         ..sinking
     };
     let lying = task_common::scene(&spared);
@@ -252,6 +252,32 @@ fn rewards_are_weights_times_terms_times_the_period() {
         assert!((found - wanted).abs() < 1e-5, "{found}, not {wanted}");
     }
     assert_eq!(environment.take_terms(), [0.0, 0.0]);
+}
+
+#[test]
+fn a_term_of_ones_own_is_paid_after_the_settings_terms() {
+    let mut settings = calm();
+    settings.rewards.values_mut().for_each(|weight| *weight = 0.0);
+    settings.rewards["action_rate"] = -0.5;
+    let lift = 0.25f32;
+    let task = scene(&settings).with_term("lift", 3.0, move |moment| moment.height + lift).unwrap();
+    assert_eq!(task.reward_names(), ["action_rate", "lift"]);
+    let mut environment = Environment::new(&task, None, 1, 0, 2).unwrap();
+    let (paid, _) = step(&mut environment, 1, 0.1);
+    for (index, paid) in paid.iter().enumerate() {
+        let height = f64::from(environment.motion().base_position[3 * index + 2]);
+        close(&[*paid], &[0.02 * (3.0 * (height + 0.25) - 0.5 * 0.12)]);
+    }
+    assert_eq!(environment.take_terms().len(), 2);
+    // The settings, and with them the policy's file, stay readable by everyone.
+    assert!(!task.settings.rewards.contains_key("lift"));
+    for (name, weight, what) in
+        [("lift", 1.0, "already"), ("height", 1.0, "already"), ("new", f64::NAN, "NaN")]
+    {
+        let again = scene(&settings).with_term("lift", 1.0, |_| 0.0).unwrap();
+        let error = again.with_term(name, weight, |_| 0.0).err().unwrap().to_string();
+        assert!(error.starts_with("task.rewards") && error.contains(what), "{error}");
+    }
 }
 
 #[test]
@@ -342,11 +368,11 @@ fn gains_vary_within_their_ranges() {
 fn what_is_randomised_is_the_robots_own_number() {
     let model = go2();
     let plain = scene(&calm());
-    let nominal = plain.robot(&Candidate::nominal(&model));
+    let nominal = plain.walker.robot(&Candidate::nominal(&model));
     assert!(nominal.kp == [25.0; 12] && nominal.kd == [0.5; 12]);
-    type Task = fn(&mut TaskSettings);
+    type Vary = fn(&mut TaskSettings);
     type Change = fn(&mut RobotParams);
-    let same: [(&str, Task, Change); 5] = [
+    let same: [(&str, Vary, Change); 5] = [
         ("base_mass", |t| t.randomisation.base_mass = [2.0; 2], |r| r.base_mass = 2.0),
         ("kp", |t| t.randomisation.kp = [1.5; 2], |r| r.kp_scale.fill(1.5)),
         ("kd", |t| t.randomisation.kd = [2.0; 2], |r| r.kd_scale.fill(2.0)),
@@ -361,13 +387,13 @@ fn what_is_randomised_is_the_robots_own_number() {
             |r| r.armature.iter_mut().for_each(|inertia| *inertia += 0.125),
         ),
     ];
-    let play = |scene: &Scene, candidate: Option<&Candidate>| {
+    let play = |scene: &Task, candidate: Option<&Candidate>| {
         let mut environment = Environment::new(scene, candidate, 3, 0, 1).unwrap();
         (1..=6).for_each(|number| drop(step(&mut environment, number, 0.8)));
         environment.motion().clone()
     };
     let usual = play(&plain, None);
-    let drawn = |change: Task| {
+    let drawn = |change: Vary| {
         let mut task = calm();
         change(&mut task);
         play(&scene(&task), None)
@@ -507,12 +533,12 @@ fn bad_settings_are_refused_by_name() {
     for (change, setting, what) in wrong {
         let mut task = TaskSettings::default();
         change(&mut task);
-        let error = Scene::new(&model, &task, Preset::Fast).err().unwrap().to_string();
+        let error = Task::new(&model, &task, Preset::Fast).err().unwrap().to_string();
         assert!(error.starts_with(setting) && error.contains(what), "`{setting}` and `{what}`: {error}");
     }
     let clamped = gaitfit_model::ReadOptions { root: Some(gaitfit_model::Root::Fixed), ..Default::default() };
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2.xml");
     let model = gaitfit_model::read(path.as_ref(), &clamped).unwrap();
-    let error = Scene::new(&model, &TaskSettings::default(), Preset::Fast).err().unwrap().to_string();
+    let error = Task::new(&model, &TaskSettings::default(), Preset::Fast).err().unwrap().to_string();
     assert!(error.contains("go2 is clamped"), "{error}");
 }

@@ -2,7 +2,6 @@
 
 use gaitfit_model::Model;
 use serde::{Deserialize, Serialize};
-use std::ops::Range;
 
 /// A quantity that a policy may observe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -117,16 +116,6 @@ impl Interface {
     /// Numbers in the critic's observation.
     pub fn critic_width(&self) -> usize {
         width(&self.critic_observation, self.joints.len())
-    }
-
-    /// Where each term of the actor's observation lies.
-    pub fn observation_layout(&self) -> Vec<(Quantity, Range<usize>)> {
-        layout(&self.observation, self.joints.len())
-    }
-
-    /// Where each term of the critic's observation lies.
-    pub fn critic_layout(&self) -> Vec<(Quantity, Range<usize>)> {
-        layout(&self.critic_observation, self.joints.len())
     }
 
     /// The terms' scales, one for each number of `observation` (see [`Term::scale`]), for example of
@@ -285,16 +274,6 @@ fn positive(name: &str, value: Option<f64>) -> Result<(), InterfaceError> {
 
 fn width(terms: &[Term], joints: usize) -> usize {
     terms.iter().map(|term| term.quantity.width(joints)).sum()
-}
-
-fn layout(terms: &[Term], joints: usize) -> Vec<(Quantity, Range<usize>)> {
-    let mut start = 0;
-    let place = |term: &Term| {
-        let range = start..start + term.quantity.width(joints);
-        start = range.end;
-        (term.quantity, range)
-    };
-    terms.iter().map(place).collect()
 }
 
 /// Advice for an unknown name: the known one that is nearest, or what there is.

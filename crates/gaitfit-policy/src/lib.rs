@@ -3,12 +3,16 @@
 //! Everything is batched: arrays of rows, one row an environment, row-major, never an object an environment. Joints
 //! are in the order of [`Interface::joints`] and matched to a model by name.
 
+mod body;
 mod check;
 mod error;
 mod files;
+pub mod follow;
 mod interface;
 pub mod network;
+pub mod observation;
 mod policy;
+pub mod walker;
 
 pub use error::PolicyError;
 pub use files::{DescribedTerm, Description, NormaliserTensors, PerJoint, onnx, read, weights};

@@ -5,6 +5,7 @@ mod common;
 
 use common::{go2, interface};
 use gaitfit_model::read_mjcf_str;
+use gaitfit_policy::observation::Layout;
 use gaitfit_policy::{Interface, Quantity, Term};
 
 /// The error of an interface changed by `change`.
@@ -19,9 +20,10 @@ fn layout_and_scales_follow_the_terms() {
     let interface = interface();
     interface.check().unwrap();
     assert_eq!((interface.observation_width(), interface.critic_width()), (45, 48));
-    let layout = interface.observation_layout();
-    assert_eq!(layout[2], (Quantity::Command, 6..9));
-    assert_eq!(layout[5], (Quantity::LastAction, 33..45));
+    let layout = Layout::new(&interface, &interface.observation);
+    let place = |slot: usize| (layout.slots()[slot].quantity, layout.slots()[slot].range.clone());
+    assert_eq!(place(2), (Quantity::Command, 6..9));
+    assert_eq!(place(5), (Quantity::LastAction, 33..45));
     let scales = interface.scales(&interface.observation);
     assert_eq!(scales.len(), 45);
     assert_eq!((scales[0], scales[3], scales[6], scales[8], scales[21]), (0.25, 1.0, 2.0, 0.5, 0.05));

@@ -5,7 +5,7 @@ use crate::robot::{self, Hold};
 use crate::settings::PresetName;
 use crate::walk::setup::{candidate as fitted, theta_file};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::task::{Scene, TaskSettings, preset};
+use gaitfit_learn::task::{Task, TaskSettings, preset};
 use gaitfit_model::Model;
 use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
@@ -43,7 +43,7 @@ pub struct World {
     /// The policy.
     pub policy: Policy,
     /// Task and simulator.
-    pub scene: Scene,
+    pub scene: Task,
     /// The robot, fitted parameters and noise included.
     pub candidate: Candidate,
     /// What differs from the nominal robot, for reports.
@@ -104,9 +104,10 @@ impl World {
         // Of independent torques the variances add.
         candidate.torque_noise = candidate.torque_noise.hypot(args.torque_noise);
         let delay = longest_delay(&candidate);
-        let scene = Scene::with_interface(&model, &settings, interface.clone(), args.preset.into(), delay)
+        let scene = Task::with_interface(&model, &settings, interface.clone(), args.preset.into(), delay)
             .map_err(Error::failed)?;
-        let doubt = theta.and_then(|(path, file)| Some((path, file.step_doubt(scene.physics_step())?)));
+        let doubt =
+            theta.and_then(|(path, file)| Some((path, file.step_doubt(scene.walker.physics_step())?)));
         let warnings = doubt.map(|(path, doubt)| format!("{}: {doubt}", path.display()));
         Ok(Self { policy, scene, candidate, changes, warnings: warnings.into_iter().collect() })
     }
@@ -121,7 +122,7 @@ impl World {
 
     /// Who is tested on what.
     pub fn subject(&self, seed: u64) -> Subject<'_> {
-        Subject { scene: &self.scene, policy: &self.policy, candidate: Some(&self.candidate), seed }
+        Subject { task: &self.scene, policy: &self.policy, candidate: Some(&self.candidate), seed }
     }
 
     /// Threads asked for, or one a core.
@@ -131,7 +132,7 @@ impl World {
 
     /// The simulator in a few words.
     pub fn description(&self) -> String {
-        let robot = &self.scene.batch.model().name;
+        let robot = &self.scene.walker.batch.model().name;
         if self.changes.is_empty() {
             format!("{robot}, nominal")
         } else {

@@ -32,7 +32,7 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
             "--log-shift {low} {high}: give two times from 0 to 10 s, the shorter first"
         )));
     }
-    let rows = count as f64 * args.seconds / world.scene.interface.control_dt;
+    let rows = count as f64 * args.seconds / world.scene.walker.interface.control_dt;
     if !(args.seconds > 0.0 && rows >= count as f64 && rows <= MOST_ROWS) {
         return Err(Failure::usage(format!(
             "{count} trajectories of {} s are {rows:.0} rows; give at least one a trajectory, at most {MOST_ROWS:.0}",

@@ -1,11 +1,11 @@
 //! A policy at a glance, for `export` and `inspect`.
 
 use crate::table::table;
+use gaitfit_policy::observation::{Layout, Slot};
 use gaitfit_policy::{Policy, Provenance};
 use gaitfit_policy::{Quantity, Term};
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::ops::Range;
 
 /// A policy, as `--json` prints it.
 #[derive(Serialize)]
@@ -61,14 +61,14 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
         activation: network.shape.activation.name(),
         parameters: network.parameters.len(),
     };
-    let parts = |terms: &[Term], layout: Vec<(Quantity, Range<usize>)>| {
-        let part = |(term, (quantity, range)): (&Term, (Quantity, Range<usize>))| Part {
-            quantity,
-            start: range.start,
-            end: range.end,
+    let parts = |terms: &[Term]| {
+        let part = |(term, slot): (&Term, &Slot)| Part {
+            quantity: slot.quantity,
+            start: slot.range.start,
+            end: slot.range.end,
             scale: term.scale.clone(),
         };
-        terms.iter().zip(layout).map(part).collect()
+        terms.iter().zip(Layout::new(interface, terms).slots()).map(part).collect()
     };
     let joint = |(index, name): (usize, &String)| Joint {
         name: name.clone(),
@@ -83,8 +83,8 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
         actor: network(&policy.actor),
         critic: policy.critic.as_ref().map(network),
         normaliser: policy.normaliser.is_some(),
-        observation: parts(&interface.observation, interface.observation_layout()),
-        critic_observation: parts(&interface.critic_observation, interface.critic_layout()),
+        observation: parts(&interface.observation),
+        critic_observation: parts(&interface.critic_observation),
         joints: interface.joints.iter().enumerate().map(joint).collect(),
         action_clip: interface.action_clip,
         control_dt: interface.control_dt,

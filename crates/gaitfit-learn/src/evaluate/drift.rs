@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{Estimate, Subject};
 use crate::player::Player;
-use crate::task::{Ended, Environment, SceneError};
+use crate::task::{Ended, Environment, TaskError};
 
 /// The result of one constant command, over several robots.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -37,8 +37,8 @@ const COMMAND: f64 = 4.0;
 ///
 /// # Errors
 /// A robot that cannot be.
-pub fn drift(subject: &Subject<'_>, robots: usize) -> Result<Vec<DriftTrial>, SceneError> {
-    let limits = &subject.scene.settings.command;
+pub fn drift(subject: &Subject<'_>, robots: usize) -> Result<Vec<DriftTrial>, TaskError> {
+    let limits = &subject.task.settings.command;
     let half = |range: [f64; 2], side: usize| 0.5 * range[side];
     let trials = [
         ("stand", [0.0; 3]),
@@ -79,14 +79,14 @@ fn trial(
     name: &'static str,
     command: [f64; 3],
     robots: usize,
-) -> Result<DriftTrial, SceneError> {
-    let Subject { scene, policy, candidate, seed } = *subject;
-    let mut environment = Environment::new(scene, candidate, seed, 0, robots)?;
+) -> Result<DriftTrial, TaskError> {
+    let Subject { task, policy, candidate, seed } = *subject;
+    let mut environment = Environment::new(task, candidate, seed, 0, robots)?;
     for index in 0..robots {
         environment.hold_command(index, [0.0; 3]);
     }
-    let mut player = Player::new(scene, policy, environment);
-    let periods = |seconds: f64| (seconds / scene.interface.control_dt).round() as u32;
+    let mut player = Player::new(task, policy, environment);
+    let periods = |seconds: f64| (seconds / task.walker.interface.control_dt).round() as u32;
     let (begin, end) = (periods(STAND), periods(STAND + COMMAND));
     let mut fallen = vec![false; robots];
     // Robots settle while they first stand: errors count from where they then are.

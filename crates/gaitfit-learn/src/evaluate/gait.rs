@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Subject, power_spectrum};
 use crate::player::Player;
-use crate::task::{Ended, Environment, Foot, SceneError, heading_velocity};
+use crate::task::{Ended, Environment, Foot, TaskError, heading_velocity};
 
 /// What one robot did, a row a control period.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -59,15 +59,15 @@ pub struct GaitSummary {
 ///
 /// # Errors
 /// A robot that cannot be.
-pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Result<GaitRecord, SceneError> {
-    let Subject { scene, policy, candidate, seed } = *subject;
-    let mut environment = Environment::new(scene, candidate, seed, 0, 1)?;
+pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Result<GaitRecord, TaskError> {
+    let Subject { task, policy, candidate, seed } = *subject;
+    let mut environment = Environment::new(task, candidate, seed, 0, 1)?;
     environment.hold_command(0, [0.0; 3]);
-    let mut player = Player::new(scene, policy, environment);
-    let model = scene.batch.model();
+    let mut player = Player::new(task, policy, environment);
+    let model = task.walker.batch.model();
     let mut record = GaitRecord {
-        dt: scene.interface.control_dt,
-        feet: scene.settings.feet.clone(),
+        dt: task.walker.interface.control_dt,
+        feet: task.settings.feet.clone(),
         joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
         ..GaitRecord::default()
     };

@@ -14,15 +14,15 @@ pub use trajectories::{Trial, TrialSummary, run_trials, summarise};
 
 use gaitfit_sim::Candidate;
 
-use crate::task::Scene;
+use crate::task::Task;
 use gaitfit_policy::Policy;
 
 /// Who is tested on what.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
     /// The task and the simulator.
-    pub scene: &'a Scene,
-    /// The policy; its interface is the scene's.
+    pub task: &'a Task,
+    /// The policy; its interface is the task's.
     pub policy: &'a Policy,
     /// The robot; the one of the file if none is given.
     pub candidate: Option<&'a Candidate>,

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::{Estimate, Subject};
 use crate::player::Player;
-use crate::task::{Ended, Environment, SceneError};
+use crate::task::{Ended, Environment, TaskError};
 use crate::tiles::in_tiles;
 
 /// Environments that one thread advances together.
@@ -60,14 +60,14 @@ pub fn run_trials(
     count: usize,
     seconds: f64,
     threads: usize,
-) -> Result<Vec<Trial>, SceneError> {
-    let steps = (seconds / subject.scene.interface.control_dt).round().max(1.0) as u32;
+) -> Result<Vec<Trial>, TaskError> {
+    let steps = (seconds / subject.task.walker.interface.control_dt).round().max(1.0) as u32;
     in_tiles(count, TILE, threads, |first, count| run_tile(subject, first, count, steps))
 }
 
-fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Result<Vec<Trial>, SceneError> {
-    let Subject { scene, policy, candidate, seed } = *subject;
-    let mut environment = Environment::new(scene, candidate, seed, first, count)?;
+fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Result<Vec<Trial>, TaskError> {
+    let Subject { task, policy, candidate, seed } = *subject;
+    let mut environment = Environment::new(task, candidate, seed, first, count)?;
     // The command that was drawn stays for the whole trajectory.
     let commands = environment.commands().to_vec();
     for (index, &command) in commands.iter().enumerate() {
@@ -75,9 +75,9 @@ fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Resu
     }
     let mut trials: Vec<Trial> =
         commands.iter().map(|&command| Trial { command, ..Trial::default() }).collect();
-    let joints = scene.joints.len();
+    let joints = task.walker.joints.len();
     let mut last_action = vec![0.0f32; count * joints];
-    let mut player = Player::new(scene, policy, environment);
+    let mut player = Player::new(task, policy, environment);
     for step in 1..=steps {
         player.step(step);
         for (index, trial) in trials.iter_mut().enumerate() {

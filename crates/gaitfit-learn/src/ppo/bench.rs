@@ -56,10 +56,8 @@ pub fn synthetic(
         normals(2, &mut samples.action);
         normals(3, &mut samples.reward);
         normals(4, &mut samples.last_value);
-        let (seen, mean) = (&samples.observation, &mut samples.mean);
-        learner.actor().forward_normalised(learner.normaliser(), rows, seen, mean, &mut scratch);
-        let (seen, value) = (&samples.critic_observation, &mut samples.value);
-        learner.critic().forward_normalised(learner.critic_normaliser(), rows, seen, value, &mut scratch);
+        learner.means(rows, &samples.observation, &mut samples.mean, &mut scratch);
+        learner.values(rows, &samples.critic_observation, &mut samples.value, &mut scratch);
         for row in 0..rows {
             let mut log_probability = 0.0;
             for (c, &log_std) in learner.log_std().iter().enumerate() {

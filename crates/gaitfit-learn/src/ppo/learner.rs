@@ -11,7 +11,7 @@ use super::{
     shuffle,
     worker::{Point, Worker},
 };
-use gaitfit_policy::network::{Network, Normaliser, ShapeError, Weights};
+use gaitfit_policy::network::{Network, Normaliser, Scratch, ShapeError, Weights};
 
 /// Actor, critic, standard deviation, and what is needed to improve them. See [`Learner::update`].
 pub struct Learner {
@@ -136,6 +136,23 @@ impl Learner {
     /// Critic's observation (normalised, if there is a normaliser) to value.
     pub fn critic(&self) -> &Network {
         &self.critic
+    }
+
+    /// Mean actions, `rows × action`, of raw observations, `rows × observation`.
+    ///
+    /// # Panics
+    /// If a slice is shorter than its size: an error of the caller.
+    pub fn means(&self, rows: usize, observation: &[f32], mean: &mut [f32], scratch: &mut Scratch) {
+        self.actor.forward_normalised(self.normaliser.as_ref(), rows, observation, mean, scratch);
+    }
+
+    /// Values, `rows`, of the critic's raw observations, `rows × critic_observation`.
+    ///
+    /// # Panics
+    /// If a slice is shorter than its size: an error of the caller.
+    pub fn values(&self, rows: usize, critic_observation: &[f32], value: &mut [f32], scratch: &mut Scratch) {
+        let normaliser = self.critic_normaliser.as_ref();
+        self.critic.forward_normalised(normaliser, rows, critic_observation, value, scratch);
     }
 
     /// ln σ of every element of the action.

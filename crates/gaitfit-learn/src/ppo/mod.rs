@@ -3,10 +3,12 @@
 mod adam;
 pub mod bench;
 mod diagnostics;
+mod exploration;
 mod gae;
 mod learner;
 mod loss;
 mod minibatch;
+mod recorder;
 mod samples;
 mod settings;
 mod shuffle;
@@ -17,7 +19,9 @@ mod worker;
 mod gradient_test;
 
 pub use diagnostics::{Culprit, Diagnostics, UpdateError};
+pub use exploration::Exploration;
 pub use learner::{Learner, LearnerError};
+pub use recorder::{End, Recorder};
 pub use samples::{Samples, SamplesError, Widths};
 pub use settings::{Schedule, Settings, SettingsError};
 pub use state::{Scalars, StateError};

@@ -1,18 +1,17 @@
 //! One tile of robots at a task.
 
+use gaitfit_policy::observation::{LastAction, Layout, Sensed};
+use gaitfit_policy::walker::{TorqueNoise, touching};
 use gaitfit_random::{Purpose, Stream, fill_block_rows};
 use gaitfit_sim::{Candidate, Motion, Tile};
 
 use super::command::{command, within};
-use super::fall::{fallen, touching, uprightness};
 use super::feet::Foot;
 use super::moment::{heading_velocity, up_axis};
-use super::noise::Noise;
-use super::observation::{Context, noise_blocks, observe};
 use super::randomise::randomised;
+use super::sensor_noise::{self, SensorNoise};
 use super::start::start;
-use super::{Moment, Scene, SceneError, reward};
-use gaitfit_policy::Term;
+use super::{Moment, Task, TaskError};
 
 /// Below this norm (m/s, rad/s) a command means standing.
 const STANDING: f32 = 0.1;
@@ -45,7 +44,7 @@ pub struct Saved {
 /// Steps are numbered by the caller (one number a control period, never used twice): all draws are functions of
 /// the seed, the environment's number and the step's.
 pub struct Environment<'a> {
-    scene: &'a Scene,
+    task: &'a Task,
     seed: u64,
     /// Number of the tile's first environment.
     first: u32,
@@ -53,8 +52,7 @@ pub struct Environment<'a> {
     motion: Motion,
     steps: Vec<u32>,
     command: Vec<[f32; 3]>,
-    /// Policy order; `environments × joints`.
-    last_action: Vec<f32>,
+    last_action: LastAction,
     targets: Vec<f32>,
     /// `environments × feet`.
     feet: Vec<Foot>,
@@ -65,46 +63,47 @@ pub struct Environment<'a> {
     /// Commands set from outside are not redrawn.
     held_commands: bool,
     candidate: Candidate,
-    noise: Noise,
+    noise: TorqueNoise,
 }
 
 impl<'a> Environment<'a> {
-    /// Environments `first..first + count` of the scene, started at step 0, around `candidate` (the robot of the
+    /// Environments `first..first + count` of the task, started at step 0, around `candidate` (the robot of the
     /// file if none is given).
     ///
     /// # Errors
     /// A randomisation that leaves no robot; a candidate of another robot.
     pub fn new(
-        scene: &'a Scene,
+        task: &'a Task,
         candidate: Option<&Candidate>,
         seed: u64,
         first: u32,
         count: usize,
-    ) -> Result<Self, SceneError> {
-        let model = scene.batch.model();
+    ) -> Result<Self, TaskError> {
+        let walker = &task.walker;
+        let model = walker.model();
         let candidate = candidate.cloned().unwrap_or_else(|| Candidate::nominal(model));
-        let base = scene.robot(&candidate);
+        let base = walker.robot(&candidate);
         let mut robots = Vec::with_capacity(count);
         for environment in first..first + count as u32 {
-            robots.push(randomised(model, &base, &scene.settings.randomisation, seed, environment)?);
+            robots.push(randomised(model, &base, &task.settings.randomisation, seed, environment)?);
         }
-        let joints = scene.joints.len();
+        let joints = walker.joints.len();
         let mut environment = Self {
-            scene,
+            task,
             seed,
             first,
-            tile: scene.batch.tile(&robots, &candidate.networks)?,
-            motion: scene.batch.motion(count),
+            tile: walker.batch.tile(&robots, &candidate.networks)?,
+            motion: walker.batch.motion(count),
             steps: vec![0; count],
             command: vec![[0.0; 3]; count],
-            last_action: vec![0.0; count * joints],
-            targets: vec![0.0; count * scene.batch.model().joints.len()],
-            feet: vec![Foot::default(); count * scene.settings.feet.len()],
-            terms: vec![0.0; scene.rewards.len()],
-            step_terms: Vec::with_capacity(scene.rewards.len()),
+            last_action: LastAction::new(count, joints),
+            targets: vec![0.0; count * walker.default_pose.len()],
+            feet: vec![Foot::default(); count * task.settings.feet.len()],
+            terms: vec![0.0; task.rewards.len()],
+            step_terms: Vec::with_capacity(task.rewards.len()),
             held_commands: false,
             candidate,
-            noise: Noise::default(),
+            noise: TorqueNoise::default(),
         };
         for index in 0..count {
             environment.restart(index, 0);
@@ -125,7 +124,7 @@ impl<'a> Environment<'a> {
 
     /// Feet of environment `index`.
     pub fn feet(&self, index: usize) -> &[Foot] {
-        let feet = self.scene.settings.feet.len();
+        let feet = self.task.settings.feet.len();
         &self.feet[index * feet..(index + 1) * feet]
     }
 
@@ -147,7 +146,7 @@ impl<'a> Environment<'a> {
 
     /// Spreads the episodes' ages evenly, so that time-outs do not come in waves.
     pub fn stagger(&mut self) {
-        let length = self.scene.episode_steps();
+        let length = self.task.episode_steps();
         for (index, steps) in self.steps.iter_mut().enumerate() {
             let stream = Stream::new(self.seed, Purpose::RESET).environment(self.first + index as u32);
             // Draws of starts are far below this number.
@@ -155,7 +154,7 @@ impl<'a> Environment<'a> {
         }
     }
 
-    /// Sums of the weighted reward terms since the last call, in [`Scene::reward_names`] order.
+    /// Sums of the weighted reward terms since the last call, in [`Task::reward_names`] order.
     pub fn take_terms(&mut self) -> Vec<f64> {
         let none = vec![0.0; self.terms.len()];
         std::mem::replace(&mut self.terms, none)
@@ -164,48 +163,53 @@ impl<'a> Environment<'a> {
     /// Starts a new episode of environment `index` at `step`.
     fn restart(&mut self, index: usize, step: u32) {
         let number = self.first + index as u32;
-        self.tile.place(index, &start(self.scene, self.seed, number, step));
+        self.tile.place(index, &start(self.task, self.seed, number, step));
         self.steps[index] = 0;
         if !self.held_commands {
-            self.command[index] = command(&self.scene.settings.command, self.seed, number, step);
+            self.command[index] = command(&self.task.settings.command, self.seed, number, step);
         }
-        let joints = self.scene.joints.len();
-        self.last_action[index * joints..(index + 1) * joints].fill(0.0);
-        let feet = self.scene.settings.feet.len();
+        self.last_action.begin(index);
+        let feet = self.task.settings.feet.len();
         self.feet[index * feet..(index + 1) * feet].fill(Foot::default());
     }
 
     fn clock(&self, index: usize) -> f32 {
-        self.scene.clock(self.steps[index])
+        self.task.walker.clock(self.steps[index])
     }
 
     /// Writes the actor's observations, with noise; one row an environment.
     pub fn observe(&self, step: u32, rows: &mut [f32]) {
-        let terms = &self.scene.interface.observation;
-        let blocks = noise_blocks(self.scene, terms);
-        let mut noise = vec![[0; 4]; self.count() * blocks.len()];
+        let Task { settings, walker, .. } = self.task;
+        let blocks =
+            sensor_noise::blocks(&settings.noise, &walker.interface.observation, walker.joints.len());
+        let mut words = vec![[0; 4]; self.count() * blocks.len()];
         let stream = Stream::new(self.seed, Purpose::OBSERVATION_NOISE).step(step);
-        fill_block_rows(stream, self.first, &blocks, &mut noise);
-        self.write_observations(terms, Some((&noise, blocks.len())), rows);
+        fill_block_rows(stream, self.first, &blocks, &mut words);
+        self.write_observations(&walker.observation, Some((&words, blocks.len())), rows);
     }
 
     /// Writes the critic's observations, without noise; one row an environment.
     pub fn observe_critic(&self, rows: &mut [f32]) {
-        self.write_observations(&self.scene.interface.critic_observation, None, rows);
+        self.write_observations(&self.task.walker.critic_observation, None, rows);
     }
 
     /// `noise`: the words of every environment's blocks, and how many blocks each has.
-    fn write_observations(&self, terms: &[Term], noise: Option<(&[[u32; 4]], usize)>, rows: &mut [f32]) {
-        let joints = self.scene.joints.len();
-        let width = rows.len() / self.count();
-        for (index, row) in rows.chunks_exact_mut(width).enumerate() {
-            let context = Context {
-                command: self.command[index],
-                last_action: &self.last_action[index * joints..(index + 1) * joints],
-                clock: self.clock(index),
-            };
-            let noise = noise.map(|(words, blocks)| &words[index * blocks..(index + 1) * blocks]);
-            observe(self.scene, terms, &self.motion, index, &context, noise, row);
+    fn write_observations(&self, layout: &Layout, noise: Option<(&[[u32; 4]], usize)>, rows: &mut [f32]) {
+        let Task { settings, walker, .. } = self.task;
+        let mut sensed = Sensed::new(walker.joints.len());
+        for (index, row) in rows.chunks_exact_mut(layout.width().max(1)).enumerate() {
+            walker.sense(&self.motion, index, &mut sensed);
+            sensed.command = self.command[index];
+            sensed.last_action.copy_from_slice(self.last_action.row(index));
+            sensed.clock = self.clock(index);
+            match noise {
+                Some((words, blocks)) => {
+                    let words = &words[index * blocks..(index + 1) * blocks];
+                    let mut noise = SensorNoise::new(&settings.noise, words);
+                    layout.write(&sensed, None, |quantity, values| noise.add(quantity, values), row);
+                }
+                None => layout.write(&sensed, None, |_, _| (), row),
+            }
         }
     }
 
@@ -213,12 +217,12 @@ impl<'a> Environment<'a> {
     /// was paid and whether its episode ended. Ended episodes stay where they are until
     /// [`Environment::begin_episodes`].
     pub fn step(&mut self, step: u32, actions: &[f32], reward: &mut [f32], ended: &mut [Ended]) {
-        let scene = self.scene;
-        let joints = scene.joints.len();
-        scene.targets(actions, &mut self.targets);
+        let task = self.task;
+        let joints = task.walker.joints.len();
+        task.walker.targets(actions, &mut self.targets);
         self.push(step);
         let count = self.steps.len();
-        let torques = self.noise.torques(scene, &self.candidate, self.seed, self.first, step, count);
+        let torques = self.noise.torques(&task.walker, &self.candidate, self.seed, self.first, step, count);
         self.tile.step(&self.targets, torques, &mut self.motion);
         for index in 0..self.count() {
             self.steps[index] += 1;
@@ -226,13 +230,13 @@ impl<'a> Environment<'a> {
             ended[index] =
                 self.judge(index, &actions[index * joints..(index + 1) * joints], &mut reward[index]);
         }
-        self.last_action.copy_from_slice(actions);
+        self.last_action.take(actions);
         if !self.held_commands {
-            let period = scene.command_steps();
+            let period = task.command_steps();
             for index in 0..self.count() {
                 if self.steps[index].is_multiple_of(period) {
                     let number = self.first + index as u32;
-                    self.command[index] = command(&scene.settings.command, self.seed, number, step + 1);
+                    self.command[index] = command(&task.settings.command, self.seed, number, step + 1);
                 }
             }
         }
@@ -253,8 +257,8 @@ impl<'a> Environment<'a> {
     }
 
     fn push(&mut self, step: u32) {
-        let settings = &self.scene.settings.push;
-        let period = (settings.seconds / self.scene.interface.control_dt).round() as u32;
+        let settings = &self.task.settings.push;
+        let period = (settings.seconds / self.task.walker.interface.control_dt).round() as u32;
         if period == 0 || settings.velocity == 0.0 {
             return;
         }
@@ -271,11 +275,11 @@ impl<'a> Environment<'a> {
     }
 
     fn step_feet(&mut self, index: usize) {
-        let scene = self.scene;
-        let feet = scene.foot_geoms.len();
-        let geoms = scene.batch.contact_geoms().len();
-        let dt = scene.interface.control_dt as f32;
-        for (k, &geom) in scene.foot_geoms.iter().enumerate() {
+        let task = self.task;
+        let feet = task.foot_geoms.len();
+        let geoms = task.walker.batch.contact_geoms().len();
+        let dt = task.walker.interface.control_dt as f32;
+        for (k, &geom) in task.foot_geoms.iter().enumerate() {
             let force = self.motion.normal_force[index * geoms + geom];
             let at = 3 * (index * feet + k);
             let place = [self.motion.tracked[at], self.motion.tracked[at + 1], self.motion.tracked[at + 2]];
@@ -289,9 +293,9 @@ impl<'a> Environment<'a> {
     }
 
     fn judge(&mut self, index: usize, action: &[f32], paid: &mut f32) -> Ended {
-        let scene = self.scene;
+        let task = self.task;
         let motion = &self.motion;
-        let joints = scene.start_pose.len();
+        let joints = task.start_pose.len();
         let row = |values: &'_ [f32]| -> std::ops::Range<usize> {
             let width = values.len() / self.steps.len();
             index * width..(index + 1) * width
@@ -302,7 +306,7 @@ impl<'a> Environment<'a> {
         let forces = &motion.normal_force[row(&motion.normal_force)];
         let up = up_axis(quaternion);
         let gravity = up.map(|x| -x);
-        let uprightness = uprightness(scene, up);
+        let uprightness = task.walker.uprightness(up);
         let height = motion.base_position[3 * index + 2];
         let finite =
             linear.iter().chain(angular).chain(quaternion).all(|x| x.is_finite()) && height.is_finite();
@@ -310,11 +314,11 @@ impl<'a> Environment<'a> {
             *paid = 0.0;
             return Ended::Diverged;
         }
-        let fallen = fallen(scene, motion, index);
-        let (policy_joints, feet) = (scene.joints.len(), scene.settings.feet.len());
+        let fallen = task.walker.fallen(motion, index);
+        let feet = task.settings.feet.len();
         let command = self.command[index];
         let moment = Moment {
-            scene,
+            task,
             command,
             walking: command.iter().map(|x| x * x).sum::<f32>() > STANDING * STANDING,
             velocity: heading_velocity(quaternion, linear),
@@ -328,15 +332,14 @@ impl<'a> Environment<'a> {
             joint_acceleration: &motion.joint_acceleration[joints * index..joints * (index + 1)],
             torque: &motion.torque[joints * index..joints * (index + 1)],
             action,
-            last_action: &self.last_action[policy_joints * index..policy_joints * (index + 1)],
+            last_action: self.last_action.row(index),
             feet: &self.feet[feet * index..feet * (index + 1)],
-            body_contacts: touching(forces, &scene.body_geoms),
+            body_contacts: touching(forces, &task.body_geoms),
             clock: self.clock(index),
             fallen,
         };
-        let value = |&(term, weight): &(usize, f32)| weight * (reward::TERMS[term].value)(&moment);
         self.step_terms.clear();
-        self.step_terms.extend(scene.rewards.iter().map(value));
+        self.step_terms.extend(task.rewards.iter().map(|term| term.weight * (term.value)(&moment)));
         let sum: f32 = self.step_terms.iter().sum();
         if !sum.is_finite() {
             *paid = 0.0;
@@ -348,7 +351,7 @@ impl<'a> Environment<'a> {
         }
         if fallen {
             Ended::Fall
-        } else if self.steps[index] >= scene.episode_steps() {
+        } else if self.steps[index] >= task.episode_steps() {
             Ended::TimeOut
         } else {
             Ended::No
@@ -375,7 +378,7 @@ impl<'a> Environment<'a> {
     pub fn save(&mut self) -> Saved {
         let mut numbers = self.tile.save();
         numbers.extend(self.command.iter().flatten());
-        numbers.extend(&self.last_action);
+        numbers.extend(self.last_action.rows());
         numbers.extend(self.feet.iter().flat_map(Foot::numbers));
         Saved { numbers, steps: self.steps.clone() }
     }
@@ -384,14 +387,14 @@ impl<'a> Environment<'a> {
     ///
     /// # Errors
     /// A state of another task, robot or batch.
-    pub fn restore(&mut self, saved: &Saved) -> Result<(), SceneError> {
-        let own = 3 * self.command.len() + self.last_action.len() + 8 * self.feet.len();
-        let foreign = SceneError::Setting {
+    pub fn restore(&mut self, saved: &Saved) -> Result<(), TaskError> {
+        let own = 3 * self.command.len() + self.last_action.rows().len() + 8 * self.feet.len();
+        let foreign = TaskError::Setting {
             setting: "checkpoint".to_owned(),
             what: "is of another task, robot or number of environments".to_owned(),
         };
         let Some(split) = saved.numbers.len().checked_sub(own) else { return Err(foreign) };
-        let longest = self.scene.episode_steps();
+        let longest = self.task.episode_steps();
         if saved.steps.len() != self.steps.len() || saved.steps.iter().any(|&steps| steps > longest) {
             return Err(foreign);
         }
@@ -401,8 +404,8 @@ impl<'a> Environment<'a> {
         for (command, saved) in self.command.iter_mut().zip(commands.chunks_exact(3)) {
             command.copy_from_slice(saved);
         }
-        let (actions, feet) = rest.split_at(self.last_action.len());
-        self.last_action.copy_from_slice(actions);
+        let (actions, feet) = rest.split_at(self.last_action.rows().len());
+        self.last_action.take(actions);
         for (foot, saved) in self.feet.iter_mut().zip(feet.as_chunks::<8>().0) {
             *foot = Foot::from_numbers(saved);
         }

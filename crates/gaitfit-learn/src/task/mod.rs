@@ -1,29 +1,27 @@
 //! Tasks: what the robot is asked to do and what it is paid for.
 //!
-//! A task is data ([`TaskSettings`]) and a table of small reward functions ([`reward::TERMS`]). A [`Scene`] is a
-//! task on a robot; an [`Environment`] is one tile of its robots, stepped as a batch.
+//! A task is data ([`TaskSettings`]) and a table of small reward functions ([`reward::TERMS`]). A [`Task`] is
+//! both on a robot; an [`Environment`] is one tile of its robots, stepped as a batch.
 
+mod check;
 mod command;
 mod environment;
-mod fall;
+mod error;
 mod feet;
 mod moment;
-mod noise;
-mod observation;
 mod presets;
 mod randomise;
 pub mod reward;
-mod scene;
+mod sensor_noise;
 mod settings;
 mod start;
+#[allow(clippy::module_inception, reason = "the file is the task")]
+mod task;
 
 pub use environment::{Ended, Environment, Saved};
-pub(crate) use fall::fallen;
+pub use error::TaskError;
 pub use feet::Foot;
 pub use moment::{Moment, heading_velocity};
-pub(crate) use noise::Noise;
-pub(crate) use observation::{Context, observe};
 pub use presets::preset;
-pub use scene::{Scene, SceneError};
 pub use settings::*;
-pub use start::start_from_joints;
+pub use task::Task;

@@ -1,12 +1,12 @@
 //! One robot at the end of a control period: what rewards and falls are judged on.
 
-use super::Scene;
+use super::Task;
 use super::feet::Foot;
 
 /// One robot at the end of a control period. Joint vectors are in the model's order, actions in the policy's.
 pub struct Moment<'a> {
     /// The task.
-    pub scene: &'a Scene,
+    pub task: &'a Task,
     /// Commanded velocity: forward, left (m/s), yaw rate (rad/s).
     pub command: [f32; 3],
     /// Whether the command asks for movement.
@@ -68,16 +68,6 @@ pub(super) fn up_axis(q: &[f32]) -> [f32; 3] {
     [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)]
 }
 
-/// A world vector in the body frame.
-pub(super) fn to_body(q: &[f32], v: &[f32]) -> [f32; 3] {
-    let (w, x, y, z) = (q[0], q[1], q[2], q[3]);
-    // Columns of the rotation are the body's axes in the world.
-    let forward = [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)];
-    let up = [2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)];
-    let dot = |a: [f32; 3]| a[0] * v[0] + a[1] * v[1] + a[2] * v[2];
-    [dot(forward), dot(left_axis(q)), dot(up)]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -98,18 +88,6 @@ mod tests {
             for (got, want) in got.into_iter().zip([0.3, -0.2, 0.1]) {
                 assert!((got - want).abs() < 1e-6);
             }
-        }
-    }
-
-    #[test]
-    fn body_vectors_turn_back() {
-        let q = product(turn([0.0, 0.0, 1.0], 0.7), turn([0.6, 0.8, 0.0], 0.4));
-        let world = rotate(q, [1.0, 2.0, 3.0]);
-        let body = to_body(&q.map(|x| x as f32), &world.map(|x| x as f32));
-        let up = rotate([q[0], -q[1], -q[2], -q[3]], [0.0, 0.0, 1.0]);
-        for k in 0..3 {
-            assert!((body[k] - (k as f32 + 1.0)).abs() < 1e-5);
-            assert!((up_axis(&q.map(|x| x as f32))[k] - up[k] as f32).abs() < 1e-6);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The settings of a task; every one of them is in the configuration file.
 
+use gaitfit_policy::walker::FallSettings;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -89,18 +90,6 @@ pub struct CommandSettings {
     pub seconds: f64,
     /// Share of commands that are zero.
     pub standing: f64,
-}
-
-/// When an episode ends as a fall.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct FallSettings {
-    /// Patterns over names of geoms that must not touch the ground.
-    pub contacts: Vec<String>,
-    /// Angle between wanted and actual posture, degrees.
-    pub tilt: f64,
-    /// Lowest height of the base's origin, m.
-    pub height: f64,
 }
 
 /// How an episode starts: at rest in a pose, plus uniform deviations.

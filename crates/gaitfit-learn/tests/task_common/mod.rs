@@ -1,7 +1,7 @@
 //! Small tasks on the Go2.
 #![allow(clippy::unwrap_used, dead_code, reason = "a failed unwrap is a failed test; no test uses all of it")]
 
-use gaitfit_learn::task::{Ended, Environment, Scene, TaskSettings, preset};
+use gaitfit_learn::task::{Ended, Environment, Task, TaskSettings, preset};
 use gaitfit_model::Model;
 use gaitfit_physics::Preset;
 use gaitfit_policy::Interface;
@@ -25,20 +25,20 @@ pub fn built_in(name: &str) -> TaskSettings {
 }
 
 /// The task on the Go2.
-pub fn scene(task: &TaskSettings) -> Scene {
-    Scene::new(&go2(), task, Preset::Fast).unwrap()
+pub fn scene(task: &TaskSettings) -> Task {
+    Task::new(&go2(), task, Preset::Fast).unwrap()
 }
 
 /// The task on the Go2 with its interface changed.
-pub fn scene_with(task: &TaskSettings, change: impl Fn(&mut Interface)) -> Scene {
-    let mut interface = scene(task).interface;
+pub fn scene_with(task: &TaskSettings, change: impl Fn(&mut Interface)) -> Task {
+    let mut interface = scene(task).walker.interface;
     change(&mut interface);
-    Scene::with_interface(&go2(), task, interface, Preset::Fast, 0.0).unwrap()
+    Task::with_interface(&go2(), task, interface, Preset::Fast, 0.0).unwrap()
 }
 
 /// A policy whose actions are `actions`, whatever it sees.
-pub fn constant_policy(scene: &Scene, actions: &[f32]) -> Policy {
-    let inputs = scene.interface.observation_width();
+pub fn constant_policy(scene: &Task, actions: &[f32]) -> Policy {
+    let inputs = scene.walker.interface.observation_width();
     let shape = Shape { inputs, hidden: vec![4], outputs: actions.len(), activation: Activation::Elu };
     let mut parameters = vec![0.0; shape.parameters()];
     let bias = shape.layers().last().unwrap().bias.clone();
@@ -47,15 +47,15 @@ pub fn constant_policy(scene: &Scene, actions: &[f32]) -> Policy {
 }
 
 /// A policy that reacts to everything it sees, gently.
-pub fn random_policy(scene: &Scene) -> Policy {
-    let (inputs, outputs) = (scene.interface.observation_width(), scene.joints.len());
+pub fn random_policy(scene: &Task) -> Policy {
+    let (inputs, outputs) = (scene.walker.interface.observation_width(), scene.walker.joints.len());
     let shape = Shape { inputs, hidden: vec![16], outputs, activation: Activation::Elu };
     policy(scene, Network::random(shape, 3, 0, 0.5).unwrap())
 }
 
-fn policy(scene: &Scene, actor: Network) -> Policy {
+fn policy(scene: &Task, actor: Network) -> Policy {
     Policy {
-        interface: scene.interface.clone(),
+        interface: scene.walker.interface.clone(),
         log_std: vec![-1.0; actor.shape.outputs],
         actor,
         critic: None,

@@ -69,7 +69,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
     }
     let world = World::with_task(&arguments, policy, settings)?;
     warnings.extend(world.warnings.iter().cloned());
-    let model = world.scene.batch.model().clone();
+    let model = world.scene.walker.batch.model().clone();
     let inputs = Inputs::new(files.all(), &model, &bound(&config))?;
     let parent = Parent {
         policy: files.policy.display().to_string(),

@@ -4,7 +4,7 @@ use crate::Error;
 use crate::run::RunFolder;
 use gaitfit_learn::Iteration;
 use gaitfit_learn::ppo::Diagnostics;
-use gaitfit_learn::task::Scene;
+use gaitfit_learn::task::Task;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -54,10 +54,10 @@ pub struct Times {
 
 impl Metric {
     /// Of an iteration on a scene; `steps`: control steps of a rollout, all robots.
-    pub fn new(iteration: &Iteration, scene: &Scene, wall_seconds: f64) -> Self {
+    pub fn new(iteration: &Iteration, scene: &Task, wall_seconds: f64) -> Self {
         let tally = &iteration.tally;
         let ended = |sum: f64| (tally.episodes > 0.0).then(|| sum / tally.episodes);
-        let dt = scene.interface.control_dt;
+        let dt = scene.walker.interface.control_dt;
         let names = scene.reward_names();
         let terms = names.iter().zip(&tally.terms);
         Self {

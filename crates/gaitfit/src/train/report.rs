@@ -105,7 +105,7 @@ fn links(seed: u64) -> [Link; 2] {
 
 fn facts(setup: &Setup, results: &Results) -> Vec<Setting> {
     let fact = |name: &str, value: String| Setting { name: name.to_owned(), value };
-    let rate = setup.scene.interface.control_dt.recip();
+    let rate = setup.scene.walker.interface.control_dt.recip();
     let mut facts = vec![
         fact("Robots", results.environments.to_string()),
         fact("Steps an iteration", results.steps.to_string()),

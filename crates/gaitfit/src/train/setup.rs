@@ -7,7 +7,7 @@ use crate::run::inputs::Inputs;
 use crate::settings::{PresetName, TrainConfig};
 use crate::{paths, robot};
 use gaitfit_learn::ppo::{self, Learner};
-use gaitfit_learn::task::Scene;
+use gaitfit_learn::task::Task;
 use gaitfit_learn::{Origin, Training, TrainingError, TrainingSettings};
 use gaitfit_model::Model;
 use gaitfit_policy::Policy;
@@ -25,7 +25,7 @@ pub struct Setup {
     /// What robots are varied around; the robot of the file if there is none.
     pub candidate: Option<Candidate>,
     /// The task on it.
-    pub scene: Scene,
+    pub scene: Task,
     /// What the training goes on from.
     pub start: Option<Start>,
     /// What the result depends on.
@@ -93,13 +93,9 @@ pub fn setup(config: &TrainConfig, name: &str, path: Option<&Path>, threads: usi
         None => robot::go2()?,
     };
     let refused = |error: TrainingError| refused(path, &error, printed_by);
-    let scene = Scene::new(&model, &config.task.settings, config.preset.into())
+    let scene = Task::new(&model, &config.task.settings, config.preset.into())
         .map_err(|error| refused(error.into()))?;
-    scene
-        .interface
-        .check()
-        .map_err(|error| Error::settings(advice(path, &format!("task.policy: {error}"), printed_by)))?;
-    if scene.interface.critic_observation.is_empty() {
+    if scene.walker.interface.critic_observation.is_empty() {
         let wrong = "task.policy.critic_observation has no terms; list what the critic sees";
         return Err(Error::settings(advice(path, wrong, printed_by)));
     }

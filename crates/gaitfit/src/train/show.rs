@@ -5,7 +5,7 @@ use crate::Error;
 use crate::world::longest_delay;
 use crate::{gait, replay};
 use gaitfit_learn::evaluate::{GaitSummary, Subject, record_gait};
-use gaitfit_learn::task::Scene;
+use gaitfit_learn::task::Task;
 use gaitfit_policy::Policy;
 use gaitfit_view::{GaitPicture, Replay, replay_html};
 
@@ -29,10 +29,10 @@ pub fn show(setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Error>
     let task = setup.scene.settings.calm();
     let interface = policy.interface.clone();
     let delay = setup.candidate.as_ref().map_or(0.0, longest_delay);
-    let scene = Scene::with_interface(&setup.model, &task, interface, setup.plan.preset.into(), delay)
+    let scene = Task::with_interface(&setup.model, &task, interface, setup.plan.preset.into(), delay)
         .map_err(Error::failed)?;
     let seed = policy.provenance.seed;
-    let subject = Subject { scene: &scene, policy, candidate: setup.candidate.as_ref(), seed };
+    let subject = Subject { task: &scene, policy, candidate: setup.candidate.as_ref(), seed };
     let record = record_gait(&subject, &gait::tour(&task.command)).map_err(Error::failed)?;
     let fell = record.fell.then(|| record.steps() as f64 * record.dt);
     let ends = fell.map_or_else(String::new, |time| format!("; it fell after {time:.1} s"));

@@ -3,7 +3,7 @@
 use super::logs::GroundLog;
 use super::{policy_check, rate, tilt};
 use crate::Error;
-use gaitfit_learn::task::Scene;
+use gaitfit_learn::task::Task;
 use gaitfit_log::{CheckSpec, Trajectory};
 use gaitfit_policy::Policy;
 use serde::Serialize;
@@ -29,11 +29,17 @@ pub struct Cut {
 }
 
 /// What tells a fallen robot: its trunk on the ground, by the task's rule.
-pub fn fall_spec(scene: &Scene) -> CheckSpec {
-    let model = scene.batch.model();
+pub fn fall_spec(scene: &Task) -> CheckSpec {
+    let model = scene.walker.batch.model();
     let pose = |(&joint, &angle): (&usize, &f64)| (model.joints[joint].name.clone(), angle);
     CheckSpec {
-        default_pose: scene.joints.iter().zip(&scene.interface.default_pose).map(pose).collect(),
+        default_pose: scene
+            .walker
+            .joints
+            .iter()
+            .zip(&scene.walker.interface.default_pose)
+            .map(pose)
+            .collect(),
         lying_height: Some(scene.settings.fall.height).filter(|&height| height > 0.0),
         ..CheckSpec::default()
     }

@@ -2,7 +2,7 @@
 
 use super::logs::{GroundLog, Read};
 use crate::robot;
-use gaitfit_learn::task::Scene;
+use gaitfit_learn::task::Task;
 use gaitfit_log::{FindingKind, Severity, check};
 use gaitfit_policy::Interface;
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ const GAINS: f64 = 0.01;
 
 /// What the checks of a log doubt, each kind once. Following is judged on noise in some walks of any robot: it counts
 /// where most logs show it.
-pub fn findings(reads: &[Read], scene: &Scene) -> Vec<String> {
+pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
     // Falls and gaps are cut, coverage is looked at, short stretches are left out: those have their own words.
     let told = [
         FindingKind::TooShort,
@@ -26,7 +26,7 @@ pub fn findings(reads: &[Read], scene: &Scene) -> Vec<String> {
     ];
     let mut kinds: BTreeMap<FindingKind, (usize, String)> = BTreeMap::new();
     for read in reads {
-        let spec = robot::check_spec(scene.batch.model(), &read.trajectory.joints);
+        let spec = robot::check_spec(scene.walker.batch.model(), &read.trajectory.joints);
         let mut seen = Vec::new();
         for finding in check(&read.trajectory, &spec) {
             if finding.severity == Severity::Note

@@ -99,7 +99,7 @@ fn theta_text(ground: &Ground, results: &GroundResults) -> Result<String, Error>
         .iter()
         .map(|parameter| Found { value: parameter.found.value, spread: parameter.found.spread })
         .collect();
-    let step = Some(ground.scene.physics_step());
+    let step = Some(ground.scene.walker.physics_step());
     ThetaFile {
         physics_step: step,
         ..ThetaFile::new(&ground.theta, &found, &results.robot, &first.cost_name, first.cost)
@@ -117,5 +117,9 @@ fn inputs(config: &AdaptConfig, ground: &Ground) -> Result<Inputs, Error> {
     settings.checkpoint_seconds = 0.0;
     settings.simulation.threads = 0;
     settings.optimizer.max_seconds = 0.0;
-    Inputs::new(ground.files.iter().map(std::path::PathBuf::as_path), ground.scene.batch.model(), &settings)
+    Inputs::new(
+        ground.files.iter().map(std::path::PathBuf::as_path),
+        ground.scene.walker.batch.model(),
+        &settings,
+    )
 }

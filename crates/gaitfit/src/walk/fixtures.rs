@@ -4,21 +4,22 @@
 use super::observation::{self, Given};
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::Subject;
-use gaitfit_learn::task::{Scene, TaskSettings};
+use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_learn::{Training, TrainingSettings, ppo};
 use gaitfit_log::Trajectory;
 use gaitfit_physics::Preset;
 use gaitfit_policy::Policy;
 use gaitfit_policy::network::Scratch;
+use gaitfit_policy::observation::Layout;
 
 /// The Go2 at the built-in task.
-pub fn scene() -> Scene {
+pub fn scene() -> Task {
     let model = crate::robot::go2().unwrap();
-    Scene::new(&model, &TaskSettings::default().calm(), Preset::Fast).unwrap()
+    Task::new(&model, &TaskSettings::default().calm(), Preset::Fast).unwrap()
 }
 
 /// A policy that has learnt nothing, with outputs that move the legs.
-pub fn policy(scene: &Scene, seed: u64) -> Policy {
+pub fn policy(scene: &Task, seed: u64) -> Policy {
     let ppo = ppo::Settings {
         actor_hidden: vec![16],
         critic_hidden: vec![16],
@@ -31,8 +32,8 @@ pub fn policy(scene: &Scene, seed: u64) -> Policy {
 }
 
 /// Eight logs of up to a second, joints only or with the base's state.
-pub fn logs(scene: &Scene, policy: &Policy, privileged: bool) -> Vec<Trajectory> {
-    let subject = Subject { scene, policy, candidate: None, seed: 5 };
+pub fn logs(scene: &Task, policy: &Policy, privileged: bool) -> Vec<Trajectory> {
+    let subject = Subject { task: scene, policy, candidate: None, seed: 5 };
     let options = CollectOptions { count: 8, seconds: 1.0, shift: [0.0; 2], privileged };
     collect(&subject, &options, 1).unwrap().into_iter().map(|log| log.trajectory).collect()
 }
@@ -63,12 +64,13 @@ pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
     let mut scratch = Scratch::default();
     let (mut position, mut velocity) = (interface.default_pose.clone(), vec![0.0; joints]);
     let mut action = vec![0.0f32; joints];
-    let mut observation = vec![0.0f32; interface.observation_width()];
+    let layout = Layout::new(interface, &interface.observation);
+    let mut observation = vec![0.0f32; layout.width()];
     for sample in 0..samples {
         log.position.extend(&position);
         log.velocity.extend(&velocity);
         let last: Vec<f64> = action.iter().map(|&x| f64::from(x)).collect();
-        observation::write(policy, &log, sample, &last, &Given::default(), 0.0, &mut observation);
+        observation::write(&layout, interface, &log, sample, &last, &Given::default(), 0.0, &mut observation);
         policy.act(1, &observation, &mut action, &mut scratch);
         for joint in 0..joints {
             let target =

@@ -5,6 +5,7 @@ use gaitfit_log::Trajectory;
 use gaitfit_policy::Policy;
 use gaitfit_policy::Quantity;
 use gaitfit_policy::network::Scratch;
+use gaitfit_policy::observation::Layout;
 use nalgebra::{DMatrix, DVector};
 
 /// Most steps of the search for what the log lacks.
@@ -17,6 +18,7 @@ const PHASES: usize = 20;
 /// Finds what a sample lacks: Levenberg–Marquardt on ‖PRECISION (π(o) − a) / spread‖² + ‖unknown / spread‖².
 pub struct Search<'a> {
     policy: &'a Policy,
+    layout: Layout,
     spread: &'a [f64],
     clip: f64,
     scratch: Scratch,
@@ -32,6 +34,7 @@ impl<'a> Search<'a> {
     pub fn new(policy: &'a Policy, spread: &'a [f64], clip: f64) -> Self {
         Self {
             policy,
+            layout: Layout::new(&policy.interface, &policy.interface.observation),
             spread,
             clip,
             scratch: Scratch::default(),
@@ -50,11 +53,11 @@ impl<'a> Search<'a> {
         clock: f64,
     ) -> Vec<Vec<f64>> {
         let interface = &self.policy.interface;
-        let (width, joints) = (interface.observation_width(), interface.joints.len());
+        let (width, joints) = (self.layout.width(), interface.joints.len());
         self.observation.resize(all.len() * width, 0.0);
         self.action.resize(all.len() * joints, 0.0);
         for (given, row) in all.iter().zip(self.observation.chunks_exact_mut(width)) {
-            observation::write(self.policy, log, sample, last, given, clock, row);
+            observation::write(&self.layout, interface, log, sample, last, given, clock, row);
         }
         self.policy.act(all.len(), &self.observation, &mut self.action, &mut self.scratch);
         let clip = self.clip;

@@ -9,7 +9,7 @@ use super::{doubts, rate};
 use crate::Error;
 use crate::log_joints;
 use crate::settings::{AdaptConfig, LEAST_STRETCH_S};
-use gaitfit_learn::task::Scene;
+use gaitfit_learn::task::Task;
 use gaitfit_log::{
     BaseState, CheckSpec, FindingKind, ReadOptions, Severity, Signal, Trajectory, check, falls,
     read_csv_report,
@@ -88,7 +88,7 @@ pub fn read(
     config: &AdaptConfig,
     config_path: &Path,
     policy: &Policy,
-    scene: &Scene,
+    scene: &Task,
 ) -> Result<LogNotes, Error> {
     let (files, mut warnings) = log_files::find(&config.logs, config_path)?;
     let mut reads: Vec<Read> = Vec::with_capacity(files.len());
@@ -102,12 +102,12 @@ pub fn read(
         reads.push(read);
     }
     warnings.extend(doubts::findings(&reads, scene));
-    warnings.extend(doubts::other_robots(&reads, &scene.interface));
+    warnings.extend(doubts::other_robots(&reads, &scene.walker.interface));
     let rates = rate::text(reads.iter().map(|read| read.trajectory.rate_hz));
     if rates.contains(", ") {
         warnings.push(format!(
             "the logs were recorded at {rates} Hz; all are brought to the policy's {:.4} Hz",
-            1.0 / scene.interface.control_dt
+            1.0 / scene.walker.interface.control_dt
         ));
     }
 
@@ -147,20 +147,20 @@ pub fn read(
     }
     let commands =
         logs.iter().flat_map(|log| log.trajectory.command.iter().flat_map(|rows| rows.chunks_exact(3)));
-    let coverage = Coverage::new(commands, scene.interface.control_dt, &scene.settings.command);
+    let coverage = Coverage::new(commands, scene.walker.interface.control_dt, &scene.settings.command);
     warnings.extend(coverage.warnings());
-    warnings.extend(doubts::targets_differ(&logs, &scene.interface));
+    warnings.extend(doubts::targets_differ(&logs, &scene.walker.interface));
     for log in &mut logs {
         drop_broken_base(&mut log.trajectory);
     }
     Ok(LogNotes { logs, warnings, cuts: removed, coverage, policy_match })
 }
 
-fn open(file: LogFile, config: &AdaptConfig, scene: &Scene) -> Result<Read, Error> {
-    let model = scene.batch.model();
+fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error> {
+    let model = scene.walker.batch.model();
     let (trajectory, report) = read_csv_report(&file.path, &ReadOptions::default()).map_err(Error::failed)?;
     let (mut trajectory, _) =
-        log_joints::of_robot(&trajectory, &file.path, &config.joint_names, model, &scene.joints)?;
+        log_joints::of_robot(&trajectory, &file.path, &config.joint_names, model, &scene.walker.joints)?;
     let shown = file.path.display();
     if trajectory.command.is_none() {
         return Err(Error::failed(format!(
@@ -176,7 +176,7 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Scene) -> Result<Read, Erro
                  what the policy did. Record the policy's outputs of every step next time."
             )));
         };
-        trajectory.action = Some(actions_of(target, &scene.interface));
+        trajectory.action = Some(actions_of(target, &scene.walker.interface));
     }
     plausible(&trajectory, &shown.to_string())?;
     let findings = check(&trajectory, &CheckSpec::default());
@@ -190,7 +190,7 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Scene) -> Result<Read, Erro
             finding.message.trim_end_matches('.')
         )));
     }
-    rate::check(trajectory.rate_hz, scene.interface.control_dt, &shown.to_string())?;
+    rate::check(trajectory.rate_hz, scene.walker.interface.control_dt, &shown.to_string())?;
     Ok(Read { file, sidecars: report.sidecars, trajectory })
 }
 
@@ -249,12 +249,12 @@ fn long_enough(logs: Vec<GroundLog>, skipped: f64, warnings: &mut Vec<String>) -
 }
 
 /// A stretch at the policy's rate.
-fn count(read: &Read, stretch: Range<usize>, scene: &Scene) -> Result<GroundLog, Error> {
+fn count(read: &Read, stretch: Range<usize>, scene: &Task) -> Result<GroundLog, Error> {
     let whole = stretch.len() == read.trajectory.len();
     let failed =
         |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", read.file.path.display()));
     let trajectory = read.trajectory.slice(stretch).map_err(failed)?;
-    let trajectory = rate::to_control(&trajectory, scene.interface.control_dt).map_err(failed)?;
+    let trajectory = rate::to_control(&trajectory, scene.walker.interface.control_dt).map_err(failed)?;
     let name = if whole {
         read.file.name.clone()
     } else {

@@ -5,12 +5,12 @@ use super::fixtures::{policy, puppet, scene};
 use super::logs::{LogNotes, read};
 use crate::Error;
 use crate::settings::AdaptConfig;
-use gaitfit_learn::task::Scene;
+use gaitfit_learn::task::Task;
 use gaitfit_log::{BaseState, Trajectory, write_csv};
 use gaitfit_policy::Policy;
 
 struct Bench {
-    scene: Scene,
+    scene: Task,
     policy: Policy,
 }
 
@@ -77,7 +77,7 @@ fn good_logs_come_as_they_were() {
     assert!(notes.policy_match.mismatch < 0.01, "{:?}", notes.policy_match);
     for (read, log) in notes.logs.iter().zip(&logs) {
         assert_eq!(read.trajectory.len(), log.len());
-        assert_eq!(read.trajectory.joints, bench.scene.interface.joints);
+        assert_eq!(read.trajectory.joints, bench.scene.walker.interface.joints);
         for (a, b) in read.trajectory.position.iter().zip(&log.position) {
             assert!((a - b).abs() < 1e-6);
         }

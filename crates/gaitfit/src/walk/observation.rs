@@ -1,7 +1,7 @@
 //! A log's samples as a policy observes them, and what a log lacks for that.
 
 use gaitfit_log::Trajectory;
-use gaitfit_policy::Policy;
+use gaitfit_policy::observation::{Layout, Sensed};
 use gaitfit_policy::{Interface, Quantity};
 
 /// What an inertial unit measures, as far as a sample has it.
@@ -105,10 +105,11 @@ fn to_body(q: &[f64], v: [f64; 3]) -> [f64; 3] {
     rotation.inverse_transform_vector(&nalgebra::Vector3::from(v)).into()
 }
 
-/// Writes the observation of sample `row`; what `given` lacks counts as level and at rest. `last`: the row of the last
-/// action. `clock`: phase of the gait clock at sample 0, 0 to 1.
+/// Writes the observation of sample `row`, with the arithmetic of the simulator's; what `given` lacks counts as level and
+/// at rest. `last`: the row of the last action. `clock`: phase of the gait clock at sample 0, 0 to 1.
 pub fn write(
-    policy: &Policy,
+    layout: &Layout,
+    interface: &Interface,
     log: &Trajectory,
     row: usize,
     last: &[f64],
@@ -116,48 +117,21 @@ pub fn write(
     clock: f64,
     out: &mut [f32],
 ) {
-    let interface = &policy.interface;
     let joints = interface.joints.len();
-    let of = |values: &[f64], joint: usize| values[row * joints + joint];
-    for (quantity, range) in interface.observation_layout() {
-        let out = &mut out[range];
-        let three = |out: &mut [f32], values: [f64; 3]| {
-            for (out, value) in out.iter_mut().zip(values) {
-                *out = value as f32;
-            }
-        };
-        match quantity {
-            Quantity::BaseAngularVelocity => three(out, given.rates.unwrap_or_default()),
-            Quantity::ProjectedGravity => three(out, given.gravity.unwrap_or([0.0, 0.0, -1.0])),
-            Quantity::BaseLinearVelocity => three(out, given.velocity.unwrap_or_default()),
-            Quantity::Command => {
-                let command = log.command.as_deref().unwrap_or_default();
-                three(out, std::array::from_fn(|k| command.get(3 * row + k).copied().unwrap_or(0.0)));
-            }
-            Quantity::JointPosition => {
-                for (joint, out) in out.iter_mut().enumerate() {
-                    *out = (of(&log.position, joint) - interface.default_pose[joint]) as f32;
-                }
-            }
-            Quantity::JointVelocity => {
-                for (joint, out) in out.iter_mut().enumerate() {
-                    *out = of(&log.velocity, joint) as f32;
-                }
-            }
-            Quantity::LastAction => {
-                for (out, &last) in out.iter_mut().zip(last) {
-                    *out = last as f32;
-                }
-            }
-            Quantity::GaitPhase => {
-                let turns =
-                    clock + row as f64 * interface.control_dt * interface.gait_frequency.unwrap_or(0.0);
-                let (sin, cos) = (std::f64::consts::TAU * turns).sin_cos();
-                out.copy_from_slice(&[sin as f32, cos as f32]);
-            }
-        }
-    }
-    for (out, scale) in out.iter_mut().zip(interface.scales(&interface.observation)) {
-        *out *= scale;
-    }
+    let single = |values: &[f64]| values.iter().map(|&x| x as f32).collect::<Vec<f32>>();
+    let three = |values: [f64; 3]| values.map(|x| x as f32);
+    let of = |values: &[f64]| single(&values[row * joints..(row + 1) * joints]);
+    let command = log.command.as_deref().unwrap_or_default();
+    let turns = clock + row as f64 * interface.control_dt * interface.gait_frequency.unwrap_or(0.0);
+    let sensed = Sensed {
+        base_angular_velocity: three(given.rates.unwrap_or_default()),
+        projected_gravity: three(given.gravity.unwrap_or([0.0, 0.0, -1.0])),
+        base_linear_velocity: three(given.velocity.unwrap_or_default()),
+        command: three(std::array::from_fn(|k| command.get(3 * row + k).copied().unwrap_or(0.0))),
+        joint_position: of(&log.position),
+        joint_velocity: of(&log.velocity),
+        last_action: single(last),
+        clock: turns.fract() as f32,
+    };
+    layout.write(&sensed, None, |_, _| (), out);
 }

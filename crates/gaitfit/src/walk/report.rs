@@ -104,9 +104,9 @@ fn fit(found: &GroundFit, metrics: &str) -> Fit {
 }
 
 fn distributions(ground: &Ground, nominal: &[Predicted], fitted: &[Predicted]) -> Vec<SignalDistribution> {
-    let joints = ground.scene.joints.len();
+    let joints = ground.scene.walker.joints.len();
     let mut found = Vec::with_capacity(3 * joints);
-    for (column, name) in ground.scene.interface.joints.iter().enumerate() {
+    for (column, name) in ground.scene.walker.interface.joints.iter().enumerate() {
         let pairs = [
             (Signal::Position, Shown::Position),
             (Signal::Velocity, Shown::Velocity),

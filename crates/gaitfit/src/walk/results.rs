@@ -125,7 +125,7 @@ pub fn results(
         warn(&fit, &mut warnings);
         fits.push(fit);
     }
-    let model = ground.scene.batch.model();
+    let model = ground.scene.walker.batch.model();
     Ok(GroundResults {
         name,
         robot: model.name.clone(),

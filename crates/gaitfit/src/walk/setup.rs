@@ -8,7 +8,7 @@ use crate::{machine, paths, robot};
 use gaitfit_adapt::cost::{Cost, Recorded, Target};
 use gaitfit_adapt::fit::FitOptions;
 use gaitfit_adapt::{Quantity, Theta, ThetaFile};
-use gaitfit_learn::task::{Scene, TaskSettings};
+use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_log::Trajectory;
 use gaitfit_model::Model;
 use gaitfit_policy::Policy;
@@ -21,7 +21,7 @@ pub struct Ground {
     /// The policy that walked.
     pub policy: Policy,
     /// Its task, without noise, pushes and variety, and the simulator.
-    pub scene: Scene,
+    pub scene: Task,
     /// The robot that θ changes.
     pub base: Candidate,
     /// What is fitted.
@@ -82,7 +82,7 @@ impl Ground {
         let target = target(config, &notes, &scene)?;
         let mut warnings = notes.warnings.clone();
         if let Some((path, doubt)) =
-            known.and_then(|(path, file)| Some((path, file.step_doubt(scene.physics_step())?)))
+            known.and_then(|(path, file)| Some((path, file.step_doubt(scene.walker.physics_step())?)))
         {
             warnings.push(format!("{}: {doubt}", path.display()));
         }
@@ -117,7 +117,7 @@ impl Ground {
     /// Runs the policy on candidates.
     pub fn simulator(&self) -> GroundSimulator<'_> {
         let base = self.base.clone();
-        GroundSimulator::new(&self.scene, &self.policy, base, &self.trajectories(), self.threads)
+        GroundSimulator::new(&self.scene.walker, &self.policy, base, &self.trajectories(), self.threads)
     }
 
     /// The costs, in the configuration's order.
@@ -160,7 +160,7 @@ fn scene(
     model: &Model,
     theta: &Theta,
     base: &Candidate,
-) -> Result<Scene, Error> {
+) -> Result<Task, Error> {
     let task = &policy.provenance.task;
     let mut settings = if task.is_empty() {
         TaskSettings::default()
@@ -174,20 +174,21 @@ fn scene(
     settings.substeps = steps as usize;
     let delay = base.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
     let delay = delay.max(theta.largest(Quantity::Delay).unwrap_or(0.0));
-    Scene::with_interface(model, &settings.calm(), interface, config.simulation.preset.into(), delay)
+    Task::with_interface(model, &settings.calm(), interface, config.simulation.preset.into(), delay)
         .map_err(Error::failed)
 }
 
-fn target(config: &AdaptConfig, notes: &LogNotes, scene: &Scene) -> Result<Target, Error> {
-    let model = scene.batch.model();
-    let joints: Vec<String> = scene.joints.iter().map(|&joint| model.joints[joint].name.clone()).collect();
+fn target(config: &AdaptConfig, notes: &LogNotes, scene: &Task) -> Result<Target, Error> {
+    let model = scene.walker.batch.model();
+    let joints: Vec<String> =
+        scene.walker.joints.iter().map(|&joint| model.joints[joint].name.clone()).collect();
     let recorded = notes
         .logs
         .iter()
         .enumerate()
         .map(|(number, log)| Recorded::from_trajectory(&log.trajectory, &joints, number))
         .collect::<Result<Vec<Recorded>, _>>();
-    let skip = (config.skip_seconds() / scene.interface.control_dt).round() as usize;
+    let skip = (config.skip_seconds() / scene.walker.interface.control_dt).round() as usize;
     recorded
         .and_then(|recorded| Target::new(joints, &recorded, skip))
         .map_err(|error| Error::failed(format!("the logs cannot be compared: {error}")))

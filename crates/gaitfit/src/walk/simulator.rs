@@ -2,15 +2,15 @@
 
 use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::{Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
-use gaitfit_learn::follow::{Job, Script, Track, follow};
-use gaitfit_learn::task::{Scene, start_from_joints};
 use gaitfit_log::Trajectory;
 use gaitfit_policy::Policy;
+use gaitfit_policy::follow::{Job, Script, Track, follow};
+use gaitfit_policy::walker::Walker;
 use gaitfit_sim::{Candidate, Start};
 
 /// Runs a policy on candidate robots with the command sequences of some logs.
 pub struct GroundSimulator<'a> {
-    scene: &'a Scene,
+    walker: &'a Walker,
     policy: &'a Policy,
     /// What θ changes.
     base: Candidate,
@@ -26,19 +26,19 @@ impl<'a> GroundSimulator<'a> {
     /// A simulator of `logs` (joints in the policy's order, sampled at the policy's rate). `base`: the robot that θ
     /// changes.
     pub fn new(
-        scene: &'a Scene,
+        walker: &'a Walker,
         policy: &'a Policy,
         base: Candidate,
         logs: &[&Trajectory],
         threads: usize,
     ) -> Self {
-        let model = scene.batch.model();
+        let model = walker.batch.model();
         Self {
-            scene,
+            walker,
             policy,
             base,
-            scripts: logs.iter().map(|log| script(scene, log)).collect(),
-            joints: scene.joints.iter().map(|&joint| model.joints[joint].name.clone()).collect(),
+            scripts: logs.iter().map(|log| script(walker, log)).collect(),
+            joints: walker.joints.iter().map(|&joint| model.joints[joint].name.clone()).collect(),
             model_joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
             threads,
         }
@@ -90,28 +90,28 @@ impl Simulator for GroundSimulator<'_> {
             };
             consume(job, script, signals);
         };
-        follow(self.scene, self.policy, &self.scripts, &jobs, self.threads, &pass)
+        follow(self.walker, self.policy, &self.scripts, &jobs, self.threads, &pass)
             .map_err(|error| SimulatorError(error.to_string()))
     }
 }
 
 /// What the simulated robot follows: the log's commands, from the log's first joint angles and velocities. Where the
 /// base is at the start no robot knows: upright in the task's posture, feet on the ground, at rest.
-fn script(scene: &Scene, log: &Trajectory) -> Script {
-    let joints = scene.joints.len();
+fn script(walker: &Walker, log: &Trajectory) -> Script {
+    let joints = walker.joints.len();
     let samples = log.len();
     let command = log.command.as_deref().unwrap_or_default();
     let commands = (0..samples).map(|row| std::array::from_fn(|k| command[3 * row + k] as f32)).collect();
     let model_order = |values: &[f64], row: usize, other: f64| -> Vec<f64> {
-        let mut all = vec![other; scene.start_pose.len()];
-        for (&joint, &value) in scene.joints.iter().zip(&values[row * joints..]) {
+        let mut all = vec![other; walker.default_pose.len()];
+        for (&joint, &value) in walker.joints.iter().zip(&values[row * joints..]) {
             all[joint] = value;
         }
         all
     };
     let posture = |row: usize| (model_order(&log.position, row, 0.0), model_order(&log.velocity, row, 0.0));
     let (angles, velocities) = posture(0);
-    let start = start_from_joints(scene, &angles, &velocities);
+    let start = walker.start_from_joints(&angles, &velocities);
     Script { commands, start, states: states(log, posture), actions: actions(log) }
 }
 

@@ -5,7 +5,7 @@ use crate::exit::Failure;
 use crate::output;
 use gaitfit::settings::TrainConfig;
 use gaitfit::{machine, robot};
-use gaitfit_learn::task::Scene;
+use gaitfit_learn::task::Task;
 use gaitfit_learn::{Iteration, Training, TrainingSettings};
 use serde::Serialize;
 
@@ -41,7 +41,7 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
     };
     settings.check().map_err(Failure::usage)?;
     let model = robot::go2()?;
-    let scene = Scene::new(&model, &config.task.settings, config.preset.into()).map_err(Failure::failed)?;
+    let scene = Task::new(&model, &config.task.settings, config.preset.into()).map_err(Failure::failed)?;
     let learner = Training::fresh_learner(&scene, &config.ppo, SEED).map_err(Failure::failed)?;
     let mut training = Training::new(&scene, None, &settings, learner, SEED).map_err(Failure::usage)?;
     let mut measured = Vec::new();
@@ -64,7 +64,7 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
         minibatches: config.ppo.minibatches,
         iterations: measured.len(),
         threads,
-        isa: scene.batch.isa().name(),
+        isa: scene.walker.batch.isa().name(),
     };
     if args.json {
         return output::print_json(&document);

@@ -37,7 +37,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     let world = World::open(&args.world.settings())?;
     world.warnings.iter().for_each(|warning| output::note(&format!("warning: {warning}")));
     let count = args.trajectories.get();
-    let steps = count as f64 * args.seconds / world.scene.interface.control_dt;
+    let steps = count as f64 * args.seconds / world.scene.walker.interface.control_dt;
     if !(args.seconds > 0.0 && args.seconds <= LONGEST && steps <= MOST_STEPS) {
         return Err(Failure::usage(format!(
             "{count} trajectories of {} s: give a time above 0 and at most {LONGEST} s, and at most {MOST_STEPS:.0e} \
@@ -83,7 +83,7 @@ fn replay(args: &cli::Evaluate, world: &World) -> Result<String, Failure> {
         title: args.world.policy.display().to_string(),
         note: world.description(),
         dt: record.dt,
-        robots: vec![replay::robot("", world.scene.batch.model(), &record)],
+        robots: vec![replay::robot("", world.scene.walker.batch.model(), &record)],
     };
     gaitfit_view::replay_html(&replay).map_err(Failure::failed)
 }

@@ -65,7 +65,7 @@ pub fn page(
         settings: vec![
             setting("seed", document.seed.to_string()),
             setting("physics steps per action", world.scene.settings.substeps.to_string()),
-            setting("control period, s", world.scene.interface.control_dt.to_string()),
+            setting("control period, s", world.scene.walker.interface.control_dt.to_string()),
         ],
         versions: vec![setting("gaitfit", env!("CARGO_PKG_VERSION").to_owned())],
         ..EvaluationReport::default()

@@ -32,5 +32,5 @@ pub fn stand_still(m: &Moment<'_>) -> f32 {
 
 /// Squared distance from the default pose, rad².
 pub fn joint_deviation(m: &Moment<'_>) -> f32 {
-    squared_distance(m.joint_position, &m.scene.default_pose)
+    squared_distance(m.joint_position, &m.task.walker.default_pose)
 }

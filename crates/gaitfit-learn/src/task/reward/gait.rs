@@ -8,11 +8,11 @@ pub fn air_time(m: &Moment<'_>) -> f32 {
     if !m.walking {
         return 0.0;
     }
-    let wanted = m.scene.settings.swing_seconds as f32;
+    let wanted = m.task.settings.swing_seconds as f32;
     let landed = m.feet.iter().filter(|foot| foot.landed);
     let sum: f32 = landed.map(|foot| (foot.last_air / wanted).min(1.0).powi(2)).sum();
     // A landing is an event, a step pays by its duration.
-    sum / m.scene.interface.control_dt as f32
+    sum / m.task.walker.interface.control_dt as f32
 }
 
 /// Share of pairs of feet in the gait that agree: feet of one group are both on the ground or both off it, feet
@@ -22,11 +22,11 @@ pub fn alternation(m: &Moment<'_>) -> f32 {
     if !m.walking {
         return 0.0;
     }
-    let longest = 2.0 * m.scene.settings.swing_seconds as f32;
+    let longest = 2.0 * m.task.settings.swing_seconds as f32;
     let (mut agree, mut pairs) = (0.0, 0.0);
     for (i, one) in m.feet.iter().enumerate() {
         for (j, other) in m.feet.iter().enumerate().take(i) {
-            let (Some(a), Some(b)) = (m.scene.gait_group[i], m.scene.gait_group[j]) else { continue };
+            let (Some(a), Some(b)) = (m.task.gait_group[i], m.task.gait_group[j]) else { continue };
             pairs += 1.0;
             let stuck = [one, other].iter().any(|foot| foot.air.max(foot.contact) > longest);
             agree += if !stuck && (one.touching == other.touching) == (a == b) { 1.0 } else { 0.0 };
@@ -41,10 +41,10 @@ pub fn swing_height(m: &Moment<'_>) -> f32 {
     if !m.walking {
         return 0.0;
     }
-    let wanted = m.scene.settings.swing_height as f32;
-    let longest = 2.0 * m.scene.settings.swing_seconds as f32;
+    let wanted = m.task.settings.swing_height as f32;
+    let longest = 2.0 * m.task.settings.swing_seconds as f32;
     let (mut sum, mut feet) = (0.0, 0.0);
-    for (foot, _) in m.feet.iter().zip(&m.scene.gait_group).filter(|(_, group)| group.is_some()) {
+    for (foot, _) in m.feet.iter().zip(&m.task.gait_group).filter(|(_, group)| group.is_some()) {
         feet += 1.0;
         if !foot.touching && foot.air <= longest {
             sum += (foot.height / wanted).clamp(0.0, 1.0);

@@ -1,4 +1,8 @@
 //! Reward terms: small functions of one robot's moment, by name.
+//!
+//! A new term touches three files: its function in a file of this folder, its line in [`TERMS`], and its value worked
+//! out by hand in `tests/rewards.rs`. A task that does not list it gives it no weight. A term of a library's user needs
+//! none of them: [`super::Task::with_term`].
 
 mod biped;
 mod effort;

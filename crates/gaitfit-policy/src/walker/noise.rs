@@ -3,22 +3,22 @@
 use gaitfit_random::{Purpose, Stream, fill_normal_rows};
 use gaitfit_sim::Candidate;
 
-use super::Scene;
+use super::Walker;
 
 /// Draws torque noise into a buffer of its own.
 #[derive(Debug, Default)]
-pub(crate) struct Noise {
+pub struct TorqueNoise {
     torques: Vec<f32>,
     normals: Vec<f64>,
 }
 
-impl Noise {
+impl TorqueNoise {
     /// Gaussian torques (N·m) of the candidate's deviation for control period `step` of environments
     /// `first..first + count`: `substeps × count × joints`, a function of seed, environment and physics step; empty
     /// for a robot without noise.
     pub fn torques(
         &mut self,
-        scene: &Scene,
+        walker: &Walker,
         candidate: &Candidate,
         seed: u64,
         first: u32,
@@ -28,7 +28,7 @@ impl Noise {
         if candidate.torque_noise <= 0.0 {
             return &[];
         }
-        let (substeps, joints) = (scene.settings.substeps, scene.start_pose.len());
+        let (substeps, joints) = (walker.batch.options().substeps, walker.default_pose.len());
         self.torques.resize(substeps * count * joints, 0.0);
         self.normals.resize(count * joints, 0.0);
         for (substep, torques) in self.torques.chunks_exact_mut(count * joints).enumerate() {

@@ -6,9 +6,10 @@ use std::sync::PoisonError;
 use gaitfit_physics::Params;
 use gaitfit_sim::{Candidate, Motion, Start, pool};
 
-use crate::task::{Context, Noise, Scene, SceneError, fallen, observe};
-use gaitfit_policy::Policy;
-use gaitfit_policy::network::Scratch;
+use crate::Policy;
+use crate::network::Scratch;
+use crate::observation::{LastAction, Sensed};
+use crate::walker::{TorqueNoise, Walker, WalkerError};
 
 /// What one robot is to follow.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,32 +62,26 @@ const TILE: usize = 32;
 /// # Errors
 /// A candidate that is no robot; resets of a script without states.
 pub fn follow(
-    scene: &Scene,
+    walker: &Walker,
     policy: &Policy,
     scripts: &[Script],
     jobs: &[Job],
     threads: usize,
     consume: &(dyn Fn(usize, usize, &Track) + Sync),
-) -> Result<(), SceneError> {
+) -> Result<(), WalkerError> {
     let stateless = |script: &Script| {
         script.states.len() < script.commands.len()
-            || script.actions.len() < script.commands.len() * scene.joints.len()
+            || script.actions.len() < script.commands.len() * walker.joints.len()
     };
     if jobs.iter().any(|job| job.reset_every.is_some()) && scripts.iter().any(stateless) {
-        return Err(SceneError::Setting {
-            setting: "cost".to_owned(),
-            what:
-                "resets the simulation to the log's state, and the log has no base position, orientation and \
-                   velocities or no actions; use `wass` or `matcho`"
-                    .to_owned(),
-        });
+        return Err(WalkerError::NoStates);
     }
     let tiles = scripts.len().div_ceil(TILE);
-    let failure: Mutex<Option<(usize, SceneError)>> = Mutex::new(None);
+    let failure: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
     pool::for_each(jobs.len() * tiles, threads, Worker::default, |worker, index| {
         let (job, first) = (index / tiles, (index % tiles) * TILE);
         let chunk = &scripts[first..scripts.len().min(first + TILE)];
-        if let Err(error) = worker.run(scene, policy, &jobs[job], chunk, first) {
+        if let Err(error) = worker.run(walker, policy, &jobs[job], chunk, first) {
             let mut slot = failure.lock().unwrap_or_else(PoisonError::into_inner);
             // The first job's error, whichever thread was faster.
             if slot.as_ref().is_none_or(|(other, _)| index < *other) {
@@ -111,31 +106,30 @@ struct Worker {
     motion: Motion,
     observation: Vec<f32>,
     action: Vec<f32>,
-    last_action: Vec<f32>,
     targets: Vec<f32>,
-    noise: Noise,
+    noise: TorqueNoise,
     scratch: Scratch,
 }
 
 impl Worker {
     fn run(
         &mut self,
-        scene: &Scene,
+        walker: &Walker,
         policy: &Policy,
         job: &Job,
         scripts: &[Script],
         first: usize,
-    ) -> Result<(), SceneError> {
-        let batch = &scene.batch;
-        let (count, joints) = (scripts.len(), scene.joints.len());
-        let robot: Params<f64> = scene.robot(&job.candidate).params(batch.model())?;
+    ) -> Result<(), WalkerError> {
+        let batch = &walker.batch;
+        let (count, joints) = (scripts.len(), walker.joints.len());
+        let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
         let mut tile = batch.tile(&vec![robot; count], &job.candidate.networks)?;
         self.motion = batch.motion(count);
         self.action.resize(count * joints, 0.0);
-        self.last_action.clear();
-        self.last_action.resize(count * joints, 0.0);
-        self.targets.resize(count * scene.start_pose.len(), 0.0);
-        let width = scene.interface.observation_width();
+        let mut last_action = LastAction::new(count, joints);
+        let mut sensed = Sensed::new(joints);
+        self.targets.resize(count * walker.default_pose.len(), 0.0);
+        let width = walker.observation.width();
         self.observation.resize(count * width, 0.0);
         self.tracks.resize_with(count.max(self.tracks.len()), Track::default);
         for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
@@ -150,12 +144,11 @@ impl Worker {
                 job.reset_every.is_some_and(|every| sample > 0 && sample.is_multiple_of(every.max(1)));
             for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
                 if sample < script.commands.len() {
-                    track.look(scene, &self.motion, index, sample);
+                    track.look(walker, &self.motion, index, sample);
                     if resets {
                         tile.place(index, &script.states[sample]);
                         let row = (sample - 1) * joints..sample * joints;
-                        self.last_action[index * joints..(index + 1) * joints]
-                            .copy_from_slice(&script.actions[row]);
+                        last_action.set(index, &script.actions[row]);
                     }
                 }
             }
@@ -164,12 +157,12 @@ impl Worker {
             }
             for (index, row) in self.observation.chunks_exact_mut(width).enumerate() {
                 let commands = &scripts[index].commands;
-                let context = Context {
-                    command: commands[sample.min(commands.len() - 1)],
-                    last_action: &self.last_action[index * joints..(index + 1) * joints],
-                    clock: scene.clock(sample as u32),
-                };
-                observe(scene, &scene.interface.observation, &self.motion, index, &context, None, row);
+                walker.sense(&self.motion, index, &mut sensed);
+                let last = commands.len().saturating_sub(1);
+                sensed.command = commands.get(sample.min(last)).copied().unwrap_or_default();
+                sensed.last_action.copy_from_slice(last_action.row(index));
+                sensed.clock = walker.clock(sample as u32);
+                walker.observation.write(&sensed, None, |_, _| (), row);
             }
             policy.act(count, &self.observation, &mut self.action, &mut self.scratch);
             for (index, script) in scripts.iter().enumerate() {
@@ -181,11 +174,11 @@ impl Worker {
             if sample + 1 == longest {
                 break;
             }
-            scene.targets(&self.action, &mut self.targets);
+            walker.targets(&self.action, &mut self.targets);
             let torques =
-                self.noise.torques(scene, &job.candidate, job.seed, first as u32, sample as u32, count);
+                self.noise.torques(walker, &job.candidate, job.seed, first as u32, sample as u32, count);
             tile.step(&self.targets, torques, &mut self.motion);
-            self.last_action.copy_from_slice(&self.action);
+            last_action.take(&self.action);
         }
         Ok(())
     }
@@ -205,19 +198,19 @@ impl Track {
         self.fell_at = None;
     }
 
-    fn look(&mut self, scene: &Scene, motion: &Motion, index: usize, sample: usize) {
-        let width = scene.start_pose.len();
+    fn look(&mut self, walker: &Walker, motion: &Motion, index: usize, sample: usize) {
+        let width = walker.default_pose.len();
         let (position, velocity) = (
             &motion.joint_position[index * width..(index + 1) * width],
             &motion.joint_velocity[index * width..(index + 1) * width],
         );
-        self.position.extend(scene.joints.iter().map(|&joint| position[joint]));
-        self.velocity.extend(scene.joints.iter().map(|&joint| velocity[joint]));
+        self.position.extend(walker.joints.iter().map(|&joint| position[joint]));
+        self.velocity.extend(walker.joints.iter().map(|&joint| velocity[joint]));
         self.base_position.extend_from_slice(&motion.base_position[3 * index..3 * index + 3]);
         self.base_velocity.extend_from_slice(&motion.base_linear[3 * index..3 * index + 3]);
         // A diverged robot's numbers fail every comparison: it counts as fallen by name.
         let lost = !motion.base_position[3 * index..3 * index + 3].iter().all(|x| x.is_finite());
-        if self.fell_at.is_none() && sample > 0 && (lost || fallen(scene, motion, index)) {
+        if self.fell_at.is_none() && sample > 0 && (lost || walker.fallen(motion, index)) {
             self.fell_at = Some(sample);
         }
     }

@@ -1,0 +1,135 @@
+//! One rollout in any simulator: the learner's actions out, what came of them in.
+
+use gaitfit_policy::network::Scratch;
+
+use super::{Exploration, Learner, Samples};
+
+/// How an episode stands after a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum End {
+    /// It goes on.
+    #[default]
+    No,
+    /// It is over: no reward can follow.
+    Terminated,
+    /// It was cut off, for example when its time was up: it would have gone on, so the critic's value of the state
+    /// reached stands for the rewards that follow.
+    Truncated,
+}
+
+/// Fills [`Samples`] step by step. It knows nothing of the simulator:
+///
+/// ```text
+/// recorder.begin();
+/// for each step {
+///     write the rows of recorder.observations()
+///     recorder.act(&learner, number)
+///     step the simulator with recorder.exchange(): actions in, rewards out
+///     recorder.end(&learner, &ends, |rows| write the critic's observations of the states reached)
+///     start new episodes where they ended
+/// }
+/// recorder.finish(&learner, |rows| write the critic's observations)
+/// learner.update(&mut [recorder.samples], …)
+/// ```
+pub struct Recorder {
+    /// What is recorded: a plain batch, whole after [`Recorder::finish`].
+    pub samples: Samples,
+    exploration: Exploration,
+    /// Step being recorded.
+    step: usize,
+    critic_rows: Vec<f32>,
+    values: Vec<f32>,
+    scratch: Scratch,
+}
+
+impl Recorder {
+    /// With room in `samples` ([`Samples::new`]); `exploration` draws for its environments.
+    pub fn new(samples: Samples, exploration: Exploration) -> Self {
+        let (critic_rows, values) = (Vec::new(), Vec::new());
+        Self { samples, exploration, step: 0, critic_rows, values, scratch: Scratch::new() }
+    }
+
+    /// Starts a rollout over what was recorded before.
+    pub fn begin(&mut self) {
+        self.step = 0;
+    }
+
+    /// Rows of the present step for the actor's and the critic's observations, raw (the learner normalises them):
+    /// `environments × observation` and `environments × critic_observation`.
+    ///
+    /// # Panics
+    /// If all steps of the samples are recorded: an error of the caller.
+    pub fn observations(&mut self) -> (&mut [f32], &mut [f32]) {
+        let Samples { environments, widths, .. } = self.samples;
+        let rows = self.step * environments..(self.step + 1) * environments;
+        let of = |width: usize| rows.start * width..rows.end * width;
+        let Samples { observation, critic_observation, .. } = &mut self.samples;
+        (&mut observation[of(widths.observation)], &mut critic_observation[of(widths.critic_observation)])
+    }
+
+    /// Draws the actions of the present step under the learner's policy, and foresees its values. `number`: of the
+    /// step, used once in a training.
+    ///
+    /// # Panics
+    /// If all steps of the samples are recorded, or the learner has rows of other widths: errors of the caller.
+    pub fn act(&mut self, learner: &Learner, number: u32) {
+        let Samples { environments, widths, .. } = self.samples;
+        let rows = self.step * environments..(self.step + 1) * environments;
+        let of = |width: usize| rows.start * width..rows.end * width;
+        let samples = &mut self.samples;
+        let mean = &mut samples.mean[of(widths.action)];
+        let seen = &samples.observation[of(widths.observation)];
+        learner.means(environments, seen, mean, &mut self.scratch);
+        let seen = &samples.critic_observation[of(widths.critic_observation)];
+        learner.values(environments, seen, &mut samples.value[rows.clone()], &mut self.scratch);
+        let action = &mut samples.action[of(widths.action)];
+        let log_probability = &mut samples.log_probability[rows.clone()];
+        self.exploration.draw(learner.log_std(), number, mean, action, log_probability);
+    }
+
+    /// The present step's actions, `environments × action`, and where its rewards go; `environments`.
+    pub fn exchange(&mut self) -> (&[f32], &mut [f32]) {
+        let Samples { environments, widths, .. } = self.samples;
+        let rows = self.step * environments..(self.step + 1) * environments;
+        let Samples { action, reward, .. } = &mut self.samples;
+        (&action[rows.start * widths.action..rows.end * widths.action], &mut reward[rows])
+    }
+
+    /// Closes the present step. `ends`: how each episode stands; `observe_critic` writes the critic's observations of
+    /// the states reached, and is called if an episode was truncated: its last reward gets γ V of that state.
+    ///
+    /// # Panics
+    /// If `ends` is not one an environment: an error of the caller.
+    pub fn end(&mut self, learner: &Learner, ends: &[End], observe_critic: impl FnOnce(&mut [f32])) {
+        let environments = self.samples.environments;
+        assert_eq!(ends.len(), environments, "one end an environment");
+        let rows = self.step * environments..(self.step + 1) * environments;
+        for (done, end) in self.samples.done[rows.clone()].iter_mut().zip(ends) {
+            *done = if *end == End::No { 0.0 } else { 1.0 };
+        }
+        if ends.contains(&End::Truncated) {
+            self.foresee(learner, observe_critic);
+            let gamma = learner.settings().gamma as f32;
+            let rewards = self.samples.reward[rows].iter_mut().zip(&self.values);
+            for ((reward, value), _) in rewards.zip(ends).filter(|(_, end)| **end == End::Truncated) {
+                *reward += gamma * value;
+            }
+        }
+        self.step += 1;
+    }
+
+    /// Closes the rollout: `observe_critic` writes the critic's observations after the last step.
+    pub fn finish(&mut self, learner: &Learner, observe_critic: impl FnOnce(&mut [f32])) {
+        self.foresee(learner, observe_critic);
+        self.samples.last_value.copy_from_slice(&self.values);
+    }
+
+    /// Values of the states that `observe_critic` writes.
+    fn foresee(&mut self, learner: &Learner, observe_critic: impl FnOnce(&mut [f32])) {
+        let Samples { environments, widths, .. } = self.samples;
+        self.critic_rows.resize(environments * widths.critic_observation, 0.0);
+        observe_critic(&mut self.critic_rows);
+        self.values.resize(environments, 0.0);
+        learner.values(environments, &self.critic_rows, &mut self.values, &mut self.scratch);
+    }
+}

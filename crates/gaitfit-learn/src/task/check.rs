@@ -1,0 +1,120 @@
+//! Which settings of a task are refused.
+
+use gaitfit_policy::{Interface, Quantity};
+
+use super::error::refuse;
+use super::{TaskError, TaskSettings};
+
+/// Most feet of a robot.
+const MAX_FEET: usize = 8;
+
+/// Refuses scales and clocks that do not fit, by setting.
+pub(super) fn check_terms(interface: &Interface) -> Result<(), TaskError> {
+    for term in interface.observation.iter().chain(&interface.critic_observation) {
+        let width = term.quantity.width(interface.joints.len());
+        if !matches!(term.scale.len(), 0 | 1) && term.scale.len() != width {
+            let what = format!(
+                "scales {} by {} numbers; give one or {width}",
+                term.quantity.name(),
+                term.scale.len()
+            );
+            return refuse("policy.observation", what);
+        }
+        if term.quantity == Quantity::GaitPhase && interface.gait_frequency.is_none() {
+            return refuse(
+                "policy.gait_frequency",
+                "is missing, and the policy observes gait_phase".to_owned(),
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Shortest control period, s: replays and gaits take some seconds of them.
+const MIN_CONTROL_DT: f64 = 1e-3;
+
+/// Refuses numbers out of range, by setting.
+pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
+    let positive = [
+        ("episode_seconds", settings.episode_seconds, 1e4),
+        ("control_dt", settings.control_dt, 1.0),
+        ("tracking_width", settings.tracking_width, 1e3),
+        ("yaw_tracking_width", settings.yaw_tracking_width, 1e3),
+        ("swing_height", settings.swing_height, 1e3),
+        ("swing_seconds", settings.swing_seconds, 1e3),
+        ("command.seconds", settings.command.seconds, 1e4),
+        ("policy.action_scale", settings.policy.action_scale, 1e3),
+        ("policy.kp", settings.policy.kp, 1e5),
+        ("fall.tilt", settings.fall.tilt, 180.0),
+    ];
+    for (setting, value, most) in positive {
+        if !(value > 0.0 && value <= most) {
+            return refuse(setting, format!("is {value}; it must be above 0 and at most {most}"));
+        }
+    }
+    if settings.control_dt < MIN_CONTROL_DT {
+        return refuse(
+            "control_dt",
+            format!("is {} s; it must be at least {MIN_CONTROL_DT} s", settings.control_dt),
+        );
+    }
+    let ranges = [
+        ("noise.base_angular_velocity", settings.noise.base_angular_velocity),
+        ("noise.projected_gravity", settings.noise.projected_gravity),
+        ("noise.joint_position", settings.noise.joint_position),
+        ("noise.joint_velocity", settings.noise.joint_velocity),
+        ("start.joint_position", settings.start.joint_position),
+        ("start.joint_velocity", settings.start.joint_velocity),
+        ("start.linear_velocity", settings.start.linear_velocity),
+        ("start.angular_velocity", settings.start.angular_velocity),
+        ("start.tilt", settings.start.tilt),
+        ("start.yaw", settings.start.yaw),
+        ("height", settings.height),
+        ("push.seconds", settings.push.seconds),
+        ("push.velocity", settings.push.velocity),
+        ("randomisation.base_com", settings.randomisation.base_com),
+        ("policy.kd", settings.policy.kd),
+    ];
+    for (setting, value) in ranges {
+        if !(0.0..=1e4).contains(&value) {
+            return refuse(setting, format!("is {value}; it must be from 0 to 10000"));
+        }
+    }
+    for (setting, value) in [("start.pitch", settings.start.pitch), ("fall.height", settings.fall.height)] {
+        if !(-1e4..=1e4).contains(&value) {
+            return refuse(setting, format!("is {value}; it must be from -10000 to 10000"));
+        }
+    }
+    let r = &settings.randomisation;
+    let c = &settings.command;
+    let intervals = [
+        ("command.x", c.x, -100.0),
+        ("command.y", c.y, -100.0),
+        ("command.yaw", c.yaw, -100.0),
+        ("randomisation.base_mass", r.base_mass, -1e4),
+        ("randomisation.kp", r.kp, 0.0),
+        ("randomisation.kd", r.kd, 0.0),
+        ("randomisation.floor_friction", r.floor_friction, 1e-3),
+        ("randomisation.frictionloss", r.frictionloss, 0.0),
+        ("randomisation.armature", r.armature, 0.0),
+    ];
+    for (setting, [low, high], least) in intervals {
+        if !(low >= least && low <= high && high <= 1e4) {
+            return refuse(
+                setting,
+                format!("is [{low}, {high}]; it must be [smallest, largest], {least} or more"),
+            );
+        }
+    }
+    if !(0.0..=1.0).contains(&c.standing) {
+        return refuse("command.standing", format!("is {}; it must be from 0 to 1", c.standing));
+    }
+    let norm = settings.posture.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (norm - 1.0).abs() > 1e-3 || norm.is_nan() {
+        return refuse("posture", "is not a direction of length 1".to_owned());
+    }
+    if settings.feet.is_empty() || settings.feet.len() > MAX_FEET {
+        return refuse("feet", format!("has {} names; give 1 to {MAX_FEET}", settings.feet.len()));
+    }
+    Ok(())
+}

@@ -1,0 +1,46 @@
+//! Why there is no task.
+
+use gaitfit_physics::PhysicsError;
+use gaitfit_policy::InterfaceError;
+use gaitfit_policy::walker::WalkerError;
+use gaitfit_sim::SimError;
+
+/// Why a task does not fit a robot or contradicts itself.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TaskError {
+    /// A setting.
+    #[error("task.{setting} {what}")]
+    Setting {
+        /// Which setting.
+        setting: String,
+        /// What is wrong with it, and what to do.
+        what: String,
+    },
+    /// The interface that the settings give a new policy.
+    #[error("task.policy: {0}")]
+    Policy(InterfaceError),
+    /// The policy on the robot.
+    #[error(transparent)]
+    Walker(WalkerError),
+    /// The simulator.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// The robot's parameters.
+    #[error(transparent)]
+    Physics(#[from] PhysicsError),
+}
+
+impl From<WalkerError> for TaskError {
+    fn from(error: WalkerError) -> Self {
+        match error {
+            // The walker's options are settings of the task.
+            WalkerError::Option { option, what } => Self::Setting { setting: option.to_owned(), what },
+            other => Self::Walker(other),
+        }
+    }
+}
+
+/// A [`TaskError::Setting`].
+pub(super) fn refuse<T>(setting: &str, what: String) -> Result<T, TaskError> {
+    Err(TaskError::Setting { setting: setting.to_owned(), what })
+}

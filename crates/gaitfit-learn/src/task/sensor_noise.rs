@@ -1,0 +1,60 @@
+//! Sensor noise: what is added to the actor's observation.
+
+use gaitfit_policy::{Quantity, Term};
+
+use super::NoiseSettings;
+
+/// Uniform noise of the given half ranges on an observation, for one environment and step.
+pub(super) struct SensorNoise<'a> {
+    settings: &'a NoiseSettings,
+    /// The words of [`blocks`], which the terms take one after the other.
+    words: &'a [[u32; 4]],
+}
+
+fn half_range(noise: &NoiseSettings, quantity: Quantity) -> f32 {
+    (match quantity {
+        Quantity::BaseAngularVelocity => noise.base_angular_velocity,
+        Quantity::ProjectedGravity => noise.projected_gravity,
+        Quantity::JointPosition => noise.joint_position,
+        Quantity::JointVelocity => noise.joint_velocity,
+        _ => 0.0,
+    }) as f32
+}
+
+/// Numbers of the random blocks that the noise on `terms` takes, in their order: four draws a block, blocks apart by
+/// the place in the row.
+pub(super) fn blocks(settings: &NoiseSettings, terms: &[Term], joints: usize) -> Vec<u32> {
+    let mut blocks = Vec::new();
+    let mut place = 0;
+    for term in terms {
+        let width = term.quantity.width(joints);
+        if half_range(settings, term.quantity) > 0.0 {
+            blocks.extend((place..place + width).step_by(4).map(|place| place as u32));
+        }
+        place += width;
+    }
+    blocks
+}
+
+impl<'a> SensorNoise<'a> {
+    /// Noise from the words of one environment's [`blocks`].
+    pub(super) fn new(settings: &'a NoiseSettings, words: &'a [[u32; 4]]) -> Self {
+        Self { settings, words }
+    }
+
+    /// Adds to the present values of a term; terms come in the order of [`blocks`].
+    pub(super) fn add(&mut self, quantity: Quantity, values: &mut [f32]) {
+        let half = half_range(self.settings, quantity);
+        if half <= 0.0 {
+            return;
+        }
+        let (own, rest) = self.words.split_at(values.len().div_ceil(4));
+        for (chunk, words) in values.chunks_mut(4).zip(own) {
+            for (value, word) in chunk.iter_mut().zip(words) {
+                let uniform = (word >> 8) as f32 * (1.0 / (1 << 24) as f32);
+                *value += half * (2.0 * uniform - 1.0);
+            }
+        }
+        self.words = rest;
+    }
+}

@@ -1,0 +1,88 @@
+//! When a robot counts as fallen.
+
+use gaitfit_sim::{Batch, Motion};
+use globset::Glob;
+use serde::{Deserialize, Serialize};
+
+use super::WalkerError;
+use crate::body;
+
+/// When a robot counts as fallen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FallSettings {
+    /// Patterns over names of geoms that must not touch the ground.
+    pub contacts: Vec<String>,
+    /// Angle between wanted and actual posture, degrees.
+    pub tilt: f64,
+    /// Lowest height of the base's origin, m.
+    pub height: f64,
+}
+
+/// Least normal force that counts as touching, N.
+const TOUCH: f32 = 1.0;
+
+/// How many of the geoms in `places` touch the ground; `forces` are of one environment
+/// ([`Motion::normal_force`]).
+///
+/// # Panics
+/// If a place is outside of `forces`: an error of the caller.
+pub fn touching(forces: &[f32], places: &[usize]) -> usize {
+    places.iter().filter(|&&place| forces[place] > TOUCH).count()
+}
+
+/// The rules of a fall on a robot.
+pub(super) struct Fall {
+    /// Places in [`Motion::normal_force`] of geoms that must not touch the ground.
+    pub(super) geoms: Vec<usize>,
+    /// Geoms in all.
+    contacts: usize,
+    least_uprightness: f32,
+    height: f32,
+    posture: [f32; 3],
+}
+
+impl Fall {
+    /// `settings` on the robot of `batch`; `posture`: gravity in the body frame in the wanted posture.
+    pub(super) fn new(
+        batch: &Batch,
+        settings: &FallSettings,
+        posture: [f64; 3],
+    ) -> Result<Self, WalkerError> {
+        let model = batch.model();
+        let contacts = batch.contact_geoms().len();
+        let name = |place: usize| model.geoms[batch.contact_geoms()[place]].name.as_str();
+        let refuse = |what: String| Err(WalkerError::Option { option: "fall.contacts", what });
+        let mut geoms = Vec::new();
+        for pattern in &settings.contacts {
+            let Ok(glob) = Glob::new(pattern) else {
+                return refuse(format!("has `{pattern}`, which is no pattern"));
+            };
+            let matcher = glob.compile_matcher();
+            let before = geoms.len();
+            geoms.extend((0..contacts).filter(|&place| matcher.is_match(name(place))));
+            if geoms.len() == before {
+                return refuse(format!("has `{pattern}`, which matches no geom of {}", model.name));
+            }
+        }
+        Ok(Self {
+            geoms,
+            contacts,
+            least_uprightness: settings.tilt.to_radians().cos() as f32,
+            height: settings.height as f32,
+            posture: posture.map(|x| x as f32),
+        })
+    }
+
+    pub(super) fn uprightness(&self, up: [f32; 3]) -> f32 {
+        (0..3).map(|k| -up[k] * self.posture[k]).sum()
+    }
+
+    pub(super) fn fallen(&self, motion: &Motion, index: usize) -> bool {
+        let forces = &motion.normal_force[index * self.contacts..(index + 1) * self.contacts];
+        let up = body::up(&motion.base_quaternion[4 * index..4 * index + 4]);
+        touching(forces, &self.geoms) > 0
+            || self.uprightness(up) < self.least_uprightness
+            || motion.base_position[3 * index + 2] < self.height
+    }
+}

@@ -1,0 +1,173 @@
+//! A policy on a robot: its interface resolved on a model, in the simulator.
+
+mod error;
+mod fall;
+mod noise;
+mod start;
+
+use gaitfit_model::{Model, Root};
+use gaitfit_physics::{Preset, Robot};
+use gaitfit_sim::{Batch, BatchOptions, Candidate, Motion};
+
+use crate::observation::{Layout, Sensed};
+use crate::{Interface, body};
+use fall::Fall;
+
+pub use error::WalkerError;
+pub use fall::{FallSettings, touching};
+pub use noise::TorqueNoise;
+pub use start::standing;
+
+/// How a policy's robot is simulated, and when it counts as fallen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WalkerOptions {
+    /// Physics steps between actions.
+    pub substeps: usize,
+    /// Solver effort.
+    pub preset: Preset,
+    /// Largest actuation delay of any robot, s.
+    pub max_delay: f64,
+    /// Names of geoms whose positions are reported, for example the feet.
+    pub tracked: Vec<String>,
+    /// Direction of gravity in the body frame in the wanted posture, unit: (0, 0, −1) on four legs.
+    pub posture: [f64; 3],
+    /// Pitch of the base in which the robot starts, degrees; −90 is nose up.
+    pub start_pitch: f64,
+    /// When the robot counts as fallen.
+    pub fall: FallSettings,
+}
+
+/// A policy's interface on a robot in the simulator: names resolved once, shared by all environments. Joint vectors
+/// are in the model's order unless they say otherwise.
+pub struct Walker {
+    /// What the policy sees and does.
+    pub interface: Interface,
+    /// The simulator.
+    pub batch: Batch,
+    /// For each of the policy's joints, its index in the model.
+    pub joints: Vec<usize>,
+    /// Pose at action zero, rad.
+    pub default_pose: Vec<f32>,
+    /// Target change per unit action, rad.
+    pub action_scale: Vec<f32>,
+    /// Rows of the actor's observation.
+    pub observation: Layout,
+    /// Rows of the critic's observation.
+    pub critic_observation: Layout,
+    start_pitch: f64,
+    fall: Fall,
+}
+
+impl Walker {
+    /// `interface` on `model`.
+    ///
+    /// # Errors
+    /// An interface that contradicts itself or is for another robot, a clamped robot, options out of range, patterns
+    /// that match nothing.
+    pub fn new(model: &Model, interface: Interface, options: WalkerOptions) -> Result<Self, WalkerError> {
+        if model.root != Root::Floating {
+            return Err(WalkerError::Clamped { robot: model.name.clone() });
+        }
+        let joints = interface.resolve(model)?;
+        interface.check()?;
+        let WalkerOptions { substeps, preset, max_delay, tracked, posture, start_pitch, fall } = options;
+        let control_dt = interface.control_dt;
+        let batch =
+            Batch::new(model, BatchOptions { control_dt, substeps, preset, max_delay, tracked, isa: None })?;
+        let fall = Fall::new(&batch, &fall, posture)?;
+        let mut default_pose = vec![0.0; model.joints.len()];
+        let mut action_scale = vec![0.0; model.joints.len()];
+        for (index, &joint) in joints.iter().enumerate() {
+            default_pose[joint] = interface.default_pose[index] as f32;
+            action_scale[joint] = interface.action_scale[index] as f32;
+        }
+        Ok(Self {
+            observation: Layout::new(&interface, &interface.observation),
+            critic_observation: Layout::new(&interface, &interface.critic_observation),
+            interface,
+            batch,
+            joints,
+            default_pose,
+            action_scale,
+            start_pitch,
+            fall,
+        })
+    }
+
+    /// The robot.
+    pub fn model(&self) -> &Model {
+        self.batch.model()
+    }
+
+    /// Physics step, s.
+    pub fn physics_step(&self) -> f64 {
+        self.interface.control_dt / self.batch.options().substeps as f64
+    }
+
+    /// The robot of a candidate with the policy's gains.
+    pub fn robot(&self, candidate: &Candidate) -> Robot {
+        let joints = self.default_pose.len();
+        let (mut kp, mut kd) = (vec![0.0; joints], vec![0.0; joints]);
+        for (index, &joint) in self.joints.iter().enumerate() {
+            kp[joint] = self.interface.kp[index];
+            kd[joint] = self.interface.kd[index];
+        }
+        candidate.robot(self.batch.model(), &kp, &kd)
+    }
+
+    /// Position targets (rad, model order) of `actions` (policy order); one row an environment in both.
+    pub fn targets(&self, actions: &[f32], targets: &mut [f32]) {
+        let clip = self.interface.action_clip.map_or(f32::MAX, |clip| clip as f32);
+        let rows = targets.chunks_exact_mut(self.default_pose.len());
+        for (row, actions) in rows.zip(actions.chunks_exact(self.joints.len())) {
+            for (&joint, &action) in self.joints.iter().zip(actions) {
+                row[joint] = self.default_pose[joint] + self.action_scale[joint] * action.clamp(-clip, clip);
+            }
+        }
+    }
+
+    /// Phase of the gait clock, 0 to 1, `steps` control periods after an episode's start; 0 without a clock.
+    pub fn clock(&self, steps: u32) -> f32 {
+        let Some(frequency) = self.interface.gait_frequency else { return 0.0 };
+        (f64::from(steps) * self.interface.control_dt * frequency).fract() as f32
+    }
+
+    /// What environment `index` of `motion` senses of its base and joints. Command, last action and clock of `sensed`
+    /// stay as they are.
+    ///
+    /// # Panics
+    /// If `motion` has no such environment, or `sensed` is of another number of joints: errors of the caller.
+    pub fn sense(&self, motion: &Motion, index: usize, sensed: &mut Sensed) {
+        let joints = self.default_pose.len();
+        let quaternion = &motion.base_quaternion[4 * index..4 * index + 4];
+        let linear = &motion.base_linear[3 * index..3 * index + 3];
+        sensed.base_angular_velocity.copy_from_slice(&motion.base_angular[3 * index..3 * index + 3]);
+        sensed.projected_gravity = body::up(quaternion).map(|x| -x);
+        sensed.base_linear_velocity = body::to_body(quaternion, linear);
+        let position = &motion.joint_position[joints * index..joints * (index + 1)];
+        let velocity = &motion.joint_velocity[joints * index..joints * (index + 1)];
+        for (to, &joint) in self.joints.iter().enumerate() {
+            sensed.joint_position[to] = position[joint];
+            sensed.joint_velocity[to] = velocity[joint];
+        }
+    }
+
+    /// Cosine of the angle between gravity in the body frame (`−up`) and where it is in the wanted posture.
+    pub fn uprightness(&self, up: [f32; 3]) -> f32 {
+        self.fall.uprightness(up)
+    }
+
+    /// Whether environment `index` of `motion` has fallen: it touches the ground with what must not, leans too far, or
+    /// is too low.
+    ///
+    /// # Panics
+    /// If `motion` has no such environment: an error of the caller.
+    pub fn fallen(&self, motion: &Motion, index: usize) -> bool {
+        self.fall.fallen(motion, index)
+    }
+
+    /// Places in [`Motion::normal_force`] of the geoms that must not touch the ground.
+    pub fn fall_geoms(&self) -> &[usize] {
+        &self.fall.geoms
+    }
+}
