@@ -5,8 +5,8 @@ mod common;
 
 use common::{errors, json, run};
 use gaitfit_log::{ReadOptions, Trajectory, read_csv};
+use gaitfit_model::rotation::rotate;
 use gaitfit_policy::network::Scratch;
-use gaitfit_sim::kinematics::rotate;
 use std::path::Path;
 
 /// Its joints are in another order than the robot's.

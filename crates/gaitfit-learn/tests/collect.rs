@@ -7,10 +7,10 @@ use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::Task;
 use gaitfit_log::Trajectory;
+use gaitfit_model::rotation::rotate;
 use gaitfit_policy::Policy;
 use gaitfit_policy::network::Scratch;
 use gaitfit_sim::Candidate;
-use gaitfit_sim::kinematics::rotate;
 use task_common::{calm, random_policy, scene_with};
 
 /// A task whose policy lists the joints in another order than the model, and clips its actions.

@@ -4,17 +4,17 @@
 mod task_common;
 
 use gaitfit_learn::task::{Ended, Environment, NoiseSettings, Task, TaskSettings};
+use gaitfit_model::rotation::{inverse, rotate};
 use gaitfit_physics::Preset;
 use gaitfit_policy::{Quantity, Term};
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_sim::kinematics::rotate;
 use gaitfit_sim::{Candidate, RobotParams};
 use task_common::{built_in, calm, go2, scene, scene_with, step};
 
 /// `vector` (world frame) in the body frame of `quaternion`.
 fn to_body(quaternion: &[f32], vector: [f64; 3]) -> [f64; 3] {
     let q: [f64; 4] = std::array::from_fn(|k| f64::from(quaternion[k]));
-    rotate([q[0], -q[1], -q[2], -q[3]], vector)
+    rotate(inverse(q), vector)
 }
 
 #[track_caller]

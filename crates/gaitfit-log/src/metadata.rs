@@ -2,9 +2,9 @@
 //! files and the caller's options.
 
 use crate::LogError;
-use globset::Glob;
+use gaitfit_model::{patterns, shown};
+use indexmap::IndexMap;
 use serde::Deserialize;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// One number for every joint.
@@ -15,9 +15,9 @@ pub enum PerJoint {
     All(f64),
     /// One a joint, in the order of the file's `q_` columns.
     List(Vec<f64>),
-    /// By joint name or pattern, for example `{ "*_hip" = 20, "*_calf" = 40 }`; every joint must match exactly
-    /// one entry, except that a plain name goes before patterns.
-    Named(BTreeMap<String, f64>),
+    /// By joint name or pattern, for example `{ "*_hip" = 20, "*_calf" = 40 }`, as [`gaitfit_model::patterns`]
+    /// says; every joint must match an entry.
+    Named(IndexMap<String, f64>),
 }
 
 impl PerJoint {
@@ -45,32 +45,12 @@ impl PerJoint {
     }
 }
 
-fn resolve_named(what: &str, entries: &BTreeMap<String, f64>, joints: &[String]) -> Result<Vec<f64>, String> {
-    let mut matchers = Vec::with_capacity(entries.len());
-    for (pattern, value) in entries {
-        let glob = Glob::new(pattern).map_err(|error| format!("{what}: pattern `{pattern}`: {error}"))?;
-        matchers.push((pattern, glob.compile_matcher(), *value));
-    }
-    if let Some((pattern, ..)) = matchers.iter().find(|(_, glob, _)| !joints.iter().any(|j| glob.is_match(j)))
-    {
-        return Err(format!("{what}: `{pattern}` matches no joint of the log ({})", joints.join(", ")));
-    }
-    joints
-        .iter()
-        .map(|joint| {
-            if let Some(value) = entries.get(joint) {
-                return Ok(*value);
-            }
-            let mut hits = matchers.iter().filter(|(_, glob, _)| glob.is_match(joint));
-            match (hits.next(), hits.next()) {
-                (Some((.., value)), None) => Ok(*value),
-                (None, _) => Err(format!("{what}: no entry matches joint {joint}; add one")),
-                (Some((first, ..)), Some((second, ..))) => {
-                    Err(format!("{what}: both `{first}` and `{second}` match joint {joint}; keep one"))
-                }
-            }
-        })
-        .collect()
+fn resolve_named(what: &str, entries: &IndexMap<String, f64>, joints: &[String]) -> Result<Vec<f64>, String> {
+    let values = patterns::table(entries, "the log", joints).map_err(|error| format!("{what}: {error}"))?;
+    let given = |(value, joint): (Option<f64>, &String)| {
+        value.ok_or_else(|| format!("{what}: no entry matches joint {}; add one", shown(joint)))
+    };
+    values.into_iter().zip(joints).map(given).collect()
 }
 
 /// Where one statement was found, for messages.

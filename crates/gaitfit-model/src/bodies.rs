@@ -7,7 +7,8 @@ use crate::inertia::{Inertial, combine};
 use crate::inertial::{check_inertia, read_inertial};
 use crate::joint::Finished;
 use crate::options::{Compiler, InertiaFromGeom};
-use crate::orientation::{IDENTITY, Quat, Vec3, compose, read_orientation};
+use crate::orientation::{compose, read_orientation};
+use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::spec::{BodySpec, MAX_BODIES, MAX_ITEMS, MAX_JOINTS};
 use crate::xml::{At, Element};
 

@@ -5,7 +5,8 @@ use crate::error::ModelError;
 use crate::inertia::{Inertial, MASSLESS, Solid};
 use crate::model::Shape;
 use crate::options::{Compiler, InertiaFromGeom};
-use crate::orientation::{IDENTITY, Quat, Vec3, add, dot, read_orientation, unit, z_to};
+use crate::orientation::read_orientation;
+use crate::rotation::{IDENTITY, Quat, Vec3, add, dot, unit, z_to};
 use crate::spec::{GeomKind, GeomSpec, Surface};
 use crate::xml::Element;
 

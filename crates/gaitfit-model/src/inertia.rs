@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::orientation::{IDENTITY, Quat, Vec3, matrix, mul, normalize};
+use crate::rotation::{IDENTITY, Quat, Vec3, matrix, normalize, product};
 
 /// Symmetric inertia tensor: xx, yy, zz, xy, xz, yz (MJCF's `fullinertia` order), kg·m².
 pub(crate) type Tensor = [f64; 6];
@@ -140,7 +140,7 @@ pub(crate) fn principal(tensor: Tensor) -> (Vec3, Quat) {
             values.swap(i, i + 1);
             let mut turn = [std::f64::consts::FRAC_1_SQRT_2, 0.0, 0.0, 0.0];
             turn[(i + 2) % 3 + 1] = std::f64::consts::FRAC_1_SQRT_2;
-            quat = normalize(mul(quat, turn));
+            quat = normalize(product(quat, turn));
         }
     }
     (values, quat)
@@ -172,7 +172,7 @@ fn rotate_away(a: &mut [[f64; 3]; 3], quat: &mut Quat, p: usize, q: usize) {
     let (half_sine, half_cosine) = (angle / 2.0).sin_cos();
     let mut turn = [half_cosine, 0.0, 0.0, 0.0];
     turn[4 - p - q] = half_sine;
-    *quat = normalize(mul(*quat, turn));
+    *quat = normalize(product(*quat, turn));
 }
 
 #[cfg(test)]

@@ -3,7 +3,8 @@
 use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
 use crate::inertia::{Inertial, principal};
-use crate::orientation::{AngleUnits, IDENTITY, read_orientation};
+use crate::orientation::{AngleUnits, read_orientation};
+use crate::rotation::IDENTITY;
 use crate::shown::shown_number;
 use crate::xml::{At, Element};
 

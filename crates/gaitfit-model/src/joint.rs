@@ -4,7 +4,7 @@ use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
 use crate::model::Joint;
 use crate::options::Compiler;
-use crate::orientation::{Quat, Vec3, add, rotate, unit};
+use crate::rotation::{Quat, Vec3, add, rotate, unit};
 use crate::shown::shown_number;
 use crate::spec::default_joint;
 use crate::xml::{At, Element};

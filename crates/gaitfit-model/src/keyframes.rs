@@ -3,7 +3,7 @@
 use crate::attributes::Context;
 use crate::error::ModelError;
 use crate::model::{Keyframe, Model, Root};
-use crate::orientation::normalize;
+use crate::rotation::normalize;
 use crate::shown::shown;
 use crate::spec::{KeySpec, Spec};
 

@@ -4,8 +4,9 @@
 //! where 1 / m is the joint's diagonal entry of the inverse mass matrix (`dof_invweight0`).
 
 use crate::inertia::rotated;
+use crate::kinematics::{Frame, rest_frames};
 use crate::model::{Model, Root};
-use crate::orientation::{IDENTITY, Quat, Vec3, add, compose, cross, dot, mul, rotate};
+use crate::rotation::{Vec3, cross, dot, product, rotate, sub};
 
 /// Replaces positive third bias parameters of position-like actuators by the damping they stand for.
 pub(crate) fn resolve_damping_ratios(model: &mut Model) {
@@ -37,17 +38,17 @@ struct Dof {
 /// Dense mass matrix (nv × nv) with every joint at its reference: M = Σ m JvᵀJv + JωᵀIJω over the bodies
 /// (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.1), and armature on the diagonal.
 fn mass_matrix(model: &Model) -> Vec<Vec<f64>> {
-    let poses = rest_poses(model);
-    let dofs = degrees_of_freedom(model, &poses);
+    let frames = rest_frames(model);
+    let dofs = degrees_of_freedom(model, &frames);
     let mut m = vec![vec![0.0; dofs.len()]; dofs.len()];
     for (index, body) in model.bodies.iter().enumerate() {
-        let (pos, quat) = poses[index];
-        let centre = add(pos, rotate(quat, body.ipos));
-        let [xx, yy, zz, xy, xz, yz] = rotated(body.inertia, mul(quat, body.iquat));
+        let frame = &frames[index];
+        let centre = frame.point(body.ipos);
+        let [xx, yy, zz, xy, xz, yz] = rotated(body.inertia, product(frame.quaternion, body.iquat));
         let carried = dofs.iter().enumerate().filter(|(_, d)| is_ancestor(model, d.body, index));
         let columns: Vec<(usize, Vec3, Vec3)> = carried
             .map(|(k, d)| match d.anchor {
-                Some(anchor) => (k, cross(d.axis, add(centre, anchor.map(|x| -x))), d.axis),
+                Some(anchor) => (k, cross(d.axis, sub(centre, anchor)), d.axis),
                 None => (k, d.axis, [0.0; 3]),
             })
             .collect();
@@ -65,31 +66,21 @@ fn mass_matrix(model: &Model) -> Vec<Vec<f64>> {
     m
 }
 
-/// Poses of all bodies in the world with every joint at its reference.
-fn rest_poses(model: &Model) -> Vec<(Vec3, Quat)> {
-    let mut poses: Vec<(Vec3, Quat)> = Vec::with_capacity(model.bodies.len());
-    for body in &model.bodies {
-        let parent = body.parent.map_or(([0.0; 3], IDENTITY), |p| poses[p]);
-        poses.push(compose(parent, (body.pos, body.quat)));
-    }
-    poses
-}
-
-fn degrees_of_freedom(model: &Model, poses: &[(Vec3, Quat)]) -> Vec<Dof> {
+fn degrees_of_freedom(model: &Model, frames: &[Frame]) -> Vec<Dof> {
     let mut dofs = Vec::with_capacity(model.nv());
-    if let (Root::Floating, Some((origin, _))) = (model.root, poses.first()) {
-        for anchor in [None, Some(*origin)] {
+    if let (Root::Floating, Some(base)) = (model.root, frames.first()) {
+        for anchor in [None, Some(base.position)] {
             for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
                 dofs.push(Dof { body: 0, axis, anchor, armature: 0.0 });
             }
         }
     }
     for joint in &model.joints {
-        let (origin, turn) = poses[joint.body];
+        let frame = &frames[joint.body];
         dofs.push(Dof {
             body: joint.body,
-            axis: rotate(turn, joint.axis),
-            anchor: Some(add(origin, rotate(turn, joint.pos))),
+            axis: rotate(frame.quaternion, joint.axis),
+            anchor: Some(frame.point(joint.pos)),
             armature: joint.armature,
         });
     }

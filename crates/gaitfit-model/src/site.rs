@@ -4,7 +4,8 @@ use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
 use crate::model::Site;
 use crate::options::Compiler;
-use crate::orientation::{IDENTITY, Quat, Vec3, add, compose, read_orientation, unit, z_to};
+use crate::orientation::{compose, read_orientation};
+use crate::rotation::{IDENTITY, Quat, Vec3, add, unit, z_to};
 use crate::xml::Element;
 
 /// A `<site>` as written, over its default class.

@@ -2,7 +2,7 @@
 
 use crate::inertia::Inertial;
 use crate::model::{Actuator, ContactPair, Joint, Options, Shape, Site};
-use crate::orientation::{IDENTITY, Quat, Vec3};
+use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::xml::At;
 
 /// Most bodies of one file.

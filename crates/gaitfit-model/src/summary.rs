@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::model::{Dropped, Model, Root};
+use crate::patterns::plain;
 
 /// Totals and tables of a model, for `gaitfit inspect`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -120,10 +121,9 @@ impl Model {
     /// The joint that a log calls `log_name`: the same name, or the same up to a `_joint` suffix on
     /// either side (`FL_hip` and `FL_hip_joint`).
     pub fn find_joint(&self, log_name: &str) -> Option<usize> {
-        let bare = |name: &str| name.strip_suffix("_joint").unwrap_or(name).to_string();
         self.joint(log_name).or_else(|| {
-            let wanted = bare(log_name);
-            let mut matches = (0..self.joints.len()).filter(|&j| bare(&self.joints[j].name) == wanted);
+            let wanted = plain(log_name);
+            let mut matches = (0..self.joints.len()).filter(|&j| plain(&self.joints[j].name) == wanted);
             // Two joints that differ only by the suffix are told apart by their full names alone.
             matches.next().filter(|_| matches.next().is_none())
         })

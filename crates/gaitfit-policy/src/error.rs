@@ -38,13 +38,3 @@ pub enum PolicyError {
 pub(crate) fn invalid(message: impl Into<String>) -> PolicyError {
     PolicyError::Invalid(message.into())
 }
-
-/// A name from a file, short and printable, for a message.
-pub(crate) fn shown(name: &str) -> String {
-    const MOST: usize = 60;
-    let mut text: String = name.chars().take(MOST).flat_map(char::escape_debug).collect();
-    if name.chars().nth(MOST).is_some() {
-        text.push('…');
-    }
-    text
-}

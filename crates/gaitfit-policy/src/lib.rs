@@ -3,7 +3,6 @@
 //! Everything is batched: arrays of rows, one row an environment, row-major, never an object an environment. Joints
 //! are in the order of [`Interface::joints`] and matched to a model by name.
 
-mod body;
 mod check;
 mod error;
 mod files;

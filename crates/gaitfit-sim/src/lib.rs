@@ -9,7 +9,6 @@ mod robot;
 mod robots;
 
 pub mod bench;
-pub mod kinematics;
 pub mod pool;
 
 pub use batch::{Batch, BatchOptions, Tile};

@@ -4,9 +4,9 @@
 
 use std::path::Path;
 
+use gaitfit_model::kinematics::{Frame, body_frames, standing_height};
 use gaitfit_model::{Model, ReadOptions, read};
 use gaitfit_physics::{Drive, Isa, Params, Preset, Robot, Settings, State, Work, compile, step};
-use gaitfit_sim::kinematics::{Frame, body_frames, rotate, standing_height};
 use gaitfit_sim::{Batch, BatchOptions, Motion, SimError, Start};
 
 const CONTROL_DT: f64 = 0.02;
@@ -247,9 +247,7 @@ fn robots_of_a_tile_move_as_each_alone_in_double_precision() {
             // Tracked geoms stand where the bodies were at the start of the last physics step.
             let foot = |name: &str| {
                 let geom = model.geoms.iter().find(|geom| geom.name == name).unwrap();
-                let frame = &frames[geom.body];
-                let turned = rotate(frame.quaternion, geom.pos);
-                (0..3).map(|axis| frame.position[axis] + turned[axis]).collect::<Vec<f64>>()
+                frames[geom.body].point(geom.pos)
             };
             let feet: Vec<f64> = FEET.iter().flat_map(|name| foot(name)).collect();
             let of = |values: &[f32]| {

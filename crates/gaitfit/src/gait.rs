@@ -62,6 +62,6 @@ fn spectra(record: &GaitRecord) -> Vec<TorqueSpectrum> {
 
 /// `hip` of `FL_hip_joint`.
 fn group(joint: &str) -> &str {
-    let joint = joint.strip_suffix("_joint").unwrap_or(joint);
+    let joint = gaitfit_model::patterns::plain(joint);
     joint.split_once('_').map_or(joint, |(_, part)| part)
 }

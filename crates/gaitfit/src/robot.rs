@@ -5,12 +5,9 @@ use gaitfit_log::CheckSpec;
 use gaitfit_model::{Model, ReadOptions, Root};
 use std::path::Path;
 
-/// The project's Go2, so that nothing needs files.
-const GO2: &str = include_str!("../../../assets/go2.xml");
-
 /// The built-in Go2.
 pub fn go2() -> Result<Model, Error> {
-    gaitfit_model::read_mjcf_str(GO2, &ReadOptions::default()).map_err(Error::failed)
+    gaitfit_model::builtin::go2().map_err(Error::failed)
 }
 
 /// How the robot's base hangs in the world.

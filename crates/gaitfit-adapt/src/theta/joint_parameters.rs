@@ -1,6 +1,6 @@
 //! Parameters of joints: friction loss, armature, delay and the like.
 
-use super::patterns::every_joint;
+use super::rules::every_joint;
 use super::sharing::Share;
 use super::{
     Entry, Modification, Quantity, ReadContext, SavedParameter, Sharing, ThetaError, ThetaFileError,

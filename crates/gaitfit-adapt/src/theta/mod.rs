@@ -11,7 +11,6 @@ mod file;
 mod joint_parameters;
 mod modification;
 mod networks;
-mod patterns;
 mod quantity;
 mod robot_numbers;
 mod rules;
@@ -28,6 +27,7 @@ pub use robot_numbers::{RobotNumber, RobotRule};
 pub use rules::Rules;
 pub use sharing::Sharing;
 
+use gaitfit_model::patterns::PatternError;
 use gaitfit_sim::Candidate;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -72,23 +72,13 @@ pub enum ThetaError {
         /// The lower bound asked for.
         lower: f64,
     },
-    /// A pattern is not valid.
-    #[error("`{pattern}` is no joint pattern: {reason}")]
-    Pattern {
-        /// The pattern.
-        pattern: String,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// A rule matches nothing.
-    #[error("parameter {kind} with joints {patterns:?} covers no joint; the robot has {joints}")]
-    NoJoint {
-        /// Quantity.
+    /// Patterns do not fit the robot's joints.
+    #[error("parameter {kind}: {source}")]
+    Joints {
+        /// What is searched.
         kind: &'static str,
-        /// The rule's patterns.
-        patterns: Vec<String>,
-        /// The robot's joints.
-        joints: String,
+        /// Which pattern, and why not.
+        source: PatternError,
     },
     /// A joint belongs to no group, or to several.
     #[error(
@@ -374,7 +364,7 @@ mod tests {
         let error =
             Theta::from_rules(&[rule(Quantity::Delay, Sharing::All, &["*_wheel"])], &groups(), &joints())
                 .unwrap_err();
-        assert!(matches!(error, ThetaError::NoJoint { .. }), "{error}");
+        assert!(matches!(error, ThetaError::Joints { .. }), "{error}");
         let error =
             Theta::from_rules(&[rule(Quantity::Delay, Sharing::Group, &["*"])], &groups()[..2], &joints())
                 .unwrap_err();

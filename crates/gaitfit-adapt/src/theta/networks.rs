@@ -1,10 +1,11 @@
 //! Networks of joints: ActionDelta and ResidAct (Dao and Fern; He et al. 2025).
 
 use super::features;
-use super::patterns::{every_joint, plain};
+use super::rules::every_joint;
 use super::{
     Entry, Found, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile, ThetaFileError,
 };
+use gaitfit_model::patterns::plain;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};

@@ -1,8 +1,7 @@
 //! Which joints share what is searched.
 
 use super::ThetaError;
-use super::patterns::{covered, matcher, matches, plain};
-use globset::GlobSet;
+use gaitfit_model::patterns::{Pattern, compile, covered, plain};
 use serde::{Deserialize, Serialize};
 
 /// How many joints share a value, or a network.
@@ -38,7 +37,7 @@ impl Sharing {
     /// order of their first joint.
     ///
     /// # Errors
-    /// [`ThetaError`] if no joint is covered, a pattern is none, or a joint is not in just one group.
+    /// [`ThetaError`] if a pattern is none or covers no joint, or a joint is not in just one group.
     pub(super) fn shares<'a>(
         self,
         kind: &'static str,
@@ -46,7 +45,9 @@ impl Sharing {
         groups: &[(String, Vec<String>)],
         joints: &'a [String],
     ) -> Result<Vec<Share<'a>>, ThetaError> {
-        let covered = covered(kind, patterns, joints)?;
+        let wrong = |source| ThetaError::Joints { kind, source };
+        let places = covered(patterns, "the robot", joints).map_err(wrong)?;
+        let covered: Vec<&String> = places.into_iter().map(|place| &joints[place]).collect();
         match self {
             Self::All => Ok(vec![Share { name: words(patterns), joints: covered }]),
             Self::Joint => Ok(covered
@@ -55,14 +56,14 @@ impl Sharing {
                 .collect()),
             Self::Group => {
                 let mut found: Vec<Share<'a>> = Vec::new();
-                let compiled: Vec<(&str, GlobSet)> = groups
+                let compiled: Vec<(&str, Vec<Pattern>)> = groups
                     .iter()
-                    .map(|(name, patterns)| Ok((name.as_str(), matcher(patterns)?)))
+                    .map(|(name, patterns)| Ok((name.as_str(), compile(patterns).map_err(wrong)?)))
                     .collect::<Result<_, ThetaError>>()?;
                 for joint in covered {
                     let of: Vec<&str> = compiled
                         .iter()
-                        .filter(|(_, set)| matches(set, joint))
+                        .filter(|(_, patterns)| patterns.iter().any(|pattern| pattern.covers(joint)))
                         .map(|(name, _)| *name)
                         .collect();
                     let [group] = of[..] else {

@@ -1,5 +1,6 @@
 //! Drift: where a robot ends after a constant command, against where it should be.
 
+use gaitfit_model::rotation::{heading, quat_of};
 use serde::Serialize;
 
 use super::{Estimate, Subject};
@@ -55,12 +56,9 @@ pub fn drift(subject: &Subject<'_>, robots: usize) -> Result<Vec<DriftTrial>, Ta
 /// Place and heading on the ground.
 fn pose(environment: &Environment<'_>, index: usize) -> [f64; 3] {
     let motion = environment.motion();
-    let q: [f64; 4] = std::array::from_fn(|k| f64::from(motion.base_quaternion[4 * index + k]));
-    let [w, x, y, z] = q;
-    // The heading is square to the body's left axis.
-    let (left_x, left_y) = (2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z));
+    let quaternion = quat_of(&motion.base_quaternion[4 * index..]).map(f64::from);
     let place = &motion.base_position[3 * index..];
-    [f64::from(place[0]), f64::from(place[1]), (-left_x).atan2(left_y)]
+    [f64::from(place[0]), f64::from(place[1]), heading(quaternion)]
 }
 
 fn wrap(angle: f64) -> f64 {

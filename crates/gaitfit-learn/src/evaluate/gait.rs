@@ -1,11 +1,12 @@
 //! The gait of one robot: foot contacts, heights, speeds and torques over time.
 
 use gaitfit_model::Shape;
+use gaitfit_model::rotation::{quat_of, to_heading, vec_of};
 use serde::{Deserialize, Serialize};
 
 use super::{Subject, power_spectrum};
 use crate::player::Player;
-use crate::task::{Ended, Environment, Foot, TaskError, heading_velocity};
+use crate::task::{Ended, Environment, Foot, TaskError};
 
 /// What one robot did, a row a control period.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -89,7 +90,7 @@ pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Resul
             let clearance = |(foot, radius): (&Foot, &f64)| f64::from(foot.height) - radius;
             record.foot_clearance.extend(feet.iter().zip(&radii).map(clearance));
             record.command.extend(command);
-            let velocity = heading_velocity(&motion.base_quaternion, &motion.base_linear);
+            let velocity = to_heading(quat_of(&motion.base_quaternion), vec_of(&motion.base_linear));
             let yaw_rate = environment.yaw_rate(0);
             record.velocity.extend([velocity[0], velocity[1], yaw_rate].map(f64::from));
             let base = motion.base_position.iter().chain(&motion.base_quaternion);

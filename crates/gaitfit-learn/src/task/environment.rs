@@ -1,5 +1,6 @@
 //! One tile of robots at a task.
 
+use gaitfit_model::rotation::{self, quat_of, to_heading, vec_of};
 use gaitfit_policy::observation::{LastAction, Layout, Sensed};
 use gaitfit_policy::walker::{TorqueNoise, touching};
 use gaitfit_random::{Purpose, Stream, fill_block_rows};
@@ -7,7 +8,6 @@ use gaitfit_sim::{Candidate, Motion, Tile};
 
 use super::command::{command, within};
 use super::feet::Foot;
-use super::moment::{heading_velocity, up_axis};
 use super::randomise::randomised;
 use super::sensor_noise::{self, SensorNoise};
 use super::start::start;
@@ -304,7 +304,7 @@ impl<'a> Environment<'a> {
         let linear = &motion.base_linear[row(&motion.base_linear)];
         let angular = &motion.base_angular[row(&motion.base_angular)];
         let forces = &motion.normal_force[row(&motion.normal_force)];
-        let up = up_axis(quaternion);
+        let up = rotation::up(quat_of(quaternion));
         let gravity = up.map(|x| -x);
         let uprightness = task.walker.uprightness(up);
         let height = motion.base_position[3 * index + 2];
@@ -321,7 +321,7 @@ impl<'a> Environment<'a> {
             task,
             command,
             walking: command.iter().map(|x| x * x).sum::<f32>() > STANDING * STANDING,
-            velocity: heading_velocity(quaternion, linear),
+            velocity: to_heading(quat_of(quaternion), vec_of(linear)),
             angular_velocity: [angular[0], angular[1], angular[2]],
             yaw_rate: (0..3).map(|k| up[k] * angular[k]).sum(),
             gravity,
@@ -360,14 +360,14 @@ impl<'a> Environment<'a> {
 
     /// Angular velocity of environment `index` about the vertical, rad/s.
     pub fn yaw_rate(&self, index: usize) -> f32 {
-        let up = up_axis(&self.motion.base_quaternion[4 * index..4 * index + 4]);
+        let up = rotation::up(quat_of(&self.motion.base_quaternion[4 * index..]));
         (0..3).map(|k| up[k] * self.motion.base_angular[3 * index + k]).sum()
     }
 
     /// Horizontal velocity error (m/s) and yaw-rate error (rad/s) of environment `index` against its command.
     pub fn tracking_error(&self, index: usize) -> [f32; 2] {
-        let quaternion = &self.motion.base_quaternion[4 * index..4 * index + 4];
-        let velocity = heading_velocity(quaternion, &self.motion.base_linear[3 * index..3 * index + 3]);
+        let quaternion = quat_of(&self.motion.base_quaternion[4 * index..]);
+        let velocity = to_heading(quaternion, vec_of(&self.motion.base_linear[3 * index..]));
         let command = self.command[index];
         let error = [velocity[0] - command[0], velocity[1] - command[1]];
         let linear = (error[0] * error[0] + error[1] * error[1]).sqrt();

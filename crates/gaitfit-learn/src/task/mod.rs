@@ -21,7 +21,7 @@ mod task;
 pub use environment::{Ended, Environment, Saved};
 pub use error::TaskError;
 pub use feet::Foot;
-pub use moment::{Moment, heading_velocity};
+pub use moment::Moment;
 pub use presets::preset;
 pub use settings::*;
 pub use task::Task;

@@ -4,7 +4,8 @@ use gaitfit_policy::walker::FallSettings;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-/// A number for each joint by pattern over joint names, for example `"*_hip_joint" = 0.1`; the last match wins.
+/// A number for each joint by pattern over joint names, for example `"*_hip_joint" = 0.1`, as
+/// [`gaitfit_model::patterns`] says: a plain name goes before patterns, of several patterns the last one counts.
 pub type JointTable = IndexMap<String, f64>;
 
 /// A closed interval `[smallest, largest]`.

@@ -1,19 +1,12 @@
 //! How an episode starts.
 
+use gaitfit_model::rotation::{product, turn};
 use gaitfit_policy::walker::standing;
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::Start;
-use gaitfit_sim::kinematics::product;
 
 use super::Task;
 use super::command::within;
-
-/// A turn about x, y or z (0, 1, 2), rad.
-fn turn(axis: usize, angle: f64) -> [f64; 4] {
-    let mut quaternion = [(0.5 * angle).cos(), 0.0, 0.0, 0.0];
-    quaternion[1 + axis] = (0.5 * angle).sin();
-    quaternion
-}
 
 /// The start of an episode of `environment` that begins at `step`.
 pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32) -> Start {

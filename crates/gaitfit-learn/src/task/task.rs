@@ -1,10 +1,9 @@
 //! A task on a robot: names resolved to indices once, shared by all environments.
 
-use gaitfit_model::Model;
+use gaitfit_model::{Model, patterns};
 use gaitfit_physics::Preset;
 use gaitfit_policy::Interface;
 use gaitfit_policy::walker::{Walker, WalkerOptions};
-use globset::Glob;
 
 use super::check::{check, check_terms};
 use super::error::refuse;
@@ -41,24 +40,9 @@ pub struct Task {
 
 /// Values of a table by joint, where a pattern matches.
 fn by_joint(model: &Model, table: &JointTable, setting: &str) -> Result<Vec<Option<f64>>, TaskError> {
-    let mut values = vec![None; model.joints.len()];
-    for (pattern, &value) in table {
-        let Ok(glob) = Glob::new(pattern) else {
-            return refuse(setting, format!("has `{pattern}`, which is no pattern"));
-        };
-        let matcher = glob.compile_matcher();
-        let mut found = false;
-        for (slot, joint) in values.iter_mut().zip(&model.joints) {
-            if matcher.is_match(&joint.name) {
-                *slot = Some(value);
-                found = true;
-            }
-        }
-        if !found {
-            return refuse(setting, format!("has `{pattern}`, which matches no joint of {}", model.name));
-        }
-    }
-    Ok(values)
+    let joints: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
+    patterns::table(table, &model.name, &joints)
+        .or_else(|error| refuse(setting, format!("is wrong: {error}")))
 }
 
 impl Task {

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
 use crate::model::Joint;
-use crate::orientation::{IDENTITY, Quat, Vec3, unit};
+use crate::rotation::{IDENTITY, Quat, Vec3, unit};
 use crate::shown::shown;
 use crate::spec::default_joint;
 use crate::xml::{At, Element};

@@ -6,7 +6,7 @@ use crate::inertia::{Inertial, principal, rotated};
 use crate::inertial::check_inertia;
 use crate::model::Shape;
 use crate::options::Compiler;
-use crate::orientation::{IDENTITY, Quat, mul};
+use crate::rotation::{IDENTITY, Quat, product};
 use crate::shown::shown_number;
 use crate::spec::{BodySpec, GeomKind, GeomSpec, MAX_BODIES, MAX_ITEMS, Surface};
 use crate::xml::Element;
@@ -104,7 +104,7 @@ fn turn(tensor: [f64; 6], quat: Quat) -> [f64; 6] {
         return tensor;
     }
     let (values, axes) = principal(tensor);
-    rotated(values, mul(quat, axes))
+    rotated(values, product(quat, axes))
 }
 
 fn read_collision(

@@ -2,8 +2,9 @@
 
 use super::layers::{Affine, MOST_LAYERS, assemble, transpose};
 use crate::PolicyError;
-use crate::error::{invalid, shown};
+use crate::error::invalid;
 use crate::network::{Activation, Network};
+use gaitfit_model::shown;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use std::collections::BTreeSet;

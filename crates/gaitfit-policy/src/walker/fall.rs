@@ -1,11 +1,11 @@
 //! When a robot counts as fallen.
 
+use gaitfit_model::rotation::{quat_of, up};
 use gaitfit_sim::{Batch, Motion};
 use globset::Glob;
 use serde::{Deserialize, Serialize};
 
 use super::WalkerError;
-use crate::body;
 
 /// When a robot counts as fallen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -80,7 +80,7 @@ impl Fall {
 
     pub(super) fn fallen(&self, motion: &Motion, index: usize) -> bool {
         let forces = &motion.normal_force[index * self.contacts..(index + 1) * self.contacts];
-        let up = body::up(&motion.base_quaternion[4 * index..4 * index + 4]);
+        let up = up(quat_of(&motion.base_quaternion[4 * index..]));
         touching(forces, &self.geoms) > 0
             || self.uprightness(up) < self.least_uprightness
             || motion.base_position[3 * index + 2] < self.height

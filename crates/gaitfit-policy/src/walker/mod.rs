@@ -5,12 +5,13 @@ mod fall;
 mod noise;
 mod start;
 
+use gaitfit_model::rotation::{quat_of, rotate_back, up, vec_of};
 use gaitfit_model::{Model, Root};
 use gaitfit_physics::{Preset, Robot};
 use gaitfit_sim::{Batch, BatchOptions, Candidate, Motion};
 
+use crate::Interface;
 use crate::observation::{Layout, Sensed};
-use crate::{Interface, body};
 use fall::Fall;
 
 pub use error::WalkerError;
@@ -139,11 +140,11 @@ impl Walker {
     /// If `motion` has no such environment, or `sensed` is of another number of joints: errors of the caller.
     pub fn sense(&self, motion: &Motion, index: usize, sensed: &mut Sensed) {
         let joints = self.default_pose.len();
-        let quaternion = &motion.base_quaternion[4 * index..4 * index + 4];
-        let linear = &motion.base_linear[3 * index..3 * index + 3];
+        let quaternion = quat_of(&motion.base_quaternion[4 * index..]);
+        let linear = vec_of(&motion.base_linear[3 * index..]);
         sensed.base_angular_velocity.copy_from_slice(&motion.base_angular[3 * index..3 * index + 3]);
-        sensed.projected_gravity = body::up(quaternion).map(|x| -x);
-        sensed.base_linear_velocity = body::to_body(quaternion, linear);
+        sensed.projected_gravity = up(quaternion).map(|x| -x);
+        sensed.base_linear_velocity = rotate_back(quaternion, linear);
         let position = &motion.joint_position[joints * index..joints * (index + 1)];
         let velocity = &motion.joint_velocity[joints * index..joints * (index + 1)];
         for (to, &joint) in self.joints.iter().enumerate() {

@@ -1,8 +1,9 @@
 //! Where a robot starts.
 
 use gaitfit_model::Model;
+use gaitfit_model::kinematics::standing_height;
+use gaitfit_model::rotation::turn;
 use gaitfit_sim::Start;
-use gaitfit_sim::kinematics::standing_height;
 
 use super::Walker;
 
@@ -25,8 +26,7 @@ impl Walker {
     /// The start that a robot's joint sensors suggest: what they say (rad, rad/s, model order), the base in the start's
     /// posture, at rest.
     pub fn start_from_joints(&self, angles: &[f64], velocities: &[f64]) -> Start {
-        let half = 0.5 * self.start_pitch.to_radians();
-        let posture = [half.cos(), 0.0, half.sin(), 0.0];
+        let posture = turn(1, self.start_pitch.to_radians());
         Start {
             joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
             ..standing(self.model(), posture, angles)

@@ -1,6 +1,7 @@
 //! A log's samples as a policy observes them, and what a log lacks for that.
 
 use gaitfit_log::Trajectory;
+use gaitfit_model::rotation::{normalize, quat_of, rotate_back};
 use gaitfit_policy::observation::{Layout, Sensed};
 use gaitfit_policy::{Interface, Quantity};
 
@@ -100,9 +101,7 @@ impl Given {
 
 /// A world vector in the body frame of a base with orientation `q` (wxyz).
 fn to_body(q: &[f64], v: [f64; 3]) -> [f64; 3] {
-    let rotation =
-        nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q[0], q[1], q[2], q[3]));
-    rotation.inverse_transform_vector(&nalgebra::Vector3::from(v)).into()
+    rotate_back(normalize(quat_of(q)), v)
 }
 
 /// Writes the observation of sample `row`, with the arithmetic of the simulator's; what `given` lacks counts as level and

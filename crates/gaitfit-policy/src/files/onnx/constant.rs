@@ -2,8 +2,9 @@
 
 use super::proto::{DOUBLE, FLOAT, INT64, Tensor};
 use crate::PolicyError;
-use crate::error::{invalid, shown};
+use crate::error::invalid;
 use crate::files::layers::transpose;
+use gaitfit_model::shown;
 
 /// Most numbers of one constant.
 const MOST_NUMBERS: usize = 16 << 20;

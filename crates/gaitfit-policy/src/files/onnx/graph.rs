@@ -4,9 +4,10 @@ use super::chain::Chain;
 use super::constant::Constant;
 use super::proto::{Attribute, Dimension, FLOAT, Graph, Model, Node, Tensor, ValueInfo};
 use crate::PolicyError;
-use crate::error::{invalid, shown};
+use crate::error::invalid;
 use crate::files::layers::{Affine, transpose};
 use crate::network::Activation;
+use gaitfit_model::shown;
 use prost::Message;
 use std::collections::HashMap;
 

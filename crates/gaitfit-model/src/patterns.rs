@@ -1,0 +1,217 @@
+//! Joint names and patterns over them, with one meaning wherever a file names joints.
+//!
+//! A pattern is a glob: `*` stands for any letters, `?` for one, `[FR]` for one of a list, `{hip,calf}` for one of some
+//! words. A final `_joint` does not matter, neither in the pattern nor in the joint's name: `*_hip`, `*_hip_joint` and
+//! `FL_hip` all cover `FL_hip_joint`. In a table of numbers ([`table`]) a plain name goes before patterns, and of several
+//! patterns that cover a joint the last one counts. A pattern that covers no joint is an error.
+
+use globset::{Glob, GlobMatcher};
+
+use crate::shown::shown;
+
+/// Names that an error suggests.
+const NEAREST: usize = 3;
+
+/// Why joints are not found.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PatternError {
+    /// Not a glob.
+    #[error(
+        "`{}` is no joint pattern: {reason}; write a name with * for what may be anything",
+        shown(pattern)
+    )]
+    Syntax {
+        /// The pattern.
+        pattern: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Covers no joint.
+    #[error("`{}` matches no joint of {}; {}", shown(pattern), shown(robot), suggestion(nearest))]
+    NoJoint {
+        /// The pattern.
+        pattern: String,
+        /// Whose joints were looked at.
+        robot: String,
+        /// The names that are most like it, best first.
+        nearest: Vec<String>,
+    },
+}
+
+fn suggestion(nearest: &[String]) -> String {
+    match nearest {
+        [] => "it has none".to_owned(),
+        names => {
+            let names: Vec<String> = names.iter().map(|name| shown(name)).collect();
+            format!("the nearest names are {}", names.join(", "))
+        }
+    }
+}
+
+/// A joint's name without the `_joint` that robot files like to add and logs leave out.
+pub fn plain(joint: &str) -> &str {
+    joint.strip_suffix("_joint").filter(|name| !name.is_empty()).unwrap_or(joint)
+}
+
+/// A pattern over joint names.
+#[derive(Clone, Debug)]
+pub struct Pattern {
+    text: String,
+    whole: GlobMatcher,
+    plain: GlobMatcher,
+}
+
+impl Pattern {
+    /// Reads a pattern.
+    ///
+    /// # Errors
+    /// [`PatternError::Syntax`].
+    pub fn new(text: &str) -> Result<Self, PatternError> {
+        let compiled = |glob: &str| match Glob::new(glob) {
+            Ok(glob) => Ok(glob.compile_matcher()),
+            Err(error) => {
+                Err(PatternError::Syntax { pattern: text.to_owned(), reason: error.kind().to_string() })
+            }
+        };
+        Ok(Self { text: text.to_owned(), whole: compiled(text)?, plain: compiled(plain(text))? })
+    }
+
+    /// As it was written.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Whether it matches the joint.
+    pub fn covers(&self, joint: &str) -> bool {
+        self.whole.is_match(joint) || self.plain.is_match(plain(joint))
+    }
+
+    /// Whether it is the joint's name, with or without a final `_joint`.
+    pub fn names(&self, joint: &str) -> bool {
+        plain(&self.text) == plain(joint)
+    }
+
+    /// That it covers none of the `joints` of `robot`.
+    fn unmatched<S: AsRef<str>>(&self, robot: &str, joints: &[S]) -> PatternError {
+        let wanted = plain(&self.text);
+        let mut scored: Vec<(f64, &str)> = joints
+            .iter()
+            .map(|joint| (strsim::sorensen_dice(wanted, plain(joint.as_ref())), joint.as_ref()))
+            .collect();
+        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let nearest = scored.into_iter().take(NEAREST).map(|(_, joint)| joint.to_owned()).collect();
+        PatternError::NoJoint { pattern: self.text.clone(), robot: robot.to_owned(), nearest }
+    }
+}
+
+/// Reads some patterns.
+///
+/// # Errors
+/// [`PatternError::Syntax`] of the first that is none.
+pub fn compile<S: AsRef<str>>(patterns: &[S]) -> Result<Vec<Pattern>, PatternError> {
+    patterns.iter().map(|pattern| Pattern::new(pattern.as_ref())).collect()
+}
+
+/// Places of the `joints` that any of the patterns covers, in the joints' order. `robot`: whose joints they are, for the
+/// error (`go2`, `the log`).
+///
+/// # Errors
+/// [`PatternError`] for a pattern that is none or covers no joint.
+pub fn covered<P: AsRef<str>, S: AsRef<str>>(
+    patterns: &[P],
+    robot: &str,
+    joints: &[S],
+) -> Result<Vec<usize>, PatternError> {
+    let patterns = compile(patterns)?;
+    for pattern in &patterns {
+        if !joints.iter().any(|joint| pattern.covers(joint.as_ref())) {
+            return Err(pattern.unmatched(robot, joints));
+        }
+    }
+    let any = |joint: &str| patterns.iter().any(|pattern| pattern.covers(joint));
+    Ok((0..joints.len()).filter(|&index| any(joints[index].as_ref())).collect())
+}
+
+/// For each of the `joints` the value of a table by name or pattern; `None` where no entry covers it. A plain name goes
+/// before patterns; of several patterns the last one counts. `robot`: whose joints they are, for the error.
+///
+/// # Errors
+/// [`PatternError`] for a pattern that is none or covers no joint.
+pub fn table<'e, T: Clone + 'e, S: AsRef<str>>(
+    entries: impl IntoIterator<Item = (&'e String, &'e T)>,
+    robot: &str,
+    joints: &[S],
+) -> Result<Vec<Option<T>>, PatternError> {
+    let mut values: Vec<Option<T>> = vec![None; joints.len()];
+    let mut named = vec![false; joints.len()];
+    for (text, value) in entries {
+        let pattern = Pattern::new(text)?;
+        let mut found = false;
+        for ((slot, named), joint) in values.iter_mut().zip(&mut named).zip(joints) {
+            let name = pattern.names(joint.as_ref());
+            if name || pattern.covers(joint.as_ref()) {
+                found = true;
+                if name || !*named {
+                    *slot = Some(value.clone());
+                }
+                *named |= name;
+            }
+        }
+        if !found {
+            return Err(pattern.unmatched(robot, joints));
+        }
+    }
+    Ok(values)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    const ROBOT: [&str; 4] = ["FL_hip_joint", "FL_calf_joint", "RR_hip_joint", "RR_calf_joint"];
+    const LOG: [&str; 4] = ["FL_hip", "FL_calf", "RR_hip", "RR_calf"];
+
+    fn numbers(entries: &[(&str, f64)], joints: &[&str]) -> Result<Vec<Option<f64>>, PatternError> {
+        let owned: Vec<(String, f64)> =
+            entries.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
+        table(owned.iter().map(|(name, value)| (name, value)), "go2", joints)
+    }
+
+    #[test]
+    fn a_final_joint_matters_on_neither_side() {
+        for joints in [ROBOT, LOG] {
+            for pattern in ["*_hip", "*_hip_joint", "??_hip", "{FL,RR}_hip_joint"] {
+                assert_eq!(covered(&[pattern], "go2", &joints).unwrap(), [0, 2], "{pattern}");
+            }
+            assert_eq!(covered(&["RR_calf_joint", "FL_hip"], "go2", &joints).unwrap(), [0, 3]);
+            assert_eq!(covered(&["*"], "go2", &joints).unwrap(), [0, 1, 2, 3]);
+        }
+        assert_eq!(covered(&["*joint"], "go2", &ROBOT).unwrap(), [0, 1, 2, 3]);
+        assert!(covered(&["hip"], "go2", &ROBOT).is_err(), "a pattern matches whole names");
+    }
+
+    #[test]
+    fn names_go_before_patterns_and_later_patterns_before_earlier() {
+        for joints in [ROBOT, LOG] {
+            let values = numbers(&[("FL_hip", 1.0), ("*", 2.0), ("*_calf_joint", 3.0)], &joints).unwrap();
+            assert_eq!(values, [Some(1.0), Some(3.0), Some(2.0), Some(3.0)]);
+        }
+        assert_eq!(numbers(&[("*_hip", 1.0)], &LOG).unwrap(), [Some(1.0), None, Some(1.0), None]);
+    }
+
+    #[test]
+    fn errors_name_pattern_robot_and_what_is_near() {
+        let error = numbers(&[("*", 1.0), ("*_claf", 2.0)], &ROBOT).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "`*_claf` matches no joint of go2; the nearest names are FL_calf_joint, RR_calf_joint, FL_hip_joint"
+        );
+        let error = covered(&["[a"], "go2", &ROBOT).unwrap_err();
+        assert!(matches!(error, PatternError::Syntax { .. }), "{error}");
+        let error = covered::<_, &str>(&["*"], "a box", &[]).unwrap_err();
+        assert_eq!(error.to_string(), "`*` matches no joint of a box; it has none");
+        let error = covered(&["\u{1b}[2J\u{9b}"], "go2", &ROBOT).unwrap_err().to_string();
+        assert!(!error.chars().any(char::is_control), "{error}");
+    }
+}
