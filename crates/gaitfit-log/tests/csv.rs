@@ -161,6 +161,12 @@ fn comments_state_gains_rate_and_robot() {
     assert_eq!(report.unknown_keys, ["firmware"]);
     assert!(report.rate_from.unwrap().ends_with("log.csv:3"));
 
+    // A name goes before patterns, of patterns the last one counts; a final `_joint` does not matter.
+    let ordered = "# kp = { a_joint = 1, \"b*\" = 2, \"*\" = 3 }\n# kd = { \"*\" = 3, \"b*\" = 2 }\n";
+    let (log, _) =
+        read_text(&format!("{ordered}# rate_hz = 100\ntime,q_a,q_b,dq_a,dq_b\n0,0,0,0,0\n")).unwrap();
+    assert_eq!(log.gains, Some(Gains { kp: vec![1.0, 3.0], kd: vec![3.0, 2.0] }));
+
     for (comment, part) in [
         ("kp = 20", "kp without kd"),
         ("kp = [20", "log.csv:1: `kp = [20` is not TOML for `kp`"),
@@ -170,7 +176,7 @@ fn comments_state_gains_rate_and_robot() {
         ("kp = 1\n# kp = 2", "log.csv:2: `kp` is stated twice"),
         ("kp = [1, 2]\n# kd = 1", "kp has 2 entries for 1 joints"),
         ("kp = { b = 1 }\n# kd = 1", "`b` matches no joint"),
-        ("kp = { \"a*\" = 1, \"*\" = 2 }\n# kd = 1", "both `*` and `a*` match joint a"),
+        ("kp = { c = 1 }\n# kd = 1", "kp: `c` matches no joint of the log; the nearest names are a"),
         ("kp = -1\n# kd = 1", "gains are finite and not negative"),
         ("kp = \"soft\"\n# kd = 1", "is not TOML for `kp`"),
     ] {
