@@ -8,7 +8,7 @@ mod simulator;
 mod theta;
 
 pub use replay::ReplaySimulator;
-pub use simulator::{Consume, Rollout, Signals, Simulator, SimulatorError};
+pub use simulator::{Cancel, Consume, Rollout, Signals, Simulator, SimulatorError, never};
 pub use theta::{
     Defaults, Entry, Found, Modification, NetworkName, NetworkRule, NetworkStart, ParameterRule, Quantity,
     RobotNumber, RobotRule, Rules, SavedNetwork, SavedParameter, Sharing, Theta, ThetaError, ThetaFile,

@@ -1,13 +1,13 @@
 //! The project's own engine behind [`Simulator`]: logs replayed on a clamped robot.
 
-use crate::{Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
+use crate::{Cancel, Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_model::Model;
 use gaitfit_sim::{Candidate, JointSignals, Recording, Replay, ReplayOptions, RobotParams};
 
 /// Replays recordings with [`gaitfit_sim::Replay`].
 pub struct ReplaySimulator {
     replay: Replay,
-    nominal: Candidate,
+    base: Candidate,
     joints: Vec<String>,
     recordings: usize,
     threads: usize,
@@ -23,19 +23,25 @@ impl ReplaySimulator {
     ) -> Result<Self, SimulatorError> {
         let count = recordings.len();
         let replay =
-            Replay::new(model, recordings, options).map_err(|error| SimulatorError(error.to_string()))?;
+            Replay::new(model, recordings, options).map_err(SimulatorError::failed)?;
         Ok(Self {
             replay,
-            nominal: Candidate::nominal(model),
+            base: Candidate::nominal(model),
             joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
             recordings: count,
             threads,
         })
     }
 
-    /// The robot with the values of θ; what θ does not name stays as the model says.
+    /// The same replay of a robot that differs from the model: θ changes `base`.
+    #[must_use]
+    pub fn changing(self, base: Candidate) -> Self {
+        Self { base, ..self }
+    }
+
+    /// The robot with the values of θ; what θ does not name stays as it is.
     pub fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
-        let mut candidate = self.nominal.clone();
+        let mut candidate = self.base.clone();
         theta.apply(values, &self.joints, &mut candidate);
         candidate
     }
@@ -44,10 +50,9 @@ impl ReplaySimulator {
     fn robot(&self, theta: &Theta, values: &[f64]) -> Result<RobotParams, SimulatorError> {
         let candidate = self.candidate(theta, values);
         if !candidate.networks.is_empty() || candidate.torque_noise != 0.0 {
-            return Err(SimulatorError(
+            return Err(SimulatorError::failed(
                 "a replay of a clamped robot knows neither networks nor torque noise: fit them to logs of a walking \
-                 robot, or remove them from what is fitted"
-                    .to_owned(),
+                 robot, or remove them from what is fitted",
             ));
         }
         Ok(candidate.robot)
@@ -68,12 +73,12 @@ impl Simulator for ReplaySimulator {
         theta: &Theta,
         candidates: &[Rollout],
         consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
         if candidates.iter().any(|candidate| candidate.reset_every.is_some()) {
-            return Err(SimulatorError(
+            return Err(SimulatorError::failed(
                 "a replay of a clamped robot cannot be reset to the log's state on its way: take the cost matcho or \
-                 wass instead of matchs"
-                    .to_owned(),
+                 wass instead of matchs",
             ));
         }
         let robots: Vec<RobotParams> =
@@ -81,6 +86,7 @@ impl Simulator for ReplaySimulator {
         let pass = |candidate: usize, recording: usize, signals: &JointSignals| {
             consume(candidate, recording, Signals::of_joints(&signals.position, &signals.velocity));
         };
-        self.replay.run(&robots, self.threads, &pass).map_err(|error| SimulatorError(error.to_string()))
+        self.replay.run(&robots, self.threads, &pass, cancel).map_err(SimulatorError::failed)?;
+        if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }
 }

@@ -1,7 +1,8 @@
 //! The one view this crate has of a simulator, small enough that a user's own can stand in.
 
 use crate::Theta;
-use crate::cost::Signal;
+use crate::cost::{Cost, Signal};
+use crate::fit::{Evaluation, FitError, Job, accumulate};
 
 /// One candidate to simulate on every recording.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -57,6 +58,14 @@ impl<'a> Signals<'a> {
 /// Takes the signals of one (candidate, recording); called from several threads, in any order, once each.
 pub type Consume<'a> = dyn Fn(usize, usize, Signals<'_>) + Sync + 'a;
 
+/// Asks whether to give up. It is asked often, from any thread. Once it says yes it keeps saying so.
+pub type Cancel<'a> = dyn Fn() -> bool + Sync + 'a;
+
+/// The [`Cancel`] that never gives up.
+pub fn never() -> bool {
+    false
+}
+
 /// Simulates a fixed set of recordings with candidate robots.
 pub trait Simulator {
     /// Joint names, in the order of all signals.
@@ -72,19 +81,50 @@ pub trait Simulator {
 
     /// Simulates every candidate on every recording as one batch. A diverging candidate shows as non-finite
     /// signals, a falling one by [`Signals::fell_at`], neither as an error. The signals depend on the rollout
-    /// alone: not on what else is in the batch, nor on the number of threads.
+    /// alone: not on what else is in the batch, nor on the number of threads. Once `cancel` says so it returns within
+    /// a fraction of a second, and what it has not simulated is missing.
     ///
     /// # Errors
-    /// What the simulator cannot do, [`Rollout::reset_every`] for one, in its own words.
+    /// What the simulator cannot do, [`Rollout::reset_every`] for one, in its own words; [`SimulatorError::Cancelled`].
     fn simulate(
         &self,
         theta: &Theta,
         candidates: &[Rollout],
         consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError>;
+
+    /// What every job costs, in their order, before falls and regularisation are charged. By default the candidates
+    /// are simulated and their signals compared here. A simulator that holds the recordings, on a GPU for example,
+    /// may compute the costs itself; then no signals need come back.
+    ///
+    /// # Errors
+    /// As [`Self::simulate`]; [`FitError::Cost`] for what no candidate is to blame for; [`FitError::Incomplete`].
+    fn costs(
+        &self,
+        theta: &Theta,
+        costs: &[Box<dyn Cost>],
+        jobs: &[Job],
+        cancel: &Cancel<'_>,
+    ) -> Result<Vec<Evaluation>, FitError> {
+        accumulate(self, theta, costs, jobs, cancel)
+    }
 }
 
-/// Why a batch could not be simulated: the simulator's own words.
+/// Why a batch could not be simulated.
 #[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct SimulatorError(pub String);
+pub enum SimulatorError {
+    /// The simulator's own words.
+    #[error("{0}")]
+    Failed(String),
+    /// It was asked to give up.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+impl SimulatorError {
+    /// The simulator's own words.
+    pub fn failed(message: impl ToString) -> Self {
+        Self::Failed(message.to_string())
+    }
+}

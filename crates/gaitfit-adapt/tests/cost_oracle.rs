@@ -3,7 +3,7 @@
 
 use gaitfit_adapt::Signals;
 use gaitfit_adapt::cost::{
-    Breakdown, Cost, CostError, MatchO, Recorded, Signal, Target, Wass, Weights, position_rmse, sort_f32,
+    Breakdown, Cost, CostError, MatchO, Recorded, Signal, Reference, Wass, Weights, position_rmse, sort_f32,
     wasserstein1,
 };
 use serde::Deserialize;
@@ -67,7 +67,7 @@ fn fixtures() -> Fixtures {
     serde_json::from_str(include_str!("fixtures/costs.json")).unwrap()
 }
 
-fn target(costs: &Costs) -> Arc<Target> {
+fn target(costs: &Costs) -> Arc<Reference> {
     let recordings: Vec<Recorded> = costs
         .robot
         .iter()
@@ -79,7 +79,7 @@ fn target(costs: &Costs) -> Arc<Target> {
         })
         .collect();
     let joints = (0..costs.joints).map(|joint| format!("joint_{joint}")).collect();
-    Arc::new(Target::new(joints, &recordings, costs.skip).unwrap())
+    Arc::new(Reference::new(joints, &recordings, costs.skip).unwrap())
 }
 
 fn singles(runs: &[Run]) -> Vec<Single> {
@@ -158,7 +158,7 @@ fn the_robot_itself_costs_nothing() {
     }
 }
 
-fn both(target: &Arc<Target>, weights: Weights) -> [Box<dyn Cost>; 2] {
+fn both(target: &Arc<Reference>, weights: Weights) -> [Box<dyn Cost>; 2] {
     [
         Box::new(Wass::new(Arc::clone(target), weights).unwrap()),
         Box::new(MatchO::new(Arc::clone(target), weights).unwrap()),
@@ -252,7 +252,7 @@ fn constant_dimensions_are_left_out() {
         velocity: vec![0.0; 6],
         ..Recorded::default()
     };
-    let target = Arc::new(Target::new(joints, &[recorded], 0).unwrap());
+    let target = Arc::new(Reference::new(joints, &[recorded], 0).unwrap());
     assert_eq!(
         target.constant(),
         [(Signal::Position, "held"), (Signal::Velocity, "moving"), (Signal::Velocity, "held")]
@@ -287,7 +287,7 @@ fn costs_are_fast() {
         .map(|r| Recorded { position: run(r, 0.3), velocity: run(r + 100, 2.0), ..Recorded::default() })
         .collect();
     let names = (0..joints).map(|joint| joint.to_string()).collect();
-    let target = Arc::new(Target::new(names, &recorded, 0).unwrap());
+    let target = Arc::new(Reference::new(names, &recorded, 0).unwrap());
     for extra in [0, 10] {
         let simulated: Vec<Single> = (0..recordings)
             .map(|r| {

@@ -3,13 +3,13 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
-use gaitfit_adapt::cost::{Cost, MatchO, Recorded, Target, Wass, Weights};
+use gaitfit_adapt::cost::{Cost, MatchO, Recorded, Reference, Wass, Weights};
 use gaitfit_adapt::fit::{
     Checkpoint, FallPenalty, Fit, FitError, FitOptions, Job, RandomNumbers, Stop, compare, evaluate,
     simulate_one,
 };
 use gaitfit_adapt::{
-    Consume, ParameterRule, Quantity, Rollout, Sharing, Signals, Simulator, SimulatorError, Theta,
+    Cancel, Consume, ParameterRule, Quantity, Rollout, Sharing, Signals, Simulator, SimulatorError, Theta, never,
 };
 use std::sync::Arc;
 
@@ -36,6 +36,7 @@ impl Simulator for Sines {
         theta: &Theta,
         candidates: &[Rollout],
         consume: &Consume<'_>,
+        _cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
         for (candidate, rollout) in candidates.iter().enumerate() {
             let mut size = vec![1.0; self.joints.len()];
@@ -91,7 +92,7 @@ fn costs(simulator: &Sines) -> Vec<Box<dyn Cost>> {
             ..Recorded::default()
         })
         .collect();
-    let target = Arc::new(Target::new(simulator.joints.clone(), &recorded, 0).unwrap());
+    let target = Arc::new(Reference::new(simulator.joints.clone(), &recorded, 0).unwrap());
     let weights = Weights::of(&target);
     vec![
         Box::new(MatchO::new(Arc::clone(&target), weights).unwrap()),
@@ -119,7 +120,7 @@ fn both_costs_find_the_truth_and_agree() {
     let (theta, costs) = (theta(), costs(&simulator));
     let mut fit = Fit::new(&simulator, &theta, &costs, options(400)).unwrap();
     let mut evaluations = 0;
-    while let Some(generation) = fit.step().unwrap() {
+    while let Some(generation) = fit.step(&never).unwrap() {
         evaluations += generation.evaluations;
     }
     let outcomes = fit.outcomes();
@@ -138,7 +139,7 @@ fn both_costs_find_the_truth_and_agree() {
         move |values: &[Vec<f64>]| {
             let jobs: Vec<Job> =
                 values.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
-            let found = evaluate(simulator, theta, costs, &FallPenalty::NONE, &jobs)?;
+            let found = evaluate(simulator, theta, costs, &FallPenalty::NONE, &jobs, &never)?;
             Ok(found.into_iter().map(|found| found.cost).collect())
         }
     };
@@ -151,17 +152,17 @@ fn a_resumed_fit_ends_with_the_same_bits() {
     let simulator = sines(9.0);
     let (theta, costs) = (theta(), costs(&simulator));
     let mut whole = Fit::new(&simulator, &theta, &costs, options(30)).unwrap();
-    while whole.step().unwrap().is_some() {}
+    while whole.step(&never).unwrap().is_some() {}
 
     let mut part = Fit::new(&simulator, &theta, &costs, options(30)).unwrap();
     for _ in 0..11 {
-        part.step().unwrap();
+        part.step(&never).unwrap();
     }
     let saved = serde_json::to_string(&part.checkpoint()).unwrap();
     let checkpoint: Checkpoint = serde_json::from_str(&saved).unwrap();
     let mut resumed = Fit::resume(&simulator, &theta, &costs, options(30), checkpoint).unwrap();
     assert_eq!(resumed.generation(), 11);
-    while resumed.step().unwrap().is_some() {}
+    while resumed.step(&never).unwrap().is_some() {}
     assert_eq!(resumed.outcomes(), whole.outcomes());
     assert_eq!(resumed.checkpoint(), whole.checkpoint());
 }
@@ -175,7 +176,7 @@ fn restarts_double_the_population_and_resume_to_the_same_bits() {
     let options = FitOptions { restarts: 2, seeds: vec![4], ..options(6) };
     let mut whole = Fit::new(&simulator, &theta, &costs[..1], options.clone()).unwrap();
     let (mut evaluations, mut best) = (Vec::new(), f64::INFINITY);
-    while let Some(generation) = whole.step().unwrap() {
+    while let Some(generation) = whole.step(&never).unwrap() {
         evaluations.push(generation.evaluations);
         best = best.min(generation.runs[0].best);
         assert_eq!(generation.runs[0].best_so_far, best);
@@ -186,12 +187,12 @@ fn restarts_double_the_population_and_resume_to_the_same_bits() {
     for stopped in [4, 6, 15] {
         let mut part = Fit::new(&simulator, &theta, &costs[..1], options.clone()).unwrap();
         for _ in 0..stopped {
-            part.step().unwrap();
+            part.step(&never).unwrap();
         }
         let saved = serde_json::to_string(&part.checkpoint()).unwrap();
         let checkpoint = serde_json::from_str(&saved).unwrap();
         let mut resumed = Fit::resume(&simulator, &theta, &costs[..1], options.clone(), checkpoint).unwrap();
-        while resumed.step().unwrap().is_some() {}
+        while resumed.step(&never).unwrap().is_some() {}
         assert_eq!(resumed.checkpoint(), whole.checkpoint(), "stopped after {stopped}");
     }
 }
@@ -216,7 +217,7 @@ fn diverged_candidates_are_counted_and_ranked_last() {
     let simulator = sines(0.81);
     let (theta, costs) = (theta(), costs(&simulator));
     let mut fit = Fit::new(&simulator, &theta, &costs[..1], options(300)).unwrap();
-    while fit.step().unwrap().is_some() {}
+    while fit.step(&never).unwrap().is_some() {}
     let outcome = &fit.outcomes()[0];
     assert!(outcome.runs.iter().any(|run| run.diverged > 0));
     assert!((outcome.parameters[0].value - TRUTH[0]).abs() < 1e-3, "{outcome:?}");
@@ -224,6 +225,6 @@ fn diverged_candidates_are_counted_and_ranked_last() {
 
     let hopeless = sines(-1.0);
     let mut fit = Fit::new(&hopeless, &theta, &costs[..1], options(5)).unwrap();
-    let error = fit.step().unwrap_err();
+    let error = fit.step(&never).unwrap_err();
     assert!(matches!(error, FitError::AllDiverged { generation: 1, .. }), "{error}");
 }

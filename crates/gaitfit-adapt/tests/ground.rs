@@ -2,14 +2,14 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
-use gaitfit_adapt::cost::{Cost, CostError, CostKind, MatchS, Recorded, Signal, Target, Wass, Weights};
+use gaitfit_adapt::cost::{Cost, CostError, CostKind, MatchS, Recorded, Signal, Reference, Wass, Weights};
 use gaitfit_adapt::fit::{
     FallPenalty, Fit, FitOptions, Job, NoiseSource, Predicted, RandomNumbers, evaluate, identify,
     simulate_one,
 };
 use gaitfit_adapt::{
-    Consume, Entry, Modification, NetworkName, NetworkRule, NetworkStart, Rollout, Signals, Simulator,
-    SimulatorError, Theta,
+    Cancel, Consume, Entry, Modification, NetworkName, NetworkRule, NetworkStart, Rollout, Signals, Simulator,
+    SimulatorError, Theta, never,
 };
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::Candidate;
@@ -92,7 +92,7 @@ impl Pendulum {
         states
     }
 
-    fn target(&self, base: bool) -> Arc<Target> {
+    fn target(&self, base: bool) -> Arc<Reference> {
         let recorded: Vec<Recorded> = self
             .logs
             .iter()
@@ -107,7 +107,7 @@ impl Pendulum {
                 }
             })
             .collect();
-        Arc::new(Target::new(self.joints.clone(), &recorded, 0).unwrap())
+        Arc::new(Reference::new(self.joints.clone(), &recorded, 0).unwrap())
     }
 
     fn cost(&self, name: &str) -> Box<dyn Cost> {
@@ -135,6 +135,7 @@ impl Simulator for Pendulum {
         _theta: &Theta,
         candidates: &[Rollout],
         consume: &Consume<'_>,
+        _cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
         for (candidate, rollout) in candidates.iter().enumerate() {
             self.draws.lock().unwrap().push(rollout.draw);
@@ -173,7 +174,7 @@ fn options(generations: usize) -> FitOptions {
 fn value(simulator: &Pendulum, cost: &[Box<dyn Cost>], values: &[f64]) -> f64 {
     let job = Job { cost: 0, values: values.to_vec(), draw: 7 };
     let theta = theta(&["a", "b", "idle"][..values.len()], 1.0);
-    evaluate(simulator, &theta, cost, &FallPenalty::default(), &[job]).unwrap()[0].cost.unwrap()
+    evaluate(simulator, &theta, cost, &FallPenalty::default(), &[job], &never).unwrap()[0].cost.unwrap()
 }
 
 /// The squared cost is a parabola about the truth, for small errors as for large ones.
@@ -192,7 +193,7 @@ fn privileged_costs_are_sharp_at_the_truth() {
         let costs = [simulator.cost(name)];
         let theta = theta(&["a", "b"], 1.2);
         let mut fit = Fit::new(&simulator, &theta, &costs, options(250)).unwrap();
-        while fit.step().unwrap().is_some() {}
+        while fit.step(&never).unwrap().is_some() {}
         for (found, truth) in fit.outcomes()[0].values().iter().zip(TRUTH) {
             assert!((found / truth - 1.0).abs() < 1e-3, "{name}: {found} {truth}");
         }
@@ -232,7 +233,7 @@ fn samples_lost_to_a_fall_count_as_the_whole_range() {
         velocity: vec![0.0, 1.0, 0.0, 1.0],
         ..Recorded::default()
     };
-    let target = Arc::new(Target::new(vec!["hip".into()], &[recorded.clone(), recorded], 0).unwrap());
+    let target = Arc::new(Reference::new(vec!["hip".into()], &[recorded.clone(), recorded], 0).unwrap());
     let good =
         Predicted { position: vec![0.0, 1.0, 2.0, 3.0], velocity: vec![0.0; 4], ..Predicted::default() };
     let bad = Predicted { position: vec![0.0, 1.0, f32::NAN, f32::NAN], fell_at: Some(2), ..good.clone() };
@@ -267,7 +268,7 @@ fn falls_are_counted_and_never_beat_standing() {
     let theta = theta(&["a", "b"], 0.6);
     let mut fit = Fit::new(&simulator, &theta, &costs, options(60)).unwrap();
     let mut falls = 0;
-    while let Some(generation) = fit.step().unwrap() {
+    while let Some(generation) = fit.step(&never).unwrap() {
         let run = &generation.runs[0];
         assert!(run.fallen <= run.falls && run.falls <= 3 * run.fallen, "{run:?}");
         falls += run.falls;
@@ -293,7 +294,7 @@ fn random_numbers_are_shared_as_asked() {
         simulator.draws.lock().unwrap().clear();
         let options = FitOptions { population: 4, random_numbers, ..options(2) };
         let mut fit = Fit::new(&simulator, &theta, &costs, options).unwrap();
-        while fit.step().unwrap().is_some() {}
+        while fit.step(&never).unwrap().is_some() {}
         let draws = simulator.draws.lock().unwrap().clone();
         let mut distinct = draws.clone();
         distinct.sort_unstable();
@@ -313,10 +314,10 @@ fn what_the_data_cannot_tell_is_not_identified() {
     let theta = theta(&["a", "b", "idle"], 1.0);
     let costs = [simulator.cost("wass")];
     let mut fit = Fit::new(&simulator, &theta, &costs, options(60)).unwrap();
-    while fit.step().unwrap().is_some() {}
+    while fit.step(&never).unwrap().is_some() {}
     let mut outcomes = fit.outcomes();
     let outcome = &mut outcomes[0];
-    assert!(outcome.identify(&simulator, &theta, costs[0].as_ref(), 5).unwrap());
+    assert!(outcome.identify(&simulator, &theta, costs[0].as_ref(), 5, &never).unwrap());
     let found: Vec<_> =
         outcome.parameters.iter().map(|parameter| parameter.identification.clone().unwrap()).collect();
     assert!(found.iter().all(|one| one.noise == NoiseSource::Recordings));
@@ -338,18 +339,18 @@ fn identification_without_noise_and_away_from_the_minimum() {
     let simulator = Pendulum::new(2, 0.0);
     let theta = theta(&["a", "b"], 1.0);
     let cost = simulator.cost("matchs");
-    let found = identify(&simulator, &theta, cost.as_ref(), &TRUTH, 0).unwrap();
+    let found = identify(&simulator, &theta, cost.as_ref(), &TRUTH, 0, &never).unwrap();
     assert!(found.iter().all(|one| one.identified && one.upper - one.lower < 1e-3), "{found:?}");
     assert!(found.iter().all(|one| one.better.is_none()), "{found:?}");
-    let away = identify(&simulator, &theta, cost.as_ref(), &[0.7, TRUTH[1]], 0).unwrap();
+    let away = identify(&simulator, &theta, cost.as_ref(), &[0.7, TRUTH[1]], 0, &never).unwrap();
     assert!(away[0].better.is_some_and(|better| (better - TRUTH[0]).abs() < 0.1), "{away:?}");
     let one = Pendulum::new(1, 0.0);
     let cost = one.cost("matcho");
-    let assumed = identify(&one, &theta, cost.as_ref(), &[0.55, TRUTH[1]], 0).unwrap();
+    let assumed = identify(&one, &theta, cost.as_ref(), &[0.55, TRUTH[1]], 0, &never).unwrap();
     assert_eq!(assumed[0].noise, NoiseSource::Assumed);
     let noisy = Pendulum::new(1, 0.3);
     let cost = noisy.cost("matcho");
-    let drawn = identify(&noisy, &theta, cost.as_ref(), &TRUTH, 0).unwrap();
+    let drawn = identify(&noisy, &theta, cost.as_ref(), &TRUTH, 0, &never).unwrap();
     assert_eq!(drawn[0].noise, NoiseSource::Draws);
 }
 
@@ -366,7 +367,7 @@ fn identification_takes_a_draw_in_which_the_robot_stays_up() {
     simulator.reach = 0.5 * (heights[worst] + heights[worst + 1]);
     let theta = theta(&["a", "b"], 1.0);
     let cost = simulator.cost("wass");
-    let found = identify(&simulator, &theta, cost.as_ref(), &TRUTH, worst as u64).unwrap();
+    let found = identify(&simulator, &theta, cost.as_ref(), &TRUTH, worst as u64, &never).unwrap();
     assert_eq!(simulator.draws.lock().unwrap().last(), Some(&(worst as u64 + 1)));
     assert!(found[0].identified, "{found:?}");
 }
@@ -419,6 +420,7 @@ impl Simulator for OneNetwork {
         _theta: &Theta,
         candidates: &[Rollout],
         consume: &Consume<'_>,
+        _cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
         for (candidate, rollout) in candidates.iter().enumerate() {
             let (position, velocity) = Self::signals(|inputs| network_output(&rollout.values, inputs));
@@ -434,7 +436,7 @@ fn networks_are_fitted_from_either_start_by_the_separable_form() {
     let (position, velocity) = OneNetwork::signals(|inputs| 0.8 * (0.9 * inputs[1]).tanh());
     let wide = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect();
     let recorded = Recorded { position: wide(&position), velocity: wide(&velocity), ..Recorded::default() };
-    let target = Arc::new(Target::new(simulator.0.clone(), &[recorded], 0).unwrap());
+    let target = Arc::new(Reference::new(simulator.0.clone(), &[recorded], 0).unwrap());
     let costs = [CostKind::MatchO.build(&target, &simulator).unwrap()];
     for start in [NetworkStart::Zero, NetworkStart::Random] {
         let rule = NetworkRule { start, regularisation: 1e-4, ..NetworkRule::new(NetworkName::ResidAct) };
@@ -443,10 +445,10 @@ fn networks_are_fitted_from_either_start_by_the_separable_form() {
         let before = simulate_one(&simulator, &theta, &theta.start(1)).unwrap();
         assert_eq!(before[0].position, OneNetwork::signals(|_| 0.0).0, "starts at no correction");
         let mut fit = Fit::new(&simulator, &theta, &costs, options).unwrap();
-        let first = fit.step().unwrap().unwrap().runs[0].best;
-        while fit.step().unwrap().is_some() {}
+        let first = fit.step(&never).unwrap().unwrap().runs[0].best;
+        while fit.step(&never).unwrap().is_some() {}
         let best = fit.outcomes()[0].best_cost;
         assert!(best < 0.15 * first, "{start:?}: {first} {best}");
-        assert!(!fit.outcomes().remove(0).identify(&simulator, &theta, costs[0].as_ref(), 0).unwrap());
+        assert!(!fit.outcomes().remove(0).identify(&simulator, &theta, costs[0].as_ref(), 0, &never).unwrap());
     }
 }

@@ -20,6 +20,7 @@ fn main() -> ExitCode {
         Command::Doctor(args) => commands::doctor::run(args),
         Command::Inspect(args) => commands::inspect::run(args),
         Command::Adapt(args) => commands::adapt::run(args),
+        Command::Validate(args) => commands::validate::run(args),
         Command::Train(args) => commands::train::run(args),
         Command::Finetune(args) => commands::finetune::run(args),
         Command::Loop(args) => commands::loop_::run(args),

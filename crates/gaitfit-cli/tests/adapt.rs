@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{errors, json, quick_demo, root, run};
+use common::{errors, json, quick_demo, run};
 use serde_json::Value;
 use std::path::Path;
 

@@ -67,10 +67,8 @@ fn script(scene: &Task, log: &Trajectory) -> Script {
 
 fn tracks(scene: &Task, policy: &Policy, scripts: &[Script], job: Job, threads: usize) -> Vec<Track> {
     let found = Mutex::new(vec![Track::default(); scripts.len()]);
-    follow(&scene.walker, policy, scripts, &[job], threads, &|_, script, track| {
-        found.lock().unwrap()[script] = track.clone();
-    })
-    .unwrap();
+    let keep = |_: usize, script: usize, track: &Track| found.lock().unwrap()[script] = track.clone();
+    follow(&scene.walker, policy, scripts, &[job], threads, &keep, &|| false).unwrap();
     found.into_inner().unwrap()
 }
 
@@ -154,7 +152,6 @@ fn resets_without_a_logged_state_are_refused() {
     let nominal = Candidate::nominal(scene.walker.batch.model());
     let log = &logs(&scene, &policy, &nominal, 1)[0].trajectory;
     let script = Script { states: Vec::new(), ..script(&scene, log) };
-    let error =
-        follow(&scene.walker, &policy, &[script], &[job(&nominal, Some(20))], 1, &|_, _, _| {}).unwrap_err();
+    let error = follow(&scene.walker, &policy, &[script], &[job(&nominal, Some(20))], 1, &|_, _, _| {}, &|| false).unwrap_err();
     assert!(error.to_string().contains("wass"), "{error}");
 }

@@ -53,11 +53,15 @@ pub struct Job {
     pub seed: u64,
 }
 
+/// Samples between questions whether to give up.
+const ASK: usize = 16;
+
 /// Robots that one thread advances together.
 const TILE: usize = 32;
 
 /// Runs every job on every script and hands `consume(job, script, track)` each track, once, from any thread in any
-/// order. Tracks do not depend on the other jobs, nor on the number of threads.
+/// order. Tracks do not depend on the other jobs, nor on the number of threads. Once `cancel` says so it returns soon,
+/// without the tracks that are missing; `cancel` must keep saying so.
 ///
 /// # Errors
 /// A candidate that is no robot; resets of a script without states.
@@ -68,6 +72,7 @@ pub fn follow(
     jobs: &[Job],
     threads: usize,
     consume: &(dyn Fn(usize, usize, &Track) + Sync),
+    cancel: &(dyn Fn() -> bool + Sync),
 ) -> Result<(), WalkerError> {
     let stateless = |script: &Script| {
         script.states.len() < script.commands.len()
@@ -81,13 +86,17 @@ pub fn follow(
     pool::for_each(jobs.len() * tiles, threads, Worker::default, |worker, index| {
         let (job, first) = (index / tiles, (index % tiles) * TILE);
         let chunk = &scripts[first..scripts.len().min(first + TILE)];
-        if let Err(error) = worker.run(walker, policy, &jobs[job], chunk, first) {
-            let mut slot = failure.lock().unwrap_or_else(PoisonError::into_inner);
-            // The first job's error, whichever thread was faster.
-            if slot.as_ref().is_none_or(|(other, _)| index < *other) {
-                *slot = Some((index, error));
+        match worker.run(walker, policy, &jobs[job], chunk, first, cancel) {
+            Ok(true) => {}
+            Ok(false) => return,
+            Err(error) => {
+                let mut slot = failure.lock().unwrap_or_else(PoisonError::into_inner);
+                // The first job's error, whichever thread was faster.
+                if slot.as_ref().is_none_or(|(other, _)| index < *other) {
+                    *slot = Some((index, error));
+                }
+                return;
             }
-            return;
         }
         for (k, track) in worker.tracks.iter().enumerate().take(chunk.len()) {
             consume(job, first + k, track);
@@ -112,6 +121,7 @@ struct Worker {
 }
 
 impl Worker {
+    /// Fills the tracks of some scripts. False if it gave up.
     fn run(
         &mut self,
         walker: &Walker,
@@ -119,7 +129,8 @@ impl Worker {
         job: &Job,
         scripts: &[Script],
         first: usize,
-    ) -> Result<(), WalkerError> {
+        cancel: &(dyn Fn() -> bool + Sync),
+    ) -> Result<bool, WalkerError> {
         let batch = &walker.batch;
         let (count, joints) = (scripts.len(), walker.joints.len());
         let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
@@ -140,6 +151,9 @@ impl Worker {
         tile.observe(&mut self.motion);
         let longest = scripts.iter().map(|script| script.commands.len()).max().unwrap_or(0);
         for sample in 0..longest {
+            if sample.is_multiple_of(ASK) && cancel() {
+                return Ok(false);
+            }
             let resets =
                 job.reset_every.is_some_and(|every| sample > 0 && sample.is_multiple_of(every.max(1)));
             for (index, (script, track)) in scripts.iter().zip(&mut self.tracks).enumerate() {
@@ -180,7 +194,7 @@ impl Worker {
             tile.step(&self.targets, torques, &mut self.motion);
             last_action.take(&self.action);
         }
-        Ok(())
+        Ok(true)
     }
 }
 

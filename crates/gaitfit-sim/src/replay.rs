@@ -55,6 +55,8 @@ pub struct JointSignals {
 
 /// Most samples of one recording.
 const MAX_SAMPLES: usize = 10_000_000;
+/// Samples between questions whether to give up.
+const ASK: usize = 64;
 /// Longest actuation delay, s.
 const MAX_DELAY: f64 = 1.0;
 
@@ -132,7 +134,8 @@ impl Replay {
     }
 
     /// Simulates every candidate on every recording and hands each result to `consume(candidate, recording,
-    /// signals)`, from any thread, in any order. Results do not depend on `threads` or on the other candidates.
+    /// signals)`, from any thread, in any order. Results do not depend on `threads` or on the other candidates. Once
+    /// `cancel` says so it returns soon, without the results that are missing; `cancel` must keep saying so.
     ///
     /// # Errors
     /// A candidate whose parameters are not a robot (negative inertia, wrong lengths).
@@ -141,13 +144,14 @@ impl Replay {
         candidates: &[RobotParams],
         threads: usize,
         consume: &(dyn Fn(usize, usize, &JointSignals) + Sync),
+        cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), SimError> {
         match self.isa {
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => self.run_lanes::<gaitfit_physics::F32x16>(candidates, threads, consume),
+            Isa::Avx512 => self.run_lanes::<gaitfit_physics::F32x16>(candidates, threads, consume, cancel),
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => self.run_lanes::<gaitfit_physics::F32x8>(candidates, threads, consume),
-            _ => self.run_lanes::<gaitfit_physics::Portable>(candidates, threads, consume),
+            Isa::Avx2 => self.run_lanes::<gaitfit_physics::F32x8>(candidates, threads, consume, cancel),
+            _ => self.run_lanes::<gaitfit_physics::Portable>(candidates, threads, consume, cancel),
         }
     }
 
@@ -156,6 +160,7 @@ impl Replay {
         candidates: &[RobotParams],
         threads: usize,
         consume: &(dyn Fn(usize, usize, &JointSignals) + Sync),
+        cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), SimError> {
         let zeros = vec![0.0; self.model.joints.len()];
         let mut params = Vec::with_capacity(candidates.len());
@@ -180,7 +185,9 @@ impl Replay {
             threads,
             || Block::<T>::new(&self.tree, self.taps),
             |block, index| {
-                block.run(self, blocks[index], candidates, &params);
+                if !block.run(self, blocks[index], candidates, &params, cancel) {
+                    return;
+                }
                 for (lane, &(candidate, recording)) in blocks[index].iter().enumerate() {
                     consume(candidate, recording, &block.signals[lane]);
                 }
@@ -248,14 +255,15 @@ impl<T: Lanes> Block<T> {
         }
     }
 
-    /// Runs the jobs (candidate, recording), one a lane; missing lanes repeat the last job.
+    /// Runs the jobs (candidate, recording), one a lane; missing lanes repeat the last job. False if it gave up.
     fn run(
         &mut self,
         replay: &Replay,
         jobs: &[(usize, usize)],
         candidates: &[RobotParams],
         params: &[Params<f64>],
-    ) {
+        cancel: &(dyn Fn() -> bool + Sync),
+    ) -> bool {
         let n = replay.model.joints.len();
         let job = |lane: usize| jobs[lane.min(jobs.len() - 1)];
         let gather = |value: &dyn Fn(usize, usize) -> f64| {
@@ -298,6 +306,9 @@ impl<T: Lanes> Block<T> {
             .collect();
         let longest = lengths.iter().copied().max().unwrap_or(0);
         for sample in 0..longest {
+            if sample.is_multiple_of(ASK) && cancel() {
+                return false;
+            }
             self.record(sample, n, &lengths, &biases);
             if sample + 1 == longest {
                 break;
@@ -326,6 +337,7 @@ impl<T: Lanes> Block<T> {
                 drives: &mut self.drives,
             });
         }
+        true
     }
 
     /// Writes the lanes' encoder positions and velocities of one sample.

@@ -52,12 +52,11 @@ fn candidates(model: &Model, count: usize) -> Vec<RobotParams> {
 /// All signals, `[candidate][recording]`.
 fn run(replay: &Replay, candidates: &[RobotParams], threads: usize) -> Vec<Vec<JointSignals>> {
     let results = Mutex::new(vec![vec![None; replay.recordings().len()]; candidates.len()]);
-    replay
-        .run(candidates, threads, &|candidate, recording, signals| {
-            let before = results.lock().unwrap()[candidate][recording].replace(signals.clone());
-            assert!(before.is_none(), "candidate {candidate} on recording {recording} came twice");
-        })
-        .unwrap();
+    let keep = |candidate: usize, recording: usize, signals: &JointSignals| {
+        let before = results.lock().unwrap()[candidate][recording].replace(signals.clone());
+        assert!(before.is_none(), "candidate {candidate} on recording {recording} came twice");
+    };
+    replay.run(candidates, threads, &keep, &|| false).unwrap();
     let results = results.into_inner().unwrap();
     results.into_iter().map(|row| row.into_iter().map(Option::unwrap).collect()).collect()
 }
@@ -229,7 +228,7 @@ fn a_delay_beyond_the_history_is_refused() {
     let replay = Replay::new(&model, vec![recording(&model, 10, 0.0)], options(0.01)).unwrap();
     let mut slow = RobotParams::nominal(&model);
     slow.delay[4] = 0.011;
-    let error = replay.run(&[slow], 1, &|_, _, _| panic!("it ran")).unwrap_err();
+    let error = replay.run(&[slow], 1, &|_, _, _| panic!("it ran"), &|| false).unwrap_err();
     assert!(error.to_string().contains("max_delay"), "{error}");
 }
 
@@ -313,7 +312,7 @@ fn impossible_robots_are_refused_by_name() {
     let refused = |change: &dyn Fn(&mut RobotParams)| {
         let mut robot = RobotParams::nominal(&model);
         change(&mut robot);
-        replay.run(&[robot], 1, &|_, _, _| panic!("it ran")).unwrap_err().to_string()
+        replay.run(&[robot], 1, &|_, _, _| panic!("it ran"), &|| false).unwrap_err().to_string()
     };
     let message = refused(&|robot| robot.armature[3] = -0.1);
     assert!(message.contains("armature") && message.contains(&model.joints[3].name), "{message}");
@@ -374,4 +373,14 @@ fn options_out_of_range_are_refused() {
     assert!(message.contains("max_delay"), "{message}");
     let message = with(options(f64::NAN));
     assert!(message.contains("max_delay"), "{message}");
+}
+
+#[test]
+fn a_cancelled_replay_ends_within_a_recording() {
+    let model = go2();
+    let replay = Replay::new(&model, vec![recording(&model, 100_000, 0.0)], ReplayOptions::default()).unwrap();
+    let asked = std::sync::atomic::AtomicUsize::new(0);
+    let third_time = || asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= 2;
+    let candidates = vec![RobotParams::nominal(&model); 40];
+    replay.run(&candidates, 1, &|_, _, _| panic!("it went on to the end"), &third_time).unwrap();
 }

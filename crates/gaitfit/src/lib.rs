@@ -5,11 +5,13 @@
 //! object and the remedy. Stages report progress and may be stopped through one callback ([`watch::Watch`]). What they
 //! compute lies in run folders ([`run::RunFolder`]), from which an interrupted stage goes on to the same bits.
 
+pub mod adapt;
 pub mod air;
 mod error;
 pub mod files;
 pub mod finetune;
 pub mod gait;
+pub mod log;
 mod log_joints;
 pub mod loop_;
 pub mod machine;
@@ -19,10 +21,10 @@ pub mod replay;
 pub mod reproduce;
 pub mod robot;
 pub mod run;
-mod search;
 pub mod settings;
 pub mod target;
 mod tensorboard;
+mod theta;
 pub mod train;
 pub mod walk;
 pub mod watch;

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::robot::{self, Hold};
 use crate::settings::PresetName;
-use crate::walk::setup::{candidate as fitted, theta_file};
+use crate::theta;
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::{Task, TaskSettings, preset};
 use gaitfit_model::Model;
@@ -84,11 +84,11 @@ impl World {
             joint.springref = rest;
             changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, joint.name));
         }
-        let theta = args.theta.as_deref().map(|path| Ok((path, theta_file(path)?))).transpose()?;
+        let theta = args.theta.as_deref().map(|path| Ok((path, theta::read(path)?))).transpose()?;
         let mut candidate = match &theta {
             Some((path, file)) => {
                 changes.push(format!("parameters of {}", path.display()));
-                fitted(file, path, &model)?
+                theta::candidate(file, path, &model)?
             }
             None => Candidate::nominal(&model),
         };

@@ -1,6 +1,6 @@
 //! Sums of time-aligned squared differences, as MatchO and MatchS need them.
 
-use super::{Accumulator, Breakdown, CostError, GroupCost, LOST, Target, Weights};
+use super::{Accumulator, Breakdown, CostError, GroupCost, LOST, Reference, Weights};
 use crate::Signals;
 
 /// Sums of squared differences. Kept by recording, so that the order of `add` cannot change the last bits.
@@ -8,7 +8,7 @@ use crate::Signals;
 /// With e the scaled difference of one dimension at one sample, T all samples of all recordings and J the
 /// dimensions, a group costs √(1/(T·J) Σ_t Σ_j e²). A sample lost to a fall counts as e = 2.
 pub(super) struct AlignedSums<'a> {
-    target: &'a Target,
+    reference: &'a Reference,
     weights: Weights,
     /// One entry a recording.
     recordings: Vec<Option<Sums>>,
@@ -24,8 +24,8 @@ struct Sums {
 }
 
 impl<'a> AlignedSums<'a> {
-    pub fn new(target: &'a Target, weights: Weights) -> Self {
-        Self { target, weights, recordings: vec![None; target.recordings()] }
+    pub fn new(reference: &'a Reference, weights: Weights) -> Self {
+        Self { reference, weights, recordings: vec![None; reference.recordings()] }
     }
 
     fn clear(&mut self) {
@@ -33,19 +33,19 @@ impl<'a> AlignedSums<'a> {
     }
 
     fn compare(&mut self, recording: usize, simulated: Signals<'_>) -> Result<(), CostError> {
-        let target = self.target;
+        let reference = self.reference;
         let count = self.recordings.len();
         let slot =
             self.recordings.get_mut(recording).ok_or(CostError::UnknownRecording { recording, count })?;
         if slot.is_some() {
             return Err(CostError::Repeated(recording));
         }
-        let samples = target.samples(recording);
+        let samples = reference.samples(recording);
         let mut sums = Sums { squares: Vec::new(), lost: 0 };
         for signal in self.weights.signals() {
-            let width = signal.width(target.joints().len());
-            let measured = target.recording(signal, recording).unwrap_or_default();
-            let counted = target.checked(signal, recording, &simulated)?;
+            let width = signal.width(reference.joints().len());
+            let measured = reference.recording(signal, recording).unwrap_or_default();
+            let counted = reference.checked(signal, recording, &simulated)?;
             if counted.matrix.len() + counted.lost * width != measured.len() {
                 return Err(CostError::Shape {
                     signal,
@@ -77,7 +77,7 @@ pub(crate) fn squared_differences(a: &[f32], b: &[f64], width: usize) -> Vec<f64
 }
 
 impl Accumulator for AlignedSums<'_> {
-    /// Every recording of the target must be added once.
+    /// Every recording of the reference must be added once.
     fn add(&mut self, recording: usize, simulated: Signals<'_>) -> Result<(), CostError> {
         self.compare(recording, simulated).inspect_err(|_| self.clear())
     }
@@ -87,14 +87,14 @@ impl Accumulator for AlignedSums<'_> {
             self.clear();
             return Err(CostError::Missing(missing));
         }
-        let target = self.target;
+        let reference = self.reference;
         let samples: usize =
-            (0..self.recordings.len()).map(|recording| target.samples(recording) - target.skip()).sum();
+            (0..self.recordings.len()).map(|recording| reference.samples(recording) - reference.skip()).sum();
         let lost: usize = self.recordings.iter().flatten().map(|sums| sums.lost).sum();
         let lost = LOST * LOST * lost as f64;
         let mut groups = Vec::new();
         for (number, signal) in self.weights.signals().enumerate() {
-            let per_joint: Vec<Option<f64>> = target
+            let per_joint: Vec<Option<f64>> = reference
                 .dimensions(signal)
                 .unwrap_or_default()
                 .iter()

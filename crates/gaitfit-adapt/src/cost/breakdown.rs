@@ -21,7 +21,7 @@ pub struct GroupCost {
     pub weight: f64,
     /// Unweighted cost of the group.
     pub value: f64,
-    /// Cost of each dimension (joints in the target's order, or x, y, z of the base); `None` for one that is constant
+    /// Cost of each dimension (joints in the reference's order, or x, y, z of the base); `None` for one that is constant
     /// on the robot and therefore left out.
     pub per_joint: Vec<Option<f64>>,
 }

@@ -22,7 +22,7 @@ pub enum CostError {
     #[error(
         "recorded {signal} of {of} is not finite at sample {sample} of recording {recording}; cut or repair the log"
     )]
-    TargetNotFinite {
+    ReferenceNotFinite {
         /// Which signal.
         signal: Signal,
         /// Which dimension, for example `joint FL_hip` or `axis x`.
@@ -33,8 +33,8 @@ pub enum CostError {
         sample: usize,
     },
     /// No recordings, no joints, or nothing left after the pre-roll.
-    #[error("the target is empty: {0}")]
-    EmptyTarget(String),
+    #[error("the reference is empty: {0}")]
+    EmptyReference(String),
     /// A matrix is not `samples × joints`, or `samples × 3` for the base.
     #[error("{signal} of recording {recording} has {len} values, which is not {expected}")]
     Shape {
@@ -87,12 +87,12 @@ pub enum CostError {
         /// The joints found.
         available: String,
     },
-    /// Recording number beyond the target's.
-    #[error("recording {recording} was simulated, but the target has {count}")]
+    /// Recording number beyond the reference's.
+    #[error("recording {recording} was simulated, but the reference has {count}")]
     UnknownRecording {
         /// Recording number.
         recording: usize,
-        /// Number of recordings of the target.
+        /// Number of recordings of the reference.
         count: usize,
     },
     /// A time-aligned cost got a recording twice.

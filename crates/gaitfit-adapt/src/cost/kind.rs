@@ -1,6 +1,6 @@
 //! Costs by name.
 
-use super::{Cost, CostError, MatchO, MatchS, Target, Wass, Weights};
+use super::{Cost, CostError, MatchO, MatchS, Reference, Wass, Weights};
 use crate::Simulator;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -30,17 +30,22 @@ pub enum CostKind {
 pub struct UnknownCost(pub String);
 
 impl CostKind {
-    /// The cost against `target` with the paper's weights, as far as both sides have the signals.
+    /// The cost against `reference` with the paper's weights, as far as both sides have the signals.
     ///
     /// # Errors
     /// As the cost's own `new`.
-    pub fn build(self, target: &Arc<Target>, simulator: &dyn Simulator) -> Result<Box<dyn Cost>, CostError> {
-        let (target, shared) = (Arc::clone(target), Weights::shared(target, simulator));
+    pub fn build(self, reference: &Arc<Reference>, simulator: &dyn Simulator) -> Result<Box<dyn Cost>, CostError> {
+        let (reference, shared) = (Arc::clone(reference), Weights::shared(reference, simulator));
         Ok(match self {
-            Self::Wass => Box::new(Wass::new(target, shared)?),
-            Self::MatchO => Box::new(MatchO::new(target, shared)?),
-            Self::MatchS(horizon) => Box::new(MatchS::new(target, Weights::PRIVILEGED, horizon)?),
+            Self::Wass => Box::new(Wass::new(reference, shared)?),
+            Self::MatchO => Box::new(MatchO::new(reference, shared)?),
+            Self::MatchS(horizon) => Box::new(MatchS::new(reference, Weights::PRIVILEGED, horizon)?),
         })
+    }
+
+    /// Whether it compares samples one by one, which needs the same clock on both sides.
+    pub fn is_aligned(self) -> bool {
+        !matches!(self, Self::Wass)
     }
 
     /// Whether it needs the base's state in the log.

@@ -1,10 +1,10 @@
 //! The time-aligned cost.
 
 use super::aligned::AlignedSums;
-use super::{Accumulator, Cost, CostError, Target, Weights};
+use super::{Accumulator, Cost, CostError, Reference, Weights};
 use std::sync::Arc;
 
-/// MatchO(∞): time-aligned L2 between the simulated and the recorded joint signals without resets, in the target's
+/// MatchO(∞): time-aligned L2 between the simulated and the recorded joint signals without resets, in the reference's
 /// fixed scaling. With e the scaled difference of one joint at one sample, T all samples of all recordings and J
 /// the joints, a group costs √(1/(T·J) Σ_t Σ_j e²); the groups are summed, each with its weight. The two sides
 /// need the same clock and the same sample counts. A sample lost to a fall counts as e = 2, the robot's whole range.
@@ -12,18 +12,18 @@ use std::sync::Arc;
 /// Per joint the breakdown gives √(1/T Σ_t e²), so the group is the root mean square of its joints.
 #[derive(Clone, Debug)]
 pub struct MatchO {
-    target: Arc<Target>,
+    reference: Arc<Reference>,
     weights: Weights,
 }
 
 impl MatchO {
-    /// The cost against `target`.
+    /// The cost against `reference`.
     ///
     /// # Errors
     /// As [`Weights::check`].
-    pub fn new(target: Arc<Target>, weights: Weights) -> Result<Self, CostError> {
-        weights.check(&target)?;
-        Ok(Self { target, weights })
+    pub fn new(reference: Arc<Reference>, weights: Weights) -> Result<Self, CostError> {
+        weights.check(&reference)?;
+        Ok(Self { reference, weights })
     }
 }
 
@@ -33,7 +33,7 @@ impl Cost for MatchO {
     }
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {
-        Box::new(AlignedSums::new(&self.target, self.weights))
+        Box::new(AlignedSums::new(&self.reference, self.weights))
     }
 
     fn lost(&self) -> f64 {
@@ -41,6 +41,6 @@ impl Cost for MatchO {
     }
 
     fn subset(&self, recordings: &[usize]) -> Option<Box<dyn Cost>> {
-        Some(Box::new(Self { target: Arc::new(self.target.subset(recordings)), ..self.clone() }))
+        Some(Box::new(Self { reference: Arc::new(self.reference.subset(recordings)), ..self.clone() }))
     }
 }

@@ -1,7 +1,7 @@
 //! The privileged time-aligned cost with resets.
 
 use super::aligned::AlignedSums;
-use super::{Accumulator, Cost, CostError, CostKind, Signal, Target, Weights};
+use super::{Accumulator, Cost, CostError, CostKind, Signal, Reference, Weights};
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
@@ -14,31 +14,31 @@ use std::sync::Arc;
 /// parameters' error).
 #[derive(Clone, Debug)]
 pub struct MatchS {
-    target: Arc<Target>,
+    reference: Arc<Reference>,
     weights: Weights,
     horizon: Option<NonZeroUsize>,
     name: String,
 }
 
 impl MatchS {
-    /// The cost against `target`, with resets every `horizon` samples.
+    /// The cost against `reference`, with resets every `horizon` samples.
     ///
     /// # Errors
     /// [`CostError::Privileged`] without the base's position and velocity in every recording where `weights` ask
     /// for them; as [`Weights::check`].
     pub fn new(
-        target: Arc<Target>,
+        reference: Arc<Reference>,
         weights: Weights,
         horizon: Option<NonZeroUsize>,
     ) -> Result<Self, CostError> {
         let name = CostKind::MatchS(horizon).to_string();
-        let missing = weights.signals().find(|signal| signal.is_privileged() && !target.has(*signal));
+        let missing = weights.signals().find(|signal| signal.is_privileged() && !reference.has(*signal));
         if let Some(signal) = missing {
             return Err(CostError::Privileged { cost: name, signal });
         }
         // A robot that stands still or is clamped has a constant base: its dimensions are left out.
         let constant = |signal: Signal| {
-            target.dimensions(signal).is_some_and(|all| all.iter().all(|one| one.scale.is_none()))
+            reference.dimensions(signal).is_some_and(|all| all.iter().all(|one| one.scale.is_none()))
         };
         let mut weights = weights;
         if constant(Signal::BasePosition) {
@@ -47,8 +47,8 @@ impl MatchS {
         if constant(Signal::BaseVelocity) {
             weights.base_velocity = 0.0;
         }
-        weights.check(&target)?;
-        Ok(Self { target, weights, horizon, name })
+        weights.check(&reference)?;
+        Ok(Self { reference, weights, horizon, name })
     }
 }
 
@@ -63,7 +63,7 @@ impl Cost for MatchS {
     }
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {
-        Box::new(AlignedSums::new(&self.target, self.weights))
+        Box::new(AlignedSums::new(&self.reference, self.weights))
     }
 
     fn lost(&self) -> f64 {
@@ -71,6 +71,6 @@ impl Cost for MatchS {
     }
 
     fn subset(&self, recordings: &[usize]) -> Option<Box<dyn Cost>> {
-        Some(Box::new(Self { target: Arc::new(self.target.subset(recordings)), ..self.clone() }))
+        Some(Box::new(Self { reference: Arc::new(self.reference.subset(recordings)), ..self.clone() }))
     }
 }

@@ -1,14 +1,14 @@
 //! How far simulated joint signals are from the robot's.
 //!
-//! The robot side is prepared once ([`Target`]); a [`Cost`] compares candidates with it. A new cost implements
+//! The robot side is prepared once ([`Reference`]); a [`Cost`] compares candidates with it. A new cost implements
 //! [`Cost`] and [`Accumulator`] and touches nothing else.
 //!
 //! ```no_run
 //! # use gaitfit_adapt::{Signals, cost::*};
 //! # use std::sync::Arc;
-//! # fn f(target: Target, runs: Vec<Vec<f32>>) -> Result<(), CostError> {
-//! let target = Arc::new(target);
-//! let cost = Wass::new(Arc::clone(&target), Weights::of(&target))?;
+//! # fn f(reference: Reference, runs: Vec<Vec<f32>>) -> Result<(), CostError> {
+//! let reference = Arc::new(reference);
+//! let cost = Wass::new(Arc::clone(&reference), Weights::of(&reference))?;
 //! let mut accumulator = cost.begin();
 //! for (recording, run) in runs.iter().enumerate() {
 //!     accumulator.add(recording, Signals::of_joints(run, run))?;
@@ -25,7 +25,7 @@ mod match_o;
 mod match_s;
 mod rmse;
 mod signal;
-mod target;
+mod reference;
 mod wass;
 mod wasserstein1;
 
@@ -36,7 +36,7 @@ pub use match_o::MatchO;
 pub use match_s::MatchS;
 pub use rmse::{PositionRmse, position_rmse};
 pub use signal::{Signal, Weights};
-pub use target::{Dimension, Recorded, Target};
+pub use reference::{Dimension, Recorded, Reference};
 pub use wass::Wass;
 pub use wasserstein1::{sort_f32, wasserstein1};
 
@@ -73,7 +73,7 @@ pub trait Cost: Send + Sync {
 
 /// Collects the simulated recordings of one candidate.
 pub trait Accumulator: Send {
-    /// Adds the simulated signals of target recording number `recording` (from 0), pre-roll included. The order of
+    /// Adds the simulated signals of reference recording number `recording` (from 0), pre-roll included. The order of
     /// the calls does not change the result.
     ///
     /// # Errors

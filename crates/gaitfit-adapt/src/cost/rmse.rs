@@ -1,7 +1,7 @@
 //! The plain error that validation reports.
 
 use super::aligned::squared_differences;
-use super::{CostError, Signal, Target};
+use super::{CostError, Signal, Reference};
 use crate::Signals;
 use serde::Serialize;
 
@@ -10,31 +10,31 @@ use serde::Serialize;
 pub struct PositionRmse {
     /// Over all samples and joints.
     pub total: f64,
-    /// Over all samples, one a joint in the target's joint order.
+    /// Over all samples, one a joint in the reference's joint order.
     pub per_joint: Vec<f64>,
 }
 
 /// The position error of `simulated` (`samples × joints`, rad, pre-roll included) against recording `recording` of
-/// `target`, unscaled: √(1/(T·J) Σ (q_sim − q)²) over the samples after the pre-roll.
+/// `reference`, unscaled: √(1/(T·J) Σ (q_sim − q)²) over the samples after the pre-roll.
 ///
 /// # Errors
 /// [`CostError::UnknownRecording`], [`CostError::Shape`], [`CostError::NotFinite`].
 pub fn position_rmse(
-    target: &Target,
+    reference: &Reference,
     recording: usize,
     simulated: &[f32],
 ) -> Result<PositionRmse, CostError> {
-    let measured = target
+    let measured = reference
         .recording(Signal::Position, recording)
-        .ok_or(CostError::UnknownRecording { recording, count: target.recordings() })?;
-    let counted = target.checked(Signal::Position, recording, &Signals::of_joints(simulated, &[]))?.matrix;
-    let width = target.joints().len();
+        .ok_or(CostError::UnknownRecording { recording, count: reference.recordings() })?;
+    let counted = reference.checked(Signal::Position, recording, &Signals::of_joints(simulated, &[]))?.matrix;
+    let width = reference.joints().len();
     if counted.len() != measured.len() {
         return Err(CostError::Shape {
             signal: Signal::Position,
             recording,
             len: simulated.len(),
-            expected: format!("{} samples × {width} joints", target.samples(recording)),
+            expected: format!("{} samples × {width} joints", reference.samples(recording)),
         });
     }
     let sums = squared_differences(counted, measured, width);

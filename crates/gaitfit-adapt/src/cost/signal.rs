@@ -1,6 +1,6 @@
 //! The signals that costs compare.
 
-use super::{CostError, Target};
+use super::{CostError, Reference};
 use crate::Simulator;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -90,15 +90,15 @@ impl Weights {
     /// Joint position and velocity, base position and velocity: what [`super::MatchS`] compares.
     pub const PRIVILEGED: Self = Self { base_position: 1.0, base_velocity: 1.0, ..Self::JOINTS };
 
-    /// Weight 1 for every joint signal that `target` has: Wass and MatchO as the paper defines them.
-    pub fn of(target: &Target) -> Self {
-        Self { action: f64::from(target.has(Signal::Action)), ..Self::JOINTS }
+    /// Weight 1 for every joint signal that `reference` has: Wass and MatchO as the paper defines them.
+    pub fn of(reference: &Reference) -> Self {
+        Self { action: f64::from(reference.has(Signal::Action)), ..Self::JOINTS }
     }
 
     /// [`Self::of`], but for the action only if `simulator` has it too: a replay sends the log's own targets, so
     /// that both sides act the same.
-    pub fn shared(target: &Target, simulator: &dyn Simulator) -> Self {
-        if simulator.provides(Signal::Action) { Self::of(target) } else { Self::JOINTS }
+    pub fn shared(reference: &Reference, simulator: &dyn Simulator) -> Self {
+        if simulator.provides(Signal::Action) { Self::of(reference) } else { Self::JOINTS }
     }
 
     /// The weight of `signal`.
@@ -123,11 +123,11 @@ impl Weights {
         Signal::ALL.iter().map(|signal| self.get(*signal)).sum()
     }
 
-    /// Checks the weights against what `target` can offer.
+    /// Checks the weights against what `reference` can offer.
     ///
     /// # Errors
     /// [`CostError::Weights`], [`CostError::MissingSignal`], [`CostError::AllConstant`].
-    pub fn check(&self, target: &Target) -> Result<(), CostError> {
+    pub fn check(&self, reference: &Reference) -> Result<(), CostError> {
         let all = Signal::ALL.map(|signal| self.get(signal));
         if all.iter().any(|weight| !weight.is_finite() || *weight < 0.0)
             || all.iter().all(|weight| *weight == 0.0)
@@ -135,7 +135,7 @@ impl Weights {
             return Err(CostError::Weights(all));
         }
         for signal in self.signals() {
-            let dimensions = target
+            let dimensions = reference
                 .dimensions(signal)
                 .ok_or_else(|| CostError::MissingSignal { signal, side: "the robot's log".into() })?;
             if dimensions.iter().all(|dimension| dimension.scale.is_none()) {

@@ -1,12 +1,12 @@
 //! The pooled distribution cost.
 
 use super::wasserstein1::{key, sort_keys, wasserstein1_keys};
-use super::{Accumulator, Breakdown, Cost, CostError, GroupCost, LOST, Signal, Target, Weights};
+use super::{Accumulator, Breakdown, Cost, CostError, GroupCost, LOST, Signal, Reference, Weights};
 use crate::Signals;
 use std::sync::Arc;
 
 /// The paper's cost: for each of joint position, joint velocity and action the mean over joints of the exact 1-D
-/// Wasserstein-1 distance between the pooled samples of the two sides, in the target's fixed scaling; the groups
+/// Wasserstein-1 distance between the pooled samples of the two sides, in the reference's fixed scaling; the groups
 /// are summed, each with its weight. Neither clocks nor sample counts of the two sides need agree.
 ///
 /// Samples after a fall are not pooled: they would resemble whatever the log has of standing still or lying. The
@@ -17,18 +17,18 @@ use std::sync::Arc;
 /// the scale.
 #[derive(Clone, Debug)]
 pub struct Wass {
-    target: Arc<Target>,
+    reference: Arc<Reference>,
     weights: Weights,
 }
 
 impl Wass {
-    /// The cost against `target`.
+    /// The cost against `reference`.
     ///
     /// # Errors
     /// As [`Weights::check`].
-    pub fn new(target: Arc<Target>, weights: Weights) -> Result<Self, CostError> {
-        weights.check(&target)?;
-        Ok(Self { target, weights })
+    pub fn new(reference: Arc<Reference>, weights: Weights) -> Result<Self, CostError> {
+        weights.check(&reference)?;
+        Ok(Self { reference, weights })
     }
 }
 
@@ -42,14 +42,14 @@ impl Cost for Wass {
     }
 
     fn subset(&self, recordings: &[usize]) -> Option<Box<dyn Cost>> {
-        Some(Box::new(Self { target: Arc::new(self.target.subset(recordings)), ..self.clone() }))
+        Some(Box::new(Self { reference: Arc::new(self.reference.subset(recordings)), ..self.clone() }))
     }
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {
         let pools = self
             .weights
             .signals()
-            .map(|signal| (signal, vec![Vec::new(); signal.width(self.target.joints().len())]))
+            .map(|signal| (signal, vec![Vec::new(); signal.width(self.reference.joints().len())]))
             .collect();
         Box::new(Pools { cost: self, pools, lost: 0, scratch: Vec::new() })
     }
@@ -73,11 +73,11 @@ impl Pools<'_> {
     }
 
     fn pool(&mut self, recording: usize, simulated: Signals<'_>) -> Result<(), CostError> {
-        let target = &self.cost.target;
+        let reference = &self.cost.reference;
         let mut lost = 0;
         for (signal, joints) in &mut self.pools {
             let width = joints.len();
-            let counted = target.checked(*signal, recording, &simulated)?;
+            let counted = reference.checked(*signal, recording, &simulated)?;
             lost = counted.lost;
             for (joint, pool) in joints.iter_mut().enumerate() {
                 pool.extend(counted.matrix.iter().skip(joint).step_by(width).map(|value| key(*value)));
@@ -90,7 +90,7 @@ impl Pools<'_> {
     fn distances(&mut self) -> Result<Breakdown, CostError> {
         let mut groups = Vec::with_capacity(self.pools.len());
         for (signal, joints) in &mut self.pools {
-            let dimensions = self.cost.target.dimensions(*signal).unwrap_or_default();
+            let dimensions = self.cost.reference.dimensions(*signal).unwrap_or_default();
             let mut per_joint = Vec::with_capacity(joints.len());
             for (pool, dimension) in joints.iter_mut().zip(dimensions) {
                 if pool.is_empty() && self.lost == 0 {

@@ -5,7 +5,7 @@ use super::run::{Checkpoint, Run, Stop};
 use super::{CostOutcome, FallPenalty, FitError};
 use crate::cmaes::{BoundHandling, CovarianceKind};
 use crate::cost::Cost;
-use crate::{Simulator, Theta};
+use crate::{Cancel, Simulator, Theta};
 use gaitfit_random::{Purpose, derive_seed};
 use serde::{Deserialize, Serialize};
 
@@ -179,7 +179,11 @@ impl<'a> Fit<'a> {
     }
 
     /// Runs one generation of every run that has not ended. `Ok(None)` once all have.
-    pub fn step(&mut self) -> Result<Option<Generation>, FitError> {
+    ///
+    /// # Errors
+    /// [`FitError::Cancelled`] soon after `cancel` says so: the fit is then as it was before the call, and can be
+    /// saved. Otherwise as [`super::evaluate`]; [`FitError::AllDiverged`].
+    pub fn step(&mut self, cancel: &Cancel<'_>) -> Result<Option<Generation>, FitError> {
         let active: Vec<usize> = (0..self.runs.len()).filter(|&run| self.runs[run].stop.is_none()).collect();
         if active.is_empty() {
             return Ok(None);
@@ -197,7 +201,7 @@ impl<'a> Fit<'a> {
                 draw: self.options.random_numbers.draw(seed, generation, candidate),
             }));
         }
-        let found = evaluate(self.simulator, self.theta, self.costs, &self.options.falls, &jobs)?;
+        let found = evaluate(self.simulator, self.theta, self.costs, &self.options.falls, &jobs, cancel)?;
         let generation = self.generation + 1;
         let mut reports = Vec::with_capacity(active.len());
         let mut from = 0;

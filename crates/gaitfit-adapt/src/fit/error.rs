@@ -9,7 +9,10 @@ use crate::cost::CostError;
 pub enum FitError {
     /// The simulator failed as a whole.
     #[error("the simulation failed: {0}")]
-    Simulator(#[from] SimulatorError),
+    Simulator(#[source] SimulatorError),
+    /// It was asked to give up.
+    #[error("cancelled")]
+    Cancelled,
     /// A cost could not be computed, through no fault of a candidate.
     #[error("the cost cannot be computed: {0}")]
     Cost(#[source] CostError),
@@ -38,4 +41,13 @@ pub enum FitError {
     /// A checkpoint does not belong to this fit.
     #[error("the checkpoint does not belong to this fit: {0}; start afresh without resuming")]
     Checkpoint(String),
+}
+
+impl From<SimulatorError> for FitError {
+    fn from(error: SimulatorError) -> Self {
+        match error {
+            SimulatorError::Cancelled => Self::Cancelled,
+            failed @ SimulatorError::Failed(_) => Self::Simulator(failed),
+        }
+    }
 }

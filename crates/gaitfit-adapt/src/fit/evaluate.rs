@@ -2,7 +2,7 @@
 
 use super::{FallPenalty, FitError, Predicted};
 use crate::cost::{Accumulator, Cost, CostError};
-use crate::{Rollout, Signals, Simulator, Theta};
+use crate::{Cancel, Rollout, Signals, Simulator, Theta, never};
 use std::sync::Mutex;
 
 /// One candidate to evaluate.
@@ -33,20 +33,45 @@ struct Pending<'a> {
     cost: Option<Result<f64, CostError>>,
 }
 
-/// Evaluates every job, in their order.
+/// Evaluates every job, in their order: its cost, with what falls and the size of its values add.
 ///
 /// # Errors
-/// [`FitError::Simulator`], [`FitError::Cost`] for what no candidate is to blame for, [`FitError::Incomplete`].
+/// As [`Simulator::costs`]; [`FitError::Incomplete`] if it gives not one a job.
 pub fn evaluate(
     simulator: &dyn Simulator,
     theta: &Theta,
     costs: &[Box<dyn Cost>],
     falls: &FallPenalty,
     jobs: &[Job],
+    cancel: &Cancel<'_>,
 ) -> Result<Vec<Evaluation>, FitError> {
     if jobs.is_empty() {
         return Ok(Vec::new());
     }
+    let recordings = simulator.recordings();
+    let mut found = simulator.costs(theta, costs, jobs, cancel)?;
+    if found.len() != jobs.len() {
+        return Err(FitError::Incomplete);
+    }
+    for (found, job) in found.iter_mut().zip(jobs) {
+        let charge = falls.charge(costs[job.cost].as_ref(), found.falls, recordings);
+        let charged = found.cost.map(|cost| cost + charge + theta.regularisation(&job.values));
+        found.cost = charged.filter(|cost| cost.is_finite());
+    }
+    Ok(found)
+}
+
+/// Simulates every job and compares its signals: what [`Simulator::costs`] does by default.
+///
+/// # Errors
+/// As [`Simulator::costs`].
+pub fn accumulate<S: Simulator + ?Sized>(
+    simulator: &S,
+    theta: &Theta,
+    costs: &[Box<dyn Cost>],
+    jobs: &[Job],
+    cancel: &Cancel<'_>,
+) -> Result<Vec<Evaluation>, FitError> {
     let recordings = simulator.recordings();
     let begin = |job: &Job| {
         let accumulator = costs[job.cost].begin();
@@ -60,7 +85,7 @@ pub fn evaluate(
     };
     let rollouts: Vec<Rollout> = jobs.iter().map(rollout).collect();
     // The thread that brings a candidate's last recording also finishes its cost: sorting runs in parallel.
-    simulator.simulate(theta, &rollouts, &|candidate, recording, signals: Signals<'_>| {
+    let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
         let Some(pending) = pending.get(candidate) else { return };
         let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         pending.falls += usize::from(signals.fell_at.is_some());
@@ -77,22 +102,19 @@ pub fn evaluate(
                 }
             }
         }
-    })?;
-    let finish = |(pending, job): (Mutex<Pending>, &Job)| {
+    };
+    simulator.simulate(theta, &rollouts, &consume, cancel)?;
+    let finish = |pending: Mutex<Pending>| {
         let pending = pending.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
         let cost = match pending.cost {
-            Some(Ok(cost)) => {
-                let charge = falls.charge(costs[job.cost].as_ref(), pending.falls, recordings);
-                let cost = cost + charge + theta.regularisation(&job.values);
-                cost.is_finite().then_some(cost)
-            }
+            Some(Ok(cost)) => cost.is_finite().then_some(cost),
             Some(Err(error)) if error.is_candidate_failure() => None,
             Some(Err(error)) => return Err(FitError::Cost(error)),
             None => return Err(FitError::Incomplete),
         };
         Ok(Evaluation { cost, falls: pending.falls })
     };
-    pending.into_iter().zip(jobs).map(finish).collect()
+    pending.into_iter().map(finish).collect()
 }
 
 /// The free-running signals of one candidate on every recording, in their order.
@@ -107,11 +129,12 @@ pub fn simulate_one(
     let rollout = Rollout { values: values.to_vec(), ..Rollout::default() };
     let found: Vec<Mutex<Option<Predicted>>> =
         (0..simulator.recordings()).map(|_| Mutex::new(None)).collect();
-    simulator.simulate(theta, &[rollout], &|_, recording, signals: Signals<'_>| {
+    let consume = |_: usize, recording: usize, signals: Signals<'_>| {
         if let Some(slot) = found.get(recording) {
             *slot.lock().unwrap_or_else(|poisoned| poisoned.into_inner()) = Some(Predicted::of(&signals));
         }
-    })?;
+    };
+    simulator.simulate(theta, &[rollout], &consume, &never)?;
     let take = |slot: Mutex<Option<Predicted>>| {
         slot.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()).ok_or(FitError::Incomplete)
     };

@@ -12,7 +12,7 @@
 
 use super::{FitError, Predicted};
 use crate::cost::{Cost, CostError};
-use crate::{Entry, Rollout, Signals, Simulator, Theta};
+use crate::{Cancel, Entry, Rollout, Signals, Simulator, Theta};
 use serde::{Deserialize, Serialize};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -91,6 +91,7 @@ pub fn identify(
     cost: &dyn Cost,
     values: &[f64],
     draw: u64,
+    cancel: &Cancel<'_>,
 ) -> Result<Vec<Identification>, FitError> {
     if theta.len() > MOST_SCANNED || values.len() != theta.len() {
         return Err(FitError::Scan(format!(
@@ -105,11 +106,11 @@ pub fn identify(
     let mut views = vec![View { cost, recordings: &all }];
     views.extend(without.iter().map(|(cost, kept)| View { cost: cost.as_ref(), recordings: kept }));
     let rollout = |values: Vec<f64>, draw: u64| Rollout { values, reset_every: cost.reset_every(), draw };
-    let draw = steadiest(simulator, theta, draw, |draw| rollout(values.to_vec(), draw))?;
+    let draw = steadiest(simulator, theta, draw, |draw| rollout(values.to_vec(), draw), cancel)?;
     let more = if views.len() > 1 { 0 } else { DRAWS };
     let best: Vec<Rollout> =
         (0..=more).map(|next| rollout(values.to_vec(), draw.wrapping_add(next))).collect();
-    let (best, bytes) = measure(simulator, theta, &views, &best)?;
+    let (best, bytes) = measure(simulator, theta, &views, &best, cancel)?;
     let diverged = || FitError::Scan("the simulation of the best values diverges".to_owned());
     let centre = best.first().cloned().flatten().ok_or_else(diverged)?;
 
@@ -139,7 +140,7 @@ pub fn identify(
             rollout(values, draw)
         };
         let rollouts: Vec<Rollout> = points.iter().map(moved).collect();
-        let (costs, _) = measure(simulator, theta, &views, &rollouts)?;
+        let (costs, _) = measure(simulator, theta, &views, &rollouts, cancel)?;
         rises.extend(costs.iter().map(|costs| costs.as_ref().map(rise)));
     }
     let of_entry = |(at, entry): (usize, &Entry)| {
@@ -165,15 +166,17 @@ fn steadiest(
     theta: &Theta,
     first: u64,
     rollout: impl Fn(u64) -> Rollout,
+    cancel: &Cancel<'_>,
 ) -> Result<u64, FitError> {
     let falls = |draws: &[u64]| -> Result<Vec<usize>, FitError> {
         let counts: Vec<AtomicUsize> = draws.iter().map(|_| AtomicUsize::new(0)).collect();
         let rollouts: Vec<Rollout> = draws.iter().map(|&draw| rollout(draw)).collect();
-        simulator.simulate(theta, &rollouts, &|candidate, _, signals: Signals<'_>| {
+        let consume = |candidate: usize, _: usize, signals: Signals<'_>| {
             if let Some(count) = counts.get(candidate).filter(|_| signals.fell_at.is_some()) {
                 count.fetch_add(1, Ordering::Relaxed);
             }
-        })?;
+        };
+        simulator.simulate(theta, &rollouts, &consume, cancel)?;
         Ok(counts.into_iter().map(AtomicUsize::into_inner).collect())
     };
     if falls(&[first])? == [0] {
@@ -209,6 +212,7 @@ fn measure(
     theta: &Theta,
     views: &[View<'_>],
     rollouts: &[Rollout],
+    cancel: &Cancel<'_>,
 ) -> Result<(Vec<Costs>, usize), FitError> {
     struct Pending {
         signals: Vec<Option<Predicted>>,
@@ -221,7 +225,7 @@ fn measure(
         Mutex::new(Pending { signals: vec![None; recordings], missing: recordings, bytes: 0, costs: None })
     };
     let pending: Vec<Mutex<Pending>> = rollouts.iter().map(begin).collect();
-    simulator.simulate(theta, rollouts, &|candidate, recording, signals: Signals<'_>| {
+    let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
         let Some(pending) = pending.get(candidate) else { return };
         let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let Some(slot) = pending.signals.get_mut(recording).filter(|slot| slot.is_none()) else { return };
@@ -234,7 +238,8 @@ fn measure(
             let signals = std::mem::take(&mut pending.signals);
             pending.costs = Some(views.iter().map(|view| total(view, &signals)).collect());
         }
-    })?;
+    };
+    simulator.simulate(theta, rollouts, &consume, cancel)?;
     let mut costs = Vec::with_capacity(rollouts.len());
     let mut bytes = 0;
     for (number, pending) in pending.into_iter().enumerate() {

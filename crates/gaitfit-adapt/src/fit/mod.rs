@@ -5,6 +5,7 @@
 
 mod baseline;
 mod compare;
+mod convergence;
 mod driver;
 mod error;
 mod evaluate;
@@ -16,9 +17,10 @@ mod run;
 
 pub use baseline::{TargetSignal, best_delay, delayed};
 pub use compare::{Agreement, compare};
+pub use convergence::unsettled;
 pub use driver::{Fit, FitOptions, Generation, RandomNumbers, RunGeneration};
 pub use error::FitError;
-pub use evaluate::{Evaluation, Job, evaluate, simulate_one};
+pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one};
 pub use falls::FallPenalty;
 pub use identify::{Identification, MOST_SCANNED, NoiseSource, identify};
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};

@@ -3,7 +3,7 @@
 use super::run::Stop;
 use super::{FitError, Identification, MOST_SCANNED, identify};
 use crate::cost::Cost;
-use crate::{Simulator, Theta};
+use crate::{Cancel, Simulator, Theta};
 use serde::{Deserialize, Serialize};
 
 /// What one cost's runs found together.
@@ -103,11 +103,12 @@ impl CostOutcome {
         theta: &Theta,
         cost: &dyn Cost,
         draw: u64,
+        cancel: &Cancel<'_>,
     ) -> Result<bool, FitError> {
         if theta.len() > MOST_SCANNED {
             return Ok(false);
         }
-        let found = identify(simulator, theta, cost, &self.values(), draw)?;
+        let found = identify(simulator, theta, cost, &self.values(), draw, cancel)?;
         for (parameter, found) in self.parameters.iter_mut().zip(found) {
             parameter.identification = Some(found);
         }

@@ -239,7 +239,14 @@ impl ThetaFile {
     /// # Errors
     /// [`ThetaFileError`] naming what the robot lacks or what has no meaning.
     pub fn candidate(&self, model: &Model) -> Result<Candidate, ThetaFileError> {
-        let mut candidate = Candidate::nominal(model);
+        self.apply(model, Candidate::nominal(model))
+    }
+
+    /// The robot `candidate` of `model` with everything the file says.
+    ///
+    /// # Errors
+    /// As [`Self::candidate`].
+    pub fn apply(&self, model: &Model, mut candidate: Candidate) -> Result<Candidate, ThetaFileError> {
         let context = ReadContext { model };
         let mut seen = HashSet::new();
         for parameter in &self.parameter {

@@ -7,7 +7,7 @@ mod world;
 
 pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms};
 pub use choices::{Config, ConfigOf, Preset};
-pub use run::{Adapt, Finetune, Loop, Reproduce, Train};
+pub use run::{Adapt, Finetune, Loop, Reproduce, Train, Validate};
 pub use world::{Collect, Evaluate};
 
 use clap::{Args, Parser, Subcommand};
@@ -33,6 +33,8 @@ pub enum Command {
     Inspect(Inspect),
     /// Fit the simulator's parameters to logs of a robot
     Adapt(Adapt),
+    /// Check how well a finished fit predicts other logs, without fitting again
+    Validate(Validate),
     /// Train a policy by PPO
     Train(Train),
     /// Go on training a policy in an adapted simulator

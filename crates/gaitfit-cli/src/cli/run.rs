@@ -41,6 +41,28 @@ pub struct Adapt {
     pub run: RunArgs,
 }
 
+/// Arguments of `validate`.
+#[derive(Debug, Args)]
+pub struct Validate {
+    /// Fitted parameters: the theta.toml of an `adapt` run
+    pub theta: PathBuf,
+    /// Logs to validate on: files; of a walking robot also folders and patterns
+    #[arg(required = true)]
+    pub logs: Vec<String>,
+    /// The fit's configuration [default: config.toml beside the parameters]
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Change one of its settings, for example --set check.rmse_rad=0.02 (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+}
+
 /// Arguments of `train`.
 #[derive(Debug, Args)]
 pub struct Train {

@@ -15,6 +15,7 @@ mod policy;
 pub mod reproduce;
 pub mod shell;
 pub mod train;
+pub mod validate;
 
 use std::path::Path;
 

@@ -1,6 +1,7 @@
-//! From log files to recordings in the robot's joint order, with gains.
+//! From log files to samples in the robot's joint order, with gains, and to what the simulator replays.
 
 use crate::Error;
+use crate::log::Log;
 use crate::settings::{AdaptConfig, FileGains};
 use crate::{log_joints, paths, robot};
 use gaitfit_log::{
@@ -9,42 +10,17 @@ use gaitfit_log::{
 use gaitfit_model::Model;
 use gaitfit_sim::Recording;
 use globset::Glob;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// A log ready to be replayed.
-#[derive(Debug)]
-pub struct Log {
-    /// As the configuration names it.
-    pub name: String,
-    /// Where it was found.
-    pub path: PathBuf,
-    /// Files beside it that were read too.
-    pub sidecars: Vec<PathBuf>,
-    /// What the checks of a log say about it.
-    pub findings: Vec<Finding>,
-    /// The log's own names of the robot's joints, in the robot's order.
-    pub joints: Vec<String>,
-    /// Its samples, joints in the robot's order under the robot's names.
-    pub trajectory: Trajectory,
-    /// What the simulator replays.
-    pub recording: Recording,
-}
-
-impl Log {
-    /// Position targets, rad; `samples × joints`.
-    pub fn target(&self) -> &[f64] {
-        &self.recording.target
-    }
-}
-
-/// Reads the log `named` for a robot. `override_gains` are gains that win over the log's own.
+/// Reads the log `named` for a robot, and gives what its checks doubt, each in a sentence. `override_gains` are gains
+/// that win over the log's own.
 pub fn read(
     named: &str,
     config_path: &Path,
     config: &AdaptConfig,
     model: &Model,
     override_gains: &[FileGains],
-) -> Result<Log, Error> {
+) -> Result<(Log, Vec<String>), Error> {
     let path = paths::find(named, "log", config_path)?;
     let gains = matching(override_gains, named, &path)?;
     let own = gains.map_or_else(ReadOptions::default, |gains| with_gains(gains.kp.clone(), gains.kd.clone()));
@@ -64,7 +40,7 @@ pub fn read(
     let all: Vec<usize> = (0..model.joints.len()).collect();
     let (trajectory, joints) = log_joints::of_robot(&trajectory, &path, &config.joint_names, model, &all)?;
     let findings = check(&trajectory, &robot::check_spec(model, &trajectory.joints));
-    let recording = recording(&trajectory, &path)?;
+    recording(&trajectory, &path)?;
     if let Some(broken) = findings.iter().find(|finding| unusable(finding)) {
         return Err(Error::failed(format!(
             "{}: {}: {}. `gaitfit inspect` shows the log; cut or repair it.",
@@ -73,15 +49,9 @@ pub fn read(
             broken.message.trim_end_matches('.')
         )));
     }
-    Ok(Log {
-        name: named.to_owned(),
-        path,
-        sidecars: report.sidecars,
-        findings,
-        joints,
-        trajectory,
-        recording,
-    })
+    let doubts = findings.iter().filter(|finding| finding.severity != Severity::Note);
+    let doubts = doubts.map(|finding| format!("{named}: {finding}")).collect();
+    Ok((Log { name: named.to_owned(), path, sidecars: report.sidecars, joints, trajectory }, doubts))
 }
 
 /// Findings after which a replay means nothing. Others, such as a robot that does not follow, are warnings: an
@@ -127,7 +97,11 @@ pub fn matching<'a>(
     Ok(None)
 }
 
-fn recording(trajectory: &Trajectory, path: &Path) -> Result<Recording, Error> {
+/// What the simulator replays of a log.
+///
+/// # Errors
+/// A log without targets or gains, with samples that are no numbers, or with one sample.
+pub fn recording(trajectory: &Trajectory, path: &Path) -> Result<Recording, Error> {
     let shown = path.display();
     let Some(target) = trajectory.target.clone() else {
         return Err(Error::failed(format!(

@@ -4,15 +4,14 @@ use super::results::{REFERENCE, Results, TARGET};
 use super::rounds::Done;
 use super::setup::Setup;
 use crate::Error;
+use crate::adapt;
 use crate::gait;
 use crate::machine::now;
 use crate::pieces;
 use crate::replay;
 use crate::run::RunFolder;
-use crate::search;
 use crate::target::{PolicyFiles, Target};
 use crate::train;
-use crate::walk::report;
 use gaitfit_view::loop_report::{DriftTrials, Round, Tracking};
 use gaitfit_view::{Doubt, DoubtKind, Link, LoopReport, Replay, Setting, loop_html};
 
@@ -70,10 +69,10 @@ fn doubts(done: &Done) -> Vec<Doubt> {
 
 fn rounds(folder: &RunFolder, done: &Done) -> Result<Vec<Round>, Error> {
     let mut rounds = Vec::with_capacity(done.results.rounds.len());
-    for (result, (_, ground)) in done.results.rounds.iter().zip(&done.grounds) {
+    for (result, fit) in done.results.rounds.iter().zip(&done.fits) {
         let within = folder.path().join(format!("round-{}", result.round));
-        let metrics = RunFolder::only(&within, "adapt")?.read(search::METRICS)?.unwrap_or_default();
-        let round = report::round(ground, &ground.simulator(), &result.adapt, &metrics)?;
+        let course = adapt::metrics(&RunFolder::only(&within, "adapt")?)?;
+        let round = adapt::round(fit, &result.adapt, &course)?;
         rounds.push(Round {
             name: format!("Round {}: {} → {}", result.round, result.before, result.after),
             wall_seconds: result.adapt.wall_seconds + result.finetune.wall_seconds,

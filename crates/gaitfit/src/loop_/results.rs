@@ -1,8 +1,8 @@
 //! What a loop came to, as the one document that `--json` prints, `result.json` keeps, and table and report show.
 
+use crate::adapt::AdaptResults;
 use crate::target::Evaluation;
 use crate::train;
-use crate::walk::results::GroundResults;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -52,7 +52,7 @@ pub struct RoundResult {
     /// The policy that came out.
     pub after: String,
     /// The fit.
-    pub adapt: GroundResults,
+    pub adapt: AdaptResults,
     /// The fitted parameters' file.
     pub theta: String,
     /// The training.

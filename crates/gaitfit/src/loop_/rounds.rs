@@ -10,10 +10,10 @@ use super::results::{self, Measurement, REFERENCE, Results, RoundResult, TARGET,
 use super::setup::Setup;
 use super::stages::{Simulator, Stages, measurement};
 use crate::Error;
+use crate::adapt;
 use crate::run::RunFolder;
 use crate::settings::{AdaptConfig, TargetConfig, TargetKind};
 use crate::target::{Evaluation, PolicyFiles, Target};
-use crate::walk::setup::Ground;
 use crate::watch::Watch;
 use gaitfit_adapt::ThetaFile;
 
@@ -22,7 +22,7 @@ pub struct Done {
     /// What came out.
     pub results: Results,
     /// The fits' inputs, one a round.
-    pub grounds: Vec<(AdaptConfig, Ground)>,
+    pub fits: Vec<adapt::Setup>,
     /// The policies before the first round and after each.
     pub policies: Vec<PolicyFiles>,
     /// The robot, if it can be run from here.
@@ -44,12 +44,12 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
     evaluations.extend(measurement(TARGET, stages.on_target("policy-0", &first)?));
     let mut policies = vec![first];
     let mut rounds: Vec<RoundResult> = Vec::new();
-    let mut grounds = Vec::new();
+    let mut fits = Vec::new();
     let mut stopped_because = "all rounds are done".to_owned();
     for number in 1..=most {
-        let (round, ground) = one_round(&mut stages, number, &mut policies, &mut evaluations)?;
+        let (round, fit) = one_round(&mut stages, number, &mut policies, &mut evaluations)?;
         rounds.push(round);
-        grounds.push(ground);
+        fits.push(fit);
         let (helped, why) = helped(setup, &rounds, &evaluations);
         if !helped {
             stopped_because = why;
@@ -75,7 +75,7 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         rounds,
         evaluations,
     };
-    Ok(Done { results, grounds, policies, target: stages.target })
+    Ok(Done { results, fits, policies, target: stages.target })
 }
 
 /// Stages of so many rounds, if none ends the loop.
@@ -92,7 +92,7 @@ fn one_round(
     number: u32,
     policies: &mut Vec<PolicyFiles>,
     evaluations: &mut Vec<Measurement>,
-) -> Result<(RoundResult, (AdaptConfig, Ground)), Error> {
+) -> Result<(RoundResult, adapt::Setup), Error> {
     let setup = stages.setup;
     let round = format!("round-{number}");
     stages.folder.make(&round)?;
@@ -112,7 +112,7 @@ fn one_round(
     );
     config.runs = stages.path(&round).display().to_string();
     add_truth(setup, &mut config);
-    let (ground, adapt, theta) = stages.adapt(&round, &config)?;
+    let (fit, adapt, theta) = stages.adapt(&round, &config)?;
     let simulator = Simulator { theta: theta.clone(), ..Simulator::default() };
     let (finetune, bytes) = stages.finetune(&round, before, &simulator)?;
     let stem = |number: u32| format!("policy-{number}");
@@ -130,7 +130,7 @@ fn one_round(
         finetune,
     };
     policies.push(after);
-    Ok((result, (config, ground)))
+    Ok((result, fit))
 }
 
 /// Gives a fit the true values that a simulated target has for its parameters.
@@ -244,7 +244,7 @@ fn warnings(rounds: &[RoundResult], evaluations: &[Measurement]) -> Vec<String> 
     let mut found = Vec::new();
     for round in rounds {
         let which = if rounds.len() == 1 { String::new() } else { format!("round {}: ", round.round) };
-        found.extend(round.adapt.warnings.iter().map(|warning| format!("{which}{warning}")));
+        found.extend(round.adapt.notes().iter().map(|warning| format!("{which}{warning}")));
         let (before, after) = (measured(evaluations, &round.before), measured(evaluations, &round.after));
         if let (Some(before), Some(after)) = (before, after) {
             if results::tracking_error(after) >= results::tracking_error(before) {

@@ -5,13 +5,12 @@ use super::files::Times;
 use super::results::Measurement;
 use super::setup::Setup;
 use crate::Error;
+use crate::adapt::{self, AdaptResults};
 use crate::run::RunFolder;
 use crate::settings::{AdaptConfig, FinetuneConfig};
 use crate::target::{Evaluation, PolicyFiles, Target, csv_files, measure};
-use crate::walk::results::GroundResults;
-use crate::walk::setup::Ground;
 use crate::watch::{Event, Watch};
-use crate::{finetune, train, walk};
+use crate::{finetune, train};
 use gaitfit_policy::{onnx, weights};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -122,14 +121,14 @@ impl<'a> Stages<'a> {
         &mut self,
         round: &str,
         config: &AdaptConfig,
-    ) -> Result<(Ground, GroundResults, PathBuf), Error> {
+    ) -> Result<(adapt::Setup, AdaptResults, PathBuf), Error> {
         self.pause()?;
         let stage = format!("{round}/adapt");
         let file = format!("{round}/adapt.toml");
         self.folder.make(round)?;
         self.write_config(&file, config)?;
         let recorded = self.path(&format!("{round}/logs"));
-        let ground = Ground::open(config, &self.path(&file), Some(self.setup.threads)).map_err(|error| {
+        let setup = adapt::Setup::open(config, &self.path(&file), Some(self.setup.threads)).map_err(|error| {
             if !recorded.is_dir() {
                 return error;
             }
@@ -142,13 +141,13 @@ impl<'a> Stages<'a> {
         })?;
         self.announce(&format!(
             "{stage}: {} parameters are fitted to {} logs",
-            ground.theta.len(),
-            ground.trajectories().len()
+            setup.theta.len(),
+            setup.fit.logs.len()
         ));
         let folder = RunFolder::only(&self.path(round), "adapt")?;
-        let results = walk::fit::fit(config, &ground, &folder, self.watch)?;
+        let results = adapt::fit(&setup, &folder, self.watch)?;
         self.times.set(&stage, results.wall_seconds)?;
-        Ok((ground, results, folder.path().join("theta.toml")))
+        Ok((setup, results, folder.path().join("theta.toml")))
     }
 
     /// The training in the folder `round/finetune`, from a policy, in a simulator. Gives the trained policy's bytes.

@@ -143,13 +143,13 @@ impl Run<'_> {
             setup.config.adapt(1, first.safetensors.display().to_string(), vec![logs.display().to_string()]);
         adapt.runs = stages.path(round).display().to_string();
         add_truth(&setup, &mut adapt);
-        let (ground, found, theta) = stages.adapt(round, &adapt)?;
+        let (fitted, found, theta) = stages.adapt(round, &adapt)?;
         let mut result = SeedResult {
             seed,
             fit: found.fits.first().map(|fit| SeedFit::new(fit, found.wall_seconds)),
             walk: None,
             seconds: found.wall_seconds,
-            warnings: found.warnings.into_iter().filter(|one| !ground.warnings.contains(one)).collect(),
+            warnings: found.notes().into_iter().filter(|one| !fitted.warnings.contains(one)).collect(),
             run_folder: folder.path().display().to_string(),
         };
         if self.kind == Kind::Finetuning {

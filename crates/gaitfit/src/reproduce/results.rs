@@ -1,8 +1,8 @@
 //! What a table came to, as the one document that `--json` prints, `result.json` keeps, and table and plot show.
 
 use super::paper::Kind;
+use crate::adapt::CostFit;
 use crate::target::Evaluation;
-use crate::walk::results::GroundFit;
 use gaitfit_view::loop_report::Estimate;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -129,7 +129,7 @@ const MOST_SHOWN: usize = 50;
 
 impl SeedFit {
     /// What a fit of one cost found in so many seconds.
-    pub fn new(fit: &GroundFit, seconds: f64) -> Self {
+    pub fn new(fit: &CostFit, seconds: f64) -> Self {
         let shown = if fit.parameters.len() <= MOST_SHOWN { fit.parameters.as_slice() } else { &[] };
         let error = |value: f64, truth: f64| 100.0 * (value / truth - 1.0).abs();
         Self {

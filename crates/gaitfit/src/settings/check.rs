@@ -5,11 +5,16 @@ use crate::Error;
 use gaitfit_adapt::fit::{FallPenalty, FitOptions};
 use std::path::Path;
 
+/// Largest seed: what a TOML file can hold.
+const MOST_SEED: u64 = i64::MAX as u64;
+
 /// Refuses settings out of range, and those that a kind of log does not have.
 pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
     let free = config.base == Base::Free;
     let optimizer = &config.optimizer;
     let horizon = config.simulation.horizon_seconds;
+    let check = &config.check;
+    let limits = [check.cost, check.validation_cost, check.rmse_rad];
     let not_negative = |value: f64| value.is_finite() && value >= 0.0;
     let wrong = if !free && config.robot.is_empty() {
         "`robot` names no robot file"
@@ -21,14 +26,14 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`costs` names one cost twice"
     } else if !free && config.costs.iter().any(|cost| cost.is_privileged()) {
         "a cost in `costs` resets the base, and base = \"fixed\" has none to reset; take \"matcho\" or \"wass\""
-    } else if !free && (config.policy.is_some() || config.known.is_some()) {
-        "`policy` and `known` are for walking logs; add base = \"free\" if the robot walked"
+    } else if !free && config.policy.is_some() {
+        "`policy` is for walking logs; add base = \"free\" if the robot walked"
     } else if !(free || config.network.is_empty() && config.number.is_empty()) {
         "[[network]] and [[number]] are for walking logs; add base = \"free\" if the robot walked"
     } else if free && config.policy.is_none() {
         "base = \"free\" needs `policy`, the file of the policy that walked"
-    } else if free && !config.validate.is_empty() {
-        "`validate` is for logs of a clamped robot; fit walking logs with several seeds instead"
+    } else if free && !config.validate_gains.is_empty() {
+        "`validate_gains` are for logs of a clamped robot; the policy's file states the gains of a walking one"
     } else if !not_negative(config.falls.margin_seconds)
         || config.falls.penalty.is_some_and(|price| !not_negative(price))
     {
@@ -37,8 +42,8 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`optimizer.generations` must be at least 1"
     } else if optimizer.seeds == 0 || optimizer.seeds > 1000 {
         "`optimizer.seeds` must be 1 to 1000"
-    } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none() {
-        "`optimizer.seed` is too large"
+    } else if optimizer.seed.checked_add(optimizer.seeds as u64).is_none_or(|last| last > MOST_SEED) {
+        "`optimizer.seed`, and with it the last of `optimizer.seeds` seeds, must be below 2^63"
     } else if optimizer.population == 1 || optimizer.population > 10_000 {
         "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 10000"
     } else if optimizer.restarts > 20 {
@@ -59,10 +64,16 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`simulation.horizon_seconds` is for walking logs; add base = \"free\" if the robot walked"
     } else if config.runs.is_empty() {
         "`runs` names no folder; \".\" is the current one"
-    } else if config.check.rmse_rad.is_some_and(|limit| !not_negative(limit)) {
-        "`check.rmse_rad` must be at least 0"
-    } else if config.check.rmse_rad.is_some() && config.validate.is_empty() {
-        "`check.rmse_rad` needs logs in `validate`"
+    } else if limits.iter().flatten().any(|limit| !not_negative(*limit)) {
+        "`check.cost`, `check.validation_cost` and `check.rmse_rad` must be at least 0"
+    } else if check.rmse_rad.or(check.validation_cost).is_some() && config.validate.is_empty() {
+        "`check.rmse_rad` and `check.validation_cost` need logs in `validate`"
+    } else if check.rmse_rad.is_some() && free && !config.costs.iter().any(|cost| cost.is_aligned()) {
+        "`check.rmse_rad` compares samples one by one, which \"wass\" does not; check the cost, or add \"matcho\" to \
+         `costs`"
+    } else if check.validation_cost.is_some() && config.costs[0].is_privileged() {
+        "`check.validation_cost` is of simulations that run freely, and the first cost resets them; put \"wass\" or \
+         \"matcho\" first"
     } else {
         return Ok(());
     };

@@ -39,7 +39,7 @@ pub struct AdaptConfig {
     /// Walking logs: the policy that walked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub policy: Option<String>,
-    /// Walking logs: parameters already known, a theta.toml; what is fitted comes on top.
+    /// Parameters already known, a theta.toml; what is fitted comes on top.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub known: Option<String>,
     /// Logs to fit.
@@ -202,6 +202,16 @@ pub struct OptimizerConfig {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CheckConfig {
+    /// Whether the search must have come to its end.
+    pub converged: bool,
+    /// Whether the fitted robot must be closer to the logs than the robot before the fit.
+    pub better_than_nominal: bool,
+    /// Largest cost on the fitted logs, of the first cost.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cost: Option<f64>,
+    /// The same on the validation logs.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub validation_cost: Option<f64>,
     /// Largest free-running position RMSE over the validation logs, rad.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rmse_rad: Option<f64>,

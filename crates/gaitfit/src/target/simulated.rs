@@ -4,7 +4,7 @@ use super::{Evaluation, Plan, PolicyFiles, measure, write_logs};
 use crate::Error;
 use crate::paths;
 use crate::settings::{LoopConfig, TargetConfig};
-use crate::walk::setup::theta_file;
+use crate::theta;
 use crate::watch::Watch;
 use crate::world::{World, WorldSettings};
 use gaitfit_adapt::{Found, ParameterRule, RobotRule, Rules, Sharing, ThetaFile};
@@ -33,7 +33,7 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<ThetaF
     let wrong =
         |error: &dyn std::fmt::Display| Error::settings(format!("{}: [target] {error}", path.display()));
     let mut file = match &config.theta {
-        Some(named) => theta_file(&paths::find(named, "target.theta", path)?)?,
+        Some(named) => theta::read(&paths::find(named, "target.theta", path)?)?,
         None => ThetaFile::parse("format = 2").map_err(|error| wrong(&error))?,
     };
     let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();

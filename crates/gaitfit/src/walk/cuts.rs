@@ -1,8 +1,8 @@
 //! What does not count in a log: falls with a margin, and where samples were lost.
 
-use super::logs::GroundLog;
 use super::{policy_check, rate, tilt};
 use crate::Error;
+use crate::log::Log;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{CheckSpec, Trajectory};
 use gaitfit_policy::Policy;
@@ -88,10 +88,10 @@ pub fn keep(
 /// Cuts falls that only the policy felt (see [`tilt`]) out of logs without the base's orientation.
 pub fn cut_felt(
     policy: &Policy,
-    logs: Vec<GroundLog>,
+    logs: Vec<Log>,
     margin: f64,
     cuts: &mut Vec<Cut>,
-) -> Result<Vec<GroundLog>, Error> {
+) -> Result<Vec<Log>, Error> {
     let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
     let spread = policy_check::spread(&trajectories, policy.interface.joints.len());
     let mut left = Vec::with_capacity(logs.len());
@@ -112,7 +112,7 @@ pub fn cut_felt(
             let trajectory = log.trajectory.slice(range).map_err(failed)?;
             let name =
                 format!("{} from {:.2} s", log.name, trajectory.time.first().copied().unwrap_or_default());
-            left.push(GroundLog { name, trajectory, ..log.clone() });
+            left.push(Log { name, trajectory, ..log.clone() });
         }
     }
     Ok(left)

@@ -1,6 +1,7 @@
 //! Doubts about walking logs that do not keep them from being used, each in a sentence.
 
-use super::logs::{GroundLog, Read};
+use super::logs::Read;
+use crate::log::Log;
 use crate::robot;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{FindingKind, Severity, check};
@@ -82,7 +83,7 @@ pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
 }
 
 /// Whether the logged targets are what the policy's interface makes of the logged actions.
-pub fn targets_differ(logs: &[GroundLog], interface: &Interface) -> Option<String> {
+pub fn targets_differ(logs: &[Log], interface: &Interface) -> Option<String> {
     let joints = interface.joints.len();
     let clip = interface.action_clip.unwrap_or(f64::INFINITY);
     let (mut squares, mut samples) = (vec![0.0; joints], 0.0);

@@ -7,6 +7,7 @@ use super::log_files::{self, LogFile};
 use super::policy_check::{self, PolicyMatch};
 use super::{doubts, rate};
 use crate::Error;
+use crate::log::Log;
 use crate::log_joints;
 use crate::settings::{AdaptConfig, LEAST_STRETCH_S};
 use gaitfit_learn::task::Task;
@@ -23,25 +24,20 @@ use std::path::{Path, PathBuf};
 /// Counted data that a fit needs, s.
 const LEAST_S: f64 = 10.0;
 
-/// A stretch of a walking log, ready to be compared with rollouts of the policy.
-#[derive(Clone, Debug)]
-pub struct GroundLog {
-    /// As the configuration leads to it; stretches of a log that was cut say where they begin.
-    pub name: String,
-    /// Where it was found.
-    pub path: PathBuf,
-    /// Files beside it that were read too.
-    pub sidecars: Vec<PathBuf>,
-    /// Its samples: the policy's joints in the policy's order under the model's names, at the policy's rate, with
-    /// actions and commands, all finite. Parts of the base's state that are not finite are absent.
-    pub trajectory: Trajectory,
+/// What logs are read for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// A fit: some data are too little, and commands without data are worth a warning.
+    Fit,
+    /// Validating a fit: any stretch that counts will do.
+    Validation,
 }
 
 /// The logs, and what to know about them.
 #[derive(Clone, Debug)]
 pub struct LogNotes {
     /// The data that count.
-    pub logs: Vec<GroundLog>,
+    pub logs: Vec<Log>,
     /// Doubts, each one sentence.
     pub warnings: Vec<String>,
     /// Parts that do not count.
@@ -75,22 +71,26 @@ pub struct Read {
     /// Where from.
     pub file: LogFile,
     sidecars: Vec<PathBuf>,
+    /// The log's own names of the joints.
+    joints: Vec<String>,
     /// Its samples as recorded.
     pub trajectory: Trajectory,
 }
 
-/// Reads `config.logs` for fits of `policy` in `scene`.
+/// Reads the logs `named` for a fit of `policy` in `scene`, or for its validation.
 ///
 /// # Errors
 /// Files that are not there or no logs, signals that a fit needs and the logs lack, logs slower than the policy, too
 /// little data, actions that are not the policy's; each says what to record next time.
 pub fn read(
+    named: &[String],
+    purpose: Purpose,
     config: &AdaptConfig,
     config_path: &Path,
     policy: &Policy,
     scene: &Task,
 ) -> Result<LogNotes, Error> {
-    let (files, mut warnings) = log_files::find(&config.logs, config_path)?;
+    let (files, mut warnings) = log_files::find(named, config_path)?;
     let mut reads: Vec<Read> = Vec::with_capacity(files.len());
     for file in files {
         let read = open(file, config, scene)?;
@@ -127,7 +127,7 @@ pub fn read(
         removed.extend(cut);
     }
     let mut logs = long_enough(stretches, skipped, &mut warnings);
-    enough(config, config_path, reads.len(), &logs, &removed)?;
+    enough(purpose, config, config_path, reads.len(), &logs, &removed)?;
 
     let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
     let policy_match = policy_check::check(policy, &trajectories);
@@ -136,19 +136,21 @@ pub fn read(
     warnings.extend(policy_match.judge(policy_name, &names)?);
     if policy_match.agrees() && !policy_match.exact {
         logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, skipped, &mut warnings);
-        enough(config, config_path, reads.len(), &logs, &removed)?;
+        enough(purpose, config, config_path, reads.len(), &logs, &removed)?;
     }
     warnings.extend(cuts::cut_text(&removed, reads.len()));
     if config.simulation.horizon_seconds > 0.0 {
         for log in &mut logs {
             shorten(log, skipped + config.simulation.horizon_seconds)?;
         }
-        enough(config, config_path, reads.len(), &logs, &removed)?;
+        enough(purpose, config, config_path, reads.len(), &logs, &removed)?;
     }
     let commands =
         logs.iter().flat_map(|log| log.trajectory.command.iter().flat_map(|rows| rows.chunks_exact(3)));
     let coverage = Coverage::new(commands, scene.walker.interface.control_dt, &scene.settings.command);
-    warnings.extend(coverage.warnings());
+    if purpose == Purpose::Fit {
+        warnings.extend(coverage.warnings());
+    }
     warnings.extend(doubts::targets_differ(&logs, &scene.walker.interface));
     for log in &mut logs {
         drop_broken_base(&mut log.trajectory);
@@ -159,7 +161,7 @@ pub fn read(
 fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error> {
     let model = scene.walker.batch.model();
     let (trajectory, report) = read_csv_report(&file.path, &ReadOptions::default()).map_err(Error::failed)?;
-    let (mut trajectory, _) =
+    let (mut trajectory, joints) =
         log_joints::of_robot(&trajectory, &file.path, &config.joint_names, model, &scene.walker.joints)?;
     let shown = file.path.display();
     if trajectory.command.is_none() {
@@ -191,7 +193,7 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
         )));
     }
     rate::check(trajectory.rate_hz, scene.walker.interface.control_dt, &shown.to_string())?;
-    Ok(Read { file, sidecars: report.sidecars, trajectory })
+    Ok(Read { file, sidecars: report.sidecars, joints, trajectory })
 }
 
 /// Actions that give these targets: (target − default pose) / scale; 0 where the scale is.
@@ -234,7 +236,7 @@ fn same_data(a: &Trajectory, b: &Trajectory) -> bool {
 }
 
 /// The logs that are long enough to count, and warnings about the others.
-fn long_enough(logs: Vec<GroundLog>, skipped: f64, warnings: &mut Vec<String>) -> Vec<GroundLog> {
+fn long_enough(logs: Vec<Log>, skipped: f64, warnings: &mut Vec<String>) -> Vec<Log> {
     let least = LEAST_STRETCH_S + skipped;
     let (long, short): (Vec<_>, Vec<_>) =
         logs.into_iter().partition(|log| log.trajectory.duration() >= least);
@@ -249,7 +251,7 @@ fn long_enough(logs: Vec<GroundLog>, skipped: f64, warnings: &mut Vec<String>) -
 }
 
 /// A stretch at the policy's rate.
-fn count(read: &Read, stretch: Range<usize>, scene: &Task) -> Result<GroundLog, Error> {
+fn count(read: &Read, stretch: Range<usize>, scene: &Task) -> Result<Log, Error> {
     let whole = stretch.len() == read.trajectory.len();
     let failed =
         |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", read.file.path.display()));
@@ -260,11 +262,17 @@ fn count(read: &Read, stretch: Range<usize>, scene: &Task) -> Result<GroundLog, 
     } else {
         format!("{} from {:.2} s", read.file.name, trajectory.time.first().copied().unwrap_or_default())
     };
-    Ok(GroundLog { name, path: read.file.path.clone(), sidecars: read.sidecars.clone(), trajectory })
+    Ok(Log {
+        name,
+        path: read.file.path.clone(),
+        sidecars: read.sidecars.clone(),
+        joints: read.joints.clone(),
+        trajectory,
+    })
 }
 
 /// Keeps the first `seconds` of a log.
-fn shorten(log: &mut GroundLog, seconds: f64) -> Result<(), Error> {
+fn shorten(log: &mut Log, seconds: f64) -> Result<(), Error> {
     let samples = (seconds * log.trajectory.rate_hz).round() as usize;
     if samples < log.trajectory.len() {
         let failed = |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", log.path.display()));
@@ -275,15 +283,20 @@ fn shorten(log: &mut GroundLog, seconds: f64) -> Result<(), Error> {
 
 /// Refuses too little data.
 fn enough(
+    purpose: Purpose,
     config: &AdaptConfig,
     config_path: &Path,
     read: usize,
-    logs: &[GroundLog],
+    logs: &[Log],
     cuts: &[Cut],
 ) -> Result<(), Error> {
     let skipped = config.skip_seconds();
     let seconds: f64 = logs.iter().map(|log| log.trajectory.duration() - skipped).sum();
-    if seconds >= LEAST_S {
+    let needed = match purpose {
+        Purpose::Fit => LEAST_S,
+        Purpose::Validation => LEAST_STRETCH_S,
+    };
+    if seconds >= needed {
         return Ok(());
     }
     let shown = config_path.display();
@@ -309,10 +322,15 @@ fn enough(
             because += &format!(", at most {horizon} s of each (`simulation.horizon_seconds`)");
         }
         let seconds = seconds.max(0.0);
-        format!(
-            "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {LEAST_S} s, \
-             and does well with some minutes: record more and longer, with varied commands."
-        )
+        match purpose {
+            Purpose::Fit => format!(
+                "{shown}: the logs hold {seconds:.1} s of walking that count{because}; a fit needs at least {LEAST_S} s, \
+                 and does well with some minutes: record more and longer, with varied commands."
+            ),
+            Purpose::Validation => format!(
+                "{shown}: the validation logs hold {seconds:.1} s of walking that count{because}; record longer ones."
+            ),
+        }
     }))
 }
 

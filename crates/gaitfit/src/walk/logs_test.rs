@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use super::fixtures::{policy, puppet, scene};
-use super::logs::{LogNotes, read};
+use super::logs::{LogNotes, Purpose, read};
 use crate::Error;
 use crate::settings::AdaptConfig;
 use gaitfit_learn::task::Task;
@@ -46,7 +46,7 @@ impl Bench {
             ..AdaptConfig::default()
         };
         change(&mut config);
-        read(&config, &folder.path().join("adapt.toml"), policy, &self.scene)
+        read(&config.logs, Purpose::Fit, &config, &folder.path().join("adapt.toml"), policy, &self.scene)
     }
 
     fn refused(&self, logs: &[Trajectory], parts: &[&str]) {

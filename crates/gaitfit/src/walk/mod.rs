@@ -1,21 +1,17 @@
-//! Fits of walking logs: the policy is run in the simulator under the logs' commands.
+//! Walking logs: reading them, and running the policy in the simulator under their commands.
 
 pub mod coverage;
 pub mod cuts;
 pub mod doubts;
-pub mod fit;
 pub mod imu_search;
 pub mod log_files;
 pub mod logs;
 pub mod observation;
 pub mod policy_check;
 pub mod rate;
-pub mod report;
-pub mod results;
-pub mod scan;
-pub mod setup;
 pub mod simulator;
 pub mod tilt;
+pub mod walking;
 
 #[cfg(test)]
 mod fixtures;

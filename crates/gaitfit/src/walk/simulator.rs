@@ -1,17 +1,17 @@
-//! The policy in the simulator, under the logs' commands: what a ground fit compares with the logs.
+//! The policy in the simulator, under the logs' commands: what a fit of walking logs compares with them.
 
+use super::walking::Walking;
 use gaitfit_adapt::cost::Signal;
-use gaitfit_adapt::{Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
+use gaitfit_adapt::{Cancel, Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_log::Trajectory;
-use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::walker::Walker;
 use gaitfit_sim::{Candidate, Start};
+use std::sync::Arc;
 
 /// Runs a policy on candidate robots with the command sequences of some logs.
-pub struct GroundSimulator<'a> {
-    walker: &'a Walker,
-    policy: &'a Policy,
+pub struct WalkSimulator {
+    walking: Arc<Walking>,
     /// What θ changes.
     base: Candidate,
     scripts: Vec<Script>,
@@ -19,28 +19,19 @@ pub struct GroundSimulator<'a> {
     joints: Vec<String>,
     /// Joints of the model, which θ names.
     model_joints: Vec<String>,
-    threads: usize,
 }
 
-impl<'a> GroundSimulator<'a> {
+impl WalkSimulator {
     /// A simulator of `logs` (joints in the policy's order, sampled at the policy's rate). `base`: the robot that θ
     /// changes.
-    pub fn new(
-        walker: &'a Walker,
-        policy: &'a Policy,
-        base: Candidate,
-        logs: &[&Trajectory],
-        threads: usize,
-    ) -> Self {
-        let model = walker.batch.model();
+    pub fn new(walking: Arc<Walking>, base: Candidate, logs: &[&Trajectory]) -> Self {
+        let joints = &walking.task.walker.batch.model().joints;
         Self {
-            walker,
-            policy,
             base,
-            scripts: logs.iter().map(|log| script(walker, log)).collect(),
-            joints: walker.joints.iter().map(|&joint| model.joints[joint].name.clone()).collect(),
-            model_joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
-            threads,
+            scripts: logs.iter().map(|log| script(&walking.task.walker, log)).collect(),
+            joints: walking.joints(),
+            model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
+            walking,
         }
     }
 
@@ -52,7 +43,7 @@ impl<'a> GroundSimulator<'a> {
     }
 }
 
-impl Simulator for GroundSimulator<'_> {
+impl Simulator for WalkSimulator {
     fn joints(&self) -> &[String] {
         &self.joints
     }
@@ -70,7 +61,9 @@ impl Simulator for GroundSimulator<'_> {
         theta: &Theta,
         candidates: &[Rollout],
         consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
+        let Walking { policy, task, threads } = self.walking.as_ref();
         let jobs: Vec<Job> = candidates
             .iter()
             .map(|rollout| Job {
@@ -90,8 +83,9 @@ impl Simulator for GroundSimulator<'_> {
             };
             consume(job, script, signals);
         };
-        follow(self.walker, self.policy, &self.scripts, &jobs, self.threads, &pass)
-            .map_err(|error| SimulatorError(error.to_string()))
+        follow(&task.walker, policy, &self.scripts, &jobs, *threads, &pass, cancel)
+            .map_err(SimulatorError::failed)?;
+        if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }
 }
 

@@ -8,7 +8,7 @@ use gaitfit_log::Trajectory;
 /// scale 2 / range would blow rounding errors up to the size of real differences.
 const MIN_RANGE: f64 = 1e-9;
 
-/// One recorded run: `samples × joints` matrices, row-major, all in the target's joint order, and `samples × 3`
+/// One recorded run: `samples × joints` matrices, row-major, all in the reference's joint order, and `samples × 3`
 /// matrices of the base.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recorded {
@@ -89,7 +89,7 @@ pub struct Dimension {
 
 /// The matrices and dimensions of one signal.
 #[derive(Clone, Debug, PartialEq)]
-struct TargetSignal {
+struct ReferenceSignal {
     dimensions: Vec<Dimension>,
     /// One matrix a recording, pre-roll cut off.
     recordings: Vec<Vec<f64>>,
@@ -99,30 +99,30 @@ struct TargetSignal {
 /// mapped to [−1, 1] by the robot's own minimum and maximum over all recordings.
 ///
 /// A dimension that is constant on the robot (range below 1e-9) has no scale. It is left out of the mean over
-/// joints and named by [`Target::constant`], which callers must show; if a weighted signal has no other dimension
+/// joints and named by [`Reference::constant`], which callers must show; if a weighted signal has no other dimension
 /// the cost is refused.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Target {
+pub struct Reference {
     joints: Vec<String>,
     skip: usize,
     /// In the order of [`Signal::ALL`].
-    signals: [Option<TargetSignal>; Signal::ALL.len()],
+    signals: [Option<ReferenceSignal>; Signal::ALL.len()],
 }
 
-impl Target {
+impl Reference {
     /// Prepares `recordings`, whose columns are `joints`. The first `skip` samples of every recording, on both
     /// sides, do not count (pre-roll: the start is unlike the rest, or its state is unknown). The action
     /// and the base's state can be compared only if every recording has them.
     ///
     /// # Errors
-    /// [`CostError::EmptyTarget`], [`CostError::Shape`], [`CostError::TargetNotFinite`].
+    /// [`CostError::EmptyReference`], [`CostError::Shape`], [`CostError::ReferenceNotFinite`].
     pub fn new(joints: Vec<String>, recordings: &[Recorded], skip: usize) -> Result<Self, CostError> {
         if joints.is_empty() || recordings.is_empty() {
-            return Err(CostError::EmptyTarget("it needs at least one joint and one recording".into()));
+            return Err(CostError::EmptyReference("it needs at least one joint and one recording".into()));
         }
         let mut signals = [const { None }; Signal::ALL.len()];
         for (slot, signal) in signals.iter_mut().zip(Signal::ALL) {
-            *slot = TargetSignal::new(signal, &joints, recordings, skip)?;
+            *slot = ReferenceSignal::new(signal, &joints, recordings, skip)?;
         }
         Ok(Self { joints, skip, signals })
     }
@@ -215,16 +215,16 @@ impl Target {
         Ok(Counted { matrix: counted, lost: rows - end.max(start) })
     }
 
-    /// The target of some recordings alone, numbered as in `recordings`, in the scaling of all.
+    /// The reference of some recordings alone, numbered as in `recordings`, in the scaling of all.
     pub(crate) fn subset(&self, recordings: &[usize]) -> Self {
-        let of = |signal: &TargetSignal| {
+        let of = |signal: &ReferenceSignal| {
             let chosen: Vec<Vec<f64>> =
                 recordings.iter().filter_map(|&number| signal.recordings.get(number).cloned()).collect();
             let dimensions = signal.dimensions.iter().enumerate().map(|(column, dimension)| Dimension {
                 sorted: sorted(&chosen, column, signal.dimensions.len()),
                 ..*dimension
             });
-            TargetSignal { dimensions: dimensions.collect(), recordings: chosen }
+            ReferenceSignal { dimensions: dimensions.collect(), recordings: chosen }
         };
         let signals = std::array::from_fn(|index| self.signals[index].as_ref().map(of));
         Self { joints: self.joints.clone(), skip: self.skip, signals }
@@ -239,7 +239,7 @@ pub(crate) struct Counted<'a> {
     pub lost: usize,
 }
 
-impl TargetSignal {
+impl ReferenceSignal {
     fn new(
         signal: Signal,
         joints: &[String],
@@ -264,7 +264,7 @@ impl TargetSignal {
                 });
             }
             if let Some(bad) = matrix.iter().position(|value| !value.is_finite()) {
-                return Err(CostError::TargetNotFinite {
+                return Err(CostError::ReferenceNotFinite {
                     signal,
                     of: signal.of(joints, bad % width),
                     recording: number,
@@ -272,7 +272,7 @@ impl TargetSignal {
                 });
             }
             if rows <= skip {
-                return Err(CostError::EmptyTarget(format!(
+                return Err(CostError::EmptyReference(format!(
                     "recording {number} has {rows} samples and the first {skip} are skipped"
                 )));
             }
@@ -319,23 +319,23 @@ mod tests {
             recorded(&[9.0, 1.0, 0.0, 1.0, 3.0, 1.0], &[0.0, 5.0, 1.0, 6.0, 2.0, 8.0]),
             recorded(&[9.0, 1.0, -1.0, 1.0], &[0.0, 0.0, 0.0, 7.0]),
         ];
-        let target = Target::new(names(&["hip", "calf"]), &runs, 1).unwrap();
-        let hip = &target.dimensions(Signal::Position).unwrap()[0];
+        let reference = Reference::new(names(&["hip", "calf"]), &runs, 1).unwrap();
+        let hip = &reference.dimensions(Signal::Position).unwrap()[0];
         assert_eq!((hip.min, hip.max, hip.scale), (-1.0, 3.0, Some(0.5)));
         assert_eq!(hip.sorted, [-1.0, 0.0, 3.0]);
-        assert_eq!(target.constant(), [(Signal::Position, "calf")]);
-        assert_eq!((target.samples(0), target.samples(1), target.samples(2)), (3, 2, 0));
-        assert!(!target.has(Signal::Action));
+        assert_eq!(reference.constant(), [(Signal::Position, "calf")]);
+        assert_eq!((reference.samples(0), reference.samples(1), reference.samples(2)), (3, 2, 0));
+        assert!(!reference.has(Signal::Action));
     }
 
     #[test]
-    fn bad_targets_are_named() {
+    fn bad_references_are_named() {
         let joints = names(&["hip", "calf"]);
         let nan = recorded(&[0.0, 1.0, 2.0, 3.0], &[0.0, 1.0, 2.0, f64::NAN]);
-        let error = Target::new(joints.clone(), &[nan], 0).unwrap_err();
+        let error = Reference::new(joints.clone(), &[nan], 0).unwrap_err();
         assert_eq!(
             error,
-            CostError::TargetNotFinite {
+            CostError::ReferenceNotFinite {
                 signal: Signal::Velocity,
                 of: "joint calf".into(),
                 recording: 0,
@@ -343,10 +343,10 @@ mod tests {
             }
         );
         let short = recorded(&[0.0, 1.0], &[0.0, 1.0]);
-        assert!(matches!(Target::new(joints.clone(), &[short], 1), Err(CostError::EmptyTarget(_))));
+        assert!(matches!(Reference::new(joints.clone(), &[short], 1), Err(CostError::EmptyReference(_))));
         let ragged = recorded(&[0.0, 1.0, 2.0], &[0.0, 1.0, 2.0]);
-        assert!(matches!(Target::new(joints.clone(), &[ragged], 0), Err(CostError::Shape { .. })));
-        assert!(matches!(Target::new(joints, &[], 0), Err(CostError::EmptyTarget(_))));
+        assert!(matches!(Reference::new(joints.clone(), &[ragged], 0), Err(CostError::Shape { .. })));
+        assert!(matches!(Reference::new(joints, &[], 0), Err(CostError::EmptyReference(_))));
     }
 
     #[test]

@@ -4,9 +4,8 @@ use crate::Error;
 use crate::run::RunFolder;
 use crate::run::inputs::Inputs;
 use crate::watch::{Watch, Work};
-use gaitfit_adapt::cost::Cost;
-use gaitfit_adapt::fit::{Checkpoint, CostOutcome, Fit, FitOptions, Generation, RunGeneration};
-use gaitfit_adapt::{Simulator, Theta};
+use super::setup::Setup;
+use gaitfit_adapt::fit::{Checkpoint, CostOutcome, Fit, FitError, Generation, RunGeneration};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -37,27 +36,10 @@ pub struct Metric {
     pub run: RunGeneration,
 }
 
-/// What is fitted, and how far.
-#[derive(Clone, Copy)]
-pub struct Fitting<'a> {
-    /// Simulates candidates.
-    pub simulator: &'a dyn Simulator,
-    /// What is fitted.
-    pub theta: &'a Theta,
-    /// The costs, an independent fit each.
-    pub costs: &'a [Box<dyn Cost>],
-    /// The optimiser's settings.
-    pub options: &'a FitOptions,
-    /// Wall time after which it stops with what it has, s; 0: none.
-    pub max_seconds: f64,
-    /// Time between checkpoints, s.
-    pub checkpoint_seconds: f64,
-}
-
 /// Fits to the end, from the folder's checkpoint if it has one. Returns the outcomes and the wall time of all
 /// sessions, s.
 pub fn fit(
-    setup: &Fitting<'_>,
+    setup: &Setup,
     folder: &RunFolder,
     inputs: &Inputs,
     watch: &Watch<'_>,
@@ -72,25 +54,34 @@ pub fn fit(
         parts: "evaluations",
     });
     let mut saved = Instant::now();
-    let every = Duration::try_from_secs_f64(setup.checkpoint_seconds).unwrap_or(Duration::MAX);
+    let every = Duration::try_from_secs_f64(setup.config.checkpoint_seconds).unwrap_or(Duration::MAX);
     let save = |fit: &Fit<'_>| -> Result<(), Error> {
         let state = Saved { inputs: inputs.clone(), wall_seconds: seconds(), fit: fit.checkpoint() };
         let text = serde_json::to_vec(&state)
             .map_err(|error| Error::failed(format!("cannot write the checkpoint: {error}")))?;
         folder.write(CHECKPOINT, &text)
     };
-    while let Some(generation) = fit.step().map_err(Error::failed)? {
+    let interrupted = |fit: &Fit<'_>| match save(fit) {
+        Err(error) => error,
+        Ok(()) => Error::Interrupted(format!(
+            "interrupted after generation {}; {} has the checkpoint, --resume continues",
+            fit.generation(),
+            folder.path().display()
+        )),
+    };
+    loop {
+        let generation = match fit.step(&|| watch.stop()) {
+            Ok(None) => break,
+            Ok(Some(generation)) => generation,
+            Err(FitError::Cancelled) => return Err(interrupted(&fit)),
+            Err(error) => return Err(Error::failed(error)),
+        };
         folder.append(METRICS, &metric_lines(&generation, seconds())?)?;
         counting.step(fit.generation(), generation.evaluations, &best(setup, &fit));
         if watch.stop() {
-            save(&fit)?;
-            return Err(Error::Interrupted(format!(
-                "interrupted after generation {}; {} has the checkpoint, --resume continues",
-                fit.generation(),
-                folder.path().display()
-            )));
+            return Err(interrupted(&fit));
         }
-        let limit = setup.max_seconds;
+        let limit = setup.config.optimizer.max_seconds;
         if limit > 0.0 && seconds() >= limit && !fit.finished() {
             watch.note(&format!(
                 "note: stopped after {limit} s (optimizer.max_seconds), generation {}",
@@ -109,8 +100,8 @@ pub fn fit(
 }
 
 /// A fresh fit, or the checkpoint's with the metrics cut back to it.
-fn start<'a>(setup: &Fitting<'a>, folder: &RunFolder, inputs: &Inputs) -> Result<(Fit<'a>, f64), Error> {
-    let Fitting { simulator, theta, costs, .. } = *setup;
+fn start<'a>(setup: &'a Setup, folder: &RunFolder, inputs: &Inputs) -> Result<(Fit<'a>, f64), Error> {
+    let (simulator, theta, costs) = (setup.fit.simulator.as_ref(), &setup.theta, setup.costs.as_slice());
     let options = setup.options.clone();
     let Some(text) = folder.read(CHECKPOINT)? else {
         folder.write(METRICS, b"")?;
@@ -141,6 +132,13 @@ fn start<'a>(setup: &Fitting<'a>, folder: &RunFolder, inputs: &Inputs) -> Result
     Ok((fit, saved.wall_seconds))
 }
 
+/// The generations of a folder's runs, as far as its metrics can be read.
+pub fn metrics(folder: &RunFolder) -> Result<Vec<RunGeneration>, Error> {
+    let text = folder.read(METRICS)?.unwrap_or_default();
+    let run = |line: &str| serde_json::from_str::<Metric>(line).ok().map(|metric| metric.run);
+    Ok(text.lines().filter_map(run).collect())
+}
+
 fn metric_lines(generation: &Generation, wall_seconds: f64) -> Result<String, Error> {
     let mut lines = String::new();
     for run in &generation.runs {
@@ -154,7 +152,7 @@ fn metric_lines(generation: &Generation, wall_seconds: f64) -> Result<String, Er
 }
 
 /// The best so far, for the progress bar: each cost, and the first values of θ of the first one.
-fn best(setup: &Fitting<'_>, fit: &Fit<'_>) -> String {
+fn best(setup: &Setup, fit: &Fit<'_>) -> String {
     const SHOWN: usize = 3;
     let costs = setup.costs.iter().zip(fit.best_costs());
     let mut text: Vec<String> =

@@ -1,0 +1,135 @@
+//! Whether a search came to its end.
+
+use super::{CostOutcome, ParameterOutcome, Stop};
+
+/// A rise of the cost below this part, over the last quarter of a run, is no progress.
+const PROGRESS: f64 = 0.01;
+/// Seeds whose values differ by more than this part of the bounds (one standard deviation) found different ones.
+const APART: f64 = 0.05;
+/// Parameters named in a reason.
+const NAMED: usize = 4;
+
+/// Why the search for `outcome` had not converged, each reason a sentence; none if it had. `course`: the smallest cost
+/// so far of the best run, one a generation.
+///
+/// It had not, if changing one parameter alone lowers the cost by more than its noise
+/// ([`super::Identification::better`]). It had not either, if the best run was cut short by its generations, a time
+/// limit or the optimiser's failure before its deviations shrank to the tolerance, and its cost was still falling or
+/// the seeds' values lie apart. Values of parameters that the logs do not identify may lie apart.
+pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
+    let mut reasons = Vec::new();
+    let better = |one: &ParameterOutcome| {
+        let value = one.identification.as_ref()?.better?;
+        Some(format!("{} = {value:.4}", one.name))
+    };
+    let better: Vec<String> = outcome.parameters.iter().filter_map(better).collect();
+    match better.len() {
+        0 => {}
+        1 => reasons.push(format!("{} fits better than the value found.", better[0])),
+        _ => reasons.push(format!("Each alone, {} fit better than the values found.", listed(&better))),
+    }
+    let best = outcome.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
+    let ended = best.and_then(|run| run.stop);
+    if matches!(ended, Some(Stop::Tolerance | Stop::Converged)) {
+        return reasons;
+    }
+    if ended == Some(Stop::Degenerate) {
+        reasons.push("The optimiser could not go on: its steps grew without bound or lost all but one direction.".into());
+    }
+    let generations = best.map_or(0, |run| run.generations);
+    if let Some(fall) = late_fall(course).filter(|fall| *fall > PROGRESS) {
+        reasons.push(format!(
+            "The best cost still fell by {:.1} % over the last quarter of {generations} generations.",
+            100.0 * fall
+        ));
+    }
+    let apart: Vec<String> = outcome.parameters.iter().filter(|one| apart(one)).map(spread).collect();
+    if !apart.is_empty() {
+        reasons.push(format!("After {generations} generations the seeds lie apart: {}.", listed(&apart)));
+    }
+    reasons
+}
+
+fn listed(names: &[String]) -> String {
+    let shown = names[..names.len().min(NAMED)].join(", ");
+    if names.len() > NAMED { format!("{shown} and {} more", names.len() - NAMED) } else { shown }
+}
+
+fn spread(one: &ParameterOutcome) -> String {
+    format!("{} {:.4} ± {:.4}", one.name, one.value, one.spread.unwrap_or(0.0))
+}
+
+fn apart(one: &ParameterOutcome) -> bool {
+    let range = one.upper - one.lower;
+    let flat = one.identification.as_ref().is_some_and(|found| !found.identified);
+    !flat && one.spread.is_some_and(|spread| spread > APART * range)
+}
+
+/// The part by which the cost fell over the last quarter of the generations.
+fn late_fall(course: &[f64]) -> Option<f64> {
+    let last = *course.last()?;
+    let before = *course.get(course.len() - 1 - (course.len() / 4).max(1).min(course.len() - 1))?;
+    (before > 0.0).then(|| (before - last) / before)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::{Identification, NoiseSource, RunOutcome};
+
+    fn outcome(stop: Option<Stop>, spread: f64) -> CostOutcome {
+        let run = RunOutcome {
+            seed: 1,
+            best_cost: 1.0,
+            values: vec![0.5],
+            generations: 8,
+            stop,
+            diverged: 0,
+            falls: 0,
+        };
+        let parameter = ParameterOutcome {
+            name: "p".into(),
+            value: 0.5,
+            unit: "-".into(),
+            spread: Some(spread),
+            lower: 0.0,
+            upper: 1.0,
+            start: 0.0,
+            at_bound: false,
+            per_run: vec![0.5],
+            identification: None,
+        };
+        CostOutcome { cost: "matcho".into(), best_cost: 1.0, parameters: vec![parameter], runs: vec![run] }
+    }
+
+    #[test]
+    fn a_run_that_was_cut_short_is_judged_by_progress_and_spread() {
+        let flat = [2.0, 1.1, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
+        let falling = [8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0];
+        let reasons = |stop, spread, course: &[f64]| unsettled(&outcome(stop, spread), course);
+        assert!(reasons(Some(Stop::Generations), 0.01, &flat).is_empty());
+        assert!(reasons(Some(Stop::Tolerance), 0.2, &falling).is_empty(), "it shrank: others are worse, no more");
+        let progress = reasons(Some(Stop::Generations), 0.01, &falling);
+        assert!(progress.len() == 1 && progress[0].contains("66.7 %"), "{progress:?}");
+        let apart = reasons(None, 0.2, &flat);
+        assert!(apart.len() == 1 && apart[0].contains("p 0.5000 ± 0.2000"), "{apart:?}");
+    }
+
+    #[test]
+    fn what_the_logs_do_not_identify_may_lie_apart_and_a_better_value_never_converged() {
+        let found = |identified, better| Identification {
+            lower: 0.0,
+            upper: 1.0,
+            rise: 0.1,
+            noise: NoiseSource::Recordings,
+            identified,
+            better,
+        };
+        let mut one = outcome(Some(Stop::Generations), 0.2);
+        one.parameters[0].identification = Some(found(false, None));
+        assert!(unsettled(&one, &[1.0, 1.0]).is_empty());
+        let mut one = outcome(Some(Stop::Tolerance), 0.0);
+        one.parameters[0].identification = Some(found(true, Some(0.7)));
+        assert_eq!(unsettled(&one, &[]), ["p = 0.7000 fits better than the value found."]);
+    }
+}

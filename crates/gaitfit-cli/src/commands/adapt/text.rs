@@ -1,0 +1,218 @@
+//! The result of a fit as tables.
+
+use crate::table::table;
+use comfy_table::Table;
+use gaitfit::adapt::{AdaptResults, Check, CostFit, MOST_SHOWN, Validation};
+use std::fmt::Write;
+
+/// Parameters that are listed where there are too many.
+const FEW: usize = 20;
+
+/// Doubts first; then parameters, predictors, validation, further costs, and what to know besides what was `said`
+/// already.
+pub fn text(results: &AdaptResults, said: &[String]) -> String {
+    let mut text = String::new();
+    let doubted = results.fits.first().is_some_and(|fit| !fit.doubts.is_empty());
+    if doubted {
+        let _ = writeln!(text, "{}\n", results.headline);
+    }
+    let logs = results.trajectories;
+    let _ = writeln!(
+        text,
+        "{}: {} fitted to {logs} log{}, of which {:.0} s count, in {:.1} s",
+        results.name,
+        results.robot,
+        plural(logs),
+        results.seconds,
+        results.wall_seconds
+    );
+    for fit in &results.fits {
+        let _ = writeln!(text, "\n{}\n\n{}", headline(fit), parameters(fit));
+    }
+    let _ = writeln!(text, "\n{}", predictors(results));
+    if !results.validation.is_empty() {
+        let _ = writeln!(text, "\n{}", validation(&results.validation, &results.cost_name));
+    }
+    for other in results.fits.iter().filter(|fit| !fit.comparison.is_empty()) {
+        let _ = writeln!(text, "\n{}", comparison(&results.cost_name, other));
+        for reason in other.comparison.iter().filter_map(|one| one.reason.as_deref()) {
+            let _ = writeln!(text, "  {reason}");
+        }
+    }
+    text.push('\n');
+    checks(&mut text, &results.checks);
+    for warning in results.warnings.iter().filter(|warning| !said.contains(warning)) {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    let _ = writeln!(text, "theta: {0}/theta.toml   report: {0}/report.html", results.run_folder);
+    text
+}
+
+/// Which checks passed and which failed.
+pub fn checks(text: &mut String, checks: &[Check]) {
+    for check in checks {
+        let _ = writeln!(text, "{}: {}", if check.passed { "passed" } else { "FAILED" }, check.text());
+    }
+}
+
+fn plural(count: usize) -> &'static str {
+    if count == 1 { "" } else { "s" }
+}
+
+fn headline(fit: &CostFit) -> String {
+    let seeds = fit.runs.len();
+    let nominal =
+        fit.nominal_cost.map_or_else(|| "a simulation that diverges".to_owned(), |cost| format!("{cost:.5}"));
+    let mut text = format!(
+        "{}: cost {:.5}, from {nominal} before the fit; {seeds} seed{}",
+        fit.cost_name,
+        fit.cost,
+        plural(seeds)
+    );
+    if let Some(error) = fit.mean_error_percent {
+        let _ = write!(text, "; mean error {error:.2} %");
+    }
+    for doubt in &fit.doubts {
+        let _ = write!(text, "; {}", doubt.kind.headline().to_uppercase());
+    }
+    text
+}
+
+fn spread(spread: Option<f64>) -> String {
+    spread.map_or_else(|| "–".to_owned(), |spread| format!("±{spread:.4}"))
+}
+
+fn parameters(fit: &CostFit) -> Table {
+    let known = fit.parameters.iter().any(|parameter| parameter.truth.is_some());
+    let published = fit.parameters.iter().any(|parameter| parameter.published.is_some());
+    let mut header = vec!["parameter", "value", "spread", "interval", "unit", "bounds"];
+    if known {
+        header.extend(["truth", "error"]);
+    }
+    if published {
+        header.push("published");
+    }
+    header.push("");
+    let mut table = table(&header, if known { &[1, 2, 3, 6, 7] } else { &[1, 2, 3] });
+    let count = fit.parameters.len();
+    let shown = if count <= MOST_SHOWN { count } else { FEW };
+    for parameter in &fit.parameters[..shown] {
+        let found = &parameter.found;
+        let interval = parameter.interval.map(|[lower, upper]| format!("{lower:.4} … {upper:.4}"));
+        let mut row = vec![
+            found.name.clone(),
+            format!("{:.4}", found.value),
+            spread(found.spread),
+            interval.unwrap_or_else(|| "–".to_owned()),
+            found.unit.clone(),
+            format!("[{}, {}]", found.lower, found.upper),
+        ];
+        if known {
+            row.push(parameter.truth.map_or_else(String::new, |truth| format!("{truth:.4}")));
+            let error = parameter.truth.filter(|truth| *truth != 0.0);
+            let error = error.map(|truth| 100.0 * (found.value / truth - 1.0));
+            row.push(error.map_or_else(String::new, |error| format!("{error:+.2} %")));
+        }
+        if published {
+            row.push(parameter.published.map_or_else(String::new, |[low, high]| format!("{low} – {high}")));
+        }
+        row.push(match parameter.identified {
+            Some(false) => "not identified".to_owned(),
+            _ if found.at_bound => "at its bound".to_owned(),
+            _ => String::new(),
+        });
+        table.add_row(row);
+    }
+    if shown < count {
+        table.add_row([format!("… {} more, in theta.toml", count - shown)]);
+    }
+    table
+}
+
+fn predictors(results: &AdaptResults) -> Table {
+    let cost = format!("{} cost", results.cost_name);
+    let scores = || std::iter::once(&results.fitted).chain(&results.baselines);
+    let mut columns = vec!["predictor".to_owned(), cost];
+    let errors = scores().any(|score| score.rmse_fit_rad.is_some());
+    let validated = scores().any(|score| score.cost_validation.is_some());
+    let validated_errors = scores().any(|score| score.rmse_validation_rad.is_some());
+    let more = [(errors, "rmse fit rad"), (validated, "cost validation"), (validated_errors, "rmse validation rad")];
+    columns.extend(more.iter().filter(|(shown, _)| *shown).map(|(_, name)| (*name).to_owned()));
+    let header: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let mut table = table(&header, &[1, 2, 3, 4]);
+    for score in scores() {
+        let mut row = vec![score.name.clone(), number(score.cost)];
+        let more =
+            [(errors, score.rmse_fit_rad), (validated, score.cost_validation), (validated_errors, score.rmse_validation_rad)];
+        row.extend(more.iter().filter(|(shown, _)| *shown).map(|(_, value)| number(*value)));
+        table.add_row(row);
+    }
+    table
+}
+
+/// Logs that were not fitted, one a row.
+pub fn validation(validation: &[Validation], cost_name: &str) -> Table {
+    let (cost, errors) = (
+        validation.iter().any(|log| log.cost.is_some()),
+        validation.iter().any(|log| log.rmse_rad.is_some() || log.nominal_rmse_rad.is_some()),
+    );
+    let mut columns = vec!["validation log".to_owned()];
+    if cost {
+        columns.extend([cost_name.to_owned(), "nominal".to_owned()]);
+    }
+    if errors {
+        columns.extend(["rmse rad", "nominal rad", "worst joint"].map(str::to_owned));
+    }
+    columns.push(String::new());
+    let header: Vec<&str> = columns.iter().map(String::as_str).collect();
+    let mut table = table(&header, if cost { &[1, 2, 3, 4] } else { &[1, 2] });
+    for log in validation {
+        let mut row = vec![log.file.clone()];
+        if cost {
+            row.extend([number(log.cost), number(log.nominal_cost)]);
+        }
+        if errors {
+            let worst = log.rmse_per_joint.iter().max_by(|a, b| a.1.total_cmp(b.1));
+            let worst = worst.map_or_else(|| "–".to_owned(), |(joint, error)| format!("{joint} {error:.4}"));
+            row.extend([number(log.rmse_rad), number(log.nominal_rmse_rad), worst]);
+        }
+        row.push(if log.fell { "fell".to_owned() } else { String::new() });
+        table.add_row(row);
+    }
+    table
+}
+
+fn comparison(first: &str, other: &CostFit) -> Table {
+    let second = other.cost_name.as_str();
+    let mut table = table(&["parameter", first, "spread", second, "spread", "unit", "agrees"], &[1, 2, 3, 4]);
+    for one in &other.comparison {
+        table.add_row([
+            one.name.clone(),
+            format!("{:.4}", one.first),
+            spread(one.first_spread),
+            format!("{:.4}", one.second),
+            spread(one.second_spread),
+            one.unit.clone(),
+            match one.agrees {
+                Some(true) => "yes".to_owned(),
+                Some(false) => "no".to_owned(),
+                None => "–".to_owned(),
+            },
+        ]);
+    }
+    let rmse: Vec<f64> = other.validation.iter().filter_map(|log| log.rmse_rad).collect();
+    if !rmse.is_empty() {
+        let mean = rmse.iter().sum::<f64>() / rmse.len() as f64;
+        let mut row = vec![String::new(); 7];
+        row[0] = "rmse validation".to_owned();
+        row[3] = format!("{mean:.5}");
+        row[5] = "rad".to_owned();
+        table.add_row(row);
+    }
+    table
+}
+
+/// A number that may be missing.
+pub fn number(value: Option<f64>) -> String {
+    value.map_or_else(|| "diverged or none".to_owned(), |value| format!("{value:.5}"))
+}

@@ -1,0 +1,42 @@
+//! `gaitfit validate`: how well a finished fit predicts other logs.
+
+use super::adapt::{checked, checks, number, validation};
+use crate::cli;
+use crate::exit::Failure;
+use crate::output;
+use crate::table::table;
+use gaitfit::adapt::{ValidateRequest, ValidateResults, validate};
+use std::fmt::Write;
+use std::num::NonZeroUsize;
+
+/// Simulates the logs and reports the errors.
+pub fn run(args: &cli::Validate) -> Result<(), Failure> {
+    let results = validate(&ValidateRequest {
+        theta: args.theta.clone(),
+        logs: args.logs.clone(),
+        config: args.config.clone(),
+        set: args.set.clone(),
+        threads: args.threads.map(NonZeroUsize::get),
+    })?;
+    if args.json {
+        output::print_json(&results)?;
+    } else {
+        output::print(&text(&results))?;
+    }
+    checked(results.failed_check())
+}
+
+fn text(results: &ValidateResults) -> String {
+    let mut text = format!("{}\n\n", results.headline);
+    let _ = writeln!(text, "{}\n", validation(&results.validation, &results.cost_name));
+    let cost = format!("{} cost", results.cost_name);
+    let mut all = table(&["all logs", &cost, "rmse rad"], &[1, 2]);
+    all.add_row(["fitted simulator".to_owned(), number(results.cost), number(results.rmse_rad)]);
+    all.add_row(["nominal model".to_owned(), number(results.nominal_cost), number(results.nominal_rmse_rad)]);
+    let _ = writeln!(text, "{all}\n");
+    checks(&mut text, &results.checks);
+    for warning in &results.warnings {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    text
+}

@@ -1,0 +1,215 @@
+//! From results to the page's plain data.
+
+use super::results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};
+use super::score::{self, Robot};
+use super::setup::Setup;
+use super::signals;
+use crate::Error;
+use crate::machine::now;
+use crate::pieces;
+use gaitfit_adapt::Theta;
+use gaitfit_adapt::fit::{Predicted, RunGeneration, RunOutcome};
+use gaitfit_view::fit::{
+    Bound, Comparison, ComparisonEntry, Fit, LogSummary, OptimizerRun, Parameter as Shown, PublishedRange,
+    Score, Validation,
+};
+use gaitfit_view::loop_report::Round;
+use gaitfit_view::{FitReport, fit_html};
+
+/// Most commands of the logs that are drawn.
+const MOST_COMMANDS: usize = 5000;
+
+/// The page of a finished fit; `course`: the generations of its runs.
+pub(super) fn page(
+    setup: &Setup,
+    results: &AdaptResults,
+    course: &[RunGeneration],
+) -> Result<String, Error> {
+    let shown = setup.validate.first().unwrap_or(&setup.fit);
+    let (nominal, fitted) = predicted(setup, results, shown.simulator.as_ref())?;
+    let robot = match setup.config.robot.as_str() {
+        "" => results.robot.clone(),
+        file => format!("{} ({file})", results.robot),
+    };
+    let first = results.fits.first();
+    let report = FitReport {
+        title: results.name.clone(),
+        robot,
+        created: now(),
+        wall_seconds: results.wall_seconds,
+        doubts: first.map(|fit| fit.doubts.clone()).unwrap_or_default(),
+        fit_logs: setup.config.logs.clone(),
+        log: log(setup, results),
+        fits: fits(results, course),
+        fitted: score(&results.fitted),
+        nominal: results.baselines.first().map(score).unwrap_or_default(),
+        baselines: results.baselines.iter().skip(1).map(score).collect(),
+        validation: results.validation.iter().map(validation).collect(),
+        comparisons: results
+            .fits
+            .iter()
+            .filter(|fit| !fit.comparison.is_empty())
+            .map(|fit| comparison(&results.cost_name, fit))
+            .collect(),
+        traces: if setup.aligned() { signals::traces(shown, &fitted, &nominal) } else { Vec::new() },
+        distributions: signals::distributions(shown, &fitted, &nominal),
+        warnings: warnings(results),
+        settings: pieces::settings(&setup.config)?,
+        versions: pieces::versions(),
+        ..FitReport::default()
+    };
+    fit_html(&report).map_err(Error::failed)
+}
+
+/// The fit as a round of a loop, without its training.
+///
+/// # Errors
+/// A simulation that fails.
+pub fn round(setup: &Setup, results: &AdaptResults, course: &[RunGeneration]) -> Result<Round, Error> {
+    let (nominal, fitted) = predicted(setup, results, setup.fit.simulator.as_ref())?;
+    Ok(Round {
+        wall_seconds: results.wall_seconds,
+        log: log(setup, results),
+        fits: fits(results, course),
+        distributions: signals::distributions(&setup.fit, &fitted, &nominal),
+        ..Round::default()
+    })
+}
+
+/// The signals of the robot before and after the fit.
+fn predicted(
+    setup: &Setup,
+    results: &AdaptResults,
+    simulator: &dyn gaitfit_adapt::Simulator,
+) -> Result<(Vec<Predicted>, Vec<Predicted>), Error> {
+    let values: Vec<f64> = results.parameters.iter().map(|parameter| parameter.found.value).collect();
+    let nominal = Robot { theta: &Theta::default(), values: &[] }.simulate(simulator)?;
+    let fitted = Robot { theta: &setup.theta, values: &values }.simulate(simulator)?;
+    Ok((nominal, fitted))
+}
+
+fn unknown(value: Option<f64>) -> f64 {
+    value.unwrap_or(f64::NAN)
+}
+
+/// What walking logs hold.
+fn log(setup: &Setup, results: &AdaptResults) -> Option<LogSummary> {
+    let (walking, notes) = (setup.method.walking()?, setup.notes.as_ref()?);
+    let range = &walking.task.settings.command;
+    let rows = setup.fit.logs.iter().filter_map(|log| log.trajectory.command.as_ref());
+    let commands: Vec<[f64; 3]> =
+        rows.flat_map(|rows| rows.chunks_exact(3)).map(|row| [row[0], row[1], row[2]]).collect();
+    let step = commands.len().div_ceil(MOST_COMMANDS).max(1);
+    Some(LogSummary {
+        source: format!("{} logs", results.trajectories),
+        trajectories: results.trajectories as u64,
+        seconds: results.seconds,
+        falls: results.falls as u64,
+        cut_seconds: notes.cut_seconds(),
+        commands: commands.into_iter().step_by(step).collect(),
+        command_range: [range.x, range.y, range.yaw],
+        uncovered: results.uncovered.clone(),
+    })
+}
+
+fn fits(results: &AdaptResults, course: &[RunGeneration]) -> Vec<Fit> {
+    let fit = |found: &CostFit| {
+        let shown = if found.parameters.len() <= MOST_SHOWN { found.parameters.as_slice() } else { &[] };
+        Fit {
+            cost_name: found.cost_name.clone(),
+            nominal_cost: unknown(found.nominal_cost),
+            fitted_cost: found.cost,
+            runs: runs(&found.cost_name, &found.runs, course),
+            parameters: shown.iter().map(parameter).collect(),
+            ..Fit::default()
+        }
+    };
+    results.fits.iter().map(fit).collect()
+}
+
+/// The courses of a cost's runs.
+fn runs(cost: &str, runs: &[RunOutcome], course: &[RunGeneration]) -> Vec<OptimizerRun> {
+    let run = |run: &RunOutcome| {
+        let own: Vec<&RunGeneration> =
+            course.iter().filter(|one| one.cost == cost && one.seed == run.seed).collect();
+        OptimizerRun {
+            label: format!("seed {}", run.seed),
+            best_cost: run.best_cost,
+            best: own.iter().map(|one| one.best).collect(),
+            mean: own.iter().map(|one| one.mean).collect(),
+            sigma: own.iter().map(|one| one.sigma).collect(),
+        }
+    };
+    runs.iter().map(run).collect()
+}
+
+fn parameter(parameter: &Parameter) -> Shown {
+    let found = &parameter.found;
+    let bound =
+        if found.value - found.lower < found.upper - found.value { Bound::Lower } else { Bound::Upper };
+    let published =
+        |[lower, upper]: [f64; 2]| PublishedRange { lower, upper, source: "[published]".to_owned() };
+    Shown {
+        name: found.name.clone(),
+        unit: if found.unit == "-" { String::new() } else { found.unit.clone() },
+        value: found.value,
+        lower: found.lower,
+        upper: found.upper,
+        start: found.start,
+        spread: unknown(found.spread),
+        per_run: found.per_run.clone(),
+        at_bound: found.at_bound.then_some(bound),
+        published: parameter.published.map(published),
+        identified: parameter.identified,
+        interval: parameter.interval,
+        truth: parameter.truth,
+    }
+}
+
+fn score(score: &score::Score) -> Score {
+    Score {
+        name: score.name.clone(),
+        cost: unknown(score.cost),
+        rmse_fit_rad: unknown(score.rmse_fit_rad),
+        rmse_validation_rad: unknown(score.rmse_validation_rad),
+    }
+}
+
+fn validation(log: &score::Validation) -> Validation {
+    Validation {
+        file: log.file.clone(),
+        rmse_rad: unknown(log.rmse_rad),
+        nominal_rmse_rad: unknown(log.nominal_rmse_rad),
+        rmse_per_joint: log.rmse_per_joint.iter().map(|(joint, error)| (joint.clone(), *error)).collect(),
+    }
+}
+
+fn comparison(first: &str, other: &CostFit) -> Comparison {
+    let entry = |one: &gaitfit_adapt::fit::Agreement| ComparisonEntry {
+        name: one.name.clone(),
+        unit: one.unit.clone(),
+        first: one.first,
+        first_spread: unknown(one.first_spread),
+        second: one.second,
+        second_spread: unknown(one.second_spread),
+        agrees: one.agrees,
+    };
+    Comparison {
+        first: first.to_owned(),
+        second: other.cost_name.clone(),
+        entries: other.comparison.iter().map(entry).collect(),
+        reasons: other.comparison.iter().filter_map(|one| one.reason.clone()).collect(),
+    }
+}
+
+/// Failed checks, the doubts of further costs, and what else to know.
+fn warnings(results: &AdaptResults) -> Vec<String> {
+    let failed = results.checks.iter().filter(|check| !check.passed);
+    let mut found: Vec<String> = failed.map(|check| format!("a check failed: {}", check.text())).collect();
+    for fit in results.fits.iter().skip(1) {
+        let doubts = fit.doubts.iter();
+        found.extend(doubts.map(|doubt| format!("{}: {}: {}", fit.cost_name, doubt.kind.headline(), doubt.text)));
+    }
+    found.extend(results.warnings.iter().cloned());
+    found
+}

@@ -1,0 +1,62 @@
+//! The simulations after a search, which measure how well the logs identify each parameter, shown as they go on.
+
+use crate::watch::{Watch, Work};
+use gaitfit_adapt::cost::Signal;
+use gaitfit_adapt::{Cancel, Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Batches of fewer candidates are not shown.
+const FEW: usize = 16;
+
+/// A simulator whose large batches are shown. Its signals are the other's.
+pub struct Scan<'a> {
+    simulator: &'a dyn Simulator,
+    cost: String,
+    watch: &'a Watch<'a>,
+}
+
+impl<'a> Scan<'a> {
+    /// `cost`: whose parameters are measured, for the progress bar.
+    pub fn new(simulator: &'a dyn Simulator, cost: &str, watch: &'a Watch<'a>) -> Self {
+        Self { simulator, cost: cost.to_owned(), watch }
+    }
+}
+
+impl Simulator for Scan<'_> {
+    fn joints(&self) -> &[String] {
+        self.simulator.joints()
+    }
+
+    fn recordings(&self) -> usize {
+        self.simulator.recordings()
+    }
+
+    fn provides(&self, signal: Signal) -> bool {
+        self.simulator.provides(signal)
+    }
+
+    fn simulate(
+        &self,
+        theta: &Theta,
+        candidates: &[Rollout],
+        consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<(), SimulatorError> {
+        if candidates.len() <= FEW {
+            return self.simulator.simulate(theta, candidates, consume, cancel);
+        }
+        let what = format!("{}: interval, candidate", self.cost);
+        let work = Work { what: &what, total: candidates.len(), first: 0, parts: "candidates" };
+        let counting = self.watch.begin(work);
+        let recordings = self.recordings().max(1);
+        let simulated = AtomicUsize::new(0);
+        let counted = |candidate: usize, recording: usize, signals: Signals<'_>| {
+            consume(candidate, recording, signals);
+            let done = simulated.fetch_add(1, Ordering::Relaxed) + 1;
+            if done.is_multiple_of(recordings) {
+                counting.step(done / recordings, 1, "");
+            }
+        };
+        self.simulator.simulate(theta, candidates, &counted, cancel)
+    }
+}

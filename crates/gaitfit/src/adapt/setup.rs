@@ -1,0 +1,329 @@
+//! Everything a fit needs, read and checked before anything is written.
+
+use super::method::Method;
+use crate::air::{Clamped, logs as air_logs};
+use crate::log::Log;
+use crate::robot::Hold;
+use crate::settings::{AdaptConfig, Base, check};
+use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
+use crate::walk::walking::{Walking, rest_angles};
+use crate::{Error, machine, paths, robot, theta};
+use gaitfit_adapt::cost::{Cost, CostError, Recorded, Reference};
+use gaitfit_adapt::fit::FitOptions;
+use gaitfit_adapt::{ParameterRule, RobotRule, Simulator, Theta, ThetaFile};
+use gaitfit_model::Model;
+use gaitfit_policy::{self as policy, Policy};
+use gaitfit_sim::Candidate;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Logs that are simulated and compared together.
+pub struct LogSet {
+    /// The logs.
+    pub logs: Vec<Log>,
+    /// Simulates them.
+    pub simulator: Box<dyn Simulator>,
+    /// Their measured side.
+    pub reference: Arc<Reference>,
+}
+
+impl LogSet {
+    /// `logs` as `method` simulates them; θ changes `base`.
+    pub fn new(
+        config: &AdaptConfig,
+        method: &Method,
+        base: &Candidate,
+        logs: Vec<Log>,
+    ) -> Result<Self, Error> {
+        let simulator = method.simulator(base.clone(), &logs)?;
+        let joints = method.joints();
+        let recorded = |(number, log): (usize, &Log)| Recorded::from_trajectory(&log.trajectory, &joints, number);
+        let reference = || -> Result<Reference, CostError> {
+            let recorded = logs.iter().enumerate().map(recorded).collect::<Result<Vec<_>, _>>()?;
+            Reference::new(joints.clone(), &recorded, method.samples(config.skip_seconds(), &logs))
+        };
+        let reference = reference().map_err(|error| {
+            let of = if let [log] = logs.as_slice() { log.name.as_str() } else { "the logs cannot be compared" };
+            Error::failed(format!("{of}: {error}."))
+        })?;
+        Ok(Self { logs, simulator, reference: Arc::new(reference) })
+    }
+
+    /// The configuration's costs against these logs.
+    pub fn costs(&self, config: &AdaptConfig) -> Result<Vec<Box<dyn Cost>>, Error> {
+        let build = |kind: &gaitfit_adapt::cost::CostKind| kind.build(&self.reference, self.simulator.as_ref());
+        let costs = config.costs.iter().map(build).collect::<Result<_, _>>();
+        costs.map_err(|error| Error::failed(format!("the logs cannot be compared: {error}")))
+    }
+}
+
+/// Everything a fit needs.
+pub struct Setup {
+    /// The settings, with every default of what is fitted.
+    pub config: AdaptConfig,
+    /// How the logs are simulated.
+    pub method: Method,
+    /// What is fitted.
+    pub theta: Theta,
+    /// The logs that are fitted.
+    pub fit: LogSet,
+    /// The logs that are not, in sets that are compared together: logs of a clamped robot one by one, as they may
+    /// differ in sample rate.
+    pub validate: Vec<LogSet>,
+    /// What was found in walking logs that are fitted.
+    pub notes: Option<LogNotes>,
+    /// The costs, in the configuration's order.
+    pub costs: Vec<Box<dyn Cost>>,
+    /// Optimiser settings.
+    pub options: FitOptions,
+    /// Every file that was read.
+    pub files: Vec<PathBuf>,
+    /// Things to know before trusting the result.
+    pub warnings: Vec<String>,
+}
+
+impl Setup {
+    /// Reads robot, policy and logs and checks the settings.
+    ///
+    /// # Errors
+    /// Settings that do not go together; files that are not there or not usable, each by name.
+    pub fn open(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -> Result<Self, Error> {
+        let mut config = config.clone();
+        // The folder keeps every default, these too.
+        config.parameter.iter_mut().for_each(ParameterRule::resolve);
+        config.number.iter_mut().for_each(RobotRule::resolve);
+        check::check(&config, config_path)?;
+        let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path)?;
+        let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+        let rest = match &policy {
+            Some(policy) => rest_angles(policy, &model)?,
+            None => vec![0.0; joints.len()],
+        };
+        let theta = config
+            .rules()
+            .theta(&config.groups(), &joints, &rest)
+            .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
+        let method = method(&config, policy, model, &theta, &base, threads)?;
+        let mut warnings = Vec::new();
+        if let (Some((path, file)), Some(step)) = (&known, method.physics_step()) {
+            warnings.extend(file.step_doubt(step).map(|doubt| format!("{}: {doubt}", path.display())));
+        }
+        let logs = Logs::read(&config, config_path, &method)?;
+        files.extend(logs.files());
+        warnings.extend(logs.warnings.iter().cloned());
+        warnings.extend(unused(&config, &theta, &logs.validate)?);
+        let fit = LogSet::new(&config, &method, &base, logs.fit)?;
+        let validate = logs
+            .validate
+            .into_iter()
+            .map(|logs| LogSet::new(&config, &method, &base, logs))
+            .collect::<Result<Vec<_>, _>>()?;
+        for (signal, column) in fit.reference.constant() {
+            warnings.push(format!("{signal} of {column} is constant in the logs and left out of the costs"));
+        }
+        Ok(Self {
+            costs: fit.costs(&config)?,
+            options: check::options(&config, logs.notes.as_ref().map_or(0, LogNotes::falls)),
+            notes: logs.notes,
+            config,
+            method,
+            theta,
+            fit,
+            validate,
+            files,
+            warnings,
+        })
+    }
+
+    /// Whether simulated samples can be compared with the log's one by one: those of a replay always, those of a walk
+    /// where the fit does so too.
+    pub fn aligned(&self) -> bool {
+        aligned(&self.config)
+    }
+}
+
+/// See [`Setup::aligned`].
+pub(super) fn aligned(config: &AdaptConfig) -> bool {
+    config.base == Base::Fixed || config.costs.iter().any(|cost| cost.is_aligned())
+}
+
+/// The robot of a configuration.
+pub(super) struct Robot {
+    /// Its model.
+    pub model: Model,
+    /// The policy that walked.
+    pub policy: Option<Policy>,
+    /// The robot that θ changes: the model, with what is known already.
+    pub base: Candidate,
+    /// Where that is from.
+    pub known: Option<(PathBuf, ThetaFile)>,
+    /// Every file that was read.
+    pub files: Vec<PathBuf>,
+}
+
+impl Robot {
+    /// Reads robot, policy and what is known.
+    pub fn read(config: &AdaptConfig, config_path: &Path) -> Result<Self, Error> {
+        let mut files = Vec::new();
+        let hold = match config.base {
+            Base::Fixed => Hold::Clamped,
+            Base::Free => Hold::File,
+        };
+        let model = match config.robot.as_str() {
+            "" => robot::go2()?,
+            named => {
+                let path = paths::find(named, "robot", config_path)?;
+                let model = robot::read(&path, config.lenient, hold)?;
+                files.push(path);
+                model
+            }
+        };
+        let mut read = |named: &String, what: &str| -> Result<PathBuf, Error> {
+            let path = paths::find(named, what, config_path)?;
+            files.push(path.clone());
+            Ok(path)
+        };
+        let policy = match &config.policy {
+            Some(named) => Some(policy::read(&read(named, "policy")?).map_err(Error::failed)?),
+            None => None,
+        };
+        let mut base = Candidate::nominal(&model);
+        let mut known = None;
+        if let Some(named) = &config.known {
+            let path = read(named, "known")?;
+            let file = theta::read(&path)?;
+            base = theta::candidate(&file, &path, &model)?;
+            known = Some((path, file));
+        }
+        Ok(Self { model, policy, base, known, files })
+    }
+}
+
+/// How the configuration's logs are simulated.
+pub(super) fn method(
+    config: &AdaptConfig,
+    policy: Option<Policy>,
+    model: Model,
+    theta: &Theta,
+    base: &Candidate,
+    threads: Option<usize>,
+) -> Result<Method, Error> {
+    let threads = threads.or(Some(config.simulation.threads).filter(|&threads| threads > 0));
+    let threads = threads.unwrap_or_else(machine::threads);
+    Ok(match policy {
+        Some(policy) => Method::Walk(Arc::new(Walking::new(config, policy, &model, theta, base, threads)?)),
+        None => Method::Replay(Clamped::new(config, model, theta, base, threads)?),
+    })
+}
+
+/// The logs of a configuration.
+pub(super) struct Logs {
+    /// Those that are fitted.
+    pub fit: Vec<Log>,
+    /// Those that are not, in sets that are compared together.
+    pub validate: Vec<Vec<Log>>,
+    /// What was found in walking logs that are fitted.
+    pub notes: Option<LogNotes>,
+    /// Doubts, each one sentence.
+    pub warnings: Vec<String>,
+}
+
+impl Logs {
+    fn read(config: &AdaptConfig, config_path: &Path, method: &Method) -> Result<Self, Error> {
+        let (fit, notes, mut warnings) = match method {
+            Method::Replay(clamped) => {
+                let (logs, doubts) = clamped_logs(&config.logs, false, config, config_path, clamped)?;
+                (logs, None, doubts)
+            }
+            Method::Walk(walking) => {
+                let notes = walk_logs::read(
+                    &config.logs,
+                    Purpose::Fit,
+                    config,
+                    config_path,
+                    &walking.policy,
+                    &walking.task,
+                )?;
+                (notes.logs.clone(), Some(notes.clone()), notes.warnings)
+            }
+        };
+        let (validate, doubts) = if config.validate.is_empty() {
+            Default::default()
+        } else {
+            validation(&config.validate, config, config_path, method)?
+        };
+        for log in validate.iter().flatten() {
+            if fit.iter().any(|fitted| fitted.path == log.path) {
+                warnings.push(format!("{} is fitted and validated on: its error there proves nothing", log.name));
+            }
+        }
+        warnings.extend(doubts);
+        Ok(Self { fit, validate, notes, warnings })
+    }
+
+    /// Every file that was read.
+    fn files(&self) -> Vec<PathBuf> {
+        let logs = self.fit.iter().chain(self.validate.iter().flatten());
+        logs.flat_map(|log| std::iter::once(&log.path).chain(&log.sidecars)).cloned().collect()
+    }
+}
+
+/// The logs `named` for validation, in sets that are compared together, and doubts about them.
+pub(super) fn validation(
+    named: &[String],
+    config: &AdaptConfig,
+    config_path: &Path,
+    method: &Method,
+) -> Result<(Vec<Vec<Log>>, Vec<String>), Error> {
+    match method {
+        Method::Replay(clamped) => {
+            let (logs, doubts) = clamped_logs(named, true, config, config_path, clamped)?;
+            Ok((logs.into_iter().map(|log| vec![log]).collect(), doubts))
+        }
+        Method::Walk(walking) => {
+            let (policy, task) = (&walking.policy, &walking.task);
+            let notes = walk_logs::read(named, Purpose::Validation, config, config_path, policy, task)?;
+            let doubts = notes.warnings.into_iter().map(|doubt| format!("validation: {doubt}")).collect();
+            Ok((vec![notes.logs], doubts))
+        }
+    }
+}
+
+fn clamped_logs(
+    named: &[String],
+    validation: bool,
+    config: &AdaptConfig,
+    config_path: &Path,
+    clamped: &Clamped,
+) -> Result<(Vec<Log>, Vec<String>), Error> {
+    let gains = if validation { config.validate_gains.as_slice() } else { &[] };
+    let (mut logs, mut doubts) = (Vec::with_capacity(named.len()), Vec::new());
+    for named in named {
+        let (log, found) = air_logs::read(named, config_path, config, &clamped.model, gains)?;
+        logs.push(log);
+        doubts.extend(found);
+    }
+    Ok((logs, doubts))
+}
+
+/// Settings that name something this run does not have: harmless, or a slip of the pen.
+fn unused(config: &AdaptConfig, theta: &Theta, validate: &[Vec<Log>]) -> Result<Vec<String>, Error> {
+    let mut found = Vec::new();
+    let fitted = |name: &String| theta.entries().iter().any(|entry| entry.name == *name);
+    let known = config.truth.keys().map(|name| ("truth", name));
+    for (table, name) in known.chain(config.published.keys().map(|name| ("published", name))) {
+        if !fitted(name) {
+            found.push(format!("[{table}] has `{name}`, which is not fitted"));
+        }
+    }
+    for entry in &config.validate_gains {
+        let mut used = false;
+        for log in validate.iter().flatten() {
+            used |= air_logs::matching(std::slice::from_ref(entry), &log.name, &log.path)?.is_some();
+        }
+        if !used {
+            found.push(format!("validate_gains for {:?} matches no validation log", entry.files));
+        }
+    }
+    Ok(found)
+}

@@ -1,0 +1,165 @@
+//! Validation of a finished fit on other logs, without fitting again.
+
+use super::check::Check;
+use super::files::CONFIG;
+use super::results::validation_checks;
+use super::score::{Robot as Predictor, Validation, cost_of_sets, mean, validation};
+use super::setup::{LogSet, Robot, aligned, method, validation as read_logs};
+use crate::settings::{self, AdaptConfig, check};
+use crate::{Error, theta};
+use gaitfit_adapt::Theta;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// What is to be validated.
+#[derive(Clone, Debug, Default)]
+pub struct ValidateRequest {
+    /// The fitted parameters: the theta.toml of a fit.
+    pub theta: PathBuf,
+    /// Logs to validate on; as in a configuration's `validate`.
+    pub logs: Vec<String>,
+    /// The fit's configuration; `config.toml` beside the parameters without one.
+    pub config: Option<PathBuf>,
+    /// Changes of its settings, `key=value`.
+    pub set: Vec<String>,
+    /// Threads; one for each core without a number.
+    pub threads: Option<usize>,
+}
+
+/// How well a finished fit predicts other logs.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ValidateResults {
+    /// The fitted parameters.
+    pub theta: PathBuf,
+    /// Robot name.
+    pub robot: String,
+    /// The result in a sentence, a doubt first.
+    pub headline: String,
+    /// Whether the fitted robot is closer to these logs than the robot before the fit: by its cost, or where there is
+    /// none by its position errors.
+    pub better_than_nominal: bool,
+    /// Name of the cost: the fit's first.
+    pub cost_name: String,
+    /// The cost on these logs, in their own scaling, mean over sets of logs; absent if a simulation diverged.
+    pub cost: Option<f64>,
+    /// The same of the robot before the fit.
+    pub nominal_cost: Option<f64>,
+    /// Mean position RMSE over logs, rad; absent where samples cannot be compared one by one.
+    pub rmse_rad: Option<f64>,
+    /// The same of the robot before the fit.
+    pub nominal_rmse_rad: Option<f64>,
+    /// Log by log.
+    pub validation: Vec<Validation>,
+    /// Checks the configuration states.
+    pub checks: Vec<Check>,
+    /// What to know before trusting the numbers.
+    pub warnings: Vec<String>,
+}
+
+impl ValidateResults {
+    /// The checks that failed, in words; none if all hold.
+    pub fn failed_check(&self) -> Option<String> {
+        super::check::failed(&self.checks)
+    }
+}
+
+/// Simulates logs with the robot of a finished fit and with the robot before it.
+///
+/// # Errors
+/// A configuration or files that are not there or not usable, each by name.
+pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
+    let path = config_path(request)?;
+    let mut config: AdaptConfig = settings::load(Some(&path), &request.set)?;
+    // What was fitted and on which logs does not matter any more; that they are named keeps the other checks.
+    config.validate.clone_from(&request.logs);
+    if config.logs.is_empty() {
+        config.logs.clone_from(&request.logs);
+    }
+    check::check(&config, &path)?;
+    let Robot { model, policy, base, .. } = Robot::read(&config, &path)?;
+    let file = theta::read(&request.theta)?;
+    let fitted = theta::on(base.clone(), &file, &request.theta, &model)?;
+    let nothing = Theta::default();
+    let longest = if most_delay(&fitted) > most_delay(&base) { &fitted } else { &base };
+    let method = method(&config, policy, model, &nothing, longest, request.threads)?;
+    // Logs named on the command line are seen from the current directory.
+    let (sets, mut warnings) = read_logs(&request.logs, &config, Path::new("validate"), &method)?;
+    if let Some(doubt) = method.physics_step().and_then(|step| file.step_doubt(step)) {
+        warnings.push(format!("{}: {doubt}", request.theta.display()));
+    }
+    let of = |robot: &gaitfit_sim::Candidate| -> Result<Vec<LogSet>, Error> {
+        sets.iter().map(|logs| LogSet::new(&config, &method, robot, logs.clone())).collect()
+    };
+    let (after, before) = (of(&fitted)?, of(&base)?);
+    let itself = Predictor { theta: &nothing, values: &[] };
+    let predict = |set: &LogSet| itself.simulate(set.simulator.as_ref());
+    let kind = config.costs[0];
+    let cost = cost_of_sets(kind, &after, predict)?;
+    let nominal_cost = cost_of_sets(kind, &before, predict)?;
+    let nominal = |set: &LogSet| {
+        let number = after.iter().position(|other| std::ptr::eq(other, set)).unwrap_or_default();
+        predict(&before[number])
+    };
+    let found = validation(kind, &after, aligned(&config), predict, nominal)?;
+    let rmse_rad = mean(found.iter().map(|log| log.rmse_rad));
+    let nominal_rmse_rad = mean(found.iter().map(|log| log.nominal_rmse_rad));
+    let mut results = ValidateResults {
+        theta: request.theta.clone(),
+        robot: method.model().name.clone(),
+        headline: String::new(),
+        better_than_nominal: better([cost, nominal_cost]).or(better([rmse_rad, nominal_rmse_rad])).unwrap_or(false),
+        cost_name: kind.to_string(),
+        cost,
+        nominal_cost,
+        rmse_rad,
+        nominal_rmse_rad,
+        checks: validation_checks(&config.check, &found, cost),
+        validation: found,
+        warnings,
+    };
+    results.headline = headline(&results);
+    if config.check.better_than_nominal {
+        let check = Check::holds("better than the nominal robot", results.better_than_nominal, &results.headline);
+        results.checks.insert(0, check);
+    }
+    Ok(results)
+}
+
+fn config_path(request: &ValidateRequest) -> Result<PathBuf, Error> {
+    if let Some(path) = &request.config {
+        return Ok(path.clone());
+    }
+    let beside = request.theta.with_file_name(CONFIG);
+    if beside.is_file() {
+        return Ok(beside);
+    }
+    Err(Error::settings(format!(
+        "{}: there is no {CONFIG} beside it, which says how its logs are simulated; give the fit's configuration with \
+         --config",
+        request.theta.display()
+    )))
+}
+
+fn most_delay(robot: &gaitfit_sim::Candidate) -> f64 {
+    robot.robot.delay.iter().fold(0.0, |most, &delay| f64::max(most, delay))
+}
+
+/// Whether the first number is below the second, or there is no second; none without a first one.
+fn better([fitted, nominal]: [Option<f64>; 2]) -> Option<bool> {
+    let fitted = fitted?;
+    Some(nominal.is_none_or(|nominal| fitted < nominal))
+}
+
+fn headline(results: &ValidateResults) -> String {
+    let shown = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |value| format!("{value:.5}"));
+    let (name, fitted, nominal) = match results.cost {
+        None => ("position error, rad,", results.rmse_rad, results.nominal_rmse_rad),
+        cost => (results.cost_name.as_str(), cost, results.nominal_cost),
+    };
+    let numbers = format!("{name} {} fitted, {} of the robot before the fit", shown(fitted), shown(nominal));
+    if results.better_than_nominal {
+        format!("{numbers}.")
+    } else {
+        format!("Worse than the nominal robot: {numbers}. On these logs the fit does not help.")
+    }
+}

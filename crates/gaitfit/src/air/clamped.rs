@@ -1,0 +1,76 @@
+//! A clamped robot, and the simulator that replays its logs.
+
+use super::logs;
+use crate::Error;
+use crate::log::Log;
+use crate::settings::AdaptConfig;
+use gaitfit_adapt::{Quantity, ReplaySimulator, Theta};
+use gaitfit_model::Model;
+use gaitfit_sim::{Candidate, ReplayOptions};
+
+/// Most physics steps a sample, as the replay has it.
+const MOST_SUBSTEPS: usize = 1000;
+/// Longest actuation delay, s, as the replay has it.
+const MOST_DELAY: f64 = 1.0;
+
+/// A clamped robot.
+pub struct Clamped {
+    /// The robot.
+    pub model: Model,
+    /// Largest physics step, s.
+    timestep: f64,
+    preset: gaitfit_physics::Preset,
+    /// Longest delay that a candidate may have, s.
+    max_delay: f64,
+    /// Threads.
+    threads: usize,
+}
+
+impl Clamped {
+    /// The robot of `model`. Candidates may have the delays of `base` and `theta`.
+    ///
+    /// # Errors
+    /// A delay too long to be replayed.
+    pub fn new(
+        config: &AdaptConfig,
+        model: Model,
+        theta: &Theta,
+        base: &Candidate,
+        threads: usize,
+    ) -> Result<Self, Error> {
+        let searched = theta.largest(Quantity::Delay).unwrap_or(0.0);
+        if searched > MOST_DELAY {
+            return Err(Error::settings(format!(
+                "the `delay` parameter's upper bound is {searched} s; at most {MOST_DELAY} s can be replayed: lower \
+                 `upper`"
+            )));
+        }
+        let max_delay = base.robot.delay.iter().fold(searched, |most, &delay| most.max(delay));
+        let (timestep, preset) = (config.simulation.timestep, config.simulation.preset.into());
+        Ok(Self { model, timestep, preset, max_delay, threads })
+    }
+
+    /// Replays `logs`, which share a sample rate, on candidates. `base`: the robot that θ changes.
+    ///
+    /// # Errors
+    /// Logs whose rates differ; a physics step too small for them.
+    pub fn simulator(&self, base: Candidate, logs: &[Log]) -> Result<ReplaySimulator, Error> {
+        let longest = logs.iter().map(|log| log.trajectory.dt()).fold(0.0, f64::max);
+        // A log at 5.001 ms and a step of 5 ms mean one step a sample: a percent is clock error, not a finer rate.
+        let substeps = (longest / self.timestep - 0.01).ceil().max(1.0) as usize;
+        if substeps > MOST_SUBSTEPS {
+            return Err(Error::settings(format!(
+                "`simulation.timestep` {} s splits a sample of {longest} s into {substeps} steps, more than \
+                 {MOST_SUBSTEPS}; raise it (for example --set simulation.timestep=0.001)",
+                self.timestep
+            )));
+        }
+        let options = ReplayOptions { substeps, preset: self.preset, max_delay: self.max_delay, isa: None };
+        let recordings =
+            logs.iter().map(|log| logs::recording(&log.trajectory, &log.path)).collect::<Result<_, _>>()?;
+        let names = || logs.iter().map(|log| log.name.as_str()).collect::<Vec<_>>().join(", ");
+        ReplaySimulator::new(&self.model, recordings, options, self.threads)
+            .map(|simulator| simulator.changing(base))
+            .map_err(|error| Error::failed(format!("{}: {error}.", names())))
+    }
+}

@@ -1,0 +1,90 @@
+//! A robot that walked: the policy, its task and the simulator in which it walks again.
+
+use super::simulator::WalkSimulator;
+use crate::Error;
+use crate::log::Log;
+use crate::settings::AdaptConfig;
+use gaitfit_adapt::{Quantity, Theta};
+use gaitfit_learn::task::{Task, TaskSettings};
+use gaitfit_model::Model;
+use gaitfit_policy::Policy;
+use gaitfit_sim::Candidate;
+use std::sync::Arc;
+
+/// A policy on a robot.
+pub struct Walking {
+    /// The policy that walked.
+    pub policy: Policy,
+    /// Its task, without noise, pushes and variety, and the simulator.
+    pub task: Task,
+    /// Threads.
+    pub threads: usize,
+}
+
+impl Walking {
+    /// The policy on the robot of `model`. Candidates may have the delays of `base` and `theta`.
+    ///
+    /// # Errors
+    /// A policy that is not this robot's; a task in its file that cannot be read.
+    pub fn new(
+        config: &AdaptConfig,
+        policy: Policy,
+        model: &Model,
+        theta: &Theta,
+        base: &Candidate,
+        threads: usize,
+    ) -> Result<Self, Error> {
+        let task = task(config, &policy, model, theta, base)?;
+        Ok(Self { policy, task, threads })
+    }
+
+    /// Names of the policy's joints, in its order.
+    pub fn joints(&self) -> Vec<String> {
+        let walker = &self.task.walker;
+        let model = walker.batch.model();
+        walker.joints.iter().map(|&joint| model.joints[joint].name.clone()).collect()
+    }
+
+    /// Runs the policy on candidates under the commands of `logs`. `base`: the robot that θ changes.
+    pub fn simulator(self: &Arc<Self>, base: Candidate, logs: &[Log]) -> WalkSimulator {
+        let trajectories: Vec<_> = logs.iter().map(|log| &log.trajectory).collect();
+        WalkSimulator::new(Arc::clone(self), base, &trajectories)
+    }
+}
+
+/// The policy's default pose in the model's order, rad.
+///
+/// # Errors
+/// A policy that is not this robot's.
+pub fn rest_angles(policy: &Policy, model: &Model) -> Result<Vec<f64>, Error> {
+    let mut rest = vec![0.0; model.joints.len()];
+    let joints = policy.interface.resolve(model).map_err(Error::failed)?;
+    for (&joint, &angle) in joints.iter().zip(&policy.interface.default_pose) {
+        rest[joint] = angle;
+    }
+    Ok(rest)
+}
+
+fn task(
+    config: &AdaptConfig,
+    policy: &Policy,
+    model: &Model,
+    theta: &Theta,
+    base: &Candidate,
+) -> Result<Task, Error> {
+    let task = &policy.provenance.task;
+    let mut settings = if task.is_empty() {
+        TaskSettings::default()
+    } else {
+        let wrong = |error| Error::failed(format!("the task in the policy's file: {error}"));
+        toml::from_str(task).map_err(wrong)?
+    };
+    let interface = policy.interface.clone();
+    // A period of 20 ms and a step of 5 ms mean four steps, whatever the last digit says.
+    let steps = (interface.control_dt / config.simulation.timestep - 0.01).ceil().max(1.0);
+    settings.substeps = steps as usize;
+    let delay = base.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
+    let delay = delay.max(theta.largest(Quantity::Delay).unwrap_or(0.0));
+    Task::with_interface(model, &settings.calm(), interface, config.simulation.preset.into(), delay)
+        .map_err(Error::failed)
+}
