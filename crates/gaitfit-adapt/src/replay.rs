@@ -22,8 +22,7 @@ impl ReplaySimulator {
         threads: usize,
     ) -> Result<Self, SimulatorError> {
         let count = recordings.len();
-        let replay =
-            Replay::new(model, recordings, options).map_err(SimulatorError::failed)?;
+        let replay = Replay::new(model, recordings, options).map_err(SimulatorError::failed)?;
         Ok(Self {
             replay,
             base: Candidate::nominal(model),

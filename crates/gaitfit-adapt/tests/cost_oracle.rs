@@ -3,7 +3,7 @@
 
 use gaitfit_adapt::Signals;
 use gaitfit_adapt::cost::{
-    Breakdown, Cost, CostError, MatchO, Recorded, Signal, Reference, Wass, Weights, position_rmse, sort_f32,
+    Breakdown, Cost, CostError, MatchO, Recorded, Reference, Signal, Wass, Weights, position_rmse, sort_f32,
     wasserstein1,
 };
 use serde::Deserialize;

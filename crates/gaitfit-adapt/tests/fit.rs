@@ -9,7 +9,8 @@ use gaitfit_adapt::fit::{
     simulate_one,
 };
 use gaitfit_adapt::{
-    Cancel, Consume, ParameterRule, Quantity, Rollout, Sharing, Signals, Simulator, SimulatorError, Theta, never,
+    Cancel, Consume, ParameterRule, Quantity, Rollout, Sharing, Signals, Simulator, SimulatorError, Theta,
+    never,
 };
 use std::sync::Arc;
 

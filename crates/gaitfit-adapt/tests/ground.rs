@@ -2,14 +2,14 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
-use gaitfit_adapt::cost::{Cost, CostError, CostKind, MatchS, Recorded, Signal, Reference, Wass, Weights};
+use gaitfit_adapt::cost::{Cost, CostError, CostKind, MatchS, Recorded, Reference, Signal, Wass, Weights};
 use gaitfit_adapt::fit::{
     FallPenalty, Fit, FitOptions, Job, NoiseSource, Predicted, RandomNumbers, evaluate, identify,
     simulate_one,
 };
 use gaitfit_adapt::{
-    Cancel, Consume, Entry, Modification, NetworkName, NetworkRule, NetworkStart, Rollout, Signals, Simulator,
-    SimulatorError, Theta, never,
+    Cancel, Consume, Entry, Modification, NetworkName, NetworkRule, NetworkStart, Rollout, Signals,
+    Simulator, SimulatorError, Theta, never,
 };
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::Candidate;
@@ -449,6 +449,8 @@ fn networks_are_fitted_from_either_start_by_the_separable_form() {
         while fit.step(&never).unwrap().is_some() {}
         let best = fit.outcomes()[0].best_cost;
         assert!(best < 0.15 * first, "{start:?}: {first} {best}");
-        assert!(!fit.outcomes().remove(0).identify(&simulator, &theta, costs[0].as_ref(), 0, &never).unwrap());
+        assert!(
+            !fit.outcomes().remove(0).identify(&simulator, &theta, costs[0].as_ref(), 0, &never).unwrap()
+        );
     }
 }

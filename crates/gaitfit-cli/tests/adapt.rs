@@ -24,6 +24,9 @@ fn the_document_and_the_run_folder_are_complete() {
         assert!(number("lower") <= number("value") && number("value") <= number("upper"), "{parameter}");
         assert!(parameter["name"].is_string() && parameter["unit"].is_string(), "{parameter}");
         assert!(parameter["at_bound"].is_boolean() && number("spread") >= 0.0, "{parameter}");
+        let [lower, upper] = [0, 1].map(|end| parameter["interval"][end].as_f64().unwrap());
+        assert!(lower <= number("value") && number("value") <= upper, "{parameter}");
+        assert!(parameter["identified"].is_boolean() && parameter["truth"].is_f64(), "{parameter}");
     }
     let cost = found["cost"].as_f64().unwrap();
     let baselines = found["baselines"].as_array().unwrap();
@@ -36,7 +39,11 @@ fn the_document_and_the_run_folder_are_complete() {
     let square: f64 = per_joint.values().map(|error| error.as_f64().unwrap().powi(2)).sum::<f64>() / 12.0;
     assert!((square.sqrt() - validation["rmse_rad"].as_f64().unwrap()).abs() < 1e-9);
     assert!(found["wall_seconds"].as_f64().unwrap() > 0.0);
-    let comparison = found["other_fits"][0]["comparison"].as_array().unwrap();
+    assert_eq!(found["fits"].as_array().unwrap().len(), 2);
+    for key in ["parameters", "cost", "cost_name", "nominal_cost", "validation", "converged"] {
+        assert_eq!(found[key], found["fits"][0][key], "what stands at the top is the first fit's: {key}");
+    }
+    let comparison = found["fits"][1]["comparison"].as_array().unwrap();
     assert_eq!(comparison.len(), 10);
     assert!(
         comparison.iter().all(|one| (one["agrees"] == false) == one["reason"].is_string()),
@@ -127,4 +134,74 @@ fn shared_the_real_robots_logs_are_fitted() {
     assert!(rmse(0) < 0.02 && rmse(1) < 0.02, "{}", found["validation"]);
     let delay = found["baselines"][2]["rmse_validation_rad"].as_f64().unwrap();
     assert!((delay - 0.0426).abs() < 0.001, "the data's own description says 0.0426, found {delay}");
+}
+
+#[test]
+fn a_search_that_had_not_converged_says_so_first_and_fails_where_asked() {
+    let runs = tempfile::tempdir().unwrap();
+    let found = adapt(runs.path(), &[]);
+    assert_eq!((&found["converged"], &found["better_than_nominal"]), (&false.into(), &true.into()));
+    assert!(found["headline"].as_str().unwrap().starts_with("Not converged: "), "{}", found["headline"]);
+    assert_eq!(found["fits"][0]["doubts"][0]["kind"], "not_converged");
+    let page = std::fs::read_to_string(runs.path().join("go2-demo/report.html")).unwrap();
+    assert!(page.contains("Not converged"), "the page says it too");
+
+    let plain = |set: &str| {
+        let args = quick_demo(runs.path(), &["--set", set]);
+        run(&args.into_iter().filter(|argument| argument != "--json").collect::<Vec<_>>())
+    };
+    let output = plain("check.converged=true");
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    assert!(text.starts_with("Not converged: ") && text.contains("FAILED: not converged"), "{text}");
+    assert!(errors(&output).contains("a check failed: not converged"), "{}", errors(&output));
+    let output = plain("check.better_than_nominal=true");
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+}
+
+#[test]
+fn a_fit_that_is_no_better_than_the_nominal_robot_says_so_first() {
+    let runs = tempfile::tempdir().unwrap();
+    // An encoder that is off by at least 0.09 rad: any fit is worse than none.
+    let wrong = "parameter=[{ kind = \"encoder_bias\", per = \"all\", lower = 0.09, start = 0.095 }]";
+    let more = ["--set", wrong, "--set", "check.better_than_nominal=true", "--set", "truth={}"];
+    let output = run(&quick_demo(runs.path(), &more));
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    let found = json(&output);
+    assert_eq!(found["better_than_nominal"], false);
+    assert!(found["cost"].as_f64().unwrap() > found["nominal_cost"].as_f64().unwrap());
+    assert!(found["headline"].as_str().unwrap().starts_with("Worse than the nominal robot"), "{found}");
+    assert_eq!(found["checks"][0]["passed"], false);
+}
+
+#[test]
+fn checks_of_costs_hold_or_fail() {
+    let runs = tempfile::tempdir().unwrap();
+    let found = adapt(runs.path(), &["--set", "check.cost=10", "--set", "check.validation_cost=10"]);
+    let checks = found["checks"].as_array().unwrap();
+    assert!(checks.len() == 2 && checks.iter().all(|check| check["passed"] == true), "{checks:?}");
+    let output = run(&quick_demo(runs.path(), &["--set", "check.validation_cost=1e-6"]));
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+}
+
+#[test]
+fn what_is_known_of_a_clamped_robot_comes_before_what_is_fitted() {
+    let runs = tempfile::tempdir().unwrap();
+    let known = runs.path().join("known.toml");
+    let text = |value: f64| {
+        format!(
+            "format = 2\nrobot = \"go2\"\ncost_name = \"none\"\n[[parameter]]\nname = \"damping\"\nkind = \"damping\"\n\
+             joints = [\"FL_hip_joint\"]\nvalue = {value}\nunit = \"N·m·s/rad\"\n"
+        )
+    };
+    std::fs::write(&known, text(0.0)).unwrap();
+    let set = format!("known={}", known.display());
+    let plain = adapt(runs.path(), &["--set", &set]);
+    std::fs::write(&known, text(1.5)).unwrap();
+    let damped = adapt(runs.path(), &["--set", &set]);
+    assert_ne!(plain["nominal_cost"], damped["nominal_cost"], "the robot before the fit has what is known");
+    assert_eq!(
+        plain["parameters"], damped["parameters"],
+        "what is fitted replaces what is known of the same kind"
+    );
 }

@@ -152,6 +152,8 @@ fn resets_without_a_logged_state_are_refused() {
     let nominal = Candidate::nominal(scene.walker.batch.model());
     let log = &logs(&scene, &policy, &nominal, 1)[0].trajectory;
     let script = Script { states: Vec::new(), ..script(&scene, log) };
-    let error = follow(&scene.walker, &policy, &[script], &[job(&nominal, Some(20))], 1, &|_, _, _| {}, &|| false).unwrap_err();
+    let error =
+        follow(&scene.walker, &policy, &[script], &[job(&nominal, Some(20))], 1, &|_, _, _| {}, &|| false)
+            .unwrap_err();
     assert!(error.to_string().contains("wass"), "{error}");
 }

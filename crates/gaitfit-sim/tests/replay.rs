@@ -378,7 +378,8 @@ fn options_out_of_range_are_refused() {
 #[test]
 fn a_cancelled_replay_ends_within_a_recording() {
     let model = go2();
-    let replay = Replay::new(&model, vec![recording(&model, 100_000, 0.0)], ReplayOptions::default()).unwrap();
+    let replay =
+        Replay::new(&model, vec![recording(&model, 100_000, 0.0)], ReplayOptions::default()).unwrap();
     let asked = std::sync::atomic::AtomicUsize::new(0);
     let third_time = || asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= 2;
     let candidates = vec![RobotParams::nominal(&model); 40];

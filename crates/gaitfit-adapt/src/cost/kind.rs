@@ -34,7 +34,11 @@ impl CostKind {
     ///
     /// # Errors
     /// As the cost's own `new`.
-    pub fn build(self, reference: &Arc<Reference>, simulator: &dyn Simulator) -> Result<Box<dyn Cost>, CostError> {
+    pub fn build(
+        self,
+        reference: &Arc<Reference>,
+        simulator: &dyn Simulator,
+    ) -> Result<Box<dyn Cost>, CostError> {
         let (reference, shared) = (Arc::clone(reference), Weights::shared(reference, simulator));
         Ok(match self {
             Self::Wass => Box::new(Wass::new(reference, shared)?),

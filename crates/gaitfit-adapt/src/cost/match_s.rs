@@ -1,7 +1,7 @@
 //! The privileged time-aligned cost with resets.
 
 use super::aligned::AlignedSums;
-use super::{Accumulator, Cost, CostError, CostKind, Signal, Reference, Weights};
+use super::{Accumulator, Cost, CostError, CostKind, Reference, Signal, Weights};
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 

@@ -23,9 +23,9 @@ mod error;
 mod kind;
 mod match_o;
 mod match_s;
+mod reference;
 mod rmse;
 mod signal;
-mod reference;
 mod wass;
 mod wasserstein1;
 
@@ -34,9 +34,9 @@ pub use error::CostError;
 pub use kind::{CostKind, UnknownCost};
 pub use match_o::MatchO;
 pub use match_s::MatchS;
+pub use reference::{Dimension, Recorded, Reference};
 pub use rmse::{PositionRmse, position_rmse};
 pub use signal::{Signal, Weights};
-pub use reference::{Dimension, Recorded, Reference};
 pub use wass::Wass;
 pub use wasserstein1::{sort_f32, wasserstein1};
 

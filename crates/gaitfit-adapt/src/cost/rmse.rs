@@ -1,7 +1,7 @@
 //! The plain error that validation reports.
 
 use super::aligned::squared_differences;
-use super::{CostError, Signal, Reference};
+use super::{CostError, Reference, Signal};
 use crate::Signals;
 use serde::Serialize;
 

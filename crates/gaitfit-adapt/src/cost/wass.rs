@@ -1,7 +1,7 @@
 //! The pooled distribution cost.
 
 use super::wasserstein1::{key, sort_keys, wasserstein1_keys};
-use super::{Accumulator, Breakdown, Cost, CostError, GroupCost, LOST, Signal, Reference, Weights};
+use super::{Accumulator, Breakdown, Cost, CostError, GroupCost, LOST, Reference, Signal, Weights};
 use crate::Signals;
 use std::sync::Arc;
 

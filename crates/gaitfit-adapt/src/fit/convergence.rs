@@ -34,7 +34,10 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
         return reasons;
     }
     if ended == Some(Stop::Degenerate) {
-        reasons.push("The optimiser could not go on: its steps grew without bound or lost all but one direction.".into());
+        reasons.push(
+            "The optimiser could not go on: its steps grew without bound or lost all but one direction."
+                .into(),
+        );
     }
     let generations = best.map_or(0, |run| run.generations);
     if let Some(fall) = late_fall(course).filter(|fall| *fall > PROGRESS) {
@@ -108,7 +111,10 @@ mod tests {
         let falling = [8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0];
         let reasons = |stop, spread, course: &[f64]| unsettled(&outcome(stop, spread), course);
         assert!(reasons(Some(Stop::Generations), 0.01, &flat).is_empty());
-        assert!(reasons(Some(Stop::Tolerance), 0.2, &falling).is_empty(), "it shrank: others are worse, no more");
+        assert!(
+            reasons(Some(Stop::Tolerance), 0.2, &falling).is_empty(),
+            "it shrank: others are worse, no more"
+        );
         let progress = reasons(Some(Stop::Generations), 0.01, &falling);
         assert!(progress.len() == 1 && progress[0].contains("66.7 %"), "{progress:?}");
         let apart = reasons(None, 0.2, &flat);

@@ -51,7 +51,8 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
         }
         let upper = found.value - found.lower >= found.upper - found.value;
         if found.at_bound && (upper || found.lower != 0.0) {
-            warnings.push(format!("{of}{} rests on a bound of its search: widen it, or distrust it", found.name));
+            warnings
+                .push(format!("{of}{} rests on a bound of its search: widen it, or distrust it", found.name));
         }
     }
     if fit.falls > 0 {

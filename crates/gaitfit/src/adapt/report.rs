@@ -20,11 +20,7 @@ use gaitfit_view::{FitReport, fit_html};
 const MOST_COMMANDS: usize = 5000;
 
 /// The page of a finished fit; `course`: the generations of its runs.
-pub(super) fn page(
-    setup: &Setup,
-    results: &AdaptResults,
-    course: &[RunGeneration],
-) -> Result<String, Error> {
+pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneration]) -> Result<String, Error> {
     let shown = setup.validate.first().unwrap_or(&setup.fit);
     let (nominal, fitted) = predicted(setup, results, shown.simulator.as_ref())?;
     let robot = match setup.config.robot.as_str() {
@@ -208,7 +204,9 @@ fn warnings(results: &AdaptResults) -> Vec<String> {
     let mut found: Vec<String> = failed.map(|check| format!("a check failed: {}", check.text())).collect();
     for fit in results.fits.iter().skip(1) {
         let doubts = fit.doubts.iter();
-        found.extend(doubts.map(|doubt| format!("{}: {}: {}", fit.cost_name, doubt.kind.headline(), doubt.text)));
+        found.extend(
+            doubts.map(|doubt| format!("{}: {}: {}", fit.cost_name, doubt.kind.headline(), doubt.text)),
+        );
     }
     found.extend(results.warnings.iter().cloned());
     found

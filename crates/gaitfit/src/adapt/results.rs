@@ -142,7 +142,9 @@ impl CostFit {
         match self.nominal_cost {
             Some(nominal) if nominal > 0.0 => {
                 let share = 100.0 * (1.0 - self.cost / nominal);
-                format!("{cost}, {share:.0} % below the robot before the fit ({nominal:.5}); the search converged.")
+                format!(
+                    "{cost}, {share:.0} % below the robot before the fit ({nominal:.5}); the search converged."
+                )
             }
             _ => format!("{cost}; the robot before the fit diverges; the search converged."),
         }
@@ -194,7 +196,8 @@ pub(super) fn results(
         ));
     };
     let robot = Robot { theta: &setup.theta, values: &first.values() };
-    let fitted = score("fitted simulator", setup, Some(first.cost), |set| robot.simulate(set.simulator.as_ref()))?;
+    let fitted =
+        score("fitted simulator", setup, Some(first.cost), |set| robot.simulate(set.simulator.as_ref()))?;
     let mut warnings = setup.warnings.clone();
     for fit in &fits {
         warnings.extend(doubts::warnings(fit, fits.len() > 1));
@@ -251,10 +254,16 @@ fn identified(
 }
 
 /// One evaluation of a robot by cost number `cost`, without a charge for falls.
-fn evaluated(setup: &Setup, cost: usize, theta: &Theta, values: Vec<f64>) -> Result<Option<Evaluation>, Error> {
+fn evaluated(
+    setup: &Setup,
+    cost: usize,
+    theta: &Theta,
+    values: Vec<f64>,
+) -> Result<Option<Evaluation>, Error> {
     let jobs = [Job { cost, values, draw: 0 }];
     let simulator = setup.fit.simulator.as_ref();
-    let found = evaluate(simulator, theta, &setup.costs, &FallPenalty::NONE, &jobs, &never).map_err(Error::failed)?;
+    let found =
+        evaluate(simulator, theta, &setup.costs, &FallPenalty::NONE, &jobs, &never).map_err(Error::failed)?;
     Ok(found.into_iter().next())
 }
 
@@ -288,7 +297,8 @@ fn fit(
     };
     let errors = parameters.iter().filter_map(error).map(Some);
     let theta = Theta::default();
-    let (robot, before) = (Robot { theta: &setup.theta, values: &values }, Robot { theta: &theta, values: &[] });
+    let (robot, before) =
+        (Robot { theta: &setup.theta, values: &values }, Robot { theta: &theta, values: &[] });
     Ok(CostFit {
         cost_name: outcome.cost.clone(),
         cost: outcome.best_cost,

@@ -1,10 +1,10 @@
 //! Stepping a fit: metrics, progress, checkpoints, interruption.
 
+use super::setup::Setup;
 use crate::Error;
 use crate::run::RunFolder;
 use crate::run::inputs::Inputs;
 use crate::watch::{Watch, Work};
-use super::setup::Setup;
 use gaitfit_adapt::fit::{Checkpoint, CostOutcome, Fit, FitError, Generation, RunGeneration};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};

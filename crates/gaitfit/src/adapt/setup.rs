@@ -37,13 +37,15 @@ impl LogSet {
     ) -> Result<Self, Error> {
         let simulator = method.simulator(base.clone(), &logs)?;
         let joints = method.joints();
-        let recorded = |(number, log): (usize, &Log)| Recorded::from_trajectory(&log.trajectory, &joints, number);
+        let recorded =
+            |(number, log): (usize, &Log)| Recorded::from_trajectory(&log.trajectory, &joints, number);
         let reference = || -> Result<Reference, CostError> {
             let recorded = logs.iter().enumerate().map(recorded).collect::<Result<Vec<_>, _>>()?;
             Reference::new(joints.clone(), &recorded, method.samples(config.skip_seconds(), &logs))
         };
         let reference = reference().map_err(|error| {
-            let of = if let [log] = logs.as_slice() { log.name.as_str() } else { "the logs cannot be compared" };
+            let of =
+                if let [log] = logs.as_slice() { log.name.as_str() } else { "the logs cannot be compared" };
             Error::failed(format!("{of}: {error}."))
         })?;
         Ok(Self { logs, simulator, reference: Arc::new(reference) })
@@ -51,7 +53,8 @@ impl LogSet {
 
     /// The configuration's costs against these logs.
     pub fn costs(&self, config: &AdaptConfig) -> Result<Vec<Box<dyn Cost>>, Error> {
-        let build = |kind: &gaitfit_adapt::cost::CostKind| kind.build(&self.reference, self.simulator.as_ref());
+        let build =
+            |kind: &gaitfit_adapt::cost::CostKind| kind.build(&self.reference, self.simulator.as_ref());
         let costs = config.costs.iter().map(build).collect::<Result<_, _>>();
         costs.map_err(|error| Error::failed(format!("the logs cannot be compared: {error}")))
     }
@@ -254,7 +257,8 @@ impl Logs {
         };
         for log in validate.iter().flatten() {
             if fit.iter().any(|fitted| fitted.path == log.path) {
-                warnings.push(format!("{} is fitted and validated on: its error there proves nothing", log.name));
+                warnings
+                    .push(format!("{} is fitted and validated on: its error there proves nothing", log.name));
             }
         }
         warnings.extend(doubts);

@@ -107,7 +107,9 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
         theta: request.theta.clone(),
         robot: method.model().name.clone(),
         headline: String::new(),
-        better_than_nominal: better([cost, nominal_cost]).or(better([rmse_rad, nominal_rmse_rad])).unwrap_or(false),
+        better_than_nominal: better([cost, nominal_cost])
+            .or(better([rmse_rad, nominal_rmse_rad]))
+            .unwrap_or(false),
         cost_name: kind.to_string(),
         cost,
         nominal_cost,
@@ -119,7 +121,8 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     };
     results.headline = headline(&results);
     if config.check.better_than_nominal {
-        let check = Check::holds("better than the nominal robot", results.better_than_nominal, &results.headline);
+        let check =
+            Check::holds("better than the nominal robot", results.better_than_nominal, &results.headline);
         results.checks.insert(0, check);
     }
     Ok(results)

@@ -128,17 +128,18 @@ impl<'a> Stages<'a> {
         self.folder.make(round)?;
         self.write_config(&file, config)?;
         let recorded = self.path(&format!("{round}/logs"));
-        let setup = adapt::Setup::open(config, &self.path(&file), Some(self.setup.threads)).map_err(|error| {
-            if !recorded.is_dir() {
-                return error;
-            }
-            let folder = recorded.display();
-            error.map(|text| {
+        let setup =
+            adapt::Setup::open(config, &self.path(&file), Some(self.setup.threads)).map_err(|error| {
+                if !recorded.is_dir() {
+                    return error;
+                }
+                let folder = recorded.display();
+                error.map(|text| {
                 format!(
                     "{text} The target recorded these logs; remove {folder}, and --resume asks it for others."
                 )
             })
-        })?;
+            })?;
         self.announce(&format!(
             "{stage}: {} parameters are fitted to {} logs",
             setup.theta.len(),

@@ -136,14 +136,18 @@ fn predictors(results: &AdaptResults) -> Table {
     let errors = scores().any(|score| score.rmse_fit_rad.is_some());
     let validated = scores().any(|score| score.cost_validation.is_some());
     let validated_errors = scores().any(|score| score.rmse_validation_rad.is_some());
-    let more = [(errors, "rmse fit rad"), (validated, "cost validation"), (validated_errors, "rmse validation rad")];
+    let more =
+        [(errors, "rmse fit rad"), (validated, "cost validation"), (validated_errors, "rmse validation rad")];
     columns.extend(more.iter().filter(|(shown, _)| *shown).map(|(_, name)| (*name).to_owned()));
     let header: Vec<&str> = columns.iter().map(String::as_str).collect();
     let mut table = table(&header, &[1, 2, 3, 4]);
     for score in scores() {
         let mut row = vec![score.name.clone(), number(score.cost)];
-        let more =
-            [(errors, score.rmse_fit_rad), (validated, score.cost_validation), (validated_errors, score.rmse_validation_rad)];
+        let more = [
+            (errors, score.rmse_fit_rad),
+            (validated, score.cost_validation),
+            (validated_errors, score.rmse_validation_rad),
+        ];
         row.extend(more.iter().filter(|(shown, _)| *shown).map(|(_, value)| number(*value)));
         table.add_row(row);
     }

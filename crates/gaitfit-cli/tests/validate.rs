@@ -1,0 +1,105 @@
+//! `gaitfit validate`: a finished fit on other logs, clamped and walking.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{errors, json, quick_demo, root, run};
+use std::path::Path;
+
+const LOG: &str = "examples/go2-demo/validate.csv";
+
+#[test]
+fn it_gives_the_numbers_of_the_fits_own_validation() {
+    let runs = tempfile::tempdir().unwrap();
+    let fitted = json(&run(&quick_demo(runs.path(), &[])));
+    let theta = runs.path().join("go2-demo/theta.toml");
+    let theta = theta.to_str().unwrap();
+    let output = run(&["validate", theta, LOG, "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    let found = json(&output);
+    assert_eq!(found["validation"], fitted["validation"]);
+    assert_eq!(found["cost"], fitted["fitted"]["cost_validation"]);
+    assert_eq!(found["rmse_rad"], fitted["fitted"]["rmse_validation_rad"]);
+    assert_eq!(found["nominal_rmse_rad"], fitted["baselines"][0]["rmse_validation_rad"]);
+    assert_eq!(found["better_than_nominal"], true);
+
+    let output = run(&["validate", theta, LOG, "--set", "check.rmse_rad=1e-6"]);
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    assert!(text.contains(LOG) && text.contains("FAILED: rmse_rad"), "{text}");
+}
+
+#[test]
+fn a_fit_without_its_configuration_and_logs_that_are_not_there_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let theta = folder.path().join("theta.toml");
+    std::fs::write(&theta, "format = 2\nrobot = \"go2\"\ncost_name = \"matcho\"\n").unwrap();
+    let theta = theta.to_str().unwrap();
+    let output = run(&["validate", theta, LOG]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("--config"), "{}", errors(&output));
+    let config = ["--config", "examples/go2-demo/adapt.toml"];
+    let output = run(&[&["validate", theta, "no-such.csv"], &config[..]].concat());
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("no-such.csv"), "{}", errors(&output));
+    // Nothing fitted: the robot before the fit.
+    let output = run(&[&["validate", theta, LOG, "--json"], &config[..]].concat());
+    let found = json(&output);
+    assert_eq!(found["cost"], found["nominal_cost"]);
+    assert_eq!(found["better_than_nominal"], false, "{}", errors(&output));
+}
+
+/// A quick fit of the walking logs of the example: some of them fitted, others to validate on.
+fn walking(runs: &Path) -> (Vec<String>, Vec<String>) {
+    let mut logs: Vec<String> = std::fs::read_dir(root().join("examples/go2-ground/logs"))
+        .unwrap()
+        .map(|entry| format!("examples/go2-ground/logs/{}", entry.unwrap().file_name().to_string_lossy()))
+        .filter(|name| name.ends_with(".csv"))
+        .collect();
+    logs.sort();
+    let (fit, other) = logs.split_at(logs.len() / 2);
+    let quoted = |logs: &[String]| format!("{logs:?}");
+    let config = format!(
+        "name = \"walk\"\nrobot = \"assets/go2.xml\"\nbase = \"free\"\npolicy = \"assets/go2-walk.safetensors\"\n\
+         logs = {}\nvalidate = {}\ncosts = [\"wass\"]\nruns = \"{}\"\n[optimizer]\ngenerations = 2\nseeds = 1\n\
+         population = 4\n[simulation]\ntimestep = 0.01\npreset = \"fast\"\n",
+        quoted(fit),
+        quoted(other),
+        runs.display()
+    );
+    let path = runs.join("walk.toml");
+    std::fs::write(&path, config).unwrap();
+    (vec!["adapt".to_owned(), path.display().to_string(), "--json".to_owned()], other.to_vec())
+}
+
+#[test]
+fn walking_logs_are_validated_too() {
+    let runs = tempfile::tempdir().unwrap();
+    let (args, other) = walking(runs.path());
+    let output = run(&args);
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    let fitted = json(&output);
+    let validation = fitted["validation"].as_array().unwrap();
+    assert!(validation.len() >= other.len(), "{validation:?}");
+    assert!(validation.iter().all(|log| log["cost"].is_f64() && log["rmse_rad"].is_null()), "{validation:?}");
+    assert!(fitted["fitted"]["cost_validation"].is_f64());
+    assert_eq!(
+        fitted["baselines"].as_array().unwrap().len(),
+        1,
+        "no simulator repeats a walking robot's targets"
+    );
+
+    let theta = runs.path().join("walk/theta.toml");
+    let mut args = vec!["validate".to_owned(), theta.display().to_string(), "--json".to_owned()];
+    args.extend(other);
+    let output = run(&args);
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    let found = json(&output);
+    assert_eq!(&found["validation"], &fitted["validation"]);
+    assert_eq!(found["cost"], fitted["fitted"]["cost_validation"]);
+
+    // Samples are compared one by one where a cost does so.
+    args.extend(["--set".to_owned(), "costs=[\"matcho\"]".to_owned()]);
+    let found = json(&run(&args));
+    assert!(found["rmse_rad"].as_f64().unwrap() > 0.0, "{found}");
+}
