@@ -31,7 +31,7 @@ pub fn target(
         watch.note(&format!("this run began without its robot ({why}) and ends without it"));
         return Ok((None, Some(why)));
     }
-    let found = probe(&words);
+    let found = probe(&words, target.timeout_seconds, watch);
     if watch.stop() {
         return Err(Error::Interrupted("interrupted".to_owned()));
     }

@@ -98,6 +98,9 @@ pub struct TargetConfig {
     /// Simulated: solver effort.
     #[serde(default = "accurate")]
     pub preset: PresetName,
+    /// Command: how long each call of a program may take, s; then it is stopped.
+    #[serde(default = "timeout_seconds")]
+    pub timeout_seconds: f64,
     /// Command: a program that ends well if the robot is there, and its arguments; if it is not, the loop goes on
     /// without a target. Without one the robot must be there.
     #[serde(default)]
@@ -173,6 +176,10 @@ fn seconds() -> f64 {
     4.0
 }
 
+fn timeout_seconds() -> f64 {
+    3600.0
+}
+
 fn first_seed() -> u64 {
     1
 }
@@ -186,7 +193,7 @@ fn every_joint() -> Vec<String> {
 }
 
 /// Settings that do not change what a stage does.
-pub const FREE: [&str; 4] = ["name", "runs", "rounds", "checkpoint_seconds"];
+pub const FREE: [&str; 5] = ["name", "runs", "rounds", "checkpoint_seconds", "target.timeout_seconds"];
 
 /// Settings of `[adapt]` and `[finetune]` that the loop decides.
 const DECIDED: [(&str, &[&str]); 2] = [
@@ -362,6 +369,8 @@ impl TargetConfig {
             "`target.trajectories` must be 1 to 100000"
         } else if !(self.seconds > 0.0 && self.seconds <= 3600.0) {
             "`target.seconds` must be above 0 and at most 3600"
+        } else if !(self.timeout_seconds > 0.0 && self.timeout_seconds.is_finite()) {
+            "`target.timeout_seconds` must be above 0"
         } else if simulated && !(self.probe.is_empty() && self.collect.is_empty() && self.evaluate.is_empty())
         {
             "`target.probe`, `target.collect` and `target.evaluate` are for kind = \"command\""

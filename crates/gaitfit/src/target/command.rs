@@ -1,14 +1,13 @@
 //! A robot that another program runs.
 
 use super::probe::with_python;
-use super::{Evaluation, Plan, PolicyFiles, csv_files};
+use super::process::{ProcessError, Program};
+use super::{Evaluation, Plan, PolicyFiles, check_recorded, csv_files};
 use crate::Error;
 use crate::settings::TargetConfig;
-use crate::watch::{Event, Watch};
-use std::collections::VecDeque;
-use std::io::{BufRead, BufReader, Read};
+use crate::watch::Watch;
+use gaitfit_model::escaped;
 use std::path::Path;
-use std::process::{self, Stdio};
 
 /// Programs that record and measure, as lists of words with places to fill in.
 pub struct Command {
@@ -16,15 +15,12 @@ pub struct Command {
     evaluate: Vec<String>,
     trajectories: usize,
     seconds: f64,
+    timeout_seconds: f64,
 }
 
-/// Lines of a failed program's standard error that are repeated.
-const LAST_LINES: usize = 20;
-/// Most characters of a wrong document that are repeated.
+/// Most characters of a wrong document, and of a program's words, that are repeated.
 const MOST_SHOWN: usize = 200;
-/// Most bytes that a program may print, and that a line of its standard error may have.
-const MOST_BYTES: u64 = 64 << 20;
-const MOST_LINE: u64 = 1 << 16;
+const MOST_WORDS: usize = 1000;
 
 impl Command {
     /// The programs of a target. `python`: what `{python}` is, where that is known already.
@@ -59,6 +55,7 @@ impl Command {
             evaluate: words(evaluate),
             trajectories: target.trajectories,
             seconds: target.seconds,
+            timeout_seconds: target.timeout_seconds,
         })
     }
 
@@ -83,12 +80,11 @@ impl Command {
                 ("seed", seed.to_string()),
             ],
         );
-        run(&words, "target.collect", watch)?;
+        run(&words, "target.collect", self.timeout_seconds, watch)?;
+        let wrong = |what: String| Error::failed(format!("target.collect, {}: {what}", quoted(&words)));
+        check_recorded(folder).map_err(wrong)?;
         if csv_files(folder)?.is_empty() {
-            return Err(Error::failed(format!(
-                "target.collect, `{}`: it ended well and wrote no .csv into {{folder}}",
-                words.join(" ")
-            )));
+            return Err(wrong("it ended well and wrote no .csv into {folder}".to_owned()));
         }
         Ok(())
     }
@@ -116,20 +112,20 @@ impl Command {
                 ("seed", plan.seed.to_string()),
             ],
         );
-        let out = run(&words, "target.evaluate", watch)?;
+        let out = run(&words, "target.evaluate", self.timeout_seconds, watch)?;
         let mut found: Evaluation = serde_json::from_slice(&out).map_err(|error| {
-            let text: String = String::from_utf8_lossy(&out).chars().take(MOST_SHOWN).collect();
+            let start = String::from_utf8_lossy(&out[..out.len().min(4 * MOST_SHOWN)]);
             Error::failed(format!(
-                "target.evaluate, `{}`: it printed no document such as `gaitfit evaluate --json` does: {error}. It \
+                "target.evaluate, {}: it printed no document such as `gaitfit evaluate --json` does: {error}. It \
                  begins: {}",
-                words.join(" "),
-                text.trim_end()
+                quoted(&words),
+                escaped(start.trim_end(), MOST_SHOWN)
             ))
         })?;
         if let Some(wrong) = found.wrong() {
             return Err(Error::failed(format!(
-                "target.evaluate, `{}`: {wrong}, which cannot be",
-                words.join(" ")
+                "target.evaluate, {}: {wrong}, which cannot be",
+                quoted(&words)
             )));
         }
         found.policy = policy.name.clone();
@@ -170,64 +166,32 @@ fn fill(words: &[String], policy: &PolicyFiles, values: &[(&str, String)]) -> Ve
 }
 
 /// Runs a program to its end and gives what it printed; its standard error is passed on.
-fn run(words: &[String], setting: &str, watch: &Watch<'_>) -> Result<Vec<u8>, Error> {
-    let shown = words.join(" ");
-    let failed = |what: String| Error::failed(format!("{setting}, `{shown}`: {what}"));
-    let Some((program, arguments)) = words.split_first() else {
-        return Err(failed("no program".to_owned()));
+fn run(words: &[String], setting: &str, timeout_seconds: f64, watch: &Watch<'_>) -> Result<Vec<u8>, Error> {
+    let failed = |what: String| Error::failed(format!("{setting}, {}: {what}", quoted(words)));
+    let output = match (Program { words, timeout_seconds, heard: true }).run(watch) {
+        Ok(output) => output,
+        Err(ProcessError::Interrupted) => return Err(interrupted(setting)),
+        Err(error) => return Err(failed(error.to_string())),
     };
-    let mut child = process::Command::new(program)
-        .args(arguments)
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .map_err(|error| failed(format!("cannot be started: {error}; is it installed and on the path?")))?;
-    let (out, err) = (child.stdout.take(), child.stderr.take());
-    let (out, last) = std::thread::scope(|scope| {
-        let last = scope.spawn(|| err.map(|err| pass_on(err, watch)).unwrap_or_default());
-        let mut bytes = Vec::new();
-        let read = out.map_or(Ok(0), |out| out.take(MOST_BYTES + 1).read_to_end(&mut bytes));
-        if bytes.len() as u64 > MOST_BYTES {
-            // Its standard error ends with it.
-            let _ = child.kill();
-        }
-        (read.map(|_| bytes), last.join().unwrap_or_default())
-    });
-    let status = child.wait().map_err(|error| failed(error.to_string()))?;
     if watch.stop() {
-        return Err(Error::Interrupted(format!("interrupted in {setting}; --resume runs it again")));
+        return Err(interrupted(setting));
     }
-    if out.as_ref().is_ok_and(|bytes| bytes.len() as u64 > MOST_BYTES) {
-        return Err(failed(format!("it printed more than {} MiB", MOST_BYTES >> 20)));
+    if !output.status.success() {
+        let said = if output.last.is_empty() {
+            "it said nothing on standard error".to_owned()
+        } else {
+            output.last
+        };
+        return Err(failed(format!("{}. {said}", output.status)));
     }
-    if !status.success() {
-        let said = if last.is_empty() { "it said nothing on standard error".to_owned() } else { last };
-        return Err(failed(format!("{status}. {said}")));
-    }
-    out.map_err(|error| failed(format!("its output cannot be read: {error}")))
+    Ok(output.out)
 }
 
-/// Repeats a program's standard error line by line, and keeps the last ones.
-fn pass_on(stream: impl Read, watch: &Watch<'_>) -> String {
-    let mut last = VecDeque::new();
-    let mut stream = BufReader::new(stream);
-    loop {
-        let mut line = Vec::new();
-        // A longer line comes in parts.
-        match stream.by_ref().take(MOST_LINE).read_until(b'\n', &mut line) {
-            Ok(0) | Err(_) => break,
-            Ok(_) => {}
-        }
-        let line = String::from_utf8_lossy(&line).trim_end().to_owned();
-        // What a program says of an interruption is of no use to who asked for it.
-        if !watch.stop() {
-            watch.tell(Event::Output(&line));
-        }
-        last.push_back(line);
-        if last.len() > LAST_LINES {
-            last.pop_front();
-        }
-    }
-    last.make_contiguous().join("\n")
+fn interrupted(setting: &str) -> Error {
+    Error::Interrupted(format!("interrupted in {setting}; --resume runs it again"))
+}
+
+/// A program's words for a message.
+fn quoted(words: &[String]) -> String {
+    format!("`{}`", escaped(&words.join(" "), MOST_WORDS))
 }

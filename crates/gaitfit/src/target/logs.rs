@@ -3,6 +3,7 @@
 use crate::Error;
 use gaitfit_learn::collect::Collected;
 use gaitfit_log::write_csv;
+use gaitfit_model::{escaped, shown_path};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -36,29 +37,119 @@ pub fn write_logs(folder: &Path, logs: &[Collected]) -> Result<Written, Error> {
     Ok(Written { files, falls: logs.iter().filter(|log| log.fell).count(), without })
 }
 
-/// Has `fill` fill a folder beside `into`, which then takes that name: whoever finds it finds all of it.
+/// How names of folders begin that are not whole yet.
+const WRITING: &str = ".writing-";
+
+/// Has `fill` fill a new folder beside `into`, which then takes that name: whoever finds it finds all of it. Each
+/// attempt has a folder that no earlier one had: a program that outlived its caller cannot write into it.
 ///
 /// # Errors
 /// Those of `fill`, or a folder that cannot be written.
 pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -> Result<(), Error> {
     let name = into.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    let partial = into.with_file_name(format!(".writing-{name}"));
+    let parent = into.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let unwritable =
         |error: std::io::Error| Error::failed(format!("cannot write {}: {error}", into.display()));
-    // What a killed run left.
-    if partial.exists() {
-        fs::remove_dir_all(&partial).map_err(unwritable)?;
+    let prefix = format!("{WRITING}{name}");
+    fs::create_dir_all(parent).map_err(unwritable)?;
+    // What killed runs left.
+    for entry in fs::read_dir(parent).map_err(unwritable)? {
+        let entry = entry.map_err(unwritable)?;
+        if entry.file_name().to_string_lossy().starts_with(&prefix) && entry.path().is_dir() {
+            fs::remove_dir_all(entry.path()).map_err(unwritable)?;
+        }
     }
-    fs::create_dir_all(&partial).map_err(unwritable)?;
+    let mut builder = tempfile::Builder::new();
+    let partial = folder_like(&mut builder)
+        .prefix(&format!("{prefix}-"))
+        .tempdir_in(parent)
+        .map_err(unwritable)?
+        .keep();
     fill(&partial)?;
     for entry in fs::read_dir(&partial).map_err(unwritable)? {
-        fs::File::open(entry.map_err(unwritable)?.path())
-            .and_then(|file| file.sync_all())
-            .map_err(unwritable)?;
+        let entry = entry.map_err(unwritable)?;
+        // Opening anything else might wait for ever.
+        if entry.file_type().map_err(unwritable)?.is_file() {
+            fs::File::open(entry.path()).and_then(|file| file.sync_all()).map_err(unwritable)?;
+        }
     }
     fs::rename(&partial, into).map_err(unwritable)?;
-    let parent = into.parent().unwrap_or(Path::new("."));
     fs::File::open(parent).and_then(|parent| parent.sync_all()).map_err(unwritable)
+}
+
+/// Temporary folders are private by default; these become results that others may read, as the umask says.
+#[cfg(unix)]
+fn folder_like<'a, 'b, 'c>(
+    builder: &'c mut tempfile::Builder<'a, 'b>,
+) -> &'c mut tempfile::Builder<'a, 'b> {
+    use std::os::unix::fs::PermissionsExt;
+    builder.permissions(fs::Permissions::from_mode(0o777))
+}
+
+/// As the system does it.
+#[cfg(not(unix))]
+fn folder_like<'a, 'b, 'c>(
+    builder: &'c mut tempfile::Builder<'a, 'b>,
+) -> &'c mut tempfile::Builder<'a, 'b> {
+    builder
+}
+
+/// Refuses what another program may leave in a folder of logs and nobody can read: pipes, sockets, devices, links that
+/// lead nowhere or to these, folders called like a log. Other folders are left alone.
+///
+/// # Errors
+/// In words, naming the entry.
+pub fn check_recorded(folder: &Path) -> Result<(), String> {
+    let unreadable = |error: std::io::Error| format!("cannot read {}: {error}", folder.display());
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let entry = entry.map_err(unreadable)?;
+        let path = entry.path();
+        let name = escaped(&entry.file_name().to_string_lossy(), 200);
+        let link = entry.file_type().map_err(unreadable)?.is_symlink();
+        let found = match fs::metadata(&path) {
+            Ok(found) => found.file_type(),
+            Err(error) if link => {
+                let leads = fs::read_link(&path).unwrap_or_default();
+                return Err(format!(
+                    "it left `{name}`, a symbolic link to {}, which cannot be read: {error}. Write the log itself into \
+                     {{folder}}.",
+                    shown_path(&leads)
+                ));
+            }
+            Err(error) => return Err(format!("it left `{name}`, which cannot be read: {error}")),
+        };
+        if !(found.is_file() || found.is_dir() && !is_csv(&path)) {
+            let leads = if link { "a symbolic link to " } else { "" };
+            return Err(format!(
+                "it left `{name}`, {leads}{}: only regular files can be logs. Write the log itself into {{folder}}.",
+                kind(found)
+            ));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(unix)]
+fn kind(found: fs::FileType) -> &'static str {
+    use std::os::unix::fs::FileTypeExt;
+    if found.is_fifo() {
+        "a pipe"
+    } else if found.is_socket() {
+        "a socket"
+    } else if found.is_dir() {
+        "a folder"
+    } else {
+        "a device"
+    }
+}
+
+#[cfg(not(unix))]
+fn kind(found: fs::FileType) -> &'static str {
+    if found.is_dir() { "a folder" } else { "no file" }
+}
+
+fn is_csv(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
 }
 
 /// The CSV files of a folder, by name.
@@ -71,10 +162,65 @@ pub fn csv_files(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
-        if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+        if is_csv(&path) && path.is_file() {
             files.push(path);
         }
     }
     files.sort();
     Ok(files)
+}
+
+#[cfg(all(test, unix))]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn every_attempt_has_a_folder_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let into = folder.path().join("logs");
+        let mut first = PathBuf::new();
+        let failed = write_whole(&into, |partial| {
+            first = partial.to_owned();
+            Err(Error::failed("off"))
+        });
+        assert!(failed.is_err() && first.is_dir() && !into.exists());
+        write_whole(&into, |partial| {
+            assert!(*partial != first && !first.exists());
+            // The program of the first attempt is late.
+            assert!(fs::write(first.join("late.csv"), "").is_err());
+            fs::write(partial.join("a.csv"), "t").map_err(Error::failed)
+        })
+        .unwrap();
+        assert_eq!(csv_files(&into).unwrap(), [into.join("a.csv")]);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_is_no_file_is_named_and_not_opened() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::write(path("log.csv"), "t").unwrap();
+        fs::create_dir(path("notes")).unwrap();
+        symlink(path("log.csv"), path("same.csv")).unwrap();
+        check_recorded(folder.path()).unwrap();
+        let refused = |name: &str, what: &str| {
+            let error = check_recorded(folder.path()).unwrap_err();
+            assert!(error.contains(name) && error.contains(what), "{error}");
+            let _ = fs::remove_file(path(name)).or_else(|_| fs::remove_dir(path(name)));
+        };
+        symlink("nowhere.csv", path("gone.csv")).unwrap();
+        refused("gone.csv", "a symbolic link to nowhere.csv");
+        symlink("/dev/zero", path("zero.csv")).unwrap();
+        refused("zero.csv", "a symbolic link to a device");
+        fs::create_dir(path("folder.csv")).unwrap();
+        refused("folder.csv", "a folder");
+        let _socket = std::os::unix::net::UnixListener::bind(path("socket")).unwrap();
+        refused("socket", "a socket");
+        assert!(std::process::Command::new("mkfifo").arg(path("pipe.csv")).status().unwrap().success());
+        assert_eq!(csv_files(folder.path()).unwrap().len(), 2, "a pipe is no log");
+        refused("pipe.csv", "a pipe");
+        check_recorded(folder.path()).unwrap();
+    }
 }

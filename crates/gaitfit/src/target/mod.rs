@@ -2,14 +2,17 @@
 
 mod command;
 mod evaluation;
+mod group;
 mod logs;
 mod probe;
+mod process;
 mod simulated;
 
 pub use command::Command;
 pub use evaluation::{DriftResult, Evaluation, Measured, Plan, measure};
-pub use logs::{csv_files, write_logs, write_whole};
+pub use logs::{check_recorded, csv_files, write_logs, write_whole};
 pub use probe::{Presence, asks_for_python, probe};
+pub use process::{Output, ProcessError, Program};
 pub use simulated::{Simulated, truth};
 
 use crate::Error;

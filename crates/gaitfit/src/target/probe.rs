@@ -1,8 +1,9 @@
 //! Whether a command's robot is there, and which Python `{python}` is.
 
+use super::process::Program;
+use crate::watch::Watch;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use std::process::{Command, Stdio};
 
 /// Names the Python of `{python}`, and no other is tried.
 const VARIABLE: &str = "GAITFIT_PYTHON";
@@ -33,11 +34,12 @@ pub fn with_python(words: &[String], python: &str) -> Vec<String> {
     words.iter().map(|word| word.replace(PLACE, python)).collect()
 }
 
-/// The first Python with which the words end well; for words without one, nothing.
+/// The first Python with which the words end well; for words without one, nothing. Each may take `timeout_seconds`.
 ///
 /// # Errors
 /// In words, why it ends well with none.
-pub fn probe(words: &[String]) -> Result<Option<String>, String> {
+pub fn probe(words: &[String], timeout_seconds: f64, watch: &Watch<'_>) -> Result<Option<String>, String> {
+    let run = |words: &[String]| run(words, timeout_seconds, watch);
     if !asks_for_python(words) {
         return run(words).map(|()| None);
     }
@@ -61,20 +63,13 @@ fn pythons() -> Vec<String> {
 }
 
 /// Runs a program for its exit status alone; fails with the last thing it said.
-fn run(words: &[String]) -> Result<(), String> {
-    let Some((program, arguments)) = words.split_first() else { return Err("no program".to_owned()) };
-    let output = Command::new(program)
-        .args(arguments)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .output()
-        .map_err(|error| format!("cannot be started: {error}"))?;
+fn run(words: &[String], timeout_seconds: f64, watch: &Watch<'_>) -> Result<(), String> {
+    let program = Program { words, timeout_seconds, heard: false };
+    let output = program.run(watch).map_err(|error| error.to_string())?;
     if output.status.success() {
         return Ok(());
     }
-    let said = String::from_utf8_lossy(&output.stderr);
-    let last = said.lines().map(str::trim).rfind(|line| !line.is_empty());
+    let last = output.last.lines().map(str::trim).rfind(|line| !line.is_empty());
     Err(last.map_or_else(|| output.status.to_string(), str::to_owned))
 }
 
@@ -82,6 +77,10 @@ fn run(words: &[String]) -> Result<(), String> {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+
+    fn probe(words: &[String]) -> Result<Option<String>, String> {
+        super::probe(words, 60.0, &Watch::silent())
+    }
 
     fn words(words: &[&str]) -> Vec<String> {
         words.iter().map(|&word| word.to_owned()).collect()

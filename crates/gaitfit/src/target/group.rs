@@ -1,0 +1,159 @@
+//! A program with all the processes that it starts: one group, signalled as one, which ends when this process ends,
+//! however it ends.
+
+#[cfg(unix)]
+pub use unix::Group;
+
+#[cfg(not(unix))]
+pub use other::Group;
+
+#[cfg(unix)]
+mod unix {
+    use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
+    use std::io::Write;
+    use std::os::unix::process::CommandExt;
+    use std::process::{Child, Command, ExitStatus, Stdio};
+    use std::time::{Duration, Instant};
+
+    /// Waits for the end of the process that holds the other side of its standard input, then ends the group whose
+    /// number it was told, politely at first. A second line says that the group has ended.
+    const GUARD: &str = "trap '' HUP INT QUIT TERM
+read -r group || exit 0
+read -r ended && exit 0
+kill -TERM -$group 2>/dev/null || exit 0
+for second in 1 2 3 4 5; do
+  sleep 1
+  kill -0 -$group 2>/dev/null || exit 0
+done
+kill -KILL -$group 2>/dev/null";
+
+    /// How often it is looked whether a group has ended.
+    const LOOK: Duration = Duration::from_millis(20);
+
+    /// A running program and what it started.
+    pub struct Group {
+        /// The program itself.
+        pub child: Child,
+        id: Pid,
+        guard: Child,
+        ended: Option<ExitStatus>,
+    }
+
+    impl Group {
+        /// Starts a program as the first process of a group of its own.
+        ///
+        /// # Errors
+        /// A program that cannot be started, or no `sh` to guard it.
+        pub fn start(command: &mut Command) -> std::io::Result<Self> {
+            let null = Stdio::null;
+            let mut guard = Command::new("sh");
+            // In a group of its own too: a Ctrl-C at the terminal must not end the guard before the program.
+            guard.args(["-c", GUARD]).stdin(Stdio::piped()).stdout(null()).stderr(null()).process_group(0);
+            let mut guard = guard.spawn()?;
+            match command.process_group(0).spawn() {
+                Ok(child) => {
+                    let id = Pid::from_child(&child);
+                    let mut group = Self { child, id, guard, ended: None };
+                    group.tell(&format!("{}\n", id.as_raw_nonzero()))?;
+                    Ok(group)
+                }
+                Err(error) => {
+                    drop(guard.stdin.take());
+                    guard.wait()?;
+                    Err(error)
+                }
+            }
+        }
+
+        fn tell(&mut self, line: &str) -> std::io::Result<()> {
+            self.guard.stdin.as_mut().map_or(Ok(()), |pipe| pipe.write_all(line.as_bytes()))
+        }
+
+        /// How the program itself ended, if it has.
+        ///
+        /// # Errors
+        /// A process that cannot be waited for.
+        pub fn ended(&mut self) -> std::io::Result<Option<ExitStatus>> {
+            if self.ended.is_none() {
+                self.ended = self.child.try_wait()?;
+            }
+            Ok(self.ended)
+        }
+
+        /// Ends what is left of the group: asks first, and kills after `patience`. `meanwhile` is called while it waits.
+        pub fn end(&mut self, patience: Duration, mut meanwhile: impl FnMut()) {
+            // The first process counts as there until it is waited for.
+            let mut there = |group: &mut Self| {
+                let _ = group.ended();
+                meanwhile();
+                test_kill_process_group(group.id).is_ok()
+            };
+            if there(self) {
+                let _ = kill_process_group(self.id, Signal::TERM);
+            }
+            let begun = Instant::now();
+            while there(self) {
+                if begun.elapsed() >= patience {
+                    let _ = kill_process_group(self.id, Signal::KILL);
+                    break;
+                }
+                std::thread::sleep(LOOK);
+            }
+            if self.ended.is_none() {
+                self.ended = self.child.wait().ok();
+            }
+        }
+    }
+
+    impl Drop for Group {
+        fn drop(&mut self) {
+            self.end(Duration::ZERO, || ());
+            let _ = self.tell("ended\n");
+            drop(self.guard.stdin.take());
+            let _ = self.guard.wait();
+        }
+    }
+}
+
+#[cfg(not(unix))]
+mod other {
+    use std::process::{Child, Command, ExitStatus};
+    use std::time::Duration;
+
+    /// A running program.
+    pub struct Group {
+        /// The program itself.
+        pub child: Child,
+    }
+
+    impl Group {
+        /// Starts a program.
+        ///
+        /// # Errors
+        /// A program that cannot be started.
+        pub fn start(command: &mut Command) -> std::io::Result<Self> {
+            command.spawn().map(|child| Self { child })
+        }
+
+        /// How the program ended, if it has.
+        ///
+        /// # Errors
+        /// A process that cannot be waited for.
+        pub fn ended(&mut self) -> std::io::Result<Option<ExitStatus>> {
+            self.child.try_wait()
+        }
+
+        /// Ends the program.
+        pub fn end(&mut self, _patience: Duration, mut meanwhile: impl FnMut()) {
+            meanwhile();
+            let _ = self.child.kill();
+            let _ = self.child.wait();
+        }
+    }
+
+    impl Drop for Group {
+        fn drop(&mut self) {
+            self.end(Duration::ZERO, || ());
+        }
+    }
+}
