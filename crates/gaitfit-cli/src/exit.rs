@@ -47,12 +47,12 @@ impl Failure {
 
 impl From<gaitfit::Error> for Failure {
     fn from(error: gaitfit::Error) -> Self {
-        use gaitfit::Error;
-        let exit = match &error {
-            Error::Failed(_) => Exit::Failed,
-            Error::Settings(_) => Exit::Usage,
-            Error::Interrupted(_) => Exit::Interrupted,
-            Error::Missing(_) => Exit::Missing,
+        use gaitfit::ErrorKind;
+        let exit = match error.kind() {
+            ErrorKind::Failed => Exit::Failed,
+            ErrorKind::Settings => Exit::Usage,
+            ErrorKind::Interrupted => Exit::Interrupted,
+            ErrorKind::Missing => Exit::Missing,
         };
         Self { exit, message: error.to_string() }
     }

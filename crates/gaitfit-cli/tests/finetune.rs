@@ -89,6 +89,7 @@ fn resumed_it_ends_with_the_same_bits_and_says_where_it_came_from() {
     assert!(parent.provenance.parent.is_empty());
     let result = json(&output);
     assert_eq!(result["parent"]["policy_sha256"], whole.provenance.parent);
+    assert_eq!(result["trained"], true);
     assert!(result["parent"]["simulator"].as_str().unwrap().contains("torque noise of 0.5"), "{result}");
 
     // In two parts, on another number of threads.
@@ -134,7 +135,17 @@ fn it_starts_with_the_bits_of_the_policy_given() {
     // The critic has learned alone.
     assert_eq!(after.actor, before.actor);
     assert_ne!(after.critic, before.critic);
-    assert_eq!(json(&output)["parent"]["new_critic"], false);
+    let result = json(&output);
+    assert_eq!(result["parent"]["new_critic"], false);
+    // The result, the page and the table say so, the result and the table at first.
+    assert_eq!(result.as_object().unwrap().iter().next().unwrap(), (&"trained".to_owned(), &false.into()));
+    assert!(result["warnings"][0].as_str().unwrap().contains("is not trained"), "{result}");
+    let page = std::fs::read_to_string(folder.path().join("f/report.html")).unwrap();
+    assert!(page.contains("the policy is not trained"));
+    let config = folder.path().join("f/config.toml");
+    let again = run(&["finetune", "--config", config.to_str().unwrap(), "--name", "f", "--resume"]);
+    let table = String::from_utf8(again.stdout).unwrap();
+    assert!(table.lines().next().unwrap().contains("is not trained"), "{table}");
 }
 
 #[test]
@@ -164,6 +175,9 @@ fn what_cannot_be_fine_tuned_is_refused_by_name() {
         (vec!["--theta", "nowhere.toml"], "nowhere.toml"),
         (vec!["--spring", "XX_calf_joint=75"], "XX_calf_joint"),
         (vec!["--torque-noise=-1"], "--torque-noise"),
+        (vec!["--set", "torque_noise=1e300"], "`torque_noise` (--torque-noise) is 1e300"),
+        (vec!["--set", "spring=[\"RR_calf_joint=-75\"]"], "stiffness -75"),
+        (vec!["--seeds", "18446744073709551615,"], "`seeds` has 18446744073709551615"),
         (vec!["--robot", "none.xml"], "none.xml"),
         (vec!["--set", "ppo.actor_hidden=[7]"], "actor_hidden"),
         (vec!["--set", "ppo.normalise_observations=true"], "normalise_observations"),

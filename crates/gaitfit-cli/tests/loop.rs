@@ -250,6 +250,12 @@ fn a_program_that_fails_is_named_with_what_it_said() {
         ),
         (r#"collect = ["no-such-robot", "{folder}"]"#, ["no-such-robot", "cannot be started"]),
         (r#"collect = ["true", "{folder}"]"#, ["target.collect", "no .csv"]),
+        (r#"collect = ["sh", "-c", "mkfifo {folder}/log.csv"]"#, ["`log.csv`", "a pipe"]),
+        (r#"collect = ["sh", "-c", "ln -s nowhere {folder}/log.csv"]"#, ["`log.csv`", "a symbolic link to nowhere"]),
+        (
+            "timeout_seconds = 0.5\ncollect = [\"sh\", \"-c\", \"sleep 600; true {folder}\"]",
+            ["more than 0.5 s", "`target.timeout_seconds`"],
+        ),
         (r#"collect = ["true", "{foldr}"]"#, ["{foldr}", "{folder}"]),
         (r#"collect = ["true"]"#, ["target.collect", "{folder}"]),
         (
@@ -277,7 +283,12 @@ fn wrong_settings_are_refused_by_name() {
         (SIMULATED, "target.kind=real", ["real", "simulated"]),
         (SIMULATED, "target.parameter.0.joints=[\"*_wheel\"]", ["[target]", "*_wheel"]),
         (SIMULATED, "target.parameter.0.value=-1.0", ["[target]", "frictionloss"]),
-        (SIMULATED, "target.spring=[\"wing=3\"]", ["spring", "wing"]),
+        (SIMULATED, "target.spring=[\"wing=3\"]", ["[target] `spring`", "wing"]),
+        (SIMULATED, "target.spring=[\"wing=1e300\"]", ["`spring`", "stiffness 1e300"]),
+        (SIMULATED, "target.torque_noise=1e300", ["`target.torque_noise` is 1e300", "from 0 to 1000"]),
+        (SIMULATED, "target.seconds=1e300", ["`target.seconds`", "at most 3600"]),
+        (SIMULATED, "target.seed=18446744073709551615", ["`target.seed`", "18446744073709551615"]),
+        (COMMAND, "target.timeout_seconds=0", ["`target.timeout_seconds`", "above 0"]),
         (SIMULATED, "target.trajektories=3", ["trajektories", "`trajectories`"]),
         (SIMULATED, "finetune.seeds=[1, 2]", ["`finetune.seeds`", "one"]),
         (SIMULATED, "adapt.costs=[]", ["[adapt]", "`costs`"]),
@@ -293,4 +304,60 @@ fn wrong_settings_are_refused_by_name() {
         assert!(words.iter().all(|word| errors(&output).contains(word)), "{set}: {}", errors(&output));
     }
     assert!(!folder.path().join("l").exists(), "nothing is written before settings are right");
+}
+
+/// Waits until a file is there and whole; gives what it holds.
+fn awaited(file: &Path) -> String {
+    for _ in 0..600 {
+        match fs::read_to_string(file) {
+            Ok(text) if text.ends_with('\n') => return text,
+            _ => std::thread::sleep(Duration::from_millis(50)),
+        }
+    }
+    panic!("{} never came", file.display());
+}
+
+/// Sends a signal to a process; `0` only asks whether it is there.
+fn signal(signal: &str, process: &str) -> bool {
+    let mut kill = std::process::Command::new("kill");
+    kill.args([&format!("-{signal}"), process]).stderr(Stdio::null()).status().unwrap().success()
+}
+
+/// A loop whose robot does `then`, writes the number of its process into `pid`, and walks for ever.
+fn robot(folder: &Path, then: &str) -> std::process::Child {
+    let place = folder.display();
+    let script = format!(
+        "echo {{folder}} >> {place}/folders; {then}; echo $$ > {place}/pid; while :; do sleep 0.1; done"
+    );
+    let target = format!("[target]\nkind = \"command\"\ncollect = [\"sh\", \"-c\", {script:?}]\n");
+    let mut program = program();
+    program.args(args(folder, &target, &["--resume"])).stdout(Stdio::null()).stderr(Stdio::null());
+    program.spawn().unwrap()
+}
+
+#[test]
+fn a_robots_program_ends_with_the_loop_however_that_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let pid = folder.path().join("pid");
+    let mut killed = robot(folder.path(), "true");
+    let first = awaited(&pid);
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    let gone = (0..300).any(|_| {
+        std::thread::sleep(Duration::from_millis(50));
+        !signal("0", first.trim())
+    });
+    assert!(gone, "the program outlives a loop that was killed");
+
+    // Asked to end, the loop asks the program, which may end as it likes.
+    fs::remove_file(&pid).unwrap();
+    let lain = folder.path().join("lain");
+    let mut asked = robot(folder.path(), &format!("trap 'touch {}; exit' TERM", lain.display()));
+    awaited(&pid);
+    assert!(signal("TERM", &asked.id().to_string()));
+    assert_eq!(asked.wait().unwrap().code(), Some(130));
+    assert!(lain.exists(), "the program was not asked to end");
+    let folders = fs::read_to_string(folder.path().join("folders")).unwrap();
+    let folders: Vec<&str> = folders.lines().collect();
+    assert!(folders.len() == 2 && folders[0] != folders[1], "attempts share a folder: {folders:?}");
 }

@@ -86,7 +86,7 @@ fn killed_interrupted_and_resumed_is_as_undisturbed() {
     same(&json(&run(&args(runs.path(), &["--resume"]))), &whole);
     let output = run(&args(runs.path(), &["--resume", "--set", "parameter.0.upper=1.4"]));
     assert_eq!(output.status.code(), Some(2));
-    assert!(errors(&output).contains("settings have changed"), "{}", errors(&output));
+    assert!(errors(&output).contains("`parameter.0.upper` was"), "{}", errors(&output));
 }
 
 #[test]

@@ -52,6 +52,11 @@ fn stopped_or_killed_and_resumed_it_ends_with_the_same_bits() {
         let output = run(&args(folders[1].path(), iterations, &["--resume", "--threads", "1"]));
         assert!(output.status.success(), "{}", errors(&output));
     }
+    // Though numbers before it are missing, the latest run is the one that goes on.
+    std::fs::rename(folders[1].path().join("t"), folders[1].path().join("t-3")).unwrap();
+    let output = run(&args(folders[1].path(), 8, &["--resume", "--threads", "1"]));
+    assert!(errors(&output).contains("t-3 is finished"), "{}", errors(&output));
+    std::fs::rename(folders[1].path().join("t-3"), folders[1].path().join("t")).unwrap();
     assert!(policy(folders[1].path()) == whole, "a run in two parts ends elsewhere");
     assert_eq!(metrics(folders[1].path()), metrics(folders[0].path()));
 
@@ -83,6 +88,7 @@ fn what_cannot_be_trained_is_refused_by_name() {
         ("task.control_dt=1e-9", "control_dt"),
         ("task.start.pitch=nan", "start.pitch"),
         ("task.height=inf", "height"),
+        ("seeds=[18446744073709551615]", "`seeds` has 18446744073709551615"),
     ] {
         let output = run(&args(folder.path(), 1, &["--set", set]));
         assert!(matches!(output.status.code(), Some(1 | 2)), "{set}: {}", output.status);

@@ -1,22 +1,181 @@
 //! Why a stage stopped.
 
+use crate::spring::SpringError;
+use gaitfit_adapt::cost::CostError;
+use gaitfit_adapt::fit::FitError;
+use gaitfit_adapt::{ThetaError, ThetaFileError};
+use gaitfit_learn::task::TaskError;
+use gaitfit_learn::{CheckpointError, TrainingError};
+use gaitfit_log::LogError;
+use gaitfit_model::ModelError;
+use gaitfit_policy::walker::WalkerError;
+use gaitfit_policy::{InterfaceError, PolicyError};
+use gaitfit_view::{ReplayError, ReportError};
 use std::fmt;
+use std::path::{Path, PathBuf};
 
-/// Why a stage of the method stopped: one paragraph that names the object and what to do.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+/// Why a stage of the method stopped: the text is one paragraph that names the object and what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
-    /// An input is broken, or the work failed.
-    #[error("{0}")]
-    Failed(String),
+    /// A file or folder cannot be read or written.
+    #[error("cannot {access} {}: {source}{remedy}", path.display())]
+    File {
+        /// What was tried.
+        access: Access,
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+        /// What to do, with the punctuation before it; may be empty.
+        remedy: String,
+    },
+    /// A file holds something else than it should.
+    #[error("{}: {problem}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it, and what to do.
+        problem: String,
+    },
     /// A setting is wrong, or does not fit the inputs.
-    #[error("{0}")]
-    Settings(String),
-    /// The caller asked to stop. The text says what was kept.
-    #[error("{0}")]
-    Interrupted(String),
-    /// Hardware or a program that the settings ask for is missing.
+    #[error("{message}")]
+    Settings {
+        /// The setting, such as `optimizer.seeds`, where one can be named.
+        key: Option<String>,
+        /// What is wrong, and what to do.
+        message: String,
+    },
+    /// A run cannot go on: it was begun with other settings or inputs.
+    #[error(
+        "{} cannot be continued: {difference}. Give the run's own settings and files (--resume with {}), or start \
+         afresh without --resume.",
+        folder.display(),
+        folder.join("config.toml").display()
+    )]
+    Changed {
+        /// The run's folder.
+        folder: PathBuf,
+        /// What differs, in words.
+        difference: String,
+    },
+    /// A run is finished, and its inputs have changed since.
+    #[error("{} is finished, and {difference} since. Start afresh without --resume.", folder.display())]
+    Outdated {
+        /// The run's folder.
+        folder: PathBuf,
+        /// What differs, in words.
+        difference: String,
+    },
+    /// The caller asked to stop.
+    #[error("{message}")]
+    Interrupted {
+        /// What was kept, and how to go on.
+        message: String,
+        /// The folder that keeps what was done; none if nothing was.
+        kept: Option<PathBuf>,
+    },
+    /// A robot, or a program that runs it, is not there.
     #[error("{0}")]
     Missing(String),
+    /// A program of a target failed.
+    #[error("{setting}, `{command}`: {problem}")]
+    Program {
+        /// The setting that names it, such as `target.collect`.
+        setting: &'static str,
+        /// Its words.
+        command: String,
+        /// How it failed.
+        problem: String,
+    },
+    /// An error in a part of the settings, or in one of several inputs.
+    #[error("{place} {source}")]
+    In {
+        /// Where, as a reader would name it, with a colon if it needs one.
+        place: String,
+        /// What is wrong there.
+        source: Box<Error>,
+    },
+    /// An error that has a remedy of its own.
+    #[error("{source} {advice}")]
+    Advised {
+        /// What is wrong.
+        source: Box<Error>,
+        /// What to do.
+        advice: String,
+    },
+    /// A spring that is none, or is on no joint of the robot.
+    #[error(transparent)]
+    Spring(#[from] SpringError),
+    /// A robot's file.
+    #[error(transparent)]
+    Robot(#[from] ModelError),
+    /// A log.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// A policy's file.
+    #[error(transparent)]
+    Policy(#[from] PolicyError),
+    /// A policy that does not fit the robot.
+    #[error(transparent)]
+    Interface(#[from] InterfaceError),
+    /// A policy on a robot.
+    #[error(transparent)]
+    Walker(#[from] WalkerError),
+    /// A task that does not fit the robot.
+    #[error(transparent)]
+    Task(#[from] TaskError),
+    /// A training.
+    #[error(transparent)]
+    Training(#[from] TrainingError),
+    /// A checkpoint of a training.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// What is fitted.
+    #[error(transparent)]
+    Theta(#[from] ThetaError),
+    /// A file of fitted parameters.
+    #[error(transparent)]
+    ThetaFile(#[from] ThetaFileError),
+    /// A cost.
+    #[error(transparent)]
+    Cost(#[from] CostError),
+    /// A fit.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+    /// A page.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+    /// A 3-D replay.
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+    /// Anything else that failed.
+    #[error("{0}")]
+    Failed(String),
+}
+
+/// What was tried with a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Reading it.
+    Read,
+    /// Writing it.
+    Write,
+    /// Making it.
+    Make,
+}
+
+/// Which kind of trouble an error is: programs end with another code for each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// An input is broken, or the work failed.
+    Failed,
+    /// A setting is wrong, or does not fit the inputs.
+    Settings,
+    /// The caller asked to stop.
+    Interrupted,
+    /// Hardware or a program that the settings ask for is missing.
+    Missing,
 }
 
 impl Error {
@@ -25,19 +184,101 @@ impl Error {
         Self::Failed(message.to_string())
     }
 
-    /// A setting is wrong.
+    /// A setting is wrong. Its key is the first that the message has in backquotes.
     pub fn settings(message: impl fmt::Display) -> Self {
-        Self::Settings(message.to_string())
+        let message = message.to_string();
+        Self::Settings { key: named_key(&message), message }
     }
 
-    /// The same error with another text.
+    /// The caller asked to stop; `kept` has what was done.
+    pub fn interrupted(message: impl fmt::Display, kept: &Path) -> Self {
+        Self::Interrupted { message: message.to_string(), kept: Some(kept.to_owned()) }
+    }
+
+    /// A file or folder that cannot be read.
+    pub fn unreadable(path: &Path, source: std::io::Error) -> Self {
+        Self::File { access: Access::Read, path: path.to_owned(), source, remedy: String::new() }
+    }
+
+    /// A file or folder that cannot be written.
+    pub fn unwritable(path: &Path, source: std::io::Error) -> Self {
+        Self::File { access: Access::Write, path: path.to_owned(), source, remedy: String::new() }
+    }
+
+    /// A file that holds something else than it should.
+    pub fn content(path: &Path, problem: impl fmt::Display) -> Self {
+        Self::Content { path: path.to_owned(), problem: problem.to_string() }
+    }
+
+    /// The same error, said of a place.
     #[must_use]
-    pub fn map(self, change: impl FnOnce(String) -> String) -> Self {
+    pub fn within(self, place: impl fmt::Display) -> Self {
+        Self::In { place: place.to_string(), source: Box::new(self) }
+    }
+
+    /// The same error with a remedy.
+    #[must_use]
+    pub fn advised(self, advice: impl fmt::Display) -> Self {
+        Self::Advised { source: Box::new(self), advice: advice.to_string() }
+    }
+
+    /// Which kind of trouble it is.
+    pub fn kind(&self) -> ErrorKind {
         match self {
-            Self::Failed(text) => Self::Failed(change(text)),
-            Self::Settings(text) => Self::Settings(change(text)),
-            Self::Interrupted(text) => Self::Interrupted(change(text)),
-            Self::Missing(text) => Self::Missing(change(text)),
+            Self::Settings { .. } | Self::Changed { .. } | Self::Outdated { .. } | Self::Spring(_) => {
+                ErrorKind::Settings
+            }
+            Self::Interrupted { .. } => ErrorKind::Interrupted,
+            Self::Missing(_) => ErrorKind::Missing,
+            Self::In { source, .. } | Self::Advised { source, .. } => source.kind(),
+            _ => ErrorKind::Failed,
         }
+    }
+
+    /// The setting that is wrong, such as `optimizer.seeds`, where one can be named.
+    pub fn key(&self) -> Option<&str> {
+        match self {
+            Self::Settings { key, .. } => key.as_deref(),
+            Self::Spring(_) => Some("spring"),
+            Self::In { source, .. } | Self::Advised { source, .. } => source.key(),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Access {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Read => "read",
+            Self::Write => "write",
+            Self::Make => "make",
+        })
+    }
+}
+
+/// The first text in backquotes, if it is a setting's name.
+fn named_key(message: &str) -> Option<String> {
+    let key = message.split('`').nth(1)?;
+    let of_key = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || "_.".contains(letter);
+    (!key.is_empty() && key.chars().all(of_key)).then(|| key.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wrong_setting_has_its_key_wherever_it_is_said() {
+        let error = Error::settings("`optimizer.seeds` must be 1 to 1000").within("x.toml: [adapt]");
+        assert_eq!((error.key(), error.kind()), (Some("optimizer.seeds"), ErrorKind::Settings));
+        assert_eq!(error.to_string(), "x.toml: [adapt] `optimizer.seeds` must be 1 to 1000");
+        assert_eq!(Error::settings("`My Robot` is none").key(), None);
+        assert_eq!(Error::settings("no backquotes").key(), None);
+    }
+
+    #[test]
+    fn a_remedy_does_not_change_what_kind_an_error_is() {
+        let error = Error::interrupted("interrupted.", Path::new("runs/a")).advised("Go on.");
+        assert_eq!((error.kind(), error.to_string().as_str()), (ErrorKind::Interrupted, "interrupted. Go on."));
     }
 }

@@ -1,6 +1,6 @@
 //! Files that the command line names to be written.
 
-use crate::Error;
+use crate::{Access, Error};
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
@@ -35,7 +35,10 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut File) -> std::io::Result<(
         file.persist(path).map_err(|error| error.error)?;
         Ok(())
     };
-    whole().map_err(|error| {
-        Error::failed(format!("cannot write {}: {error}; nothing was changed", path.display()))
+    whole().map_err(|source| Error::File {
+        access: Access::Write,
+        path: path.to_owned(),
+        source,
+        remedy: "; nothing was changed".to_owned(),
     })
 }

@@ -7,11 +7,14 @@
 
 pub mod adapt;
 pub mod air;
+pub mod collect;
 mod error;
+pub mod evaluate;
 pub mod files;
 pub mod finetune;
 pub mod gait;
 pub mod log;
+pub mod log_folder;
 mod log_joints;
 pub mod loop_;
 pub mod machine;
@@ -22,6 +25,7 @@ pub mod reproduce;
 pub mod robot;
 pub mod run;
 pub mod settings;
+mod spring;
 pub mod target;
 mod tensorboard;
 mod theta;
@@ -30,4 +34,7 @@ pub mod walk;
 pub mod watch;
 pub mod world;
 
-pub use error::Error;
+pub use collect::{CollectSettings, collect};
+pub use error::{Access, Error, ErrorKind};
+pub use evaluate::{EvaluateSettings, evaluate};
+pub use spring::{Spring, SpringError};

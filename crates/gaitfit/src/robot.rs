@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// The built-in Go2.
 pub fn go2() -> Result<Model, Error> {
-    gaitfit_model::builtin::go2().map_err(Error::failed)
+    Ok(gaitfit_model::builtin::go2()?)
 }
 
 /// How the robot's base hangs in the world.
@@ -25,7 +25,7 @@ pub fn read(path: &Path, lenient: bool, hold: Hold) -> Result<Model, Error> {
         Hold::File => None,
         Hold::Clamped => Some(Root::Fixed),
     };
-    gaitfit_model::read(path, &ReadOptions { lenient, root }).map_err(Error::failed)
+    Ok(gaitfit_model::read(path, &ReadOptions { lenient, root })?)
 }
 
 /// What a log of this robot is checked against; limits under both the robot's names and the log's.

@@ -95,7 +95,7 @@ pub struct Finetune {
     pub lenient: bool,
     /// A spring on a joint, N·m/rad, about its default angle or REST, rad (repeatable)
     #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
-    pub spring: Vec<String>,
+    pub spring: Vec<gaitfit::Spring>,
     /// Standard deviation of Gaussian torques at every joint and physics step, N·m
     #[arg(long, value_name = "NM", allow_negative_numbers = true)]
     pub torque_noise: Option<f64>,

@@ -24,7 +24,7 @@ pub struct WorldArgs {
     pub theta: Option<PathBuf>,
     /// A spring on a joint, N·m/rad, about its default angle or REST, rad (repeatable)
     #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
-    pub spring: Vec<String>,
+    pub spring: Vec<gaitfit::Spring>,
     /// Standard deviation of Gaussian torques at every joint and physics step, N·m
     #[arg(long, value_name = "NM", allow_negative_numbers = true, default_value_t = 0.0)]
     pub torque_noise: f64,

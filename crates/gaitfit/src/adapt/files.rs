@@ -5,29 +5,37 @@ use super::results::{AdaptResults, Parameter};
 use super::score::Validation;
 use super::setup::Setup;
 use crate::Error;
-use crate::machine::now;
-use crate::run::RunFolder;
-use crate::run::inputs::Inputs;
-use crate::run::manifest;
+use crate::run::{Inputs, Protocol, RunFolder, Whole};
 use gaitfit_adapt::fit::RunGeneration;
 use gaitfit_adapt::{Found, ThetaFile};
-use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// The settings of a fit, with every default.
-pub const CONFIG: &str = "config.toml";
-const RESULT: &str = "result.json";
+pub use crate::run::protocol::CONFIG;
 
-/// `result.json`: the results, and the inputs they belong to.
-#[derive(Serialize, Deserialize)]
-struct ResultFile {
-    inputs: Inputs,
-    results: AdaptResults,
+/// Settings that change nothing: where results go, how often they are saved, on how many threads they are found.
+const FREE: [&str; 5] = ["name", "runs", "checkpoint_seconds", "simulation.threads", "optimizer.max_seconds"];
+
+/// The run of a fit in its folder.
+///
+/// # Errors
+/// Inputs that cannot be read, settings that cannot be written.
+pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a>, Error> {
+    let settings = toml::Table::try_from(&setup.config)
+        .map_err(|error| Error::failed(format!("cannot write {CONFIG}: {error}")))?;
+    Ok(Protocol {
+        folder,
+        settings,
+        free: &FREE,
+        inputs: inputs(setup)?,
+        same_files: true,
+        seeds: setup.options.seeds.clone(),
+        asked: Whole::default(),
+    })
 }
 
 /// What a fit's result depends on: the files it reads, the robot, and the settings.
-pub fn inputs(setup: &Setup) -> Result<Inputs, Error> {
-    // Where results go, how often they are saved and on how many threads they are found changes nothing.
+fn inputs(setup: &Setup) -> Result<Inputs, Error> {
+    // Those that are free are put away.
     let mut settings = setup.config.clone();
     settings.name = None;
     settings.runs = String::new();
@@ -37,41 +45,15 @@ pub fn inputs(setup: &Setup) -> Result<Inputs, Error> {
     Inputs::new(setup.files.iter().map(PathBuf::as_path), setup.method.model(), &settings)
 }
 
-/// The result of a folder whose fit is finished; an error if its inputs have changed since.
-pub fn finished(folder: &RunFolder, inputs: &Inputs) -> Result<Option<AdaptResults>, Error> {
-    let Some(text) = folder.read(RESULT)? else { return Ok(None) };
-    let shown = folder.path().join(RESULT);
-    let file: ResultFile = serde_json::from_str(&text).map_err(|error| {
-        Error::failed(format!(
-            "{}: not a result of this version: {error}. Start afresh without --resume.",
-            shown.display()
-        ))
-    })?;
-    match inputs.difference(&file.inputs) {
-        None => Ok(Some(file.results)),
-        Some(difference) => Err(Error::settings(format!(
-            "{} is finished, and {difference} since. Start afresh without --resume.",
-            folder.path().display()
-        ))),
-    }
-}
-
-/// Writes what is known before the fit.
-pub fn begin(folder: &RunFolder, setup: &Setup, inputs: &Inputs, begun: &str) -> Result<(), Error> {
-    let resolved = toml::to_string_pretty(&setup.config)
-        .map_err(|error| Error::failed(format!("cannot write {CONFIG}: {error}")))?;
-    folder.write(CONFIG, resolved.as_bytes())?;
-    manifest::write(folder, &setup.options.seeds, inputs, begun, None)
-}
-
-/// Writes what was found. The result comes last: a folder that has it has everything.
-pub fn finish(
+/// Writes what was found, but for the result itself.
+///
+/// # Errors
+/// Files that cannot be written.
+pub fn write(
     folder: &RunFolder,
     setup: &Setup,
-    inputs: &Inputs,
     results: &AdaptResults,
     metrics: &[RunGeneration],
-    begun: &str,
 ) -> Result<(), Error> {
     let theta = theta(setup, results)
         .to_toml()
@@ -79,9 +61,7 @@ pub fn finish(
     folder.write("theta.toml", theta.as_bytes())?;
     folder.write_json::<Vec<Validation>>("validation.json", &results.validation)?;
     let page = report::page(setup, results, metrics)?;
-    folder.write("report.html", page.as_bytes())?;
-    manifest::write(folder, &setup.options.seeds, inputs, begun, Some(now()))?;
-    folder.write_json(RESULT, &ResultFile { inputs: inputs.clone(), results: results.clone() })
+    folder.write("report.html", page.as_bytes())
 }
 
 fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {

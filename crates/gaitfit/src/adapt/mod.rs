@@ -26,7 +26,6 @@ pub use setup::{LogSet, Setup};
 pub use validate::{ValidateRequest, ValidateResults, validate};
 
 use crate::Error;
-use crate::machine::now;
 use crate::run::RunFolder;
 use crate::watch::Watch;
 
@@ -38,16 +37,12 @@ pub fn fit(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Adapt
     for warning in &setup.warnings {
         watch.note(warning);
     }
-    let inputs = files::inputs(setup)?;
-    if let Some(results) = files::finished(folder, &inputs)? {
-        watch.note(&format!("{} is finished; this is its result", folder.path().display()));
-        return Ok(results);
-    }
-    let begun = now();
-    files::begin(folder, setup, &inputs, &begun)?;
-    let (outcomes, seconds) = search::fit(setup, folder, &inputs, watch)?;
-    let metrics = search::metrics(folder)?;
-    let results = results::results(setup, &outcomes, &metrics, folder, seconds, watch)?;
-    files::finish(folder, setup, &inputs, &results, &metrics, &begun)?;
-    Ok(results)
+    let protocol = files::protocol(folder, setup)?;
+    protocol.run(watch, || {
+        let (outcomes, seconds) = search::fit(setup, folder, &protocol.inputs, watch)?;
+        let metrics = search::metrics(folder)?;
+        let results = results::results(setup, &outcomes, &metrics, folder, seconds, watch)?;
+        files::write(folder, setup, &results, &metrics)?;
+        Ok(results)
+    })
 }

@@ -245,10 +245,11 @@ fn identified(
     let scan = Scan::new(setup.fit.simulator.as_ref(), cost.name(), watch);
     match outcome.identify(&scan, &setup.theta, cost, 0, &|| watch.stop()) {
         Ok(_) => Ok(outcome),
-        Err(FitError::Cancelled) => Err(Error::Interrupted(format!(
-            "interrupted after the search; {} has it, --resume continues",
-            folder.path().display()
-        ))),
+        Err(FitError::Cancelled) => {
+            let path = folder.path();
+            let message = format!("interrupted after the search; {} has it, --resume continues", path.display());
+            Err(Error::interrupted(message, path))
+        }
         Err(error) => Err(Error::failed(error)),
     }
 }

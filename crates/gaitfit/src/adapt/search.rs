@@ -63,11 +63,14 @@ pub fn fit(
     };
     let interrupted = |fit: &Fit<'_>| match save(fit) {
         Err(error) => error,
-        Ok(()) => Error::Interrupted(format!(
-            "interrupted after generation {}; {} has the checkpoint, --resume continues",
-            fit.generation(),
-            folder.path().display()
-        )),
+        Ok(()) => {
+            let message = format!(
+                "interrupted after generation {}; {} has the checkpoint, --resume continues",
+                fit.generation(),
+                folder.path().display()
+            );
+            Error::interrupted(message, folder.path())
+        }
     };
     loop {
         let generation = match fit.step(&|| watch.stop()) {

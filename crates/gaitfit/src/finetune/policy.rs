@@ -11,8 +11,8 @@ const CRITIC_WARMUP: [u32; 2] = [5, 20];
 
 /// Reads a policy, and its SHA-256 as the program writes it: weights and description count, in one file or two.
 pub fn read(path: &Path) -> Result<(Policy, String), Error> {
-    let policy = gaitfit_policy::read(path).map_err(Error::failed)?;
-    let bytes = weights::write(&policy).map_err(Error::failed)?;
+    let policy = gaitfit_policy::read(path)?;
+    let bytes = weights::write(&policy)?;
     Ok((policy, inputs::hash(&bytes)))
 }
 

@@ -4,10 +4,11 @@ use super::policy;
 use crate::Error;
 use crate::paths;
 use crate::run::inputs::{self, Inputs};
-use crate::settings::{FinetuneConfig, changed};
+use crate::settings::{FinetuneConfig, changed, tamed};
 use crate::train::{Parent, Plan, Setup, Start, advice, configuration, refused};
 use crate::world::{self, World, WorldSettings};
 use gaitfit_learn::task::TaskSettings;
+use gaitfit_model::shown_number;
 use gaitfit_policy::Policy;
 use std::path::{Path, PathBuf};
 use toml::Table;
@@ -58,15 +59,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         threads,
     };
     let (plan, settings, new_critic) = plan(&mut config, &arguments, &mut policy, run).map_err(&wrong)?;
-    let mut warnings = Vec::new();
-    if plan.ppo.critic_warmup.is_some_and(|updates| updates >= plan.train.iterations) {
-        warnings.push(format!(
-            "the first {} updates teach the critic alone, so {} iterations leave the policy as it is; raise \
-             train.iterations or lower ppo.critic_warmup",
-            plan.ppo.critic_warmup.unwrap_or(0),
-            plan.train.iterations
-        ));
-    }
+    let mut warnings: Vec<String> = plan.untrained().into_iter().collect();
     let world = World::with_task(&arguments, policy, settings)?;
     warnings.extend(world.warnings.iter().cloned());
     let model = world.scene.walker.batch.model().clone();
@@ -86,7 +79,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         scene: world.scene,
         start: Some(Start { policy: world.policy, parent }),
         inputs,
-        threads: World::threads(&arguments),
+        threads: arguments.threads(),
         warnings,
     };
     setup.learner(0).map_err(|error| refused(path, &error, PRINTED_BY))?;
@@ -199,8 +192,7 @@ impl Found {
 }
 
 fn hash(path: &Path) -> Result<String, Error> {
-    let bytes = std::fs::read(path)
-        .map_err(|error| Error::failed(format!("cannot read {}: {error}", path.display())))?;
+    let bytes = std::fs::read(path).map_err(|error| Error::unreadable(path, error))?;
     Ok(inputs::hash(&bytes))
 }
 
@@ -238,11 +230,12 @@ fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Resu
     let whole = Table::try_from(&settings).map_err(|error| error.to_string())?;
     let mut whole = changed(whole, changes);
     let settings: TaskSettings =
-        whole.clone().try_into().map_err(|error| format!("[task] {}", error.to_string().trim_end()))?;
+        whole.clone().try_into().map_err(|error| format!("[task] {}", tamed(error.to_string().trim_end(), 4000)))?;
     if settings.control_dt != own {
         let asked = settings.control_dt;
         return Err(format!(
-            "`task.control_dt` is {asked} s, and the policy acts every {own} s: leave it out"
+            "`task.control_dt` is {} s, and the policy acts every {own} s: leave it out",
+            shown_number(asked)
         ));
     }
     whole.remove("policy");

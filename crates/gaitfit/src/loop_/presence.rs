@@ -33,7 +33,7 @@ pub fn target(
     }
     let found = probe(&words, target.timeout_seconds, watch);
     if watch.stop() {
-        return Err(Error::Interrupted("interrupted".to_owned()));
+        return Err(Error::Interrupted { message: "interrupted".to_owned(), kept: None });
     }
     let why = match found {
         Ok(python) => {
@@ -75,10 +75,8 @@ fn words(target: &TargetConfig) -> Vec<String> {
 fn began(folder: &RunFolder) -> Result<Option<Presence>, Error> {
     let Some(text) = folder.read(PRESENCE)? else { return Ok(None) };
     serde_json::from_str(&text).map(Some).map_err(|error| {
-        Error::failed(format!(
-            "{}: {error}. Restore it, or start afresh without --resume.",
-            folder.path().join(PRESENCE).display()
-        ))
+        let problem = format!("{error}. Restore it, or start afresh without --resume.");
+        Error::content(&folder.path().join(PRESENCE), problem)
     })
 }
 

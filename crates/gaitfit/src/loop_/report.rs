@@ -45,7 +45,7 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         versions: pieces::versions(),
         ..LoopReport::default()
     };
-    let page = loop_html(&page).map_err(Error::failed)?;
+    let page = loop_html(&page)?;
     folder.write("report.html", page.as_bytes())
 }
 
@@ -121,7 +121,7 @@ fn side_by_side(setup: &Setup, done: &Done) -> Result<Option<Replay>, Error> {
         Some(Target::Simulated(target)) => target.record(policy, &commands, seed),
         _ => {
             let world = setup.adapted(policy, round.theta.clone().into())?;
-            gaitfit_learn::evaluate::record_gait(&world.subject(seed), &commands).map_err(Error::failed)
+            Ok(gaitfit_learn::evaluate::record_gait(&world.subject(seed), &commands)?)
         }
     };
     let on = if matches!(done.target, Some(Target::Simulated(_))) {

@@ -1,7 +1,7 @@
 //! What a loop came to, as the one document that `--json` prints, `result.json` keeps, and table and report show.
 
 use crate::adapt::AdaptResults;
-use crate::target::Evaluation;
+use crate::evaluate::Evaluation;
 use crate::train;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};

@@ -8,12 +8,13 @@ use super::files;
 use super::presence;
 use super::results::{self, Measurement, REFERENCE, Results, RoundResult, TARGET, adapted, policy_name};
 use super::setup::Setup;
-use super::stages::{Simulator, Stages, measurement};
+use super::stages::{Stages, TrainingRobot, measurement};
 use crate::Error;
 use crate::adapt;
+use crate::evaluate::Evaluation;
 use crate::run::RunFolder;
 use crate::settings::{AdaptConfig, TargetConfig, TargetKind};
-use crate::target::{Evaluation, PolicyFiles, Target};
+use crate::target::{PolicyFiles, Target};
 use crate::watch::Watch;
 use gaitfit_adapt::ThetaFile;
 
@@ -113,8 +114,8 @@ fn one_round(
     config.runs = stages.path(&round).display().to_string();
     add_truth(setup, &mut config);
     let (fit, adapt, theta) = stages.adapt(&round, &config)?;
-    let simulator = Simulator { theta: theta.clone(), ..Simulator::default() };
-    let (finetune, bytes) = stages.finetune(&round, before, &simulator)?;
+    let robot = TrainingRobot { theta: theta.clone(), ..TrainingRobot::default() };
+    let (finetune, bytes) = stages.finetune(&round, before, &robot)?;
     let stem = |number: u32| format!("policy-{number}");
     let after = stages.keep(&policy_name(number), &stem(number), &bytes)?;
     let on = adapted(number, setup.config.rounds);
@@ -201,12 +202,12 @@ fn reference(
     else {
         return Ok(());
     };
-    let simulator = Simulator {
+    let robot = TrainingRobot {
         theta: files::truth(stages.folder),
         spring: target.spring.clone(),
         torque_noise: target.torque_noise,
     };
-    let (_, bytes) = stages.finetune("reference", first, &simulator)?;
+    let (_, bytes) = stages.finetune("reference", first, &robot)?;
     let policy = stages.keep(REFERENCE, "reference", &bytes)?;
     evaluations.extend(measurement(TARGET, stages.on_target("reference", &policy)?));
     Ok(())
@@ -244,7 +245,9 @@ fn warnings(rounds: &[RoundResult], evaluations: &[Measurement]) -> Vec<String> 
     let mut found = Vec::new();
     for round in rounds {
         let which = if rounds.len() == 1 { String::new() } else { format!("round {}: ", round.round) };
-        found.extend(round.adapt.notes().iter().map(|warning| format!("{which}{warning}")));
+        let notes = round.adapt.notes();
+        let told = round.finetune.warnings.iter().chain(notes.iter());
+        found.extend(told.map(|warning| format!("{which}{warning}")));
         let (before, after) = (measured(evaluations, &round.before), measured(evaluations, &round.after));
         if let (Some(before), Some(after)) = (before, after) {
             if results::tracking_error(after) >= results::tracking_error(before) {

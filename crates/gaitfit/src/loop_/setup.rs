@@ -1,11 +1,12 @@
 //! Everything a loop needs, read and checked before anything is written.
 
 use crate::Error;
+use crate::evaluate::Plan;
 use crate::finetune;
 use crate::robot::Hold;
-use crate::run::inputs::Inputs;
-use crate::settings::{LoopConfig, TargetConfig, TargetKind};
-use crate::target::{self, Command, Plan, PolicyFiles, Simulated, Target};
+use crate::run::{Inputs, bound};
+use crate::settings::{LOOP_FREE, LoopConfig, TargetConfig, TargetKind};
+use crate::target::{self, Command, PolicyFiles, Simulated, Target};
 use crate::walk::log_files;
 use crate::world::{self, World, WorldSettings};
 use crate::{paths, robot};
@@ -65,8 +66,8 @@ impl Setup {
             logs.extend(found.into_iter().map(|file| file.path));
             files.extend(logs.iter().cloned());
         }
-        let policy = gaitfit_policy::read(&policy_path).map_err(Error::failed)?;
-        let policy_bytes = weights::write(&policy).map_err(Error::failed)?;
+        let policy = gaitfit_policy::read(&policy_path)?;
+        let policy_bytes = weights::write(&policy)?;
         let model = match &robot {
             Some(path) => robot::read(path, config.lenient, Hold::File)?,
             None => robot::go2()?,
@@ -80,9 +81,7 @@ impl Setup {
         let resolved = config
             .resolved()
             .map_err(|error| Error::failed(format!("cannot write the configuration: {error}")))?;
-        let bound = toml::Table::from_iter(
-            resolved.into_iter().filter(|(key, _)| !crate::settings::LOOP_FREE.contains(&key.as_str())),
-        );
+        let bound = bound(resolved, &LOOP_FREE);
         let inputs = Inputs::new(files.iter().map(PathBuf::as_path), &model, &bound)?;
         let setup = Self {
             task: TaskSettings::default(),
@@ -102,15 +101,15 @@ impl Setup {
         let setup = Self { task, ..setup };
         setup.check_fit()?;
         let training = finetune::check(&setup.config.finetune, &setup.world_arguments(None), &setup.policy);
-        training
-            .map_err(|error| error.map(|text| format!("{}: [finetune] {text}", config_path.display())))?;
+        training.map_err(|error| error.within(format!("{}: [finetune]", config_path.display())))?;
         if let Some(target) = &setup.config.target {
             // A spring on no joint, a place to fill in that there is not: found now, not after an hour.
             if let Target::Simulated(mut target) = setup.target(target, PathBuf::new(), None)? {
                 target.arguments.theta = None;
                 let policy = setup.policy.clone();
                 let [safetensors, onnx] = [PathBuf::new(), PathBuf::new()];
-                target.world(&PolicyFiles { name: String::new(), safetensors, onnx, policy })?;
+                let world = target.world(&PolicyFiles { name: String::new(), safetensors, onnx, policy });
+                world.map_err(|error| error.within(format!("{}: [target]", config_path.display())))?;
             }
         }
         Ok(setup)

@@ -4,11 +4,13 @@
 use super::files::Times;
 use super::results::Measurement;
 use super::setup::Setup;
-use crate::Error;
 use crate::adapt::{self, AdaptResults};
+use crate::evaluate::{Evaluation, measure};
+use crate::log_folder::csv_files;
 use crate::run::RunFolder;
 use crate::settings::{AdaptConfig, FinetuneConfig};
-use crate::target::{Evaluation, PolicyFiles, Target, csv_files, measure};
+use crate::target::{PolicyFiles, Target};
+use crate::{Error, Spring};
 use crate::watch::{Event, Watch};
 use crate::{finetune, train};
 use gaitfit_policy::{onnx, weights};
@@ -31,13 +33,13 @@ pub struct Stages<'a> {
     watch: &'a Watch<'a>,
 }
 
-/// A simulated robot for fine-tuning.
+/// The simulated robot that a policy is fine-tuned on.
 #[derive(Clone, Debug, Default)]
-pub struct Simulator {
+pub struct TrainingRobot {
     /// Its numbers.
     pub theta: PathBuf,
     /// Its springs.
-    pub spring: Vec<String>,
+    pub spring: Vec<Spring>,
     /// Its torque noise, N·m.
     pub torque_noise: f64,
 }
@@ -78,7 +80,7 @@ impl<'a> Stages<'a> {
         }
         let message =
             format!("interrupted; {} has what is done, --resume continues", self.folder.path().display());
-        Err(Error::Interrupted(message))
+        Err(Error::interrupted(message, self.folder.path()))
     }
 
     /// A file of the run's folder as seen from the current directory.
@@ -88,9 +90,9 @@ impl<'a> Stages<'a> {
 
     /// Writes a policy under its number's name, in both formats.
     pub fn keep(&self, name: &str, stem: &str, bytes: &[u8]) -> Result<PolicyFiles, Error> {
-        let policy = weights::read(bytes).map_err(Error::failed)?;
+        let policy = weights::read(bytes)?;
         let files = [format!("policies/{stem}.safetensors"), format!("policies/{stem}.onnx")];
-        let graph = onnx::write(&policy).map_err(Error::failed)?;
+        let graph = onnx::write(&policy)?;
         self.folder.write(&files[0], bytes)?;
         self.folder.write(&files[1], &graph)?;
         let [safetensors, onnx] = files.map(|file| self.path(&file));
@@ -128,18 +130,16 @@ impl<'a> Stages<'a> {
         self.folder.make(round)?;
         self.write_config(&file, config)?;
         let recorded = self.path(&format!("{round}/logs"));
-        let setup =
-            adapt::Setup::open(config, &self.path(&file), Some(self.setup.threads)).map_err(|error| {
-                if !recorded.is_dir() {
-                    return error;
-                }
-                let folder = recorded.display();
-                error.map(|text| {
-                format!(
-                    "{text} The target recorded these logs; remove {folder}, and --resume asks it for others."
-                )
-            })
-            })?;
+        let setup = adapt::Setup::open(config, &self.path(&file), Some(self.setup.threads));
+        let setup = setup.map_err(|error| {
+            if !recorded.is_dir() {
+                return error;
+            }
+            let folder = recorded.display();
+            error.advised(format!(
+                "The target recorded these logs; remove {folder}, and --resume asks it for others."
+            ))
+        })?;
         self.announce(&format!(
             "{stage}: {} parameters are fitted to {} logs",
             setup.theta.len(),
@@ -151,12 +151,12 @@ impl<'a> Stages<'a> {
         Ok((setup, results, folder.path().join("theta.toml")))
     }
 
-    /// The training in the folder `round/finetune`, from a policy, in a simulator. Gives the trained policy's bytes.
+    /// The training in the folder `round/finetune`, from a policy, on a simulated robot. Gives the trained policy's bytes.
     pub fn finetune(
         &mut self,
         round: &str,
         policy: &PolicyFiles,
-        simulator: &Simulator,
+        robot: &TrainingRobot,
     ) -> Result<(train::Results, Vec<u8>), Error> {
         self.pause()?;
         let stage = format!("{round}/finetune");
@@ -166,12 +166,12 @@ impl<'a> Stages<'a> {
             name: Some("finetune".to_owned()),
             policy: Some(policy.safetensors.display().to_string()),
             policy_sha256: None,
-            theta: Some(simulator.theta.display().to_string()),
+            theta: Some(robot.theta.display().to_string()),
             theta_sha256: None,
             robot: self.setup.robot.as_ref().map(|path| path.display().to_string()),
             lenient: self.setup.config.lenient,
-            spring: simulator.spring.clone(),
-            torque_noise: simulator.torque_noise,
+            spring: robot.spring.clone(),
+            torque_noise: robot.torque_noise,
             runs: self.path(round).display().to_string(),
             checkpoint_seconds: self.setup.config.checkpoint_seconds,
             ..self.setup.config.finetune.clone()
@@ -193,8 +193,7 @@ impl<'a> Stages<'a> {
         let results = train::train_in(&setup, &folder, self.watch)?;
         self.times.set(&stage, results.wall_seconds)?;
         let path = results.seeds.first().map(|seed| seed.policy.clone()).unwrap_or_default();
-        let bytes = std::fs::read(&path)
-            .map_err(|error| Error::failed(format!("cannot read the trained policy {path}: {error}")))?;
+        let bytes = std::fs::read(&path).map_err(|error| Error::unreadable(Path::new(&path), error))?;
         Ok((results, bytes))
     }
 
@@ -217,11 +216,11 @@ impl<'a> Stages<'a> {
         round: u32,
         theta: &Path,
     ) -> Result<Option<Evaluation>, Error> {
-        let setup = self.setup;
+        let (setup, watch) = (self.setup, self.watch);
         let what = format!("{} in the simulator of round {round}", policy.name);
         self.evaluation(&format!("{stem}-adapted-{round}"), &what, || {
             let world = setup.adapted(policy, theta.to_owned())?;
-            let found = measure(&world, &policy.name, &setup.plan())?.evaluation;
+            let found = measure(&world, &policy.name, &setup.plan(), watch)?.evaluation;
             Ok(Some(Evaluation { simulator: format!("the simulator of round {round}"), ..found }))
         })
     }
@@ -237,10 +236,9 @@ impl<'a> Stages<'a> {
         let file = format!("evaluations/{name}.json");
         if let Some(text) = self.folder.read(&file)? {
             return serde_json::from_str(&text).map(Some).map_err(|error| {
-                Error::failed(format!(
-                    "{}: not an evaluation of this version: {error}. Remove it and --resume makes it again.",
-                    self.path(&file).display()
-                ))
+                let problem =
+                    format!("not an evaluation of this version: {error}. Remove it and --resume makes it again.");
+                Error::content(&self.path(&file), problem)
             });
         }
         let plan = self.setup.plan();

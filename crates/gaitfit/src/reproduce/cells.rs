@@ -4,12 +4,12 @@
 use super::experiments::{self, Experiment};
 use super::paper::Kind;
 use super::results::{SeedFit, SeedResult, Walk};
-use crate::Error;
+use crate::{Error, ErrorKind};
 use crate::loop_::files;
 use crate::loop_::results::{REFERENCE, policy_name};
 use crate::loop_::rounds::add_truth;
 use crate::loop_::setup::Setup;
-use crate::loop_::stages::{Simulator, Stages};
+use crate::loop_::stages::{Stages, TrainingRobot};
 use crate::run::RunFolder;
 use crate::watch::{Event, Watch};
 use indexmap::IndexMap;
@@ -110,12 +110,12 @@ impl Run<'_> {
         };
         let walk = stages.on_target("policy-0", &first)?.as_ref().map(Walk::from);
         let before = result(walk, 0.0);
-        let simulator = Simulator {
+        let robot = TrainingRobot {
             theta: files::truth(&folder),
             spring: target.spring.clone(),
             torque_noise: target.torque_noise,
         };
-        let (trained, bytes) = stages.finetune("reference", &first, &simulator)?;
+        let (trained, bytes) = stages.finetune("reference", &first, &robot)?;
         let policy = stages.keep(REFERENCE, "reference", &bytes)?;
         let walk = stages.on_target("reference", &policy)?.as_ref().map(Walk::from);
         let reference = result(walk, trained.wall_seconds);
@@ -153,8 +153,8 @@ impl Run<'_> {
             run_folder: folder.path().display().to_string(),
         };
         if self.kind == Kind::Finetuning {
-            let simulator = Simulator { theta, ..Simulator::default() };
-            let (trained, bytes) = stages.finetune(round, &first, &simulator)?;
+            let robot = TrainingRobot { theta, ..TrainingRobot::default() };
+            let (trained, bytes) = stages.finetune(round, &first, &robot)?;
             let policy = stages.keep(&policy_name(1), "policy-1", &bytes)?;
             result.walk = stages.on_target("policy-1", &policy)?.as_ref().map(Walk::from);
             result.seconds += trained.wall_seconds;
@@ -183,13 +183,15 @@ impl Run<'_> {
     /// A failure of a cell, which names the cell's file; how to go on after an interruption.
     fn explained(&self, error: Error, file: &Path) -> Error {
         let file = file.display().to_string();
-        if let Error::Interrupted(_) = error {
-            return Error::Interrupted(format!(
+        if error.kind() == ErrorKind::Interrupted {
+            let folder = self.folder.path();
+            let message = format!(
                 "interrupted; {} has what is done, the same command continues",
-                self.folder.path().display()
-            ));
+                folder.display()
+            );
+            return Error::interrupted(message, folder);
         }
-        error.map(|text| if text.contains(&file) { text } else { format!("{file}: {text}") })
+        if error.to_string().contains(&file) { error } else { error.within(format!("{file}:")) }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::paper::Kind;
 use crate::adapt::CostFit;
-use crate::target::Evaluation;
+use crate::evaluate::Evaluation;
 use gaitfit_view::loop_report::Estimate;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,6 @@
 //! The folder of one run. Every file in it is written whole or not at all, and no run writes into another's.
 
-use crate::Error;
+use crate::{Access, Error};
 use crate::watch::Watch;
 use serde::Serialize;
 use std::fs::{self, File};
@@ -24,13 +24,13 @@ impl RunFolder {
     /// A new folder `runs/name`, or `runs/name-2`, … : the number after that of the latest run.
     pub fn fresh(runs: &Path, name: &str) -> Result<Self, Error> {
         check_name(name)?;
-        fs::create_dir_all(runs).map_err(|error| unwritable(runs, &error))?;
+        fs::create_dir_all(runs).map_err(|error| unwritable(runs, error))?;
         for number in latest(runs, name)? + 1..=MOST_RUNS {
             let path = numbered(runs, name, number);
             match fs::create_dir(&path) {
                 Ok(()) => return Self::lock(path),
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(unwritable(&path, &error)),
+                Err(error) => return Err(unwritable(&path, error)),
             }
         }
         let runs = runs.display();
@@ -55,7 +55,7 @@ impl RunFolder {
     pub fn only(within: &Path, name: &str) -> Result<Self, Error> {
         check_name(name)?;
         let path = within.join(name);
-        fs::create_dir_all(&path).map_err(|error| unwritable(&path, &error))?;
+        fs::create_dir_all(&path).map_err(|error| unwritable(&path, error))?;
         Self::lock(path)
     }
 
@@ -70,7 +70,7 @@ impl RunFolder {
 
     fn lock(path: PathBuf) -> Result<Self, Error> {
         let file = path.join(".lock");
-        let lock = File::create(&file).map_err(|error| unwritable(&file, &error))?;
+        let lock = File::create(&file).map_err(|error| unwritable(&file, error))?;
         match lock.try_lock() {
             Ok(()) => {
                 sweep(&path);
@@ -80,7 +80,7 @@ impl RunFolder {
                 "another process is working on {}; wait for it, or take another --name",
                 path.display()
             ))),
-            Err(fs::TryLockError::Error(error)) => Err(unwritable(&file, &error)),
+            Err(fs::TryLockError::Error(error)) => Err(unwritable(&file, error)),
         }
     }
 
@@ -97,7 +97,7 @@ impl RunFolder {
     /// Makes a folder in this one, if it is not there yet. Files in it have names such as `seed-1/metrics.jsonl`.
     pub fn make(&self, name: &str) -> Result<(), Error> {
         let path = self.path.join(name);
-        fs::create_dir_all(&path).map_err(|error| unwritable(&path, &error))
+        fs::create_dir_all(&path).map_err(|error| unwritable(&path, error))
     }
 
     /// Writes a file whole: a temporary file beside it, synced, then renamed.
@@ -112,7 +112,7 @@ impl RunFolder {
             // The rename itself reaches the disk with the folder.
             File::open(folder)?.sync_all()
         };
-        whole().map_err(|error| unwritable(&path, &error))
+        whole().map_err(|error| unwritable(&path, error))
     }
 
     /// Writes a value as a JSON document, whole.
@@ -142,10 +142,10 @@ impl RunFolder {
         match read(path.clone()) {
             Ok(content) => Ok(Some(content)),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(Error::failed(format!(
-                "cannot read {}: {error}; restore it, or start afresh without --resume",
-                path.display()
-            ))),
+            Err(source) => {
+                let remedy = "; restore it, or start afresh without --resume".to_owned();
+                Err(Error::File { access: Access::Read, path, source, remedy })
+            }
         }
     }
 
@@ -153,14 +153,14 @@ impl RunFolder {
     pub fn append(&self, name: &str, text: &str) -> Result<(), Error> {
         let path = self.path.join(name);
         let add = || fs::OpenOptions::new().create(true).append(true).open(&path)?.write_all(text.as_bytes());
-        add().map_err(|error| unwritable(&path, &error))
+        add().map_err(|error| unwritable(&path, error))
     }
 
     /// Waits until what was appended to a file is on the disk.
     pub fn sync(&self, name: &str) -> Result<(), Error> {
         let path = self.path.join(name);
         let sync = || File::open(&path)?.sync_all();
-        sync().map_err(|error| unwritable(&path, &error))
+        sync().map_err(|error| unwritable(&path, error))
     }
 }
 
@@ -183,8 +183,7 @@ fn numbered(runs: &Path, name: &str, number: usize) -> PathBuf {
 
 /// The highest number of a run called `name`; 0 if there is none.
 fn latest(runs: &Path, name: &str) -> Result<usize, Error> {
-    let unreadable =
-        |error: std::io::Error| Error::failed(format!("cannot read {}: {error}", runs.display()));
+    let unreadable = |error| Error::unreadable(runs, error);
     let entries = match fs::read_dir(runs) {
         Ok(entries) => entries,
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => return Ok(0),
@@ -248,8 +247,8 @@ fn sweep(folder: &Path) {
     }
 }
 
-fn unwritable(path: &Path, error: &std::io::Error) -> Error {
-    let remedy = match error.kind() {
+fn unwritable(path: &Path, source: std::io::Error) -> Error {
+    let remedy = match source.kind() {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free some space, then continue with --resume",
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
             "make it writable, or write elsewhere with --set runs=FOLDER"
@@ -259,7 +258,8 @@ fn unwritable(path: &Path, error: &std::io::Error) -> Error {
         }
         _ => "check the disk, or write elsewhere with --set runs=FOLDER",
     };
-    Error::failed(format!("cannot write {}: {error}; {remedy}. Earlier results are intact.", path.display()))
+    let remedy = format!("; {remedy}. Earlier results are intact.");
+    Error::File { access: Access::Write, path: path.to_owned(), source, remedy }
 }
 
 #[cfg(test)]

@@ -27,8 +27,7 @@ impl Inputs {
     ) -> Result<Self, Error> {
         let mut hashes = BTreeMap::new();
         for path in files {
-            let bytes = std::fs::read(path)
-                .map_err(|error| Error::failed(format!("cannot read {}: {error}", path.display())))?;
+            let bytes = std::fs::read(path).map_err(|error| Error::unreadable(path, error))?;
             hashes.insert(path.display().to_string(), hash(&bytes));
         }
         Ok(Self { files: hashes, model: hash(&json(model)?), settings: hash(&json(settings)?) })

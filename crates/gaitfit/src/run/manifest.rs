@@ -55,9 +55,7 @@ struct Saved {
 pub fn inputs(folder: &RunFolder) -> Result<Option<Inputs>, Error> {
     let Some(text) = folder.read(MANIFEST)? else { return Ok(None) };
     serde_json::from_str::<Saved>(&text).map(|saved| Some(saved.inputs)).map_err(|error| {
-        Error::failed(format!(
-            "{}: {error}. Restore it, or start afresh without --resume.",
-            folder.path().join(MANIFEST).display()
-        ))
+        let problem = format!("{error}. Restore it, or start afresh without --resume.");
+        Error::content(&folder.path().join(MANIFEST), problem)
     })
 }

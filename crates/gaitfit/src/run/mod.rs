@@ -6,6 +6,7 @@ pub mod inputs;
 pub mod manifest;
 pub mod protocol;
 
+pub use changes::bound;
 pub use folder::{RunFolder, readable};
 pub use inputs::Inputs;
 pub use protocol::{Protocol, Whole};

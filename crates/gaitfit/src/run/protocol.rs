@@ -77,11 +77,11 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
     pub fn saved(&self) -> Result<Option<Table>, Error> {
         let Some(text) = self.folder.read(CONFIG)? else { return Ok(None) };
         toml::from_str(&text).map(Some).map_err(|_| {
-            Error::failed(format!(
-                "{}: not a configuration ({} bytes). Restore it, or start afresh without --resume.",
-                self.folder.path().join(CONFIG).display(),
+            let problem = format!(
+                "not a configuration ({} bytes). Restore it, or start afresh without --resume.",
                 text.len()
-            ))
+            );
+            Error::content(&self.folder.path().join(CONFIG), problem)
         })
     }
 
@@ -121,12 +121,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
 
     /// Why the folder's run cannot go on: `difference` in words.
     pub fn refusal(&self, difference: &str) -> Error {
-        Error::settings(format!(
-            "{} cannot be continued: {difference}. Give the run's own settings and files (--resume with {}), or \
-             start afresh without --resume.",
-            self.folder.path().display(),
-            self.folder.path().join(CONFIG).display()
-        ))
+        Error::Changed { folder: self.folder.path().to_owned(), difference: difference.to_owned() }
     }
 
     /// The result, if the run is finished as it is asked for now.
@@ -136,20 +131,17 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
     pub fn finished<R: Serialize + DeserializeOwned>(&self) -> Result<Option<R>, Error> {
         let Some(text) = self.folder.read(RESULT)? else { return Ok(None) };
         let file: ResultFile<A, R> = serde_json::from_str(&text).map_err(|error| {
-            Error::failed(format!(
-                "{}: not a result of this version: {error}. Start afresh without --resume.",
-                self.folder.path().join(RESULT).display()
-            ))
+            let problem = format!("not a result of this version: {error}. Start afresh without --resume.");
+            Error::content(&self.folder.path().join(RESULT), problem)
         })?;
         if file.asked != self.asked {
             return Ok(None);
         }
         match self.changed(&file.inputs) {
             None => Ok(Some(file.results)),
-            Some(difference) => Err(Error::settings(format!(
-                "{} is finished, and {difference} since. Start afresh without --resume.",
-                self.folder.path().display()
-            ))),
+            Some(difference) => {
+                Err(Error::Outdated { folder: self.folder.path().to_owned(), difference })
+            }
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::PresetName;
 use super::load::{Configuration, merge};
+use crate::Spring;
 use gaitfit_learn::TrainingSettings;
 use gaitfit_learn::ppo;
 use serde::{Deserialize, Serialize};
@@ -35,8 +36,8 @@ pub struct FinetuneConfig {
     pub robot: Option<String>,
     /// Drop what the engine does not honour in the robot file instead of refusing it.
     pub lenient: bool,
-    /// Springs on joints: `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`, N·m/rad and rad.
-    pub spring: Vec<String>,
+    /// Springs on joints, written `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`, N·m/rad and rad.
+    pub spring: Vec<Spring>,
     /// Standard deviation of Gaussian torques at every joint and physics step, N·m.
     pub torque_noise: f64,
     /// Folder that holds the run folders.

@@ -1,6 +1,9 @@
 //! Reading a configuration: the file, then `--set`; errors with file, line, column and the nearest key.
 
+use super::messages::{MOST_MESSAGE, MOST_SET, explained, line_and_column, located, tamed};
 use crate::Error;
+use gaitfit_learn::task::{TaskSettings, preset};
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::borrow::Cow;
 use std::path::Path;
@@ -32,19 +35,73 @@ pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C,
     if let (Some(path), Some(text)) = (path, &text) {
         let located = |error| located(path, text, &error);
         table = DeTable::parse(text).map_err(located)?.into_inner();
+        if let Some((wrong, place)) = too_large("", &table) {
+            return Err(Error::settings(format!("{}{}: {wrong}", path.display(), line_and_column(text, place))));
+        }
         understand::<C>(table.clone()).map_err(located)?;
     }
     for (set, (key, line)) in sets.iter().zip(&values) {
         apply(&mut table, set, key, line)?;
-        understand::<C>(table.clone()).map_err(|error| {
-            Error::settings(format!(
-                "--set {set}: {}{}",
-                error.message().trim_end(),
-                nearest(error.message())
-            ))
-        })?;
+        let wrong = |wrong: &str| Error::settings(format!("--set {}: {wrong}", tamed(set, MOST_SET)));
+        if let Some((large, _)) = too_large("", &table) {
+            return Err(wrong(&large));
+        }
+        understand::<C>(table.clone()).map_err(|error| wrong(&explained(&error)))?;
     }
-    understand(table).map_err(|error| Error::settings(error.message()))
+    understand(table).map_err(|error| Error::settings(tamed(error.message(), MOST_MESSAGE)))
+}
+
+/// Reads the settings of a file and lays them upon those of the text `under`, key by key: the file need not have all.
+/// A file that has all of them is taken as it is; one that names a `base` lies upon that built-in task instead.
+///
+/// # Errors
+/// A file that cannot be read, or settings that there are not, with file, line and column.
+pub fn load_task(path: &Path, under: &str) -> Result<TaskSettings, Error> {
+    let text = read(path).map_err(|error| Error::settings(format!("cannot read {}: {error}", path.display())))?;
+    let located = |error| located(path, &text, &error);
+    let whole = |table| TaskSettings::deserialize(Deserializer::from(Spanned::new(0..0, table)));
+    let mut own = DeTable::parse(&text).map_err(located)?.into_inner();
+    if let Some((wrong, place)) = too_large("", &own) {
+        return Err(Error::settings(format!("{}{}: {wrong}", path.display(), line_and_column(&text, place))));
+    }
+    let base = own.remove("base");
+    let under = match base.as_ref().map(|base| (base.span(), base.get_ref().as_str())) {
+        None => match whole(own.clone()) {
+            Ok(settings) => return Ok(settings),
+            Err(_) => under,
+        },
+        Some((span, name)) => name.and_then(preset).ok_or_else(|| {
+            Error::settings(format!(
+                "{}{}: `base` must be the name of a built-in task, \"velocity\" or \"biped\"",
+                path.display(),
+                line_and_column(&text, span.start)
+            ))
+        })?,
+    };
+    let mut table = DeTable::parse(under).map(Spanned::into_inner).unwrap_or_default();
+    merge(&mut table, own);
+    whole(table).map_err(located)
+}
+
+/// The first whole number that TOML does not have, in words, and its place.
+fn too_large(path: &str, table: &DeTable<'_>) -> Option<(String, usize)> {
+    table.iter().find_map(|(key, value)| {
+        let path = if path.is_empty() { key.get_ref().to_string() } else { format!("{path}.{}", key.get_ref()) };
+        too_large_value(&path, value)
+    })
+}
+
+fn too_large_value(path: &str, value: &Spanned<DeValue<'_>>) -> Option<(String, usize)> {
+    match value.get_ref() {
+        DeValue::Table(table) => too_large(path, table),
+        DeValue::Array(array) => array.iter().find_map(|value| too_large_value(path, value)),
+        DeValue::Integer(number) if i64::from_str_radix(number.as_str(), number.radix()).is_err() => {
+            let shown = tamed(&number.to_string(), MOST_SET);
+            let (least, most) = (i64::MIN, i64::MAX);
+            Some((format!("`{path}` has {shown}; whole numbers go from {least} to {most}"), value.span().start))
+        }
+        _ => None,
+    }
 }
 
 fn unreadable<C: Configuration>(path: &Path, error: &std::io::Error) -> Error {
@@ -102,39 +159,14 @@ fn read(path: &Path) -> std::io::Result<String> {
     std::fs::read_to_string(path)
 }
 
-/// The paragraph for an error at a place of the file.
-fn located(path: &Path, text: &str, error: &toml::de::Error) -> Error {
-    let place = error.span().map(|span| line_and_column(text, span.start)).unwrap_or_default();
-    let message = error.message().trim_end();
-    Error::settings(format!("{}{place}: {message}{}", path.display(), nearest(message)))
-}
-
-fn line_and_column(text: &str, offset: usize) -> String {
-    let before = text.get(..offset.min(text.len())).unwrap_or_default();
-    let line = before.matches('\n').count() + 1;
-    let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
-    format!(":{line}:{column}")
-}
-
-/// The known name nearest to the unknown one in a message such as "unknown field `a`, expected one of `b`, `c`".
-fn nearest(message: &str) -> String {
-    if !message.starts_with("unknown ") {
-        return String::new();
-    }
-    let mut quoted = message.split('`').skip(1).step_by(2);
-    let Some(unknown) = quoted.next() else { return String::new() };
-    let scored = quoted.map(|known| (strsim::jaro_winkler(unknown, known), known));
-    match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
-        Some((score, known)) if score > 0.6 => format!(". Did you mean `{known}`?"),
-        _ => String::new(),
-    }
-}
-
 /// The key of a `--set`, and its value as the line `value = …`.
 fn value_text<'a>(set: &'a str, example: &str) -> Result<(&'a str, String), Error> {
     match set.split_once('=') {
         Some((key, value)) => Ok((key, format!("value = {}", value.trim()))),
-        None => Err(Error::settings(format!("--set {set}: write it as key=value, for example {example}"))),
+        None => Err(Error::settings(format!(
+            "--set {}: write it as key=value, for example {example}",
+            tamed(set, MOST_SET)
+        ))),
     }
 }
 
@@ -144,7 +176,10 @@ fn apply<'a>(table: &mut DeTable<'a>, set: &str, path: &str, line: &'a str) -> R
     let mut at = &mut root;
     for key in path.split('.').map(str::trim) {
         at = enter(at, key)
-            .ok_or_else(|| Error::settings(format!("--set {set}: there is no `{key}` in `{path}`")))?;
+            .ok_or_else(|| {
+                let [set, key, path] = [set, key, path].map(|text| tamed(text, MOST_SET));
+                Error::settings(format!("--set {set}: there is no `{key}` in `{path}`"))
+            })?;
     }
     *at = parse_value(line);
     if let DeValue::Table(changed) = root {
@@ -200,7 +235,7 @@ mod tests {
     #[test]
     fn an_unknown_key_is_refused_with_its_place_and_the_nearest_key() {
         let error = load_text("robot = \"a\"\n[optimizer]\npopulaton = 3\n", &[]).unwrap_err();
-        assert!(matches!(error, Error::Settings(_)));
+        assert_eq!(error.kind(), crate::ErrorKind::Settings);
         assert!(error.to_string().contains(":3:1:"), "{error}");
         assert!(error.to_string().contains("Did you mean `population`?"), "{error}");
         let error = load_text("[[parameter]]\nkind = \"armatur\"\n", &[]).unwrap_err();
@@ -277,6 +312,63 @@ mod tests {
         ] {
             let error = train(text).unwrap_err();
             assert!(words.iter().all(|word| error.to_string().contains(word)), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn numbers_that_toml_does_not_have_are_named() {
+        let huge = "18446744073709551615";
+        let error = train(&format!("\nseeds = [1, {huge}]\n")).unwrap_err();
+        assert!(error.to_string().contains(&format!(":2:13: `seeds` has {huge}")), "{error}");
+        let error = load::<TrainConfig>(None, &[format!("seeds=[{huge}]")]).unwrap_err();
+        assert!(error.to_string().contains("`seeds` has"), "{error}");
+        assert_eq!(error.key(), Some("seeds"));
+        let error = load_text("", &[&format!("optimizer.seed={huge}")]).unwrap_err();
+        assert_eq!(error.key(), Some("optimizer.seed"));
+        assert!(train("seeds = [9223372036854775807]\n").is_ok());
+    }
+
+    #[test]
+    fn messages_have_neither_long_numbers_nor_control_characters() {
+        let digits = "9".repeat(300);
+        for set in [
+            format!("optimizer.seeds={digits}"),
+            "optimizer.seeds=1e300".to_owned(),
+            format!("optimizer.seeds=\"{digits}\""),
+            format!("optimizer.{digits}=1"),
+            "optimizer.\u{1b}[2J=1".to_owned(),
+            format!("\u{1b}{}", "x".repeat(5000)),
+        ] {
+            let error = load_text("", &[&set]).unwrap_err().to_string();
+            assert!(!error.contains('\u{1b}') && !error.contains(&"9".repeat(41)), "{error}");
+            assert!(!error.contains(&"0".repeat(41)) && error.len() < 1500, "{}: {error}", error.len());
+        }
+    }
+
+    #[test]
+    fn a_tasks_file_lies_upon_a_base() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.toml");
+        let read = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            load_task(&path, preset("biped").unwrap())
+        };
+        let parse = |text: &str| toml::from_str::<TaskSettings>(text).unwrap();
+        let (velocity, biped) = (parse(preset("velocity").unwrap()), parse(preset("biped").unwrap()));
+        let few = read("height = 0.4\n[command]\nx = [0.0, 0.5]\n").unwrap();
+        assert_eq!((few.height, few.command.x, few.posture), (0.4, [0.0, 0.5], biped.posture));
+        assert_eq!(few.rewards, biped.rewards);
+        let named = read("base = \"velocity\"\nheight = 0.4\n").unwrap();
+        assert_eq!((named.height, named.posture), (0.4, velocity.posture));
+        assert_eq!(read(preset("velocity").unwrap()).unwrap(), velocity, "a whole task is taken as it is");
+        for (text, words) in [
+            ("\nhight = 1\n", [":2:1:", "Did you mean `height`?"]),
+            ("[command]\nz = 1\n", [":2:1:", "unknown field `z`"]),
+            ("base = \"bipe\"\n", [":1:8:", "`base`"]),
+            ("height = 18446744073709551615\n", [":1:10:", "`height`"]),
+        ] {
+            let error = read(text).unwrap_err().to_string();
+            assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
         }
     }
 

@@ -2,8 +2,8 @@
 
 use super::finetune::FINETUNE_DEFAULTS;
 use super::load::{Configuration, merge, taken};
+use super::target::{TargetConfig, TargetKind};
 use super::{AdaptConfig, Base, FinetuneConfig, PresetName, check};
-use gaitfit_adapt::{Quantity, RobotNumber};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
@@ -68,90 +68,6 @@ impl<'de> Deserialize<'de> for Decided {
     }
 }
 
-/// A robot that can be run from here.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TargetConfig {
-    /// How it is run.
-    pub kind: TargetKind,
-    /// Trajectories recorded each round.
-    #[serde(default = "trajectories")]
-    pub trajectories: usize,
-    /// Length of each, s.
-    #[serde(default = "seconds")]
-    pub seconds: f64,
-    /// Seed of the first round's commands and noise; later rounds take the next ones.
-    #[serde(default = "first_seed")]
-    pub seed: u64,
-    /// Simulated: a `theta.toml` with numbers of the true robot.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub theta: Option<String>,
-    /// Simulated: springs, `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`, N·m/rad and rad.
-    #[serde(default)]
-    pub spring: Vec<String>,
-    /// Simulated: standard deviation of Gaussian torques at every joint and physics step, N·m.
-    #[serde(default)]
-    pub torque_noise: f64,
-    /// Simulated: each log begins this long after the robot, drawn between the two, s.
-    #[serde(default)]
-    pub log_shift: [f64; 2],
-    /// Simulated: solver effort.
-    #[serde(default = "accurate")]
-    pub preset: PresetName,
-    /// Command: how long each call of a program may take, s; then it is stopped.
-    #[serde(default = "timeout_seconds")]
-    pub timeout_seconds: f64,
-    /// Command: a program that ends well if the robot is there, and its arguments; if it is not, the loop goes on
-    /// without a target. Without one the robot must be there.
-    #[serde(default)]
-    pub probe: Vec<String>,
-    /// Command: the program that records, and its arguments.
-    #[serde(default)]
-    pub collect: Vec<String>,
-    /// Command: the program that measures, and its arguments.
-    #[serde(default)]
-    pub evaluate: Vec<String>,
-    /// Simulated: true values of joints.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub parameter: Vec<TrueParameter>,
-    /// Simulated: true values of the robot as a whole.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub number: Vec<TrueNumber>,
-}
-
-/// How a target is run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum TargetKind {
-    /// In this engine, with other numbers.
-    Simulated,
-    /// By another program.
-    Command,
-}
-
-/// A value of some joints of a simulated target.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TrueParameter {
-    /// Quantity.
-    pub kind: Quantity,
-    /// Patterns over joint names.
-    #[serde(default = "every_joint")]
-    pub joints: Vec<String>,
-    /// Its value on these joints, in the quantity's unit.
-    pub value: f64,
-}
-
-/// A number of a simulated target.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TrueNumber {
-    /// Which number.
-    pub kind: RobotNumber,
-    /// Its value.
-    pub value: f64,
-}
-
 /// What is measured of every policy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -168,29 +84,8 @@ pub struct EvaluateConfig {
     pub preset: PresetName,
 }
 
-fn trajectories() -> usize {
-    64
-}
-
-fn seconds() -> f64 {
-    4.0
-}
-
-fn timeout_seconds() -> f64 {
-    3600.0
-}
-
-fn first_seed() -> u64 {
-    1
-}
-
-fn accurate() -> PresetName {
-    PresetName::Accurate
-}
-
-fn every_joint() -> Vec<String> {
-    vec!["*".to_owned()]
-}
+/// Largest seed: whole numbers of TOML go no further.
+pub const MOST_SEED: u64 = i64::MAX as u64;
 
 /// Settings that do not change what a stage does.
 pub const FREE: [&str; 5] = ["name", "runs", "rounds", "checkpoint_seconds", "target.timeout_seconds"];
@@ -319,7 +214,7 @@ impl LoopConfig {
     fn check_adapt(&self, path: &Path) -> Result<(), Error> {
         let mut adapt = self.adapt(1, String::new(), vec!["recorded.csv".to_owned()]);
         adapt.runs = ".".to_owned();
-        check::check(&adapt, path).map_err(|error| error.map(|text| format!("[adapt] {text}")))
+        check::check(&adapt, path).map_err(|error| error.within("[adapt]"))
     }
 
     /// The adaptation of a round, to be written into `runs`.
@@ -339,7 +234,7 @@ impl LoopConfig {
         };
         // Rounds draw different candidates.
         let offset = u64::from(round - 1).saturating_mul(adapt.optimizer.seeds as u64);
-        adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset);
+        adapt.optimizer.seed = adapt.optimizer.seed.saturating_add(offset).min(MOST_SEED);
         adapt.parameter.iter_mut().for_each(gaitfit_adapt::ParameterRule::resolve);
         adapt.number.iter_mut().for_each(gaitfit_adapt::RobotRule::resolve);
         adapt
@@ -357,39 +252,6 @@ impl LoopConfig {
             }
         }
         Ok(table)
-    }
-}
-
-impl TargetConfig {
-    /// What is wrong with it, in words.
-    fn wrong(&self) -> Option<String> {
-        let simulated = self.kind == TargetKind::Simulated;
-        let [low, high] = self.log_shift;
-        let wrong = if self.trajectories == 0 || self.trajectories > 100_000 {
-            "`target.trajectories` must be 1 to 100000"
-        } else if !(self.seconds > 0.0 && self.seconds <= 3600.0) {
-            "`target.seconds` must be above 0 and at most 3600"
-        } else if !(self.timeout_seconds > 0.0 && self.timeout_seconds.is_finite()) {
-            "`target.timeout_seconds` must be above 0"
-        } else if simulated && !(self.probe.is_empty() && self.collect.is_empty() && self.evaluate.is_empty())
-        {
-            "`target.probe`, `target.collect` and `target.evaluate` are for kind = \"command\""
-        } else if !(0.0 <= low && low <= high && high <= 10.0) {
-            "`target.log_shift` takes two times from 0 to 10 s, the shorter first"
-        } else if !simulated
-            && (self.theta.is_some()
-                || !(self.spring.is_empty() && self.parameter.is_empty() && self.number.is_empty())
-                || self.torque_noise != 0.0
-                || high != 0.0)
-        {
-            "`target.theta`, `spring`, `torque_noise`, `log_shift`, [[target.parameter]] and [[target.number]] are for \
-             kind = \"simulated\"; a command's arguments say what its robot is"
-        } else if !simulated && self.collect.is_empty() {
-            "`target.collect` names no program; give a list such as [\"python\", \"robot.py\", \"{onnx}\", \"{folder}\"]"
-        } else {
-            return None;
-        };
-        Some(wrong.to_owned())
     }
 }
 

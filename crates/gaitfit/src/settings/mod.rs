@@ -5,13 +5,17 @@ pub mod check;
 mod finetune;
 mod load;
 mod loop_;
+mod messages;
 mod per_joint;
+mod target;
 mod text;
 mod train;
 
 pub use finetune::{FINETUNE_DEFAULTS, FinetuneConfig, changed};
-pub use load::{Configuration, load};
-pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MOST_DRIFT, TargetConfig, TargetKind};
+pub use load::{Configuration, load, load_task};
+pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MOST_DRIFT, MOST_SEED};
+pub use messages::tamed;
+pub use target::{TargetConfig, TargetKind, check_torque_noise};
 pub use text::{DEFAULTS, train_defaults};
 pub use train::{TaskName, TrainConfig};
 

@@ -2,8 +2,10 @@
 
 use super::probe::with_python;
 use super::process::{ProcessError, Program};
-use super::{Evaluation, Plan, PolicyFiles, check_recorded, csv_files};
+use super::PolicyFiles;
 use crate::Error;
+use crate::evaluate::{Evaluation, Plan};
+use crate::log_folder::{check_recorded, csv_files};
 use crate::settings::TargetConfig;
 use crate::watch::Watch;
 use gaitfit_model::escaped;
@@ -81,7 +83,7 @@ impl Command {
             ],
         );
         run(&words, "target.collect", self.timeout_seconds, watch)?;
-        let wrong = |what: String| Error::failed(format!("target.collect, {}: {what}", quoted(&words)));
+        let wrong = |problem: String| program_error("target.collect", &words, problem);
         check_recorded(folder).map_err(wrong)?;
         if csv_files(folder)?.is_empty() {
             return Err(wrong("it ended well and wrote no .csv into {folder}".to_owned()));
@@ -115,18 +117,14 @@ impl Command {
         let out = run(&words, "target.evaluate", self.timeout_seconds, watch)?;
         let mut found: Evaluation = serde_json::from_slice(&out).map_err(|error| {
             let start = String::from_utf8_lossy(&out[..out.len().min(4 * MOST_SHOWN)]);
-            Error::failed(format!(
-                "target.evaluate, {}: it printed no document such as `gaitfit evaluate --json` does: {error}. It \
-                 begins: {}",
-                quoted(&words),
+            let problem = format!(
+                "it printed no document such as `gaitfit evaluate --json` does: {error}. It begins: {}",
                 escaped(start.trim_end(), MOST_SHOWN)
-            ))
+            );
+            program_error("target.evaluate", &words, problem)
         })?;
         if let Some(wrong) = found.wrong() {
-            return Err(Error::failed(format!(
-                "target.evaluate, {}: {wrong}, which cannot be",
-                quoted(&words)
-            )));
+            return Err(program_error("target.evaluate", &words, format!("{wrong}, which cannot be")));
         }
         found.policy = policy.name.clone();
         Ok(Some(found))
@@ -166,8 +164,11 @@ fn fill(words: &[String], policy: &PolicyFiles, values: &[(&str, String)]) -> Ve
 }
 
 /// Runs a program to its end and gives what it printed; its standard error is passed on.
-fn run(words: &[String], setting: &str, timeout_seconds: f64, watch: &Watch<'_>) -> Result<Vec<u8>, Error> {
-    let failed = |what: String| Error::failed(format!("{setting}, {}: {what}", quoted(words)));
+fn run(
+    words: &[String],
+    setting: &'static str,
+    timeout_seconds: f64, watch: &Watch<'_>) -> Result<Vec<u8>, Error> {
+    let failed = |problem: String| program_error(setting, words, problem);
     let output = match (Program { words, timeout_seconds, heard: true }).run(watch) {
         Ok(output) => output,
         Err(ProcessError::Interrupted) => return Err(interrupted(setting)),
@@ -188,10 +189,10 @@ fn run(words: &[String], setting: &str, timeout_seconds: f64, watch: &Watch<'_>)
 }
 
 fn interrupted(setting: &str) -> Error {
-    Error::Interrupted(format!("interrupted in {setting}; --resume runs it again"))
+    let message = format!("interrupted in {setting}; --resume runs it again");
+    Error::Interrupted { message, kept: None }
 }
 
-/// A program's words for a message.
-fn quoted(words: &[String]) -> String {
-    format!("`{}`", escaped(&words.join(" "), MOST_WORDS))
+fn program_error(setting: &'static str, words: &[String], problem: String) -> Error {
+    Error::Program { setting, command: escaped(&words.join(" "), MOST_WORDS), problem }
 }

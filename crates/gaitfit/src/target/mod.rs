@@ -1,21 +1,19 @@
 //! A robot that can be run from here: asked for logs, and for how well a policy walks on it.
 
 mod command;
-mod evaluation;
 mod group;
-mod logs;
 mod probe;
 mod process;
 mod simulated;
 
 pub use command::Command;
-pub use evaluation::{DriftResult, Evaluation, Measured, Plan, measure};
-pub use logs::{check_recorded, csv_files, write_logs, write_whole};
 pub use probe::{Presence, asks_for_python, probe};
 pub use process::{Output, ProcessError, Program};
 pub use simulated::{Simulated, truth};
 
 use crate::Error;
+use crate::evaluate::{Evaluation, Plan};
+use crate::log_folder::write_whole;
 use crate::watch::Watch;
 use gaitfit_policy::Policy;
 use std::path::{Path, PathBuf};
@@ -63,7 +61,7 @@ impl Target {
         watch: &Watch<'_>,
     ) -> Result<Option<Evaluation>, Error> {
         match self {
-            Self::Simulated(target) => Ok(Some(target.evaluate(policy, plan)?)),
+            Self::Simulated(target) => Ok(Some(target.evaluate(policy, plan, watch)?)),
             Self::Command(target) => target.evaluate(policy, plan, watch),
         }
     }

@@ -1,7 +1,9 @@
 //! A robot in this engine, with other numbers than the file's.
 
-use super::{Evaluation, Plan, PolicyFiles, measure, write_logs};
+use super::PolicyFiles;
 use crate::Error;
+use crate::evaluate::{Evaluation, Plan, measure};
+use crate::log_folder::write_logs;
 use crate::paths;
 use crate::settings::{LoopConfig, TargetConfig};
 use crate::theta;
@@ -136,7 +138,7 @@ impl Simulated {
         watch: &Watch<'_>,
     ) -> Result<(), Error> {
         let world = self.world(policy)?.with_plain_starts();
-        let logs = collect(&world.subject(seed), &self.options, self.threads).map_err(Error::failed)?;
+        let logs = collect(&world.subject(seed), &self.options, self.threads)?;
         for number in write_logs(folder, &logs)?.without {
             watch.note(&format!("trajectory {number} fell before its log began; it has no file"));
         }
@@ -147,8 +149,13 @@ impl Simulated {
     ///
     /// # Errors
     /// As [`Simulated::world`].
-    pub fn evaluate(&self, policy: &PolicyFiles, plan: &Plan) -> Result<Evaluation, Error> {
-        let found = measure(&self.world(policy)?, &policy.name, plan)?.evaluation;
+    pub fn evaluate(
+        &self,
+        policy: &PolicyFiles,
+        plan: &Plan,
+        watch: &Watch<'_>,
+    ) -> Result<Evaluation, Error> {
+        let found = measure(&self.world(policy)?, &policy.name, plan, watch)?.evaluation;
         // Not where its file of numbers lies: documents are the same wherever the run's folder is.
         Ok(Evaluation { simulator: self.description(), ..found })
     }
@@ -163,7 +170,7 @@ impl Simulated {
         commands: &[(f64, [f64; 3])],
         seed: u64,
     ) -> Result<GaitRecord, Error> {
-        record_gait(&self.world(policy)?.subject(seed), commands).map_err(Error::failed)
+        Ok(record_gait(&self.world(policy)?.subject(seed), commands)?)
     }
 
     /// In which numbers it differs.

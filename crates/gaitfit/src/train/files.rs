@@ -95,6 +95,8 @@ pub fn results(folder: &RunFolder, setup: &Setup, watch: &Watch<'_>) -> Result<R
         trained.push(seed_results(folder, setup, seed, watch)?);
     }
     let results = Results {
+        trained: plan.trains(),
+        warnings: plan.untrained().into_iter().collect(),
         name: folder.name(),
         robot: setup.model.name.clone(),
         task: plan.task.clone(),
@@ -116,8 +118,7 @@ fn seed_results(folder: &RunFolder, setup: &Setup, seed: u64, watch: &Watch<'_>)
     let files = Files::of(seed);
     let path = folder.path().join(&files.policy);
     let bytes = folder.read_bytes(&files.policy)?.unwrap_or_default();
-    let policy =
-        weights::read(&bytes).map_err(|error| Error::failed(format!("{}: {error}", path.display())))?;
+    let policy = weights::read(&bytes).map_err(|error| Error::content(&path, error))?;
     let metrics = metrics::read(folder, &files.metrics, policy.provenance.iteration)?;
     if metrics.len() != policy.provenance.iteration as usize {
         watch.note(&format!(

@@ -34,12 +34,12 @@ pub fn page(
             .unwrap_or_default(),
         links: trained.iter().flat_map(|seed| links(seed.result.seed)).collect(),
         facts: facts(setup, results),
-        warnings: trained.iter().filter_map(warning).collect(),
+        warnings: results.warnings.iter().cloned().chain(trained.iter().filter_map(warning)).collect(),
         configuration: configuration.to_owned(),
         versions: versions(results),
         ..TrainingReport::default()
     };
-    training_report(&report).map_err(Error::failed)
+    Ok(training_report(&report)?)
 }
 
 fn unknown(value: Option<f64>) -> f64 {

@@ -11,6 +11,12 @@ pub const LAST: usize = 20;
 /// The result of one training run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Results {
+    /// Whether the policy's actions were trained; false if all updates taught the critic alone.
+    #[serde(default = "yes")]
+    pub trained: bool,
+    /// What to know before trusting the result.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// Name of the run.
     pub name: String,
     /// Robot name.
@@ -32,6 +38,11 @@ pub struct Results {
     pub run_folder: String,
     /// Wall time of all seeds, over all sessions, s.
     pub wall_seconds: f64,
+}
+
+/// What results of earlier versions do not say.
+fn yes() -> bool {
+    true
 }
 
 /// What a training went on from, and in which simulator.

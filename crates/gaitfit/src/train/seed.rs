@@ -80,10 +80,8 @@ impl Session<'_> {
             Some(bytes) => {
                 let restored = self.training.restore(&bytes, &self.setup.origin(self.seed));
                 self.before = restored.map_err(|error| {
-                    Error::failed(format!(
-                        "{}: {error}. Restore it, or start afresh without --resume.",
-                        self.folder.path().join(name).display()
-                    ))
+                    let problem = format!("{error}. Restore it, or start afresh without --resume.");
+                    Error::content(&self.folder.path().join(name), problem)
                 })?;
             }
             None if self.folder.read(&self.files.metrics)?.is_some_and(|lines| !lines.is_empty()) => {
@@ -110,16 +108,16 @@ impl Session<'_> {
             policy.provenance.parent = start.parent.policy_sha256.clone();
             policy.provenance.theta = start.parent.theta_sha256.clone().unwrap_or_default();
         }
-        let bytes = weights::write(&policy).map_err(Error::failed)?;
+        let bytes = weights::write(&policy)?;
         self.folder.write(&self.files.policy, &bytes)?;
         let seconds = self.seconds();
-        let state = self.training.save(&self.setup.origin(self.seed), seconds).map_err(Error::failed)?;
+        let state = self.training.save(&self.setup.origin(self.seed), seconds)?;
         self.folder.write(&self.files.checkpoint, &state)
     }
 
     fn run(mut self) -> Result<(), Error> {
         let event_path = self.folder.path().join(&self.files.events);
-        let unwritable = |error| Error::failed(format!("cannot write {}: {error}", event_path.display()));
+        let unwritable = |error| Error::unwritable(&event_path, error);
         let first = self.training.iteration();
         let mut events = EventFile::open(&event_path, Some(u64::from(first))).map_err(unwritable)?;
         let total = (self.setup.plan.train.iterations as usize).max(first as usize);
@@ -164,7 +162,7 @@ impl Session<'_> {
             self.seed,
             self.folder.path().join(&self.files.folder).display()
         );
-        Error::Interrupted(message)
+        Error::interrupted(message, self.folder.path())
     }
 
     /// Why it stopped, and what is left.

@@ -4,7 +4,7 @@ use super::results::Parent;
 use crate::Error;
 use crate::robot::Hold;
 use crate::run::inputs::Inputs;
-use crate::settings::{PresetName, TrainConfig};
+use crate::settings::{MOST_SEED, PresetName, TrainConfig};
 use crate::{paths, robot};
 use gaitfit_learn::ppo::{self, Learner};
 use gaitfit_learn::task::Task;
@@ -149,6 +149,23 @@ impl Setup {
 }
 
 impl Plan {
+    /// Whether the policy's actions change at all: in its first updates only the critic may learn.
+    pub fn trains(&self) -> bool {
+        self.train.iterations > self.ppo.critic_warmup.unwrap_or(0)
+    }
+
+    /// Why the policy stays as it is, if it does, and what to do.
+    pub fn untrained(&self) -> Option<String> {
+        let warmup = self.ppo.critic_warmup.unwrap_or(0);
+        (!self.trains()).then(|| {
+            format!(
+                "the policy is not trained: the first {warmup} updates teach the critic alone, so {} iterations leave \
+                 the policy as it was; raise train.iterations or lower ppo.critic_warmup",
+                self.train.iterations
+            )
+        })
+    }
+
     /// Refuses settings out of range, in words.
     pub fn check(&self) -> Result<(), String> {
         let seeds = &self.seeds;
@@ -157,6 +174,8 @@ impl Plan {
             format!("`seeds` has {} numbers; give 1 to {MOST_SEEDS}", seeds.len())
         } else if let Some(twice) = (1..seeds.len()).find(|&index| seeds[..index].contains(&seeds[index])) {
             format!("`seeds` has {} twice", seeds[twice])
+        } else if let Some(large) = seeds.iter().find(|&&seed| seed > MOST_SEED) {
+            format!("`seeds` has {large}; a seed is at most {MOST_SEED}")
         } else if self.runs.is_empty() {
             "`runs` names no folder; \".\" is the current one".to_owned()
         } else if !(self.checkpoint_seconds >= 0.0 && self.checkpoint_seconds.is_finite()) {

@@ -29,11 +29,10 @@ pub fn show(setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Error>
     let task = setup.scene.settings.calm();
     let interface = policy.interface.clone();
     let delay = setup.candidate.as_ref().map_or(0.0, longest_delay);
-    let scene = Task::with_interface(&setup.model, &task, interface, setup.plan.preset.into(), delay)
-        .map_err(Error::failed)?;
+    let scene = Task::with_interface(&setup.model, &task, interface, setup.plan.preset.into(), delay)?;
     let seed = policy.provenance.seed;
     let subject = Subject { task: &scene, policy, candidate: setup.candidate.as_ref(), seed };
-    let record = record_gait(&subject, &gait::tour(&task.command)).map_err(Error::failed)?;
+    let record = record_gait(&subject, &gait::tour(&task.command))?;
     let fell = record.fell.then(|| record.steps() as f64 * record.dt);
     let ends = fell.map_or_else(String::new, |time| format!("; it fell after {time:.1} s"));
     let page = Replay {
@@ -46,7 +45,7 @@ pub fn show(setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Error>
         robots: vec![replay::robot(&setup.model.name, &setup.model, &record)],
     };
     Ok(Shown {
-        html: replay_html(&page).map_err(Error::failed)?,
+        html: replay_html(&page)?,
         gait: gait::picture(&record),
         summary: record.summary(&scene.gait_group),
         fell,

@@ -6,14 +6,15 @@ mod text;
 use crate::cli;
 use crate::exit::Failure;
 use crate::output;
+use crate::progress::Lines;
+use crate::watcher::watched;
+use gaitfit::EvaluateSettings;
+use gaitfit::evaluate::{Evaluated, Evaluation};
 use gaitfit::files;
-use gaitfit::settings::MOST_DRIFT;
-use gaitfit::target::{Evaluation, Plan, measure};
 use gaitfit::world::World;
 use gaitfit::{gait, replay};
 use gaitfit_learn::evaluate::record_gait;
 use serde::Serialize;
-use std::time::Instant;
 
 /// Everything `--json` prints.
 #[derive(Serialize)]
@@ -23,10 +24,6 @@ struct Document<'a> {
     wall_seconds: f64,
 }
 
-/// Longest trajectory, s, and most control steps of one call.
-const LONGEST: f64 = 3600.0;
-const MOST_STEPS: f64 = 2e9;
-
 /// Measures and prints.
 pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     for (path, option) in [(&args.report, "--report"), (&args.replay, "--replay")] {
@@ -34,30 +31,14 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
             files::check(path, option, "html")?;
         }
     }
-    let world = World::open(&args.world.settings())?;
-    world.warnings.iter().for_each(|warning| output::note(&format!("warning: {warning}")));
-    let count = args.trajectories.get();
-    let steps = count as f64 * args.seconds / world.scene.walker.interface.control_dt;
-    if !(args.seconds > 0.0 && args.seconds <= LONGEST && steps <= MOST_STEPS) {
-        return Err(Failure::usage(format!(
-            "{count} trajectories of {} s: give a time above 0 and at most {LONGEST} s, and at most {MOST_STEPS:.0e} \
-             control steps in all",
-            args.seconds
-        )));
-    }
-    if args.drift > MOST_DRIFT {
-        return Err(Failure::usage(format!("--drift {}: give at most {MOST_DRIFT} robots", args.drift)));
-    }
-    let begun = Instant::now();
-    let plan = Plan {
-        trajectories: count,
+    let settings = EvaluateSettings {
+        world: args.world.settings(),
+        trajectories: args.trajectories.get(),
         seconds: args.seconds,
         drift: args.drift,
-        seed: args.world.seed,
-        threads: World::threads(&args.world.settings()),
     };
-    let measured = measure(&world, &args.world.policy.display().to_string(), &plan)?;
-    let wall_seconds = begun.elapsed().as_secs_f64();
+    let found = watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
+    let Evaluated { measured, world, wall_seconds } = found;
     let evaluation = &measured.evaluation;
     if args.json {
         output::print_json(&Document { evaluation, wall_seconds })?;

@@ -4,7 +4,7 @@ use crate::cli;
 use crate::exit::Failure;
 use gaitfit::gait;
 use gaitfit::machine;
-use gaitfit::target::Measured;
+use gaitfit::evaluate::Measured;
 use gaitfit::world::World;
 use gaitfit_learn::evaluate::Trial;
 use gaitfit_view::evaluation::{Histogram, Measure};

@@ -1,7 +1,7 @@
 //! The result on a terminal.
 
 use crate::table::table;
-use gaitfit::target::Evaluation;
+use gaitfit::evaluate::Evaluation;
 use gaitfit_view::loop_report::Estimate;
 use std::fmt::Write as _;
 

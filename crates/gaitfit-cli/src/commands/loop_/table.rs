@@ -2,7 +2,7 @@
 
 use crate::table::table;
 use gaitfit::loop_::results::{Measurement, REFERENCE, Results, TARGET};
-use gaitfit::target::{DriftResult, Evaluation};
+use gaitfit::evaluate::{DriftResult, Evaluation};
 use gaitfit_view::loop_report::Estimate;
 use std::fmt::Write;
 

@@ -7,9 +7,13 @@ use std::fmt::Write;
 /// One row a seed, and where the files are.
 pub fn text(results: &Results) -> String {
     let mut text = String::new();
+    for warning in &results.warnings {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    let done = if results.trained { "trained" } else { "NOT trained" };
     let _ = writeln!(
         text,
-        "{}: {} trained for `{}`, {} robots, {:.0} s\n",
+        "{}: {} {done} for `{}`, {} robots, {:.0} s\n",
         results.name, results.robot, results.task, results.environments, results.wall_seconds
     );
     if let Some(parent) = &results.parent {

@@ -1,6 +1,7 @@
 //! How well a policy walks, as `gaitfit evaluate --json` prints it and other programs may.
 
 use crate::Error;
+use crate::watch::Watch;
 use crate::world::World;
 use gaitfit_learn::evaluate::{GaitRecord, GaitSummary, Trial, drift, record_gait, run_trials, summarise};
 use gaitfit_view::evaluation::Drift;
@@ -114,16 +115,20 @@ pub struct Measured {
 /// Measures a policy in its world.
 ///
 /// # Errors
-/// A robot that cannot be.
-pub fn measure(world: &World, policy: &str, plan: &Plan) -> Result<Measured, Error> {
+/// A robot that cannot be, or an interruption.
+pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> Result<Measured, Error> {
     let subject = world.subject(plan.seed);
-    let trials =
-        run_trials(&subject, plan.trajectories, plan.seconds, plan.threads).map_err(Error::failed)?;
-    let trials_of_drift =
-        if plan.drift == 0 { Vec::new() } else { drift(&subject, plan.drift).map_err(Error::failed)? };
+    let go_on = || {
+        let message = "interrupted; nothing was kept of this evaluation".to_owned();
+        if watch.stop() { Err(Error::Interrupted { message, kept: None }) } else { Ok(()) }
+    };
+    let trials = run_trials(&subject, plan.trajectories, plan.seconds, plan.threads)?;
+    go_on()?;
+    let trials_of_drift = if plan.drift == 0 { Vec::new() } else { drift(&subject, plan.drift)? };
+    go_on()?;
     let limits = &world.scene.settings.command;
     let ahead = [0.5 * limits.x[1], 0.0, 0.0];
-    let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)]).map_err(Error::failed)?;
+    let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)])?;
     let walked = limits.x[1] > 0.0 && !record.fell;
     let summary = summarise(&trials);
     let estimate = |of: gaitfit_learn::evaluate::Estimate| Estimate { mean: of.mean, ci95: of.ci95 };

@@ -31,7 +31,7 @@ pub fn write_logs(folder: &Path, logs: &[Collected]) -> Result<Written, Error> {
             continue;
         }
         let path = folder.join(format!("trajectory_{number:0digits$}.csv"));
-        write_csv(&path, &log.trajectory).map_err(Error::failed)?;
+        write_csv(&path, &log.trajectory)?;
         files.push(path);
     }
     Ok(Written { files, falls: logs.iter().filter(|log| log.fell).count(), without })
@@ -49,7 +49,7 @@ pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -
     let name = into.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let parent = into.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let unwritable =
-        |error: std::io::Error| Error::failed(format!("cannot write {}: {error}", into.display()));
+        |error: std::io::Error| Error::unwritable(into, error);
     let prefix = format!("{WRITING}{name}");
     fs::create_dir_all(parent).map_err(unwritable)?;
     // What killed runs left.
@@ -158,7 +158,7 @@ fn is_csv(path: &Path) -> bool {
 /// A folder that cannot be read.
 pub fn csv_files(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let unreadable =
-        |error: std::io::Error| Error::failed(format!("cannot read {}: {error}", folder.display()));
+        |error: std::io::Error| Error::unreadable(folder, error);
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();

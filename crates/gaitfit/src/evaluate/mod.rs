@@ -1,0 +1,66 @@
+//! How well a policy walks in a simulator.
+
+mod measure;
+
+pub use measure::{DriftResult, Evaluation, Measured, Plan, measure};
+
+use crate::Error;
+use crate::settings::MOST_DRIFT;
+use crate::watch::Watch;
+use crate::world::{World, WorldSettings};
+use gaitfit_model::shown_number;
+use std::time::Instant;
+
+/// Longest trajectory, s, and most control steps of one call.
+const LONGEST: f64 = 3600.0;
+const MOST_STEPS: f64 = 2e9;
+
+/// What is evaluated.
+#[derive(Clone, Debug)]
+pub struct EvaluateSettings {
+    /// The policy and its simulator, with seed and threads.
+    pub world: WorldSettings,
+    /// Trajectories with random commands.
+    pub trajectories: usize,
+    /// Length of each, s.
+    pub seconds: f64,
+    /// Robots in each constant-command trial; 0 leaves them out.
+    pub drift: usize,
+}
+
+/// What came out.
+pub struct Evaluated {
+    /// What was measured.
+    pub measured: Measured,
+    /// The policy and its simulator.
+    pub world: World,
+    /// How long it took, s.
+    pub wall_seconds: f64,
+}
+
+/// Measures a policy in a simulator: trajectories with random commands, constant commands, and the gait ahead. What to
+/// know before trusting the result is told to `watch`.
+///
+/// # Errors
+/// Files that cannot be read or do not fit each other, settings out of range, or an interruption, which keeps nothing.
+pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evaluated, Error> {
+    let world = World::open(&settings.world)?;
+    world.warnings.iter().for_each(|warning| watch.note(warning));
+    let EvaluateSettings { trajectories, seconds, drift, .. } = *settings;
+    let steps = trajectories as f64 * seconds / world.scene.walker.interface.control_dt;
+    if trajectories == 0 || !(seconds > 0.0 && seconds <= LONGEST && steps <= MOST_STEPS) {
+        return Err(Error::settings(format!(
+            "`seconds` (--seconds) is {} for {trajectories} trajectories: give a time above 0 and at most {LONGEST} s, at \
+             least one trajectory, and at most {MOST_STEPS:.0e} control steps in all",
+            shown_number(seconds)
+        )));
+    }
+    if drift > MOST_DRIFT {
+        return Err(Error::settings(format!("`drift` (--drift) is {drift}: give at most {MOST_DRIFT} robots")));
+    }
+    let begun = Instant::now();
+    let plan =
+        Plan { trajectories, seconds, drift, seed: settings.world.seed, threads: settings.world.threads() };
+    let measured = measure(&world, &settings.world.policy.display().to_string(), &plan, watch)?;
+    Ok(Evaluated { measured, world, wall_seconds: begun.elapsed().as_secs_f64() })
+}

@@ -1,0 +1,65 @@
+//! What is said of a configuration that is wrong: where, and which name was meant.
+
+use crate::Error;
+use gaitfit_model::escaped;
+use std::path::Path;
+
+/// Most characters of a message, and of a `--set` in one.
+pub const MOST_MESSAGE: usize = 4000;
+pub const MOST_SET: usize = 200;
+/// Digits of a number that a message shows, and how many there may be before it is cut.
+const SHOWN_DIGITS: usize = 12;
+const MOST_DIGITS: usize = 40;
+
+/// A text for a message: without control characters, and without numbers of hundreds of digits.
+pub fn tamed(text: &str, most: usize) -> String {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some(start) = rest.find(|letter: char| letter.is_ascii_digit()) {
+        let (before, digits) = rest.split_at(start);
+        let length = digits.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(digits.len());
+        out.push_str(before);
+        if length > MOST_DIGITS {
+            out.push_str(&format!("{}... ({length} digits)", &digits[..SHOWN_DIGITS]));
+        } else {
+            out.push_str(&digits[..length]);
+        }
+        rest = &digits[length..];
+    }
+    out.push_str(rest);
+    escaped(&out, most)
+}
+
+/// What a reader of TOML says, with the nearest name that there is.
+pub fn explained(error: &toml::de::Error) -> String {
+    let message = error.message().trim_end();
+    format!("{}{}", tamed(message, MOST_MESSAGE), nearest(message))
+}
+
+/// The paragraph for an error at a place of the file.
+pub fn located(path: &Path, text: &str, error: &toml::de::Error) -> Error {
+    let place = error.span().map(|span| line_and_column(text, span.start)).unwrap_or_default();
+    Error::settings(format!("{}{place}: {}", path.display(), explained(error)))
+}
+
+/// The place of a byte of a file, `:line:column`.
+pub fn line_and_column(text: &str, offset: usize) -> String {
+    let before = text.get(..offset.min(text.len())).unwrap_or_default();
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
+    format!(":{line}:{column}")
+}
+
+/// The known name nearest to the unknown one in a message such as "unknown field `a`, expected one of `b`, `c`".
+fn nearest(message: &str) -> String {
+    if !message.starts_with("unknown ") {
+        return String::new();
+    }
+    let mut quoted = message.split('`').skip(1).step_by(2);
+    let Some(unknown) = quoted.next() else { return String::new() };
+    let scored = quoted.map(|known| (strsim::jaro_winkler(unknown, known), known));
+    match scored.max_by(|a, b| a.0.total_cmp(&b.0)) {
+        Some((score, known)) if score > 0.6 => format!(". Did you mean `{known}`?"),
+        _ => String::new(),
+    }
+}

@@ -1,0 +1,163 @@
+//! Settings of a robot that can be run from here: `[target]` of a loop.
+
+use super::PresetName;
+use crate::Spring;
+use gaitfit_adapt::{Quantity, RobotNumber};
+use gaitfit_model::shown_number;
+use serde::{Deserialize, Serialize};
+
+/// A robot that can be run from here.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TargetConfig {
+    /// How it is run.
+    pub kind: TargetKind,
+    /// Trajectories recorded each round.
+    #[serde(default = "trajectories")]
+    pub trajectories: usize,
+    /// Length of each, s.
+    #[serde(default = "seconds")]
+    pub seconds: f64,
+    /// Seed of the first round's commands and noise; later rounds take the next ones.
+    #[serde(default = "first_seed")]
+    pub seed: u64,
+    /// Simulated: a `theta.toml` with numbers of the true robot.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub theta: Option<String>,
+    /// Simulated: springs, written `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`, N·m/rad and rad.
+    #[serde(default)]
+    pub spring: Vec<Spring>,
+    /// Simulated: standard deviation of Gaussian torques at every joint and physics step, N·m.
+    #[serde(default)]
+    pub torque_noise: f64,
+    /// Simulated: each log begins this long after the robot, drawn between the two, s.
+    #[serde(default)]
+    pub log_shift: [f64; 2],
+    /// Simulated: solver effort.
+    #[serde(default = "accurate")]
+    pub preset: PresetName,
+    /// Command: how long each call of a program may take, s; then it is stopped.
+    #[serde(default = "timeout_seconds")]
+    pub timeout_seconds: f64,
+    /// Command: a program that ends well if the robot is there, and its arguments; if it is not, the loop goes on
+    /// without a target. Without one the robot must be there.
+    #[serde(default)]
+    pub probe: Vec<String>,
+    /// Command: the program that records, and its arguments.
+    #[serde(default)]
+    pub collect: Vec<String>,
+    /// Command: the program that measures, and its arguments.
+    #[serde(default)]
+    pub evaluate: Vec<String>,
+    /// Simulated: true values of joints.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub parameter: Vec<TrueParameter>,
+    /// Simulated: true values of the robot as a whole.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub number: Vec<TrueNumber>,
+}
+
+/// How a target is run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TargetKind {
+    /// In this engine, with other numbers.
+    Simulated,
+    /// By another program.
+    Command,
+}
+
+/// A value of some joints of a simulated target.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrueParameter {
+    /// Quantity.
+    pub kind: Quantity,
+    /// Patterns over joint names.
+    #[serde(default = "every_joint")]
+    pub joints: Vec<String>,
+    /// Its value on these joints, in the quantity's unit.
+    pub value: f64,
+}
+
+/// A number of a simulated target.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrueNumber {
+    /// Which number.
+    pub kind: RobotNumber,
+    /// Its value.
+    pub value: f64,
+}
+
+fn trajectories() -> usize {
+    64
+}
+
+fn seconds() -> f64 {
+    4.0
+}
+
+fn timeout_seconds() -> f64 {
+    3600.0
+}
+
+fn first_seed() -> u64 {
+    1
+}
+
+fn accurate() -> PresetName {
+    PresetName::Accurate
+}
+
+fn every_joint() -> Vec<String> {
+    vec!["*".to_owned()]
+}
+
+impl TargetConfig {
+    /// What is wrong with it, in words.
+    pub fn wrong(&self) -> Option<String> {
+        let simulated = self.kind == TargetKind::Simulated;
+        let [low, high] = self.log_shift;
+        if let Err(wrong) = check_torque_noise("target.torque_noise", self.torque_noise) {
+            return Some(wrong);
+        }
+        let wrong = if self.trajectories == 0 || self.trajectories > 100_000 {
+            "`target.trajectories` must be 1 to 100000"
+        } else if !(self.seconds > 0.0 && self.seconds <= 3600.0) {
+            "`target.seconds` must be above 0 and at most 3600"
+        } else if !(self.timeout_seconds > 0.0 && self.timeout_seconds.is_finite()) {
+            "`target.timeout_seconds` must be above 0"
+        } else if simulated && !(self.probe.is_empty() && self.collect.is_empty() && self.evaluate.is_empty())
+        {
+            "`target.probe`, `target.collect` and `target.evaluate` are for kind = \"command\""
+        } else if !(0.0 <= low && low <= high && high <= 10.0) {
+            "`target.log_shift` takes two times from 0 to 10 s, the shorter first"
+        } else if !simulated
+            && (self.theta.is_some()
+                || !(self.spring.is_empty() && self.parameter.is_empty() && self.number.is_empty())
+                || self.torque_noise != 0.0
+                || high != 0.0)
+        {
+            "`target.theta`, `spring`, `torque_noise`, `log_shift`, [[target.parameter]] and [[target.number]] are for \
+             kind = \"simulated\"; a command's arguments say what its robot is"
+        } else if !simulated && self.collect.is_empty() {
+            "`target.collect` names no program; give a list such as [\"python\", \"robot.py\", \"{onnx}\", \"{folder}\"]"
+        } else {
+            return None;
+        };
+        Some(wrong.to_owned())
+    }
+}
+
+/// Largest deviation of torques, N·m.
+const MOST_TORQUE_NOISE: f64 = 1000.0;
+
+/// Refuses a deviation of torques that cannot be, in words; `key` names the setting.
+pub fn check_torque_noise(key: &str, noise: f64) -> Result<(), String> {
+    if (0.0..=MOST_TORQUE_NOISE).contains(&noise) {
+        return Ok(());
+    }
+    let option = if key == "torque_noise" { " (--torque-noise)" } else { "" };
+    Err(format!("`{key}`{option} is {} and must be from 0 to {MOST_TORQUE_NOISE} N·m", shown_number(noise)))
+}
