@@ -251,7 +251,10 @@ fn a_program_that_fails_is_named_with_what_it_said() {
         (r#"collect = ["no-such-robot", "{folder}"]"#, ["no-such-robot", "cannot be started"]),
         (r#"collect = ["true", "{folder}"]"#, ["target.collect", "no .csv"]),
         (r#"collect = ["sh", "-c", "mkfifo {folder}/log.csv"]"#, ["`log.csv`", "a pipe"]),
-        (r#"collect = ["sh", "-c", "ln -s nowhere {folder}/log.csv"]"#, ["`log.csv`", "a symbolic link to nowhere"]),
+        (
+            r#"collect = ["sh", "-c", "ln -s nowhere {folder}/log.csv"]"#,
+            ["`log.csv`", "a symbolic link to nowhere"],
+        ),
         (
             "timeout_seconds = 0.5\ncollect = [\"sh\", \"-c\", \"sleep 600; true {folder}\"]",
             ["more than 0.5 s", "`target.timeout_seconds`"],

@@ -44,11 +44,7 @@ pub struct Collected {
 /// # Errors
 /// Files that cannot be read or do not fit each other, settings out of range, a folder that holds logs already or cannot
 /// be written, or an interruption.
-pub fn collect(
-    settings: &CollectSettings,
-    folder: &Path,
-    watch: &Watch<'_>,
-) -> Result<Collected, Error> {
+pub fn collect(settings: &CollectSettings, folder: &Path, watch: &Watch<'_>) -> Result<Collected, Error> {
     let world = World::open(&settings.world)?.with_plain_starts();
     world.warnings.iter().for_each(|warning| watch.note(warning));
     let CollectSettings { trajectories: count, seconds, log_shift: [low, high], privileged, .. } = *settings;

@@ -259,7 +259,8 @@ impl fmt::Display for Access {
 /// The first text in backquotes, if it is a setting's name.
 fn named_key(message: &str) -> Option<String> {
     let key = message.split('`').nth(1)?;
-    let of_key = |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || "_.".contains(letter);
+    let of_key =
+        |letter: char| letter.is_ascii_lowercase() || letter.is_ascii_digit() || "_.".contains(letter);
     (!key.is_empty() && key.chars().all(of_key)).then(|| key.to_owned())
 }
 
@@ -279,6 +280,9 @@ mod tests {
     #[test]
     fn a_remedy_does_not_change_what_kind_an_error_is() {
         let error = Error::interrupted("interrupted.", Path::new("runs/a")).advised("Go on.");
-        assert_eq!((error.kind(), error.to_string().as_str()), (ErrorKind::Interrupted, "interrupted. Go on."));
+        assert_eq!(
+            (error.kind(), error.to_string().as_str()),
+            (ErrorKind::Interrupted, "interrupted. Go on.")
+        );
     }
 }

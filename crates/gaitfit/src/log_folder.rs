@@ -48,8 +48,7 @@ const WRITING: &str = ".writing-";
 pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -> Result<(), Error> {
     let name = into.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let parent = into.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let unwritable =
-        |error: std::io::Error| Error::unwritable(into, error);
+    let unwritable = |error: std::io::Error| Error::unwritable(into, error);
     let prefix = format!("{WRITING}{name}");
     fs::create_dir_all(parent).map_err(unwritable)?;
     // What killed runs left.
@@ -79,18 +78,14 @@ pub fn write_whole(into: &Path, fill: impl FnOnce(&Path) -> Result<(), Error>) -
 
 /// Temporary folders are private by default; these become results that others may read, as the umask says.
 #[cfg(unix)]
-fn folder_like<'a, 'b, 'c>(
-    builder: &'c mut tempfile::Builder<'a, 'b>,
-) -> &'c mut tempfile::Builder<'a, 'b> {
+fn folder_like<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c mut tempfile::Builder<'a, 'b> {
     use std::os::unix::fs::PermissionsExt;
     builder.permissions(fs::Permissions::from_mode(0o777))
 }
 
 /// As the system does it.
 #[cfg(not(unix))]
-fn folder_like<'a, 'b, 'c>(
-    builder: &'c mut tempfile::Builder<'a, 'b>,
-) -> &'c mut tempfile::Builder<'a, 'b> {
+fn folder_like<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c mut tempfile::Builder<'a, 'b> {
     builder
 }
 
@@ -157,8 +152,7 @@ fn is_csv(path: &Path) -> bool {
 /// # Errors
 /// A folder that cannot be read.
 pub fn csv_files(folder: &Path) -> Result<Vec<PathBuf>, Error> {
-    let unreadable =
-        |error: std::io::Error| Error::unreadable(folder, error);
+    let unreadable = |error: std::io::Error| Error::unreadable(folder, error);
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();

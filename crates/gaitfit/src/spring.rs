@@ -82,7 +82,8 @@ impl FromStr for Spring {
             return Err(wrong());
         }
         let stiffness = number(stiffness, "stiffness", 0.0, STIFFEST, "N·m/rad")?;
-        let rest = rest.map(|rest| number(rest, "resting angle", -MOST_REST, MOST_REST, "rad")).transpose()?;
+        let rest =
+            rest.map(|rest| number(rest, "resting angle", -MOST_REST, MOST_REST, "rad")).transpose()?;
         Ok(Self { joint, stiffness, rest })
     }
 }

@@ -84,12 +84,10 @@ impl World {
                 joints.iter().position(|&index| index == joint).map(|index| interface.default_pose[index])
             };
             let rest = spring.put_on(&mut model, home)?;
-            changes.push(format!(
-                "spring {} N·m/rad about {rest} rad on {}",
-                spring.stiffness, spring.joint
-            ));
+            changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, spring.joint));
         }
-        let theta = args.theta.as_deref().map(|path| Ok::<_, Error>((path, theta::read(path)?))).transpose()?;
+        let theta =
+            args.theta.as_deref().map(|path| Ok::<_, Error>((path, theta::read(path)?))).transpose()?;
         let mut candidate = match &theta {
             Some((path, file)) => {
                 changes.push(format!("parameters of {}", path.display()));
@@ -105,7 +103,8 @@ impl World {
         candidate.torque_noise = candidate.torque_noise.hypot(args.torque_noise);
         let delay = longest_delay(&candidate);
         let scene = Task::with_interface(&model, &settings, interface.clone(), args.preset.into(), delay)?;
-        let doubt = theta.and_then(|(path, file)| Some((path, file.step_doubt(scene.walker.physics_step())?)));
+        let doubt =
+            theta.and_then(|(path, file)| Some((path, file.step_doubt(scene.walker.physics_step())?)));
         let warnings = doubt.map(|(path, doubt)| format!("{}: {doubt}", path.display()));
         Ok(Self { policy, scene, candidate, changes, warnings: warnings.into_iter().collect() })
     }
@@ -160,7 +159,6 @@ pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error
     }
     let default = preset(TaskName::default().name()).unwrap_or_default();
     let under = if own.is_empty() { default } else { own };
-    load_task(Path::new(name), under).map_err(|error| {
-        error.within("--task takes `velocity`, `biped` or a file with settings of a task:")
-    })
+    load_task(Path::new(name), under)
+        .map_err(|error| error.within("--task takes `velocity`, `biped` or a file with settings of a task:"))
 }

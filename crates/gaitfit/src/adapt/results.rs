@@ -247,7 +247,8 @@ fn identified(
         Ok(_) => Ok(outcome),
         Err(FitError::Cancelled) => {
             let path = folder.path();
-            let message = format!("interrupted after the search; {} has it, --resume continues", path.display());
+            let message =
+                format!("interrupted after the search; {} has it, --resume continues", path.display());
             Err(Error::interrupted(message, path))
         }
         Err(error) => Err(Error::failed(error)),

@@ -56,7 +56,9 @@ pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evalua
         )));
     }
     if drift > MOST_DRIFT {
-        return Err(Error::settings(format!("`drift` (--drift) is {drift}: give at most {MOST_DRIFT} robots")));
+        return Err(Error::settings(format!(
+            "`drift` (--drift) is {drift}: give at most {MOST_DRIFT} robots"
+        )));
     }
     let begun = Instant::now();
     let plan =

@@ -229,8 +229,10 @@ fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Resu
     settings.control_dt = own;
     let whole = Table::try_from(&settings).map_err(|error| error.to_string())?;
     let mut whole = changed(whole, changes);
-    let settings: TaskSettings =
-        whole.clone().try_into().map_err(|error| format!("[task] {}", tamed(error.to_string().trim_end(), 4000)))?;
+    let settings: TaskSettings = whole
+        .clone()
+        .try_into()
+        .map_err(|error| format!("[task] {}", tamed(error.to_string().trim_end(), 4000)))?;
     if settings.control_dt != own {
         let asked = settings.control_dt;
         return Err(format!(

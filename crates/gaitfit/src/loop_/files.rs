@@ -59,7 +59,8 @@ pub fn check_policy(protocol: &Protocol<'_, Asked>, setup: &Setup) -> Result<(),
 /// Files that cannot be written.
 pub fn begin(folder: &RunFolder, setup: &Setup) -> Result<(), Error> {
     if let Some(truth) = &setup.truth {
-        let text = truth.to_toml().map_err(|error| Error::failed(format!("cannot write {TRUTH}: {error}")))?;
+        let text =
+            truth.to_toml().map_err(|error| Error::failed(format!("cannot write {TRUTH}: {error}")))?;
         folder.write(TRUTH, text.as_bytes())?;
     }
     ["policies", "evaluations"].iter().try_for_each(|name| folder.make(name))

@@ -10,8 +10,8 @@ use crate::log_folder::csv_files;
 use crate::run::RunFolder;
 use crate::settings::{AdaptConfig, FinetuneConfig};
 use crate::target::{PolicyFiles, Target};
-use crate::{Error, Spring};
 use crate::watch::{Event, Watch};
+use crate::{Error, Spring};
 use crate::{finetune, train};
 use gaitfit_policy::{onnx, weights};
 use serde::Serialize;
@@ -236,8 +236,9 @@ impl<'a> Stages<'a> {
         let file = format!("evaluations/{name}.json");
         if let Some(text) = self.folder.read(&file)? {
             return serde_json::from_str(&text).map(Some).map_err(|error| {
-                let problem =
-                    format!("not an evaluation of this version: {error}. Remove it and --resume makes it again.");
+                let problem = format!(
+                    "not an evaluation of this version: {error}. Remove it and --resume makes it again."
+                );
                 Error::content(&self.path(&file), problem)
             });
         }

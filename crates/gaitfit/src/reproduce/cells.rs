@@ -4,7 +4,6 @@
 use super::experiments::{self, Experiment};
 use super::paper::Kind;
 use super::results::{SeedFit, SeedResult, Walk};
-use crate::{Error, ErrorKind};
 use crate::loop_::files;
 use crate::loop_::results::{REFERENCE, policy_name};
 use crate::loop_::rounds::add_truth;
@@ -12,6 +11,7 @@ use crate::loop_::setup::Setup;
 use crate::loop_::stages::{Stages, TrainingRobot};
 use crate::run::RunFolder;
 use crate::watch::{Event, Watch};
+use crate::{Error, ErrorKind};
 use indexmap::IndexMap;
 use std::path::{Path, PathBuf};
 
@@ -185,10 +185,8 @@ impl Run<'_> {
         let file = file.display().to_string();
         if error.kind() == ErrorKind::Interrupted {
             let folder = self.folder.path();
-            let message = format!(
-                "interrupted; {} has what is done, the same command continues",
-                folder.display()
-            );
+            let message =
+                format!("interrupted; {} has what is done, the same command continues", folder.display());
             return Error::interrupted(message, folder);
         }
         if error.to_string().contains(&file) { error } else { error.within(format!("{file}:")) }

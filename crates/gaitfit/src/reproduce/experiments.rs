@@ -170,7 +170,8 @@ mod tests {
 
     /// Checks that a target is the scenario's.
     fn check_target(scenario: &str, target: &TargetConfig, parameters: usize) {
-        let springs: Vec<crate::Spring> = if scenario == "spring" { vec!["RR_calf_joint=75".parse().unwrap()] } else { Vec::new() };
+        let springs: Vec<crate::Spring> =
+            if scenario == "spring" { vec!["RR_calf_joint=75".parse().unwrap()] } else { Vec::new() };
         assert_eq!(target.spring, springs);
         let noise = scenario.strip_prefix("noise-").map(|sigma| sigma.parse::<f64>().unwrap());
         assert_eq!(target.torque_noise, noise.unwrap_or(0.0));

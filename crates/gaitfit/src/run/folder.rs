@@ -1,7 +1,7 @@
 //! The folder of one run. Every file in it is written whole or not at all, and no run writes into another's.
 
-use crate::{Access, Error};
 use crate::watch::Watch;
+use crate::{Access, Error};
 use serde::Serialize;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};

@@ -139,9 +139,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
         }
         match self.changed(&file.inputs) {
             None => Ok(Some(file.results)),
-            Some(difference) => {
-                Err(Error::Outdated { folder: self.folder.path().to_owned(), difference })
-            }
+            Some(difference) => Err(Error::Outdated { folder: self.folder.path().to_owned(), difference }),
         }
     }
 

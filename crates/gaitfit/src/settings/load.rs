@@ -36,7 +36,11 @@ pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C,
         let located = |error| located(path, text, &error);
         table = DeTable::parse(text).map_err(located)?.into_inner();
         if let Some((wrong, place)) = too_large("", &table) {
-            return Err(Error::settings(format!("{}{}: {wrong}", path.display(), line_and_column(text, place))));
+            return Err(Error::settings(format!(
+                "{}{}: {wrong}",
+                path.display(),
+                line_and_column(text, place)
+            )));
         }
         understand::<C>(table.clone()).map_err(located)?;
     }
@@ -57,7 +61,8 @@ pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C,
 /// # Errors
 /// A file that cannot be read, or settings that there are not, with file, line and column.
 pub fn load_task(path: &Path, under: &str) -> Result<TaskSettings, Error> {
-    let text = read(path).map_err(|error| Error::settings(format!("cannot read {}: {error}", path.display())))?;
+    let text =
+        read(path).map_err(|error| Error::settings(format!("cannot read {}: {error}", path.display())))?;
     let located = |error| located(path, &text, &error);
     let whole = |table| TaskSettings::deserialize(Deserializer::from(Spanned::new(0..0, table)));
     let mut own = DeTable::parse(&text).map_err(located)?.into_inner();
@@ -86,7 +91,8 @@ pub fn load_task(path: &Path, under: &str) -> Result<TaskSettings, Error> {
 /// The first whole number that TOML does not have, in words, and its place.
 fn too_large(path: &str, table: &DeTable<'_>) -> Option<(String, usize)> {
     table.iter().find_map(|(key, value)| {
-        let path = if path.is_empty() { key.get_ref().to_string() } else { format!("{path}.{}", key.get_ref()) };
+        let path =
+            if path.is_empty() { key.get_ref().to_string() } else { format!("{path}.{}", key.get_ref()) };
         too_large_value(&path, value)
     })
 }
@@ -98,7 +104,10 @@ fn too_large_value(path: &str, value: &Spanned<DeValue<'_>>) -> Option<(String, 
         DeValue::Integer(number) if i64::from_str_radix(number.as_str(), number.radix()).is_err() => {
             let shown = tamed(&number.to_string(), MOST_SET);
             let (least, most) = (i64::MIN, i64::MAX);
-            Some((format!("`{path}` has {shown}; whole numbers go from {least} to {most}"), value.span().start))
+            Some((
+                format!("`{path}` has {shown}; whole numbers go from {least} to {most}"),
+                value.span().start,
+            ))
         }
         _ => None,
     }
@@ -175,11 +184,10 @@ fn apply<'a>(table: &mut DeTable<'a>, set: &str, path: &str, line: &'a str) -> R
     let mut root = DeValue::Table(std::mem::take(table));
     let mut at = &mut root;
     for key in path.split('.').map(str::trim) {
-        at = enter(at, key)
-            .ok_or_else(|| {
-                let [set, key, path] = [set, key, path].map(|text| tamed(text, MOST_SET));
-                Error::settings(format!("--set {set}: there is no `{key}` in `{path}`"))
-            })?;
+        at = enter(at, key).ok_or_else(|| {
+            let [set, key, path] = [set, key, path].map(|text| tamed(text, MOST_SET));
+            Error::settings(format!("--set {set}: there is no `{key}` in `{path}`"))
+        })?;
     }
     *at = parse_value(line);
     if let DeValue::Table(changed) = root {

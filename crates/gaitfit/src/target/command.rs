@@ -1,8 +1,8 @@
 //! A robot that another program runs.
 
+use super::PolicyFiles;
 use super::probe::with_python;
 use super::process::{ProcessError, Program};
-use super::PolicyFiles;
 use crate::Error;
 use crate::evaluate::{Evaluation, Plan};
 use crate::log_folder::{check_recorded, csv_files};
@@ -167,7 +167,9 @@ fn fill(words: &[String], policy: &PolicyFiles, values: &[(&str, String)]) -> Ve
 fn run(
     words: &[String],
     setting: &'static str,
-    timeout_seconds: f64, watch: &Watch<'_>) -> Result<Vec<u8>, Error> {
+    timeout_seconds: f64,
+    watch: &Watch<'_>,
+) -> Result<Vec<u8>, Error> {
     let failed = |problem: String| program_error(setting, words, problem);
     let output = match (Program { words, timeout_seconds, heard: true }).run(watch) {
         Ok(output) => output,
@@ -178,11 +180,8 @@ fn run(
         return Err(interrupted(setting));
     }
     if !output.status.success() {
-        let said = if output.last.is_empty() {
-            "it said nothing on standard error".to_owned()
-        } else {
-            output.last
-        };
+        let said =
+            if output.last.is_empty() { "it said nothing on standard error".to_owned() } else { output.last };
         return Err(failed(format!("{}. {said}", output.status)));
     }
     Ok(output.out)

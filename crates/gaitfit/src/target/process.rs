@@ -47,7 +47,9 @@ pub enum ProcessError {
     #[error("{0}")]
     Wait(std::io::Error),
     /// It took too long.
-    #[error("it ran for more than {seconds} s and was stopped; `target.timeout_seconds` allows longer. {said}")]
+    #[error(
+        "it ran for more than {seconds} s and was stopped; `target.timeout_seconds` allows longer. {said}"
+    )]
     Timeout {
         /// How long it may take, s.
         seconds: f64,
@@ -132,9 +134,7 @@ impl Program<'_> {
         };
         group.end(PATIENCE, || said.take());
         Err(match why {
-            ProcessError::Timeout { seconds, .. } => {
-                ProcessError::Timeout { seconds, said: said.last() }
-            }
+            ProcessError::Timeout { seconds, .. } => ProcessError::Timeout { seconds, said: said.last() },
             why => why,
         })
     }
@@ -245,7 +245,8 @@ mod tests {
 
     #[test]
     fn what_a_program_prints_and_says_is_kept() {
-        let output = sh("echo 1; echo a >&2; printf '\\033[2Jb' >&2; exit 3", 60.0, &Watch::silent()).unwrap();
+        let output =
+            sh("echo 1; echo a >&2; printf '\\033[2Jb' >&2; exit 3", 60.0, &Watch::silent()).unwrap();
         assert_eq!((output.status.code(), output.out.as_slice()), (Some(3), &b"1\n"[..]));
         assert_eq!(output.last, "a\n\\u{1b}[2Jb");
         let much = sh("head -c 300000 /dev/zero", 60.0, &Watch::silent()).unwrap();

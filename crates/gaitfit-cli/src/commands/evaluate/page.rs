@@ -2,9 +2,9 @@
 
 use crate::cli;
 use crate::exit::Failure;
+use gaitfit::evaluate::Measured;
 use gaitfit::gait;
 use gaitfit::machine;
-use gaitfit::evaluate::Measured;
 use gaitfit::world::World;
 use gaitfit_learn::evaluate::Trial;
 use gaitfit_view::evaluation::{Histogram, Measure};

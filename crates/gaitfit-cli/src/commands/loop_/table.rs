@@ -1,8 +1,8 @@
 //! The result as tables.
 
 use crate::table::table;
-use gaitfit::loop_::results::{Measurement, REFERENCE, Results, TARGET};
 use gaitfit::evaluate::{DriftResult, Evaluation};
+use gaitfit::loop_::results::{Measurement, REFERENCE, Results, TARGET};
 use gaitfit_view::loop_report::Estimate;
 use std::fmt::Write;
 
