@@ -1,6 +1,6 @@
 //! A picture of a log: a panel a joint with its target and its measured position over time.
 
-use crate::chart::{Axis, Corners, Figure, Frame, Look, Plot, Series, extent};
+use crate::chart::{Anchor, Axis, Corners, Figure, Frame, Look, Plot, Series, extent};
 use crate::format::clean;
 
 /// Joints drawn at most; more make no picture anybody reads.
@@ -63,13 +63,8 @@ pub fn log_picture_svg(log: &LogPicture) -> String {
         _ => String::new(),
     };
     let facts = format!("{}{left_out}; position (rad) over time (s)", log.facts);
-    figure.text(12.0, 41.0, crate::chart::Anchor::Start, facts.trim_start_matches("; "));
-    figure.legend(
-        width - 190.0,
-        22.0,
-        width,
-        &[("measured", Look::FITTED), ("target", Look::MEASURED.thin())],
-    );
+    figure.text(12.0, 41.0, Anchor::Start, facts.trim_start_matches("; "));
+    figure.legend(width - 190.0, 22.0, width, &[("measured", Look::color(0)), ("target", Look::color(1))]);
     for (number, joint) in log.joints.iter().take(JOINTS).enumerate() {
         let left = PANEL.0 * (number % columns) as f64;
         let top = HEADING + PANEL.1 * (number / columns) as f64;
@@ -97,8 +92,8 @@ fn panel(figure: &mut Figure, log: &LogPicture, joint: &LogJoint, left: f64, top
         series: vec![
             Series::Boxes { look: Look::DOUBTFUL, corners: &doubtful },
             Series::Boxes { look: Look::WRONG, corners: &wrong },
-            Series::Line { name: "measured", look: Look::FITTED, x: &log.time_s, y: &joint.position },
-            Series::Step { name: "target", look: Look::MEASURED.thin(), x: &log.time_s, y: &joint.target },
+            Series::Step { name: "target", look: Look::color(1), x: &log.time_s, y: &joint.target },
+            Series::Line { name: "measured", look: Look::color(0), x: &log.time_s, y: &joint.position },
         ],
         points: POINTS,
     };

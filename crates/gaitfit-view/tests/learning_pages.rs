@@ -72,8 +72,10 @@ fn pages_without_data_are_whole() {
 fn doubts_come_first() {
     let doubts = vec![Doubt::new(DoubtKind::Diverged, "3 of 100 robots diverged; they count as falls.")];
     let report = EvaluationReport { doubts: doubts.clone(), ..invented::evaluation(100) };
-    let shown = text(&parse(&evaluation_html(&report).unwrap()));
+    let html = evaluation_html(&report).unwrap();
+    let shown = text(&parse(&html));
     assert!(shown.find("3 of 100 robots diverged") < shown.find("Means over"), "{shown}");
+    assert!(!html.contains(r#"class="badge ok""#), "nothing is praised");
     let report = TrainingReport { doubts, ..invented::training(1, 20) };
     let shown = text(&parse(&training_report(&report).unwrap()));
     assert!(shown.find("3 of 100 robots diverged") < shown.find("mean linear-velocity error"), "{shown}");

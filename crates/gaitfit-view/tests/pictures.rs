@@ -42,8 +42,8 @@ fn a_log_has_a_panel_a_joint() {
     let svg = log_picture_svg(&ramps(4));
     let document = Document::parse(&svg).unwrap();
     // A curve a joint and one in the legend.
-    assert_eq!(with_class(&document, "s fitted").len(), 5);
-    assert_eq!(with_class(&document, "s measured thin").len(), 5);
+    assert_eq!(with_class(&document, "s c0").len(), 5);
+    assert_eq!(with_class(&document, "s c1").len(), 5);
     assert_eq!(with_class(&document, "f wrong").len(), 1, "one joint is marked");
     for name in ["joint_3 · 0.500 rad RMS from target", "run <1>.csv (go2 & co)", "100 samples at 100 Hz"] {
         assert!(document.descendants().any(|n| n.text().is_some_and(|t| t.contains(name))), "{name}");
@@ -63,7 +63,7 @@ fn long_curves_keep_peaks_and_gaps() {
     let svg = log_picture_svg(&log);
     assert!(svg.len() < 40_000, "{}", svg.len());
     let document = Document::parse(&svg).unwrap();
-    let curve = with_class(&document, "s fitted").into_iter().find(|n| n.has_attribute("data-n")).unwrap();
+    let curve = with_class(&document, "s c0").into_iter().find(|n| n.has_attribute("data-n")).unwrap();
     assert_eq!(curve.attribute("d").unwrap().matches('M').count(), 2, "the gap divides the curve");
     let mut heights: Vec<f64> = corners(&curve).iter().map(|[_, y]| *y).collect();
     heights.sort_by(f64::total_cmp);

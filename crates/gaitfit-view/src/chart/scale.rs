@@ -108,27 +108,30 @@ impl Scale {
             .collect()
     }
 
+    /// Multiples of powers of ten from the richest set that is not too many; whole decades, or every second or more,
+    /// where even those are.
     fn log_ticks(&self, wanted: usize) -> Vec<Tick> {
+        const SETS: [&[f64]; 4] =
+            [&[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0], &[1.0, 2.0, 5.0], &[1.0, 3.0], &[1.0]];
         let (first, last) = (self.low.log10().floor() as i32, self.high.log10().ceil() as i32);
-        let decades = (self.high / self.low).log10();
-        let multiples: &[f64] =
-            if decades > 2.5 { &[1.0] } else { &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0] };
-        let every = ((last - first) / wanted.max(1) as i32).max(1);
-        let inside: Vec<f64> = (first..=last)
-            .filter(|e| (e - first) % every == 0)
-            .flat_map(|e| multiples.iter().map(move |m| m * 10_f64.powi(e)))
-            .filter(|x| (self.low * 0.999..=self.high * 1.001).contains(x))
-            .collect();
-        if inside.len() < 2 {
+        let most = wanted.max(1) + 2;
+        let inside = |multiples: &[f64]| -> Vec<f64> {
+            (first..=last)
+                .flat_map(|e| multiples.iter().map(move |m| m * 10_f64.powi(e)))
+                .filter(|x| (self.low * 0.999..=self.high * 1.001).contains(x))
+                .collect()
+        };
+        let fitting = SETS.into_iter().map(inside).find(|values| values.len() <= most);
+        let values = fitting.unwrap_or_else(|| {
+            let decades = inside(SETS[3]);
+            let every = decades.len().div_ceil(most);
+            decades.into_iter().step_by(every).collect()
+        });
+        if values.len() < 2 {
             let round = |x: f64| Tick { value: x, label: format::significant(x, 3) };
             return vec![round(self.low), round(self.high)];
         }
-        let keep = inside.len().div_ceil(wanted.max(1) + 2);
-        inside
-            .into_iter()
-            .step_by(keep)
-            .map(|value| Tick { value, label: format::round_number(value) })
-            .collect()
+        values.into_iter().map(|value| Tick { value, label: format::round_number(value) }).collect()
     }
 }
 
@@ -144,7 +147,10 @@ mod tests {
             ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]
         );
         assert_eq!(labels(Scale::linear(Some((-0.03, 0.021)), 0.0, 1.0)), ["−0.02", "0.00", "0.02"]);
-        assert_eq!(labels(Scale::log(0.5, 2000.0, 0.0, 1.0)), ["1", "10", "100", "1000"]);
+        assert_eq!(labels(Scale::log(0.5, 2000.0, 0.0, 1.0)), ["1", "3", "10", "30", "100", "300", "1000"]);
+        assert_eq!(labels(Scale::log(0.3, 2.4, 0.0, 1.0)), ["0.5", "1", "2"]);
+        assert_eq!(labels(Scale::log(1.4, 2.1, 0.0, 1.0)), ["1.5", "2"]);
+        assert!(Scale::log(1e-140, 1e140, 0.0, 1.0).ticks(5).len() <= 8);
         for (low, high) in [(1e9, 1e9), (0.0, 0.0), (-1e308, 1e308), (1e-9, 2e-9), (1e9, 1e9 + 1e-3)] {
             let scale = Scale::linear(Some((low, high)), 0.0, 100.0);
             let ticks = scale.ticks(5);

@@ -18,6 +18,8 @@ pub(super) struct Page {
     robot: String,
     created: String,
     doubts: Vec<ShownDoubt>,
+    /// Whether a doubt leaves nothing to praise.
+    doubted: bool,
     trajectories: String,
     seconds: String,
     wall_time: String,
@@ -60,6 +62,7 @@ impl Page {
             robot: clean(&report.robot),
             created: clean(&report.created),
             doubts: page::doubts(&report.doubts),
+            doubted: page::is_severe(&report.doubts),
             trajectories: grouped(report.trajectories),
             seconds: round_number(report.seconds),
             wall_time: duration(report.wall_seconds),

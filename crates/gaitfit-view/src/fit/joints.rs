@@ -47,7 +47,7 @@ pub(super) fn build(all: &[JointTrace]) -> Traces {
 
 /// The joint's card with its fitted RMSE; `None` when there is nothing to draw.
 fn card(trace: &JointTrace, points: usize) -> Option<(f64, TraceCard)> {
-    let whole = traces::Size { width: 420.0, height: 268.0, residual: 58.0, nominal_residual: true, points };
+    let whole = traces::Size { width: 420.0, height: 276.0, residual: 66.0, nominal_residual: true, points };
     let close = traces::Size { width: 960.0, height: 400.0, residual: 90.0, nominal_residual: false, points };
     let rmse = |simulated: &[f64]| root_mean_square(&traces::residual(simulated, &trace.measured));
     let after = rmse(&trace.fitted);
