@@ -57,7 +57,6 @@ fn invented() -> FitReport {
             score("best pure delay (70 ms)", 1.57, 0.0424, 0.0426),
             score("published 36-parameter fit", f64::NAN, f64::NAN, 0.0715),
         ],
-        noise_floor_rad: Some(0.0044),
         comparisons: vec![comparison(&parameters)],
         fits: vec![Fit { cost_name: "MatchO".into(), parameters, runs: runs(), ..Fit::default() }],
         validation: validation(&joints),

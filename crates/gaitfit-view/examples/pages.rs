@@ -6,9 +6,7 @@ mod invented;
 
 use gaitfit_view::chart::{Bar, BarGroup, Look, bar_figure};
 use gaitfit_view::log_picture::{LogJoint, LogMark, LogPicture};
-use gaitfit_view::{
-    Doubt, DoubtKind, EvaluationReport, evaluation_html, gait_picture_svg, log_picture_svg, training_report,
-};
+use gaitfit_view::{Doubt, DoubtKind, EvaluationReport, evaluation_html, log_picture_svg, training_report};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = std::path::PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| ".".to_string()));
@@ -16,7 +14,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("training.html", training_report(&invented::training(5, 600))?),
         ("evaluation.html", evaluation_html(&invented::evaluation(10_000))?),
         ("doubted.html", evaluation_html(&doubted())?),
-        ("gait.svg", gait_picture_svg(&invented::go2::gait(200))),
         ("log.svg", log_picture_svg(&log())),
         ("bars.svg", bar_figure("Errors", &bars()).standalone()),
     ] {

@@ -22,7 +22,7 @@ pub mod training;
 
 pub use evaluation::{EvaluationReport, evaluation_html};
 pub use fit::{FitReport, fit_html};
-pub use gait::{GaitPicture, gait_picture_svg};
+pub use gait::GaitPicture;
 pub use log_picture::{LogPicture, log_picture_svg};
 pub use loop_report::{LoopReport, loop_html};
 pub use page::{Doubt, DoubtKind, Link, ReportError, Setting};

@@ -77,7 +77,6 @@ fn full(joints: usize, generations: usize) -> FitReport {
         fitted: score("fitted", 0.0048),
         nominal: score("nominal", 0.0678),
         baselines: vec![score("echo of the target", 0.0794), score("best pure delay", 0.0426)],
-        noise_floor_rad: Some(0.0044),
         validation: vec![Validation {
             file: "run_6.csv".into(),
             rmse_rad: 0.0048,
@@ -167,7 +166,6 @@ fn hostile_names_stay_text() {
     for name in [&mut report.title, &mut report.robot, &mut report.created, &mut report.fits[0].cost_name] {
         *name = hostile.into();
     }
-    report.fits[0].cost_unit = hostile.into();
     report.fit_logs = vec![hostile.into()];
     report.warnings = vec![hostile.into()];
     report.settings = vec![Setting { name: hostile.into(), value: hostile.into() }];
@@ -214,7 +212,6 @@ fn unknown_and_extreme_numbers_are_printed_sensibly() {
     report.fits[0].nominal_cost = f64::INFINITY;
     report.validation[0].rmse_per_joint[0].1 = f64::NAN;
     report.validation.push(Validation::default());
-    report.noise_floor_rad = Some(f64::NAN);
 
     let page = render(&report).unwrap();
     let document = parse(&page);

@@ -174,7 +174,7 @@ fn strange_numbers_leave_gaps() {
     let round = &mut report.rounds[0];
     round.fits.push(Fit::default());
     let fit = &mut round.fits[0];
-    (fit.nominal_cost, fit.floor_cost) = (f64::INFINITY, f64::NAN);
+    fit.nominal_cost = f64::INFINITY;
     fit.runs[0].best = vec![f64::NAN, f64::INFINITY, 0.0, -1.0];
     fit.runs.push(OptimizerRun::default());
     fit.parameters[0].value = f64::NAN;
@@ -227,7 +227,7 @@ fn hostile_names_stay_text() {
         round.fine_tuning[0].progress[0].unit = hostile();
         round.distributions[0].joint = hostile();
         let fit = &mut round.fits[0];
-        (fit.name, fit.cost_name, fit.runs[0].label) = (hostile(), hostile(), hostile());
+        (fit.cost_name, fit.runs[0].label) = (hostile(), hostile());
         let parameter = &mut fit.parameters[5];
         (parameter.name, parameter.unit) = (hostile(), hostile());
         let log = round.log.as_mut().unwrap();
@@ -281,11 +281,11 @@ fn long_loops_stay_small_pages() {
 fn data_survive_json_with_their_unknowns() {
     let mut report = invented_loop::two_rounds(1, 3, 3);
     report.tracking[0].reward.ci95 = f64::NAN;
-    report.rounds[0].fits[0].floor_cost = f64::NAN;
+    report.rounds[0].fits[0].nominal_cost = f64::NAN;
     report.rounds[0].distributions[0].log[2] = f64::NAN;
     let json = serde_json::to_string(&report).unwrap();
     let back: LoopReport = serde_json::from_str(&json).unwrap();
     assert!(back.tracking[0].reward.ci95.is_nan() && back.rounds[0].distributions[0].log[2].is_nan());
-    assert!(back.rounds[0].fits[0].floor_cost.is_nan());
+    assert!(back.rounds[0].fits[0].nominal_cost.is_nan());
     assert_eq!(serde_json::to_string(&back).unwrap(), json);
 }

@@ -111,7 +111,7 @@ fn every_series_lies_where_its_numbers_are() {
             Series::Stairs { look: Look::color(3), edges: &x, heights: &[1.0, 2.0, 3.0], filled: true },
             Series::Band { look: Look::color(4), x: &x, low: &low, high: &high },
             Series::Boxes { look: Look::color(5), corners: &boxes },
-            Series::Rule { look: Look::FLOOR, at: 3.0, upright: false },
+            Series::Rule { look: Look::LIMIT, at: 3.0, upright: false },
         ],
         ..Plot::default()
     };
@@ -125,6 +125,6 @@ fn every_series_lies_where_its_numbers_are() {
     assert_eq!(path("f c3"), "M54 410V310H154V210H254V110H454V410");
     assert_eq!(path("f c4"), "M54 310L154 310L254 210L454 110L454 310L254 310L154 360L54 410Z");
     assert_eq!(path("f c5"), "M154 410H254V10H154Z");
-    assert_eq!(path("s floor"), "M54 110H454");
+    assert_eq!(path("s limit"), "M54 110H454");
     assert!(Plot::default().figure("nothing", 100.0, 100.0).is_none());
 }

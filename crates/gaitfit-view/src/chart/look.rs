@@ -26,8 +26,8 @@ impl Look {
     pub const TARGET: Look = Look::ink("target");
     /// A mean over the other series.
     pub const MEAN: Look = Look::ink("mean");
-    /// A value to reach, or that cannot be passed; dashed.
-    pub const FLOOR: Look = Look::ink("floor");
+    /// A limit; dashed.
+    pub const LIMIT: Look = Look::ink("limit");
     /// A quiet fill.
     pub const AREA: Look = Look::ink("area");
     /// Where something is wrong; a light fill.

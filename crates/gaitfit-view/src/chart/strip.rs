@@ -7,9 +7,9 @@ use std::fmt::Write;
 /// The right-hand end of the longest bar, percent of the width.
 const END: f64 = 98.0;
 
-/// One bar's picture, its length in proportion to `value` of `largest`, with a line at `floor` when given. A value
-/// that is not finite has no bar.
-pub(crate) fn bar(value: f64, largest: f64, floor: Option<f64>, highlighted: bool) -> String {
+/// One bar's picture, its length in proportion to `value` of `largest`; highlighted in the colour of fits. A value that
+/// is not finite has no bar.
+pub(crate) fn bar(value: f64, largest: f64, highlighted: bool) -> String {
     let scale = Scale::linear(Some((0.0, largest)), 0.0, END);
     let mut svg = String::from(r#"<svg class="strip bar" width="100%" height="22" aria-hidden="true">"#);
     if value.is_finite() {
@@ -21,10 +21,6 @@ pub(crate) fn bar(value: f64, largest: f64, floor: Option<f64>, highlighted: boo
             r#"<rect class="{class}" x="0" y="3" width="{}" height="16" rx="2"/>"#,
             percent(width)
         );
-    }
-    if let Some(floor) = floor.filter(|f| f.is_finite() && *f >= 0.0 && *f <= largest) {
-        let x = percent(scale.at(floor));
-        let _ = write!(svg, r#"<line class="s floor" x1="{x}" x2="{x}" y1="0" y2="22"/>"#);
     }
     svg.push_str("</svg>");
     svg

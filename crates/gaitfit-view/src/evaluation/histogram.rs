@@ -28,7 +28,7 @@ pub(super) fn histogram(
     let outline = |look, filled| Series::Stairs { look, edges, heights: &shares, filled };
     let mut series = vec![outline(Look::AREA, true), outline(Look::FITTED, false)];
     series.push(Series::Rule { look: Look::MEAN, at: mean, upright: true });
-    series.extend(limit.map(|at| Series::Rule { look: Look::FLOOR, at, upright: true }));
+    series.extend(limit.map(|at| Series::Rule { look: Look::LIMIT, at, upright: true }));
     let end = limit.map_or(high, |l| l.max(high));
     let plot = Plot {
         x: Axis { title: x_title, range: Some((low, end)), ticks: 6, ..Axis::default() },

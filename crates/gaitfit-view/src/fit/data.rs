@@ -35,8 +35,6 @@ pub struct FitReport {
     pub nominal: Score,
     /// Scores of the other things to beat: echo of the target, best pure delay, published fits.
     pub baselines: Vec<Score>,
-    /// RMS difference between repeated recordings of one command, rad: no simulator can do better.
-    pub noise_floor_rad: Option<f64>,
     /// Logs that the fit did not see.
     pub validation: Vec<Validation>,
     /// Other fits of the same parameters beside the first one.
@@ -57,21 +55,14 @@ pub struct FitReport {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Fit {
-    /// What tells it from other fits, e.g. `friction and armature, Wass`; empty: the cost's name does.
-    pub name: String,
     /// Name of the cost, e.g. `Wass`.
     pub cost_name: String,
-    /// Unit of the cost; empty when it has none.
-    pub cost_unit: String,
     /// Cost of the nominal simulator on the logs.
     #[serde(with = "nullable::scalar")]
     pub nominal_cost: f64,
     /// Cost of the fitted simulator.
     #[serde(with = "nullable::scalar")]
     pub fitted_cost: f64,
-    /// Cost between two halves of the logs, or of the true simulator: no fit can be expected below.
-    #[serde(with = "nullable::scalar")]
-    pub floor_cost: f64,
     /// One optimiser run a restart or seed.
     pub runs: Vec<OptimizerRun>,
     /// θ, in its own order.
@@ -84,7 +75,7 @@ pub struct Fit {
 pub struct Score {
     /// What predicted, e.g. `best pure delay (70 ms)`.
     pub name: String,
-    /// Cost on the fit logs, in [`Fit::cost_unit`] of the first fit; unknown: that of [`FitReport::fits`].
+    /// Cost on the fit logs; unknown: that of the first of [`FitReport::fits`].
     #[serde(with = "nullable::scalar")]
     pub cost: f64,
     /// Free-running position RMSE over all joints of the fit logs, rad.
@@ -232,12 +223,9 @@ pub struct ComparisonEntry {
 impl Default for Fit {
     fn default() -> Self {
         Fit {
-            name: String::new(),
             cost_name: String::new(),
-            cost_unit: String::new(),
             nominal_cost: f64::NAN,
             fitted_cost: f64::NAN,
-            floor_cost: f64::NAN,
             runs: Vec::new(),
             parameters: Vec::new(),
         }

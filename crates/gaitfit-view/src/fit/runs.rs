@@ -13,7 +13,8 @@ pub(crate) struct Runs {
     cost: Option<String>,
     sigma: Option<String>,
     rows: Vec<RunRow>,
-    levels: Vec<LevelRow>,
+    /// The cost to set the runs against.
+    nominal: Option<String>,
     total: usize,
     left_out: usize,
 }
@@ -26,21 +27,8 @@ struct RunRow {
     generations: usize,
 }
 
-/// A cost to set the runs against, drawn as a line across.
-pub(crate) struct Level {
-    pub text: &'static str,
-    pub look: Look,
-    pub cost: f64,
-}
-
-#[derive(Serialize)]
-struct LevelRow {
-    text: String,
-    look: Look,
-}
-
-/// Charts of all runs; levels that are not finite are left out.
-pub(crate) fn build(all: &[OptimizerRun], cost_unit: &str, levels: &[Level]) -> Option<Runs> {
+/// Charts of all runs with the cost before the fit as a line across, if it is known.
+pub(super) fn build(all: &[OptimizerRun], nominal_cost: f64) -> Option<Runs> {
     let runs = &all[..all.len().min(MOST_RUNS)];
     if runs.is_empty() {
         return None;
@@ -52,11 +40,10 @@ pub(crate) fn build(all: &[OptimizerRun], cost_unit: &str, levels: &[Level]) -> 
     let faint = (0..runs.len()).map(|i| (&means[i], &runs[i].mean, Look::color(i).faint()));
     let bold = (0..runs.len()).map(|i| (&runs[i].label, &best[i], Look::color(i)));
     let sigmas = (0..runs.len()).map(|i| (&runs[i].label, &runs[i].sigma, Look::color(i)));
-    let unit = if cost_unit.is_empty() { String::new() } else { format!(" ({cost_unit})") };
-    let levels: Vec<&Level> = levels.iter().filter(|l| l.cost.is_finite()).collect();
-    let across: Vec<(String, Vec<f64>)> =
-        levels.iter().map(|l| (l.text.to_string(), vec![l.cost; longest])).collect();
-    let across = across.iter().zip(&levels).map(|((text, y), l)| (text, y, l.look));
+    let nominal = significant(nominal_cost, 4);
+    let label = "nominal simulator".to_string();
+    let before = vec![nominal_cost; longest];
+    let across = nominal_cost.is_finite().then_some((&label, &before, Look::NOMINAL)).into_iter();
     let rows = runs
         .iter()
         .enumerate()
@@ -68,18 +55,10 @@ pub(crate) fn build(all: &[OptimizerRun], cost_unit: &str, levels: &[Level]) -> 
         })
         .collect();
     Some(Runs {
-        cost: chart(
-            "cost over generations",
-            &format!("best cost so far{unit}"),
-            &x,
-            across.chain(faint).chain(bold),
-        ),
+        cost: chart("cost over generations", "cost", &x, across.chain(faint).chain(bold)),
         sigma: chart("step size over generations", "step size σ (relative)", &x, sigmas),
         rows,
-        levels: levels
-            .iter()
-            .map(|l| LevelRow { text: format!("{}: {}", l.text, significant(l.cost, 4)), look: l.look })
-            .collect(),
+        nominal: nominal_cost.is_finite().then_some(nominal),
         total: all.len(),
         left_out: all.len() - runs.len(),
     })

@@ -10,15 +10,14 @@ use serde::Serialize;
 pub(super) struct Scores {
     before: String,
     after: String,
-    unit: String,
+    unit: &'static str,
     /// What the two numbers are.
     meaning: String,
-    /// Sentences that set the result against nominal, the best baseline and the noise floor.
+    /// Sentences that set the result against nominal and the best baseline.
     verdicts: Vec<Verdict>,
     rows: Vec<ScoreRow>,
     /// Heading of the bars: what they measure.
     bars: String,
-    noise_floor: Option<String>,
     cost_heading: String,
     cost: String,
     cost_before: String,
@@ -130,18 +129,15 @@ pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
 pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
     let measure = Measure::of_report(report);
     let (fitted, nominal) = (measure.value(report, Who::Fitted), measure.value(report, Who::Nominal));
-    let floor = report.noise_floor_rad.filter(|f| f.is_finite() && measure != Measure::Cost);
     let first = report.fits.first();
-    let unit = first.map_or(String::new(), |fit| clean(&fit.cost_unit));
     let cost_name = first.map_or(String::new(), |fit| clean(&fit.cost_name));
-    let in_unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
-    let cost_heading = format!("{cost_name} cost{in_unit}").trim_start().to_string();
-    let rows = rows(report, measure, floor);
+    let cost_heading = format!("{cost_name} cost").trim_start().to_string();
+    let rows = rows(report, measure);
     let all = || [&report.nominal, &report.fitted].into_iter().chain(&report.baselines);
     Scores {
         before: significant(nominal, 3),
         after: significant(fitted, 3),
-        unit: if measure == Measure::Cost { unit } else { "rad".into() },
+        unit: if measure == Measure::Cost { "" } else { "rad" },
         meaning: match measure {
             Measure::ValidationRmse => {
                 "RMS error of the joint positions, nominal → fitted, on logs that the fit did \
@@ -160,14 +156,13 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
                 )
             }
         },
-        verdicts: verdicts(report, measure, floor),
+        verdicts: verdicts(report, measure),
         rows,
         bars: match measure {
             Measure::ValidationRmse => "Position error on the validation logs (RMS, rad)".into(),
             Measure::FitRmse => "Position error on the fitted logs (RMS, rad)".into(),
             Measure::Cost => cost_heading.clone(),
         },
-        noise_floor: floor.map(|f| significant(f, 2)),
         cost_heading,
         cost: significant(cost(report, Who::Fitted), 4),
         cost_before: significant(cost(report, Who::Nominal), 4),
@@ -179,18 +174,18 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
 }
 
 /// Every predictor, the longest bar first and the fit last: the eye runs down to it.
-fn rows(report: &FitReport, measure: Measure, floor: Option<f64>) -> Vec<ScoreRow> {
+fn rows(report: &FitReport, measure: Measure) -> Vec<ScoreRow> {
     let nominal = Score { cost: cost(report, Who::Nominal), ..report.nominal.clone() };
     let fitted = Score { cost: cost(report, Who::Fitted), ..report.fitted.clone() };
     let value = |score: &Score| measure.of(score);
     let all = || std::iter::once(&nominal).chain(&report.baselines).chain([&fitted]);
-    let largest = extent(all().map(value).chain(floor)).map_or(1.0, |(_, high)| high);
+    let largest = extent(all().map(value)).map_or(1.0, |(_, high)| high);
     // Four decimals line up under one another; values they would round away keep their digits instead.
     let plain = all().map(value).filter(|x| x.is_finite()).all(|x| (0.001..100.0).contains(&x));
     let row = |score: &Score, is_fit: bool| ScoreRow {
         name: name_of(score, if is_fit { "fitted simulator" } else { "nominal simulator" }),
         is_fit,
-        bar: strip::bar(value(score), largest, floor, is_fit),
+        bar: strip::bar(value(score), largest, is_fit),
         headline: if plain { fixed(value(score), 4) } else { significant(value(score), 2) },
         fit: significant(score.rmse_fit_rad, 3),
         validation: significant(score.rmse_validation_rad, 3),
@@ -204,7 +199,7 @@ fn rows(report: &FitReport, measure: Measure, floor: Option<f64>) -> Vec<ScoreRo
     rows
 }
 
-fn verdicts(report: &FitReport, measure: Measure, floor: Option<f64>) -> Vec<Verdict> {
+fn verdicts(report: &FitReport, measure: Measure) -> Vec<Verdict> {
     let (fitted, nominal) = (measure.value(report, Who::Fitted), measure.value(report, Who::Nominal));
     let noun = measure.noun();
     let mut verdicts = Vec::new();
@@ -213,16 +208,6 @@ fn verdicts(report: &FitReport, measure: Measure, floor: Option<f64>) -> Vec<Ver
     if let Some(best) = known.min_by(|a, b| measure.of(a).total_cmp(&measure.of(b))) {
         let what = format!("the {noun} of the best baseline, {}", name_of(best, "unnamed"));
         verdicts.extend(verdict(fitted, measure.of(best), &what));
-    }
-    if let Some(floor) = floor.filter(|f| *f > 0.0)
-        && fitted.is_finite()
-    {
-        let text = format!(
-            "{} times the {} rad by which repeated recordings of one command differ",
-            significant(fitted / floor, 2),
-            significant(floor, 2)
-        );
-        verdicts.push(Verdict { text, good: true });
     }
     verdicts
 }

@@ -2,8 +2,7 @@
 
 use super::Fit;
 use super::parameters::{self, ParameterTable};
-use super::runs::{self, Level, Runs};
-use crate::chart::Look;
+use super::runs::{self, Runs};
 use crate::format::clean;
 use serde::Serialize;
 
@@ -24,17 +23,11 @@ pub(crate) fn build(fits: &[Fit]) -> Vec<FitView> {
 }
 
 fn view(fit: &Fit) -> FitView {
-    let levels = [
-        Level { text: "nominal simulator", look: Look::NOMINAL, cost: fit.nominal_cost },
-        Level { text: "as low as it gets", look: Look::FLOOR, cost: fit.floor_cost },
-    ];
+    let name =
+        if fit.cost_name.is_empty() { String::new() } else { format!("Cost {}", clean(&fit.cost_name)) };
     FitView {
-        name: match (fit.name.is_empty(), fit.cost_name.is_empty()) {
-            (false, _) => clean(&fit.name),
-            (true, false) => format!("Cost {}", clean(&fit.cost_name)),
-            (true, true) => String::new(),
-        },
+        name,
         parameters: parameters::build(&fit.parameters),
-        runs: runs::build(&fit.runs, &fit.cost_unit, &levels),
+        runs: runs::build(&fit.runs, fit.nominal_cost),
     }
 }

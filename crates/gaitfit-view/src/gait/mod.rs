@@ -6,13 +6,8 @@ mod drawing;
 
 pub use data::{FootTrack, GaitPicture, TorqueSpectrum, VelocityTrack};
 
-/// A self-contained SVG document of the gait: contacts, foot heights, commanded and measured velocity over time, and
-/// the torque spectrum. Parts without data are left out.
-pub fn gait_picture_svg(gait: &GaitPicture) -> String {
-    drawing::draw(gait).standalone()
-}
-
-/// The same as an element of a page; empty without any data.
+/// The picture as an element of a page: contacts, foot heights, commanded and measured velocity over time, and the
+/// torque spectrum. Parts without data are left out; without any data it is empty.
 pub(crate) fn inline(gait: &GaitPicture) -> String {
     let figure = drawing::draw(gait);
     if figure.is_empty() { String::new() } else { figure.inline() }

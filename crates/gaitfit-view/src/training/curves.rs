@@ -84,9 +84,6 @@ fn card(
     if several {
         series.push(Drawn::Line { name: "mean", look: Look::MEAN, x: &mean.x, y: &mean.y });
     }
-    if let Some(at) = first.goal {
-        series.push(Drawn::Rule { look: Look::FLOOR, at, upright: false });
-    }
     let plot = Plot {
         x: Axis { title: "iteration", ticks: (size.0 / 80.0) as usize, ..Axis::default() },
         y: Axis {

@@ -98,8 +98,6 @@ pub struct Series {
     pub values: Vec<f64>,
     /// Draw it on a logarithmic axis (only where all values are positive).
     pub log: bool,
-    /// A value to reach or to stay below, drawn as a line.
-    pub goal: Option<f64>,
 }
 
 impl Default for SeedResult {

@@ -189,14 +189,11 @@ fn fit(index: usize, seeds: usize, generations: usize) -> Fit {
         }
     };
     Fit {
-        name: "FricArm and delay, Wass".into(),
         cost_name: "Wass".into(),
         nominal_cost: nominal,
         fitted_cost: floor * 1.02,
-        floor_cost: floor * 0.9,
         runs: (0..seeds).map(run).collect(),
         parameters: invented.iter().enumerate().map(parameter).collect(),
-        ..Fit::default()
     }
 }
 
