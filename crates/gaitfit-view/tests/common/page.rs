@@ -57,5 +57,4 @@ pub fn assert_harmless(page: &str, honest: &str) {
 }
 
 /// A name that tries to leave wherever it is put.
-pub const HOSTILE: &str =
-    "</style></script><script>alert('x')</script><img src=x onerror=\"a\">]]>&\u{0}\u{1b}[31m\u{7}\u{85}\u{9b}\u{202e}{{ 7*7 }}";
+pub const HOSTILE: &str = "</style></script><script>alert('x')</script><img src=x onerror=\"a\">]]>&\u{0}\u{1b}[31m\u{7}\u{85}\u{9b}\u{202e}{{ 7*7 }}";
