@@ -2,7 +2,8 @@
 
 use crate::{Cancel, Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_model::Model;
-use gaitfit_sim::{Candidate, JointSignals, Recording, Replay, ReplayOptions, RobotParams};
+use gaitfit_physics::Robot;
+use gaitfit_sim::{Candidate, JointSignals, Recording, Replay, ReplayOptions};
 
 /// Replays recordings with [`gaitfit_sim::Replay`].
 pub struct ReplaySimulator {
@@ -46,7 +47,7 @@ impl ReplaySimulator {
     }
 
     /// As [`Self::candidate`], refusing what a replay does not simulate.
-    fn robot(&self, theta: &Theta, values: &[f64]) -> Result<RobotParams, SimulatorError> {
+    fn robot(&self, theta: &Theta, values: &[f64]) -> Result<Robot, SimulatorError> {
         let candidate = self.candidate(theta, values);
         if !candidate.networks.is_empty() || candidate.torque_noise != 0.0 {
             return Err(SimulatorError::failed(
@@ -80,7 +81,7 @@ impl Simulator for ReplaySimulator {
                  wass instead of matchs",
             ));
         }
-        let robots: Vec<RobotParams> =
+        let robots: Vec<Robot> =
             candidates.iter().map(|one| self.robot(theta, &one.values)).collect::<Result<_, _>>()?;
         let pass = |candidate: usize, recording: usize, signals: &JointSignals| {
             consume(candidate, recording, Signals::of_joints(&signals.position, &signals.velocity));

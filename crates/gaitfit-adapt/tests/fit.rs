@@ -9,7 +9,7 @@ use gaitfit_adapt::fit::{
     simulate_one,
 };
 use gaitfit_adapt::{
-    Cancel, Consume, ParameterRule, Quantity, Rollout, Sharing, Signals, Simulator, SimulatorError, Theta,
+    Cancel, Consume, ParameterRule, JointParameter, Rollout, Sharing, Signals, Simulator, SimulatorError, Theta,
     never,
 };
 use std::sync::Arc;
@@ -77,8 +77,8 @@ fn sines(limit: f64) -> Sines {
 }
 
 fn theta() -> Theta {
-    let damping = ParameterRule { per: Sharing::All, ..ParameterRule::new(Quantity::Damping) };
-    let bias = ParameterRule { per: Sharing::Joint, ..ParameterRule::new(Quantity::EncoderBias) };
+    let damping = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Damping) };
+    let bias = ParameterRule { per: Sharing::Joint, ..ParameterRule::new(JointParameter::EncoderBias) };
     Theta::from_rules(&[damping, bias], &[], &sines(9.0).joints).unwrap()
 }
 

@@ -5,7 +5,7 @@ use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::{Cost, CostKind, Recorded, Reference};
 use gaitfit_adapt::fit::{Evaluation, FallPenalty, Fit, FitError, FitOptions, Job, RandomNumbers};
 use gaitfit_adapt::{
-    Cancel, Consume, ParameterRule, Quantity, Rollout, Sharing, Signals, Simulator, SimulatorError, Theta,
+    Cancel, Consume, ParameterRule, JointParameter, Rollout, Sharing, Signals, Simulator, SimulatorError, Theta,
     never,
 };
 use std::sync::Arc;
@@ -66,7 +66,7 @@ fn line(device: bool) -> Line {
 }
 
 fn theta() -> Theta {
-    let damping = ParameterRule { per: Sharing::All, ..ParameterRule::new(Quantity::Damping) };
+    let damping = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Damping) };
     Theta::from_rules(&[damping], &[], &line(false).joints).unwrap()
 }
 

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use gaitfit_adapt::{
-    Found, NetworkName, NetworkRule, ParameterRule, Quantity, RobotNumber, RobotRule, Rules, Sharing, Theta,
-    ThetaFile, ThetaFileError,
+    Found, JointParameter, NetworkName, NetworkRule, ParameterRule, RobotNumber, RobotRule, Rules, Sharing,
+    Theta, ThetaFile, ThetaFileError,
 };
 use gaitfit_model::{Model, ReadOptions, read_mjcf_str};
 use gaitfit_sim::{Candidate, NetworkKind};
@@ -25,7 +25,7 @@ fn joints(model: &Model) -> Vec<String> {
 }
 
 fn theta(model: &Model) -> Theta {
-    let joint = ParameterRule { per: Sharing::Joint, ..ParameterRule::new(Quantity::FrictionLoss) };
+    let joint = ParameterRule { per: Sharing::Joint, ..ParameterRule::new(JointParameter::FrictionLoss) };
     let rules = Rules {
         parameter: vec![joint],
         network: vec![

@@ -5,10 +5,10 @@ mod task_common;
 
 use gaitfit_learn::task::{Ended, Environment, NoiseSettings, Task, TaskSettings};
 use gaitfit_model::rotation::{inverse, rotate};
-use gaitfit_physics::Preset;
+use gaitfit_physics::{Preset, Robot};
 use gaitfit_policy::{Quantity, Term};
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_sim::{Candidate, RobotParams};
+use gaitfit_sim::Candidate;
 use task_common::{built_in, calm, go2, scene, scene_with, step};
 
 /// `vector` (world frame) in the body frame of `quaternion`.
@@ -371,7 +371,7 @@ fn what_is_randomised_is_the_robots_own_number() {
     let nominal = plain.walker.robot(&Candidate::nominal(&model));
     assert!(nominal.kp == [25.0; 12] && nominal.kd == [0.5; 12]);
     type Vary = fn(&mut TaskSettings);
-    type Change = fn(&mut RobotParams);
+    type Change = fn(&mut Robot);
     let same: [(&str, Vary, Change); 5] = [
         ("base_mass", |t| t.randomisation.base_mass = [2.0; 2], |r| r.base_mass = 2.0),
         ("kp", |t| t.randomisation.kp = [1.5; 2], |r| r.kp_scale.fill(1.5)),

@@ -59,9 +59,9 @@ pub(crate) fn link_contacts<T: Real>(
         let height = dot_add(normal, origin, -T::k(plane.offset));
         let center = rotate_k_add(&m.rotation, &pair.center, m.position);
         let level = dot_add(normal, center, height);
-        let active = !level.all_ge(T::k(pair.reach));
+        let active = level.unless_ge(T::k(pair.reach));
         work.pairs[index].active = active;
-        if !active {
+        if !T::enter(active) {
             continue;
         }
         for k in 0..(pair.condim - 1).max(1) {
@@ -84,7 +84,7 @@ pub(crate) fn link_contacts<T: Real>(
                     let axis = work.segments[segment].axis[k];
                     let column = cross_add(axis[0], point.x, axis[1]);
                     point.columns[k] = column;
-                    let (qd, qacc) = (state.qd[joint + k], state.qacc[joint + k]);
+                    let (qd, qacc) = (state.qvel[joint + k], state.qacc[joint + k]);
                     velocity[1] = axpy(qd, column, velocity[1]);
                     acceleration[1] = axpy(qacc, column, acceleration[1]);
                     if pair.condim > 3 {
@@ -95,6 +95,7 @@ pub(crate) fn link_contacts<T: Real>(
             }
             point_rows(pair, velocity, acceleration, inverse_scale, point);
         }
+        T::leave(active);
     }
 }
 

@@ -53,9 +53,9 @@ pub(crate) fn bodies(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>)
     for i in 1..tree.links.len() {
         let link = &tree.links[i];
         let parent: &Motion<f64> = &all[link.parent].motion;
-        let turn = (state.q[i - 1] - link.reference_angle).sin_cos();
+        let turn = (state.qpos[i - 1] - link.reference_angle).sin_cos();
         let (rotation, position, axis) = hinge(link, turn, &parent.rotation, parent.position);
-        let motion = joint_motion(axis, state.qd[i - 1], 0.0, rotation, position, parent);
+        let motion = joint_motion(axis, state.qvel[i - 1], 0.0, rotation, position, parent);
         let (rigid, wrench) = inertial(&params.links[i], &motion);
         all.push(Body { motion, axis, rigid, wrench });
     }

@@ -23,7 +23,8 @@ impl<T: Real> Drive<T> {
     }
 }
 
-/// PD torques of all joints at substep `substep` of `substeps` in a control period.
+/// PD torques of all joints in the physics step that begins `clock` physics steps after the start of a control period
+/// of `substeps`.
 ///
 /// `targets` holds the sent targets (rad), newest first: `targets[k · joints + j]` was sent `k` control periods
 /// ago. A target acts from its sending time plus the joint's delay until the next one does; the step uses the
@@ -40,7 +41,7 @@ pub(crate) fn pd<T: Real>(
     params: &Params<T>,
     state: &State<T>,
     targets: &[T],
-    substep: usize,
+    clock: T,
     substeps: usize,
     drives: &mut [Drive<T>],
 ) {
@@ -52,8 +53,8 @@ pub(crate) fn pd<T: Real>(
         let mut target = targets[j];
         if taps > 1 {
             // In units of one physics step: this step covers [start, start + 1] on the clock of effects.
-            let begin = substep as f64 - if settings.centred { 0.5 } else { 0.0 };
-            let start = T::lit(begin) - p.delay * T::lit(1.0 / settings.timestep);
+            let begin = if settings.centred { clock - T::lit(0.5) } else { clock };
+            let start = begin - p.delay * T::lit(1.0 / settings.timestep);
             let end = start + T::lit(1.0);
             let mut sum = z;
             for k in 0..taps {
@@ -65,8 +66,8 @@ pub(crate) fn pd<T: Real>(
             }
             target = sum;
         }
-        let error = target - (state.q[j] + p.encoder_bias);
-        let torque = p.torque_scale.fma(p.kd.fnma(state.qd[j], p.kp * error), p.torque_offset);
+        let error = target - (state.qpos[j] + p.encoder_bias);
+        let torque = p.torque_scale.fma(p.kd.fnma(state.qvel[j], p.kp * error), p.torque_offset);
         drives[j].torque = torque.clamp(-p.torque_limit, p.torque_limit);
         drives[j].resistance = z;
         // A saturated torque does not depend on velocity.

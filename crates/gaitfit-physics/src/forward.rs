@@ -79,7 +79,7 @@ impl Forward {
         if ctrl.len() != expected {
             return Err(PhysicsError::Length { what: "ctrl", found: ctrl.len(), expected });
         }
-        Ok(actuate(&self.model, ctrl, &state.q, &state.qd))
+        Ok(actuate(&self.model, ctrl, &state.qpos, &state.qvel))
     }
 }
 
@@ -108,8 +108,8 @@ pub fn state_from(tree: &Tree<f64>, qpos: &[f64], qvel: &[f64]) -> Result<State<
         state.base_angular = [qvel[3], qvel[4], qvel[5]];
         (p, v) = (7, 6);
     }
-    state.q.copy_from_slice(&qpos[p..]);
-    state.qd.copy_from_slice(&qvel[v..]);
+    state.qpos.copy_from_slice(&qpos[p..]);
+    state.qvel.copy_from_slice(&qvel[v..]);
     Ok(state)
 }
 
@@ -122,8 +122,8 @@ pub fn state_to(tree: &Tree<f64>, state: &State<f64>) -> (Vec<f64>, Vec<f64>) {
         qvel.extend(state.base_linear);
         qvel.extend(state.base_angular);
     }
-    qpos.extend(&state.q);
-    qvel.extend(&state.qd);
+    qpos.extend(&state.qpos);
+    qvel.extend(&state.qvel);
     (qpos, qvel)
 }
 

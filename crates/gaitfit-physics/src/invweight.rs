@@ -30,19 +30,8 @@ pub(crate) fn invweights(
     armature: &[f64],
 ) -> Result<Invweights, PhysicsError> {
     let tree = compile::<f64>(model, &Settings::new(&model.options, Preset::Fast))?;
-    let joint = |armature: &f64| JointParams {
-        armature: *armature,
-        damping: 0.0,
-        frictionloss: 0.0,
-        weight: 1.0,
-        kp: 0.0,
-        kd: 0.0,
-        torque_scale: 1.0,
-        torque_offset: 0.0,
-        torque_limit: 0.0,
-        encoder_bias: 0.0,
-        delay: 0.0,
-    };
+    // The mass matrix reads nothing else of a joint.
+    let joint = |armature: &f64| JointParams { armature: *armature, ..JointParams::uniform(0.0) };
     let params = Params {
         links: links.to_vec(),
         joints: armature.iter().map(joint).collect(),
@@ -54,7 +43,7 @@ pub(crate) fn invweights(
         state.base_quaternion = model.bodies[0].quat;
         state.base_position = model.bodies[0].pos;
     }
-    for (q, joint) in state.q.iter_mut().zip(&model.joints) {
+    for (q, joint) in state.qpos.iter_mut().zip(&model.joints) {
         *q = joint.reference;
     }
     let mass = mass_matrix(&tree, &params, &state);

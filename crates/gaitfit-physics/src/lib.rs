@@ -17,10 +17,13 @@ mod drive;
 mod error;
 mod forward;
 mod invweight;
+mod joint_parameter;
 mod lanes;
 mod modify;
 mod params;
+pub mod phase;
 mod real;
+mod robot;
 mod seat;
 mod segment;
 mod settings;
@@ -29,22 +32,27 @@ mod solver;
 mod spatial;
 mod state;
 mod step;
+pub mod trace;
 mod tree;
 mod vec3;
+mod visit;
 
 pub use compile::compile;
 pub use dense::{Row, RowKind, bias, constraint_rows, mass_matrix};
 pub use drive::{Drive, actuate, delay_taps};
 pub use error::PhysicsError;
 pub use forward::{Evaluation, Forward, acceleration, state_from, state_to};
+pub use joint_parameter::{JointParameter, SearchDefaults};
 pub use lanes::*;
 pub use modify::{
-    ActionDelta, JointNetwork, Modification, Modify, NETWORK_WEIGHTS, NetworkScales, ResidAct, memory_of,
-    settle,
+    ActionDelta, JointModification, JointNetwork, Modify, NETWORK_WEIGHTS, NetworkScales, ResidAct,
+    memory_of, settle,
 };
-pub use params::{JointParams, LinkInertia, PairInvweight, Params, Robot};
+pub use params::{JointParams, LinkInertia, PairInvweight, Params};
 pub use real::Real;
+pub use robot::Robot;
 pub use settings::{Damping, Preset, Settings};
 pub use state::{State, Work};
 pub use step::{Period, accelerate, control_period, step};
 pub use tree::Tree;
+pub use visit::{Owner, Slot};

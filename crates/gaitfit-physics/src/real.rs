@@ -6,13 +6,28 @@ use core::ops::{Add, Mul, Neg, Sub};
 /// or a node of a recorded expression graph.
 ///
 /// There are no comparisons that return `bool` and no integers: choices are made with [`Real::select_lt`],
-/// so that every implementation sees the same straight line of operations. The single exception is
-/// [`Real::all_ge`], a hint that may only be used to leave out work whose result is exactly zero.
+/// so that every implementation sees the same operations in the same order.
+///
+/// The single exception is a guarded region: work that is left out where no lane needs it. A [`Real::Guard`] is
+/// made by [`Real::unless_ge`]. A region is the text between [`Real::enter`] and [`Real::leave`]:
+/// ```ignore
+/// if T::enter(guard) {
+///     let new = expensive(sum);
+///     T::leave(guard);
+///     sum = new.merge(guard, sum);
+/// }
+/// ```
+/// A number made in a region is read only in regions of the same guard, or passed on by [`Real::merge`]. In lanes
+/// that do not need the region, the new number equals the old one; so results do not depend on what is left out. A
+/// recording scalar enters every region and keeps its bounds (see [`crate::trace`]).
 pub trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
 {
-    /// A constant that is the same for every environment.
+    /// A number that is the same for every environment of a block: a constant of the model, or a weight of a
+    /// candidate's network.
     type K: Copy;
+    /// Whether a region is needed.
+    type Guard: Copy + core::fmt::Debug;
     /// Rounds a model number to a constant.
     fn constant(x: f64) -> Self::K;
     /// Broadcasts a constant.
@@ -45,11 +60,16 @@ pub trait Real:
     fn select_lt(a: Self, b: Self, x: Self, y: Self) -> Self;
     /// Sine and cosine of an angle in radians.
     fn sin_cos(self) -> (Self, Self);
-    /// Whether every lane certainly satisfies `self ≥ b`. `false` is always a correct answer.
-    #[inline(always)]
-    fn all_ge(self, _b: Self) -> bool {
-        false
-    }
+    /// A guard that no lane needs.
+    fn never() -> Self::Guard;
+    /// The guard of a region that is needed unless every lane satisfies `self ≥ b`.
+    fn unless_ge(self, b: Self) -> Self::Guard;
+    /// Begins a region; `false` says to leave it out.
+    fn enter(guard: Self::Guard) -> bool;
+    /// Ends a region that was begun.
+    fn leave(guard: Self::Guard);
+    /// After a region: `self`, made in it, where it was needed, else `before`.
+    fn merge(self, guard: Self::Guard, before: Self) -> Self;
     /// Reciprocal of a positive, finite, normal number; may be off by an ulp or two in lanes.
     #[inline(always)]
     fn recip(self) -> Self {
@@ -73,6 +93,33 @@ pub trait Real:
         self.max(lower).min(upper)
     }
 }
+
+/// Guards of scalars that can be looked at: a region is left out by an ordinary branch. `$all_ge(a, b)` says whether
+/// every lane satisfies a ≥ b.
+macro_rules! branching_guards {
+    ($all_ge:expr) => {
+        type Guard = bool;
+        #[inline(always)]
+        fn never() -> bool {
+            false
+        }
+        #[inline(always)]
+        fn unless_ge(self, b: Self) -> bool {
+            !$all_ge(self, b)
+        }
+        #[inline(always)]
+        fn enter(guard: bool) -> bool {
+            guard
+        }
+        #[inline(always)]
+        fn leave(_guard: bool) {}
+        #[inline(always)]
+        fn merge(self, _guard: bool, _before: Self) -> Self {
+            self
+        }
+    };
+}
+pub(crate) use branching_guards;
 
 macro_rules! scalar {
     ($t:ty) => {
@@ -122,10 +169,7 @@ macro_rules! scalar {
             fn sin_cos(self) -> ($t, $t) {
                 <$t>::sin_cos(self)
             }
-            #[inline(always)]
-            fn all_ge(self, b: $t) -> bool {
-                self >= b
-            }
+            branching_guards!(|a: $t, b: $t| a >= b);
             #[inline(always)]
             fn tanh(self) -> $t {
                 <$t>::tanh(self)

@@ -7,7 +7,7 @@
 
 use crate::Real;
 use crate::solver::set_step;
-use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add};
+use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6};
 use crate::state::{State, Work};
 use crate::tree::{SEGMENT, Tree};
 use crate::vec3::*;
@@ -22,6 +22,7 @@ pub(crate) enum Wanted {
 }
 
 /// The block of one segment while it is put together.
+#[derive(Clone, Copy)]
 struct Block<T> {
     /// 00, 11, 22, 10, 20, 21.
     h: [T; 6],
@@ -36,6 +37,16 @@ fn below(k: usize, i: usize) -> usize {
 }
 
 impl<T: Real> Block<T> {
+    /// After a region that added to the block: see [`Real::merge`].
+    #[inline(always)]
+    fn merge(&mut self, guard: T::Guard, before: &Self) {
+        merge_all(&mut self.h, guard, &before.h);
+        merge_all(&mut self.r, guard, &before.r);
+        for k in 0..SEGMENT {
+            merge6(&mut self.f[k], guard, &before.f[k]);
+        }
+    }
+
     /// Adds an inertia and a residual wrench that the segment's link `member` carries.
     #[inline(always)]
     fn carry<const N: usize>(
@@ -137,11 +148,14 @@ fn joint_terms<T: Real>(j: usize, hessian: bool, state: &State<T>, work: &mut Wo
     let loss = joint.frictionloss;
     let mut row = slip.clamp(-loss, loss);
     let mut curvature = T::select_lt(slip.abs(), loss, joint.friction_d, z);
-    if work.limited[j] {
+    let limited = work.limited[j];
+    if T::enter(limited) {
         let gap = joint.limit_sign.fma(qacc, joint.limit_bias);
         let d = T::select_lt(gap, z, joint.limit_d, z);
-        row = (joint.limit_sign * d).fma(gap, row);
-        curvature = curvature + d;
+        let with_limit = ((joint.limit_sign * d).fma(gap, row), curvature + d);
+        T::leave(limited);
+        row = with_limit.0.merge(limited, row);
+        curvature = with_limit.1.merge(limited, curvature);
     }
     joint.row = row;
     if hessian { (curvature, row) } else { (joint.implicit, joint.implicit.fma(qacc, row)) }
@@ -159,10 +173,12 @@ fn segment_contacts<T: Real, const N: usize>(
     let segment = &tree.segments[index];
     for number in segment.pairs.clone() {
         let pair = &tree.pairs[number];
-        if !work.pairs[number].active {
+        let active = work.pairs[number].active;
+        if !T::enter(active) {
             continue;
         }
         let parent = &mut work.nodes[segment.parent];
+        let before = (*block, parent.inertia, parent.residual);
         for (place, point) in work.points[pair.points.clone()].iter().enumerate() {
             if pair.condim > 3 {
                 let (wrench, inertia) = &work.spins[pair.spin + place];
@@ -189,6 +205,10 @@ fn segment_contacts<T: Real, const N: usize>(
             }
             parent.push(point, hessian);
         }
+        T::leave(active);
+        block.merge(active, &before.0);
+        parent.inertia.merge(active, &before.1);
+        merge6(&mut parent.residual, active, &before.2);
     }
 }
 
@@ -248,9 +268,11 @@ pub(crate) fn back_substitute<T: Real, const N: usize>(
     }
     for number in segment.pairs.clone() {
         let pair = &tree.pairs[number];
-        if !work.pairs[number].active {
+        let active = work.pairs[number].active;
+        if !T::enter(active) {
             continue;
         }
+        let before = slope;
         for point in &mut work.points[pair.points.clone()] {
             let mut linear = cross_add(above[0], point.x, above[1]);
             let mut angular = above[0];
@@ -264,6 +286,8 @@ pub(crate) fn back_substitute<T: Real, const N: usize>(
             }
             slope = slope + set_step(pair, point, linear, angular);
         }
+        T::leave(active);
+        slope = slope.merge(active, before);
     }
     (slope, curvature)
 }

@@ -31,7 +31,7 @@ pub(crate) fn smooth<T: Real>(
     // Apart from the walk over the tree, so that neighbouring joints overlap, and before the root, whose
     // quaternion comes last from the step before.
     for j in 0..work.turns.len() {
-        work.turns[j] = (state.q[j] - T::k(tree.links[j + 1].reference_angle)).sin_cos();
+        work.turns[j] = (state.qpos[j] - T::k(tree.links[j + 1].reference_angle)).sin_cos();
     }
     for j in 0..work.joints.len() {
         joint_rows(tree, params, state, drives, j, work);
@@ -164,7 +164,7 @@ fn outward<T: Real>(pass: &Pass<'_, T>, i: usize, parent: &Motion<T>, work: &Wor
     let j = i - 1;
     let (rotation, position, axis) =
         hinge(&pass.tree.links[i], work.turns[j], &parent.rotation, parent.position);
-    let motion = joint_motion(axis, pass.state.qd[j], pass.state.qacc[j], rotation, position, parent);
+    let motion = joint_motion(axis, pass.state.qvel[j], pass.state.qacc[j], rotation, position, parent);
     (motion, axis)
 }
 
@@ -297,7 +297,7 @@ fn joint_rows<T: Real>(
     let link = &tree.links[j + 1];
     let p = &params.joints[j];
     let out = &mut work.joints[j];
-    let (q, qd) = (state.q[j], state.qd[j]);
+    let (q, qd) = (state.qpos[j], state.qvel[j]);
     let z = T::zero();
     let one = T::lit(1.0);
 
@@ -323,8 +323,8 @@ fn joint_rows<T: Real>(
         let (low, high) = (q - T::k(limit.lower), T::k(limit.upper) - q);
         let sign = T::select_lt(high, low, -one, one);
         let depth = low.min(high) - T::k(limit.margin);
-        work.limited[j] = !depth.all_ge(z);
-        if !work.limited[j] {
+        work.limited[j] = depth.unless_ge(z);
+        if !T::enter(work.limited[j]) {
             return;
         }
         let imp = impedance(&limit.impedance, depth);
@@ -332,5 +332,6 @@ fn joint_rows<T: Real>(
         out.limit_sign = sign;
         out.limit_d = T::select_lt(depth, z, d, z);
         out.limit_bias = T::k(limit.reference.b).fma(sign * qd, T::k(limit.reference.k) * (imp * depth));
+        T::leave(work.limited[j]);
     }
 }

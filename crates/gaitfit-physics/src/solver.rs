@@ -10,7 +10,7 @@ use core::ops::Range;
 use crate::cone::{ellipse, pyramid, pyramid3, pyramid3_line};
 use crate::contact::components;
 use crate::segment::{Wanted, back_substitute, eliminate};
-use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, zero6};
+use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6, zero6};
 use crate::state::{Point, State, Work};
 use crate::tree::{Pair, Tree};
 use crate::vec3::*;
@@ -20,18 +20,24 @@ use crate::{Damping, Real};
 /// residuals belong to it if something still needs them (see [`implicit_damping`]).
 #[inline(always)]
 pub(crate) fn solve<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: &mut Work<T>) {
-    let settings = &tree.settings;
-    for iteration in 0..settings.iterations {
-        let last = iteration + 1 == settings.iterations && settings.damping != Damping::Implicit;
-        let search = settings.line_search > 0;
-        let wanted = if last && !search { Wanted::Step } else { Wanted::Everything };
-        let smooth = direction(tree, true, wanted, state, work);
-        let mut alpha = T::lit(1.0);
-        if search {
-            alpha = line_search(tree, smooth, state, work);
-        }
-        advance(tree, alpha, last, state, work);
+    for turn in 0..tree.settings.iterations {
+        iterate(tree, turn + 1 == tree.settings.iterations, state, work);
     }
+}
+
+/// One iteration. After the `last` one only what the integrator reads is left behind; leaving everything behind is
+/// correct too.
+#[inline(always)]
+pub(crate) fn iterate<T: Real>(tree: &Tree<T::K>, last: bool, state: &mut State<T>, work: &mut Work<T>) {
+    let last = last && tree.settings.damping != Damping::Implicit;
+    let search = tree.settings.line_search > 0;
+    let wanted = if last && !search { Wanted::Step } else { Wanted::Everything };
+    let smooth = direction(tree, true, wanted, state, work);
+    let mut alpha = T::lit(1.0);
+    if search {
+        alpha = line_search(tree, smooth, state, work);
+    }
+    advance(tree, alpha, last, state, work);
 }
 
 /// Change of acceleration when the integrator sees M + h·B instead of M: solves (M + hB) δ = −∇ − hB a.
@@ -103,7 +109,8 @@ fn direction<T: Real>(
 fn contact_terms<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
     for index in 0..tree.pairs.len() {
         let pair = &tree.pairs[index];
-        if !work.pairs[index].active {
+        let active = work.pairs[index].active;
+        if !T::enter(active) {
             continue;
         }
         let mu = work.pairs[index].friction;
@@ -125,6 +132,7 @@ fn contact_terms<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
             }
             (point.world_force, point.weight) = to_world(pair, &point.frame, force, weight);
         }
+        T::leave(active);
     }
 }
 
@@ -165,10 +173,12 @@ fn spin_terms<T: Real>(
 fn root_contacts<T: Real>(tree: &Tree<T::K>, hessian: bool, work: &mut Work<T>) {
     for index in tree.links[0].pairs.clone() {
         let pair = &tree.pairs[index];
-        if !work.pairs[index].active {
+        let active = work.pairs[index].active;
+        if !T::enter(active) {
             continue;
         }
         let root = &mut work.nodes[0];
+        let before = (root.inertia, root.residual);
         for (number, point) in work.points[pair.points.clone()].iter().enumerate() {
             if pair.condim > 3 {
                 let (wrench, inertia) = &work.spins[pair.spin + number];
@@ -180,6 +190,9 @@ fn root_contacts<T: Real>(tree: &Tree<T::K>, hessian: bool, work: &mut Work<T>) 
                 root.push(point, hessian);
             }
         }
+        T::leave(active);
+        root.inertia.merge(active, &before.0);
+        merge6(&mut root.residual, active, &before.1);
     }
 }
 
@@ -216,10 +229,14 @@ fn point_steps<T: Real>(tree: &Tree<T::K>, range: Range<usize>, a: V6<T>, work: 
     let mut slope = T::zero();
     for index in range {
         let pair = &tree.pairs[index];
-        if work.pairs[index].active {
+        let active = work.pairs[index].active;
+        if T::enter(active) {
+            let before = slope;
             for point in &mut work.points[pair.points.clone()] {
                 slope = slope + set_step(pair, point, cross_add(a[0], point.x, a[1]), a[0]);
             }
+            T::leave(active);
+            slope = slope.merge(active, before);
         }
     }
     slope
@@ -289,18 +306,24 @@ fn rows_along<T: Real>(tree: &Tree<T::K>, alpha: T, state: &State<T>, work: &Wor
         g.0 = step.fma(slip.clamp(-loss, loss), g.0);
         let curve = T::select_lt(slip.abs(), loss, joint.friction_d * step, z);
         g.1 = curve.fma(step, g.1);
-        if work.limited[j] {
+        let limited = work.limited[j];
+        if T::enter(limited) {
+            let before = g;
             let gap = joint.limit_sign.fma(a, joint.limit_bias);
             let curve = T::select_lt(gap, z, joint.limit_d * step, z);
             g.0 = (joint.limit_sign * curve).fma(gap, g.0);
             g.1 = curve.fma(step, g.1);
+            T::leave(limited);
+            g = (g.0.merge(limited, before.0), g.1.merge(limited, before.1));
         }
     }
     for index in 0..tree.pairs.len() {
         let pair = &tree.pairs[index];
-        if !work.pairs[index].active {
+        let active = work.pairs[index].active;
+        if !T::enter(active) {
             continue;
         }
+        let before = g;
         let mu = &work.pairs[index].friction;
         for point in &work.points[pair.points.clone()] {
             if pair.condim == 1 || (pair.condim == 3 && !tree.elliptic) {
@@ -322,6 +345,8 @@ fn rows_along<T: Real>(tree: &Tree<T::K>, alpha: T, state: &State<T>, work: &Wor
                 g.1 = row.fma(step[k], g.1);
             }
         }
+        T::leave(active);
+        g = (g.0.merge(active, before.0), g.1.merge(active, before.1));
     }
     g
 }
@@ -346,7 +371,8 @@ fn advance<T: Real>(tree: &Tree<T::K>, alpha: T, last: bool, state: &mut State<T
     }
     for index in 0..tree.pairs.len() {
         let pair = &tree.pairs[index];
-        if !work.pairs[index].active {
+        let active = work.pairs[index].active;
+        if !T::enter(active) {
             continue;
         }
         for point in &mut work.points[pair.points.clone()] {
@@ -355,5 +381,6 @@ fn advance<T: Real>(tree: &Tree<T::K>, alpha: T, last: bool, state: &mut State<T
                 point.residual[1] = axpy(alpha, point.step[1], point.residual[1]);
             }
         }
+        T::leave(active);
     }
 }

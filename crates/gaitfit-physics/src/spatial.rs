@@ -21,6 +21,12 @@ pub(crate) fn add6<T: Real>(a: V6<T>, b: V6<T>) -> V6<T> {
 pub(crate) fn axpy6<T: Real>(s: T, a: V6<T>, c: V6<T>) -> V6<T> {
     [axpy(s, a[0], c[0]), axpy(s, a[1], c[1])]
 }
+/// After a region that changed `v`: see [`Real::merge`].
+#[inline(always)]
+pub(crate) fn merge6<T: Real>(v: &mut V6<T>, guard: T::Guard, before: &V6<T>) {
+    merge_all(&mut v[0], guard, &before[0]);
+    merge_all(&mut v[1], guard, &before[1]);
+}
 /// `c + a·b`.
 #[inline(always)]
 pub(crate) fn dot6_add<T: Real>(a: V6<T>, b: V6<T>, c: T) -> T {
@@ -99,6 +105,16 @@ impl<T: Real> Articulated<T> {
         }
         for i in 0..3 {
             self.al[i] = add(self.al[i], o.al[i]);
+        }
+    }
+
+    /// After a region that added to the inertia: see [`Real::merge`].
+    #[inline(always)]
+    pub fn merge(&mut self, guard: T::Guard, before: &Self) {
+        merge_all(&mut self.aa, guard, &before.aa);
+        merge_all(&mut self.ll, guard, &before.ll);
+        for i in 0..3 {
+            merge_all(&mut self.al[i], guard, &before.al[i]);
         }
     }
 

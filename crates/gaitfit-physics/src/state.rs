@@ -4,6 +4,7 @@ use crate::Real;
 use crate::spatial::{Articulated, Rigid, V6, zero6};
 use crate::tree::{SEGMENT, Tree};
 use crate::vec3::*;
+use crate::visit::{Owner, Slot, all, visit_methods};
 
 /// Motion state, with the last acceleration as the solver's warm start.
 #[derive(Clone, Debug)]
@@ -17,9 +18,9 @@ pub struct State<T> {
     /// Angular velocity of the base, rad/s, body frame.
     pub base_angular: V3<T>,
     /// Joint angles, rad.
-    pub q: Vec<T>,
+    pub qpos: Vec<T>,
     /// Joint velocities, rad/s.
-    pub qd: Vec<T>,
+    pub qvel: Vec<T>,
     /// Base acceleration of the last step: angular (rad/s²) and linear (m/s²), world frame.
     pub base_acceleration: [V3<T>; 2],
     /// Joint accelerations of the last step, rad/s².
@@ -35,12 +36,37 @@ impl<T: Real> State<T> {
             base_quaternion: [T::lit(1.0), T::zero(), T::zero(), T::zero()],
             base_linear: zero3(),
             base_angular: zero3(),
-            q: zeros.clone(),
-            qd: zeros.clone(),
+            qpos: zeros.clone(),
+            qvel: zeros.clone(),
             base_acceleration: zero6(),
             qacc: zeros,
         }
     }
+}
+
+macro_rules! state_numbers {
+    ($state:ident, $visit:ident, $numbers:ident, [$($reference:tt)+]) => {
+        let base = |name| Slot::of(Owner::Base, name);
+        all(&mut $visit, base("position"), $($reference)+ $state.base_position);
+        all(&mut $visit, base("quaternion"), $($reference)+ $state.base_quaternion);
+        all(&mut $visit, base("linear"), $($reference)+ $state.base_linear);
+        all(&mut $visit, base("angular"), $($reference)+ $state.base_angular);
+        for (j, angle) in ($($reference)+ $state.qpos).into_iter().enumerate() {
+            $visit(Slot::of(Owner::Joint(j), "qpos"), angle);
+        }
+        for (j, velocity) in ($($reference)+ $state.qvel).into_iter().enumerate() {
+            $visit(Slot::of(Owner::Joint(j), "qvel"), velocity);
+        }
+        for (j, acceleration) in ($($reference)+ $state.qacc).into_iter().enumerate() {
+            $visit(Slot::of(Owner::Joint(j), "qacc"), acceleration);
+        }
+        let acceleration = ($($reference)+ $state.base_acceleration).into_iter().flatten();
+        all(&mut $visit, base("acceleration"), acceleration);
+    };
+}
+
+impl<T> State<T> {
+    visit_methods!(state_numbers);
 }
 
 /// Pose and motion of a link, about the reference point (the base's origin), world axes.
@@ -139,9 +165,9 @@ pub(crate) struct JointWork<T> {
 
 /// Constraint state of one contact pair.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct PairWork<T> {
-    /// Whether any lane may touch.
-    pub active: bool,
+pub(crate) struct PairWork<T: Real> {
+    /// Guards what is only needed where a lane may touch.
+    pub active: T::Guard,
     pub friction: [T; 5],
 }
 
@@ -171,12 +197,13 @@ pub(crate) struct Point<T> {
 
 /// Scratch of one step for one block of environments.
 #[derive(Clone, Debug)]
-pub struct Work<T> {
+pub struct Work<T: Real> {
     pub(crate) nodes: Vec<Node<T>>,
     pub(crate) segments: Vec<SegmentWork<T>>,
     pub(crate) joints: Vec<JointWork<T>>,
-    /// Whether any lane may be beyond the joint's limit; apart, for it would take a joint a whole vector.
-    pub(crate) limited: Vec<bool>,
+    /// Guards what is only needed where a lane may be beyond the joint's limit; apart, for it would take a joint a
+    /// whole vector.
+    pub(crate) limited: Vec<T::Guard>,
     /// Sine and cosine of the joint angles.
     pub(crate) turns: Vec<(T, T)>,
     pub(crate) pairs: Vec<PairWork<T>>,
@@ -244,9 +271,9 @@ impl<T: Real> Work<T> {
             nodes: vec![node; tree.nodes.len()],
             segments: vec![segment; tree.segments.len()],
             joints: vec![joint; tree.joints()],
-            limited: vec![false; tree.joints()],
+            limited: vec![T::never(); tree.joints()],
             turns: vec![(z, z); tree.joints()],
-            pairs: vec![PairWork { active: false, friction: [z; 5] }; tree.pairs.len()],
+            pairs: vec![PairWork { active: T::never(), friction: [z; 5] }; tree.pairs.len()],
             points: vec![point; tree.points],
             spins: vec![(zero6(), Articulated::zero()); tree.spins],
             touching: vec![pose; tree.touching.len()],
@@ -256,10 +283,13 @@ impl<T: Real> Work<T> {
     /// Normal contact force of compiled pair `pair` in the last step, N; pairs as [`Tree::model_pairs`] lists them.
     pub fn normal_force(&self, tree: &Tree<T::K>, pair: usize) -> T {
         let mut force = T::zero();
-        if self.pairs[pair].active {
+        let active = self.pairs[pair].active;
+        if T::enter(active) {
             for k in tree.pairs[pair].points.clone() {
                 force = force - self.points[k].force[0][0];
             }
+            T::leave(active);
+            force = force.merge(active, T::zero());
         }
         force
     }
@@ -280,9 +310,10 @@ impl<T: Real> Work<T> {
     pub fn contact_stiffness(&self, tree: &Tree<T::K>) -> Vec<T> {
         let mut all = vec![T::zero(); self.points.len()];
         for (pair, work) in tree.pairs.iter().zip(&self.pairs) {
-            if work.active {
+            if T::enter(work.active) {
+                T::leave(work.active);
                 for k in pair.points.clone() {
-                    all[k] = self.points[k].d;
+                    all[k] = self.points[k].d.merge(work.active, T::zero());
                 }
             }
         }

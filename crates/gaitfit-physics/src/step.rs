@@ -1,7 +1,8 @@
 //! One physics step, and a control period of them.
 
-use crate::drive::{Drive, pd};
-use crate::modify::{Modification, Modify, for_each};
+use crate::drive::Drive;
+use crate::modify::JointModification;
+use crate::phase;
 use crate::smooth::smooth;
 use crate::solver::{implicit_damping, solve};
 use crate::state::{State, Work};
@@ -37,7 +38,7 @@ pub fn accelerate<T: Real>(
 
 /// Semi-implicit Euler from the accelerations just solved for.
 #[inline(always)]
-fn integrate<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: &mut Work<T>) {
+pub(crate) fn integrate<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: &mut Work<T>) {
     let h = T::lit(tree.settings.timestep);
     let mut base = state.base_acceleration;
     let implicit = tree.settings.damping == Damping::Implicit;
@@ -50,8 +51,8 @@ fn integrate<T: Real>(tree: &Tree<T::K>, state: &mut State<T>, work: &mut Work<T
         if implicit {
             a = a + work.joints[j].step;
         }
-        state.qd[j] = h.fma(a, state.qd[j]);
-        state.q[j] = h.fma(state.qd[j], state.q[j]);
+        state.qvel[j] = h.fma(a, state.qvel[j]);
+        state.qpos[j] = h.fma(state.qvel[j], state.qpos[j]);
     }
     if !tree.floating {
         return;
@@ -89,7 +90,7 @@ pub struct Period<'a, T: Real> {
     /// Torques added to the PD torques after their limits, N·m, `substeps × joints`; empty for none.
     pub disturbance: &'a [T],
     /// Changes of what drives the joints.
-    pub modifications: &'a [Modification<T::K>],
+    pub modifications: &'a [JointModification<T::K>],
     /// What they remember, [`memory_of`](crate::memory_of) numbers.
     pub memory: &'a mut [T],
     /// Physics steps in the period.
@@ -105,20 +106,15 @@ pub struct Period<'a, T: Real> {
 /// Runs a control period: PD torques and one physics step, `substeps` times.
 #[inline(always)]
 pub fn control_period<T: Real>(p: &mut Period<'_, T>) {
-    let n = p.drives.len();
-    for_each(p.modifications, p.memory, |one, memory| {
-        one.targets(p.params, p.state, memory, &mut p.targets[..n]);
-    });
+    let (n, iterations) = (p.drives.len(), p.tree.settings.iterations);
+    phase::begin(p);
     for substep in 0..p.substeps {
-        pd(&p.tree.settings, p.params, p.state, p.targets, substep, p.substeps, p.drives);
-        if !p.disturbance.is_empty() {
-            for j in 0..n {
-                p.drives[j].torque = p.drives[j].torque + p.disturbance[substep * n + j];
-            }
+        let all = p.disturbance;
+        let disturbance = if all.is_empty() { all } else { &all[substep * n..][..n] };
+        phase::before(p, T::lit(substep as f64), disturbance);
+        for turn in 0..iterations {
+            phase::iterate(p, turn + 1 == iterations);
         }
-        for_each(p.modifications, p.memory, |one, memory| {
-            one.torques(p.params, p.state, memory, p.drives);
-        });
-        step(p.tree, p.params, p.drives, p.state, p.work);
+        phase::after(p);
     }
 }

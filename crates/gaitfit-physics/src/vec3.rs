@@ -77,6 +77,13 @@ pub(crate) fn cross_add<T: Real>(a: V3<T>, b: V3<T>, c: V3<T>) -> V3<T> {
         a[1].fnma(b[0], a[0].fma(b[1], c[2])),
     ]
 }
+/// After a region that changed the numbers: see [`Real::merge`].
+#[inline(always)]
+pub(crate) fn merge_all<T: Real, const N: usize>(all: &mut [T; N], guard: T::Guard, before: &[T; N]) {
+    for k in 0..N {
+        all[k] = all[k].merge(guard, before[k]);
+    }
+}
 /// `R v`.
 #[inline(always)]
 pub(crate) fn rotate<T: Real>(r: &M3<T>, v: V3<T>) -> V3<T> {

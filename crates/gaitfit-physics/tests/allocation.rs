@@ -83,7 +83,7 @@ fn f64_period_allocates_nothing() {
         let tree = compile::<f64>(&model, &settings).unwrap();
         let params = Robot::nominal(&model).params(&model).unwrap();
         let mut state = state_of::<f64>(&tree, &pressed(&model));
-        let mut targets = [state.q.clone(), state.q.clone()].concat();
+        let mut targets = [state.qpos.clone(), state.qpos.clone()].concat();
         let modifications = networks::<f64>(tree.joints());
         let mut memory = vec![0.0; memory_of(&modifications)];
         let (mut work, mut drives) = (Work::new(&tree), vec![Drive::zero(); tree.joints()]);
@@ -110,7 +110,7 @@ fn lanes<T: Lanes>() {
         let tree = compile::<T>(&model, &settings).unwrap();
         let params = pack_params::<T>(&vec![Robot::nominal(&model).params(&model).unwrap(); T::LANES]);
         let mut state = state_of::<T>(&tree, &pack(&vec![pressed(&model); T::LANES]));
-        let mut targets = [state.q.clone(), state.q.clone()].concat();
+        let mut targets = [state.qpos.clone(), state.qpos.clone()].concat();
         let modifications = networks::<T>(tree.joints());
         let mut memory = vec![T::zero(); memory_of(&modifications)];
         let (mut work, mut drives) = (Work::new(&tree), vec![Drive::zero(); tree.joints()]);

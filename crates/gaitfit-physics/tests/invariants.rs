@@ -246,8 +246,8 @@ fn imbalance(model: &Model, q: &[f64], v: &[f64], torques: &[f64], warm: &[f64])
         scale = scale.max(inertial.abs());
     }
     for (j, joint) in model.joints.iter().enumerate() {
-        let spring = joint.stiffness * (state.q[j] - joint.springref);
-        sum[first + j] -= torques[j] - spring - joint.damping * state.qd[j];
+        let spring = joint.stiffness * (state.qpos[j] - joint.springref);
+        sum[first + j] -= torques[j] - spring - joint.damping * state.qvel[j];
     }
     let rows = constraint_rows(&tree, &params, &state, &mut work);
     for row in &rows {
@@ -358,9 +358,9 @@ fn mirror(model: &Model, state: &State<f64>) -> State<f64> {
     seen.base_position[1] = -state.base_position[1];
     seen.base_linear[1] = -state.base_linear[1];
     seen.base_angular = [-state.base_angular[0], state.base_angular[1], -state.base_angular[2]];
-    for j in 0..state.q.len() {
+    for j in 0..state.qpos.len() {
         let (from, sign) = mirrored_joint(model, j);
-        (seen.q[j], seen.qd[j]) = (sign * state.q[from], sign * state.qd[from]);
+        (seen.qpos[j], seen.qvel[j]) = (sign * state.qpos[from], sign * state.qvel[from]);
     }
     seen
 }
@@ -455,8 +455,8 @@ fn dry_friction_holds_small_torques() {
         for _ in 0..200 {
             sim.step();
         }
-        println!("{torque} N·m against 0.5 N·m for 0.2 s: {:.2e} rad/s", sim.state.qd[2]);
-        assert_eq!(sim.state.qd[2].abs() > 0.5, moves, "{torque} N·m: {} rad/s", sim.state.qd[2]);
+        println!("{torque} N·m against 0.5 N·m for 0.2 s: {:.2e} rad/s", sim.state.qvel[2]);
+        assert_eq!(sim.state.qvel[2].abs() > 0.5, moves, "{torque} N·m: {} rad/s", sim.state.qvel[2]);
     }
 }
 

@@ -59,7 +59,7 @@ fn cases(model: &Model, file: &str, count: usize) -> Cases {
         cases.params.push(robot.params(model).unwrap());
         // Three sent targets around the joint angles.
         let near = |random: &mut Random| -> Vec<f64> {
-            state.q.iter().map(|q| q + random.uniform(-0.3, 0.3)).collect()
+            state.qpos.iter().map(|q| q + random.uniform(-0.3, 0.3)).collect()
         };
         cases.targets.push(rounded(&(0..3).flat_map(|_| near(&mut random)).collect::<Vec<_>>()));
     }

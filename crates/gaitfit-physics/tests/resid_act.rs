@@ -5,8 +5,8 @@ mod common;
 
 use common::clamped;
 use gaitfit_physics::{
-    Damping, Drive, JointNetwork, Modification, NETWORK_WEIGHTS, NetworkScales, Period, Preset, ResidAct,
-    Robot, Settings, State, Work, compile, control_period, memory_of, settle,
+    Damping, Drive, JointModification, JointNetwork, NETWORK_WEIGHTS, NetworkScales, Period, Preset,
+    ResidAct, Robot, Settings, State, Work, compile, control_period, memory_of, settle,
 };
 
 /// The joint that has the inertia: a calf.
@@ -16,18 +16,18 @@ const TIMESTEP: f64 = 0.005;
 const INERTIA: f64 = 0.05;
 
 /// −s (q̇ₙ − q̇ₙ₋₁), small enough for both tanh to be straight; s in N·m·s/rad.
-fn inertia_network(slope: f64) -> Modification<f64> {
+fn inertia_network(slope: f64) -> JointModification<f64> {
     let small = 1e-3;
     let mut weights = [0.0; NETWORK_WEIGHTS];
     (weights[8], weights[3 * 8]) = (small, -small); // inputs 1 and 3 to unit 0 of the first layer
     weights[7 * 8] = 1.0; // to unit 0 of the second
     weights[7 * 8 + 9 * 4] = -slope / small; // to the output
     let scales = NetworkScales { position: 1.0, velocity: 1.0, output: 1.0 };
-    Modification::ResidAct(ResidAct(vec![JointNetwork::new::<f64>(JOINT, &weights, scales, 0.0)]))
+    JointModification::ResidAct(ResidAct(vec![JointNetwork::new::<f64>(JOINT, &weights, scales, 0.0)]))
 }
 
 /// Angles of the joint over a second of a swinging target.
-fn swing(damping: Damping, armature: f64, networks: &[Modification<f64>]) -> Vec<f64> {
+fn swing(damping: Damping, armature: f64, networks: &[JointModification<f64>]) -> Vec<f64> {
     let mut model = clamped("go2");
     model.pairs.clear();
     let settings =
@@ -40,7 +40,7 @@ fn swing(damping: Damping, armature: f64, networks: &[Modification<f64>]) -> Vec
     let params = robot.params(&model).unwrap();
     let mut state = State::<f64>::new(&tree);
     let rest: Vec<f64> = (0..tree.joints()).map(|joint| [0.0, 0.9, -1.8][joint % 3]).collect();
-    state.q.copy_from_slice(&rest);
+    state.qpos.copy_from_slice(&rest);
     let mut memory = vec![0.0; memory_of(networks)];
     settle(networks, &params, &state, &mut memory);
     let (mut work, mut drives) = (Work::new(&tree), vec![Drive::zero(); tree.joints()]);
@@ -60,7 +60,7 @@ fn swing(damping: Damping, armature: f64, networks: &[Modification<f64>]) -> Vec
                 work: &mut work,
                 drives: &mut drives,
             });
-            state.q[JOINT]
+            state.qpos[JOINT]
         })
         .collect()
 }

@@ -116,7 +116,7 @@ struct Batch<T> {
 }
 
 /// Scratch of one thread.
-struct Scratch<T> {
+struct Scratch<T: Lanes> {
     work: Work<T>,
     drives: Vec<Drive<T>>,
     targets: Vec<T>,
@@ -142,13 +142,10 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
             .map(|lane| random_robot(model, (block * T::LANES + lane) as u32).params(model))
             .collect::<Result<Vec<_>, _>>()?;
         let sets: Vec<&Params<f64>> = sets.iter().collect();
-        let params = Params::pack(&sets, |value| {
-            let values: Vec<f32> = sets.iter().map(|set| value(set) as f32).collect();
-            T::load(&values)
-        });
+        let params = Params::in_lanes(&sets);
         let mut state = State::<T>::new(&tree);
         state.base_position[2] = T::lit(height);
-        for (q, angle) in state.q.iter_mut().zip(&pose) {
+        for (q, angle) in state.qpos.iter_mut().zip(&pose) {
             *q = T::lit(*angle);
         }
         batches.push(std::sync::Mutex::new(Batch { params, state }));

@@ -2,10 +2,10 @@
 
 use gaitfit_model::Model;
 use gaitfit_physics::{
-    ActionDelta, JointNetwork, Modification, NETWORK_WEIGHTS, NetworkScales, Real, ResidAct, Robot,
+    ActionDelta, JointModification, JointNetwork, NETWORK_WEIGHTS, NetworkScales, Real, ResidAct, Robot,
 };
 
-use crate::{RobotParams, SimError};
+use crate::SimError;
 
 /// What a set of joint networks corrects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -32,7 +32,7 @@ pub struct JointNetworks {
 }
 
 impl JointNetworks {
-    pub(crate) fn compile<T: Real>(&self, model: &Model) -> Result<Modification<T::K>, SimError> {
+    pub(crate) fn compile<T: Real>(&self, model: &Model) -> Result<JointModification<T::K>, SimError> {
         let refuse = |value: String, must| {
             Err(SimError::Option { option: "a candidate's joint networks", value, must })
         };
@@ -55,8 +55,8 @@ impl JointNetworks {
             networks.push(JointNetwork::new::<T>(joint, &weights, self.scales, *rest));
         }
         Ok(match self.kind {
-            NetworkKind::ActionDelta => Modification::ActionDelta(ActionDelta(networks)),
-            NetworkKind::ResidAct => Modification::ResidAct(ResidAct(networks)),
+            NetworkKind::ActionDelta => JointModification::ActionDelta(ActionDelta(networks)),
+            NetworkKind::ResidAct => JointModification::ResidAct(ResidAct(networks)),
         })
     }
 }
@@ -64,8 +64,8 @@ impl JointNetworks {
 /// Everything in which a simulated robot may differ from its file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// Parameters of joints and base.
-    pub robot: RobotParams,
+    /// Parameters of joints and base. The gains are those of the recording or the policy that it is simulated with.
+    pub robot: Robot,
     /// Networks; applied in this order.
     pub networks: Vec<JointNetworks>,
     /// Standard deviation of Gaussian torques added to every joint at every physics step, N·m.
@@ -75,11 +75,19 @@ pub struct Candidate {
 impl Candidate {
     /// The robot of the file.
     pub fn nominal(model: &Model) -> Self {
-        Self { robot: RobotParams::nominal(model), networks: Vec::new(), torque_noise: 0.0 }
+        Self { robot: Robot::nominal(model), networks: Vec::new(), torque_noise: 0.0 }
     }
 
-    /// The robot with the given gains (one a model joint) before the candidate's own factors.
-    pub fn robot(&self, model: &Model, kp: &[f64], kd: &[f64]) -> Robot {
-        self.robot.robot(model, kp, kd)
+    /// The robot with the given gains (one a model joint), and the candidate's factors on them multiplied in.
+    pub fn robot(&self, kp: &[f64], kd: &[f64]) -> Robot {
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).collect();
+        let ones = vec![1.0; kp.len()];
+        Robot {
+            kp: product(&self.robot.kp_scale, kp),
+            kd: product(&self.robot.kd_scale, kd),
+            kp_scale: ones.clone(),
+            kd_scale: ones,
+            ..self.robot.clone()
+        }
     }
 }

@@ -5,7 +5,6 @@ mod candidate;
 mod error;
 mod motion;
 mod replay;
-mod robot;
 mod robots;
 
 pub mod bench;
@@ -16,4 +15,3 @@ pub use candidate::{Candidate, JointNetworks, NetworkKind};
 pub use error::SimError;
 pub use motion::{Motion, Start};
 pub use replay::{JointSignals, Recording, Replay, ReplayOptions};
-pub use robot::RobotParams;

@@ -1,5 +1,7 @@
 //! What a batch of robots shows after a control period.
 
+use gaitfit_physics::State;
+
 /// Motion of some environments; every array holds one row an environment, row-major.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motion {
@@ -61,4 +63,20 @@ pub struct Start {
     pub joint_position: Vec<f32>,
     /// Joint velocities, rad/s.
     pub joint_velocity: Vec<f32>,
+}
+
+impl Start {
+    /// The state, without accelerations.
+    pub(crate) fn state(&self) -> State<f32> {
+        State {
+            base_position: self.base_position,
+            base_quaternion: self.base_quaternion,
+            base_linear: self.base_linear,
+            base_angular: self.base_angular,
+            qpos: self.joint_position.clone(),
+            qvel: self.joint_velocity.clone(),
+            base_acceleration: [[0.0; 3]; 2],
+            qacc: vec![0.0; self.joint_position.len()],
+        }
+    }
 }

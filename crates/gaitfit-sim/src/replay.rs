@@ -2,10 +2,11 @@
 
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
-    Damping, Drive, Isa, Lanes, Params, Period, Preset, Settings, State, Tree, Work, compile, delay_taps,
+    Damping, Drive, Isa, Lanes, Params, Period, Preset, Robot, Settings, State, Tree, WIDEST, Work, compile,
+    delay_taps,
 };
 
-use crate::{RobotParams, SimError, pool};
+use crate::{SimError, pool};
 
 /// One log to replay, in the MODEL's joint order.
 #[derive(Clone, Debug, PartialEq)]
@@ -141,7 +142,7 @@ impl Replay {
     /// A candidate whose parameters are not a robot (negative inertia, wrong lengths).
     pub fn run(
         &self,
-        candidates: &[RobotParams],
+        candidates: &[Robot],
         threads: usize,
         consume: &(dyn Fn(usize, usize, &JointSignals) + Sync),
         cancel: &(dyn Fn() -> bool + Sync),
@@ -157,12 +158,11 @@ impl Replay {
 
     fn run_lanes<T: Lanes>(
         &self,
-        candidates: &[RobotParams],
+        candidates: &[Robot],
         threads: usize,
         consume: &(dyn Fn(usize, usize, &JointSignals) + Sync),
         cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), SimError> {
-        let zeros = vec![0.0; self.model.joints.len()];
         let mut params = Vec::with_capacity(candidates.len());
         for candidate in candidates {
             let most = candidate.delay.iter().fold(0.0f64, |a, &b| a.max(b));
@@ -173,7 +173,7 @@ impl Replay {
                     must: "at most the replay's max_delay",
                 });
             }
-            params.push(candidate.robot(&self.model, &zeros, &zeros).params(&self.model)?);
+            params.push(candidate.params(&self.model)?);
         }
         // Lanes of one block should end together: jobs by recording length, then in order.
         let mut jobs: Vec<(usize, usize)> =
@@ -260,14 +260,14 @@ impl<T: Lanes> Block<T> {
         &mut self,
         replay: &Replay,
         jobs: &[(usize, usize)],
-        candidates: &[RobotParams],
+        candidates: &[Robot],
         params: &[Params<f64>],
         cancel: &(dyn Fn() -> bool + Sync),
     ) -> bool {
         let n = replay.model.joints.len();
         let job = |lane: usize| jobs[lane.min(jobs.len() - 1)];
         let gather = |value: &dyn Fn(usize, usize) -> f64| {
-            let mut values = [0.0f32; 16];
+            let mut values = [0.0f32; WIDEST];
             for (lane, slot) in values.iter_mut().enumerate().take(T::LANES) {
                 let (candidate, recording) = job(lane);
                 *slot = value(candidate, recording) as f32;
@@ -275,20 +275,14 @@ impl<T: Lanes> Block<T> {
             T::load(&values)
         };
         let sets: Vec<&Params<f64>> = (0..T::LANES).map(|lane| &params[job(lane).0]).collect();
-        let mut block = Params::<T>::pack(&sets, |value| {
-            let mut values = [0.0f32; 16];
-            for (slot, set) in values.iter_mut().zip(&sets) {
-                *slot = value(set) as f32;
-            }
-            T::load(&values)
-        });
+        let mut block = Params::<T>::in_lanes(&sets);
         let recordings = &replay.recordings;
         self.state = State::new(&replay.tree);
         for j in 0..n {
             block.joints[j].kp = gather(&|c, r| candidates[c].kp_scale[j] * recordings[r].kp[j]);
             block.joints[j].kd = gather(&|c, r| candidates[c].kd_scale[j] * recordings[r].kd[j]);
-            self.state.q[j] = gather(&|c, r| recordings[r].q0[j] - candidates[c].encoder_bias[j]);
-            self.state.qd[j] = gather(&|_, r| recordings[r].dq0[j]);
+            self.state.qpos[j] = gather(&|c, r| recordings[r].q0[j] - candidates[c].encoder_bias[j]);
+            self.state.qvel[j] = gather(&|_, r| recordings[r].dq0[j]);
             // Before the log the robot is taken to have held its first target.
             let first = gather(&|_, r| recordings[r].target[j]);
             for row in self.history.chunks_exact_mut(n) {
@@ -316,7 +310,7 @@ impl<T: Lanes> Block<T> {
             let kept = self.history.len() - n;
             self.history.copy_within(..kept, n);
             for j in 0..n {
-                let mut values = [0.0f32; 16];
+                let mut values = [0.0f32; WIDEST];
                 for (lane, slot) in values.iter_mut().enumerate().take(T::LANES) {
                     let target = &recordings[job(lane).1].target;
                     let row = sample.min(target.len() / n - 1);
@@ -342,10 +336,10 @@ impl<T: Lanes> Block<T> {
 
     /// Writes the lanes' encoder positions and velocities of one sample.
     fn record(&mut self, sample: usize, n: usize, lengths: &[usize], biases: &[f32]) {
-        let (mut q, mut qd, mut qacc) = ([0.0f32; 16], [0.0f32; 16], [0.0f32; 16]);
+        let (mut q, mut qd, mut qacc) = ([0.0f32; WIDEST], [0.0f32; WIDEST], [0.0f32; WIDEST]);
         for j in 0..n {
-            self.state.q[j].store(&mut q);
-            self.state.qd[j].store(&mut qd);
+            self.state.qpos[j].store(&mut q);
+            self.state.qvel[j].store(&mut qd);
             self.state.qacc[j].store(&mut qacc);
             for (lane, &length) in lengths.iter().enumerate() {
                 if sample < length {

@@ -1,6 +1,8 @@
 //! The robots of a tile, in blocks of lanes.
 
-use gaitfit_physics::{Drive, Lanes, Modification, Params, Period, State, Tree, Work, memory_of, settle};
+use gaitfit_physics::{
+    Drive, JointModification, Lanes, Params, Period, State, Tree, WIDEST, Work, memory_of, settle,
+};
 
 use crate::Start;
 use crate::motion::Motion;
@@ -16,9 +18,6 @@ pub(crate) trait Robots: Send {
     /// Whether the length fits.
     fn restore(&mut self, saved: &[f32]) -> bool;
 }
-
-/// Widest vector of any instruction set.
-const WIDEST: usize = 16;
 
 struct Block<T> {
     params: Params<T>,
@@ -43,7 +42,7 @@ pub(crate) struct Parts<'a> {
     pub substeps: usize,
     /// Compiled pairs whose places are reported.
     pub tracked: &'a [usize],
-    pub modifications: Vec<Modification<f32>>,
+    pub modifications: Vec<JointModification<f32>>,
 }
 
 pub(crate) struct LaneRobots<'a, T: Lanes> {
@@ -65,15 +64,8 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
             // Lanes beyond the last robot repeat it.
             let sets: Vec<&Params<f64>> =
                 (0..T::LANES).map(|lane| &robots[lane.min(robots.len() - 1)]).collect();
-            let params = Params::<T>::pack(&sets, |value| {
-                let mut values = [0.0; WIDEST];
-                for (slot, set) in values.iter_mut().zip(&sets) {
-                    *slot = value(set) as f32;
-                }
-                T::load(&values)
-            });
             Block {
-                params,
+                params: Params::in_lanes(&sets),
                 state: State::new(tree),
                 history: vec![T::zero(); parts.taps * joints],
                 normal_force: vec![T::zero(); tree.model_pairs().len()],
@@ -126,9 +118,9 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
             self.scatter(state.base_quaternion[k], &mut motion.base_quaternion, first, 4, k);
         }
         for j in 0..joints {
-            let reading = state.q[j] + block.params.joints[j].encoder_bias;
+            let reading = state.qpos[j] + block.params.joints[j].encoder_bias;
             self.scatter(reading, &mut motion.joint_position, first, joints, j);
-            self.scatter(state.qd[j], &mut motion.joint_velocity, first, joints, j);
+            self.scatter(state.qvel[j], &mut motion.joint_velocity, first, joints, j);
             self.scatter(state.qacc[j], &mut motion.joint_acceleration, first, joints, j);
             self.scatter(block.torque[j], &mut motion.torque, first, joints, j);
         }
@@ -155,14 +147,11 @@ fn set_lane<T: Lanes>(value: &mut T, lane: usize, x: f32) {
 impl<T: Lanes> Block<T> {
     /// Every number that changes from step to step.
     fn numbers(&mut self) -> impl Iterator<Item = &mut T> {
-        let state = &mut self.state;
-        let base = state.base_position.iter_mut().chain(&mut state.base_quaternion);
-        let base = base.chain(&mut state.base_linear).chain(&mut state.base_angular);
-        let joints = state.q.iter_mut().chain(&mut state.qd).chain(&mut state.qacc);
+        let mut state = Vec::new();
+        self.state.visit_mut(|_, number| state.push(number));
         let last =
             self.normal_force.iter_mut().chain(self.tracked.iter_mut().flatten()).chain(&mut self.torque);
-        let warm = state.base_acceleration.iter_mut().flatten();
-        base.chain(joints).chain(warm).chain(&mut self.history).chain(&mut self.memory).chain(last)
+        state.into_iter().chain(&mut self.history).chain(&mut self.memory).chain(last)
     }
 }
 
@@ -174,25 +163,12 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
     fn place(&mut self, environment: usize, start: &Start) {
         let lane = environment % T::LANES;
         let block = &mut self.blocks[environment / T::LANES];
-        let state = &mut block.state;
-        for k in 0..3 {
-            set_lane(&mut state.base_position[k], lane, start.base_position[k]);
-            set_lane(&mut state.base_linear[k], lane, start.base_linear[k]);
-            set_lane(&mut state.base_angular[k], lane, start.base_angular[k]);
-            set_lane(&mut state.base_acceleration[0][k], lane, 0.0);
-            set_lane(&mut state.base_acceleration[1][k], lane, 0.0);
-        }
-        for k in 0..4 {
-            set_lane(&mut state.base_quaternion[k], lane, start.base_quaternion[k]);
-        }
-        for j in 0..state.q.len() {
-            set_lane(&mut state.q[j], lane, start.joint_position[j]);
-            set_lane(&mut state.qd[j], lane, start.joint_velocity[j]);
-            set_lane(&mut state.qacc[j], lane, 0.0);
-            set_lane(&mut block.torque[j], lane, 0.0);
-        }
-        for force in &mut block.normal_force {
-            set_lane(force, lane, 0.0);
+        let mut numbers = Vec::new();
+        start.state().visit(|_, &number| numbers.push(number));
+        let mut numbers = numbers.into_iter();
+        block.state.visit_mut(|_, number| set_lane(number, lane, numbers.next().unwrap_or_default()));
+        for number in block.torque.iter_mut().chain(&mut block.normal_force) {
+            set_lane(number, lane, 0.0);
         }
         block.fresh[lane] = true;
     }

@@ -50,6 +50,7 @@ fn robots(model: &Model, count: usize) -> Vec<Robot> {
                 base_mass: vary(200, 1.0, 1.0),
                 base_com: std::array::from_fn(|k| vary(201 + k, 0.0, 0.02)),
                 friction_scale: vary(204, 1.0, 0.4),
+                ..Robot::nominal(model)
             }
         })
         .collect()
@@ -208,8 +209,8 @@ fn robots_of_a_tile_move_as_each_alone_in_double_precision() {
             base_quaternion: start.base_quaternion.map(f64::from),
             base_linear: start.base_linear.map(f64::from),
             base_angular: start.base_angular.map(f64::from),
-            q: start.joint_position.iter().map(|&x| f64::from(x)).collect(),
-            qd: start.joint_velocity.iter().map(|&x| f64::from(x)).collect(),
+            qpos: start.joint_position.iter().map(|&x| f64::from(x)).collect(),
+            qvel: start.joint_velocity.iter().map(|&x| f64::from(x)).collect(),
             ..State::new(&tree)
         });
     }
@@ -227,7 +228,7 @@ fn robots_of_a_tile_move_as_each_alone_in_double_precision() {
                 let drive = |j: usize| {
                     let sent = |period: usize| f64::from(target(index, period, j));
                     let before = sent(period.saturating_sub(1));
-                    let motor = torque(robot, j, sent(period), before, substep, state.q[j], state.qd[j]);
+                    let motor = torque(robot, j, sent(period), before, substep, state.qpos[j], state.qvel[j]);
                     let other = f64::from(disturbance(index, period * SUBSTEPS + substep, j));
                     (motor, Drive { torque: motor + other, ..Drive::zero() })
                 };
@@ -238,10 +239,11 @@ fn robots_of_a_tile_move_as_each_alone_in_double_precision() {
                     .filter(|(motor, limit)| motor.abs() == **limit)
                     .count();
                 let base = Frame { position: state.base_position, quaternion: state.base_quaternion };
-                frames = body_frames(&model, &base, &state.q);
+                frames = body_frames(&model, &base, &state.qpos);
                 step(&tree, &params[index], &drives, state, &mut work);
             }
-            let read: Vec<f64> = state.q.iter().zip(&robot.encoder_bias).map(|(q, bias)| q + bias).collect();
+            let read: Vec<f64> =
+                state.qpos.iter().zip(&robot.encoder_bias).map(|(q, bias)| q + bias).collect();
             let forces: Vec<f64> = (0..geoms).map(|pair| work.normal_force(&tree, pair)).collect();
             touching += forces.iter().filter(|&&force| force > 1.0).count();
             // Tracked geoms stand where the bodies were at the start of the last physics step.
@@ -260,7 +262,7 @@ fn robots_of_a_tile_move_as_each_alone_in_double_precision() {
                 difference(&of(&motion.base_linear), &state.base_linear),
                 difference(&of(&motion.base_angular), &state.base_angular),
                 difference(&of(&motion.joint_position), &read),
-                difference(&of(&motion.joint_velocity), &state.qd),
+                difference(&of(&motion.joint_velocity), &state.qvel),
                 difference(&of(&motion.normal_force), &forces),
                 difference(&of(&motion.tracked), &feet),
             ];

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use gaitfit_model::{Model, ReadOptions, Root, read};
-use gaitfit_physics::{Isa, Preset};
-use gaitfit_sim::{JointSignals, Recording, Replay, ReplayOptions, RobotParams, SimError};
+use gaitfit_physics::{Isa, Preset, Robot};
+use gaitfit_sim::{JointSignals, Recording, Replay, ReplayOptions, SimError};
 
 /// The project's Go2 with its base clamped.
 fn go2() -> Model {
@@ -34,10 +34,10 @@ fn recording(model: &Model, samples: usize, phase: f64) -> Recording {
     }
 }
 
-fn candidates(model: &Model, count: usize) -> Vec<RobotParams> {
+fn candidates(model: &Model, count: usize) -> Vec<Robot> {
     (0..count)
         .map(|c| {
-            let mut robot = RobotParams::nominal(model);
+            let mut robot = Robot::nominal(model);
             let share = c as f64 / count as f64;
             robot.armature.iter_mut().for_each(|x| *x = 0.01 + 0.05 * share);
             robot.frictionloss.iter_mut().for_each(|x| *x = 0.4 * (1.0 - share));
@@ -50,7 +50,7 @@ fn candidates(model: &Model, count: usize) -> Vec<RobotParams> {
 }
 
 /// All signals, `[candidate][recording]`.
-fn run(replay: &Replay, candidates: &[RobotParams], threads: usize) -> Vec<Vec<JointSignals>> {
+fn run(replay: &Replay, candidates: &[Robot], threads: usize) -> Vec<Vec<JointSignals>> {
     let results = Mutex::new(vec![vec![None; replay.recordings().len()]; candidates.len()]);
     let keep = |candidate: usize, recording: usize, signals: &JointSignals| {
         let before = results.lock().unwrap()[candidate][recording].replace(signals.clone());
@@ -147,7 +147,7 @@ fn rows_are_samples_and_row_0_is_the_start() {
     let mut log = recording(&model, 50, 0.4);
     log.dq0 = (0..n).map(|j| 0.1 * j as f64).collect();
     let replay = Replay::new(&model, vec![log.clone()], ReplayOptions::default()).unwrap();
-    let signals = &run(&replay, &[RobotParams::nominal(&model)], 1)[0][0];
+    let signals = &run(&replay, &[Robot::nominal(&model)], 1)[0][0];
     assert_eq!(signals.position.len(), 50 * n);
     assert_eq!(signals.velocity.len(), 50 * n);
     for j in 0..n {
@@ -175,12 +175,12 @@ fn a_delay_of_whole_periods_shifts_the_targets() {
                 }
             }
             let options = |max_delay| ReplayOptions { substeps, ..options(max_delay) };
-            let mut delayed = RobotParams::nominal(&model);
+            let mut delayed = Robot::nominal(&model);
             delayed.delay.fill(k as f64 * DT);
             let late = Replay::new(&model, vec![log.clone()], options(0.02)).unwrap();
             let moved = Replay::new(&model, vec![shifted], options(0.0)).unwrap();
             let a = &run(&late, &[delayed], 1)[0][0];
-            let b = &run(&moved, &[RobotParams::nominal(&model)], 1)[0][0];
+            let b = &run(&moved, &[Robot::nominal(&model)], 1)[0][0];
             let apart = largest_difference(&a.position, &b.position);
             println!("delay of {k} periods, {substeps} substeps: {apart:.1e} rad from shifted targets");
             assert!(apart < 2e-5, "{apart} rad");
@@ -197,9 +197,9 @@ fn small_changes_of_delay_make_small_differences() {
         let replay =
             Replay::new(&model, vec![log.clone()], ReplayOptions { substeps, ..options(0.02) }).unwrap();
         let steps = 80;
-        let swept: Vec<RobotParams> = (0..=steps)
+        let swept: Vec<Robot> = (0..=steps)
             .map(|i| {
-                let mut robot = RobotParams::nominal(&model);
+                let mut robot = Robot::nominal(&model);
                 robot.delay.fill(0.02 * i as f64 / steps as f64);
                 robot
             })
@@ -214,7 +214,7 @@ fn small_changes_of_delay_make_small_differences() {
     }
     let longer = Replay::new(&model, vec![log.clone()], options(0.05)).unwrap();
     let none = Replay::new(&model, vec![log], options(0.0)).unwrap();
-    let nominal = [RobotParams::nominal(&model)];
+    let nominal = [Robot::nominal(&model)];
     let apart = largest_difference(
         &run(&longer, &nominal, 1)[0][0].position,
         &run(&none, &nominal, 1)[0][0].position,
@@ -226,7 +226,7 @@ fn small_changes_of_delay_make_small_differences() {
 fn a_delay_beyond_the_history_is_refused() {
     let model = go2();
     let replay = Replay::new(&model, vec![recording(&model, 10, 0.0)], options(0.01)).unwrap();
-    let mut slow = RobotParams::nominal(&model);
+    let mut slow = Robot::nominal(&model);
     slow.delay[4] = 0.011;
     let error = replay.run(&[slow], 1, &|_, _, _| panic!("it ran"), &|| false).unwrap_err();
     assert!(error.to_string().contains("max_delay"), "{error}");
@@ -239,7 +239,7 @@ fn encoder_bias_moves_the_robot_and_not_the_reading() {
     let n = model.joints.len();
     let bias = 0.05;
     let log = recording(&model, 80, 0.6);
-    let mut biased = RobotParams::nominal(&model);
+    let mut biased = Robot::nominal(&model);
     biased.encoder_bias.fill(bias);
     let replay = Replay::new(&model, vec![log.clone()], ReplayOptions::default()).unwrap();
     let read = &run(&replay, &[biased], 1)[0][0];
@@ -251,7 +251,7 @@ fn encoder_bias_moves_the_robot_and_not_the_reading() {
     let mut lower = log;
     lower.q0.iter_mut().chain(&mut lower.target).for_each(|x| *x -= bias);
     let replay = Replay::new(&model, vec![lower], ReplayOptions::default()).unwrap();
-    let truth = &run(&replay, &[RobotParams::nominal(&model)], 1)[0][0];
+    let truth = &run(&replay, &[Robot::nominal(&model)], 1)[0][0];
     let raised: Vec<f32> = truth.position.iter().map(|x| x + bias as f32).collect();
     let apart = largest_difference(&read.position, &raised);
     assert!(apart < 1e-5, "{apart} rad apart");
@@ -265,13 +265,13 @@ fn gains_scale_as_said() {
     let mut strong = log.clone();
     strong.kp.iter_mut().for_each(|x| *x *= 1.5);
     strong.kd.iter_mut().for_each(|x| *x *= 1.5);
-    let mut scaled = RobotParams::nominal(&model);
+    let mut scaled = Robot::nominal(&model);
     scaled.kp_scale.fill(1.5);
     scaled.kd_scale.fill(1.5);
-    let mut boosted = RobotParams::nominal(&model);
+    let mut boosted = Robot::nominal(&model);
     boosted.torque_scale.fill(1.5);
     let replay = Replay::new(&model, vec![log, strong], ReplayOptions::default()).unwrap();
-    let results = run(&replay, &[RobotParams::nominal(&model), scaled, boosted], 1);
+    let results = run(&replay, &[Robot::nominal(&model), scaled, boosted], 1);
     let want = &results[0][1].position;
     assert!(largest_difference(&results[0][0].position, want) > 1e-3, "gains do not matter");
     assert!(largest_difference(&results[1][0].position, want) < 1e-5);
@@ -309,8 +309,8 @@ fn a_diverging_candidate_is_alone() {
 fn impossible_robots_are_refused_by_name() {
     let model = go2();
     let replay = Replay::new(&model, vec![recording(&model, 10, 0.0)], ReplayOptions::default()).unwrap();
-    let refused = |change: &dyn Fn(&mut RobotParams)| {
-        let mut robot = RobotParams::nominal(&model);
+    let refused = |change: &dyn Fn(&mut Robot)| {
+        let mut robot = Robot::nominal(&model);
         change(&mut robot);
         replay.run(&[robot], 1, &|_, _, _| panic!("it ran"), &|| false).unwrap_err().to_string()
     };
@@ -382,6 +382,6 @@ fn a_cancelled_replay_ends_within_a_recording() {
         Replay::new(&model, vec![recording(&model, 100_000, 0.0)], ReplayOptions::default()).unwrap();
     let asked = std::sync::atomic::AtomicUsize::new(0);
     let third_time = || asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= 2;
-    let candidates = vec![RobotParams::nominal(&model); 40];
+    let candidates = vec![Robot::nominal(&model); 40];
     replay.run(&candidates, 1, &|_, _, _| panic!("it went on to the end"), &third_time).unwrap();
 }

@@ -3,17 +3,18 @@
 use super::rules::every_joint;
 use super::sharing::Share;
 use super::{
-    Entry, Modification, Quantity, ReadContext, SavedParameter, Sharing, ThetaError, ThetaFileError,
+    Defaults, Entry, JointParameter, Modification, ReadContext, SavedParameter, Sharing, ThetaError,
+    ThetaFileError,
 };
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
 
-/// A rule: a quantity, the joints it covers, and what it takes instead of the quantity's defaults.
+/// A rule: a parameter, the joints it covers, and what it takes instead of the parameter's defaults.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterRule {
-    /// Quantity.
-    pub kind: Quantity,
+    /// Parameter.
+    pub kind: JointParameter,
     /// How many joints share a value.
     #[serde(default)]
     pub per: Sharing,
@@ -38,8 +39,8 @@ pub struct ParameterRule {
 }
 
 impl ParameterRule {
-    /// A rule over all joints with the quantity's defaults, one value a group.
-    pub fn new(kind: Quantity) -> Self {
+    /// A rule over all joints with the parameter's defaults, one value a group.
+    pub fn new(kind: JointParameter) -> Self {
         Self {
             kind,
             per: Sharing::Group,
@@ -54,12 +55,12 @@ impl ParameterRule {
 
     /// FricArm: friction loss and armature of every group (Dao and Fern).
     pub fn fric_arm() -> Vec<Self> {
-        vec![Self::new(Quantity::FrictionLoss), Self::new(Quantity::Armature)]
+        vec![Self::new(JointParameter::FrictionLoss), Self::new(JointParameter::Armature)]
     }
 
-    /// Fills in the quantity's defaults where the rule is silent.
+    /// Fills in the parameter's defaults where the rule is silent.
     pub fn resolve(&mut self) {
-        let defaults = self.kind.defaults();
+        let defaults = defaults(self.kind);
         self.lower.get_or_insert(defaults.lower);
         self.upper.get_or_insert(defaults.upper);
         self.start.get_or_insert(defaults.start);
@@ -79,7 +80,7 @@ impl ParameterRule {
         for entry in &entries {
             entry.check(self.kind.least())?;
         }
-        Ok(Box::new(JointParameters { quantity: self.kind, entries }))
+        Ok(Box::new(JointParameters { parameter: self.kind, entries }))
     }
 
     /// The rule's entries for a robot, groups in the order of their first joint.
@@ -95,7 +96,7 @@ impl ParameterRule {
     }
 
     fn entry(&self, name: String, joints: Vec<&String>) -> Entry {
-        let defaults = self.kind.defaults();
+        let defaults = defaults(self.kind);
         Entry {
             name,
             kind: self.kind.name(),
@@ -109,10 +110,17 @@ impl ParameterRule {
     }
 }
 
-/// One quantity of some joints.
+/// What a search takes where a rule is silent. A parameter without it is not read from files, and a rule of it gets
+/// bounds that are refused.
+fn defaults(parameter: JointParameter) -> Defaults {
+    let none = Defaults { lower: f64::NAN, upper: f64::NAN, start: f64::NAN, deviation: f64::NAN };
+    parameter.search().unwrap_or(none)
+}
+
+/// One parameter of some joints.
 #[derive(Debug)]
 struct JointParameters {
-    quantity: Quantity,
+    parameter: JointParameter,
     entries: Vec<Entry>,
 }
 
@@ -122,7 +130,7 @@ impl Modification for JointParameters {
     }
 
     fn apply(&self, values: &[f64], joints: &[String], candidate: &mut Candidate) {
-        let all = self.quantity.of_joints(&mut candidate.robot);
+        let all = candidate.robot.joints_mut(self.parameter);
         for (entry, &value) in self.entries.iter().zip(values) {
             for name in &entry.joints {
                 if let Some(joint) = joints.iter().position(|joint| joint == name) {
@@ -139,13 +147,13 @@ pub(super) fn read(
     context: &ReadContext<'_>,
     candidate: &mut Candidate,
 ) -> Option<Result<(), ThetaFileError>> {
-    let quantity = Quantity::ALL.into_iter().find(|quantity| quantity.name() == parameter.kind)?;
-    Some(context.check(parameter, quantity.least()).and_then(|()| {
+    let kind = JointParameter::searched().find(|one| one.name() == parameter.kind)?;
+    Some(context.check(parameter, kind.least()).and_then(|()| {
         if parameter.joints.is_empty() {
             return Err(ThetaFileError::NoJoints { name: parameter.name.clone() });
         }
         for name in &parameter.joints {
-            quantity.of_joints(&mut candidate.robot)[context.joint(name)?] = parameter.value;
+            candidate.robot.joints_mut(kind)[context.joint(name)?] = parameter.value;
         }
         Ok(())
     }))

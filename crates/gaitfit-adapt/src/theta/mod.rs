@@ -11,7 +11,6 @@ mod file;
 mod joint_parameters;
 mod modification;
 mod networks;
-mod quantity;
 mod robot_numbers;
 mod rules;
 mod sharing;
@@ -19,10 +18,10 @@ mod sharing;
 pub use entry::Entry;
 use file::ReadContext;
 pub use file::{SavedNetwork, SavedParameter, ThetaFile, ThetaFileError};
+pub use gaitfit_physics::{JointParameter, SearchDefaults as Defaults};
 pub use joint_parameters::ParameterRule;
 pub use modification::{Found, Modification};
 pub use networks::{NetworkName, NetworkRule, NetworkStart};
-pub use quantity::{Defaults, Quantity};
 pub use robot_numbers::{RobotNumber, RobotRule};
 pub use rules::Rules;
 pub use sharing::Sharing;
@@ -60,12 +59,12 @@ pub enum ThetaError {
         /// Its deviation.
         deviation: f64,
     },
-    /// Bounds reach outside what the quantity can be.
+    /// Bounds reach outside what the parameter can be.
     #[error("parameter `{name}`: {kind} below {least} has no meaning; raise its lower bound {lower}")]
     Meaningless {
         /// Entry.
         name: String,
-        /// Quantity.
+        /// Parameter.
         kind: &'static str,
         /// Smallest meaningful value.
         least: f64,
@@ -86,7 +85,7 @@ pub enum ThetaError {
          one group: change [groups], or limit the entry with `joints`"
     )]
     Group {
-        /// Quantity.
+        /// Parameter.
         kind: &'static str,
         /// Joint.
         joint: String,
@@ -223,9 +222,9 @@ impl Theta {
         self.modifications.iter().flat_map(|modification| modification.start(seed)).collect()
     }
 
-    /// Largest value any entry of `quantity` may take; `None` without such an entry.
-    pub fn largest(&self, quantity: Quantity) -> Option<f64> {
-        let bounds = self.entries.iter().filter(|entry| entry.kind == quantity.name());
+    /// Largest value any entry of `parameter` may take; `None` without such an entry.
+    pub fn largest(&self, parameter: JointParameter) -> Option<f64> {
+        let bounds = self.entries.iter().filter(|entry| entry.kind == parameter.name());
         bounds.map(|entry| entry.upper).reduce(f64::max)
     }
 
@@ -251,25 +250,17 @@ impl Theta {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use gaitfit_sim::RobotParams;
 
     /// A robot of `joints` joints on which nothing is set.
     fn tests_candidate(joints: usize) -> Candidate {
-        let (zeros, ones) = (vec![0.0; joints], vec![1.0; joints]);
-        let robot = RobotParams {
-            armature: zeros.clone(),
-            damping: zeros.clone(),
-            frictionloss: zeros.clone(),
-            delay: zeros.clone(),
-            encoder_bias: zeros.clone(),
-            torque_scale: ones.clone(),
-            torque_offset: zeros,
-            kp_scale: ones.clone(),
-            kd_scale: ones,
-            base_mass: 0.0,
-            base_com: [0.0; 3],
+        let body = |joint| {
+            format!(
+                "<body><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><joint name='{joint}' axis='0 0 1'/>"
+            )
         };
-        Candidate { robot, networks: Vec::new(), torque_noise: 0.0 }
+        let bodies: String = (0..joints).map(body).chain((0..joints).map(|_| "</body>".to_owned())).collect();
+        let text = format!("<mujoco><worldbody>{bodies}</worldbody></mujoco>");
+        Candidate::nominal(&gaitfit_model::read_mjcf_str(&text, &Default::default()).unwrap())
     }
 
     fn joints() -> Vec<String> {
@@ -283,7 +274,7 @@ mod tests {
         ["hip", "thigh", "calf"].map(|name| (name.to_owned(), vec![format!("*_{name}")])).to_vec()
     }
 
-    fn rule(kind: Quantity, per: Sharing, patterns: &[&str]) -> ParameterRule {
+    fn rule(kind: JointParameter, per: Sharing, patterns: &[&str]) -> ParameterRule {
         ParameterRule {
             per,
             joints: patterns.iter().map(|&pattern| pattern.to_owned()).collect(),
@@ -315,14 +306,14 @@ mod tests {
     #[test]
     fn one_value_for_all_one_for_each_and_one_for_a_pattern() {
         let rules = [
-            rule(Quantity::Delay, Sharing::All, &["*"]),
-            rule(Quantity::EncoderBias, Sharing::Joint, &["*_calf"]),
-            rule(Quantity::Damping, Sharing::All, &["*_hip"]),
+            rule(JointParameter::Delay, Sharing::All, &["*"]),
+            rule(JointParameter::EncoderBias, Sharing::Joint, &["*_calf"]),
+            rule(JointParameter::Damping, Sharing::All, &["*_hip"]),
         ];
         let theta = Theta::from_rules(&rules, &groups(), &joints()).unwrap();
         let names: Vec<_> = theta.entries().iter().map(|entry| entry.name.as_str()).collect();
         assert_eq!(names, ["delay", "encoder_bias_FL_calf", "encoder_bias_FR_calf", "damping_hip"]);
-        assert_eq!(theta.largest(Quantity::Delay), Some(0.1));
+        assert_eq!(theta.largest(JointParameter::Delay), Some(0.1));
 
         let mut candidate = tests_candidate(6);
         theta.apply(&[0.01, 0.02, 0.03, 0.04], &joints(), &mut candidate);
@@ -334,7 +325,7 @@ mod tests {
     #[test]
     fn patterns_and_names_leave_out_a_final_joint() {
         let joints = ["FL_hip_joint".to_owned(), "FL_calf_joint".to_owned()];
-        let rules = [rule(Quantity::Delay, Sharing::Joint, &["*_hip"])];
+        let rules = [rule(JointParameter::Delay, Sharing::Joint, &["*_hip"])];
         let theta = Theta::from_rules(&rules, &groups(), &joints).unwrap();
         assert_eq!(theta.entries()[0].name, "delay_FL_hip");
         assert_eq!(theta.entries()[0].joints, ["FL_hip_joint"]);
@@ -342,12 +333,12 @@ mod tests {
 
     #[test]
     fn a_bound_below_its_start_is_refused_by_name() {
-        let mut low = rule(Quantity::Armature, Sharing::Group, &["*"]);
+        let mut low = rule(JointParameter::Armature, Sharing::Group, &["*"]);
         low.upper = Some(0.1);
         low.start = Some(0.2);
         let error = Theta::from_rules(&[low], &groups(), &joints()).unwrap_err();
         assert!(error.to_string().contains("armature_hip"), "{error}");
-        let mut negative = rule(Quantity::Armature, Sharing::Group, &["*"]);
+        let mut negative = rule(JointParameter::Armature, Sharing::Group, &["*"]);
         negative.lower = Some(-0.1);
         let error = Theta::from_rules(&[negative], &groups(), &joints()).unwrap_err();
         assert!(matches!(error, ThetaError::Meaningless { .. }), "{error}");
@@ -356,17 +347,20 @@ mod tests {
     #[test]
     fn overlapping_unmatched_and_ungrouped_joints_are_refused() {
         let twice = [
-            rule(Quantity::Delay, Sharing::All, &["*"]),
-            ParameterRule { name: Some("late".into()), ..rule(Quantity::Delay, Sharing::All, &["*_hip"]) },
+            rule(JointParameter::Delay, Sharing::All, &["*"]),
+            ParameterRule {
+                name: Some("late".into()),
+                ..rule(JointParameter::Delay, Sharing::All, &["*_hip"])
+            },
         ];
         let error = Theta::from_rules(&twice, &groups(), &joints()).unwrap_err();
         assert!(matches!(error, ThetaError::Overlap { .. }), "{error}");
         let error =
-            Theta::from_rules(&[rule(Quantity::Delay, Sharing::All, &["*_wheel"])], &groups(), &joints())
+            Theta::from_rules(&[rule(JointParameter::Delay, Sharing::All, &["*_wheel"])], &groups(), &joints())
                 .unwrap_err();
         assert!(matches!(error, ThetaError::Joints { .. }), "{error}");
         let error =
-            Theta::from_rules(&[rule(Quantity::Delay, Sharing::Group, &["*"])], &groups()[..2], &joints())
+            Theta::from_rules(&[rule(JointParameter::Delay, Sharing::Group, &["*"])], &groups()[..2], &joints())
                 .unwrap_err();
         assert!(error.to_string().contains("FL_calf"), "{error}");
     }

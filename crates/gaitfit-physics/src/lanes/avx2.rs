@@ -7,6 +7,7 @@ use core::arch::x86_64::*;
 use super::Isa;
 use super::sincos::{sin_cos, turn};
 use super::x86::{intrinsic, lane_type};
+use crate::real::branching_guards;
 use crate::{Period, control_period};
 
 lane_type! {
@@ -38,10 +39,7 @@ lane_type! {
             let r = self.fnma(r, Self::lit(1.0)).fma(r, r);
             self.fnma(r, Self::lit(1.0)).fma(r, r)
         }
-        #[inline(always)]
-        fn all_ge(self, b: Self) -> bool {
-            intrinsic!(_mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(self.0, b.0)) == 0xff)
-        }
+        branching_guards!(all_ge);
     }
     Lanes {
         fn control_period(period: &mut Period<'_, Self>) {
@@ -54,6 +52,11 @@ lane_type! {
             unsafe { run(period) }
         }
     }
+}
+
+#[inline(always)]
+fn all_ge(a: F32x8, b: F32x8) -> bool {
+    intrinsic!(_mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(a.0, b.0)) == 0xff)
 }
 
 #[inline(always)]

@@ -7,6 +7,7 @@ use core::arch::x86_64::*;
 use super::Isa;
 use super::sincos::sin_cos;
 use super::x86::{intrinsic, lane_type};
+use crate::real::branching_guards;
 use crate::{Period, control_period};
 
 lane_type! {
@@ -37,10 +38,7 @@ lane_type! {
             let r = Self(intrinsic!(_mm512_rcp14_ps(self.0)));
             self.fnma(r, Self::lit(1.0)).fma(r, r)
         }
-        #[inline(always)]
-        fn all_ge(self, b: Self) -> bool {
-            intrinsic!(_mm512_cmp_ps_mask::<_CMP_GE_OQ>(self.0, b.0) == u16::MAX)
-        }
+        branching_guards!(all_ge);
     }
     Lanes {
         fn control_period(period: &mut Period<'_, Self>) {
@@ -53,6 +51,11 @@ lane_type! {
             unsafe { run(period) }
         }
     }
+}
+
+#[inline(always)]
+fn all_ge(a: F32x16, b: F32x16) -> bool {
+    intrinsic!(_mm512_cmp_ps_mask::<_CMP_GE_OQ>(a.0, b.0) == u16::MAX)
 }
 
 #[inline(always)]

@@ -25,10 +25,13 @@ pub use portable::Portable;
 #[cfg(target_arch = "x86_64")]
 pub use sse2::F32x4 as Portable;
 
-use crate::{Period, Real};
+use crate::{Params, Period, Real};
+
+/// Most lanes of any instruction set.
+pub const WIDEST: usize = 16;
 
 /// A scalar that holds several environments.
-pub trait Lanes: Real<K = f32> + Send + Sync + 'static {
+pub trait Lanes: Real<K = f32, Guard = bool> + Send + Sync + 'static {
     /// Environments in one value.
     const LANES: usize;
     /// Loads one value a lane from the first `LANES` of `x`.
@@ -37,6 +40,19 @@ pub trait Lanes: Real<K = f32> + Send + Sync + 'static {
     fn store(self, x: &mut [f32]);
     /// [`crate::control_period`] compiled for the lanes' instruction set.
     fn control_period(period: &mut Period<'_, Self>);
+}
+
+impl<T: Lanes> Params<T> {
+    /// Parameters of a block: one robot a lane. Fewer robots than lanes leave the last ones at zero.
+    pub fn in_lanes(robots: &[&Params<f64>]) -> Self {
+        Self::pack(robots, |numbers| {
+            let mut lanes = [0.0; WIDEST];
+            for (lane, number) in lanes.iter_mut().zip(numbers) {
+                *lane = *number as f32;
+            }
+            T::load(&lanes)
+        })
+    }
 }
 
 /// An instruction set the step is compiled for.

@@ -4,6 +4,7 @@ use core::ops::{Add, Mul, Neg, Sub};
 
 use super::Lanes;
 use super::sincos::{sin_cos, turn};
+use crate::real::branching_guards;
 use crate::{Period, Real, control_period};
 
 const N: usize = 4;
@@ -72,6 +73,17 @@ fn quarters(k: Portable, s: Portable, c: Portable) -> (Portable, Portable) {
     turn(k, s, c, round)
 }
 
+#[inline(always)]
+fn all_ge(a: Portable, b: Portable) -> bool {
+    let mut all = true;
+    let mut i = 0;
+    while i < N {
+        all &= a.0[i] >= b.0[i];
+        i += 1;
+    }
+    all
+}
+
 impl Real for Portable {
     type K = f32;
     #[inline(always)]
@@ -118,16 +130,7 @@ impl Real for Portable {
     fn sin_cos(self) -> (Self, Self) {
         sin_cos(self, round, quarters)
     }
-    #[inline(always)]
-    fn all_ge(self, b: Self) -> bool {
-        let mut all = true;
-        let mut i = 0;
-        while i < N {
-            all &= self.0[i] >= b.0[i];
-            i += 1;
-        }
-        all
-    }
+    branching_guards!(all_ge);
 }
 
 impl Lanes for Portable {

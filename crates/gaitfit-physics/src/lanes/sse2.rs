@@ -6,6 +6,7 @@ use core::arch::x86_64::*;
 
 use super::sincos::{sin_cos, turn};
 use super::x86::{intrinsic, lane_type};
+use crate::real::branching_guards;
 use crate::{Period, Real, control_period};
 
 lane_type! {
@@ -33,16 +34,18 @@ lane_type! {
         fn sin_cos(self) -> (Self, Self) {
             sin_cos(self, round, quarters)
         }
-        #[inline(always)]
-        fn all_ge(self, b: Self) -> bool {
-            intrinsic!(_mm_movemask_ps(_mm_cmpge_ps(self.0, b.0)) == 0xf)
-        }
+        branching_guards!(all_ge);
     }
     Lanes {
         fn control_period(period: &mut Period<'_, Self>) {
             control_period(period);
         }
     }
+}
+
+#[inline(always)]
+fn all_ge(a: F32x4, b: F32x4) -> bool {
+    intrinsic!(_mm_movemask_ps(_mm_cmpge_ps(a.0, b.0)) == 0xf)
 }
 
 /// Nearest whole number for |x| < 2²²: adding and taking away 1.5·2²³ rounds.

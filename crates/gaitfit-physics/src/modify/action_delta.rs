@@ -2,7 +2,7 @@
 
 use super::Modify;
 use super::network::{JointNetwork, PAST};
-use crate::{Params, Real, State};
+use crate::{Params, Real, Slot, State};
 
 /// Networks whose outputs (rad) are added to the targets about to be sent, at the policy's rate; their past is
 /// sampled at that rate too (He et al. 2025; Dao and Fern, eq. 4).
@@ -12,6 +12,12 @@ pub struct ActionDelta<K>(pub Vec<JointNetwork<K>>);
 impl<K: Copy> Modify<K> for ActionDelta<K> {
     fn memory(&self) -> usize {
         PAST * self.0.len()
+    }
+
+    fn visit_weights_mut(&mut self, mut visit: impl FnMut(Slot, &mut K)) {
+        for network in &mut self.0 {
+            network.visit_weights_mut("action_delta", &mut visit);
+        }
     }
 
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! Changes of what drives the joints, made inside the step.
 //!
 //! A modification is the same for all environments of a block; what it must remember of each environment lies in
-//! its part of the block's memory. A new one is a file here with a [`Modify`], and a line in [`Modification`].
+//! its part of the block's memory. A new one is a file here with a [`Modify`], and a line in [`JointModification`].
 
 mod action_delta;
 mod network;
@@ -11,12 +11,16 @@ pub use action_delta::ActionDelta;
 pub use network::{JointNetwork, NETWORK_WEIGHTS, NetworkScales};
 pub use resid_act::ResidAct;
 
-use crate::{Drive, Params, Real, State};
+use crate::{Drive, Params, Real, Slot, State};
 
-/// A change of targets or torques. `memory` holds [`Modify::memory`] numbers an environment.
+/// A change of targets or torques, with numbers of its own that are the same for all environments: a candidate's
+/// weights. `memory` holds [`Modify::memory`] numbers an environment.
 pub trait Modify<K: Copy> {
     /// Numbers it remembers from one physics step to the next.
     fn memory(&self) -> usize;
+
+    /// Calls `visit` with every weight and its name, to change it.
+    fn visit_weights_mut(&mut self, visit: impl FnMut(Slot, &mut K));
 
     /// Writes the memory of a robot that has been in this state for long.
     fn settle<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>, memory: &mut [T]);
@@ -46,7 +50,7 @@ pub trait Modify<K: Copy> {
 
 /// Any modification.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Modification<K> {
+pub enum JointModification<K> {
     /// Networks that correct position targets.
     ActionDelta(ActionDelta<K>),
     /// Networks that add torques.
@@ -57,15 +61,19 @@ pub enum Modification<K> {
 macro_rules! each {
     ($self:ident, $one:ident => $call:expr) => {
         match $self {
-            Modification::ActionDelta($one) => $call,
-            Modification::ResidAct($one) => $call,
+            JointModification::ActionDelta($one) => $call,
+            JointModification::ResidAct($one) => $call,
         }
     };
 }
 
-impl<K: Copy> Modify<K> for Modification<K> {
+impl<K: Copy> Modify<K> for JointModification<K> {
     fn memory(&self) -> usize {
         each!(self, one => Modify::<K>::memory(one))
+    }
+
+    fn visit_weights_mut(&mut self, visit: impl FnMut(Slot, &mut K)) {
+        each!(self, one => one.visit_weights_mut(visit));
     }
 
     #[inline(always)]
@@ -97,16 +105,16 @@ impl<K: Copy> Modify<K> for Modification<K> {
 }
 
 /// Numbers that all of `modifications` remember of an environment together.
-pub fn memory_of<K: Copy>(modifications: &[Modification<K>]) -> usize {
+pub fn memory_of<K: Copy>(modifications: &[JointModification<K>]) -> usize {
     modifications.iter().map(Modify::memory).sum()
 }
 
 /// Calls `act` on each modification with its part of `memory`.
 #[inline(always)]
 pub(crate) fn for_each<K: Copy, T>(
-    modifications: &[Modification<K>],
+    modifications: &[JointModification<K>],
     mut memory: &mut [T],
-    mut act: impl FnMut(&Modification<K>, &mut [T]),
+    mut act: impl FnMut(&JointModification<K>, &mut [T]),
 ) {
     for modification in modifications {
         let (own, rest) = memory.split_at_mut(modification.memory());
@@ -117,7 +125,7 @@ pub(crate) fn for_each<K: Copy, T>(
 
 /// Writes the memory of robots that have been in this state for long.
 pub fn settle<T: Real>(
-    modifications: &[Modification<T::K>],
+    modifications: &[JointModification<T::K>],
     params: &Params<T>,
     state: &State<T>,
     memory: &mut [T],

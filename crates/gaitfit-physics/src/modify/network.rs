@@ -1,6 +1,6 @@
 //! A small network of one joint's motion: what ActionDelta and ResidAct evaluate.
 
-use crate::{Params, Real, State};
+use crate::{Owner, Params, Real, Slot, State};
 
 /// Inputs: angle and velocity of the joint, now and at the two samples before.
 const INPUTS: usize = 6;
@@ -57,6 +57,14 @@ impl<K: Copy> JointNetwork<K> {
             *weight *= scales.output;
         }
         Self { joint, weights: folded.map(T::constant) }
+    }
+
+    /// Calls `visit` with every weight as it is used, scales folded in.
+    pub(super) fn visit_weights_mut(&mut self, name: &'static str, visit: &mut impl FnMut(Slot, &mut K)) {
+        let first = Slot::of(Owner::Joint(self.joint), name);
+        for (index, weight) in self.weights.iter_mut().enumerate() {
+            visit(Slot { index, ..first }, weight);
+        }
     }
 
     /// The weights of the three layers.
@@ -130,7 +138,7 @@ impl<K: Copy> JointNetwork<K> {
 
     #[inline(always)]
     fn motion<T: Real<K = K>>(&self, params: &Params<T>, state: &State<T>) -> (T, T) {
-        (state.q[self.joint] + params.joints[self.joint].encoder_bias, state.qd[self.joint])
+        (state.qpos[self.joint] + params.joints[self.joint].encoder_bias, state.qvel[self.joint])
     }
 }
 

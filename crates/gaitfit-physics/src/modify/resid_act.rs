@@ -2,7 +2,7 @@
 
 use super::Modify;
 use super::network::{JointNetwork, PAST};
-use crate::{Drive, Params, Real, State};
+use crate::{Drive, Params, Real, Slot, State};
 
 /// Networks whose outputs (N·m) are added to the PD torques after their limits, at the physics' rate; their past is
 /// sampled at that rate too (Dao and Fern's residual actuator model). After the limits, as what is missing may be
@@ -18,6 +18,12 @@ pub struct ResidAct<K>(pub Vec<JointNetwork<K>>);
 impl<K: Copy> Modify<K> for ResidAct<K> {
     fn memory(&self) -> usize {
         PAST * self.0.len()
+    }
+
+    fn visit_weights_mut(&mut self, mut visit: impl FnMut(Slot, &mut K)) {
+        for network in &mut self.0 {
+            network.visit_weights_mut("resid_act", &mut visit);
+        }
     }
 
     #[inline(always)]

@@ -1,52 +1,30 @@
 //! Sets of values seen as flat lists, so that scalars of any kind can be filled, packed and compared.
 
-use std::cell::RefCell;
-
 use gaitfit_physics::{
-    ActionDelta, JointNetwork, Lanes, Modification, NetworkScales, Params, Real, ResidAct, State, Tree,
+    ActionDelta, JointModification, JointNetwork, Lanes, NetworkScales, Params, Real, ResidAct, State, Tree,
 };
 
-/// Every number of a state, always in the same order.
+/// Every number of a state.
 pub fn values<T: Real>(state: &State<T>) -> Vec<T> {
     let mut all = Vec::new();
-    all.extend(state.base_position);
-    all.extend(state.base_quaternion);
-    all.extend(state.base_linear);
-    all.extend(state.base_angular);
-    all.extend(&state.q);
-    all.extend(&state.qd);
-    all.extend(state.base_acceleration[0]);
-    all.extend(state.base_acceleration[1]);
-    all.extend(&state.qacc);
+    state.visit(|_, &number| all.push(number));
     all
 }
 
 /// The state with the numbers of [`values`].
 pub fn state_of<T: Real>(tree: &Tree<T::K>, values: &[T]) -> State<T> {
     let mut state = State::<T>::new(tree);
-    let mut next = values.iter().copied();
-    let mut fill = |slots: &mut [T]| slots.iter_mut().for_each(|slot| *slot = next.next().unwrap());
-    fill(&mut state.base_position);
-    fill(&mut state.base_quaternion);
-    fill(&mut state.base_linear);
-    fill(&mut state.base_angular);
-    fill(&mut state.q);
-    fill(&mut state.qd);
-    fill(&mut state.base_acceleration[0]);
-    fill(&mut state.base_acceleration[1]);
-    fill(&mut state.qacc);
+    let mut next = values.iter();
+    state.visit_mut(|_, number| *number = *next.next().unwrap());
+    assert!(next.next().is_none());
     state
 }
 
-/// Every number of a parameter set, in the order in which [`Params::pack`] asks for them.
+/// Every number of a parameter set.
 pub fn param_values(params: &Params<f64>) -> Vec<f64> {
-    let list = RefCell::new(Vec::new());
-    Params::<f64>::pack(&[params], |value| {
-        let value = value(params);
-        list.borrow_mut().push(value);
-        value
-    });
-    list.into_inner()
+    let mut all = Vec::new();
+    params.visit(|_, &number| all.push(number));
+    all
 }
 
 /// One lane each of `columns` (as long as the others), packed number by number.
@@ -59,8 +37,7 @@ pub fn pack<T: Lanes>(columns: &[Vec<f64>]) -> Vec<T> {
 
 /// Parameter sets, one a lane.
 pub fn pack_params<T: Lanes>(sets: &[Params<f64>]) -> Params<T> {
-    let sets: Vec<&Params<f64>> = sets.iter().collect();
-    Params::pack(&sets, |value| T::load(&sets.iter().map(|set| value(set) as f32).collect::<Vec<_>>()))
+    Params::in_lanes(&sets.iter().collect::<Vec<_>>())
 }
 
 /// Number `i` of lane `lane` at `[lane][i]`.
@@ -82,14 +59,14 @@ pub fn rounded(values: &[f64]) -> Vec<f64> {
 }
 
 /// One ActionDelta and one ResidAct on all joints, with weights that matter.
-pub fn networks<T: Real>(joints: usize) -> Vec<Modification<T::K>> {
+pub fn networks<T: Real>(joints: usize) -> Vec<JointModification<T::K>> {
     let network = |joint: usize, output: f64| {
         let weights = std::array::from_fn(|i| 0.8 * (1.3 * i as f64 + 5.0 * joint as f64 + output).sin());
         let scales = NetworkScales { position: 1.0, velocity: 0.05, output };
         JointNetwork::new::<T>(joint, &weights, scales, 0.1)
     };
     vec![
-        Modification::ActionDelta(ActionDelta((0..joints).map(|joint| network(joint, 0.05)).collect())),
-        Modification::ResidAct(ResidAct((0..joints).map(|joint| network(joint, 2.0)).collect())),
+        JointModification::ActionDelta(ActionDelta((0..joints).map(|joint| network(joint, 0.05)).collect())),
+        JointModification::ResidAct(ResidAct((0..joints).map(|joint| network(joint, 2.0)).collect())),
     ]
 }

@@ -113,7 +113,7 @@ impl Walker {
             kp[joint] = self.interface.kp[index];
             kd[joint] = self.interface.kd[index];
         }
-        candidate.robot(self.batch.model(), &kp, &kd)
+        candidate.robot(&kp, &kd)
     }
 
     /// Position targets (rad, model order) of `actions` (policy order); one row an environment in both.

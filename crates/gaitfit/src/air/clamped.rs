@@ -4,7 +4,7 @@ use super::logs;
 use crate::Error;
 use crate::log::Log;
 use crate::settings::AdaptConfig;
-use gaitfit_adapt::{Quantity, ReplaySimulator, Theta};
+use gaitfit_adapt::{JointParameter, ReplaySimulator, Theta};
 use gaitfit_model::Model;
 use gaitfit_sim::{Candidate, ReplayOptions};
 
@@ -38,7 +38,7 @@ impl Clamped {
         base: &Candidate,
         threads: usize,
     ) -> Result<Self, Error> {
-        let searched = theta.largest(Quantity::Delay).unwrap_or(0.0);
+        let searched = theta.largest(JointParameter::Delay).unwrap_or(0.0);
         if searched > MOST_DELAY {
             return Err(Error::settings(format!(
                 "the `delay` parameter's upper bound is {searched} s; at most {MOST_DELAY} s can be replayed: lower \

@@ -161,7 +161,7 @@ mod tests {
     use super::*;
     use crate::settings::TargetConfig;
     use crate::{robot, target};
-    use gaitfit_adapt::{NetworkName, Quantity};
+    use gaitfit_adapt::{JointParameter, NetworkName};
     use std::collections::BTreeSet;
 
     fn folder() -> PathBuf {
@@ -205,13 +205,14 @@ mod tests {
                         assert_eq!(paper.truth[&name], one.value, "{}: {name}", cell.name);
                     }
                     assert_eq!(&config.adapt.costs[0].to_string(), cost, "{}", cell.name);
-                    let kinds: Vec<Quantity> = config.adapt.parameter.iter().map(|one| one.kind).collect();
+                    let kinds: Vec<JointParameter> =
+                        config.adapt.parameter.iter().map(|one| one.kind).collect();
                     let networks: Vec<NetworkName> =
                         config.adapt.network.iter().map(|one| one.kind).collect();
                     let generations = config.adapt.optimizer.generations;
                     match modification.as_str() {
                         "fricarm" => {
-                            assert_eq!(kinds, [Quantity::FrictionLoss, Quantity::Armature]);
+                            assert_eq!(kinds, [JointParameter::FrictionLoss, JointParameter::Armature]);
                             assert!(networks.is_empty() && generations == 200, "{}", cell.name);
                         }
                         "actiondelta" => assert_eq!(networks, [NetworkName::ActionDelta], "{}", cell.name),

@@ -2,7 +2,7 @@
 
 use super::PresetName;
 use crate::Spring;
-use gaitfit_adapt::{Quantity, RobotNumber};
+use gaitfit_adapt::{JointParameter, RobotNumber};
 use gaitfit_model::shown_number;
 use serde::{Deserialize, Serialize};
 
@@ -72,7 +72,7 @@ pub enum TargetKind {
 #[serde(deny_unknown_fields)]
 pub struct TrueParameter {
     /// Quantity.
-    pub kind: Quantity,
+    pub kind: JointParameter,
     /// Patterns over joint names.
     #[serde(default = "every_joint")]
     pub joints: Vec<String>,

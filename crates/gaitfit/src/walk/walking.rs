@@ -4,7 +4,7 @@ use super::simulator::WalkSimulator;
 use crate::Error;
 use crate::log::Log;
 use crate::settings::AdaptConfig;
-use gaitfit_adapt::{Quantity, Theta};
+use gaitfit_adapt::{JointParameter, Theta};
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_model::Model;
 use gaitfit_policy::Policy;
@@ -84,7 +84,7 @@ fn task(
     let steps = (interface.control_dt / config.simulation.timestep - 0.01).ceil().max(1.0);
     settings.substeps = steps as usize;
     let delay = base.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
-    let delay = delay.max(theta.largest(Quantity::Delay).unwrap_or(0.0));
+    let delay = delay.max(theta.largest(JointParameter::Delay).unwrap_or(0.0));
     Task::with_interface(model, &settings.calm(), interface, config.simulation.preset.into(), delay)
         .map_err(Error::failed)
 }

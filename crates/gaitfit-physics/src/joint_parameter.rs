@@ -1,0 +1,194 @@
+//! The one table of joint parameters. [`Robot`](crate::Robot), [`JointParams`](crate::JointParams) and what a fit may
+//! search are made from it: a new parameter is a row here, and its use in the step.
+
+use gaitfit_model::Model;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// Hands the table to the macro `$then`. A row: documentation, variant, field; unit; smallest value with a meaning;
+/// value of joint `j` as the model has it; what a search takes by default (lower, upper, start, deviation), if a fit
+/// may search it. Rows of `step` are fields of the step's parameters; rows of `factors` multiply one of these.
+/// Every parameter may differ from one environment to the next.
+macro_rules! joint_parameters {
+    ($then:ident) => {
+        $then! {
+            step {
+                /// Dry (Coulomb) friction torque, N·m.
+                FrictionLoss frictionloss; "N·m"; 0.0; |model, j| model.joints[j].frictionloss;
+                // Friction loss and armature: Dao and Fern's FricArm.
+                Some((0.0, 0.5, 0.0, 0.1))
+
+                /// Reflected rotor inertia, kg·m².
+                Armature armature; "kg·m²"; 0.0; |model, j| model.joints[j].armature;
+                Some((0.0, 0.5, 0.0, 0.05))
+
+                /// Viscous damping, N·m·s/rad.
+                Damping damping; "N·m·s/rad"; 0.0; |model, j| model.joints[j].damping;
+                Some((0.0, 2.0, 0.0, 0.1))
+
+                /// Time from a position target being sent to it acting, s.
+                Delay delay; "s"; 0.0; |_, _| 0.0;
+                Some((0.0, 0.1, 0.0, 0.01))
+
+                /// Encoder reading minus true joint angle, rad.
+                EncoderBias encoder_bias; "rad"; f64::NEG_INFINITY; |_, _| 0.0;
+                Some((-0.1, 0.1, 0.0, 0.01))
+
+                /// Delivered torque over commanded torque.
+                TorqueScale torque_scale; "-"; 0.0; |_, _| 1.0;
+                Some((0.5, 1.5, 1.0, 0.05))
+
+                /// Constant torque added to the PD torque, N·m: weight, springs and cables that the model lacks.
+                TorqueOffset torque_offset; "N·m"; f64::NEG_INFINITY; |_, _| 0.0;
+                Some((-1.0, 1.0, 0.0, 0.1))
+
+                /// Position gain, N·m/rad.
+                Kp kp; "N·m/rad"; 0.0; |_, _| 0.0;
+                None
+
+                /// Velocity gain, N·m·s/rad.
+                Kd kd; "N·m·s/rad"; 0.0; |_, _| 0.0;
+                None
+
+                /// Largest torque magnitude, N·m.
+                TorqueLimit torque_limit; "N·m"; 0.0; crate::joint_parameter::torque_limit;
+                None
+            }
+            factors {
+                /// True position gain over the stated one.
+                KpScale kp_scale of kp; "-"; 0.0; |_, _| 1.0;
+                Some((0.5, 2.0, 1.0, 0.1))
+
+                /// True velocity gain over the stated one.
+                KdScale kd_scale of kd; "-"; 0.0; |_, _| 1.0;
+                Some((0.5, 2.0, 1.0, 0.1))
+            }
+        }
+    };
+}
+pub(crate) use joint_parameters;
+
+/// What a search takes where nothing else is said.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SearchDefaults {
+    /// Lower bound.
+    pub lower: f64,
+    /// Upper bound.
+    pub upper: f64,
+    /// First mean.
+    pub start: f64,
+    /// First standard deviation.
+    pub deviation: f64,
+}
+
+macro_rules! define {
+    (
+        step { $($(#[doc = $doc:literal])* $variant:ident $field:ident; $unit:expr; $least:expr; $nominal:expr; $search:expr)* }
+        factors { $($(#[doc = $fdoc:literal])* $fvariant:ident $ffield:ident of $of:ident; $funit:expr; $fleast:expr; $fnominal:expr; $fsearch:expr)* }
+    ) => {
+        /// A parameter of a joint or of the PD controller that drives it.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum JointParameter {
+            $($(#[doc = $doc])* $variant,)*
+            $($(#[doc = $fdoc])* $fvariant,)*
+        }
+
+        impl JointParameter {
+            /// Every one.
+            pub const ALL: &[Self] = &[$(Self::$variant,)* $(Self::$fvariant),*];
+
+            /// Name in files, tables and code.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => stringify!($field),)*
+                    $(Self::$fvariant => stringify!($ffield),)*
+                }
+            }
+
+            /// Unit; `-` for a ratio.
+            pub fn unit(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $unit,)*
+                    $(Self::$fvariant => $funit,)*
+                }
+            }
+
+            /// Smallest value with a meaning.
+            pub fn least(self) -> f64 {
+                match self {
+                    $(Self::$variant => $least,)*
+                    $(Self::$fvariant => $fleast,)*
+                }
+            }
+
+            /// What a fit's search takes by default; none if a fit does not search it.
+            pub fn search(self) -> Option<SearchDefaults> {
+                let range: Option<(f64, f64, f64, f64)> = match self {
+                    $(Self::$variant => $search,)*
+                    $(Self::$fvariant => $fsearch,)*
+                };
+                range.map(|(lower, upper, start, deviation)| SearchDefaults { lower, upper, start, deviation })
+            }
+        }
+    };
+}
+joint_parameters!(define);
+
+impl JointParameter {
+    /// Those that a fit may search, in the order of tables.
+    pub fn searched() -> impl Iterator<Item = Self> {
+        Self::ALL.iter().copied().filter(|parameter| parameter.search().is_some())
+    }
+}
+
+impl Serialize for JointParameter {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name())
+    }
+}
+
+/// Reads the name of a parameter that a fit may search.
+impl<'de> Deserialize<'de> for JointParameter {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        static NAMES: std::sync::LazyLock<Vec<&'static str>> =
+            std::sync::LazyLock::new(|| JointParameter::searched().map(JointParameter::name).collect());
+        let name = String::deserialize(deserializer)?;
+        Self::searched()
+            .find(|parameter| parameter.name() == name)
+            .ok_or_else(|| serde::de::Error::unknown_variant(&name, &NAMES))
+    }
+}
+
+/// Torque limit of joint `j` from the joint and its actuators; infinite without any.
+pub(crate) fn torque_limit(model: &Model, j: usize) -> f64 {
+    let mut limit = model.joints[j].actuatorfrcrange.map_or(f64::INFINITY, |r| r[1].min(-r[0]));
+    for actuator in model.actuators.iter().filter(|actuator| actuator.joint == j) {
+        // A motor's control is its torque.
+        let motor = actuator.gain == 1.0 && actuator.bias == [0.0; 3];
+        let ranges = [if motor { actuator.ctrlrange } else { None }, actuator.forcerange];
+        for range in ranges.into_iter().flatten() {
+            let most = actuator.gear.abs() * range[1].min(-range[0]);
+            if most > 0.0 {
+                limit = limit.min(most);
+            }
+        }
+    }
+    limit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_make_sense() {
+        for &parameter in JointParameter::ALL {
+            let name = parameter.name();
+            assert_eq!(JointParameter::ALL.iter().filter(|other| other.name() == name).count(), 1, "{name}");
+            if let Some(SearchDefaults { lower, upper, start, deviation }) = parameter.search() {
+                assert!(parameter.least() <= lower && lower <= start && start <= upper, "{name}");
+                assert!(lower < upper && deviation > 0.0, "{name}");
+            }
+        }
+        assert_eq!(JointParameter::searched().count(), 9);
+    }
+}

@@ -1,0 +1,65 @@
+//! The parts of a control period.
+//!
+//! [`control_period`](crate::control_period) is [`begin`], then for every physics step [`before`], [`iterate`] as often as
+//! the settings say, and [`after`]. Who needs other loops calls the parts: a tracer records each once and keeps the
+//! loops. Newton's loop hands on what [`carried`] lists; the loop over physics steps hands on the state, the memory of
+//! the modifications, and the clock.
+
+use crate::drive::pd;
+use crate::modify::{Modify, for_each};
+use crate::smooth::smooth;
+use crate::{Period, Real, State, Tree, Work, solver, step};
+
+/// At the start of a control period: modifications of the newest targets.
+#[inline(always)]
+pub fn begin<T: Real>(p: &mut Period<'_, T>) {
+    let n = p.drives.len();
+    for_each(p.modifications, p.memory, |one, memory| {
+        one.targets(p.params, p.state, memory, &mut p.targets[..n]);
+    });
+}
+
+/// Before the solver's loop: torques, forces, and the rows of the constraints. `clock`: physics steps since the start
+/// of the control period. `disturbance`: torques of this step, N·m, one a joint, or empty.
+#[inline(always)]
+pub fn before<T: Real>(p: &mut Period<'_, T>, clock: T, disturbance: &[T]) {
+    pd(&p.tree.settings, p.params, p.state, p.targets, clock, p.substeps, p.drives);
+    for (drive, &torque) in p.drives.iter_mut().zip(disturbance) {
+        drive.torque = drive.torque + torque;
+    }
+    for_each(p.modifications, p.memory, |one, memory| {
+        one.torques(p.params, p.state, memory, p.drives);
+    });
+    smooth(p.tree, p.params, p.state, p.drives, p.work);
+}
+
+/// One iteration of the solver. The `last` one may leave out what only a further one would read.
+#[inline(always)]
+pub fn iterate<T: Real>(p: &mut Period<'_, T>, last: bool) {
+    solver::iterate(p.tree, last, p.state, p.work);
+}
+
+/// After the solver's loop: the state at the end of the physics step.
+#[inline(always)]
+pub fn after<T: Real>(p: &mut Period<'_, T>) {
+    step::integrate(p.tree, p.state, p.work);
+}
+
+/// What one iteration of the solver hands to the next: accelerations, and the residuals at them. A contact point's
+/// residual has a meaning only where the guard of its pair is active.
+pub fn carried<'a, T: Real>(
+    tree: &Tree<T::K>,
+    state: &'a mut State<T>,
+    work: &'a mut Work<T>,
+) -> Vec<&'a mut T> {
+    let accelerations = state.base_acceleration.iter_mut().flatten().chain(&mut state.qacc);
+    let wrenches = work.nodes.iter_mut().flat_map(|node| node.wrench.iter_mut().flatten());
+    let torques = tree.segments.iter().zip(&mut work.segments);
+    let torques = torques.flat_map(|(segment, work)| &mut work.residual[..segment.len]);
+    let points = tree.pairs.iter().flat_map(|pair| pair.points.clone().map(|_| pair.condim));
+    let contacts = points.zip(&mut work.points).flat_map(|(condim, point)| {
+        let parts = if condim > 3 { 2 } else { 1 };
+        point.residual[..parts].iter_mut().flatten()
+    });
+    accelerations.chain(wrenches).chain(torques).chain(contacts).collect()
+}
