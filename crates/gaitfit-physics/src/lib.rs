@@ -42,6 +42,7 @@ pub use dense::{Row, RowKind, bias, constraint_rows, mass_matrix};
 pub use drive::{Drive, actuate, delay_taps};
 pub use error::PhysicsError;
 pub use forward::{Evaluation, Forward, acceleration, state_from, state_to};
+pub use gaitfit_isa::{Isa, IsaError};
 pub use joint_parameter::{JointParameter, SearchDefaults};
 pub use lanes::*;
 pub use modify::{

@@ -11,8 +11,8 @@ use common::batch::{networks, pack, pack_params, state_of, values};
 use common::{Arrays, here, robot};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
-    Drive, Isa, Lanes, Period, Portable, Preset, Robot, Settings, Work, compile, control_period, memory_of,
-    state_from,
+    Drive, Isa, Lanes, Period, Preset, Robot, Settings, Work, compile, control_period, memory_of, state_from,
+    with_lanes,
 };
 
 struct Counting;
@@ -134,15 +134,7 @@ fn lanes<T: Lanes>() {
 
 #[test]
 fn lanes_allocate_nothing() {
-    #[cfg(target_arch = "x86_64")]
-    {
-        if Isa::Avx512.available() {
-            lanes::<gaitfit_physics::F32x16>();
-        }
-        if Isa::Avx2.available() {
-            lanes::<gaitfit_physics::F32x8>();
-        }
+    for isa in Isa::found() {
+        with_lanes!(isa, T => lanes::<T>());
     }
-    assert!(Isa::Portable.available());
-    lanes::<Portable>();
 }

@@ -8,28 +8,17 @@ use common::random::Random;
 use common::{Arrays, Ledger, here, relative_1, robot};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
-    Drive, Isa, Lanes, Params, Period, Portable, Preset, Robot, Settings, Work, compile, control_period,
-    memory_of, settle, state_from,
+    Drive, Isa, Lanes, Params, Period, Preset, Robot, Settings, Work, compile, control_period, memory_of,
+    settle, state_from, with_lanes,
 };
 
 /// Calls the generic function once for each instruction set of this machine.
 macro_rules! each_isa {
-    ($function:ident($($argument:expr),*)) => {{
-        #[cfg(target_arch = "x86_64")]
-        {
-            if Isa::Avx512.available() {
-                $function::<gaitfit_physics::F32x16>("avx512", $($argument),*);
-            } else {
-                println!("skipped: no avx512 on this machine");
-            }
-            if Isa::Avx2.available() {
-                $function::<gaitfit_physics::F32x8>("avx2", $($argument),*);
-            } else {
-                println!("skipped: no avx2 on this machine");
-            }
+    ($function:ident($($argument:expr),*)) => {
+        for isa in Isa::found() {
+            with_lanes!(isa, T => $function::<T>(isa.name(), $($argument),*));
         }
-        $function::<Portable>("portable", $($argument),*);
-    }};
+    };
 }
 
 /// Environments of one test: states (as flat lists, already rounded to single precision), parameters, targets.

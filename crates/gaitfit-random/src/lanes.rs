@@ -1,51 +1,14 @@
 //! Draws of many environments at once, compiled for several instruction sets and chosen at run time.
-#![allow(unsafe_code, reason = "a function of a detected instruction set is entered by an unsafe call")]
+
+use gaitfit_isa::kernels;
 
 use crate::Stream;
 
 /// Environments side by side: the 64-bit lanes of AVX-512.
 const LANES: usize = 8;
 
-/// Compiles the body of each function three times (AVX-512, AVX2, the target's baseline) and calls the best that the
-/// processor has; all return the same bits.
-macro_rules! dispatched {
-    ($($(#[$doc:meta])* pub fn $name:ident($($argument:ident: $type:ty),*) $body:block)*) => {$(
-        mod $name {
-            use super::*;
-            #[inline(always)]
-            pub(super) fn body($($argument: $type),*) $body
-        }
-        $(#[$doc])*
-        pub fn $name($($argument: $type),*) {
-            use self::$name::body;
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx512f,avx512dq,avx512vl")]
-                fn avx512($($argument: $type),*) {
-                    body($($argument),*);
-                }
-                #[target_feature(enable = "avx2")]
-                fn avx2($($argument: $type),*) {
-                    body($($argument),*);
-                }
-                if is_x86_feature_detected!("avx512f")
-                    && is_x86_feature_detected!("avx512dq")
-                    && is_x86_feature_detected!("avx512vl")
-                {
-                    // SAFETY: the three features that the function is compiled for were detected.
-                    return unsafe { avx512($($argument),*) };
-                }
-                if is_x86_feature_detected!("avx2") {
-                    // SAFETY: as above.
-                    return unsafe { avx2($($argument),*) };
-                }
-            }
-            body($($argument),*);
-        }
-    )*};
-}
-
-dispatched! {
+// Every set returns the same bits.
+kernels! {
     /// Fills row r of `out`, `rows × width`, with the standard normals of draws 0, 1, … of `stream` at environment
     /// `first + r`: the bits of [`Stream::fill_normals`], in a fraction of its time where the processor has wide
     /// vectors. Environments wrap around at 2³².
@@ -96,7 +59,10 @@ dispatched! {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
+    use gaitfit_isa::{Isa, with_isa};
+
     use super::*;
     use crate::Purpose;
 
@@ -108,9 +74,11 @@ mod tests {
         {
             let mut out = vec![f64::NAN; rows * width];
             fill_normal_rows(stream, first, width, &mut out);
-            let mut portable = vec![f64::NAN; rows * width];
-            super::fill_normal_rows::body(stream, first, width, &mut portable);
-            assert_eq!(out, portable);
+            for isa in Isa::found() {
+                let mut same = vec![f64::NAN; rows * width];
+                with_isa(isa, || fill_normal_rows(stream, first, width, &mut same)).unwrap();
+                assert_eq!(out, same, "{isa:?}");
+            }
             for (row, out) in out.chunks(width).enumerate() {
                 let mut want = vec![0.0; width];
                 stream.environment(first.wrapping_add(row as u32)).fill_normals(0, &mut want);
@@ -132,10 +100,11 @@ mod tests {
         ] {
             let mut out = vec![[0; 4]; rows * blocks.len()];
             fill_block_rows(stream, first, blocks, &mut out);
-            let mut portable = out.clone();
-            portable.fill([0; 4]);
-            super::fill_block_rows::body(stream, first, blocks, &mut portable);
-            assert_eq!(out, portable);
+            for isa in Isa::found() {
+                let mut same = vec![[0; 4]; rows * blocks.len()];
+                with_isa(isa, || fill_block_rows(stream, first, blocks, &mut same)).unwrap();
+                assert_eq!(out, same, "{isa:?}");
+            }
             for (row, out) in out.chunks(blocks.len()).enumerate() {
                 let stream = stream.environment(first.wrapping_add(row as u32));
                 let want: Vec<[u32; 4]> = blocks.iter().map(|&block| stream.block(block)).collect();

@@ -1,7 +1,8 @@
 //! Many floating robots under position targets: what policies are trained, evaluated and logged on.
 
+use gaitfit_isa::selected;
 use gaitfit_model::Model;
-use gaitfit_physics::{Isa, Params, Preset, Settings, Tree, compile, delay_taps};
+use gaitfit_physics::{Isa, Params, Preset, Settings, Tree, compile, delay_taps, with_lanes};
 
 use crate::motion::Motion;
 use crate::robots::{LaneRobots, Parts, Robots};
@@ -20,7 +21,7 @@ pub struct BatchOptions {
     pub max_delay: f64,
     /// Names of geoms whose positions are reported.
     pub tracked: Vec<String>,
-    /// Instruction set; `None` takes the machine's best.
+    /// Instruction set; `None` takes the program's (see [`gaitfit_isa`]).
     pub isa: Option<Isa>,
 }
 
@@ -72,10 +73,7 @@ impl Batch {
         if !(0.0..=MAX_SECONDS).contains(&options.max_delay) {
             return refuse("max_delay", options.max_delay.to_string(), "from 0 to 1 s");
         }
-        let isa = options.isa.unwrap_or_else(Isa::best);
-        if !isa.available() {
-            return Err(SimError::Isa { isa: isa.name() });
-        }
+        let isa = options.isa.map_or_else(selected, Isa::checked)?;
         let settings = Settings {
             timestep: options.control_dt / options.substeps as f64,
             ..Settings::new(&model.options, options.preset)
@@ -138,13 +136,8 @@ impl Batch {
             tracked: &self.tracked,
             modifications: networks,
         };
-        let robots: Box<dyn Robots + '_> = match self.isa {
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => Box::new(LaneRobots::<gaitfit_physics::F32x16>::new(robots, parts)),
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => Box::new(LaneRobots::<gaitfit_physics::F32x8>::new(robots, parts)),
-            _ => Box::new(LaneRobots::<gaitfit_physics::Portable>::new(robots, parts)),
-        };
+        let robots: Box<dyn Robots + '_> =
+            with_lanes!(self.isa, T => Box::new(LaneRobots::<T>::new(robots, parts)));
         Ok(Tile { robots })
     }
 }

@@ -2,8 +2,11 @@
 
 use std::time::Instant;
 
+use gaitfit_isa::selected;
 use gaitfit_model::{Model, Shape};
-use gaitfit_physics::{Drive, Isa, Lanes, Params, Period, Preset, Robot, Settings, State, Work, compile};
+use gaitfit_physics::{
+    Drive, Isa, Lanes, Params, Period, Preset, Robot, Settings, State, Work, compile, with_lanes,
+};
 
 use gaitfit_random::{Purpose, Stream};
 
@@ -37,7 +40,7 @@ pub struct PhysicsBench {
     pub geoms: Geoms,
     /// Threads.
     pub threads: usize,
-    /// Instruction set; `None` takes the machine's best.
+    /// Instruction set; `None` takes the program's (see [`gaitfit_isa`]).
     pub isa: Option<Isa>,
     /// Environments, rounded up to whole blocks.
     pub environments: usize,
@@ -96,18 +99,9 @@ fn with_geoms(model: &Model, geoms: Geoms) -> Model {
 /// # Errors
 /// A model that cannot be stepped, or has no keyframe or no joints in threes.
 pub fn physics(model: &Model, bench: &PhysicsBench) -> Result<PhysicsSpeed, SimError> {
-    let isa = bench.isa.unwrap_or_else(Isa::best);
-    if !isa.available() {
-        return Err(SimError::Isa { isa: isa.name() });
-    }
+    let isa = bench.isa.map_or_else(selected, Isa::checked)?;
     let model = with_geoms(model, bench.geoms);
-    match isa {
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => measure::<gaitfit_physics::F32x16>(&model, bench, isa),
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => measure::<gaitfit_physics::F32x8>(&model, bench, isa),
-        _ => measure::<gaitfit_physics::Portable>(&model, bench, isa),
-    }
+    with_lanes!(isa, T => measure::<T>(&model, bench, isa))
 }
 
 struct Batch<T> {

@@ -1,6 +1,6 @@
 //! What can go wrong in a batch of simulations.
 
-use gaitfit_physics::PhysicsError;
+use gaitfit_physics::{IsaError, PhysicsError};
 
 /// Why a batch cannot be simulated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -26,10 +26,7 @@ pub enum SimError {
         /// What it must be.
         must: &'static str,
     },
-    /// The instruction set asked for is not on this machine.
-    #[error("this machine has no {isa}; leave the choice to the program")]
-    Isa {
-        /// Its name.
-        isa: &'static str,
-    },
+    /// The instruction set asked for cannot be used.
+    #[error(transparent)]
+    Isa(#[from] IsaError),
 }

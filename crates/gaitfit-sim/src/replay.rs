@@ -1,9 +1,10 @@
 //! Replaying logged position targets on candidate robots: the in-air identification experiment.
 
+use gaitfit_isa::selected;
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
     Damping, Drive, Isa, Lanes, Params, Period, Preset, Robot, Settings, State, Tree, WIDEST, Work, compile,
-    delay_taps,
+    delay_taps, with_lanes,
 };
 
 use crate::{SimError, pool};
@@ -34,7 +35,7 @@ pub struct ReplayOptions {
     pub preset: Preset,
     /// Largest actuation delay any candidate may have, s (sizes the target history).
     pub max_delay: f64,
-    /// Instruction set; `None` takes the machine's best.
+    /// Instruction set; `None` takes the program's (see [`gaitfit_isa`]).
     pub isa: Option<Isa>,
 }
 
@@ -88,10 +89,7 @@ impl Replay {
             let value = options.max_delay.to_string();
             return Err(SimError::Option { option: "max_delay", value, must: "from 0 to 1 s" });
         }
-        let isa = options.isa.unwrap_or_else(Isa::best);
-        if !isa.available() {
-            return Err(SimError::Isa { isa: isa.name() });
-        }
+        let isa = options.isa.map_or_else(selected, Isa::checked)?;
         let first = recordings.first().ok_or(SimError::Recording {
             index: 0,
             what: "there are no recordings; give at least one log".to_owned(),
@@ -147,13 +145,7 @@ impl Replay {
         consume: &(dyn Fn(usize, usize, &JointSignals) + Sync),
         cancel: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), SimError> {
-        match self.isa {
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => self.run_lanes::<gaitfit_physics::F32x16>(candidates, threads, consume, cancel),
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => self.run_lanes::<gaitfit_physics::F32x8>(candidates, threads, consume, cancel),
-            _ => self.run_lanes::<gaitfit_physics::Portable>(candidates, threads, consume, cancel),
-        }
+        with_lanes!(self.isa, T => self.run_lanes::<T>(candidates, threads, consume, cancel))
     }
 
     fn run_lanes<T: Lanes>(

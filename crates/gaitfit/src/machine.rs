@@ -27,7 +27,7 @@ pub fn machine() -> Machine {
         processor: processor(),
         threads: threads(),
         features: features(),
-        engine: gaitfit_physics::Isa::best().name(),
+        engine: gaitfit_isa::current().name(),
     }
 }
 

@@ -4,11 +4,10 @@
 
 use core::arch::x86_64::*;
 
-use super::Isa;
 use super::sincos::{sin_cos, turn};
 use super::x86::{intrinsic, lane_type};
 use crate::real::branching_guards;
-use crate::{Period, control_period};
+use crate::{Isa, Period, control_period};
 
 lane_type! {
     /// Eight `f32` in one AVX register, with fused multiply-add.

@@ -1,4 +1,4 @@
-//! Vectors of `f32` lanes, one environment a lane, and the choice of instruction set at run time.
+//! Vectors of `f32` lanes, one environment a lane, compiled for each instruction set.
 //!
 //! This is the only module with `unsafe`: vector intrinsics, registers read as numbers, and calls into functions
 //! compiled for an instruction set that has been found on the machine. Everything below [`Lanes::control_period`]
@@ -55,67 +55,25 @@ impl<T: Lanes> Params<T> {
     }
 }
 
-/// An instruction set the step is compiled for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Isa {
-    /// 16 lanes.
-    Avx512,
-    /// 8 lanes, fused multiply-add.
-    Avx2,
-    /// 4 lanes of what every machine of the architecture has: SSE2 on x86-64, NEON on 64-bit Arm.
-    Portable,
-}
-
-impl Isa {
-    /// The best set of this machine.
-    pub fn best() -> Self {
-        [Isa::Avx512, Isa::Avx2].into_iter().find(|isa| isa.available()).unwrap_or(Isa::Portable)
-    }
-
-    /// Whether this machine has it.
-    pub fn available(self) -> bool {
-        match self {
+/// The value of an expression with a type `$lanes`, the [`Lanes`] of an instruction set that the machine has.
+#[macro_export]
+macro_rules! with_lanes {
+    ($isa:expr, $lanes:ident => $value:expr) => {
+        match $isa {
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => {
-                is_x86_feature_detected!("avx512f")
-                    && is_x86_feature_detected!("avx512dq")
-                    && is_x86_feature_detected!("avx512vl")
-                    && is_x86_feature_detected!("avx512bw")
-                    && is_x86_feature_detected!("fma")
+            $crate::Isa::Avx512 => {
+                type $lanes = $crate::F32x16;
+                $value
             }
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
-            #[cfg(not(target_arch = "x86_64"))]
-            Isa::Avx512 | Isa::Avx2 => false,
-            Isa::Portable => true,
+            $crate::Isa::Avx2 => {
+                type $lanes = $crate::F32x8;
+                $value
+            }
+            _ => {
+                type $lanes = $crate::Portable;
+                $value
+            }
         }
-    }
-
-    /// Environments in one vector.
-    pub fn lanes(self) -> usize {
-        match self {
-            Isa::Avx512 => 16,
-            Isa::Avx2 => 8,
-            Isa::Portable => 4,
-        }
-    }
-
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Isa::Avx512 => "avx512",
-            Isa::Avx2 => "avx2",
-            Isa::Portable => "portable",
-        }
-    }
-}
-
-impl std::str::FromStr for Isa {
-    type Err = String;
-    fn from_str(text: &str) -> Result<Self, String> {
-        [Isa::Avx512, Isa::Avx2, Isa::Portable]
-            .into_iter()
-            .find(|isa| isa.name() == text)
-            .ok_or_else(|| format!("unknown instruction set `{text}`; use avx512, avx2 or portable"))
-    }
+    };
 }

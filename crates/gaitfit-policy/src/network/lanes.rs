@@ -1,44 +1,8 @@
 //! Elementwise kernels of a layer, compiled for several instruction sets and chosen at run time.
-#![allow(unsafe_code, reason = "a function of a detected instruction set is entered by an unsafe call")]
+
+use gaitfit_isa::kernels;
 
 use super::{Activation, scalar::Scalar};
-
-/// Compiles the body of each function three times (AVX-512, AVX2 with FMA, the target's baseline) and calls the best
-/// that the processor has. `FUSED` tells the body whether it may fuse multiplication and addition: the first two
-/// return the same bits, the baseline others in the last place.
-macro_rules! dispatched {
-    ($($(#[$doc:meta])* fn $name:ident($($argument:ident: $type:ty),*) $body:block)*) => {$(
-        $(#[$doc])*
-        pub fn $name<T: Scalar>($($argument: $type),*) {
-            #[inline(always)]
-            fn body<T: Scalar, const FUSED: bool>($($argument: $type),*) $body
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx512f,avx512dq,avx512vl,fma")]
-                fn avx512<T: Scalar>($($argument: $type),*) {
-                    body::<T, true>($($argument),*);
-                }
-                #[target_feature(enable = "avx2,fma")]
-                fn avx2<T: Scalar>($($argument: $type),*) {
-                    body::<T, true>($($argument),*);
-                }
-                if is_x86_feature_detected!("avx512f")
-                    && is_x86_feature_detected!("avx512dq")
-                    && is_x86_feature_detected!("avx512vl")
-                    && is_x86_feature_detected!("fma")
-                {
-                    // SAFETY: the four features that the function is compiled for were detected.
-                    return unsafe { avx512($($argument),*) };
-                }
-                if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-                    // SAFETY: as above.
-                    return unsafe { avx2($($argument),*) };
-                }
-            }
-            body::<T, false>($($argument),*);
-        }
-    )*};
-}
 
 /// Columns that are summed together, in registers.
 const COLUMNS: usize = 64;
@@ -102,10 +66,11 @@ fn multiply_rows<T: Scalar, const FUSED: bool>(
     }
 }
 
-dispatched! {
+// AVX-512 and AVX2 return the same bits, the baseline others in the last place.
+kernels! {
     /// y = x w + b with up to [`NARROW`] columns, fewer than matrix kernels are made for: y is `rows × bias.len()`, w
     /// `inputs × bias.len()`. Each number is summed in the order of the inputs.
-    fn multiply_narrow(y: &mut [T], x: &[T], w: &[T], bias: &[T]) {
+    pub fn multiply_narrow<T: Scalar>(y: &mut [T], x: &[T], w: &[T], bias: &[T]) {
         let width = bias.len();
         let inputs = w.len() / width;
         assert_eq!(x.len() * width, y.len() * inputs, "rows of a matrix product differ");
@@ -124,7 +89,7 @@ dispatched! {
     }
 
     /// y += b on every row of y: `rows × bias.len()`.
-    fn add_bias(y: &mut [T], bias: &[T]) {
+    pub fn add_bias<T: Scalar>(y: &mut [T], bias: &[T]) {
         for row in y.chunks_exact_mut(bias.len()) {
             for (y, &b) in row.iter_mut().zip(bias) {
                 *y += b;
@@ -133,7 +98,7 @@ dispatched! {
     }
 
     /// y = f(y + b) on every row of y: `rows × bias.len()`.
-    fn add_bias_and_activate(y: &mut [T], bias: &[T], activation: Activation) {
+    pub fn add_bias_and_activate<T: Scalar>(y: &mut [T], bias: &[T], activation: Activation) {
         match activation {
             Activation::Elu => {
                 for row in y.chunks_exact_mut(bias.len()) {
@@ -165,7 +130,7 @@ dispatched! {
 
     /// d *= f′ and sums += Σ over the rows of d; d and the layer's output h = f(x) are `rows × sums.len()`. By h,
     /// ELU′ = h + 1 below 0 and tanh′ = 1 − h².
-    fn multiply_by_derivative(d: &mut [T], h: &[T], sums: &mut [T], activation: Activation) {
+    pub fn multiply_by_derivative<T: Scalar>(d: &mut [T], h: &[T], sums: &mut [T], activation: Activation) {
         match activation {
             Activation::Elu => multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { h + T::ONE }),
             Activation::Relu => multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { T::ZERO }),
@@ -174,7 +139,7 @@ dispatched! {
     }
 
     /// sums += Σ over the rows of d: `rows × sums.len()`.
-    fn add_column_sums(sums: &mut [T], d: &[T]) {
+    pub fn add_column_sums<T: Scalar>(sums: &mut [T], d: &[T]) {
         for row in d.chunks_exact(sums.len()) {
             for (sum, &d) in sums.iter_mut().zip(row) {
                 *sum += d;
@@ -183,14 +148,14 @@ dispatched! {
     }
 
     /// sums += terms.
-    fn add(sums: &mut [T], terms: &[T]) {
+    pub fn add<T: Scalar>(sums: &mut [T], terms: &[T]) {
         for (sum, &term) in sums.iter_mut().zip(terms) {
             *sum += term;
         }
     }
 
     /// One step of Adam: `rates` = [1 − β₁, 1 − β₂, factor on the gradient, learning rate / (1 − β₁ᵗ), √(1 − β₂ᵗ), ε].
-    fn descend(parameters: &mut [T], first: &mut [T], second: &mut [T], gradient: &[T], rates: [T; 6]) {
+    pub fn descend<T: Scalar>(parameters: &mut [T], first: &mut [T], second: &mut [T], gradient: &[T], rates: [T; 6]) {
         let [share_1, share_2, factor, rate, correction, epsilon] = rates;
         let moments = first.iter_mut().zip(second);
         for ((parameter, (first, second)), &gradient) in parameters.iter_mut().zip(moments).zip(gradient) {
