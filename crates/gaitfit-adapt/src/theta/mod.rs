@@ -355,13 +355,19 @@ mod tests {
         ];
         let error = Theta::from_rules(&twice, &groups(), &joints()).unwrap_err();
         assert!(matches!(error, ThetaError::Overlap { .. }), "{error}");
-        let error =
-            Theta::from_rules(&[rule(JointParameter::Delay, Sharing::All, &["*_wheel"])], &groups(), &joints())
-                .unwrap_err();
+        let error = Theta::from_rules(
+            &[rule(JointParameter::Delay, Sharing::All, &["*_wheel"])],
+            &groups(),
+            &joints(),
+        )
+        .unwrap_err();
         assert!(matches!(error, ThetaError::Joints { .. }), "{error}");
-        let error =
-            Theta::from_rules(&[rule(JointParameter::Delay, Sharing::Group, &["*"])], &groups()[..2], &joints())
-                .unwrap_err();
+        let error = Theta::from_rules(
+            &[rule(JointParameter::Delay, Sharing::Group, &["*"])],
+            &groups()[..2],
+            &joints(),
+        )
+        .unwrap_err();
         assert!(error.to_string().contains("FL_calf"), "{error}");
     }
 
