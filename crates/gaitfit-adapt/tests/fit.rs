@@ -9,8 +9,8 @@ use gaitfit_adapt::fit::{
     simulate_one,
 };
 use gaitfit_adapt::{
-    Cancel, Consume, ParameterRule, JointParameter, Rollout, Sharing, Signals, Simulator, SimulatorError, Theta,
-    never,
+    Cancel, Consume, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator, SimulatorError,
+    Theta, never,
 };
 use std::sync::Arc;
 

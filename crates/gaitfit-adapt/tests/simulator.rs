@@ -5,8 +5,8 @@ use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::{Cost, CostKind, Recorded, Reference};
 use gaitfit_adapt::fit::{Evaluation, FallPenalty, Fit, FitError, FitOptions, Job, RandomNumbers};
 use gaitfit_adapt::{
-    Cancel, Consume, ParameterRule, JointParameter, Rollout, Sharing, Signals, Simulator, SimulatorError, Theta,
-    never,
+    Cancel, Consume, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator, SimulatorError,
+    Theta, never,
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
