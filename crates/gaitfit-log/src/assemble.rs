@@ -4,6 +4,7 @@ use crate::columns::Layout;
 use crate::metadata::Metadata;
 use crate::read::Samples;
 use crate::{BaseState, Gains, IgnoredColumn, LogError, ReadReport, Trajectory};
+use gaitfit_model::rotation::from_rpy;
 use std::path::Path;
 
 /// Puts columns, samples and metadata together; `report` gains what assembly leaves out.
@@ -55,9 +56,8 @@ pub(crate) fn assemble(
     };
     let base_position = base_channel("base position", layout.base_position);
     let quaternion = base_channel("base orientation", layout.base_quaternion);
-    let from_angles = base_channel("roll, pitch, yaw", layout.roll_pitch_yaw).map(|angles| {
-        angles.chunks_exact(3).flat_map(|rpy| quaternion_from_rpy(rpy[0], rpy[1], rpy[2])).collect()
-    });
+    let from_angles = base_channel("roll, pitch, yaw", layout.roll_pitch_yaw)
+        .map(|angles| angles.chunks_exact(3).flat_map(|rpy| from_rpy(rpy[0], rpy[1], rpy[2])).collect());
     let base = BaseState {
         position: base_position,
         quaternion: quaternion.or(from_angles),
@@ -130,18 +130,4 @@ fn measured_rate(time: &[f64]) -> Option<f64> {
     }
     let whole = rate.round();
     Some(if (rate - whole).abs() <= 0.005 * whole { whole } else { rate })
-}
-
-/// Unit quaternion, wxyz, of R = Rz(yaw)·Ry(pitch)·Rx(roll) (Diebel 2006, "Representing Attitude", eq. 290
-/// with the ZYX sequence); NaN in, NaN out.
-fn quaternion_from_rpy(roll: f64, pitch: f64, yaw: f64) -> [f64; 4] {
-    let (sr, cr) = (0.5 * roll).sin_cos();
-    let (sp, cp) = (0.5 * pitch).sin_cos();
-    let (sy, cy) = (0.5 * yaw).sin_cos();
-    [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
 }

@@ -1,6 +1,7 @@
 //! Taking trajectories apart: columns, slices, joint order, sample rate, and whether the arrays fit together.
 
 use crate::{BaseState, Gains, LogError, Trajectory};
+use gaitfit_model::rotation::{blend, quat_of};
 use serde::{Deserialize, Serialize};
 
 /// A signal that has one column a joint.
@@ -336,7 +337,7 @@ impl Trajectory {
     }
 }
 
-/// Normalised linear interpolation along the shorter arc.
+/// Quaternions between samples: `places` are samples and how far behind them.
 fn blend_quaternions(values: &[f64], places: &[(usize, f64)]) -> Vec<f64> {
     let mut out = Vec::with_capacity(places.len() * 4);
     for &(at, fraction) in places {
@@ -345,12 +346,7 @@ fn blend_quaternions(values: &[f64], places: &[(usize, f64)]) -> Vec<f64> {
             out.extend_from_slice(here);
             continue;
         }
-        let next = &values[at * 4 + 4..at * 4 + 8];
-        let dot: f64 = here.iter().zip(next).map(|(a, b)| a * b).sum();
-        let sign = if dot < 0.0 { -1.0 } else { 1.0 };
-        let mixed: Vec<f64> = here.iter().zip(next).map(|(a, b)| a + fraction * (sign * b - a)).collect();
-        let norm = mixed.iter().map(|value| value * value).sum::<f64>().sqrt();
-        out.extend(mixed.iter().map(|value| value / norm));
+        out.extend(blend(quat_of(here), quat_of(&values[at * 4 + 4..]), fraction));
     }
     out
 }

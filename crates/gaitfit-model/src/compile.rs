@@ -1,17 +1,16 @@
 //! From a file's content to one robot: choose the root, number everything, check it can move.
 
-use std::collections::HashSet;
-
 use crate::attributes::Context;
 use crate::contact::{candidates, numbered, self_collisions};
 use crate::error::ModelError;
 use crate::keyframes::fill_keyframes;
 use crate::model::{Body, Geom, Model, Plane, Root};
+use crate::names::name_everything;
 use crate::orientation::compose;
 use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::scan::MAX_NAME;
 use crate::servo::resolve_damping_ratios;
-use crate::shown::{commands, escaped, shown};
+use crate::shown::{escaped, shown};
 use crate::spec::{GeomKind, Spec};
 use crate::xml::At;
 
@@ -25,9 +24,6 @@ pub(crate) fn compile(
     stem: &str,
     wanted: Option<Root>,
 ) -> Result<Model, ModelError> {
-    if let Some(name) = &spec.name {
-        check_name(ctx, At::default(), "model", name)?;
-    }
     name_everything(ctx, &mut spec)?;
     scale_total_mass(&mut spec);
     let Some(robot) = choose_robot(ctx, &spec)? else {
@@ -106,65 +102,6 @@ pub(crate) fn compile(
     }
     model.dropped = std::mem::take(&mut ctx.dropped);
     Ok(model)
-}
-
-/// Gives unnamed things names and refuses names used twice.
-fn name_everything(ctx: &Context, spec: &mut Spec) -> Result<(), ModelError> {
-    let mut bodies = Vec::new();
-    let mut joints = Vec::new();
-    let mut geoms = Vec::new();
-    let mut sites = Vec::new();
-    for body in &mut spec.bodies {
-        let at = body.at;
-        bodies.push((&mut body.name, at));
-        joints.extend(body.joints.iter_mut().map(|(j, at)| (&mut j.name, *at)));
-        geoms.extend(body.geoms.iter_mut().map(|g| (&mut g.name, g.at)));
-        sites.extend(body.sites.iter_mut().map(|s| (&mut s.name, at)));
-    }
-    unique(ctx, "body", bodies)?;
-    unique(ctx, "joint", joints)?;
-    unique(ctx, "geom", geoms)?;
-    unique(ctx, "site", sites)?;
-    unique(ctx, "actuator", spec.actuators.iter_mut().map(|a| (&mut a.name, At::default())).collect())?;
-    unique(ctx, "keyframe", spec.keys.iter_mut().map(|k| (&mut k.name, k.at)).collect())
-}
-
-/// Names go into tables, pages and file names: they are short, and none commands a terminal.
-fn check_name(ctx: &Context, at: At, kind: &str, name: &str) -> Result<(), ModelError> {
-    if name.len() > MAX_NAME {
-        let message = format!("{kind} name \"{}\" has {} bytes", shown(name), name.len());
-        return Err(ctx.invalid(at, message, format!("give it at most {MAX_NAME}")));
-    }
-    if name.chars().any(commands) {
-        let message = format!("{kind} name \"{}\" has control characters", shown(name));
-        return Err(ctx.invalid(at, message, "remove them"));
-    }
-    Ok(())
-}
-
-fn unique(ctx: &Context, kind: &str, names: Vec<(&mut String, At)>) -> Result<(), ModelError> {
-    let mut seen: HashSet<String> = HashSet::new();
-    for (name, at) in &names {
-        check_name(ctx, *at, kind, name)?;
-        if !name.is_empty() && !seen.insert((*name).clone()) {
-            return Err(ctx.invalid(
-                *at,
-                format!("{kind} name \"{}\" is used twice", shown(name)),
-                "names must differ",
-            ));
-        }
-    }
-    for (index, (name, _)) in names.into_iter().enumerate() {
-        if name.is_empty() {
-            let mut made = format!("{kind}{index}");
-            while seen.contains(&made) {
-                made.push('_');
-            }
-            seen.insert(made.clone());
-            *name = made;
-        }
-    }
-    Ok(())
 }
 
 fn scale_total_mass(spec: &mut Spec) {

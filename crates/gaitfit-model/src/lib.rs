@@ -38,6 +38,7 @@ mod keyframes;
 pub mod kinematics;
 mod mjcf;
 mod model;
+mod names;
 mod options;
 mod orientation;
 mod pairs;
