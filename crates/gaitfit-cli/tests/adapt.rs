@@ -205,3 +205,20 @@ fn what_is_known_of_a_clamped_robot_comes_before_what_is_fitted() {
         "what is fitted replaces what is known of the same kind"
     );
 }
+
+#[test]
+fn settings_out_of_range_are_named_by_their_key() {
+    let runs = tempfile::tempdir().unwrap();
+    for (set, key) in [
+        ("optimizer.seed=9223372036854775807", "`optimizer.seed`"),
+        ("optimizer.seeds=[18446744073709551615]", "optimizer.seeds"),
+        ("optimizer.seeds=18446744073709551615", "`optimizer.seeds`"),
+        ("simulation.skip_seconds=1e300", "`simulation.skip_seconds`"),
+        ("check.cost=-1", "`check.cost`"),
+        ("check.validation_cost=nan", "`check.validation_cost`"),
+    ] {
+        let output = run(&quick_demo(runs.path(), &["--set", set]));
+        assert_eq!(output.status.code(), Some(2), "{set}: {}", errors(&output));
+        assert!(errors(&output).contains(key), "{set}: {}", errors(&output));
+    }
+}

@@ -184,6 +184,7 @@ fn validation(joints: &[String]) -> Vec<Validation> {
             .enumerate()
             .map(|(j, name)| (name.clone(), 0.0045 + 0.0022 * noise(j, 5) + 0.0003 * noise(j, file)))
             .collect(),
+        ..Validation::default()
     };
     vec![log(6), log(7)]
 }

@@ -82,6 +82,7 @@ fn full(joints: usize, generations: usize) -> FitReport {
             rmse_rad: 0.0048,
             nominal_rmse_rad: 0.0678,
             rmse_per_joint: names.iter().map(|n| (n.clone(), 0.0048)).collect(),
+            ..Validation::default()
         }],
         comparisons: vec![Comparison {
             first: "MatchO".into(),

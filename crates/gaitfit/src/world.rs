@@ -2,7 +2,7 @@
 
 use crate::Error;
 use crate::robot::{self, Hold};
-use crate::settings::{PresetName, TaskName, check_torque_noise, load_task};
+use crate::settings::{Preset, TaskName, check_torque_noise, load_task};
 use crate::spring::Spring;
 use crate::theta;
 use gaitfit_learn::evaluate::Subject;
@@ -31,7 +31,7 @@ pub struct WorldSettings {
     /// Vary robots, starts and observations as in training, with pushes.
     pub randomised: bool,
     /// Solver effort.
-    pub preset: PresetName,
+    pub preset: Preset,
     /// Seed of commands, starts and noise.
     pub seed: u64,
     /// Threads; none takes one a core.
@@ -102,7 +102,7 @@ impl World {
         // Of independent torques the variances add.
         candidate.torque_noise = candidate.torque_noise.hypot(args.torque_noise);
         let delay = longest_delay(&candidate);
-        let scene = Task::with_interface(&model, &settings, interface.clone(), args.preset.into(), delay)?;
+        let scene = Task::with_interface(&model, &settings, interface.clone(), args.preset, delay)?;
         let doubt =
             theta.and_then(|(path, file)| Some((path, file.step_doubt(scene.walker.physics_step())?)));
         let warnings = doubt.map(|(path, doubt)| format!("{}: {doubt}", path.display()));

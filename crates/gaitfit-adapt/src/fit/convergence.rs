@@ -1,6 +1,6 @@
 //! Whether a search came to its end.
 
-use super::{CostOutcome, ParameterOutcome, Stop};
+use super::{CostOutcome, MOST_SCANNED, ParameterOutcome, Stop};
 
 /// A rise of the cost below this part, over the last quarter of a run, is no progress.
 const PROGRESS: f64 = 0.01;
@@ -15,7 +15,8 @@ const NAMED: usize = 4;
 /// It had not, if changing one parameter alone lowers the cost by more than its noise
 /// ([`super::Identification::better`]). It had not either, if the best run was cut short by its generations, a time
 /// limit or the optimiser's failure before its deviations shrank to the tolerance, and its cost was still falling or
-/// the seeds' values lie apart. Values of parameters that the logs do not identify may lie apart.
+/// the seeds' values lie apart. Values of parameters that the logs do not identify may lie apart, and so may those of
+/// more than [`MOST_SCANNED`] parameters: weights of networks that do the same can differ.
 pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     let mut reasons = Vec::new();
     let better = |one: &ParameterOutcome| {
@@ -46,7 +47,9 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
             100.0 * fall
         ));
     }
-    let apart: Vec<String> = outcome.parameters.iter().filter(|one| apart(one)).map(spread).collect();
+    let scanned = outcome.parameters.len() <= MOST_SCANNED;
+    let apart = outcome.parameters.iter().filter(|one| scanned && apart(one)).map(spread);
+    let apart: Vec<String> = apart.collect();
     if !apart.is_empty() {
         reasons.push(format!("After {generations} generations the seeds lie apart: {}.", listed(&apart)));
     }

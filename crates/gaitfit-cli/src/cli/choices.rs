@@ -1,7 +1,7 @@
 //! Choices by name.
 
 use clap::{Args, ValueEnum};
-use gaitfit::settings::{PresetName, TaskName};
+use gaitfit::settings::TaskName;
 
 /// Solver effort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -12,16 +12,6 @@ pub enum Preset {
     Accurate,
     /// Until converged
     Converged,
-}
-
-impl From<Preset> for PresetName {
-    fn from(preset: Preset) -> Self {
-        match preset {
-            Preset::Fast => Self::Fast,
-            Preset::Accurate => Self::Accurate,
-            Preset::Converged => Self::Converged,
-        }
-    }
 }
 
 impl From<Preset> for gaitfit_physics::Preset {

@@ -171,6 +171,12 @@ pub struct OptimizerRun {
 pub struct Validation {
     /// The log.
     pub file: String,
+    /// Cost of the fitted simulator on this log alone.
+    #[serde(with = "nullable::scalar")]
+    pub cost: f64,
+    /// Cost of the nominal simulator.
+    #[serde(with = "nullable::scalar")]
+    pub nominal_cost: f64,
     /// Position RMSE of the fitted simulator over all joints, rad.
     #[serde(with = "nullable::scalar")]
     pub rmse_rad: f64,
@@ -274,6 +280,8 @@ impl Default for Validation {
     fn default() -> Self {
         Validation {
             file: String::new(),
+            cost: f64::NAN,
+            nominal_cost: f64::NAN,
             rmse_rad: f64::NAN,
             nominal_rmse_rad: f64::NAN,
             rmse_per_joint: Vec::new(),

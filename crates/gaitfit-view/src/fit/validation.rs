@@ -14,8 +14,10 @@ const SHADES: f64 = 9.0;
 #[derive(Serialize)]
 pub(super) struct ValidationTable {
     files: Vec<String>,
-    totals: Vec<String>,
+    totals: Option<Vec<String>>,
     nominal: Option<Vec<String>>,
+    cost: Option<Vec<String>>,
+    nominal_cost: Option<Vec<String>>,
     joints: Vec<JointRow>,
     files_left_out: usize,
     joints_left_out: usize,
@@ -68,13 +70,17 @@ pub(super) fn build(validation: &[Validation]) -> Option<ValidationTable> {
             cells: shown.iter().map(|v| cell(of_joint(v, name))).collect(),
         })
         .collect();
-    let has_nominal = shown.iter().any(|v| v.nominal_rmse_rad.is_finite());
-    let texts =
-        |get: fn(&Validation) -> f64| shown.iter().map(|v| significant(get(v), 3)).collect::<Vec<_>>();
+    // A row without a number is left out.
+    let texts = |get: fn(&Validation) -> f64| {
+        let known = shown.iter().any(|v| get(v).is_finite());
+        known.then(|| shown.iter().map(|v| significant(get(v), 3)).collect::<Vec<_>>())
+    };
     Some(ValidationTable {
         files: shown.iter().map(|v| clean(&v.file)).collect(),
         totals: texts(|v| v.rmse_rad),
-        nominal: has_nominal.then(|| texts(|v| v.nominal_rmse_rad)),
+        nominal: texts(|v| v.nominal_rmse_rad),
+        cost: texts(|v| v.cost),
+        nominal_cost: texts(|v| v.nominal_cost),
         joints,
         files_left_out: validation.len() - shown.len(),
         joints_left_out,
@@ -102,5 +108,12 @@ mod tests {
         assert_eq!(rows[1], ("b".into(), vec![cell("0.0200", 5), cell("0.0400", 9)]));
         assert_eq!(rows[2], ("c".into(), vec![cell("–", 0), cell("–", 0)]));
         assert!(build(&[]).is_none());
+    }
+
+    #[test]
+    fn rows_without_a_number_are_left_out() {
+        let table = build(&[Validation { cost: 0.25, ..Validation::default() }]);
+        let rows = table.map(|t| (t.totals, t.nominal, t.cost, t.nominal_cost));
+        assert_eq!(rows, Some((None, None, Some(vec!["0.250".to_string()]), None)));
     }
 }

@@ -174,6 +174,8 @@ fn score(score: &score::Score) -> Score {
 fn validation(log: &score::Validation) -> Validation {
     Validation {
         file: log.file.clone(),
+        cost: unknown(log.cost),
+        nominal_cost: unknown(log.nominal_cost),
         rmse_rad: unknown(log.rmse_rad),
         nominal_rmse_rad: unknown(log.nominal_rmse_rad),
         rmse_per_joint: log.rmse_per_joint.iter().map(|(joint, error)| (joint.clone(), *error)).collect(),

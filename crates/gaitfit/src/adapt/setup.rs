@@ -37,11 +37,20 @@ impl LogSet {
     ) -> Result<Self, Error> {
         let simulator = method.simulator(base.clone(), &logs)?;
         let joints = method.joints();
+        let skip = method.samples(config.skip_seconds(), &logs);
+        if let Some(short) = logs.iter().find(|log| log.trajectory.len() <= skip) {
+            return Err(Error::settings(format!(
+                "`simulation.skip_seconds` is {} s, and leaves nothing of {}, which lasts {:.2} s; lower it",
+                config.skip_seconds(),
+                short.name,
+                short.trajectory.duration()
+            )));
+        }
         let recorded =
             |(number, log): (usize, &Log)| Recorded::from_trajectory(&log.trajectory, &joints, number);
         let reference = || -> Result<Reference, CostError> {
             let recorded = logs.iter().enumerate().map(recorded).collect::<Result<Vec<_>, _>>()?;
-            Reference::new(joints.clone(), &recorded, method.samples(config.skip_seconds(), &logs))
+            Reference::new(joints.clone(), &recorded, skip)
         };
         let reference = reference().map_err(|error| {
             let of =

@@ -46,7 +46,7 @@ impl Clamped {
             )));
         }
         let max_delay = base.robot.delay.iter().fold(searched, |most, &delay| most.max(delay));
-        let (timestep, preset) = (config.simulation.timestep, config.simulation.preset.into());
+        let (timestep, preset) = (config.simulation.timestep, config.simulation.preset);
         Ok(Self { model, timestep, preset, max_delay, threads })
     }
 

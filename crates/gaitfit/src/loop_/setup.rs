@@ -162,7 +162,7 @@ impl Setup {
             spring: Vec::new(),
             torque_noise: 0.0,
             randomised: false,
-            preset: self.config.evaluate.preset.into(),
+            preset: self.config.evaluate.preset,
             seed: 0,
             threads: None,
         }

@@ -1,6 +1,6 @@
 //! The configuration of `gaitfit finetune`: its settings and their defaults. `gaitfit config finetune` prints them.
 
-use super::PresetName;
+use super::Preset;
 use super::load::{Configuration, merge};
 use crate::Spring;
 use gaitfit_learn::TrainingSettings;
@@ -47,7 +47,8 @@ pub struct FinetuneConfig {
     /// Seconds between checkpoints.
     pub checkpoint_seconds: f64,
     /// Solver effort of the physics.
-    pub preset: PresetName,
+    #[serde(with = "super::preset")]
+    pub preset: Preset,
     /// How much is trained.
     pub train: TrainingSettings,
     /// Optimisation.

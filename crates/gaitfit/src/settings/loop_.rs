@@ -3,7 +3,7 @@
 use super::finetune::FINETUNE_DEFAULTS;
 use super::load::{Configuration, merge, taken};
 use super::target::{TargetConfig, TargetKind};
-use super::{AdaptConfig, Base, FinetuneConfig, PresetName, check};
+use super::{AdaptConfig, Base, FinetuneConfig, Preset, check};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
@@ -81,7 +81,8 @@ pub struct EvaluateConfig {
     /// Seed of commands, starts and noise.
     pub seed: u64,
     /// Solver effort in the fitted simulator.
-    pub preset: PresetName,
+    #[serde(with = "super::preset")]
+    pub preset: Preset,
 }
 
 /// Largest seed: whole numbers of TOML go no further.

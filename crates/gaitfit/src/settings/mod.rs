@@ -7,6 +7,7 @@ mod load;
 mod loop_;
 mod messages;
 mod per_joint;
+mod preset;
 mod target;
 mod text;
 mod train;
@@ -24,6 +25,7 @@ use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::RandomNumbers;
 use gaitfit_adapt::{NetworkRule, ParameterRule, RobotRule, Rules};
 use gaitfit_log::PerJoint;
+pub use gaitfit_physics::Preset;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -135,7 +137,8 @@ pub struct SimulationConfig {
     /// Largest physics step, s; each log sample is split into the fewest equal steps not above it.
     pub timestep: f64,
     /// Solver effort.
-    pub preset: PresetName,
+    #[serde(with = "preset")]
+    pub preset: Preset,
     /// Seconds at the start of each log that do not count in costs and errors; see [`AdaptConfig::skip_seconds`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub skip_seconds: Option<f64>,
@@ -161,18 +164,6 @@ impl Default for FallsConfig {
     fn default() -> Self {
         Self { margin_seconds: 0.5, penalty: None }
     }
-}
-
-/// Solver effort by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum PresetName {
-    /// Two Newton iterations.
-    Fast,
-    /// Four Newton iterations with line search.
-    Accurate,
-    /// Until converged.
-    Converged,
 }
 
 /// The optimiser.
@@ -248,16 +239,6 @@ impl Configuration for AdaptConfig {
     const EXAMPLE: &'static str = "optimizer.seeds=3";
 }
 
-impl From<PresetName> for gaitfit_physics::Preset {
-    fn from(name: PresetName) -> Self {
-        match name {
-            PresetName::Fast => Self::Fast,
-            PresetName::Accurate => Self::Accurate,
-            PresetName::Converged => Self::Converged,
-        }
-    }
-}
-
 impl Default for AdaptConfig {
     fn default() -> Self {
         let group = |name: &str| (name.to_owned(), vec![format!("*_{name}*")]);
@@ -294,7 +275,7 @@ impl Default for SimulationConfig {
     fn default() -> Self {
         Self {
             timestep: 0.005,
-            preset: PresetName::Accurate,
+            preset: Preset::Accurate,
             skip_seconds: None,
             horizon_seconds: 0.0,
             threads: 0,

@@ -1,6 +1,6 @@
 //! Settings of a robot that can be run from here: `[target]` of a loop.
 
-use super::PresetName;
+use super::Preset;
 use crate::Spring;
 use gaitfit_adapt::{JointParameter, RobotNumber};
 use gaitfit_model::shown_number;
@@ -34,8 +34,8 @@ pub struct TargetConfig {
     #[serde(default)]
     pub log_shift: [f64; 2],
     /// Simulated: solver effort.
-    #[serde(default = "accurate")]
-    pub preset: PresetName,
+    #[serde(default = "accurate", with = "super::preset")]
+    pub preset: Preset,
     /// Command: how long each call of a program may take, s; then it is stopped.
     #[serde(default = "timeout_seconds")]
     pub timeout_seconds: f64,
@@ -106,8 +106,8 @@ fn first_seed() -> u64 {
     1
 }
 
-fn accurate() -> PresetName {
-    PresetName::Accurate
+fn accurate() -> Preset {
+    Preset::Accurate
 }
 
 fn every_joint() -> Vec<String> {

@@ -1,6 +1,6 @@
 //! The configuration of `gaitfit train`: its settings and their defaults. `gaitfit config train` prints them.
 
-use super::PresetName;
+use super::Preset;
 use super::load::{Configuration, merge, taken};
 use gaitfit_learn::TrainingSettings;
 use gaitfit_learn::ppo;
@@ -29,7 +29,8 @@ pub struct TrainConfig {
     /// Seconds between checkpoints.
     pub checkpoint_seconds: f64,
     /// Solver effort of the physics.
-    pub preset: PresetName,
+    #[serde(with = "super::preset")]
+    pub preset: Preset,
     /// How much is trained.
     pub train: TrainingSettings,
     /// Networks and optimisation.
@@ -78,7 +79,7 @@ impl Default for TrainConfig {
             runs: "runs".to_owned(),
             seeds: vec![1],
             checkpoint_seconds: 30.0,
-            preset: PresetName::Fast,
+            preset: Preset::Fast,
             train: TrainingSettings::default(),
             ppo: ppo::Settings::default(),
             task: Task::default(),

@@ -4,7 +4,7 @@ use super::results::Parent;
 use crate::Error;
 use crate::robot::Hold;
 use crate::run::inputs::Inputs;
-use crate::settings::{MOST_SEED, PresetName, TrainConfig};
+use crate::settings::{MOST_SEED, Preset, TrainConfig};
 use crate::{paths, robot};
 use gaitfit_learn::ppo::{self, Learner};
 use gaitfit_learn::task::Task;
@@ -47,7 +47,7 @@ pub struct Plan {
     /// Seconds between checkpoints.
     pub checkpoint_seconds: f64,
     /// Solver effort of the physics.
-    pub preset: PresetName,
+    pub preset: Preset,
     /// How much is trained.
     pub train: TrainingSettings,
     /// Networks and optimisation.
@@ -93,7 +93,7 @@ pub fn setup(config: &TrainConfig, name: &str, path: Option<&Path>, threads: usi
         None => robot::go2()?,
     };
     let refused = |error: TrainingError| refused(path, &error, printed_by);
-    let scene = Task::new(&model, &config.task.settings, config.preset.into())
+    let scene = Task::new(&model, &config.task.settings, config.preset)
         .map_err(|error| refused(error.into()))?;
     if scene.walker.interface.critic_observation.is_empty() {
         let wrong = "task.policy.critic_observation has no terms; list what the critic sees";

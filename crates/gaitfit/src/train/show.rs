@@ -29,7 +29,7 @@ pub fn show(setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Error>
     let task = setup.scene.settings.calm();
     let interface = policy.interface.clone();
     let delay = setup.candidate.as_ref().map_or(0.0, longest_delay);
-    let scene = Task::with_interface(&setup.model, &task, interface, setup.plan.preset.into(), delay)?;
+    let scene = Task::with_interface(&setup.model, &task, interface, setup.plan.preset, delay)?;
     let seed = policy.provenance.seed;
     let subject = Subject { task: &scene, policy, candidate: setup.candidate.as_ref(), seed };
     let record = record_gait(&subject, &gait::tour(&task.command))?;

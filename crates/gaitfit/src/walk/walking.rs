@@ -85,6 +85,6 @@ fn task(
     settings.substeps = steps as usize;
     let delay = base.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
     let delay = delay.max(theta.largest(JointParameter::Delay).unwrap_or(0.0));
-    Task::with_interface(model, &settings.calm(), interface, config.simulation.preset.into(), delay)
+    Task::with_interface(model, &settings.calm(), interface, config.simulation.preset, delay)
         .map_err(Error::failed)
 }

@@ -41,7 +41,7 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
     };
     settings.check().map_err(Failure::usage)?;
     let model = robot::go2()?;
-    let scene = Task::new(&model, &config.task.settings, config.preset.into()).map_err(Failure::failed)?;
+    let scene = Task::new(&model, &config.task.settings, config.preset).map_err(Failure::failed)?;
     let learner = Training::fresh_learner(&scene, &config.ppo, SEED).map_err(Failure::failed)?;
     let mut training = Training::new(&scene, None, &settings, learner, SEED).map_err(Failure::usage)?;
     let mut measured = Vec::new();
