@@ -1,12 +1,9 @@
 //! Settings of `gaitfit adapt` that do not go together, and what they mean to the optimiser.
 
-use super::{AdaptConfig, Base, LEAST_STRETCH_S};
+use super::{AdaptConfig, Base, LEAST_STRETCH_S, MOST_SEED};
 use crate::Error;
 use gaitfit_adapt::fit::{FallPenalty, FitOptions};
 use std::path::Path;
-
-/// Largest seed: what a TOML file can hold.
-const MOST_SEED: u64 = i64::MAX as u64;
 
 /// Refuses settings out of range, and those that a kind of log does not have.
 pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
