@@ -93,8 +93,8 @@ pub fn setup(config: &TrainConfig, name: &str, path: Option<&Path>, threads: usi
         None => robot::go2()?,
     };
     let refused = |error: TrainingError| refused(path, &error, printed_by);
-    let scene = Task::new(&model, &config.task.settings, config.preset)
-        .map_err(|error| refused(error.into()))?;
+    let scene =
+        Task::new(&model, &config.task.settings, config.preset).map_err(|error| refused(error.into()))?;
     if scene.walker.interface.critic_observation.is_empty() {
         let wrong = "task.policy.critic_observation has no terms; list what the critic sees";
         return Err(Error::settings(advice(path, wrong, printed_by)));
