@@ -27,6 +27,11 @@ pub struct GroupCost {
 }
 
 impl Breakdown {
+    /// A cost without parts.
+    pub fn of_total(total: f64) -> Self {
+        Self { total, groups: Vec::new() }
+    }
+
     /// Sums the groups.
     pub(crate) fn new(groups: Vec<GroupCost>) -> Self {
         Self { total: groups.iter().map(|group| group.weight * group.value).sum(), groups }

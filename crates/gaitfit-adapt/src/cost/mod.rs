@@ -63,8 +63,10 @@ pub trait Cost: Send + Sync {
     fn lost(&self) -> f64;
 
     /// The same cost, in the same scaling, against some of the recordings, which are numbered anew in the order given;
-    /// `None` if it cannot be had.
-    fn subset(&self, recordings: &[usize]) -> Option<Box<dyn Cost>>;
+    /// `None` if it cannot be had: then how well the logs identify a parameter is not measured.
+    fn subset(&self, _recordings: &[usize]) -> Option<Box<dyn Cost>> {
+        None
+    }
 
     /// An empty accumulator for one candidate. It can be reused for the next after [`Accumulator::finish`], which
     /// saves its allocations.

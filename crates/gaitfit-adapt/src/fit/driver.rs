@@ -34,6 +34,23 @@ pub struct FitOptions {
     pub random_numbers: RandomNumbers,
 }
 
+impl Default for FitOptions {
+    /// 200 generations of one seed, with the population and covariance of Hansen's tutorial.
+    fn default() -> Self {
+        Self {
+            population: 0,
+            generations: 200,
+            restarts: 0,
+            seeds: vec![1],
+            covariance: CovarianceKind::Full,
+            bounds: BoundHandling::Reflect,
+            tolerance: 1e-4,
+            falls: FallPenalty::default(),
+            random_numbers: RandomNumbers::default(),
+        }
+    }
+}
+
 impl FitOptions {
     /// The most generations that a seed can take, restarts among them.
     pub fn most_generations(&self) -> usize {
