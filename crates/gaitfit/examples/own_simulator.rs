@@ -4,8 +4,9 @@
 use gaitfit_adapt::cost::{CostKind, Recorded, Reference};
 use gaitfit_adapt::fit::{Fit, FitOptions, simulate_one};
 use gaitfit_adapt::{
-    Cancel, Consume, ParameterRule, Quantity, Rollout, Signals, Simulator, SimulatorError, Theta, never,
+    Cancel, Consume, ParameterRule, Rollout, Signals, Simulator, SimulatorError, Theta, never,
 };
+use gaitfit_physics::JointParameter;
 use std::sync::Arc;
 
 struct Pendulum(Vec<String>);
@@ -46,7 +47,8 @@ impl Simulator for Pendulum {
 /// Fits the pendulum and holds the result against the truth.
 pub fn main() -> Result<(), Box<dyn std::error::Error>> {
     let pendulum = Pendulum(vec!["swing".to_owned()]);
-    let rules = [ParameterRule::new(Quantity::Damping), ParameterRule::new(Quantity::FrictionLoss)];
+    let rules =
+        [ParameterRule::new(JointParameter::Damping), ParameterRule::new(JointParameter::FrictionLoss)];
     let groups = [("arm".to_owned(), vec!["swing".to_owned()])];
     let theta = Theta::from_rules(&rules, &groups, pendulum.joints())?;
     // The "robot": the same pendulum with numbers that the fit does not know.
