@@ -23,7 +23,7 @@ pub struct Spring {
 }
 
 /// Why a text is no spring.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SpringError {
     /// It is not written like one.
     #[error(
@@ -32,18 +32,21 @@ pub enum SpringError {
     )]
     Form(String),
     /// A number is out of range.
-    #[error("`spring` is \"{text}\": its {what} {value} must be from {least} to {most} {unit}")]
+    #[error(
+        "`spring` is \"{text}\": its {what} {} must be from {least} to {most} {unit}",
+        shown_number(*value)
+    )]
     Range {
         /// The whole text.
         text: String,
         /// Which number.
         what: &'static str,
         /// Its value.
-        value: String,
+        value: f64,
         /// Smallest value.
-        least: String,
+        least: f64,
         /// Largest value.
-        most: String,
+        most: f64,
         /// Unit of these.
         unit: &'static str,
     },
@@ -74,8 +77,7 @@ impl FromStr for Spring {
             if (least..=most).contains(&value) {
                 return Ok(value);
             }
-            let (least, most) = (shown_number(least), shown_number(most));
-            Err(SpringError::Range { text: shown(text), what, value: shown_number(value), least, most, unit })
+            Err(SpringError::Range { text: shown(text), what, value, least, most, unit })
         };
         let joint = joint.trim().to_owned();
         if joint.is_empty() {
