@@ -173,18 +173,27 @@ impl<'c, 's> BodyReader<'c, 's> {
         let mut mass = MassSources::default();
         let inner = Scope { body: index, class, frame: ([0.0; 3], IDENTITY) };
         self.read_children(element, inner, &mut mass)?;
-        self.bodies[index].inertial = self.settle_mass(element, mass)?;
+        self.bodies[index].inertial = self.settle_mass(element, pose, mass)?;
         Ok(())
     }
 
-    /// The body's inertia: explicit, or from its geoms, as `inertiafromgeom` says.
-    fn settle_mass(&mut self, element: &Element, mass: MassSources) -> Result<Inertial, ModelError> {
+    /// The body's inertia: explicit, or from its geoms, as `inertiafromgeom` says. `pose` is the body's own, as the
+    /// file writes it.
+    fn settle_mass(
+        &mut self,
+        element: &Element,
+        pose: (Vec3, Quat),
+        mass: MassSources,
+    ) -> Result<Inertial, ModelError> {
         let from_geoms = match self.compiler.inertia_from_geom {
             InertiaFromGeom::Always => true,
             InertiaFromGeom::Never => false,
             InertiaFromGeom::Auto => mass.explicit.is_none(),
         };
-        let mut inertial = mass.explicit.unwrap_or(crate::inertia::MASSLESS);
+        // MuJoCo gives a body without inertia its own pose as the inertial frame. The frame sets where a bound mass
+        // lies, and how soft the body's contacts are.
+        let nothing = Inertial { pos: pose.0, quat: pose.1, ..crate::inertia::MASSLESS };
+        let mut inertial = mass.explicit.unwrap_or(nothing);
         if from_geoms {
             let mut parts = Vec::new();
             for (part, at, label, always, auto) in &mass.geoms {

@@ -144,12 +144,15 @@ pub(crate) fn read_option(
     match a.word(ctx, "integrator", &integrators)? {
         Some(0) => options.integrator = Integrator::Euler,
         Some(1) => options.integrator = Integrator::ImplicitFast,
-        Some(other) => ctx.refuse(
-            a.at("integrator"),
-            format!("integrator {}", integrators[other]),
-            "only Euler and implicitfast are implemented",
-            "use integrator=\"implicitfast\" or \"Euler\"",
-        )?,
+        Some(other) => {
+            ctx.refuse(
+                a.at("integrator"),
+                format!("integrator {}", integrators[other]),
+                "only Euler and implicitfast are implemented; a lenient reading takes Euler",
+                "use integrator=\"implicitfast\" or \"Euler\"",
+            )?;
+            options.integrator = Integrator::Euler;
+        }
         None => {}
     }
     for (name, target) in

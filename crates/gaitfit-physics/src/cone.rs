@@ -83,6 +83,74 @@ pub(crate) fn pyramid<T: Real>(condim: usize, mu: &[T; 5], d: T, j: &[T; 6]) -> 
     (force, w)
 }
 
+/// What an elliptic contact's force and Hessian are made of, by the zone that its residual lies in.
+///
+/// With u = μ·(tangential residual), t = |u| and e = u/t the negative force is (`normal`, μ·`along`·u) and the Hessian
+/// [`nn`, μ·`cross`·e; ·, μμ(`round`·1 + `radial`·e eᵀ)].
+struct Ellipse<T> {
+    inverse: T,
+    normal: T,
+    along: T,
+    nn: T,
+    cross: T,
+    round: T,
+    radial: T,
+}
+
+/// Constants of an elliptic contact: √(μ₁²/impratio), stiffness of the cone, and that of the tangents at its bottom.
+#[inline(always)]
+fn ellipse_stiffness<T: Real>(mu: T, impratio: f64, d: T) -> (T, T, T) {
+    let regular = mu * T::lit(impratio.sqrt().recip());
+    let reg2 = regular * regular;
+    // Bottom zone: plain quadratic with D_k·mu_1² = D_1·mu_k².
+    (regular, d.div(reg2.fma(reg2, reg2)), (d * T::lit(impratio)).div(mu * mu))
+}
+
+impl<T: Real> Ellipse<T> {
+    /// At normal residual `j0` and squared length `t2` of u; `d` belongs to the normal row.
+    #[inline(always)]
+    fn new(mu: T, impratio: f64, d: T, j0: T, t2: T) -> Self {
+        let z = T::zero();
+        let (regular, dm, bottom) = ellipse_stiffness(mu, impratio, d);
+        let n = regular * j0;
+        let t = t2.sqrt();
+        let inverse = t.max(T::lit(1e-12)).recip();
+        let (mt, mn_t) = (regular * t, regular.fma(n, t));
+        let stiff = (dm * regular) * regular;
+        let middle = (dm * regular) * (n - mt);
+        let turn = ((dm * regular) * n) * inverse;
+        let zone = |middle: T, bottom: T| zone(n, mt, mn_t, middle, bottom);
+        Self {
+            inverse,
+            normal: zone(middle, d * j0),
+            along: zone(-(middle * inverse), bottom),
+            nn: zone(stiff, d),
+            cross: zone(-stiff, z),
+            round: zone(stiff - turn, bottom),
+            radial: zone(turn, z),
+        }
+    }
+}
+
+/// Elliptic contact of three dimensions: negative force and weight (nn, 11, 22, n1, n2, 12).
+#[inline(always)]
+pub(crate) fn ellipse3<T: Real>(mu: &[T; 5], impratio: f64, d: T, j: V3<T>) -> (V3<T>, Sym3<T>) {
+    let (u1, u2) = (mu[0] * j[1], mu[1] * j[2]);
+    let c = Ellipse::new(mu[0], impratio, d, j[0], u1.fma(u1, u2 * u2));
+    let (e1, e2) = (mu[0] * (c.inverse * u1), mu[1] * (c.inverse * u2));
+    (
+        [c.normal, mu[0] * (c.along * u1), mu[1] * (c.along * u2)],
+        [
+            c.nn,
+            (c.radial * e1).fma(e1, c.round * (mu[0] * mu[0])),
+            (c.radial * e2).fma(e2, c.round * (mu[1] * mu[1])),
+            c.cross * e1,
+            c.cross * e2,
+            (c.radial * e1) * e2,
+        ],
+    )
+}
+
 /// Elliptic contact of `condim` ≥ 3 dimensions; `d` belongs to the normal row.
 #[inline(always)]
 pub(crate) fn ellipse<T: Real>(
@@ -93,47 +161,69 @@ pub(crate) fn ellipse<T: Real>(
     j: &[T; 6],
 ) -> ([T; 6], [[T; 6]; 6]) {
     let z = T::zero();
-    let regular = mu[0] * T::lit(impratio.sqrt().recip());
-    // Bottom zone: plain quadratic with D_k·mu_1² = D_1·mu_k².
-    let tangent_d = (d * T::lit(impratio)).div(mu[0] * mu[0]);
-    let n = regular * j[0];
     let mut u = [z; 6];
     let mut t2 = z;
     for k in 1..condim {
         u[k] = mu[k - 1] * j[k];
         t2 = u[k].fma(u[k], t2);
     }
-    let t = t2.sqrt();
-    let ts = t.max(T::lit(1e-12));
-    let inv_t = ts.recip();
-    let (mt, mn_t) = (regular * t, regular.fma(n, t));
-    let reg2 = regular * regular;
-    let dm = d.div(reg2.fma(reg2, reg2));
-    let middle_n = (dm * (n - mt)) * regular;
-    let radial = (regular * n) * ((inv_t * inv_t) * inv_t);
-    let round = reg2 - (regular * n) * inv_t;
-
+    let c = Ellipse::new(mu[0], impratio, d, j[0], t2);
     let mut force = [z; 6];
     let mut w = [[z; 6]; 6];
-    force[0] = zone(n, mt, mn_t, middle_n, d * j[0]);
-    w[0][0] = zone(n, mt, mn_t, dm * reg2, d);
+    let mut e = [z; 6];
+    force[0] = c.normal;
+    w[0][0] = c.nn;
     for k in 1..condim {
-        let dk = tangent_d * (mu[k - 1] * mu[k - 1]);
-        let uk = u[k] * mu[k - 1];
-        force[k] = zone(n, mt, mn_t, -((middle_n * inv_t) * uk), dk * j[k]);
-        w[0][k] = zone(n, mt, mn_t, -((dm * reg2) * (inv_t * uk)), z);
+        let m = mu[k - 1];
+        e[k] = m * (c.inverse * u[k]);
+        force[k] = m * (c.along * u[k]);
+        w[0][k] = c.cross * e[k];
         w[k][0] = w[0][k];
-        for l in 1..=k {
-            let ul = u[l] * mu[l - 1];
-            let mut h = radial * (uk * ul);
-            if l == k {
-                h = round.fma(mu[k - 1] * mu[k - 1], h);
-            }
-            w[k][l] = zone(n, mt, mn_t, dm * h, if l == k { dk } else { z });
+        for l in 1..k {
+            w[k][l] = (c.radial * e[k]) * e[l];
             w[l][k] = w[k][l];
         }
+        w[k][k] = (c.radial * e[k]).fma(e[k], c.round * (m * m));
     }
     (force, w)
+}
+
+/// First and second derivative along `step` of the elliptic contact's cost at residual `j + alpha·step`.
+#[inline(always)]
+pub(crate) fn ellipse_line<T: Real>(
+    condim: usize,
+    mu: &[T; 5],
+    impratio: f64,
+    d: T,
+    (j, step): (&[T; 6], &[T; 6]),
+    alpha: T,
+    g: (T, T),
+) -> (T, T) {
+    let z = T::zero();
+    let (mut t2, mut uv, mut vv) = (z, z, z);
+    for k in 1..condim {
+        let u = mu[k - 1] * alpha.fma(step[k], j[k]);
+        let v = mu[k - 1] * step[k];
+        t2 = u.fma(u, t2);
+        uv = u.fma(v, uv);
+        vv = v.fma(v, vv);
+    }
+    let (regular, dm, bottom) = ellipse_stiffness(mu[0], impratio, d);
+    let j0 = alpha.fma(step[0], j[0]);
+    let n = regular * j0;
+    let t = t2.sqrt();
+    let inverse = t.max(T::lit(1e-12)).recip();
+    let (mt, mn_t) = (regular * t, regular.fma(n, t));
+    // The length t and its derivatives along the step; the second one is never negative.
+    let t1 = uv * inverse;
+    let t11 = t1.fnma(t1, vv).max(z) * inverse;
+    let (gap, gap1) = (n - mt, regular * (step[0] - t1));
+    let first = dm * (gap * gap1);
+    let second = dm * gap1.fma(gap1, -((gap * regular) * t11));
+    (
+        g.0 + zone(n, mt, mn_t, first, (d * j0).fma(step[0], bottom * uv)),
+        g.1 + zone(n, mt, mn_t, second, (d * step[0]).fma(step[0], bottom * vv)),
+    )
 }
 
 /// Zero above the cone, `middle` on it, `bottom` below its dual.

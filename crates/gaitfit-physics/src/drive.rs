@@ -108,6 +108,10 @@ pub fn actuate(model: &Model, ctrl: &[f64], qpos_joints: &[f64], qvel_joints: &[
     }
     for (drive, joint) in drives.iter_mut().zip(&model.joints) {
         if let Some([low, high]) = joint.actuatorfrcrange {
+            // A torque at the joint's limit does not depend on velocity, as with an actuator's own.
+            if drive.torque <= low || drive.torque >= high {
+                drive.damping = 0.0;
+            }
             drive.torque = drive.torque.max(low).min(high);
         }
     }

@@ -7,7 +7,7 @@
 
 use core::ops::Range;
 
-use crate::cone::{ellipse, pyramid, pyramid3, pyramid3_line};
+use crate::cone::{ellipse, ellipse_line, ellipse3, pyramid, pyramid3, pyramid3_line};
 use crate::contact::components;
 use crate::segment::{Wanted, back_substitute, eliminate};
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6, zero6};
@@ -120,15 +120,13 @@ fn contact_terms<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
             if pair.condim == 1 || (pair.condim == 3 && !tree.elliptic) {
                 (force, weight) = pyramid3(pair.condim, &mu, point.d, point.residual[0]);
                 point.force[0] = force;
+            } else if pair.condim == 3 {
+                (force, weight) = ellipse3(&mu, tree.impratio, point.d, point.residual[0]);
+                point.force[0] = force;
             } else {
                 let (f, w) = cone(tree, pair, &mu, point.d, &flat(&point.residual));
                 point.force = [[f[0], f[1], f[2]], [f[3], f[4], f[5]]];
-                if pair.condim > 3 {
-                    work.spins[pair.spin + number] = spin_terms(pair.condim, point, &f, &w);
-                } else {
-                    force = point.force[0];
-                    weight = [w[0][0], w[1][1], w[2][2], w[0][1], w[0][2], w[1][2]];
-                }
+                work.spins[pair.spin + number] = spin_terms(pair.condim, point, &f, &w);
             }
             (point.world_force, point.weight) = to_world(pair, &point.frame, force, weight);
         }
@@ -332,10 +330,14 @@ fn rows_along<T: Real>(tree: &Tree<T::K>, alpha: T, state: &State<T>, work: &Wor
             }
             let step = flat(&point.step);
             let mut j = flat(&point.residual);
+            if tree.elliptic {
+                g = ellipse_line(pair.condim, mu, tree.impratio, point.d, (&j, &step), alpha, g);
+                continue;
+            }
             for k in 0..pair.condim {
                 j[k] = alpha.fma(step[k], j[k]);
             }
-            let (force, w) = cone(tree, pair, mu, point.d, &j);
+            let (force, w) = pyramid(pair.condim, mu, point.d, &j);
             for k in 0..pair.condim {
                 let mut row = z;
                 for l in 0..pair.condim {
