@@ -1,4 +1,4 @@
-"""Writes the physics fixtures: states and short rollouts of four robots, computed with MuJoCo in float64.
+"""Writes the physics fixtures: states and short rollouts of five robots, computed with MuJoCo in float64.
 
 Reads the MJCF files beside the fixtures (crates/gaitfit-physics/tests/fixtures/*.xml) and writes one .npz per robot
 and option variant; README.md in that folder describes every array. The same MuJoCo version gives the same numbers.
@@ -58,6 +58,10 @@ VARIANTS = {
         Variant("pyr_imp1_fl"),
         Variant("ell_imp1_nofl", ELLIPTIC, frictionloss=False),
         Variant("pyr_imp1_fl_implicitfast", integrator=IMPLICITFAST),
+    ],
+    "tripod": [
+        Variant("pyr_imp1_fl_implicitfast", integrator=IMPLICITFAST),
+        Variant("ell_imp1_nofl", ELLIPTIC, frictionloss=False),
     ],
     "go2": [
         Variant("pyr_imp1_fl"),
@@ -310,7 +314,7 @@ def main():
         if args.only in (None, robot):
             for variant in variants:
                 write_states(robot, variant, args.out)
-                if variant.name == ROLLOUTS[robot]:
+                if variant.name == ROLLOUTS.get(robot):
                     write_rollout(robot, variant, args.out)
 
 

@@ -269,3 +269,18 @@ fn the_summary_adds_up() {
     assert_eq!(json["root"], "floating");
     assert_eq!(json["joints"][0]["range"], serde_json::json!([-1.0, 1.0]));
 }
+
+/// What a lenient reading takes instead is said, not only what it leaves out.
+#[test]
+fn other_integrators_become_euler_and_it_is_said() {
+    for integrator in ["implicit", "RK4"] {
+        let text = with(
+            "top",
+            &format!("<option integrator=\"implicitfast\"/><option integrator=\"{integrator}\"/>"),
+        );
+        let model = lenient(&text).unwrap();
+        assert_eq!(model.options.integrator, gaitfit_model::Integrator::Euler);
+        let listed = model.dropped.iter().find(|d| d.what.contains(integrator)).unwrap();
+        assert!(listed.why.contains("takes Euler"), "{}", listed.why);
+    }
+}

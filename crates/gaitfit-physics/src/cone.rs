@@ -188,7 +188,26 @@ pub(crate) fn ellipse<T: Real>(
     (force, w)
 }
 
-/// First and second derivative along `step` of the elliptic contact's cost at residual `j + alpha·step`.
+/// Where along a step the contacts change between slipping one way and the other, around the place that was looked at.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Kinks<T> {
+    /// The nearest one before it, below zero if there is none.
+    pub below: T,
+    /// The nearest one after it, very large if there is none.
+    pub above: T,
+}
+
+impl<T: Real> Kinks<T> {
+    /// None found.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Self { below: T::lit(-1.0), above: T::lit(1e30) }
+    }
+}
+
+/// First and second derivative along `step` of the elliptic contact's cost at residual `j + alpha·step`. Where the
+/// tangential residual is smallest along the step the cost has a kink, as narrow as `impratio` is large; `kinks` learns
+/// of it if the contact presses there.
 #[inline(always)]
 pub(crate) fn ellipse_line<T: Real>(
     condim: usize,
@@ -198,6 +217,7 @@ pub(crate) fn ellipse_line<T: Real>(
     (j, step): (&[T; 6], &[T; 6]),
     alpha: T,
     g: (T, T),
+    kinks: &mut Kinks<T>,
 ) -> (T, T) {
     let z = T::zero();
     let (mut t2, mut uv, mut vv) = (z, z, z);
@@ -220,6 +240,15 @@ pub(crate) fn ellipse_line<T: Real>(
     let (gap, gap1) = (n - mt, regular * (step[0] - t1));
     let first = dm * (gap * gap1);
     let second = dm * gap1.fma(gap1, -((gap * regular) * t11));
+
+    let ahead = -(uv.div(vv.max(T::lit(1e-30))));
+    let kink = alpha + ahead;
+    // Positive stiffness and a negative normal residual: it presses.
+    let presses = d * ahead.fma(step[0], j0);
+    let below = T::select_lt(kink, T::lit(0.99) * alpha, kink.max(kinks.below), kinks.below);
+    kinks.below = T::select_lt(presses, z, below, kinks.below);
+    let above = T::select_lt(T::lit(1.01) * alpha, kink, kink.min(kinks.above), kinks.above);
+    kinks.above = T::select_lt(presses, z, above, kinks.above);
     (
         g.0 + zone(n, mt, mn_t, first, (d * j0).fma(step[0], bottom * uv)),
         g.1 + zone(n, mt, mn_t, second, (d * step[0]).fma(step[0], bottom * vv)),

@@ -37,9 +37,10 @@ pub struct Settings {
 /// Named solver efforts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// 2 full Newton steps: for training, where the truncation is far below the randomisation.
+    /// 2 full Newton steps with pyramidal cones, 6 with a line search with elliptic ones: for training, where the
+    /// truncation is far below the randomisation.
     Fast,
-    /// 4 Newton steps with a line search.
+    /// 4 Newton steps with a line search; 8 with elliptic cones.
     Accurate,
     /// 50 Newton steps with 20 line-search evaluations: the unique minimum, for comparisons.
     Converged,
@@ -71,10 +72,14 @@ impl std::str::FromStr for Preset {
 impl Settings {
     /// The preset with the model's own options for everything else.
     pub fn new(options: &Options, preset: Preset) -> Self {
-        let (iterations, line_search) = match preset {
-            Preset::Fast => (2, 0),
-            Preset::Accurate => (4, 1),
-            Preset::Converged => (50, 20),
+        // A pyramid's cost is quadratic in pieces. An ellipse's bends, and has kinks the narrower the larger `impratio`
+        // is: full steps jump to and fro across them for ever.
+        let (iterations, line_search) = match (preset, options.cone) {
+            (Preset::Fast, Cone::Pyramidal) => (2, 0),
+            (Preset::Fast, Cone::Elliptic) => (6, 2),
+            (Preset::Accurate, Cone::Pyramidal) => (4, 1),
+            (Preset::Accurate, Cone::Elliptic) => (8, 3),
+            (Preset::Converged, _) => (50, 20),
         };
         let damping = match (options.integrator, options.eulerdamp, preset) {
             (Integrator::Euler, false, _) => Damping::Explicit,

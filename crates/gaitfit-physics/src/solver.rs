@@ -7,7 +7,7 @@
 
 use core::ops::Range;
 
-use crate::cone::{ellipse, ellipse_line, ellipse3, pyramid, pyramid3, pyramid3_line};
+use crate::cone::{Kinks, ellipse, ellipse_line, ellipse3, pyramid, pyramid3, pyramid3_line};
 use crate::contact::components;
 use crate::segment::{Wanted, back_substitute, eliminate};
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6, zero6};
@@ -267,7 +267,8 @@ fn line_search<T: Real>(
     let mut upper = T::lit(16.0);
     let mut moved = T::lit(32.0);
     for _ in 0..tree.settings.line_search {
-        let (g, h) = rows_along(tree, alpha, state, work);
+        let mut kinks = Kinks::none();
+        let (g, h) = rows_along(tree, alpha, state, work, &mut kinks);
         let g = alpha.fma(curvature, slope) + g;
         let h = (h + curvature).max(T::lit(1e-30));
         lower = T::select_lt(g, z, alpha, lower);
@@ -283,6 +284,13 @@ fn line_search<T: Real>(
         let mut next = T::select_lt(newton, low, middle, newton);
         next = T::select_lt(high, newton, middle, next);
         next = T::select_lt(moved, T::lit(2.0) * change.abs(), middle, next);
+        if tree.elliptic {
+            // Newton's method does not see a kink that it steps across, and it may be narrow: look there first.
+            let below = T::select_lt(lower, kinks.below, kinks.below, newton);
+            let above = T::select_lt(kinks.above, upper, kinks.above, newton);
+            let falling = T::select_lt(above, newton, above, next);
+            next = T::select_lt(g, z, falling, T::select_lt(newton, below, below, next));
+        }
         // Rounding moves a found minimum by less than the last number.
         moved = (next - alpha).abs().max(T::lit(1e-5));
         alpha = next;
@@ -290,9 +298,15 @@ fn line_search<T: Real>(
     alpha
 }
 
-/// First and second derivative of the rows' cost at `alpha` along the step.
+/// First and second derivative of the rows' cost at `alpha` along the step; elliptic contacts tell their `kinks`.
 #[inline(always)]
-fn rows_along<T: Real>(tree: &Tree<T::K>, alpha: T, state: &State<T>, work: &Work<T>) -> (T, T) {
+fn rows_along<T: Real>(
+    tree: &Tree<T::K>,
+    alpha: T,
+    state: &State<T>,
+    work: &Work<T>,
+    kinks: &mut Kinks<T>,
+) -> (T, T) {
     let z = T::zero();
     let mut g = (z, z);
     for j in 0..work.joints.len() {
@@ -331,7 +345,7 @@ fn rows_along<T: Real>(tree: &Tree<T::K>, alpha: T, state: &State<T>, work: &Wor
             let step = flat(&point.step);
             let mut j = flat(&point.residual);
             if tree.elliptic {
-                g = ellipse_line(pair.condim, mu, tree.impratio, point.d, (&j, &step), alpha, g);
+                g = ellipse_line(pair.condim, mu, tree.impratio, point.d, (&j, &step), alpha, g, kinks);
                 continue;
             }
             for k in 0..pair.condim {

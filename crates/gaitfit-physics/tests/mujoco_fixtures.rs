@@ -1,4 +1,4 @@
-//! The engine against MuJoCo 4.0.0 on four robots (fixtures by tools/make_physics_fixtures.py).
+//! The engine against MuJoCo 4.0.0 on five robots (fixtures by tools/make_physics_fixtures.py).
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 mod common;
@@ -49,6 +49,12 @@ fn states_of_the_biped() {
 #[test]
 fn states_of_the_humanoid() {
     compare_states("humanoid");
+}
+
+/// Massless feet, and actuators clamped at their joints.
+#[test]
+fn states_of_the_tripod() {
+    compare_states("tripod");
 }
 
 #[test]

@@ -1,0 +1,59 @@
+//! The quick presets on a walk with elliptic friction cones: MuJoCo's own steps, one after the other, each begun from
+//! MuJoCo's state with the warm start of the step before (fixtures by tools/make_walk_fixtures.py).
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod common;
+
+use common::{Arrays, here};
+use gaitfit_model::{Cone, Model, ReadOptions, read};
+use gaitfit_physics::{Forward, Preset, Settings, state_from, state_to};
+
+/// Root-mean-square error of a step's new velocity (norm over all degrees of freedom), and the share of steps off by
+/// more than 0.01.
+fn errors(model: &Model, preset: Preset, data: &Arrays) -> (f64, f64) {
+    let (nq, nv, nu) = (model.nq(), model.nv(), model.nu());
+    let mut forward = Forward::new(model, &Settings::new(&model.options, preset)).unwrap();
+    let mut squares = Vec::new();
+    for robot in 0..data.len("qpos") {
+        let row = |name, width: usize, step: usize| &data.row(name, robot)[step * width..(step + 1) * width];
+        let state_at = |forward: &Forward, step| {
+            state_from(forward.tree(), row("qpos", nq, step), row("qvel", nv, step)).unwrap()
+        };
+        let mut last = state_at(&forward, 0);
+        for step in 0..data.row("torque", robot).len() / nu {
+            let mut state = state_at(&forward, step);
+            state.base_acceleration = last.base_acceleration;
+            state.qacc.clone_from(&last.qacc);
+            forward.step(&mut state, row("torque", nu, step)).unwrap();
+            let (_, got) = state_to(forward.tree(), &state);
+            let square: f64 = got.iter().zip(row("qvel", nv, step + 1)).map(|(a, b)| (a - b).powi(2)).sum();
+            // The first step has no warm start.
+            if step > 0 {
+                squares.push(square);
+            }
+            last = state;
+        }
+    }
+    let count = squares.len() as f64;
+    let off = squares.iter().filter(|&&square| square > 1e-4).count();
+    ((squares.iter().sum::<f64>() / count).sqrt(), off as f64 / count)
+}
+
+#[test]
+fn presets_walk_on_elliptic_cones_as_mujoco_does() {
+    for impratio in [1, 100] {
+        let data = Arrays::open(&here(&format!("tests/fixtures/walk_go2_ell_imp{impratio}.npz")));
+        let mut model = read(&here("../../assets/go2.xml"), &ReadOptions::default()).unwrap();
+        model.options.cone = Cone::Elliptic;
+        model.options.impratio = f64::from(impratio);
+        // Speeds of joints on this walk are 4 rad/s in the mean, and a full Newton step without a search errs by 5.
+        let limits =
+            [(Preset::Fast, 0.8, 0.03), (Preset::Accurate, 0.2, 0.01), (Preset::Converged, 1e-6, 0.0)];
+        for (preset, mean, share) in limits {
+            let (error, off) = errors(&model, preset, &data);
+            println!("impratio {impratio}, {preset:?}: {error:.1e}, {:.1} % off", 100.0 * off);
+            assert!(error <= mean, "impratio {impratio}, {preset:?}: off by {error}");
+            assert!(off <= share, "impratio {impratio}, {preset:?}: {off} of the steps are off");
+        }
+    }
+}
