@@ -159,10 +159,12 @@ class Robot:
         fall = policy.fall | world.fall
         self.lowest, self.upright = fall["height"], math.cos(math.radians(fall["tilt"]))
         geoms = {model.geom(g).name: g for g in range(model.ngeom)}
-        for name in fall["contacts"]:
-            if name not in geoms:
-                raise Refused(f"{world.model} has no geom {name}, whose contact is a fall")
-        self.fall_geoms = {geoms[name] for name in fall["contacts"]}
+        self.fall_geoms = set()
+        for pattern in fall["contacts"]:
+            found = {geoms[name] for name in fnmatch.filter(geoms, pattern)}
+            if not found:
+                raise Refused(f"{world.model} has no geom {pattern}, whose contact is a fall")
+            self.fall_geoms |= found
 
     def _find_joints(self, policy, world):
         model = self.model
