@@ -3,7 +3,9 @@
 use crate::columns::Layout;
 use crate::metadata::Metadata;
 use crate::read::Samples;
-use crate::{BaseState, Gains, IgnoredColumn, LogError, ReadReport, Trajectory};
+use crate::scale::scales;
+use crate::time_unit::recognise;
+use crate::{BaseState, ConvertedTime, Gains, IgnoredColumn, LogError, ReadReport, TimeUnit, Trajectory};
 use gaitfit_model::rotation::from_rpy;
 use std::path::Path;
 
@@ -11,17 +13,17 @@ use std::path::Path;
 pub(crate) fn assemble(
     path: &Path,
     layout: Layout,
-    samples: Samples,
+    mut samples: Samples,
     metadata: Metadata,
     mut report: ReadReport,
 ) -> Result<(Trajectory, ReadReport), LogError> {
     report.ignored = layout.ignored;
     let joints = layout.joints;
     let gains = resolve_gains(&metadata, &joints, &mut report)?;
-    let rate_hz = match &metadata.rate_hz {
+    let stated = match &metadata.rate_hz {
         Some(rate) if rate.value.is_finite() && rate.value > 0.0 => {
             report.rate_from = Some(rate.place.clone());
-            rate.value
+            Some(rate.value)
         }
         Some(rate) => {
             return Err(LogError::Metadata {
@@ -29,6 +31,12 @@ pub(crate) fn assemble(
                 problem: format!("rate_hz is {}; give a positive sample rate in Hz", rate.value),
             });
         }
+        None => None,
+    };
+    report.converted_time = time_in_seconds(&mut samples, layout.time_unit, stated, joints.len())
+        .map_err(|problem| LogError::Metadata { place: path.display().to_string(), problem })?;
+    let rate_hz = match stated {
+        Some(rate) => rate,
         None => measured_rate(&samples.time).ok_or_else(|| LogError::Metadata {
             place: path.display().to_string(),
             problem: "time does not say the sample rate (one sample, or time stands still); state it as \
@@ -82,6 +90,27 @@ pub(crate) fn assemble(
     };
     trajectory.validate()?;
     Ok((trajectory, report))
+}
+
+/// Converts the time column to seconds, from the unit that its name says or its values show.
+fn time_in_seconds(
+    samples: &mut Samples,
+    named: Option<TimeUnit>,
+    stated_hz: Option<f64>,
+    joints: usize,
+) -> Result<Option<ConvertedTime>, String> {
+    let converted = match named {
+        Some(TimeUnit::Seconds) => None,
+        Some(unit) => Some(ConvertedTime { unit, because: "the column's name says so".to_owned() }),
+        None => {
+            let [position, velocity, ..] = samples.channels.as_slice() else { return Ok(None) };
+            recognise(&samples.time, stated_hz, || scales(&samples.time, position, velocity, joints).shared)?
+        }
+    };
+    if let Some(ConvertedTime { unit, .. }) = &converted {
+        samples.time.iter_mut().for_each(|time| *time /= unit.per_second());
+    }
+    Ok(converted)
 }
 
 fn resolve_gains(

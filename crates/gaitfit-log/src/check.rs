@@ -7,6 +7,7 @@
 mod falls;
 mod following;
 mod joints;
+mod reading;
 mod saturation;
 pub(crate) mod stats;
 mod time;
@@ -17,6 +18,7 @@ mod windows;
 pub use falls::{Fall, FallSign, falls};
 
 use crate::Trajectory;
+use crate::scale::scales;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -71,6 +73,8 @@ pub enum FindingKind {
     TimeGap,
     /// Sample intervals vary.
     IrregularTime,
+    /// The time column was in another unit than seconds.
+    TimeUnit,
     /// The stated sample rate is not the rate of the samples.
     RateMismatch,
     /// Many rows repeat the one before: the recorder ran faster than the robot reports.
@@ -140,6 +144,7 @@ impl std::fmt::Display for FindingKind {
             FindingKind::NonMonotonicTime => "non-monotonic time",
             FindingKind::TimeGap => "time gap",
             FindingKind::IrregularTime => "irregular time",
+            FindingKind::TimeUnit => "time unit",
             FindingKind::RateMismatch => "rate mismatch",
             FindingKind::RepeatedRows => "repeated rows",
             FindingKind::NotFinite => "not finite",
@@ -182,9 +187,10 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
         findings.add(FindingKind::TooShort, Severity::Error, &[], None, message);
         return findings.list;
     }
-    time::check(&mut findings);
+    let scales = scales(&log.time, &log.position, &log.velocity, log.joints.len());
+    let rate_is_said = time::check(&mut findings, scales.shared);
     values::check(&mut findings, spec);
-    velocity::check(&mut findings);
+    velocity::check(&mut findings, &scales, rate_is_said);
     saturation::check(&mut findings, spec);
     following::check(&mut findings, spec);
     findings.list.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
@@ -216,6 +222,13 @@ impl Findings<'_> {
         });
         let joints = joints.iter().map(|&joint| self.log.joints[joint].clone()).collect();
         self.list.push(Finding { kind, severity, joints, span, message });
+    }
+
+    /// 1 / median of the intervals by which time increases, Hz; absent where it never does.
+    fn recorded_hz(&self) -> Option<f64> {
+        let steps = self.log.time.windows(2).map(|pair| pair[1] - pair[0]);
+        let mut forward: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
+        stats::median(&mut forward).map(|step| 1.0 / step)
     }
 
     /// Joint names for a message: all of them, or how many.

@@ -1,7 +1,7 @@
 //! What each column of a header means: the table in the crate's documentation, as code.
 
-use crate::{IgnoredColumn, LogError};
-use std::collections::HashMap;
+use crate::{IgnoredColumn, LogError, TimeUnit};
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 pub(crate) const COMMAND: [&str; 3] = ["vx_cmd", "vy_cmd", "wz_cmd"];
@@ -17,6 +17,8 @@ pub(crate) const BASE_RATES: [&str; 3] = ["wx", "wy", "wz"];
 pub(crate) struct Layout {
     pub names: Vec<String>,
     pub time: usize,
+    /// The time column's unit, where its name says it.
+    pub time_unit: Option<TimeUnit>,
     pub joints: Vec<String>,
     pub position: Vec<usize>,
     pub velocity: Vec<usize>,
@@ -56,7 +58,14 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
         remedy,
     };
 
-    let time = *index.get("time").ok_or_else(|| missing("time", time_remedy(&names)))?;
+    let named = || {
+        TimeUnit::ALL.into_iter().find_map(|unit| Some((*index.get(unit.column())?, Some(unit))))
+    };
+    let (time, time_unit) = index
+        .get("time")
+        .map(|&column| (column, None))
+        .or_else(named)
+        .ok_or_else(|| missing("time", time_remedy(&names)))?;
     let (position, joints): (Vec<usize>, Vec<String>) = names
         .iter()
         .enumerate()
@@ -74,14 +83,20 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
     let mut take = |columns: &[usize]| columns.iter().for_each(|&column| used[column] = true);
     take(&position);
 
-    let mut orphans = Vec::new();
+    let mut orphans: Vec<(usize, String)> = TimeUnit::ALL
+        .into_iter()
+        .filter_map(|unit| index.get(unit.column()).copied())
+        .filter(|&column| column != time)
+        .map(|column| (column, format!("`{}` says it already", names[time])))
+        .collect();
+    let known: HashSet<&str> = joints.iter().map(String::as_str).collect();
     let mut per_joint = |prefix: &str, needed: bool| -> Result<Option<Vec<usize>>, LogError> {
         let columns: Vec<Option<usize>> =
             joints.iter().map(|joint| index.get(format!("{prefix}{joint}").as_str()).copied()).collect();
         for (column, name) in names.iter().enumerate() {
             if let Some(joint) = name.strip_prefix(prefix)
                 && !joint.is_empty()
-                && !joints.iter().any(|known| known == joint)
+                && !known.contains(joint)
             {
                 orphans.push((column, format!("there is no `q_{joint}`")));
             }
@@ -134,11 +149,8 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
     }
 
     let mut ignored: Vec<(usize, String)> = orphans;
-    for (column, used) in used.iter().enumerate() {
-        if !used && !ignored.iter().any(|(known, _)| *known == column) {
-            ignored.push((column, "unknown name".to_owned()));
-        }
-    }
+    ignored.iter().for_each(|(column, _)| used[*column] = true);
+    ignored.extend((0..used.len()).filter(|&column| !used[column]).map(|column| (column, "unknown name".to_owned())));
     ignored.sort();
     let ignored = ignored
         .into_iter()
@@ -146,6 +158,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
         .collect();
     Ok(Layout {
         time,
+        time_unit,
         joints,
         position,
         velocity,
@@ -176,7 +189,9 @@ fn time_remedy(names: &[String]) -> String {
         ["t", "stamp", "secs"].contains(&name.as_str()) || name.contains("time") || name.contains("sec")
     });
     match similar {
-        Some(name) => format!("if `{name}` is the sample time, rename it to `time` and give it in seconds"),
+        Some(name) => format!(
+            "if `{name}` is the sample time, rename it to `time` (seconds), `time_ms`, `time_us` or `time_ns`"
+        ),
         None => "add the sample time in seconds".into(),
     }
 }

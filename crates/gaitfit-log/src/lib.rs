@@ -5,7 +5,7 @@
 //!
 //! | columns | meaning |
 //! | --- | --- |
-//! | `time` | s |
+//! | `time` | s; milli-, micro- and nanoseconds are recognised, and `time_ms`, `time_us`, `time_ns` say them |
 //! | `q_J`, `dq_J` | position (rad) and velocity (rad/s) of joint J; both needed for every joint |
 //! | `qdes_J`, `act_J` | position target (rad), policy action; for all joints or none |
 //! | `vx_cmd`, `vy_cmd`, `wz_cmd` (or `cmd_vx`, …) | command, m/s and rad/s |
@@ -39,7 +39,9 @@ mod lines;
 mod metadata;
 mod ops;
 mod read;
+mod scale;
 mod summary;
+mod time_unit;
 mod trajectory;
 mod write;
 
@@ -49,5 +51,6 @@ pub use metadata::PerJoint;
 pub use ops::Signal;
 pub use read::{IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_report};
 pub use summary::{JointSummary, LogSummary, SignalSummary, summary, summary_with_report};
+pub use time_unit::{ConvertedTime, TimeUnit};
 pub use trajectory::*;
 pub use write::write_csv;

@@ -27,8 +27,12 @@ impl<'a> Lines<'a> {
             source,
             remedy: "check the path and its permissions",
         };
-        if !std::fs::metadata(path).map_err(io)?.is_file() {
+        let metadata = std::fs::metadata(path).map_err(io)?;
+        if !metadata.is_file() {
             return Err(LogError::NotAFile { path: path.to_owned() });
+        }
+        if metadata.len() > max_bytes {
+            return Err(LogError::TooLarge { path: path.to_owned(), limit: max_bytes });
         }
         let input = BufReader::new(File::open(path).map_err(io)?);
         Ok(Lines { path, input, line: 0, bytes: 0, max_bytes, buffer: Vec::new() })

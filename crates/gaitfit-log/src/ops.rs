@@ -3,6 +3,7 @@
 use crate::{BaseState, Gains, LogError, Trajectory};
 use gaitfit_model::rotation::{blend, quat_of};
 use serde::{Deserialize, Serialize};
+use std::collections::HashSet;
 
 /// A signal that has one column a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -93,11 +94,12 @@ impl Trajectory {
         if joints == 0 {
             return refuse("joints", "none; a trajectory has at least one joint".into());
         }
+        let mut seen = HashSet::with_capacity(joints);
         for (i, name) in self.joints.iter().enumerate() {
             if name.is_empty() {
                 return refuse("joints", format!("joint {i} has no name"));
             }
-            if self.joints[..i].contains(name) {
+            if !seen.insert(name) {
                 return refuse("joints", format!("`{name}` twice; joint names must be distinct"));
             }
         }

@@ -4,7 +4,7 @@ use crate::assemble::assemble;
 use crate::columns::{Layout, layout};
 use crate::lines::Lines;
 use crate::metadata::{Metadata, Statements, read_sidecars};
-use crate::{LogError, PerJoint, Trajectory};
+use crate::{ConvertedTime, LogError, PerJoint, Trajectory};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -66,6 +66,8 @@ pub struct ReadReport {
     pub gains_from: Option<String>,
     /// Where the sample rate was stated; absent: measured from `time`.
     pub rate_from: Option<String>,
+    /// The time column's unit, where it was not seconds. The trajectory has seconds.
+    pub converted_time: Option<ConvertedTime>,
 }
 
 /// Reads a log. See [`read_csv_report`] for what it leaves out.
@@ -202,7 +204,7 @@ fn read_rows(path: &Path, lines: &mut Lines, layout: &Layout) -> Result<Samples,
                 line,
                 column: column + 1,
                 name: layout.names[column].clone(),
-                text: cell.chars().take(40).collect(),
+                text: short_cell(cell),
                 problem,
             })
         };
@@ -212,8 +214,8 @@ fn read_rows(path: &Path, lines: &mut Lines, layout: &Layout) -> Result<Samples,
                 path: path.to_owned(),
                 line,
                 column: layout.time + 1,
-                name: "time".into(),
-                text: time.to_string(),
+                name: layout.names[layout.time].clone(),
+                text: short_cell(unquote(&text[cells[layout.time].clone()])),
                 problem: "no sample time; delete the row, or give its time in seconds",
             });
         }
@@ -241,6 +243,11 @@ fn split_cells(text: &str, cells: &mut Vec<std::ops::Range<usize>>) {
         }
     }
     cells.push(start..text.len());
+}
+
+/// The start of a cell, for a message.
+fn short_cell(cell: &str) -> String {
+    cell.chars().take(40).collect()
 }
 
 fn unquote(cell: &str) -> &str {

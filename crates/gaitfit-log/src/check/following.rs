@@ -110,7 +110,7 @@ fn single_joints(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
         let held: Vec<bool> = windows
             .iter()
             .zip(stuck)
-            .map(|(window, stuck)| !stuck && window.joints[joint].asked && !window.joints[joint].follows)
+            .map(|(window, stuck)| !stuck && window.fails(joint))
             .collect();
         for run in runs(&held) {
             let part = &windows[run];

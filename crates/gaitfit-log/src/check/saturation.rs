@@ -35,7 +35,7 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
 }
 
 /// Whether the column comes back to exactly its extreme (either one), often and for long enough.
-fn clipped(column: &[f64]) -> bool {
+pub(super) fn clipped(column: &[f64]) -> bool {
     let Some((low, high)) = range(column) else { return false };
     // Quantised signals near rest have few values and visit each of them often.
     let mut values: Vec<f64> = column.iter().copied().filter(|value| value.is_finite()).collect();

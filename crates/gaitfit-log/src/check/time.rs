@@ -2,9 +2,8 @@
 
 use super::stats::{decimals, median, rms};
 use super::{FindingKind, Findings, Severity};
+use crate::scale::{GAP, equal};
 
-/// An interval this many medians long has lost samples.
-const GAP: f64 = 1.5;
 /// A gap this long, s, ends a joint's free motion: replaying across it means nothing.
 const LONG_GAP_S: f64 = 0.1;
 /// RMS deviation of the intervals, relative to their median. Python loops on an idle machine reach 2–4 %.
@@ -14,7 +13,9 @@ const RATE_ERROR: f64 = 0.02;
 /// Share of repeated rows. A bus that is read a little faster than it updates repeats 5–10 %.
 const REPEATED: f64 = 0.3;
 
-pub(super) fn check(findings: &mut Findings) {
+/// `velocity_over_derivative`: how many times the velocities of most joints are the derivative of the positions by the
+/// time column. Returns whether a finding says already that the time column does not fit them.
+pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f64>) -> bool {
     let log = findings.log;
     let steps: Vec<f64> = log.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let backward: Vec<usize> = (0..steps.len()).filter(|&i| steps[i] <= 0.0).collect();
@@ -34,13 +35,21 @@ pub(super) fn check(findings: &mut Findings) {
     }
 
     let mut forward: Vec<f64> = steps.iter().copied().filter(|step| *step > 0.0).collect();
-    let Some(typical) = median(&mut forward) else { return };
-    if (typical * log.rate_hz - 1.0).abs() > RATE_ERROR {
-        let hint = match typical * log.rate_hz {
+    let Some(typical) = median(&mut forward) else { return false };
+    let ratio = typical * log.rate_hz;
+    let mut clock_is_wrong = false;
+    if (ratio - 1.0).abs() > RATE_ERROR {
+        clock_is_wrong = velocity_over_derivative.is_some_and(|factor| equal(factor, ratio));
+        let clock_is_right = velocity_over_derivative.is_some_and(|factor| equal(factor, 1.0));
+        let hint = match ratio {
             ratio if (500.0..2000.0).contains(&ratio) => {
                 "time is in milliseconds, it seems: divide it by 1000"
             }
             ratio if (5e5..2e6).contains(&ratio) => "time is in microseconds, it seems: divide it by 1e6",
+            ratio if (5e8..2e9).contains(&ratio) => "time is in nanoseconds, it seems: divide it by 1e9",
+            _ if typical == 1.0 => "time counts samples, it seems: divide it by the rate",
+            _ if clock_is_wrong && !clock_is_right => "the velocities fit the stated rate: correct the time column",
+            _ if clock_is_right && !clock_is_wrong => "the velocities fit the time column: correct the stated rate",
             _ => "correct the stated rate, or the time column",
         };
         let message = format!(
@@ -81,6 +90,12 @@ pub(super) fn check(findings: &mut Findings) {
         findings.add(FindingKind::IrregularTime, Severity::Warning, &[], None, message);
     }
 
+    repeated_rows(findings, typical);
+    clock_is_wrong
+}
+
+fn repeated_rows(findings: &mut Findings, typical: f64) {
+    let log = findings.log;
     let width = log.joints.len();
     let moving = super::stats::range(&log.velocity).is_some_and(|(low, high)| high > low);
     let repeats =

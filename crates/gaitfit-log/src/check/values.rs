@@ -2,7 +2,7 @@
 
 use super::stats::{decimals, deviation, range};
 use super::{CheckSpec, FindingKind, Findings, Severity};
-use crate::Signal;
+use crate::{Signal, Trajectory};
 
 /// Overshoot of a position limit that compliance and calibration explain, rad.
 const POSITION_SLACK: f64 = 0.02;
@@ -69,9 +69,10 @@ fn not_finite(findings: &mut Findings) {
 
 fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
     let log = findings.log;
-    for (signal, mild) in [(Signal::Position, Severity::Warning), (Signal::Target, Severity::Note)] {
+    for signal in [Signal::Position, Signal::Target] {
         let mut worst: Option<(usize, f64)> = None;
         let mut joints = Vec::new();
+        let mut all_pushed = true;
         for (joint, name) in log.joints.iter().enumerate() {
             let (Some([low, high]), Some(column)) =
                 (spec.position_limits.get(name), log.column_at(signal, joint))
@@ -82,6 +83,7 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
             let over = (low - least).max(most - high);
             if over > POSITION_SLACK {
                 joints.push(joint);
+                all_pushed &= pushed(log, joint, [*low, *high], [least, most]);
                 if worst.is_none_or(|(_, most)| over > most) {
                     worst = Some((joint, over));
                 }
@@ -99,13 +101,28 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
                 "check unit (rad), sign, zero and which column is which joint"
             } else if signal == Signal::Target {
                 "a PD controller may ask for that to push against its limit; the joint will not get there"
+            } else if all_pushed {
+                "the targets lie further out: the controller pushes the joints against their stops, which give a little"
             } else {
                 "compliance explains a little; check the joint's zero and the model's limits"
             }
         );
-        let severity = if impossible { Severity::Error } else { mild };
+        let severity = match signal {
+            _ if impossible => Severity::Error,
+            Signal::Position if !all_pushed => Severity::Warning,
+            _ => Severity::Note,
+        };
         findings.add(FindingKind::BeyondPositionLimit, severity, &joints, None, message);
     }
+}
+
+/// Whether the targets of a joint go further beyond each limit `[low, high]` than its position, which spans `reached`.
+fn pushed(log: &Trajectory, joint: usize, [low, high]: [f64; 2], reached: [f64; 2]) -> bool {
+    let target = log.column_at(Signal::Target, joint).and_then(|column| range(&column));
+    target.is_some_and(|(least, most)| {
+        (reached[0] >= low - POSITION_SLACK || least < reached[0])
+            && (reached[1] <= high + POSITION_SLACK || most > reached[1])
+    })
 }
 
 fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
@@ -138,10 +155,10 @@ fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
         if impossible {
             "check the unit (rad/s)"
         } else {
-            "impacts do that; a fit should not weigh these peaks"
+            "the ground can drive a joint faster than its motor; if it happens often, check the model's limit"
         }
     );
-    let severity = if impossible { Severity::Error } else { Severity::Warning };
+    let severity = if impossible { Severity::Error } else { Severity::Note };
     findings.add(FindingKind::BeyondVelocityLimit, severity, &joints, None, message);
 }
 

@@ -1,60 +1,31 @@
-//! Is the velocity the derivative of the position?
+//! Is the velocity the derivative of the position, by the clock that the log has?
 
-use super::stats::{correlation, range, rms};
+use super::saturation::clipped;
+use super::stats::short;
 use super::{FindingKind, Findings, Severity};
 use crate::Signal;
+use crate::scale::{SAME, Scale, Scales, equal};
 
-/// Below this RMS derivative of the position, rad/s, encoder resolution rules.
-const MOVES: f64 = 0.1;
-/// At this correlation the two are one signal, up to a factor.
-const SAME: f64 = 0.8;
 /// Below this correlation they are two different signals. A hip of a trotting robot sampled at 50 Hz reaches
 /// only 0.55: impacts fall between samples.
 const UNRELATED: f64 = 0.2;
-/// Factor beyond which the unit is another one.
-const OTHER_UNIT: f64 = 5.0;
-/// Factor beyond which the scale is off. Central differences at 50 Hz lose up to 30 % of a trot.
-const OFF_SCALE: f64 = 1.8;
-/// Fewer differences say nothing.
-const ENOUGH: usize = 20;
+/// Factor beyond which no fit is worth anything.
+const FAR_OFF: f64 = 1.5;
 
-pub(super) fn check(findings: &mut Findings) {
-    let log = findings.log;
-    let mut flipped = Vec::new();
-    let mut scaled: Vec<(usize, f64)> = Vec::new();
-    let mut unrelated = Vec::new();
-    for joint in 0..log.joints.len() {
-        let (Some(q), Some(dq)) =
-            (log.column_at(Signal::Position, joint), log.column_at(Signal::Velocity, joint))
-        else {
-            continue;
-        };
-        // Central differences of the position against the velocity at the same instant.
-        let (mut derivative, mut velocity) = (Vec::new(), Vec::new());
-        for i in 1..log.len().saturating_sub(1) {
-            let (before, after) = (log.time[i - 1], log.time[i + 1]);
-            let regular = before < log.time[i] && log.time[i] < after;
-            let slope = (q[i + 1] - q[i - 1]) / (after - before);
-            if regular && slope.is_finite() && dq[i].is_finite() {
-                derivative.push(slope);
-                velocity.push(dq[i]);
-            }
-        }
-        // A constant velocity is reported as such.
-        let constant = range(&velocity).is_none_or(|(low, high)| low == high);
-        if derivative.len() < ENOUGH || rms(&derivative) < MOVES || constant {
-            continue;
-        }
-        let together = correlation(&derivative, &velocity);
-        let factor = rms(&velocity) / rms(&derivative);
-        if together < -SAME {
-            flipped.push(joint);
-        } else if together > SAME && !(1.0 / OFF_SCALE..OFF_SCALE).contains(&factor) {
-            scaled.push((joint, factor));
-        } else if together < UNRELATED {
-            unrelated.push(joint);
-        }
-    }
+pub(super) fn check(findings: &mut Findings, scales: &Scales, rate_is_said: bool) {
+    let joints: Vec<(usize, Scale)> = scales
+        .joints
+        .iter()
+        .enumerate()
+        .filter_map(|(joint, scale)| Some((joint, (*scale)?)))
+        // A cut-off or constant velocity is reported as such.
+        .filter(|(joint, _)| findings.log.column_at(Signal::Velocity, *joint).is_some_and(|v| !clipped(&v)))
+        .collect();
+    let pick = |test: &dyn Fn(&Scale) -> bool| -> Vec<usize> {
+        joints.iter().filter(|(_, scale)| test(scale)).map(|(joint, _)| *joint).collect()
+    };
+
+    let flipped = pick(&|scale| scale.correlation < -SAME);
     if !flipped.is_empty() {
         let message = format!(
             "velocity of {} has the opposite sign of the position's derivative; negate one of them",
@@ -62,28 +33,79 @@ pub(super) fn check(findings: &mut Findings) {
         );
         findings.add(FindingKind::VelocityMismatch, Severity::Error, &flipped, None, message);
     }
-    if !scaled.is_empty() {
-        let joints: Vec<usize> = scaled.iter().map(|(joint, _)| *joint).collect();
-        let factor = scaled.iter().map(|(_, factor)| factor).sum::<f64>() / scaled.len() as f64;
-        let hint = match factor {
-            f if (50.0..65.0).contains(&f) => "velocity is in degrees per second, it seems",
-            f if (1.0 / 65.0..1.0 / 50.0).contains(&f) => "position is in degrees, it seems",
-            f if (500.0..2000.0).contains(&f) => "time is in milliseconds, it seems",
-            _ => "check units (rad, rad/s, s) and gear ratios",
-        };
-        let message = format!(
-            "velocity of {} is {factor:.3} × the derivative of the position; {hint}",
-            findings.names(&joints)
-        );
-        let far = !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&factor);
-        let severity = if far { Severity::Error } else { Severity::Warning };
-        findings.add(FindingKind::VelocityMismatch, severity, &joints, None, message);
-    }
+    let unrelated = pick(&|scale| scale.correlation.abs() < UNRELATED);
     if !unrelated.is_empty() {
         let message = format!(
             "velocity of {} has nothing to do with the derivative of the position; are columns mixed up?",
             findings.names(&unrelated)
         );
         findings.add(FindingKind::VelocityMismatch, Severity::Warning, &unrelated, None, message);
+    }
+
+    let shared = scales.shared.filter(|shared| !equal(*shared, 1.0));
+    let with_it = |scale: &Scale| shared.is_some_and(|shared| scale.may_be(shared));
+    if let Some(shared) = shared.filter(|_| !rate_is_said) {
+        let together = pick(&|scale| scale.same() && with_it(scale));
+        scaled(findings, &together, shared, shared, Some(shared));
+    }
+    let off: Vec<(usize, f64)> = joints
+        .iter()
+        .filter(|(_, scale)| scale.same() && !with_it(scale) && !scale.may_be(1.0))
+        .map(|(joint, scale)| (*joint, nearest_to_one(scale)))
+        .collect();
+    let (low, high) = off.iter().fold((f64::INFINITY, 0.0f64), |(low, high), (_, f)| (low.min(*f), high.max(*f)));
+    let joints: Vec<usize> = off.into_iter().map(|(joint, _)| joint).collect();
+    scaled(findings, &joints, low, high, None);
+}
+
+/// The bound of the true factor that is nearer to one.
+fn nearest_to_one(scale: &Scale) -> f64 {
+    let [low, high] = scale.bounds();
+    if low > 1.0 { low } else { high }
+}
+
+/// Says that the velocity of `joints` is `low` to `high` times the derivative. `shared`: what most joints have, which
+/// a wrong clock would explain.
+fn scaled(findings: &mut Findings, joints: &[usize], low: f64, high: f64, shared: Option<f64>) {
+    if joints.is_empty() {
+        return;
+    }
+    let factor = if equal(low, high) { short((low * high).sqrt()) } else { format!("{} to {}", short(low), short(high)) };
+    let message = format!(
+        "velocity of {} is {factor} times the derivative of the position; {}",
+        findings.names(joints),
+        reading(findings, (low * high).sqrt(), equal(low, high), shared)
+    );
+    let far = |factor: f64| !(1.0 / FAR_OFF..FAR_OFF).contains(&factor);
+    let severity = if far(low) && far(high) { Severity::Error } else { Severity::Warning };
+    findings.add(FindingKind::VelocityMismatch, severity, joints, None, message);
+}
+
+/// What a factor may come from, and what to do.
+fn reading(findings: &Findings, factor: f64, one: bool, shared: Option<f64>) -> String {
+    let near = |wanted: f64| one && (0.9..1.1).contains(&(factor / wanted));
+    let degrees = 180.0 / std::f64::consts::PI;
+    if near(degrees) {
+        return "the velocities are in degrees per second, it seems: multiply them by π/180".to_owned();
+    }
+    if near(1.0 / degrees) {
+        return "the positions are in degrees, it seems: multiply them by π/180".to_owned();
+    }
+    for (unit, per_second) in [("milliseconds", 1e3), ("microseconds", 1e6), ("nanoseconds", 1e9)] {
+        if near(per_second) {
+            return format!("time is in {unit}, it seems: divide it by {per_second}");
+        }
+    }
+    match (shared, findings.recorded_hz()) {
+        (Some(shared), Some(recorded)) => format!(
+            "the velocities fit a sample rate of {} Hz, the time column says {} Hz. Correct the time column if the \
+             rate is wrong; divide the velocities by {} if their scale is wrong (unit, gear ratio)",
+            short(recorded * shared),
+            short(recorded),
+            short(shared)
+        ),
+        _ => "the other joints fit the time column, or have other factors, so the rate alone is not to blame; check \
+              units (rad, rad/s) and gear ratios"
+            .to_owned(),
     }
 }
