@@ -3,10 +3,11 @@
 use crate::columns::Layout;
 use crate::metadata::Metadata;
 use crate::read::Samples;
-use crate::scale::scales;
+use crate::scale::shared_factor;
 use crate::time_unit::recognise;
 use crate::{BaseState, ConvertedTime, Gains, IgnoredColumn, LogError, ReadReport, TimeUnit, Trajectory};
 use gaitfit_model::rotation::from_rpy;
+use gaitfit_model::{shown_number, shown_path};
 use std::path::Path;
 
 /// Puts columns, samples and metadata together; `report` gains what assembly leaves out.
@@ -28,17 +29,20 @@ pub(crate) fn assemble(
         Some(rate) => {
             return Err(LogError::Metadata {
                 place: rate.place.clone(),
-                problem: format!("rate_hz is {}; give a positive sample rate in Hz", rate.value),
+                problem: format!(
+                    "rate_hz is {}; give a positive sample rate in Hz",
+                    shown_number(rate.value)
+                ),
             });
         }
         None => None,
     };
     report.converted_time = time_in_seconds(&mut samples, layout.time_unit, stated, joints.len())
-        .map_err(|problem| LogError::Metadata { place: path.display().to_string(), problem })?;
+        .map_err(|problem| LogError::Metadata { place: shown_path(path), problem })?;
     let rate_hz = match stated {
         Some(rate) => rate,
         None => measured_rate(&samples.time).ok_or_else(|| LogError::Metadata {
-            place: path.display().to_string(),
+            place: shown_path(path),
             problem: "time does not say the sample rate (one sample, or time stands still); state it as \
                       `# rate_hz = 200` above the header or in the sidecar"
                 .into(),
@@ -104,7 +108,7 @@ fn time_in_seconds(
         Some(unit) => Some(ConvertedTime { unit, because: "the column's name says so".to_owned() }),
         None => {
             let [position, velocity, ..] = samples.channels.as_slice() else { return Ok(None) };
-            recognise(&samples.time, stated_hz, || scales(&samples.time, position, velocity, joints).shared)?
+            recognise(&samples.time, stated_hz, || shared_factor(&samples.time, position, velocity, joints))?
         }
     };
     if let Some(ConvertedTime { unit, .. }) = &converted {

@@ -8,6 +8,7 @@ mod falls;
 mod following;
 mod joints;
 mod reading;
+mod robot;
 mod saturation;
 pub(crate) mod stats;
 mod time;
@@ -18,6 +19,7 @@ mod windows;
 pub use falls::{Fall, FallSign, falls};
 
 use crate::Trajectory;
+use crate::names::names;
 use crate::scale::scales;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -224,18 +226,11 @@ impl Findings<'_> {
         self.list.push(Finding { kind, severity, joints, span, message });
     }
 
-    /// 1 / median of the intervals by which time increases, Hz; absent where it never does.
-    fn recorded_hz(&self) -> Option<f64> {
-        let steps = self.log.time.windows(2).map(|pair| pair[1] - pair[0]);
-        let mut forward: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
-        stats::median(&mut forward).map(|step| 1.0 / step)
-    }
-
     /// Joint names for a message: all of them, or how many.
     fn names(&self, joints: &[usize]) -> String {
         if joints.len() == self.log.joints.len() && joints.len() > 1 {
             return format!("all {} joints", joints.len());
         }
-        joints.iter().map(|&joint| self.log.joints[joint].as_str()).collect::<Vec<_>>().join(", ")
+        names(joints.iter().map(|&joint| self.log.joints[joint].as_str()))
     }
 }

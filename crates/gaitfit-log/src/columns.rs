@@ -1,6 +1,7 @@
 //! What each column of a header means: the table in the crate's documentation, as code.
 
 use crate::{IgnoredColumn, LogError, TimeUnit};
+use gaitfit_model::shown;
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -58,9 +59,7 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
         remedy,
     };
 
-    let named = || {
-        TimeUnit::ALL.into_iter().find_map(|unit| Some((*index.get(unit.column())?, Some(unit))))
-    };
+    let named = || TimeUnit::ALL.into_iter().find_map(|unit| Some((*index.get(unit.column())?, Some(unit))));
     let (time, time_unit) = index
         .get("time")
         .map(|&column| (column, None))
@@ -108,7 +107,10 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
         if let Some(lacking) = columns.iter().position(Option::is_none) {
             let joint = &joints[lacking];
             let remedy = if needed {
-                format!("`q_{joint}` needs its velocity; log the encoder's velocity, rad/s, under that name")
+                format!(
+                    "`q_{}` needs its velocity; log the encoder's velocity, rad/s, under that name",
+                    shown(joint)
+                )
             } else {
                 format!(
                     "{found} of {} joints have a `{prefix}` column; log all of them or none",
@@ -150,7 +152,9 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
 
     let mut ignored: Vec<(usize, String)> = orphans;
     ignored.iter().for_each(|(column, _)| used[*column] = true);
-    ignored.extend((0..used.len()).filter(|&column| !used[column]).map(|column| (column, "unknown name".to_owned())));
+    ignored.extend(
+        (0..used.len()).filter(|&column| !used[column]).map(|column| (column, "unknown name".to_owned())),
+    );
     ignored.sort();
     let ignored = ignored
         .into_iter()
@@ -190,7 +194,8 @@ fn time_remedy(names: &[String]) -> String {
     });
     match similar {
         Some(name) => format!(
-            "if `{name}` is the sample time, rename it to `time` (seconds), `time_ms`, `time_us` or `time_ns`"
+            "if `{}` is the sample time, rename it to `time` (seconds), `time_ms`, `time_us` or `time_ns`",
+            shown(name)
         ),
         None => "add the sample time in seconds".into(),
     }

@@ -1,6 +1,10 @@
 //! What can go wrong with a log file or a trajectory, each with its place and remedy.
 
+use gaitfit_model::{escaped, shown, shown_path};
 use std::path::PathBuf;
+
+/// Most characters of a sentence in a message.
+const SENTENCE: usize = 2000;
 
 /// Failure to read, write or transform a log. Lines and columns count from 1; a column is a CSV cell, not a
 /// character.
@@ -8,7 +12,7 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum LogError {
     /// The operating system refused.
-    #[error("{path}: cannot {action}: {source}; {remedy}", path = .path.display())]
+    #[error("{path}: cannot {action}: {source}; {remedy}", path = shown_path(.path))]
     Io {
         /// The file.
         path: PathBuf,
@@ -20,26 +24,26 @@ pub enum LogError {
         remedy: &'static str,
     },
     /// A folder, pipe or device where a file is needed.
-    #[error("{}: not a regular file; name one CSV file", .path.display())]
+    #[error("{}: not a regular file; name one CSV file", shown_path(.path))]
     NotAFile {
         /// The path given.
         path: PathBuf,
     },
     /// No header line.
-    #[error("{}: empty file; a log starts with a header line such as `time,q_FL_hip,dq_FL_hip`", .path.display())]
+    #[error("{}: empty file; a log starts with a header line such as `time,q_FL_hip,dq_FL_hip`", shown_path(.path))]
     Empty {
         /// The file.
         path: PathBuf,
     },
     /// A header and no sample.
-    #[error("{}: a header but no samples; was the recorder stopped before its first sample?", .path.display())]
+    #[error("{}: a header but no samples; was the recorder stopped before its first sample?", shown_path(.path))]
     NoSamples {
         /// The file.
         path: PathBuf,
     },
     /// The file is larger than the reader will take into memory.
     #[error(
-        "{}: larger than {limit} bytes; split the log, or raise `max_bytes` if there is memory for it", .path.display()
+        "{}: larger than {limit} bytes; split the log, or raise `max_bytes` if there is memory for it", shown_path(.path)
     )]
     TooLarge {
         /// The file.
@@ -48,7 +52,7 @@ pub enum LogError {
         limit: u64,
     },
     /// A line longer than any log's line: not a CSV file.
-    #[error("{}:{line}: line longer than {limit} bytes; is this a CSV file?", .path.display())]
+    #[error("{}:{line}: line longer than {limit} bytes; is this a CSV file?", shown_path(.path))]
     LineTooLong {
         /// The file.
         path: PathBuf,
@@ -59,7 +63,7 @@ pub enum LogError {
     },
     /// More columns than the reader takes.
     #[error(
-        "{}:{line}: {columns} columns, more than {limit}; drop unused columns, or raise `max_columns`", .path.display()
+        "{}:{line}: {columns} columns, more than {limit}; drop unused columns, or raise `max_columns`", shown_path(.path)
     )]
     TooManyColumns {
         /// The file.
@@ -72,7 +76,7 @@ pub enum LogError {
         limit: usize,
     },
     /// The bytes are not text.
-    #[error("{}:{line}: not UTF-8 text; {hint}", .path.display())]
+    #[error("{}:{line}: not UTF-8 text; {hint}", shown_path(.path))]
     NotUtf8 {
         /// The file.
         path: PathBuf,
@@ -81,8 +85,37 @@ pub enum LogError {
         /// What it looks like and what to do.
         hint: &'static str,
     },
+    /// A link that leads to no file, or where none may be.
+    #[error("{}: a link to {}, {problem}; {remedy}", shown_path(.path), shown_path(.target))]
+    Link {
+        /// The link.
+        path: PathBuf,
+        /// Where it leads, as the link says it.
+        target: PathBuf,
+        /// What is wrong with it.
+        problem: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A folder without logs.
+    #[error("{}: the folder has no *.csv files; name the folder with the robot's logs", shown_path(.path))]
+    NoLogs {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A folder with more entries than are looked at.
+    #[error("{}: more than {limit} files; name a folder that has only logs", shown_path(.path))]
+    TooManyFiles {
+        /// The folder.
+        path: PathBuf,
+        /// Most entries.
+        limit: usize,
+    },
+    /// The caller asked to stop.
+    #[error("stopped before all logs were read; start again to read them")]
+    Stopped,
     /// The header lacks a column.
-    #[error("{}:{line}: no column `{name}`; {remedy}", .path.display())]
+    #[error("{}:{line}: no column `{}`; {}", shown_path(.path), shown(name), escaped(remedy, SENTENCE))]
     MissingColumn {
         /// The file.
         path: PathBuf,
@@ -95,7 +128,9 @@ pub enum LogError {
     },
     /// The header names one quantity twice.
     #[error(
-        "{}:{line}: column {column} `{name}` repeats column {first}; remove or rename one of them", .path.display()
+        "{}:{line}: column {column} `{}` repeats column {first}; remove or rename one of them",
+        shown_path(.path),
+        shown(name)
     )]
     DuplicateColumn {
         /// The file.
@@ -110,7 +145,7 @@ pub enum LogError {
         name: String,
     },
     /// A row with fewer or more cells than the header.
-    #[error("{}:{line}: {found} cells where the header names {expected}; {remedy}", .path.display())]
+    #[error("{}:{line}: {found} cells where the header names {expected}; {remedy}", shown_path(.path))]
     RowLength {
         /// The file.
         path: PathBuf,
@@ -124,7 +159,7 @@ pub enum LogError {
         remedy: &'static str,
     },
     /// A cell that is not what its column needs.
-    #[error("{}:{line}: column {column} `{name}`: {text:?} is {problem}", .path.display())]
+    #[error("{}:{line}: column {column} `{}`: {text:?} is {problem}", shown_path(.path), shown(name))]
     Cell {
         /// The file.
         path: PathBuf,
@@ -140,7 +175,7 @@ pub enum LogError {
         problem: &'static str,
     },
     /// Gains, rate or robot name as stated in the header comments, the sidecar or the options.
-    #[error("{place}: {problem}")]
+    #[error("{}: {}", escaped(place, SENTENCE), escaped(problem, SENTENCE))]
     Metadata {
         /// File and line, or `read options`.
         place: String,
@@ -148,7 +183,7 @@ pub enum LogError {
         problem: String,
     },
     /// A trajectory whose arrays do not fit together.
-    #[error("{what}: {problem}")]
+    #[error("{}: {}", shown(what), escaped(problem, SENTENCE))]
     Shape {
         /// The field.
         what: String,
@@ -156,7 +191,7 @@ pub enum LogError {
         problem: String,
     },
     /// A joint that the log does not have.
-    #[error("the log has no joint `{name}`; its joints are {available}")]
+    #[error("the log has no joint `{}`; its joints are {}", shown(name), escaped(available, SENTENCE))]
     NoSuchJoint {
         /// The name asked for.
         name: String,
@@ -164,7 +199,7 @@ pub enum LogError {
         available: String,
     },
     /// A slice, rate or order that the trajectory cannot give.
-    #[error("{what}: {problem}")]
+    #[error("{what}: {}", escaped(problem, SENTENCE))]
     Range {
         /// The argument.
         what: &'static str,

@@ -2,7 +2,7 @@
 //! files and the caller's options.
 
 use crate::LogError;
-use gaitfit_model::{patterns, shown};
+use gaitfit_model::{escaped, patterns, shown, shown_number, shown_path};
 use indexmap::IndexMap;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
@@ -37,15 +37,26 @@ impl PerJoint {
             PerJoint::Named(entries) => resolve_named(what, entries, joints)?,
         };
         match values.iter().position(|value| !(value.is_finite() && *value >= 0.0)) {
-            Some(i) => {
-                Err(format!("{what} of {} is {}; gains are finite and not negative", joints[i], values[i]))
-            }
+            Some(i) => Err(format!(
+                "{what} of {} is {}; gains are finite and not negative",
+                shown(&joints[i]),
+                shown_number(values[i])
+            )),
             None => Ok(values),
         }
     }
 }
 
+/// Most entries of a table by joint name: each costs some microseconds.
+const MOST_ENTRIES: usize = 1000;
+
 fn resolve_named(what: &str, entries: &IndexMap<String, f64>, joints: &[String]) -> Result<Vec<f64>, String> {
+    if entries.len() > MOST_ENTRIES {
+        return Err(format!(
+            "{what} has {} entries; give at most {MOST_ENTRIES}, or a list in the order of the q_ columns",
+            entries.len()
+        ));
+    }
     let values = patterns::table(entries, "the log", joints).map_err(|error| format!("{what}: {error}"))?;
     let given = |(value, joint): (Option<f64>, &String)| {
         value.ok_or_else(|| format!("{what}: no entry matches joint {}; add one", shown(joint)))
@@ -84,6 +95,9 @@ pub(crate) struct Statements {
     pub _notes: Option<toml::Table>,
 }
 
+/// Most characters of what the TOML reader says.
+const REASON: usize = 200;
+
 const KEYS: [&str; 5] = ["robot", "rate_hz", "kp", "kd", "fell"];
 
 impl Metadata {
@@ -120,14 +134,14 @@ impl Metadata {
                 "fell" | "fall" | "fallen" => "fell",
                 _ => return Ok(Some(key.to_owned())),
             };
-            return Err(refuse(format!("`{key}` is not a key of log headers; write `{meant} = …`")));
+            return Err(refuse(format!("`{}` is not a key of log headers; write `{meant} = …`", shown(key))));
         }
         let statements: Statements = toml::from_str(comment).map_err(|error| {
             refuse(format!(
                 "`{}` is not TOML for `{key}`: {}; write for example `# robot = \"go2\"`, `# rate_hz = 200`, \
                  `# fell = true`, `# kp = 25` or `# kp = {{ \"*_hip\" = 20, \"*_thigh\" = 20, \"*_calf\" = 40 }}`, one a line",
-                comment.trim(),
-                error.message()
+                shown(comment.trim()),
+                escaped(error.message(), REASON)
             ))
         })?;
         let repeated = match key {
@@ -156,6 +170,14 @@ impl Metadata {
     }
 }
 
+/// Where and why a text is not TOML of the right kind.
+fn reason(text: &str, error: &toml::de::Error) -> String {
+    let line =
+        error.span().and_then(|span| text.get(..span.start)).map(|before| before.matches('\n').count() + 1);
+    let place = line.map_or(String::new(), |line| format!("line {line}: "));
+    format!("{place}{}", escaped(error.message(), REASON))
+}
+
 /// Largest sidecar file, bytes: it holds a handful of numbers.
 const SIDECAR_LIMIT: u64 = 1 << 20;
 
@@ -173,7 +195,7 @@ pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), Log
             source,
             remedy: "check its permissions, or read without sidecar files",
         };
-        let refuse = |problem: String| LogError::Metadata { place: sidecar.display().to_string(), problem };
+        let refuse = |problem: String| LogError::Metadata { place: shown_path(&sidecar), problem };
         if sidecar.metadata().map_err(io)?.len() > SIDECAR_LIMIT {
             return Err(refuse(format!(
                 "larger than {SIDECAR_LIMIT} bytes; a log's sidecar holds only gains, rate and robot"
@@ -182,12 +204,12 @@ pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), Log
         let text = std::fs::read_to_string(&sidecar).map_err(io)?;
         let statements: Statements = toml::from_str(&text).map_err(|error| {
             refuse(format!(
-                "{}a log's sidecar has the keys robot, rate_hz, kp, kd, fell and the table notes; if this file is something \
-                 else, rename it or read without sidecar files",
-                error
+                "{}. A log's sidecar has the keys robot, rate_hz, kp, kd, fell and the table notes. If this file is \
+                 something else, rename it, or read without sidecar files",
+                reason(&text, &error)
             ))
         })?;
-        metadata.add(statements, &sidecar.display().to_string());
+        metadata.add(statements, &shown_path(&sidecar));
         used.push(sidecar);
     }
     Ok((metadata, used))

@@ -1,7 +1,9 @@
 //! Taking trajectories apart: columns, slices, joint order, sample rate, and whether the arrays fit together.
 
+use crate::names::names;
 use crate::{BaseState, Gains, LogError, Trajectory};
 use gaitfit_model::rotation::{blend, quat_of};
+use gaitfit_model::{shown, shown_number};
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
 
@@ -100,7 +102,7 @@ impl Trajectory {
                 return refuse("joints", format!("joint {i} has no name"));
             }
             if !seen.insert(name) {
-                return refuse("joints", format!("`{name}` twice; joint names must be distinct"));
+                return refuse("joints", format!("`{}` twice; joint names must be distinct", shown(name)));
             }
         }
         if let Some(bad) = self.time.iter().position(|time| !time.is_finite()) {
@@ -130,7 +132,10 @@ impl Trajectory {
             }
         }
         if !(self.rate_hz.is_finite() && self.rate_hz > 0.0) {
-            return refuse("rate_hz", format!("{}; give a positive sample rate in Hz", self.rate_hz));
+            return refuse(
+                "rate_hz",
+                format!("{}; give a positive sample rate in Hz", shown_number(self.rate_hz)),
+            );
         }
         if let Some(gains) = &self.gains {
             for (what, values) in [("gains.kp", &gains.kp), ("gains.kd", &gains.kd)] {
@@ -142,7 +147,8 @@ impl Trajectory {
                         what,
                         format!(
                             "{} for {}; gains are finite and not negative",
-                            values[bad], self.joints[bad]
+                            shown_number(values[bad]),
+                            shown(&self.joints[bad])
                         ),
                     );
                 }
@@ -170,25 +176,29 @@ impl Trajectory {
         self.require_increasing_time("slice_time")?;
         let index = |at: f64| self.time.partition_point(|time| *time < at);
         if from.is_nan() || to.is_nan() || from > to {
-            return Err(LogError::Range { what: "slice_time", problem: format!("from {from} s to {to} s") });
+            return Err(LogError::Range {
+                what: "slice_time",
+                problem: format!("from {} s to {} s", shown_number(from), shown_number(to)),
+            });
         }
         self.slice(index(from)..index(to))
     }
 
-    /// The same samples with exactly the joints `names`, in that order. Joints not named are left out.
+    /// The same samples with exactly the joints `wanted`, in that order. Joints not named are left out.
     /// Errors: a name the log lacks, or one named twice.
-    pub fn select_joints<S: AsRef<str>>(&self, names: &[S]) -> Result<Trajectory, LogError> {
-        let mut columns = Vec::with_capacity(names.len());
-        for name in names {
+    pub fn select_joints<S: AsRef<str>>(&self, wanted: &[S]) -> Result<Trajectory, LogError> {
+        let mut columns = Vec::with_capacity(wanted.len());
+        let mut taken = vec![false; self.joints.len()];
+        for name in wanted {
             let name = name.as_ref();
             let column = self.joint(name).ok_or_else(|| LogError::NoSuchJoint {
                 name: name.to_owned(),
-                available: self.joints.join(", "),
+                available: names(self.joints.iter().map(String::as_str)),
             })?;
-            if columns.contains(&column) {
+            if std::mem::replace(&mut taken[column], true) {
                 return Err(LogError::Range {
                     what: "select_joints",
-                    problem: format!("`{name}` twice; name each joint once"),
+                    problem: format!("`{}` twice; name each joint once", shown(name)),
                 });
             }
             columns.push(column);
@@ -220,7 +230,11 @@ impl Trajectory {
         if !(rate_hz.is_finite() && rate_hz > 0.0) || self.is_empty() {
             return Err(LogError::Range {
                 what: "resample",
-                problem: format!("{} samples to {rate_hz} Hz; give a positive rate and a log", self.len()),
+                problem: format!(
+                    "{} samples to {} Hz; give a positive rate and a log",
+                    self.len(),
+                    shown_number(rate_hz)
+                ),
             });
         }
         // A tolerance, so that a duration of a whole number of periods keeps its last sample.
@@ -229,8 +243,9 @@ impl Trajectory {
             return Err(LogError::Range {
                 what: "resample",
                 problem: format!(
-                    "{} s at {rate_hz} Hz are too many samples; slice the log first",
-                    self.duration()
+                    "{} s at {} Hz are too many samples; slice the log first",
+                    shown_number(self.duration()),
+                    shown_number(rate_hz)
                 ),
             });
         }
@@ -298,8 +313,8 @@ impl Trajectory {
                 what,
                 problem: format!(
                     "time goes from {} s to {} s at sample {}; it must increase: cut the log there",
-                    self.time[i],
-                    self.time[i + 1],
+                    shown_number(self.time[i]),
+                    shown_number(self.time[i + 1]),
                     i + 1
                 ),
             }),

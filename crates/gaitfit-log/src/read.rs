@@ -5,6 +5,7 @@ use crate::columns::{Layout, layout};
 use crate::lines::Lines;
 use crate::metadata::{Metadata, Statements, read_sidecars};
 use crate::{ConvertedTime, LogError, PerJoint, Trajectory};
+use gaitfit_model::shown_path;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -103,7 +104,7 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
     let (header_line, names) = loop {
         let Some((line, text)) = lines.next()? else { return Err(LogError::Empty { path: path.to_owned() }) };
         if let Some(comment) = text.strip_prefix('#') {
-            let place = format!("{}:{line}", path.display());
+            let place = format!("{}:{line}", shown_path(path));
             report.unknown_keys.extend(comments.add_comment(comment, &place)?);
         } else if !text.trim().is_empty() {
             break (line, header_cells(path, line, text, options.max_columns)?);
@@ -128,7 +129,7 @@ fn header_cells(path: &Path, line: u64, text: &str, limit: usize) -> Result<Vec<
         Ok(_) => Ok(record.iter().map(|name| name.trim().to_owned()).collect()),
         // The text is UTF-8 and in memory: only the csv crate itself could fail here.
         Err(error) => Err(LogError::Metadata {
-            place: format!("{}:{line}", path.display()),
+            place: format!("{}:{line}", shown_path(path)),
             problem: error.to_string(),
         }),
     }

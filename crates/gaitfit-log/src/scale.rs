@@ -60,20 +60,40 @@ pub(crate) struct Scales {
     pub shared: Option<f64>,
 }
 
-/// The factors of all joints. `position`, `velocity`: `time.len() × joints`, row-major.
+/// The factors of all joints over spans of 0.2 s of the time column. `position`, `velocity`: `time.len() × joints`,
+/// row-major.
 pub(crate) fn scales(time: &[f64], position: &[f64], velocity: &[f64], joints: usize) -> Scales {
-    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).filter(|s| *s > 0.0).collect();
-    let Some(typical) = median(&mut steps) else {
+    let samples = SPAN_S / typical_step(time).unwrap_or(SPAN_S);
+    let span = samples.round().clamp(SPAN_SAMPLES.0 as f64, SPAN_SAMPLES.1 as f64) as usize;
+    over_spans(time, position, velocity, joints, span)
+}
+
+/// The factor that most joints share, over the shortest spans in which they move. For a time column whose unit is not
+/// known.
+pub(crate) fn shared_factor(time: &[f64], position: &[f64], velocity: &[f64], joints: usize) -> Option<f64> {
+    [4, 32, 256].into_iter().find_map(|span| over_spans(time, position, velocity, joints, span).shared)
+}
+
+/// The factors over spans of so many samples.
+fn over_spans(time: &[f64], position: &[f64], velocity: &[f64], joints: usize, span: usize) -> Scales {
+    let Some(typical) = typical_step(time) else {
         return Scales { joints: vec![None; joints], shared: None };
     };
-    let span = (SPAN_S / typical).round().clamp(SPAN_SAMPLES.0 as f64, SPAN_SAMPLES.1 as f64) as usize;
-    let column =
-        |values: &[f64], joint: usize| -> Vec<f64> { values.iter().skip(joint).step_by(joints).copied().collect() };
+    let column = |values: &[f64], joint: usize| -> Vec<f64> {
+        values.iter().skip(joint).step_by(joints).copied().collect()
+    };
     let joints: Vec<Option<Scale>> = (0..joints)
         .map(|joint| scale(time, &column(position, joint), &column(velocity, joint), typical, span))
         .collect();
     let shared = shared(&joints);
     Scales { joints, shared }
+}
+
+/// Median of the intervals by which time increases; absent where it never does.
+pub(crate) fn typical_step(time: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> =
+        time.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    median(&mut steps)
 }
 
 /// One joint's factor.
@@ -151,7 +171,10 @@ mod tests {
         for rate in [50.0, 200.0, 1000.0] {
             for factor in [1.0, 1.06, 2.0, 57.3] {
                 let found = waves(rate, [factor; 2], 0.0).shared;
-                assert!(found.is_some_and(|found| (found / factor - 1.0).abs() < 0.01), "{rate} {factor} {found:?}");
+                assert!(
+                    found.is_some_and(|found| (found / factor - 1.0).abs() < 0.01),
+                    "{rate} {factor} {found:?}"
+                );
             }
         }
     }

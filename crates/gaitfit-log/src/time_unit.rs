@@ -1,6 +1,7 @@
 //! The unit of a time column: seconds, or one of the units that recorders write integers in.
 
-use crate::check::stats::{median, short};
+use crate::check::stats::short;
+use crate::scale::typical_step;
 use serde::Serialize;
 
 /// Unit of a time column.
@@ -84,8 +85,7 @@ pub(crate) fn recognise(
     rate_hz: Option<f64>,
     velocity_over_derivative: impl FnOnce() -> Option<f64>,
 ) -> Result<Option<ConvertedTime>, String> {
-    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
-    let Some(step) = median(&mut steps) else { return Ok(None) };
+    let Some(step) = typical_step(time) else { return Ok(None) };
     let rate = |unit: TimeUnit| unit.per_second() / step;
     let within = |rate: f64, (low, high): (f64, f64)| (low..=high).contains(&rate);
     let possible = |unit: &TimeUnit| within(rate(*unit), POSSIBLE_HZ);
@@ -108,8 +108,10 @@ pub(crate) fn recognise(
     if let Some(factor) = factor {
         let fits = |unit: &TimeUnit| near(factor / unit.per_second());
         if let Some(unit) = TimeUnit::ALL.into_iter().filter(possible).find(fits) {
-            let because =
-                format!("the velocities are {} times the derivative of the positions by this clock", short(factor));
+            let because = format!(
+                "the velocities are {} times the derivative of the positions by this clock",
+                short(factor)
+            );
             return as_found(unit, because);
         }
     }
@@ -127,19 +129,24 @@ pub(crate) fn recognise(
     if step < 1.0 || rate_hz.is_some() {
         return Ok(None);
     }
-    let readings: Vec<String> =
-        TimeUnit::ALL.into_iter().filter(possible).map(|unit| format!("{unit} ({} Hz)", short(rate(unit)))).collect();
+    let readings: Vec<String> = TimeUnit::ALL
+        .into_iter()
+        .filter(possible)
+        .map(|unit| format!("{unit} ({} Hz)", short(rate(unit))))
+        .collect();
     let what = match (counts, readings.is_empty()) {
-        (true, _) => format!("{apart}: it may count samples, or be in {}", readings.join(" or ")),
-        (false, true) => format!("{apart}, which is no sample interval in any unit from seconds to nanoseconds"),
-        (false, false) => format!("{apart}: it may be in {}", readings.join(" or ")),
+        (true, _) => format!("{apart}. It may count samples, or be in {}", readings.join(" or ")),
+        (false, true) => {
+            format!("{apart}, which is no sample interval in any unit from seconds to nanoseconds")
+        }
+        (false, false) => format!("{apart}. It may be in {}", readings.join(" or ")),
     };
-    let velocities = factor.filter(|_| counts).map_or(String::new(), |factor| {
-        format!(" The velocities fit {} samples a second.", short(factor))
-    });
+    let velocities = factor
+        .filter(|_| counts)
+        .map_or(String::new(), |factor| format!(" The velocities fit {} samples a second.", short(factor)));
     Err(format!(
-        "the unit of `time` is not clear. {what}.{velocities} State the rate as `# rate_hz = 200` above the header, or \
-         name the column `time_ms`, `time_us` or `time_ns`, or give seconds"
+        "the unit of `time` is not clear: {what}.{velocities} State the rate as `# rate_hz = 200` above the header, or \
+         name the column `time_s`, `time_ms`, `time_us` or `time_ns`"
     ))
 }
 
@@ -199,8 +206,12 @@ mod tests {
     #[test]
     fn what_is_not_clear_is_refused() {
         for (step, factor, parts) in [
-            (1.0, None, &["it may count samples, or be in seconds (1 Hz) or milliseconds (1000 Hz)", "time_ms"][..]),
-            (1.0, Some(200.0), &["it may count samples", "The velocities fit 200 samples a second"]),
+            (
+                1.0,
+                None,
+                &["It may count samples, or be in seconds (1 Hz) or milliseconds (1000 Hz)", "time_ms"][..],
+            ),
+            (1.0, Some(200.0), &["It may count samples", "The velocities fit 200 samples a second"]),
             (500.0, None, &["milliseconds (2 Hz) or microseconds (2000 Hz)", "# rate_hz = 200"]),
             (5e12, None, &["5.000e12 apart, which is no sample interval"]),
         ] {

@@ -2,6 +2,7 @@
 
 use crate::columns::{BASE_POSITION, BASE_QUATERNION, BASE_RATES, BASE_VELOCITY, COMMAND};
 use crate::{LogError, Trajectory};
+use gaitfit_model::shown;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -19,7 +20,7 @@ pub fn write_csv(path: &Path, trajectory: &Trajectory) -> Result<(), LogError> {
     for joint in &trajectory.joints {
         if joint.trim() != joint || joint.contains(|c: char| c.is_control() || c == ',' || c == '"') {
             return Err(LogError::Shape {
-                what: format!("joint {joint:?}"),
+                what: format!("joint `{}`", shown(joint)),
                 problem: "a CSV header cannot carry this name; use letters, digits and underscores".into(),
             });
         }
@@ -28,7 +29,7 @@ pub fn write_csv(path: &Path, trajectory: &Trajectory) -> Result<(), LogError> {
         && robot.contains(|c: char| c.is_control())
     {
         return Err(LogError::Shape {
-            what: format!("robot name {robot:?}"),
+            what: format!("robot name `{}`", shown(robot)),
             problem: "a comment line cannot carry this name; use one line of text".into(),
         });
     }

@@ -2,7 +2,6 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use gaitfit_log::*;
-use std::path::{Path, PathBuf};
 
 fn read_text(text: &str) -> Result<(Trajectory, ReadReport), LogError> {
     read_bytes(text.as_bytes(), &ReadOptions::default())
@@ -123,7 +122,7 @@ fn columns_are_found_by_name_in_any_order() {
 fn angles_become_a_quaternion_and_empty_base_cells_nan() {
     let half = std::f64::consts::FRAC_PI_2;
     let (log, report) = read_text(&format!(
-        "time,q_a,dq_a,roll,pitch,yaw,wx,wy,wz\n0,0,0,{half},0,0,nan,,nan\n1,0,0,0,0,{half},nan,nan,nan\n2,0,0,,,,,,\n"
+        "time,q_a,dq_a,roll,pitch,yaw,wx,wy,wz\n0,0,0,{half},0,0,nan,,nan\n0.1,0,0,0,0,{half},nan,nan,nan\n0.2,0,0,,,,,,\n"
     ))
     .unwrap();
     let base = log.base.unwrap();
@@ -138,7 +137,7 @@ fn angles_become_a_quaternion_and_empty_base_cells_nan() {
 
     // All three turned: the matrix of the quaternion is Rz·Ry·Rx, here by its bottom row,
     // (−sin pitch, cos pitch·sin roll, cos pitch·cos roll).
-    let (log, _) = read_text("time,q_a,dq_a,roll,pitch,yaw\n0,0,0,0.3,-0.4,1.1\n1,0,0,0,0,0\n").unwrap();
+    let (log, _) = read_text("time,q_a,dq_a,roll,pitch,yaw\n0,0,0,0.3,-0.4,1.1\n0.1,0,0,0,0,0\n").unwrap();
     let q = log.base.unwrap().quaternion.unwrap();
     let (w, x, y, z) = (q[0], q[1], q[2], q[3]);
     let row = [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)];
@@ -236,7 +235,10 @@ fn bad_files_say_where_and_what_to_do() {
         ("time,q_a,dq_a\n0,1,2,5\n", "log.csv:2: 4 cells where the header names 3; a comma too many"),
         ("\n# x\ntime,q_a,dq_a\n\n0,1,2\n0,1,x2\n", "log.csv:6: column 3 `dq_a`: \"x2\" is not a number"),
         ("time,q_a,dq_a\n0,,2\n", "log.csv:2: column 2 `q_a`: \"\" is empty; write `nan`"),
-        ("time,q_a,dq_a\nnan,1,2\n", "log.csv:2: column 1 `time`: \"NaN\" is no sample time"),
+        ("time,q_a,dq_a\nnan,1,2\n", "log.csv:2: column 1 `time`: \"nan\" is no sample time"),
+        ("time,q_a,dq_a\n1e400,1,2\n", "log.csv:2: column 1 `time`: \"1e400\" is no sample time"),
+        ("time,q_a,dq_a\n0,1\u{0},2\n", "log.csv:2: column 2 `q_a`: \"1\\0\" is not a number"),
+        ("time,q_a\u{0}\n0,1\n", "log.csv:1: no column `dq_a\\u{0}`"),
         ("time,q_a,dq_a,q_a\n0,1,2,3\n", "log.csv:1: column 4 `q_a` repeats column 2"),
         ("time,q_a,dq_a,vx_cmd,cmd_vx\n", "log.csv:1: column 5 `cmd_vx` repeats column 4"),
         ("q_a,dq_a\n0,1\n", "log.csv:1: no column `time`; add the sample time in seconds"),
@@ -285,6 +287,77 @@ fn size_limits_and_binary_files() {
     let options = ReadOptions::default();
     assert!(matches!(read_csv(folder.path(), &options), Err(LogError::NotAFile { .. })));
     assert!(matches!(read_csv(&folder.path().join("no.csv"), &options), Err(LogError::Io { .. })));
+}
+
+#[test]
+fn messages_are_short_and_cannot_command_a_terminal() {
+    let (wild, long) = ("\u{1b}[2J\u{202e}\u{9b}31m", "x".repeat(100_000));
+    for bad in [wild, &long] {
+        for text in [
+            format!("{bad},q_a,dq_a\n0,1,2\n"),
+            format!("{bad}time,q_a,dq_a\n0,1,2\n"),
+            format!("time,q_{bad}\n0,1\n"),
+            format!("time,q_a,dq_a,{bad},{bad}\n0,1,2,3,4\n"),
+            format!("time,q_{bad},dq_{bad}\n0,1,{bad}\n"),
+            format!("time,q_{bad},dq_{bad},q_b,dq_b,qdes_{bad}\n0,1,1,1,1,1\n"),
+            format!("# kp = \"{bad}\"\n{SMALL}"),
+            format!("# kp = {{ \"{bad}\" = 1 }}\n# kd = 1\n{SMALL}"),
+            format!("# kp = {{ \"[{bad}\" = 1 }}\n# kd = 1\n{SMALL}"),
+            format!("# kp = -1e300\n# kd = 1\ntime,q_{bad},dq_{bad}\n0,1,2\n0.1,1,2\n"),
+            format!("# rate_hz = -1e300\n# x = {bad}\n{SMALL}"),
+        ] {
+            let error = message(&text);
+            assert!(!error.chars().any(|c| c.is_control() || c == '\u{202e}'), "{text:.60}: {error}");
+            assert!(error.len() < 500, "{text:.60}: {} bytes", error.len());
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("run.toml"), format!("kp = 1\n\"{wild}\" = 2")).unwrap();
+    std::fs::write(folder.path().join("run.csv"), SMALL).unwrap();
+    let error = read_csv(&folder.path().join("run.csv"), &ReadOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("run.toml: line 2: ") && !error.chars().any(char::is_control), "{error}");
+}
+
+/// Files made to cost memory or time are refused, or read, at once.
+#[test]
+fn hostile_files_are_cheap() {
+    let begin = std::time::Instant::now();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.csv");
+    let fails = |text: &str| read_text(text).unwrap_err();
+    // A file of 600 MB is refused by its length, unread.
+    std::fs::File::create(&path).unwrap().set_len(600 << 20).unwrap();
+    assert!(matches!(read_csv(&path, &ReadOptions::default()), Err(LogError::TooLarge { .. })));
+    // One line of 500 MB is given up after the first megabyte.
+    std::fs::File::create(&path).unwrap().set_len(500 << 20).unwrap();
+    assert!(matches!(read_csv(&path, &ReadOptions::default()), Err(LogError::LineTooLong { line: 1, .. })));
+    assert!(matches!(fails(&",".repeat(100_000)), LogError::TooManyColumns { columns: 100_001, .. }));
+    assert!(matches!(fails(&format!("# kp = {}\n{SMALL}", "[".repeat(500_000))), LogError::Metadata { .. }));
+    let tables: String = (0..40_000).map(|i| format!("\"*{i}\"=1,")).collect();
+    let error = fails(&format!("# kp = {{ {tables} }}\n# kd = 1\n{SMALL}")).to_string();
+    assert!(error.contains("kp has 40000 entries"), "{error}");
+
+    // As many joints as are taken, in the order that a search in lists is slowest with.
+    let joints: Vec<String> = (0..40_000).map(|i| format!("j{i}")).collect();
+    let columns = |prefix: &str| joints.iter().map(|joint| format!("{prefix}{joint},")).collect::<String>();
+    let header = format!("{}{}other_{}time", columns("q_"), columns("dq_"), columns("act"));
+    let row = "1,".repeat(120_000);
+    let text = format!("{header}\n{row}0\n{row}0.01\n");
+    let options = ReadOptions { max_columns: 1 << 20, ..ReadOptions::default() };
+    let error = read_bytes(text.as_bytes(), &options).unwrap_err();
+    assert!(matches!(error, LogError::LineTooLong { .. }), "{error}");
+    let text = format!(
+        "{}{}time\n{}0\n{}0.01\n",
+        columns("q_"),
+        columns("dq_"),
+        "1,".repeat(80_000),
+        "2,".repeat(80_000)
+    );
+    let (log, _) = read_bytes(text.as_bytes(), &options).unwrap();
+    assert_eq!(log.joints.len(), 40_000);
+    let spec = CheckSpec { joints: Some(joints), ..CheckSpec::default() };
+    assert_eq!(check(&log, &spec), []);
+    assert!(begin.elapsed().as_secs_f64() < 10.0, "{:?}", begin.elapsed());
 }
 
 /// Deterministic mutations of a small log: bytes flipped, cut, doubled, lines shuffled. Reading gives a
@@ -343,33 +416,4 @@ fn mutated_logs_never_panic() {
         }
     }
     assert!(read > 100, "only {read} mutants were readable: the mutations are too coarse to test anything");
-}
-
-fn shared(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("skipped: no {} beside the repository", path.display());
-    None
-}
-
-#[test]
-fn the_recorded_go2_logs_read_as_they_are() {
-    let Some(air) = shared("go2_air/run_0.csv") else { return };
-    let (log, report) = read_csv_report(&air, &ReadOptions::default()).unwrap();
-    assert_eq!((log.len(), log.joints.len(), log.rate_hz), (4781, 12, 200.0));
-    assert_eq!(log.joints[..4], ["FL_hip", "FL_thigh", "FL_calf", "FR_hip"]);
-    assert_eq!(report.ignored, []);
-    assert_eq!(log.column(Signal::Target, "FL_calf").unwrap()[0], -2.5);
-
-    let Some(trot) = shared("go2_ground/trot.csv") else { return };
-    let (log, report) = read_csv_report(&trot, &ReadOptions::default()).unwrap();
-    assert_eq!((log.len(), log.rate_hz), (204, 50.0));
-    assert!(log.action.is_some() && log.command.is_some());
-    let base = log.base.unwrap();
-    assert!(base.quaternion.is_some() && base.angular_velocity.is_none());
-    let unknown: Vec<_> = report.ignored.iter().map(|ignored| ignored.name.as_str()).collect();
-    assert_eq!(unknown[..4], ["timestep", "wx", "wy", "wz"]);
-    assert!(unknown.contains(&"tau_pd_RR_calf"));
 }

@@ -113,7 +113,7 @@ fn of_joints(log: &Trajectory) -> Vec<Fall> {
 }
 
 /// Stretches of true.
-fn stretches(flags: &[bool]) -> Vec<Range<usize>> {
+pub(super) fn stretches(flags: &[bool]) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut start = None;
     for (i, flag) in flags.iter().chain([&false]).enumerate() {

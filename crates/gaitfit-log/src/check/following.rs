@@ -4,10 +4,11 @@
 //! the joints that are asked to move do not. Standing still under a constant target asks nothing and is no
 //! finding.
 
-use super::stats::{mean, median};
+use super::stats::{decimals, mean, median};
 use super::windows::{Joint, Window, windows};
 use super::{CheckSpec, FindingKind, Findings, Severity};
 use crate::{Signal, Trajectory};
+use gaitfit_model::{shown, shown_number};
 
 /// Windows in a row that make a finding; they overlap by half, so this is 1.5 windows.
 const IN_A_ROW: usize = 2;
@@ -66,7 +67,7 @@ fn span(windows: &[Window]) -> std::ops::Range<usize> {
 
 fn between(log: &Trajectory, span: &std::ops::Range<usize>) -> String {
     match (log.time.get(span.start), log.time.get(span.end.wrapping_sub(1))) {
-        (Some(from), Some(to)) => format!("from {from:.2} to {to:.2} s"),
+        (Some(from), Some(to)) => format!("from {} to {} s", decimals(*from, 2), decimals(*to, 2)),
         _ => "throughout".into(),
     }
 }
@@ -93,13 +94,15 @@ fn not_following(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
         };
         let (asked, moved, away) = (of(|j| j.target_motion), of(|j| j.motion), of(|j| j.distance));
         let span = span(part);
-        let away = if away.is_finite() { format!(", {away:.2} rad away") } else { String::new() };
+        let away = if away.is_finite() { format!(", {} rad away", decimals(away, 2)) } else { String::new() };
         let message = format!(
-            "{}, {} do not do what they are asked (targets vary by {asked:.3} rad, the joints by {moved:.3} \
+            "{}, {} do not do what they are asked (targets vary by {} rad, the joints by {} \
              rad{away}); the robot lies, is stuck or held, or its motors are off: leave this part out or \
              record again",
             between(findings.log, &span),
             findings.names(&joints),
+            decimals(asked, 3),
+            decimals(moved, 3),
         );
         findings.add(FindingKind::Stuck, Severity::Error, &joints, Some(span), message);
     }
@@ -107,11 +110,8 @@ fn not_following(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
 
 fn single_joints(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
     for joint in 0..findings.log.joints.len() {
-        let held: Vec<bool> = windows
-            .iter()
-            .zip(stuck)
-            .map(|(window, stuck)| !stuck && window.fails(joint))
-            .collect();
+        let held: Vec<bool> =
+            windows.iter().zip(stuck).map(|(window, stuck)| !stuck && window.fails(joint)).collect();
         for run in runs(&held) {
             let part = &windows[run];
             let of =
@@ -119,10 +119,12 @@ fn single_joints(findings: &mut Findings, windows: &[Window], stuck: &[bool]) {
             let (asked, moved) = (of(|joint| joint.target_motion), of(|joint| joint.motion));
             let span = span(part);
             let message = format!(
-                "{}, {} does not follow its target (which varies by {asked:.3} rad, the joint by {moved:.3} rad) \
+                "{}, {} does not follow its target (which varies by {} rad, the joint by {} rad) \
                  while others follow; is it blocked, unpowered, at its limit, or is the column another joint's?",
                 between(findings.log, &span),
-                findings.log.joints[joint],
+                shown(&findings.log.joints[joint]),
+                decimals(asked, 3),
+                decimals(moved, 3),
             );
             findings.add(FindingKind::JointNotFollowing, Severity::Warning, &[joint], Some(span), message);
         }
@@ -198,8 +200,10 @@ fn base(findings: &mut Findings, spec: &CheckSpec) {
         if let Some(span) = longest_below(&height, limit, least) {
             let lowest = height[span.clone()].iter().copied().fold(f64::INFINITY, f64::min);
             let message = format!(
-                "{}, the base is as low as {lowest:.3} m, below {limit} m; the robot lies: leave this part out",
-                between(log, &span)
+                "{}, the base is as low as {} m, below {} m; the robot lies: leave this part out",
+                between(log, &span),
+                decimals(lowest, 3),
+                shown_number(limit)
             );
             findings.add(FindingKind::Lying, Severity::Error, &[], Some(span), message);
         }

@@ -1,13 +1,18 @@
 //! Are the log's joints the robot's?
 
 use super::{CheckSpec, FindingKind, Findings, Severity};
+use crate::names::names;
+use gaitfit_model::shown;
+use std::collections::HashSet;
 
 pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     let Some(expected) = &spec.joints else { return };
     let log = findings.log;
-    let missing: Vec<&String> = expected.iter().filter(|name| log.joint(name).is_none()).collect();
+    let (recorded, wanted): (HashSet<&String>, HashSet<&String>) =
+        (log.joints.iter().collect(), expected.iter().collect());
+    let missing: Vec<&String> = expected.iter().filter(|name| !recorded.contains(name)).collect();
     let extra: Vec<usize> =
-        (0..log.joints.len()).filter(|&joint| !expected.contains(&log.joints[joint])).collect();
+        (0..log.joints.len()).filter(|&joint| !wanted.contains(&log.joints[joint])).collect();
     for name in &missing {
         let similar = extra
             .iter()
@@ -15,10 +20,13 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
             .find(|have| name.contains(*have) || have.contains(*name));
         let message = match similar {
             Some(have) => format!(
-                "the robot's joint {name} is not in the log, whose {have} may be it: rename the columns"
+                "the robot's joint {} is not in the log, whose {} may be it: rename the columns",
+                shown(name),
+                shown(have)
             ),
             None => format!(
-                "the robot's joint {name} is not in the log; record it, or use a robot model without it"
+                "the robot's joint {} is not in the log; record it, or use a robot model without it",
+                shown(name)
             ),
         };
         findings.list.push(super::Finding {
@@ -39,8 +47,8 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     if missing.is_empty() && extra.is_empty() && *expected != log.joints {
         let message = format!(
             "the log has {}, the robot {}; joints are matched by name, so only code that goes by number is at risk",
-            log.joints.join(", "),
-            expected.join(", ")
+            names(log.joints.iter().map(String::as_str)),
+            names(expected.iter().map(String::as_str))
         );
         findings.add(FindingKind::JointOrder, Severity::Note, &[], None, message);
     }

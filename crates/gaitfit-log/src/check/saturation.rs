@@ -3,6 +3,7 @@
 use super::stats::range;
 use super::{CheckSpec, FindingKind, Findings, Severity};
 use crate::Signal;
+use gaitfit_model::shown;
 
 /// Separate visits to exactly the same extreme value. A real signal reaches its extreme once.
 const VISITS: usize = 3;
@@ -77,7 +78,7 @@ fn torque(findings: &mut Findings, spec: &CheckSpec) {
             "PD torque of {} exceeds the motor's limit, most {} in {:.0} % of the samples; the motor clips it, so \
              the simulator must too; check gains and limits",
             findings.names(&joints),
-            log.joints[most.0],
+            shown(&log.joints[most.0]),
             100.0 * most.1
         );
         findings.add(FindingKind::Saturated, Severity::Warning, &joints, None, message);

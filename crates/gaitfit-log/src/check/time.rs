@@ -1,8 +1,9 @@
 //! Is time increasing and regular, at the stated rate, with new data in every row?
 
-use super::stats::{decimals, median, rms};
+use super::stats::{decimals, rms};
 use super::{FindingKind, Findings, Severity};
-use crate::scale::{GAP, equal};
+use crate::scale::{GAP, equal, typical_step};
+use gaitfit_model::shown_number;
 
 /// A gap this long, s, ends a joint's free motion: replaying across it means nothing.
 const LONG_GAP_S: f64 = 0.1;
@@ -34,8 +35,7 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
         findings.add(FindingKind::NonMonotonicTime, Severity::Error, &[], Some(span), message);
     }
 
-    let mut forward: Vec<f64> = steps.iter().copied().filter(|step| *step > 0.0).collect();
-    let Some(typical) = median(&mut forward) else { return false };
+    let Some(typical) = typical_step(&log.time) else { return false };
     let ratio = typical * log.rate_hz;
     let mut clock_is_wrong = false;
     if (ratio - 1.0).abs() > RATE_ERROR {
@@ -48,13 +48,17 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
             ratio if (5e5..2e6).contains(&ratio) => "time is in microseconds, it seems: divide it by 1e6",
             ratio if (5e8..2e9).contains(&ratio) => "time is in nanoseconds, it seems: divide it by 1e9",
             _ if typical == 1.0 => "time counts samples, it seems: divide it by the rate",
-            _ if clock_is_wrong && !clock_is_right => "the velocities fit the stated rate: correct the time column",
-            _ if clock_is_right && !clock_is_wrong => "the velocities fit the time column: correct the stated rate",
+            _ if clock_is_wrong && !clock_is_right => {
+                "the velocities fit the stated rate: correct the time column"
+            }
+            _ if clock_is_right && !clock_is_wrong => {
+                "the velocities fit the time column: correct the stated rate"
+            }
             _ => "correct the stated rate, or the time column",
         };
         let message = format!(
             "the stated rate is {} Hz, but samples are {typical:?} s apart ({} Hz); {hint}",
-            log.rate_hz,
+            shown_number(log.rate_hz),
             decimals(1.0 / typical, 4)
         );
         findings.add(FindingKind::RateMismatch, Severity::Error, &[], None, message);
@@ -84,8 +88,9 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
     let jitter = rms(&regular);
     if jitter > JITTER {
         let message = format!(
-            "sample intervals vary by {:.1} % RMS around {typical:.6} s; record from a real-time loop, or resample",
-            100.0 * jitter
+            "sample intervals vary by {:.1} % RMS around {} s; record from a real-time loop, or resample",
+            100.0 * jitter,
+            decimals(typical, 6)
         );
         findings.add(FindingKind::IrregularTime, Severity::Warning, &[], None, message);
     }
@@ -105,10 +110,10 @@ fn repeated_rows(findings: &mut Findings, typical: f64) {
     // A log where nothing moves at all repeats every row for another reason, reported elsewhere.
     if moving && share > REPEATED {
         let message = format!(
-            "{:.0} % of the rows repeat positions and velocities of the row before; the robot reports at about \
-             {:.0} Hz: record or resample at that rate",
+            "{:.0} % of the rows repeat positions and velocities of the row before; the robot reports at about {} Hz: \
+             record or resample at that rate",
             100.0 * share,
-            (1.0 - share) / typical
+            decimals((1.0 - share) / typical, 0)
         );
         findings.add(FindingKind::RepeatedRows, Severity::Warning, &[], None, message);
     }

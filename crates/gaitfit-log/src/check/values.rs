@@ -1,11 +1,15 @@
 //! Are the values numbers, within limits, in the right unit, and alive?
 
+use super::falls::stretches;
 use super::stats::{decimals, deviation, range};
 use super::{CheckSpec, FindingKind, Findings, Severity};
 use crate::{Signal, Trajectory};
+use gaitfit_model::{shown, shown_number};
 
 /// Overshoot of a position limit that compliance and calibration explain, rad.
 const POSITION_SLACK: f64 = 0.02;
+/// Time beyond a limit, s, of a joint that bounces off its stop.
+const MOMENT_S: f64 = 0.1;
 /// Beyond this overshoot, rad, the value cannot be that joint's position.
 const POSITION_IMPOSSIBLE: f64 = 0.2;
 /// Measured speed may exceed the actuator's limit when the ground drives the joint; not this many times.
@@ -41,7 +45,7 @@ fn not_finite(findings: &mut Findings) {
             "{} {signal} value(s) of {} are NaN or infinite, the first at {} s; cut the log there or record again",
             bad.len(),
             findings.names(&joints),
-            log.time[first / width]
+            shown_number(log.time[first / width])
         );
         let span = first / width..last / width + 1;
         findings.add(FindingKind::NotFinite, Severity::Error, &joints, Some(span), message);
@@ -60,7 +64,7 @@ fn not_finite(findings: &mut Findings) {
             let message = format!(
                 "{count} {what} value(s) are NaN or infinite, the first at {} s; what needs the {what} cannot use \
                  these samples",
-                log.time[first / width]
+                shown_number(log.time[first / width])
             );
             findings.add(FindingKind::NotFinite, severity, &[], None, message);
         }
@@ -72,7 +76,7 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
     for signal in [Signal::Position, Signal::Target] {
         let mut worst: Option<(usize, f64)> = None;
         let mut joints = Vec::new();
-        let mut all_pushed = true;
+        let mut at_stops = true;
         for (joint, name) in log.joints.iter().enumerate() {
             let (Some([low, high]), Some(column)) =
                 (spec.position_limits.get(name), log.column_at(signal, joint))
@@ -83,7 +87,7 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
             let over = (low - least).max(most - high);
             if over > POSITION_SLACK {
                 joints.push(joint);
-                all_pushed &= pushed(log, joint, [*low, *high], [least, most]);
+                at_stops &= hits_its_stop(log, joint, &column, [*low, *high]);
                 if worst.is_none_or(|(_, most)| over > most) {
                     worst = Some((joint, over));
                 }
@@ -94,35 +98,47 @@ fn position_limits(findings: &mut Findings, spec: &CheckSpec) {
         let [low, high] = spec.position_limits[name];
         let impossible = signal == Signal::Position && over > POSITION_IMPOSSIBLE;
         let message = format!(
-            "{signal} of {} beyond limits, most {name}, {} rad outside [{low}, {high}]; {}",
+            "{signal} of {} beyond limits, most {}, {} rad outside [{}, {}]; {}",
             findings.names(&joints),
+            shown(name),
             decimals(over, 3),
+            shown_number(low),
+            shown_number(high),
             if impossible {
                 "check unit (rad), sign, zero and which column is which joint"
             } else if signal == Signal::Target {
                 "a PD controller may ask for that to push against its limit; the joint will not get there"
-            } else if all_pushed {
-                "the targets lie further out: the controller pushes the joints against their stops, which give a little"
+            } else if at_stops {
+                "the joint hits its stop, which gives a little"
             } else {
                 "compliance explains a little; check the joint's zero and the model's limits"
             }
         );
         let severity = match signal {
             _ if impossible => Severity::Error,
-            Signal::Position if !all_pushed => Severity::Warning,
+            Signal::Position if !at_stops => Severity::Warning,
             _ => Severity::Note,
         };
         findings.add(FindingKind::BeyondPositionLimit, severity, &joints, None, message);
     }
 }
 
-/// Whether the targets of a joint go further beyond each limit `[low, high]` than its position, which spans `reached`.
-fn pushed(log: &Trajectory, joint: usize, [low, high]: [f64; 2], reached: [f64; 2]) -> bool {
-    let target = log.column_at(Signal::Target, joint).and_then(|column| range(&column));
-    target.is_some_and(|(least, most)| {
-        (reached[0] >= low - POSITION_SLACK || least < reached[0])
-            && (reached[1] <= high + POSITION_SLACK || most > reached[1])
-    })
+/// Whether a joint that goes beyond its limits hits its stops, which give a little: for a moment each time, or because
+/// its targets lie further out. `column`: its positions, rad.
+fn hits_its_stop(log: &Trajectory, joint: usize, column: &[f64], [low, high]: [f64; 2]) -> bool {
+    let brief = (MOMENT_S * log.rate_hz).max(1.0);
+    let target = log.column_at(Signal::Target, joint).and_then(|target| range(&target));
+    let side = |beyond: Vec<bool>, further: bool| {
+        further || stretches(&beyond).iter().all(|stretch| stretch.len() as f64 <= brief)
+    };
+    let (least, most) = range(column).unwrap_or_default();
+    side(
+        column.iter().map(|q| *q < low - POSITION_SLACK).collect(),
+        target.is_some_and(|target| target.0 < least),
+    ) && side(
+        column.iter().map(|q| *q > high + POSITION_SLACK).collect(),
+        target.is_some_and(|target| target.1 > most),
+    )
 }
 
 fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
@@ -149,9 +165,11 @@ fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
     let limit = spec.velocity_limits[name];
     let impossible = ratio > SPEED_IMPOSSIBLE;
     let message = format!(
-        "velocity of {} beyond limits, most {name} with {} of {limit} rad/s; {}",
+        "velocity of {} beyond limits, most {} with {} of {} rad/s; {}",
         findings.names(&joints),
+        shown(name),
         decimals(speed, 2),
+        shown_number(limit),
         if impossible {
             "check the unit (rad/s)"
         } else {

@@ -1,10 +1,10 @@
 //! Is the velocity the derivative of the position, by the clock that the log has?
 
 use super::saturation::clipped;
-use super::stats::short;
+use super::stats::{range, short};
 use super::{FindingKind, Findings, Severity};
 use crate::Signal;
-use crate::scale::{SAME, Scale, Scales, equal};
+use crate::scale::{SAME, Scale, Scales, equal, typical_step};
 
 /// Below this correlation they are two different signals. A hip of a trotting robot sampled at 50 Hz reaches
 /// only 0.55: impacts fall between samples.
@@ -19,7 +19,10 @@ pub(super) fn check(findings: &mut Findings, scales: &Scales, rate_is_said: bool
         .enumerate()
         .filter_map(|(joint, scale)| Some((joint, (*scale)?)))
         // A cut-off or constant velocity is reported as such.
-        .filter(|(joint, _)| findings.log.column_at(Signal::Velocity, *joint).is_some_and(|v| !clipped(&v)))
+        .filter(|(joint, _)| {
+            let velocity = findings.log.column_at(Signal::Velocity, *joint).unwrap_or_default();
+            range(&velocity).is_some_and(|(low, high)| low < high) && !clipped(&velocity)
+        })
         .collect();
     let pick = |test: &dyn Fn(&Scale) -> bool| -> Vec<usize> {
         joints.iter().filter(|(_, scale)| test(scale)).map(|(joint, _)| *joint).collect()
@@ -53,7 +56,8 @@ pub(super) fn check(findings: &mut Findings, scales: &Scales, rate_is_said: bool
         .filter(|(_, scale)| scale.same() && !with_it(scale) && !scale.may_be(1.0))
         .map(|(joint, scale)| (*joint, nearest_to_one(scale)))
         .collect();
-    let (low, high) = off.iter().fold((f64::INFINITY, 0.0f64), |(low, high), (_, f)| (low.min(*f), high.max(*f)));
+    let (low, high) =
+        off.iter().fold((f64::INFINITY, 0.0f64), |(low, high), (_, f)| (low.min(*f), high.max(*f)));
     let joints: Vec<usize> = off.into_iter().map(|(joint, _)| joint).collect();
     scaled(findings, &joints, low, high, None);
 }
@@ -70,7 +74,11 @@ fn scaled(findings: &mut Findings, joints: &[usize], low: f64, high: f64, shared
     if joints.is_empty() {
         return;
     }
-    let factor = if equal(low, high) { short((low * high).sqrt()) } else { format!("{} to {}", short(low), short(high)) };
+    let factor = if equal(low, high) {
+        short((low * high).sqrt())
+    } else {
+        format!("{} to {}", short(low), short(high))
+    };
     let message = format!(
         "velocity of {} is {factor} times the derivative of the position; {}",
         findings.names(joints),
@@ -96,12 +104,12 @@ fn reading(findings: &Findings, factor: f64, one: bool, shared: Option<f64>) -> 
             return format!("time is in {unit}, it seems: divide it by {per_second}");
         }
     }
-    match (shared, findings.recorded_hz()) {
-        (Some(shared), Some(recorded)) => format!(
+    match (shared, typical_step(&findings.log.time)) {
+        (Some(shared), Some(step)) => format!(
             "the velocities fit a sample rate of {} Hz, the time column says {} Hz. Correct the time column if the \
              rate is wrong; divide the velocities by {} if their scale is wrong (unit, gear ratio)",
-            short(recorded * shared),
-            short(recorded),
+            short(shared / step),
+            short(1.0 / step),
             short(shared)
         ),
         _ => "the other joints fit the time column, or have other factors, so the rate alone is not to blame; check \

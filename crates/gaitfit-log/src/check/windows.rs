@@ -93,7 +93,8 @@ impl Window {
         if !judged.asked || judged.follows {
             return false;
         }
-        let others = self.joints.iter().enumerate().filter(|(other, _)| *other != joint).map(|(_, other)| other);
+        let others =
+            self.joints.iter().enumerate().filter(|(other, _)| *other != joint).map(|(_, other)| other);
         let (mut asked, mut closely) = (0, 0);
         for other in others.filter(|other| other.asked) {
             asked += 1;

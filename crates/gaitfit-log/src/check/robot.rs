@@ -1,0 +1,35 @@
+//! What a robot's model says that a log of it can be checked against.
+
+use super::CheckSpec;
+use gaitfit_model::Model;
+use std::collections::HashMap;
+
+impl CheckSpec {
+    /// Joints and limits of `model`, each under the log's name of the joint where `log_joints` has it
+    /// ([`Model::find_joint`]), else under the robot's.
+    pub fn of_robot(model: &Model, log_joints: &[String]) -> CheckSpec {
+        let mut of_log: HashMap<usize, &String> = HashMap::new();
+        for name in log_joints {
+            if let Some(index) = model.find_joint(name) {
+                of_log.entry(index).or_insert(name);
+            }
+        }
+        let mut spec = CheckSpec::default();
+        let mut names = Vec::with_capacity(model.joints.len());
+        for (index, joint) in model.joints.iter().enumerate() {
+            let name = of_log.get(&index).copied().unwrap_or(&joint.name).clone();
+            if let Some(range) = joint.range {
+                spec.position_limits.insert(name.clone(), range);
+            }
+            if let Some(limit) = joint.velocity_limit {
+                spec.velocity_limits.insert(name.clone(), limit);
+            }
+            if let Some(effort) = model.effort(index) {
+                spec.effort_limits.insert(name.clone(), effort);
+            }
+            names.push(name);
+        }
+        spec.joints = Some(names);
+        spec
+    }
+}
