@@ -55,3 +55,30 @@ fn shared_a_robot_that_lies_or_is_stuck_is_told_from_one_that_trots() {
     assert_eq!(stuck.status.code(), Some(3));
     assert!(kinds(&stuck).iter().any(|kind| kind == "stuck" || kind == "lying"), "{:?}", kinds(&stuck));
 }
+
+#[test]
+fn a_folder_of_logs_shows_what_they_share() {
+    let output = run(&["inspect", "examples/go2-ground/logs", "--robot", "assets/go2.xml"]);
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    let text = String::from_utf8(output.stdout).unwrap();
+    for part in ["64 logs", "robot: go2", "rate: 50 Hz (64 logs)", "trajectory_63.csv", "nothing suspicious"]
+    {
+        assert!(text.contains(part), "`{part}` is not in:\n{text}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("cut.csv"), "time,q_a,dq_a\n0,1\n").unwrap();
+    let rows: String = (0..50).map(|i| format!("{},0.{i},1\n", i * 5_000_000)).collect();
+    let log = folder.path().join("\u{1b}[2Jrun.csv");
+    std::fs::write(&log, format!("# robot = \"\\u001B[31mred\"\ntime,q_\u{9b}a,dq_\u{9b}a\n{rows}")).unwrap();
+    for path in [folder.path(), &log] {
+        let output = run(&["inspect".as_ref(), path.as_os_str()]);
+        let text = String::from_utf8(output.stdout.clone()).unwrap() + &errors(&output);
+        assert!(!text.chars().any(|c| c.is_control() && c != '\n'), "{text:?}");
+        assert!(text.contains("nanoseconds") && text.contains("red"), "{text}");
+    }
+    let output = run(&["inspect".as_ref(), folder.path().as_os_str(), "--json".as_ref()]);
+    assert_eq!(output.status.code(), Some(3));
+    let found = json(&output);
+    assert!(found["logs"][1]["unreadable"].as_str().unwrap().contains("cut short"), "{found}");
+    assert_eq!(found["logs"][0]["log"]["samples"], 50);
+}

@@ -24,7 +24,7 @@ pub enum LogError {
         remedy: &'static str,
     },
     /// A folder, pipe or device where a file is needed.
-    #[error("{}: not a regular file; name one CSV file", shown_path(.path))]
+    #[error("{}: not a regular file but a folder, pipe or device; name a CSV file", shown_path(.path))]
     NotAFile {
         /// The path given.
         path: PathBuf,

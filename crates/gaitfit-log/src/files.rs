@@ -7,26 +7,17 @@ use std::path::{Path, PathBuf};
 /// Most entries of a folder that are looked at.
 const MOST_ENTRIES: usize = 100_000;
 
-/// What to do with symbolic links to log files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Links {
-    /// Read the files they lead to. A link that leads to no regular file is an error.
-    Follow,
-    /// They are errors: the folder must hold its files itself, for example to be read again later.
-    Refuse,
-}
-
-/// The `*.csv` files of a folder, by name; not those of folders in it.
+/// The `*.csv` files of a folder, by name, and links to files; not those of folders in it.
 ///
 /// # Errors
-/// A folder that cannot be read or holds more than 100,000 entries; the first link that is not taken ([`Links`]); a
-/// `*.csv` that is a pipe or a device, which could block the reader for ever.
-pub fn csv_files(folder: &Path, links: Links) -> Result<Vec<PathBuf>, LogError> {
-    entries(folder, links)?.into_iter().map(|(path, wrong)| wrong.map_or(Ok(path), Err)).collect()
+/// A folder that cannot be read or holds more than 100,000 entries; a `*.csv` that is a link to no regular file, or a
+/// pipe or device, which could block the reader for ever.
+pub fn csv_files(folder: &Path) -> Result<Vec<PathBuf>, LogError> {
+    entries(folder)?.into_iter().map(|(path, wrong)| wrong.map_or(Ok(path), Err)).collect()
 }
 
 /// As [`csv_files`], with what is wrong beside each file.
-pub(crate) fn entries(folder: &Path, links: Links) -> Result<Vec<(PathBuf, Option<LogError>)>, LogError> {
+pub(crate) fn entries(folder: &Path) -> Result<Vec<(PathBuf, Option<LogError>)>, LogError> {
     let unreadable = |source| LogError::Io {
         path: folder.to_owned(),
         action: "list the folder",
@@ -46,19 +37,18 @@ pub(crate) fn entries(folder: &Path, links: Links) -> Result<Vec<(PathBuf, Optio
         if std::fs::symlink_metadata(&path).is_ok_and(|metadata| metadata.is_dir()) {
             continue;
         }
-        let wrong = check_entry(&path, links).err();
+        let wrong = check_entry(&path).err();
         found.push((path, wrong));
     }
     found.sort_by(|a, b| a.0.cmp(&b.0));
     Ok(found)
 }
 
-/// Refuses what is not a regular file: a pipe, a device, a folder, or a link that [`Links`] does not let pass. The
-/// message names the link, where it leads and what to do.
+/// Refuses what is neither a regular file nor a link to one. The message names a link, where it leads and what to do.
 ///
 /// # Errors
 /// As said; an entry that cannot be looked at.
-pub fn check_entry(path: &Path, links: Links) -> Result<(), LogError> {
+pub fn check_entry(path: &Path) -> Result<(), LogError> {
     let io = |source| LogError::Io {
         path: path.to_owned(),
         action: "look at the file",
@@ -79,10 +69,6 @@ pub fn check_entry(path: &Path, links: Links) -> Result<(), LogError> {
             refuse("which does not exist", "restore that file, or delete the link")
         }
         Err(_) => refuse("which cannot be reached", "check that path's permissions, or delete the link"),
-        Ok(_) if links == Links::Refuse => refuse(
-            "and this folder must hold its files itself",
-            "let the program that records write the file here, or copy it here (`cp -L` copies what a link leads to)",
-        ),
         Ok(metadata) if metadata.is_file() => Ok(()),
         Ok(metadata) if metadata.is_dir() => {
             refuse("which is a folder", "name that folder instead, or delete the link")

@@ -1,6 +1,6 @@
 //! A folder of logs at a glance: which logs, which joints and rates they share, and what is wrong with how many.
 
-use crate::files::{Links, entries};
+use crate::files::entries;
 use crate::{
     CheckSpec, Finding, FindingKind, LogError, ReadOptions, Severity, Trajectory, check, read_csv_report,
 };
@@ -102,7 +102,7 @@ pub fn summarise_folder(
     spec: &dyn Fn(&Trajectory) -> CheckSpec,
     progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<FolderSummary, LogError> {
-    let files = entries(folder, Links::Follow)?;
+    let files = entries(folder)?;
     if files.is_empty() {
         return Err(LogError::NoLogs { path: folder.to_owned() });
     }

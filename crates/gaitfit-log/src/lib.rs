@@ -50,7 +50,7 @@ mod write;
 
 pub use check::{CheckSpec, Fall, FallSign, Finding, FindingKind, Severity, Span, check, falls};
 pub use error::LogError;
-pub use files::{Links, check_entry, csv_files};
+pub use files::{check_entry, csv_files};
 pub use folder::{FindingGroup, FolderSummary, LogContent, LogEntry, RateCount, summarise_folder};
 pub use metadata::PerJoint;
 pub use ops::Signal;

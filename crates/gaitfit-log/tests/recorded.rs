@@ -99,8 +99,8 @@ fn a_real_robot_that_is_stuck_is_told_from_one_that_trots() {
     let ground = summarise("../shared/data/go2_ground", &gains([20.0; 3], [0.5; 3]));
     let [stuck, trot] = [0, 1];
     let of = |log: usize| ground.findings.iter().filter(move |group| group.logs.contains(&log));
-    // The trot's velocities are 1.15 times the derivative of its positions in every joint: its time stamps are counted
-    // steps of 0.02 s, not measured.
+    // The trot's velocities are 1.15 times the derivative of its positions in every joint; its time stamps are counted
+    // steps of 0.02 s.
     let said: Vec<_> =
         of(trot).filter(|group| group.severity > Severity::Note).map(|group| group.kind).collect();
     assert!(

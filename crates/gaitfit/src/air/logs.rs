@@ -3,9 +3,10 @@
 use crate::Error;
 use crate::log::Log;
 use crate::settings::{AdaptConfig, FileGains};
-use crate::{log_joints, paths, robot};
+use crate::{log_joints, paths};
 use gaitfit_log::{
-    Finding, FindingKind, PerJoint, ReadOptions, ReadReport, Severity, Trajectory, check, read_csv_report,
+    CheckSpec, Finding, FindingKind, PerJoint, ReadOptions, ReadReport, Severity, Trajectory, check,
+    read_csv_report,
 };
 use gaitfit_model::Model;
 use gaitfit_sim::Recording;
@@ -39,7 +40,8 @@ pub fn read(
     }
     let all: Vec<usize> = (0..model.joints.len()).collect();
     let (trajectory, joints) = log_joints::of_robot(&trajectory, &path, &config.joint_names, model, &all)?;
-    let findings = check(&trajectory, &robot::check_spec(model, &trajectory.joints));
+    let mut findings = report.findings();
+    findings.extend(check(&trajectory, &CheckSpec::of_robot(model, &trajectory.joints)));
     recording(&trajectory, &path)?;
     if let Some(broken) = findings.iter().find(|finding| unusable(finding)) {
         return Err(Error::failed(format!(

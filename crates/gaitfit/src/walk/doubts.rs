@@ -2,9 +2,8 @@
 
 use super::logs::Read;
 use crate::log::Log;
-use crate::robot;
 use gaitfit_learn::task::Task;
-use gaitfit_log::{FindingKind, Severity, check};
+use gaitfit_log::{CheckSpec, FindingKind, Severity, check};
 use gaitfit_policy::Interface;
 use std::collections::BTreeMap;
 
@@ -27,7 +26,7 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
     ];
     let mut kinds: BTreeMap<FindingKind, (usize, String)> = BTreeMap::new();
     for read in reads {
-        let spec = robot::check_spec(scene.walker.batch.model(), &read.trajectory.joints);
+        let spec = CheckSpec::of_robot(scene.walker.batch.model(), &read.trajectory.joints);
         let mut seen = Vec::new();
         for finding in check(&read.trajectory, &spec) {
             if finding.severity == Severity::Note

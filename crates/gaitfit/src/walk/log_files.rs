@@ -2,6 +2,8 @@
 
 use crate::Error;
 use crate::paths;
+use gaitfit_log::{check_entry, csv_files};
+use gaitfit_model::shown_path;
 use globset::GlobBuilder;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -62,8 +64,7 @@ fn of_entry(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
     if !path.is_dir() {
         return Ok(vec![path]);
     }
-    let files: Vec<PathBuf> =
-        list(&path)?.into_iter().filter(|file| file.is_file() && has_csv_name(file)).collect();
+    let files = csv_files(&path).map_err(Error::failed)?;
     if files.is_empty() {
         return Err(Error::settings(format!(
             "{}: the folder {} holds no *.csv files; name the folder with the robot's logs",
@@ -74,10 +75,6 @@ fn of_entry(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
     Ok(files)
 }
 
-fn has_csv_name(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv"))
-}
-
 fn beside(entry: &str, config_path: &Path) -> PathBuf {
     config_path.parent().unwrap_or(Path::new("")).join(entry)
 }
@@ -86,6 +83,7 @@ fn beside(entry: &str, config_path: &Path) -> PathBuf {
 fn matching(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
     let here = PathBuf::from(entry);
     let beside = beside(entry, config_path);
+    let mut passed_over = None;
     for pattern in [&here, &beside] {
         let text = pattern.to_string_lossy();
         let glob = GlobBuilder::new(&text).literal_separator(true).build().map_err(|error| {
@@ -104,25 +102,43 @@ fn matching(entry: &str, config_path: &Path) -> Result<Vec<PathBuf>, Error> {
             if text.contains("**") { 16 } else { pattern.components().count() - root.components().count() };
         let matcher = glob.compile_matcher();
         let mut found = Vec::new();
-        walk(&root, depth, &mut 0, &mut |path| {
-            if matcher.is_match(path) {
+        walk(&root, depth, &mut 0, &mut |path, linked_folder| {
+            if linked_folder {
+                passed_over.get_or_insert_with(|| path.to_owned());
+            } else if matcher.is_match(path) {
                 found.push(path.to_owned());
             }
         })?;
+        found.iter().try_for_each(|path| check_entry(path)).map_err(Error::failed)?;
         if !found.is_empty() {
             found.sort();
             return Ok(found);
         }
     }
+    let link = passed_over.map_or_else(String::new, |link| {
+        let target = std::fs::read_link(&link).unwrap_or_default();
+        format!(
+            ". The link {} to the folder {} was not followed: patterns do not follow links to folders, which may lead in \
+             circles; name that folder itself",
+            shown_path(&link),
+            shown_path(&target)
+        )
+    });
     Err(Error::settings(format!(
         "{}: no file matches the log pattern `{entry}` (seen from the current directory and from the configuration's \
-         folder); correct the pattern, or record logs there",
+         folder); correct the pattern, or record logs there{link}",
         config_path.display()
     )))
 }
 
-/// Hands all files at most `depth` folders below `folder` to `take`; a folder that is not there has none.
-fn walk(folder: &Path, depth: usize, visited: &mut usize, take: &mut dyn FnMut(&Path)) -> Result<(), Error> {
+/// Hands all files at most `depth` folders below `folder` to `take`; a folder that is not there has none. `take` also
+/// gets links to folders, with `true`: they are not followed, because they may lead in circles.
+fn walk(
+    folder: &Path,
+    depth: usize,
+    visited: &mut usize,
+    take: &mut dyn FnMut(&Path, bool),
+) -> Result<(), Error> {
     let entries = match folder {
         folder if folder.as_os_str().is_empty() => list(Path::new(".")).map(|paths| {
             paths
@@ -141,13 +157,12 @@ fn walk(folder: &Path, depth: usize, visited: &mut usize, take: &mut dyn FnMut(&
                 folder.display()
             )));
         }
-        // Links to folders are not followed: they may lead in circles.
         if path.is_dir() && !path.is_symlink() {
             if depth > 1 {
                 walk(&path, depth - 1, visited, take)?;
             }
-        } else if path.is_file() {
-            take(&path);
+        } else {
+            take(&path, path.is_dir());
         }
     }
     Ok(())
@@ -207,5 +222,31 @@ mod tests {
         wrong(&[], "names no files");
         std::fs::create_dir(folder.path().join("empty")).unwrap();
         wrong(&["empty"], "holds no *.csv");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_to_logs_are_followed_and_others_named() {
+        use std::os::unix::fs::symlink;
+        let folder = tempfile::tempdir().unwrap();
+        let config = folder.path().join("adapt.toml");
+        for name in ["logs", "runs/3"] {
+            std::fs::create_dir_all(folder.path().join(name)).unwrap();
+            std::fs::write(folder.path().join(name).join("a.csv"), "").unwrap();
+        }
+        symlink("../runs/3/a.csv", folder.path().join("logs/b.csv")).unwrap();
+        for entry in ["logs", "logs/*.csv"] {
+            assert_eq!(names(&[entry], &config).unwrap(), (vec!["a.csv".to_owned(), "b.csv".to_owned()], 0));
+        }
+        symlink("gone.csv", folder.path().join("logs/c.csv")).unwrap();
+        symlink("3", folder.path().join("runs/latest")).unwrap();
+        for (entry, parts) in [
+            ("logs", ["c.csv: a link to gone.csv", "does not exist"]),
+            ("logs/*.csv", ["c.csv: a link to gone.csv", "does not exist"]),
+            ("runs/l*/*.csv", ["runs/latest to the folder 3", "name that folder itself"]),
+        ] {
+            let error = names(&[entry], &config).unwrap_err().to_string();
+            assert!(parts.iter().all(|part| error.contains(part)), "{entry}: {error}");
+        }
     }
 }

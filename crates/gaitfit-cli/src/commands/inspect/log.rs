@@ -10,6 +10,7 @@ use gaitfit_log::{
     CheckSpec, Finding, LogSummary, ReadOptions, Severity, Signal, Trajectory, check, read_csv_report,
     summary_with_report,
 };
+use gaitfit_model::shown;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -25,9 +26,10 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     let (log, report) = read_csv_report(&args.file, &ReadOptions::default()).map_err(Failure::failed)?;
     let spec = match &args.robot {
         None => CheckSpec::default(),
-        Some(path) => robot::check_spec(&robot::read(path, args.lenient, robot::Hold::File)?, &log.joints),
+        Some(path) => CheckSpec::of_robot(&robot::read(path, args.lenient, robot::Hold::File)?, &log.joints),
     };
-    let findings = check(&log, &spec);
+    let mut findings = report.findings();
+    findings.extend(check(&log, &spec));
     let summary = summary_with_report(&log, report);
     if let Some(path) = &args.plot {
         plot::write(&log, &findings, path)?;
@@ -48,7 +50,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
 fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding]) -> String {
     let mut text = format!(
         "{}: {} joints, {} samples in {} s at {} Hz (intervals vary by {} ms, longest {} ms)\nchannels: {}\n",
-        summary.robot.as_deref().unwrap_or("robot not named"),
+        summary.robot.as_deref().map_or("robot not named".to_owned(), shown),
         summary.joints.len(),
         summary.samples,
         number(Some(summary.duration_s)),
@@ -72,7 +74,7 @@ fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding]) -> String 
     for (index, joint) in summary.joints.iter().enumerate() {
         let position = log.column_at(Signal::Position, index).unwrap_or_default();
         joints.add_row([
-            joint.name.clone(),
+            shown(&joint.name),
             spark(&position, 32),
             super::interval(joint.position.map(|position| [position.min, position.max])),
             number(joint.velocity.map(|velocity| velocity.rms)),
@@ -86,11 +88,11 @@ fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding]) -> String 
         let _ = writeln!(text, "\ngains from {place}");
     }
     if !summary.reading.ignored.is_empty() {
-        let names: Vec<&str> = summary.reading.ignored.iter().map(|column| column.name.as_str()).collect();
+        let names: Vec<String> = summary.reading.ignored.iter().map(|column| shown(&column.name)).collect();
         let _ = writeln!(text, "\ncolumns not used: {}", names.join(", "));
     }
     text.push('\n');
-    if findings.is_empty() {
+    if findings.iter().all(|finding| finding.severity == Severity::Note) {
         text.push_str("nothing suspicious\n");
     }
     for finding in findings {

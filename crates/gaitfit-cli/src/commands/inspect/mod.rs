@@ -1,5 +1,6 @@
 //! `gaitfit inspect`: what a robot file or a log holds.
 
+mod folder;
 mod log;
 mod plot;
 mod robot;
@@ -9,8 +10,14 @@ use crate::cli::Inspect;
 use crate::exit::Failure;
 use crate::output;
 
-/// Tells robots from logs by the file's ending and prints what they hold.
+/// Tells robots, logs and policies by the file's ending, and prints what they hold; a folder is one of logs.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
+    if args.file.is_dir() {
+        if args.plot.is_some() || (args.lenient && args.robot.is_none()) {
+            return Err(Failure::usage("--plot is for one log (.csv), --lenient for robot files"));
+        }
+        return folder::run(args);
+    }
     let ending = args.file.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     match ending.as_deref() {
         Some("xml" | "mjcf" | "urdf") => {
@@ -50,6 +57,8 @@ fn policy(args: &Inspect) -> Result<(), Failure> {
 fn number(value: Option<f64>) -> String {
     match value {
         None => "–".to_owned(),
+        // 1e300 has 300 digits.
+        Some(value) if value.abs() >= 1e9 => format!("{value:.3e}"),
         Some(value) => {
             let text = format!("{value:.4}");
             if text.contains('.') {
