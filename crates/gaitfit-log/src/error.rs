@@ -85,7 +85,7 @@ pub enum LogError {
         /// What it looks like and what to do.
         hint: &'static str,
     },
-    /// A link that leads to no file, or where none may be.
+    /// A link that leads to no file.
     #[error("{}: a link to {}, {problem}; {remedy}", shown_path(.path), shown_path(.target))]
     Link {
         /// The link.
