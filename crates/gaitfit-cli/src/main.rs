@@ -11,11 +11,27 @@ mod watcher;
 
 use clap::Parser;
 use cli::{Cli, Command};
+use exit::{Exit, Failure};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let done = match &cli.command {
+    let done = run(&cli);
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            output::note(&format!("error: {failure}"));
+            failure.exit.into()
+        }
+    }
+}
+
+fn run(cli: &Cli) -> Result<(), Failure> {
+    if let Some(isa) = cli.isa {
+        gaitfit_isa::select(isa)
+            .map_err(|error| Failure { exit: Exit::Missing, message: format!("--isa: {error}") })?;
+    }
+    match &cli.command {
         Command::Config(args) => commands::config::run(args),
         Command::Doctor(args) => commands::doctor::run(args),
         Command::Inspect(args) => commands::inspect::run(args),
@@ -32,12 +48,5 @@ fn main() -> ExitCode {
         Command::Bench(args) => commands::bench::run(args),
         Command::Completions(args) => commands::shell::completions(args),
         Command::Man(args) => commands::shell::man(args),
-    };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            output::note(&format!("error: {failure}"));
-            failure.exit.into()
-        }
     }
 }

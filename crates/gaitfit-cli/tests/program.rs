@@ -87,3 +87,14 @@ fn names_in_files_do_not_steer_the_terminal() {
         assert!(!said.contains(&0x1b), "{}", String::from_utf8_lossy(&said).escape_debug());
     }
 }
+
+#[test]
+fn vector_instructions_can_be_chosen() {
+    let bench = |set: &str| {
+        run(&["bench", "train", "--environments", "32", "--iterations", "1", "--json", "--isa", set])
+    };
+    assert_eq!(json(&bench("portable"))["isa"], "portable");
+    let wrong = bench("sse9");
+    assert_eq!(wrong.status.code(), Some(2));
+    assert!(errors(&wrong).contains("avx512"), "{}", errors(&wrong));
+}

@@ -12,6 +12,7 @@ pub use world::{Collect, Evaluate};
 
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
+use gaitfit_isa::Isa;
 use std::path::PathBuf;
 
 /// Fits a legged robot's simulator to the real robot from its joint sensors.
@@ -24,6 +25,9 @@ pub struct Cli {
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
+    /// Vector instructions to use: avx512, avx2 or portable [default: the best of this machine]
+    #[arg(long, global = true, value_name = "SET", env = gaitfit_isa::VARIABLE, hide_env_values = true)]
+    pub isa: Option<Isa>,
 }
 
 /// What to do.
