@@ -65,6 +65,35 @@ fn a_standing_policy_neither_falls_nor_follows() {
     assert!(sprung["simulator"].as_str().unwrap().contains("spring 75"), "{sprung}");
 }
 
+/// Weights so large that the network's sums are infinite, and the actions no numbers.
+#[test]
+fn robots_that_diverge_are_said_first_and_end_with_3() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut policy = gaitfit_policy::read(&common::root().join(FOREIGN)).unwrap();
+    for (k, weight) in policy.actor.parameters.iter_mut().enumerate() {
+        *weight = if k % 2 == 0 { f32::MAX } else { -f32::MAX };
+    }
+    let path = folder.path().join("wild.safetensors");
+    std::fs::write(&path, weights::write(&policy).unwrap()).unwrap();
+    let page = folder.path().join("page.html").display().to_string();
+    let shared =
+        ["evaluate", path.to_str().unwrap(), "--trajectories", "4", "--seconds", "0.2", "--drift", "2"];
+    let output = run(&shared.iter().copied().chain(["--report", &page]).collect::<Vec<_>>());
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    assert!(errors(&output).contains("4 of 4 trajectories and 14 robots of the drift trials diverged"));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.starts_with("DIVERGED: 4 of 4") && text.contains("100.00 ±"), "{text}");
+    assert!(!text.contains("NaN"), "{text}");
+    assert!(std::fs::read_to_string(&page).unwrap().contains("Diverged"));
+    let output = run(&shared.iter().copied().chain(["--json"]).collect::<Vec<_>>());
+    assert_eq!(output.status.code(), Some(3));
+    let found = json(&output);
+    assert_eq!((&found["diverged"], &found["fall_rate"]["mean"]), (&4.into(), &1.0.into()));
+    for key in ["reward", "linear_velocity_error", "action_rate"] {
+        assert!(found[key]["mean"].is_null() && found[key]["ci95"].is_null(), "{key}: {found}");
+    }
+}
+
 #[test]
 fn what_cannot_be_evaluated_is_refused() {
     let cases = [

@@ -254,6 +254,11 @@ impl<'a> Training<'a> {
         self.iteration
     }
 
+    /// Whether the policy has learnt anything: in the first `critic_warmup` iterations only the critic does.
+    pub fn policy_trained(&self) -> bool {
+        self.iteration > self.learner.settings().critic_warmup.unwrap_or(0)
+    }
+
     /// Whether all iterations are done.
     pub fn finished(&self) -> bool {
         self.iteration >= self.settings.iterations

@@ -15,6 +15,27 @@ fn subject<'a>(scene: &'a Task, policy: &'a Policy) -> Subject<'a> {
     Subject { task: scene, policy, candidate: None, seed: 11 }
 }
 
+fn mean(estimate: Option<Estimate>) -> f64 {
+    estimate.unwrap().mean
+}
+
+fn half_width(estimate: Option<Estimate>) -> f64 {
+    estimate.unwrap().ci95.unwrap()
+}
+
+#[test]
+fn robots_that_diverge_are_falls_and_told() {
+    let scene = scene(&calm());
+    let policy = constant_policy(&scene, &[f32::NAN; 12]);
+    let trials = run_trials(&subject(&scene, &policy), 3, 0.2, 1).unwrap();
+    let summary = summarise(&trials);
+    assert_eq!((summary.trajectories, summary.diverged, mean(summary.fall_rate)), (3, 3, 1.0));
+    assert_eq!((summary.reward, summary.linear_velocity_error), (None, None));
+    for trial in drift(&subject(&scene, &policy), 2).unwrap() {
+        assert_eq!((trial.diverged, mean(trial.fall_rate), trial.x), (2, 1.0, None), "{}", trial.name);
+    }
+}
+
 #[test]
 fn a_standing_policy_misses_its_commands_by_all_of_them() {
     let scene = scene(&calm());
@@ -32,7 +53,7 @@ fn a_standing_policy_misses_its_commands_by_all_of_them() {
     let speeds: Vec<f64> = trials.iter().map(|trial| f64::from(trial.command[0])).collect();
     assert!(speeds.iter().any(|&x| x > 0.3) && speeds.iter().any(|&x| x < -0.3), "{speeds:?}");
     let summary = summarise(&trials);
-    assert_eq!((summary.trajectories, summary.diverged, summary.fall_rate.mean), (12, 0, 0.0));
+    assert_eq!((summary.trajectories, summary.diverged, mean(summary.fall_rate)), (12, 0, 0.0));
 }
 
 #[test]
@@ -57,7 +78,7 @@ fn a_falling_policy_is_counted_up_to_its_fall() {
         let wanted = f64::from((square / 12.0).sqrt()) / f64::from(trial.steps);
         assert!((trial.action_rate - wanted).abs() < 1e-6, "{}, by hand {wanted}", trial.action_rate);
     }
-    assert_eq!(summarise(&long).fall_rate.mean, 1.0);
+    assert_eq!(mean(summarise(&long).fall_rate), 1.0);
 }
 
 #[test]
@@ -90,14 +111,19 @@ fn summaries_by_hand() {
     let summary = summarise(&[trial(1.0, 0.1, false), trial(3.0, 0.1, true), lost, trial(5.0, 0.4, false)]);
     // What diverged is a fall, and in no other mean.
     // Mean 3, variance 4, standard error 2/√3.
-    assert!((summary.reward.mean - 3.0).abs() < 1e-12);
-    assert!((summary.reward.ci95 - 1.96 * 2.0 / 3f64.sqrt()).abs() < 1e-4);
+    assert!((mean(summary.reward) - 3.0).abs() < 1e-12);
+    assert!((half_width(summary.reward) - 1.96 * 2.0 / 3f64.sqrt()).abs() < 1e-4);
     // Mean 0.2, variance 0.03, standard error 0.1.
-    assert!((summary.linear_velocity_error.mean - 0.2).abs() < 1e-12);
-    assert!((summary.linear_velocity_error.ci95 - 0.196).abs() < 1e-4);
-    assert_eq!(summary.angular_velocity_error, Estimate { mean: 0.5, ci95: 0.0 });
+    assert!((mean(summary.linear_velocity_error) - 0.2).abs() < 1e-12);
+    assert!((half_width(summary.linear_velocity_error) - 0.196).abs() < 1e-4);
+    assert_eq!(summary.angular_velocity_error, Some(Estimate { mean: 0.5, ci95: Some(0.0) }));
     assert_eq!(summary.fall_rate, Estimate::share(2, 4));
     assert_eq!((summary.trajectories, summary.diverged), (4, 1));
+    // Of nothing there is no statistic.
+    let summary = summarise(&[lost, lost]);
+    assert_eq!((summary.diverged, mean(summary.fall_rate)), (2, 1.0));
+    assert_eq!((summary.reward, summary.linear_velocity_error, summary.action_rate), (None, None, None));
+    assert_eq!(summarise(&[]).fall_rate, None);
 }
 
 #[test]
@@ -121,22 +147,22 @@ fn a_standing_policy_drifts_by_minus_the_command() {
     assert_eq!(trials.len(), wanted.len());
     // It sinks by centimetres while it settles, whatever it is told.
     let settled = &trials[0];
-    assert!(
-        [&settled.x, &settled.y, &settled.yaw].iter().all(|error| error.mean.abs() < 0.05),
-        "{settled:?}"
-    );
+    assert!([settled.x, settled.y, settled.yaw].iter().all(|error| mean(*error).abs() < 0.05), "{settled:?}");
     for (trial, (name, command)) in trials.iter().zip(wanted) {
-        assert_eq!((trial.name, trial.command, trial.fall_rate.mean), (name, command, 0.0));
-        let errors = [(&trial.x, &settled.x), (&trial.y, &settled.y), (&trial.yaw, &settled.yaw)];
+        assert_eq!(
+            (trial.name, trial.command, mean(trial.fall_rate), trial.diverged),
+            (name, command, 0.0, 0)
+        );
+        let errors = [(trial.x, settled.x), (trial.y, settled.y), (trial.yaw, settled.yaw)];
         for (axis, ((error, settled), speed)) in errors.into_iter().zip(command).enumerate() {
-            let added = error.mean - settled.mean;
+            let added = mean(error) - mean(settled);
             assert!((added + 4.0 * speed).abs() < 1e-9, "{name}, axis {axis}: {added}");
-            assert!((error.ci95 - settled.ci95).abs() < 1e-9, "{name}, axis {axis}: {error:?}");
+            assert!((half_width(error) - half_width(settled)).abs() < 1e-9, "{name}, axis {axis}: {error:?}");
         }
         // From the command's beginning to the end of the last stand: five seconds.
         assert!(trial.path.len() == 250 && trial.path == settled.path, "{name} walks");
     }
-    assert!(settled.x.ci95 > 0.0, "robots that start differently end alike");
+    assert!(half_width(settled.x) > 0.0, "robots that start differently end alike");
 }
 
 #[test]

@@ -15,13 +15,15 @@ pub struct DriftTrial {
     /// Command: forward, left (m/s), yaw rate (rad/s).
     pub command: [f64; 3],
     /// Final position along the start's heading minus the wanted one, m.
-    pub x: Estimate,
+    pub x: Option<Estimate>,
     /// To the left of the start's heading, m.
-    pub y: Estimate,
+    pub y: Option<Estimate>,
     /// Final heading minus the wanted one, rad.
-    pub yaw: Estimate,
-    /// Share of falls; fallen robots are left out of the errors.
-    pub fall_rate: Estimate,
+    pub yaw: Option<Estimate>,
+    /// Share of falls, divergences among them; fallen robots are left out of the errors.
+    pub fall_rate: Option<Estimate>,
+    /// Robots whose state stopped being a number.
+    pub diverged: usize,
     /// Path of the first robot over the ground from the start's place and heading: x, y, m, and heading, rad, a
     /// control period each.
     pub path: Vec<[f64; 3]>,
@@ -86,7 +88,7 @@ fn trial(
     let mut player = Player::new(task, policy, environment);
     let periods = |seconds: f64| (seconds / task.walker.interface.control_dt).round() as u32;
     let (begin, end) = (periods(STAND), periods(STAND + COMMAND));
-    let mut fallen = vec![false; robots];
+    let (mut fallen, mut diverged) = (vec![false; robots], vec![false; robots]);
     // Robots settle while they first stand: errors count from where they then are.
     let mut starts = vec![[0.0; 3]; robots];
     let mut path = Vec::new();
@@ -101,8 +103,9 @@ fn trial(
             }
         }
         player.step(step);
-        for (fallen, &ended) in fallen.iter_mut().zip(&player.ended) {
-            *fallen |= matches!(ended, Ended::Fall | Ended::Diverged);
+        for (index, &ended) in player.ended.iter().enumerate() {
+            fallen[index] |= matches!(ended, Ended::Fall | Ended::Diverged);
+            diverged[index] |= ended == Ended::Diverged;
         }
         if step > begin && !fallen[0] {
             path.push(relative(starts[0], pose(&player.environment, 0)));
@@ -117,14 +120,15 @@ fn trial(
         })
         .collect();
     let estimate = |axis: usize| Estimate::of(errors.iter().map(move |error| error[axis]));
-    let falls = fallen.iter().filter(|&&fallen| fallen).count();
+    let count = |robots: &[bool]| robots.iter().filter(|&&is| is).count();
     Ok(DriftTrial {
         name,
         command,
         x: estimate(0),
         y: estimate(1),
         yaw: estimate(2),
-        fall_rate: Estimate::share(falls, robots),
+        fall_rate: Estimate::share(count(&fallen), robots),
+        diverged: count(&diverged),
         path,
     })
 }

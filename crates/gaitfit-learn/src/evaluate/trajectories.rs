@@ -1,5 +1,6 @@
 //! Trajectories with random commands.
 
+use gaitfit_policy::observation::LastAction;
 use serde::Serialize;
 
 use super::{Estimate, Subject};
@@ -31,21 +32,21 @@ pub struct Trial {
     pub diverged: bool,
 }
 
-/// Means over trajectories. One that diverged counts as a fall, and in no other mean; without any left they are NaN.
+/// Means over trajectories. One that diverged counts as a fall, and in no other mean; without any left there are none.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrialSummary {
     /// Trajectories.
     pub trajectories: usize,
     /// Summed reward.
-    pub reward: Estimate,
+    pub reward: Option<Estimate>,
     /// |v − c|, horizontal, m/s.
-    pub linear_velocity_error: Estimate,
+    pub linear_velocity_error: Option<Estimate>,
     /// |ω − c|, rad/s.
-    pub angular_velocity_error: Estimate,
+    pub angular_velocity_error: Option<Estimate>,
     /// Share of falls.
-    pub fall_rate: Estimate,
+    pub fall_rate: Option<Estimate>,
     /// Root-mean-square change of an action a step, per joint.
-    pub action_rate: Estimate,
+    pub action_rate: Option<Estimate>,
     /// Trajectories whose state stopped being a number.
     pub diverged: usize,
 }
@@ -76,7 +77,7 @@ fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Resu
     let mut trials: Vec<Trial> =
         commands.iter().map(|&command| Trial { command, ..Trial::default() }).collect();
     let joints = task.walker.joints.len();
-    let mut last_action = vec![0.0f32; count * joints];
+    let mut last_action = LastAction::new(count, joints);
     let mut player = Player::new(task, policy, environment);
     for step in 1..=steps {
         player.step(step);
@@ -94,16 +95,15 @@ fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Resu
             trial.reward += f64::from(player.reward[index]);
             trial.linear_velocity_error += f64::from(linear);
             trial.angular_velocity_error += f64::from(angular);
-            let row = index * joints..(index + 1) * joints;
-            let change: f32 = player.action[row.clone()]
+            let change: f32 = player.action[index * joints..(index + 1) * joints]
                 .iter()
-                .zip(&last_action[row])
+                .zip(last_action.row(index))
                 .map(|(now, before)| (now - before) * (now - before))
                 .sum();
             trial.action_rate += f64::from((change / joints as f32).sqrt());
             trial.fell = ended == Ended::Fall;
         }
-        last_action.copy_from_slice(&player.action);
+        last_action.take(&player.action);
     }
     for trial in &mut trials {
         let steps = f64::from(trial.steps.max(1));

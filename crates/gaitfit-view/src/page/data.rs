@@ -46,6 +46,8 @@ pub struct Doubt {
 pub enum DoubtKind {
     /// Simulations did not come to their end.
     Diverged,
+    /// The training left the policy as it was.
+    Untrained,
     /// The result is farther from the robot than what it began with.
     WorseThanNominal,
     /// The search or the training was still changing when it ended.
@@ -66,6 +68,7 @@ impl DoubtKind {
     pub fn headline(self) -> &'static str {
         match self {
             DoubtKind::Diverged => "Diverged",
+            DoubtKind::Untrained => "Not trained",
             DoubtKind::WorseThanNominal => "Worse than the nominal robot",
             DoubtKind::NotConverged => "Not converged",
             DoubtKind::OwnSimulatorOnly => "Measured in gaitfit's own simulator only",
@@ -78,6 +81,7 @@ impl DoubtKind {
             DoubtKind::Diverged => {
                 "Some simulations did not come to their end. The numbers below leave them out or count them as falls."
             }
+            DoubtKind::Untrained => "The policy is the one that the training began with.",
             DoubtKind::WorseThanNominal => {
                 "The robot file without any fit is closer to the logs. Do not use this fit."
             }

@@ -52,7 +52,7 @@ pub struct Evaluation {
     /// Root-mean-square change of an action a step, per joint.
     #[serde(default)]
     pub action_rate: Estimate,
-    /// Trajectories whose state stopped being a number.
+    /// Trajectories whose state stopped being a number; they count as falls, and in no other mean.
     #[serde(default)]
     pub diverged: usize,
     /// Constant commands.
@@ -64,6 +64,21 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
+    /// That robots diverged, in a sentence; none if none did.
+    pub fn divergence(&self) -> Option<String> {
+        let drift: usize = self.drift.iter().map(|trial| trial.diverged).sum();
+        if self.diverged + drift == 0 {
+            return None;
+        }
+        let others =
+            if drift > 0 { format!(" and {drift} robots of the drift trials") } else { String::new() };
+        Some(format!(
+            "{} of {} trajectories{others} diverged: their state stopped being a number. They count as falls and are in \
+             no other mean. Use smaller gains or more physics steps an action",
+            self.diverged, self.trajectories
+        ))
+    }
+
     /// What cannot have been measured, in words. An interval may be missing.
     pub fn wrong(&self) -> Option<String> {
         let errors = [
@@ -97,6 +112,9 @@ pub struct DriftResult {
     pub yaw: Estimate,
     /// Share of falls.
     pub fall_rate: Estimate,
+    /// Robots whose state stopped being a number; they count as falls.
+    #[serde(default)]
+    pub diverged: usize,
     /// Path of the first robot: x, y, m, and heading, rad.
     #[serde(default)]
     pub path: Vec<[f64; 3]>,
@@ -131,7 +149,9 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
     let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)])?;
     let walked = limits.x[1] > 0.0 && !record.fell;
     let summary = summarise(&trials);
-    let estimate = |of: gaitfit_learn::evaluate::Estimate| Estimate { mean: of.mean, ci95: of.ci95 };
+    let estimate = |of: Option<gaitfit_learn::evaluate::Estimate>| {
+        of.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
+    };
     let evaluation = Evaluation {
         policy: policy.to_owned(),
         simulator: world.description(),
@@ -153,6 +173,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
                 y: estimate(trial.y),
                 yaw: estimate(trial.yaw),
                 fall_rate: estimate(trial.fall_rate),
+                diverged: trial.diverged,
                 path: trial.path,
             })
             .collect(),

@@ -4,7 +4,7 @@ mod page;
 mod text;
 
 use crate::cli;
-use crate::exit::Failure;
+use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::progress::Lines;
 use crate::watcher::watched;
@@ -53,7 +53,10 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     if let Some(path) = &args.replay {
         files::write(path, replay(args, &world)?.as_bytes())?;
     }
-    Ok(())
+    match evaluation.divergence() {
+        Some(message) => Err(Failure { exit: Exit::Check, message }),
+        None => Ok(()),
+    }
 }
 
 /// A tour over the commands as a 3-D replay.

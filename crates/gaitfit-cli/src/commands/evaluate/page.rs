@@ -9,7 +9,7 @@ use gaitfit::world::World;
 use gaitfit_learn::evaluate::Trial;
 use gaitfit_view::evaluation::{Histogram, Measure};
 use gaitfit_view::loop_report::Estimate;
-use gaitfit_view::{EvaluationReport, Setting};
+use gaitfit_view::{Doubt, DoubtKind, EvaluationReport, Setting};
 
 /// Bars of a histogram.
 const BINS: usize = 40;
@@ -40,6 +40,7 @@ pub fn page(
         robot: document.simulator.clone(),
         created: machine::now(),
         wall_seconds,
+        doubts: document.divergence().map(|text| Doubt::new(DoubtKind::Diverged, text)).into_iter().collect(),
         trajectories: summary.trajectories as u64,
         seconds: document.seconds,
         measures: vec![

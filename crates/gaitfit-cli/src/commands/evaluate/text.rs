@@ -6,13 +6,22 @@ use gaitfit_view::loop_report::Estimate;
 use std::fmt::Write as _;
 
 fn shown(estimate: Estimate, digits: usize) -> String {
-    format!("{:.digits$} ± {:.digits$}", estimate.mean, estimate.ci95)
+    match estimate {
+        Estimate { mean, .. } if mean.is_nan() => "–".to_owned(),
+        Estimate { mean, ci95 } if ci95.is_nan() => format!("{mean:.digits$}"),
+        Estimate { mean, ci95 } => format!("{mean:.digits$} ± {ci95:.digits$}"),
+    }
 }
 
 /// Tables of means, drift and gait.
 pub fn text(document: &Evaluation, wall_seconds: f64) -> String {
     let summary = document;
-    let mut out = format!(
+    let mut out = match document.divergence() {
+        Some(message) => format!("DIVERGED: {message}\n\n"),
+        None => String::new(),
+    };
+    let _ = write!(
+        out,
         "{} in {}: {} trajectories of {} s with random commands\n\n",
         document.policy, document.simulator, summary.trajectories, document.seconds
     );
@@ -28,10 +37,6 @@ pub fn text(document: &Evaluation, wall_seconds: f64) -> String {
         means.add_row([name, &value, unit]);
     }
     let _ = writeln!(out, "{means}");
-    if summary.diverged > 0 {
-        let _ =
-            writeln!(out, "\n{} trajectories diverged: their state stopped being a number", summary.diverged);
-    }
     if !document.drift.is_empty() {
         let mut drift =
             table(&["command", "x error, m", "y error, m", "yaw error, rad", "falls, %"], &[1, 2, 3, 4]);

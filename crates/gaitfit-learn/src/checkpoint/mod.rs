@@ -7,8 +7,13 @@
 //! | `tile.N.steps` | U32 `environments`: steps since each episode began |
 //! | `tile.N.returns` | F32 `environments × 2`: reward and steps since each episode began |
 //!
-//! The metadata has one entry, `gaitfit-checkpoint`: a JSON object with format version, origin, instruction set,
-//! iteration, wall time and the learner's scalars.
+//! The metadata has one entry, `gaitfit-checkpoint`: a JSON object with the file's checksum, format version, origin,
+//! instruction set, iteration, wall time and the learner's scalars.
+
+mod checksum;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests;
 
 use std::collections::HashMap;
 use std::sync::PoisonError;
@@ -21,7 +26,7 @@ use crate::task::{Saved, TaskError};
 use crate::training::Training;
 
 /// Version of the layout; a reader refuses every other.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 /// Where the metadata keeps the header.
 const KEY: &str = "gaitfit-checkpoint";
 
@@ -42,6 +47,8 @@ pub struct Origin {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
+    /// First, where [`checksum`] looks for it.
+    sha256: String,
     format: u32,
     origin: Origin,
     isa: String,
@@ -120,6 +127,7 @@ impl Training<'_> {
             tensors.push((format!("tile.{tile}.returns"), vec![count, 2], Dtype::F32, single(returns)));
         }
         let header = Header {
+            sha256: checksum::blank(),
             format: FORMAT,
             origin: origin.clone(),
             isa: self.task.walker.batch.isa().name().to_owned(),
@@ -132,14 +140,18 @@ impl Training<'_> {
             TensorView::new(*dtype, shape.clone(), bytes).map(|view| (name.as_str(), view))
         });
         let views: Vec<_> = views.collect::<Result<_, _>>().map_err(damaged)?;
-        serialize(views, Some(HashMap::from([(KEY.to_owned(), header)]))).map_err(damaged)
+        let mut bytes = serialize(views, Some(HashMap::from([(KEY.to_owned(), header)]))).map_err(damaged)?;
+        if !checksum::seal(&mut bytes) {
+            return Err(damaged("its metadata has no place for the checksum"));
+        }
+        Ok(bytes)
     }
 
     /// Takes up a state that [`Training::save`] wrote; from there on both do the same to the bit. Returns the wall
     /// time spent before, s.
     ///
     /// # Errors
-    /// A file cut short, of another robot, other settings, another seed or another kind of processor; the training
+    /// A file cut short or changed in any bit, of another robot, other settings, another seed or another kind of processor; the training
     /// is then of no use.
     pub fn restore(&mut self, bytes: &[u8], origin: &Origin) -> Result<f64, CheckpointError> {
         let file = SafeTensors::deserialize(bytes)
@@ -206,6 +218,9 @@ fn header(bytes: &[u8]) -> Result<Header, CheckpointError> {
     let version: Version = serde_json::from_str(text).map_err(damaged)?;
     if version.format != FORMAT {
         return Err(CheckpointError::Format { found: version.format });
+    }
+    if !checksum::intact(bytes) {
+        return Err(damaged("its checksum does not match: a bit has flipped, or a value was edited"));
     }
     serde_json::from_str(text).map_err(damaged)
 }
