@@ -3,10 +3,11 @@
 
 mod task_common;
 
-use gaitfit_learn::evaluate::{Estimate, Subject, Trial, drift, record_gait, run_trials, summarise};
+use gaitfit_learn::evaluate::{Subject, Trial, drift, record_gait, run_trials, summarise};
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
+use gaitfit_sim::stats::Estimate;
 use task_common::{calm, constant_policy, random_policy, scene};
 
 const STILL: [f32; 12] = [0.0; 12];

@@ -9,6 +9,7 @@ mod robots;
 
 pub mod bench;
 pub mod pool;
+pub mod stats;
 
 pub use batch::{Batch, BatchOptions, Tile};
 pub use candidate::{Candidate, JointNetworks, NetworkKind};

@@ -13,6 +13,7 @@
 use super::{FitError, Predicted};
 use crate::cost::{Cost, CostError};
 use crate::{Cancel, Entry, Rollout, Signals, Simulator, Theta};
+use gaitfit_sim::stats;
 use serde::{Deserialize, Serialize};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -120,7 +121,7 @@ pub fn identify(
     } else {
         let draws: Vec<f64> = best[1..].iter().flatten().map(|costs| costs[0]).collect();
         // Draws of a simulator without randomness agree but for the rounding of their mean.
-        match super::outcome::spread(&draws).filter(|spread| *spread > 1e-12 * centre[0].abs()) {
+        match stats::deviation(&draws).filter(|spread| *spread > 1e-12 * centre[0].abs()) {
             Some(spread) => (NoiseSource::Draws, spread),
             None => (NoiseSource::Assumed, ASSUMED * centre[0]),
         }
@@ -272,9 +273,7 @@ fn jackknife(without: &[f64]) -> f64 {
         return 0.0;
     }
     let groups = without.len() as f64;
-    let mean = without.iter().sum::<f64>() / groups;
-    let sum: f64 = without.iter().map(|value| (value - mean).powi(2)).sum();
-    ((groups - 1.0) / groups * sum).sqrt()
+    ((groups - 1.0) / groups * stats::squares(without)).sqrt()
 }
 
 /// The points of an entry: on each side outwards, ending at the bound.

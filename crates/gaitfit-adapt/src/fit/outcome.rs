@@ -4,6 +4,7 @@ use super::run::Stop;
 use super::{FitError, Identification, MOST_SCANNED, identify};
 use crate::cost::Cost;
 use crate::{Cancel, Simulator, Theta};
+use gaitfit_sim::stats;
 use serde::{Deserialize, Serialize};
 
 /// What one cost's runs found together.
@@ -79,7 +80,7 @@ impl CostOutcome {
                     name: entry.name.clone(),
                     value: best.values[index],
                     unit: entry.unit.clone(),
-                    spread: spread(&per_run),
+                    spread: stats::deviation(&per_run),
                     lower: entry.lower,
                     upper: entry.upper,
                     start: entry.start,
@@ -119,16 +120,6 @@ impl CostOutcome {
     pub fn values(&self) -> Vec<f64> {
         self.parameters.iter().map(|parameter| parameter.value).collect()
     }
-}
-
-/// Standard deviation with n − 1; `None` below two values.
-pub(super) fn spread(values: &[f64]) -> Option<f64> {
-    let count = values.len() as f64;
-    if values.len() < 2 {
-        return None;
-    }
-    let mean = values.iter().sum::<f64>() / count;
-    Some((values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt())
 }
 
 #[cfg(test)]

@@ -1,9 +1,10 @@
 //! Drift: where a robot ends after a constant command, against where it should be.
 
 use gaitfit_model::rotation::{heading, quat_of};
+use gaitfit_sim::stats::Estimate;
 use serde::Serialize;
 
-use super::{Estimate, Subject};
+use super::Subject;
 use crate::player::Player;
 use crate::task::{Ended, Environment, TaskError};
 
@@ -119,7 +120,7 @@ fn trial(
             [x - wanted[0], y - wanted[1], wrap(yaw - wanted[2])]
         })
         .collect();
-    let estimate = |axis: usize| Estimate::of(errors.iter().map(move |error| error[axis]));
+    let estimate = |axis: usize| Estimate::of(&errors.iter().map(|error| error[axis]).collect::<Vec<_>>());
     let count = |robots: &[bool]| robots.iter().filter(|&&is| is).count();
     Ok(DriftTrial {
         name,

@@ -3,13 +3,11 @@
 mod drift;
 mod gait;
 mod spectrum;
-mod statistics;
 mod trajectories;
 
 pub use drift::{DriftTrial, drift};
 pub use gait::{GaitRecord, GaitSummary, record_gait};
 pub use spectrum::power_spectrum;
-pub use statistics::Estimate;
 pub use trajectories::{Trial, TrialSummary, run_trials, summarise};
 
 use gaitfit_sim::Candidate;

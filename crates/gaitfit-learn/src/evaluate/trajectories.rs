@@ -1,9 +1,10 @@
 //! Trajectories with random commands.
 
 use gaitfit_policy::observation::LastAction;
+use gaitfit_sim::stats::Estimate;
 use serde::Serialize;
 
-use super::{Estimate, Subject};
+use super::Subject;
 use crate::player::Player;
 use crate::task::{Ended, Environment, TaskError};
 use crate::tiles::in_tiles;
@@ -117,7 +118,7 @@ fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Resu
 /// Means over trajectories.
 pub fn summarise(trials: &[Trial]) -> TrialSummary {
     let finite = || trials.iter().filter(|trial| !trial.diverged);
-    let estimate = |value: fn(&Trial) -> f64| Estimate::of(finite().map(value));
+    let estimate = |value: fn(&Trial) -> f64| Estimate::of(&finite().map(value).collect::<Vec<_>>());
     TrialSummary {
         trajectories: trials.len(),
         reward: estimate(|trial| trial.reward),

@@ -149,7 +149,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
     let record = record_gait(&subject, &[(1.0, [0.0; 3]), (4.0, ahead)])?;
     let walked = limits.x[1] > 0.0 && !record.fell;
     let summary = summarise(&trials);
-    let estimate = |of: Option<gaitfit_learn::evaluate::Estimate>| {
+    let estimate = |of: Option<gaitfit_sim::stats::Estimate>| {
         of.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
     };
     let evaluation = Evaluation {

@@ -216,22 +216,10 @@ fn walk(walks: &[Walk]) -> Option<Walk> {
     })
 }
 
-/// 97.5 % points of Student's t with 1, 2, … degrees of freedom.
-const STUDENT: [f64; 30] = [
-    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
-    2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042,
-];
-
-/// Mean and half the 95 % confidence interval of independent values; one value has no interval (NaN).
+/// Mean and half the 95 % confidence interval of independent values; what is unknown is NaN.
 fn estimate(values: &[f64]) -> Estimate {
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    if values.len() < 2 {
-        return Estimate { mean, ci95: f64::NAN };
-    }
-    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    let student = STUDENT.get(values.len() - 2).copied().unwrap_or(1.96);
-    Estimate { mean, ci95: student * (variance / count).sqrt() }
+    let found = gaitfit_sim::stats::Estimate::of_few(values);
+    found.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
 }
 
 #[cfg(test)]
