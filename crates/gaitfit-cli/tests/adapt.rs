@@ -162,8 +162,8 @@ fn a_search_that_had_not_converged_says_so_first_and_fails_where_asked() {
 #[test]
 fn a_fit_that_is_no_better_than_the_nominal_robot_says_so_first() {
     let runs = tempfile::tempdir().unwrap();
-    // An encoder that is off by at least 0.09 rad: any fit is worse than none.
-    let wrong = "parameter=[{ kind = \"encoder_bias\", per = \"all\", lower = 0.09, start = 0.095 }]";
+    // Targets that reach the motors half a second late: any fit is worse than none.
+    let wrong = "parameter=[{ kind = \"delay\", per = \"all\", lower = 0.5, upper = 0.6, start = 0.55 }]";
     let more = ["--set", wrong, "--set", "check.better_than_nominal=true", "--set", "truth={}"];
     let output = run(&quick_demo(runs.path(), &more));
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
