@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// How logs are simulated.
 pub enum Method {
     /// The robot was clamped: the logs' targets are replayed.
-    Replay(Clamped),
+    Replay(Box<Clamped>),
     /// The robot walked: its policy walks again under the logs' commands.
     Walk(Arc<Walking>),
 }

@@ -52,7 +52,6 @@ pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneratio
         warnings: warnings(results),
         settings: pieces::settings(&setup.config)?,
         versions: pieces::versions(),
-        ..FitReport::default()
     };
     fit_html(&report).map_err(Error::failed)
 }
@@ -117,7 +116,6 @@ fn fits(results: &AdaptResults, course: &[RunGeneration]) -> Vec<Fit> {
             fitted_cost: found.cost,
             runs: runs(&found.cost_name, &found.runs, course),
             parameters: shown.iter().map(parameter).collect(),
-            ..Fit::default()
         }
     };
     results.fits.iter().map(fit).collect()

@@ -43,7 +43,6 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         warnings: results.warnings.clone(),
         settings: pieces::settings(&setup.config)?,
         versions: pieces::versions(),
-        ..LoopReport::default()
     };
     let page = loop_html(&page)?;
     folder.write("report.html", page.as_bytes())
