@@ -102,5 +102,8 @@ fn walking_logs_are_validated_too() {
     args.extend(["--set".to_owned(), "costs=[\"matcho\"]".to_owned()]);
     let found = json(&run(&args));
     let validation = found["validation"].as_array().unwrap();
-    assert!(validation.iter().any(|log| log["rmse_rad"].as_f64().is_some_and(|error| error > 0.0)), "{found}");
+    assert!(
+        validation.iter().any(|log| log["rmse_rad"].as_f64().is_some_and(|error| error > 0.0)),
+        "{found}"
+    );
 }
