@@ -90,6 +90,9 @@ class Policy:
             raise Refused(f"{path}: its `gaitfit` metadata cannot be used ({error!r}); export it with gaitfit") from None
         self.command = TASK["command"] | task.get("command", {})
         self.fall = TASK["fall"] | task.get("fall", {})
+        # Direction of gravity in the body in the wanted posture, and the turn about y that robots start with, rad.
+        self.posture = np.array(task.get("posture", [0.0, 0.0, -1.0]))
+        self.pitch = math.radians(task.get("start", {}).get("pitch", 0.0))
         self.given, self.gives = self.session.get_inputs()[0], self.session.get_outputs()[0].name
 
     def act(self, rows):
@@ -157,6 +160,7 @@ class Robot:
         self.floor = next(g for g in range(model.ngeom) if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_PLANE)
         self.solid = [g for g in range(model.ngeom) if g != self.floor and model.geom_conaffinity[g]]
         fall = policy.fall | world.fall
+        self.posture = policy.posture
         self.lowest, self.upright = fall["height"], math.cos(math.radians(fall["tilt"]))
         geoms = {model.geom(g).name: g for g in range(model.ngeom)}
         self.fall_geoms = set()
@@ -190,7 +194,7 @@ class Robot:
         """The robot in the policy's default pose, still, its feet just above the ground."""
         data = mujoco.MjData(self.model)
         data.qpos[:] = self.model.qpos0
-        data.qpos[:7] = 0, 0, 1, 1, 0, 0, 0
+        data.qpos[:7] = 0, 0, 1, math.cos(policy.pitch / 2), 0, math.sin(policy.pitch / 2), 0
         spread = stream(world.seed, START, number).uniform(-world.joint_noise, world.joint_noise, len(policy.pose))
         data.qpos[self.position] = policy.pose + spread
         mujoco.mj_kinematics(self.model, data)
@@ -200,7 +204,7 @@ class Robot:
         return data
 
     def fallen(self, data):
-        if data.qpos[2] < self.lowest or data.xmat[1][8] < self.upright:
+        if data.qpos[2] < self.lowest or -data.xmat[1][6:] @ self.posture < self.upright:
             return True
         for geoms, distance in zip(data.contact.geom, data.contact.dist):
             if self.floor in geoms and distance <= 0 and self.fall_geoms.intersection(geoms.tolist()):
