@@ -3,15 +3,15 @@
 use crate::{Cancel, Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_model::Model;
 use gaitfit_physics::Robot;
-use gaitfit_sim::{Candidate, JointSignals, Recording, Replay, ReplayOptions};
+use gaitfit_sim::{Candidate, Cpu, Engine, JointSignals, Recording, Replay, ReplayOptions};
 
-/// Replays recordings with [`gaitfit_sim::Replay`].
+/// Replays recordings on a [`gaitfit_sim::Engine`].
 pub struct ReplaySimulator {
     replay: Replay,
     base: Candidate,
     joints: Vec<String>,
     recordings: usize,
-    threads: usize,
+    engine: Box<dyn Engine>,
 }
 
 impl ReplaySimulator {
@@ -29,7 +29,7 @@ impl ReplaySimulator {
             base: Candidate::nominal(model),
             joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
             recordings: count,
-            threads,
+            engine: Box::new(Cpu { threads }),
         })
     }
 
@@ -37,6 +37,11 @@ impl ReplaySimulator {
     #[must_use]
     pub fn changing(self, base: Candidate) -> Self {
         Self { base, ..self }
+    }
+
+    /// The same on another engine than the processor.
+    pub fn on(self, engine: Box<dyn Engine>) -> Self {
+        Self { engine, ..self }
     }
 
     /// The robot with the values of θ; what θ does not name stays as it is.
@@ -86,7 +91,7 @@ impl Simulator for ReplaySimulator {
         let pass = |candidate: usize, recording: usize, signals: &JointSignals| {
             consume(candidate, recording, Signals::of_joints(&signals.position, &signals.velocity));
         };
-        self.replay.run(&robots, self.threads, &pass, cancel).map_err(SimulatorError::failed)?;
+        self.engine.replay(&self.replay, &robots, &pass, cancel).map_err(SimulatorError::failed)?;
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }
 }

@@ -8,7 +8,7 @@
 use crate::drive::pd;
 use crate::modify::{Modify, for_each};
 use crate::smooth::smooth;
-use crate::{Period, Real, State, Tree, Work, solver, step};
+use crate::{Owner, Period, Real, State, Tree, Work, solver, step};
 
 /// At the start of a control period: modifications of the newest targets.
 #[inline(always)]
@@ -52,14 +52,16 @@ pub fn carried<'a, T: Real>(
     state: &'a mut State<T>,
     work: &'a mut Work<T>,
 ) -> Vec<&'a mut T> {
-    let accelerations = state.base_acceleration.iter_mut().flatten().chain(&mut state.qacc);
-    let wrenches = work.nodes.iter_mut().flat_map(|node| node.wrench.iter_mut().flatten());
-    let torques = tree.segments.iter().zip(&mut work.segments);
-    let torques = torques.flat_map(|(segment, work)| &mut work.residual[..segment.len]);
-    let points = tree.pairs.iter().flat_map(|pair| pair.points.clone().map(|_| pair.condim));
-    let contacts = points.zip(&mut work.points).flat_map(|(condim, point)| {
-        let parts = if condim > 3 { 2 } else { 1 };
-        point.residual[..parts].iter_mut().flatten()
+    let mut all = Vec::new();
+    state.visit_mut(|slot, number| {
+        if matches!((slot.owner, slot.name), (Owner::Base, "acceleration") | (_, "qacc")) {
+            all.push(number);
+        }
     });
-    accelerations.chain(wrenches).chain(torques).chain(contacts).collect()
+    work.visit_mut(tree, |slot, number| {
+        if matches!(slot.name, "wrench" | "residual") {
+            all.push(number);
+        }
+    });
+    all
 }

@@ -214,6 +214,106 @@ pub struct Work<T: Real> {
     pub(crate) touching: Vec<Pose<T>>,
 }
 
+macro_rules! work_numbers {
+    ($work:ident, $visit:ident, $numbers:ident, [$($reference:tt)+], $tree:ident) => {
+        let node = |link, name| Slot::of(Owner::Link(link), name);
+        for (own, &link) in ($($reference)+ $work.nodes).into_iter().zip(&$tree.nodes) {
+            let motion = $($reference)+ own.motion;
+            all(&mut $visit, node(link, "rotation"), ($($reference)+ motion.rotation).into_iter().flatten());
+            all(&mut $visit, node(link, "position"), $($reference)+ motion.position);
+            all(&mut $visit, node(link, "velocity"), ($($reference)+ motion.velocity).into_iter().flatten());
+            all(&mut $visit, node(link, "acceleration"), ($($reference)+ motion.acceleration).into_iter().flatten());
+            let jacobian = ($($reference)+ own.jacobian_acceleration).into_iter().flatten();
+            all(&mut $visit, node(link, "jacobian_acceleration"), jacobian);
+            $visit(node(link, "rigid_mass"), $($reference)+ own.rigid.m);
+            all(&mut $visit, node(link, "rigid_moment"), $($reference)+ own.rigid.h);
+            all(&mut $visit, node(link, "rigid_inertia"), $($reference)+ own.rigid.i);
+            all(&mut $visit, node(link, "wrench"), ($($reference)+ own.wrench).into_iter().flatten());
+            all(&mut $visit, node(link, "inertia_angular"), $($reference)+ own.inertia.aa);
+            all(&mut $visit, node(link, "inertia_mixed"), ($($reference)+ own.inertia.al).into_iter().flatten());
+            all(&mut $visit, node(link, "inertia_linear"), $($reference)+ own.inertia.ll);
+            all(&mut $visit, node(link, "newton_residual"), ($($reference)+ own.residual).into_iter().flatten());
+            all(&mut $visit, node(link, "newton_step"), ($($reference)+ own.step).into_iter().flatten());
+            all(&mut $visit, node(link, "step_wrench"), ($($reference)+ own.step_wrench).into_iter().flatten());
+        }
+        for (own, segment) in ($($reference)+ $work.segments).into_iter().zip(&$tree.segments) {
+            // What belongs to several joints goes by the first.
+            let joint = |name| Slot::of(Owner::Joint(segment.first - 1), name);
+            let count = segment.len;
+            let axis = ($($reference)+ own.axis).into_iter().take(count).flatten().flatten();
+            all(&mut $visit, joint("axis"), axis);
+            all(&mut $visit, joint("mass"), $($reference)+ own.mass);
+            let force = ($($reference)+ own.force).into_iter().take(count).flatten().flatten();
+            all(&mut $visit, joint("force"), force);
+            all(&mut $visit, joint("residual"), ($($reference)+ own.residual).into_iter().take(count));
+            all(&mut $visit, joint("step_residual"), ($($reference)+ own.step_residual).into_iter().take(count));
+            all(&mut $visit, joint("lower"), $($reference)+ own.lower);
+            let coupling = ($($reference)+ own.coupling).into_iter().take(count).flatten().flatten();
+            all(&mut $visit, joint("coupling"), coupling);
+            all(&mut $visit, joint("inverse"), ($($reference)+ own.inverse).into_iter().take(count));
+            all(&mut $visit, joint("solved"), ($($reference)+ own.solved).into_iter().take(count));
+        }
+        for (j, own) in ($($reference)+ $work.joints).into_iter().enumerate() {
+            let joint = |name| Slot::of(Owner::Joint(j), name);
+            $visit(joint("tau"), $($reference)+ own.tau);
+            $visit(joint("armature"), $($reference)+ own.armature);
+            $visit(joint("implicit"), $($reference)+ own.implicit);
+            $visit(joint("friction_d"), $($reference)+ own.friction_d);
+            $visit(joint("friction_bias"), $($reference)+ own.friction_bias);
+            $visit(joint("frictionloss"), $($reference)+ own.frictionloss);
+            $visit(joint("limit_sign"), $($reference)+ own.limit_sign);
+            $visit(joint("limit_d"), $($reference)+ own.limit_d);
+            $visit(joint("limit_bias"), $($reference)+ own.limit_bias);
+            $visit(joint("row"), $($reference)+ own.row);
+            $visit(joint("step"), $($reference)+ own.step);
+        }
+        for (j, (sine, cosine)) in ($($reference)+ $work.turns).into_iter().enumerate() {
+            $visit(Slot::of(Owner::Joint(j), "sine"), sine);
+            $visit(Slot::of(Owner::Joint(j), "cosine"), cosine);
+        }
+        for (p, own) in ($($reference)+ $work.pairs).into_iter().enumerate() {
+            all(&mut $visit, Slot::of(Owner::Pair(p), "friction"), $($reference)+ own.friction);
+        }
+        // Of each pair: its points' numbers in a row.
+        let owners = $tree.pairs.iter().enumerate();
+        let owners = owners.flat_map(|(p, pair)| (0..pair.points.len()).map(move |k| (p, k, pair.condim)));
+        let mut spins = ($($reference)+ $work.spins).into_iter();
+        for (own, (p, k, condim)) in ($($reference)+ $work.points).into_iter().zip(owners) {
+            let point = |name, width| Slot { index: k * width, ..Slot::of(Owner::Pair(p), name) };
+            let parts = if condim > 3 { 2 } else { 1 };
+            all(&mut $visit, point("point", 3), $($reference)+ own.x);
+            $visit(point("distance", 1), $($reference)+ own.distance);
+            $visit(point("d", 1), $($reference)+ own.d);
+            let residual = ($($reference)+ own.residual).into_iter().take(parts).flatten();
+            all(&mut $visit, point("residual", 6), residual);
+            let step = ($($reference)+ own.step).into_iter().take(parts).flatten();
+            all(&mut $visit, point("step", 6), step);
+            let force = ($($reference)+ own.force).into_iter().take(parts).flatten();
+            all(&mut $visit, point("contact_force", 6), force);
+            all(&mut $visit, point("world_force", 3), $($reference)+ own.world_force);
+            all(&mut $visit, point("weight", 6), $($reference)+ own.weight);
+            all(&mut $visit, point("columns", 9), ($($reference)+ own.columns).into_iter().flatten());
+            all(&mut $visit, point("frame", 9), ($($reference)+ own.frame).into_iter().flatten());
+            if condim > 3 {
+                if let Some((wrench, inertia)) = spins.next() {
+                    all(&mut $visit, point("spin_wrench", 6), wrench.into_iter().flatten());
+                    all(&mut $visit, point("spin_angular", 6), $($reference)+ inertia.aa);
+                    all(&mut $visit, point("spin_mixed", 9), ($($reference)+ inertia.al).into_iter().flatten());
+                    all(&mut $visit, point("spin_linear", 6), $($reference)+ inertia.ll);
+                }
+            }
+        }
+        for (own, &(link, _)) in ($($reference)+ $work.touching).into_iter().zip(&$tree.touching) {
+            all(&mut $visit, node(link, "pose_rotation"), ($($reference)+ own.rotation).into_iter().flatten());
+            all(&mut $visit, node(link, "pose_position"), $($reference)+ own.position);
+        }
+    };
+}
+
+impl<T: Real> Work<T> {
+    visit_methods!(work_numbers, tree: &Tree<T::K>);
+}
+
 impl<T: Real> Work<T> {
     /// Scratch for `tree`.
     pub fn new<K>(tree: &Tree<K>) -> Self {

@@ -61,11 +61,13 @@ pub(crate) fn all<R>(visit: &mut impl FnMut(Slot, R), first: Slot, numbers: impl
 macro_rules! visit_methods {
     ($list:ident $(, $argument:ident: $type:ty)?) => {
         /// Calls `visit` with every number and its name, always in the same order.
+        #[allow(clippy::into_iter_on_ref, reason = "the list serves `&` and `&mut` alike")]
         pub fn visit<'a>(&'a self, $($argument: $type,)? mut visit: impl FnMut(Slot, &'a T)) {
             $list!(self, visit, numbers, [&] $(, $argument)?);
         }
 
         /// As `visit`, to change the numbers.
+        #[allow(clippy::into_iter_on_ref, reason = "the list serves `&` and `&mut` alike")]
         pub fn visit_mut<'a>(&'a mut self, $($argument: $type,)? mut visit: impl FnMut(Slot, &'a mut T)) {
             $list!(self, visit, numbers_mut, [&mut] $(, $argument)?);
         }

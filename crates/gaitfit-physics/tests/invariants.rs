@@ -3,13 +3,15 @@
 
 mod common;
 
+use std::collections::BTreeSet;
+
 use common::kinematics::{center, kinetic, mass, momentum, potential, sub};
 use common::random::{Random, qpos};
 use common::{Arrays, Ledger, clamped, converged, difference, here, largest, relative, robot};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
-    Drive, Forward, Params, Preset, Robot, RowKind, Settings, State, Tree, Work, acceleration, bias, compile,
-    constraint_rows, mass_matrix, state_from, state_to, step,
+    Drive, Forward, Params, Preset, Robot, RowKind, Settings, Slot, State, Tree, Work, acceleration, bias,
+    compile, constraint_rows, mass_matrix, state_from, state_to, step,
 };
 
 /// The robot without anything that takes or gives energy: no contacts, limits, friction, damping, and no springs
@@ -476,4 +478,41 @@ fn presets_agree_in_flight() {
     for preset in [Preset::Fast, Preset::Accurate] {
         assert!(relative(&with(preset), &want) < 1e-10, "{preset:?}");
     }
+}
+
+/// No two numbers have one name, and what is visited is what is changed.
+#[test]
+fn every_number_has_its_own_name() {
+    for name in ["go2", "humanoid", "biped", "arm"] {
+        let model = robot(name);
+        let tree = compile::<f64>(&model, &converged(&model)).unwrap();
+        let mut state = State::<f64>::new(&tree);
+        let mut params = Robot::nominal(&model).params(&model).unwrap();
+        let mut work = Work::<f64>::new(&tree);
+        let mut next = 0.0;
+        let mut of_state = Vec::new();
+        state.visit_mut(|slot, number| name_and_count(slot, number, &mut of_state, &mut next));
+        let mut of_params = Vec::new();
+        params.visit_mut(|slot, number| name_and_count(slot, number, &mut of_params, &mut next));
+        let mut of_work = Vec::new();
+        work.visit_mut(&tree, |slot, number| name_and_count(slot, number, &mut of_work, &mut next));
+        assert_eq!(of_state.len(), 3 * tree.joints() + 19);
+        for names in [of_state, of_params, of_work] {
+            let different: BTreeSet<&String> = names.iter().collect();
+            assert_eq!(different.len(), names.len(), "{name}");
+        }
+        let mut seen = Vec::new();
+        state.visit(|_, &number| seen.push(number));
+        params.visit(|_, &number| seen.push(number));
+        work.visit(&tree, |_, &number| seen.push(number));
+        let want: Vec<f64> = (1..=seen.len()).map(|number| number as f64).collect();
+        assert_eq!(seen, want, "{name}");
+    }
+}
+
+/// Keeps a number's name and makes the number its place.
+fn name_and_count(slot: Slot, number: &mut f64, names: &mut Vec<String>, next: &mut f64) {
+    names.push(slot.to_string());
+    *next += 1.0;
+    *number = *next;
 }

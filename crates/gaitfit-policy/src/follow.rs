@@ -134,7 +134,7 @@ impl Worker {
         let batch = &walker.batch;
         let (count, joints) = (scripts.len(), walker.joints.len());
         let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
-        let mut tile = batch.tile(&vec![robot; count], &job.candidate.networks)?;
+        let mut tile = walker.engine.tile(batch, &vec![robot; count], &job.candidate.networks)?;
         self.motion = batch.motion(count);
         self.action.resize(count * joints, 0.0);
         let mut last_action = LastAction::new(count, joints);

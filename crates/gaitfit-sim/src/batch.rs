@@ -2,11 +2,10 @@
 
 use gaitfit_isa::selected;
 use gaitfit_model::Model;
-use gaitfit_physics::{Isa, Params, Preset, Settings, Tree, compile, delay_taps, with_lanes};
+use gaitfit_physics::{Isa, Preset, Settings, Tree, compile, delay_taps};
 
+use crate::SimError;
 use crate::motion::Motion;
-use crate::robots::{LaneRobots, Parts, Robots};
-use crate::{JointNetworks, SimError, Start};
 
 /// How a batch integrates.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,16 +42,16 @@ const MAX_SUBSTEPS: usize = 1000;
 /// Longest control period and actuation delay, s.
 const MAX_SECONDS: f64 = 1.0;
 
-/// A compiled robot, from which tiles of environments are made. Robots of a tile may differ in all their
+/// A compiled robot, from which an [`Engine`](crate::engine::Engine) makes tiles of environments. Robots of a tile may differ in all their
 /// parameters; the tree is one.
 pub struct Batch {
     model: Model,
-    tree: Tree<f32>,
+    pub(crate) tree: Tree<f32>,
     isa: Isa,
     options: BatchOptions,
-    taps: usize,
+    pub(crate) taps: usize,
     /// Compiled pairs of the tracked geoms.
-    tracked: Vec<usize>,
+    pub(crate) tracked: Vec<usize>,
     geoms: Vec<usize>,
 }
 
@@ -114,82 +113,5 @@ impl Batch {
     /// A motion's arrays for `environments` robots.
     pub fn motion(&self, environments: usize) -> Motion {
         Motion::new(environments, self.model.joints.len(), self.geoms.len(), self.tracked.len())
-    }
-
-    /// One tile: a robot for each of `robots`, all at rest at the world's origin until placed. The networks act on
-    /// all of them alike.
-    ///
-    /// # Errors
-    /// A delay beyond the batch's `max_delay`; networks of other joints than the robot's.
-    pub fn tile(&self, robots: &[Params<f64>], networks: &[JointNetworks]) -> Result<Tile<'_>, SimError> {
-        let delay = robots.iter().flat_map(|robot| &robot.joints).fold(0.0f64, |most, j| most.max(j.delay));
-        if delay > self.options.max_delay {
-            let must = "at most the batch's max_delay";
-            return Err(SimError::Option { option: "a robot's delay", value: delay.to_string(), must });
-        }
-        let networks =
-            networks.iter().map(|one| one.compile::<f32>(&self.model)).collect::<Result<_, _>>()?;
-        let parts = Parts {
-            tree: &self.tree,
-            taps: self.taps,
-            substeps: self.options.substeps,
-            tracked: &self.tracked,
-            modifications: networks,
-        };
-        let robots: Box<dyn Robots + '_> =
-            with_lanes!(self.isa, T => Box::new(LaneRobots::<T>::new(robots, parts)));
-        Ok(Tile { robots })
-    }
-}
-
-/// Some environments that one thread advances together.
-pub struct Tile<'a> {
-    robots: Box<dyn Robots + 'a>,
-}
-
-impl Tile<'_> {
-    /// Robots in the tile.
-    pub fn environments(&self) -> usize {
-        self.robots.environments()
-    }
-
-    /// Puts a robot into a state. Before its next target it is taken to have held that target.
-    pub fn place(&mut self, environment: usize, start: &Start) {
-        self.robots.place(environment, start);
-    }
-
-    /// Adds `velocity` (m/s, world frame) to a robot's base.
-    pub fn push(&mut self, environment: usize, velocity: [f32; 3]) {
-        self.robots.push(environment, velocity);
-    }
-
-    /// Advances all robots by one control period and reports their motion.
-    ///
-    /// `targets`: `environments × joints`, rad. `disturbance`: torques added to the motors' after their limits,
-    /// N·m, `substeps × environments × joints`, or empty.
-    pub fn step(&mut self, targets: &[f32], disturbance: &[f32], motion: &mut Motion) {
-        self.robots.step(targets, disturbance, motion);
-    }
-
-    /// Reports the motion without advancing (torques, accelerations and forces are those of the last step).
-    pub fn observe(&self, motion: &mut Motion) {
-        self.robots.observe(motion);
-    }
-
-    /// Everything that changes from step to step, for a checkpoint.
-    pub fn save(&mut self) -> Vec<f32> {
-        self.robots.save()
-    }
-
-    /// Takes up a state that [`Tile::save`] gave, of a tile of the same robots.
-    ///
-    /// # Errors
-    /// A state of another length.
-    pub fn restore(&mut self, saved: &[f32]) -> Result<(), SimError> {
-        if self.robots.restore(saved) {
-            return Ok(());
-        }
-        let must = "as long as this tile's own; it is of another robot, batch size or instruction set";
-        Err(SimError::Option { option: "a saved tile's length", value: saved.len().to_string(), must })
     }
 }

@@ -5,14 +5,17 @@ mod candidate;
 mod error;
 mod motion;
 mod replay;
-mod robots;
+mod tile;
 
 pub mod bench;
+pub mod engine;
 pub mod pool;
 pub mod stats;
 
-pub use batch::{Batch, BatchOptions, Tile};
+pub use batch::{Batch, BatchOptions};
 pub use candidate::{Candidate, JointNetworks, NetworkKind};
+pub use engine::{Cpu, Engine};
 pub use error::SimError;
 pub use motion::{Motion, Start};
 pub use replay::{JointSignals, Recording, Replay, ReplayOptions};
+pub use tile::{Robots, Tile};

@@ -7,7 +7,10 @@ use std::path::Path;
 use gaitfit_model::kinematics::{Frame, body_frames, standing_height};
 use gaitfit_model::{Model, ReadOptions, read};
 use gaitfit_physics::{Drive, Isa, Params, Preset, Robot, Settings, State, Work, compile, step};
-use gaitfit_sim::{Batch, BatchOptions, Motion, SimError, Start};
+use gaitfit_sim::{Batch, BatchOptions, Cpu, Engine, Motion, SimError, Start};
+
+/// What the tests simulate on.
+const CPU: Cpu = Cpu { threads: 1 };
 
 const CONTROL_DT: f64 = 0.02;
 const SUBSTEPS: usize = 4;
@@ -115,7 +118,7 @@ fn isas() -> Vec<Isa> {
 /// Motion after each of `periods` of the robots numbered `of`, in one tile, one row of numbers a robot.
 fn run(batch: &Batch, params: &[Params<f64>], of: &[usize], periods: usize) -> Vec<Vec<Vec<f32>>> {
     let chosen: Vec<Params<f64>> = of.iter().map(|&index| params[index].clone()).collect();
-    let mut tile = batch.tile(&chosen, &[]).unwrap();
+    let mut tile = CPU.tile(&batch, &chosen, &[]).unwrap();
     let mut motion = batch.motion(of.len());
     for (place, &index) in of.iter().enumerate() {
         tile.place(place, &start(batch.model(), index));
@@ -198,7 +201,7 @@ fn robots_of_a_tile_move_as_each_alone_in_double_precision() {
     assert!(!settings.centred, "the torque above is not centred");
     let tree = compile::<f64>(&model, &settings).unwrap();
     let batch = Batch::new(&model, BatchOptions { preset, ..options() }).unwrap();
-    let mut tile = batch.tile(&params, &[]).unwrap();
+    let mut tile = CPU.tile(&batch, &params, &[]).unwrap();
     let mut motion = batch.motion(count);
     let mut states = Vec::new();
     for index in 0..count {
@@ -312,7 +315,7 @@ fn a_saved_tile_goes_on_with_the_same_bits() {
     let all: Vec<usize> = (0..17).collect();
     for isa in isas() {
         let batch = Batch::new(&model, BatchOptions { isa: Some(isa), ..options() }).unwrap();
-        let mut tile = batch.tile(&params, &[]).unwrap();
+        let mut tile = CPU.tile(&batch, &params, &[]).unwrap();
         let mut motion = batch.motion(17);
         for index in 0..17 {
             tile.place(index, &start(&model, index));
@@ -323,7 +326,7 @@ fn a_saved_tile_goes_on_with_the_same_bits() {
         // Placed and not yet stepped: its history is still to come.
         tile.place(16, &start(&model, 3));
         let saved = tile.save();
-        let mut resumed = batch.tile(&params, &[]).unwrap();
+        let mut resumed = CPU.tile(&batch, &params, &[]).unwrap();
         resumed.restore(&saved).unwrap();
         let (mut seen, mut again) = (batch.motion(17), batch.motion(17));
         tile.observe(&mut seen);
@@ -338,7 +341,7 @@ fn a_saved_tile_goes_on_with_the_same_bits() {
                 assert!(bits(&seen) == bits(&again), "{isa:?}: robot {index} in period {period}");
             }
         }
-        let error = batch.tile(&params[..16], &[]).unwrap().restore(&saved[1..]).unwrap_err();
+        let error = CPU.tile(&batch, &params[..16], &[]).unwrap().restore(&saved[1..]).unwrap_err();
         assert!(error.to_string().starts_with("a saved tile's length is "), "{error}");
     }
 }
@@ -354,7 +357,7 @@ fn a_delayed_target_acts_later() {
     };
     // Robot 0 waits a control period, robots 1 and 2 one and a half, robot 3 does not wait.
     let params = [delayed(0.02), delayed(0.03), delayed(0.03), delayed(0.0)];
-    let mut tile = batch.tile(&params, &[]).unwrap();
+    let mut tile = CPU.tile(&batch, &params, &[]).unwrap();
     let mut motion = batch.motion(4);
     for place in 0..4 {
         tile.place(place, &start(&model, 0));
@@ -380,7 +383,7 @@ fn pushes_and_disturbances_reach_the_robot_they_are_meant_for() {
     let model = go2();
     let robot = Robot { base_mass: 0.0, ..Robot::nominal(&model) }.params(&model).unwrap();
     let batch = Batch::new(&model, options()).unwrap();
-    let mut tile = batch.tile(&[robot.clone(), robot.clone(), robot], &[]).unwrap();
+    let mut tile = CPU.tile(&batch, &[robot.clone(), robot.clone(), robot], &[]).unwrap();
     let mut motion = batch.motion(3);
     let mut high = start(&model, 0);
     high.base_position = [0.0, 0.0, 2.0];
@@ -432,6 +435,6 @@ fn what_cannot_be_simulated_is_named() {
     }
     let batch = Batch::new(&model, options()).unwrap();
     let late = Robot { delay: vec![0.021; 12], ..Robot::nominal(&model) }.params(&model).unwrap();
-    let error = batch.tile(&[late], &[]).err().unwrap().to_string();
+    let error = CPU.tile(&batch, &[late], &[]).err().unwrap().to_string();
     assert!(error.starts_with("a robot's delay is 0.021"), "{error}");
 }

@@ -6,7 +6,10 @@ use std::sync::Mutex;
 
 use gaitfit_model::{Model, ReadOptions, Root, read};
 use gaitfit_physics::{Isa, Preset, Robot};
-use gaitfit_sim::{JointSignals, Recording, Replay, ReplayOptions, SimError};
+use gaitfit_sim::{Cpu, Engine, JointSignals, Recording, Replay, ReplayOptions, SimError};
+
+/// One thread of the processor.
+const CPU: Cpu = Cpu { threads: 1 };
 
 /// The project's Go2 with its base clamped.
 fn go2() -> Model {
@@ -56,7 +59,7 @@ fn run(replay: &Replay, candidates: &[Robot], threads: usize) -> Vec<Vec<JointSi
         let before = results.lock().unwrap()[candidate][recording].replace(signals.clone());
         assert!(before.is_none(), "candidate {candidate} on recording {recording} came twice");
     };
-    replay.run(candidates, threads, &keep, &|| false).unwrap();
+    Cpu { threads }.replay(replay, candidates, &keep, &|| false).unwrap();
     let results = results.into_inner().unwrap();
     results.into_iter().map(|row| row.into_iter().map(Option::unwrap).collect()).collect()
 }
@@ -228,7 +231,7 @@ fn a_delay_beyond_the_history_is_refused() {
     let replay = Replay::new(&model, vec![recording(&model, 10, 0.0)], options(0.01)).unwrap();
     let mut slow = Robot::nominal(&model);
     slow.delay[4] = 0.011;
-    let error = replay.run(&[slow], 1, &|_, _, _| panic!("it ran"), &|| false).unwrap_err();
+    let error = CPU.replay(&replay, &[slow], &|_, _, _| panic!("it ran"), &|| false).unwrap_err();
     assert!(error.to_string().contains("max_delay"), "{error}");
 }
 
@@ -312,7 +315,7 @@ fn impossible_robots_are_refused_by_name() {
     let refused = |change: &dyn Fn(&mut Robot)| {
         let mut robot = Robot::nominal(&model);
         change(&mut robot);
-        replay.run(&[robot], 1, &|_, _, _| panic!("it ran"), &|| false).unwrap_err().to_string()
+        CPU.replay(&replay, &[robot], &|_, _, _| panic!("it ran"), &|| false).unwrap_err().to_string()
     };
     let message = refused(&|robot| robot.armature[3] = -0.1);
     assert!(message.contains("armature") && message.contains(&model.joints[3].name), "{message}");
@@ -383,5 +386,25 @@ fn a_cancelled_replay_ends_within_a_recording() {
     let asked = std::sync::atomic::AtomicUsize::new(0);
     let third_time = || asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= 2;
     let candidates = vec![Robot::nominal(&model); 40];
-    replay.run(&candidates, 1, &|_, _, _| panic!("it went on to the end"), &third_time).unwrap();
+    CPU.replay(&replay, &candidates, &|_, _, _| panic!("it went on to the end"), &third_time).unwrap();
+}
+
+/// Costs that the engine evaluates are those of the signals it would hand out.
+#[test]
+fn costs_are_those_of_the_signals() {
+    let model = go2();
+    let recordings = vec![recording(&model, 30, 0.0), recording(&model, 20, 1.0)];
+    let replay = Replay::new(&model, recordings, ReplayOptions::default()).unwrap();
+    let candidates = candidates(&model, 5);
+    let cost = |recording: usize, signals: &JointSignals| {
+        let squares: f64 = signals.position.iter().map(|&x| f64::from(x).powi(2)).sum();
+        squares + recording as f64
+    };
+    let signals = run(&replay, &candidates, 2);
+    let costs = Cpu { threads: 2 }.costs(&replay, &candidates, &cost, &|| false).unwrap();
+    let want: Vec<f64> =
+        signals.iter().flat_map(|all| all.iter().enumerate().map(|(r, signals)| cost(r, signals))).collect();
+    assert_eq!(costs, want);
+    let cancelled = CPU.costs(&replay, &candidates, &cost, &|| true).unwrap();
+    assert!(cancelled.iter().all(|cost| cost.is_nan()));
 }

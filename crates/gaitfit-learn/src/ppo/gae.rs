@@ -1,6 +1,8 @@
 //! Generalised advantage estimation.
 
-use super::{Samples, SamplesError, Widths, minibatch::share};
+use gaitfit_sim::pool::share;
+
+use super::{Samples, SamplesError, Widths};
 
 impl Samples {
     /// Fills `advantage` and `returns` (Schulman et al. 2016, equations 11, 12 and 16, computed backwards):

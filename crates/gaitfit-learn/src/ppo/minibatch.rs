@@ -3,9 +3,8 @@
 //! A minibatch is cut into a fixed number of pieces, each with its own gradient and sums. Threads take them as they come
 //! free, the actor's and the critic's part one by one; gradients and sums are added up in the order of the pieces.
 
-use std::sync::{Mutex, PoisonError};
-
 use aligned_vec::{AVec, avec};
+use gaitfit_sim::pool::share;
 
 use super::{
     Samples,
@@ -112,29 +111,4 @@ impl Gradients {
         }
         sums
     }
-}
-
-/// Does every job once: one thread a worker, the calling thread among them, each taking the next job when it is free.
-pub(super) fn share<W: Send, J: Send>(
-    workers: &mut [W],
-    jobs: impl Iterator<Item = J> + Send,
-    work: impl Fn(&mut W, J) + Sync,
-) {
-    let queue = Mutex::new(jobs);
-    let run = |worker: &mut W| {
-        loop {
-            let job = queue.lock().unwrap_or_else(PoisonError::into_inner).next();
-            match job {
-                Some(job) => work(worker, job),
-                None => break,
-            }
-        }
-    };
-    let Some((first, others)) = workers.split_first_mut() else { return };
-    std::thread::scope(|scope| {
-        for worker in others {
-            scope.spawn(|| run(worker));
-        }
-        run(first);
-    });
 }

@@ -92,7 +92,7 @@ impl<'a> Environment<'a> {
             task,
             seed,
             first,
-            tile: walker.batch.tile(&robots, &candidate.networks)?,
+            tile: walker.engine.tile(&walker.batch, &robots, &candidate.networks)?,
             motion: walker.batch.motion(count),
             steps: vec![0; count],
             command: vec![[0.0; 3]; count],

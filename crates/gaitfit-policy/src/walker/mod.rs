@@ -8,7 +8,7 @@ mod start;
 use gaitfit_model::rotation::{quat_of, rotate_back, up, vec_of};
 use gaitfit_model::{Model, Root};
 use gaitfit_physics::{Preset, Robot};
-use gaitfit_sim::{Batch, BatchOptions, Candidate, Motion};
+use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Motion};
 
 use crate::Interface;
 use crate::observation::{Layout, Sensed};
@@ -43,8 +43,10 @@ pub struct WalkerOptions {
 pub struct Walker {
     /// What the policy sees and does.
     pub interface: Interface,
-    /// The simulator.
+    /// The robot in the simulator.
     pub batch: Batch,
+    /// What simulates it: by default this machine's processor.
+    pub engine: Box<dyn Engine>,
     /// For each of the policy's joints, its index in the model.
     pub joints: Vec<usize>,
     /// Pose at action zero, rad.
@@ -87,6 +89,7 @@ impl Walker {
             critic_observation: Layout::new(&interface, &interface.critic_observation),
             interface,
             batch,
+            engine: Box::new(Cpu { threads: 1 }),
             joints,
             default_pose,
             action_scale,

@@ -4,20 +4,8 @@ use gaitfit_physics::{
     Drive, JointModification, Lanes, Params, Period, State, Tree, WIDEST, Work, memory_of, settle,
 };
 
-use crate::Start;
-use crate::motion::Motion;
-
-/// A tile's robots, whatever the instruction set. See [`crate::Tile`] for the meaning of each call.
-pub(crate) trait Robots: Send {
-    fn environments(&self) -> usize;
-    fn place(&mut self, environment: usize, start: &Start);
-    fn push(&mut self, environment: usize, velocity: [f32; 3]);
-    fn step(&mut self, targets: &[f32], disturbance: &[f32], motion: &mut Motion);
-    fn observe(&self, motion: &mut Motion);
-    fn save(&mut self) -> Vec<f32>;
-    /// Whether the length fits.
-    fn restore(&mut self, saved: &[f32]) -> bool;
-}
+use crate::motion::{Motion, Start};
+use crate::tile::Robots;
 
 struct Block<T> {
     params: Params<T>,

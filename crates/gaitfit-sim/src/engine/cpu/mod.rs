@@ -1,0 +1,68 @@
+//! This machine's processor: blocks of lanes, of the instruction set of the replay or batch.
+
+mod replay;
+mod tile;
+
+use gaitfit_physics::{Params, Robot, with_lanes};
+
+use super::{Cancel, ConsumeSignals, Engine};
+use crate::SimError;
+use crate::batch::Batch;
+use crate::candidate::JointNetworks;
+use crate::replay::Replay;
+use crate::tile::Tile;
+use tile::{LaneRobots, Parts};
+
+/// This machine's processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cpu {
+    /// Threads of a replay. A tile is advanced by the thread that calls it.
+    pub threads: usize,
+}
+
+impl Engine for Cpu {
+    fn name(&self) -> String {
+        "cpu".to_owned()
+    }
+
+    fn replay(
+        &self,
+        replay: &Replay,
+        candidates: &[Robot],
+        consume: &ConsumeSignals<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<(), SimError> {
+        with_lanes!(replay.isa(), T => replay::run::<T>(replay, candidates, self.threads, consume, cancel))
+    }
+
+    fn tile<'a>(
+        &self,
+        batch: &'a Batch,
+        robots: &[Params<f64>],
+        networks: &[JointNetworks],
+    ) -> Result<Tile<'a>, SimError> {
+        if robots.is_empty() {
+            let must = "at least one";
+            return Err(SimError::Option {
+                option: "the number of a tile's robots",
+                value: "0".to_owned(),
+                must,
+            });
+        }
+        let delay = robots.iter().flat_map(|robot| &robot.joints).fold(0.0f64, |most, j| most.max(j.delay));
+        if delay > batch.options().max_delay {
+            let must = "at most the batch's max_delay";
+            return Err(SimError::Option { option: "a robot's delay", value: delay.to_string(), must });
+        }
+        let modifications =
+            networks.iter().map(|one| one.compile::<f32>(batch.model())).collect::<Result<_, _>>()?;
+        let parts = Parts {
+            tree: &batch.tree,
+            taps: batch.taps,
+            substeps: batch.options().substeps,
+            tracked: &batch.tracked,
+            modifications,
+        };
+        Ok(with_lanes!(batch.isa(), T => Tile::new(Box::new(LaneRobots::<T>::new(robots, parts)))))
+    }
+}
