@@ -54,8 +54,6 @@ pub struct JointSignals {
 
 /// Most samples of one recording.
 const MAX_SAMPLES: usize = 10_000_000;
-/// Samples between questions whether to give up.
-const ASK: usize = 64;
 /// Longest actuation delay, s.
 const MAX_DELAY: f64 = 1.0;
 

@@ -6,6 +6,9 @@ use crate::engine::Cancel;
 use crate::replay::{JointSignals, Replay};
 use crate::{SimError, pool};
 
+/// Samples between questions whether to give up.
+const ASK: usize = 64;
+
 /// Simulates every candidate on every recording; see [`crate::engine::Engine::replay`].
 pub(super) fn run<T: Lanes>(
     replay: &Replay,
