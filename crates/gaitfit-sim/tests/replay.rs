@@ -394,7 +394,8 @@ fn a_cancelled_replay_ends_within_a_recording() {
 fn costs_are_those_of_the_signals() {
     let model = go2();
     let recordings = vec![recording(&model, 30, 0.0), recording(&model, 20, 1.0)];
-    let replay = Replay::new(&model, recordings, ReplayOptions::default()).unwrap();
+    let options = ReplayOptions { max_delay: 0.02, ..ReplayOptions::default() };
+    let replay = Replay::new(&model, recordings, options).unwrap();
     let candidates = candidates(&model, 5);
     let cost = |recording: usize, signals: &JointSignals| {
         let squares: f64 = signals.position.iter().map(|&x| f64::from(x).powi(2)).sum();
