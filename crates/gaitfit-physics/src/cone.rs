@@ -203,6 +203,13 @@ impl<T: Real> Kinks<T> {
     pub fn none() -> Self {
         Self { below: T::lit(-1.0), above: T::lit(1e30) }
     }
+
+    /// After a region that found some: see [`Real::merge`].
+    #[inline(always)]
+    pub fn merge(&mut self, guard: T::Guard, before: &Self) {
+        self.below = self.below.merge(guard, before.below);
+        self.above = self.above.merge(guard, before.above);
+    }
 }
 
 /// First and second derivative along `step` of the elliptic contact's cost at residual `j + alpha·step`. Where the

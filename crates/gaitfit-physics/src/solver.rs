@@ -335,7 +335,7 @@ fn rows_along<T: Real>(
         if !T::enter(active) {
             continue;
         }
-        let before = g;
+        let before = (g, *kinks);
         let mu = &work.pairs[index].friction;
         for point in &work.points[pair.points.clone()] {
             if pair.condim == 1 || (pair.condim == 3 && !tree.elliptic) {
@@ -362,7 +362,8 @@ fn rows_along<T: Real>(
             }
         }
         T::leave(active);
-        g = (g.0.merge(active, before.0), g.1.merge(active, before.1));
+        g = (g.0.merge(active, before.0.0), g.1.merge(active, before.0.1));
+        kinks.merge(active, &before.1);
     }
     g
 }
