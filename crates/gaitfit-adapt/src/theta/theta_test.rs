@@ -1,0 +1,269 @@
+//! θ from rules, its values on robots, and its files.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use super::*;
+
+/// A robot of `joints` joints on which nothing is set.
+fn tests_candidate(joints: usize) -> Candidate {
+    let body = |joint| {
+        format!(
+            "<body><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><joint name='{joint}' axis='0 0 1'/>"
+        )
+    };
+    let bodies: String = (0..joints).map(body).chain((0..joints).map(|_| "</body>".to_owned())).collect();
+    let text = format!("<mujoco><worldbody>{bodies}</worldbody></mujoco>");
+    Candidate::nominal(&gaitfit_model::read_mjcf_str(&text, &Default::default()).unwrap())
+}
+
+fn joints() -> Vec<String> {
+    ["FL", "FR"]
+        .iter()
+        .flat_map(|leg| ["hip", "thigh", "calf"].map(|part| format!("{leg}_{part}")))
+        .collect()
+}
+
+fn groups() -> Vec<(String, Vec<String>)> {
+    ["hip", "thigh", "calf"].map(|name| (name.to_owned(), vec![format!("*_{name}")])).to_vec()
+}
+
+fn rule(kind: JointParameter, per: Sharing, patterns: &[&str]) -> ParameterRule {
+    ParameterRule {
+        per,
+        joints: patterns.iter().map(|&pattern| pattern.to_owned()).collect(),
+        ..ParameterRule::new(kind)
+    }
+}
+
+#[test]
+fn fric_arm_has_six_numbers_with_the_papers_bounds() {
+    let theta = Theta::from_rules(&ParameterRule::fric_arm(), &groups(), &joints()).unwrap();
+    let names: Vec<_> = theta.entries().iter().map(|entry| entry.name.as_str()).collect();
+    assert_eq!(
+        names,
+        [
+            "frictionloss_hip",
+            "frictionloss_thigh",
+            "frictionloss_calf",
+            "armature_hip",
+            "armature_thigh",
+            "armature_calf"
+        ]
+    );
+    let hip = &theta.entries()[0];
+    assert_eq!((hip.lower, hip.upper, hip.start, hip.deviation), (0.0, 0.5, 0.0, 0.1));
+    assert_eq!(hip.joints, ["FL_hip", "FR_hip"]);
+    assert_eq!(theta.entries()[3].deviation, 0.05);
+}
+
+#[test]
+fn one_value_for_all_one_for_each_and_one_for_a_pattern() {
+    let rules = [
+        rule(JointParameter::Delay, Sharing::All, &["*"]),
+        rule(JointParameter::EncoderBias, Sharing::Joint, &["*_calf"]),
+        rule(JointParameter::Damping, Sharing::All, &["*_hip"]),
+    ];
+    let theta = Theta::from_rules(&rules, &groups(), &joints()).unwrap();
+    let names: Vec<_> = theta.entries().iter().map(|entry| entry.name.as_str()).collect();
+    assert_eq!(names, ["delay", "encoder_bias_FL_calf", "encoder_bias_FR_calf", "damping_hip"]);
+    assert_eq!(theta.largest(JointParameter::Delay), Some(0.1));
+
+    let mut candidate = tests_candidate(6);
+    theta.apply(&[0.01, 0.02, 0.03, 0.04], &joints(), &mut candidate);
+    assert_eq!(candidate.robot.encoder_bias, [0.0, 0.0, 0.02, 0.0, 0.0, 0.03]);
+    assert_eq!(candidate.robot.delay, [0.01; 6]);
+    assert_eq!(candidate.robot.damping, [0.04, 0.0, 0.0, 0.04, 0.0, 0.0]);
+}
+
+#[test]
+fn patterns_and_names_leave_out_a_final_joint() {
+    let joints = ["FL_hip_joint".to_owned(), "FL_calf_joint".to_owned()];
+    let rules = [rule(JointParameter::Delay, Sharing::Joint, &["*_hip"])];
+    let theta = Theta::from_rules(&rules, &groups(), &joints).unwrap();
+    assert_eq!(theta.entries()[0].name, "delay_FL_hip");
+    assert_eq!(theta.entries()[0].joints, ["FL_hip_joint"]);
+}
+
+#[test]
+fn a_bound_below_its_start_is_refused_by_name() {
+    let mut low = rule(JointParameter::Armature, Sharing::Group, &["*"]);
+    low.upper = Some(0.1);
+    low.start = Some(0.2);
+    let error = Theta::from_rules(&[low], &groups(), &joints()).unwrap_err();
+    assert!(error.to_string().contains("armature_hip"), "{error}");
+    let mut negative = rule(JointParameter::Armature, Sharing::Group, &["*"]);
+    negative.lower = Some(-0.1);
+    let error = Theta::from_rules(&[negative], &groups(), &joints()).unwrap_err();
+    assert!(matches!(error, ThetaError::Meaningless { .. }), "{error}");
+}
+
+#[test]
+fn overlapping_unmatched_and_ungrouped_joints_are_refused() {
+    let twice = [
+        rule(JointParameter::Delay, Sharing::All, &["*"]),
+        ParameterRule {
+            name: Some("late".into()),
+            ..rule(JointParameter::Delay, Sharing::All, &["*_hip"])
+        },
+    ];
+    let error = Theta::from_rules(&twice, &groups(), &joints()).unwrap_err();
+    assert!(matches!(error, ThetaError::Overlap { .. }), "{error}");
+    let error = Theta::from_rules(
+        &[rule(JointParameter::Delay, Sharing::All, &["*_wheel"])],
+        &groups(),
+        &joints(),
+    )
+    .unwrap_err();
+    assert!(matches!(error, ThetaError::Joints { .. }), "{error}");
+    let error = Theta::from_rules(
+        &[rule(JointParameter::Delay, Sharing::Group, &["*"])],
+        &groups()[..2],
+        &joints(),
+    )
+    .unwrap_err();
+    assert!(error.to_string().contains("FL_calf"), "{error}");
+}
+
+#[test]
+fn everything_combines_and_clashes_are_named() {
+    let rest = [0.1, 0.8, -1.5, -0.1, 0.8, -1.5];
+    let spring =
+        NetworkRule { joints: vec!["FR_calf".into()], ..NetworkRule::new(NetworkName::ResidAct) };
+    let delta =
+        NetworkRule { joints: vec!["*_calf".into()], ..NetworkRule::new(NetworkName::ActionDelta) };
+    let mut rules = Rules {
+        parameter: ParameterRule::fric_arm(),
+        network: vec![spring, delta],
+        robot: vec![RobotRule::new(RobotNumber::TorqueNoise), RobotRule::new(RobotNumber::BaseComY)],
+    };
+    let theta = rules.theta(&groups(), &joints(), &rest).unwrap();
+    assert_eq!(theta.len(), 6 + 3 * 97 + 2);
+    assert_eq!(theta.entries()[6].name, "resid_act_FR_calf_0");
+    assert_eq!(theta.entries()[6 + 97 + 96].name, "action_delta_FL_calf_96");
+    let values: Vec<f64> = (0..theta.len()).map(|index| 0.001 * index as f64).collect();
+    let mut candidate = tests_candidate(6);
+    theta.apply(&values, &joints(), &mut candidate);
+    assert_eq!(candidate.robot.armature[5], 0.005);
+    assert_eq!(
+        (candidate.networks[0].joints.as_slice(), candidate.networks[0].rest[0]),
+        (&[5][..], -1.5)
+    );
+    assert_eq!(candidate.networks[0].weights, values[6..6 + 97]);
+    assert_eq!(candidate.networks[1].joints, [2, 5]);
+    assert_eq!(candidate.networks[1].weights, values[6 + 97..6 + 3 * 97]);
+    assert_eq!((candidate.torque_noise, candidate.robot.base_com[1]), (values[297], values[298]));
+
+    rules.robot.push(RobotRule::new(RobotNumber::TorqueNoise));
+    let error = rules.theta(&groups(), &joints(), &rest).unwrap_err();
+    assert_eq!(error, ThetaError::SameName("torque_noise".into()));
+    rules.robot.pop();
+    rules.network.push(NetworkRule::new(NetworkName::ResidAct));
+    let error = rules.theta(&groups(), &joints(), &rest).unwrap_err();
+    assert!(error.to_string().contains("resid_act"), "{error}");
+    let error = rules.theta(&groups(), &joints(), &rest[..3]).unwrap_err();
+    assert!(matches!(error, ThetaError::Rest { count: 3, joints: 6, .. }), "{error}");
+    rules.network[2].output_scale = 0.0;
+    let error = rules.theta(&groups(), &joints(), &rest).unwrap_err();
+    assert!(error.to_string().contains("output_scale"), "{error}");
+}
+
+#[test]
+fn networks_start_at_no_output_and_only_the_last_layer_is_regularised() {
+    let rest = [0.0; 6];
+    let rule = NetworkRule {
+        start: NetworkStart::Random,
+        regularisation: 2.0,
+        ..NetworkRule::new(NetworkName::ResidAct)
+    };
+    let theta = Theta::new(vec![rule.modification(&[], &joints(), &rest).unwrap()]).unwrap();
+    let (one, two) = (theta.start(1), theta.start(2));
+    assert_eq!(one, theta.start(1));
+    assert_ne!(one, two);
+    for (index, network) in one.chunks_exact(97).enumerate() {
+        let (hidden, last) = network.split_at(92);
+        assert!(hidden.iter().all(|weight| weight.abs() <= 1.0 && *weight != 0.0), "{index}");
+        assert_eq!(last, [0.0; 5]);
+    }
+    assert_ne!(one[..97], one[97..194], "joints differ");
+    assert_eq!(theta.regularisation(&one), 0.0);
+    let mut values = one;
+    values[92..97].copy_from_slice(&[0.1, 0.2, 0.0, -0.2, 0.4]);
+    assert!((theta.regularisation(&values) - 2.0 * 0.25 / 6.0).abs() < 1e-15);
+    let zero = NetworkRule::new(NetworkName::ResidAct).modification(&[], &joints(), &rest).unwrap();
+    assert_eq!(Theta::new(vec![zero]).unwrap().start(1), vec![0.0; 582]);
+}
+
+#[test]
+fn of_features_only_the_last_layer_is_searched_and_whole_networks_are_simulated_and_saved() {
+    let rule = NetworkRule {
+        start: NetworkStart::Features,
+        per: Sharing::Group,
+        regularisation: 2.0,
+        ..NetworkRule::new(NetworkName::ResidAct)
+    };
+    let theta = Theta::new(vec![rule.modification(&groups(), &joints(), &[0.0; 6]).unwrap()]).unwrap();
+    let names: Vec<&str> = theta.entries().iter().map(|entry| entry.name.as_str()).collect();
+    assert_eq!(names.len(), 3 * 5);
+    assert_eq!(names[..2], ["resid_act_hip_friction", "resid_act_hip_damping"]);
+    assert_eq!(theta.start(7), [0.0; 15]);
+    let mut values = vec![0.0; 15];
+    values[5..10].copy_from_slice(&[0.1, 0.2, 0.0, -0.2, 0.4]);
+    assert!((theta.regularisation(&values) - 2.0 * 0.25 / 3.0).abs() < 1e-15);
+
+    let mut candidate = tests_candidate(6);
+    theta.apply(&values, &joints(), &mut candidate);
+    let networks = &candidate.networks[0];
+    let thigh = networks.joints.iter().position(|&joint| joints()[joint] == "FL_thigh").unwrap();
+    let weights = networks.weights.chunks_exact(97).nth(thigh).unwrap();
+    assert_eq!(weights[92..96], values[5..9]);
+    assert!(weights[..92].iter().any(|weight| *weight != 0.0));
+    let found: Vec<Found> = values.iter().map(|&value| Found { value, spread: None }).collect();
+    let saved = ThetaFile::new(&theta, &found, "legs", "wass", 0.1);
+    let of_thigh = saved.network.iter().find(|network| network.joint == "FL_thigh").unwrap();
+    assert_eq!(of_thigh.weights, weights);
+}
+
+#[test]
+fn a_network_that_a_group_shares_acts_on_each_of_its_joints() {
+    let rest = [0.1, 0.8, -1.5, -0.1, 0.8, -1.4];
+    let rule = NetworkRule {
+        per: Sharing::Group,
+        joints: vec!["*_hip".into(), "*_calf".into()],
+        regularisation: 1.0,
+        ..NetworkRule::new(NetworkName::ActionDelta)
+    };
+    let theta = Theta::new(vec![rule.modification(&groups(), &joints(), &rest).unwrap()]).unwrap();
+    assert_eq!(theta.len(), 2 * 97);
+    assert_eq!(theta.entries()[97].name, "action_delta_calf_0");
+    assert_eq!(theta.entries()[97].joints, ["FL_calf", "FR_calf"]);
+    let values: Vec<f64> = (0..theta.len()).map(|index| 0.001 * index as f64).collect();
+    let mut candidate = tests_candidate(6);
+    theta.apply(&values, &joints(), &mut candidate);
+    let networks = &candidate.networks[0];
+    assert_eq!(
+        (networks.joints.as_slice(), networks.rest.as_slice()),
+        (&[0, 3, 2, 5][..], &[0.1, -0.1, -1.5, -1.4][..])
+    );
+    for (network, weights) in networks.weights.chunks_exact(97).enumerate() {
+        assert_eq!(weights, &values[97 * (network / 2)..][..97]);
+    }
+    let last: f64 =
+        [92..97, 189..194].into_iter().flatten().map(|at: usize| values[at] * values[at]).sum();
+    assert!((theta.regularisation(&values) - last / 2.0).abs() < 1e-15);
+    // One for all joints is called after them, so that two such rules go together.
+    let all = |joint: &str| {
+        let rule = NetworkRule { per: Sharing::All, joints: vec![joint.into()], ..rule.clone() };
+        rule.modification(&groups(), &joints(), &rest).unwrap()
+    };
+    let theta = Theta::new(vec![all("*_hip"), all("*_calf")]).unwrap();
+    assert_eq!(theta.len(), 2 * 97);
+    assert_eq!(theta.entries()[97].name, "action_delta_calf_0");
+    let error = rule.modification(&groups()[..2], &joints(), &rest).unwrap_err();
+    assert!(matches!(error, ThetaError::Group { .. }), "{error}");
+}
+
+#[test]
+fn a_value_on_a_bound_is_seen() {
+    let theta = Theta::from_rules(&ParameterRule::fric_arm(), &groups(), &joints()).unwrap();
+    assert!(theta.entries()[0].at_bound(0.0) && theta.entries()[0].at_bound(0.4999));
+    assert!(!theta.entries()[0].at_bound(0.01));
+}
