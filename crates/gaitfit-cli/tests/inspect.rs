@@ -35,7 +35,7 @@ fn a_healthy_log_is_summarised_and_drawn() {
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.contains("12 joints, 1800 samples") && text.contains("nothing suspicious"), "{text}");
     let svg = std::fs::read_to_string(picture).unwrap();
-    assert!(svg.starts_with("<svg") && svg.contains("FL_hip") && svg.contains("polyline"));
+    assert!(svg.starts_with("<svg") && svg.contains("FL_hip") && svg.contains("<path"));
 }
 
 #[test]

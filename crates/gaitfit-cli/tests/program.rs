@@ -56,7 +56,7 @@ fn bench_prints_what_it_measured() {
 fn shells_and_manuals_know_the_commands() {
     for shell in ["bash", "zsh", "fish"] {
         let script = String::from_utf8(run(&["completions", shell]).stdout).unwrap();
-        assert!(script.contains("finetune") && script.contains("--resume"), "{shell}");
+        assert!(script.contains("finetune") && script.contains("resume"), "{shell}");
     }
     let folder = tempfile::tempdir().unwrap();
     let man = folder.path().join("man");

@@ -16,8 +16,11 @@ mod own_simulator;
 #[path = "../examples/walking_loop.rs"]
 mod walking_loop;
 
+/// The repository, which is also made the current directory: that is where the examples are run from.
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    std::env::set_current_dir(&root).unwrap();
+    root
 }
 
 #[test]

@@ -16,10 +16,7 @@ fn tests_candidate(joints: usize) -> Candidate {
 }
 
 fn joints() -> Vec<String> {
-    ["FL", "FR"]
-        .iter()
-        .flat_map(|leg| ["hip", "thigh", "calf"].map(|part| format!("{leg}_{part}")))
-        .collect()
+    ["FL", "FR"].iter().flat_map(|leg| ["hip", "thigh", "calf"].map(|part| format!("{leg}_{part}"))).collect()
 }
 
 fn groups() -> Vec<(String, Vec<String>)> {
@@ -100,36 +97,25 @@ fn a_bound_below_its_start_is_refused_by_name() {
 fn overlapping_unmatched_and_ungrouped_joints_are_refused() {
     let twice = [
         rule(JointParameter::Delay, Sharing::All, &["*"]),
-        ParameterRule {
-            name: Some("late".into()),
-            ..rule(JointParameter::Delay, Sharing::All, &["*_hip"])
-        },
+        ParameterRule { name: Some("late".into()), ..rule(JointParameter::Delay, Sharing::All, &["*_hip"]) },
     ];
     let error = Theta::from_rules(&twice, &groups(), &joints()).unwrap_err();
     assert!(matches!(error, ThetaError::Overlap { .. }), "{error}");
-    let error = Theta::from_rules(
-        &[rule(JointParameter::Delay, Sharing::All, &["*_wheel"])],
-        &groups(),
-        &joints(),
-    )
-    .unwrap_err();
+    let error =
+        Theta::from_rules(&[rule(JointParameter::Delay, Sharing::All, &["*_wheel"])], &groups(), &joints())
+            .unwrap_err();
     assert!(matches!(error, ThetaError::Joints { .. }), "{error}");
-    let error = Theta::from_rules(
-        &[rule(JointParameter::Delay, Sharing::Group, &["*"])],
-        &groups()[..2],
-        &joints(),
-    )
-    .unwrap_err();
+    let error =
+        Theta::from_rules(&[rule(JointParameter::Delay, Sharing::Group, &["*"])], &groups()[..2], &joints())
+            .unwrap_err();
     assert!(error.to_string().contains("FL_calf"), "{error}");
 }
 
 #[test]
 fn everything_combines_and_clashes_are_named() {
     let rest = [0.1, 0.8, -1.5, -0.1, 0.8, -1.5];
-    let spring =
-        NetworkRule { joints: vec!["FR_calf".into()], ..NetworkRule::new(NetworkName::ResidAct) };
-    let delta =
-        NetworkRule { joints: vec!["*_calf".into()], ..NetworkRule::new(NetworkName::ActionDelta) };
+    let spring = NetworkRule { joints: vec!["FR_calf".into()], ..NetworkRule::new(NetworkName::ResidAct) };
+    let delta = NetworkRule { joints: vec!["*_calf".into()], ..NetworkRule::new(NetworkName::ActionDelta) };
     let mut rules = Rules {
         parameter: ParameterRule::fric_arm(),
         network: vec![spring, delta],
@@ -143,10 +129,7 @@ fn everything_combines_and_clashes_are_named() {
     let mut candidate = tests_candidate(6);
     theta.apply(&values, &joints(), &mut candidate);
     assert_eq!(candidate.robot.armature[5], 0.005);
-    assert_eq!(
-        (candidate.networks[0].joints.as_slice(), candidate.networks[0].rest[0]),
-        (&[5][..], -1.5)
-    );
+    assert_eq!((candidate.networks[0].joints.as_slice(), candidate.networks[0].rest[0]), (&[5][..], -1.5));
     assert_eq!(candidate.networks[0].weights, values[6..6 + 97]);
     assert_eq!(candidate.networks[1].joints, [2, 5]);
     assert_eq!(candidate.networks[1].weights, values[6 + 97..6 + 3 * 97]);
@@ -246,8 +229,7 @@ fn a_network_that_a_group_shares_acts_on_each_of_its_joints() {
     for (network, weights) in networks.weights.chunks_exact(97).enumerate() {
         assert_eq!(weights, &values[97 * (network / 2)..][..97]);
     }
-    let last: f64 =
-        [92..97, 189..194].into_iter().flatten().map(|at: usize| values[at] * values[at]).sum();
+    let last: f64 = [92..97, 189..194].into_iter().flatten().map(|at: usize| values[at] * values[at]).sum();
     assert!((theta.regularisation(&values) - last / 2.0).abs() < 1e-15);
     // One for all joints is called after them, so that two such rules go together.
     let all = |joint: &str| {

@@ -107,7 +107,7 @@ fn plan(
     if policy.interface.critic_observation.is_empty() {
         return Err("neither policy nor task says what the critic sees (critic_observation)".to_owned());
     }
-    let plan = Plan {
+    let mut plan = Plan {
         name: run,
         runs: config.runs.clone(),
         seeds: config.seeds.clone(),
@@ -116,9 +116,11 @@ fn plan(
         train: config.train.clone(),
         ppo: config.ppo.clone(),
         task: arguments.task.clone().unwrap_or_else(|| "the policy's own".to_owned()),
-        configuration: configuration(config).map_err(|error| error.to_string())?,
+        configuration: Table::new(),
     };
     plan.check()?;
+    // Seeds beyond TOML's numbers are refused by name before they are written.
+    plan.configuration = configuration(config).map_err(|error| error.to_string())?;
     Ok((plan, settings, new_critic))
 }
 

@@ -72,7 +72,7 @@ const MOST_SEEDS: usize = 1000;
 /// Reads the robot and checks the settings of a training from nothing.
 pub fn setup(config: &TrainConfig, name: &str, path: Option<&Path>, threads: usize) -> Result<Setup, Error> {
     let printed_by = "gaitfit config train";
-    let plan = Plan {
+    let mut plan = Plan {
         name: name.to_owned(),
         runs: config.runs.clone(),
         seeds: config.seeds.clone(),
@@ -81,9 +81,11 @@ pub fn setup(config: &TrainConfig, name: &str, path: Option<&Path>, threads: usi
         train: config.train.clone(),
         ppo: config.ppo.clone(),
         task: config.task.base.name().to_owned(),
-        configuration: table(config)?,
+        configuration: Table::new(),
     };
     plan.check().map_err(|wrong| Error::settings(advice(path, &wrong, printed_by)))?;
+    // Seeds beyond TOML's numbers are refused by name before they are written.
+    plan.configuration = table(config)?;
     let robot_path = match &config.robot {
         Some(named) => Some(paths::find(named, "robot", path.unwrap_or(Path::new("--set")))?),
         None => None,
