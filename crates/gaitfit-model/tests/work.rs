@@ -146,7 +146,7 @@ fn hostile_mjcf_takes_no_time() {
         ("chain", mjcf("", &chain(95), ""), ""),
         ("bodies", mjcf("", &bodies, ""), ""),
         ("joints", mjcf("", &fill(SIZE, "<body><geom size='1'/><joint/></body>"), ""), "any"),
-        ("servos", mjcf("", &format!("{bodies}"), &format!("<actuator>{servos}</actuator>")), ""),
+        ("servos", mjcf("", &bodies, &format!("<actuator>{servos}</actuator>")), ""),
         ("servos of a chain", mjcf("", &chain(95), &format!("<actuator>{servos}</actuator>")), ""),
         ("classes", mjcf("", "", &class(&"<geom size='1'/><joint damping='1'/>".repeat(100))), ""),
         (

@@ -118,7 +118,7 @@ fn isas() -> Vec<Isa> {
 /// Motion after each of `periods` of the robots numbered `of`, in one tile, one row of numbers a robot.
 fn run(batch: &Batch, params: &[Params<f64>], of: &[usize], periods: usize) -> Vec<Vec<Vec<f32>>> {
     let chosen: Vec<Params<f64>> = of.iter().map(|&index| params[index].clone()).collect();
-    let mut tile = CPU.tile(&batch, &chosen, &[]).unwrap();
+    let mut tile = CPU.tile(batch, &chosen, &[]).unwrap();
     let mut motion = batch.motion(of.len());
     for (place, &index) in of.iter().enumerate() {
         tile.place(place, &start(batch.model(), index));

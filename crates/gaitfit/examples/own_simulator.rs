@@ -33,7 +33,8 @@ impl Simulator for Pendulum {
             let (mut angles, mut velocities) = (Vec::new(), Vec::new());
             for step in 0..4000 {
                 if step % 10 == 0 {
-                    (angles.push(q as f32), velocities.push(dq as f32));
+                    angles.push(q as f32);
+                    velocities.push(dq as f32);
                 }
                 dq += 1e-3 * (-9.81 * f64::sin(q) - damping * dq - friction * f64::tanh(100.0 * dq));
                 q += 1e-3 * dq;

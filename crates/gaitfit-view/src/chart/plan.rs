@@ -45,11 +45,8 @@ pub(crate) fn plan(title: &str, width: f64, tracks: &[Track]) -> Option<String> 
     };
     let lines: Vec<(Vec<f64>, Vec<f64>)> = tracks.iter().map(kept).collect();
     let last = |(x, y): &(Vec<f64>, Vec<f64>)| (x.last().copied(), y.last().copied());
-    let ends: Vec<([f64; 1], [f64; 1])> = lines
-        .iter()
-        .map(|line| last(line))
-        .map(|(x, y)| ([x.unwrap_or(f64::NAN)], [y.unwrap_or(f64::NAN)]))
-        .collect();
+    let ends: Vec<([f64; 1], [f64; 1])> =
+        lines.iter().map(last).map(|(x, y)| ([x.unwrap_or(f64::NAN)], [y.unwrap_or(f64::NAN)])).collect();
     let drawn =
         tracks.iter().zip(&lines).map(|(track, (x, y))| Series::Line { name: "", look: track.look, x, y });
     // Marks above all lines, and discs above rings.

@@ -222,6 +222,27 @@ fn estimate(values: &[f64]) -> Estimate {
     found.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
 }
 
+impl Row {
+    /// A row's name in tables and plots.
+    pub fn label(&self) -> String {
+        let scenario = &self.scenario;
+        match self.cell.strip_prefix(scenario.as_str()) {
+            Some("-pi0") => format!("π₀ ({scenario})"),
+            Some("-reference") => format!("fine-tuned on the target ({scenario})"),
+            _ => self.cell.clone(),
+        }
+    }
+}
+
+/// A mean, with its interval if it has one.
+pub fn shown(estimate: Option<Estimate>, digits: usize) -> String {
+    match estimate {
+        Some(Estimate { mean, ci95 }) if ci95.is_finite() => format!("{mean:.digits$} ± {ci95:.digits$}"),
+        Some(Estimate { mean, .. }) if mean.is_finite() => format!("{mean:.digits$}"),
+        _ => "–".to_owned(),
+    }
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
@@ -252,26 +273,5 @@ mod tests {
         let reward = both.walk.unwrap().reward;
         assert!((reward.mean - 2.0).abs() < 1e-12 && (reward.ci95 - 12.706).abs() < 1e-9, "{reward:?}");
         assert_eq!(both.seconds, 4.0);
-    }
-}
-
-impl Row {
-    /// A row's name in tables and plots.
-    pub fn label(&self) -> String {
-        let scenario = &self.scenario;
-        match self.cell.strip_prefix(scenario.as_str()) {
-            Some("-pi0") => format!("π₀ ({scenario})"),
-            Some("-reference") => format!("fine-tuned on the target ({scenario})"),
-            _ => self.cell.clone(),
-        }
-    }
-}
-
-/// A mean, with its interval if it has one.
-pub fn shown(estimate: Option<Estimate>, digits: usize) -> String {
-    match estimate {
-        Some(Estimate { mean, ci95 }) if ci95.is_finite() => format!("{mean:.digits$} ± {ci95:.digits$}"),
-        Some(Estimate { mean, .. }) if mean.is_finite() => format!("{mean:.digits$}"),
-        _ => "–".to_owned(),
     }
 }

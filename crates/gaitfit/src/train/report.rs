@@ -38,7 +38,6 @@ pub fn page(
         warnings: results.warnings.iter().cloned().chain(trained.iter().filter_map(warning)).collect(),
         configuration: configuration.to_owned(),
         versions: versions(results),
-        ..TrainingReport::default()
     };
     Ok(training_report(&report)?)
 }
