@@ -25,6 +25,12 @@ pub struct Recorded {
 }
 
 impl Recorded {
+    /// Joint signals alone, `samples × joints`, for example of another simulator.
+    pub fn of_joints(position: &[f32], velocity: &[f32]) -> Self {
+        let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect();
+        Self { position: wide(position), velocity: wide(velocity), ..Self::default() }
+    }
+
     /// The signals of `trajectory` with its columns reordered by name to `joints`; `recording` is the number used
     /// in errors.
     ///
