@@ -18,7 +18,7 @@ pub use write::write;
 use crate::error::invalid;
 use crate::{Policy, PolicyError};
 
-/// Reads a policy that [`write`] wrote: the graph's network and the metadata's interface. The critic is not part
+/// Reads a policy that [`write()`] wrote: the graph's network and the metadata's interface. The critic is not part
 /// of an ONNX file.
 ///
 /// # Errors
