@@ -8,6 +8,10 @@ use std::path::Path;
 
 /// Reads a theta.toml.
 pub fn read(path: &Path) -> Result<ThetaFile, Error> {
+    // Asked before opening: a pipe without a writer would hang.
+    if std::fs::metadata(path).is_ok_and(|data| !data.is_file()) {
+        return Err(Error::failed(format!("{}: not a regular file; name a theta.toml", path.display())));
+    }
     let text = std::fs::read_to_string(path)
         .map_err(|error| Error::failed(format!("cannot read {}: {error}", path.display())))?;
     ThetaFile::parse(&text).map_err(|error| Error::failed(format!("{}: {error}", path.display())))

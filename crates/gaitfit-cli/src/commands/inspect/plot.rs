@@ -1,6 +1,7 @@
 //! A picture of a log: every joint's position and target over time, with what was found.
 
 use crate::exit::Failure;
+use gaitfit::files;
 use gaitfit_log::{Finding, Severity, Signal, Trajectory};
 use gaitfit_view::log_picture::{LogJoint, LogMark, LogPicture};
 use gaitfit_view::log_picture_svg;
@@ -8,8 +9,8 @@ use std::path::Path;
 
 /// Writes the picture as SVG.
 pub fn write(log: &Trajectory, findings: &[Finding], path: &Path) -> Result<(), Failure> {
-    std::fs::write(path, log_picture_svg(&picture(log, findings)))
-        .map_err(|error| Failure::failed(format!("cannot write {}: {error}", path.display())))
+    files::check(path, "--plot", "svg")?;
+    Ok(files::write(path, log_picture_svg(&picture(log, findings)).as_bytes())?)
 }
 
 fn picture(log: &Trajectory, findings: &[Finding]) -> LogPicture {
