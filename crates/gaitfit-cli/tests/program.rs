@@ -39,6 +39,10 @@ fn doctor_tells_the_machine() {
     let found = json(&run(&["doctor", "--json"]));
     assert!(found["threads"].as_u64().unwrap() >= 1);
     assert!(["avx512", "avx2", "portable"].contains(&found["engine"].as_str().unwrap()), "{found}");
+    // Either there is all that a GPU needs, or what is missing is said.
+    let cuda = &found["cuda"];
+    let complete = !cuda["gpus"].as_array().unwrap().is_empty() && cuda["nvrtc"].is_string();
+    assert_eq!(complete, cuda["problems"].as_array().unwrap().is_empty(), "{found}");
 }
 
 #[test]

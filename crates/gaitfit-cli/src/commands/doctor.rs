@@ -1,23 +1,78 @@
 //! `gaitfit doctor`: what this machine offers.
 
+use serde::Serialize;
+
 use crate::exit::Failure;
 use crate::output;
-use gaitfit::machine::machine;
+use gaitfit::machine::{Machine, machine};
+use gaitfit_cuda::runtime::{Found, bytes, find};
 
-/// Prints version, processor, vector instructions and threads.
+/// What is printed as JSON.
+#[derive(Serialize)]
+struct Report {
+    #[serde(flatten)]
+    machine: Machine,
+    cuda: Found,
+}
+
+/// Prints version, processor, vector instructions, threads and GPUs.
 pub fn run(args: &crate::cli::Doctor) -> Result<(), Failure> {
-    let found = machine();
+    let (found, cuda) = (machine(), find());
     if args.json {
-        return output::print_json(&found);
+        return output::print_json(&Report { machine: found, cuda });
     }
     let named = |text: &str| if text.is_empty() { "unknown".to_owned() } else { text.to_owned() };
     output::print(&format!(
-        "gaitfit    {}\nplatform   {}\nprocessor  {}\nfeatures   {}\nengine     {}\nthreads    {}\n",
+        "gaitfit    {}\nplatform   {}\nprocessor  {}\nfeatures   {}\nengine     {}\nthreads    {}\n{}",
         found.gaitfit,
         found.platform,
         named(&found.processor),
         named(&found.features.join(", ")),
         found.engine,
         found.threads,
+        gpus(&cuda),
     ))
+}
+
+/// One line a GPU, then driver and compiler, then what is missing.
+fn gpus(found: &Found) -> String {
+    let mut lines = Vec::new();
+    for gpu in &found.gpus {
+        let (major, minor) = gpu.capability;
+        let memory = bytes(gpu.memory);
+        let (number, name) = (gpu.ordinal, &gpu.name);
+        lines.push(format!("GPU {number}      {name}, {memory}, compute capability {major}.{minor}"));
+    }
+    if let Some(driver) = &found.driver {
+        lines.push(format!("CUDA       {driver} (driver)"));
+    }
+    if let (Some(version), Some(path)) = (&found.nvrtc, &found.nvrtc_path) {
+        lines.push(format!("NVRTC      {version} ({path})"));
+    }
+    lines.extend(found.problems.iter().map(|problem| format!("no GPU     {problem}")));
+    lines.iter().map(|line| format!("{line}\n")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gpus_and_what_is_missing_are_said() {
+        let mut found = Found { problems: vec!["there is no NVIDIA driver".into()], ..Found::default() };
+        assert_eq!(gpus(&found), "no GPU     there is no NVIDIA driver\n");
+        found.problems.clear();
+        found.driver = Some("13.0".into());
+        found.gpus.push(gaitfit_cuda::runtime::DeviceInfo {
+            ordinal: 0,
+            name: "NVIDIA H200".into(),
+            memory: 141 << 30,
+            capability: (9, 0),
+            processors: 132,
+            shared_memory: 232_448,
+            cache: 60 << 20,
+        });
+        let wanted = "GPU 0      NVIDIA H200, 141.0 GiB, compute capability 9.0\nCUDA       13.0 (driver)\n";
+        assert_eq!(gpus(&found), wanted);
+    }
 }

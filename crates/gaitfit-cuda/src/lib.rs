@@ -1,0 +1,6 @@
+//! gaitfit's computations on NVIDIA GPUs.
+//!
+//! Nothing of CUDA is needed to build this crate. [`runtime`] finds the driver and the compiler when the program runs,
+//! and holds all of this crate's `unsafe`.
+
+pub mod runtime;

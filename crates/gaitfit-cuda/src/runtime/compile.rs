@@ -1,0 +1,72 @@
+//! A program's text to machine code, from the cache if it was compiled before.
+
+use super::cache::Cache;
+use super::error::CudaError;
+use super::nvrtc::{Image, Nvrtc};
+
+/// A program in CUDA C++ whose kernels are `extern "C"`. It includes no headers: none are needed where it runs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Program {
+    /// Name in messages; letters, digits, `_` and `-`.
+    pub name: String,
+    /// The text.
+    pub text: String,
+    /// Options of NVRTC besides the architecture, for example `--use_fast_math` or `--maxrregcount=128`.
+    pub options: Vec<String>,
+}
+
+impl Program {
+    /// Of this name and text, with no options.
+    pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
+        Self { name: name.into(), text: text.into(), options: Vec::new() }
+    }
+
+    /// With one option more.
+    #[must_use]
+    pub fn option(mut self, option: impl Into<String>) -> Self {
+        self.options.push(option.into());
+        self
+    }
+}
+
+/// A compiled program and where it came from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Compiled {
+    /// Code and the compiler's words.
+    pub image: Image,
+    /// Whether the cache had it.
+    pub cached: bool,
+}
+
+/// Compiles `program` for a GPU of this compute capability, or takes it from `cache`. The cache's key is the text, the
+/// options, the architecture and the compiler's version. A cache that cannot be written is no error: the program is
+/// compiled at the next start again.
+///
+/// # Errors
+/// [`CudaError::Compile`], also if the compiler is older than the GPU and knows no PTX for it.
+pub fn compile(
+    nvrtc: &Nvrtc,
+    program: &Program,
+    capability: (i32, i32),
+    cache: Option<&Cache>,
+) -> Result<Compiled, CudaError> {
+    let Some(architecture) = nvrtc.architecture(capability) else {
+        let (major, minor) = nvrtc.version;
+        return Err(CudaError::Compile {
+            program: program.name.clone(),
+            architecture: format!("compute capability {}.{}", capability.0, capability.1),
+            log: format!("NVRTC {major}.{minor} knows no GPU that old"),
+        });
+    };
+    let version = format!("{}.{}", nvrtc.version.0, nvrtc.version.1);
+    let options = program.options.join("\n");
+    let key = Cache::key(&[&program.name, &program.text, &options, &architecture, &version]);
+    if let Some(image) = cache.and_then(|cache| cache.read(&key)) {
+        return Ok(Compiled { image, cached: true });
+    }
+    let image = nvrtc.compile(&program.name, &program.text, &architecture, &program.options)?;
+    if let Some(cache) = cache {
+        let _ = cache.write(&key, &image);
+    }
+    Ok(Compiled { image, cached: false })
+}
