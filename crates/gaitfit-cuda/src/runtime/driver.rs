@@ -1,5 +1,6 @@
 //! The driver's functions, found when the program runs.
 
+use std::error::Error as _;
 use std::ffi::{CStr, c_char, c_int, c_uint, c_ulonglong, c_void};
 use std::sync::OnceLock;
 
@@ -84,7 +85,9 @@ impl Driver {
                         code => Err(CudaError::DriverStart(driver.reason(code))),
                     };
                 }
-                Err(error) if reason.is_empty() => reason = error.to_string(),
+                Err(error) if reason.is_empty() => {
+                    reason = error.source().map_or_else(|| error.to_string(), ToString::to_string);
+                }
                 Err(_) => {}
             }
         }
