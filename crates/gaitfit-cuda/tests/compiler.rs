@@ -16,7 +16,11 @@ fn nvrtc_compiles_once_and_says_registers() {
     let program = Program::new("twice", TEXT).option("--ptxas-options=-v");
     let first = compile(nvrtc, &program, (9, 0), Some(&cache)).unwrap();
     assert!(!first.cached && first.image.code.starts_with(b"\x7fELF"));
-    assert!(first.image.log.contains("registers") && first.image.log.contains("spill"), "{}", first.image.log);
+    assert!(
+        first.image.log.contains("registers") && first.image.log.contains("spill"),
+        "{}",
+        first.image.log
+    );
     let second = compile(nvrtc, &program, (9, 0), Some(&cache)).unwrap();
     assert!(second.cached && second.image == first.image);
     let other = compile(nvrtc, &program.clone().option("--use_fast_math"), (9, 0), Some(&cache)).unwrap();

@@ -53,7 +53,10 @@ fn gpu_runs_kernels_graphs_and_says_what_failed() {
     assert_eq!(x.read(&stream).unwrap()[0], 127.0);
     let huge = Shape { shared: 10 << 20, ..shape };
     let error = roomy.launch(&stream, huge, &[(&mut x).into()]).unwrap_err();
-    assert!(error.to_string().starts_with("kernel `roomy` could not be started: it needs 10485760 bytes"), "{error}");
+    assert!(
+        error.to_string().starts_with("kernel `roomy` could not be started: it needs 10485760 bytes"),
+        "{error}"
+    );
 
     assert!(matches!(module.kernel("none"), Err(CudaError::NoKernel { .. })));
     let error = Buffer::<f32>::new(&device, "too much", 1 << 42).map(|_| ()).unwrap_err();

@@ -32,7 +32,8 @@ impl Cache {
     /// The user's: `gaitfit/cuda` in `XDG_CACHE_HOME`, else in `~/.cache` (on Windows in `LOCALAPPDATA`). None where
     /// the system names no such folder.
     pub fn of_user() -> Option<Self> {
-        let variable = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+        let variable =
+            |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
         let base = variable("XDG_CACHE_HOME")
             .or_else(|| variable("HOME").map(|home| home.join(".cache")))
             .or_else(|| variable("LOCALAPPDATA"))?;
@@ -189,7 +190,8 @@ mod tests {
         for number in 0..3u8 {
             cache.write(&format!("{number}"), &image(number)).unwrap();
             let file = fs::File::options().append(true).open(cache.path(&number.to_string())).unwrap();
-            file.set_modified(SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(number.into())).unwrap();
+            file.set_modified(SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(number.into()))
+                .unwrap();
         }
         assert!(cache.read("0").is_some(), "a look counts as use");
         cache.write("3", &image(3)).unwrap();

@@ -153,7 +153,10 @@ mod tests {
             total: 80 << 30,
         };
         let text = error.to_string();
-        assert!(text.starts_with("`samples` needs 3.0 GiB of GPU 1's memory, 512.0 MiB of 80.0 GiB are free"), "{text}");
+        assert!(
+            text.starts_with("`samples` needs 3.0 GiB of GPU 1's memory, 512.0 MiB of 80.0 GiB are free"),
+            "{text}"
+        );
         assert_eq!(bytes(1000), "1000 bytes");
     }
 }

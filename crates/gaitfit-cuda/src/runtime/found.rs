@@ -54,7 +54,9 @@ pub fn find() -> Found {
                 if nvrtc.architecture(gpu.capability).is_none() {
                     let (major, minor) = gpu.capability;
                     let name = &gpu.name;
-                    found.problems.push(format!("NVRTC does not compile for {name}, compute capability {major}.{minor}"));
+                    found.problems.push(format!(
+                        "NVRTC does not compile for {name}, compute capability {major}.{minor}"
+                    ));
                 }
             }
         }

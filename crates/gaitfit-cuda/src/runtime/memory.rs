@@ -119,7 +119,8 @@ impl<T: Number> Buffer<T> {
         }
         self.context.enter()?;
         // SAFETY: the array has that many bytes and lives at least until the driver frees it, which waits for the GPU.
-        let code = unsafe { (self.context.driver.fill_bytes)(self.address, 0, self.bytes(), stream.handle()) };
+        let code =
+            unsafe { (self.context.driver.fill_bytes)(self.address, 0, self.bytes(), stream.handle()) };
         self.context.driver.check(code, || format!("clearing `{}`", self.name))
     }
 
@@ -135,7 +136,8 @@ impl<T: Number> Buffer<T> {
         self.context.enter()?;
         let from = numbers.as_ptr().cast::<c_void>();
         // SAFETY: both arrays have that many bytes; `numbers` is borrowed until the wait below is over.
-        let code = unsafe { (self.context.driver.copy_in)(self.address, from, self.bytes(), stream.handle()) };
+        let code =
+            unsafe { (self.context.driver.copy_in)(self.address, from, self.bytes(), stream.handle()) };
         let copied = self.context.driver.check(code, || format!("copying into `{}`", self.name));
         stream.wait()?;
         copied
@@ -182,8 +184,9 @@ impl<T: Number> Buffer<T> {
         }
         self.context.enter()?;
         // SAFETY: both arrays have that many bytes of this GPU's memory.
-        let code =
-            unsafe { (self.context.driver.copy_within)(self.address, other.address, self.bytes(), stream.handle()) };
+        let code = unsafe {
+            (self.context.driver.copy_within)(self.address, other.address, self.bytes(), stream.handle())
+        };
         self.context.driver.check(code, || format!("copying `{}` to `{}`", other.name, self.name))
     }
 }

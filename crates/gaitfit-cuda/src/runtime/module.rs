@@ -91,7 +91,8 @@ impl Module {
         context.enter()?;
         let mut handle = null_mut();
         // SAFETY: the module is alive, the name ends with 0, the driver stores one handle.
-        let code = unsafe { (context.driver.module_function)(&raw mut handle, self.loaded.handle, text.as_ptr()) };
+        let code =
+            unsafe { (context.driver.module_function)(&raw mut handle, self.loaded.handle, text.as_ptr()) };
         if code != 0 {
             return Err(missing());
         }
@@ -246,7 +247,8 @@ impl Kernel {
             return Err(CudaError::Launch { kernel: self.name.to_string(), reason });
         }
         // SAFETY: the kernel is alive.
-        let code = unsafe { (context.driver.set_function_attribute)(self.handle, MOST_DYNAMIC_SHARED, asked) };
+        let code =
+            unsafe { (context.driver.set_function_attribute)(self.handle, MOST_DYNAMIC_SHARED, asked) };
         context.driver.check(code, || format!("giving kernel `{}` shared memory", self.name))
     }
 

@@ -61,7 +61,10 @@ impl Nvrtc {
     /// [`CudaError::NoNvrtc`] with the places looked at, or [`CudaError::OldNvrtc`].
     pub fn get() -> Result<&'static Self, CudaError> {
         static NVRTC: OnceLock<Result<Nvrtc, CudaError>> = OnceLock::new();
-        NVRTC.get_or_init(|| Self::first_of(&search::candidates(&search::Places::of_process()))).as_ref().map_err(Clone::clone)
+        NVRTC
+            .get_or_init(|| Self::first_of(&search::candidates(&search::Places::of_process())))
+            .as_ref()
+            .map_err(Clone::clone)
     }
 
     /// The first of these libraries that loads.
@@ -96,7 +99,10 @@ impl Nvrtc {
         let (mut major, mut minor, mut count) = (0, 0, 0);
         // SAFETY: both take pointers to ints that live through the call.
         let codes = unsafe {
-            [(functions.version)(&raw mut major, &raw mut minor), (functions.architecture_count)(&raw mut count)]
+            [
+                (functions.version)(&raw mut major, &raw mut minor),
+                (functions.architecture_count)(&raw mut count),
+            ]
         };
         let mut architectures = vec![0; usize::try_from(count).unwrap_or(0)];
         // SAFETY: the array has as many ints as the library said it would store.
@@ -122,14 +128,21 @@ impl Nvrtc {
     ///
     /// # Errors
     /// [`CudaError::Compile`] with the compiler's words.
-    pub fn compile(&self, program: &str, text: &str, architecture: &str, options: &[String]) -> Result<Image, CudaError> {
+    pub fn compile(
+        &self,
+        program: &str,
+        text: &str,
+        architecture: &str,
+        options: &[String],
+    ) -> Result<Image, CudaError> {
         let refuse = |log: String| CudaError::Compile {
             program: program.to_owned(),
             architecture: architecture.to_owned(),
             log,
         };
-        let with_zero =
-            |text: String| CString::new(text).map_err(|_| refuse("its text or an option holds a 0 character".into()));
+        let with_zero = |text: String| {
+            CString::new(text).map_err(|_| refuse("its text or an option holds a 0 character".into()))
+        };
         let source = with_zero(text.to_owned())?;
         let name = with_zero(format!("{program}.cu"))?;
         let mut strings = vec![with_zero(format!("--gpu-architecture={architecture}"))?];
@@ -140,13 +153,21 @@ impl Nvrtc {
         let mut running = Running { functions: &self.functions, handle: null_mut() };
         // SAFETY: both strings end with 0 and outlive the program; there are no headers.
         let code = unsafe {
-            (self.functions.create)(&raw mut running.handle, source.as_ptr(), name.as_ptr(), 0, null(), null())
+            (self.functions.create)(
+                &raw mut running.handle,
+                source.as_ptr(),
+                name.as_ptr(),
+                0,
+                null(),
+                null(),
+            )
         };
         if code != 0 {
             return Err(refuse(format!("NVRTC error {code}")));
         }
         // SAFETY: the program was made above; there are as many options as pointers.
-        let code = unsafe { (self.functions.compile)(running.handle, pointers.len() as c_int, pointers.as_ptr()) };
+        let code =
+            unsafe { (self.functions.compile)(running.handle, pointers.len() as c_int, pointers.as_ptr()) };
         let log = running.read(self.functions.log_size, self.functions.log).map_err(&refuse)?;
         let log = CStr::from_bytes_until_nul(&log).unwrap_or_default().to_string_lossy().trim().to_owned();
         if code != 0 {

@@ -21,10 +21,13 @@ pub struct Places {
 impl Places {
     /// Those of this process.
     pub fn of_process() -> Self {
-        let variable = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
-        let mut toolkits: Vec<PathBuf> = ["CUDA_HOME", "CUDA_PATH"].into_iter().filter_map(variable).collect();
+        let variable =
+            |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+        let mut toolkits: Vec<PathBuf> =
+            ["CUDA_HOME", "CUDA_PATH"].into_iter().filter_map(variable).collect();
         toolkits.push("/usr/local/cuda".into());
-        let mut environments: Vec<PathBuf> = ["VIRTUAL_ENV", "CONDA_PREFIX"].into_iter().filter_map(variable).collect();
+        let mut environments: Vec<PathBuf> =
+            ["VIRTUAL_ENV", "CONDA_PREFIX"].into_iter().filter_map(variable).collect();
         environments.push(".venv".into());
         let path = std::env::var_os("PATH").unwrap_or_default();
         environments.extend(
@@ -89,7 +92,9 @@ fn folders(folder: &Path, start: &str) -> impl Iterator<Item = PathBuf> + use<> 
 
 /// Libraries of built-in functions beside the compiler's library at `path`; none for a bare name.
 pub fn builtins(path: &Path) -> Vec<PathBuf> {
-    let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return Vec::new() };
+    let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) else {
+        return Vec::new();
+    };
     let is_library = |path: &PathBuf| !path.to_string_lossy().contains(".alt.");
     ["libnvrtc-builtins.so", "nvrtc-builtins64_"]
         .into_iter()
@@ -140,7 +145,10 @@ mod tests {
         let found = candidates(&places);
         let files: Vec<_> = found.iter().filter(|path| path.starts_with(folder.path())).cloned().collect();
         assert_eq!(files, [toolkit, new.clone(), old]);
-        assert!(found[0].parent().is_some_and(|parent| parent.as_os_str().is_empty()), "the loader comes first");
+        assert!(
+            found[0].parent().is_some_and(|parent| parent.as_os_str().is_empty()),
+            "the loader comes first"
+        );
         assert_eq!((builtins(&new), builtins(&found[0])), (vec![second], vec![]));
         places.given = new.parent().map(Path::to_path_buf);
         assert_eq!(candidates(&places), std::slice::from_ref(&new));

@@ -207,7 +207,8 @@ impl Event {
         self.context.driver.check(code, || "waiting for an event".into())?;
         let mut milliseconds = 0.0;
         // SAFETY: both are alive; the driver stores one number.
-        let code = unsafe { (self.context.driver.event_elapsed)(&raw mut milliseconds, self.handle, later.handle) };
+        let code =
+            unsafe { (self.context.driver.event_elapsed)(&raw mut milliseconds, self.handle, later.handle) };
         self.context.driver.check(code, || "reading the time between events".into())?;
         Ok(f64::from(milliseconds) * 1e-3)
     }
