@@ -86,11 +86,34 @@ fn what_does_not_fit_is_named() {
     let error = with(&|file| file.parameter[0].kind = "frictionlos".into());
     assert!(matches!(error, ThetaFileError::Kind { .. }), "{error}");
     let error = with(&|file| file.parameter[0].joints = vec!["knee".into()]);
-    assert!(error.to_string().contains("no joint `knee`"), "{error}");
+    assert!(
+        error.to_string().ends_with("no joint `knee`; it has left_hip_joint, right_hip_joint"),
+        "{error}"
+    );
+    let error = with(&|file| {
+        file.robot = "arms".into();
+        file.parameter[0].joints = vec!["knee".into()];
+    });
+    assert!(error.to_string().contains("was fitted to `arms`: give one that was fitted to legs"), "{error}");
+    let file = ThetaFile { robot: "arms".into(), ..self::file(&model) };
+    assert!(file.robot_doubt(&model).unwrap().contains("`arms`, and this is `legs`"));
+    assert_eq!(self::file(&model).robot_doubt(&model), None);
+    let parameter = &self::file(&model).parameter[0];
+    let (upper, wide) = (parameter.upper.unwrap(), parameter.upper.unwrap() - parameter.lower.unwrap());
+    let rounded = ThetaFile { parameter: vec![parameter.clone()], network: Vec::new(), ..self::file(&model) };
+    let at = |value: f64| {
+        let mut file = rounded.clone();
+        file.parameter[0].value = value;
+        file.candidate(&model).map(|_| ())
+    };
+    at(upper + 1e-9 * wide).unwrap();
+    assert!(at(upper + 0.01 * wide).unwrap_err().to_string().contains("`lower` 0 and `upper`"));
     let error = with(&|file| file.parameter[0].value = -1.0);
     assert!(matches!(error, ThetaFileError::Value { .. }), "{error}");
     let error = with(&|file| file.parameter[0].value = 1e30);
-    assert!(error.to_string().contains("1e6"), "{error}");
+    assert!(error.to_string().contains("is 1e30; it must be a number from 0 to 1e6"), "{error}");
+    let error = with(&|file| file.parameter[0].upper = Some(f64::NAN));
+    assert!(matches!(error, ThetaFileError::OutOfBounds { .. }), "{error}");
     let error = with(&|file| file.parameter[0].joints.clear());
     assert!(matches!(error, ThetaFileError::NoJoints { .. }), "{error}");
     let error = with(&|file| file.parameter.push(file.parameter[0].clone()));

@@ -108,4 +108,18 @@ impl CostError {
     pub fn is_candidate_failure(&self) -> bool {
         matches!(self, Self::NotFinite { .. })
     }
+
+    /// The number of the recording that is at fault, where it is one.
+    pub fn recording(&self) -> Option<usize> {
+        match *self {
+            Self::NotFinite { recording, .. }
+            | Self::ReferenceNotFinite { recording, .. }
+            | Self::Shape { recording, .. }
+            | Self::UnknownJoint { recording, .. }
+            | Self::UnknownRecording { recording, .. }
+            | Self::Repeated(recording)
+            | Self::Missing(recording) => Some(recording),
+            _ => None,
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! `theta.toml`: what a fit found, for programs that use it.
 
 use super::{Found, NetworkName, Theta, joint_parameters, networks, robot_numbers};
-use gaitfit_model::Model;
+use gaitfit_model::{Model, shown, shown_number};
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
@@ -105,7 +105,7 @@ pub enum ThetaFileError {
         kind: String,
     },
     /// A value without a meaning.
-    #[error("`{name}` is {value}; it must be a number from {least} to {MOST:e}")]
+    #[error("`{}` is {}; it must be a number from {least} to {MOST:e}", shown(name), shown_number(*value))]
     Value {
         /// Parameter.
         name: String,
@@ -114,6 +114,25 @@ pub enum ThetaFileError {
         /// Smallest value with a meaning.
         least: f64,
     },
+    /// A value that the search cannot have found.
+    #[error(
+        "`{}` is {}, which is not between its `lower` {} and `upper` {}; correct the value, or remove both bounds if it \
+         is meant",
+        shown(name),
+        shown_number(*value),
+        shown_number(*lower),
+        shown_number(*upper)
+    )]
+    OutOfBounds {
+        /// Parameter.
+        name: String,
+        /// Its value.
+        value: f64,
+        /// Lower bound of the search.
+        lower: f64,
+        /// Upper bound of the search.
+        upper: f64,
+    },
     /// A joint's parameter of no joint.
     #[error("`{name}` names no joints; give `joints`")]
     NoJoints {
@@ -121,8 +140,10 @@ pub enum ThetaFileError {
         name: String,
     },
     /// A joint that the robot lacks.
-    #[error("{robot} has no joint `{joint}`; it has {joints}")]
+    #[error("{robot} has no joint `{}`; it has {joints}{}", shown(joint), of_another(fitted, robot))]
     NoJoint {
+        /// The robot that the file was fitted to; empty where it does not say.
+        fitted: String,
         /// Robot.
         robot: String,
         /// The joint sought.
@@ -154,12 +175,22 @@ pub enum ThetaFileError {
 /// What readers of single modifications look things up in.
 pub(super) struct ReadContext<'a> {
     model: &'a Model,
+    fitted: &'a str,
+}
+
+/// That a file is of another robot, if it is.
+fn of_another(fitted: &str, robot: &str) -> String {
+    if fitted.is_empty() || fitted == robot {
+        return String::new();
+    }
+    format!(". The file was fitted to `{}`: give one that was fitted to {robot}", shown(fitted))
 }
 
 impl ReadContext<'_> {
     /// The index of the joint called `name`.
     pub fn joint(&self, name: &str) -> Result<usize, ThetaFileError> {
         self.model.find_joint(name).ok_or_else(|| ThetaFileError::NoJoint {
+            fitted: self.fitted.to_owned(),
             robot: self.model.name.clone(),
             joint: name.to_owned(),
             joints: self.model.joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", "),
@@ -173,6 +204,18 @@ impl ReadContext<'_> {
             return Ok(());
         }
         Err(ThetaFileError::Value { name: name.clone(), value: *value, least })
+    }
+}
+
+impl SavedParameter {
+    /// Refuses a value beyond the file's own bounds, by more than rounding.
+    fn check_bounds(&self) -> Result<(), ThetaFileError> {
+        let (Some(lower), Some(upper)) = (self.lower, self.upper) else { return Ok(()) };
+        let slack = 1e-6 * (upper - lower);
+        if self.value >= lower - slack && self.value <= upper + slack {
+            return Ok(());
+        }
+        Err(ThetaFileError::OutOfBounds { name: self.name.clone(), value: self.value, lower, upper })
     }
 }
 
@@ -213,6 +256,18 @@ impl ThetaFile {
         })
     }
 
+    /// A doubt, in words, about using the file on the robot of `model`, whose joints may have the same names.
+    pub fn robot_doubt(&self, model: &Model) -> Option<String> {
+        (!self.robot.is_empty() && self.robot != model.name).then(|| {
+            format!(
+                "it was fitted to the robot `{}`, and this is `{}`, whose joints have the same names; fit this robot if \
+                 it is another one",
+                shown(&self.robot),
+                model.name
+            )
+        })
+    }
+
     /// Reads a file's text.
     ///
     /// # Errors
@@ -247,7 +302,7 @@ impl ThetaFile {
     /// # Errors
     /// As [`Self::candidate`].
     pub fn apply(&self, model: &Model, mut candidate: Candidate) -> Result<Candidate, ThetaFileError> {
-        let context = ReadContext { model };
+        let context = ReadContext { model, fitted: &self.robot };
         let mut seen = HashSet::new();
         for parameter in &self.parameter {
             for joint in &parameter.joints {
@@ -259,6 +314,7 @@ impl ThetaFile {
             applied.unwrap_or_else(|| {
                 Err(ThetaFileError::Kind { name: parameter.name.clone(), kind: parameter.kind.clone() })
             })?;
+            parameter.check_bounds()?;
         }
         for network in &self.network {
             networks::read(network, &context, &mut candidate)?;
