@@ -12,17 +12,35 @@ mod watcher;
 use clap::Parser;
 use cli::{Cli, Command};
 use exit::{Exit, Failure};
+use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let done = run(&cli);
+    let done = match Cli::try_parse() {
+        Ok(cli) => run(&cli),
+        Err(asked) => return usage(&asked),
+    };
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             output::note(&format!("error: {failure}"));
             failure.exit.into()
         }
+    }
+}
+
+/// Prints help that was asked for, or what is wrong with the command line.
+fn usage(asked: &clap::Error) -> ExitCode {
+    let printed = asked.print().and_then(|()| std::io::stdout().flush());
+    if asked.use_stderr() {
+        return Exit::Usage.into();
+    }
+    match printed {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            output::note(&format!("error: cannot write to standard output: {error}"));
+            Exit::Failed.into()
+        }
+        _ => ExitCode::SUCCESS,
     }
 }
 

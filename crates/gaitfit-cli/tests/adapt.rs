@@ -154,7 +154,8 @@ fn a_search_that_had_not_converged_says_so_first_and_fails_where_asked() {
     assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
     let text = String::from_utf8(output.stdout.clone()).unwrap();
     assert!(text.starts_with("Not converged: ") && text.contains("FAILED: not converged"), "{text}");
-    assert!(errors(&output).contains("a check failed: not converged"), "{}", errors(&output));
+    assert!(errors(&output).contains("a check failed: not converged: "), "{}", errors(&output));
+    assert!(!errors(&output).contains("Not converged"), "it says so twice: {}", errors(&output));
     let output = plain("check.better_than_nominal=true");
     assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
 }

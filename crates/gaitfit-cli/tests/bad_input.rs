@@ -52,6 +52,14 @@ fn settings() {
         ("check.rmse_rad=nan", &["`check.rmse_rad`"]),
         ("simulation.timestep=1e-6", &["`simulation.timestep`", "raise it"]),
         ("parameter.3.upper=10", &["`delay`", "upper bound"]),
+        ("gains.kp=-1", &["`gains.kp` has -1", "not negative"]),
+        ("gains.kd={ FL_hip = nan }", &["`gains.kd` has NaN"]),
+        ("validate_gains=[{ files = [\"*\"], kp = 1, kd = -2 }]", &["`validate_gains.0.kd` has -2"]),
+        (
+            "optimizer.generations=-1",
+            &["--set optimizer.generations=-1", "expected a whole number, 0 or more"],
+        ),
+        ("=", &["--set =", "write it as key=value"]),
     ] {
         refused(&adapt(runs.path(), &["--set", set]), 2, words);
     }
@@ -102,6 +110,24 @@ fn logs() {
     });
     refused(&adapt(&runs, &["--set", &set]), 1, &["log.csv", "rate mismatch"]);
 
+    // Nothing moves, in one log of two; and a log of two rows.
+    let still = |name: &str| {
+        let text = std::fs::read_to_string(root().join("examples/go2-demo/fit.csv")).unwrap();
+        let row = |line: &str| match line.split_once(',') {
+            Some((time, rest)) if time.parse::<f64>().is_ok() => {
+                format!("{time}{}\n", ",1e38".repeat(rest.split(',').count()))
+            }
+            _ => format!("{line}\n"),
+        };
+        let path = folder.path().join(name);
+        std::fs::write(&path, text.lines().map(row).collect::<String>()).unwrap();
+        path.display().to_string()
+    };
+    let set = format!("logs=[{:?}, {:?}]", still("still.csv"), still("stiller.csv"));
+    refused(&adapt(&runs, &["--set", &set]), 1, &["still.csv, ", "stiller.csv: recorded", "constant"]);
+    let set = changed_log(folder.path(), |lines| lines.truncate(8));
+    refused(&adapt(&runs, &["--set", &set]), 1, &["log.csv: 2 samples are too few", "at least 20"]);
+
     // A damaged last time stays a short message.
     let set = changed_log(folder.path(), |lines| {
         if let Some((_, rest)) = lines.pop().as_deref().and_then(|line| line.split_once(',')) {
@@ -132,6 +158,19 @@ fn devices_are_neither_read_nor_replaced() {
     let _socket = std::os::unix::net::UnixListener::bind(&path).unwrap();
     let path = path.to_str().unwrap();
     refused(&run(&["forward", "assets/go2.xml", "states.npz", path]), 2, &[path, "not a regular file"]);
+    // A pipe would be waited for for ever.
+    let pipe = folder.path().join("theta.toml");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let pipe = pipe.to_str().unwrap();
+    let policy = "assets/go2-walk.safetensors";
+    for command in ["evaluate", "finetune"] {
+        refused(&run(&[command, policy, "--theta", pipe]), 1, &["theta.toml: not a regular file"]);
+    }
+    refused(
+        &run(&["validate", pipe, "a.csv", "--config", "examples/go2-demo/adapt.toml"]),
+        1,
+        &["theta.toml"],
+    );
 }
 
 #[test]

@@ -107,9 +107,15 @@ fn what_cannot_be_collected_is_refused() {
         (vec!["--task", "none.toml"], 2, "none.toml"),
         (vec!["--theta", "none.toml"], 1, "cannot read none.toml"),
         (vec!["--robot", "none.xml"], 1, "none.xml"),
+        (vec!["--out", "README.md"], 2, "README.md: is a file; name the folder that the logs go into"),
     ];
     for (more, code, message) in cases {
-        let args: Vec<&str> = ["collect", FOREIGN, "--out", &out].into_iter().chain(more).collect();
+        let args = if more[0] == "--out" {
+            vec!["collect", FOREIGN]
+        } else {
+            vec!["collect", FOREIGN, "--out", &out]
+        };
+        let args: Vec<&str> = args.into_iter().chain(more).collect();
         let output = run(&args);
         let error = errors(&output);
         assert_eq!(output.status.code(), Some(code), "{args:?}: {error}");

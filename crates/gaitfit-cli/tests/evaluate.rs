@@ -99,10 +99,36 @@ fn robots_that_diverge_are_said_first_and_end_with_3() {
 
 #[test]
 fn what_cannot_be_evaluated_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.display().to_string()
+    };
+    let low = file("low.toml", "height = -1e300\n");
+    let parameter = "[[parameter]]\nname = \"armature\"\nkind = \"armature\"\njoints = [\"FL_hip\"]\n";
+    let wide = file("wide.toml", &format!("format = 2\n{parameter}value = 0.5\nlower = 0.0\nupper = 0.1\n"));
+    let other = file(
+        "other.toml",
+        &format!("format = 2\nrobot = \"cat\"\n{parameter}value = 0.5\n").replace("hip", "tail"),
+    );
+    let page = file("page.html", "earlier");
+    let dotted = folder.path().join("./page.html").display().to_string();
+    let nowhere = folder.path().join("none/page.html").display().to_string();
     let cases = [
+        (vec!["--report", &page, "--replay", &dotted], 2, "--report and --replay are the same file"),
+        (vec!["--report", &nowhere], 1, "--report needs a folder that exists"),
+        (vec!["--task", &low], 2, "low.toml: task.height is -1e300; it must be from 0 to 10000"),
+        (
+            vec!["--theta", &wide],
+            1,
+            "wide.toml: `armature` is 0.5, which is not between its `lower` 0 and `upper` 0.1",
+        ),
+        (vec!["--theta", &other], 1, "other.toml: go2 has no joint `FL_tail`"),
         (vec!["--report", "page.txt"], 2, "ends in .html"),
         (vec!["--replay", "/dev/null.html/a.html"], 1, "cannot write"),
-        (vec!["--seconds", "0"], 2, "above 0"),
+        (vec!["--seconds", "0"], 2, "from 0.02 s, one control period"),
+        (vec!["--seconds", "1e-9"], 2, "`seconds` (--seconds) is 1e-9"),
         (vec!["--seconds", "1e9"], 2, "at most"),
         (vec!["--trajectories", "0"], 2, "--trajectories"),
         (vec!["--task", "swim"], 2, "velocity"),
@@ -117,4 +143,11 @@ fn what_cannot_be_evaluated_is_refused() {
         assert_eq!(output.status.code(), Some(code), "{args:?}: {error}");
         assert!(error.contains(message), "`{message}` is not in `{error}`");
     }
+    assert_eq!(std::fs::read_to_string(page).unwrap(), "earlier");
+    // The same joints under another robot's name: it may be the same robot.
+    let same = file("same.toml", &format!("format = 2\nrobot = \"cat\"\n{parameter}value = 0.05\n"));
+    let small = ["--trajectories", "1", "--seconds", "0.1", "--drift", "0"];
+    let output = run(&[&["evaluate", FOREIGN, "--theta", &same], &small[..]].concat());
+    assert!(output.status.success(), "{}", errors(&output));
+    assert!(errors(&output).contains("fitted to the robot `cat`, and this is `go2`"), "{}", errors(&output));
 }

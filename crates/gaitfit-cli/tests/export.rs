@@ -52,4 +52,17 @@ fn bad_input_and_bad_names_are_told_apart() {
         assert!(error.contains(message), "`{message}` is not in `{error}`");
     }
     assert!(!folder.path().join("a.onnx").exists());
+    // Neither the policy nor the weights that its description names are replaced.
+    let fixtures = common::root().join("crates/gaitfit-policy/tests/fixtures/policies");
+    let text = std::fs::read_to_string(fixtures.join("foreign.toml")).unwrap();
+    let weights =
+        text.lines().find_map(|line| line.strip_prefix("file = ")).unwrap().trim_matches('"').to_owned();
+    std::fs::copy(fixtures.join(&weights), path(&weights)).unwrap();
+    std::fs::write(path("p.toml"), text).unwrap();
+    let option = if weights.ends_with(".onnx") { "--onnx" } else { "--safetensors" };
+    let before = std::fs::read(path(&weights)).unwrap();
+    let output = run(&["export", &path("p.toml"), option, &path(&weights)]);
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    assert!(errors(&output).contains("would replace a file that this command reads"), "{}", errors(&output));
+    assert_eq!(std::fs::read(path(&weights)).unwrap(), before);
 }

@@ -93,9 +93,9 @@ fn resumed_it_ends_with_the_same_bits_and_says_where_it_came_from() {
     assert!(result["parent"]["simulator"].as_str().unwrap().contains("torque noise of 0.5"), "{result}");
 
     // In two parts, on another number of threads.
-    for (iterations, threads) in [(2, "1"), (4, "2")] {
+    for (iterations, on) in [(2, &["--threads", "1"][..]), (4, &["--threads", "2", "--resume"])] {
         let mut more = more.clone();
-        more.extend(["--resume", "--threads", threads]);
+        more.extend(on);
         let output = run(&args(folders[2].path(), &policy, iterations, &more));
         assert!(output.status.success(), "{}", errors(&output));
     }
@@ -168,6 +168,8 @@ fn what_cannot_be_fine_tuned_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let policy = parent(folder.path());
     let lost = theta(folder.path(), "FL_wheel_joint");
+    let low = folder.path().join("low.toml");
+    std::fs::write(&low, "height = -0.3\n").unwrap();
     for (more, word) in [
         (vec!["--set", "ppo.fixed_std=0"], "fixed_std"),
         (vec!["--set", "ppo.fixed_std=-0.5"], "fixed_std"),
@@ -188,6 +190,11 @@ fn what_cannot_be_fine_tuned_is_refused_by_name() {
         (vec!["--set", "ppo.gama=1"], "gamma"),
         (vec!["--set", "train.environments=0"], "environments"),
         (vec!["--task", "swim"], "swim"),
+        (vec!["--task", low.to_str().unwrap()], "low.toml: task.height is -0.3"),
+        (
+            vec!["--set", "task.height=-0.3"],
+            "task.height is -0.3; it must be from 0 to 10000. `gaitfit config finetune`",
+        ),
     ] {
         let output = run(&args(folder.path(), &policy, 1, &more));
         assert!(matches!(output.status.code(), Some(1 | 2)), "{more:?}: {}", output.status);

@@ -107,6 +107,11 @@ fn wrong_states_are_refused() {
         }
         assert!(!output.exists());
     };
+    save(&input, &states());
+    let states_file = input.to_str().unwrap();
+    let done = run(&["forward", "assets/go2.xml", states_file, states_file]);
+    assert_eq!(done.status.code(), Some(2));
+    assert!(errors(&done).contains("would replace a file that this command reads"), "{}", errors(&done));
     let mut missing = states();
     missing.remove("ctrl");
     refused(&missing, &["no array `ctrl`", "qpos, qvel"]);

@@ -36,6 +36,14 @@ fn a_healthy_log_is_summarised_and_drawn() {
     assert!(text.contains("12 joints, 1800 samples") && text.contains("nothing suspicious"), "{text}");
     let svg = std::fs::read_to_string(picture).unwrap();
     assert!(svg.starts_with("<svg") && svg.contains("FL_hip") && svg.contains("<path"));
+    // A picture never replaces a log.
+    let log = folder.path().join("log.csv");
+    std::fs::copy(root().join("examples/go2-demo/fit.csv"), &log).unwrap();
+    let before = std::fs::read(&log).unwrap();
+    let output = run(&["inspect", log.to_str().unwrap(), "--plot", log.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    assert!(errors(&output).contains("--plot writes a file whose name ends in .svg"), "{}", errors(&output));
+    assert!(std::fs::read(&log).unwrap() == before);
 }
 
 #[test]

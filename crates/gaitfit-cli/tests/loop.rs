@@ -65,6 +65,11 @@ fn args(folder: &Path, target: &str, more: &[&str]) -> Vec<String> {
     args
 }
 
+/// What continues a loop in `folder` if it was begun.
+fn begun(folder: &Path) -> &'static [&'static str] {
+    if folder.join("l").exists() { &["--resume"] } else { &[] }
+}
+
 /// Everything that must not depend on when a loop was killed.
 fn bits(run: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
@@ -134,7 +139,7 @@ fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
     let killed = tempfile::tempdir().unwrap();
     for milliseconds in [150, 400, 700] {
         let mut child = program()
-            .args(args(killed.path(), SIMULATED, &["--resume"]))
+            .args(args(killed.path(), SIMULATED, begun(killed.path())))
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn()
@@ -143,7 +148,7 @@ fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
         child.kill().unwrap();
         child.wait().unwrap();
     }
-    let output = run(&args(killed.path(), SIMULATED, &["--resume"]));
+    let output = run(&args(killed.path(), SIMULATED, begun(killed.path())));
     assert!(output.status.success(), "{}", errors(&output));
     assert!(bits(&killed.path().join("l")) == undisturbed, "a killed loop ends elsewhere");
 
@@ -156,15 +161,33 @@ fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
 
     // A robot that another program runs: it hands out the logs, and one evaluation for all policies.
     let other = tempfile::tempdir().unwrap();
+    // It says that robots diverged there.
+    let mut measured: serde_json::Value =
+        serde_json::from_slice(&fs::read(folder.join("evaluations/policy-0-target.json")).unwrap()).unwrap();
+    measured["diverged"] = 2.into();
+    let measurement = other.path().join("measured.json");
+    fs::write(&measurement, measured.to_string()).unwrap();
     let command = format!(
         "[target]\nkind = \"command\"\ncollect = [\"sh\", \"-c\", \"test -s {{onnx}} && cp {}/*.csv {{folder}}\"]\n\
          evaluate = [\"cat\", \"{}\"]\n",
         folder.join("round-1/logs").display(),
-        folder.join("evaluations/policy-0-target.json").display()
+        measurement.display()
     );
     let output = run(&args(other.path(), &command, &[]));
-    assert!(output.status.success(), "{}", errors(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
+    assert!(
+        errors(&output).contains("error: π₀ on target: 2 of 8 trajectories diverged"),
+        "{}",
+        errors(&output)
+    );
+    assert!(fs::read_to_string(other.path().join("l/report.html")).unwrap().contains("Diverged"));
+    let again: Vec<String> = args(other.path(), &command, &["--resume"]);
+    let output_in_words = run(&again.into_iter().filter(|one| one != "--json").collect::<Vec<_>>());
+    let text = String::from_utf8(output_in_words.stdout).unwrap();
+    assert!(text.starts_with("DIVERGED: π₀ on target: 2 of 8 trajectories"), "{text}");
+    assert_eq!(text.matches("diverged: their state").count(), 2, "once for each policy: {text}");
     let result = json(&output);
+    assert!(result["warnings"][0].as_str().unwrap().starts_with("π₀ on target: 2 of 8"), "{result}");
     assert_eq!(result["evaluations"][0]["policy"], "π₀");
     assert_eq!(result["evaluations"][0]["reward"], result["evaluations"][1]["reward"]);
 
@@ -249,6 +272,11 @@ fn a_program_that_fails_is_named_with_what_it_said() {
             ["exit status: 7", "robot is off"],
         ),
         (r#"collect = ["no-such-robot", "{folder}"]"#, ["no-such-robot", "cannot be started"]),
+        // Found at once, though what comes first is there.
+        (
+            "collect = [\"no-such-robot\", \"{folder}\"]\nevaluate = [\"echo\", \"hello\"]",
+            ["no-such-robot", "cannot be started"],
+        ),
         (r#"collect = ["true", "{folder}"]"#, ["target.collect", "no .csv"]),
         (r#"collect = ["sh", "-c", "mkfifo {folder}/log.csv"]"#, ["`log.csv`", "a pipe"]),
         (
@@ -271,7 +299,12 @@ fn a_program_that_fails_is_named_with_what_it_said() {
     ] {
         let folder = tempfile::tempdir().unwrap();
         let output = run(&args(folder.path(), &format!("[target]\nkind = \"command\"\n{target}\n"), &[]));
-        assert!(matches!(output.status.code(), Some(1 | 2)), "{target}: {}", output.status);
+        let missing = target.contains("no-such-robot");
+        assert!(
+            matches!((output.status.code(), missing), (Some(1 | 2), false) | (Some(4), true)),
+            "{target}: {}",
+            output.status
+        );
         assert!(words.iter().all(|word| errors(&output).contains(word)), "{target}: {}", errors(&output));
     }
 }
@@ -297,6 +330,9 @@ fn wrong_settings_are_refused_by_name() {
         (SIMULATED, "adapt.costs=[]", ["[adapt]", "`costs`"]),
         (SIMULATED, "adapt.policy=x.onnx", ["adapt.policy", "the loop decides it"]),
         (SIMULATED, "evaluate.trajectories=0", ["`evaluate.trajectories`", "1 to"]),
+        (SIMULATED, "finetune.ppo.gamma=nan", ["[finetune]", "`gamma` is NaN"]),
+        (SIMULATED, "evaluate.seconds=1e-9", ["`evaluate.seconds` is 1e-9", "one control period"]),
+        (SIMULATED, "target.seconds=1e-9", ["`target.seconds` is 1e-9", "at least one a trajectory"]),
         ("logs = [\"assets\"]\n", "rounds=2", ["`rounds`", "[target]"]),
         (SIMULATED, "target.collect=[\"true\"]", ["target.collect", "command"]),
         (SIMULATED, "target.probe=[\"true\"]", ["target.probe", "command"]),
@@ -334,7 +370,7 @@ fn robot(folder: &Path, then: &str) -> std::process::Child {
     );
     let target = format!("[target]\nkind = \"command\"\ncollect = [\"sh\", \"-c\", {script:?}]\n");
     let mut program = program();
-    program.args(args(folder, &target, &["--resume"])).stdout(Stdio::null()).stderr(Stdio::null());
+    program.args(args(folder, &target, begun(folder))).stdout(Stdio::null()).stderr(Stdio::null());
     program.spawn().unwrap()
 }
 

@@ -13,6 +13,23 @@ fn wrong_usage_ends_with_2_and_help_with_0() {
     assert_eq!(run(&["adapt"]).status.code(), Some(2));
     assert_eq!(run(&["inspect", "README.md"]).status.code(), Some(2));
     assert_eq!(run(&["bench", "physics", "--threads", "0"]).status.code(), Some(2));
+    let output = run(&["inspect", "/no/such/file"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(errors(&output).contains("cannot read /no/such/file"), "{}", errors(&output));
+    let output = run(&["man", "README.md"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("README.md: is a file; name the folder"), "{}", errors(&output));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn output_that_cannot_be_written_is_an_error() {
+    for args in [&["--help"][..], &["adapt", "--help"], &["--version"], &["config"], &["doctor", "--json"]] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = program().args(args).stdout(full).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{args:?}");
+        assert!(errors(&output).contains("cannot write to standard output"), "{args:?}: {}", errors(&output));
+    }
 }
 
 #[test]

@@ -90,9 +90,23 @@ fn killed_interrupted_and_resumed_is_as_undisturbed() {
 }
 
 #[test]
-fn resuming_nothing_starts() {
+fn what_cannot_be_resumed_is_named_and_nothing_is_begun() {
     let runs = tempfile::tempdir().unwrap();
-    let output = run(&quick_demo(runs.path(), &["--resume", "--set", "optimizer.generations=2"]));
-    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
-    assert!(errors(&output).contains("starting one"), "{}", errors(&output));
+    let resumed = |name: &str| {
+        let more = ["--resume", "--name", name, "--set", "optimizer.generations=2"];
+        let output = run(&quick_demo(runs.path(), &more));
+        (output.status.code(), errors(&output))
+    };
+    let (code, error) = resumed("go2-demo");
+    assert!(code == Some(2) && error.contains("no run called `go2-demo`"), "{error}");
+    assert_eq!(std::fs::read_dir(runs.path()).unwrap().count(), 0);
+    // A pipe where the checkpoint was: opening it would wait for ever.
+    let folder = runs.path().join("go2-demo");
+    std::fs::create_dir(&folder).unwrap();
+    assert!(Command::new("mkfifo").arg(folder.join("checkpoint.json")).status().unwrap().success());
+    let (code, error) = resumed("go2-demo");
+    assert!(code == Some(1) && error.contains("checkpoint.json: not a regular file; restore it"), "{error}");
+    std::fs::rename(&folder, runs.path().join("copy")).unwrap();
+    let (code, error) = resumed("copy");
+    assert!(code == Some(2) && error.contains("holds a run called `go2-demo`"), "{error}");
 }

@@ -14,6 +14,6 @@ mod policy;
 pub mod walker;
 
 pub use error::PolicyError;
-pub use files::{DescribedTerm, Description, NormaliserTensors, PerJoint, onnx, read, weights};
+pub use files::{DescribedTerm, Description, NormaliserTensors, PerJoint, files_of, onnx, read, weights};
 pub use interface::{Interface, InterfaceError, Quantity, Term};
 pub use policy::{Policy, Provenance};

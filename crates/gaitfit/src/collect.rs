@@ -55,15 +55,7 @@ pub fn collect(settings: &CollectSettings, folder: &Path, watch: &Watch<'_>) -> 
             shown_number(high)
         )));
     }
-    let rows = count as f64 * seconds / world.scene.walker.interface.control_dt;
-    if !(seconds > 0.0 && count > 0 && rows >= count as f64 && rows <= MOST_ROWS) {
-        return Err(Error::settings(format!(
-            "`seconds` (--seconds) is {}: {count} trajectories of it are {} rows; give at least one a trajectory, at \
-             most {MOST_ROWS:.0}",
-            shown_number(seconds),
-            shown_number(rows.round())
-        )));
-    }
+    check_length("`seconds` (--seconds)", count, seconds, world.scene.walker.interface.control_dt)?;
     if folder.is_dir() && !csv_files(folder)?.is_empty() {
         return Err(Error::settings(format!(
             "--out {}: holds CSV files already, and logs of two runs would be mixed; give another folder, or empty it",
@@ -87,4 +79,20 @@ pub fn collect(settings: &CollectSettings, folder: &Path, watch: &Watch<'_>) -> 
         watch.note(&format!("trajectory {number} fell before its log began; it has no file"));
     }
     Ok(Collected { simulator: world.description(), files: written.files, falls: written.falls })
+}
+
+/// Refuses logs without a row, or of more rows than memory holds. `key`: the setting; `period`: of control, s.
+///
+/// # Errors
+/// As it says.
+pub fn check_length(key: &str, count: usize, seconds: f64, period: f64) -> Result<(), Error> {
+    let rows = count as f64 * seconds / period;
+    if seconds > 0.0 && count > 0 && rows >= count as f64 && rows <= MOST_ROWS {
+        return Ok(());
+    }
+    Err(Error::settings(format!(
+        "{key} is {}: {count} trajectories of it are {} rows; give at least one a trajectory, at most {MOST_ROWS:.0}",
+        shown_number(seconds),
+        shown_number(rows.round())
+    )))
 }

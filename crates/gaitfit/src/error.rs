@@ -228,11 +228,17 @@ impl Error {
             Self::Settings { .. } | Self::Changed { .. } | Self::Outdated { .. } | Self::Spring(_) => {
                 ErrorKind::Settings
             }
+            Self::Task(_) if self.is_of_task() => ErrorKind::Settings,
             Self::Interrupted { .. } => ErrorKind::Interrupted,
             Self::Missing(_) => ErrorKind::Missing,
             Self::In { source, .. } | Self::Advised { source, .. } => source.kind(),
             _ => ErrorKind::Failed,
         }
+    }
+
+    /// Whether a setting of a task is wrong, without the place that it is from.
+    pub(crate) fn is_of_task(&self) -> bool {
+        matches!(self, Self::Task(TaskError::Setting { .. } | TaskError::Policy(_)))
     }
 
     /// The setting that is wrong, such as `optimizer.seeds`, where one can be named.

@@ -1,23 +1,133 @@
-//! Files that the command line names to be written.
+//! Files that a user names: those that are read, and those that a command writes.
 
 use crate::{Access, Error};
-use std::fs::File;
-use std::io::Write;
-use std::path::Path;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
 
-/// Refuses a name that does not end in `.ending`, or that is not a file.
-pub fn check(path: &Path, option: &str, ending: &str) -> Result<(), Error> {
-    let shown = path.display();
-    if path.extension().is_none_or(|found| !found.eq_ignore_ascii_case(ending)) {
-        return Err(Error::settings(format!("{shown}: {option} writes a file whose name ends in .{ending}")));
+/// Most bytes of a file that a run may have written, and of one that is only hashed.
+pub const MOST_BYTES: u64 = 2 << 30;
+
+/// The bytes of a regular file of at most `most` bytes. It is asked what it is before it is opened: a pipe would hang, a
+/// device would fill the memory.
+///
+/// # Errors
+/// What the system says, and `InvalidInput` for what is no regular file or too large.
+pub fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let too_large = || {
+        let why = format!("larger than {} MiB, more than such a file has", most >> 20);
+        io::Error::new(ErrorKind::InvalidInput, why)
+    };
+    if regular(path)?.len() > most {
+        return Err(too_large());
     }
-    // Replacing a device or a pipe by a file would break it for every other program.
-    if path.exists() && !path.is_file() {
-        return Err(Error::settings(format!(
-            "{shown}: exists and is not a regular file; name a file to write"
-        )));
+    let mut bytes = Vec::new();
+    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    // It may have grown.
+    if bytes.len() as u64 > most { Err(too_large()) } else { Ok(bytes) }
+}
+
+/// The text of a regular file of at most `most` bytes; see [`read`].
+///
+/// # Errors
+/// As [`read`], and `InvalidData` for bytes that are no UTF-8.
+pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
+    let not_text = |_| io::Error::new(ErrorKind::InvalidData, "not a text in UTF-8");
+    String::from_utf8(read(path, most)?).map_err(not_text)
+}
+
+/// Refuses what is there and is no regular file; what is not there is an error of the system's.
+///
+/// # Errors
+/// As it says.
+pub fn regular(path: &Path) -> io::Result<fs::Metadata> {
+    let data = fs::metadata(path)?;
+    if data.is_file() {
+        return Ok(data);
+    }
+    Err(io::Error::new(ErrorKind::InvalidInput, "not a regular file"))
+}
+
+/// A file that a command writes.
+#[derive(Clone, Copy, Debug)]
+pub struct Output<'a> {
+    /// Where.
+    pub path: &'a Path,
+    /// What names it on the command line, such as `--report`.
+    pub option: &'a str,
+    /// How its name must end, without the dot; none takes any.
+    pub ending: Option<&'a str>,
+}
+
+/// Refuses outputs that cannot be written, two that are one file, and one that is an input: before any work is done.
+///
+/// # Errors
+/// As it says, naming option, file and remedy.
+pub fn check<'a>(outputs: &[Output<'_>], inputs: impl IntoIterator<Item = &'a Path>) -> Result<(), Error> {
+    for output in outputs {
+        output.check()?;
+    }
+    let places: Vec<PathBuf> = outputs.iter().map(|output| place(output.path)).collect();
+    for (number, (output, at)) in outputs.iter().zip(&places).enumerate() {
+        if let Some(other) = places[..number].iter().position(|place| place == at) {
+            return Err(Error::settings(format!(
+                "{}: {} and {} are the same file; give each a name of its own",
+                output.path.display(),
+                outputs[other].option,
+                output.option
+            )));
+        }
+    }
+    for input in inputs {
+        let read = place(input);
+        if let Some(number) = places.iter().position(|place| *place == read) {
+            return Err(Error::settings(format!(
+                "{}: {} would replace a file that this command reads; name another file",
+                outputs[number].path.display(),
+                outputs[number].option
+            )));
+        }
     }
     Ok(())
+}
+
+impl Output<'_> {
+    fn check(&self) -> Result<(), Error> {
+        let Self { path, option, ending } = self;
+        let shown = path.display();
+        let ends = |ending: &str| path.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
+        if let Some(ending) = ending.filter(|ending| !ends(ending)) {
+            return Err(Error::settings(format!(
+                "{shown}: {option} writes a file whose name ends in .{ending}"
+            )));
+        }
+        // Replacing a device or a pipe by a file would break it for every other program.
+        if path.exists() && !path.is_file() {
+            return Err(Error::settings(format!(
+                "{shown}: exists and is not a regular file; name a file to write"
+            )));
+        }
+        // Only a file tells whether a folder takes files.
+        tempfile::tempfile_in(folder_of(path)).map(|_| ()).map_err(|source| Error::File {
+            access: Access::Write,
+            path: path.to_path_buf(),
+            source,
+            remedy: format!("; {option} needs a folder that exists and can be written to. Nothing was done."),
+        })
+    }
+}
+
+/// The folder that a file lies in.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Where a file is or will be, whatever names lead there.
+fn place(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| {
+        let folder = fs::canonicalize(folder_of(path)).unwrap_or_else(|_| folder_of(path).to_owned());
+        path.file_name().map_or_else(|| folder.clone(), |name| folder.join(name))
+    })
 }
 
 /// Writes a file whole or not at all.
@@ -26,10 +136,9 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
 }
 
 /// Writes a file whole or not at all; `fill` writes what it holds, and flushes its own buffers.
-pub fn write_with(path: &Path, fill: impl FnOnce(&mut File) -> std::io::Result<()>) -> Result<(), Error> {
-    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let whole = || -> std::io::Result<()> {
-        let mut file = crate::run::readable(&mut tempfile::Builder::new()).tempfile_in(parent)?;
+pub fn write_with(path: &Path, fill: impl FnOnce(&mut File) -> io::Result<()>) -> Result<(), Error> {
+    let whole = || -> io::Result<()> {
+        let mut file = crate::run::readable(&mut tempfile::Builder::new()).tempfile_in(folder_of(path))?;
         fill(file.as_file_mut())?;
         file.as_file().sync_all()?;
         file.persist(path).map_err(|error| error.error)?;
@@ -41,4 +150,51 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut File) -> std::io::Result<(
         source,
         remedy: "; nothing was changed".to_owned(),
     })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_regular_files_of_moderate_size_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        fs::write(&path, "four").unwrap();
+        assert_eq!(read_text(&path, 4).unwrap(), "four");
+        assert!(read(&path, 3).unwrap_err().to_string().contains("larger than"));
+        assert!(read(folder.path(), 4).unwrap_err().to_string().contains("not a regular file"));
+        fs::write(&path, [0xff]).unwrap();
+        assert!(read_text(&path, 4).unwrap_err().to_string().contains("UTF-8"));
+        assert_eq!(read(&folder.path().join("b"), 4).unwrap_err().kind(), ErrorKind::NotFound);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn outputs_are_neither_each_other_nor_an_input() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        for (name, to) in [("link.html", "page.html"), ("in.html", "model.html")] {
+            std::os::unix::fs::symlink(path(to), path(name)).unwrap();
+        }
+        let checked = |outputs: &[(&str, PathBuf)], inputs: &[PathBuf]| {
+            let outputs: Vec<Output<'_>> =
+                outputs.iter().map(|(option, path)| Output { path, option, ending: Some("html") }).collect();
+            check(&outputs, inputs.iter().map(PathBuf::as_path)).map_err(|error| error.to_string())
+        };
+        let two = |second: PathBuf| checked(&[("--report", path("page.html")), ("--replay", second)], &[]);
+        two(path("other.html")).unwrap();
+        for second in [path("page.html"), path("./page.html")] {
+            let error = two(second).unwrap_err();
+            assert!(error.contains("--report and --replay are the same file"), "{error}");
+        }
+        fs::write(path("page.html"), "earlier").unwrap();
+        assert!(two(path("link.html")).unwrap_err().contains("same file"));
+        fs::write(path("model.html"), "robot").unwrap();
+        let error = checked(&[("--report", path("in.html"))], &[path("model.html")]).unwrap_err();
+        assert!(error.contains("would replace a file that this command reads"), "{error}");
+        let error = checked(&[("--report", path("none/page.html"))], &[]).unwrap_err();
+        assert!(error.contains("none/page.html") && error.contains("--report needs a folder"), "{error}");
+    }
 }

@@ -57,10 +57,11 @@ impl EventFile {
     /// # Errors
     /// What the system says, and `InvalidData` for a file of something else.
     pub fn open(path: &Path, last_step: Option<u64>) -> io::Result<Self> {
-        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
-        if !file.metadata()?.is_file() {
-            return Err(io::Error::new(ErrorKind::InvalidInput, "not a regular file"));
+        match crate::files::regular(path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+            _ => {}
         }
+        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
         let length = file.metadata()?.len();
         let keep = whole_records(&file, length, last_step)?;
         file.set_len(keep)?;

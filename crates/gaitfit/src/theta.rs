@@ -1,20 +1,30 @@
 //! Files of fitted parameters.
 
-use crate::Error;
+use crate::{Access, Error, files};
 use gaitfit_adapt::ThetaFile;
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
 use std::path::Path;
 
+/// Largest theta.toml: networks of a hundred joints take a quarter of a megabyte.
+const MOST_BYTES: u64 = 16 << 20;
+
 /// Reads a theta.toml.
 pub fn read(path: &Path) -> Result<ThetaFile, Error> {
-    // Asked before opening: a pipe without a writer would hang.
-    if std::fs::metadata(path).is_ok_and(|data| !data.is_file()) {
-        return Err(Error::failed(format!("{}: not a regular file; name a theta.toml", path.display())));
-    }
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| Error::failed(format!("cannot read {}: {error}", path.display())))?;
+    let text = files::read_text(path, MOST_BYTES).map_err(|source| Error::File {
+        access: Access::Read,
+        path: path.to_owned(),
+        source,
+        remedy: "; give the theta.toml of a `gaitfit adapt` run".to_owned(),
+    })?;
     ThetaFile::parse(&text).map_err(|error| Error::failed(format!("{}: {error}", path.display())))
+}
+
+/// What to know before trusting the file at `path` on the robot of `model` at a physics step, s, where there is one.
+pub fn doubts(file: &ThetaFile, path: &Path, model: &Model, step: Option<f64>) -> Vec<String> {
+    let stepped = step.and_then(|step| file.step_doubt(step));
+    let doubts = file.robot_doubt(model).into_iter().chain(stepped);
+    doubts.map(|doubt| format!("{}: {doubt}", path.display())).collect()
 }
 
 /// The robot of `model` as the file at `path` has it.

@@ -39,6 +39,15 @@ pub struct WorldSettings {
 }
 
 impl WorldSettings {
+    /// A wrong setting of the task, said of where the task is from; other errors as they are.
+    pub fn of_task(&self, error: Error) -> Error {
+        match &self.task {
+            _ if !error.is_of_task() => error,
+            Some(name) => error.within(format!("--task {name}:")),
+            None => error.within(format!("{}: the policy's own task:", self.policy.display())),
+        }
+    }
+
     /// Threads asked for, or one a core.
     pub fn threads(&self) -> usize {
         self.threads.map_or_else(crate::machine::threads, std::num::NonZeroUsize::get)
@@ -64,7 +73,8 @@ impl World {
     pub fn open(args: &WorldSettings) -> Result<Self, Error> {
         let policy = gaitfit_policy::read(&args.policy)?;
         let settings = task(args, &policy)?;
-        Self::with_task(args, policy, if args.randomised { settings } else { settings.calm() })
+        let world = Self::with_task(args, policy, if args.randomised { settings } else { settings.calm() });
+        world.map_err(|error| args.of_task(error))
     }
 
     /// The simulator that the arguments name, for a policy and a task that are read already.
@@ -103,10 +113,9 @@ impl World {
         candidate.torque_noise = candidate.torque_noise.hypot(args.torque_noise);
         let delay = longest_delay(&candidate);
         let scene = Task::with_interface(&model, &settings, interface.clone(), args.preset, delay)?;
-        let doubt =
-            theta.and_then(|(path, file)| Some((path, file.step_doubt(scene.walker.physics_step())?)));
-        let warnings = doubt.map(|(path, doubt)| format!("{}: {doubt}", path.display()));
-        Ok(Self { policy, scene, candidate, changes, warnings: warnings.into_iter().collect() })
+        let step = Some(scene.walker.physics_step());
+        let doubts = theta.map(|(path, file)| theta::doubts(&file, path, &model, step));
+        Ok(Self { policy, scene, candidate, changes, warnings: doubts.unwrap_or_default() })
     }
 
     /// With robots that begin where a fit of their logs lets them begin: upright, facing along x (pyramidal friction

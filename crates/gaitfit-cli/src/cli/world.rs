@@ -3,7 +3,7 @@
 use super::Preset;
 use clap::Args;
 use gaitfit::world::WorldSettings;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A policy and the simulator it runs in.
 #[derive(Debug, Args)]
@@ -43,6 +43,12 @@ pub struct WorldArgs {
 }
 
 impl WorldArgs {
+    /// The files that are read, and a task's name, which may be one.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        let named = [&self.robot, &self.theta].into_iter().flatten().map(PathBuf::as_path);
+        std::iter::once(self.policy.as_path()).chain(named).chain(self.task.as_deref().map(Path::new))
+    }
+
     /// As the library takes them.
     pub fn settings(&self) -> WorldSettings {
         WorldSettings {

@@ -1,5 +1,6 @@
 //! `gaitfit collect`: logs of a policy in a simulator.
 
+use super::folder;
 use crate::cli;
 use crate::exit::Failure;
 use crate::output;
@@ -20,6 +21,7 @@ struct Document {
 
 /// Runs the policy and writes one log a trajectory.
 pub fn run(args: &cli::Collect) -> Result<(), Failure> {
+    folder(&args.out, "the logs go")?;
     let low = args.log_shift.first().copied().unwrap_or(0.0);
     let settings = CollectSettings {
         world: args.world.settings(),

@@ -17,7 +17,19 @@ pub mod shell;
 pub mod train;
 pub mod validate;
 
+use crate::exit::Failure;
 use std::path::Path;
+
+/// Refuses a file where a command writes into a folder; `what` goes there.
+fn folder(path: &Path, what: &str) -> Result<(), Failure> {
+    if path.exists() && !path.is_dir() {
+        return Err(Failure::usage(format!(
+            "{}: is a file; name the folder that {what} into, which is made if it is not there",
+            path.display()
+        )));
+    }
+    Ok(())
+}
 
 /// The name of a run: as asked for, as configured, or the configuration file's stem.
 fn run_name(asked: Option<&String>, configured: Option<&String>, path: Option<&Path>) -> Option<String> {

@@ -1,5 +1,6 @@
 //! `gaitfit completions` and `gaitfit man`: what shells and manuals know of the program.
 
+use super::folder;
 use crate::cli::{Cli, Completions, Man};
 use crate::exit::Failure;
 use crate::output;
@@ -14,6 +15,7 @@ pub fn completions(args: &Completions) -> Result<(), Failure> {
 
 /// Writes a manual page for the program and each of its commands.
 pub fn man(args: &Man) -> Result<(), Failure> {
+    folder(&args.folder, "the manual pages go")?;
     let unwritable = |error: std::io::Error| {
         Failure::failed(format!("cannot write manual pages into {}: {error}", args.folder.display()))
     };

@@ -1,5 +1,6 @@
 //! Which settings of a task are refused.
 
+use gaitfit_model::shown_number;
 use gaitfit_policy::{Interface, Quantity};
 
 use super::error::refuse;
@@ -49,13 +50,16 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
     ];
     for (setting, value, most) in positive {
         if !(value > 0.0 && value <= most) {
-            return refuse(setting, format!("is {value}; it must be above 0 and at most {most}"));
+            return refuse(
+                setting,
+                format!("is {}; it must be above 0 and at most {most}", shown_number(value)),
+            );
         }
     }
     if settings.control_dt < MIN_CONTROL_DT {
         return refuse(
             "control_dt",
-            format!("is {} s; it must be at least {MIN_CONTROL_DT} s", settings.control_dt),
+            format!("is {} s; it must be at least {MIN_CONTROL_DT} s", shown_number(settings.control_dt)),
         );
     }
     let ranges = [
@@ -77,12 +81,12 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
     ];
     for (setting, value) in ranges {
         if !(0.0..=1e4).contains(&value) {
-            return refuse(setting, format!("is {value}; it must be from 0 to 10000"));
+            return refuse(setting, format!("is {}; it must be from 0 to 10000", shown_number(value)));
         }
     }
     for (setting, value) in [("start.pitch", settings.start.pitch), ("fall.height", settings.fall.height)] {
         if !(-1e4..=1e4).contains(&value) {
-            return refuse(setting, format!("is {value}; it must be from -10000 to 10000"));
+            return refuse(setting, format!("is {}; it must be from -10000 to 10000", shown_number(value)));
         }
     }
     let r = &settings.randomisation;
@@ -102,12 +106,19 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
         if !(low >= least && low <= high && high <= 1e4) {
             return refuse(
                 setting,
-                format!("is [{low}, {high}]; it must be [smallest, largest], {least} or more"),
+                format!(
+                    "is [{}, {}]; it must be [smallest, largest], from {least} to 10000",
+                    shown_number(low),
+                    shown_number(high)
+                ),
             );
         }
     }
     if !(0.0..=1.0).contains(&c.standing) {
-        return refuse("command.standing", format!("is {}; it must be from 0 to 1", c.standing));
+        return refuse(
+            "command.standing",
+            format!("is {}; it must be from 0 to 1", shown_number(c.standing)),
+        );
     }
     let norm = settings.posture.iter().map(|x| x * x).sum::<f64>().sqrt();
     if (norm - 1.0).abs() > 1e-3 || norm.is_nan() {

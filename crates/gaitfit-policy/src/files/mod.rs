@@ -10,4 +10,4 @@ mod tensors;
 pub mod weights;
 
 pub use description::{DescribedTerm, Description, NormaliserTensors, PerJoint};
-pub use read::read;
+pub use read::{files_of, read};

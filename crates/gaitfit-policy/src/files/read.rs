@@ -5,7 +5,7 @@ use crate::error::invalid;
 use crate::{Policy, PolicyError};
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Largest policy file.
 const MOST_BYTES: u64 = 32 << 20;
@@ -21,15 +21,32 @@ pub fn read(path: &Path) -> Result<Policy, PolicyError> {
     match ending.as_deref() {
         Some("safetensors") => weights::read(&bytes(path)?).map_err(inside),
         Some("onnx") => onnx::read(&bytes(path)?).map_err(inside),
-        Some("toml") => {
-            let bytes = bytes(path)?;
-            let text = std::str::from_utf8(&bytes).map_err(|error| inside(invalid(error.to_string())))?;
-            let description = Description::parse(text).map_err(inside)?;
-            let folder = path.parent().unwrap_or(Path::new(""));
-            description.load(folder).map_err(inside)
-        }
+        Some("toml") => description(path)?.load(folder(path)).map_err(inside),
         _ => Err(inside(invalid("no policy by its ending; give a .safetensors, .onnx or .toml file"))),
     }
+}
+
+/// The files that [`read`] reads: the one named, and the weights that a description names.
+///
+/// # Errors
+/// A description that cannot be read.
+pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
+    let mut files = vec![path.to_owned()];
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
+        files.push(folder(path).join(description(path)?.file));
+    }
+    Ok(files)
+}
+
+fn folder(path: &Path) -> &Path {
+    path.parent().unwrap_or(Path::new(""))
+}
+
+fn description(path: &Path) -> Result<Description, PolicyError> {
+    let inside = |source| PolicyError::In { path: path.to_owned(), source: Box::new(source) };
+    let bytes = bytes(path)?;
+    let text = std::str::from_utf8(&bytes).map_err(|error| inside(invalid(error.to_string())))?;
+    Description::parse(text).map_err(inside)
 }
 
 /// The bytes of a regular file of moderate size: a pipe would hang, a device would fill the memory.

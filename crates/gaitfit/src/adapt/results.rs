@@ -132,6 +132,12 @@ impl CostFit {
         self.parameters.iter().map(|parameter| parameter.found.value).collect()
     }
 
+    /// The evidence of its doubts of a kind.
+    fn doubt(&self, kind: DoubtKind) -> String {
+        let of_kind = self.doubts.iter().filter(|doubt| doubt.kind == kind);
+        of_kind.map(|doubt| doubt.text.as_str()).collect::<Vec<_>>().join(" ")
+    }
+
     /// The fit in a sentence, its doubts first.
     pub fn headline(&self) -> String {
         if !self.doubts.is_empty() {
@@ -342,12 +348,13 @@ fn beside(setup: &Setup, first: &CostOutcome, other: &CostOutcome) -> Result<Vec
 /// The checks that the configuration states.
 fn checks(setup: &Setup, first: &CostFit, fitted: &Score) -> Vec<Check> {
     let check = &setup.config.check;
-    let found = first.headline();
     let mut checks = Vec::new();
     if check.better_than_nominal {
+        let found = first.doubt(DoubtKind::WorseThanNominal);
         checks.push(Check::holds("better than the nominal robot", first.better_than_nominal, &found));
     }
     if check.converged {
+        let found = first.doubt(DoubtKind::NotConverged);
         checks.push(Check::holds("converged", first.converged, &found));
     }
     if let Some(limit) = check.cost {

@@ -52,11 +52,7 @@ impl LogSet {
             let recorded = logs.iter().enumerate().map(recorded).collect::<Result<Vec<_>, _>>()?;
             Reference::new(joints.clone(), &recorded, skip)
         };
-        let reference = reference().map_err(|error| {
-            let of =
-                if let [log] = logs.as_slice() { log.name.as_str() } else { "the logs cannot be compared" };
-            Error::failed(format!("{of}: {error}."))
-        })?;
+        let reference = reference().map_err(|error| incomparable(&logs, &error))?;
         Ok(Self { logs, simulator, reference: Arc::new(reference) })
     }
 
@@ -65,8 +61,25 @@ impl LogSet {
         let build =
             |kind: &gaitfit_adapt::cost::CostKind| kind.build(&self.reference, self.simulator.as_ref());
         let costs = config.costs.iter().map(build).collect::<Result<_, _>>();
-        costs.map_err(|error| Error::failed(format!("the logs cannot be compared: {error}")))
+        costs.map_err(|error| incomparable(&self.logs, &error))
     }
+}
+
+/// Most logs that a message names.
+const MOST_NAMED: usize = 4;
+
+/// Why `logs` cannot be compared with a simulation: the log that is to blame, or else all of them, by name.
+fn incomparable(logs: &[Log], error: &CostError) -> Error {
+    let name = |log: &Log| log.name.clone();
+    let of = match error.recording().and_then(|number| logs.get(number)) {
+        Some(log) => name(log),
+        None => {
+            let more = if logs.len() > MOST_NAMED { ", …" } else { "" };
+            let named: Vec<String> = logs.iter().take(MOST_NAMED).map(name).collect();
+            format!("{}{more}", named.join(", "))
+        }
+    };
+    Error::failed(format!("{of}: {error}."))
 }
 
 /// Everything a fit needs.
@@ -117,8 +130,8 @@ impl Setup {
             .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
         let method = method(&config, policy, model, &theta, &base, threads)?;
         let mut warnings = Vec::new();
-        if let (Some((path, file)), Some(step)) = (&known, method.physics_step()) {
-            warnings.extend(file.step_doubt(step).map(|doubt| format!("{}: {doubt}", path.display())));
+        if let Some((path, file)) = &known {
+            warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
         }
         let logs = Logs::read(&config, config_path, &method)?;
         files.extend(logs.files());

@@ -84,9 +84,7 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let method = method(&config, policy, model, &nothing, longest, request.threads)?;
     // Logs named on the command line are seen from the current directory.
     let (sets, mut warnings) = read_logs(&request.logs, &config, Path::new("validate"), &method)?;
-    if let Some(doubt) = method.physics_step().and_then(|step| file.step_doubt(step)) {
-        warnings.push(format!("{}: {doubt}", request.theta.display()));
-    }
+    warnings.extend(theta::doubts(&file, &request.theta, method.model(), method.physics_step()));
     let of = |robot: &gaitfit_sim::Candidate| -> Result<Vec<LogSet>, Error> {
         sets.iter().map(|logs| LogSet::new(&config, &method, robot, logs.clone())).collect()
     };
@@ -119,10 +117,10 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
         validation: found,
         warnings,
     };
-    results.headline = headline(&results);
+    let numbers = numbers(&results);
+    results.headline = headline(&results, &numbers);
     if config.check.better_than_nominal {
-        let check =
-            Check::holds("better than the nominal robot", results.better_than_nominal, &results.headline);
+        let check = Check::holds("better than the nominal robot", results.better_than_nominal, &numbers);
         results.checks.insert(0, check);
     }
     Ok(results)
@@ -153,13 +151,17 @@ fn better([fitted, nominal]: [Option<f64>; 2]) -> Option<bool> {
     Some(nominal.is_none_or(|nominal| fitted < nominal))
 }
 
-fn headline(results: &ValidateResults) -> String {
+/// Error after and before the fit, in words.
+fn numbers(results: &ValidateResults) -> String {
     let shown = |value: Option<f64>| value.map_or_else(|| "none".to_owned(), |value| format!("{value:.5}"));
     let (name, fitted, nominal) = match results.cost {
         None => ("position error, rad,", results.rmse_rad, results.nominal_rmse_rad),
         cost => (results.cost_name.as_str(), cost, results.nominal_cost),
     };
-    let numbers = format!("{name} {} fitted, {} of the robot before the fit", shown(fitted), shown(nominal));
+    format!("{name} {} fitted, {} of the robot before the fit", shown(fitted), shown(nominal))
+}
+
+fn headline(results: &ValidateResults, numbers: &str) -> String {
     if results.better_than_nominal {
         format!("{numbers}.")
     } else {

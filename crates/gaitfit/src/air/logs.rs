@@ -13,6 +13,9 @@ use gaitfit_sim::Recording;
 use globset::Glob;
 use std::path::Path;
 
+/// Fewest samples of a log: fewer do not show how a joint moves.
+const LEAST_SAMPLES: usize = 20;
+
 /// Reads the log `named` for a robot, and gives what its checks doubt, each in a sentence. `override_gains` are gains
 /// that win over the log's own.
 pub fn read(
@@ -37,6 +40,14 @@ pub fn read(
             )));
         }
         (trajectory, report) = open(&path, &with_gains(config.gains.kp.clone(), config.gains.kd.clone()))?;
+    }
+    if trajectory.len() < LEAST_SAMPLES {
+        return Err(Error::failed(format!(
+            "{}: {} samples are too few to compare with a simulation; give at least {LEAST_SAMPLES}, better some \
+             seconds of motion.",
+            path.display(),
+            trajectory.len()
+        )));
     }
     let all: Vec<usize> = (0..model.joints.len()).collect();
     let (trajectory, joints) = log_joints::of_robot(&trajectory, &path, &config.joint_names, model, &all)?;

@@ -47,14 +47,8 @@ pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evalua
     let world = World::open(&settings.world)?;
     world.warnings.iter().for_each(|warning| watch.note(warning));
     let EvaluateSettings { trajectories, seconds, drift, .. } = *settings;
-    let steps = trajectories as f64 * seconds / world.scene.walker.interface.control_dt;
-    if trajectories == 0 || !(seconds > 0.0 && seconds <= LONGEST && steps <= MOST_STEPS) {
-        return Err(Error::settings(format!(
-            "`seconds` (--seconds) is {} for {trajectories} trajectories: give a time above 0 and at most {LONGEST} s, at \
-             least one trajectory, and at most {MOST_STEPS:.0e} control steps in all",
-            shown_number(seconds)
-        )));
-    }
+    let period = world.scene.walker.interface.control_dt;
+    check_length("`seconds` (--seconds)", trajectories, seconds, period)?;
     if drift > MOST_DRIFT {
         return Err(Error::settings(format!(
             "`drift` (--drift) is {drift}: give at most {MOST_DRIFT} robots"
@@ -65,4 +59,21 @@ pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evalua
         Plan { trajectories, seconds, drift, seed: settings.world.seed, threads: settings.world.threads() };
     let measured = measure(&world, &settings.world.policy.display().to_string(), &plan, watch)?;
     Ok(Evaluated { measured, world, wall_seconds: begun.elapsed().as_secs_f64() })
+}
+
+/// Refuses trajectories that nothing can be measured of, or that would never end. `key`: the setting; `period`: of
+/// control, s.
+///
+/// # Errors
+/// As it says.
+pub fn check_length(key: &str, trajectories: usize, seconds: f64, period: f64) -> Result<(), Error> {
+    let steps = trajectories as f64 * seconds / period;
+    if trajectories > 0 && seconds >= period && seconds <= LONGEST && steps <= MOST_STEPS {
+        return Ok(());
+    }
+    Err(Error::settings(format!(
+        "{key} is {} for {trajectories} trajectories: give a time from {period} s, one control period, to {LONGEST} s, at \
+         least one trajectory, and at most {MOST_STEPS:.0e} control steps in all",
+        shown_number(seconds)
+    )))
 }

@@ -3,10 +3,11 @@
 use super::policy;
 use crate::Error;
 use crate::paths;
-use crate::run::inputs::{self, Inputs};
+use crate::run::inputs::{Inputs, hash_file};
 use crate::settings::{FinetuneConfig, changed, tamed};
 use crate::train::{Parent, Plan, Setup, Start, advice, configuration, refused};
 use crate::world::{self, World, WorldSettings};
+use gaitfit_learn::Training;
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_model::shown_number;
 use gaitfit_policy::Policy;
@@ -40,7 +41,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
     config.name = Some(run.clone());
     let files = Found::find(&files, &mut config, path)?;
     let (mut policy, policy_sha256) = policy::read(&files.policy)?;
-    let theta_sha256 = files.theta.as_deref().map(hash).transpose()?;
+    let theta_sha256 = files.theta.as_deref().map(hash_file).transpose()?;
     pinned(&mut config.policy_sha256, Some(&policy_sha256), &files.policy)?;
     if let Some(theta) = &files.theta {
         pinned(&mut config.theta_sha256, theta_sha256.as_ref(), theta)?;
@@ -58,9 +59,13 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         seed: 0,
         threads,
     };
+    let changed = !config.task.is_empty();
     let (plan, settings, new_critic) = plan(&mut config, &arguments, &mut policy, run).map_err(&wrong)?;
     let mut warnings: Vec<String> = plan.untrained().into_iter().collect();
-    let world = World::with_task(&arguments, policy, settings)?;
+    let world = World::with_task(&arguments, policy, settings).map_err(|error| {
+        // Settings of [task] lie upon those of the file.
+        if changed && error.is_of_task() { wrong(error.to_string()) } else { arguments.of_task(error) }
+    })?;
     warnings.extend(world.warnings.iter().cloned());
     let model = world.scene.walker.batch.model().clone();
     let inputs = Inputs::new(files.all(), &model, &bound(&config))?;
@@ -133,7 +138,9 @@ pub fn check(config: &FinetuneConfig, arguments: &WorldSettings, policy: &Policy
     let mut config = FinetuneConfig { runs: ".".to_owned(), ..config.clone() };
     let (_, settings, _) =
         plan(&mut config, arguments, &mut policy, "finetune".to_owned()).map_err(Error::settings)?;
-    World::with_task(arguments, policy, settings).map(|_| ())
+    let world = World::with_task(arguments, policy, settings)?;
+    let learner = Training::learner_from(&world.scene, &config.ppo, &world.policy, 0);
+    learner.map(|_| ()).map_err(|error| refused(None, &error, PRINTED_BY))
 }
 
 /// Files that are asked for beside the settings.
@@ -191,11 +198,6 @@ impl Found {
             .flatten()
             .map(PathBuf::as_path)
     }
-}
-
-fn hash(path: &Path) -> Result<String, Error> {
-    let bytes = std::fs::read(path).map_err(|error| Error::unreadable(path, error))?;
-    Ok(inputs::hash(&bytes))
 }
 
 /// Holds a file to the hash that the configuration asks for, or writes its own there.

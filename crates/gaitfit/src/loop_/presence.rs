@@ -23,8 +23,15 @@ pub fn target(
     let Some(target) = &setup.config.target else { return Ok((None, None)) };
     let theta = files::truth(folder);
     let words = words(target);
+    let run = |python: Option<&str>| -> Result<Option<Target>, Error> {
+        let found = setup.target(target, theta.clone(), python)?;
+        if let Target::Command(command) = &found {
+            command.check_programs()?;
+        }
+        Ok(Some(found))
+    };
     if words.is_empty() {
-        return Ok((Some(setup.target(target, theta, None)?), None));
+        return Ok((run(None)?, None));
     }
     let began = began(folder)?;
     if let Some(Presence { there: false, why }) = began {
@@ -38,7 +45,7 @@ pub fn target(
     let why = match found {
         Ok(python) => {
             folder.write_json(PRESENCE, &Presence { there: true, why: String::new() })?;
-            return Ok((Some(setup.target(target, theta, python.as_deref())?), None));
+            return Ok((run(python.as_deref())?, None));
         }
         Err(why) => why,
     };

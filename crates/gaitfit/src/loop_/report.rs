@@ -30,7 +30,7 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         robot: results.robot.clone(),
         created: now(),
         wall_seconds: results.wall_seconds,
-        doubts: doubts(done),
+        doubts: divergence(results).into_iter().chain(doubts(done)).collect(),
         before: results.before.clone(),
         after: results.after.clone(),
         target: results.evaluations.first().map(|one| one.on.clone()).unwrap_or_default(),
@@ -46,6 +46,11 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
     };
     let page = loop_html(&page)?;
     folder.write("report.html", page.as_bytes())
+}
+
+/// That robots diverged, which is to be said first.
+fn divergence(results: &Results) -> Option<Doubt> {
+    results.divergence().map(|found| Doubt::new(DoubtKind::Diverged, format!("{found}.")))
 }
 
 /// Whether anything but this program's own simulator judged the policies.

@@ -87,11 +87,26 @@ pub fn policy_name(round: u32) -> String {
 }
 
 impl Results {
+    /// That robots diverged while a policy was measured, in sentences; none if none did.
+    pub fn divergence(&self) -> Option<String> {
+        divergence(&self.evaluations)
+    }
+
     /// What was measured of a policy in a simulator.
     pub fn measured(&self, policy: &str, on: &str) -> Option<&Evaluation> {
         let found = self.evaluations.iter().find(|one| one.on == on && one.evaluation.policy == policy);
         found.map(|one| &one.evaluation)
     }
+}
+
+/// See [`Results::divergence`].
+pub(super) fn divergence(evaluations: &[Measurement]) -> Option<String> {
+    let of = |one: &Measurement| {
+        let found = one.evaluation.divergence()?;
+        Some(format!("{} on {}: {found}", one.evaluation.policy, one.on))
+    };
+    let found: Vec<String> = evaluations.iter().filter_map(of).collect();
+    (!found.is_empty()).then(|| found.join(". "))
 }
 
 /// Sum of both tracking errors, m/s and rad/s.

@@ -242,7 +242,7 @@ fn next(target: bool, absent: Option<&str>, after: &PolicyFiles) -> Option<Strin
 
 /// What the rounds warn of, and policies that are no better.
 fn warnings(rounds: &[RoundResult], evaluations: &[Measurement]) -> Vec<String> {
-    let mut found = Vec::new();
+    let mut found = Vec::from_iter(results::divergence(evaluations));
     for round in rounds {
         let which = if rounds.len() == 1 { String::new() } else { format!("round {}: ", round.round) };
         let notes = round.adapt.notes();

@@ -1,15 +1,14 @@
 //! Everything a loop needs, read and checked before anything is written.
 
 use crate::Error;
-use crate::evaluate::Plan;
-use crate::finetune;
+use crate::evaluate::{self, Plan};
 use crate::robot::Hold;
 use crate::run::{Inputs, bound};
 use crate::settings::{LOOP_FREE, LoopConfig, TargetConfig, TargetKind};
 use crate::target::{self, Command, PolicyFiles, Simulated, Target};
 use crate::walk::log_files;
 use crate::world::{self, World, WorldSettings};
-use crate::{paths, robot};
+use crate::{collect, finetune, paths, robot};
 use gaitfit_adapt::ThetaFile;
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_model::Model;
@@ -74,7 +73,9 @@ impl Setup {
         };
         let truth = match &config.target {
             Some(target) if target.kind == TargetKind::Simulated => {
-                Some(target::truth(target, config_path, &model)?)
+                let (truth, found) = target::truth(target, config_path, &model)?;
+                doubts.extend(found);
+                Some(truth)
             }
             _ => None,
         };
@@ -99,9 +100,10 @@ impl Setup {
         };
         let task = world::task(&setup.world_arguments(None), &setup.policy)?;
         let setup = Self { task, ..setup };
-        setup.check_fit()?;
+        setup.check_lengths().map_err(|error| error.within(format!("{}:", config_path.display())))?;
         let training = finetune::check(&setup.config.finetune, &setup.world_arguments(None), &setup.policy);
         training.map_err(|error| error.within(format!("{}: [finetune]", config_path.display())))?;
+        setup.check_fit()?;
         if let Some(target) = &setup.config.target {
             // A spring on no joint, a place to fill in that there is not: found now, not after an hour.
             if let Target::Simulated(mut target) = setup.target(target, PathBuf::new(), None)? {
@@ -113,6 +115,19 @@ impl Setup {
             }
         }
         Ok(setup)
+    }
+
+    /// Refuses trajectories shorter than the policy's control period, or more of them than can be.
+    fn check_lengths(&self) -> Result<(), Error> {
+        let period = self.policy.interface.control_dt;
+        let evaluate = &self.config.evaluate;
+        evaluate::check_length("`evaluate.seconds`", evaluate.trajectories, evaluate.seconds, period)?;
+        match &self.config.target {
+            Some(target) => {
+                collect::check_length("`target.seconds`", target.trajectories, target.seconds, period)
+            }
+            None => Ok(()),
+        }
     }
 
     /// Refuses parameters that the robot cannot have.

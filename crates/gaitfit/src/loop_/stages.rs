@@ -12,7 +12,7 @@ use crate::settings::{AdaptConfig, FinetuneConfig};
 use crate::target::{PolicyFiles, Target};
 use crate::watch::{Event, Watch};
 use crate::{Error, Spring};
-use crate::{finetune, train};
+use crate::{files as user_files, finetune, train};
 use gaitfit_policy::{onnx, weights};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -193,7 +193,8 @@ impl<'a> Stages<'a> {
         let results = train::train_in(&setup, &folder, self.watch)?;
         self.times.set(&stage, results.wall_seconds)?;
         let path = results.seeds.first().map(|seed| seed.policy.clone()).unwrap_or_default();
-        let bytes = std::fs::read(&path).map_err(|error| Error::unreadable(Path::new(&path), error))?;
+        let bytes = user_files::read(Path::new(&path), user_files::MOST_BYTES)
+            .map_err(|error| Error::unreadable(Path::new(&path), error))?;
         Ok((results, bytes))
     }
 

@@ -195,7 +195,7 @@ mod tests {
                 {
                     read_files.insert(cell.name.clone());
                     let target = config.target.as_ref().unwrap();
-                    let truth = target::truth(target, file, &model).unwrap();
+                    let (truth, _) = target::truth(target, file, &model).unwrap();
                     let covered: usize = truth.parameter.iter().map(|one| one.joints.len()).sum();
                     check_target(scenario, target, covered);
                     for one in &truth.parameter {

@@ -1,7 +1,8 @@
 //! The folder of one run. Every file in it is written whole or not at all, and no run writes into another's.
 
-use crate::watch::Watch;
-use crate::{Access, Error};
+use super::absent;
+use crate::{Access, Error, files};
+use gaitfit_model::shown;
 use serde::Serialize;
 use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
@@ -17,6 +18,8 @@ pub struct RunFolder {
 
 /// Most runs of one name.
 const MOST_RUNS: usize = 10_000;
+/// Longest name of a run, bytes.
+const MOST_NAME: usize = 100;
 /// How names of files begin that are not whole yet.
 const WRITING: &str = ".writing-";
 
@@ -39,15 +42,15 @@ impl RunFolder {
         )))
     }
 
-    /// The folder of a new run, or with `resume` the latest of that name if there is one.
-    pub fn begin(runs: &Path, name: &str, resume: bool, watch: &Watch<'_>) -> Result<Self, Error> {
-        if resume {
-            if let Some(folder) = Self::latest(runs, name)? {
-                return Ok(folder);
-            }
-            watch.note(&format!("there is no run called {name} in {}; starting one", runs.display()));
+    /// The folder of a new run, or with `resume` the latest of that name.
+    ///
+    /// # Errors
+    /// With `resume`, that there is none; the names that there are.
+    pub fn begin(runs: &Path, name: &str, resume: bool) -> Result<Self, Error> {
+        if !resume {
+            return Self::fresh(runs, name);
         }
-        Self::fresh(runs, name)
+        Self::latest(runs, name)?.ok_or_else(|| absent::nothing_to_resume(runs, name))
     }
 
     /// The folder `within/name` itself, new or as an earlier process left it; never one of the numbered ones beside it,
@@ -70,7 +73,8 @@ impl RunFolder {
 
     fn lock(path: PathBuf) -> Result<Self, Error> {
         let file = path.join(".lock");
-        let lock = File::create(&file).map_err(|error| unwritable(&file, error))?;
+        let lock =
+            no_pipe(&file).and_then(|()| File::create(&file)).map_err(|error| unwritable(&file, error))?;
         match lock.try_lock() {
             Ok(()) => {
                 sweep(&path);
@@ -125,21 +129,21 @@ impl RunFolder {
 
     /// Reads a text; `None` where there is none.
     pub fn read(&self, name: &str) -> Result<Option<String>, Error> {
-        self.read_as(name, fs::read_to_string)
+        self.read_as(name, files::read_text)
     }
 
     /// Reads a file; `None` where there is none.
     pub fn read_bytes(&self, name: &str) -> Result<Option<Vec<u8>>, Error> {
-        self.read_as(name, fs::read)
+        self.read_as(name, files::read)
     }
 
     fn read_as<T>(
         &self,
         name: &str,
-        read: impl Fn(PathBuf) -> std::io::Result<T>,
+        read: impl Fn(&Path, u64) -> std::io::Result<T>,
     ) -> Result<Option<T>, Error> {
         let path = self.path.join(name);
-        match read(path.clone()) {
+        match read(&path, files::MOST_BYTES) {
             Ok(content) => Ok(Some(content)),
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
             Err(source) => {
@@ -152,15 +156,28 @@ impl RunFolder {
     /// Adds lines to a file. A line cut short by a crash is mended by [`RunFolder::write`] on resuming.
     pub fn append(&self, name: &str, text: &str) -> Result<(), Error> {
         let path = self.path.join(name);
-        let add = || fs::OpenOptions::new().create(true).append(true).open(&path)?.write_all(text.as_bytes());
+        let add = || {
+            no_pipe(&path)?;
+            fs::OpenOptions::new().create(true).append(true).open(&path)?.write_all(text.as_bytes())
+        };
         add().map_err(|error| unwritable(&path, error))
     }
 
     /// Waits until what was appended to a file is on the disk.
     pub fn sync(&self, name: &str) -> Result<(), Error> {
         let path = self.path.join(name);
-        let sync = || File::open(&path)?.sync_all();
+        let sync = || no_pipe(&path).and_then(|()| File::open(&path)?.sync_all());
         sync().map_err(|error| unwritable(&path, error))
+    }
+}
+
+/// Refuses what is there and is no regular file: opening a pipe would wait for ever.
+fn no_pipe(path: &Path) -> std::io::Result<()> {
+    match files::regular(path) {
+        Err(error) if error.kind() == ErrorKind::InvalidInput => {
+            Err(std::io::Error::new(ErrorKind::AlreadyExists, error))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -195,7 +212,7 @@ fn latest(runs: &Path, name: &str) -> Result<usize, Error> {
         let file = entry.file_name();
         let Some(number) = file.to_str().and_then(|file| number(file, name)) else { continue };
         let path = entry.path();
-        if number > highest && path.is_dir() && !is_of_another(&path, name) {
+        if number > highest && path.is_dir() && own_name(&path).is_none_or(|own| own == name) {
             highest = number;
         }
     }
@@ -214,21 +231,23 @@ fn number(file: &str, name: &str) -> Option<usize> {
     (number.to_string() == digits).then_some(number)
 }
 
-/// Whether a folder such as `walk-2024` belongs to a run of that name, and not to run 2024 of `walk`.
-fn is_of_another(folder: &Path, name: &str) -> bool {
-    let text = fs::read_to_string(folder.join(super::protocol::CONFIG)).unwrap_or_default();
+/// The name of the run in a folder: `walk-2024` may be a run of that name, or run 2024 of `walk`.
+pub(super) fn own_name(folder: &Path) -> Option<String> {
+    let text = files::read_text(&folder.join(super::protocol::CONFIG), files::MOST_BYTES).unwrap_or_default();
     let settings: toml::Table = toml::from_str(&text).unwrap_or_default();
-    settings.get("name").and_then(toml::Value::as_str).is_some_and(|own| own != name)
+    settings.get("name").and_then(toml::Value::as_str).map(str::to_owned)
 }
 
 fn check_name(name: &str) -> Result<(), Error> {
     let plain = |letter: char| letter.is_alphanumeric() || "._-".contains(letter);
-    if name.is_empty() || name.starts_with('.') || name.len() > 100 || !name.chars().all(plain) {
-        return Err(Error::settings(format!(
-            "`{name}` cannot name a run folder; use letters, digits, `-`, `_` and `.`, not beginning with a dot"
-        )));
-    }
-    Ok(())
+    let wrong = if name.len() > MOST_NAME {
+        format!("it has {} bytes; give --name one of at most {MOST_NAME}", name.len())
+    } else if name.is_empty() || name.starts_with('.') || !name.chars().all(plain) {
+        "use letters, digits, `-`, `_` and `.`, not beginning with a dot".to_owned()
+    } else {
+        return Ok(());
+    };
+    Err(Error::settings(format!("`{}` cannot name a run folder: {wrong}", shown(name))))
 }
 
 /// Removes the unfinished files that a killed run left in a folder of its own; folders with a lock are other runs'.
@@ -253,7 +272,7 @@ fn unwritable(path: &Path, source: std::io::Error) -> Error {
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
             "make it writable, or write elsewhere with --set runs=FOLDER"
         }
-        ErrorKind::NotADirectory | ErrorKind::AlreadyExists => {
+        ErrorKind::NotADirectory | ErrorKind::AlreadyExists | ErrorKind::IsADirectory => {
             "something else has that name: move it away, or write elsewhere with --set runs=FOLDER"
         }
         _ => "check the disk, or write elsewhere with --set runs=FOLDER",
@@ -343,6 +362,31 @@ mod tests {
             assert!(check_name(name).is_err(), "{name}");
         }
         assert!(check_name("go2-air_1.5").is_ok());
+        let error = check_name(&"a".repeat(300)).unwrap_err().to_string();
+        assert!(error.contains("has 300 bytes") && error.len() < 200, "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_and_folders_in_place_of_a_runs_files_are_named_and_not_opened() {
+        let runs = tempfile::tempdir().unwrap();
+        let folder = RunFolder::fresh(runs.path(), "a").unwrap();
+        let pipe = |path: PathBuf| std::process::Command::new("mkfifo").arg(path).status().unwrap().success();
+        assert!(pipe(folder.path().join("checkpoint.json")));
+        fs::create_dir(folder.path().join("manifest.json")).unwrap();
+        for (name, error) in [
+            ("checkpoint.json", folder.read("checkpoint.json").unwrap_err()),
+            ("manifest.json", folder.read_bytes("manifest.json").unwrap_err()),
+            ("checkpoint.json", folder.append("checkpoint.json", "x").unwrap_err()),
+            ("checkpoint.json", folder.sync("checkpoint.json").unwrap_err()),
+        ] {
+            let error = error.to_string();
+            assert!(error.contains(name) && error.contains("not a regular file; "), "{error}");
+        }
+        fs::create_dir(runs.path().join("c")).unwrap();
+        assert!(["config.toml", ".lock"].iter().all(|name| pipe(runs.path().join("c").join(name))));
+        let error = RunFolder::latest(runs.path(), "c").unwrap_err().to_string();
+        assert!(error.contains(".lock: not a regular file"), "{error}");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What a run's result depends on, as hashes: a checkpoint is continued only where they are the same.
 
-use crate::Error;
+use crate::{Error, files};
 use gaitfit_model::Model;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -27,8 +27,8 @@ impl Inputs {
     ) -> Result<Self, Error> {
         let mut hashes = BTreeMap::new();
         for path in files {
-            let bytes = std::fs::read(path).map_err(|error| Error::unreadable(path, error))?;
-            hashes.insert(path.display().to_string(), hash(&bytes));
+            let hash = hash_file(path)?;
+            hashes.insert(path.display().to_string(), hash);
         }
         Ok(Self { files: hashes, model: hash(&json(model)?), settings: hash(&json(settings)?) })
     }
@@ -50,6 +50,15 @@ impl Inputs {
 
 fn json<T: Serialize>(value: &T) -> Result<Vec<u8>, Error> {
     serde_json::to_vec(value).map_err(|error| Error::failed(format!("cannot hash the run's inputs: {error}")))
+}
+
+/// SHA-256 of a file, hexadecimal.
+///
+/// # Errors
+/// What is no regular file, or cannot be read.
+pub fn hash_file(path: &Path) -> Result<String, Error> {
+    let bytes = files::read(path, files::MOST_BYTES).map_err(|error| Error::unreadable(path, error))?;
+    Ok(hash(&bytes))
 }
 
 /// SHA-256, hexadecimal.

@@ -1,5 +1,6 @@
 //! The folder of a run: how it begins, what it depends on, and how its files are written.
 
+mod absent;
 mod changes;
 mod folder;
 pub mod inputs;

@@ -3,6 +3,8 @@
 use super::{AdaptConfig, Base, LEAST_STRETCH_S, MOST_SEED};
 use crate::Error;
 use gaitfit_adapt::fit::{FallPenalty, FitOptions};
+use gaitfit_log::PerJoint;
+use gaitfit_model::shown_number;
 use std::path::Path;
 
 /// Refuses settings out of range, and those that a kind of log does not have.
@@ -13,6 +15,9 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
     let check = &config.check;
     let limits = [check.cost, check.validation_cost, check.rmse_rad];
     let not_negative = |value: f64| value.is_finite() && value >= 0.0;
+    if let Some(wrong) = wrong_gains(config) {
+        return Err(refused(path, &wrong));
+    }
     let wrong = if !free && config.robot.is_empty() {
         "`robot` names no robot file"
     } else if config.logs.is_empty() {
@@ -74,7 +79,29 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
     } else {
         return Ok(());
     };
-    Err(Error::settings(format!("{}: {wrong}. `gaitfit config` shows every setting.", path.display())))
+    Err(refused(path, wrong))
+}
+
+fn refused(path: &Path, wrong: &str) -> Error {
+    Error::settings(format!("{}: {wrong}. `gaitfit config` shows every setting.", path.display()))
+}
+
+/// A gain that cannot be, also one that no log needs.
+fn wrong_gains(config: &AdaptConfig) -> Option<String> {
+    let own = [("gains.kp".to_owned(), &config.gains.kp), ("gains.kd".to_owned(), &config.gains.kd)];
+    let of_files = config.validate_gains.iter().enumerate().flat_map(|(number, gains)| {
+        let name = |key: &str| format!("validate_gains.{number}.{key}");
+        [(name("kp"), &gains.kp), (name("kd"), &gains.kd)]
+    });
+    own.into_iter().chain(of_files).find_map(|(name, gains)| {
+        let values: Vec<f64> = match gains.as_ref()? {
+            PerJoint::All(value) => vec![*value],
+            PerJoint::List(values) => values.clone(),
+            PerJoint::Named(entries) => entries.values().copied().collect(),
+        };
+        let wrong = values.into_iter().find(|value| !(value.is_finite() && *value >= 0.0))?;
+        Some(format!("`{name}` has {}; gains are finite and not negative", shown_number(wrong)))
+    })
 }
 
 /// Settings of the fit; the robot fell in `falls` of the logs.

@@ -2,6 +2,7 @@
 
 use super::messages::{MOST_MESSAGE, MOST_SET, explained, line_and_column, located, tamed};
 use crate::Error;
+use crate::files::read_text;
 use gaitfit_learn::task::{TaskSettings, preset};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -29,7 +30,9 @@ pub trait Configuration: DeserializeOwned {
 /// `parameter.0.upper=1`).
 pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C, Error> {
     // Tables borrow from these texts.
-    let text = path.map(|path| read(path).map_err(|error| unreadable::<C>(path, &error))).transpose()?;
+    let text = path
+        .map(|path| read_text(path, MOST_BYTES).map_err(|error| unreadable::<C>(path, &error)))
+        .transpose()?;
     let values = sets.iter().map(|set| value_text(set, C::EXAMPLE)).collect::<Result<Vec<_>, _>>()?;
     let mut table = DeTable::new();
     if let (Some(path), Some(text)) = (path, &text) {
@@ -61,8 +64,8 @@ pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C,
 /// # Errors
 /// A file that cannot be read, or settings that there are not, with file, line and column.
 pub fn load_task(path: &Path, under: &str) -> Result<TaskSettings, Error> {
-    let text =
-        read(path).map_err(|error| Error::settings(format!("cannot read {}: {error}", path.display())))?;
+    let text = read_text(path, MOST_BYTES)
+        .map_err(|error| Error::settings(format!("cannot read {}: {error}", path.display())))?;
     let located = |error| located(path, &text, &error);
     let whole = |table| TaskSettings::deserialize(Deserializer::from(Spanned::new(0..0, table)));
     let mut own = DeTable::parse(&text).map_err(located)?.into_inner();
@@ -155,24 +158,11 @@ pub fn taken<'a>(value: &mut DeValue<'a>) -> DeValue<'a> {
     std::mem::replace(value, DeValue::Boolean(false))
 }
 
-/// The text of a regular file of moderate size: a pipe would hang, a device would fill the memory.
-fn read(path: &Path) -> std::io::Result<String> {
-    let refuse = |why: &str| std::io::Error::new(std::io::ErrorKind::InvalidInput, why.to_owned());
-    let data = std::fs::metadata(path)?;
-    if !data.is_file() {
-        return Err(refuse("not a regular file"));
-    }
-    if data.len() > MOST_BYTES {
-        return Err(refuse("larger than 16 MiB, no configuration"));
-    }
-    std::fs::read_to_string(path)
-}
-
 /// The key of a `--set`, and its value as the line `value = …`.
 fn value_text<'a>(set: &'a str, example: &str) -> Result<(&'a str, String), Error> {
     match set.split_once('=') {
-        Some((key, value)) => Ok((key, format!("value = {}", value.trim()))),
-        None => Err(Error::settings(format!(
+        Some((key, value)) if !key.trim().is_empty() => Ok((key, format!("value = {}", value.trim()))),
+        _ => Err(Error::settings(format!(
             "--set {}: write it as key=value, for example {example}",
             tamed(set, MOST_SET)
         ))),
@@ -274,7 +264,10 @@ mod tests {
             ("optimizer.seedz=3", "`seeds`"),
             ("optimizer", "key=value"),
             ("parameter.7.upper=1", "`7`"),
-            ("optimizer.seeds=\"many\"", "invalid type"),
+            ("optimizer.seeds=\"many\"", "expected a whole number, 0 or more"),
+            ("optimizer.generations=-1", "expected a whole number, 0"),
+            ("=", "write it as key=value"),
+            ("=3", "write it as key=value"),
             ("optimizer..seeds=1", "``"),
         ] {
             let error = load_text("[[parameter]]\nkind = \"delay\"\n", &[set]).unwrap_err();

@@ -33,7 +33,24 @@ pub fn tamed(text: &str, most: usize) -> String {
 /// What a reader of TOML says, with the nearest name that there is.
 pub fn explained(error: &toml::de::Error) -> String {
     let message = error.message().trim_end();
-    format!("{}{}", tamed(message, MOST_MESSAGE), nearest(message))
+    format!("{}{}", tamed(&in_words(message), MOST_MESSAGE), nearest(message))
+}
+
+/// A message with what a number must be in words instead of the name of a type: "expected u32".
+fn in_words(message: &str) -> String {
+    let Some((before, name)) = message.rsplit_once("expected ") else { return message.to_owned() };
+    let most = match name {
+        "u8" => Some(u64::from(u8::MAX)),
+        "u32" => Some(u64::from(u32::MAX)),
+        "u64" | "usize" => None,
+        "a nonzero u32" | "a nonzero u64" | "a nonzero usize" => {
+            return format!("{before}expected a whole number above 0");
+        }
+        "f64" => return format!("{before}expected a number"),
+        _ => return message.to_owned(),
+    };
+    let most = most.map_or_else(|| " or more".to_owned(), |most| format!(" to {most}"));
+    format!("{before}expected a whole number, 0{most}")
 }
 
 /// The paragraph for an error at a place of the file.

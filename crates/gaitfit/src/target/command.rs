@@ -61,6 +61,21 @@ impl Command {
         })
     }
 
+    /// Refuses programs that are not installed: found now, not when a later round asks for them.
+    ///
+    /// # Errors
+    /// As it says, by setting.
+    pub fn check_programs(&self) -> Result<(), Error> {
+        for (setting, words) in [("target.collect", &self.collect), ("target.evaluate", &self.evaluate)] {
+            let missing = words.first().is_some_and(|program| !program.contains('{') && !installed(program));
+            if missing {
+                let problem = "cannot be started: there is no such program; is it installed and on the path?";
+                return Err(Error::Missing(program_error(setting, words, problem.to_owned()).to_string()));
+            }
+        }
+        Ok(())
+    }
+
     /// Has the program record logs of the policy into `folder`.
     ///
     /// # Errors
@@ -174,6 +189,9 @@ fn run(
     let output = match (Program { words, timeout_seconds, heard: true }).run(watch) {
         Ok(output) => output,
         Err(ProcessError::Interrupted) => return Err(interrupted(setting)),
+        Err(error) if error.is_missing() => {
+            return Err(Error::Missing(failed(error.to_string()).to_string()));
+        }
         Err(error) => return Err(failed(error.to_string())),
     };
     if watch.stop() {
@@ -185,6 +203,18 @@ fn run(
         return Err(failed(format!("{}. {said}", output.status)));
     }
     Ok(output.out)
+}
+
+/// Whether there is a program of that name or path; where the system looks for others too, it is not known.
+fn installed(program: &str) -> bool {
+    if cfg!(not(unix)) {
+        return true;
+    }
+    if program.contains('/') {
+        return Path::new(program).exists();
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&path).any(|place| place.join(program).is_file())
 }
 
 fn interrupted(setting: &str) -> Error {

@@ -64,6 +64,13 @@ pub enum ProcessError {
     Interrupted,
 }
 
+impl ProcessError {
+    /// Whether there is no such program.
+    pub fn is_missing(&self) -> bool {
+        matches!(self, Self::Start(error) if error.kind() == std::io::ErrorKind::NotFound)
+    }
+}
+
 /// A piece of what a program says.
 enum Piece {
     Out(Vec<u8>),

@@ -27,15 +27,23 @@ pub struct Simulated {
     threads: usize,
 }
 
-/// The numbers in which the target differs from the robot's file.
+/// The numbers in which the target differs from the robot's file, and what to doubt of the file that they are from.
 ///
 /// # Errors
 /// A file that cannot be read, patterns that cover no joint, values without a meaning.
-pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<ThetaFile, Error> {
+pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<(ThetaFile, Vec<String>), Error> {
+    let mut doubts = Vec::new();
     let wrong =
         |error: &dyn std::fmt::Display| Error::settings(format!("{}: [target] {error}", path.display()));
     let mut file = match &config.theta {
-        Some(named) => theta::read(&paths::find(named, "target.theta", path)?)?,
+        Some(named) => {
+            let named = paths::find(named, "target.theta", path)?;
+            let file = theta::read(&named)?;
+            // By its own name; the joints of another robot are refused here.
+            theta::candidate(&file, &named, model)?;
+            doubts = theta::doubts(&file, &named, model, None);
+            file
+        }
         None => ThetaFile::parse("format = 2").map_err(|error| wrong(&error))?,
     };
     let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
@@ -66,7 +74,7 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<ThetaF
     file.robot = model.name.clone();
     (file.cost_name, file.cost) = (String::new(), None);
     file.candidate(model).map_err(|error| wrong(&error))?;
-    Ok(file)
+    Ok((file, doubts))
 }
 
 impl Simulated {

@@ -19,7 +19,7 @@ use std::path::Path;
 
 /// Trains all seeds in a run folder of their own, or continues the latest one of that name.
 pub fn train(setup: &Setup, resume: bool, watch: &Watch<'_>) -> Result<Results, Error> {
-    let folder = RunFolder::begin(Path::new(&setup.plan.runs), &setup.plan.name, resume, watch)?;
+    let folder = RunFolder::begin(Path::new(&setup.plan.runs), &setup.plan.name, resume)?;
     train_in(setup, &folder, watch)
 }
 

@@ -24,7 +24,7 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
     let threads = args.run.threads.map(NonZeroUsize::get);
     watched(Lines::Seconds(5), |watch| {
         let setup = Setup::open(&config, &args.config, threads)?;
-        let folder = RunFolder::begin(Path::new(&config.runs), &name, args.run.resume, watch)?;
+        let folder = RunFolder::begin(Path::new(&config.runs), &name, args.run.resume)?;
         interrupt::listen()?;
         let results = adapt::fit(&setup, &folder, watch)?;
         if args.run.json {

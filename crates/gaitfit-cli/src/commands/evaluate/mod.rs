@@ -10,7 +10,7 @@ use crate::progress::Lines;
 use crate::watcher::watched;
 use gaitfit::EvaluateSettings;
 use gaitfit::evaluate::{Evaluated, Evaluation};
-use gaitfit::files;
+use gaitfit::files::{self, Output};
 use gaitfit::world::World;
 use gaitfit::{gait, replay};
 use gaitfit_learn::evaluate::record_gait;
@@ -26,11 +26,11 @@ struct Document<'a> {
 
 /// Measures and prints.
 pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
-    for (path, option) in [(&args.report, "--report"), (&args.replay, "--replay")] {
-        if let Some(path) = path {
-            files::check(path, option, "html")?;
-        }
-    }
+    let named = [(&args.report, "--report"), (&args.replay, "--replay")];
+    let output =
+        |(path, option)| Some(Output { path: Option::as_deref(path)?, option, ending: Some("html") });
+    let outputs: Vec<Output<'_>> = named.into_iter().filter_map(output).collect();
+    files::check(&outputs, args.world.files())?;
     let settings = EvaluateSettings {
         world: args.world.settings(),
         trajectories: args.trajectories.get(),

@@ -3,6 +3,7 @@
 mod npz;
 
 use crate::exit::Failure;
+use gaitfit::files::{self, Output};
 use gaitfit::robot;
 use gaitfit_model::Model;
 use gaitfit_physics::{Forward, PhysicsError, Settings};
@@ -10,13 +11,8 @@ use npz::{Array, read, write};
 
 /// Evaluates every state of the input and writes the results, row by row.
 pub fn run(args: &crate::cli::Forward) -> Result<(), Failure> {
-    // Replacing a device or a pipe by a file would break it for every other program.
-    if args.out.exists() && !args.out.is_file() {
-        return Err(Failure::usage(format!(
-            "{}: exists and is not a regular file; name a file to write, for example out.npz",
-            args.out.display()
-        )));
-    }
+    let out = Output { path: &args.out, option: "the output", ending: None };
+    files::check(&[out], [args.model.as_path(), &args.states])?;
     let model = robot::read(&args.model, args.lenient, robot::Hold::File)?;
     let states = read(&args.states, &["qpos", "qvel", "ctrl"])?;
     let rows = states.first().map_or(0, |array| array.rows);

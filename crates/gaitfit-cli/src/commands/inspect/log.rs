@@ -5,6 +5,7 @@ use crate::cli::Inspect;
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::table::table;
+use gaitfit::files::{self, Output};
 use gaitfit::robot;
 use gaitfit_log::{
     CheckSpec, Finding, LogSummary, ReadOptions, Severity, Signal, Trajectory, check, read_csv_report,
@@ -13,6 +14,7 @@ use gaitfit_log::{
 use gaitfit_model::shown;
 use serde::Serialize;
 use std::fmt::Write;
+use std::path::PathBuf;
 
 #[derive(Serialize)]
 struct Document<'a> {
@@ -23,6 +25,11 @@ struct Document<'a> {
 
 /// Prints what the log holds and what is wrong with it; a log that must not be used ends with exit code 3.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
+    let plot = args.plot.as_deref().map(|path| Output { path, option: "--plot", ending: Some("svg") });
+    files::check(
+        plot.as_slice(),
+        [Some(&args.file), args.robot.as_ref()].into_iter().flatten().map(PathBuf::as_path),
+    )?;
     let (log, report) = read_csv_report(&args.file, &ReadOptions::default()).map_err(Failure::failed)?;
     let spec = match &args.robot {
         None => CheckSpec::default(),

@@ -12,6 +12,8 @@ use crate::output;
 
 /// Tells robots, logs and policies by the file's ending, and prints what they hold; a folder is one of logs.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
+    std::fs::metadata(&args.file)
+        .map_err(|error| Failure::failed(format!("cannot read {}: {error}", args.file.display())))?;
     if args.file.is_dir() {
         if args.plot.is_some() || (args.lenient && args.robot.is_none()) {
             return Err(Failure::usage("--plot is for one log (.csv), --lenient for robot files"));

@@ -4,7 +4,7 @@ mod table;
 
 use super::run_name;
 use crate::cli;
-use crate::exit::Failure;
+use crate::exit::{Exit, Failure};
 use crate::progress::Lines;
 use crate::watcher::watched;
 use crate::{interrupt, output};
@@ -22,5 +22,13 @@ pub fn run(args: &cli::Loop) -> Result<(), Failure> {
     let setup = Setup::open(config, &args.config, threads)?;
     interrupt::listen()?;
     let results = watched(Lines::Seconds(5), |watch| loop_::run(&setup, &name, args.run.resume, watch))?;
-    if args.run.json { output::print_json(&results) } else { output::print(&table::text(&results)) }
+    if args.run.json {
+        output::print_json(&results)?;
+    } else {
+        output::print(&table::text(&results))?;
+    }
+    match results.divergence() {
+        Some(message) => Err(Failure { exit: Exit::Check, message }),
+        None => Ok(()),
+    }
 }

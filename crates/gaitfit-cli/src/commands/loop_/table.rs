@@ -9,6 +9,10 @@ use std::fmt::Write;
 /// Before and after, drift, what to know, and where the files are.
 pub fn text(results: &Results) -> String {
     let mut text = String::new();
+    let divergence = results.divergence();
+    if let Some(found) = &divergence {
+        let _ = writeln!(text, "DIVERGED: {found}.\n");
+    }
     let rounds = results.rounds.len();
     let _ = writeln!(
         text,
@@ -40,7 +44,8 @@ pub fn text(results: &Results) -> String {
         );
     }
     text.push('\n');
-    for warning in &results.warnings {
+    // What was said first is not said again.
+    for warning in results.warnings.iter().filter(|warning| Some(*warning) != divergence.as_ref()) {
         let _ = writeln!(text, "note: {warning}");
     }
     if let Some(next) = &results.next {
