@@ -29,7 +29,7 @@ pub(crate) fn pyramid3<T: Real>(condim: usize, mu: &[T; 5], d: T, j: V3<T>) -> (
     )
 }
 
-/// First and second derivative along `step` of the three-dimensional pyramid's cost at residual `j`.
+/// First and second derivative along `step` of the three-dimensional pyramid's cost at residual `j + alpha·step`.
 #[inline(always)]
 pub(crate) fn pyramid3_line<T: Real>(
     condim: usize,
@@ -81,6 +81,32 @@ pub(crate) fn pyramid<T: Real>(condim: usize, mu: &[T; 5], d: T, j: &[T; 6]) -> 
         w[k][k] = (m * m) * (sp + sm);
     }
     (force, w)
+}
+
+/// First and second derivative along `step` of the pyramidal contact's cost at residual `j + alpha·step`.
+#[inline(always)]
+pub(crate) fn pyramid_line<T: Real>(
+    condim: usize,
+    mu: &[T; 5],
+    d: T,
+    (j, step): (&[T; 6], &[T; 6]),
+    alpha: T,
+    mut g: (T, T),
+) -> (T, T) {
+    let mut j = *j;
+    for k in 0..condim {
+        j[k] = alpha.fma(step[k], j[k]);
+    }
+    let (force, w) = pyramid(condim, mu, d, &j);
+    for k in 0..condim {
+        let mut row = T::zero();
+        for l in 0..condim {
+            row = w[k][l].fma(step[l], row);
+        }
+        g.0 = force[k].fma(step[k], g.0);
+        g.1 = row.fma(step[k], g.1);
+    }
+    g
 }
 
 /// What an elliptic contact's force and Hessian are made of, by the zone that its residual lies in.

@@ -7,7 +7,7 @@
 
 use core::ops::Range;
 
-use crate::cone::{Kinks, ellipse, ellipse_line, ellipse3, pyramid, pyramid3, pyramid3_line};
+use crate::cone::{Kinks, ellipse, ellipse_line, ellipse3, pyramid, pyramid_line, pyramid3, pyramid3_line};
 use crate::contact::components;
 use crate::segment::{Wanted, back_substitute, eliminate};
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6, zero6};
@@ -113,25 +113,33 @@ fn contact_terms<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
         if !T::enter(active) {
             continue;
         }
-        let mu = work.pairs[index].friction;
-        for (number, point) in work.points[pair.points.clone()].iter_mut().enumerate() {
-            let mut force = zero3();
-            let mut weight = [T::zero(); 6];
-            if pair.condim == 1 || (pair.condim == 3 && !tree.elliptic) {
-                (force, weight) = pyramid3(pair.condim, &mu, point.d, point.residual[0]);
-                point.force[0] = force;
-            } else if pair.condim == 3 {
-                (force, weight) = ellipse3(&mu, tree.impratio, point.d, point.residual[0]);
-                point.force[0] = force;
-            } else {
-                let (f, w) = cone(tree, pair, &mu, point.d, &flat(&point.residual));
+        let mu = &work.pairs[index].friction;
+        let points = &mut work.points[pair.points.clone()];
+        // A loop for each cone: the compiler prepares in front of a loop what any of its branches might use.
+        if pair.condim == 1 || (pair.condim == 3 && !tree.elliptic) {
+            for point in points {
+                keep(pair, point, pyramid3(pair.condim, mu, point.d, point.residual[0]));
+            }
+        } else if pair.condim == 3 {
+            for point in points {
+                keep(pair, point, ellipse3(mu, tree.impratio, point.d, point.residual[0]));
+            }
+        } else {
+            for (number, point) in points.iter_mut().enumerate() {
+                let (f, w) = cone(tree, pair, mu, point.d, &flat(&point.residual));
                 point.force = [[f[0], f[1], f[2]], [f[3], f[4], f[5]]];
                 work.spins[pair.spin + number] = spin_terms(pair.condim, point, &f, &w);
             }
-            (point.world_force, point.weight) = to_world(pair, &point.frame, force, weight);
         }
         T::leave(active);
     }
+}
+
+/// Keeps a point's force and weight of three dimensions.
+#[inline(always)]
+fn keep<T: Real>(pair: &Pair<T::K>, point: &mut Point<T>, (force, weight): (V3<T>, Sym3<T>)) {
+    point.force[0] = force;
+    (point.world_force, point.weight) = to_world(pair, &point.frame, force, weight);
 }
 
 /// Wrench and 6 × 6 Hessian of a contact with spin and roll, about the reference point, world axes.
@@ -337,28 +345,27 @@ fn rows_along<T: Real>(
         }
         let before = (g, *kinks);
         let mu = &work.pairs[index].friction;
-        for point in &work.points[pair.points.clone()] {
-            if pair.condim == 1 || (pair.condim == 3 && !tree.elliptic) {
+        let points = &work.points[pair.points.clone()];
+        // A loop for each cone, as in `contact_terms`.
+        if pair.condim == 1 || (pair.condim == 3 && !tree.elliptic) {
+            for point in points {
                 g = pyramid3_line(pair.condim, mu, point.d, point.residual[0], point.step[0], alpha, g);
-                continue;
             }
-            let step = flat(&point.step);
-            let mut j = flat(&point.residual);
-            if tree.elliptic {
+        } else if tree.elliptic {
+            for point in points {
+                let (j, step) = (flat(&point.residual), flat(&point.step));
                 g = ellipse_line(pair.condim, mu, tree.impratio, point.d, (&j, &step), alpha, g, kinks);
-                continue;
             }
-            for k in 0..pair.condim {
-                j[k] = alpha.fma(step[k], j[k]);
-            }
-            let (force, w) = pyramid(pair.condim, mu, point.d, &j);
-            for k in 0..pair.condim {
-                let mut row = z;
-                for l in 0..pair.condim {
-                    row = w[k][l].fma(step[l], row);
-                }
-                g.0 = force[k].fma(step[k], g.0);
-                g.1 = row.fma(step[k], g.1);
+        } else {
+            for point in points {
+                g = pyramid_line(
+                    pair.condim,
+                    mu,
+                    point.d,
+                    (&flat(&point.residual), &flat(&point.step)),
+                    alpha,
+                    g,
+                );
             }
         }
         T::leave(active);

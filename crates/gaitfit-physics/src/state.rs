@@ -186,7 +186,8 @@ pub(crate) struct Point<T> {
     pub step: [V3<T>; 2],
     /// Negative of the contact force.
     pub force: [V3<T>; 2],
-    /// The same of the first three components in world axes, and their Hessian.
+    /// The same of three components in world axes, and their Hessian; zero where a contact has more
+    /// ([`Work::spins`] holds those).
     pub world_force: V3<T>,
     pub weight: Sym3<T>,
     /// Velocity of the point for a unit rate of each joint of its segment, world axes.
