@@ -1,6 +1,7 @@
 //! gaitfit's computations on NVIDIA GPUs.
 //!
 //! Nothing of CUDA is needed to build this crate. [`runtime`] finds the driver and the compiler when the program runs,
-//! and holds all of this crate's `unsafe`.
+//! and holds all of this crate's `unsafe`. [`ppo`] is the update of the policy.
 
+pub mod ppo;
 pub mod runtime;

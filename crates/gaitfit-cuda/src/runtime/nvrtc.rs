@@ -32,6 +32,9 @@ functions! {
     }
 }
 
+/// Lines of the compiler's words in an error.
+const MOST_LINES: usize = 20;
+
 /// The compiler's library.
 pub struct Nvrtc {
     functions: Functions,
@@ -171,7 +174,9 @@ impl Nvrtc {
         let log = running.read(self.functions.log_size, self.functions.log).map_err(&refuse)?;
         let log = CStr::from_bytes_until_nul(&log).unwrap_or_default().to_string_lossy().trim().to_owned();
         if code != 0 {
-            return Err(refuse(if log.is_empty() { format!("NVRTC error {code}") } else { log }));
+            // One fault may bring hundreds of lines.
+            let lines: Vec<&str> = log.lines().take(MOST_LINES).collect();
+            return Err(refuse(if log.is_empty() { format!("NVRTC error {code}") } else { lines.join("\n") }));
         }
         let (size, read) = if architecture.starts_with("sm_") {
             (self.functions.cubin_size, self.functions.cubin)

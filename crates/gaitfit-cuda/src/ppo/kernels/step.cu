@@ -1,0 +1,124 @@
+// From the blocks' gradients to the next parameters.
+
+// Adds up the blocks' parts of each parameter's derivative, in order. `map`: where each parameter lies in its network's
+// padded copy. `squares`: 2 x blocks of this launch, the sums of squares of the actor's and of the critic's part.
+KERNEL reduce(
+    u32 actor_blocks, u32 critic_blocks, const u32* control, const float* partial, const u32* map, float* gradient,
+    double* squares
+) {
+    u32 i = blockIdx.x * blockDim.x + threadIdx.x;
+    bool actor = i < ACTOR_PARAMETERS;
+    float sum = 0.0f;
+    if (i < ACTOR_PARAMETERS + CRITIC_PARAMETERS) {
+        u32 blocks = actor ? actor_blocks : critic_blocks, apart = actor ? ACTOR_PACKED : CRITIC_PACKED;
+        const float* from = partial + (actor ? 0 : (u64)actor_blocks * ACTOR_PACKED) + map[i];
+        if (!(actor && control[CRITIC_ALONE]))
+#pragma unroll 8
+            for (u32 b = 0; b < blocks; b++) sum += from[(u64)b * apart];
+        gradient[i] = sum;
+    }
+    double square = (double)sum * sum;
+    double of_actor = block_sum(actor ? square : 0.0), of_critic = block_sum(actor ? 0.0 : square);
+    if (threadIdx.x == 0) squares[blockIdx.x] = of_actor, squares[gridDim.x + blockIdx.x] = of_critic;
+}
+
+// One step of Adam (Kingma and Ba 2015) on one parameter.
+DEVICE float adam_step(float parameter, float gradient, float* first, float* second, const double* state) {
+    float g = gradient * (float)state[FACTOR];
+    *first += (float)(1.0 - 0.9) * (g - *first);
+    *second += (float)(1.0 - 0.999) * (g * g - *second);
+    return parameter - (float)state[RATE] * *first / (sqrtf(*second) / (float)state[CORRECTION] + 1e-8f);
+}
+
+// Looks at the minibatch's sums, moves the learning rate, limits the gradient's norm, steps ln sigma. One block.
+KERNEL finish(
+    u32 epoch, u32 minibatch, u32 rows, u32 actor_blocks, u32 critic_blocks, u32 reduce_blocks, const u32* control,
+    const double* sums, const double* squares, float* parameters, float* gradient, float* moments,
+    const float* old_log_std, float* constants, double* state
+) {
+    __shared__ double totals[LOSSES + ACTIONS];
+    __shared__ int fault;
+    if (state[FAULT] != 0.0) return;
+    bool critic_alone = control[CRITIC_ALONE], learn_std = LEARN_STD && !critic_alone;
+    double of_actor = 0.0, of_critic = 0.0;
+    for (u32 b = threadIdx.x; b < reduce_blocks; b += blockDim.x) {
+        of_actor += squares[b];
+        of_critic += squares[reduce_blocks + b];
+    }
+    of_actor = block_sum(of_actor);
+    of_critic = block_sum(of_critic);
+    for (u32 q = threadIdx.x; q < LOSSES + ACTIONS; q += blockDim.x) {
+        double sum = 0.0;
+#pragma unroll 8
+        for (u32 b = 0; b < actor_blocks + critic_blocks; b++) sum += sums[b * (LOSSES + ACTIONS) + q];
+        totals[q] = sum;
+    }
+    __syncthreads();
+    const u32 first_std = ACTOR_PARAMETERS + CRITIC_PARAMETERS;
+    float* log_std = parameters + first_std;
+    if (threadIdx.x < ACTIONS)
+        gradient[first_std + threadIdx.x] =
+            learn_std ? (float)totals[LOSSES + threadIdx.x] - ENTROPY_COEFFICIENT : 0.0f;
+    __syncthreads();
+    if (threadIdx.x == 0) {
+        double count = rows, kl = totals[DIVERGENCE] / count, of_std = 0.0, entropy = 0.0;
+        for (u32 c = 0; c < ACTIONS; c++) {
+            double g = gradient[first_std + c];
+            of_std += g * g;
+            entropy += (double)log_std[c] + HALF_LOG_TAU + 0.5;
+        }
+        double checked[6] = {totals[SURROGATE], totals[VALUE], kl, of_actor, of_critic, of_std};
+        fault = 0;
+        for (int k = 5; k >= 0; k--)
+            if (!is_finite(checked[k])) fault = k + 1;
+        if (fault) {
+            state[FAULT] = fault, state[FAULT_EPOCH] = epoch, state[FAULT_MINIBATCH] = minibatch;
+        } else {
+            // Before the actor's first step the policy is the one that sampled: its divergence says nothing.
+            bool unmoved = critic_alone || (epoch == 0 && minibatch == 0);
+            double rate = state[LEARNING_RATE];
+            if (ADAPTIVE && !unmoved) {
+                if (kl > 2.0 * DESIRED_KL) rate = fmax(rate / 1.5, LEAST_RATE);
+                else if (kl < 0.5 * DESIRED_KL) rate = fmin(rate * 1.5, GREATEST_RATE);
+            }
+            double norm = sqrt(of_actor + of_critic + of_std), t = state[STEPS] + 1.0;
+            state[LEARNING_RATE] = rate;
+            state[STEPS] = t;
+            state[FACTOR] = fmin(MAX_GRADIENT_NORM / (norm + 1e-6), 1.0);
+            state[RATE] = rate / (1.0 - pow(0.9, t));
+            state[CORRECTION] = sqrt(1.0 - pow(0.999, t));
+            state[POLICY_LOSS] += totals[SURROGATE] / count;
+            state[VALUE_LOSS] += totals[VALUE] / count;
+            state[ENTROPY] += entropy;
+            state[KL] += kl;
+            state[KL_LAST] = kl;
+            state[K1] += totals[RATIO_K1] / count;
+            state[K3] += totals[RATIO_K3] / count;
+            state[CLIP_FRACTION] += totals[CLIPPED] / count;
+            state[GRADIENT_NORM] += norm;
+        }
+    }
+    __syncthreads();
+    if (fault) return;
+    if (learn_std && threadIdx.x < ACTIONS) {
+        u32 i = first_std + threadIdx.x;
+        parameters[i] = adam_step(parameters[i], gradient[i], &moments[i], &moments[PARAMETERS + i], state);
+    }
+    __syncthreads();
+    policy_constants(log_std, old_log_std, constants, state);
+}
+
+// Steps the networks' parameters and renews the padded copy. `alone`: take no step, only copy.
+KERNEL adam(
+    u32 alone, const u32* control, const double* state, const u32* map, const float* gradient, float* moments,
+    float* parameters, float* packed
+) {
+    u32 i = blockIdx.x * blockDim.x + threadIdx.x;
+    if (i >= ACTOR_PARAMETERS + CRITIC_PARAMETERS) return;
+    bool actor = i < ACTOR_PARAMETERS;
+    if (!alone) {
+        if (state[FAULT] != 0.0 || (actor && control[CRITIC_ALONE])) return;
+        parameters[i] = adam_step(parameters[i], gradient[i], &moments[i], &moments[PARAMETERS + i], state);
+    }
+    packed[(actor ? 0 : ACTOR_PACKED) + map[i]] = rounded(parameters[i]);
+}

@@ -1,0 +1,520 @@
+//! The learner in the GPU's memory.
+
+use gaitfit_learn::ppo::{self, Culprit, Diagnostics, Samples, SamplesError, StateError, UpdateError};
+use gaitfit_policy::network::Normaliser;
+
+use super::layout::TooWide;
+use super::plan::{Batch, CHECKED, Id, Kind, Launch, Plan, Task, Value};
+use super::text::{MOST_ACTIONS, Precision, Text};
+use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Program, Stream};
+
+/// Least compute capability: the matrix units' TF32.
+const CAPABILITY: (i32, i32) = (8, 0);
+
+/// Why the GPU cannot learn, or could not.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PpoError {
+    /// The GPU or its driver.
+    #[error(transparent)]
+    Cuda(#[from] CudaError),
+    /// Networks that do not fit.
+    #[error(transparent)]
+    TooWide(#[from] TooWide),
+    /// Samples or arithmetic that is not finite, as the CPU's learner has it.
+    #[error(transparent)]
+    Update(#[from] UpdateError),
+    /// The CPU's learner does not take the state back.
+    #[error(transparent)]
+    State(#[from] StateError),
+    /// A GPU without the matrix units' TF32.
+    #[error("{name} has compute capability {}.{}, learning needs {}.{}: use the CPU", .found.0, .found.1, .least.0, .least.1)]
+    TooOld {
+        /// The GPU.
+        name: String,
+        /// Its compute capability.
+        found: (i32, i32),
+        /// Needed.
+        least: (i32, i32),
+    },
+    /// More than the kernels count.
+    #[error("{what} are {found}, the GPU's learner takes up to {most}: use the CPU")]
+    TooMany {
+        /// What.
+        what: &'static str,
+        /// How many.
+        found: usize,
+        /// At most.
+        most: usize,
+    },
+    /// Samples of another size than the learner was made for.
+    #[error("the samples are of {found} tiles, steps and environments, the learner was made for {expected}")]
+    Batch {
+        /// The learner's.
+        expected: String,
+        /// The samples'.
+        found: String,
+    },
+}
+
+/// What the update's plan must know of a GPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Multiprocessors.
+    pub processors: usize,
+    /// Bytes of shared memory that a block may ask for.
+    pub shared_memory: usize,
+}
+
+/// The update's text and plan, made without a GPU.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prepared {
+    /// The kernels.
+    pub program: Program,
+    /// Arrays and launches.
+    pub plan: Plan,
+    /// What the array `map` holds: where each parameter lies in its network's padded copy.
+    pub map: Vec<u32>,
+    /// Parameters of the actor and of the critic.
+    pub sizes: [usize; 2],
+}
+
+impl Prepared {
+    /// For a copy of the CPU's `learner` and rollouts of `batch`.
+    ///
+    /// # Errors
+    /// [`PpoError`] for sizes that the kernels do not take.
+    pub fn new(
+        learner: &ppo::Learner,
+        batch: Batch,
+        precision: Precision,
+        limits: Limits,
+    ) -> Result<Self, PpoError> {
+        let (settings, widths) = (learner.settings(), learner.widths());
+        check_sizes(settings, widths, batch)?;
+        let shapes = [&learner.actor().shape, &learner.critic().shape];
+        let text = Text::new(settings, widths, shapes, precision, limits.shared_memory)?;
+        let normalised = [learner.normaliser().is_some(), learner.critic_normaliser().is_some()];
+        let plan = Plan::new(&Task { settings, widths, batch, processors: limits.processors, normalised }, &text);
+        let map = text.actor.map.iter().chain(&text.critic.map).copied().collect();
+        let sizes = [text.actor.map.len(), text.critic.map.len()];
+        Ok(Self { program: text.program, plan, map, sizes })
+    }
+}
+
+/// An array of the plan in the GPU's memory.
+enum Storage {
+    F32(Buffer<f32>),
+    F64(Buffer<f64>),
+    U32(Buffer<u32>),
+}
+
+/// Networks, optimiser and samples in a GPU's memory; see the module.
+pub struct Learner {
+    plan: Plan,
+    arrays: Vec<Storage>,
+    kernels: Vec<(&'static str, Kernel)>,
+    stream: Stream,
+    graph: Option<Graph>,
+    batch: Batch,
+    settings: ppo::Settings,
+    widths: ppo::Widths,
+    seed: u64,
+    /// Parameters of the actor and of the critic.
+    sizes: [usize; 2],
+    normalised: [bool; 2],
+}
+
+impl Learner {
+    /// A copy of the CPU's `learner` for rollouts of `batch`. Refused before anything is allocated if the arrays do not
+    /// fit into the GPU's free memory.
+    ///
+    /// # Errors
+    /// [`PpoError`], naming what does not fit or what is missing.
+    pub fn new(
+        device: &Device,
+        learner: &ppo::Learner,
+        batch: Batch,
+        precision: Precision,
+    ) -> Result<Self, PpoError> {
+        let info = device.info();
+        if info.capability < CAPABILITY {
+            let (name, found) = (info.name.clone(), info.capability);
+            return Err(PpoError::TooOld { name, found, least: CAPABILITY });
+        }
+        let limits = Limits {
+            processors: usize::try_from(info.processors).unwrap_or(2),
+            shared_memory: usize::try_from(info.shared_memory).unwrap_or(0),
+        };
+        let Prepared { program, plan, map, sizes } = Prepared::new(learner, batch, precision, limits)?;
+        let bytes = |kind: Kind, length: usize| length as u64 * if kind == Kind::F64 { 8 } else { 4 };
+        let parts: Vec<(&str, u64)> =
+            plan.arrays.iter().map(|array| (array.name, bytes(array.kind, array.length))).collect();
+        device.check_room(&parts)?;
+        let module = device.load(&program)?;
+        let mut kernels: Vec<(&'static str, Kernel)> = Vec::new();
+        for launch in plan.launches.iter().chain([&plan.pack]) {
+            if kernels.iter().all(|(name, _)| *name != launch.kernel) {
+                kernels.push((launch.kernel, module.kernel(launch.kernel)?));
+            }
+        }
+        let mut arrays = Vec::with_capacity(plan.arrays.len());
+        for array in &plan.arrays {
+            arrays.push(match array.kind {
+                Kind::F32 => Storage::F32(Buffer::new(device, array.name, array.length)?),
+                Kind::F64 => Storage::F64(Buffer::new(device, array.name, array.length)?),
+                Kind::U32 => Storage::U32(Buffer::new(device, array.name, array.length)?),
+            });
+        }
+        let normalised = [learner.normaliser().is_some(), learner.critic_normaliser().is_some()];
+        let (settings, widths) = (learner.settings().clone(), learner.widths());
+        let stream = Stream::new(device)?;
+        let seed = learner.scalars().seed;
+        let mut own =
+            Self { plan, arrays, kernels, stream, graph: None, batch, settings, widths, seed, sizes, normalised };
+        own.write_u32("map", &map)?;
+        own.load(learner)?;
+        Ok(own)
+    }
+
+    /// Takes over the state of a learner of the same settings and shapes.
+    ///
+    /// # Errors
+    /// [`PpoError`] if it is another one's, or the GPU fails.
+    pub fn load(&mut self, learner: &ppo::Learner) -> Result<(), PpoError> {
+        let [actor, critic, log_std, first, second] = learner.tensors().map(|(_, numbers)| numbers);
+        self.write_f32("parameters", &[actor, critic, log_std].concat())?;
+        self.write_f32("moments", &[first, second].concat())?;
+        let scalars = learner.scalars();
+        self.seed = scalars.seed;
+        let mut state = self.read_f64("state")?;
+        (state[LEARNING_RATE], state[STEPS]) = (scalars.learning_rate, scalars.steps as f64);
+        self.write_f64("state", &state)?;
+        for (name, width, normaliser) in [
+            ("statistics", self.widths.observation, &scalars.normaliser),
+            ("critic_statistics", self.widths.critic_observation, &scalars.critic_normaliser),
+        ] {
+            let fresh = Normaliser::new(width);
+            let from = normaliser.as_ref().unwrap_or(&fresh);
+            self.write_f64(name, &[&from.mean[..], &from.variance, &[from.count]].concat())?;
+        }
+        let pack = self.plan.pack.clone();
+        self.start(&self.stream, &pack)?;
+        self.stream.wait()?;
+        Ok(())
+    }
+
+    /// Writes the state into the CPU's learner, which must be of the same settings and shapes.
+    ///
+    /// # Errors
+    /// [`PpoError::State`] if it is not; the CPU's learner is then unchanged.
+    pub fn store(&self, learner: &mut ppo::Learner) -> Result<(), PpoError> {
+        let parameters = self.read_f32("parameters")?;
+        let moments = self.read_f32("moments")?;
+        let state = self.read_f64("state")?;
+        let (first, second) = moments.split_at(parameters.len());
+        let [actor, critic] = self.sizes;
+        let mut scalars = learner.scalars();
+        scalars.seed = self.seed;
+        scalars.steps = state[STEPS] as u64;
+        scalars.learning_rate = state[LEARNING_RATE];
+        let statistics = |name: &str, width: usize| -> Result<Normaliser, CudaError> {
+            let numbers = self.read_f64(name)?;
+            Ok(Normaliser {
+                mean: numbers[..width].to_vec(),
+                variance: numbers[width..2 * width].to_vec(),
+                count: numbers[2 * width],
+            })
+        };
+        if self.normalised[0] {
+            scalars.normaliser = Some(statistics("statistics", self.widths.observation)?);
+        }
+        if self.normalised[1] {
+            scalars.critic_normaliser = Some(statistics("critic_statistics", self.widths.critic_observation)?);
+        }
+        learner.restore(
+            |name| match name {
+                "actor" => Some(&parameters[..actor]),
+                "critic" => Some(&parameters[actor..actor + critic]),
+                "log_std" => Some(&parameters[actor + critic..]),
+                "adam.first" => Some(first),
+                "adam.second" => Some(second),
+                _ => None,
+            },
+            &scalars,
+        )?;
+        Ok(())
+    }
+
+    /// Copies the CPU's samples in: tiles of the batch's size, as its trainer makes them.
+    ///
+    /// # Errors
+    /// [`PpoError::Batch`] for samples of another size, [`PpoError::Update`] for arrays of wrong length.
+    pub fn upload(&mut self, tiles: &[Samples]) -> Result<(), PpoError> {
+        let Batch { steps, environments, tile } = self.batch;
+        let widths = environments.div_ceil(tile);
+        let expected = |number: usize| tile.min(environments - number * tile);
+        let fits = tiles.len() == widths
+            && tiles.iter().enumerate().all(|(number, samples)| {
+                samples.steps == steps && samples.environments == expected(number) && samples.widths == self.widths
+            });
+        if !fits {
+            let sizes: Vec<(usize, usize)> = tiles.iter().map(|tile| (tile.steps, tile.environments)).collect();
+            let found = format!("{} tiles, {:?}", tiles.len(), sizes.first());
+            let expected = format!("{widths} tiles, {steps} steps, {environments} environments");
+            return Err(PpoError::Batch { expected, found });
+        }
+        for name in CHECKED {
+            let width = match name {
+                "observation" => self.widths.observation,
+                "critic_observation" => self.widths.critic_observation,
+                "action" | "mean" => self.widths.action,
+                _ => 1,
+            };
+            let steps = if name == "last_value" { 1 } else { steps };
+            let mut all = vec![0.0; steps * environments * width];
+            for (number, samples) in tiles.iter().enumerate() {
+                let numbers = array_of(samples, name);
+                let count = samples.environments * width;
+                if numbers.len() != steps * count {
+                    let (found, expected) = (numbers.len(), steps * count);
+                    let environments = samples.environments;
+                    let error =
+                        SamplesError::Size { tile: number, array: name, steps, environments, expected, found };
+                    return Err(UpdateError::from(error).into());
+                }
+                for (step, from) in numbers.chunks_exact(count).enumerate() {
+                    let to = (step * environments + number * tile) * width;
+                    all[to..to + count].copy_from_slice(from);
+                }
+            }
+            self.write_f32(name, &all)?;
+        }
+        Ok(())
+    }
+
+    /// One update on the samples in the GPU's memory, as [`ppo::Learner::update`] does it.
+    ///
+    /// # Errors
+    /// [`PpoError::Update`] as there, or a failure of the GPU.
+    pub fn update(&mut self, iteration: u32) -> Result<Diagnostics, PpoError> {
+        let warmup = self.settings.critic_warmup.unwrap_or(0);
+        let flags = [u32::from(iteration < warmup), u32::from(warmup > 0 && iteration == warmup)];
+        let [critic_alone, reset] = flags;
+        let seed = [self.seed as u32, (self.seed >> 32) as u32];
+        self.write_u32("control", &[iteration, critic_alone, reset, seed[0], seed[1]])?;
+        self.run()?;
+        let state = self.read_f64("state")?;
+        self.report(&state, iteration)
+    }
+
+    /// Starts the update's work once more without waiting, for timing; [`Learner::update`] has set what it needs.
+    ///
+    /// # Errors
+    /// [`CudaError`].
+    pub fn run(&mut self) -> Result<(), CudaError> {
+        if self.graph.is_none() {
+            let graph =
+                self.stream.record(|stream| self.plan.launches.iter().try_for_each(|launch| self.start(stream, launch)));
+            self.graph = Some(graph?);
+        }
+        match &mut self.graph {
+            Some(graph) => graph.launch(&self.stream),
+            None => Ok(()),
+        }
+    }
+
+    /// The stream that the update runs on.
+    pub fn stream(&self) -> &Stream {
+        &self.stream
+    }
+
+    /// What the update is made of.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Starts one kernel of the plan.
+    ///
+    /// # Errors
+    /// [`CudaError::Launch`].
+    pub fn start(&self, stream: &Stream, launch: &Launch) -> Result<(), CudaError> {
+        let arguments: Vec<Argument> = launch
+            .arguments
+            .iter()
+            .map(|value| match *value {
+                Value::Array(Id(number)) => match &self.arrays[number] {
+                    Storage::F32(buffer) => buffer.into(),
+                    Storage::F64(buffer) => buffer.into(),
+                    Storage::U32(buffer) => buffer.into(),
+                },
+                Value::U32(word) => word.into(),
+                Value::F32(number) => number.into(),
+            })
+            .collect();
+        let kernel = self.kernels.iter().find(|(name, _)| *name == launch.kernel);
+        let Some((_, kernel)) = kernel else {
+            let reason = "the plan does not have it".into();
+            return Err(CudaError::Launch { kernel: launch.kernel.into(), reason });
+        };
+        kernel.launch(stream, launch.shape, &arguments)
+    }
+
+    /// Kernels of the update with registers and bytes of local memory of a thread.
+    ///
+    /// # Errors
+    /// [`CudaError::Call`].
+    pub fn resources(&self) -> Result<Vec<(&'static str, i32, i32)>, CudaError> {
+        self.kernels.iter().map(|(name, kernel)| Ok((*name, kernel.registers()?, kernel.local_bytes()?))).collect()
+    }
+
+    /// Numbers of an `f32` array of the plan, for tests.
+    ///
+    /// # Errors
+    /// A failure of the GPU; an array that is not there is empty.
+    pub fn read_f32(&self, name: &str) -> Result<Vec<f32>, CudaError> {
+        match self.storage(name) {
+            Some(Storage::F32(buffer)) => buffer.read(&self.stream),
+            _ => Ok(Vec::new()),
+        }
+    }
+
+    fn storage(&self, name: &str) -> Option<&Storage> {
+        self.plan.array(name).and_then(|Id(number)| self.arrays.get(number))
+    }
+
+    fn read_f64(&self, name: &str) -> Result<Vec<f64>, CudaError> {
+        match self.storage(name) {
+            Some(Storage::F64(buffer)) => buffer.read(&self.stream),
+            _ => Ok(Vec::new()),
+        }
+    }
+
+    fn write_f32(&mut self, name: &str, numbers: &[f32]) -> Result<(), CudaError> {
+        let number = self.plan.array(name).map(|Id(number)| number);
+        match number.and_then(|number| self.arrays.get_mut(number)) {
+            Some(Storage::F32(buffer)) => buffer.write(&self.stream, numbers),
+            _ => Ok(()),
+        }
+    }
+
+    fn write_f64(&mut self, name: &str, numbers: &[f64]) -> Result<(), CudaError> {
+        let number = self.plan.array(name).map(|Id(number)| number);
+        match number.and_then(|number| self.arrays.get_mut(number)) {
+            Some(Storage::F64(buffer)) => buffer.write(&self.stream, numbers),
+            _ => Ok(()),
+        }
+    }
+
+    fn write_u32(&mut self, name: &str, words: &[u32]) -> Result<(), CudaError> {
+        let number = self.plan.array(name).map(|Id(number)| number);
+        match number.and_then(|number| self.arrays.get_mut(number)) {
+            Some(Storage::U32(buffer)) => buffer.write(&self.stream, words),
+            _ => Ok(()),
+        }
+    }
+
+    /// The update's numbers, or what was not finite.
+    fn report(&self, state: &[f64], iteration: u32) -> Result<Diagnostics, PpoError> {
+        let fault = state[FAULT];
+        if fault == FAULT_SAMPLES {
+            return Err(self.faulty_sample()?.into());
+        }
+        let culprits = [
+            Culprit::PolicyLoss,
+            Culprit::ValueLoss,
+            Culprit::KlDivergence,
+            Culprit::ActorGradient,
+            Culprit::CriticGradient,
+            Culprit::LogStdGradient,
+        ];
+        if let Some(&culprit) = (fault >= 1.0).then(|| culprits.get(fault as usize - 1)).flatten() {
+            let (epoch, minibatch) = (state[FAULT + 1] as usize, state[FAULT + 2] as usize);
+            return Err(UpdateError::NotFinite { culprit, iteration, epoch, minibatch }.into());
+        }
+        let count = (self.settings.epochs * self.settings.minibatches) as f64;
+        let sums = &state[FAULT + 3..];
+        Ok(Diagnostics {
+            policy_loss: sums[0] / count,
+            value_loss: sums[1] / count,
+            entropy: sums[2] / count,
+            kl: sums[3] / count,
+            kl_last: sums[4],
+            approx_kl_k1: sums[5] / count,
+            approx_kl_k3: sums[6] / count,
+            clip_fraction: sums[7] / count,
+            gradient_norm: sums[8] / count,
+            explained_variance: sums[9],
+            mean_std: sums[10],
+            learning_rate: state[LEARNING_RATE],
+        })
+    }
+
+    /// Which number of the samples is not finite.
+    fn faulty_sample(&self) -> Result<UpdateError, CudaError> {
+        let Batch { environments, tile, .. } = self.batch;
+        for name in CHECKED {
+            let numbers = self.read_f32(name)?;
+            let rows = if name == "last_value" { environments } else { self.batch.rows() };
+            let width = (numbers.len() / rows.max(1)).max(1);
+            if let Some(place) = numbers.iter().position(|number| !number.is_finite()) {
+                let (row, element) = (place / width, place % width);
+                let environment = row % environments;
+                return Ok(UpdateError::from(SamplesError::NotFinite {
+                    tile: environment / tile,
+                    array: name,
+                    step: row / environments,
+                    environment: environment % tile,
+                    element,
+                    value: numbers[place],
+                }));
+            }
+        }
+        let what = Culprit::PolicyLoss;
+        Ok(UpdateError::NotFinite { culprit: what, iteration: 0, epoch: 0, minibatch: 0 })
+    }
+}
+
+/// Places in the array `state`, as the text has them.
+const LEARNING_RATE: usize = 0;
+const STEPS: usize = 1;
+const FAULT: usize = 5;
+const FAULT_SAMPLES: f64 = 100.0;
+
+fn array_of<'a>(samples: &'a Samples, name: &str) -> &'a [f32] {
+    match name {
+        "observation" => &samples.observation,
+        "critic_observation" => &samples.critic_observation,
+        "action" => &samples.action,
+        "mean" => &samples.mean,
+        "log_probability" => &samples.log_probability,
+        "value" => &samples.value,
+        "reward" => &samples.reward,
+        "done" => &samples.done,
+        _ => &samples.last_value,
+    }
+}
+
+/// Most minibatches: each block counts its samples of every one.
+const MOST_MINIBATCHES: usize = 8192;
+/// Most numbers of an array: kernels count in 32 bits.
+const MOST_NUMBERS: usize = u32::MAX as usize / 2;
+
+fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> Result<(), PpoError> {
+    let rows = batch.rows();
+    let minibatches = settings.minibatches;
+    if rows < minibatches || batch.tile == 0 {
+        return Err(UpdateError::from(SamplesError::TooFew { samples: rows, minibatches }).into());
+    }
+    let widest = widths.observation.max(widths.critic_observation).max(widths.action);
+    for (what, found, most) in [
+        ("actions", widths.action, MOST_ACTIONS),
+        ("minibatches", minibatches, MOST_MINIBATCHES),
+        ("numbers of an array", rows.saturating_mul(widest), MOST_NUMBERS),
+        ("samples of all epochs", rows.saturating_mul(settings.epochs), MOST_NUMBERS),
+    ] {
+        if found > most {
+            return Err(PpoError::TooMany { what, found, most });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,88 @@
+//! Runs a plan on the CPU: the kernels' text compiled as C++ with `shim.hpp`.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use std::collections::HashMap;
+use std::fmt::Write;
+use std::process::Command;
+
+use gaitfit_cuda::ppo::{Kind, Launch, Plan, Value};
+
+/// Arrays by name, as bytes.
+pub type Arrays = HashMap<&'static str, Vec<u8>>;
+
+/// Bytes of numbers.
+pub fn bytes<const N: usize, T: Copy>(numbers: &[T], to: fn(T) -> [u8; N]) -> Vec<u8> {
+    numbers.iter().flat_map(|&number| to(number)).collect()
+}
+
+/// The numbers of an `f32` array.
+pub fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.chunks_exact(4).map(|b| f32::from_ne_bytes(b.try_into().unwrap())).collect()
+}
+
+/// The numbers of an `f64` array.
+pub fn doubles(bytes: &[u8]) -> Vec<f64> {
+    bytes.chunks_exact(8).map(|b| f64::from_ne_bytes(b.try_into().unwrap())).collect()
+}
+
+/// Runs `plan.pack` and the update, starting from `arrays`; those that are not given are 0 if in `zeros`, else no
+/// numbers. Gives all arrays afterwards.
+pub fn run(text: &str, plan: &Plan, arrays: &Arrays, zeros: &[&str]) -> Arrays {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for (name, bytes) in arrays {
+        assert!(plan.array(name).is_some(), "the plan has no array {name}");
+        std::fs::write(at(name), bytes).unwrap();
+    }
+    let mut main = String::from("int main() {\n    std::vector<std::vector<char>> all;\n");
+    for array in &plan.arrays {
+        let bytes = array.length * if array.kind == Kind::F64 { 8 } else { 4 };
+        let fill = if zeros.contains(&array.name) { 0 } else { -1 };
+        let name = array.name;
+        writeln!(main, "    all.emplace_back({bytes}, (char){fill}); load(\"{name}\", all.back());").unwrap();
+    }
+    for launch in [&plan.pack].into_iter().chain(&plan.launches) {
+        main.push_str(&call(launch));
+    }
+    for (number, array) in plan.arrays.iter().enumerate() {
+        writeln!(main, "    store(\"{}.out\", all[{number}]);", array.name).unwrap();
+    }
+    main.push_str("}\n");
+    let source = format!("#include \"shim.hpp\"\n{text}\n{main}");
+    std::fs::write(at("shim.hpp"), include_str!("shim.hpp")).unwrap();
+    std::fs::write(at("main.cpp"), source).unwrap();
+    let built = Command::new("g++")
+        .args(["-std=c++17", "-O1", "-w", "-ffp-contract=off", "-o", "main", "main.cpp"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
+    let ran = Command::new(at("main")).current_dir(folder.path()).output().unwrap();
+    assert!(ran.status.success(), "{ran:?}");
+    plan.arrays
+        .iter()
+        .map(|array| (array.name, std::fs::read(at(&format!("{}.out", array.name))).unwrap()))
+        .collect()
+}
+
+/// The C++ statement for one launch.
+fn call(launch: &Launch) -> String {
+    let dim = |[x, y, z]: [u32; 3]| format!("{{{x}, {y}, {z}}}");
+    let arguments: Vec<String> = launch
+        .arguments
+        .iter()
+        .map(|value| match value {
+            Value::Array(id) => format!("Any{{all[{}].data()}}", id.0),
+            Value::U32(word) => format!("{word}u"),
+            Value::F32(number) => format!("{number:?}f"),
+        })
+        .collect();
+    format!(
+        "    run({}, {}, {}, [&] {{ {}({}); }});\n",
+        dim(launch.shape.grid),
+        dim(launch.shape.block),
+        launch.shape.shared,
+        launch.kernel,
+        arguments.join(", ")
+    )
+}

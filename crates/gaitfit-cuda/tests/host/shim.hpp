@@ -1,0 +1,177 @@
+// Stands in for what CUDA has built in, so that kernels run on the CPU as plain C++: one block after the other, its
+// threads as fibers that take turns at barriers.
+#pragma once
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <ucontext.h>
+
+#include <functional>
+#include <vector>
+
+#define GAITFIT_HOST 1
+#define KERNEL extern "C" void
+#define DEVICE static inline
+#define POOL(name) float* name = host_pool
+#define __shared__ static
+#define __global__
+#define __launch_bounds__(...)
+
+struct Dim {
+    unsigned x, y, z;
+};
+static Dim threadIdx, blockIdx, blockDim, gridDim;
+static float* host_pool;
+
+// A barrier of `alive` threads.
+struct Barrier {
+    unsigned alive, arrived, generation;
+    void leave() {
+        alive--;
+        if (alive > 0 && arrived == alive) arrived = 0, generation++;
+    }
+};
+
+struct Fiber {
+    ucontext_t context;
+    std::vector<char> stack;
+    bool done;
+};
+static std::vector<Fiber> fibers;
+static ucontext_t scheduler;
+static unsigned current;
+static Barrier of_block;
+static std::vector<Barrier> of_warp;
+static std::function<void()> body;
+
+static void wait_at(Barrier& barrier) {
+    unsigned generation = barrier.generation;
+    if (++barrier.arrived == barrier.alive) {
+        barrier.arrived = 0;
+        barrier.generation++;
+        return;
+    }
+    while (barrier.generation == generation) swapcontext(&fibers[current].context, &scheduler);
+}
+
+static void __syncthreads() { wait_at(of_block); }
+static void warp_barrier() { wait_at(of_warp[current / 32]); }
+
+static void enter() {
+    body();
+    fibers[current].done = true;
+    of_block.leave();
+    of_warp[current / 32].leave();
+    swapcontext(&fibers[current].context, &scheduler);
+}
+
+static void run_block(unsigned threads) {
+    if (fibers.size() < threads) fibers.resize(threads);
+    of_block = {threads, 0, 0};
+    of_warp.assign((threads + 31) / 32, Barrier{32, 0, 0});
+    if (threads % 32) of_warp.back().alive = threads % 32;
+    for (unsigned i = 0; i < threads; i++) {
+        Fiber& fiber = fibers[i];
+        fiber.stack.resize(1 << 16);
+        fiber.done = false;
+        getcontext(&fiber.context);
+        fiber.context.uc_stack.ss_sp = fiber.stack.data();
+        fiber.context.uc_stack.ss_size = fiber.stack.size();
+        fiber.context.uc_link = nullptr;
+        makecontext(&fiber.context, enter, 0);
+    }
+    for (bool left = true; left;) {
+        left = false;
+        for (current = 0; current < threads; current++) {
+            if (fibers[current].done) continue;
+            left = true;
+            threadIdx = {current % blockDim.x, current / blockDim.x % blockDim.y, current / blockDim.x / blockDim.y};
+            swapcontext(&scheduler, &fibers[current].context);
+        }
+    }
+}
+
+// Starts a kernel: `call` is what each thread does.
+static void run(Dim grid, Dim block, size_t shared, std::function<void()> call) {
+    gridDim = grid, blockDim = block, body = call;
+    std::vector<float> pool(shared / sizeof(float) + 1);
+    host_pool = pool.data();
+    for (unsigned z = 0; z < grid.z; z++)
+        for (unsigned y = 0; y < grid.y; y++)
+            for (unsigned x = 0; x < grid.x; x++) {
+                blockIdx = {x, y, z};
+                // What a block leaves in shared memory says nothing to the next.
+                memset(host_pool, 0xFF, pool.size() * sizeof(float));
+                run_block(block.x * block.y * block.z);
+            }
+}
+
+// A pointer to any type.
+struct Any {
+    void* pointer;
+    template <class T> operator T*() const { return (T*)pointer; }
+};
+
+template <class T> static T atomicExch(T* at, T value) {
+    T old = *at;
+    *at = value;
+    return old;
+}
+template <class T> static T atomicAdd(T* at, T value) {
+    T old = *at;
+    *at = old + value;
+    return old;
+}
+template <class T> static T atomicMin(T* at, T value) {
+    T old = *at;
+    if (value < old) *at = value;
+    return old;
+}
+
+static unsigned bits_of(float x) {
+    unsigned bits;
+    memcpy(&bits, &x, 4);
+    return bits;
+}
+static float float_of(unsigned bits) {
+    float x;
+    memcpy(&x, &bits, 4);
+    return x;
+}
+static inline float truncate_tf32(float x) { return float_of(bits_of(x) & 0xFFFFE000u); }
+static inline float round_tf32(float x) { return x - x == 0.0f ? float_of((bits_of(x) + 0x1000u) & 0xFFFFE000u) : x; }
+
+// PTX's mma.m16n8k8 of TF32: the units ignore the last 13 bits of a factor.
+static inline void mma(float (&sum)[4], const float (&a)[4], const float (&b)[2]) {
+    static float all_a[32][32][4], all_b[32][32][2];
+    unsigned warp = current / 32, lane = current % 32, g = lane / 4, t = lane % 4;
+    for (int e = 0; e < 4; e++) all_a[warp][lane][e] = truncate_tf32(a[e]);
+    for (int e = 0; e < 2; e++) all_b[warp][lane][e] = truncate_tf32(b[e]);
+    warp_barrier();
+    for (unsigned e = 0; e < 4; e++) {
+        unsigned row = g + 8 * (e / 2), column = 2 * t + e % 2;
+        double total = sum[e];
+        for (unsigned k = 0; k < 8; k++)
+            total += (double)all_a[warp][row % 8 * 4 + k % 4][row / 8 + 2 * (k / 4)] *
+                     all_b[warp][column * 4 + k % 4][k / 4];
+        sum[e] = (float)total;
+    }
+    warp_barrier();
+}
+
+// Reads a file into an array, if it is there.
+static void load(const char* path, std::vector<char>& bytes) {
+    FILE* file = fopen(path, "rb");
+    if (!file) return;
+    size_t count = fread(bytes.data(), 1, bytes.size(), file);
+    if (count != bytes.size() || fgetc(file) != EOF) {
+        fprintf(stderr, "%s is of another size\n", path);
+        exit(1);
+    }
+    fclose(file);
+}
+static void store(const char* path, const std::vector<char>& bytes) {
+    FILE* file = fopen(path, "wb");
+    if (!file || fwrite(bytes.data(), 1, bytes.size(), file) != bytes.size() || fclose(file)) exit(1);
+}

@@ -1,0 +1,213 @@
+//! The GPU's update, run on the CPU as C++, against the CPU's learner; and its text through NVIDIA's compiler.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod host;
+
+use gaitfit_cuda::ppo::{Batch, Limits, Precision, Prepared};
+use gaitfit_cuda::runtime::{Nvrtc, compile};
+use gaitfit_learn::ppo::{Learner, Samples, Settings, Widths, bench::synthetic};
+use gaitfit_policy::network::Activation;
+use host::{Arrays, bytes, doubles, floats};
+
+const WIDTHS: Widths = Widths { observation: 7, critic_observation: 35, action: 3 };
+const BATCH: Batch = Batch { steps: 20, environments: 13, tile: 8 };
+const LIMITS: Limits = Limits { processors: 3, shared_memory: 232_448 };
+
+fn settings() -> Settings {
+    Settings {
+        actor_hidden: vec![40, 12],
+        critic_hidden: vec![33],
+        output_gain: 1.0,
+        epochs: 2,
+        minibatches: 2,
+        learning_rate: 3e-3,
+        normalise_observations: true,
+        ..Settings::default()
+    }
+}
+
+/// A learner that has learned once, so that nothing is 0, and samples in two tiles of 8 and 5 environments.
+fn problem(settings: &Settings) -> (Learner, Vec<Samples>) {
+    let mut learner = Learner::new(settings.clone(), WIDTHS, 5).unwrap();
+    let tiles = |learner: &Learner, seed: u64| {
+        let mut tiles = synthetic(learner, 1, BATCH.tile, BATCH.steps, seed);
+        tiles.extend(synthetic(learner, 1, BATCH.environments - BATCH.tile, BATCH.steps, seed + 1));
+        tiles
+    };
+    learner.update(&mut tiles(&learner, 1), 0, 1).unwrap();
+    let samples = tiles(&learner, 3);
+    (learner, samples)
+}
+
+/// Samples of all tiles as one array of steps × environments.
+fn joined(tiles: &[Samples], steps: usize, of: fn(&Samples) -> &Vec<f32>) -> Vec<u8> {
+    let mut all = Vec::new();
+    for step in 0..steps {
+        for tile in tiles {
+            let count = of(tile).len() / steps;
+            all.extend_from_slice(&of(tile)[step * count..(step + 1) * count]);
+        }
+    }
+    bytes(&all, f32::to_ne_bytes)
+}
+
+fn arrays(learner: &Learner, tiles: &[Samples], prepared: &Prepared, control: [u32; 5]) -> Arrays {
+    let [actor, critic, log_std, first, second] = learner.tensors().map(|(_, numbers)| numbers);
+    let scalars = learner.scalars();
+    let mut state = [0.0; 19];
+    (state[0], state[1]) = (scalars.learning_rate, scalars.steps as f64);
+    let statistics = |normaliser: Option<gaitfit_policy::network::Normaliser>, width: usize| {
+        let from = normaliser.unwrap_or_else(|| gaitfit_policy::network::Normaliser::new(width));
+        bytes(&[from.mean, from.variance, vec![from.count]].concat(), f64::to_ne_bytes)
+    };
+    let steps = BATCH.steps;
+    Arrays::from([
+        ("observation", joined(tiles, steps, |tile| &tile.observation)),
+        ("critic_observation", joined(tiles, steps, |tile| &tile.critic_observation)),
+        ("action", joined(tiles, steps, |tile| &tile.action)),
+        ("mean", joined(tiles, steps, |tile| &tile.mean)),
+        ("log_probability", joined(tiles, steps, |tile| &tile.log_probability)),
+        ("value", joined(tiles, steps, |tile| &tile.value)),
+        ("reward", joined(tiles, steps, |tile| &tile.reward)),
+        ("done", joined(tiles, steps, |tile| &tile.done)),
+        ("last_value", joined(tiles, 1, |tile| &tile.last_value)),
+        ("parameters", bytes(&[actor, critic, log_std].concat(), f32::to_ne_bytes)),
+        ("moments", bytes(&[first, second].concat(), f32::to_ne_bytes)),
+        ("map", bytes(&prepared.map, u32::to_ne_bytes)),
+        ("state", bytes(&state, f64::to_ne_bytes)),
+        ("control", bytes(&control, u32::to_ne_bytes)),
+        ("statistics", statistics(scalars.normaliser, WIDTHS.observation)),
+        ("critic_statistics", statistics(scalars.critic_normaliser, WIDTHS.critic_observation)),
+    ])
+}
+
+/// ‖a − b‖ / ‖b‖.
+fn distance(a: &[f32], b: &[f32]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let norm = |numbers: &mut dyn Iterator<Item = f64>| numbers.map(|x| x * x).sum::<f64>().sqrt();
+    norm(&mut a.iter().zip(b).map(|(a, b)| f64::from(a - b))) / norm(&mut b.iter().map(|&b| f64::from(b)))
+}
+
+/// One update of both, and how far they are apart: what was learned, moments, scalars.
+fn compare(settings: Settings, iteration: u32, flags: [u32; 2], precision: Precision, limit: f64) {
+    let (mut learner, mut tiles) = problem(&settings);
+    let prepared = Prepared::new(&learner, BATCH, precision, LIMITS).unwrap();
+    let control = [iteration, flags[0], flags[1], 5, 0];
+    let arrays = arrays(&learner, &tiles, &prepared, control);
+    let out = host::run(&prepared.program.text, &prepared.plan, &arrays, &["packed"]);
+    let before = floats(&arrays["parameters"]);
+    let report = learner.update(&mut tiles, iteration, 1).unwrap();
+    let [actor, critic, log_std, first, second] = learner.tensors().map(|(_, numbers)| numbers);
+    let learned = |after: &[f32]| -> Vec<f32> { after.iter().zip(&before).map(|(a, b)| a - b).collect() };
+    let wanted = learned(&[actor, critic, log_std].concat());
+    let found = learned(&floats(&out["parameters"]));
+    let far = distance(&found, &wanted);
+    assert!(far < limit, "what was learned differs by {far}");
+    let moments = floats(&out["moments"]);
+    for (name, found, wanted) in
+        [("first", &moments[..first.len()], first), ("second", &moments[first.len()..], second)]
+    {
+        let far = distance(found, wanted);
+        assert!(far < limit, "the {name} moments differ by {far}");
+    }
+    let state = doubles(&out["state"]);
+    let scalars = learner.scalars();
+    assert_eq!((state[0], state[1], state[5]), (scalars.learning_rate, scalars.steps as f64, 0.0));
+    let count = (settings.epochs * settings.minibatches) as f64;
+    for (name, found, wanted) in [
+        ("policy loss", state[8] / count, report.policy_loss),
+        ("value loss", state[9] / count, report.value_loss),
+        ("entropy", state[10] / count, report.entropy),
+        ("KL divergence", state[11] / count, report.kl),
+        ("last KL divergence", state[12], report.kl_last),
+        ("k1", state[13] / count, report.approx_kl_k1),
+        ("k3", state[14] / count, report.approx_kl_k3),
+        ("clip fraction", state[15] / count, report.clip_fraction),
+        ("gradient norm", state[16] / count, report.gradient_norm),
+        ("explained variance", state[17], report.explained_variance),
+        ("mean deviation", state[18], report.mean_std),
+    ] {
+        assert!((found - wanted).abs() < limit * wanted.abs().max(0.05), "{name}: {found}, CPU {wanted}");
+    }
+    if let Some(normaliser) = scalars.critic_normaliser {
+        let wanted = [normaliser.mean, normaliser.variance, vec![normaliser.count]].concat();
+        for (found, wanted) in doubles(&out["critic_statistics"]).iter().zip(&wanted) {
+            assert!((found - wanted).abs() < 1e-12 * wanted.abs().max(1.0), "{found} {wanted}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_update_is_the_cpus() {
+    compare(settings(), 3, [0, 0], Precision::F32, 2e-5);
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_update_with_other_settings_is_the_cpus() {
+    let plain = Settings {
+        activation: Activation::Tanh,
+        clipped_value_loss: false,
+        fixed_std: Some(0.7),
+        schedule: gaitfit_learn::ppo::Schedule::Fixed,
+        normalise_observations: false,
+        normalise_advantage: false,
+        minibatches: 3,
+        ..settings()
+    };
+    compare(plain, 7, [0, 0], Precision::F32, 2e-5);
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_warm_up_moves_the_critic_alone_and_then_starts_afresh() {
+    let warm = Settings { activation: Activation::Relu, critic_warmup: Some(4), ..settings() };
+    compare(warm.clone(), 3, [1, 0], Precision::F32, 2e-5);
+    compare(warm, 4, [0, 1], Precision::F32, 2e-5);
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_tf32_is_near() {
+    compare(settings(), 3, [0, 0], Precision::Tf32, 2e-2);
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_numbers_that_are_none_stop_the_update() {
+    let (learner, mut tiles) = problem(&settings());
+    let prepared = Prepared::new(&learner, BATCH, Precision::F32, LIMITS).unwrap();
+    let run = |tiles: &[Samples]| {
+        let arrays = arrays(&learner, tiles, &prepared, [3, 0, 0, 5, 0]);
+        let out = host::run(&prepared.program.text, &prepared.plan, &arrays, &["packed"]);
+        assert_eq!(out["parameters"], arrays["parameters"]);
+        assert_eq!(out["moments"], arrays["moments"]);
+        doubles(&out["state"])
+    };
+    // A reward that overflows: the first minibatch's value loss is not finite.
+    tiles[0].reward[5] = 1e38;
+    tiles[0].reward[6] = 3e38;
+    let state = run(&tiles);
+    assert!((1.0..=6.0).contains(&state[5]) && state[6..8] == [0.0, 0.0], "{state:?}");
+    tiles[1].mean[7] = f32::NAN;
+    assert_eq!(run(&tiles)[5], 100.0);
+}
+
+#[test]
+#[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
+fn nvrtc_compiles_the_update_without_spills() {
+    let widths = Widths { observation: 48, critic_observation: 48, action: 12 };
+    let learner = Learner::new(Settings::default(), widths, 1).unwrap();
+    let batch = Batch { steps: 24, environments: 4096, tile: 256 };
+    for precision in [Precision::Tf32, Precision::F32] {
+        let limits = Limits { processors: 132, shared_memory: 232_448 };
+        let prepared = Prepared::new(&learner, batch, precision, limits).unwrap();
+        let program = prepared.program.option("--ptxas-options=-v");
+        let compiled = compile(Nvrtc::get().unwrap(), &program, (9, 0), None).unwrap();
+        let log = &compiled.image.log;
+        let lines: Vec<&str> = log.lines().filter(|line| line.contains("spill")).collect();
+        assert!(!lines.is_empty() && lines.iter().all(|line| line.contains(" 0 bytes spill stores")), "{log}");
+        println!("{precision:?}\n{log}");
+    }
+}
