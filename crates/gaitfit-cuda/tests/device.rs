@@ -1,7 +1,7 @@
 //! The runtime on a GPU.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-use gaitfit_cuda::runtime::{Buffer, CudaError, Device, Event, Program, Shape, Stream};
+use gaitfit_cuda::runtime::{Buffer, CudaError, Device, Event, Program, Shape, Stream, find};
 
 const TEXT: &str = r#"
 extern "C" __global__ void twice(float* x, unsigned n) {
@@ -22,7 +22,10 @@ extern "C" __global__ void roomy(float* out) {
 #[test]
 #[ignore = "needs an NVIDIA GPU"]
 fn gpu_runs_kernels_graphs_and_says_what_failed() {
+    let found = find();
+    assert!(found.problems.is_empty() && !found.gpus.is_empty(), "{found:?}");
     let device = Device::open(0).unwrap();
+    assert_eq!(found.gpus[0], *device.info());
     let module = device.load(&Program::new("test", TEXT)).unwrap();
     let stream = Stream::new(&device).unwrap();
     let twice = module.kernel("twice").unwrap();

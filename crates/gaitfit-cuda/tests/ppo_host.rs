@@ -73,7 +73,9 @@ fn arrays(learner: &Learner, tiles: &[Samples], prepared: &Prepared, control: [u
         ("last_value", joined(tiles, 1, |tile| &tile.last_value)),
         ("parameters", bytes(&[actor, critic, log_std].concat(), f32::to_ne_bytes)),
         ("moments", bytes(&[first, second].concat(), f32::to_ne_bytes)),
-        ("map", bytes(&prepared.map, u32::to_ne_bytes)),
+        ("map", bytes(&prepared.maps[0], u32::to_ne_bytes)),
+        ("forth", bytes(&prepared.maps[1], u32::to_ne_bytes)),
+        ("back", bytes(&prepared.maps[2], u32::to_ne_bytes)),
         ("state", bytes(&state, f64::to_ne_bytes)),
         ("control", bytes(&control, u32::to_ne_bytes)),
         ("statistics", statistics(scalars.normaliser, WIDTHS.observation)),
@@ -127,7 +129,9 @@ fn compare(settings: Settings, iteration: u32, flags: [u32; 2], precision: Preci
         ("explained variance", state[17], report.explained_variance),
         ("mean deviation", state[18], report.mean_std),
     ] {
-        assert!((found - wanted).abs() < limit * wanted.abs().max(0.05), "{name}: {found}, CPU {wanted}");
+        // A ratio beside the clip may fall on either side of it.
+        let scale = wanted.abs().max(if name == "clip fraction" { 0.2 } else { 0.05 });
+        assert!((found - wanted).abs() < limit * scale, "{name}: {found}, CPU {wanted}");
     }
     if let Some(normaliser) = scalars.critic_normaliser {
         let wanted = [normaliser.mean, normaliser.variance, vec![normaliser.count]].concat();
@@ -207,7 +211,10 @@ fn nvrtc_compiles_the_update_without_spills() {
         let compiled = compile(Nvrtc::get().unwrap(), &program, (9, 0), None).unwrap();
         let log = &compiled.image.log;
         let lines: Vec<&str> = log.lines().filter(|line| line.contains("spill")).collect();
-        assert!(!lines.is_empty() && lines.iter().all(|line| line.contains(" 0 bytes spill stores")), "{log}");
+        assert!(
+            !lines.is_empty() && lines.iter().all(|line| line.contains(" 0 bytes spill stores")),
+            "{log}"
+        );
         println!("{precision:?}\n{log}");
     }
 }

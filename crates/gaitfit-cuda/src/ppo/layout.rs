@@ -35,16 +35,42 @@ pub(super) struct NetLayout {
     pub places: Vec<usize>,
     /// Numbers of shared memory that the rows take.
     pub end: usize,
-    /// Where each layer's matrix begins in the padded copy.
+    /// Where each layer's matrix for the way forth begins in the copies.
     pub weights: Vec<usize>,
-    /// Where each layer's bias begins.
+    /// Where each layer's bias begins in the copies.
     pub biases: Vec<usize>,
-    /// Numbers of the padded copy.
+    /// Where each layer's matrix for the way back begins in the copies.
+    pub backs: Vec<usize>,
+    /// Numbers of the copies.
     pub packed: usize,
-    /// Where each parameter lies in the padded copy.
+    /// Where each layer's gradient begins in a block's part, of the matrix and of the bias.
+    pub gradients: [Vec<usize>; 2],
+    /// Numbers of a block's part.
+    pub gradient: usize,
+    /// Where each parameter's derivative lies in a block's part.
     pub map: Vec<u32>,
+    /// Where each parameter lies in the copies for the way forth.
+    pub forth: Vec<u32>,
+    /// Where it lies for the way back; `u32::MAX` for a bias.
+    pub back: Vec<u32>,
     /// Multiplications of a sample's way forth and back, for the share of multiprocessors.
     pub work: usize,
+}
+
+/// Place of element (k, n) of a factor of the matrix units with `columns` columns (PTX, mma.m16n8k8, B): 8 × 32 at a
+/// time, of which thread 4 g + t holds rows t and t + 4 of columns g, g + 8, g + 16, g + 24, in two parts of four.
+fn factor(k: usize, n: usize, columns: usize) -> usize {
+    let (thread, part) = (n % 8 * 4 + k % 4, n % 32 / 16);
+    let number = n % 16 / 8 * 2 + k % 8 / 4;
+    ((k / 8 * (columns / 32) + n / 32) * 2 + part) * 128 + thread * 4 + number
+}
+
+/// Place of element (m, n) of a sum of the matrix units with `columns` columns (as there, C): 16 × 32 at a time, of
+/// which thread 4 g + t holds columns 2 t and 2 t + 1 of rows g and g + 8, for each 8 columns.
+fn sum(m: usize, n: usize, columns: usize) -> usize {
+    let thread = m % 8 * 4 + n % 8 / 2;
+    let number = m % 16 / 8 * 2 + n % 2;
+    (((m / 16) * (columns / 32) + n / 32) * 4 + n % 32 / 8) * 128 + thread * 4 + number
 }
 
 impl NetLayout {
@@ -59,23 +85,57 @@ impl NetLayout {
             places.push(end);
             end += rows * width;
         }
-        let (mut weights, mut biases, mut packed, mut work) = (Vec::new(), Vec::new(), 0, 0);
-        let mut map = vec![0; shape.parameters()];
+        let (mut weights, mut biases, mut backs, mut packed) = (Vec::new(), Vec::new(), Vec::new(), 0);
+        let (mut gradients, mut gradient, mut work) = ([Vec::new(), Vec::new()], 0, 0);
+        let size = shape.parameters();
+        let (mut map, mut forth, mut back) = (vec![0; size], vec![0; size], vec![u32::MAX; size]);
         for (index, layer) in layers.iter().enumerate() {
             let (inputs, outputs) = (padded[index], padded[index + 1]);
+            let area = inputs * outputs;
             weights.push(packed);
-            biases.push(packed + inputs * outputs);
+            biases.push(packed + area);
+            backs.push(packed + area + outputs);
+            gradients[0].push(gradient);
+            gradients[1].push(gradient + area);
             for (number, parameter) in layer.weight.clone().enumerate() {
                 let (row, column) = (number / layer.outputs, number % layer.outputs);
-                map[parameter] = (packed + row * outputs + column) as u32;
+                map[parameter] = (gradient + sum(row, column, outputs)) as u32;
+                forth[parameter] = (packed + factor(row, column, outputs)) as u32;
+                back[parameter] = (packed + area + outputs + factor(column, row, inputs)) as u32;
             }
             for (column, parameter) in layer.bias.clone().enumerate() {
-                map[parameter] = (packed + inputs * outputs + column) as u32;
+                map[parameter] = (gradient + area + column) as u32;
+                forth[parameter] = (packed + area + column) as u32;
             }
-            packed += (inputs + 1) * outputs;
-            work += inputs * outputs * if index == 0 { 2 } else { 3 };
+            packed += 2 * area + outputs;
+            gradient += area + outputs;
+            work += area * if index == 0 { 2 } else { 3 };
         }
-        Self { widths, padded, places, end, weights, biases, packed, map, work }
+        Self {
+            widths,
+            padded,
+            places,
+            end,
+            weights,
+            biases,
+            backs,
+            packed,
+            gradients,
+            gradient,
+            map,
+            forth,
+            back,
+            work,
+        }
+    }
+
+    /// Widths of each layer as the kernels are made for them: columns of the input that are used and that there are,
+    /// columns of the output that there are and that are used.
+    pub(super) fn shapes(&self) -> Vec<[usize; 4]> {
+        let used = |width: usize| width.next_multiple_of(8);
+        (0..self.weights.len())
+            .map(|l| [used(self.widths[l]), self.padded[l], self.padded[l + 1], used(self.widths[l + 1])])
+            .collect()
     }
 }
 
@@ -90,14 +150,20 @@ mod tests {
         let layout = NetLayout::new(&shape, 32);
         assert_eq!(layout.padded, [32, 64, 32, 32]);
         assert_eq!(layout.end, 32 * (32 + 64 + 32 + 32));
-        assert_eq!(layout.packed, 33 * 64 + 65 * 32 + 33 * 32);
-        let mut seen = layout.map.clone();
-        seen.sort_unstable();
-        seen.dedup();
-        assert_eq!(seen.len(), shape.parameters());
-        // Row 1, column 2 of the second matrix.
-        let parameter = shape.layers()[1].weight.start + 7 + 2;
-        assert_eq!(layout.map[parameter] as usize, layout.weights[1] + 32 + 2);
-        assert!(layout.map.iter().all(|&place| (place as usize) < layout.packed));
+        let areas = 32 * 64 + 64 * 32 + 32 * 32;
+        assert_eq!((layout.packed, layout.gradient), (2 * areas + 128, areas + 128));
+        let places = |places: &[u32], most: usize| {
+            let mut seen = places.to_vec();
+            seen.retain(|&place| place != u32::MAX);
+            let count = seen.len();
+            seen.sort_unstable();
+            seen.dedup();
+            assert!(seen.len() == count && seen.iter().all(|&place| (place as usize) < most));
+            seen
+        };
+        assert_eq!(places(&layout.map, layout.gradient).len(), shape.parameters());
+        let copies = [layout.forth.clone(), layout.back.clone()].concat();
+        assert_eq!(places(&copies, layout.packed).len(), 2 * shape.parameters() - 33 - 7 - 2);
+        assert_eq!(layout.shapes(), [[8, 32, 64, 40], [40, 64, 32, 8], [8, 32, 32, 8]]);
     }
 }

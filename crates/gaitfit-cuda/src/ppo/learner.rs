@@ -72,8 +72,8 @@ pub struct Prepared {
     pub program: Program,
     /// Arrays and launches.
     pub plan: Plan,
-    /// What the array `map` holds: where each parameter lies in its network's padded copy.
-    pub map: Vec<u32>,
+    /// What the arrays `map`, `forth` and `back` hold: where each parameter's derivative and its two copies lie.
+    pub maps: [Vec<u32>; 3],
     /// Parameters of the actor and of the critic.
     pub sizes: [usize; 2],
 }
@@ -94,10 +94,13 @@ impl Prepared {
         let shapes = [&learner.actor().shape, &learner.critic().shape];
         let text = Text::new(settings, widths, shapes, precision, limits.shared_memory)?;
         let normalised = [learner.normaliser().is_some(), learner.critic_normaliser().is_some()];
-        let plan = Plan::new(&Task { settings, widths, batch, processors: limits.processors, normalised }, &text);
-        let map = text.actor.map.iter().chain(&text.critic.map).copied().collect();
+        let plan =
+            Plan::new(&Task { settings, widths, batch, processors: limits.processors, normalised }, &text);
+        let (a, c) = (&text.actor, &text.critic);
+        let maps = [[&a.map, &c.map], [&a.forth, &c.forth], [&a.back, &c.back]]
+            .map(|maps| maps.map(|map| &map[..]).concat());
         let sizes = [text.actor.map.len(), text.critic.map.len()];
-        Ok(Self { program: text.program, plan, map, sizes })
+        Ok(Self { program: text.program, plan, maps, sizes })
     }
 }
 
@@ -145,7 +148,7 @@ impl Learner {
             processors: usize::try_from(info.processors).unwrap_or(2),
             shared_memory: usize::try_from(info.shared_memory).unwrap_or(0),
         };
-        let Prepared { program, plan, map, sizes } = Prepared::new(learner, batch, precision, limits)?;
+        let Prepared { program, plan, maps, sizes } = Prepared::new(learner, batch, precision, limits)?;
         let bytes = |kind: Kind, length: usize| length as u64 * if kind == Kind::F64 { 8 } else { 4 };
         let parts: Vec<(&str, u64)> =
             plan.arrays.iter().map(|array| (array.name, bytes(array.kind, array.length))).collect();
@@ -169,9 +172,22 @@ impl Learner {
         let (settings, widths) = (learner.settings().clone(), learner.widths());
         let stream = Stream::new(device)?;
         let seed = learner.scalars().seed;
-        let mut own =
-            Self { plan, arrays, kernels, stream, graph: None, batch, settings, widths, seed, sizes, normalised };
-        own.write_u32("map", &map)?;
+        let mut own = Self {
+            plan,
+            arrays,
+            kernels,
+            stream,
+            graph: None,
+            batch,
+            settings,
+            widths,
+            seed,
+            sizes,
+            normalised,
+        };
+        for (name, map) in ["map", "forth", "back"].into_iter().zip(&maps) {
+            own.write_u32(name, map)?;
+        }
         own.load(learner)?;
         Ok(own)
     }
@@ -229,7 +245,8 @@ impl Learner {
             scalars.normaliser = Some(statistics("statistics", self.widths.observation)?);
         }
         if self.normalised[1] {
-            scalars.critic_normaliser = Some(statistics("critic_statistics", self.widths.critic_observation)?);
+            scalars.critic_normaliser =
+                Some(statistics("critic_statistics", self.widths.critic_observation)?);
         }
         learner.restore(
             |name| match name {
@@ -255,10 +272,13 @@ impl Learner {
         let expected = |number: usize| tile.min(environments - number * tile);
         let fits = tiles.len() == widths
             && tiles.iter().enumerate().all(|(number, samples)| {
-                samples.steps == steps && samples.environments == expected(number) && samples.widths == self.widths
+                samples.steps == steps
+                    && samples.environments == expected(number)
+                    && samples.widths == self.widths
             });
         if !fits {
-            let sizes: Vec<(usize, usize)> = tiles.iter().map(|tile| (tile.steps, tile.environments)).collect();
+            let sizes: Vec<(usize, usize)> =
+                tiles.iter().map(|tile| (tile.steps, tile.environments)).collect();
             let found = format!("{} tiles, {:?}", tiles.len(), sizes.first());
             let expected = format!("{widths} tiles, {steps} steps, {environments} environments");
             return Err(PpoError::Batch { expected, found });
@@ -278,8 +298,14 @@ impl Learner {
                 if numbers.len() != steps * count {
                     let (found, expected) = (numbers.len(), steps * count);
                     let environments = samples.environments;
-                    let error =
-                        SamplesError::Size { tile: number, array: name, steps, environments, expected, found };
+                    let error = SamplesError::Size {
+                        tile: number,
+                        array: name,
+                        steps,
+                        environments,
+                        expected,
+                        found,
+                    };
                     return Err(UpdateError::from(error).into());
                 }
                 for (step, from) in numbers.chunks_exact(count).enumerate() {
@@ -313,8 +339,9 @@ impl Learner {
     /// [`CudaError`].
     pub fn run(&mut self) -> Result<(), CudaError> {
         if self.graph.is_none() {
-            let graph =
-                self.stream.record(|stream| self.plan.launches.iter().try_for_each(|launch| self.start(stream, launch)));
+            let graph = self
+                .stream
+                .record(|stream| self.plan.launches.iter().try_for_each(|launch| self.start(stream, launch)));
             self.graph = Some(graph?);
         }
         match &mut self.graph {
@@ -364,7 +391,10 @@ impl Learner {
     /// # Errors
     /// [`CudaError::Call`].
     pub fn resources(&self) -> Result<Vec<(&'static str, i32, i32)>, CudaError> {
-        self.kernels.iter().map(|(name, kernel)| Ok((*name, kernel.registers()?, kernel.local_bytes()?))).collect()
+        self.kernels
+            .iter()
+            .map(|(name, kernel)| Ok((*name, kernel.registers()?, kernel.local_bytes()?)))
+            .collect()
     }
 
     /// Numbers of an `f32` array of the plan, for tests.

@@ -168,11 +168,16 @@ impl Plan {
         let moments = m.array("moments", Kind::F32, 2 * size);
         let gradient = m.array("gradient", Kind::F32, size);
         let packed = m.array("packed", Kind::F32, text.actor.packed + text.critic.packed);
-        let partial =
-            m.array("partial", Kind::F32, actor_blocks * text.actor.packed + critic_blocks * text.critic.packed);
+        let partial = m.array(
+            "partial",
+            Kind::F32,
+            actor_blocks * text.actor.gradient + critic_blocks * text.critic.gradient,
+        );
         let sums = m.array("sums", Kind::F64, (actor_blocks + critic_blocks) * (LOSSES + actions));
         let squares = m.array("squares", Kind::F64, 2 * reduce_blocks);
         let map = m.array("map", Kind::U32, networks);
+        let forth = m.array("forth", Kind::U32, networks);
+        let back = m.array("back", Kind::U32, networks);
         let old_log_std = m.array("old_log_std", Kind::F32, actions);
         let constants = m.array("constants", Kind::F32, actions + 2);
         let scale = m.array("scale", Kind::F32, 2 * (widths.observation + widths.critic_observation));
@@ -202,12 +207,26 @@ impl Plan {
             let Value::Array(Id(number)) = array else { continue };
             let count = m.arrays[number].length;
             let blocks = count.div_ceil(1024).clamp(1, 1024);
-            m.launch("check_finite", Shape::new(blocks as u32, 256), &[array, word(count), word(index), first]);
+            m.launch(
+                "check_finite",
+                Shape::new(blocks as u32, 256),
+                &[array, word(count), word(index), first],
+            );
         }
         m.launch(
             "begin_update",
             Shape::new(1, 256),
-            &[control, first, word(CHECKED.len()), parameters, moments, word(size), old_log_std, constants, state],
+            &[
+                control,
+                first,
+                word(CHECKED.len()),
+                parameters,
+                moments,
+                word(size),
+                old_log_std,
+                constants,
+                state,
+            ],
         );
         for (width, normalised, own, scale) in [
             (widths.observation, task.normalised[0], statistics, actor_scale),
@@ -219,7 +238,13 @@ impl Plan {
         m.launch(
             "join_scales",
             Shape::cover(2 * (widths.observation + widths.critic_observation), 128),
-            &[word(2 * widths.observation), word(2 * widths.critic_observation), actor_scale, critic_scale, scale],
+            &[
+                word(2 * widths.observation),
+                word(2 * widths.critic_observation),
+                actor_scale,
+                critic_scale,
+                scale,
+            ],
         );
         // Advantages.
         let (gamma, decay) = (settings.gamma as f32, (settings.gamma * settings.lambda) as f32);
@@ -240,11 +265,23 @@ impl Plan {
             ],
         );
         let normalise = word(usize::from(settings.normalise_advantage));
-        m.launch("advantages", Shape::new(1, 1024), &[word(rows), normalise, advantage, returns, value, state]);
+        m.launch(
+            "advantages",
+            Shape::new(1, 1024),
+            &[word(rows), normalise, advantage, returns, value, state],
+        );
         // The deal of all epochs.
-        m.launch("fill", Shape::new(cards.div_ceil(1024).clamp(1, 1024) as u32, 256), &[head, word(cards), word(0)]);
+        m.launch(
+            "fill",
+            Shape::new(cards.div_ceil(1024).clamp(1, 1024) as u32, 256),
+            &[head, word(cards), word(0)],
+        );
         m.launch("shuffle_link", per_epoch(rows.div_ceil(4), 128), &[control, word(rows), swaps, head, next]);
-        m.launch("shuffle_follow", per_epoch(rows, 128), &[word(rows), word(minibatches), swaps, head, next, dealt]);
+        m.launch(
+            "shuffle_follow",
+            per_epoch(rows, 128),
+            &[word(rows), word(minibatches), swaps, head, next, dealt],
+        );
         let counting = Shape { shared: (4 * minibatches) as u32, ..per_epoch(rows, CHUNK as u32) };
         m.launch("shuffle_count", counting, &[word(rows), word(minibatches), dealt, counts]);
         let beginning = per_epoch(minibatches, 32);
@@ -325,7 +362,7 @@ impl Plan {
                 m.launch(
                     "adam",
                     Shape::cover(networks, 128),
-                    &[word(0), control, state, map, gradient, moments, parameters, packed],
+                    &[word(0), control, state, forth, back, gradient, moments, parameters, packed],
                 );
             }
         }
@@ -336,7 +373,11 @@ impl Plan {
                 (widths.critic_observation, critic_observation, critic_statistics),
             ] {
                 let (count, chunk, threads) = (word(rows), word(CHUNK), width.clamp(32, 1024) as u32);
-                m.launch("statistics_of", Shape::new(chunks as u32, threads), &[count, word(width), chunk, numbers, parts]);
+                m.launch(
+                    "statistics_of",
+                    Shape::new(chunks as u32, threads),
+                    &[count, word(width), chunk, numbers, parts],
+                );
                 m.launch(
                     "statistics_join",
                     Shape::new(1, threads),
@@ -347,7 +388,7 @@ impl Plan {
         let pack = Launch {
             kernel: "adam",
             shape: Shape::cover(networks, 128),
-            arguments: vec![word(1), control, state, map, gradient, moments, parameters, packed],
+            arguments: vec![word(1), control, state, forth, back, gradient, moments, parameters, packed],
         };
         Self { arrays: maker.arrays, pack, launches: maker.launches }
     }

@@ -63,7 +63,8 @@ impl Text {
             let network = if nets[0].end > nets[1].end { actor } else { critic }.to_string();
             return Err(TooWide { network, needed: *needed, rows: *rows, available });
         };
-        let mut text = defines(settings, widths, [&actor_net, &critic_net], precision, rows, actor.activation);
+        let mut text =
+            defines(settings, widths, [&actor_net, &critic_net], precision, rows, actor.activation);
         for part in [
             include_str!("kernels/common.cu"),
             include_str!("kernels/shuffle.cu"),
@@ -109,7 +110,8 @@ fn defines(
         ("CRITIC_PARAMETERS", parameters[1]),
         ("PARAMETERS", parameters[0] + parameters[1] + widths.action),
         ("ACTOR_PACKED", nets[0].packed),
-        ("CRITIC_PACKED", nets[1].packed),
+        ("ACTOR_GRADIENT", nets[0].gradient),
+        ("CRITIC_GRADIENT", nets[1].gradient),
         ("CLIPPED_VALUE_LOSS", usize::from(settings.clipped_value_loss)),
         ("LEARN_STD", usize::from(settings.fixed_std.is_none())),
         ("ADAPTIVE", usize::from(settings.schedule == Schedule::Adaptive)),
@@ -137,26 +139,47 @@ fn defines(
         words.resize(MOST_LAYERS + 1, "0".into());
         format!("{{{}}}", words.join(", "))
     };
+    let mut shapes: Vec<[usize; 4]> = nets.iter().flat_map(|net| net.shapes()).collect();
+    shapes.sort_unstable();
+    shapes.dedup();
     let size = MOST_LAYERS + 1;
     let rows = nets.map(|net| {
-        format!(
-            "    {{{}, {}, {}, {}, {}, {}, {}, {}}},\n",
-            net.weights.len(),
-            list(&net.widths),
-            list(&net.padded),
-            list(&net.places),
-            net.end,
-            list(&net.weights),
-            list(&net.biases),
-            net.packed
-        )
+        let numbers: Vec<usize> = net
+            .shapes()
+            .iter()
+            .map(|shape| shapes.iter().position(|other| other == shape).unwrap_or(0))
+            .collect();
+        let lists: Vec<String> = [
+            &numbers,
+            &net.widths,
+            &net.padded,
+            &net.places,
+            &net.weights,
+            &net.biases,
+            &net.backs,
+            &net.gradients[0],
+            &net.gradients[1],
+        ]
+        .map(|numbers| list(numbers))
+        .to_vec();
+        format!("    {{{}, {}, {}, {}}},\n", net.weights.len(), net.end, net.gradient, lists.join(", "))
     });
+    let cases: Vec<String> = shapes
+        .iter()
+        .enumerate()
+        .map(|(number, [used_in, inputs, outputs, used_out])| {
+            format!("X({number}, {used_in}, {inputs}, {outputs}, {used_out})")
+        })
+        .collect();
     let _ = write!(
         text,
-        "#ifndef GAITFIT_HOST\n#define GAITFIT_TABLE __constant__\n#else\n#define GAITFIT_TABLE static const\n#endif\n\
-         struct Net {{\n    int layers, width[{size}], padded[{size}], place[{size}], end, weight[{size}], bias[{size}], \
-         packed;\n}};\nGAITFIT_TABLE Net NETS[2] = {{\n{}{}}};\n",
-        rows[0], rows[1]
+        "#define SHAPES(X) {}\n#ifndef GAITFIT_HOST\n#define GAITFIT_TABLE __constant__\n#else\n\
+         #define GAITFIT_TABLE static const\n#endif\nstruct Net {{\n    int layers, end, gradient, shape[{size}], \
+         width[{size}], padded[{size}], place[{size}], weight[{size}], bias[{size}], back[{size}], of_weight[{size}], \
+         of_bias[{size}];\n}};\nGAITFIT_TABLE Net NETS[2] = {{\n{}{}}};\n",
+        cases.join(" "),
+        rows[0],
+        rows[1]
     );
     text
 }

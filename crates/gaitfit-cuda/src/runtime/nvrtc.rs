@@ -176,7 +176,11 @@ impl Nvrtc {
         if code != 0 {
             // One fault may bring hundreds of lines.
             let lines: Vec<&str> = log.lines().take(MOST_LINES).collect();
-            return Err(refuse(if log.is_empty() { format!("NVRTC error {code}") } else { lines.join("\n") }));
+            return Err(refuse(if log.is_empty() {
+                format!("NVRTC error {code}")
+            } else {
+                lines.join("\n")
+            }));
         }
         let (size, read) = if architecture.starts_with("sm_") {
             (self.functions.cubin_size, self.functions.cubin)

@@ -129,6 +129,23 @@ template <class T> static T atomicMin(T* at, T value) {
     return old;
 }
 
+struct float2 {
+    float x, y;
+};
+struct float4 {
+    float x, y, z, w;
+};
+#define __expf expf
+static inline float __shfl_xor_sync(unsigned, float x, unsigned mask) {
+    static float all[32][32];
+    unsigned warp = current / 32, lane = current % 32;
+    all[warp][lane] = x;
+    warp_barrier();
+    float y = all[warp][lane ^ mask];
+    warp_barrier();
+    return y;
+}
+
 static unsigned bits_of(float x) {
     unsigned bits;
     memcpy(&bits, &x, 4);

@@ -1,9 +1,9 @@
 // Forward pass, losses and backward pass of both networks over one minibatch, in one launch.
 //
 // Some blocks work on the actor, the others on the critic. A block takes ROWS samples at a time: all layers' outputs stay
-// in shared memory, and the derivatives take their place on the way back. Weights are read from a padded copy that
-// stays in the first-level cache. Each block adds its weight gradients to its own part of `partial`; `reduce` adds the
-// parts up in a fixed order, so the result has the same bits every time.
+// in shared memory, and the derivatives take their place on the way back. Weights are read from copies (`packed`) in the
+// order in which the matrix units take them, which stay in the first-level cache. Each block adds its weight gradients to
+// its own part of `partial`; `reduce` adds the parts up in a fixed order, so the result has the same bits every time.
 //
 // Products are done by the matrix units on numbers of 11 significant bits (TF32). With SPLIT each factor is a sum of two
 // such numbers and three products are added: the error is then about that of f32.
@@ -33,7 +33,31 @@ DEVICE void mma(float (&sum)[4], const float (&a)[4], const float (&b)[2]) {
         : "r"(__float_as_uint(a[0])), "r"(__float_as_uint(a[1])), "r"(__float_as_uint(a[2])),
           "r"(__float_as_uint(a[3])), "r"(__float_as_uint(b[0])), "r"(__float_as_uint(b[1])));
 }
+// Factor a of `mma`: rows 0 .. 16 of `rows`, which are `apart` numbers apart, columns k0 .. k0 + 8. One instruction loads
+// four squares of 8 rows x 16 bytes; each thread says where one row of one square lies.
+DEVICE void load_rows(float (&a)[4], const float* rows, int apart, int k0) {
+    int lane = threadIdx.x & 31, row = lane & 15, s = swizzle(lane & 7) ^ (lane >> 4 << 2);
+    u32 from = (u32)__cvta_generic_to_shared(rows + row * apart + (k0 & ~31) + ((k0 & 31) ^ s)), bits[4];
+    asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0,%1,%2,%3}, [%4];"
+                 : "=r"(bits[0]), "=r"(bits[1]), "=r"(bits[2]), "=r"(bits[3])
+                 : "r"(from)
+                 : "memory");
+#pragma unroll
+    for (int e = 0; e < 4; e++) a[e] = __uint_as_float(bits[e]);
+}
+#else
+DEVICE void load_rows(float (&a)[4], const float* rows, int apart, int k0) {
+    int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3, c = (k0 + t) ^ swizzle(g);
+    const float* row = rows + g * apart;
+    a[0] = row[c], a[1] = row[8 * apart + c], a[2] = row[c ^ 4], a[3] = row[8 * apart + (c ^ 4)];
+}
 #endif
+
+// Sum over each four neighbouring threads.
+DEVICE float sum_of_four(float x) {
+    x += __shfl_xor_sync(0xFFFFFFFFu, x, 1);
+    return x + __shfl_xor_sync(0xFFFFFFFFu, x, 2);
+}
 
 // What a product takes: rounded already, or whole where it is split later.
 DEVICE float rounded(float x) {
@@ -44,12 +68,12 @@ DEVICE float rounded(float x) {
 #endif
 }
 
-// sum += a b for 32 x 8 by 8 x 32.
-DEVICE void multiply(float (&sum)[2][4][4], const float (&a)[2][4], const float (&b)[4][2]) {
+// sum += a b for 16 I x 8 by 8 x 32.
+template <int I> DEVICE void multiply(float (&sum)[I][4][4], const float (&a)[I][4], const float (&b)[4][2]) {
 #if SPLIT
-    float a_high[2][4], a_low[2][4], b_high[4][2], b_low[4][2];
+    float a_high[I][4], a_low[I][4], b_high[4][2], b_low[4][2];
 #pragma unroll
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < I; i++)
 #pragma unroll
         for (int e = 0; e < 4; e++) a_high[i][e] = truncate_tf32(a[i][e]), a_low[i][e] = a[i][e] - a_high[i][e];
 #pragma unroll
@@ -57,7 +81,7 @@ DEVICE void multiply(float (&sum)[2][4][4], const float (&a)[2][4], const float 
 #pragma unroll
         for (int e = 0; e < 2; e++) b_high[j][e] = truncate_tf32(b[j][e]), b_low[j][e] = b[j][e] - b_high[j][e];
 #pragma unroll
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < I; i++)
 #pragma unroll
         for (int j = 0; j < 4; j++) {
             mma(sum[i][j], a_low[i], b_high[j]);
@@ -66,7 +90,7 @@ DEVICE void multiply(float (&sum)[2][4][4], const float (&a)[2][4], const float 
         }
 #else
 #pragma unroll
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < I; i++)
 #pragma unroll
         for (int j = 0; j < 4; j++) mma(sum[i][j], a[i], b[j]);
 #endif
@@ -74,7 +98,7 @@ DEVICE void multiply(float (&sum)[2][4][4], const float (&a)[2][4], const float 
 
 DEVICE float activate(float x) {
 #if ACTIVATION == 0
-    return x > 0.0f ? x : expf(x) - 1.0f;
+    return x > 0.0f ? x : (SPLIT ? expf(x) : __expf(x)) - 1.0f;
 #elif ACTIVATION == 1
     return x < 0.0f ? 0.0f : x;
 #else
@@ -93,145 +117,142 @@ DEVICE float slope(float h) {
 #endif
 }
 
-// Four numbers of rows g, g + 8, g + 16, g + 24 from `rows` on, at column `c` and the fourth after it.
-DEVICE void rows_of(float (&a)[2][4], const float* rows, int apart, int c) {
-#pragma unroll
-    for (int i = 0; i < 2; i++) {
-        const float* row = rows + 16 * i * apart;
-        a[i][0] = row[c], a[i][1] = row[8 * apart + c], a[i][2] = row[c ^ 4], a[i][3] = row[8 * apart + (c ^ 4)];
+// sum += rows W for 32 rows and 32 columns of W: K numbers of each row, rows APART numbers apart. `fragments`: W as the
+// matrix units take it, of COLUMNS columns, from this thread's first part on.
+template <int K, int APART, int COLUMNS>
+DEVICE void product(float (&sum)[2][4][4], const float* rows, const float4* __restrict__ fragments) {
+#pragma unroll 16
+    for (int k0 = 0; k0 < K; k0 += 8) {
+        float4 low = fragments[k0 * 2 * (COLUMNS / 8)], high = fragments[k0 * 2 * (COLUMNS / 8) + 32];
+        float b[4][2] = {{low.x, low.y}, {low.z, low.w}, {high.x, high.y}, {high.z, high.w}}, a[2][4];
+        load_rows(a[0], rows, APART, k0);
+        load_rows(a[1], rows + 16 * APART, APART, k0);
+        multiply<2>(sum, a, b);
     }
 }
 
-// h' = f(h W + b), from layer `layer` to the next.
-DEVICE void forward(const Net& net, int layer, float* pool, const float* __restrict__ packed) {
+// out = f(h W + b): K of IN columns of h are used.
+template <int K, int IN, int OUT>
+DEVICE void forward(
+    const float* h, float* out, const float* __restrict__ weight, const float* __restrict__ bias, bool last
+) {
     int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3, s = swizzle(g);
-    int inputs = (net.width[layer] + 7) & ~7, apart = net.padded[layer], columns = net.padded[layer + 1];
-    bool last = layer + 1 == net.layers;
-    for (int tile = threadIdx.x >> 5; tile < ROWS / 32 * (columns / 32); tile += WARPS) {
-        int m0 = tile / (columns / 32) * 32, n0 = tile % (columns / 32) * 32;
-        const float* rows = pool + net.place[layer] + (m0 + g) * apart;
-        const float* weight = packed + net.weight[layer] + t * columns + n0 + g;
+    for (int tile = threadIdx.x >> 5; tile < ROWS / 32 * (OUT / 32); tile += WARPS) {
+        int m0 = tile / (OUT / 32) * 32, column = tile % (OUT / 32);
         float sum[2][4][4] = {};
-#pragma unroll 2
-        for (int k0 = 0; k0 < inputs; k0 += 8) {
-            float a[2][4], b[4][2];
-            rows_of(a, rows, apart, (k0 + t) ^ s);
+        product<K, IN, OUT>(sum, h + m0 * IN, (const float4*)weight + column * 64 + lane);
+        float* to = out + (m0 + g) * OUT + column * 32;
 #pragma unroll
-            for (int j = 0; j < 4; j++)
-                b[j][0] = weight[k0 * columns + 8 * j], b[j][1] = weight[(k0 + 4) * columns + 8 * j];
-            multiply(sum, a, b);
+        for (int j = 0; j < 4; j++) {
+            int n = 8 * j + 2 * t;
+            float2 shift = *(const float2*)(bias + column * 32 + n);
+#pragma unroll
+            for (int i = 0; i < 4; i++) {
+                float2 x = {sum[i / 2][j][i % 2 * 2] + shift.x, sum[i / 2][j][i % 2 * 2 + 1] + shift.y};
+                if (!last) x.x = rounded(activate(x.x)), x.y = rounded(activate(x.y));
+                *(float2*)(to + 8 * i * OUT + (n ^ s)) = x;
+            }
         }
-        const float* bias = packed + net.bias[layer];
-        float* out = pool + net.place[layer + 1] + (m0 + g) * columns;
-#pragma unroll
-        for (int i = 0; i < 2; i++)
-#pragma unroll
-            for (int j = 0; j < 4; j++)
-#pragma unroll
-                for (int e = 0; e < 4; e++) {
-                    int n = n0 + 8 * j + 2 * t + (e & 1);
-                    float x = sum[i][j][e] + bias[n];
-                    out[(16 * i + 8 * (e >> 1)) * columns + (n ^ s)] = last ? x : rounded(activate(x));
-                }
     }
 }
 
-// d = (d' W^T) f'(h) in place of h, from layer `layer` + 1 to `layer`.
-DEVICE void backward(const Net& net, int layer, float* pool, const float* __restrict__ packed) {
+// h = (d W^T) f'(h): K of OUT columns of d are used.
+template <int K, int IN, int OUT> DEVICE void backward(float* h, const float* d, const float* __restrict__ weight) {
     int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3, s = swizzle(g);
-    int outputs = (net.width[layer + 1] + 7) & ~7, apart = net.padded[layer + 1], columns = net.padded[layer];
-    for (int tile = threadIdx.x >> 5; tile < ROWS / 32 * (columns / 32); tile += WARPS) {
-        int m0 = tile / (columns / 32) * 32, n0 = tile % (columns / 32) * 32;
-        const float* rows = pool + net.place[layer + 1] + (m0 + g) * apart;
-        const float* weight = packed + net.weight[layer] + (n0 + g) * apart + t;
+    for (int tile = threadIdx.x >> 5; tile < ROWS / 32 * (IN / 32); tile += WARPS) {
+        int m0 = tile / (IN / 32) * 32, column = tile % (IN / 32);
         float sum[2][4][4] = {};
-#pragma unroll 2
-        for (int k0 = 0; k0 < outputs; k0 += 8) {
-            float a[2][4], b[4][2];
-            rows_of(a, rows, apart, (k0 + t) ^ s);
+        product<K, OUT, IN>(sum, d + m0 * OUT, (const float4*)weight + column * 64 + lane);
+        float* to = h + (m0 + g) * IN + column * 32;
 #pragma unroll
-            for (int j = 0; j < 4; j++) b[j][0] = weight[8 * j * apart + k0], b[j][1] = weight[8 * j * apart + k0 + 4];
-            multiply(sum, a, b);
-        }
-        float* out = pool + net.place[layer] + (m0 + g) * columns;
+        for (int j = 0; j < 4; j++)
 #pragma unroll
-        for (int i = 0; i < 2; i++)
-#pragma unroll
-            for (int j = 0; j < 4; j++)
-#pragma unroll
-                for (int e = 0; e < 4; e++) {
-                    int n = n0 + 8 * j + 2 * t + (e & 1);
-                    float* h = out + (16 * i + 8 * (e >> 1)) * columns + (n ^ s);
-                    *h = rounded(sum[i][j][e] * slope(*h));
-                }
+            for (int i = 0; i < 4; i++) {
+                float2* at = (float2*)(to + 8 * i * IN + ((8 * j + 2 * t) ^ s));
+                float2 x = *at;
+                x.x = rounded(sum[i / 2][j][i % 2 * 2] * slope(x.x));
+                x.y = rounded(sum[i / 2][j][i % 2 * 2 + 1] * slope(x.y));
+                *at = x;
+            }
     }
 }
 
-// Adds h^T d' and the column sums of d' to this block's gradient, or stores them if it is the first.
-DEVICE void gather_gradient(const Net& net, int layer, const float* pool, float* gradient, bool first) {
-    int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3;
-    int apart = net.padded[layer], columns = net.padded[layer + 1];
-    const float* h = pool + net.place[layer];
-    const float* d = pool + net.place[layer + 1];
-    for (int tile = threadIdx.x >> 5; tile < apart / 32 * (columns / 32); tile += WARPS) {
-        int m0 = tile / (columns / 32) * 32, n0 = tile % (columns / 32) * 32;
-        float* out = gradient + net.weight[layer] + (m0 + g) * columns + n0 + 2 * t;
-        float sum[2][4][4] = {};
+// Adds h^T d and the column sums of d to this block's gradient, or stores them if it is the first. A warp's tile is
+// 16 I x 32.
+template <int I, int IN, int OUT>
+DEVICE void gather_tiles(const float* h, const float* d, float* of_weight, float* of_bias, bool first) {
+    int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3, s = t << 3;
+    for (int tile = threadIdx.x >> 5; tile < IN / (16 * I) * (OUT / 32); tile += WARPS) {
+        int strip = tile / (OUT / 32) * I, column = tile % (OUT / 32);
+        float4* to = (float4*)of_weight + (strip * (OUT / 32) + column) * 128 + lane;
+        float sum[I][4][4] = {}, sum_of_rows[4] = {};
         if (!first)
 #pragma unroll
-            for (int i = 0; i < 2; i++)
+            for (int i = 0; i < I; i++)
 #pragma unroll
-                for (int j = 0; j < 4; j++)
-#pragma unroll
-                    for (int e = 0; e < 4; e++)
-                        sum[i][j][e] = out[(16 * i + 8 * (e >> 1)) * columns + 8 * j + (e & 1)];
-#pragma unroll 2
+                for (int j = 0; j < 4; j++) {
+                    float4 old = to[i * (OUT / 32) * 128 + j * 32];
+                    sum[i][j][0] = old.x, sum[i][j][1] = old.y, sum[i][j][2] = old.z, sum[i][j][3] = old.w;
+                }
+        const float* h_row = h + t * IN + (strip * 16 & ~31);
+        const float* d_row = d + t * OUT + column * 32;
+#pragma unroll 8
         for (int r0 = 0; r0 < ROWS; r0 += 8) {
-            const float* h_row = h + (r0 + t) * apart;
-            const float* d_row = d + (r0 + t) * columns;
-            float a[2][4], b[4][2];
+            float a[I][4], b[4][2];
 #pragma unroll
-            for (int i = 0; i < 2; i++) {
-                int m = (m0 + 16 * i + g) ^ (t << 3), m8 = (m0 + 16 * i + 8 + g) ^ (t << 3);
-                a[i][0] = h_row[m], a[i][1] = h_row[m8];
-                a[i][2] = h_row[4 * apart + (m ^ 4)], a[i][3] = h_row[4 * apart + (m8 ^ 4)];
+            for (int i = 0; i < I; i++) {
+                // Strips begin at a multiple of 32: I is even.
+                int m = 16 * i + g, at = r0 * IN + (m & ~31);
+                a[i][0] = h_row[at + ((m & 31) ^ s)], a[i][1] = h_row[at + ((m & 31) + 8 ^ s)];
+                a[i][2] = h_row[at + 4 * IN + ((m & 31) ^ s ^ 4)], a[i][3] = h_row[at + 4 * IN + ((m & 31) + 8 ^ s ^ 4)];
             }
 #pragma unroll
             for (int j = 0; j < 4; j++) {
-                int n = (n0 + 8 * j + g) ^ (t << 3);
-                b[j][0] = d_row[n], b[j][1] = d_row[4 * columns + (n ^ 4)];
+                int n = 8 * j + g ^ s;
+                b[j][0] = d_row[r0 * OUT + n], b[j][1] = d_row[(r0 + 4) * OUT + (n ^ 4)];
+                sum_of_rows[j] += b[j][0] + b[j][1];
             }
-            multiply(sum, a, b);
+            multiply<I>(sum, a, b);
         }
 #pragma unroll
-        for (int i = 0; i < 2; i++)
+        for (int i = 0; i < I; i++)
 #pragma unroll
-            for (int j = 0; j < 4; j++)
+            for (int j = 0; j < 4; j++) {
+                float4 now = {sum[i][j][0], sum[i][j][1], sum[i][j][2], sum[i][j][3]};
+                to[i * (OUT / 32) * 128 + j * 32] = now;
+            }
+        if (strip == 0)
 #pragma unroll
-                for (int e = 0; e < 4; e++)
-                    out[(16 * i + 8 * (e >> 1)) * columns + 8 * j + (e & 1)] = sum[i][j][e];
-    }
-    for (int n = threadIdx.x; n < columns; n += THREADS) {
-        float* out = gradient + net.bias[layer] + n;
-        float sum = first ? 0.0f : *out;
-#pragma unroll 8
-        for (int r = 0; r < ROWS; r++) sum += d[r * columns + (n ^ swizzle(r))];
-        *out = sum;
+            for (int j = 0; j < 4; j++) {
+                float x = sum_of_four(sum_of_rows[j]);
+                float* at = of_bias + column * 32 + 8 * j + g;
+                if (t == 0) *at = first ? x : *at + x;
+            }
     }
 }
 
-// Policy loss of one row, as gaitfit-learn has it: the derivative takes the place of the mean.
+// Wide tiles where there are enough of them for all warps.
+template <int IN, int OUT>
+DEVICE void gather_gradient(const float* h, const float* d, float* of_weight, float* of_bias, bool first) {
+    constexpr int I = IN % 64 == 0 && IN / 64 * (OUT / 32) >= WARPS ? 4 : 2;
+    gather_tiles<I, IN, OUT>(h, d, of_weight, of_bias, first);
+}
+
+// Policy loss of one row, as gaitfit-learn has it: the derivative takes the place of the mean. Four threads share a row,
+// this is number `part`; the row of `action` is number `i` of the samples if it is `inside`.
 DEVICE void policy_loss(
-    float* out, int s, const float* action, const float* old_mean, float old_log_probability, float advantage,
-    const float* constants, float weight, float* losses, float* pull
+    float* out, int s, int part, bool inside, const float* action, const float* old_mean, float old_log_probability,
+    float advantage, const float* constants, float weight, float* losses, float* pull
 ) {
     float squares = 0.0f, shift = 0.0f;
-    for (int c = 0; c < ACTIONS; c++) {
+    for (int c = part; c < ACTIONS && inside; c += 4) {
         float mean = out[c ^ s], z = (action[c] - mean) * constants[c], moved = (old_mean[c] - mean) * constants[c];
         squares += z * z;
         shift += moved * moved;
         pull[c] = z;
     }
+    squares = sum_of_four(squares);
+    shift = sum_of_four(shift);
     float log_ratio = -0.5f * squares - constants[ACTIONS] - old_log_probability, ratio = expf(log_ratio);
     float low = 1.0f - CLIP, high = 1.0f + CLIP;
     float clipped = ratio < low ? low : ratio;
@@ -240,11 +261,12 @@ DEVICE void policy_loss(
     // Written so that a NaN takes the plain branch and shows in the loss.
     bool held = bounded > plain;
     float pull_of_row = held ? 0.0f : plain * weight;
-    for (int c = 0; c < ACTIONS; c++) {
-        float z = pull[c];
-        out[c ^ s] = rounded(pull_of_row * z * constants[c]);
-        pull[c] = pull_of_row * (z * z - 1.0f);
+    for (int c = part; c < ACTIONS; c += 4) {
+        float z = inside ? pull[c] : 0.0f;
+        out[c ^ s] = inside ? rounded(pull_of_row * z * constants[c]) : 0.0f;
+        pull[c] = inside ? pull_of_row * (z * z - 1.0f) : 0.0f;
     }
+    if (part != 0 || !inside) return;
     losses[SURROGATE * ROWS] = held ? bounded : plain;
     losses[DIVERGENCE * ROWS] = 0.5f * shift + constants[ACTIONS + 1];
     losses[RATIO_K1 * ROWS] = -log_ratio;
@@ -265,6 +287,36 @@ DEVICE void value_loss(float* out, float old, float target, bool clip, float wei
     *out = rounded(2.0f * VALUE_COEFFICIENT * weight * pull);
 }
 
+// One layer of one network, by its widths: SHAPES lists those of both networks once each.
+DEVICE void forward_layer(const Net& net, int layer, float* pool, const float* packed) {
+    const float* h = pool + net.place[layer];
+    float* out = pool + net.place[layer + 1];
+#define CASE(number, K_IN, IN, OUT, K_OUT) \
+    if (net.shape[layer] == number) \
+        forward<K_IN, IN, OUT>(h, out, packed + net.weight[layer], packed + net.bias[layer], layer + 1 == net.layers);
+    SHAPES(CASE)
+#undef CASE
+}
+
+DEVICE void backward_layer(const Net& net, int layer, float* pool, const float* packed) {
+    float* h = pool + net.place[layer];
+    const float* d = pool + net.place[layer + 1];
+#define CASE(number, K_IN, IN, OUT, K_OUT) \
+    if (net.shape[layer] == number) backward<K_OUT, IN, OUT>(h, d, packed + net.back[layer]);
+    SHAPES(CASE)
+#undef CASE
+}
+
+DEVICE void gather_layer(const Net& net, int layer, const float* pool, float* gradient, bool first) {
+    const float* h = pool + net.place[layer];
+    const float* d = pool + net.place[layer + 1];
+#define CASE(number, K_IN, IN, OUT, K_OUT) \
+    if (net.shape[layer] == number) \
+        gather_gradient<IN, OUT>(h, d, gradient + net.of_weight[layer], gradient + net.of_bias[layer], first);
+    SHAPES(CASE)
+#undef CASE
+}
+
 // Blocks 0 .. actor_blocks are the actor's. `places`: rows of the samples, from `from` on `rows` of this minibatch.
 // `scale`: of the actor's observations, then of the critic's. `sums`: blocks x (LOSSES + ACTIONS), the latter the
 // derivative by ln sigma.
@@ -279,7 +331,7 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
     const Net& net = NETS[actor ? 0 : 1];
     u32 block = actor ? blockIdx.x : blockIdx.x - actor_blocks, blocks = actor ? actor_blocks : gridDim.x - actor_blocks;
     const float* weights = packed + (actor ? 0 : ACTOR_PACKED);
-    float* gradient = partial + (u64)(actor ? 0 : actor_blocks) * ACTOR_PACKED + (u64)block * net.packed;
+    float* gradient = partial + (u64)(actor ? 0 : actor_blocks) * ACTOR_GRADIENT + (u64)block * net.gradient;
     const float* input = actor ? observation : critic_observation;
     const float* input_scale = actor ? scale : scale + 2 * OBSERVATION;
     float* losses = pool + net.end;
@@ -305,23 +357,22 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
         }
         __syncthreads();
         for (int layer = 0; layer < net.layers; layer++) {
-            forward(net, layer, pool, weights);
+            forward_layer(net, layer, pool, weights);
             __syncthreads();
         }
-        if (threadIdx.x < ROWS) {
-            int r = threadIdx.x, s = swizzle(r);
+        for (int r = threadIdx.x >> 2; r < ROWS; r += THREADS / 4) {
+            int s = swizzle(r), part = threadIdx.x & 3;
             u32 number = tile * ROWS + r;
+            bool inside = number < rows;
+            u64 i = inside ? places[from + number] : 0;
             float* out = pool + net.place[net.layers] + r * outputs_apart;
-            if (number >= rows) {
-                for (int c = 0; c < net.width[net.layers]; c++) out[c ^ s] = 0.0f;
-            } else if (actor) {
-                u64 i = places[from + number];
+            if (actor) {
                 policy_loss(
-                    out, s, action + i * ACTIONS, mean + i * ACTIONS, log_probability[i], advantage[i], constants, weight,
-                    losses + r, pulls + r * ACTIONS);
-            } else {
-                u64 i = places[from + number];
-                value_loss(out + s, value[i], returns[i], clip_value, weight, losses + r);
+                    out, s, part, inside, action + i * ACTIONS, mean + i * ACTIONS, log_probability[i], advantage[i],
+                    constants, weight, losses + r, pulls + r * ACTIONS);
+            } else if (part == 0) {
+                if (inside) value_loss(out + s, value[i], returns[i], clip_value, weight, losses + r);
+                else out[s] = 0.0f;
             }
         }
         __syncthreads();
@@ -332,10 +383,10 @@ extern "C" __global__ void __launch_bounds__(THREADS, 1) network(
             for (int r = 0; r < ROWS; r++) total += from_row[r * (loss ? 1 : ACTIONS)];
         }
         for (int layer = net.layers; layer-- > 0;) {
-            gather_gradient(net, layer, pool, gradient, first);
+            gather_layer(net, layer, pool, gradient, first);
             __syncthreads();
             if (layer > 0) {
-                backward(net, layer, pool, weights);
+                backward_layer(net, layer, pool, weights);
                 __syncthreads();
             }
         }

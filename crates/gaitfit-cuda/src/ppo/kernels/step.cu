@@ -1,7 +1,7 @@
 // From the blocks' gradients to the next parameters.
 
-// Adds up the blocks' parts of each parameter's derivative, in order. `map`: where each parameter lies in its network's
-// padded copy. `squares`: 2 x blocks of this launch, the sums of squares of the actor's and of the critic's part.
+// Adds up the blocks' parts of each parameter's derivative, in order. `map`: where each parameter's part lies in
+// its network's gradient. `squares`: 2 x blocks of this launch, the sums of squares of the actor's and of the critic's part.
 KERNEL reduce(
     u32 actor_blocks, u32 critic_blocks, const u32* control, const float* partial, const u32* map, float* gradient,
     double* squares
@@ -10,8 +10,8 @@ KERNEL reduce(
     bool actor = i < ACTOR_PARAMETERS;
     float sum = 0.0f;
     if (i < ACTOR_PARAMETERS + CRITIC_PARAMETERS) {
-        u32 blocks = actor ? actor_blocks : critic_blocks, apart = actor ? ACTOR_PACKED : CRITIC_PACKED;
-        const float* from = partial + (actor ? 0 : (u64)actor_blocks * ACTOR_PACKED) + map[i];
+        u32 blocks = actor ? actor_blocks : critic_blocks, apart = actor ? ACTOR_GRADIENT : CRITIC_GRADIENT;
+        const float* from = partial + (actor ? 0 : (u64)actor_blocks * ACTOR_GRADIENT) + map[i];
         if (!(actor && control[CRITIC_ALONE]))
 #pragma unroll 8
             for (u32 b = 0; b < blocks; b++) sum += from[(u64)b * apart];
@@ -108,10 +108,11 @@ KERNEL finish(
     policy_constants(log_std, old_log_std, constants, state);
 }
 
-// Steps the networks' parameters and renews the padded copy. `alone`: take no step, only copy.
+// Steps the networks' parameters and renews both copies of each. `forth`, `back`: where they lie; a parameter without a
+// place has none. `alone`: take no step, only copy.
 KERNEL adam(
-    u32 alone, const u32* control, const double* state, const u32* map, const float* gradient, float* moments,
-    float* parameters, float* packed
+    u32 alone, const u32* control, const double* state, const u32* forth, const u32* back, const float* gradient,
+    float* moments, float* parameters, float* packed
 ) {
     u32 i = blockIdx.x * blockDim.x + threadIdx.x;
     if (i >= ACTOR_PARAMETERS + CRITIC_PARAMETERS) return;
@@ -120,5 +121,9 @@ KERNEL adam(
         if (state[FAULT] != 0.0 || (actor && control[CRITIC_ALONE])) return;
         parameters[i] = adam_step(parameters[i], gradient[i], &moments[i], &moments[PARAMETERS + i], state);
     }
-    packed[(actor ? 0 : ACTOR_PACKED) + map[i]] = rounded(parameters[i]);
+    // A bias is added in full precision.
+    float* own = packed + (actor ? 0 : ACTOR_PACKED);
+    float x = parameters[i];
+    own[forth[i]] = back[i] == 0xFFFFFFFFu ? x : rounded(x);
+    if (back[i] != 0xFFFFFFFFu) own[back[i]] = rounded(x);
 }

@@ -1,0 +1,119 @@
+//! The update on a GPU against the CPU's learner and `f64`.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod reference;
+
+use gaitfit_cuda::ppo::{Batch, Learner, PpoError, Precision};
+use gaitfit_cuda::runtime::Device;
+use gaitfit_learn::ppo::{self, Samples, Settings, UpdateError, Widths, bench::synthetic};
+
+const WIDTHS: Widths = Widths { observation: 45, critic_observation: 48, action: 12 };
+
+/// A learner that has learned once, and its samples.
+fn problem(settings: Settings, tiles: usize) -> (ppo::Learner, Vec<Samples>) {
+    let mut learner = ppo::Learner::new(settings, WIDTHS, 5).unwrap();
+    learner.update(&mut synthetic(&learner, 1, 256, 24, 1), 0, 8).unwrap();
+    let samples = synthetic(&learner, tiles, 256, 24, 3);
+    (learner, samples)
+}
+
+fn batch(tiles: usize) -> Batch {
+    Batch { steps: 24, environments: 256 * tiles, tile: 256 }
+}
+
+fn flat(learner: &ppo::Learner) -> Vec<f64> {
+    let [actor, critic, log_std, ..] = learner.tensors().map(|(_, numbers)| numbers);
+    [actor, critic, log_std].concat().into_iter().map(f64::from).collect()
+}
+
+/// ‖a − b‖ / ‖b‖.
+fn distance(a: impl IntoIterator<Item = f64>, b: &[f64]) -> f64 {
+    let norm = |numbers: &mut dyn Iterator<Item = f64>| numbers.map(|x| x * x).sum::<f64>().sqrt();
+    norm(&mut a.into_iter().zip(b).map(|(a, b)| a - b)) / norm(&mut b.iter().copied())
+}
+
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_gradient_is_that_of_f64() {
+    let settings =
+        Settings { epochs: 1, minibatches: 1, normalise_observations: true, ..Settings::default() };
+    let (cpu, mut tiles) = problem(settings, 1);
+    let device = Device::open(0).unwrap();
+    for (precision, limit) in [(Precision::F32, 3e-6), (Precision::Tf32, 3e-3)] {
+        let mut learner = Learner::new(&device, &cpu, batch(1), precision).unwrap();
+        learner.upload(&tiles).unwrap();
+        learner.update(9).unwrap();
+        let gradient = learner.read_f32("gradient").unwrap();
+        tiles[0].advantage = learner.read_f32("advantage").unwrap();
+        tiles[0].returns = learner.read_f32("returns").unwrap();
+        let wanted = reference::gradient(&cpu, &tiles[0]);
+        let far = distance(gradient.iter().map(|&g| f64::from(g)), &wanted);
+        println!("{precision:?}: the gradient differs from f64 by {far:.1e}");
+        assert!(far < limit, "{precision:?}: {far}");
+    }
+}
+
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_update_is_the_cpus_and_its_own_bits_again() {
+    let settings = Settings { epochs: 2, normalise_observations: true, ..Settings::default() };
+    let (mut cpu, mut tiles) = problem(settings, 4);
+    let device = Device::open(0).unwrap();
+    let before = flat(&cpu);
+    let mut found = Vec::new();
+    for precision in [Precision::F32, Precision::F32, Precision::Tf32] {
+        let mut learner = Learner::new(&device, &cpu, batch(4), precision).unwrap();
+        learner.upload(&tiles).unwrap();
+        let report = learner.update(9).unwrap();
+        let mut out = ppo::Learner::new(cpu.settings().clone(), WIDTHS, 77).unwrap();
+        learner.store(&mut out).unwrap();
+        found.push((flat(&out), report, out.scalars()));
+    }
+    assert!(found[0].0 == found[1].0 && found[0].1 == found[1].1, "the same update has other bits");
+    let report = cpu.update(&mut tiles, 9, 8).unwrap();
+    let learned = |after: &[f64]| -> Vec<f64> { after.iter().zip(&before).map(|(a, b)| a - b).collect() };
+    let wanted = learned(&flat(&cpu));
+    for ((parameters, own, scalars), limit) in [(&found[0], 1e-3), (&found[2], 0.2)] {
+        let far = distance(learned(parameters), &wanted);
+        println!("what was learned differs from the CPU's by {far:.1e}\n{own:?}");
+        assert!(far < limit, "{far}");
+        assert_eq!((scalars.steps, scalars.seed), (cpu.scalars().steps, 5));
+        assert!((own.kl - report.kl).abs() < 0.1 * limit * report.kl.max(1e-3), "{} {}", own.kl, report.kl);
+        assert!((own.value_loss - report.value_loss).abs() < 0.1 * limit * report.value_loss);
+        assert!((own.explained_variance - report.explained_variance).abs() < 1e-6);
+    }
+    assert_eq!(found[0].2.learning_rate, cpu.scalars().learning_rate);
+    println!("{report:?}");
+}
+
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_refuses_what_it_cannot_learn_from() {
+    let (mut cpu, mut tiles) = problem(Settings::default(), 1);
+    let device = Device::open(0).unwrap();
+    let mut learner = Learner::new(&device, &cpu, batch(1), Precision::Tf32).unwrap();
+    assert!(matches!(learner.upload(&tiles[..0]), Err(PpoError::Batch { .. })));
+    tiles[0].action[12 * 300 + 5] = f32::NAN;
+    learner.upload(&tiles).unwrap();
+    let error = learner.update(1).unwrap_err();
+    assert!(
+        error.to_string().contains("`action` is NaN at step 1, environment 44 of tile 0, element 5"),
+        "{error}"
+    );
+    tiles[0].action[12 * 300 + 5] = 0.0;
+    tiles[0].reward[7] = 3e38;
+    tiles[0].reward[8] = 3e38;
+    learner.upload(&tiles).unwrap();
+    let error = learner.update(1).unwrap_err();
+    // The minibatches before the faulty one were learned from, as on the CPU.
+    let wanted = cpu.update(&mut tiles, 1, 8).unwrap_err();
+    assert!(matches!(wanted, UpdateError::NotFinite { .. }), "{wanted}");
+    assert_eq!(error, PpoError::Update(wanted));
+    let mut out = ppo::Learner::new(Settings::default(), WIDTHS, 77).unwrap();
+    learner.store(&mut out).unwrap();
+    assert_eq!(out.scalars().steps, cpu.scalars().steps);
+    let wide = Settings { actor_hidden: vec![2048; 3], ..Settings::default() };
+    let wide = ppo::Learner::new(wide, WIDTHS, 1).unwrap();
+    let error = Learner::new(&device, &wide, batch(1), Precision::Tf32).map(|_| ()).unwrap_err();
+    assert!(error.to_string().contains("45-2048-2048-2048-12"), "{error}");
+}
