@@ -132,7 +132,8 @@ impl NetLayout {
     /// Widths of each layer as the kernels are made for them: columns of the input that are used and that there are,
     /// columns of the output that there are and that are used.
     pub(super) fn shapes(&self) -> Vec<[usize; 4]> {
-        let used = |width: usize| width.next_multiple_of(8);
+        // Not finer, so that fewer different kernels are compiled.
+        let used = |width: usize| width.next_multiple_of(16);
         (0..self.weights.len())
             .map(|l| [used(self.widths[l]), self.padded[l], self.padded[l + 1], used(self.widths[l + 1])])
             .collect()
@@ -164,6 +165,6 @@ mod tests {
         assert_eq!(places(&layout.map, layout.gradient).len(), shape.parameters());
         let copies = [layout.forth.clone(), layout.back.clone()].concat();
         assert_eq!(places(&copies, layout.packed).len(), 2 * shape.parameters() - 33 - 7 - 2);
-        assert_eq!(layout.shapes(), [[8, 32, 64, 40], [40, 64, 32, 8], [8, 32, 32, 8]]);
+        assert_eq!(layout.shapes(), [[16, 32, 64, 48], [48, 64, 32, 16], [16, 32, 32, 16]]);
     }
 }

@@ -1,108 +1,16 @@
 //! The learner in the GPU's memory.
 
-use gaitfit_learn::ppo::{self, Culprit, Diagnostics, Samples, SamplesError, StateError, UpdateError};
+use gaitfit_learn::ppo::{self, Culprit, Diagnostics, Samples, SamplesError, UpdateError};
 use gaitfit_policy::network::Normaliser;
 
-use super::layout::TooWide;
-use super::plan::{Batch, CHECKED, Id, Kind, Launch, Plan, Task, Value};
-use super::text::{MOST_ACTIONS, Precision, Text};
-use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Program, Stream};
+use super::error::PpoError;
+use super::plan::{Batch, CHECKED, Id, Kind, Launch, Plan, Value};
+use super::prepared::{Limits, Prepared};
+use super::text::Precision;
+use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream};
 
 /// Least compute capability: the matrix units' TF32.
 const CAPABILITY: (i32, i32) = (8, 0);
-
-/// Why the GPU cannot learn, or could not.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum PpoError {
-    /// The GPU or its driver.
-    #[error(transparent)]
-    Cuda(#[from] CudaError),
-    /// Networks that do not fit.
-    #[error(transparent)]
-    TooWide(#[from] TooWide),
-    /// Samples or arithmetic that is not finite, as the CPU's learner has it.
-    #[error(transparent)]
-    Update(#[from] UpdateError),
-    /// The CPU's learner does not take the state back.
-    #[error(transparent)]
-    State(#[from] StateError),
-    /// A GPU without the matrix units' TF32.
-    #[error("{name} has compute capability {}.{}, learning needs {}.{}: use the CPU", .found.0, .found.1, .least.0, .least.1)]
-    TooOld {
-        /// The GPU.
-        name: String,
-        /// Its compute capability.
-        found: (i32, i32),
-        /// Needed.
-        least: (i32, i32),
-    },
-    /// More than the kernels count.
-    #[error("{what} are {found}, the GPU's learner takes up to {most}: use the CPU")]
-    TooMany {
-        /// What.
-        what: &'static str,
-        /// How many.
-        found: usize,
-        /// At most.
-        most: usize,
-    },
-    /// Samples of another size than the learner was made for.
-    #[error("the samples are of {found} tiles, steps and environments, the learner was made for {expected}")]
-    Batch {
-        /// The learner's.
-        expected: String,
-        /// The samples'.
-        found: String,
-    },
-}
-
-/// What the update's plan must know of a GPU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
-    /// Multiprocessors.
-    pub processors: usize,
-    /// Bytes of shared memory that a block may ask for.
-    pub shared_memory: usize,
-}
-
-/// The update's text and plan, made without a GPU.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Prepared {
-    /// The kernels.
-    pub program: Program,
-    /// Arrays and launches.
-    pub plan: Plan,
-    /// What the arrays `map`, `forth` and `back` hold: where each parameter's derivative and its two copies lie.
-    pub maps: [Vec<u32>; 3],
-    /// Parameters of the actor and of the critic.
-    pub sizes: [usize; 2],
-}
-
-impl Prepared {
-    /// For a copy of the CPU's `learner` and rollouts of `batch`.
-    ///
-    /// # Errors
-    /// [`PpoError`] for sizes that the kernels do not take.
-    pub fn new(
-        learner: &ppo::Learner,
-        batch: Batch,
-        precision: Precision,
-        limits: Limits,
-    ) -> Result<Self, PpoError> {
-        let (settings, widths) = (learner.settings(), learner.widths());
-        check_sizes(settings, widths, batch)?;
-        let shapes = [&learner.actor().shape, &learner.critic().shape];
-        let text = Text::new(settings, widths, shapes, precision, limits.shared_memory)?;
-        let normalised = [learner.normaliser().is_some(), learner.critic_normaliser().is_some()];
-        let plan =
-            Plan::new(&Task { settings, widths, batch, processors: limits.processors, normalised }, &text);
-        let (a, c) = (&text.actor, &text.critic);
-        let maps = [[&a.map, &c.map], [&a.forth, &c.forth], [&a.back, &c.back]]
-            .map(|maps| maps.map(|map| &map[..]).concat());
-        let sizes = [text.actor.map.len(), text.critic.map.len()];
-        Ok(Self { program: text.program, plan, maps, sizes })
-    }
-}
 
 /// An array of the plan in the GPU's memory.
 enum Storage {
@@ -522,29 +430,4 @@ fn array_of<'a>(samples: &'a Samples, name: &str) -> &'a [f32] {
         "done" => &samples.done,
         _ => &samples.last_value,
     }
-}
-
-/// Most minibatches: each block counts its samples of every one.
-const MOST_MINIBATCHES: usize = 8192;
-/// Most numbers of an array: kernels count in 32 bits.
-const MOST_NUMBERS: usize = u32::MAX as usize / 2;
-
-fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> Result<(), PpoError> {
-    let rows = batch.rows();
-    let minibatches = settings.minibatches;
-    if rows < minibatches || batch.tile == 0 {
-        return Err(UpdateError::from(SamplesError::TooFew { samples: rows, minibatches }).into());
-    }
-    let widest = widths.observation.max(widths.critic_observation).max(widths.action);
-    for (what, found, most) in [
-        ("actions", widths.action, MOST_ACTIONS),
-        ("minibatches", minibatches, MOST_MINIBATCHES),
-        ("numbers of an array", rows.saturating_mul(widest), MOST_NUMBERS),
-        ("samples of all epochs", rows.saturating_mul(settings.epochs), MOST_NUMBERS),
-    ] {
-        if found > most {
-            return Err(PpoError::TooMany { what, found, most });
-        }
-    }
-    Ok(())
 }

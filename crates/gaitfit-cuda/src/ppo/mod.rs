@@ -7,12 +7,16 @@
 //!
 //! The same update on the same GPU gives the same bits every time. It differs from the CPU's by rounding.
 
+mod error;
 mod layout;
 mod learner;
 mod plan;
+mod prepared;
 mod text;
 
+pub use error::PpoError;
 pub use layout::TooWide;
-pub use learner::{Learner, Limits, PpoError, Prepared};
+pub use learner::Learner;
 pub use plan::{Array, Batch, Id, Kind, Launch, Plan, Value};
+pub use prepared::{Limits, Prepared};
 pub use text::Precision;

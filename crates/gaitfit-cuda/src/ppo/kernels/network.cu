@@ -121,7 +121,7 @@ DEVICE float slope(float h) {
 // matrix units take it, of COLUMNS columns, from this thread's first part on.
 template <int K, int APART, int COLUMNS>
 DEVICE void product(float (&sum)[2][4][4], const float* rows, const float4* __restrict__ fragments) {
-#pragma unroll 16
+#pragma unroll 4
     for (int k0 = 0; k0 < K; k0 += 8) {
         float4 low = fragments[k0 * 2 * (COLUMNS / 8)], high = fragments[k0 * 2 * (COLUMNS / 8) + 32];
         float b[4][2] = {{low.x, low.y}, {low.z, low.w}, {high.x, high.y}, {high.z, high.w}}, a[2][4];
@@ -196,7 +196,7 @@ DEVICE void gather_tiles(const float* h, const float* d, float* of_weight, float
                 }
         const float* h_row = h + t * IN + (strip * 16 & ~31);
         const float* d_row = d + t * OUT + column * 32;
-#pragma unroll 8
+#pragma unroll 4
         for (int r0 = 0; r0 < ROWS; r0 += 8) {
             float a[I][4], b[4][2];
 #pragma unroll

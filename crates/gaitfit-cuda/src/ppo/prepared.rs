@@ -1,0 +1,81 @@
+//! Text and plan of an update, made without a GPU.
+
+use gaitfit_learn::ppo::{self, SamplesError, UpdateError};
+
+use super::error::PpoError;
+use super::plan::{Batch, Plan, Task};
+use super::text::{MOST_ACTIONS, Precision, Text};
+use crate::runtime::Program;
+
+/// What the update's plan must know of a GPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Multiprocessors.
+    pub processors: usize,
+    /// Bytes of shared memory that a block may ask for.
+    pub shared_memory: usize,
+}
+
+/// The update's text and plan, made without a GPU.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prepared {
+    /// The kernels.
+    pub program: Program,
+    /// Arrays and launches.
+    pub plan: Plan,
+    /// What the arrays `map`, `forth` and `back` hold: where each parameter's derivative and its two copies lie.
+    pub maps: [Vec<u32>; 3],
+    /// Parameters of the actor and of the critic.
+    pub sizes: [usize; 2],
+}
+
+impl Prepared {
+    /// For a copy of the CPU's `learner` and rollouts of `batch`.
+    ///
+    /// # Errors
+    /// [`PpoError`] for sizes that the kernels do not take.
+    pub fn new(
+        learner: &ppo::Learner,
+        batch: Batch,
+        precision: Precision,
+        limits: Limits,
+    ) -> Result<Self, PpoError> {
+        let (settings, widths) = (learner.settings(), learner.widths());
+        check_sizes(settings, widths, batch)?;
+        let shapes = [&learner.actor().shape, &learner.critic().shape];
+        let text = Text::new(settings, widths, shapes, precision, limits.shared_memory)?;
+        let normalised = [learner.normaliser().is_some(), learner.critic_normaliser().is_some()];
+        let plan =
+            Plan::new(&Task { settings, widths, batch, processors: limits.processors, normalised }, &text);
+        let (a, c) = (&text.actor, &text.critic);
+        let maps = [[&a.map, &c.map], [&a.forth, &c.forth], [&a.back, &c.back]]
+            .map(|maps| maps.map(|map| &map[..]).concat());
+        let sizes = [text.actor.map.len(), text.critic.map.len()];
+        Ok(Self { program: text.program, plan, maps, sizes })
+    }
+}
+
+/// Most minibatches: each block counts its samples of every one.
+const MOST_MINIBATCHES: usize = 8192;
+/// Most numbers of an array: kernels count in 32 bits.
+const MOST_NUMBERS: usize = u32::MAX as usize / 2;
+
+fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> Result<(), PpoError> {
+    let rows = batch.rows();
+    let minibatches = settings.minibatches;
+    if rows < minibatches || batch.tile == 0 {
+        return Err(UpdateError::from(SamplesError::TooFew { samples: rows, minibatches }).into());
+    }
+    let widest = widths.observation.max(widths.critic_observation).max(widths.action);
+    for (what, found, most) in [
+        ("actions", widths.action, MOST_ACTIONS),
+        ("minibatches", minibatches, MOST_MINIBATCHES),
+        ("numbers of an array", rows.saturating_mul(widest), MOST_NUMBERS),
+        ("samples of all epochs", rows.saturating_mul(settings.epochs), MOST_NUMBERS),
+    ] {
+        if found > most {
+            return Err(PpoError::TooMany { what, found, most });
+        }
+    }
+    Ok(())
+}
