@@ -1,10 +1,11 @@
 //! Logs of a policy in a simulator.
 
-use crate::log_folder::{csv_files, write_logs};
+use crate::log_folder::write_logs;
 use crate::watch::Watch;
 use crate::world::{World, WorldSettings};
 use crate::{Access, Error};
 use gaitfit_learn::collect::CollectOptions;
+use gaitfit_log::csv_files;
 use gaitfit_model::shown_number;
 use std::path::{Path, PathBuf};
 

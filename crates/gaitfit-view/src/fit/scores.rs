@@ -47,21 +47,21 @@ struct ScoreRow {
 
 /// What the headline compares: the strictest that the fitted and the nominal simulator both have.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Measure {
+enum Yardstick {
     ValidationRmse,
     FitRmse,
     Cost,
 }
 
-impl Measure {
-    fn of_report(report: &FitReport) -> Measure {
-        let known = |measure: Measure| {
-            [Who::Fitted, Who::Nominal].iter().all(|who| measure.value(report, *who).is_finite())
+impl Yardstick {
+    fn of_report(report: &FitReport) -> Yardstick {
+        let known = |yardstick: Yardstick| {
+            [Who::Fitted, Who::Nominal].iter().all(|who| yardstick.value(report, *who).is_finite())
         };
-        [Measure::ValidationRmse, Measure::FitRmse].into_iter().find(|m| known(*m)).unwrap_or_else(|| {
+        [Yardstick::ValidationRmse, Yardstick::FitRmse].into_iter().find(|m| known(*m)).unwrap_or_else(|| {
             // A fit that diverged still has the errors of the others to be set against.
             let any = report.fitted.rmse_fit_rad.is_finite() || report.nominal.rmse_fit_rad.is_finite();
-            if any && !known(Measure::Cost) { Measure::FitRmse } else { Measure::Cost }
+            if any && !known(Yardstick::Cost) { Yardstick::FitRmse } else { Yardstick::Cost }
         })
     }
 
@@ -71,22 +71,22 @@ impl Measure {
             Who::Nominal => &report.nominal,
         };
         match self {
-            Measure::Cost => cost(report, who),
+            Yardstick::Cost => cost(report, who),
             _ => self.of(score),
         }
     }
 
     fn of(self, score: &Score) -> f64 {
         match self {
-            Measure::ValidationRmse => score.rmse_validation_rad,
-            Measure::FitRmse => score.rmse_fit_rad,
-            Measure::Cost => score.cost,
+            Yardstick::ValidationRmse => score.rmse_validation_rad,
+            Yardstick::FitRmse => score.rmse_fit_rad,
+            Yardstick::Cost => score.cost,
         }
     }
 
     /// What is smaller or larger, in a sentence about the nominal simulator or a baseline.
     fn noun(self) -> &'static str {
-        if self == Measure::Cost { "cost" } else { "error" }
+        if self == Yardstick::Cost { "cost" } else { "error" }
     }
 }
 
@@ -109,12 +109,12 @@ fn cost(report: &FitReport, who: Who) -> f64 {
 /// What says that the nominal simulator is closer to the logs than the fitted one; `None` if it is not.
 pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
     let measured = [
-        (Measure::ValidationRmse, "position error on the logs that the fit did not see", " rad"),
-        (Measure::Cost, "cost on the logs of the fit", ""),
-        (Measure::FitRmse, "position error on the logs of the fit", " rad"),
+        (Yardstick::ValidationRmse, "position error on the logs that the fit did not see", " rad"),
+        (Yardstick::Cost, "cost on the logs of the fit", ""),
+        (Yardstick::FitRmse, "position error on the logs of the fit", " rad"),
     ];
-    measured.into_iter().find_map(|(measure, what, unit)| {
-        let (fitted, nominal) = (measure.value(report, Who::Fitted), measure.value(report, Who::Nominal));
+    measured.into_iter().find_map(|(yardstick, what, unit)| {
+        let (fitted, nominal) = (yardstick.value(report, Who::Fitted), yardstick.value(report, Who::Nominal));
         (fitted > nominal && fitted.is_finite()).then(|| {
             format!(
                 "The {what} is {}{unit} after the fit and {}{unit} before it. Do not use this fit.",
@@ -127,41 +127,41 @@ pub(super) fn worse_than_nominal(report: &FitReport) -> Option<String> {
 
 /// The headline; with a severe doubt (`doubted`) nothing is praised.
 pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
-    let measure = Measure::of_report(report);
-    let (fitted, nominal) = (measure.value(report, Who::Fitted), measure.value(report, Who::Nominal));
+    let yardstick = Yardstick::of_report(report);
+    let (fitted, nominal) = (yardstick.value(report, Who::Fitted), yardstick.value(report, Who::Nominal));
     let first = report.fits.first();
     let cost_name = first.map_or(String::new(), |fit| clean(&fit.cost_name));
     let cost_heading = format!("{cost_name} cost").trim_start().to_string();
-    let rows = rows(report, measure);
+    let rows = rows(report, yardstick);
     let all = || [&report.nominal, &report.fitted].into_iter().chain(&report.baselines);
     Scores {
         before: significant(nominal, 3),
         after: significant(fitted, 3),
-        unit: if measure == Measure::Cost { "" } else { "rad" },
-        meaning: match measure {
-            Measure::ValidationRmse => {
+        unit: if yardstick == Yardstick::Cost { "" } else { "rad" },
+        meaning: match yardstick {
+            Yardstick::ValidationRmse => {
                 "RMS error of the joint positions, nominal → fitted, on logs that the fit did \
                                         not see. The simulators run freely: nothing resets them"
                     .into()
             }
-            Measure::FitRmse => {
+            Yardstick::FitRmse => {
                 "RMS error of the joint positions, nominal → fitted, on the logs that the fit used. \
                                  The simulators run freely: nothing resets them"
                     .into()
             }
-            Measure::Cost => {
+            Yardstick::Cost => {
                 let name = if cost_name.is_empty() { String::new() } else { format!(" {cost_name}") };
                 format!(
                     "The cost{name} that the fit makes small, nominal → fitted, on the logs that the fit used"
                 )
             }
         },
-        verdicts: verdicts(report, measure),
+        verdicts: verdicts(report, yardstick),
         rows,
-        bars: match measure {
-            Measure::ValidationRmse => "Position error on the validation logs (RMS, rad)".into(),
-            Measure::FitRmse => "Position error on the fitted logs (RMS, rad)".into(),
-            Measure::Cost => cost_heading.clone(),
+        bars: match yardstick {
+            Yardstick::ValidationRmse => "Position error on the validation logs (RMS, rad)".into(),
+            Yardstick::FitRmse => "Position error on the fitted logs (RMS, rad)".into(),
+            Yardstick::Cost => cost_heading.clone(),
         },
         cost_heading,
         cost: significant(cost(report, Who::Fitted), 4),
@@ -174,10 +174,10 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
 }
 
 /// Every predictor, the longest bar first and the fit last: the eye runs down to it.
-fn rows(report: &FitReport, measure: Measure) -> Vec<ScoreRow> {
+fn rows(report: &FitReport, yardstick: Yardstick) -> Vec<ScoreRow> {
     let nominal = Score { cost: cost(report, Who::Nominal), ..report.nominal.clone() };
     let fitted = Score { cost: cost(report, Who::Fitted), ..report.fitted.clone() };
-    let value = |score: &Score| measure.of(score);
+    let value = |score: &Score| yardstick.of(score);
     let all = || std::iter::once(&nominal).chain(&report.baselines).chain([&fitted]);
     let largest = extent(all().map(value)).map_or(1.0, |(_, high)| high);
     // Four decimals line up under one another; values they would round away keep their digits instead.
@@ -199,15 +199,15 @@ fn rows(report: &FitReport, measure: Measure) -> Vec<ScoreRow> {
     rows
 }
 
-fn verdicts(report: &FitReport, measure: Measure) -> Vec<Verdict> {
-    let (fitted, nominal) = (measure.value(report, Who::Fitted), measure.value(report, Who::Nominal));
-    let noun = measure.noun();
+fn verdicts(report: &FitReport, yardstick: Yardstick) -> Vec<Verdict> {
+    let (fitted, nominal) = (yardstick.value(report, Who::Fitted), yardstick.value(report, Who::Nominal));
+    let noun = yardstick.noun();
     let mut verdicts = Vec::new();
     verdicts.extend(verdict(fitted, nominal, &format!("the nominal simulator's {noun}")));
-    let known = report.baselines.iter().filter(|s| measure.of(s).is_finite());
-    if let Some(best) = known.min_by(|a, b| measure.of(a).total_cmp(&measure.of(b))) {
+    let known = report.baselines.iter().filter(|s| yardstick.of(s).is_finite());
+    if let Some(best) = known.min_by(|a, b| yardstick.of(a).total_cmp(&yardstick.of(b))) {
         let what = format!("the {noun} of the best baseline, {}", name_of(best, "unnamed"));
-        verdicts.extend(verdict(fitted, measure.of(best), &what));
+        verdicts.extend(verdict(fitted, yardstick.of(best), &what));
     }
     verdicts
 }

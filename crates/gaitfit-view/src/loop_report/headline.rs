@@ -1,7 +1,7 @@
 //! The result in a few numbers: the policy before and after, on the target.
 
 use super::policies::{Cast, printed};
-use super::tracking::QUANTITIES;
+use super::tracking::COLUMNS;
 use super::{Estimate, LoopReport, drift};
 use crate::format::significant;
 use crate::page::is_severe;
@@ -42,7 +42,7 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<Headline> {
         Some(Estimate { mean: drift::summary(set).0, ci95: f64::NAN })
     };
     let is_pair = cast.before != cast.after;
-    let errors = QUANTITIES.iter().filter(|q| q.is_error).map(|q| {
+    let errors = COLUMNS.iter().filter(|q| q.is_error).map(|q| {
         let of = |policy| tracked(policy).map(q.of);
         number(q.name, q.unit, of(cast.before).filter(|_| is_pair), of(cast.after))
     });

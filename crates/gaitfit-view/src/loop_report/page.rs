@@ -6,7 +6,7 @@ use super::headline::{self, Headline};
 use super::policies::Cast;
 use super::rounds::{self, RoundLine, RoundSection};
 use super::tracking::{self, TrackingSection};
-use crate::format::{clean, clean_prose, duration};
+use crate::format::{clean, clean_prose};
 use crate::page::{self, Setting, ShownDoubt, ShownLink};
 use crate::replay::{Player, Replay, ReplayError};
 use serde::Serialize;
@@ -66,15 +66,13 @@ impl Page {
         };
         let mut warnings = page::lines(&report.warnings);
         warnings.extend(problem.map(|why: String| format!("The page has no replay: {}.", clean_prose(&why))));
-        let mut facts = vec![Setting { name: "Wall time".into(), value: duration(report.wall_seconds) }];
-        facts.extend(page::settings(&report.facts));
         Page {
             title: clean(&report.title),
             robot: clean(&report.robot),
             created: clean(&report.created),
             doubts: page::doubts(&report.doubts),
             headline: headline::build(report, &cast),
-            facts,
+            facts: page::facts(report.wall_seconds, &report.facts),
             links: page::links(&report.links),
             warnings,
             lines: rounds::lines(report),

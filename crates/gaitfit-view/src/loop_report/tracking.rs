@@ -52,7 +52,7 @@ struct TableRow {
 }
 
 /// What is measured of a policy.
-pub(super) struct Quantity {
+pub(super) struct Column {
     pub name: &'static str,
     pub unit: &'static str,
     /// Whether less is better.
@@ -62,16 +62,16 @@ pub(super) struct Quantity {
 }
 
 /// In the order of the page.
-pub(super) const QUANTITIES: [Quantity; 4] = [
-    Quantity { name: "Linear-velocity error", unit: "m/s", is_error: true, of: |t| t.linear_velocity_error },
-    Quantity {
+pub(super) const COLUMNS: [Column; 4] = [
+    Column { name: "Linear-velocity error", unit: "m/s", is_error: true, of: |t| t.linear_velocity_error },
+    Column {
         name: "Angular-velocity error",
         unit: "rad/s",
         is_error: true,
         of: |t| t.angular_velocity_error,
     },
-    Quantity { name: "Summed reward", unit: "", is_error: false, of: |t| t.reward },
-    Quantity {
+    Column { name: "Summed reward", unit: "", is_error: false, of: |t| t.reward },
+    Column {
         name: "Fall rate",
         unit: "%",
         is_error: true,
@@ -81,8 +81,8 @@ pub(super) const QUANTITIES: [Quantity; 4] = [
 
 pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection> {
     let shown = &report.tracking[..report.tracking.len().min(MOST_ROWS)];
-    let known: Vec<&Quantity> =
-        QUANTITIES.iter().filter(|q| shown.iter().any(|t| (q.of)(t).mean.is_finite())).collect();
+    let known: Vec<&Column> =
+        COLUMNS.iter().filter(|q| shown.iter().any(|t| (q.of)(t).mean.is_finite())).collect();
     if known.is_empty() {
         return None;
     }
@@ -93,7 +93,7 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection>
         color: cast.color(&t.policy),
         cells: known.iter().map(|q| text((q.of)(t))).collect(),
     };
-    let heading = |q: &&Quantity| {
+    let heading = |q: &&Column| {
         if q.unit.is_empty() { q.name.to_string() } else { format!("{} ({})", q.name, q.unit) }
     };
     Some(TrackingSection {
@@ -104,9 +104,9 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection>
     })
 }
 
-fn card(quantity: &Quantity, shown: &[Tracking], cast: &Cast) -> Card {
+fn card(column: &Column, shown: &[Tracking], cast: &Cast) -> Card {
     let row = |t: &Tracking| {
-        let Estimate { mean, ci95 } = (quantity.of)(t);
+        let Estimate { mean, ci95 } = (column.of)(t);
         let look = Look::color(cast.color(&t.policy));
         Row { marks: vec![Mark { value: mean, spread: ci95, look, ..Mark::default() }], ..Row::default() }
     };
@@ -118,14 +118,14 @@ fn card(quantity: &Quantity, shown: &[Tracking], cast: &Cast) -> Card {
                 policy: printed(&t.policy, UNKNOWN),
                 color: cast.color(&t.policy),
                 svg: intervals::row(row, &scale),
-                text: text((quantity.of)(t)),
+                text: text((column.of)(t)),
             });
         Group { simulator: printed(simulator, UNKNOWN), rows: rows.collect() }
     };
     Card {
-        name: quantity.name,
-        unit: quantity.unit,
-        better: if quantity.is_error { "less is better" } else { "more is better" },
+        name: column.name,
+        unit: column.unit,
+        better: if column.is_error { "less is better" } else { "more is better" },
         groups: cast.simulators.iter().map(group).filter(|g| !g.rows.is_empty()).collect(),
         axis: intervals::axis(&scale),
     }

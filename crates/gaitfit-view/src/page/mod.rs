@@ -9,7 +9,7 @@ pub(crate) use doubts::{ShownDoubt, doubts, is_severe};
 pub(crate) use links::{ShownLink, links};
 
 use crate::chart::STYLE;
-use crate::format::{clean, clean_prose};
+use crate::format::{clean, clean_prose, duration};
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment, UndefinedBehavior};
 use serde::Serialize;
@@ -42,4 +42,10 @@ pub(crate) fn lines(list: &[String]) -> Vec<String> {
 pub(crate) fn settings(list: &[Setting]) -> Vec<Setting> {
     let cleaned = |s: &Setting| Setting { name: clean(&s.name), value: clean_prose(&s.value) };
     list.iter().take(MOST_LINES).map(cleaned).collect()
+}
+
+/// What the head of a page says in short: the time of the whole run, s, then the caller's facts.
+pub(crate) fn facts(wall_seconds: f64, list: &[Setting]) -> Vec<Setting> {
+    let time = Setting { name: "Wall time".into(), value: duration(wall_seconds) };
+    [time].into_iter().chain(settings(list)).collect()
 }

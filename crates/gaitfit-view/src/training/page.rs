@@ -61,8 +61,6 @@ impl Page {
         let seeds = &report.seeds[..report.seeds.len().min(MOST_SEEDS)];
         let rows = seeds.iter().enumerate().map(|(i, s)| row(s.seed.to_string(), i % 8, &s.result)).collect();
         let results: Vec<&SeedResult> = report.seeds.iter().map(|s| &s.result).collect();
-        let mut facts = vec![Setting { name: "Wall time".into(), value: duration(report.wall_seconds) }];
-        facts.extend(page::settings(&report.facts));
         Page {
             title: clean(&report.title),
             robot: clean(&report.robot),
@@ -73,7 +71,7 @@ impl Page {
             rows,
             total: (results.len() > 1).then(|| mean_row(&results)),
             seeds_left_out: report.seeds.len() - seeds.len(),
-            facts,
+            facts: page::facts(report.wall_seconds, &report.facts),
             warnings: page::lines(&report.warnings),
             links: page::links(&report.links),
             legend: curves::legend(seeds),

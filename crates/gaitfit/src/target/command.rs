@@ -5,9 +5,10 @@ use super::probe::with_python;
 use super::process::{ProcessError, Program};
 use crate::Error;
 use crate::evaluate::{Evaluation, Plan};
-use crate::log_folder::{check_recorded, csv_files};
+use crate::log_folder::check_recorded;
 use crate::settings::TargetConfig;
 use crate::watch::Watch;
+use gaitfit_log::csv_files;
 use gaitfit_model::escaped;
 use std::path::Path;
 
