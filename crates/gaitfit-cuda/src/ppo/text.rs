@@ -21,13 +21,13 @@ pub enum Precision {
 }
 
 /// Threads of a block of the large kernel.
-pub(super) const THREADS: usize = 256;
+pub(super) const THREADS: usize = 512;
 /// Samples that a block works on together: the first number that fits is taken.
 const ROWS: [usize; 2] = [64, 32];
 /// Sums that a block keeps besides gradients and the derivative by ln σ; `LOSSES` of the text.
 pub(super) const LOSSES: usize = 6;
 /// Most actions: each is a thread's in places.
-pub(super) const MOST_ACTIONS: usize = THREADS - LOSSES;
+pub(super) const MOST_ACTIONS: usize = 256 - LOSSES;
 
 /// The text for one learner and what the launches must know of it.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -73,6 +73,7 @@ KERNEL gae(
 // Explained variance, and advantages of mean 0 and deviation 1 if `normalise`: one block of 1024 threads.
 KERNEL advantages(u32 rows, u32 normalise, float* advantage, const float* returns, const float* value, double* state) {
     double sum_a = 0.0, sum_r = 0.0, sum_e = 0.0;
+#pragma unroll 8
     for (u32 i = threadIdx.x; i < rows; i += blockDim.x) {
         sum_a += advantage[i];
         sum_r += returns[i];
@@ -81,6 +82,7 @@ KERNEL advantages(u32 rows, u32 normalise, float* advantage, const float* return
     double count = rows;
     double mean_a = block_sum(sum_a) / count, mean_r = block_sum(sum_r) / count, mean_e = block_sum(sum_e) / count;
     double square_a = 0.0, square_r = 0.0, square_e = 0.0;
+#pragma unroll 8
     for (u32 i = threadIdx.x; i < rows; i += blockDim.x) {
         double a = advantage[i] - mean_a, r = returns[i] - mean_r;
         double e = (double)returns[i] - (double)value[i] - mean_e;

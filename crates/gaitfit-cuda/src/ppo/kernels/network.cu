@@ -68,22 +68,23 @@ DEVICE float rounded(float x) {
 #endif
 }
 
-// sum += a b for 16 I x 8 by 8 x 32.
-template <int I> DEVICE void multiply(float (&sum)[I][4][4], const float (&a)[I][4], const float (&b)[4][2]) {
+// sum += a b for 16 I x 8 by 8 x 8 J.
+template <int I, int J>
+DEVICE void multiply(float (&sum)[I][J][4], const float (&a)[I][4], const float (&b)[J][2]) {
 #if SPLIT
-    float a_high[I][4], a_low[I][4], b_high[4][2], b_low[4][2];
+    float a_high[I][4], a_low[I][4], b_high[J][2], b_low[J][2];
 #pragma unroll
     for (int i = 0; i < I; i++)
 #pragma unroll
         for (int e = 0; e < 4; e++) a_high[i][e] = truncate_tf32(a[i][e]), a_low[i][e] = a[i][e] - a_high[i][e];
 #pragma unroll
-    for (int j = 0; j < 4; j++)
+    for (int j = 0; j < J; j++)
 #pragma unroll
         for (int e = 0; e < 2; e++) b_high[j][e] = truncate_tf32(b[j][e]), b_low[j][e] = b[j][e] - b_high[j][e];
 #pragma unroll
     for (int i = 0; i < I; i++)
 #pragma unroll
-        for (int j = 0; j < 4; j++) {
+        for (int j = 0; j < J; j++) {
             mma(sum[i][j], a_low[i], b_high[j]);
             mma(sum[i][j], a_high[i], b_low[j]);
             mma(sum[i][j], a_high[i], b_high[j]);
@@ -92,7 +93,7 @@ template <int I> DEVICE void multiply(float (&sum)[I][4][4], const float (&a)[I]
 #pragma unroll
     for (int i = 0; i < I; i++)
 #pragma unroll
-        for (int j = 0; j < 4; j++) mma(sum[i][j], a[i], b[j]);
+        for (int j = 0; j < J; j++) mma(sum[i][j], a[i], b[j]);
 #endif
 }
 
@@ -117,17 +118,46 @@ DEVICE float slope(float h) {
 #endif
 }
 
-// sum += rows W for 32 rows and 32 columns of W: K numbers of each row, rows APART numbers apart. `fragments`: W as the
-// matrix units take it, of COLUMNS columns, from this thread's first part on.
-template <int K, int APART, int COLUMNS>
-DEVICE void product(float (&sum)[2][4][4], const float* rows, const float4* __restrict__ fragments) {
-#pragma unroll 4
-    for (int k0 = 0; k0 < K; k0 += 8) {
-        float4 low = fragments[k0 * 2 * (COLUMNS / 8)], high = fragments[k0 * 2 * (COLUMNS / 8) + 32];
-        float b[4][2] = {{low.x, low.y}, {low.z, low.w}, {high.x, high.y}, {high.z, high.w}}, a[2][4];
-        load_rows(a[0], rows, APART, k0);
-        load_rows(a[1], rows + 16 * APART, APART, k0);
-        multiply<2>(sum, a, b);
+// Columns of a warp's tile of 32 rows in blocks of 8: 4 where there are enough tiles for all warps.
+#define BLOCKS_OF(columns) (ROWS / 32 * ((columns) / 32) >= WARPS ? 4 : 2)
+
+// Weights of STEPS blocks of 8 rows, from `fragments` on.
+template <int STEPS, int PARTS, int COLUMNS>
+DEVICE void load_weights(float4 (&to)[STEPS][PARTS], const float4* __restrict__ fragments) {
+#pragma unroll
+    for (int step = 0; step < STEPS; step++)
+#pragma unroll
+        for (int part = 0; part < PARTS; part++) to[step][part] = fragments[step * 2 * COLUMNS + part * 32];
+}
+
+// sum += rows W for 32 rows and 8 J columns of W: K numbers of each row, rows APART numbers apart. `fragments`: W as the
+// matrix units take it, of COLUMNS columns, from this thread's first part on. The next weights are loaded while the
+// present ones are used.
+template <int J, int K, int APART, int COLUMNS>
+DEVICE void product(float (&sum)[2][J][4], const float* rows, const float4* __restrict__ fragments) {
+    constexpr int STEPS = K % 32 == 0 ? 4 : 2, PARTS = J / 2;
+    float4 now[STEPS][PARTS], next[STEPS][PARTS];
+    load_weights<STEPS, PARTS, COLUMNS>(now, fragments);
+#pragma unroll 2
+    for (int k0 = 0; k0 < K; k0 += 8 * STEPS) {
+        int ahead = k0 + 8 * STEPS < K ? k0 + 8 * STEPS : k0;
+        load_weights<STEPS, PARTS, COLUMNS>(next, fragments + ahead / 8 * 2 * COLUMNS);
+#pragma unroll
+        for (int step = 0; step < STEPS; step++) {
+            float a[2][4], b[J][2];
+#pragma unroll
+            for (int part = 0; part < PARTS; part++) {
+                float4 x = now[step][part];
+                b[2 * part][0] = x.x, b[2 * part][1] = x.y, b[2 * part + 1][0] = x.z, b[2 * part + 1][1] = x.w;
+            }
+            load_rows(a[0], rows, APART, k0 + 8 * step);
+            load_rows(a[1], rows + 16 * APART, APART, k0 + 8 * step);
+            multiply<2, J>(sum, a, b);
+        }
+#pragma unroll
+        for (int step = 0; step < STEPS; step++)
+#pragma unroll
+            for (int part = 0; part < PARTS; part++) now[step][part] = next[step][part];
     }
 }
 
@@ -136,16 +166,17 @@ template <int K, int IN, int OUT>
 DEVICE void forward(
     const float* h, float* out, const float* __restrict__ weight, const float* __restrict__ bias, bool last
 ) {
+    constexpr int J = BLOCKS_OF(OUT), COUNT = OUT / (8 * J);
     int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3, s = swizzle(g);
-    for (int tile = threadIdx.x >> 5; tile < ROWS / 32 * (OUT / 32); tile += WARPS) {
-        int m0 = tile / (OUT / 32) * 32, column = tile % (OUT / 32);
-        float sum[2][4][4] = {};
-        product<K, IN, OUT>(sum, h + m0 * IN, (const float4*)weight + column * 64 + lane);
-        float* to = out + (m0 + g) * OUT + column * 32;
+    for (int tile = threadIdx.x >> 5; tile < ROWS / 32 * COUNT; tile += WARPS) {
+        int m0 = tile / COUNT * 32, n0 = tile % COUNT * 8 * J;
+        float sum[2][J][4] = {};
+        product<J, K, IN, OUT>(sum, h + m0 * IN, (const float4*)weight + n0 * 2 + lane);
+        float* to = out + (m0 + g) * OUT + (n0 & ~31);
 #pragma unroll
-        for (int j = 0; j < 4; j++) {
-            int n = 8 * j + 2 * t;
-            float2 shift = *(const float2*)(bias + column * 32 + n);
+        for (int j = 0; j < J; j++) {
+            int n = (n0 & 31) + 8 * j + 2 * t;
+            float2 shift = *(const float2*)(bias + (n0 & ~31) + n);
 #pragma unroll
             for (int i = 0; i < 4; i++) {
                 float2 x = {sum[i / 2][j][i % 2 * 2] + shift.x, sum[i / 2][j][i % 2 * 2 + 1] + shift.y};
@@ -158,17 +189,18 @@ DEVICE void forward(
 
 // h = (d W^T) f'(h): K of OUT columns of d are used.
 template <int K, int IN, int OUT> DEVICE void backward(float* h, const float* d, const float* __restrict__ weight) {
+    constexpr int J = BLOCKS_OF(IN), COUNT = IN / (8 * J);
     int lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3, s = swizzle(g);
-    for (int tile = threadIdx.x >> 5; tile < ROWS / 32 * (IN / 32); tile += WARPS) {
-        int m0 = tile / (IN / 32) * 32, column = tile % (IN / 32);
-        float sum[2][4][4] = {};
-        product<K, OUT, IN>(sum, d + m0 * OUT, (const float4*)weight + column * 64 + lane);
-        float* to = h + (m0 + g) * IN + column * 32;
+    for (int tile = threadIdx.x >> 5; tile < ROWS / 32 * COUNT; tile += WARPS) {
+        int m0 = tile / COUNT * 32, n0 = tile % COUNT * 8 * J;
+        float sum[2][J][4] = {};
+        product<J, K, OUT, IN>(sum, d + m0 * OUT, (const float4*)weight + n0 * 2 + lane);
+        float* to = h + (m0 + g) * IN + (n0 & ~31);
 #pragma unroll
-        for (int j = 0; j < 4; j++)
+        for (int j = 0; j < J; j++)
 #pragma unroll
             for (int i = 0; i < 4; i++) {
-                float2* at = (float2*)(to + 8 * i * IN + ((8 * j + 2 * t) ^ s));
+                float2* at = (float2*)(to + 8 * i * IN + (((n0 & 31) + 8 * j + 2 * t) ^ s));
                 float2 x = *at;
                 x.x = rounded(sum[i / 2][j][i % 2 * 2] * slope(x.x));
                 x.y = rounded(sum[i / 2][j][i % 2 * 2 + 1] * slope(x.y));
@@ -196,7 +228,7 @@ DEVICE void gather_tiles(const float* h, const float* d, float* of_weight, float
                 }
         const float* h_row = h + t * IN + (strip * 16 & ~31);
         const float* d_row = d + t * OUT + column * 32;
-#pragma unroll 4
+#pragma unroll 2
         for (int r0 = 0; r0 < ROWS; r0 += 8) {
             float a[I][4], b[4][2];
 #pragma unroll
@@ -212,7 +244,7 @@ DEVICE void gather_tiles(const float* h, const float* d, float* of_weight, float
                 b[j][0] = d_row[r0 * OUT + n], b[j][1] = d_row[(r0 + 4) * OUT + (n ^ 4)];
                 sum_of_rows[j] += b[j][0] + b[j][1];
             }
-            multiply<I>(sum, a, b);
+            multiply<I, 4>(sum, a, b);
         }
 #pragma unroll
         for (int i = 0; i < I; i++)

@@ -67,10 +67,16 @@ KERNEL shuffle_begin(u32 samples, u32 minibatches, u32 chunks, u32* counts) {
     if (m >= minibatches) return;
     u32* own = counts + (u64)blockIdx.y * chunks * minibatches + m;
     u32 begin = (u32)((u64)m * samples / minibatches);
-    for (u32 chunk = 0; chunk < chunks; chunk++) {
-        u32 count = own[(u64)chunk * minibatches];
-        own[(u64)chunk * minibatches] = begin;
-        begin += count;
+    // Sixteen at a time, so that their loads do not wait for each other.
+    for (u32 chunk = 0; chunk < chunks; chunk += 16) {
+        u32 count[16];
+#pragma unroll
+        for (u32 k = 0; k < 16; k++) count[k] = chunk + k < chunks ? own[(u64)(chunk + k) * minibatches] : 0;
+#pragma unroll
+        for (u32 k = 0; k < 16; k++) {
+            if (chunk + k < chunks) own[(u64)(chunk + k) * minibatches] = begin;
+            begin += count[k];
+        }
     }
 }
 

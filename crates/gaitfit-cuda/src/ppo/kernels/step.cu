@@ -36,7 +36,7 @@ KERNEL finish(
     const double* sums, const double* squares, float* parameters, float* gradient, float* moments,
     const float* old_log_std, float* constants, double* state
 ) {
-    __shared__ double totals[LOSSES + ACTIONS];
+    __shared__ double parts[8 * (LOSSES + ACTIONS)], totals[LOSSES + ACTIONS], corrections[2];
     __shared__ int fault;
     if (state[FAULT] != 0.0) return;
     bool critic_alone = control[CRITIC_ALONE], learn_std = LEARN_STD && !critic_alone;
@@ -47,10 +47,22 @@ KERNEL finish(
     }
     of_actor = block_sum(of_actor);
     of_critic = block_sum(of_critic);
-    for (u32 q = threadIdx.x; q < LOSSES + ACTIONS; q += blockDim.x) {
+    // Eight threads a sum: one alone would wait for memory too often.
+    for (u32 q = threadIdx.x; q < 8 * (LOSSES + ACTIONS); q += blockDim.x) {
         double sum = 0.0;
 #pragma unroll 8
-        for (u32 b = 0; b < actor_blocks + critic_blocks; b++) sum += sums[b * (LOSSES + ACTIONS) + q];
+        for (u32 b = q / (LOSSES + ACTIONS); b < actor_blocks + critic_blocks; b += 8)
+            sum += sums[b * (LOSSES + ACTIONS) + q % (LOSSES + ACTIONS)];
+        parts[q] = sum;
+    }
+    // The corrections of Adam's moments, meanwhile.
+    double t = state[STEPS] + 1.0;
+    if (threadIdx.x == blockDim.x - 1) corrections[0] = 1.0 - pow(0.9, t);
+    if (threadIdx.x == blockDim.x - 33) corrections[1] = sqrt(1.0 - pow(0.999, t));
+    __syncthreads();
+    for (u32 q = threadIdx.x; q < LOSSES + ACTIONS; q += blockDim.x) {
+        double sum = 0.0;
+        for (u32 part = 0; part < 8; part++) sum += parts[part * (LOSSES + ACTIONS) + q];
         totals[q] = sum;
     }
     __syncthreads();
@@ -81,12 +93,12 @@ KERNEL finish(
                 if (kl > 2.0 * DESIRED_KL) rate = fmax(rate / 1.5, LEAST_RATE);
                 else if (kl < 0.5 * DESIRED_KL) rate = fmin(rate * 1.5, GREATEST_RATE);
             }
-            double norm = sqrt(of_actor + of_critic + of_std), t = state[STEPS] + 1.0;
+            double norm = sqrt(of_actor + of_critic + of_std);
             state[LEARNING_RATE] = rate;
             state[STEPS] = t;
             state[FACTOR] = fmin(MAX_GRADIENT_NORM / (norm + 1e-6), 1.0);
-            state[RATE] = rate / (1.0 - pow(0.9, t));
-            state[CORRECTION] = sqrt(1.0 - pow(0.999, t));
+            state[RATE] = rate / corrections[0];
+            state[CORRECTION] = corrections[1];
             state[POLICY_LOSS] += totals[SURROGATE] / count;
             state[VALUE_LOSS] += totals[VALUE] / count;
             state[ENTROPY] += entropy;
