@@ -16,6 +16,7 @@ pub fn bytes<const N: usize, T: Copy>(numbers: &[T], to: fn(T) -> [u8; N]) -> Ve
 }
 
 /// The numbers of an `f32` array.
+#[allow(dead_code, reason = "not every test has such arrays")]
 pub fn floats(bytes: &[u8]) -> Vec<f32> {
     bytes.chunks_exact(4).map(|b| f32::from_ne_bytes(b.try_into().unwrap())).collect()
 }
@@ -25,7 +26,7 @@ pub fn doubles(bytes: &[u8]) -> Vec<f64> {
     bytes.chunks_exact(8).map(|b| f64::from_ne_bytes(b.try_into().unwrap())).collect()
 }
 
-/// Runs `plan.pack` and the update, starting from `arrays`; those that are not given are 0 if in `zeros`, else no
+/// Runs `plan.pack` and the plan's launches, starting from `arrays`; those that are not given are 0 if in `zeros`, else no
 /// numbers. Gives all arrays afterwards.
 pub fn run(text: &str, plan: &Plan, arrays: &Arrays, zeros: &[&str]) -> Arrays {
     let folder = tempfile::tempdir().unwrap();
@@ -52,7 +53,7 @@ pub fn run(text: &str, plan: &Plan, arrays: &Arrays, zeros: &[&str]) -> Arrays {
     std::fs::write(at("shim.hpp"), include_str!("shim.hpp")).unwrap();
     std::fs::write(at("main.cpp"), source).unwrap();
     let built = Command::new("g++")
-        .args(["-std=c++17", "-O1", "-w", "-ffp-contract=off", "-o", "main", "main.cpp"])
+        .args(["-std=c++17", "-O1", "-w", "-U_FORTIFY_SOURCE", "-ffp-contract=off", "-o", "main", "main.cpp"])
         .current_dir(folder.path())
         .output()
         .unwrap();

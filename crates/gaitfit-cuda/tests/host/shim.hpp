@@ -2,6 +2,7 @@
 // threads as fibers that take turns at barriers.
 #pragma once
 #include <math.h>
+#include <setjmp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,6 +16,7 @@
 #define DEVICE static inline
 #define POOL(name) float* name = host_pool
 #define __shared__ static
+#define __device__
 #define __global__
 #define __launch_bounds__(...)
 
@@ -33,17 +35,30 @@ struct Barrier {
     }
 };
 
+// A context starts a fiber; later switches are jumps, which need no system calls.
 struct Fiber {
     ucontext_t context;
+    jmp_buf place;
     std::vector<char> stack;
-    bool done;
+    bool started, done;
 };
 static std::vector<Fiber> fibers;
-static ucontext_t scheduler;
+static jmp_buf scheduler;
 static unsigned current;
 static Barrier of_block;
 static std::vector<Barrier> of_warp;
 static std::function<void()> body;
+
+static void yield() {
+    if (!_setjmp(fibers[current].place)) _longjmp(scheduler, 1);
+}
+static void resume() {
+    Fiber& fiber = fibers[current];
+    if (_setjmp(scheduler)) return;
+    if (fiber.started) _longjmp(fiber.place, 1);
+    fiber.started = true;
+    setcontext(&fiber.context);
+}
 
 static void wait_at(Barrier& barrier) {
     unsigned generation = barrier.generation;
@@ -52,7 +67,7 @@ static void wait_at(Barrier& barrier) {
         barrier.generation++;
         return;
     }
-    while (barrier.generation == generation) swapcontext(&fibers[current].context, &scheduler);
+    while (barrier.generation == generation) yield();
 }
 
 static void __syncthreads() { wait_at(of_block); }
@@ -63,7 +78,7 @@ static void enter() {
     fibers[current].done = true;
     of_block.leave();
     of_warp[current / 32].leave();
-    swapcontext(&fibers[current].context, &scheduler);
+    yield();
 }
 
 static void run_block(unsigned threads) {
@@ -74,7 +89,7 @@ static void run_block(unsigned threads) {
     for (unsigned i = 0; i < threads; i++) {
         Fiber& fiber = fibers[i];
         fiber.stack.resize(1 << 16);
-        fiber.done = false;
+        fiber.started = fiber.done = false;
         getcontext(&fiber.context);
         fiber.context.uc_stack.ss_sp = fiber.stack.data();
         fiber.context.uc_stack.ss_size = fiber.stack.size();
@@ -87,7 +102,7 @@ static void run_block(unsigned threads) {
             if (fibers[current].done) continue;
             left = true;
             threadIdx = {current % blockDim.x, current / blockDim.x % blockDim.y, current / blockDim.x / blockDim.y};
-            swapcontext(&scheduler, &fibers[current].context);
+            resume();
         }
     }
 }

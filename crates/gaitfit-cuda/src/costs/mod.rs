@@ -1,0 +1,227 @@
+//! What the costs of a fit are made of, for all candidates at once, from trajectories in the GPU's memory.
+//!
+//! [`Comparison`] computes the Wasserstein-1 distance of every dimension's pooled samples (the cost Wass) and the sums of
+//! squared differences (MatchO, MatchS), unscaled, as `gaitfit_adapt::cost` does. Sums of squares have the CPU's bits;
+//! distances differ from the CPU's by the rounding of the sum.
+
+use crate::runtime::{Buffer, CudaError, Device, Kernel, Program, Shape, Stream};
+
+/// Sizes of a comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    /// Candidates that are compared at once.
+    pub candidates: usize,
+    /// The robot's recordings.
+    pub recordings: usize,
+    /// Samples of a recording, the pre-roll included.
+    pub samples: usize,
+    /// Signals' dimensions: joint positions, velocities, actions, …, all one after the other.
+    pub dimensions: usize,
+    /// Samples at the beginning of each recording that do not count.
+    pub skip: usize,
+}
+
+/// Sizes that cannot be compared.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum CostsError {
+    /// The GPU or its driver.
+    #[error(transparent)]
+    Cuda(#[from] CudaError),
+    /// An array of another length.
+    #[error("`{array}` has {found} numbers, the sizes need {expected}")]
+    Length {
+        /// Which.
+        array: &'static str,
+        /// Needed.
+        expected: usize,
+        /// There.
+        found: usize,
+    },
+    /// Nothing to compare, or more than the kernels count.
+    #[error(
+        "{0} numbers cannot be compared at once: give fewer candidates or shorter recordings, and at least one"
+    )]
+    Size(usize),
+}
+
+/// Threads of a block of `wasserstein`.
+const THREADS: u32 = 1024;
+/// Bytes of shared memory that the text declares, at most.
+const DECLARED: usize = 8704;
+
+impl Sizes {
+    fn signals(&self) -> usize {
+        [self.recordings, self.samples, self.dimensions]
+            .into_iter()
+            .fold(self.candidates, usize::saturating_mul)
+    }
+
+    /// Numbers that are sorted: a power of two.
+    pub fn sorted(&self) -> usize {
+        (self.recordings * self.samples).next_power_of_two()
+    }
+
+    fn check(&self) -> Result<(), CostsError> {
+        let size = self.signals();
+        let sorted = self.recordings.saturating_mul(self.samples);
+        let most = u32::MAX as usize / 4;
+        let small = sorted <= most && self.candidates.saturating_mul(self.recordings) <= most;
+        let fits = small
+            && self.candidates <= most
+            && self.dimensions <= 65_535
+            && size / self.samples.max(1) <= most;
+        if size > 0 && fits { Ok(()) } else { Err(CostsError::Size(size)) }
+    }
+}
+
+/// The program of [`Comparison`]. Products and sums are rounded one by one, as on the CPU.
+pub fn program() -> Program {
+    Program::new("costs", include_str!("kernels.cu")).option("--fmad=false")
+}
+
+/// The robot's side of the costs in a GPU's memory, and room for the results.
+pub struct Comparison {
+    sizes: Sizes,
+    wasserstein: Kernel,
+    squares_of: Kernel,
+    /// Ascending, dimensions × counted samples.
+    sorted: Buffer<f64>,
+    /// Recordings × samples × dimensions.
+    measured: Buffer<f64>,
+    scratch: Buffer<u32>,
+    distance: Buffer<f64>,
+    squares: Buffer<f64>,
+    shared: u32,
+}
+
+impl Comparison {
+    /// With the robot's samples, `recordings × samples × dimensions`. For the distances those after the pre-roll of all
+    /// recordings are pooled.
+    ///
+    /// # Errors
+    /// [`CostsError`] if sizes do not fit each other or the GPU's memory.
+    pub fn new(device: &Device, sizes: Sizes, measured: &[f64]) -> Result<Self, CostsError> {
+        sizes.check()?;
+        let expected = sizes.recordings * sizes.samples * sizes.dimensions;
+        if measured.len() != expected {
+            return Err(CostsError::Length { array: "measured", expected, found: measured.len() });
+        }
+        let sorted = pooled(sizes, measured);
+        let bytes = 4 * sizes.sorted();
+        let available = usize::try_from(device.info().shared_memory).unwrap_or(0);
+        let outside = bytes + DECLARED > available;
+        let blocks = sizes.candidates * sizes.dimensions;
+        let scratch = if outside { blocks.saturating_mul(sizes.sorted()) } else { 0 };
+        let parts = [("keys", 4 * scratch as u64), ("measured", 16 * measured.len() as u64)];
+        device.check_room(&parts)?;
+        let module = device.load(&program())?;
+        let runs = sizes.candidates * sizes.recordings * sizes.dimensions;
+        Ok(Self {
+            sizes,
+            wasserstein: module.kernel("wasserstein")?,
+            squares_of: module.kernel("squared_differences")?,
+            sorted: Buffer::from_slice(device, "sorted", &sorted)?,
+            measured: Buffer::from_slice(device, "measured", measured)?,
+            scratch: Buffer::new(device, "keys", scratch)?,
+            distance: Buffer::new(device, "distances", blocks)?,
+            squares: Buffer::new(device, "squares", runs)?,
+            shared: if outside { 0 } else { bytes as u32 },
+        })
+    }
+
+    fn expect(&self, signals: &Buffer<f32>, ends: &Buffer<u32>) -> Result<(), CostsError> {
+        let runs = self.sizes.candidates * self.sizes.recordings;
+        for (array, expected, found) in
+            [("signals", self.sizes.signals(), signals.len()), ("ends", runs, ends.len())]
+        {
+            if expected != found {
+                return Err(CostsError::Length { array, expected, found });
+            }
+        }
+        Ok(())
+    }
+
+    /// Wasserstein-1 distance of every candidate and dimension, `candidates × dimensions`, unscaled. `signals`:
+    /// candidates × recordings × samples × dimensions; `ends`: the sample of each candidate's recording at which the
+    /// robot fell, or the number of samples. NaN where a sample that counts is not finite, or none counts.
+    ///
+    /// # Errors
+    /// [`CostsError::Length`], or a failure of the GPU.
+    pub fn distances(
+        &mut self,
+        stream: &Stream,
+        signals: &Buffer<f32>,
+        ends: &Buffer<u32>,
+    ) -> Result<Vec<f64>, CostsError> {
+        self.expect(signals, ends)?;
+        let Sizes { candidates, recordings, samples, dimensions, skip } = self.sizes;
+        let counted = self.sorted.len() / dimensions;
+        let shape = Shape {
+            grid: [candidates as u32, dimensions as u32, 1],
+            block: [THREADS, 1, 1],
+            shared: self.shared,
+        };
+        self.wasserstein.launch(
+            stream,
+            shape,
+            &[
+                (recordings as u32).into(),
+                (samples as u32).into(),
+                (dimensions as u32).into(),
+                (skip.min(samples) as u32).into(),
+                signals.into(),
+                ends.into(),
+                (&self.sorted).into(),
+                (counted as u32).into(),
+                (self.sizes.sorted() as u32).into(),
+                u32::from(self.shared == 0).into(),
+                (&mut self.scratch).into(),
+                (&mut self.distance).into(),
+            ],
+        )?;
+        Ok(self.distance.read(stream)?)
+    }
+
+    /// Σ (simulated − measured)² over the samples that count, `candidates × recordings × dimensions`, unscaled.
+    ///
+    /// # Errors
+    /// As [`Comparison::distances`].
+    pub fn squared_differences(
+        &mut self,
+        stream: &Stream,
+        signals: &Buffer<f32>,
+        ends: &Buffer<u32>,
+    ) -> Result<Vec<f64>, CostsError> {
+        self.expect(signals, ends)?;
+        let Sizes { candidates, recordings, samples, dimensions, skip } = self.sizes;
+        self.squares_of.launch(
+            stream,
+            Shape::cover(candidates * recordings * dimensions, 64),
+            &[
+                (candidates as u32).into(),
+                (recordings as u32).into(),
+                (samples as u32).into(),
+                (dimensions as u32).into(),
+                (skip.min(samples) as u32).into(),
+                signals.into(),
+                ends.into(),
+                (&self.measured).into(),
+                (&mut self.squares).into(),
+            ],
+        )?;
+        Ok(self.squares.read(stream)?)
+    }
+}
+
+/// The robot's samples that count, ascending, dimension by dimension.
+pub fn pooled(sizes: Sizes, measured: &[f64]) -> Vec<f64> {
+    let Sizes { samples, dimensions, skip, .. } = sizes;
+    let mut sorted = Vec::new();
+    for dimension in 0..dimensions {
+        let from = sorted.len();
+        let rows = measured.chunks_exact(dimensions).enumerate();
+        sorted.extend(rows.filter(|(row, _)| row % samples >= skip).map(|(_, row)| row[dimension]));
+        sorted[from..].sort_by(f64::total_cmp);
+    }
+    sorted
+}
