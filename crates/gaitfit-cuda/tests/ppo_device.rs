@@ -88,10 +88,33 @@ fn gpu_update_is_the_cpus_and_its_own_bits_again() {
 
 #[test]
 #[ignore = "needs an NVIDIA GPU"]
+fn gpu_means_and_values_are_the_cpus() {
+    let (cpu, tiles) = problem(Settings { normalise_observations: true, ..Settings::default() }, 1);
+    let device = Device::open(0).unwrap();
+    let mut learner = Learner::new(&device, &cpu, batch(1), Precision::F32).unwrap();
+    learner.upload(&tiles).unwrap();
+    learner.foresee(learner.stream(), 256, 5000).unwrap();
+    let mut wanted = tiles[0].mean.clone();
+    let mut scratch = gaitfit_policy::network::Scratch::new();
+    cpu.means(
+        5000,
+        &tiles[0].observation[256 * WIDTHS.observation..],
+        &mut wanted[256 * 12..5256 * 12],
+        &mut scratch,
+    );
+    let wanted: Vec<f64> = wanted.into_iter().map(f64::from).collect();
+    let found = learner.read_f32("mean").unwrap();
+    let far = distance(found.into_iter().map(f64::from), &wanted);
+    assert!(far < 1e-6, "{far}");
+}
+
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
 fn gpu_refuses_what_it_cannot_learn_from() {
     let (mut cpu, mut tiles) = problem(Settings::default(), 1);
     let device = Device::open(0).unwrap();
     let mut learner = Learner::new(&device, &cpu, batch(1), Precision::Tf32).unwrap();
+    assert!(learner.foresee(learner.stream(), 1, batch(1).rows()).is_err());
     assert!(matches!(learner.upload(&tiles[..0]), Err(PpoError::Batch { .. })));
     tiles[0].action[12 * 300 + 5] = f32::NAN;
     learner.upload(&tiles).unwrap();

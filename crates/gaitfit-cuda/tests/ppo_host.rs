@@ -179,6 +179,31 @@ fn cxx_tf32_is_near() {
 
 #[test]
 #[ignore = "needs g++"]
+fn cxx_means_and_values_are_the_cpus() {
+    let (learner, tiles) = problem(&settings());
+    let mut prepared = Prepared::new(&learner, BATCH, Precision::F32, LIMITS).unwrap();
+    // Seven steps from the third on: one whole tile of rows and a part of one.
+    let (from, rows) = (2 * BATCH.environments, 7 * BATCH.environments);
+    prepared.plan.launches = vec![prepared.plan.foresee(from, rows).unwrap()];
+    let arrays = arrays(&learner, &tiles, &prepared, [0; 5]);
+    let out = host::run(&prepared.program.text, &prepared.plan, &arrays, &["packed"]);
+    let (means, values) = (floats(&out["mean"]), floats(&out["value"]));
+    let mut scratch = gaitfit_policy::network::Scratch::new();
+    let observation = floats(&arrays["observation"]);
+    let mut wanted = vec![0.0; BATCH.rows() * WIDTHS.action];
+    learner.means(BATCH.rows(), &observation, &mut wanted, &mut scratch);
+    let part = from * WIDTHS.action..(from + rows) * WIDTHS.action;
+    assert!(distance(&means[part.clone()], &wanted[part.clone()]) < 1e-6);
+    let before = floats(&arrays["mean"]);
+    assert!(means[..part.start] == before[..part.start] && means[part.end..] == before[part.end..]);
+    let observation = floats(&arrays["critic_observation"]);
+    let mut wanted = vec![0.0; BATCH.rows()];
+    learner.values(BATCH.rows(), &observation, &mut wanted, &mut scratch);
+    assert!(distance(&values[from..from + rows], &wanted[from..from + rows]) < 1e-6);
+}
+
+#[test]
+#[ignore = "needs g++"]
 fn cxx_numbers_that_are_none_stop_the_update() {
     let (learner, mut tiles) = problem(&settings());
     let prepared = Prepared::new(&learner, BATCH, Precision::F32, LIMITS).unwrap();

@@ -4,7 +4,8 @@ use gaitfit_learn::ppo::{self, Culprit, Diagnostics, Samples, SamplesError, Upda
 use gaitfit_policy::network::Normaliser;
 
 use super::error::PpoError;
-use super::plan::{Batch, CHECKED, Id, Kind, Launch, Plan, Value};
+use super::launch::{Batch, Id, Kind, Launch, Value};
+use super::plan::{CHECKED, Plan};
 use super::prepared::{Limits, Prepared};
 use super::text::Precision;
 use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream};
@@ -63,7 +64,7 @@ impl Learner {
         device.check_room(&parts)?;
         let module = device.load(&program)?;
         let mut kernels: Vec<(&'static str, Kernel)> = Vec::new();
-        for launch in plan.launches.iter().chain([&plan.pack]) {
+        for launch in plan.launches.iter().chain(&plan.pack).chain(&plan.foresee(0, 1)) {
             if kernels.iter().all(|(name, _)| *name != launch.kernel) {
                 kernels.push((launch.kernel, module.kernel(launch.kernel)?));
             }
@@ -121,8 +122,7 @@ impl Learner {
             let from = normaliser.as_ref().unwrap_or(&fresh);
             self.write_f64(name, &[&from.mean[..], &from.variance, &[from.count]].concat())?;
         }
-        let pack = self.plan.pack.clone();
-        self.start(&self.stream, &pack)?;
+        self.plan.pack.iter().try_for_each(|launch| self.start(&self.stream, launch))?;
         self.stream.wait()?;
         Ok(())
     }
@@ -224,6 +224,23 @@ impl Learner {
             self.write_f32(name, &all)?;
         }
         Ok(())
+    }
+
+    /// Starts the work that fills `mean` and `value` of the rows `from .. from + rows` of the samples from their
+    /// observations: step s of a rollout is rows s · environments and on. It can be recorded in a graph.
+    ///
+    /// # Errors
+    /// [`CudaError::Length`] for rows that are not there, [`CudaError::Launch`].
+    pub fn foresee(&self, stream: &Stream, from: usize, rows: usize) -> Result<(), CudaError> {
+        let expected = self.batch.rows();
+        match self.plan.foresee(from, rows) {
+            Some(launch) if from.saturating_add(rows) <= expected => self.start(stream, &launch),
+            _ => Err(CudaError::Length {
+                buffer: "samples".into(),
+                expected,
+                found: from.saturating_add(rows),
+            }),
+        }
     }
 
     /// One update on the samples in the GPU's memory, as [`ppo::Learner::update`] does it.

@@ -8,6 +8,7 @@
 //! The same update on the same GPU gives the same bits every time. It differs from the CPU's by rounding.
 
 mod error;
+mod launch;
 mod layout;
 mod learner;
 mod plan;
@@ -15,8 +16,9 @@ mod prepared;
 mod text;
 
 pub use error::PpoError;
+pub use launch::{Array, Batch, Id, Kind, Launch, Value};
 pub use layout::TooWide;
 pub use learner::Learner;
-pub use plan::{Array, Batch, Id, Kind, Launch, Plan, Value};
+pub use plan::Plan;
 pub use prepared::{Limits, Prepared};
 pub use text::Precision;

@@ -2,83 +2,21 @@
 
 use gaitfit_learn::ppo::{Settings, Widths};
 
+use super::launch::{Array, Batch, Id, Kind, Launch, Value};
 use super::text::{LOSSES, MOST_ACTIONS, THREADS, Text};
 use crate::runtime::Shape;
-
-/// Sizes of a rollout.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Batch {
-    /// Control steps.
-    pub steps: usize,
-    /// Environments.
-    pub environments: usize,
-    /// Environments of a tile of the CPU's learner, which numbers samples tile by tile: the deal of the samples is then
-    /// the same. The last tile may be smaller.
-    pub tile: usize,
-}
-
-impl Batch {
-    /// Samples in all.
-    pub fn rows(&self) -> usize {
-        self.steps * self.environments
-    }
-}
-
-/// What an array holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// 32-bit floats.
-    F32,
-    /// 64-bit floats.
-    F64,
-    /// 32-bit words.
-    U32,
-}
-
-/// Number of an array in [`Plan::arrays`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Id(pub usize);
-
-/// One array.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Array {
-    /// Its name.
-    pub name: &'static str,
-    /// Its numbers' type.
-    pub kind: Kind,
-    /// Numbers in it.
-    pub length: usize,
-}
-
-/// An argument of a kernel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Value {
-    /// Pointer to an array's beginning.
-    Array(Id),
-    /// A word.
-    U32(u32),
-    /// A float.
-    F32(f32),
-}
-
-/// One kernel's start.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Launch {
-    /// Name in the text.
-    pub kernel: &'static str,
-    /// Threads.
-    pub shape: Shape,
-    /// Arguments in order.
-    pub arguments: Vec<Value>,
-}
 
 /// Arrays and launches of an update.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// All arrays.
     pub arrays: Vec<Array>,
-    /// Renews the padded copy of the parameters; once, after they were set from outside.
-    pub pack: Launch,
+    /// Renews what is derived from parameters and statistics, after they were set from outside.
+    pub pack: Vec<Launch>,
+    /// Means and values of rows 0 .. 0; see [`Plan::foresee`].
+    foresee: Option<Launch>,
+    /// Processors, samples of a tile, and work of both networks.
+    sharing: (usize, usize, [usize; 2]),
     /// The update.
     pub launches: Vec<Launch>,
 }
@@ -114,8 +52,12 @@ impl Maker {
     }
 
     fn launch(&mut self, kernel: &'static str, shape: Shape, arguments: &[Value]) {
-        self.launches.push(Launch { kernel, shape, arguments: arguments.to_vec() });
+        self.launches.push(launch(kernel, shape, arguments));
     }
+}
+
+fn launch(kernel: &'static str, shape: Shape, arguments: &[Value]) -> Launch {
+    Launch { kernel, shape, arguments: arguments.to_vec() }
 }
 
 fn word(value: usize) -> Value {
@@ -201,6 +143,25 @@ impl Plan {
             let shape = Shape::cover(count, threads);
             Shape { grid: [shape.grid[0], epochs as u32, 1], ..shape }
         };
+        let mut scales = Vec::new();
+        for (width, normalised, own, scale) in [
+            (widths.observation, task.normalised[0], statistics, actor_scale),
+            (widths.critic_observation, task.normalised[1], critic_statistics, critic_scale),
+        ] {
+            let present = word(usize::from(normalised));
+            scales.push(launch("scale_of", Shape::cover(width, 128), &[word(width), present, own, scale]));
+        }
+        scales.push(launch(
+            "join_scales",
+            Shape::cover(2 * (widths.observation + widths.critic_observation), 128),
+            &[
+                word(2 * widths.observation),
+                word(2 * widths.critic_observation),
+                actor_scale,
+                critic_scale,
+                scale,
+            ],
+        ));
         // Samples that are no numbers, then the update's start.
         m.launch("fill", Shape::new(1, 32), &[first, word(CHECKED.len()), Value::U32(u32::MAX)]);
         for (index, array) in checked.into_iter().enumerate() {
@@ -226,24 +187,6 @@ impl Plan {
                 old_log_std,
                 constants,
                 state,
-            ],
-        );
-        for (width, normalised, own, scale) in [
-            (widths.observation, task.normalised[0], statistics, actor_scale),
-            (widths.critic_observation, task.normalised[1], critic_statistics, critic_scale),
-        ] {
-            let present = word(usize::from(normalised));
-            m.launch("scale_of", Shape::cover(width, 128), &[word(width), present, own, scale]);
-        }
-        m.launch(
-            "join_scales",
-            Shape::cover(2 * (widths.observation + widths.critic_observation), 128),
-            &[
-                word(2 * widths.observation),
-                word(2 * widths.critic_observation),
-                actor_scale,
-                critic_scale,
-                scale,
             ],
         );
         // Advantages.
@@ -385,12 +328,34 @@ impl Plan {
                 );
             }
         }
-        let pack = Launch {
-            kernel: "adam",
-            shape: Shape::cover(networks, 128),
-            arguments: vec![word(1), control, state, forth, back, gradient, moments, parameters, packed],
-        };
-        Self { arrays: maker.arrays, pack, launches: maker.launches }
+        if settings.normalise_observations {
+            maker.launches.extend(scales.iter().cloned());
+        }
+        let copy = [word(1), control, state, forth, back, gradient, moments, parameters, packed];
+        let mut pack = vec![launch("adam", Shape::cover(networks, 128), &copy)];
+        pack.extend(scales);
+        let shape = Shape { shared: text.shared as u32, ..Shape::new(0, THREADS as u32) };
+        let foreseen =
+            [word(0), word(0), word(0), observation, critic_observation, scale, packed, mean, value];
+        let foresee = Some(launch("foresee", shape, &foreseen));
+        let sharing = (task.processors, text.rows, [text.actor.work, text.critic.work]);
+        Self { arrays: maker.arrays, pack, launches: maker.launches, foresee, sharing }
+    }
+
+    /// A plan without a learner: any arrays and launches.
+    pub fn of(arrays: Vec<Array>, launches: Vec<Launch>) -> Self {
+        Self { arrays, pack: Vec::new(), launches, foresee: None, sharing: (1, 1, [1, 1]) }
+    }
+
+    /// Means and values of rows `from .. from + rows` of the samples, from their observations; none in a plan without
+    /// a learner.
+    pub fn foresee(&self, from: usize, rows: usize) -> Option<Launch> {
+        let mut launch = self.foresee.clone()?;
+        let (processors, tile, work) = self.sharing;
+        let [actor, critic] = share(processors, rows.div_ceil(tile), work);
+        launch.shape.grid[0] = (actor + critic) as u32;
+        launch.arguments[..3].copy_from_slice(&[word(from), word(rows), word(actor)]);
+        Some(launch)
     }
 
     /// The array of this name.

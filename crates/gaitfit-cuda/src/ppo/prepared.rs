@@ -3,7 +3,8 @@
 use gaitfit_learn::ppo::{self, SamplesError, UpdateError};
 
 use super::error::PpoError;
-use super::plan::{Batch, Plan, Task};
+use super::launch::Batch;
+use super::plan::{Plan, Task};
 use super::text::{MOST_ACTIONS, Precision, Text};
 use crate::runtime::Program;
 

@@ -70,6 +70,7 @@ impl Text {
             include_str!("kernels/shuffle.cu"),
             include_str!("kernels/advantages.cu"),
             include_str!("kernels/statistics.cu"),
+            include_str!("kernels/layers.cu"),
             include_str!("kernels/network.cu"),
             include_str!("kernels/step.cu"),
         ] {

@@ -42,7 +42,7 @@ pub fn run(text: &str, plan: &Plan, arrays: &Arrays, zeros: &[&str]) -> Arrays {
         let name = array.name;
         writeln!(main, "    all.emplace_back({bytes}, (char){fill}); load(\"{name}\", all.back());").unwrap();
     }
-    for launch in [&plan.pack].into_iter().chain(&plan.launches) {
+    for launch in plan.pack.iter().chain(&plan.launches) {
         main.push_str(&call(launch));
     }
     for (number, array) in plan.arrays.iter().enumerate() {
