@@ -32,7 +32,7 @@ pub enum Kind {
     U32,
 }
 
-/// Number of an array in [`Plan::arrays`].
+/// Number of an array in [`super::Plan::arrays`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Id(pub usize);
 
