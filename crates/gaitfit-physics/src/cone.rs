@@ -278,10 +278,12 @@ pub(crate) fn ellipse_line<T: Real>(
     let kink = alpha + ahead;
     // Positive stiffness and a negative normal residual: it presses.
     let presses = d * ahead.fma(step[0], j0);
-    let below = T::select_lt(kink, T::lit(0.99) * alpha, kink.max(kinks.below), kinks.below);
-    kinks.below = T::select_lt(presses, z, below, kinks.below);
-    let above = T::select_lt(T::lit(1.01) * alpha, kink, kink.min(kinks.above), kinks.above);
-    kinks.above = T::select_lt(presses, z, above, kinks.above);
+    // A largest and a smallest value over all contacts, in a form that code generators can share among limbs.
+    let none = Kinks::none();
+    let below = T::select_lt(kink, T::lit(0.99) * alpha, kink, none.below);
+    kinks.below = T::select_lt(presses, z, below, none.below).max(kinks.below);
+    let above = T::select_lt(T::lit(1.01) * alpha, kink, kink, none.above);
+    kinks.above = T::select_lt(presses, z, above, none.above).min(kinks.above);
     (
         g.0 + zone(n, mt, mn_t, first, (d * j0).fma(step[0], bottom * uv)),
         g.1 + zone(n, mt, mn_t, second, (d * step[0]).fma(step[0], bottom * vv)),

@@ -20,6 +20,7 @@ mod invweight;
 mod joint_parameter;
 mod lanes;
 mod modify;
+mod outline;
 mod params;
 pub mod phase;
 mod real;
@@ -49,6 +50,7 @@ pub use modify::{
     ActionDelta, JointModification, JointNetwork, Modify, NETWORK_WEIGHTS, NetworkScales, ResidAct,
     memory_of, settle,
 };
+pub use outline::LinkOutline;
 pub use params::{JointParams, LinkInertia, PairInvweight, Params};
 pub use real::Real;
 pub use robot::Robot;

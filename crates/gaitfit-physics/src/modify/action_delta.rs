@@ -2,7 +2,7 @@
 
 use super::Modify;
 use super::network::{JointNetwork, PAST};
-use crate::{Params, Real, Slot, State};
+use crate::{Owner, Params, Real, Slot, State};
 
 /// Networks whose outputs (rad) are added to the targets about to be sent, at the policy's rate; their past is
 /// sampled at that rate too (He et al. 2025; Dao and Fern, eq. 4).
@@ -12,6 +12,10 @@ pub struct ActionDelta<K>(pub Vec<JointNetwork<K>>);
 impl<K: Copy> Modify<K> for ActionDelta<K> {
     fn memory(&self) -> usize {
         PAST * self.0.len()
+    }
+
+    fn memory_owner(&self, place: usize) -> Owner {
+        self.0.get(place / PAST).map_or(Owner::Base, |network| Owner::Joint(network.joint))
     }
 
     fn visit_weights_mut(&mut self, mut visit: impl FnMut(Slot, &mut K)) {

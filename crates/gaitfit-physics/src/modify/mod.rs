@@ -11,13 +11,16 @@ pub use action_delta::ActionDelta;
 pub use network::{JointNetwork, NETWORK_WEIGHTS, NetworkScales};
 pub use resid_act::ResidAct;
 
-use crate::{Drive, Params, Real, Slot, State};
+use crate::{Drive, Owner, Params, Real, Slot, State};
 
 /// A change of targets or torques, with numbers of its own that are the same for all environments: a candidate's
 /// weights. `memory` holds [`Modify::memory`] numbers an environment.
 pub trait Modify<K: Copy> {
     /// Numbers it remembers from one physics step to the next.
     fn memory(&self) -> usize;
+
+    /// What a number that it remembers belongs to.
+    fn memory_owner(&self, place: usize) -> Owner;
 
     /// Calls `visit` with every weight and its name, to change it.
     fn visit_weights_mut(&mut self, visit: impl FnMut(Slot, &mut K));
@@ -72,6 +75,10 @@ impl<K: Copy> Modify<K> for JointModification<K> {
         each!(self, one => Modify::<K>::memory(one))
     }
 
+    fn memory_owner(&self, place: usize) -> Owner {
+        each!(self, one => Modify::<K>::memory_owner(one, place))
+    }
+
     fn visit_weights_mut(&mut self, visit: impl FnMut(Slot, &mut K)) {
         each!(self, one => one.visit_weights_mut(visit));
     }
@@ -107,6 +114,14 @@ impl<K: Copy> Modify<K> for JointModification<K> {
 /// Numbers that all of `modifications` remember of an environment together.
 pub fn memory_of<K: Copy>(modifications: &[JointModification<K>]) -> usize {
     modifications.iter().map(Modify::memory).sum()
+}
+
+/// What each number that `modifications` remember belongs to.
+pub(crate) fn memory_owners<K: Copy>(modifications: &[JointModification<K>]) -> Vec<Owner> {
+    let own = |one: &JointModification<K>| {
+        (0..one.memory()).map(|place| one.memory_owner(place)).collect::<Vec<_>>()
+    };
+    modifications.iter().flat_map(own).collect()
 }
 
 /// Calls `act` on each modification with its part of `memory`.

@@ -2,7 +2,7 @@
 
 use super::Modify;
 use super::network::{JointNetwork, PAST};
-use crate::{Drive, Params, Real, Slot, State};
+use crate::{Drive, Owner, Params, Real, Slot, State};
 
 /// Networks whose outputs (N·m) are added to the PD torques after their limits, at the physics' rate; their past is
 /// sampled at that rate too (Dao and Fern's residual actuator model). After the limits, as what is missing may be
@@ -18,6 +18,10 @@ pub struct ResidAct<K>(pub Vec<JointNetwork<K>>);
 impl<K: Copy> Modify<K> for ResidAct<K> {
     fn memory(&self) -> usize {
         PAST * self.0.len()
+    }
+
+    fn memory_owner(&self, place: usize) -> Owner {
+        self.0.get(place / PAST).map_or(Owner::Base, |network| Owner::Joint(network.joint))
     }
 
     fn visit_weights_mut(&mut self, mut visit: impl FnMut(Slot, &mut K)) {

@@ -3,9 +3,8 @@
 use super::graph::{Graph, TraceError};
 use super::record::{Loop, record};
 use super::scalar::{Known, Traced};
-use crate::{
-    Drive, JointModification, Modify, Owner, Params, Period, Real, Slot, State, Tree, Work, memory_of, phase,
-};
+use crate::modify::memory_owners;
+use crate::{Drive, JointModification, Modify, Owner, Params, Period, Real, Slot, State, Tree, Work, phase};
 
 /// What an input of a recorded control period is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,7 +21,12 @@ pub enum Input {
         joint: usize,
     },
     /// A number that the modifications remember.
-    Memory(usize),
+    Memory {
+        /// Its place.
+        index: usize,
+        /// What it belongs to.
+        owner: Owner,
+    },
     /// A weight of a modification's network; the same for all environments of a candidate.
     Weight {
         /// Number of the modification.
@@ -38,7 +42,7 @@ impl Input {
         match *self {
             Input::State(slot) | Input::Params(slot) | Input::Weight { slot, .. } => slot.owner,
             Input::Target { joint, .. } => Owner::Joint(joint),
-            Input::Memory(_) => Owner::Base,
+            Input::Memory { owner, .. } => owner,
         }
     }
 }
@@ -89,8 +93,9 @@ pub fn record_period(
         let mut targets: Vec<Traced> = (0..taps * joints)
             .map(|index| input(Input::Target { tap: index / joints, joint: index % joints }))
             .collect();
+        let owners = memory_owners(&modifications);
         let mut memory: Vec<Traced> =
-            (0..memory_of(&modifications)).map(|index| input(Input::Memory(index))).collect();
+            owners.iter().enumerate().map(|(index, &owner)| input(Input::Memory { index, owner })).collect();
         for (modification, one) in modifications.iter_mut().enumerate() {
             one.visit_weights_mut(|slot, weight| {
                 *weight = Known::Number(input(Input::Weight { modification, slot }));
