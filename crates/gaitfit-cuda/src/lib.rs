@@ -1,8 +1,11 @@
 //! gaitfit's computations on NVIDIA GPUs.
 //!
 //! Nothing of CUDA is needed to build this crate. [`runtime`] finds the driver and the compiler when the program runs,
-//! and holds all of this crate's `unsafe`. [`ppo`] is the update of the policy, [`costs`] what the costs of a fit are made of.
+//! and holds all of this crate's `unsafe`. [`emit`] writes the physics step as CUDA text, [`physics`] runs it on batches
+//! of environments. [`ppo`] is the update of the policy, [`costs`] what the costs of a fit are made of.
 
 pub mod costs;
+pub mod emit;
+pub mod physics;
 pub mod ppo;
 pub mod runtime;

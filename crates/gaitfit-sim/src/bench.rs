@@ -70,14 +70,17 @@ pub struct PhysicsSpeed {
 }
 
 /// Physics steps in one control period of the benchmark (policy at 50 Hz, physics at 200 Hz).
-const SUBSTEPS: usize = 4;
+pub const SUBSTEPS: usize = 4;
 /// Control periods that a block runs in one go, as it does in a replay. One would measure the start of threads too.
 const PERIODS: usize = 10;
 /// Dry friction of the benchmark's joints, N·m.
 const FRICTIONLOSS: f64 = 0.2;
 
+/// Physics step of the benchmark, s.
+pub const TIMESTEP: f64 = 0.005;
+
 /// Keeps the feet only, if asked: spheres on bodies without children.
-fn with_geoms(model: &Model, geoms: Geoms) -> Model {
+pub fn with_geoms(model: &Model, geoms: Geoms) -> Model {
     let mut model = model.clone();
     if geoms == Geoms::Feet {
         let leaf = |body: usize| !model.bodies.iter().any(|other| other.parent == Some(body));
@@ -118,16 +121,8 @@ struct Scratch<T: Lanes> {
 
 fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<PhysicsSpeed, SimError> {
     let joints = model.joints.len();
-    let pose = model.keyframes.first().map(|key| key.qpos[7..].to_vec()).filter(|_| joints.is_multiple_of(3));
-    let Some(pose) = pose else {
-        return Err(SimError::Option {
-            option: "the benchmark's robot",
-            value: model.name.clone(),
-            must: "a floating robot with three joints a leg and a keyframe",
-        });
-    };
-    let height = model.keyframes[0].qpos[2];
-    let settings = Settings { timestep: 0.005, ..Settings::new(&model.options, bench.preset) };
+    let (height, pose) = standing(model)?;
+    let settings = Settings { timestep: TIMESTEP, ..Settings::new(&model.options, bench.preset) };
     let tree = compile::<T>(model, &settings)?;
     let blocks = bench.environments.div_ceil(T::LANES).max(1);
     let mut batches = Vec::with_capacity(blocks);
@@ -164,10 +159,7 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
             drives: &mut scratch.drives,
         });
     };
-    let targets = |period: usize| -> Vec<T> {
-        let phase = (period as f64 * 0.02 * 2.0 * std::f64::consts::TAU).sin();
-        (0..joints).map(|j| T::lit(pose[j] + lift(j, phase))).collect()
-    };
+    let targets = |period: usize| -> Vec<T> { trot(&pose, period).into_iter().map(T::lit).collect() };
 
     let mut times = Vec::with_capacity(bench.repetitions);
     const WARM_UP: usize = 3;
@@ -214,6 +206,28 @@ fn measure<T: Lanes>(model: &Model, bench: &PhysicsBench, isa: Isa) -> Result<Ph
     })
 }
 
+/// Height of the base, m, and joint angles, rad, of the robot's first keyframe.
+///
+/// # Errors
+/// A robot without one, or without joints in threes.
+pub fn standing(model: &Model) -> Result<(f64, Vec<f64>), SimError> {
+    let floats = model.nq() == 7 + model.joints.len() && model.joints.len().is_multiple_of(3);
+    match model.keyframes.first().filter(|_| floats) {
+        Some(key) => Ok((key.qpos[2], key.qpos[7..].to_vec())),
+        None => Err(SimError::Option {
+            option: "the benchmark's robot",
+            value: model.name.clone(),
+            must: "a floating robot with three joints a leg and a keyframe",
+        }),
+    }
+}
+
+/// Targets of control period `period`, rad: diagonal pairs of legs lift in turn at 2 Hz.
+pub fn trot(pose: &[f64], period: usize) -> Vec<f64> {
+    let phase = (period as f64 * 0.02 * 2.0 * std::f64::consts::TAU).sin();
+    pose.iter().enumerate().map(|(j, angle)| angle + lift(j, phase)).collect()
+}
+
 /// Target offset of joint `j` (hip, thigh, calf of leg `j / 3`) when diagonal pairs lift in turn.
 fn lift(j: usize, phase: f64) -> f64 {
     let diagonal = matches!(j / 3 % 4, 0 | 3);
@@ -225,7 +239,8 @@ fn lift(j: usize, phase: f64) -> f64 {
     }
 }
 
-fn random_robot(model: &Model, environment: u32) -> Robot {
+/// The robot of environment `environment`: its own base mass, friction, gains and joint friction.
+pub fn random_robot(model: &Model, environment: u32) -> Robot {
     let stream = Stream::new(0, Purpose::RANDOMISATION).environment(environment);
     let draw = |number: u32| stream.uniform(number);
     let joints = model.joints.len();

@@ -1,0 +1,134 @@
+//! Where the numbers of a batch of environments lie in a device's memory.
+//!
+//! A tile is what one warp of 32 threads works on: 32 / lanes environments. In each tile a slot of the lanes is a row of
+//! 32 numbers, one a thread; behind those rows lie the slots that all lanes share, a row of one number an environment.
+//! So a warp reads whole rows, and every slot lies at a constant distance from a thread's own place.
+
+use gaitfit_physics::trace::{Input, Output, PeriodGraph};
+
+use super::PeriodProgram;
+
+/// Threads in a tile.
+pub const TILE: usize = 32;
+
+/// What numbers are kept together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Class {
+    /// Motion state: read and written.
+    State,
+    /// Parameters of the robots.
+    Params,
+    /// Sent targets.
+    Targets,
+    /// What modifications remember: read and written.
+    Memory,
+    /// Weights of modifications, one set a candidate.
+    Weights,
+}
+
+impl Class {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::State, Self::Params, Self::Targets, Self::Memory, Self::Weights];
+
+    /// That of an input.
+    fn of(input: &Input) -> Self {
+        match input {
+            Input::State(_) => Self::State,
+            Input::Params(_) => Self::Params,
+            Input::Target { .. } => Self::Targets,
+            Input::Memory { .. } => Self::Memory,
+            Input::Weight { .. } => Self::Weights,
+        }
+    }
+}
+
+/// Where a number lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// With which others.
+    pub class: Class,
+    /// The lane that has it, or none if all share it.
+    pub lane: Option<usize>,
+    /// Its slot among the lanes' or among the shared ones.
+    pub slot: usize,
+}
+
+/// Slots of a class.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Slots {
+    /// Slots that each lane has for itself.
+    pub own: usize,
+    /// Slots that all lanes share.
+    pub shared: usize,
+}
+
+/// Where everything lies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// Threads of an environment.
+    pub lanes: usize,
+    /// Of each input of the recording.
+    pub inputs: Vec<Place>,
+    /// Of each output of the recording: where the input of the same name lies.
+    pub outputs: Vec<Place>,
+    slots: [Slots; 5],
+}
+
+impl Layout {
+    /// The layout of a program's numbers.
+    pub fn new(period: &PeriodGraph, program: &PeriodProgram) -> Self {
+        let mut slots = [Slots::default(); 5];
+        let mut first: Vec<Option<usize>> = vec![None; period.inputs.len()];
+        let mut inputs = Vec::with_capacity(period.inputs.len());
+        for (input, &(lane, twin)) in period.inputs.iter().zip(&program.inputs) {
+            let class = Class::of(input);
+            let of_class = &mut slots[class as usize];
+            let slot = *first[twin as usize].get_or_insert_with(|| {
+                let count = if lane.is_some() { &mut of_class.own } else { &mut of_class.shared };
+                *count += 1;
+                *count - 1
+            });
+            inputs.push(Place { class, lane, slot });
+        }
+        let find = |output: &Output| {
+            let same = |input: &Input| match (output, input) {
+                (Output::State(a), Input::State(b)) => a == b,
+                (Output::Memory(a), Input::Memory { index, .. }) => a == index,
+                _ => false,
+            };
+            period.inputs.iter().position(same)
+        };
+        let outputs = period.outputs.iter().filter_map(|output| Some(inputs[find(output)?])).collect();
+        Self { lanes: program.program.lanes, inputs, outputs, slots }
+    }
+
+    /// Slots of a class.
+    pub fn slots(&self, class: Class) -> Slots {
+        self.slots[class as usize]
+    }
+
+    /// Environments in a tile.
+    pub fn environments(&self) -> usize {
+        TILE / self.lanes
+    }
+
+    /// Numbers of a class in a tile; of weights, in a candidate.
+    pub fn size(&self, class: Class) -> usize {
+        let Slots { own, shared } = self.slots(class);
+        match class {
+            Class::Weights => own * self.lanes + shared,
+            _ => own * TILE + shared * self.environments(),
+        }
+    }
+
+    /// Where in its tile a number of the tile's environment `environment` lies; weights have none.
+    pub fn offset(&self, place: Place, environment: usize) -> usize {
+        let own = self.slots(place.class).own;
+        match (place.class, place.lane) {
+            (Class::Weights, Some(lane)) => place.slot * self.lanes + lane,
+            (Class::Weights, None) => own * self.lanes + place.slot,
+            (_, Some(lane)) => place.slot * TILE + environment * self.lanes + lane,
+            (_, None) => own * TILE + place.slot * self.environments() + environment,
+        }
+    }
+}

@@ -1,0 +1,450 @@
+//! A program as text.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::ops::Range;
+
+use super::PeriodProgram;
+use super::crossing::Crossing;
+use super::layout::{Class, Layout, Place};
+use super::op::{Node, Op};
+use super::program::{Kind, Program};
+
+/// Name of the kernel.
+pub const KERNEL: &str = "control_period";
+
+/// The words that a program's text is written in, as CUDA.
+pub const WORDS: &str = include_str!("words.cuh");
+
+/// Text of a kernel of blocks of `block` threads; to compile it, put its [`head`] and [`WORDS`] before it.
+pub fn body(program: &PeriodProgram, layout: &Layout) -> String {
+    let mut writer = Writer::new(program, layout);
+    writer.kernel(program);
+    writer.text
+}
+
+/// The numbers that [`WORDS`] need.
+pub fn head(layout: &Layout, block: usize) -> String {
+    format!("#define LANES {}\n#define BLOCK {block}\n", layout.lanes)
+}
+
+/// Everything that the device's compiler needs.
+pub fn cuda(program: &PeriodProgram, layout: &Layout, block: usize) -> String {
+    head(layout, block) + WORDS + &body(program, layout)
+}
+
+struct Writer<'a> {
+    program: &'a Program,
+    /// Place of each input of the recording.
+    places: &'a [Place],
+    layout: &'a Layout,
+    text: String,
+    depth: usize,
+    crossing: Crossing,
+    /// What has been read, of every open block, and whether the block begins afresh.
+    read: Vec<(bool, BTreeSet<u32>)>,
+    /// Open regions.
+    open: Vec<u32>,
+    /// Nodes declared already, before the region they are made in.
+    declared: BTreeSet<u32>,
+}
+
+fn short(class: Class) -> char {
+    match class {
+        Class::State => 's',
+        Class::Params => 'p',
+        Class::Targets => 't',
+        Class::Memory => 'm',
+        Class::Weights => 'w',
+    }
+}
+
+impl<'a> Writer<'a> {
+    fn new(period: &'a PeriodProgram, layout: &'a Layout) -> Self {
+        Self {
+            program: &period.program,
+            places: &layout.inputs,
+            layout,
+            text: String::new(),
+            depth: 0,
+            crossing: Crossing::new(&period.program),
+            read: vec![(true, BTreeSet::new())],
+            open: Vec::new(),
+            declared: BTreeSet::new(),
+        }
+    }
+
+    fn bare(&self, node: u32) -> (u32, bool) {
+        self.program.bare(node)
+    }
+
+    /// Whether it is read from memory where it is used, not where it stands.
+    fn read_late(&self, node: u32) -> bool {
+        match self.program.nodes[node as usize].op {
+            Op::Input(number) => !matches!(self.places[number as usize].class, Class::State | Class::Memory),
+            op => matches!(op, Op::Table(_)),
+        }
+    }
+
+    fn has_statement(&self, node: u32) -> bool {
+        let op = self.program.nodes[node as usize].op;
+        !matches!(op, Op::Constant(_) | Op::Variable(..) | Op::Result(..) | Op::Neg) && !self.read_late(node)
+    }
+
+    fn line(&mut self, text: &str) {
+        let indent = 2 * self.depth;
+        let _ = writeln!(self.text, "{:indent$}{text}", "");
+    }
+
+    /// What stands for a node in an expression; what is read late is read before, unless it has been.
+    fn operand(&mut self, node: u32) -> String {
+        let (node, minus) = self.bare(node);
+        if self.read_late(node) || self.room(node).is_some() {
+            self.read(node);
+        }
+        let name = match self.program.nodes[node as usize].op {
+            Op::Constant(bits) => format!("K({})", literal(f64::from_bits(bits))),
+            Op::Variable(region, place) | Op::Result(region, place)
+                if !self.crossing.held.contains_key(&(region, place)) =>
+            {
+                format!("v{region}_{place}")
+            }
+            _ => format!("t{node}"),
+        };
+        if minus { format!("(-{name})") } else { name }
+    }
+
+    /// Its place in scratch memory, if it must be read from there.
+    fn room(&self, node: u32) -> Option<usize> {
+        match self.program.nodes[node as usize].op {
+            Op::Variable(region, place) | Op::Result(region, place) => {
+                self.crossing.held.get(&(region, place)).copied()
+            }
+            _ => {
+                let here = self.program.home[node as usize].is_some_and(|home| self.open.contains(&home));
+                self.crossing.scratch.get(&node).copied().filter(|_| !here && self.has_statement(node))
+            }
+        }
+    }
+
+    fn read(&mut self, node: u32) {
+        for (fresh, known) in self.read.iter().rev() {
+            if known.contains(&node) {
+                return;
+            }
+            if *fresh {
+                break;
+            }
+        }
+        if let Some((_, known)) = self.read.last_mut() {
+            known.insert(node);
+        }
+        let from = match self.program.nodes[node as usize].op {
+            Op::Input(number) => self.source(self.places[number as usize]),
+            Op::Table(row) => format!("ROW({row})"),
+            _ => match self.room(node) {
+                Some(room) => format!("GET({room})"),
+                None => return,
+            },
+        };
+        self.line(&format!("const R t{node} = {from};"));
+    }
+
+    fn source(&self, place: Place) -> String {
+        let who = if place.lane.is_some() { "OWN" } else { "ALL" };
+        let (class, slot) = (short(place.class), place.slot);
+        match place.class {
+            Class::State | Class::Memory => format!("HELD_{who}({class}, {slot})"),
+            Class::Params | Class::Targets => format!("GIVEN_{who}({class}, {slot})"),
+            Class::Weights => format!("WEIGHT_{who}({slot})"),
+        }
+    }
+
+    fn kernel(&mut self, period: &PeriodProgram) {
+        let rows = self.program.table.len();
+        if rows > 0 {
+            let lanes = self.layout.lanes;
+            let values: Vec<String> = self
+                .program
+                .table
+                .iter()
+                .flat_map(|row| row.iter().take(lanes))
+                .map(|&x| literal(x))
+                .collect();
+            let _ = writeln!(self.text, "__device__ const float table_values[] = {{{}}};", values.join(", "));
+        }
+        let _ = writeln!(self.text, "KERNEL({KERNEL}) {{");
+        self.depth = 1;
+        self.line("BEGIN");
+        for (class, base, kind) in [
+            (Class::State, "state", "float"),
+            (Class::Params, "params", "const float"),
+            (Class::Targets, "targets", "const float"),
+            (Class::Memory, "memory", "float"),
+        ] {
+            let (own, size) = (self.layout.slots(class).own, self.layout.size(class));
+            if size > 0 {
+                self.line(&format!("PLACE({kind}, {}, {base}, {own}, {size})", short(class)));
+            }
+        }
+        let size = self.layout.size(Class::Weights);
+        if size > 0 {
+            self.line(&format!("PLACE_WEIGHTS({}, {size})", self.layout.slots(Class::Weights).own));
+        }
+        if rows > 0 {
+            self.line(&format!("PLACE_TABLE({rows})"));
+        }
+        if self.crossing.rooms() > 0 {
+            self.line(&format!("SCRATCH({})", self.crossing.rooms()));
+        }
+        self.block(None, 0..self.program.nodes.len() as u32);
+        let mut kept = BTreeSet::new();
+        for (&place, &(_, output)) in self.layout.outputs.iter().zip(&period.outputs) {
+            if kept.insert((place.class, place.lane.is_some(), place.slot)) {
+                let value = self.operand(self.program.outputs[output as usize]);
+                let who = if place.lane.is_some() { "OWN" } else { "ALL" };
+                self.line(&format!("KEEP_{who}({}, {}, {value})", short(place.class), place.slot));
+            }
+        }
+        self.text.push_str("}\n");
+    }
+
+    /// Nodes of a region, or of all.
+    fn block(&mut self, parent: Option<u32>, nodes: Range<u32>) {
+        let mut at = nodes.start;
+        let program = self.program;
+        for (index, region) in program.regions.iter().enumerate() {
+            if region.parent != parent {
+                continue;
+            }
+            self.statements(at..region.nodes.start);
+            at = region.nodes.end;
+            match &region.kind {
+                Kind::Guarded(guard) => self.guarded(index as u32, *guard, region.nodes.clone()),
+                Kind::Loop { count, carried } => {
+                    self.turns(index as u32, *count, carried, parent, region.nodes.clone());
+                }
+            }
+        }
+        self.statements(at..nodes.end);
+    }
+
+    fn guarded(&mut self, index: u32, guard: u32, nodes: Range<u32>) {
+        let early = self.crossing.early.range(nodes.clone()).copied();
+        let early: Vec<u32> =
+            early.filter(|&node| self.has_statement(node) && !self.declared.contains(&node)).collect();
+        for &node in &early {
+            let kind = if self.program.nodes[node as usize].op == Op::Unless { "bool" } else { "R" };
+            self.line(&format!("{kind} t{node};"));
+        }
+        self.declared.extend(early);
+        let merges = self.crossing.set_inside.get(&index).cloned().unwrap_or_default();
+        for &merge in &merges {
+            let before = self.operand(self.program.nodes[merge as usize].args[2]);
+            let kind = if self.crossing.early.contains(&merge) { "" } else { "R " };
+            self.line(&format!("{kind}t{merge} = {before};"));
+        }
+        let guard = self.operand(guard);
+        self.line(&format!("if ({guard}) {{"));
+        self.enter(index, false);
+        self.block(Some(index), nodes);
+        self.hold(index);
+        for &merge in &merges {
+            let inside = self.operand(self.program.nodes[merge as usize].args[1]);
+            self.line(&format!("t{merge} = {inside};"));
+        }
+        self.close();
+    }
+
+    fn turns(
+        &mut self,
+        index: u32,
+        count: usize,
+        carried: &[(u32, u32)],
+        parent: Option<u32>,
+        nodes: Range<u32>,
+    ) {
+        let outer = !self
+            .program
+            .around(parent)
+            .any(|region| matches!(self.program.regions[region as usize].kind, Kind::Loop { .. }));
+        let held = |place: usize| (index, place as u32);
+        for (place, &(first, _)) in carried.iter().enumerate() {
+            if self.crossing.held.contains_key(&held(place)) {
+                continue;
+            }
+            let first = self.operand(first);
+            self.line(&format!("R v{index}_{place} = {first};"));
+        }
+        if !outer {
+            // An inner loop does not read the same numbers at every turn.
+            for node in nodes.clone().filter(|&node| self.program.home[node as usize] == Some(index)) {
+                for &operand in self.program.nodes[node as usize].operands() {
+                    let (operand, _) = self.bare(operand);
+                    if self.read_late(operand) {
+                        self.read(operand);
+                    }
+                }
+            }
+        }
+        self.line(&format!("ONCE for (int turn{index} = 0; turn{index} < {count}; ++turn{index}) {{"));
+        self.enter(index, outer);
+        if outer {
+            self.refresh(nodes.clone());
+        }
+        self.block(Some(index), nodes);
+        let mut assigned = Vec::new();
+        for (place, &(_, next)) in carried.iter().enumerate() {
+            if self.crossing.held.contains_key(&held(place)) {
+                continue;
+            }
+            let (bare, minus) = self.bare(next);
+            let value = self.operand(next);
+            let name = format!("v{index}_{place}");
+            match self.program.nodes[bare as usize].op {
+                Op::Variable(own, other) if own == index => {
+                    if minus || other != place as u32 {
+                        self.line(&format!("const R n{index}_{place} = {value};"));
+                        assigned.push(format!("{name} = n{index}_{place};"));
+                    }
+                }
+                _ => assigned.push(format!("{name} = {value};")),
+            }
+        }
+        for text in assigned {
+            self.line(&text);
+        }
+        self.close();
+    }
+
+    /// Where the numbers lie that are read in a loop's turn is made to look new.
+    fn refresh(&mut self, nodes: Range<u32>) {
+        let mut pointers = BTreeSet::new();
+        for node in &self.program.nodes[nodes.start as usize..nodes.end as usize] {
+            for &operand in node.operands() {
+                let (operand, _) = self.bare(operand);
+                match self.program.nodes[operand as usize].op {
+                    Op::Input(number) if self.read_late(operand) => {
+                        let place = self.places[number as usize];
+                        let who = if place.lane.is_some() { "own" } else { "all" };
+                        pointers.insert(format!("FRESH({}_{who})", short(place.class)));
+                    }
+                    Op::Table(_) => {
+                        pointers.insert("FRESH_TABLE".to_owned());
+                    }
+                    _ => {}
+                }
+            }
+        }
+        for pointer in pointers {
+            self.line(&pointer);
+        }
+    }
+
+    /// Numbers of this region that a loop hands on to guarded regions.
+    fn hold(&mut self, index: u32) {
+        let held: Vec<((u32, u32), usize)> =
+            self.crossing.held.iter().map(|(&place, &room)| (place, room)).collect();
+        for ((region, place), room) in held {
+            let Kind::Loop { carried, .. } = &self.program.regions[region as usize].kind else { continue };
+            let (first, next) = carried[place as usize];
+            for node in [first, next] {
+                if self.program.home[self.bare(node).0 as usize] == Some(index) {
+                    let value = self.operand(node);
+                    self.line(&format!("PUT({room}, {value})"));
+                }
+            }
+        }
+    }
+
+    fn enter(&mut self, region: u32, fresh: bool) {
+        self.depth += 1;
+        self.open.push(region);
+        self.read.push((fresh, BTreeSet::new()));
+    }
+
+    fn close(&mut self) {
+        self.read.pop();
+        self.open.pop();
+        self.depth -= 1;
+        self.line("}");
+    }
+
+    fn statements(&mut self, nodes: Range<u32>) {
+        for index in nodes {
+            self.statement(index);
+            if let (Some(room), true) =
+                (self.crossing.scratch.get(&index).copied(), self.has_statement(index))
+            {
+                self.line(&format!("PUT({room}, t{index})"));
+            }
+        }
+    }
+
+    fn statement(&mut self, index: u32) {
+        let node = self.program.nodes[index as usize];
+        if !self.has_statement(index) || self.crossing.merged.contains(&index) {
+            return;
+        }
+        let a: Vec<String> = node.operands().iter().map(|&operand| self.operand(operand)).collect();
+        if matches!(node.op, Op::Sin | Op::Cos) {
+            return self.turn(index, node, &a[0]);
+        }
+        let value = match node.op {
+            Op::Add => format!("{} + {}", a[0], a[1]),
+            Op::Sub => format!("{} - {}", a[0], a[1]),
+            Op::Mul => format!("{} * {}", a[0], a[1]),
+            Op::Fma => format!("FMA({}, {}, {})", a[0], a[1], a[2]),
+            Op::Fnma => format!("FMA(-{}, {}, {})", a[0], a[1], a[2]),
+            Op::Fms => format!("FMA({}, {}, -{})", a[0], a[1], a[2]),
+            Op::Div => format!("DIV({}, {})", a[0], a[1]),
+            Op::Sqrt => format!("SQRT({})", a[0]),
+            Op::Recip => format!("RECIP({})", a[0]),
+            Op::Tanh => format!("TANH({})", a[0]),
+            Op::Min => format!("MIN({}, {})", a[0], a[1]),
+            Op::Max => format!("MAX({}, {})", a[0], a[1]),
+            Op::Abs => format!("ABS({})", a[0]),
+            Op::Select => format!("SELECT({}, {}, {}, {})", a[0], a[1], a[2], a[3]),
+            Op::Unless => format!("UNLESS({}, {})", a[0], a[1]),
+            Op::Merge => format!("({} ? {} : {})", a[0], a[1], a[2]),
+            Op::LaneSum => format!("LANE_SUM({})", a[0]),
+            Op::LaneMax => format!("LANE_MAX({})", a[0]),
+            Op::LaneMin => format!("LANE_MIN({})", a[0]),
+            Op::Input(number) => self.source(self.places[number as usize]),
+            _ => return,
+        };
+        let kind = if node.op == Op::Unless { "const bool " } else { "const R " };
+        let kind = if self.crossing.early.contains(&index) { "" } else { kind };
+        self.line(&format!("{kind}t{index} = {value};"));
+    }
+
+    /// Sine and cosine of one angle at once.
+    fn turn(&mut self, index: u32, node: Node, angle: &str) {
+        let other = if node.op == Op::Sin { Op::Cos } else { Op::Sin };
+        let next = index + 1;
+        let pair = |at: u32| {
+            self.program.nodes.get(at as usize) == Some(&Node { op: other, ..node })
+                && self.program.home[at as usize] == self.program.home[index as usize]
+        };
+        if index > 0 && pair(index - 1) {
+            // Written with the one before it.
+            return;
+        }
+        let paired = pair(next);
+        let unused = format!("u{index}");
+        let partner = if paired { format!("t{next}") } else { unused };
+        let own = format!("t{index}");
+        for (name, node) in [(&own, index), (&partner, next)] {
+            if !(self.crossing.early.contains(&node) && name.starts_with('t')) {
+                self.line(&format!("R {name};"));
+            }
+        }
+        let (sine, cosine) = if node.op == Op::Sin { (own, partner) } else { (partner, own) };
+        self.line(&format!("SINCOS({angle}, {sine}, {cosine});"));
+    }
+}
+
+fn literal(value: f64) -> String {
+    let value = (value as f32).clamp(f32::MIN, f32::MAX);
+    format!("{value:?}f")
+}

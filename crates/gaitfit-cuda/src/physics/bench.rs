@@ -1,0 +1,265 @@
+//! Speed and accuracy of the physics on a GPU: the robots of the processor's benchmark.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use gaitfit_model::Model;
+use gaitfit_physics::{
+    Drive, Params, Period as Control, Preset, Settings, State, Work, compile, control_period,
+};
+use gaitfit_sim::SimError;
+use gaitfit_sim::bench::{Geoms, SUBSTEPS, TIMESTEP, random_robot, standing, trot, with_geoms};
+
+use super::{Batch, DeviceError, Period, PeriodOptions};
+use crate::emit::EmitOptions;
+use crate::runtime::{Device, Event, Stream};
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct PhysicsBench {
+    /// Solver effort.
+    pub preset: Preset,
+    /// Contact geoms.
+    pub geoms: Geoms,
+    /// Environments.
+    pub environments: usize,
+    /// Physics steps of a launch that is timed.
+    pub substeps: usize,
+    /// Threads of an environment; none for what suits the number of environments.
+    pub lanes: Option<usize>,
+    /// How the text is made.
+    pub emit: EmitOptions,
+    /// Measured repetitions.
+    pub repetitions: usize,
+}
+
+/// What was measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhysicsSpeed {
+    /// Environment substeps per second, median over repetitions.
+    pub substeps_per_second: f64,
+    /// The same, best repetition.
+    pub best_substeps_per_second: f64,
+    /// Threads of an environment.
+    pub lanes: usize,
+    /// Registers of a thread.
+    pub registers: i32,
+    /// Bytes of local memory of a thread.
+    pub local_bytes: i32,
+    /// Seconds to make and compile the text, or to take it from the cache.
+    pub compile_seconds: f64,
+    /// Whether it came from the cache.
+    pub cached: bool,
+    /// Bytes of the GPU's memory.
+    pub bytes: usize,
+    /// Robots held against `f64`.
+    pub checked: usize,
+    /// Largest error of a velocity after one control period from the same state, m/s or rad/s: of half of the robots,
+    /// and of all.
+    pub velocity_error: [f64; 2],
+    /// Largest error of a position, m or rad, or of a quaternion's component.
+    pub position_error: f64,
+    /// Whether a second run from the same states gave the same bits.
+    pub same_bits: bool,
+    /// Mean height of the base at the end, m: a fallen batch would measure something else.
+    pub base_height: f64,
+}
+
+/// Different robots of a batch; more environments are copies.
+const ROBOTS: usize = 1024;
+/// Control periods before anything is looked at.
+const WARM_UP: usize = 12;
+/// Physics steps of one timed graph, about.
+const TIMED_SUBSTEPS: usize = 80;
+
+/// Measures the step of `model` on a GPU, and holds one control period of 1,024 robots against `f64`.
+///
+/// # Errors
+/// A robot that the benchmark does not know, or a failure of the GPU.
+pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<PhysicsSpeed, BenchError> {
+    let model = with_geoms(model, bench.geoms);
+    let (height, pose) = standing(&model)?;
+    let settings = Settings { timestep: TIMESTEP, ..Settings::new(&model.options, bench.preset) };
+    let start = Instant::now();
+    let period = |substeps: usize| -> Result<Arc<Period>, DeviceError> {
+        let options = PeriodOptions { substeps, taps: 1, lanes: bench.lanes.unwrap_or(4), emit: bench.emit };
+        let made = match bench.lanes {
+            Some(_) => Period::new(&model, &settings, options, &[])?,
+            None => {
+                let (count, info) = (bench.environments, device.info());
+                Period::for_environments(&model, &settings, options, &[], count, info)?
+            }
+        };
+        Ok(Arc::new(made))
+    };
+    let control = period(SUBSTEPS)?;
+    let mut batch = Batch::new(device, &control, bench.environments, 1)?;
+    let compile_seconds = start.elapsed().as_secs_f64();
+
+    let robots = ROBOTS.min(bench.environments);
+    let sets = (0..robots)
+        .map(|number| random_robot(&model, number as u32).params(&model))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(DeviceError::from)?;
+    let sets: Vec<Params<f64>> = sets.into_iter().map(rounded).collect();
+    let tree = compile::<f64>(&model, &settings).map_err(DeviceError::from)?;
+    let mut state = State::<f64>::new(&tree);
+    state.base_position[2] = height;
+    state.qpos.copy_from_slice(&pose);
+
+    let stream = Stream::new(device).map_err(DeviceError::from)?;
+    batch.write_params(&stream, &sets)?;
+    batch.write_states(&stream, std::slice::from_ref(&state))?;
+    // Robots trot out of step, so that their contacts differ.
+    let targets = |number: usize| -> Vec<Vec<f64>> {
+        let own = |robot: usize| {
+            trot(&pose, number + robot % 25).into_iter().map(|x| f64::from(x as f32)).collect()
+        };
+        (0..robots).map(own).collect()
+    };
+    for number in 0..WARM_UP {
+        batch.write_targets(&stream, &targets(number))?;
+        batch.step(&stream).map_err(DeviceError::from)?;
+    }
+    batch.keep(&stream).map_err(DeviceError::from)?;
+    let before = batch.read_states(&stream, robots).map_err(DeviceError::from)?;
+    let sent = targets(WARM_UP);
+    batch.write_targets(&stream, &sent)?;
+    let after = one_period(&mut batch, &stream, bench.environments).map_err(DeviceError::from)?;
+    let again = one_period(&mut batch, &stream, bench.environments).map_err(DeviceError::from)?;
+    let bits = |states: &[Vec<f32>]| states.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let same_bits = bits(&after) == bits(&again);
+    let mut errors: Vec<f64> = Vec::with_capacity(robots);
+    let mut position_error = 0.0f64;
+    let mut work = Work::new(&tree);
+    for robot in 0..robots {
+        let mut numbers = before[robot].iter();
+        state.visit_mut(|_, number| *number = numbers.next().map_or(f64::NAN, |&x| f64::from(x)));
+        control_period(&mut Control {
+            tree: &tree,
+            params: &sets[robot],
+            targets: &mut sent[robot].clone(),
+            disturbance: &[],
+            modifications: &[],
+            memory: &mut [],
+            substeps: SUBSTEPS,
+            state: &mut state,
+            work: &mut work,
+            drives: &mut vec![Drive::zero(); tree.joints()],
+        });
+        let (velocity, position) = difference(&state, &after[robot]);
+        errors.push(velocity);
+        position_error = position_error.max(position);
+    }
+    errors.sort_by(f64::total_cmp);
+
+    let mut timed = batch;
+    if bench.substeps != SUBSTEPS {
+        timed = Batch::new(device, &period(bench.substeps)?, bench.environments, 1)?;
+        timed.write_params(&stream, &sets)?;
+        let states: Vec<State<f64>> = before.iter().map(|numbers| of_numbers(&state, numbers)).collect();
+        timed.write_states(&stream, &states)?;
+        timed.keep(&stream).map_err(DeviceError::from)?;
+        timed.write_targets(&stream, &sent)?;
+    }
+    let launches = (TIMED_SUBSTEPS / bench.substeps.max(1)).max(1);
+    let mut times =
+        time(device, &mut timed, &stream, launches, bench.repetitions).map_err(DeviceError::from)?;
+    times.sort_by(f64::total_cmp);
+    let steps = (bench.environments * bench.substeps * launches) as f64;
+    let end = timed.read_states(&stream, robots).map_err(DeviceError::from)?;
+    // The base's position comes first.
+    let base_height = end.iter().map(|numbers| f64::from(numbers[2])).sum::<f64>() / robots as f64;
+    let kernel = timed.kernel();
+    Ok(PhysicsSpeed {
+        substeps_per_second: steps / times[times.len() / 2],
+        best_substeps_per_second: steps / times[0],
+        lanes: control.lanes(),
+        registers: kernel.registers().map_err(DeviceError::from)?,
+        local_bytes: kernel.local_bytes().map_err(DeviceError::from)?,
+        compile_seconds,
+        cached: timed.cached(),
+        bytes: timed.bytes(),
+        checked: robots,
+        velocity_error: [errors[errors.len() / 2], errors[errors.len() - 1]],
+        position_error,
+        same_bits,
+        base_height,
+    })
+}
+
+/// Why the benchmark cannot be run.
+#[derive(Debug, thiserror::Error)]
+pub enum BenchError {
+    /// The robot is none that the benchmark knows.
+    #[error(transparent)]
+    Robot(#[from] SimError),
+    /// The GPU.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+}
+
+/// One control period from the states kept.
+fn one_period(
+    batch: &mut Batch,
+    stream: &Stream,
+    environments: usize,
+) -> Result<Vec<Vec<f32>>, crate::runtime::CudaError> {
+    batch.restart(stream)?;
+    batch.step(stream)?;
+    batch.read_states(stream, environments)
+}
+
+/// Seconds of each repetition of `launches` launches, recorded as one graph, from the states kept.
+fn time(
+    device: &Device,
+    batch: &mut Batch,
+    stream: &Stream,
+    launches: usize,
+    repetitions: usize,
+) -> Result<Vec<f64>, crate::runtime::CudaError> {
+    let mut graph = stream.record(|stream| (0..launches).try_for_each(|_| batch.step(stream)))?;
+    let (start, end) = (Event::new(device)?, Event::new(device)?);
+    let mut times = Vec::with_capacity(repetitions);
+    for repetition in 0..=repetitions.max(1) {
+        batch.restart(stream)?;
+        start.record(stream)?;
+        graph.launch(stream)?;
+        end.record(stream)?;
+        let seconds = start.seconds_until(&end)?;
+        // The first one warms up.
+        if repetition > 0 {
+            times.push(seconds);
+        }
+    }
+    Ok(times)
+}
+
+/// As a GPU has them.
+fn rounded(mut params: Params<f64>) -> Params<f64> {
+    params.visit_mut(|_, number| *number = f64::from(*number as f32));
+    params
+}
+
+fn of_numbers(like: &State<f64>, numbers: &[f32]) -> State<f64> {
+    let mut state = like.clone();
+    let mut numbers = numbers.iter();
+    state.visit_mut(|_, number| *number = numbers.next().map_or(f64::NAN, |&x| f64::from(x)));
+    state
+}
+
+/// Largest differences of velocities and of positions.
+fn difference(want: &State<f64>, got: &[f32]) -> (f64, f64) {
+    let (mut velocity, mut position) = (0.0f64, 0.0f64);
+    let mut got = got.iter();
+    want.visit(|slot, want| {
+        let error = got.next().map_or(f64::INFINITY, |&got| (f64::from(got) - want).abs());
+        let error = if error.is_nan() { f64::INFINITY } else { error };
+        match slot.name {
+            "qvel" | "linear" | "angular" => velocity = velocity.max(error),
+            "qacc" | "acceleration" => {}
+            _ => position = position.max(error),
+        }
+    });
+    (velocity, position)
+}

@@ -1,0 +1,127 @@
+//! One robot's control period as a program for a GPU.
+
+use gaitfit_model::Model;
+use gaitfit_physics::trace::{Known, PeriodGraph, Traced, record_period};
+use gaitfit_physics::{JointModification, Settings, compile};
+
+use super::DeviceError;
+use crate::emit::{EmitOptions, KERNEL, Layout, PeriodProgram, Seating, cuda};
+use crate::runtime::{DeviceInfo, Program};
+
+/// Threads of a block. Two warps: the number makes no difference up to 128.
+pub(super) const BLOCK: usize = 64;
+/// Threads that a multiprocessor runs at once, for a step takes all registers that a thread may have (255 of 65,536).
+const THREADS_PER_PROCESSOR: usize = 256;
+
+/// What a period's program is for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PeriodOptions {
+    /// Physics steps in the period.
+    pub substeps: usize,
+    /// Sent targets that act in it; more than one for delays (see [`gaitfit_physics::delay_taps`]).
+    pub taps: usize,
+    /// Threads of an environment at most: 4, 2 or 1.
+    pub lanes: usize,
+    /// How the text is made.
+    pub emit: EmitOptions,
+}
+
+/// Most operations of a program for two threads an environment: text much longer than this does not fit the GPU's cache
+/// of instructions, nor its numbers the registers.
+const LONGEST_FOR_TWO: usize = 6000;
+
+/// The program of one robot's control period.
+#[derive(Clone, Debug)]
+pub struct Period {
+    pub(super) graph: PeriodGraph,
+    pub(super) shared: PeriodProgram,
+    pub(super) layout: Layout,
+    joints: usize,
+    taps: usize,
+    text: String,
+}
+
+impl Period {
+    /// Writes the program. Where limbs cannot be shared among as many threads as asked for, fewer are taken.
+    ///
+    /// # Errors
+    /// A robot that cannot be stepped.
+    pub fn new(
+        model: &Model,
+        settings: &Settings,
+        options: PeriodOptions,
+        modifications: &[JointModification<Known>],
+    ) -> Result<Self, DeviceError> {
+        let tree = compile::<Traced>(model, settings)?;
+        let graph = record_period(&tree, options.taps, options.substeps, modifications)?;
+        let outline = tree.outline();
+        let shared = [4, 2]
+            .into_iter()
+            .filter(|&lanes| lanes <= options.lanes)
+            .filter_map(|lanes| Seating::shared(&outline, lanes))
+            .find_map(|seating| PeriodProgram::new(&graph, &seating, options.emit).ok());
+        let shared = match shared {
+            Some(shared) => shared,
+            None => PeriodProgram::new(&graph, &Seating::alone(&outline), options.emit)?,
+        };
+        let layout = Layout::new(&graph, &shared);
+        let text = cuda(&shared, &layout, BLOCK);
+        Ok(Self { graph, shared, layout, joints: tree.joints(), taps: options.taps, text })
+    }
+
+    /// The program for this many environments: four threads each until two would occupy three quarters of the GPU, for
+    /// few environments want many threads, of which each has less to do, and many want few, with fewer sums over
+    /// threads. Long programs, of all of a robot's geoms, keep four. `options.lanes` is not looked at.
+    ///
+    /// # Errors
+    /// As [`Period::new`].
+    pub fn for_environments(
+        model: &Model,
+        settings: &Settings,
+        options: PeriodOptions,
+        modifications: &[JointModification<Known>],
+        environments: usize,
+        device: &DeviceInfo,
+    ) -> Result<Self, DeviceError> {
+        let period = |lanes| Self::new(model, settings, PeriodOptions { lanes, ..options }, modifications);
+        let threads = THREADS_PER_PROCESSOR * usize::try_from(device.processors).unwrap_or(1);
+        if 2 * environments >= threads - threads / 4 {
+            let two = period(2)?;
+            if two.operations() <= LONGEST_FOR_TWO {
+                return Ok(two);
+            }
+        }
+        period(4)
+    }
+
+    /// Threads of an environment.
+    pub fn lanes(&self) -> usize {
+        self.layout.lanes
+    }
+
+    /// Joints of the robot.
+    pub fn joints(&self) -> usize {
+        self.joints
+    }
+
+    /// Sent targets that act in the period.
+    pub fn taps(&self) -> usize {
+        self.taps
+    }
+
+    /// Where the numbers lie.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Operations of the program as it stands, for records.
+    pub fn operations(&self) -> usize {
+        self.shared.program.nodes.iter().filter(|node| node.op.arity() > 0).count()
+    }
+
+    /// The program for the device's compiler. Numbers too small for single precision's full range count as zero, as
+    /// the fast reciprocals take them.
+    pub fn program(&self) -> Program {
+        Program::new(KERNEL, self.text.clone()).option("-ftz=true")
+    }
+}

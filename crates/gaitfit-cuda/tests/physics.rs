@@ -1,0 +1,174 @@
+//! Batches of environments on a GPU.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod common;
+
+use std::sync::Arc;
+
+use common::{feet, modifications, robot};
+use gaitfit_cuda::emit::EmitOptions;
+use gaitfit_cuda::physics::{Batch, DeviceError, Period, PeriodOptions};
+use gaitfit_cuda::runtime::{Device, Stream};
+use gaitfit_model::Model;
+use gaitfit_physics::trace::{Known, Traced};
+use gaitfit_physics::{
+    Drive, JointModification, Modify, Params, Period as Control, Preset, Robot, Settings, State, Work,
+    compile, control_period, memory_of, settle,
+};
+
+const TAPS: usize = 2;
+const SUBSTEPS: usize = 4;
+
+fn rounded(x: f64) -> f64 {
+    f64::from(x as f32)
+}
+
+/// Weights of a candidate's networks as they are visited, times `factor`, in single precision.
+fn weights(joints: usize, factor: f64) -> (Vec<JointModification<f64>>, Vec<f64>) {
+    let mut networks = modifications::<f64>(joints);
+    let mut list = Vec::new();
+    for network in &mut networks {
+        network.visit_weights_mut(|_, weight| {
+            *weight = rounded(factor * *weight);
+            list.push(*weight);
+        });
+    }
+    (networks, list)
+}
+
+/// Delays, and two candidates with networks of their own: every robot's velocities after three control periods.
+fn check(device: &Device, label: &str, model: &Model, lanes: usize, limit: f64) {
+    let settings = Settings { timestep: 0.005, ..Settings::new(&model.options, Preset::Fast) };
+    let joints = model.joints.len();
+    let options = PeriodOptions { substeps: SUBSTEPS, taps: TAPS, lanes, emit: EmitOptions::default() };
+    let traced: Vec<JointModification<Known>> = modifications::<Traced>(joints);
+    let period = Arc::new(Period::new(model, &settings, options, &traced).unwrap());
+    assert_eq!(period.lanes(), lanes, "{label}");
+    // No multiple of a block's environments.
+    let environments = 138;
+    let stream = Stream::new(device).unwrap();
+    let mut batch = Batch::new(device, &period, environments, 2).unwrap();
+    let candidates = [weights(joints, 1.0), weights(joints, 0.3)];
+    batch.write_weights(&stream, &[candidates[0].1.clone(), candidates[1].1.clone()]).unwrap();
+    let mut random = common::Random(3);
+    let tree = compile::<f64>(model, &settings).unwrap();
+    let key = &model.keyframes[0].qpos;
+    let mut sets: Vec<Params<f64>> = Vec::new();
+    let mut states: Vec<State<f64>> = Vec::new();
+    let mut memory: Vec<Vec<f64>> = Vec::new();
+    for environment in 0..environments {
+        let mut one = Robot::nominal(model);
+        one.kp = vec![random.uniform(40.0, 70.0); joints];
+        one.kd = vec![random.uniform(1.0, 2.0); joints];
+        one.delay = (0..joints).map(|_| random.uniform(0.0, 0.02)).collect();
+        one.armature = vec![0.01; joints];
+        let mut params = one.params(model).unwrap();
+        params.visit_mut(|_, number| *number = rounded(*number));
+        let mut state = State::<f64>::new(&tree);
+        state.base_position[2] = rounded(key[2]);
+        state.qpos = key[7..].iter().map(|angle| rounded(angle + random.uniform(-0.1, 0.1))).collect();
+        let networks = &candidates[environment / (environments / 2)].0;
+        let mut own = vec![0.0; memory_of(networks)];
+        settle(networks, &params, &state, &mut own);
+        memory.push(own.into_iter().map(rounded).collect());
+        sets.push(params);
+        states.push(state);
+    }
+    batch.write_params(&stream, &sets).unwrap();
+    batch.write_states(&stream, &states).unwrap();
+    batch.write_memory(&stream, &memory).unwrap();
+    for _ in 0..3 {
+        let targets: Vec<Vec<f64>> = (0..environments)
+            .map(|_| {
+                (0..TAPS)
+                    .flat_map(|_| key[7..].to_vec())
+                    .map(|x| rounded(x + random.uniform(-0.2, 0.2)))
+                    .collect()
+            })
+            .collect();
+        batch.write_targets(&stream, &targets).unwrap();
+        batch.step(&stream).unwrap();
+        for environment in 0..environments {
+            control_period(&mut Control {
+                tree: &tree,
+                params: &sets[environment],
+                targets: &mut targets[environment].clone(),
+                disturbance: &[],
+                modifications: &candidates[environment / (environments / 2)].0,
+                memory: &mut memory[environment],
+                substeps: SUBSTEPS,
+                state: &mut states[environment],
+                work: &mut Work::new(&tree),
+                drives: &mut vec![Drive::zero(); joints],
+            });
+        }
+    }
+    let mut errors = Vec::new();
+    for (got, want) in batch.read_states(&stream, environments).unwrap().iter().zip(&states) {
+        let (mut got, mut worst) = (got.iter(), 0.0f64);
+        want.visit(|slot, want| {
+            let error = (f64::from(*got.next().unwrap()) - want).abs();
+            if matches!(slot.name, "qvel" | "linear" | "angular") {
+                worst = worst.max(if error.is_nan() { f64::INFINITY } else { error });
+            }
+        });
+        errors.push(worst);
+    }
+    errors.sort_by(f64::total_cmp);
+    let (median, worst) = (errors[environments / 2], errors[environments - 1]);
+    println!("{label}, {lanes} lanes: velocities off by {median:.1e}, at most {worst:.1e}");
+    assert!(worst <= limit, "{label}, {lanes} lanes: {worst}");
+}
+
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_batches_have_delays_networks_and_candidates() {
+    let device = Device::open(0).unwrap();
+    let go2 = robot("go2");
+    for lanes in [4, 2, 1] {
+        check(&device, "go2 feet", &feet(go2.clone()), lanes, 1e-3);
+    }
+    check(&device, "go2", &go2, 4, 1e-3);
+    check(&device, "biped", &robot("biped"), 2, 1e-2);
+    check(&device, "humanoid", &robot("humanoid"), 2, 1e-2);
+}
+
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_batches_refuse_wrong_counts() {
+    let device = Device::open(0).unwrap();
+    let model = feet(robot("go2"));
+    let settings = Settings::new(&model.options, Preset::Fast);
+    let options = PeriodOptions { substeps: 1, taps: 1, lanes: 4, emit: EmitOptions::default() };
+    let period = Arc::new(Period::new(&model, &settings, options, &[]).unwrap());
+    assert!(matches!(Batch::new(&device, &period, 10, 3), Err(DeviceError::Count { .. })));
+    let stream = Stream::new(&device).unwrap();
+    let mut batch = Batch::new(&device, &period, 10, 1).unwrap();
+    let error = batch.write_targets(&stream, &[vec![0.0; 11]]).unwrap_err();
+    assert_eq!(error.to_string(), "targets must be lists of 12 numbers, one at least; there are 11");
+    assert!(batch.write_params(&stream, &[]).is_err());
+}
+
+/// What a GPU would be given is made without one.
+#[test]
+fn long_programs_keep_four_threads() {
+    let device = gaitfit_cuda::runtime::DeviceInfo {
+        ordinal: 0,
+        name: "of this test".into(),
+        memory: 1 << 36,
+        capability: (9, 0),
+        processors: 132,
+        shared_memory: 1 << 17,
+        cache: 1 << 25,
+    };
+    let go2 = robot("go2");
+    let lanes = |model: &Model, environments: usize| {
+        let settings = Settings::new(&model.options, Preset::Fast);
+        let options = PeriodOptions { substeps: 4, taps: 1, lanes: 4, emit: EmitOptions::default() };
+        Period::for_environments(model, &settings, options, &[], environments, &device).unwrap().lanes()
+    };
+    let feet = feet(go2.clone());
+    assert_eq!((lanes(&feet, 4096), lanes(&feet, 65536)), (4, 2));
+    assert_eq!((lanes(&go2, 4096), lanes(&go2, 65536)), (4, 4));
+    assert_eq!(lanes(&robot("arm"), 65536), 1);
+}

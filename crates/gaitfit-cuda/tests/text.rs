@@ -1,0 +1,215 @@
+//! The text of a program: compiled as C++, and by NVIDIA's compiler.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::process::Command;
+
+use common::{Sample, feet, recorded, robot, samples, shared};
+use gaitfit_cuda::emit::{Class, Layout, PeriodProgram, body, cuda, head};
+use gaitfit_cuda::runtime::{Nvrtc, Program, compile};
+use gaitfit_model::{Cone, Model};
+use gaitfit_physics::trace::{Output, PeriodGraph};
+use gaitfit_physics::{Preset, Settings};
+use sha2::{Digest, Sha256};
+
+const TAPS: usize = 2;
+const SUBSTEPS: usize = 3;
+
+struct Case {
+    period: PeriodGraph,
+    program: PeriodProgram,
+    layout: Layout,
+}
+
+fn case(model: &Model, preset: Preset, lanes: usize, least_guarded: usize, networks: bool) -> Case {
+    let settings = settings(model, preset);
+    let (period, tree) = recorded(model, &settings, TAPS, SUBSTEPS, networks);
+    let program = shared(&period, &tree, lanes, least_guarded);
+    let layout = Layout::new(&period, &program);
+    Case { period, program, layout }
+}
+
+fn settings(model: &Model, preset: Preset) -> Settings {
+    Settings { timestep: 0.005, ..Settings::new(&model.options, preset) }
+}
+
+/// Numbers of a tile filled from its environments' inputs.
+fn tile(case: &Case, class: Class, samples: &[Sample]) -> Vec<f32> {
+    let layout = &case.layout;
+    let mut numbers = vec![f32::NAN; layout.size(class)];
+    for (environment, sample) in samples.iter().enumerate() {
+        for (place, &value) in layout.inputs.iter().zip(&sample.inputs) {
+            if place.class == class {
+                numbers[layout.offset(*place, environment)] = value as f32;
+            }
+        }
+    }
+    numbers
+}
+
+/// Compiles the text with the host's words, runs it on one tile, and returns each class as it is afterwards.
+fn run_cxx(case: &Case, samples: &[Sample]) -> BTreeMap<Class, Vec<f32>> {
+    let folder = tempfile::tempdir().unwrap();
+    let words = include_str!("common/host.hpp");
+    let mut text = head(&case.layout, 64) + words + &body(&case.program, &case.layout);
+    text.push_str("#include <cstdio>\nint main() {\n");
+    let mut count = 0;
+    for class in Class::ALL {
+        let size = case.layout.size(class).max(1);
+        writeln!(text, "static float c{}[{size}];", class as usize).unwrap();
+        writeln!(
+            text,
+            "if (std::fread(c{0}, 4, {1}, stdin) != {1}) return 1;",
+            class as usize,
+            case.layout.size(class)
+        )
+        .unwrap();
+        count += case.layout.size(class);
+    }
+    let count_of = case.layout.environments();
+    writeln!(text, "for (environment = 0; environment < {count_of}; ++environment)").unwrap();
+    text.push_str("control_period(c0, c1, c2, c3, c4, 1);\n");
+    for class in Class::ALL {
+        writeln!(text, "std::fwrite(c{}, 4, {}, stdout);", class as usize, case.layout.size(class)).unwrap();
+    }
+    text.push_str("}\n");
+    let (source, binary) = (folder.path().join("period.cpp"), folder.path().join("period"));
+    std::fs::write(&source, text).unwrap();
+    let made = Command::new("g++")
+        .args(["-O1", "-w", "-Wno-psabi", "-o"])
+        .args([&binary, &source])
+        .output()
+        .unwrap();
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let input: Vec<u8> =
+        Class::ALL.iter().flat_map(|&class| tile(case, class, samples)).flat_map(f32::to_ne_bytes).collect();
+    let given = folder.path().join("in");
+    std::fs::write(&given, &input).unwrap();
+    let output = Command::new(&binary).stdin(std::fs::File::open(&given).unwrap()).output().unwrap();
+    assert!(output.status.success());
+    let numbers: Vec<f32> =
+        output.stdout.as_chunks::<4>().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();
+    assert_eq!(numbers.len(), count);
+    let mut rest = numbers.as_slice();
+    let mut classes = BTreeMap::new();
+    for class in Class::ALL {
+        let (own, others) = rest.split_at(case.layout.size(class));
+        classes.insert(class, own.to_vec());
+        rest = others;
+    }
+    classes
+}
+
+/// Largest error of velocities (m/s, rad/s) and of everything else but accelerations.
+fn errors(case: &Case, classes: &BTreeMap<Class, Vec<f32>>, samples: &[Sample]) -> (f64, f64) {
+    let (mut velocity, mut other) = (0.0f64, 0.0f64);
+    for (environment, sample) in samples.iter().enumerate() {
+        for ((output, place), want) in
+            case.period.outputs.iter().zip(&case.layout.outputs).zip(&sample.outputs)
+        {
+            let got = f64::from(classes[&place.class][case.layout.offset(*place, environment)]);
+            let error = (got - want).abs();
+            let error = if error.is_nan() { f64::INFINITY } else { error };
+            match output {
+                Output::State(slot) if matches!(slot.name, "qvel" | "linear" | "angular") => {
+                    velocity = velocity.max(error)
+                }
+                Output::State(slot) if matches!(slot.name, "qacc" | "acceleration") => {}
+                // What networks remember: angles and velocities.
+                Output::Memory(_) => velocity = velocity.max(error),
+                Output::State(_) => other = other.max(error),
+            }
+        }
+    }
+    (velocity, other)
+}
+
+fn check_cxx(label: &str, model: &Model, preset: Preset, lanes: usize, least_guarded: usize, networks: bool) {
+    let case = case(model, preset, lanes, least_guarded, networks);
+    let count = case.layout.environments().min(8);
+    let samples = samples(model, &settings(model, preset), TAPS, SUBSTEPS, networks, true, count);
+    let classes = run_cxx(&case, &samples);
+    let (velocity, other) = errors(&case, &classes, &samples);
+    println!("{label}, {preset:?}, {lanes} lanes: velocities off by {velocity:.1e}, positions {other:.1e}");
+    // Elliptic contacts slip one way or another by the last bits of their residuals.
+    let most = if model.options.cone == Cone::Elliptic { 1e-2 } else { 3e-4 };
+    assert!(velocity < most && other < 0.01 * most + 3e-6, "{velocity} {other}");
+}
+
+/// A change of the step or of the emitter changes the text: `GAITFIT_UPDATE_GOLDEN=1` writes the file anew, and its
+/// difference says how much work the step has become.
+#[test]
+fn the_text_of_the_go2_is_known() {
+    let case = case(&feet(robot("go2")), Preset::Fast, 4, 600, false);
+    let program = &case.program.program;
+    let mut counts: BTreeMap<String, usize> = BTreeMap::new();
+    for node in &program.nodes {
+        let name = format!("{:?}", node.op);
+        *counts.entry(name.split('(').next().unwrap_or_default().to_owned()).or_default() += 1;
+    }
+    let mut found = String::new();
+    for (name, count) in counts {
+        writeln!(found, "{name} {count}").unwrap();
+    }
+    let text = cuda(&case.program, &case.layout, 64);
+    writeln!(found, "regions {}, table rows {}", program.regions.len(), program.table.len()).unwrap();
+    let digest: String =
+        Sha256::digest(&text).iter().fold(String::new(), |all, byte| format!("{all}{byte:02x}"));
+    writeln!(found, "text {} bytes, sha256 {digest}", text.len()).unwrap();
+    let path = format!("{}/tests/golden/go2_feet.txt", env!("CARGO_MANIFEST_DIR"));
+    if std::env::var_os("GAITFIT_UPDATE_GOLDEN").is_some() {
+        std::fs::write(&path, &found).unwrap();
+    }
+    assert_eq!(found, std::fs::read_to_string(&path).unwrap());
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_text_computes_the_step() {
+    let go2 = robot("go2");
+    check_cxx("go2 feet", &feet(go2.clone()), Preset::Fast, 4, usize::MAX, false);
+    check_cxx("go2", &go2, Preset::Fast, 4, 300, true);
+    check_cxx("go2 feet", &feet(go2.clone()), Preset::Accurate, 2, 0, false);
+    check_cxx("go2 feet", &feet(go2.clone()), Preset::Fast, 1, 100, true);
+    check_cxx("humanoid", &robot("humanoid"), Preset::Fast, 2, 100, false);
+    let mut elliptic = feet(go2);
+    elliptic.options.cone = Cone::Elliptic;
+    check_cxx("elliptic go2 feet", &elliptic, Preset::Fast, 4, 600, false);
+}
+
+#[test]
+#[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
+fn nvrtc_compiles_the_text() {
+    let go2 = robot("go2");
+    let feet = feet(go2.clone());
+    let humanoid = robot("humanoid");
+    let cases = [
+        ("go2 feet, fast, 4 lanes, flat", case(&feet, Preset::Fast, 4, usize::MAX, false)),
+        ("go2 feet, fast, 4 lanes", case(&feet, Preset::Fast, 4, 100, false)),
+        ("go2 feet, fast, 2 lanes, flat", case(&feet, Preset::Fast, 2, usize::MAX, false)),
+        ("go2 feet, accurate, 4 lanes, flat", case(&feet, Preset::Accurate, 4, usize::MAX, false)),
+        ("go2, fast, 4 lanes", case(&go2, Preset::Fast, 4, 100, false)),
+        ("go2, fast, 2 lanes", case(&go2, Preset::Fast, 2, 100, false)),
+        ("go2 feet, fast, 4 lanes, networks", case(&feet, Preset::Fast, 4, 100, true)),
+        ("humanoid, fast, 2 lanes", case(&humanoid, Preset::Fast, 2, 100, false)),
+    ];
+    for (label, case) in cases {
+        let text = cuda(&case.program, &case.layout, 64);
+        if let Some(folder) = std::env::var_os("GAITFIT_KEEP_TEXT") {
+            let name = label.replace([' ', ','], "_");
+            std::fs::write(std::path::Path::new(&folder).join(format!("{name}.cu")), &text).unwrap();
+        }
+        let program = Program::new("control_period", text).option("-ftz=true").option("--ptxas-options=-v");
+        let start = std::time::Instant::now();
+        let compiled = compile(Nvrtc::get().unwrap(), &program, (9, 0), None).unwrap();
+        let seconds = start.elapsed().as_secs_f64();
+        let words =
+            compiled.image.log.lines().filter(|line| line.contains("registers") || line.contains("spill"));
+        let words: Vec<&str> = words.map(|line| line.trim()).collect();
+        println!("{label}: {seconds:.1} s, {} bytes, {}", compiled.image.code.len(), words.join("; "));
+        assert!(seconds < 30.0, "{label} takes {seconds} s");
+    }
+}
