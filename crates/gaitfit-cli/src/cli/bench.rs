@@ -1,6 +1,6 @@
 //! Arguments of `gaitfit bench`.
 
-use super::Preset;
+use super::{Device, Preset};
 use clap::{Args, Subcommand, ValueEnum};
 
 /// What to measure.
@@ -24,9 +24,33 @@ pub struct BenchPhysics {
     /// Threads
     #[arg(long, value_name = "N", default_value = "1")]
     pub threads: std::num::NonZeroUsize,
+    /// What computes: cpu, cuda (the first GPU) or cuda:N
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    pub device: Device,
+    /// Robots at once (1024 on the processor, 4096 on a GPU)
+    #[arg(long, value_name = "N")]
+    pub environments: Option<std::num::NonZeroUsize>,
+    /// GPU: physics steps of one launch
+    #[arg(long, value_name = "N", default_value = "4")]
+    pub substeps: std::num::NonZeroUsize,
+    /// GPU: threads of a robot, 1, 2 or 4 (default: what suits the number of robots)
+    #[arg(long, value_name = "N", value_parser = lanes)]
+    pub lanes: Option<usize>,
+    /// GPU: guarded parts of fewer operations than this are always computed
+    #[arg(long, value_name = "N", hide = true)]
+    pub least_guarded: Option<usize>,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
+}
+
+fn lanes(text: &str) -> Result<usize, String> {
+    match text {
+        "1" => Ok(1),
+        "2" => Ok(2),
+        "4" => Ok(4),
+        _ => Err("it must be 1, 2 or 4".to_owned()),
+    }
 }
 
 /// Arguments of `bench train`.

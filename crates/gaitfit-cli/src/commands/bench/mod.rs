@@ -1,6 +1,7 @@
 //! `gaitfit bench`: speed.
 
 mod physics;
+mod physics_cuda;
 mod train;
 
 use crate::cli::Bench;

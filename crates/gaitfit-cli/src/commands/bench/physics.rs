@@ -27,19 +27,22 @@ struct Document {
 
 /// Measures and prints.
 pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
-    let model = gaitfit::robot::go2()?;
-    let preset: gaitfit_physics::Preset = args.preset.into();
     let geoms = match args.geoms {
         cli::Geoms::Feet => bench::Geoms::Feet,
         cli::Geoms::All => bench::Geoms::All,
     };
+    if let cli::Device::Cuda(ordinal) = args.device {
+        return super::physics_cuda::run(args, geoms, ordinal);
+    }
+    let model = gaitfit::robot::go2()?;
+    let preset: gaitfit_physics::Preset = args.preset.into();
     let threads = args.threads.get();
     let what = PhysicsBench {
         preset,
         geoms,
         threads,
         isa: None,
-        environments: ENVIRONMENTS,
+        environments: args.environments.map_or(ENVIRONMENTS, std::num::NonZeroUsize::get),
         repetitions: REPETITIONS,
     };
     let speed = bench::physics(&model, &what).map_err(Failure::failed)?;
