@@ -21,6 +21,26 @@ fn wrong_usage_ends_with_2_and_help_with_0() {
     assert!(errors(&output).contains("README.md: is a file; name the folder"), "{}", errors(&output));
 }
 
+/// As on a machine without a GPU: the driver, if there is one, shows none.
+#[test]
+fn a_missing_gpu_is_a_clear_error() {
+    let output = program()
+        .args(["bench", "physics", "--device", "cuda", "--json"])
+        .env("CUDA_VISIBLE_DEVICES", "-1")
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(4), "{}", errors(&output));
+    assert!(output.stdout.is_empty());
+    let said = errors(&output);
+    assert!(said.contains("NVIDIA driver") || said.contains("there is no GPU 0"), "{said}");
+    for wrong in ["gpu", "cuda:x", "cuda:0,1"] {
+        let output = run(&["bench", "physics", "--device", wrong]);
+        assert_eq!(output.status.code(), Some(2), "{wrong}");
+        assert!(errors(&output).contains("it must be cpu, cuda or cuda:N"), "{}", errors(&output));
+    }
+    assert_eq!(run(&["bench", "physics", "--lanes", "3"]).status.code(), Some(2));
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn output_that_cannot_be_written_is_an_error() {
