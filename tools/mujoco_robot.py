@@ -71,6 +71,21 @@ def read_robot(policy, path, seed):
     return World(policy, springs=tuple(springs), seed=seed, **({"timestep": TIMESTEP} | model | rest))
 
 
+def imu(data):
+    """Orientation, wxyz, and rates in the body frame, rad/s."""
+    return np.concatenate([data.qpos[3:7], data.qvel[3:6]])
+
+
+IMU = ["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z", "wx", "wy", "wz"]
+PLACE = [f"base_{what}_{axis}" for what in ("pos", "vel") for axis in "xyz"]
+# What a log says of the base: columns and their values.
+BASE = {
+    "none": ([], lambda data: []),
+    "imu": (IMU, imu),
+    "all": (IMU + PLACE, lambda data: np.concatenate([imu(data), data.qpos[:3], data.qvel[:3]])),
+}
+
+
 def draw_command(task, rng):
     """A command as the task draws it, standing included."""
     low, high = np.array([task[axis] for axis in ("x", "y", "yaw")]).T
@@ -81,7 +96,7 @@ def draw_command(task, rng):
 def record(job):
     """Logs of some trajectories: {rows, fell}. A row holds position and velocity as the policy saw them, the command, and
     the target and action that followed."""
-    world, numbers, seconds, shift = job
+    world, numbers, seconds, shift, base = job
     group = Group(world, numbers)
     policy, robot = group.policy, group.robot
     steps, hold = round(seconds / policy.dt), max(1, round(policy.command["seconds"] / policy.dt))
@@ -93,9 +108,10 @@ def record(job):
         if step % hold == 0:
             commands = np.stack([draw_command(policy.command, rng) for rng in draws])
         seen = [np.concatenate([data.qpos[robot.position], data.qvel[robot.velocity]]) for data in group.data]
+        bases = [BASE[base][1](data) for data in group.data]
         for index in group.step(commands):
             if begins[index] <= step < begins[index] + steps:
-                sent = group.sent[0][index], group.actions[index], commands[index]
+                sent = group.sent[0][index], group.actions[index], commands[index], bases[index]
                 logs[index].append(np.concatenate([[len(logs[index]) * policy.dt], seen[index], *sent]))
     return [{"rows": rows, "fell": bool(fell)} for rows, fell in zip(logs, group.fallen)]
 
@@ -125,10 +141,10 @@ def collect(args, world):
         raise Refused(f"cannot make the folder {args.out}: {error.strerror}") from None
     if any(args.out.glob("*.csv")):
         raise Refused(f"{args.out} already holds logs; give an empty folder")
-    jobs = [(world, numbers, args.seconds, (low, high)) for numbers in groups(args.trajectories)]
+    jobs = [(world, numbers, args.seconds, (low, high), args.base) for numbers in groups(args.trajectories)]
     logs = parallel(record, jobs, args.processes, "logs")
     columns = [f"{prefix}_{joint}" for prefix in ("q", "dq", "qdes", "act") for joint in policy.joints]
-    header = ",".join(["time", *columns, "vx_cmd", "vy_cmd", "wz_cmd"])
+    header = ",".join(["time", *columns, "vx_cmd", "vy_cmd", "wz_cmd", *BASE[args.base][0]])
     digits, files = max(2, len(str(args.trajectories - 1))), []
     for number, log in enumerate(logs):
         if not log["rows"]:
@@ -238,6 +254,8 @@ def main():
     commands.choices["collect"].add_argument("--out", type=pathlib.Path, required=True, help="folder for the logs")
     commands.choices["collect"].add_argument("--log-shift", type=float, nargs="+", default=[0.0], metavar="S",
         help="begin each log this long after the robot, drawn between two times [0]")  # fmt: skip
+    commands.choices["collect"].add_argument("--base", choices=list(BASE), default="none",
+        help="what the logs say of the base: nothing, what an IMU says, or all of its state [none]")  # fmt: skip
     commands.choices["collect"].add_argument("--digits", type=int, default=7, choices=range(3, 18), metavar="N",
         help="significant digits of the numbers in the logs [7]")  # fmt: skip
     commands.choices["evaluate"].add_argument("--drift", type=int, default=16, help="robots a constant command, 0: none [16]")

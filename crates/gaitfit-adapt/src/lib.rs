@@ -8,7 +8,7 @@ mod simulator;
 mod theta;
 
 pub use replay::ReplaySimulator;
-pub use simulator::{Cancel, Consume, Rollout, Signals, Simulator, SimulatorError, never};
+pub use simulator::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, never};
 pub use theta::{
     Defaults, Entry, Found, JointParameter, Modification, NetworkName, NetworkRule, NetworkStart,
     ParameterRule, RobotNumber, RobotRule, Rules, SavedNetwork, SavedParameter, Sharing, Theta, ThetaError,

@@ -1,6 +1,6 @@
 //! The project's own engine behind [`Simulator`]: logs replayed on a clamped robot.
 
-use crate::{Cancel, Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
+use crate::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_model::Model;
 use gaitfit_physics::Robot;
 use gaitfit_sim::{Candidate, Cpu, Engine, JointSignals, Recording, Replay, ReplayOptions};
@@ -80,10 +80,10 @@ impl Simulator for ReplaySimulator {
         consume: &Consume<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
-        if candidates.iter().any(|candidate| candidate.reset_every.is_some()) {
+        if candidates.iter().any(|candidate| candidate.resets != Resets::Never) {
             return Err(SimulatorError::failed(
                 "a replay of a clamped robot cannot be reset to the log's state on its way: take the cost matcho or \
-                 wass instead of matchs",
+                 wass",
             ));
         }
         let robots: Vec<Robot> =

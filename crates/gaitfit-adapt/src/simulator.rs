@@ -4,15 +4,28 @@ use crate::Theta;
 use crate::cost::{Cost, Signal};
 use crate::fit::{Evaluation, FitError, Job, accumulate};
 
+/// What of the recording a simulated robot is given on its way. At the sample of a reset the signals hold the state that
+/// the simulation reached; the reset follows. With every sample given, each from the second on is a one-sample
+/// prediction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Resets {
+    /// Nothing: it starts as the recording's joints suggest and runs freely, under its policy if it has one.
+    #[default]
+    Never,
+    /// The whole state, joints and base, every so many samples, the first at sample 0. Robots do not record it.
+    State(usize),
+    /// What the robot's own sensors read, joints and IMU, every so many samples, and the recording's targets all the
+    /// time.
+    Sensors(usize),
+}
+
 /// One candidate to simulate on every recording.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rollout {
     /// One value an entry of θ; with an empty θ the robot is as its file says.
     pub values: Vec<f64>,
-    /// Samples between resets of the simulated robot (joints and base) to the recording's state, the first at sample
-    /// 0; `None`: it starts as the recording's joints suggest and runs freely. At sample `k · reset_every` the signals hold the state that the simulation reached;
-    /// the reset follows. With 1 every sample from the second on is a one-sample prediction.
-    pub reset_every: Option<usize>,
+    /// What of the recording the simulated robot is given on its way.
+    pub resets: Resets,
     /// Selects the random draws (torque noise, observation noise): rollouts with equal `draw` see equal noise.
     /// A simulator without randomness ignores it.
     pub draw: u64,
@@ -85,7 +98,7 @@ pub trait Simulator {
     /// a fraction of a second, and what it has not simulated is missing.
     ///
     /// # Errors
-    /// What the simulator cannot do, [`Rollout::reset_every`] for one, in its own words; [`SimulatorError::Cancelled`].
+    /// What the simulator cannot do, [`Rollout::resets`] for one, in its own words; [`SimulatorError::Cancelled`].
     fn simulate(
         &self,
         theta: &Theta,

@@ -5,13 +5,15 @@
 mod identified;
 
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
-use gaitfit_adapt::cost::{Cost, CostError, CostKind, MatchS, Recorded, Reference, Signal, Wass, Weights};
+use gaitfit_adapt::cost::{
+    Cost, CostError, CostKind, MatchR, MatchS, Recorded, Reference, Signal, Wass, Weights,
+};
 use gaitfit_adapt::fit::{
     FallPenalty, Fit, FitOptions, Job, NoiseSource, Predicted, RandomNumbers, evaluate, identify,
     simulate_one,
 };
 use gaitfit_adapt::{
-    Cancel, Consume, Entry, Modification, NetworkName, NetworkRule, NetworkStart, Rollout, Signals,
+    Cancel, Consume, Entry, Modification, NetworkName, NetworkRule, NetworkStart, Resets, Rollout, Signals,
     Simulator, SimulatorError, Theta, never,
 };
 use gaitfit_random::{Purpose, Stream};
@@ -69,12 +71,12 @@ impl Pendulum {
             draws: Mutex::default(),
         };
         for recording in 0..recordings {
-            pendulum.logs.push(pendulum.run(recording, &TRUTH, None, 999));
+            pendulum.logs.push(pendulum.run(recording, &TRUTH, Resets::Never, 999));
         }
         pendulum
     }
 
-    fn run(&self, recording: usize, values: &[f64], reset_every: Option<usize>, draw: u64) -> Vec<[f64; 4]> {
+    fn run(&self, recording: usize, values: &[f64], resets: Resets, draw: u64) -> Vec<[f64; 4]> {
         let stream = Stream::new(draw, Purpose::TORQUE_NOISE).environment(recording as u32);
         let mut state = [0.1 + 0.05 * recording as f64, 0.0, 0.0, 0.0];
         let mut states = vec![state];
@@ -88,7 +90,11 @@ impl Pendulum {
             let speed = values[1] * x;
             state = [x, v, base + STEP * speed, speed];
             states.push(state);
-            if reset_every.is_some_and(|every| sample % every == 0) {
+            let every = match resets {
+                Resets::Never => usize::MAX,
+                Resets::State(every) | Resets::Sensors(every) => every,
+            };
+            if sample % every == 0 {
                 state = self.logs[recording][sample];
             }
         }
@@ -143,7 +149,7 @@ impl Simulator for Pendulum {
         for (candidate, rollout) in candidates.iter().enumerate() {
             self.draws.lock().unwrap().push(rollout.draw);
             for recording in 0..self.logs.len() {
-                let states = self.run(recording, &rollout.values, rollout.reset_every, rollout.draw);
+                let states = self.run(recording, &rollout.values, rollout.resets, rollout.draw);
                 let column = |k: usize| states.iter().map(|state| state[k] as f32).collect::<Vec<f32>>();
                 let axes = |k: usize| {
                     states.iter().flat_map(|state| [state[k] as f32, 0.0, 0.3]).collect::<Vec<f32>>()
@@ -192,7 +198,7 @@ fn privileged_costs_are_sharp_at_the_truth() {
         let (small, large) = (at(0.002), at(0.02));
         assert!((large / small - 10.0).abs() < 0.2, "{name}: {small} {large}");
     }
-    for name in ["matchs1", "matchs20", "matchs"] {
+    for name in ["matchs1", "matchs20", "matchs", "matchr1", "matchr20"] {
         let costs = [simulator.cost(name)];
         let theta = theta(&["a", "b"], 1.2);
         let mut fit = Fit::new(&simulator, &theta, &costs, options(250)).unwrap();
@@ -250,6 +256,11 @@ fn samples_lost_to_a_fall_count_as_the_whole_range() {
     assert_eq!(run(&aligned, &good), 0.0);
     // Two of eight samples at 2: √(2 · 4 / 8).
     assert_eq!(run(&aligned, &bad), 1.0);
+    // Velocities of the good run are off by 1 in two of four samples, twice 2/3 · … : the range is 1, so e = 2.
+    let robust = MatchR::new(Arc::clone(&target), NonZeroUsize::MIN).unwrap();
+    assert_eq!(run(&robust, &good), 1.0);
+    // Two of eight positions are lost at 2; of the velocities two are off by 2, one of them lost, and one more is.
+    assert_eq!(run(&robust, &bad), 0.5 + 1.25);
     let wass = Wass::new(target, Weights::POSITION).unwrap();
     // Six samples {0, 0, 1, 1, 2, 3} against {0, 0, 1, 1, 2, 2, 3, 3}: ∫|F − G| = 1/12 + 1/6 + 1/12, times
     // the scale of 2/3, times three quarters; and a quarter at 2.

@@ -11,6 +11,7 @@ use gaitfit_log::Trajectory;
 use gaitfit_physics::Preset;
 use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
+use gaitfit_policy::predict::{self, Course, predict};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Start};
 
 fn scene() -> Task {
@@ -156,4 +157,82 @@ fn resets_without_a_logged_state_are_refused() {
         follow(&scene.walker, &policy, &[script], &[job(&nominal, Some(20))], 1, &|_, _, _| {}, &|| false)
             .unwrap_err();
     assert!(error.to_string().contains("wass"), "{error}");
+}
+
+/// What the sensors of a log read.
+fn course(scene: &Task, log: &Trajectory) -> Course {
+    let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|&x| x as f32).collect() };
+    let base = log.base.as_ref().unwrap();
+    let samples = 0..log.len();
+    Course::new(
+        &scene.walker,
+        single(log.target.as_ref().unwrap()),
+        single(&log.position),
+        single(&log.velocity),
+        samples.clone().map(|sample| row(&base.quaternion, sample)).collect(),
+        samples.map(|sample| row(&base.angular_velocity, sample)).collect(),
+    )
+    .unwrap()
+}
+
+/// Joints and IMU alone keep the true robot near the log, also how its base moves, which they do not measure.
+#[test]
+fn sensors_keep_the_true_robot_near_the_log() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
+    let policy = gaitfit_policy::read(std::path::Path::new(path)).unwrap();
+    let plain = scene();
+    let scene = Task::with_interface(
+        plain.walker.model(),
+        &plain.settings,
+        policy.interface.clone(),
+        Preset::Fast,
+        0.0,
+    )
+    .unwrap();
+    let mut truth = Candidate::nominal(scene.walker.model());
+    truth.robot.frictionloss.fill(0.1);
+    truth.robot.encoder_bias[4] = 0.02;
+    let subject = Subject { task: &scene, policy: &policy, candidate: Some(&truth), seed: 5 };
+    let options = CollectOptions { count: 34, seconds: 1.5, shift: [0.3, 0.6], privileged: true };
+    let logs = collect(&subject, &options, 2).unwrap();
+    let courses: Vec<Course> = logs.iter().map(|log| course(&scene, &log.trajectory)).collect();
+    let tracks = |candidate: &Candidate, every: usize, threads: usize| {
+        let jobs = [predict::Job { candidate: candidate.clone(), every, seed: 0 }];
+        let found = Mutex::new(vec![Track::default(); courses.len()]);
+        let keep = |_: usize, course: usize, track: &Track| found.lock().unwrap()[course] = track.clone();
+        predict(&scene.walker, &courses, &jobs, threads, &keep, &|| false).unwrap();
+        found.into_inner().unwrap()
+    };
+    // Mean absolute errors after the first half second.
+    let mean =
+        |tracks: &[Track], of: &dyn Fn(&Track) -> Vec<f32>, logged: &dyn Fn(&Trajectory) -> Vec<f64>| {
+            let (mut sum, mut count) = (0.0, 0.0);
+            for (track, log) in tracks.iter().zip(&logs) {
+                let (found, read) = (of(track), logged(&log.trajectory));
+                assert_eq!(found.len(), read.len());
+                for (a, b) in found.iter().zip(&read).skip(found.len() / 3) {
+                    sum += (f64::from(*a) - b).abs();
+                    count += 1.0;
+                }
+            }
+            sum / count
+        };
+    let velocity = |tracks: &[Track]| mean(tracks, &|t| t.velocity.clone(), &|log| log.velocity.clone());
+    let base = |tracks: &[Track]| {
+        let read = |log: &Trajectory| log.base.as_ref().unwrap().linear_velocity.clone().unwrap();
+        mean(tracks, &|track| track.base_velocity.clone(), &read)
+    };
+    let found = tracks(&truth, 1, 2);
+    assert_eq!(found, tracks(&truth, 1, 1));
+    let mut other = truth.clone();
+    other.robot.frictionloss.fill(0.3);
+    let (near, far) = (velocity(&found), velocity(&tracks(&other, 1, 2)));
+    assert!(near < 0.4 * far, "joint velocities are off by {near} and {far} rad/s");
+    assert!(base(&found) < 0.02, "the base's velocity is off by {} m/s", base(&found));
+    // Longer predictions go further astray.
+    assert!(velocity(&tracks(&truth, 5, 2)) > near);
+    // Without the biased encoder's bias its leg is elsewhere.
+    let mut unbiased = truth.clone();
+    unbiased.robot.encoder_bias[4] = 0.0;
+    assert!(velocity(&tracks(&unbiased, 1, 2)) > 1.2 * near);
 }

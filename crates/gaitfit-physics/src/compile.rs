@@ -51,8 +51,16 @@ fn impedance_at_zero(solimp: &[f64; 5]) -> f64 {
     if solimp[2] <= TINY { 0.5 * (dmin + dmax) } else { dmin }
 }
 
+/// A row's stiffness k and damping b, and the factor on its D. Where velocities act `lead` later than at the step's
+/// start, the residual J a + b v + k r becomes J a + b (v + lead · J a) + k r.
+fn reference(solref: &[f64; 2], dmax: f64, settings: &Settings) -> (f64, f64, f64) {
+    let (k, b) = mujoco_reference(solref, dmax, settings.emulated_step.unwrap_or(settings.timestep));
+    let gain = 1.0 + b * settings.lead();
+    (k / gain, b / gain, gain)
+}
+
 /// Stiffness and damping of MuJoCo's two reference formats.
-fn reference(solref: &[f64; 2], dmax: f64, timestep: f64) -> (f64, f64) {
+fn mujoco_reference(solref: &[f64; 2], dmax: f64, timestep: f64) -> (f64, f64) {
     let dmax = dmax.clamp(IMPEDANCE[0], IMPEDANCE[1]);
     // A mixed format is replaced by the default, as MuJoCo does.
     let solref = if (solref[0] > 0.0) != (solref[1] > 0.0) { [0.02, 1.0] } else { *solref };
@@ -63,6 +71,9 @@ fn reference(solref: &[f64; 2], dmax: f64, timestep: f64) -> (f64, f64) {
         (-solref[0] / (dmax * dmax).max(TINY), -solref[1] / dmax.max(TINY))
     }
 }
+
+/// Longest emulated step, in steps: beyond it dampers would push.
+const MOST_EMULATED: f64 = 2.0;
 
 /// Compiles `model` for the scalar `T`.
 ///
@@ -75,6 +86,16 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
             quantity: "the timestep",
             value: settings.timestep,
             must: "positive and finite",
+        });
+    }
+    if let Some(step) = settings.emulated_step
+        && !(0.0..=MOST_EMULATED * settings.timestep).contains(&step)
+    {
+        return Err(PhysicsError::Value {
+            object: "settings".to_owned(),
+            quantity: "the emulated step",
+            value: step,
+            must: "from 0 to twice the timestep",
         });
     }
     let k = |x: f64| T::constant(x);
@@ -112,9 +133,9 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
             limit: compile_limit::<T>(joint, settings)?,
             friction_weight: {
                 let d = impedance_at_zero(&joint.solimp_friction);
-                k(d / (1.0 - d))
+                k(d / (1.0 - d) * reference(&joint.solref_friction, joint.solimp_friction[1], settings).2)
             },
-            friction_b: k(reference(&joint.solref_friction, joint.solimp_friction[1], settings.timestep).1),
+            friction_b: k(reference(&joint.solref_friction, joint.solimp_friction[1], settings).1),
             stiffness: k(joint.stiffness),
             springref: k(joint.springref),
             sprung: joint.stiffness != 0.0,
@@ -217,13 +238,13 @@ fn compile_limit<T: Real>(joint: &Joint, settings: &Settings) -> Result<Option<L
     if upper - lower < 2.0 * joint.margin {
         return Err(PhysicsError::NarrowRange { joint: joint.name.clone() });
     }
-    let (k, b) = reference(&joint.solref_limit, joint.solimp_limit[1], settings.timestep);
+    let (k, b, gain) = reference(&joint.solref_limit, joint.solimp_limit[1], settings);
     Ok(Some(Limit {
         lower: T::constant(lower),
         upper: T::constant(upper),
         margin: T::constant(joint.margin),
         impedance: impedance(&joint.solimp_limit, T::constant, &format!("limit of joint `{}`", joint.name))?,
-        reference: Reference { k: T::constant(k), b: T::constant(b) },
+        reference: Reference { k: T::constant(k), b: T::constant(b), gain: T::constant(gain) },
     }))
 }
 
@@ -278,7 +299,7 @@ fn compile_pair<T: Real>(
     };
     let name = format!("contact of geom `{}`", geom.name);
     let dmax = pair.solimp[1];
-    let (stiffness, damping) = reference(&pair.solref, dmax, settings.timestep);
+    let (stiffness, damping, gain) = reference(&pair.solref, dmax, settings);
     let elliptic = settings.cone == gaitfit_model::Cone::Elliptic;
     // A pyramid's edges mix normal and tangent, so they have one reference.
     let own = elliptic && pair.solreffriction != [0.0; 2];
@@ -301,8 +322,8 @@ fn compile_pair<T: Real>(
         aligned: level && (pair.condim == 1 || (pair.condim == 3 && !turned)),
         margin: k(pair.margin),
         impedance: impedance(&pair.solimp, k, &name)?,
-        reference: Reference { k: k(stiffness), b: k(damping) },
-        friction_b: k(reference(&friction_ref, dmax, settings.timestep).1),
+        reference: Reference { k: k(stiffness), b: k(damping), gain: k(1.0 / gain) },
+        friction_b: k(reference(&friction_ref, dmax, settings).1),
         points: first_point..first_point + count,
     })
 }

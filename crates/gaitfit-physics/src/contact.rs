@@ -70,7 +70,7 @@ pub(crate) fn link_contacts<T: Real>(
         }
         let friction = work.pairs[index].friction[0];
         let weight = params.pairs[index].translation;
-        let inverse_scale = row_scale(tree, pair, friction, weight);
+        let inverse_scale = row_scale(tree, pair, friction, weight) * T::k(pair.reference.gain);
         let points = &mut work.points[pair.points.clone()];
         shape_points(pair, plane, m, center, level, points);
         for point in points {

@@ -53,7 +53,8 @@ pub(crate) fn pd<T: Real>(
         let mut target = targets[j];
         if taps > 1 {
             // In units of one physics step: this step covers [start, start + 1] on the clock of effects.
-            let begin = if settings.centred { clock - T::lit(0.5) } else { clock };
+            let lead = settings.drive_lead();
+            let begin = if lead == 0.0 { clock } else { clock - T::lit(lead / settings.timestep) };
             let start = begin - p.delay * T::lit(1.0 / settings.timestep);
             let end = start + T::lit(1.0);
             let mut sum = z;

@@ -30,6 +30,12 @@ pub struct Settings {
     /// start, and dampers act on the mean of the velocities before and after. With it a fit does not depend on
     /// the step to first order; without it, as in MuJoCo, inertia and damping absorb terms like `timestep · kd`.
     pub centred: bool,
+    /// Step of the simulation, or period of the motor boards, that this simulation stands for with a step of its own, s.
+    ///
+    /// In semi-implicit Euler a velocity belongs to half a step before its position, so forces that depend on velocity
+    /// (PD, dampers, friction, contacts) act half a step late. With this setting they act half of `emulated_step` late,
+    /// whatever the step, to first order in it; with the step itself nothing changes. It stands above `centred`.
+    pub emulated_step: Option<f64>,
     /// Whether the velocity gain of actuators is integrated implicitly too (MuJoCo's `implicitfast`).
     pub implicit_actuators: bool,
 }
@@ -70,6 +76,22 @@ impl std::str::FromStr for Preset {
 }
 
 impl Settings {
+    /// How much later than the simulation's velocities those are that it stands for, s: readings are
+    /// `velocity + lead · acceleration`. 0 without [`Self::emulated_step`].
+    pub fn lead(&self) -> f64 {
+        self.emulated_step.map_or(0.0, |step| 0.5 * (self.timestep - step))
+    }
+
+    /// Time after a step's start at which PD control and dampers take the velocity, s, and after half a step less that
+    /// at which they take the targets.
+    pub(crate) fn drive_lead(&self) -> f64 {
+        match self.emulated_step {
+            Some(_) => self.lead(),
+            None if self.centred => 0.5 * self.timestep,
+            None => 0.0,
+        }
+    }
+
     /// The preset with the model's own options for everything else.
     pub fn new(options: &Options, preset: Preset) -> Self {
         // A pyramid's cost is quadratic in pieces. An ellipse's bends, and has kinks the narrower the larger `impratio`
@@ -93,6 +115,7 @@ impl Settings {
             line_search,
             damping,
             centred: false,
+            emulated_step: None,
             implicit_actuators: options.integrator == Integrator::ImplicitFast,
         }
     }

@@ -310,8 +310,9 @@ fn joint_rows<T: Real>(
         _ if tree.settings.implicit_actuators => p.damping + drives[j].damping,
         _ => p.damping,
     };
-    let share = if tree.settings.centred { 0.5 } else { 1.0 };
-    let h = T::lit(tree.settings.timestep * share);
+    let settings = &tree.settings;
+    let explicit = settings.emulated_step.is_none() && !settings.centred;
+    let h = T::lit(if explicit { settings.timestep } else { settings.drive_lead() });
     out.implicit = h * implicit;
     let folded = if tree.settings.damping == Damping::Folded { implicit } else { z };
     out.armature = p.armature + h * (folded + drives[j].resistance);
@@ -328,7 +329,7 @@ fn joint_rows<T: Real>(
             return;
         }
         let imp = impedance(&limit.impedance, depth);
-        let d = (imp * p.weight) * (one - imp).recip();
+        let d = (imp * (p.weight * T::k(limit.reference.gain))) * (one - imp).recip();
         out.limit_sign = sign;
         out.limit_d = T::select_lt(depth, z, d, z);
         out.limit_bias = T::k(limit.reference.b).fma(sign * qd, T::k(limit.reference.k) * (imp * depth));

@@ -41,6 +41,8 @@ pub(crate) struct Impedance<K> {
 pub(crate) struct Reference<K> {
     pub k: K,
     pub b: K,
+    /// Factor on D of a joint limit; on 1/D of a contact.
+    pub gain: K,
 }
 
 /// A joint limit.

@@ -54,10 +54,10 @@ pub struct Job {
 }
 
 /// Samples between questions whether to give up.
-const ASK: usize = 16;
+pub(crate) const ASK: usize = 16;
 
 /// Robots that one thread advances together.
-const TILE: usize = 32;
+pub(crate) const TILE: usize = 32;
 
 /// Runs every job on every script and hands `consume(job, script, track)` each track, once, from any thread in any
 /// order. Tracks do not depend on the other jobs, nor on the number of threads. Once `cancel` says so it returns soon,
@@ -199,7 +199,7 @@ impl Worker {
 }
 
 impl Track {
-    fn begin(&mut self) {
+    pub(crate) fn begin(&mut self) {
         for signal in [
             &mut self.position,
             &mut self.velocity,
@@ -212,7 +212,7 @@ impl Track {
         self.fell_at = None;
     }
 
-    fn look(&mut self, walker: &Walker, motion: &Motion, index: usize, sample: usize) {
+    pub(crate) fn look(&mut self, walker: &Walker, motion: &Motion, index: usize, sample: usize) {
         let width = walker.default_pose.len();
         let (position, velocity) = (
             &motion.joint_position[index * width..(index + 1) * width],

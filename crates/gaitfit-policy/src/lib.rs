@@ -11,6 +11,7 @@ mod interface;
 pub mod network;
 pub mod observation;
 mod policy;
+pub mod predict;
 pub mod walker;
 
 pub use error::PolicyError;

@@ -16,6 +16,9 @@ pub struct BatchOptions {
     pub substeps: usize,
     /// Solver effort.
     pub preset: Preset,
+    /// Physics step of the robot that the batch stands for, s; see [`Settings::emulated_step`]. Motions then report
+    /// velocities as that robot's at the same moment. `None`: the batch is its own robot.
+    pub emulated_step: Option<f64>,
     /// Largest actuation delay any robot may have, s (sizes the target history).
     pub max_delay: f64,
     /// Names of geoms whose positions are reported.
@@ -30,6 +33,7 @@ impl Default for BatchOptions {
             control_dt: 0.02,
             substeps: 4,
             preset: Preset::Fast,
+            emulated_step: None,
             max_delay: 0.0,
             tracked: Vec::new(),
             isa: None,
@@ -73,9 +77,12 @@ impl Batch {
             return refuse("max_delay", options.max_delay.to_string(), "from 0 to 1 s");
         }
         let isa = options.isa.map_or_else(selected, Isa::checked)?;
+        let plain = Settings::new(&model.options, options.preset);
         let settings = Settings {
             timestep: options.control_dt / options.substeps as f64,
-            ..Settings::new(&model.options, options.preset)
+            emulated_step: options.emulated_step,
+            implicit_actuators: plain.implicit_actuators || options.emulated_step.is_some(),
+            ..plain
         };
         let tree = compile::<f32>(model, &settings)?;
         let geoms: Vec<usize> = tree.model_pairs().iter().map(|&pair| model.pairs[pair].geom).collect();
@@ -86,7 +93,7 @@ impl Batch {
                 None => return refuse("a tracked geom", name.clone(), "a geom that may touch the ground"),
             }
         }
-        let taps = delay_taps(options.max_delay, options.control_dt, settings.centred);
+        let taps = delay_taps(options.max_delay, options.control_dt, settings.emulated_step.is_some());
         Ok(Self { model: model.clone(), tree, isa, options, taps, tracked, geoms })
     }
 

@@ -9,6 +9,8 @@ pub trait Robots: Send {
     fn environments(&self) -> usize;
     /// [`Tile::place`].
     fn place(&mut self, environment: usize, start: &Start);
+    /// [`Tile::correct`].
+    fn correct(&mut self, environment: usize, reading: &Start);
     /// [`Tile::push`].
     fn push(&mut self, environment: usize, velocity: [f32; 3]);
     /// [`Tile::step`].
@@ -42,6 +44,12 @@ impl Tile<'_> {
     /// Puts a robot into a state. Before its next target it is taken to have held that target.
     pub fn place(&mut self, environment: usize, start: &Start) {
         self.robots.place(environment, start);
+    }
+
+    /// Moves a robot to the state that its sensors are known to read, in midst of its motion: it keeps the targets sent
+    /// and the accelerations that the solver starts from. Joint angles are the true ones, without encoder bias.
+    pub fn correct(&mut self, environment: usize, reading: &Start) {
+        self.robots.correct(environment, reading);
     }
 
     /// Adds `velocity` (m/s, world frame) to a robot's base.

@@ -46,7 +46,7 @@ pub fn main() -> Result<(), Box<dyn std::error::Error>> {
     let theta =
         Theta::from_rules(&[Damping, FrictionLoss].map(ParameterRule::new), &groups, pendulum.joints())?;
     let truth = [0.3, 0.12];
-    let log = simulate_one(&pendulum, &theta, &truth)?.remove(0);
+    let log = simulate_one(&pendulum, &theta, &truth, Resets::Never)?.remove(0);
     let recorded = Recorded::of_joints(&log.position, &log.velocity);
     let reference = Arc::new(Reference::new(pendulum.0.clone(), &[recorded], 0)?);
     let costs = [CostKind::Wass.build(&reference, &pendulum)?];

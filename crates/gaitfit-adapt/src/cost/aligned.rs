@@ -1,15 +1,25 @@
-//! Sums of time-aligned squared differences, as MatchO and MatchS need them.
+//! Sums of time-aligned differences, as MatchO, MatchS and MatchR need them.
 
 use super::{Accumulator, Breakdown, CostError, GroupCost, LOST, Reference, Weights};
 use crate::Signals;
 
-/// Sums of squared differences. Kept by recording, so that the order of `add` cannot change the last bits.
+/// How differences become one number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Norm {
+    /// The root of the mean square.
+    Square,
+    /// The mean of the absolute values.
+    Absolute,
+}
+
+/// Sums of differences. Kept by recording, so that the order of `add` cannot change the last bits.
 ///
 /// With e the scaled difference of one dimension at one sample, T all samples of all recordings and J the
-/// dimensions, a group costs √(1/(T·J) Σ_t Σ_j e²). A sample lost to a fall counts as e = 2.
+/// dimensions, a group costs √(1/(T·J) Σ_t Σ_j e²), or 1/(T·J) Σ_t Σ_j |e|. A sample lost to a fall counts as e = 2.
 pub(super) struct AlignedSums<'a> {
     reference: &'a Reference,
     weights: Weights,
+    norm: Norm,
     /// One entry a recording.
     recordings: Vec<Option<Sums>>,
 }
@@ -18,14 +28,14 @@ pub(super) struct AlignedSums<'a> {
 #[derive(Clone)]
 struct Sums {
     /// One vector a weighted signal with one sum a dimension, unscaled.
-    squares: Vec<Vec<f64>>,
+    differences: Vec<Vec<f64>>,
     /// Samples lost to a fall.
     lost: usize,
 }
 
 impl<'a> AlignedSums<'a> {
-    pub fn new(reference: &'a Reference, weights: Weights) -> Self {
-        Self { reference, weights, recordings: vec![None; reference.recordings()] }
+    pub fn new(reference: &'a Reference, weights: Weights, norm: Norm) -> Self {
+        Self { reference, weights, norm, recordings: vec![None; reference.recordings()] }
     }
 
     fn clear(&mut self) {
@@ -41,7 +51,7 @@ impl<'a> AlignedSums<'a> {
             return Err(CostError::Repeated(recording));
         }
         let samples = reference.samples(recording);
-        let mut sums = Sums { squares: Vec::new(), lost: 0 };
+        let mut sums = Sums { differences: Vec::new(), lost: 0 };
         for signal in self.weights.signals() {
             let width = signal.width(reference.joints().len());
             let measured = reference.recording(signal, recording).unwrap_or_default();
@@ -55,7 +65,10 @@ impl<'a> AlignedSums<'a> {
                 });
             }
             sums.lost = counted.lost;
-            sums.squares.push(squared_differences(counted.matrix, measured, width));
+            sums.differences.push(match self.norm {
+                Norm::Square => squared_differences(counted.matrix, measured, width),
+                Norm::Absolute => sum_differences(counted.matrix, measured, width, f64::abs),
+            });
         }
         *slot = Some(sums);
         Ok(())
@@ -66,11 +79,14 @@ impl<'a> AlignedSums<'a> {
 /// difference is that of the two numbers as doubles: nothing but the simulator's own rounding limits how small it
 /// gets.
 pub(crate) fn squared_differences(a: &[f32], b: &[f64], width: usize) -> Vec<f64> {
+    sum_differences(a, b, width, |difference| difference * difference)
+}
+
+fn sum_differences(a: &[f32], b: &[f64], width: usize, of: impl Fn(f64) -> f64) -> Vec<f64> {
     let mut sums = vec![0.0; width];
     for (row_a, row_b) in a.chunks_exact(width).zip(b.chunks_exact(width)) {
         for ((sum, x), y) in sums.iter_mut().zip(row_a).zip(row_b) {
-            let difference = f64::from(*x) - y;
-            *sum += difference * difference;
+            *sum += of(f64::from(*x) - y);
         }
     }
     sums
@@ -91,7 +107,8 @@ impl Accumulator for AlignedSums<'_> {
         let samples: usize =
             (0..self.recordings.len()).map(|recording| reference.samples(recording) - reference.skip()).sum();
         let lost: usize = self.recordings.iter().flatten().map(|sums| sums.lost).sum();
-        let lost = LOST * LOST * lost as f64;
+        let absolute = self.norm == Norm::Absolute;
+        let lost = lost as f64 * if absolute { LOST } else { LOST * LOST };
         let mut groups = Vec::new();
         for (number, signal) in self.weights.signals().enumerate() {
             let per_joint: Vec<Option<f64>> = reference
@@ -101,17 +118,22 @@ impl Accumulator for AlignedSums<'_> {
                 .enumerate()
                 .map(|(column, dimension)| {
                     let sum: f64 =
-                        self.recordings.iter().flatten().map(|sums| sums.squares[number][column]).sum();
+                        self.recordings.iter().flatten().map(|sums| sums.differences[number][column]).sum();
                     // Without a fall this adds exactly 0.
-                    dimension
-                        .scale
-                        .map(|scale| scale * ((sum + lost / (scale * scale)) / samples as f64).sqrt())
+                    dimension.scale.map(|scale| {
+                        let lost = lost / if absolute { scale } else { scale * scale };
+                        let mean = (sum + lost) / samples as f64;
+                        scale * if absolute { mean } else { mean.sqrt() }
+                    })
                 })
                 .collect();
             let count = per_joint.iter().flatten().count();
-            let mean_square = per_joint.iter().flatten().map(|rms| rms * rms).sum::<f64>() / count as f64;
-            let weight = self.weights.get(signal);
-            groups.push(GroupCost { signal, weight, value: mean_square.sqrt(), per_joint });
+            let joints = per_joint.iter().flatten();
+            let value = match self.norm {
+                Norm::Square => (joints.map(|rms| rms * rms).sum::<f64>() / count as f64).sqrt(),
+                Norm::Absolute => joints.sum::<f64>() / count as f64,
+            };
+            groups.push(GroupCost { signal, weight: self.weights.get(signal), value, per_joint });
         }
         self.clear();
         Ok(Breakdown::new(groups))

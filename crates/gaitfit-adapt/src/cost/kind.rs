@@ -1,7 +1,7 @@
 //! Costs by name.
 
-use super::{Cost, CostError, MatchO, MatchS, Reference, Wass, Weights};
-use crate::Simulator;
+use super::{Cost, CostError, MatchO, MatchR, MatchS, Reference, Wass, Weights};
+use crate::{Resets, Simulator};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::num::NonZeroUsize;
@@ -9,7 +9,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 /// A cost by its name in configurations and results: `wass`, `matcho`, `matchs` (never reset), `matchs1`,
-/// `matchs20` (reset every so many samples).
+/// `matchs20` (reset every so many samples), `matchr1` (given the sensors' readings every so many samples).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum CostKind {
@@ -19,13 +19,15 @@ pub enum CostKind {
     MatchO,
     /// [`MatchS`], with the samples between resets.
     MatchS(Option<NonZeroUsize>),
+    /// [`MatchR`], with the samples between readings.
+    MatchR(NonZeroUsize),
 }
 
 /// A name that is no cost's.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "there is no cost `{0}`; take wass, matcho, matchs (never reset), or matchs with the samples between resets, \
-     for example matchs1 or matchs20"
+    "there is no cost `{0}`; take wass, matcho, matchs (never reset), or matchr or matchs with the samples between \
+     resets, for example matchr1 or matchs20"
 )]
 pub struct UnknownCost(pub String);
 
@@ -44,12 +46,27 @@ impl CostKind {
             Self::Wass => Box::new(Wass::new(reference, shared)?),
             Self::MatchO => Box::new(MatchO::new(reference, shared)?),
             Self::MatchS(horizon) => Box::new(MatchS::new(reference, Weights::PRIVILEGED, horizon)?),
+            Self::MatchR(horizon) => Box::new(MatchR::new(reference, horizon)?),
         })
     }
 
-    /// Whether it compares samples one by one, which needs the same clock on both sides.
+    /// Whether it compares samples of whole simulated logs one by one, which needs the same clock on both sides.
     pub fn is_aligned(self) -> bool {
-        !matches!(self, Self::Wass)
+        matches!(self, Self::MatchO | Self::MatchS(_))
+    }
+
+    /// What a simulation is given of logs that are compared with it; of costs that reset the whole state nothing, as a
+    /// robot's logs do not hold it.
+    pub fn given(self) -> Resets {
+        match self {
+            Self::MatchR(horizon) => Resets::Sensors(horizon.get()),
+            _ => Resets::Never,
+        }
+    }
+
+    /// Whether the simulated robot is given what the log's sensors read, its IMU's too.
+    pub fn needs_imu(self) -> bool {
+        matches!(self, Self::MatchR(_))
     }
 
     /// Whether it needs the base's state in the log.
@@ -65,6 +82,7 @@ impl fmt::Display for CostKind {
             Self::MatchO => f.write_str("matcho"),
             Self::MatchS(None) => f.write_str("matchs"),
             Self::MatchS(Some(horizon)) => write!(f, "matchs{horizon}"),
+            Self::MatchR(horizon) => write!(f, "matchr{horizon}"),
         }
     }
 }
@@ -79,9 +97,14 @@ impl FromStr for CostKind {
             "matchs" => Ok(Self::MatchS(None)),
             _ => {
                 let unknown = || UnknownCost(name.to_owned());
-                let digits = name.strip_prefix("matchs").filter(|rest| !rest.starts_with(['+', '0']));
-                let horizon = digits.ok_or_else(unknown)?.parse().map_err(|_| unknown())?;
-                Ok(Self::MatchS(Some(horizon)))
+                let horizon = |stem: &str| -> Option<NonZeroUsize> {
+                    name.strip_prefix(stem).filter(|rest| !rest.starts_with(['+', '0']))?.parse().ok()
+                };
+                match (horizon("matchs"), horizon("matchr")) {
+                    (Some(horizon), _) => Ok(Self::MatchS(Some(horizon))),
+                    (_, Some(horizon)) => Ok(Self::MatchR(horizon)),
+                    _ => Err(unknown()),
+                }
             }
         }
     }
@@ -108,14 +131,25 @@ mod tests {
 
     #[test]
     fn names_read_as_they_print() {
-        for name in ["wass", "matcho", "matchs", "matchs1", "matchs20"] {
+        for name in ["wass", "matcho", "matchs", "matchs1", "matchs20", "matchr1", "matchr10"] {
             let kind: CostKind = name.parse().unwrap();
             assert_eq!(kind.to_string(), name);
             let json = serde_json::to_string(&kind).unwrap();
             assert_eq!(serde_json::from_str::<CostKind>(&json).unwrap(), kind);
         }
         assert_eq!("matchs20".parse(), Ok(CostKind::MatchS(NonZeroUsize::new(20))));
-        for name in ["", "Wass", "matchs0", "matchs+1", "matchs020", "matchs-1", "matchs1.5", "matcho1"] {
+        for name in [
+            "",
+            "Wass",
+            "matchs0",
+            "matchs+1",
+            "matchs020",
+            "matchs-1",
+            "matchs1.5",
+            "matcho1",
+            "matchr",
+            "matchr0",
+        ] {
             assert_eq!(name.parse::<CostKind>(), Err(UnknownCost(name.to_owned())));
         }
     }

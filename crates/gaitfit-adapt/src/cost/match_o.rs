@@ -1,6 +1,6 @@
 //! The time-aligned cost.
 
-use super::aligned::AlignedSums;
+use super::aligned::{AlignedSums, Norm};
 use super::{Accumulator, Cost, CostError, Reference, Weights};
 use std::sync::Arc;
 
@@ -33,7 +33,7 @@ impl Cost for MatchO {
     }
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {
-        Box::new(AlignedSums::new(&self.reference, self.weights))
+        Box::new(AlignedSums::new(&self.reference, self.weights, Norm::Square))
     }
 
     fn lost(&self) -> f64 {

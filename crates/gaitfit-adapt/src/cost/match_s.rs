@@ -1,7 +1,8 @@
 //! The privileged time-aligned cost with resets.
 
-use super::aligned::AlignedSums;
+use super::aligned::{AlignedSums, Norm};
 use super::{Accumulator, Cost, CostError, CostKind, Reference, Signal, Weights};
+use crate::Resets;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
@@ -57,13 +58,13 @@ impl Cost for MatchS {
         &self.name
     }
 
-    fn reset_every(&self) -> Option<usize> {
+    fn resets(&self) -> Resets {
         // Never is no reset after the first: the simulated robot starts in the recording's state.
-        Some(self.horizon.map_or(usize::MAX, NonZeroUsize::get))
+        Resets::State(self.horizon.map_or(usize::MAX, NonZeroUsize::get))
     }
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {
-        Box::new(AlignedSums::new(&self.reference, self.weights))
+        Box::new(AlignedSums::new(&self.reference, self.weights, Norm::Square))
     }
 
     fn lost(&self) -> f64 {

@@ -22,6 +22,7 @@ mod breakdown;
 mod error;
 mod kind;
 mod match_o;
+mod match_r;
 mod match_s;
 mod reference;
 mod rmse;
@@ -33,6 +34,7 @@ pub use breakdown::{Breakdown, GroupCost};
 pub use error::CostError;
 pub use kind::{CostKind, UnknownCost};
 pub use match_o::MatchO;
+pub use match_r::MatchR;
 pub use match_s::MatchS;
 pub use reference::{Dimension, Recorded, Reference};
 pub use rmse::{PositionRmse, position_rmse};
@@ -40,7 +42,7 @@ pub use signal::{Signal, Weights};
 pub use wass::Wass;
 pub use wasserstein1::{sort_f32, wasserstein1};
 
-use crate::Signals;
+use crate::{Resets, Signals};
 
 /// What a sample lost to a fall is off by, scaled: the robot's whole range. A candidate whose signals stay within the
 /// robot's ranges cannot do worse.
@@ -52,10 +54,9 @@ pub trait Cost: Send + Sync {
     /// Short name, as in configuration files.
     fn name(&self) -> &str;
 
-    /// Samples between resets of the simulated robot to the recording's state, which begin at the first; `None`: no
-    /// resets, and a start that the joints alone suggest.
-    fn reset_every(&self) -> Option<usize> {
-        None
+    /// What of the recording the simulated robot is given on its way.
+    fn resets(&self) -> Resets {
+        Resets::Never
     }
 
     /// The cost of a candidate that falls at once and has no sample to compare. A candidate whose signals stay within

@@ -2,7 +2,7 @@
 
 use super::{FallPenalty, FitError, Predicted};
 use crate::cost::{Accumulator, Cost, CostError};
-use crate::{Cancel, Rollout, Signals, Simulator, Theta, never};
+use crate::{Cancel, Resets, Rollout, Signals, Simulator, Theta, never};
 use std::sync::Mutex;
 
 /// One candidate to evaluate.
@@ -78,11 +78,8 @@ pub fn accumulate<S: Simulator + ?Sized>(
         Mutex::new(Pending { accumulator, missing: recordings, falls: 0, cost: None })
     };
     let pending: Vec<Mutex<Pending>> = jobs.iter().map(begin).collect();
-    let rollout = |job: &Job| Rollout {
-        values: job.values.clone(),
-        reset_every: costs[job.cost].reset_every(),
-        draw: job.draw,
-    };
+    let rollout =
+        |job: &Job| Rollout { values: job.values.clone(), resets: costs[job.cost].resets(), draw: job.draw };
     let rollouts: Vec<Rollout> = jobs.iter().map(rollout).collect();
     // The thread that brings a candidate's last recording also finishes its cost: sorting runs in parallel.
     let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
@@ -117,7 +114,7 @@ pub fn accumulate<S: Simulator + ?Sized>(
     pending.into_iter().map(finish).collect()
 }
 
-/// The free-running signals of one candidate on every recording, in their order.
+/// The signals of one candidate on every recording, in their order.
 ///
 /// # Errors
 /// [`FitError::Simulator`], [`FitError::Incomplete`].
@@ -125,8 +122,9 @@ pub fn simulate_one(
     simulator: &dyn Simulator,
     theta: &Theta,
     values: &[f64],
+    resets: Resets,
 ) -> Result<Vec<Predicted>, FitError> {
-    let rollout = Rollout { values: values.to_vec(), ..Rollout::default() };
+    let rollout = Rollout { values: values.to_vec(), resets, ..Rollout::default() };
     let found: Vec<Mutex<Option<Predicted>>> =
         (0..simulator.recordings()).map(|_| Mutex::new(None)).collect();
     let consume = |_: usize, recording: usize, signals: Signals<'_>| {

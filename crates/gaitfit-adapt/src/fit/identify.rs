@@ -106,7 +106,7 @@ pub fn identify(
     let without = without_groups(cost, recordings);
     let mut views = vec![View { cost, recordings: &all }];
     views.extend(without.iter().map(|(cost, kept)| View { cost: cost.as_ref(), recordings: kept }));
-    let rollout = |values: Vec<f64>, draw: u64| Rollout { values, reset_every: cost.reset_every(), draw };
+    let rollout = |values: Vec<f64>, draw: u64| Rollout { values, resets: cost.resets(), draw };
     let draw = steadiest(simulator, theta, draw, |draw| rollout(values.to_vec(), draw), cancel)?;
     let more = if views.len() > 1 { 0 } else { DRAWS };
     let best: Vec<Rollout> =

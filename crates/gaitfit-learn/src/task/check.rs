@@ -56,6 +56,14 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
             );
         }
     }
+    if let Some(step) = settings.robot_timestep {
+        let most = 2.0 * settings.control_dt / settings.substeps.max(1) as f64;
+        if !(0.0..=most).contains(&step) {
+            let what =
+                format!("is {}; it must be from 0 to {most} s, twice the physics step", shown_number(step));
+            return refuse("robot_timestep", what);
+        }
+    }
     if settings.control_dt < MIN_CONTROL_DT {
         return refuse(
             "control_dt",

@@ -21,6 +21,10 @@ pub struct TaskSettings {
     pub control_dt: f64,
     /// Physics steps between actions.
     pub substeps: usize,
+    /// Physics step of the robot that the simulation stands for, s: forces that depend on velocity act half of it late.
+    /// Absent: the simulation's own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot_timestep: Option<f64>,
     /// Names of the geoms that are feet.
     pub feet: Vec<String>,
     /// Feet that should move together in the gait, for example the diagonals of a trot; groups alternate.

@@ -90,6 +90,7 @@ impl Task {
         let options = WalkerOptions {
             substeps: settings.substeps,
             preset,
+            emulated_step: settings.robot_timestep,
             max_delay,
             tracked: settings.feet.clone(),
             posture: settings.posture,

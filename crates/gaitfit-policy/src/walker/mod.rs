@@ -26,6 +26,8 @@ pub struct WalkerOptions {
     pub substeps: usize,
     /// Solver effort.
     pub preset: Preset,
+    /// Physics step of the robot that the simulation stands for, s; see [`BatchOptions::emulated_step`].
+    pub emulated_step: Option<f64>,
     /// Largest actuation delay of any robot, s.
     pub max_delay: f64,
     /// Names of geoms whose positions are reported, for example the feet.
@@ -73,10 +75,13 @@ impl Walker {
         }
         let joints = interface.resolve(model)?;
         interface.check()?;
-        let WalkerOptions { substeps, preset, max_delay, tracked, posture, start_pitch, fall } = options;
+        let WalkerOptions { substeps, preset, emulated_step, max_delay, tracked, posture, start_pitch, fall } =
+            options;
         let control_dt = interface.control_dt;
-        let batch =
-            Batch::new(model, BatchOptions { control_dt, substeps, preset, max_delay, tracked, isa: None })?;
+        let batch = Batch::new(
+            model,
+            BatchOptions { control_dt, substeps, preset, emulated_step, max_delay, tracked, isa: None },
+        )?;
         let fall = Fall::new(&batch, &fall, posture)?;
         let mut default_pose = vec![0.0; model.joints.len()];
         let mut action_scale = vec![0.0; model.joints.len()];

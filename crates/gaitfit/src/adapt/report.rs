@@ -7,8 +7,8 @@ use super::signals;
 use crate::Error;
 use crate::machine::now;
 use crate::pieces;
-use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{Predicted, RunGeneration, RunOutcome};
+use gaitfit_adapt::{Resets, Theta};
 use gaitfit_view::fit::{
     Bound, Comparison, ComparisonEntry, Fit, LogSummary, OptimizerRun, Parameter as Shown, PublishedRange,
     Score, Validation,
@@ -78,8 +78,8 @@ fn predicted(
     simulator: &dyn gaitfit_adapt::Simulator,
 ) -> Result<(Vec<Predicted>, Vec<Predicted>), Error> {
     let values: Vec<f64> = results.parameters.iter().map(|parameter| parameter.found.value).collect();
-    let nominal = Robot { theta: &Theta::default(), values: &[] }.simulate(simulator)?;
-    let fitted = Robot { theta: &setup.theta, values: &values }.simulate(simulator)?;
+    let nominal = Robot { theta: &Theta::default(), values: &[] }.simulate(simulator, Resets::Never)?;
+    let fitted = Robot { theta: &setup.theta, values: &values }.simulate(simulator, Resets::Never)?;
     Ok((nominal, fitted))
 }
 

@@ -202,8 +202,10 @@ pub(super) fn results(
         ));
     };
     let robot = Robot { theta: &setup.theta, values: &first.values() };
-    let fitted =
-        score("fitted simulator", setup, Some(first.cost), |set| robot.simulate(set.simulator.as_ref()))?;
+    let given = setup.config.costs[0].given();
+    let fitted = score("fitted simulator", setup, Some(first.cost), |set| {
+        robot.simulate(set.simulator.as_ref(), given)
+    })?;
     let mut warnings = setup.warnings.clone();
     for fit in &fits {
         warnings.extend(doubts::warnings(fit, fits.len() > 1));
@@ -321,8 +323,8 @@ fn fit(
             config.costs[cost],
             &setup.validate,
             setup.aligned(),
-            |set| robot.simulate(set.simulator.as_ref()),
-            |set| before.simulate(set.simulator.as_ref()),
+            |set| robot.simulate(set.simulator.as_ref(), config.costs[cost].given()),
+            |set| before.simulate(set.simulator.as_ref(), config.costs[cost].given()),
         )?,
         parameters,
         runs: outcome.runs.clone(),

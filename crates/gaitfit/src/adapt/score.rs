@@ -5,7 +5,7 @@ use crate::Error;
 use crate::air::predictors;
 use gaitfit_adapt::cost::{Cost, CostKind, PositionRmse, position_rmse};
 use gaitfit_adapt::fit::{Predicted, simulate_one};
-use gaitfit_adapt::{Simulator, Theta};
+use gaitfit_adapt::{Resets, Simulator, Theta};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -61,9 +61,9 @@ pub(super) struct Robot<'a> {
 }
 
 impl Robot<'_> {
-    /// Its free-running signals.
-    pub fn simulate(self, simulator: &dyn Simulator) -> Result<Vec<Predicted>, Error> {
-        simulate_one(simulator, self.theta, self.values).map_err(Error::failed)
+    /// Its signals, given what `resets` says.
+    pub fn simulate(self, simulator: &dyn Simulator, resets: Resets) -> Result<Vec<Predicted>, Error> {
+        simulate_one(simulator, self.theta, self.values, resets).map_err(Error::failed)
     }
 }
 
@@ -183,8 +183,10 @@ pub(super) fn score(
 pub(super) fn baselines(setup: &Setup, nominal_cost: Option<f64>) -> Result<Vec<Score>, Error> {
     let theta = Theta::default();
     let nominal = Robot { theta: &theta, values: &[] };
-    let mut found =
-        vec![score("nominal model", setup, nominal_cost, |set| nominal.simulate(set.simulator.as_ref()))?];
+    let given = setup.config.costs[0].given();
+    let mut found = vec![score("nominal model", setup, nominal_cost, |set| {
+        nominal.simulate(set.simulator.as_ref(), given)
+    })?];
     if setup.method.walking().is_some() {
         return Ok(found);
     }

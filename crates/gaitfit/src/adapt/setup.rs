@@ -169,7 +169,8 @@ impl Setup {
 
 /// See [`Setup::aligned`].
 pub(super) fn aligned(config: &AdaptConfig) -> bool {
-    config.base == Base::Fixed || config.costs.iter().any(|cost| cost.is_aligned())
+    let runs_freely = config.costs.first().is_some_and(|cost| !cost.needs_imu());
+    config.base == Base::Fixed || runs_freely && config.costs.iter().any(|cost| cost.is_aligned())
 }
 
 /// The robot of a configuration.

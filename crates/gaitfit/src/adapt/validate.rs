@@ -90,8 +90,8 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     };
     let (after, before) = (of(&fitted)?, of(&base)?);
     let itself = Predictor { theta: &nothing, values: &[] };
-    let predict = |set: &LogSet| itself.simulate(set.simulator.as_ref());
     let kind = config.costs[0];
+    let predict = |set: &LogSet| itself.simulate(set.simulator.as_ref(), kind.given());
     let cost = cost_of_sets(kind, &after, predict)?;
     let nominal_cost = cost_of_sets(kind, &before, predict)?;
     let nominal = |set: &LogSet| {

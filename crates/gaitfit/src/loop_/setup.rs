@@ -149,7 +149,8 @@ impl Setup {
     ) -> Result<Target, Error> {
         match target.kind {
             TargetKind::Simulated => {
-                let privileged = self.config.adapt.costs.iter().any(|cost| cost.is_privileged());
+                let privileged =
+                    self.config.adapt.costs.iter().any(|cost| cost.is_privileged() || cost.needs_imu());
                 Ok(Target::Simulated(Box::new(Simulated::new(
                     &self.config,
                     target,

@@ -162,7 +162,13 @@ impl<'a> Stages<'a> {
         let stage = format!("{round}/finetune");
         let file = format!("{round}/finetune.toml");
         self.folder.make(round)?;
+        let mut task = self.setup.config.finetune.task.clone();
+        // The policy is trained where the robot was fitted.
+        if let Some(step) = self.setup.config.adapt.simulation.robot_timestep {
+            task.entry("robot_timestep").or_insert(toml::Value::Float(step));
+        }
         let config = FinetuneConfig {
+            task,
             name: Some("finetune".to_owned()),
             policy: Some(policy.safetensors.display().to_string()),
             policy_sha256: None,

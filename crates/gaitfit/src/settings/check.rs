@@ -2,6 +2,7 @@
 
 use super::{AdaptConfig, Base, LEAST_STRETCH_S, MOST_SEED};
 use crate::Error;
+use gaitfit_adapt::RobotNumber;
 use gaitfit_adapt::fit::{FallPenalty, FitOptions};
 use gaitfit_log::PerJoint;
 use gaitfit_model::shown_number;
@@ -28,6 +29,17 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`costs` names one cost twice"
     } else if !free && config.costs.iter().any(|cost| cost.is_privileged()) {
         "a cost in `costs` resets the base, and base = \"fixed\" has none to reset; take \"matcho\" or \"wass\""
+    } else if !free && config.costs.iter().any(|cost| cost.needs_imu()) {
+        "\"matchr…\" is for walking logs; a clamped robot's whole logs can be compared: take \"matcho\""
+    } else if config.costs.iter().any(|cost| cost.needs_imu())
+        && config.number.iter().any(|rule| rule.kind == RobotNumber::TorqueNoise)
+    {
+        "[[number]] torque_noise cannot be found with \"matchr…\": noise only makes predictions worse; leave it out"
+    } else if !free && config.simulation.robot_timestep.is_some() {
+        "`simulation.robot_timestep` is for walking logs; replays of a clamped robot do not depend on the step to first \
+         order"
+    } else if config.simulation.robot_timestep.is_some_and(|step| !not_negative(step)) {
+        "`simulation.robot_timestep` must be at least 0 s"
     } else if !free && config.policy.is_some() {
         "`policy` is for walking logs; add base = \"free\" if the robot walked"
     } else if !(free || config.network.is_empty() && config.number.is_empty()) {

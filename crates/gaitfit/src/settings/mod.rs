@@ -136,6 +136,10 @@ pub const LEAST_STRETCH_S: f64 = 1.0;
 pub struct SimulationConfig {
     /// Largest physics step, s; each log sample is split into the fewest equal steps not above it.
     pub timestep: f64,
+    /// Walking logs: physics step of the simulated robot that made them, or period of the real one's motor boards, s.
+    /// Absent: the fit's own step.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robot_timestep: Option<f64>,
     /// Solver effort.
     #[serde(with = "preset")]
     pub preset: Preset,
@@ -219,10 +223,13 @@ impl AdaptConfig {
     }
 
     /// Seconds at the start of each log that do not count. How a walking robot's base moved when the log began no log of
-    /// joints says; the simulated one begins at rest and needs about a second to walk as the robot does.
+    /// joints says; the simulated one begins at rest and needs about a second to walk as the robot does. What the sensors
+    /// read shows it sooner.
     pub fn skip_seconds(&self) -> f64 {
+        let sensed = !self.costs.is_empty() && self.costs.iter().all(|cost| cost.needs_imu());
         let chosen = match self.base {
             Base::Fixed => 0.0,
+            Base::Free if sensed => 0.5,
             Base::Free => 1.0,
         };
         self.simulation.skip_seconds.unwrap_or(chosen)
@@ -275,6 +282,7 @@ impl Default for SimulationConfig {
     fn default() -> Self {
         Self {
             timestep: 0.005,
+            robot_timestep: None,
             preset: Preset::Accurate,
             skip_seconds: None,
             horizon_seconds: 0.0,

@@ -5,6 +5,7 @@ use super::coverage::Coverage;
 use super::cuts::{self, Cut};
 use super::log_files::{self, LogFile};
 use super::policy_check::{self, PolicyMatch};
+use super::simulator::IMU_COLUMNS;
 use super::{doubts, rate};
 use crate::Error;
 use crate::log::Log;
@@ -179,6 +180,14 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
             )));
         };
         trajectory.action = Some(actions_of(target, &scene.walker.interface));
+    }
+    let base = trajectory.base.as_ref();
+    let imu = base.is_some_and(|base| base.quaternion.is_some() && base.angular_velocity.is_some());
+    if !imu && let Some(cost) = config.costs.iter().find(|cost| cost.needs_imu()) {
+        return Err(Error::failed(format!(
+            "{shown}: the cost {cost} needs what an IMU measures at every sample, and the log lacks it: columns \
+             {IMU_COLUMNS}. Record them next time; \"wass\" does without."
+        )));
     }
     plausible(&trajectory, &shown.to_string())?;
     let findings = check(&trajectory, &CheckSpec::default());

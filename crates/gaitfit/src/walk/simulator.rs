@@ -2,9 +2,10 @@
 
 use super::walking::Walking;
 use gaitfit_adapt::cost::Signal;
-use gaitfit_adapt::{Cancel, Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
+use gaitfit_adapt::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_log::Trajectory;
-use gaitfit_policy::follow::{Job, Script, Track, follow};
+use gaitfit_policy::follow::{self, Script, Track};
+use gaitfit_policy::predict::{self, Course};
 use gaitfit_policy::walker::Walker;
 use gaitfit_sim::{Candidate, Start};
 use std::sync::Arc;
@@ -15,6 +16,8 @@ pub struct WalkSimulator {
     /// What θ changes.
     base: Candidate,
     scripts: Vec<Script>,
+    /// What the logs' sensors read; empty if a log lacks what an IMU measures.
+    courses: Vec<Course>,
     /// Joints of the signals: the policy's.
     joints: Vec<String>,
     /// Joints of the model, which θ names.
@@ -29,6 +32,7 @@ impl WalkSimulator {
         Self {
             base,
             scripts: logs.iter().map(|log| script(&walking.task.walker, log)).collect(),
+            courses: logs.iter().map_while(|log| course(&walking.task.walker, log)).collect(),
             joints: walking.joints(),
             model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
             walking,
@@ -63,30 +67,87 @@ impl Simulator for WalkSimulator {
         consume: &Consume<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
-        let Walking { policy, task, threads } = self.walking.as_ref();
-        let jobs: Vec<Job> = candidates
-            .iter()
-            .map(|rollout| Job {
-                candidate: self.candidate(theta, &rollout.values),
-                reset_every: rollout.reset_every,
-                seed: rollout.draw,
-            })
-            .collect();
-        let pass = |job: usize, script: usize, track: &Track| {
+        let threads = self.walking.threads;
+        let Walking { policy, task, .. } = self.walking.as_ref();
+        let (mut free, mut corrected) = (Vec::new(), Vec::new());
+        for (number, rollout) in candidates.iter().enumerate() {
+            let (candidate, seed) = (self.candidate(theta, &rollout.values), rollout.draw);
+            match rollout.resets {
+                Resets::Never => free.push((number, follow::Job { candidate, reset_every: None, seed })),
+                Resets::State(every) => {
+                    free.push((number, follow::Job { candidate, reset_every: Some(every), seed }));
+                }
+                Resets::Sensors(every) => corrected.push((number, predict::Job { candidate, every, seed })),
+            }
+        }
+        if !corrected.is_empty() && self.courses.len() < self.scripts.len() {
+            return Err(SimulatorError::failed(format!(
+                "the cost needs what an IMU measures, and log {} of {} lacks it: columns {IMU_COLUMNS}",
+                self.courses.len() + 1,
+                self.scripts.len()
+            )));
+        }
+        let pass = |candidate: usize, recording: usize, track: &Track| {
             let signals = Signals {
                 position: &track.position,
                 velocity: &track.velocity,
-                action: Some(&track.action),
+                action: Some(&track.action).filter(|action| !action.is_empty()).map(Vec::as_slice),
                 base_position: Some(&track.base_position),
                 base_velocity: Some(&track.base_velocity),
                 fell_at: track.fell_at,
             };
-            consume(job, script, signals);
+            consume(candidate, recording, signals);
         };
-        follow(&task.walker, policy, &self.scripts, &jobs, *threads, &pass, cancel)
+        let (places, jobs): (Vec<usize>, Vec<follow::Job>) = free.into_iter().unzip();
+        let walker = &task.walker;
+        let to = |job: usize, script: usize, track: &Track| pass(places[job], script, track);
+        follow::follow(walker, policy, &self.scripts, &jobs, threads, &to, cancel)
+            .map_err(SimulatorError::failed)?;
+        let (places, jobs): (Vec<usize>, Vec<predict::Job>) = corrected.into_iter().unzip();
+        let to = |job: usize, course: usize, track: &Track| pass(places[job], course, track);
+        predict::predict(walker, &self.courses, &jobs, threads, &to, cancel)
             .map_err(SimulatorError::failed)?;
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }
+}
+
+/// What logs call the measurements of an IMU.
+pub const IMU_COLUMNS: &str =
+    "base_quat_w, base_quat_x, base_quat_y, base_quat_z (or roll, pitch, yaw) and wx, wy, wz";
+
+/// What the log's sensors read; `None` without attitude and rates.
+fn course(walker: &Walker, log: &Trajectory) -> Option<Course> {
+    let base = log.base.as_ref()?;
+    let (quaternion, rates) = (base.quaternion.as_ref()?, base.angular_velocity.as_ref()?);
+    let (samples, joints) = (log.len(), walker.default_pose.len());
+    let mut targets = vec![0.0f32; samples * joints];
+    match &log.target {
+        Some(target) => targets = in_model(walker, target, 0.0),
+        None => walker.targets(&actions(log), &mut targets),
+    }
+    let row = |values: &[f64], sample: usize, k: usize| values[sample + k] as f32;
+    Course::new(
+        walker,
+        targets,
+        in_model(walker, &log.position, 0.0),
+        in_model(walker, &log.velocity, 0.0),
+        (0..samples).map(|sample| std::array::from_fn(|k| row(quaternion, 4 * sample, k))).collect(),
+        (0..samples).map(|sample| std::array::from_fn(|k| row(rates, 3 * sample, k))).collect(),
+    )
+    .ok()
+}
+
+/// Rows of the policy's joints as rows of the model's.
+fn in_model(walker: &Walker, values: &[f64], other: f32) -> Vec<f32> {
+    let joints = walker.default_pose.len();
+    let rows = values.chunks_exact(walker.joints.len());
+    let mut all = vec![other; rows.len() * joints];
+    for (row, values) in all.chunks_exact_mut(joints).zip(rows) {
+        for (&joint, &value) in walker.joints.iter().zip(values) {
+            row[joint] = value as f32;
+        }
+    }
+    all
 }
 
 /// What the simulated robot follows: the log's commands, from the log's first joint angles and velocities. Where the

@@ -83,6 +83,7 @@ fn task(
     // A period of 20 ms and a step of 5 ms mean four steps, whatever the last digit says.
     let steps = (interface.control_dt / config.simulation.timestep - 0.01).ceil().max(1.0);
     settings.substeps = steps as usize;
+    settings.robot_timestep = config.simulation.robot_timestep.or(settings.robot_timestep);
     let delay = base.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
     let delay = delay.max(theta.largest(JointParameter::Delay).unwrap_or(0.0));
     Task::with_interface(model, &settings.calm(), interface, config.simulation.preset, delay)

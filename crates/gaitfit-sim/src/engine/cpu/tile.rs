@@ -97,10 +97,13 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
     fn report(&self, index: usize, motion: &mut Motion) {
         let block = &self.blocks[index];
         let (state, first, joints) = (&block.state, index * T::LANES, self.parts.tree.joints());
+        // A diverged robot's acceleration times 0 is no 0.
+        let lead = Some(self.parts.tree.settings().lead()).filter(|&lead| lead != 0.0).map(T::lit);
+        let base = lead.map_or([[T::zero(); 3]; 2], |lead| velocity_change(state, lead));
         for k in 0..3 {
             self.scatter(state.base_position[k], &mut motion.base_position, first, 3, k);
-            self.scatter(state.base_linear[k], &mut motion.base_linear, first, 3, k);
-            self.scatter(state.base_angular[k], &mut motion.base_angular, first, 3, k);
+            self.scatter(state.base_angular[k] + base[0][k], &mut motion.base_angular, first, 3, k);
+            self.scatter(state.base_linear[k] + base[1][k], &mut motion.base_linear, first, 3, k);
         }
         for k in 0..4 {
             self.scatter(state.base_quaternion[k], &mut motion.base_quaternion, first, 4, k);
@@ -108,7 +111,8 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
         for j in 0..joints {
             let reading = state.qpos[j] + block.params.joints[j].encoder_bias;
             self.scatter(reading, &mut motion.joint_position, first, joints, j);
-            self.scatter(state.qvel[j], &mut motion.joint_velocity, first, joints, j);
+            let velocity = lead.map_or(state.qvel[j], |lead| lead.fma(state.qacc[j], state.qvel[j]));
+            self.scatter(velocity, &mut motion.joint_velocity, first, joints, j);
             self.scatter(state.qacc[j], &mut motion.joint_acceleration, first, joints, j);
             self.scatter(block.torque[j], &mut motion.torque, first, joints, j);
         }
@@ -123,6 +127,19 @@ impl<'a, T: Lanes> LaneRobots<'a, T> {
             }
         }
     }
+}
+
+/// What `seconds` of the last acceleration change in the base's angular (body frame) and linear velocity.
+fn velocity_change<T: Lanes>(state: &State<T>, seconds: T) -> [[T; 3]; 2] {
+    let [angular, linear] = state.base_acceleration;
+    let [w, x, y, z] = state.base_quaternion;
+    // The inverse turn: v − 2 w (u × v) + 2 u × (u × v).
+    let cross = |b: [T; 3]| [y * b[2] - z * b[1], z * b[0] - x * b[2], x * b[1] - y * b[0]];
+    let once = cross(angular);
+    let twice = cross(once);
+    let two = T::lit(2.0);
+    let body: [T; 3] = std::array::from_fn(|k| angular[k] + two * (twice[k] - w * once[k]));
+    [body.map(|a| seconds * a), linear.map(|a| seconds * a)]
 }
 
 fn set_lane<T: Lanes>(value: &mut T, lane: usize, x: f32) {
@@ -159,6 +176,32 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
             set_lane(number, lane, 0.0);
         }
         block.fresh[lane] = true;
+    }
+
+    fn correct(&mut self, environment: usize, reading: &Start) {
+        let lane = environment % T::LANES;
+        let lead = self.parts.tree.settings().lead();
+        let state = &mut self.blocks[environment / T::LANES].state;
+        let [angular, linear] = velocity_change(state, T::lit(lead));
+        let joints = reading.joint_velocity.len();
+        let set = |number: &mut T, value: f32, change: T| {
+            let mut values = [0.0; WIDEST];
+            change.store(&mut values);
+            set_lane(number, lane, value - values[lane]);
+        };
+        for k in 0..3 {
+            set(&mut state.base_position[k], reading.base_position[k], T::zero());
+            set(&mut state.base_angular[k], reading.base_angular[k], angular[k]);
+            set(&mut state.base_linear[k], reading.base_linear[k], linear[k]);
+        }
+        for k in 0..4 {
+            set(&mut state.base_quaternion[k], reading.base_quaternion[k], T::zero());
+        }
+        for j in 0..joints {
+            let change = T::lit(lead) * state.qacc[j];
+            set(&mut state.qpos[j], reading.joint_position[j], T::zero());
+            set(&mut state.qvel[j], reading.joint_velocity[j], change);
+        }
     }
 
     fn push(&mut self, environment: usize, velocity: [f32; 3]) {

@@ -1,0 +1,93 @@
+//! Fits of walking logs that hold what an IMU measures.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod common;
+
+use common::{errors, json, root, run};
+use std::path::Path;
+
+/// Walks of the robot of `truth.toml`, begun anywhere in a walk; `more` are arguments of `collect`.
+fn walks(folder: &Path, seed: &str, more: &[&str]) -> Vec<String> {
+    let out = folder.join(format!("logs-{seed}"));
+    let out = out.to_str().unwrap();
+    let mut args = vec![
+        "collect",
+        "assets/go2-walk.safetensors",
+        "--theta",
+        "examples/go2-ground/truth.toml",
+        "--out",
+        out,
+    ];
+    args.extend(["--trajectories", "10", "--seconds", "2", "--log-shift", "0.3", "1.5", "--seed", seed]);
+    args.extend(more);
+    let output = run(&args);
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
+    vec![out.to_owned()]
+}
+
+fn config(folder: &Path, logs: &[String], validate: &[String], more: &str) -> String {
+    let path = folder.join("walk.toml");
+    let text = format!(
+        "name = \"walk\"\nbase = \"free\"\npolicy = \"assets/go2-walk.safetensors\"\nlogs = {logs:?}\n\
+         validate = {validate:?}\ncosts = [\"matchr1\"]\nruns = \"{}\"\n{more}\n[[parameter]]\nkind = \"frictionloss\"\n\
+         [[parameter]]\nkind = \"armature\"\n[[parameter]]\nkind = \"delay\"\nper = \"all\"\nupper = 0.02\n\
+         [optimizer]\ngenerations = 60\nseeds = 1\n[simulation]\npreset = \"fast\"\n",
+        folder.display()
+    );
+    std::fs::write(&path, text).unwrap();
+    path.display().to_string()
+}
+
+#[test]
+fn joints_and_imu_show_friction_and_inertia_anywhere_in_a_walk() {
+    let folder = tempfile::tempdir().unwrap();
+    let logs = walks(folder.path(), "1", &["--privileged"]);
+    let others = walks(folder.path(), "2", &["--privileged"]);
+    let path = config(folder.path(), &logs, &others, "");
+    let output = run(&["adapt", &path, "--json"]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
+    let found = json(&output);
+    let truth: toml::Table =
+        toml::from_str(&std::fs::read_to_string(root().join("examples/go2-ground/truth.toml")).unwrap())
+            .unwrap();
+    for one in truth["parameter"].as_array().unwrap() {
+        let (name, value) = (one["name"].as_str().unwrap(), one["value"].as_float().unwrap());
+        let parameters = found["parameters"].as_array().unwrap();
+        let fitted =
+            parameters.iter().find(|other| other["name"] == name).unwrap()["value"].as_f64().unwrap();
+        assert!((fitted / value - 1.0).abs() < 0.1, "{name}: {fitted} for {value}");
+    }
+    // The cost on other logs is that of predictions too: a tenth of the nominal robot's.
+    let after = found["fitted"]["cost_validation"].as_f64().unwrap();
+    assert!(after < 0.2 * found["baselines"][0]["cost_validation"].as_f64().unwrap(), "{found}");
+    let theta = folder.path().join("walk/theta.toml");
+    let validated = json(&run(&["validate", theta.to_str().unwrap(), &others[0], "--json"]));
+    assert_eq!(validated["cost"], found["fitted"]["cost_validation"]);
+}
+
+#[test]
+fn logs_without_an_imu_and_settings_that_cannot_be_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let logs = walks(folder.path(), "3", &[]);
+    let path = config(folder.path(), &logs, &[], "");
+    let output = run(&["adapt", &path]);
+    assert_ne!(output.status.code(), Some(0));
+    let message = errors(&output);
+    assert!(
+        message.contains("matchr1 needs what an IMU measures") && message.contains("wx, wy, wz"),
+        "{message}"
+    );
+    assert!(message.contains("logs-3"), "{message}");
+    for (set, wanted) in [
+        ("number=[{ kind = \"torque_noise\" }]", "torque_noise"),
+        ("simulation.robot_timestep=-1", "robot_timestep"),
+        ("simulation.robot_timestep=0.5", "robot_timestep"),
+        ("simulation.robot_timestep=nan", "robot_timestep"),
+        ("base=fixed", "base"),
+        ("costs=[\"matchr0\"]", "matchr0"),
+    ] {
+        let output = run(&["adapt", &path, "--set", set]);
+        assert!(matches!(output.status.code(), Some(1 | 2)), "{set}: {:?}", output.status);
+        assert!(errors(&output).contains(wanted), "{set}: {}", errors(&output));
+    }
+}

@@ -1,0 +1,226 @@
+//! A robot under a log's own targets, put right again and again by what the log's sensors read: short predictions that a
+//! fit compares with the log.
+//!
+//! Joint angles and velocities, attitude and rates of the base are what a legged robot measures by itself. How fast and
+//! how high its base moves it does not; [`odometry`] keeps both such that the feet that stand go on as they did.
+
+mod odometry;
+
+use std::sync::{Mutex, PoisonError};
+
+use gaitfit_model::Model;
+use gaitfit_model::kinematics::standing_height;
+use gaitfit_physics::Params;
+use gaitfit_sim::{Candidate, Motion, Start, Tile, pool};
+
+use crate::follow::{ASK, TILE, Track};
+use crate::walker::{TorqueNoise, Walker, WalkerError};
+use odometry::{Feet, Legs};
+
+/// What a log says of one run. Joint vectors are in the model's order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Course {
+    /// Position targets sent after each sample, rad; `samples × joints`.
+    pub targets: Vec<f32>,
+    /// Joint positions as the encoders report them, rad; `samples × joints`.
+    pub position: Vec<f32>,
+    /// Joint velocities, rad/s; `samples × joints`.
+    pub velocity: Vec<f32>,
+    /// Orientation of the base, wxyz, unit. Its heading may drift.
+    pub quaternion: Vec<[f32; 4]>,
+    /// Angular velocity of the base, rad/s, body frame.
+    pub rates: Vec<[f32; 3]>,
+    /// Where the feet are in the base's frame.
+    legs: Legs,
+}
+
+impl Course {
+    /// A run of `walker`'s robot; see the fields.
+    ///
+    /// # Errors
+    /// Fields of different numbers of samples.
+    pub fn new(
+        walker: &Walker,
+        targets: Vec<f32>,
+        position: Vec<f32>,
+        velocity: Vec<f32>,
+        quaternion: Vec<[f32; 4]>,
+        rates: Vec<[f32; 3]>,
+    ) -> Result<Self, WalkerError> {
+        let joints = walker.default_pose.len();
+        let samples = quaternion.len();
+        let lengths = [targets.len(), position.len(), velocity.len(), rates.len() * joints];
+        if samples == 0 || lengths.iter().any(|&length| length != samples * joints) {
+            let what = format!("have {lengths:?} numbers for {samples} samples of {joints} joints");
+            return Err(WalkerError::Option { option: "the signals of a course", what });
+        }
+        let legs = Legs::new(&Feet::of(walker), walker.model(), &position, &velocity);
+        Ok(Self { targets, position, velocity, quaternion, rates, legs })
+    }
+
+    /// Number of samples.
+    pub fn samples(&self) -> usize {
+        self.quaternion.len()
+    }
+
+    fn joints(&self) -> usize {
+        self.position.len() / self.samples()
+    }
+
+    /// What the sensors of sample `sample` read, with the base where `place` and `linear` say. `bias`: of the encoders.
+    fn reading(&self, sample: usize, bias: &[f64], place: [f32; 3], linear: [f32; 3]) -> Start {
+        let row = sample * self.joints()..(sample + 1) * self.joints();
+        let true_angle = |(&angle, &bias): (&f32, &f64)| (f64::from(angle) - bias) as f32;
+        Start {
+            base_position: place,
+            base_quaternion: self.quaternion[sample],
+            base_linear: linear,
+            base_angular: self.rates[sample],
+            joint_position: self.position[row.clone()].iter().zip(bias).map(true_angle).collect(),
+            joint_velocity: self.velocity[row].to_vec(),
+        }
+    }
+
+    /// The first state: feet on the ground, the base still. The first steps of a log teach how it moves.
+    fn start(&self, model: &Model, bias: &[f64]) -> Start {
+        let start = self.reading(0, bias, [0.0; 3], [0.0; 3]);
+        let angles: Vec<f64> = start.joint_position.iter().map(|&angle| f64::from(angle)).collect();
+        let height = standing_height(model, self.quaternion[0].map(f64::from), &angles);
+        Start { base_position: [0.0, 0.0, height as f32], ..start }
+    }
+}
+
+/// A robot that predicts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Job {
+    /// The robot.
+    pub candidate: Candidate,
+    /// Samples from one correction to the next; 1 predicts each sample from the one before.
+    pub every: usize,
+    /// Seed of the torque noise.
+    pub seed: u64,
+}
+
+/// Runs every job on every course and hands `consume(job, course, track)` each track, once, from any thread in any
+/// order. Rows of a track hold the prediction, before the correction that follows it; there are no actions in it.
+/// Tracks do not depend on the other jobs, nor on the number of threads. Once `cancel` says so it returns soon,
+/// without the tracks that are missing; `cancel` must keep saying so.
+///
+/// # Errors
+/// A candidate that is no robot.
+pub fn predict(
+    walker: &Walker,
+    courses: &[Course],
+    jobs: &[Job],
+    threads: usize,
+    consume: &(dyn Fn(usize, usize, &Track) + Sync),
+    cancel: &(dyn Fn() -> bool + Sync),
+) -> Result<(), WalkerError> {
+    let tiles = courses.len().div_ceil(TILE);
+    let failure: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
+    let feet = Feet::of(walker);
+    pool::for_each(jobs.len() * tiles, threads, Worker::default, |worker, index| {
+        let (job, first) = (index / tiles, (index % tiles) * TILE);
+        let chunk = &courses[first..courses.len().min(first + TILE)];
+        match worker.run(walker, &feet, &jobs[job], chunk, first, cancel) {
+            Ok(true) => {
+                for (k, track) in worker.tracks.iter().enumerate().take(chunk.len()) {
+                    consume(job, first + k, track);
+                }
+            }
+            Ok(false) => {}
+            Err(error) => {
+                let mut slot = failure.lock().unwrap_or_else(PoisonError::into_inner);
+                // The first job's error, whichever thread was faster.
+                if slot.as_ref().is_none_or(|(other, _)| index < *other) {
+                    *slot = Some((index, error));
+                }
+            }
+        }
+    });
+    match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        Some((_, error)) => Err(error),
+        None => Ok(()),
+    }
+}
+
+/// A thread's buffers.
+#[derive(Default)]
+struct Worker {
+    tracks: Vec<Track>,
+    motion: Motion,
+    targets: Vec<f32>,
+    noise: TorqueNoise,
+}
+
+impl Worker {
+    /// Fills the tracks of some courses. False if it gave up.
+    fn run(
+        &mut self,
+        walker: &Walker,
+        feet: &Feet,
+        job: &Job,
+        courses: &[Course],
+        first: usize,
+        cancel: &(dyn Fn() -> bool + Sync),
+    ) -> Result<bool, WalkerError> {
+        let (batch, count) = (&walker.batch, courses.len());
+        let robot: Params<f64> = walker.robot(&job.candidate).params(batch.model())?;
+        let bias = &job.candidate.robot.encoder_bias;
+        let mut tile = walker.engine.tile(batch, &vec![robot; count], &job.candidate.networks)?;
+        self.motion = batch.motion(count);
+        self.tracks.resize_with(count.max(self.tracks.len()), Track::default);
+        for (index, (course, track)) in courses.iter().zip(&mut self.tracks).enumerate() {
+            track.begin();
+            tile.place(index, &course.start(batch.model(), bias));
+        }
+        tile.observe(&mut self.motion);
+        let longest = courses.iter().map(Course::samples).max().unwrap_or(0);
+        for sample in 0..longest {
+            if sample.is_multiple_of(ASK) && cancel() {
+                return Ok(false);
+            }
+            for (index, course) in courses.iter().enumerate().filter(|(_, course)| sample < course.samples())
+            {
+                self.tracks[index].look(walker, &self.motion, index, sample);
+                // Who fell in a prediction is put on its feet again: a fall is no end here.
+                self.tracks[index].fell_at = None;
+                if sample > 0 && sample.is_multiple_of(job.every.max(1)) {
+                    correct(&mut tile, feet, &self.motion, index, course, sample, bias);
+                }
+            }
+            if sample + 1 == longest {
+                break;
+            }
+            self.targets.clear();
+            for course in courses {
+                let row = sample.min(course.samples() - 1) * course.joints();
+                self.targets.extend_from_slice(&course.targets[row..row + course.joints()]);
+            }
+            let torques =
+                self.noise.torques(walker, &job.candidate, job.seed, first as u32, sample as u32, count);
+            tile.step(&self.targets, torques, &mut self.motion);
+        }
+        Ok(true)
+    }
+}
+
+fn correct(
+    tile: &mut Tile<'_>,
+    feet: &Feet,
+    motion: &Motion,
+    index: usize,
+    course: &Course,
+    sample: usize,
+    bias: &[f64],
+) {
+    let three = |rows: &[f32]| -> [f32; 3] { std::array::from_fn(|k| rows[3 * index + k]) };
+    let (mut place, mut linear) = (three(&motion.base_position), three(&motion.base_linear));
+    if let Some(change) = course.legs.change(feet, motion, index, course, sample) {
+        place[2] += change.height;
+        (0..3).for_each(|k| linear[k] += change.linear[k]);
+    }
+    if linear.iter().chain(&place).all(|x| x.is_finite()) {
+        tile.correct(index, &course.reading(sample, bias, place, linear));
+    }
+}

@@ -1,0 +1,168 @@
+//! Leg odometry: how the base's height and velocity follow from feet that stand.
+//!
+//! When a simulated robot is put where the log's sensors read, its feet would jump in place and speed, and the ground
+//! would answer. So the base moves such that the feet that carry it go on as they did in the simulation, on the mean,
+//! weighted by their load (Bloesch et al. 2013, "State estimation for legged robots", use the same constraint in a
+//! filter). Half of that change is made: sensors and simulation are trusted alike.
+
+use gaitfit_model::Model;
+use gaitfit_model::kinematics::{Frame, body_frames};
+use gaitfit_model::rotation::{Vec3, add, cross, rotate, sub};
+use gaitfit_sim::Motion;
+
+use super::Course;
+use crate::walker::Walker;
+
+/// Share of the change that feet at rest ask for.
+const GAIN: f64 = 0.5;
+/// Share of the robot's weight that must rest on the feet; below it they say little of the base.
+const CARRIED: f64 = 0.15;
+const GRAVITY: f64 = 9.81;
+
+/// The feet of a robot.
+pub(super) struct Feet {
+    feet: Vec<Foot>,
+    /// Load from which the feet say how the base moves, N.
+    least_load: f64,
+}
+
+struct Foot {
+    body: usize,
+    /// Its centre in its body's frame, m.
+    place: Vec3,
+    /// Place in [`Motion::normal_force`].
+    force: usize,
+    /// Joints from the base to it.
+    joints: Vec<usize>,
+}
+
+impl Feet {
+    /// The geoms whose places the walker's batch reports.
+    pub fn of(walker: &Walker) -> Self {
+        let (batch, model) = (&walker.batch, walker.model());
+        let foot = |name: &String| {
+            let force = batch.contact_geoms().iter().position(|&geom| model.geoms[geom].name == *name)?;
+            let geom = &model.geoms[batch.contact_geoms()[force]];
+            let mut path = Vec::new();
+            let mut body = Some(geom.body);
+            while let Some(at) = body {
+                path.extend((0..model.joints.len()).filter(|&joint| model.joints[joint].body == at));
+                body = model.bodies[at].parent;
+            }
+            Some(Foot { body: geom.body, place: geom.pos, force, joints: path })
+        };
+        let mass: f64 = model.bodies.iter().map(|body| body.mass).sum();
+        Self {
+            feet: batch.options().tracked.iter().filter_map(foot).collect(),
+            least_load: CARRIED * mass * GRAVITY,
+        }
+    }
+}
+
+/// Where the feet of a log are in the base's frame, at every sample.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Legs {
+    /// One entry a sample and foot.
+    places: Vec<Place>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Place {
+    /// The foot's centre, m, base frame.
+    at: [f32; 3],
+    /// What it moves for a unit of each joint of its leg, m/rad.
+    columns: Vec<[f32; 3]>,
+    /// Its velocity in the base's frame, m/s.
+    velocity: [f32; 3],
+}
+
+/// How the base has to move.
+pub(super) struct Change {
+    /// m.
+    pub height: f32,
+    /// m/s, world frame.
+    pub linear: [f32; 3],
+}
+
+fn scale(factor: f64, v: Vec3) -> Vec3 {
+    v.map(|x| factor * x)
+}
+
+fn single(v: Vec3) -> [f32; 3] {
+    v.map(|x| x as f32)
+}
+
+impl Legs {
+    /// The legs at the joint angles and velocities of a log, `samples × joints`.
+    pub fn new(feet: &Feet, model: &Model, position: &[f32], velocity: &[f32]) -> Self {
+        let joints = model.joints.len();
+        let mut places = Vec::with_capacity(position.len() / joints.max(1) * feet.feet.len());
+        for (angles, rates) in position.chunks_exact(joints).zip(velocity.chunks_exact(joints)) {
+            let angles: Vec<f64> = angles.iter().map(|&x| f64::from(x)).collect();
+            let frames = body_frames(model, &Frame::WORLD, &angles);
+            for foot in &feet.feet {
+                let at = frames[foot.body].point(foot.place);
+                let column = |&joint: &usize| {
+                    let (hinge, frame) = (&model.joints[joint], &frames[model.joints[joint].body]);
+                    cross(rotate(frame.quaternion, hinge.axis), sub(at, frame.point(hinge.pos)))
+                };
+                let columns: Vec<Vec3> = foot.joints.iter().map(column).collect();
+                let mut velocity = [0.0; 3];
+                for (&joint, &column) in foot.joints.iter().zip(&columns) {
+                    velocity = add(velocity, scale(f64::from(rates[joint]), column));
+                }
+                places.push(Place {
+                    at: single(at),
+                    columns: columns.into_iter().map(single).collect(),
+                    velocity: single(velocity),
+                });
+            }
+        }
+        Self { places }
+    }
+
+    /// How the base has to move for the standing feet to go on as they do in `motion` when robot `index` is put where
+    /// sample `sample` of `course` says; `None` where too little load rests on them.
+    pub fn change(
+        &self,
+        feet: &Feet,
+        motion: &Motion,
+        index: usize,
+        course: &Course,
+        sample: usize,
+    ) -> Option<Change> {
+        let geoms = motion.normal_force.len() / (motion.base_position.len() / 3);
+        let load = |foot: &Foot| f64::from(motion.normal_force[index * geoms + foot.force]);
+        let total: f64 = feet.feet.iter().map(load).sum();
+        if total.is_nan() || total <= feet.least_load {
+            return None;
+        }
+        let joints = course.joints();
+        let wide = |v: &[f32]| -> Vec3 { std::array::from_fn(|k| f64::from(v[k])) };
+        let simulated: [f64; 4] = std::array::from_fn(|k| f64::from(motion.base_quaternion[4 * index + k]));
+        let logged = course.quaternion[sample].map(f64::from);
+        let (rates, logged_rates) =
+            (wide(&motion.base_angular[3 * index..]), course.rates[sample].map(f64::from));
+        let (mut height, mut linear) = (0.0, [0.0; 3]);
+        let places = &self.places[sample * feet.feet.len()..];
+        for (foot, place) in feet.feet.iter().zip(places) {
+            let share = load(foot) / total;
+            let (at, velocity) = (wide(&place.at), wide(&place.velocity));
+            // Where and how fast the simulation has it, to first order in the joints' errors.
+            let (mut there, mut moving) = (at, velocity);
+            for (&joint, column) in foot.joints.iter().zip(&place.columns) {
+                let error = |found: &[f32], read: &[f32]| {
+                    f64::from(found[index * joints + joint]) - f64::from(read[sample * joints + joint])
+                };
+                let column = wide(column);
+                there = add(there, scale(error(&motion.joint_position, &course.position), column));
+                moving = add(moving, scale(error(&motion.joint_velocity, &course.velocity), column));
+            }
+            let before = rotate(simulated, add(moving, cross(rates, there)));
+            let after = rotate(logged, add(velocity, cross(logged_rates, at)));
+            linear = add(linear, scale(share, sub(before, after)));
+            height += share * (rotate(simulated, there)[2] - rotate(logged, at)[2]);
+        }
+        Some(Change { height: (GAIN * height) as f32, linear: single(scale(GAIN, linear)) })
+    }
+}
