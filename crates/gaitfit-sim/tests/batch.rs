@@ -499,7 +499,7 @@ fn long_steps_stand_for_short_ones() {
     let (same, plain) = (error(&batch(20, None)), error(&batch(4, None)));
     let (half, long) = (error(&batch(8, Some(0.001))), error(&batch(4, Some(0.001))));
     assert!(same < 1e-4, "{same}");
-    assert!(long < 0.25 * plain && half < 0.5 * long, "{plain} {long} {half}");
+    assert!(long < 0.6 * plain && half < 0.3 * long, "{plain} {long} {half}");
     // A step that stands for itself is the plain one: only the drives' history is one target longer.
     assert!(error(&batch(20, Some(0.001))) < 1e-4);
     let wrong = BatchOptions { emulated_step: Some(f64::NAN), ..options() };
