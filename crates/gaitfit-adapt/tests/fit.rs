@@ -9,8 +9,8 @@ use gaitfit_adapt::fit::{
     simulate_one,
 };
 use gaitfit_adapt::{
-    Cancel, Consume, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator, SimulatorError,
-    Theta, never,
+    Cancel, Consume, JointParameter, ParameterRule, Resets, Rollout, Sharing, Signals, Simulator,
+    SimulatorError, Theta, never,
 };
 use std::sync::Arc;
 
@@ -83,7 +83,7 @@ fn theta() -> Theta {
 }
 
 fn costs(simulator: &Sines) -> Vec<Box<dyn Cost>> {
-    let truth = simulate_one(simulator, &theta(), &TRUTH).unwrap();
+    let truth = simulate_one(simulator, &theta(), &TRUTH, Resets::Never).unwrap();
     let wide = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect::<Vec<f64>>();
     let recorded: Vec<Recorded> = truth
         .iter()

@@ -53,7 +53,7 @@ fn identification_without_noise_and_away_from_the_minimum() {
 fn identification_takes_a_draw_in_which_the_robot_stays_up() {
     let mut simulator = Pendulum::new(4, 0.5);
     let highest = |draw: u64| {
-        let states = (0..4).flat_map(|recording| simulator.run(recording, &TRUTH, None, draw));
+        let states = (0..4).flat_map(|recording| simulator.run(recording, &TRUTH, Resets::Never, draw));
         states.map(|state| state[0].abs()).fold(0.0, f64::max)
     };
     let heights: Vec<f64> = (0..8).map(highest).collect();
@@ -136,7 +136,7 @@ fn networks_are_fitted_from_either_start_by_the_separable_form() {
         let rule = NetworkRule { start, regularisation: 1e-4, ..NetworkRule::new(NetworkName::ResidAct) };
         let theta = Theta::new(vec![rule.modification(&[], &simulator.0, &[0.0]).unwrap()]).unwrap();
         let options = FitOptions { covariance: CovarianceKind::Separable, ..options(300) };
-        let before = simulate_one(&simulator, &theta, &theta.start(1)).unwrap();
+        let before = simulate_one(&simulator, &theta, &theta.start(1), Resets::Never).unwrap();
         assert_eq!(before[0].position, OneNetwork::signals(|_| 0.0).0, "starts at no correction");
         let mut fit = Fit::new(&simulator, &theta, &costs, options).unwrap();
         let first = fit.step(&never).unwrap().unwrap().runs[0].best;
