@@ -203,7 +203,9 @@ fn privileged_costs_are_sharp_at_the_truth() {
         let theta = theta(&["a", "b"], 1.2);
         let mut fit = Fit::new(&simulator, &theta, &costs, options(250)).unwrap();
         while fit.step(&never).unwrap().is_some() {}
-        for (found, truth) in fit.outcomes()[0].values().iter().zip(TRUTH) {
+        // MatchR does not look at the base, which alone shows the second value.
+        let shown = if name.starts_with("matchr") { 1 } else { 2 };
+        for (found, truth) in fit.outcomes()[0].values().iter().zip(TRUTH).take(shown) {
             assert!((found / truth - 1.0).abs() < 1e-3, "{name}: {found} {truth}");
         }
     }
