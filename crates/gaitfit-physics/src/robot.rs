@@ -91,13 +91,8 @@ impl Robot {
             }
         }
         let mass = model.bodies[0].mass + self.base_mass;
-        if !(mass > 0.0 || model.root == Root::Fixed) {
-            return Err(PhysicsError::Value {
-                object: format!("body `{}`", model.bodies[0].name),
-                quantity: "the mass with the added base mass",
-                value: mass,
-                must: "positive",
-            });
+        if !(mass >= 0.0 || model.root == Root::Fixed) {
+            return Err(base_mass_error(model, mass, "zero or positive"));
         }
         Ok(())
     }
@@ -107,8 +102,12 @@ impl Robot {
         self.check(model)?;
         let (seats, hinges) = seats(model);
         let links = self.link_inertias(model, &seats, hinges.len() + 1);
-        let weights = invweight::invweights(model, &links, &self.armature)?;
         let floating = model.root == Root::Floating;
+        // The base itself may be massless, as in many URDF files: what is welded to it moves with it.
+        if floating && !(links[0].mass > 0.0) {
+            return Err(base_mass_error(model, links[0].mass, "positive"));
+        }
+        let weights = invweight::invweights(model, &links, &self.armature)?;
         let mut pairs = Vec::new();
         for link in 0..=hinges.len() {
             for pair in &model.pairs {
@@ -154,6 +153,15 @@ impl Robot {
             }
         }
         links
+    }
+}
+
+fn base_mass_error(model: &Model, value: f64, must: &'static str) -> PhysicsError {
+    PhysicsError::Value {
+        object: format!("body `{}`", model.bodies[0].name),
+        quantity: "the mass with the added base mass",
+        value,
+        must,
     }
 }
 

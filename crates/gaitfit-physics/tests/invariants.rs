@@ -343,3 +343,30 @@ fn line_search_does_not_flip_across_dry_friction() {
     }
     ledger.check("joints that nearly stick");
 }
+
+/// A URDF often begins with a massless link to which the trunk is welded.
+#[test]
+fn a_massless_base_moves_as_the_trunk_welded_to_it() {
+    let leg = r#"<body name="leg" pos="0.1 0 -0.1"><joint name="hip" axis="0 1 0"/>
+        <inertial pos="0 0 -0.1" mass="0.5" diaginertia="0.002 0.002 0.001"/></body>"#;
+    let trunk = r#"<inertial pos="0.02 0 0.01" mass="4" diaginertia="0.05 0.06 0.07"/>"#;
+    let read = |base: &str| {
+        let text = format!(
+            r#"<mujoco><worldbody><body name="base"><freejoint/>{base}</body></worldbody>
+               <actuator><motor joint="hip"/></actuator></mujoco>"#
+        );
+        gaitfit_model::read_mjcf_str(&text, &gaitfit_model::ReadOptions::default()).unwrap()
+    };
+    let plain = read(&format!("{trunk}{leg}"));
+    let welded = read(&format!(r#"<body name="trunk">{trunk}{leg}</body>"#));
+    let robot = |model: &Model, base_mass| Robot { base_mass, ..Robot::nominal(model) }.params(model);
+    let (one, other) = (robot(&plain, 0.0).unwrap(), robot(&welded, 0.0).unwrap());
+    for (a, b) in one.links.iter().zip(&other.links) {
+        assert!((a.mass - b.mass).abs() < 1e-15, "{} {}", a.mass, b.mass);
+        let pairs = a.com.iter().chain(&a.inertia).zip(b.com.iter().chain(&b.inertia));
+        pairs.for_each(|(x, y)| assert!((x - y).abs() < 1e-15, "{x} {y}"));
+    }
+    let refused = robot(&welded, -0.1).unwrap_err().to_string();
+    assert!(refused.contains("body `base`") && refused.contains("zero or positive"), "{refused}");
+    assert!(robot(&plain, -4.0).is_err(), "nothing is left of the base");
+}
