@@ -104,7 +104,7 @@ impl Robot {
         let links = self.link_inertias(model, &seats, hinges.len() + 1);
         let floating = model.root == Root::Floating;
         // The base itself may be massless, as in many URDF files: what is welded to it moves with it.
-        if floating && !(links[0].mass > 0.0) {
+        if floating && (links[0].mass <= 0.0 || links[0].mass.is_nan()) {
             return Err(base_mass_error(model, links[0].mass, "positive"));
         }
         let weights = invweight::invweights(model, &links, &self.armature)?;
