@@ -2,7 +2,7 @@
 //! fit compares with the log.
 //!
 //! Joint angles and velocities, attitude and rates of the base are what a legged robot measures by itself. How fast and
-//! how high its base moves it does not; [`odometry`] keeps both such that the feet that stand go on as they did.
+//! how high its base moves it does not; leg odometry keeps both such that the feet that stand go on as they did.
 
 mod odometry;
 
