@@ -258,7 +258,7 @@ fn samples_lost_to_a_fall_count_as_the_whole_range() {
     assert_eq!(run(&aligned, &good), 0.0);
     // Two of eight samples at 2: √(2 · 4 / 8).
     assert_eq!(run(&aligned, &bad), 1.0);
-    // Velocities of the good run are off by 1 in two of four samples, twice 2/3 · … : the range is 1, so e = 2.
+    // Velocities range over 1, so that an error of 1 is e = 2: the good run has it in two of four samples.
     let robust = MatchR::new(Arc::clone(&target), NonZeroUsize::MIN).unwrap();
     assert_eq!(run(&robust, &good), 1.0);
     // Two of eight positions are lost at 2; of the velocities two are off by 2, one of them lost, and one more is.

@@ -82,8 +82,8 @@ impl Settings {
         self.emulated_step.map_or(0.0, |step| 0.5 * (self.timestep - step))
     }
 
-    /// Time after a step's start at which PD control and dampers take the velocity, s, and after half a step less that
-    /// at which they take the targets.
+    /// How much later than the simulation's velocities those are that PD control and joint dampers act on, s. The
+    /// interval over which a target counts begins as much earlier.
     pub(crate) fn drive_lead(&self) -> f64 {
         match self.emulated_step {
             Some(_) => self.lead(),

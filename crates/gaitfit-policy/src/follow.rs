@@ -57,7 +57,7 @@ pub struct Job {
 pub(crate) const ASK: usize = 16;
 
 /// Robots that one thread advances together.
-pub(crate) const TILE: usize = 32;
+const TILE: usize = 32;
 
 /// Runs every job on every script and hands `consume(job, script, track)` each track, once, from any thread in any
 /// order. Tracks do not depend on the other jobs, nor on the number of threads. Once `cancel` says so it returns soon,
@@ -81,31 +81,39 @@ pub fn follow(
     if jobs.iter().any(|job| job.reset_every.is_some()) && scripts.iter().any(stateless) {
         return Err(WalkerError::NoStates);
     }
-    let tiles = scripts.len().div_ceil(TILE);
-    let failure: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
-    pool::for_each(jobs.len() * tiles, threads, Worker::default, |worker, index| {
-        let (job, first) = (index / tiles, (index % tiles) * TILE);
-        let chunk = &scripts[first..scripts.len().min(first + TILE)];
-        match worker.run(walker, policy, &jobs[job], chunk, first, cancel) {
-            Ok(true) => {}
-            Ok(false) => return,
-            Err(error) => {
-                let mut slot = failure.lock().unwrap_or_else(PoisonError::into_inner);
-                // The first job's error, whichever thread was faster.
-                if slot.as_ref().is_none_or(|(other, _)| index < *other) {
-                    *slot = Some((index, error));
-                }
-                return;
-            }
-        }
-        for (k, track) in worker.tracks.iter().enumerate().take(chunk.len()) {
+    in_tiles(jobs.len(), scripts, threads, |worker: &mut Worker, job, first, chunk| {
+        let whole = worker.run(walker, policy, &jobs[job], chunk, first, cancel)?;
+        for (k, track) in worker.tracks.iter().enumerate().take(if whole { chunk.len() } else { 0 }) {
             consume(job, first + k, track);
         }
+        Ok(())
+    })
+}
+
+/// Calls `run(worker, job, first, chunk)` for every job and every tile of `runs`, each thread with a worker of its own;
+/// `first` is the number of the chunk's first run.
+///
+/// # Errors
+/// That of the first job, whichever thread was faster.
+pub(crate) fn in_tiles<W: Default + Send, R: Sync>(
+    jobs: usize,
+    runs: &[R],
+    threads: usize,
+    run: impl Fn(&mut W, usize, usize, &[R]) -> Result<(), WalkerError> + Sync,
+) -> Result<(), WalkerError> {
+    let tiles = runs.len().div_ceil(TILE);
+    let failure: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
+    pool::for_each(jobs * tiles, threads, W::default, |worker, index| {
+        let (job, first) = (index / tiles, (index % tiles) * TILE);
+        let chunk = &runs[first..runs.len().min(first + TILE)];
+        if let Err(error) = run(worker, job, first, chunk) {
+            let mut slot = failure.lock().unwrap_or_else(PoisonError::into_inner);
+            if slot.as_ref().is_none_or(|(other, _)| index < *other) {
+                *slot = Some((index, error));
+            }
+        }
     });
-    match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        Some((_, error)) => Err(error),
-        None => Ok(()),
-    }
+    failure.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), |(_, error)| Err(error))
 }
 
 /// A thread's buffers.

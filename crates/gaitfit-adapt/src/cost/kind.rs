@@ -66,7 +66,7 @@ impl CostKind {
 
     /// Whether the simulated robot is given what the log's sensors read, its IMU's too.
     pub fn needs_imu(self) -> bool {
-        matches!(self, Self::MatchR(_))
+        matches!(self.given(), Resets::Sensors(_))
     }
 
     /// Whether it needs the base's state in the log.

@@ -38,7 +38,7 @@ impl Cost for MatchR {
     }
 
     fn resets(&self) -> Resets {
-        Resets::Sensors(self.horizon.get())
+        CostKind::MatchR(self.horizon).given()
     }
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {

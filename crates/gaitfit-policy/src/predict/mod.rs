@@ -6,14 +6,12 @@
 
 mod odometry;
 
-use std::sync::{Mutex, PoisonError};
-
 use gaitfit_model::Model;
 use gaitfit_model::kinematics::standing_height;
 use gaitfit_physics::Params;
-use gaitfit_sim::{Candidate, Motion, Start, Tile, pool};
+use gaitfit_sim::{Candidate, Motion, Start, Tile};
 
-use crate::follow::{ASK, TILE, Track};
+use crate::follow::{ASK, Track, in_tiles};
 use crate::walker::{TorqueNoise, Walker, WalkerError};
 use odometry::{Feet, Legs};
 
@@ -116,32 +114,14 @@ pub fn predict(
     consume: &(dyn Fn(usize, usize, &Track) + Sync),
     cancel: &(dyn Fn() -> bool + Sync),
 ) -> Result<(), WalkerError> {
-    let tiles = courses.len().div_ceil(TILE);
-    let failure: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
     let feet = Feet::of(walker);
-    pool::for_each(jobs.len() * tiles, threads, Worker::default, |worker, index| {
-        let (job, first) = (index / tiles, (index % tiles) * TILE);
-        let chunk = &courses[first..courses.len().min(first + TILE)];
-        match worker.run(walker, &feet, &jobs[job], chunk, first, cancel) {
-            Ok(true) => {
-                for (k, track) in worker.tracks.iter().enumerate().take(chunk.len()) {
-                    consume(job, first + k, track);
-                }
-            }
-            Ok(false) => {}
-            Err(error) => {
-                let mut slot = failure.lock().unwrap_or_else(PoisonError::into_inner);
-                // The first job's error, whichever thread was faster.
-                if slot.as_ref().is_none_or(|(other, _)| index < *other) {
-                    *slot = Some((index, error));
-                }
-            }
+    in_tiles(jobs.len(), courses, threads, |worker: &mut Worker, job, first, chunk| {
+        let whole = worker.run(walker, &feet, &jobs[job], chunk, first, cancel)?;
+        for (k, track) in worker.tracks.iter().enumerate().take(if whole { chunk.len() } else { 0 }) {
+            consume(job, first + k, track);
         }
-    });
-    match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
-        Some((_, error)) => Err(error),
-        None => Ok(()),
-    }
+        Ok(())
+    })
 }
 
 /// A thread's buffers.

@@ -67,8 +67,7 @@ impl Simulator for WalkSimulator {
         consume: &Consume<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
-        let threads = self.walking.threads;
-        let Walking { policy, task, .. } = self.walking.as_ref();
+        let &Walking { ref policy, ref task, threads } = self.walking.as_ref();
         let (mut free, mut corrected) = (Vec::new(), Vec::new());
         for (number, rollout) in candidates.iter().enumerate() {
             let (candidate, seed) = (self.candidate(theta, &rollout.values), rollout.draw);
@@ -122,26 +121,26 @@ fn course(walker: &Walker, log: &Trajectory) -> Option<Course> {
     let (samples, joints) = (log.len(), walker.default_pose.len());
     let mut targets = vec![0.0f32; samples * joints];
     match &log.target {
-        Some(target) => targets = in_model(walker, target, 0.0),
+        Some(target) => targets = in_model(walker, target),
         None => walker.targets(&actions(log), &mut targets),
     }
     let row = |values: &[f64], sample: usize, k: usize| values[sample + k] as f32;
     Course::new(
         walker,
         targets,
-        in_model(walker, &log.position, 0.0),
-        in_model(walker, &log.velocity, 0.0),
+        in_model(walker, &log.position),
+        in_model(walker, &log.velocity),
         (0..samples).map(|sample| std::array::from_fn(|k| row(quaternion, 4 * sample, k))).collect(),
         (0..samples).map(|sample| std::array::from_fn(|k| row(rates, 3 * sample, k))).collect(),
     )
     .ok()
 }
 
-/// Rows of the policy's joints as rows of the model's.
-fn in_model(walker: &Walker, values: &[f64], other: f32) -> Vec<f32> {
+/// Rows of the policy's joints as rows of the model's; other joints are at 0.
+fn in_model(walker: &Walker, values: &[f64]) -> Vec<f32> {
     let joints = walker.default_pose.len();
     let rows = values.chunks_exact(walker.joints.len());
-    let mut all = vec![other; rows.len() * joints];
+    let mut all = vec![0.0; rows.len() * joints];
     for (row, values) in all.chunks_exact_mut(joints).zip(rows) {
         for (&joint, &value) in walker.joints.iter().zip(values) {
             row[joint] = value as f32;
