@@ -5,7 +5,8 @@ use crate::cli;
 use crate::exit::Failure;
 use crate::output;
 use crate::table::table;
-use gaitfit::adapt::{ValidateRequest, ValidateResults, validate};
+use comfy_table::Table;
+use gaitfit::adapt::{HeldOut, ValidateRequest, ValidateResults, validate};
 use std::fmt::Write;
 use std::num::NonZeroUsize;
 
@@ -34,9 +35,26 @@ fn text(results: &ValidateResults) -> String {
     all.add_row(["fitted simulator".to_owned(), number(results.cost), number(results.rmse_rad)]);
     all.add_row(["nominal model".to_owned(), number(results.nominal_cost), number(results.nominal_rmse_rad)]);
     let _ = writeln!(text, "{all}\n");
+    if let Some(held) = &results.held_out {
+        let _ = writeln!(text, "{}\n", distances(held));
+    }
     checks(&mut text, &results.checks);
     for warning in &results.warnings {
         let _ = writeln!(text, "note: {warning}");
     }
     text
+}
+
+/// How far the joints' signals are from the logs': of the robot before and after the fit, and of other logs.
+fn distances(held: &HeldOut) -> Table {
+    let header = ["W₁ on whole walks", "signal", "nominal", "fitted", "other logs"];
+    let mut rows = table(&header, &[2, 3, 4]);
+    let shown = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.4}"));
+    for one in &held.distances {
+        let numbers = [one.nominal, one.fitted, one.floor].map(shown);
+        let mut row = vec![one.joint.clone(), one.signal.to_string()];
+        row.extend(numbers);
+        rows.add_row(row);
+    }
+    rows
 }

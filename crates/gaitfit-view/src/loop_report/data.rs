@@ -3,7 +3,7 @@
 //! Policies and simulators are matched by name.
 
 use crate::evaluation::Drift;
-use crate::fit::{Fit, LogSummary, SignalDistribution};
+use crate::fit::{Fit, LogSummary, Signal, SignalDistribution};
 use crate::nullable;
 use crate::page::{Doubt, Link, Setting};
 use crate::replay::Replay;
@@ -69,8 +69,46 @@ pub struct Round {
     pub fits: Vec<Fit>,
     /// How the joints' signals are distributed, one a joint and signal.
     pub distributions: Vec<SignalDistribution>,
+    /// Logs that were not fitted; absent if there were none.
+    pub held_out: Option<HeldOut>,
     /// Fine-tuning in the fitted simulator, one a seed.
     pub fine_tuning: Vec<SeedCurve>,
+}
+
+/// How far simulated walks are from logs that were not fitted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct HeldOut {
+    /// The result in a sentence.
+    pub sentence: String,
+    /// Wasserstein-1 distances, one a joint and signal.
+    pub distances: Vec<JointDistance>,
+}
+
+/// Wasserstein-1 distance of one joint's signal to the held-out logs, in the signal's unit; NaN when unknown.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct JointDistance {
+    /// The joint's name.
+    pub joint: String,
+    /// The signal.
+    pub signal: Signal,
+    /// Of the simulator before the fit.
+    #[serde(with = "nullable::scalar")]
+    pub nominal: f64,
+    /// Of the fitted simulator.
+    #[serde(with = "nullable::scalar")]
+    pub fitted: f64,
+    /// Of other logs of the robot.
+    #[serde(with = "nullable::scalar")]
+    pub floor: f64,
+}
+
+impl Default for JointDistance {
+    fn default() -> Self {
+        let none = f64::NAN;
+        Self { joint: String::new(), signal: Signal::Position, nominal: none, fitted: none, floor: none }
+    }
 }
 
 /// How well one policy follows random commands on one simulator.

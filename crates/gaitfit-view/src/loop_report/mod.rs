@@ -4,12 +4,13 @@
 mod data;
 mod drift;
 mod headline;
+mod held_out;
 mod page;
 mod policies;
 mod rounds;
 mod tracking;
 
-pub use data::{DriftTrials, Estimate, LoopReport, Round, Tracking};
+pub use data::{DriftTrials, Estimate, HeldOut, JointDistance, LoopReport, Round, Tracking};
 
 use crate::page::ReportError;
 

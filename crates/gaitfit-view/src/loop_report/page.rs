@@ -43,6 +43,7 @@ struct Has {
     parameters: bool,
     runs: bool,
     distributions: bool,
+    held_out: bool,
     log: bool,
     learning: bool,
 }
@@ -56,6 +57,7 @@ impl Page {
             parameters: any(RoundSection::has_parameters),
             runs: any(RoundSection::has_runs),
             distributions: any(|r| !r.distributions.is_empty()),
+            held_out: any(|r| r.held_out.is_some()),
             log: any(RoundSection::has_log),
             learning: any(|r| !r.progress.is_empty()),
         };

@@ -1,5 +1,6 @@
 //! The repetitions: a line each, and what each found.
 
+use super::held_out::{self, HeldOutView};
 use super::{LoopReport, Round};
 use crate::fit::Fit;
 use crate::fit::distributions::{self, DistributionGroup};
@@ -33,6 +34,7 @@ pub(super) struct RoundSection {
     log: Option<LogView>,
     fits: Vec<FitView>,
     pub distributions: Vec<DistributionGroup>,
+    pub held_out: Option<HeldOutView>,
     pub progress: Vec<Card>,
     details: Vec<Card>,
     legend: Vec<LegendEntry>,
@@ -85,6 +87,7 @@ fn section(round: &Round, index: usize) -> RoundSection {
         log: round.log.as_ref().map(log::view),
         fits: sections::build(&round.fits),
         distributions: distributions::build(&round.distributions),
+        held_out: round.held_out.as_ref().map(held_out::view),
         progress: curves::cards(seeds, |s| &s.progress, (420.0, 240.0)),
         details: rewards.into_iter().chain(curves::cards(seeds, |s| &s.diagnostics, small)).collect(),
         legend: curves::legend(seeds),

@@ -50,6 +50,8 @@ pub enum DoubtKind {
     Untrained,
     /// The result is farther from the robot than what it began with.
     WorseThanNominal,
+    /// The result is much farther from the robot than the robot's own logs are from one another.
+    Misfit,
     /// The search or the training was still changing when it ended.
     NotConverged,
     /// Nothing but this project's own simulator judged the result.
@@ -70,6 +72,7 @@ impl DoubtKind {
             DoubtKind::Diverged => "Diverged",
             DoubtKind::Untrained => "Not trained",
             DoubtKind::WorseThanNominal => "Worse than the nominal robot",
+            DoubtKind::Misfit => "Misfit",
             DoubtKind::NotConverged => "Not converged",
             DoubtKind::OwnSimulatorOnly => "Measured in gaitfit's own simulator only",
         }
@@ -84,6 +87,10 @@ impl DoubtKind {
             DoubtKind::Untrained => "The policy is the one that the training began with.",
             DoubtKind::WorseThanNominal => {
                 "The robot file without any fit is closer to the logs. Do not use this fit."
+            }
+            DoubtKind::Misfit => {
+                "No simulator of this kind explains the logs as well as other logs of the same robot would. What was \
+                 fitted stands for what the simulator lacks: fit more of what may differ."
             }
             DoubtKind::NotConverged => {
                 "The search was still changing the values when it ended. They can be far from the best ones: \

@@ -1,6 +1,6 @@
 //! Why a fit must not be taken as it stands, and what else to know of it.
 
-use super::results::CostFit;
+use super::results::{CostFit, Parameter};
 use gaitfit_adapt::fit::{CostOutcome, RunGeneration, unsettled};
 use gaitfit_view::{Doubt, DoubtKind};
 
@@ -36,6 +36,13 @@ pub fn doubts(
     doubts
 }
 
+/// Whether a value would have gone on but for a bound of its search: 0 is an end of many quantities and no such bound.
+pub fn stopped_by_bound(parameter: &Parameter) -> bool {
+    let found = &parameter.found;
+    let upper = found.value - found.lower >= found.upper - found.value;
+    found.at_bound && (upper || found.lower != 0.0)
+}
+
 /// What a reader must know of one fit besides its doubts.
 pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
     let of = if several { format!("{}: ", fit.cost_name) } else { String::new() };
@@ -49,8 +56,7 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
                 found.name, identification.lower, identification.upper
             ));
         }
-        let upper = found.value - found.lower >= found.upper - found.value;
-        if found.at_bound && (upper || found.lower != 0.0) {
+        if stopped_by_bound(parameter) {
             warnings
                 .push(format!("{of}{} rests on a bound of its search: widen it, or distrust it", found.name));
         }

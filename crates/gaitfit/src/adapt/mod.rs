@@ -6,6 +6,7 @@
 mod check;
 mod doubts;
 mod files;
+mod held_out;
 mod method;
 mod report;
 pub mod results;
@@ -17,6 +18,7 @@ mod signals;
 mod validate;
 
 pub use check::Check;
+pub use held_out::{Distance, Floor, FloorOf, HeldOut, Verdict};
 pub use method::Method;
 pub use report::round;
 pub use results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};

@@ -2,6 +2,7 @@
 
 use super::check::Check;
 use super::doubts;
+use super::held_out::{HeldOut, held_out};
 use super::scan::Scan;
 use super::score::{Robot, Score, Validation, baselines, mean, score, validation};
 use super::setup::Setup;
@@ -50,6 +51,9 @@ pub struct AdaptResults {
     pub baselines: Vec<Score>,
     /// Prediction of logs that were not fitted.
     pub validation: Vec<Validation>,
+    /// Walking logs that were not fitted: their distributions beside those of simulated walks, and a floor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub held_out: Option<HeldOut>,
     /// What each cost found; the first is the one whose θ is kept.
     pub fits: Vec<CostFit>,
     /// Checks the configuration states.
@@ -163,6 +167,26 @@ impl AdaptResults {
         super::check::failed(&self.checks)
     }
 
+    /// Why the fit whose θ is kept must not be taken as it stands, the worst first: what its search says, what the logs
+    /// say that were not fitted, and values that the search would have taken further.
+    pub fn doubts(&self) -> Vec<Doubt> {
+        let mut doubts = self.fits.first().map(|fit| fit.doubts.clone()).unwrap_or_default();
+        doubts.extend(self.held_out.as_ref().and_then(HeldOut::doubt));
+        let bound = |found: &&Parameter| doubts::stopped_by_bound(found);
+        let bounded: Vec<&str> =
+            self.parameters.iter().filter(bound).map(|found| found.found.name.as_str()).collect();
+        if !bounded.is_empty() && doubts.iter().all(|doubt| doubt.kind != DoubtKind::Misfit) {
+            let rest = if bounded.len() == 1 { "rests on a bound" } else { "rest on bounds" };
+            let text = format!(
+                "{} {rest} of the search: widen it, or fit what else may differ.",
+                bounded.join(", ")
+            );
+            doubts.push(Doubt::new(DoubtKind::Misfit, text));
+        }
+        doubts.sort_by_key(|doubt| doubt.kind);
+        doubts
+    }
+
     /// What a fit must be known by elsewhere: the doubts of every cost, then the warnings.
     pub fn notes(&self) -> Vec<String> {
         let doubts = |fit: &CostFit| -> Vec<String> {
@@ -226,6 +250,7 @@ pub(super) fn results(
         baselines: baselines(setup, first.nominal_cost)?,
         fitted,
         validation: first.validation.clone(),
+        held_out: beside_others(setup, robot)?,
         fits,
         warnings,
         trajectories: setup.fit.logs.len(),
@@ -236,6 +261,14 @@ pub(super) fn results(
         run_folder: folder.path().display().to_string(),
         wall_seconds: wall_seconds + begun.elapsed().as_secs_f64(),
     })
+}
+
+/// Walks under the commands of the logs that were not fitted, beside them and beside the fitted logs.
+fn beside_others(setup: &Setup, robot: Robot<'_>) -> Result<Option<HeldOut>, Error> {
+    let Some(set) = setup.validate.first() else { return Ok(None) };
+    let (theta, values): (Theta, &[f64]) = (Theta::default(), &[]);
+    let before = Robot { theta: &theta, values };
+    held_out(&setup.config, &setup.method, [(set, robot), (set, before)], &setup.fit.logs)
 }
 
 /// The outcome of cost number `cost` with the interval of each parameter, where there are not too many.

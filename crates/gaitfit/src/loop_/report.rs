@@ -12,7 +12,9 @@ use crate::replay;
 use crate::run::RunFolder;
 use crate::target::{PolicyFiles, Target};
 use crate::train;
-use gaitfit_view::loop_report::{DriftTrials, Round, Tracking};
+use gaitfit_adapt::cost::Signal;
+use gaitfit_view::fit::Signal as Shown;
+use gaitfit_view::loop_report::{DriftTrials, HeldOut, JointDistance, Round, Tracking};
 use gaitfit_view::{Doubt, DoubtKind, Link, LoopReport, Replay, Setting, loop_html};
 
 /// Writes the page.
@@ -30,7 +32,7 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         robot: results.robot.clone(),
         created: now(),
         wall_seconds: results.wall_seconds,
-        doubts: divergence(results).into_iter().chain(doubts(done)).collect(),
+        doubts: divergence(results).into_iter().chain(results.doubts.clone()).chain(doubts(done)).collect(),
         before: results.before.clone(),
         after: results.after.clone(),
         target: results.evaluations.first().map(|one| one.on.clone()).unwrap_or_default(),
@@ -80,11 +82,34 @@ fn rounds(folder: &RunFolder, done: &Done) -> Result<Vec<Round>, Error> {
         rounds.push(Round {
             name: format!("Round {}: {} → {}", result.round, result.before, result.after),
             wall_seconds: result.adapt.wall_seconds + result.finetune.wall_seconds,
+            held_out: result.adapt.held_out.as_ref().map(held_out),
             fine_tuning: train::curves(&RunFolder::only(&within, "finetune")?, &result.finetune)?,
             ..round
         });
     }
     Ok(rounds)
+}
+
+/// Held-out logs as the page shows them.
+fn held_out(found: &adapt::HeldOut) -> HeldOut {
+    let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
+    let row = |one: &adapt::Distance| {
+        let signal = match one.signal {
+            Signal::Velocity => Shown::Velocity,
+            Signal::Action => Shown::Action,
+            _ => Shown::Position,
+        };
+        let (nominal, fitted, floor) = (number(one.nominal), number(one.fitted), number(one.floor));
+        JointDistance { joint: one.joint.clone(), signal, nominal, fitted, floor }
+    };
+    HeldOut { sentence: sentence(&found.sentence()), distances: found.distances.iter().map(row).collect() }
+}
+
+/// With a capital letter and a full stop.
+fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().map(|letter| letter.to_uppercase().to_string()).unwrap_or_default();
+    format!("{first}{}.", letters.as_str().trim_end_matches('.'))
 }
 
 fn tracking(results: &Results) -> Vec<Tracking> {

@@ -3,6 +3,7 @@
 use crate::adapt::AdaptResults;
 use crate::evaluate::Evaluation;
 use crate::train;
+use gaitfit_view::Doubt;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -32,7 +33,10 @@ pub struct Results {
     /// What to do next, where the loop cannot.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub next: Option<String>,
-    /// What to know before trusting the numbers.
+    /// Why the fit that the last policy was trained in must not be taken as it stands, the worst first.
+    #[serde(default)]
+    pub doubts: Vec<Doubt>,
+    /// What to know before trusting the numbers, the most important first.
     pub warnings: Vec<String>,
     /// Where the files are.
     pub run_folder: String,

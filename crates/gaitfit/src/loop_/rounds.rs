@@ -17,6 +17,8 @@ use crate::settings::{AdaptConfig, TargetConfig, TargetKind};
 use crate::target::{PolicyFiles, Target};
 use crate::watch::Watch;
 use gaitfit_adapt::ThetaFile;
+use gaitfit_log::csv_files;
+use std::path::PathBuf;
 
 /// A finished loop, with what its report needs besides the results.
 pub struct Done {
@@ -69,7 +71,8 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         onnx: after.onnx.display().to_string(),
         stopped_because,
         next: next(stages.target.is_some(), absent.as_deref(), after),
-        warnings: warnings(&rounds, &evaluations),
+        doubts: rounds.last().map(|round| round.adapt.doubts()).unwrap_or_default(),
+        warnings: warnings(&rounds, &fits, &evaluations),
         run_folder: folder.path().display().to_string(),
         wall_seconds: stages.times.all().values().sum(),
         stage_seconds: stages.times.all().clone(),
@@ -106,11 +109,10 @@ fn one_round(
         let seed = setup.config.target.as_ref().map_or(0, |target| target.seed);
         vec![stages.collect(&format!("{round}/logs"), before, seed.saturating_add(u64::from(number - 1)))?]
     };
-    let mut config = setup.config.adapt(
-        number,
-        before.safetensors.display().to_string(),
-        logs.iter().map(|path| path.display().to_string()).collect(),
-    );
+    let (logs, held) = split(logs, setup.config.held_out)?;
+    let shown = |logs: &[PathBuf]| logs.iter().map(|path| path.display().to_string()).collect();
+    let mut config = setup.config.adapt(number, before.safetensors.display().to_string(), shown(&logs));
+    config.validate = shown(&held);
     config.runs = stages.path(&round).display().to_string();
     add_truth(setup, &mut config);
     let (fit, adapt, theta) = stages.adapt(&round, &config)?;
@@ -132,6 +134,25 @@ fn one_round(
     };
     policies.push(after);
     Ok((result, fit))
+}
+
+/// The logs to fit, and those that show how well the fit predicts: one of every `every`, the last of them. Of fewer than
+/// two times as many logs none is spared.
+fn split(logs: Vec<PathBuf>, every: usize) -> Result<(Vec<PathBuf>, Vec<PathBuf>), Error> {
+    if every == 0 {
+        return Ok((logs, Vec::new()));
+    }
+    let mut files = Vec::new();
+    for path in &logs {
+        if path.is_dir() { files.extend(csv_files(path)?) } else { files.push(path.clone()) }
+    }
+    if files.len() < 2 * every {
+        return Ok((logs, Vec::new()));
+    }
+    let numbered = files.into_iter().enumerate();
+    let (held, fitted): (Vec<_>, Vec<_>) = numbered.partition(|(number, _)| (number + 1) % every == 0);
+    let paths = |numbered: Vec<(usize, PathBuf)>| numbered.into_iter().map(|(_, path)| path).collect();
+    Ok((paths(fitted), paths(held)))
 }
 
 /// Gives a fit the true values that a simulated target has for its parameters.
@@ -240,24 +261,59 @@ fn next(target: bool, absent: Option<&str>, after: &PolicyFiles) -> Option<Strin
     }
 }
 
-/// What the rounds warn of, and policies that are no better.
-fn warnings(rounds: &[RoundResult], evaluations: &[Measurement]) -> Vec<String> {
+/// What to know before trusting the numbers: what policies do on the target, then their training, the fits, and the
+/// logs. The doubts about the last fit are said elsewhere.
+fn warnings(rounds: &[RoundResult], fits: &[adapt::Setup], evaluations: &[Measurement]) -> Vec<String> {
     let mut found = Vec::from_iter(results::divergence(evaluations));
     for round in rounds {
-        let which = if rounds.len() == 1 { String::new() } else { format!("round {}: ", round.round) };
-        let notes = round.adapt.notes();
-        let told = round.finetune.warnings.iter().chain(notes.iter());
-        found.extend(told.map(|warning| format!("{which}{warning}")));
         let (before, after) = (measured(evaluations, &round.before), measured(evaluations, &round.after));
-        if let (Some(before), Some(after)) = (before, after) {
-            if results::tracking_error(after) >= results::tracking_error(before) {
-                found.push(format!("{} tracks no better than {} on the target", round.after, round.before));
-            }
-            let (falls, fell) = (after.fall_rate, before.fall_rate);
-            if falls.mean - falls.ci95 > fell.mean + fell.ci95 {
-                found.push(format!("{} falls more often than {} on the target", round.after, round.before));
-            }
+        let (Some(before), Some(after)) = (before, after) else { continue };
+        if results::tracking_error(after) >= results::tracking_error(before) {
+            found.push(format!("{} tracks no better than {} on the target", round.after, round.before));
+        }
+        let (falls, fell) = (after.fall_rate, before.fall_rate);
+        if falls.mean - falls.ci95 > fell.mean + fell.ci95 {
+            found.push(format!("{} falls more often than {} on the target", round.after, round.before));
+        }
+    }
+    let which = |round: &RoundResult| match rounds.len() {
+        1 => String::new(),
+        _ => format!("round {}: ", round.round),
+    };
+    for round in rounds {
+        found.extend(round.finetune.warnings.iter().map(|warning| format!("{}{warning}", which(round))));
+    }
+    let last = rounds.last().map(|round| round.round);
+    for round in rounds.iter().filter(|round| Some(round.round) != last) {
+        let doubts = round.adapt.doubts();
+        let said = doubts.iter().map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text));
+        found.extend(said);
+    }
+    for of_logs in [false, true] {
+        for (round, fit) in rounds.iter().zip(fits) {
+            let about = round.adapt.warnings.iter().filter(|one| fit.warnings.contains(one) == of_logs);
+            found.extend(about.map(|warning| format!("{}{warning}", which(round))));
         }
     }
     found
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_fourth_log_is_held_out_where_there_are_enough() {
+        let folder = tempfile::tempdir().unwrap();
+        let names: Vec<PathBuf> = (0..9).map(|k| folder.path().join(format!("{k}.csv"))).collect();
+        names.iter().for_each(|name| std::fs::write(name, "").unwrap());
+        let (fitted, held) = split(vec![folder.path().to_owned()], 4).unwrap();
+        assert_eq!(held, [names[3].clone(), names[7].clone()]);
+        assert!(fitted.len() == 7 && held.iter().all(|name| !fitted.contains(name)));
+        let (fitted, held) = split(names[..7].to_vec(), 4).unwrap();
+        assert!(fitted == names[..7] && held.is_empty(), "seven logs are too few to spare any");
+        let whole = vec![folder.path().to_owned()];
+        assert_eq!(split(whole.clone(), 0).unwrap(), (whole, Vec::new()));
+    }
 }

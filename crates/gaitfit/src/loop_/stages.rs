@@ -132,6 +132,12 @@ impl<'a> Stages<'a> {
         let recorded = self.path(&format!("{round}/logs"));
         let setup = adapt::Setup::open(config, &self.path(&file), Some(self.setup.threads));
         let setup = setup.map_err(|error| {
+            let error = if config.validate.is_empty() {
+                error
+            } else {
+                let (held, all) = (config.validate.len(), config.validate.len() + config.logs.len());
+                error.advised(format!("{held} of {all} logs are held out; `held_out = 0` fits them too."))
+            };
             if !recorded.is_dir() {
                 return error;
             }
@@ -141,9 +147,13 @@ impl<'a> Stages<'a> {
             ))
         })?;
         self.announce(&format!(
-            "{stage}: {} parameters are fitted to {} logs",
+            "{stage}: {} parameters are fitted to {} logs{}",
             setup.theta.len(),
-            setup.fit.logs.len()
+            setup.fit.logs.len(),
+            match config.validate.len() {
+                0 => String::new(),
+                held => format!(", {held} are held out"),
+            }
         ));
         let folder = RunFolder::only(&self.path(round), "adapt")?;
         let results = adapt::fit(&setup, &folder, self.watch)?;

@@ -75,6 +75,8 @@ fn one(cell: &PaperCell, folder: &Path, sets: &[String], selected: bool) -> Resu
     }
     let mut config: LoopConfig = settings::load(Some(&file), sets)?;
     config.name = None;
+    // All logs count, as in the paper.
+    config.held_out = 0;
     config.check(&file)?;
     let wrong = |what: &str| Err(Error::settings(format!("{}: {what}", file.display())));
     if config.target.as_ref().is_none_or(|target| target.kind != TargetKind::Simulated) {

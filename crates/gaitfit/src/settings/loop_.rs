@@ -35,6 +35,8 @@ pub struct LoopConfig {
     pub runs: String,
     /// Logs of the first round; the target's when empty.
     pub logs: Vec<String>,
+    /// One log of so many is not fitted but shows how well the fit predicts; 0: all are fitted.
+    pub held_out: usize,
     /// Most rounds.
     pub rounds: u32,
     /// Share by which a round must lower the tracking error for a further one to begin.
@@ -178,6 +180,8 @@ impl LoopConfig {
             "`target.probe` lets a loop go on without the robot, which needs `logs` to fit; leave it out if the \
              robot must be there"
                 .to_owned()
+        } else if self.held_out == 1 || self.held_out > 1000 {
+            "`held_out` must be 0 (all logs are fitted) or 2 to 1000 (one log of so many is not)".to_owned()
         } else if self.rounds == 0 || self.rounds > 100 {
             "`rounds` must be 1 to 100".to_owned()
         } else if self.rounds > 1 && self.target.is_none() {

@@ -33,6 +33,9 @@ pub fn text(results: &AdaptResults, said: &[String]) -> String {
     if !results.validation.is_empty() {
         let _ = writeln!(text, "\n{}", validation(&results.validation, &results.cost_name));
     }
+    if let Some(held) = &results.held_out {
+        let _ = writeln!(text, "\nnot fitted: {}", held.sentence());
+    }
     for other in results.fits.iter().filter(|fit| !fit.comparison.is_empty()) {
         let _ = writeln!(text, "\n{}", comparison(&results.cost_name, other));
         for reason in other.comparison.iter().filter_map(|one| one.reason.as_deref()) {

@@ -13,6 +13,9 @@ pub fn text(results: &Results) -> String {
     if let Some(found) = &divergence {
         let _ = writeln!(text, "DIVERGED: {found}.\n");
     }
+    for doubt in &results.doubts {
+        let _ = writeln!(text, "{}: {}\n", doubt.kind.headline().to_uppercase(), doubt.text);
+    }
     let rounds = results.rounds.len();
     let _ = writeln!(
         text,
@@ -31,6 +34,9 @@ pub fn text(results: &Results) -> String {
                 let _ = write!(text, ", mean parameter error {error:.2} %");
             }
             text.push('\n');
+        }
+        if let Some(held) = &round.adapt.held_out {
+            let _ = writeln!(text, "round {}: {}", round.round, held.sentence());
         }
     }
     let _ = writeln!(text, "\nTracking of random commands, mean ± 95 %\n{}", tracking(results));

@@ -1,0 +1,98 @@
+//! Logs that were not fitted: a sentence, and the distances joint by joint.
+
+use super::{HeldOut, JointDistance};
+use crate::fit::Signal;
+use crate::format::{clean, clean_prose, significant};
+use serde::Serialize;
+
+/// Joints shown at most.
+const MOST_JOINTS: usize = 100;
+const SIGNALS: [(Signal, &str); 3] =
+    [(Signal::Position, "Position"), (Signal::Velocity, "Velocity"), (Signal::Action, "Action")];
+
+/// What a page shows of held-out logs.
+#[derive(Serialize)]
+pub(super) struct HeldOutView {
+    sentence: String,
+    /// Signals that any joint has, with their units.
+    signals: Vec<String>,
+    rows: Vec<Row>,
+    left_out: usize,
+}
+
+#[derive(Serialize)]
+struct Row {
+    joint: String,
+    /// Nominal, fitted and floor of each signal in turn.
+    cells: Vec<Cell>,
+}
+
+#[derive(Serialize)]
+struct Cell {
+    text: String,
+    /// Whether a new signal begins here.
+    first: bool,
+}
+
+pub(super) fn view(held: &HeldOut) -> HeldOutView {
+    let of = |signal: Signal| held.distances.iter().filter(move |one| one.signal == signal);
+    let known: Vec<(Signal, &str)> =
+        SIGNALS.into_iter().filter(|(signal, _)| of(*signal).next().is_some()).collect();
+    let mut joints: Vec<&str> = Vec::new();
+    for one in &held.distances {
+        if !joints.contains(&one.joint.as_str()) {
+            joints.push(&one.joint);
+        }
+    }
+    let cells = |joint: &str, signal: Signal| -> [Cell; 3] {
+        let found = of(signal).find(|one| one.joint == joint);
+        let number = |get: fn(&JointDistance) -> f64| significant(found.map_or(f64::NAN, get), 2);
+        [number(|one| one.nominal), number(|one| one.fitted), number(|one| one.floor)]
+            .map(|text| Cell { text, first: false })
+    };
+    let row = |joint: &&str| {
+        let mut row = Vec::new();
+        for (signal, _) in &known {
+            let mut three = cells(joint, *signal);
+            three[0].first = true;
+            row.extend(three);
+        }
+        Row { joint: clean(joint), cells: row }
+    };
+    let heading = |(signal, name): &(Signal, &str)| match signal.unit() {
+        "" => (*name).to_owned(),
+        unit => format!("{name} ({unit})"),
+    };
+    HeldOutView {
+        sentence: clean_prose(&held.sentence),
+        signals: known.iter().map(heading).collect(),
+        rows: joints.iter().take(MOST_JOINTS).map(row).collect(),
+        left_out: joints.len().saturating_sub(MOST_JOINTS),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_joint_has_a_row_and_a_signal_three_columns() {
+        let distance = |joint: &str, signal, fitted| JointDistance {
+            joint: joint.into(),
+            signal,
+            fitted,
+            nominal: 0.5,
+            floor: 0.01,
+        };
+        let held = HeldOut {
+            sentence: "as well".into(),
+            distances: vec![distance("hip", Signal::Position, 0.02), distance("calf", Signal::Velocity, f64::NAN)],
+        };
+        let view = view(&held);
+        assert_eq!(view.signals, ["Position (rad)", "Velocity (rad/s)"]);
+        let texts = |row: &Row| row.cells.iter().map(|cell| cell.text.clone()).collect::<Vec<_>>();
+        assert_eq!(texts(&view.rows[0]), ["0.50", "0.020", "0.010", "–", "–", "–"]);
+        assert_eq!(texts(&view.rows[1]), ["–", "–", "–", "0.50", "–", "0.010"]);
+        assert!(view.rows[0].cells[3].first && !view.rows[0].cells[4].first);
+    }
+}
