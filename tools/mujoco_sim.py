@@ -371,7 +371,14 @@ def trials(world, commands, seconds, skip, processes):
         "fall_rate": share([result["fell"] for result in results]),
         "action_rate": estimate([result["action_rate"] for result in moved]),
         "diverged": sum(result["diverged"] for result in results),
+        "errors": [compared(result) for result in results],
     }
+
+
+def compared(result):
+    """What of a trajectory is compared with that of another policy: both errors, and 1 after a fall."""
+    lasted = result["error"] is not None and not result["diverged"]
+    return [*(round(error, 7) for error in result["error"]), int(result["fell"])] if lasted else None
 
 
 def random_commands(ranges, seed, count):

@@ -212,3 +212,40 @@ fn what_cannot_be_fine_tuned_is_refused_by_name() {
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("RR_calf_joint"), "{}", errors(&output));
 }
+
+#[test]
+fn robots_are_drawn_from_what_the_fit_leaves_open() {
+    let folder = tempfile::tempdir().unwrap();
+    let policy = parent(folder.path());
+    let theta = theta(folder.path(), "FL_hip_joint");
+    let drawn =
+        ["--theta", theta.to_str().unwrap(), "--set", "randomise_theta=true", "--set", "ppo.critic_warmup=0"];
+    let output = run(&args(folder.path(), &policy, 1, &drawn));
+    assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
+    assert!(
+        errors(&output).contains("draws.csv") && errors(&output).contains("fit again"),
+        "{}",
+        errors(&output)
+    );
+    let output = run(&args(folder.path(), &policy, 1, &drawn[2..]));
+    assert!(output.status.code() == Some(2) && errors(&output).contains("--theta"), "{}", errors(&output));
+    assert!(!folder.path().join("f").exists(), "nothing is written before the draws are there");
+
+    // Draws that are all the fit's own numbers train as the fit does; others do not.
+    let draws = folder.path().join("draws.csv");
+    let trained = |rows: &str| {
+        std::fs::write(&draws, format!("delay,armature,base_mass,resid_act_RR_calf_offset\n{rows}")).unwrap();
+        let runs = tempfile::tempdir().unwrap();
+        let output = run(&args(runs.path(), &policy, 2, &drawn));
+        assert!(output.status.success(), "{}", errors(&output));
+        assert!(json(&output)["parent"]["simulator"].as_str().unwrap().contains(" draws of "));
+        read(&outcome(runs.path())).actor
+    };
+    let plain = tempfile::tempdir().unwrap();
+    let point = [&drawn[..2], &["--set", "ppo.critic_warmup=0"]].concat();
+    let output = run(&args(plain.path(), &policy, 2, &point));
+    assert!(output.status.success(), "{}", errors(&output));
+    let same = trained("0.012,0.03,0.5,0.1\n0.012,0.03,0.5,0.2\n");
+    assert!(same == read(&outcome(plain.path())).actor);
+    assert!(trained("0.012,0.03,0.5,0.1\n0.004,0.01,1.5,0.2\n") != same);
+}

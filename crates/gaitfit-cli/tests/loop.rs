@@ -40,6 +40,9 @@ const COMMAND: &str = "[target]\nkind = \"command\"\ncollect = [\"true\", \"{fol
 
 const SMALL: &str = r#"
 checkpoint_seconds = 0.0
+[controls]
+nominal = false
+randomised = false
 [adapt]
 simulation = { timestep = 0.01, skip_seconds = 0.0 }
 falls.margin_seconds = 0.1
@@ -202,6 +205,70 @@ fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
 }
 
 #[test]
+fn the_policy_is_compared_with_training_without_logs_and_chosen_by_other_trajectories() {
+    let folder = tempfile::tempdir().unwrap();
+    let sets = [
+        "rounds=2",
+        "improvement=0.0",
+        "references=false",
+        "controls.nominal=true",
+        "controls.randomised=true",
+        "target.trajectories=8",
+    ];
+    let more: Vec<&str> = sets.iter().flat_map(|set| ["--set", *set]).collect();
+    let output = run(&args(folder.path(), SIMULATED, &more));
+    assert!(output.status.success(), "{}", errors(&output));
+    let result = json(&output);
+    let folder = folder.path().join("l");
+    let document = |name: &str| -> serde_json::Value {
+        serde_json::from_slice(&fs::read(folder.join("evaluations").join(name)).unwrap()).unwrap()
+    };
+    // Chosen by other trajectories than those that are reported.
+    let (choice, report) = (document("policy-1-choice.json"), document("policy-1-target.json"));
+    assert_eq!((choice["seed"].as_u64(), report["seed"].as_u64()), (Some(1), Some(0)));
+    assert_eq!(report["errors"].as_array().unwrap().len(), 8);
+    let first = &result["evaluations"][0];
+    assert!(first["policy"] == "π₀" && first.get("errors").is_none(), "single trajectories stand in files");
+
+    // The same trajectories for all, pair by pair.
+    let comparisons = result["comparisons"].as_array().unwrap();
+    let against: Vec<&str> = comparisons.iter().map(|one| one["against"].as_str().unwrap()).collect();
+    assert!(
+        against.contains(&"π₀") && against.ends_with(&["fine-tuned, nominal", "fine-tuned, randomised"]),
+        "{against:?}"
+    );
+    assert!(comparisons.iter().all(|one| one["paired"] == true && one["on"] == "target"), "{comparisons:?}");
+    let difference = |file: &str| {
+        let rows = document(file)["errors"].as_array().unwrap().clone();
+        rows.iter().map(|row| row[0].as_f64().unwrap()).sum::<f64>() / rows.len() as f64
+    };
+    let after = if result["after"] == "π₁" { "policy-1-target.json" } else { "policy-2-target.json" };
+    let wanted = difference(after) - difference("randomised-target.json");
+    let found = comparisons.last().unwrap()["linear_velocity_error"]["mean"].as_f64().unwrap();
+    assert!((wanted - found).abs() < 1e-9, "{wanted} {found}");
+    assert!(result["bought"].as_str().unwrap().contains("domain randomisation"), "{}", result["bought"]);
+
+    // The randomised robots are those of the settings; the nominal ones have no fit.
+    let settings =
+        |control: &str| fs::read_to_string(folder.join(format!("controls/{control}/finetune.toml"))).unwrap();
+    let (nominal, randomised) = (settings("nominal"), settings("randomised"));
+    assert!(
+        randomised.contains("delay = [0.0, 0.02]") && randomised.contains("torque_noise = 0.5"),
+        "{randomised}"
+    );
+    assert!(!nominal.contains("\ntheta = ") && !nominal.contains("delay ="), "{nominal}");
+    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    assert!(page.contains("fine-tuned, randomised") && page.contains("domain randomisation"));
+
+    // Two of eight logs are held out.
+    let round = fs::read_to_string(folder.join("round-1/adapt.toml")).unwrap();
+    assert!(round.contains("trajectory_3.csv") || round.contains("validate"), "{round}");
+    assert_eq!(result["rounds"][0]["adapt"]["trajectories"], 6);
+    assert_eq!(result["rounds"][0]["adapt"]["held_out"]["logs"], 2);
+    assert!(page.contains("held-out logs"));
+}
+
+#[test]
 fn a_robot_that_may_be_missing_is_asked_once() {
     let recorded = tempfile::tempdir().unwrap();
     let logs = recorded.path().join("l/round-1/logs");
@@ -296,6 +363,11 @@ fn a_program_that_fails_is_named_with_what_it_said() {
         (&evaluating(5, 0.1, "7.0"), ["target.evaluate", "`fall_rate` is 7"]),
         (&evaluating(5, -1.0, "0.0"), ["target.evaluate", "`linear_velocity_error` is -1"]),
         (&evaluating(0, 0.1, "0.0"), ["target.evaluate", "`trajectories` is 0"]),
+        (
+            &evaluating(5, 0.1, "0.0")
+                .replace("\"trajectories\"", "\"errors\": [[0.1, 0.2, 0]], \"trajectories\""),
+            ["target.evaluate", "`errors` has 1 entries for 5"],
+        ),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let output = run(&args(folder.path(), &format!("[target]\nkind = \"command\"\n{target}\n"), &[]));
@@ -329,6 +401,11 @@ fn wrong_settings_are_refused_by_name() {
         (SIMULATED, "finetune.seeds=[1, 2]", ["`finetune.seeds`", "one"]),
         (SIMULATED, "adapt.costs=[]", ["[adapt]", "`costs`"]),
         (SIMULATED, "adapt.policy=x.onnx", ["adapt.policy", "the loop decides it"]),
+        (SIMULATED, "held_out=1", ["`held_out`", "2 to 1000"]),
+        (SIMULATED, "controls.delay=[0.0, 2.0]", ["`controls.delay`", "from 0 to 1"]),
+        (SIMULATED, "controls.armature=[0.1, 0.0]", ["`controls.armature`", "[smallest, largest]"]),
+        (SIMULATED, "controls.torque_noise=-1.0", ["`controls.torque_noise` is -1", "from 0 to 1000"]),
+        (SIMULATED, "finetune.task.randomisation.delay=[0.0, 0.9]", ["randomisation.delay", "at most 0.5"]),
         (SIMULATED, "evaluate.trajectories=0", ["`evaluate.trajectories`", "1 to"]),
         (SIMULATED, "finetune.ppo.gamma=nan", ["[finetune]", "`gamma` is NaN"]),
         (SIMULATED, "evaluate.seconds=1e-9", ["`evaluate.seconds` is 1e-9", "one control period"]),

@@ -90,11 +90,16 @@ fn walking_logs_are_validated_too() {
     );
 
     let held = &fitted["held_out"];
-    assert_eq!(held["floor"]["of"], "other_logs", "{held}");
-    assert!(held["logs"].as_u64().unwrap() > 20 && held["distances"].as_array().unwrap().len() == 36, "{held}");
+    assert!(
+        held["logs"].as_u64().unwrap() > 20 && held["distances"].as_array().unwrap().len() == 36,
+        "{held}"
+    );
     let cost = |name: &str| held[name].as_f64().unwrap();
-    assert!((cost("cost") - fitted["fitted"]["cost_validation"].as_f64().unwrap()).abs() < 1e-9, "the same walks");
+    let same = cost("cost") / fitted["fitted"]["cost_validation"].as_f64().unwrap();
+    assert!((same - 1.0).abs() < 1e-4, "the same walks: {same}");
     assert!(cost("nominal_cost") > 0.0 && held["floor"]["mean"].as_f64().unwrap() > 0.0);
+    let floor = |name: &str| held["floor"][name].as_f64().unwrap();
+    assert!(floor("cost") > floor("mean") + floor("range95"), "two generations explain little: {held}");
 
     let theta = runs.path().join("walk/theta.toml");
     let mut args = vec!["validate".to_owned(), theta.display().to_string(), "--json".to_owned()];
@@ -104,17 +109,13 @@ fn walking_logs_are_validated_too() {
     let found = json(&output);
     assert_eq!(&found["validation"], &fitted["validation"]);
     assert_eq!(found["cost"], fitted["fitted"]["cost_validation"]);
-    assert_eq!(found["held_out"], fitted["held_out"], "the floor is of the fit's own logs");
+    assert_eq!(found["held_out"], fitted["held_out"], "the same walks");
     let output = run(&args[..args.len()].iter().filter(|one| *one != "--json").collect::<Vec<_>>());
     let text = String::from_utf8(output.stdout).unwrap();
-    assert!(text.contains("RR_calf_joint") && text.contains("other logs") && text.contains(" ± "), "{text}");
-
-    // The fit's logs are gone: halves of these are compared.
-    let mut alone = args.clone();
-    alone.extend(["--set".to_owned(), "logs=[\"gone.csv\"]".to_owned()]);
-    let found = json(&run(&alone));
-    assert_eq!(found["held_out"]["floor"]["of"], "halves", "{}", found["held_out"]);
-    assert_eq!(found["held_out"]["cost"], fitted["held_out"]["cost"]);
+    assert!(
+        text.contains("RR_calf_joint") && text.contains("robot itself") && text.contains(" ± "),
+        "{text}"
+    );
 
     // Samples are compared one by one where a cost does so.
     args.extend(["--set".to_owned(), "costs=[\"matcho\"]".to_owned()]);

@@ -155,12 +155,28 @@ impl<'a> Training<'a> {
         learner: Learner,
         seed: u64,
     ) -> Result<Self, TrainingError> {
+        let nominal = || Candidate::nominal(task.walker.model());
+        let candidate = candidate.cloned().unwrap_or_else(nominal);
+        Self::among(task, &[candidate], settings, learner, seed)
+    }
+
+    /// The same with robots varied around several: robot number `e` around number `e` modulo their count.
+    ///
+    /// # Errors
+    /// As [`Training::new`], and as [`Environment::among`].
+    pub fn among(
+        task: &'a Task,
+        candidates: &[Candidate],
+        settings: &TrainingSettings,
+        learner: Learner,
+        seed: u64,
+    ) -> Result<Self, TrainingError> {
         settings.check()?;
         let TrainingSettings { environments, steps, .. } = *settings;
         let mut runners = Vec::new();
         for first in (0..environments).step_by(TILE) {
             let count = TILE.min(environments - first);
-            let mut environment = Environment::new(task, candidate, seed, first as u32, count)?;
+            let mut environment = Environment::among(task, candidates, seed, first as u32, count)?;
             environment.stagger();
             let samples = Samples::new(steps, count, widths(task));
             let recorder = Recorder::new(samples, Exploration::new(seed, first as u32));

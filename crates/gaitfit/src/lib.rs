@@ -8,6 +8,7 @@
 pub mod adapt;
 pub mod air;
 pub mod collect;
+mod draws;
 mod error;
 pub mod evaluate;
 pub mod files;

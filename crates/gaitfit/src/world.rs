@@ -1,6 +1,7 @@
 //! The simulated robot that a policy is run on: robot file, task, fitted parameters, springs, noise.
 
 use crate::Error;
+use crate::draws;
 use crate::robot::{self, Hold};
 use crate::settings::{Preset, TaskName, check_torque_noise, load_task};
 use crate::spring::Spring;
@@ -62,6 +63,8 @@ pub struct World {
     pub scene: Task,
     /// The robot, fitted parameters and noise included.
     pub candidate: Candidate,
+    /// Robots drawn from what a fit leaves open; none where that was not asked for.
+    pub drawn: Vec<Candidate>,
     /// What differs from the nominal robot, for reports.
     pub changes: Vec<String>,
     /// Things to know before trusting what it shows.
@@ -79,6 +82,16 @@ impl World {
 
     /// The simulator that the arguments name, for a policy and a task that are read already.
     pub fn with_task(args: &WorldSettings, policy: Policy, settings: TaskSettings) -> Result<Self, Error> {
+        Self::among(args, policy, settings, None)
+    }
+
+    /// The same with the robots of a file of draws, which belongs to the fitted parameters.
+    pub(crate) fn among(
+        args: &WorldSettings,
+        policy: Policy,
+        settings: TaskSettings,
+        draws: Option<&Path>,
+    ) -> Result<Self, Error> {
         let mut changes = Vec::new();
         if args.randomised {
             changes.push("randomised as in training".to_owned());
@@ -105,17 +118,27 @@ impl World {
             }
             None => Candidate::nominal(&model),
         };
+        let mut drawn = match (draws, &theta) {
+            (Some(draws), Some((path, file))) => {
+                let robots = draws::candidates(draws, &Candidate::nominal(&model), file, path, &model)?;
+                changes.push(format!("{} draws of {}", robots.len(), draws.display()));
+                robots
+            }
+            _ => Vec::new(),
+        };
         check_torque_noise("torque_noise", args.torque_noise).map_err(Error::settings)?;
         if args.torque_noise > 0.0 {
             changes.push(format!("torque noise of {} N·m", args.torque_noise));
         }
         // Of independent torques the variances add.
-        candidate.torque_noise = candidate.torque_noise.hypot(args.torque_noise);
-        let delay = longest_delay(&candidate);
+        for candidate in drawn.iter_mut().chain([&mut candidate]) {
+            candidate.torque_noise = candidate.torque_noise.hypot(args.torque_noise);
+        }
+        let delay = drawn.iter().map(longest_delay).fold(longest_delay(&candidate), f64::max);
         let scene = Task::with_interface(&model, &settings, interface.clone(), args.preset, delay)?;
         let step = Some(scene.walker.physics_step());
         let doubts = theta.map(|(path, file)| theta::doubts(&file, path, &model, step));
-        Ok(Self { policy, scene, candidate, changes, warnings: doubts.unwrap_or_default() })
+        Ok(Self { policy, scene, candidate, drawn, changes, warnings: doubts.unwrap_or_default() })
     }
 
     /// With robots that begin where a fit of their logs lets them begin: upright, facing along x (pyramidal friction

@@ -45,9 +45,9 @@ fn text(results: &ValidateResults) -> String {
     text
 }
 
-/// How far the joints' signals are from the logs': of the robot before and after the fit, and of other logs.
+/// How far the joints' signals are from the logs': of the robot before and after the fit, and of the robot itself.
 fn distances(held: &HeldOut) -> Table {
-    let header = ["W₁ on whole walks", "signal", "nominal", "fitted", "other logs"];
+    let header = ["W₁ on whole walks", "signal", "nominal", "fitted", "robot itself"];
     let mut rows = table(&header, &[2, 3, 4]);
     let shown = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.4}"));
     for one in &held.distances {

@@ -34,6 +34,9 @@ pub(super) fn check_terms(interface: &Interface) -> Result<(), TaskError> {
 /// Shortest control period, s: replays and gaits take some seconds of them.
 const MIN_CONTROL_DT: f64 = 1e-3;
 
+/// Longest delay that robots are given at random, s.
+const LONGEST_DELAY: f64 = 0.5;
+
 /// Refuses numbers out of range, by setting.
 pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
     let positive = [
@@ -109,6 +112,7 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
         ("randomisation.floor_friction", r.floor_friction, 1e-3),
         ("randomisation.frictionloss", r.frictionloss, 0.0),
         ("randomisation.armature", r.armature, 0.0),
+        ("randomisation.delay", r.delay, 0.0),
     ];
     for (setting, [low, high], least) in intervals {
         if !(low >= least && low <= high && high <= 1e4) {
@@ -121,6 +125,10 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
                 ),
             );
         }
+    }
+    if r.delay[1] > LONGEST_DELAY {
+        let what = format!("reaches {} s; it may be at most {LONGEST_DELAY} s", shown_number(r.delay[1]));
+        return refuse("randomisation.delay", what);
     }
     if !(0.0..=1.0).contains(&c.standing) {
         return refuse(

@@ -1,12 +1,14 @@
 //! One tile of robots at a task.
 
 use gaitfit_model::rotation::{self, quat_of, to_heading, vec_of};
+use gaitfit_physics::Robot;
 use gaitfit_policy::observation::{LastAction, Layout, Sensed};
 use gaitfit_policy::walker::{TorqueNoise, touching};
 use gaitfit_random::{Purpose, Stream, fill_block_rows};
 use gaitfit_sim::{Candidate, Motion, Tile};
 
 use super::command::{command, within};
+use super::error::refuse;
 use super::feet::Foot;
 use super::randomise::randomised;
 use super::sensor_noise::{self, SensorNoise};
@@ -62,7 +64,8 @@ pub struct Environment<'a> {
     step_terms: Vec<f32>,
     /// Commands set from outside are not redrawn.
     held_commands: bool,
-    candidate: Candidate,
+    /// Deviation of each environment's torque noise, N·m.
+    deviations: Vec<f64>,
     noise: TorqueNoise,
 }
 
@@ -79,14 +82,44 @@ impl<'a> Environment<'a> {
         first: u32,
         count: usize,
     ) -> Result<Self, TaskError> {
+        match candidate {
+            Some(candidate) => Self::among(task, std::slice::from_ref(candidate), seed, first, count),
+            None => {
+                let nominal = Candidate::nominal(task.walker.model());
+                Self::among(task, std::slice::from_ref(&nominal), seed, first, count)
+            }
+        }
+    }
+
+    /// The same around several robots: environment number `e` around number `e` modulo their count. Their networks must
+    /// be the same.
+    ///
+    /// # Errors
+    /// As [`Environment::new`]; no robots, or robots whose networks differ.
+    pub fn among(
+        task: &'a Task,
+        candidates: &[Candidate],
+        seed: u64,
+        first: u32,
+        count: usize,
+    ) -> Result<Self, TaskError> {
         let walker = &task.walker;
         let model = walker.model();
-        let candidate = candidate.cloned().unwrap_or_else(|| Candidate::nominal(model));
-        let base = walker.robot(&candidate);
+        let Some(candidate) = candidates.first() else {
+            return refuse("robots", "are none".to_owned());
+        };
+        if candidates.iter().any(|other| other.networks != candidate.networks) {
+            return refuse("robots", "have different networks, which robots of a tile share".to_owned());
+        }
+        let bases: Vec<Robot> = candidates.iter().map(|candidate| walker.robot(candidate)).collect();
+        let of = |environment: u32| environment as usize % candidates.len();
         let mut robots = Vec::with_capacity(count);
         for environment in first..first + count as u32 {
-            robots.push(randomised(model, &base, &task.settings.randomisation, seed, environment)?);
+            let base = &bases[of(environment)];
+            robots.push(randomised(model, base, &task.settings.randomisation, seed, environment)?);
         }
+        let deviations =
+            (first..first + count as u32).map(|environment| candidates[of(environment)].torque_noise);
         let joints = walker.joints.len();
         let mut environment = Self {
             task,
@@ -102,7 +135,7 @@ impl<'a> Environment<'a> {
             terms: vec![0.0; task.rewards.len()],
             step_terms: Vec::with_capacity(task.rewards.len()),
             held_commands: false,
-            candidate,
+            deviations: deviations.collect(),
             noise: TorqueNoise::default(),
         };
         for index in 0..count {
@@ -221,8 +254,7 @@ impl<'a> Environment<'a> {
         let joints = task.walker.joints.len();
         task.walker.targets(actions, &mut self.targets);
         self.push(step);
-        let count = self.steps.len();
-        let torques = self.noise.torques(&task.walker, &self.candidate, self.seed, self.first, step, count);
+        let torques = self.noise.torques_of(&task.walker, &self.deviations, self.seed, self.first, step);
         self.tile.step(&self.targets, torques, &mut self.motion);
         for index in 0..self.count() {
             self.steps[index] += 1;

@@ -29,5 +29,7 @@ pub(super) fn randomised(
         (within(stream, 7, settings.frictionloss), within(stream, 8, settings.armature));
     robot.frictionloss.iter_mut().for_each(|loss| *loss += friction);
     robot.armature.iter_mut().for_each(|inertia| *inertia += armature);
+    let delay = within(stream, 9, settings.delay);
+    robot.delay.iter_mut().for_each(|own| *own += delay);
     robot.params(model)
 }

@@ -160,6 +160,14 @@ pub struct RandomisationSettings {
     pub frictionloss: Interval,
     /// Reflected rotor inertia of the joints, kg·m².
     pub armature: Interval,
+    /// Delay from a target to the motors, added to the robot's own, s.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub delay: Interval,
+}
+
+/// Whether an interval of something added adds nothing: then policies' files do not name it.
+fn is_none(interval: &Interval) -> bool {
+    *interval == [0.0; 2]
 }
 
 /// Pushes: the base's velocity jumps.
@@ -190,6 +198,7 @@ impl TaskSettings {
             floor_friction: [1.0; 2],
             frictionloss: [0.0; 2],
             armature: [0.0; 2],
+            delay: [0.0; 2],
         };
         calm.push = PushSettings { seconds: 0.0, velocity: 0.0 };
         calm.start = StartSettings {

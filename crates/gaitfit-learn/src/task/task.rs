@@ -73,7 +73,8 @@ impl Task {
         Self::with_interface(model, settings, interface, preset, 0.0)
     }
 
-    /// The task on `model` for a policy that exists. `max_delay`: largest actuation delay of any robot, s.
+    /// The task on `model` for a policy that exists. `max_delay`: largest actuation delay of any robot, s, without what
+    /// randomisation adds.
     ///
     /// # Errors
     /// Whatever does not fit, by setting; a policy for another robot.
@@ -91,7 +92,7 @@ impl Task {
             substeps: settings.substeps,
             preset,
             emulated_step: settings.robot_timestep,
-            max_delay,
+            max_delay: max_delay + settings.randomisation.delay[1],
             tracked: settings.feet.clone(),
             posture: settings.posture,
             start_pitch: settings.start.pitch,

@@ -132,6 +132,47 @@ fn what_is_randomised_is_the_robots_own_number() {
 }
 
 #[test]
+fn delays_and_robots_of_a_list_are_those_of_single_robots() {
+    let motion = |mut environment: Environment<'_>| {
+        (1..=6).for_each(|number| drop(step(&mut environment, number, 0.8)));
+        environment.motion().clone()
+    };
+    // A delay that is drawn is that of a robot that has it.
+    let mut task = calm();
+    task.randomisation.delay = [0.012; 2];
+    let drawn = scene(&task);
+    let plain = calm();
+    let interface = drawn.walker.interface.clone();
+    let model = drawn.walker.model().clone();
+    let late = Task::with_interface(&model, &plain, interface, Preset::Fast, 0.012).unwrap();
+    let with_delay = |delay: f64, noise: f64| {
+        let mut candidate = Candidate::nominal(&model);
+        candidate.robot.delay.fill(delay);
+        candidate.torque_noise = noise;
+        candidate
+    };
+    let robot = with_delay(0.012, 0.0);
+    let alone = |scene, robot: &Candidate| motion(Environment::new(scene, Some(robot), 3, 0, 1).unwrap());
+    assert!(motion(Environment::new(&drawn, None, 3, 0, 1).unwrap()) == alone(&late, &robot));
+    assert!(alone(&late, &robot) != alone(&late, &with_delay(0.0, 0.0)), "the delay has an effect");
+
+    // Of several robots each environment takes one in turn, with its own noise.
+    let robots = [with_delay(0.0, 0.0), with_delay(0.012, 2.0)];
+    let both = motion(Environment::among(&late, &robots, 3, 0, 4).unwrap());
+    let row = |motion: &gaitfit_sim::Motion, index: usize| {
+        motion.joint_position[12 * index..12 * (index + 1)].to_vec()
+    };
+    for (number, robot) in robots.iter().enumerate() {
+        let same = motion(Environment::new(&late, Some(robot), 3, 0, 4).unwrap());
+        for index in [number, number + 2] {
+            assert!(row(&both, index) == row(&same, index), "environment {index} has robot {number}");
+        }
+    }
+    assert!(row(&both, 0) != row(&both, 1));
+    assert!(Environment::among(&late, &[], 3, 0, 4).is_err());
+}
+
+#[test]
 fn robots_start_within_their_ranges() {
     for (name, up) in [("velocity", [0.0, 0.0, 1.0]), ("biped", [1.0, 0.0, 0.0])] {
         let mut task = built_in(name);

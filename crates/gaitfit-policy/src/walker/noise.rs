@@ -25,7 +25,31 @@ impl TorqueNoise {
         step: u32,
         count: usize,
     ) -> &[f32] {
-        if candidate.torque_noise <= 0.0 {
+        self.draw(walker, |_| candidate.torque_noise, seed, first, step, count)
+    }
+
+    /// The same of environments that differ: a deviation each, N·m.
+    pub fn torques_of(
+        &mut self,
+        walker: &Walker,
+        deviations: &[f64],
+        seed: u64,
+        first: u32,
+        step: u32,
+    ) -> &[f32] {
+        self.draw(walker, |environment| deviations[environment], seed, first, step, deviations.len())
+    }
+
+    fn draw(
+        &mut self,
+        walker: &Walker,
+        deviation: impl Fn(usize) -> f64,
+        seed: u64,
+        first: u32,
+        step: u32,
+        count: usize,
+    ) -> &[f32] {
+        if (0..count).all(|environment| deviation(environment) <= 0.0) {
             return &[];
         }
         let (substeps, joints) = (walker.batch.options().substeps, walker.default_pose.len());
@@ -35,8 +59,12 @@ impl TorqueNoise {
             let physics_step = step.wrapping_mul(substeps as u32).wrapping_add(substep as u32);
             let stream = Stream::new(seed, Purpose::TORQUE_NOISE).step(physics_step);
             fill_normal_rows(stream, first, joints, &mut self.normals);
-            for (torque, normal) in torques.iter_mut().zip(&self.normals) {
-                *torque = (candidate.torque_noise * normal) as f32;
+            let rows = torques.chunks_exact_mut(joints).zip(self.normals.chunks_exact(joints));
+            for (environment, (torques, normals)) in rows.enumerate() {
+                let deviation = deviation(environment);
+                for (torque, normal) in torques.iter_mut().zip(normals) {
+                    *torque = (deviation * normal) as f32;
+                }
             }
         }
         &self.torques

@@ -36,6 +36,10 @@ pub struct LoopReport {
     pub rounds: Vec<Round>,
     /// How well each policy follows random commands, on one or more simulators.
     pub tracking: Vec<Tracking>,
+    /// How policies differ from others, trajectory by trajectory.
+    pub differences: Vec<Difference>,
+    /// What the fit bought over training without it, in a sentence or two; empty: unknown.
+    pub bought: String,
     /// Constant-command trials of each policy, on one or more simulators.
     pub drift: Vec<DriftTrials>,
     /// Recorded motions played side by side by one clock, e.g. π₀ and π₁ on the target. At most four robots and
@@ -99,7 +103,7 @@ pub struct JointDistance {
     /// Of the fitted simulator.
     #[serde(with = "nullable::scalar")]
     pub fitted: f64,
-    /// Of other logs of the robot.
+    /// Of the robot to itself.
     #[serde(with = "nullable::scalar")]
     pub floor: f64,
 }
@@ -128,6 +132,26 @@ pub struct Tracking {
     /// Summed reward of a trajectory.
     pub reward: Estimate,
     /// Share of trajectories that end in a fall, 0 to 1.
+    pub fall_rate: Estimate,
+}
+
+/// One policy minus another on one simulator.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Difference {
+    /// The policy's name.
+    pub policy: String,
+    /// The name of the policy whose numbers are subtracted.
+    pub against: String,
+    /// Where both ran.
+    pub simulator: String,
+    /// Whether the intervals are of differences on the same trajectories.
+    pub paired: bool,
+    /// Linear-velocity tracking error, m/s.
+    pub linear_velocity_error: Estimate,
+    /// Angular-velocity tracking error, rad/s.
+    pub angular_velocity_error: Estimate,
+    /// Share of trajectories that end in a fall.
     pub fall_rate: Estimate,
 }
 

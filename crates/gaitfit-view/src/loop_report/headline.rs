@@ -2,7 +2,7 @@
 
 use super::policies::{Cast, printed};
 use super::tracking::COLUMNS;
-use super::{Estimate, LoopReport, drift};
+use super::{Difference, Estimate, LoopReport, drift};
 use crate::format::significant;
 use crate::page::is_severe;
 use serde::Serialize;
@@ -42,12 +42,17 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<Headline> {
         Some(Estimate { mean: drift::summary(set).0, ci95: f64::NAN })
     };
     let is_pair = cast.before != cast.after;
+    let pair = |d: &&Difference| {
+        d.policy == cast.after && d.against == cast.before && d.simulator == cast.target && d.paired
+    };
+    let found = report.differences.iter().find(pair);
     let errors = COLUMNS.iter().filter(|q| q.is_error).map(|q| {
         let of = |policy| tracked(policy).map(q.of);
-        number(q.name, q.unit, of(cast.before).filter(|_| is_pair), of(cast.after))
+        let apart = found.map(|found| (q.difference)(found).ci95);
+        number(q.name, q.unit, of(cast.before).filter(|_| is_pair), of(cast.after), apart)
     });
     let mean = drifted(cast.before).filter(|_| is_pair);
-    let drift = number("Mean drift of constant commands", "m", mean, drifted(cast.after));
+    let drift = number("Mean drift of constant commands", "m", mean, drifted(cast.after), None);
     let mut numbers: Vec<Number> = errors.chain([drift]).flatten().collect();
     if is_severe(&report.doubts) {
         // Nothing is praised beside a doubt.
@@ -68,6 +73,7 @@ fn number(
     unit: &'static str,
     before: Option<Estimate>,
     after: Option<Estimate>,
+    apart: Option<f64>,
 ) -> Option<Number> {
     let after = after.filter(|e| e.mean.is_finite())?;
     let before = before.filter(|e| e.mean.is_finite());
@@ -76,16 +82,18 @@ fn number(
         unit,
         before: before.map(|e| significant(e.mean, 3)),
         after: significant(after.mean, 3),
-        change: before.and_then(|before| change(before, after)),
+        change: before.and_then(|before| change(before, after, apart)),
     })
 }
 
 /// The change of an error. Two means differ beyond doubt when they lie farther apart than the interval of their
-/// difference, √(c₁² + c₂²) for independent means with half-widths c₁ and c₂.
-fn change(before: Estimate, after: Estimate) -> Option<Change> {
+/// difference: half-width `paired` where both means are of the same trajectories, √(c₁² + c₂²) for independent means with
+/// half-widths c₁ and c₂.
+fn change(before: Estimate, after: Estimate, paired: Option<f64>) -> Option<Change> {
     let known = |x: f64| if x.is_finite() { x } else { 0.0 };
     let apart = after.mean - before.mean;
-    if apart.abs() <= known(before.ci95).hypot(known(after.ci95)) {
+    let half = paired.filter(|half| half.is_finite());
+    if apart.abs() <= half.unwrap_or_else(|| known(before.ci95).hypot(known(after.ci95))) {
         return Some(Change { text: "no difference outside the 95 % intervals".into(), class: "soft" });
     }
     if before.mean <= 0.0 {
@@ -107,12 +115,14 @@ mod tests {
     #[test]
     fn a_change_within_the_intervals_is_none() {
         let estimate = |mean, ci95| Estimate { mean, ci95 };
-        let said = |a, b| change(a, b).unwrap();
+        let said = |a, b| change(a, b, None).unwrap();
+        let pairs = change(estimate(0.2, 0.03), estimate(0.17, 0.03), Some(0.01)).unwrap();
+        assert_eq!((pairs.text.as_str(), pairs.class), ("15 % less", "good"));
         assert_eq!(said(estimate(0.2, 0.03), estimate(0.17, 0.03)).class, "soft");
         let better = said(estimate(0.2, 0.003), estimate(0.15, 0.004));
         assert_eq!((better.text.as_str(), better.class), ("25 % less", "good"));
         let worse = said(estimate(0.2, f64::NAN), estimate(0.3, 0.001));
         assert_eq!((worse.text.as_str(), worse.class), ("50 % more", "bad"));
-        assert!(change(estimate(0.0, 0.0), estimate(0.1, 0.01)).is_none());
+        assert!(change(estimate(0.0, 0.0), estimate(0.1, 0.01), None).is_none());
     }
 }

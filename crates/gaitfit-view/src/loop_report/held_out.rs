@@ -86,7 +86,10 @@ mod tests {
         };
         let held = HeldOut {
             sentence: "as well".into(),
-            distances: vec![distance("hip", Signal::Position, 0.02), distance("calf", Signal::Velocity, f64::NAN)],
+            distances: vec![
+                distance("hip", Signal::Position, 0.02),
+                distance("calf", Signal::Velocity, f64::NAN),
+            ],
         };
         let view = view(&held);
         assert_eq!(view.signals, ["Position (rad)", "Velocity (rad/s)"]);

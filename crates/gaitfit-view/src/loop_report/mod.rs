@@ -10,7 +10,7 @@ mod policies;
 mod rounds;
 mod tracking;
 
-pub use data::{DriftTrials, Estimate, HeldOut, JointDistance, LoopReport, Round, Tracking};
+pub use data::{Difference, DriftTrials, Estimate, HeldOut, JointDistance, LoopReport, Round, Tracking};
 
 use crate::page::ReportError;
 

@@ -1,7 +1,7 @@
 //! Tracking of random commands: a picture a measure with every policy on every simulator, and all of it as a table.
 
 use super::policies::{Cast, printed};
-use super::{Estimate, LoopReport, Tracking};
+use super::{Difference, Estimate, LoopReport, Tracking};
 use crate::chart::Look;
 use crate::chart::intervals::{self, Mark, Row};
 use crate::format::{UNKNOWN, grouped, with_spread};
@@ -17,6 +17,9 @@ pub(super) struct TrackingSection {
     /// Column headings with units.
     headings: Vec<String>,
     left_out: usize,
+    differences: Vec<DifferenceRow>,
+    /// Headings of the differences.
+    compared: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -59,25 +62,64 @@ pub(super) struct Column {
     pub is_error: bool,
     /// The estimate in the unit above.
     pub of: fn(&Tracking) -> Estimate,
+    /// The same of a difference; NaN of what is not compared.
+    pub difference: fn(&Difference) -> Estimate,
 }
 
 /// In the order of the page.
 pub(super) const COLUMNS: [Column; 4] = [
-    Column { name: "Linear-velocity error", unit: "m/s", is_error: true, of: |t| t.linear_velocity_error },
+    Column {
+        name: "Linear-velocity error",
+        unit: "m/s",
+        is_error: true,
+        of: |t| t.linear_velocity_error,
+        difference: |d| d.linear_velocity_error,
+    },
     Column {
         name: "Angular-velocity error",
         unit: "rad/s",
         is_error: true,
         of: |t| t.angular_velocity_error,
+        difference: |d| d.angular_velocity_error,
     },
-    Column { name: "Summed reward", unit: "", is_error: false, of: |t| t.reward },
+    Column {
+        name: "Summed reward",
+        unit: "",
+        is_error: false,
+        of: |t| t.reward,
+        difference: |_| Estimate::default(),
+    },
     Column {
         name: "Fall rate",
         unit: "%",
         is_error: true,
-        of: |t| Estimate { mean: 100.0 * t.fall_rate.mean, ci95: 100.0 * t.fall_rate.ci95 },
+        of: |t| percent(t.fall_rate),
+        difference: |d| percent(d.fall_rate),
     },
 ];
+
+fn percent(share: Estimate) -> Estimate {
+    Estimate { mean: 100.0 * share.mean, ci95: 100.0 * share.ci95 }
+}
+
+/// A policy minus another.
+#[derive(Serialize)]
+struct DifferenceRow {
+    name: String,
+    simulator: String,
+    cells: Vec<String>,
+    paired: bool,
+}
+
+fn differences(report: &LoopReport) -> Vec<DifferenceRow> {
+    let row = |one: &Difference| DifferenceRow {
+        name: format!("{} − {}", printed(&one.policy, UNKNOWN), printed(&one.against, UNKNOWN)),
+        simulator: printed(&one.simulator, UNKNOWN),
+        cells: COLUMNS.iter().filter(|q| q.is_error).map(|q| text((q.difference)(one))).collect(),
+        paired: one.paired,
+    };
+    report.differences.iter().take(MOST_ROWS).map(row).collect()
+}
 
 pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection> {
     let shown = &report.tracking[..report.tracking.len().min(MOST_ROWS)];
@@ -101,6 +143,8 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<TrackingSection>
         rows: shown.iter().map(table).collect(),
         headings: known.iter().map(heading).collect(),
         left_out: report.tracking.len() - shown.len(),
+        differences: differences(report),
+        compared: COLUMNS.iter().filter(|q| q.is_error).map(|q| heading(&q)).collect(),
     })
 }
 

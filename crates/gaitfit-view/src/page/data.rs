@@ -50,7 +50,7 @@ pub enum DoubtKind {
     Untrained,
     /// The result is farther from the robot than what it began with.
     WorseThanNominal,
-    /// The result is much farther from the robot than the robot's own logs are from one another.
+    /// The result is much farther from the robot than the robot is from itself.
     Misfit,
     /// The search or the training was still changing when it ended.
     NotConverged,
@@ -89,8 +89,8 @@ impl DoubtKind {
                 "The robot file without any fit is closer to the logs. Do not use this fit."
             }
             DoubtKind::Misfit => {
-                "No simulator of this kind explains the logs as well as other logs of the same robot would. What was \
-                 fitted stands for what the simulator lacks: fit more of what may differ."
+                "The simulator does not explain the logs. What was fitted stands for what the simulator lacks: fit more \
+                 of what may differ."
             }
             DoubtKind::NotConverged => {
                 "The search was still changing the values when it ended. They can be far from the best ones: \

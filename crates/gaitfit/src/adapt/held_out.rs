@@ -1,9 +1,11 @@
 //! Walking logs that were not fitted: how far the simulated robot's walks under their commands are from them, beside
-//! how far other logs of the same robot are.
+//! how far the robot is from itself.
 //!
-//! The measure is [`Wass`](gaitfit_adapt::cost::Wass) on whole walks, whatever cost was fitted: it needs neither clocks
-//! nor the same commands, so logs can be compared with logs. That gives a floor. No simulator need be closer to the
-//! held-out logs than the robot's other logs are.
+//! The measure is [`Wass`](gaitfit_adapt::cost::Wass) on whole walks, whatever cost was fitted. It needs no clocks, so a
+//! robot can be compared with itself: the logs are cut into blocks of half a second, about a stride, and one half of
+//! the blocks is compared with the other half. Commands are the same on both sides. No simulator need be closer to the
+//! robot than that. (Whole logs against other logs would not do: their commands differ, which makes more than most
+//! simulators' errors.)
 
 use super::Method;
 use super::score::Robot;
@@ -20,10 +22,15 @@ use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// How often other logs are drawn for the floor.
-const DRAWS: u32 = 200;
+/// Length of a block, s.
+const BLOCK_S: f64 = 0.5;
+/// How often halves are drawn, and the fewest blocks that halves are drawn of.
+const DRAWS: u32 = 100;
+const LEAST_BLOCKS: usize = 8;
 /// Half the width of the range that 95 % of normal draws lie in, in deviations.
 const RANGE: f64 = 1.96;
+/// A cost of so many times the floor's upper end is a misfit.
+const FAR: f64 = 3.0;
 /// Seed of the draws.
 const SEED: u64 = 15;
 
@@ -38,7 +45,7 @@ pub struct HeldOut {
     pub cost: Option<f64>,
     /// The same of the robot before the fit.
     pub nominal_cost: Option<f64>,
-    /// The same of other logs of the robot; absent where there are too few.
+    /// How far the robot is from itself; absent if the logs are too short.
     pub floor: Option<Floor>,
     /// Logs in which the fitted robot falls.
     pub falls: usize,
@@ -48,32 +55,19 @@ pub struct HeldOut {
     pub distances: Vec<Distance>,
 }
 
-/// How far other logs of the robot are from the held-out ones.
+/// One half of the logs' blocks against the other half, mean over the draws.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Floor {
-    /// Mean over the draws.
+    /// `wass` of the robot.
     pub mean: f64,
-    /// Half the width of the range in which 95 % of such draws lie.
+    /// Half the width of the range in which 95 % of the draws lie.
     pub range95: f64,
-    /// What was drawn.
-    pub of: FloorOf,
-    /// Logs of a draw.
-    pub logs: usize,
-    /// The fitted robot's cost on what the draws were compared with: with halves it differs from that on all logs.
+    /// `wass` of the fitted robot: its blocks of the one half against the robot's of the other. It is a little above that
+    /// of all blocks, as halves have fewer samples.
     pub cost: Option<f64>,
 }
 
-/// What a floor is made of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FloorOf {
-    /// Fitted logs against the held-out ones, as many as these.
-    OtherLogs,
-    /// One half of the held-out logs against the other half.
-    Halves,
-}
-
-/// Wasserstein-1 distance of a joint's signal to the held-out logs, in the signal's unit; NaN becomes absent.
+/// Wasserstein-1 distance of a joint's signal to the held-out logs, in the signal's unit; absent if it diverged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Distance {
     /// Joint.
@@ -84,16 +78,18 @@ pub struct Distance {
     pub fitted: Option<f64>,
     /// Of the robot before the fit.
     pub nominal: Option<f64>,
-    /// Of other logs of the robot, mean over the draws.
+    /// Of one half of the blocks to the other half, mean over the draws.
     pub floor: Option<f64>,
 }
 
 /// Whether the fit explains the logs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// No worse than other logs of the robot would.
+    /// No worse than the robot explains itself.
     Explained,
-    /// Worse than other logs of the robot would, but better than the robot before the fit.
+    /// Worse than that.
+    Worse,
+    /// Far worse than that.
     Misfit,
     /// Worse than the robot before the fit.
     WorseThanNominal,
@@ -101,9 +97,8 @@ pub enum Verdict {
     Unknown,
 }
 
-/// Compares walks under the commands of held-out logs with them. `sets`: these logs with the simulators of the robot
-/// after and before the fit, and what of it θ changes; `others`: logs of the same robot for the floor, at best the
-/// fitted ones, without which the floor is of halves.
+/// Compares walks under the commands of held-out logs with them. Each of `sets` has these logs and the simulator of the
+/// robot after and before the fit; beside it stands what θ changes of it.
 ///
 /// # Errors
 /// A simulation that cannot be made. Logs that cannot be compared in this way (constant joints) give none.
@@ -111,7 +106,6 @@ pub(super) fn held_out(
     config: &AdaptConfig,
     method: &Method,
     [fitted, nominal]: [(&LogSet, Robot<'_>); 2],
-    others: &[Log],
 ) -> Result<Option<HeldOut>, Error> {
     if method.walking().is_none() {
         return Ok(None);
@@ -119,54 +113,75 @@ pub(super) fn held_out(
     // Whole walks need the longer time to settle, whatever the fit needed.
     let config = AdaptConfig { costs: vec![CostKind::Wass], ..config.clone() };
     let (set, joints) = (fitted.0, method.joints());
-    let skip = method.samples(config.skip_seconds(), &set.logs);
-    let long = |log: &&Log| log.trajectory.len() > skip;
-    let logs: Vec<&Log> = set.logs.iter().filter(long).collect();
-    let found = logs.iter().map(|log| Recorded::from_trajectory(&log.trajectory, &joints, 0));
-    let reference = found.collect::<Result<Vec<_>, _>>();
-    let reference = reference.and_then(|found| Reference::new(joints.clone(), &found, skip)).map(Arc::new);
-    let Ok(reference) = reference else { return Ok(None) };
-    let Ok(cost) = CostKind::Wass.build(&reference, set.simulator.as_ref()) else { return Ok(None) };
-    let cost = cost.as_ref();
-    let walk = |(set, robot): (&LogSet, Robot<'_>)| -> Result<Vec<Predicted>, Error> {
-        let walked = robot.simulate(set.simulator.as_ref(), Resets::Never)?;
-        let kept = set.logs.iter().zip(walked).filter(|(log, _)| long(log));
-        Ok(kept.map(|(_, walked)| walked).collect())
+    let (logs, count) = (&set.logs, joints.len());
+    let (skip, length) = (method.samples(config.skip_seconds(), logs), method.samples(BLOCK_S, logs));
+    let blocks = blocks(logs.iter().map(|log| log.trajectory.len()), skip, length.max(1));
+    let recorded: Option<Vec<Predicted>> = logs.iter().map(|log| recorded(log, &joints)).collect();
+    let Some(recorded) = recorded.filter(|_| !blocks.is_empty()) else { return Ok(None) };
+    let cut = |walks: &[Predicted]| -> Vec<Predicted> {
+        blocks.iter().map(|block| block.of(&walks[block.log], count)).collect()
     };
+    let own = cut(&recorded);
+    let Some(cost) = cost_against(&own, &joints, set) else { return Ok(None) };
+    let (reference, cost) = (&cost.0, cost.1.as_ref());
+    let walk = |(set, robot): (&LogSet, Robot<'_>)| robot.simulate(set.simulator.as_ref(), Resets::Never);
     let (after, before) = (walk(fitted)?, walk(nominal)?);
-    let all: Vec<usize> = (0..logs.len()).collect();
-    let (fitted, nominal) = (of(cost, &after, &all), of(cost, &before, &all));
-    let others: Vec<Predicted> =
-        others.iter().filter(long).filter_map(|log| recorded(log, &joints)).collect();
-    let (floor, drawn) = match floor_of_others(cost, &others, logs.len()) {
-        Some((floor, drawn)) => (Some(Floor { cost: total(&fitted), ..floor }), drawn),
-        None => halves(cost, &logs, &joints, &after),
-    };
     let falls = |walked: &[Predicted]| walked.iter().filter(|log| log.fell_at.is_some()).count();
-    let counted = |log: &&Log| log.trajectory.duration() - config.skip_seconds();
+    let (falls, nominal_falls) = (falls(&after), falls(&before));
+    let (after, before) = (cut(&after), cut(&before));
+    let all: Vec<usize> = (0..blocks.len()).collect();
+    let (fitted, nominal) = (of(cost, &after, &all), of(cost, &before, &all));
+    let (floor, drawn) = floor(cost, &own, &after);
+    let compared = |log: usize| blocks.iter().any(|block| block.log == log);
     Ok(Some(HeldOut {
-        logs: logs.len(),
-        seconds: logs.iter().map(counted).sum(),
+        logs: (0..logs.len()).filter(|&log| compared(log)).count(),
+        seconds: logs.iter().map(|log| (log.trajectory.duration() - config.skip_seconds()).max(0.0)).sum(),
         cost: total(&fitted),
         nominal_cost: total(&nominal),
         floor,
-        falls: falls(&after),
-        nominal_falls: falls(&before),
-        distances: distances(&reference, [&fitted, &nominal], &drawn),
+        falls,
+        nominal_falls,
+        distances: distances(reference, [&fitted, &nominal], &drawn),
     }))
 }
 
-fn total(breakdown: &Option<Breakdown>) -> Option<f64> {
-    breakdown.as_ref().map(|breakdown| breakdown.total).filter(|total| total.is_finite())
+/// Some samples of a log.
+struct Block {
+    log: usize,
+    start: usize,
+    end: usize,
 }
 
-/// The cost of some of the walks; none if one diverged.
-fn of(cost: &dyn Cost, walks: &[Predicted], chosen: &[usize]) -> Option<Breakdown> {
-    let mut accumulator = cost.begin();
-    for (number, &walk) in chosen.iter().enumerate() {
-        accumulator.add(number, walks.get(walk)?.signals()).ok()?;
+/// The blocks of logs of so many samples, of which the first `skip` do not count; the last block of a log takes what
+/// is left.
+fn blocks(samples: impl Iterator<Item = usize>, skip: usize, length: usize) -> Vec<Block> {
+    let mut blocks = Vec::new();
+    for (log, samples) in samples.enumerate() {
+        let count = samples.saturating_sub(skip) / length;
+        for block in 0..count {
+            let start = skip + block * length;
+            let end = if block + 1 == count { samples } else { start + length };
+            blocks.push(Block { log, start, end });
+        }
     }
-    accumulator.finish().ok()
+    blocks
+}
+
+impl Block {
+    /// The block of a walk.
+    fn of(&self, walk: &Predicted, joints: usize) -> Predicted {
+        let rows = |values: &[f32]| {
+            let at = |row: usize| (row * joints).min(values.len());
+            values[at(self.start)..at(self.end)].to_vec()
+        };
+        Predicted {
+            position: rows(&walk.position),
+            velocity: rows(&walk.velocity),
+            action: walk.action.as_deref().map(rows),
+            fell_at: walk.fell_at.filter(|&fall| fall < self.end).map(|fall| fall.saturating_sub(self.start)),
+            ..Predicted::default()
+        }
+    }
 }
 
 /// A log's own signals as if they had been simulated.
@@ -181,55 +196,69 @@ fn recorded(log: &Log, joints: &[String]) -> Option<Predicted> {
     })
 }
 
-/// `count` of `among` numbers, drawn without repetition; the rest follows them.
-fn drawn(draw: u32, among: usize) -> Vec<usize> {
+/// The cost against blocks, each a recording; none if they cannot be compared.
+fn cost_against(
+    own: &[Predicted],
+    joints: &[String],
+    set: &LogSet,
+) -> Option<(Arc<Reference>, Box<dyn Cost>)> {
+    let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect();
+    let recorded: Vec<Recorded> = own
+        .iter()
+        .map(|block| Recorded {
+            position: wide(&block.position),
+            velocity: wide(&block.velocity),
+            action: block.action.as_deref().map(wide),
+            ..Recorded::default()
+        })
+        .collect();
+    let reference = Arc::new(Reference::new(joints.to_vec(), &recorded, 0).ok()?);
+    let cost = CostKind::Wass.build(&reference, set.simulator.as_ref()).ok()?;
+    Some((reference, cost))
+}
+
+fn total(breakdown: &Option<Breakdown>) -> Option<f64> {
+    breakdown.as_ref().map(|breakdown| breakdown.total).filter(|total| total.is_finite())
+}
+
+/// The cost of some blocks of walks; none if one diverged.
+fn of(cost: &dyn Cost, blocks: &[Predicted], chosen: &[usize]) -> Option<Breakdown> {
+    let mut accumulator = cost.begin();
+    for &block in chosen {
+        accumulator.add(block, blocks.get(block)?.signals()).ok()?;
+    }
+    accumulator.finish().ok()
+}
+
+/// The numbers below `count` in an order that `draw` decides.
+fn shuffled(draw: u32, count: usize) -> Vec<usize> {
     let stream = Stream::new(SEED, Purpose::BOOTSTRAP).step(draw);
-    let mut order: Vec<usize> = (0..among).collect();
-    for place in 0..among.saturating_sub(1) {
-        let left = (among - place) as f64;
+    let mut order: Vec<usize> = (0..count).collect();
+    for place in 0..count.saturating_sub(1) {
+        let left = (count - place) as f64;
         order.swap(place, place + (stream.uniform(place as u32) * left) as usize);
     }
     order
 }
 
-/// The floor of as many other logs as are held out, and the draws. Draws from a small stock resemble one another: their
-/// deviation is that of draws from a large one times √(1 − drawn / stock), which is undone.
-fn floor_of_others(cost: &dyn Cost, others: &[Predicted], count: usize) -> Option<(Floor, Vec<Breakdown>)> {
-    let spare = others.len().checked_sub(count).filter(|&spare| spare > 0)?;
-    let draws: Vec<Breakdown> =
-        (0..DRAWS).filter_map(|draw| of(cost, others, &drawn(draw, others.len())[..count])).collect();
-    let totals: Vec<f64> = draws.iter().map(|found| found.total).collect();
-    let deviation = stats::deviation(&totals)? * (others.len() as f64 / spare as f64).sqrt();
-    let mean = stats::mean(&totals)?;
-    Some((Floor { mean, range95: RANGE * deviation, of: FloorOf::OtherLogs, logs: count, cost: None }, draws))
-}
-
-/// The floor of one half against the other. The fitted robot's cost beside it is on the same halves.
-fn halves(
-    cost: &dyn Cost,
-    logs: &[&Log],
-    joints: &[String],
-    after: &[Predicted],
-) -> (Option<Floor>, Vec<Breakdown>) {
-    let own: Option<Vec<Predicted>> = logs.iter().map(|log| recorded(log, joints)).collect();
-    let (Some(own), half) = (own, logs.len() / 2) else { return (None, Vec::new()) };
-    let (mut draws, mut fitted) = (Vec::new(), Vec::new());
-    for draw in (0..DRAWS).take_while(|_| half > 0) {
-        let order = drawn(draw, logs.len());
+/// One half of the robot's blocks against the other half, and the simulated robot's against the same; and the draws.
+fn floor(cost: &dyn Cost, own: &[Predicted], after: &[Predicted]) -> (Option<Floor>, Vec<Breakdown>) {
+    let half = own.len() / 2;
+    let (mut drawn, mut fitted) = (Vec::new(), Vec::new());
+    for draw in (0..DRAWS).take_while(|_| own.len() >= LEAST_BLOCKS) {
+        let order = shuffled(draw, own.len());
         let (one, other) = (&order[..half], &order[half..2 * half]);
         let Some(against) = cost.subset(one) else { break };
-        draws.extend(of(against.as_ref(), &own, other));
-        fitted.extend(total(&of(against.as_ref(), after, one)));
+        drawn.extend(of(against.as_ref(), own, other));
+        fitted.extend(total(&of(against.as_ref(), after, other)));
     }
-    let totals: Vec<f64> = draws.iter().map(|found| found.total).collect();
+    let totals: Vec<f64> = drawn.iter().map(|found| found.total).collect();
     let floor = stats::mean(&totals).zip(stats::deviation(&totals)).map(|(mean, deviation)| Floor {
         mean,
         range95: RANGE * deviation,
-        of: FloorOf::Halves,
-        logs: half,
-        cost: stats::mean(&fitted).filter(|_| fitted.len() == draws.len()),
+        cost: stats::mean(&fitted).filter(|_| fitted.len() == drawn.len()),
     });
-    (floor, draws)
+    (floor, drawn)
 }
 
 /// Scaled distances in the signals' own units.
@@ -266,65 +295,65 @@ fn distances(
 impl HeldOut {
     /// Whether the fit explains the logs.
     pub fn verdict(&self) -> Verdict {
-        let worse = |cost: Option<f64>, than: Option<f64>| match (cost, than) {
-            (None, _) => true,
-            (Some(cost), Some(than)) => cost > than,
-            (Some(_), None) => false,
-        };
-        if self.cost.is_none() || worse(self.cost, self.nominal_cost) {
+        let Some(cost) = self.cost else { return Verdict::WorseThanNominal };
+        if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
             return Verdict::WorseThanNominal;
         }
         let Some(floor) = &self.floor else { return Verdict::Unknown };
-        if worse(floor.cost, Some(floor.mean + floor.range95)) { Verdict::Misfit } else { Verdict::Explained }
+        let upper = floor.mean + floor.range95;
+        match floor.cost {
+            Some(cost) if cost <= upper => Verdict::Explained,
+            Some(cost) if cost <= FAR * upper => Verdict::Worse,
+            _ => Verdict::Misfit,
+        }
     }
 
-    /// Why the fit must not be taken as it stands; none if it explains the logs.
+    /// Why the fit must not be taken as it stands; none if it explains the logs nearly as well as the robot does.
     pub fn doubt(&self) -> Option<Doubt> {
         let kind = match self.verdict() {
             Verdict::Misfit => DoubtKind::Misfit,
             Verdict::WorseThanNominal => DoubtKind::WorseThanNominal,
-            Verdict::Explained | Verdict::Unknown => return None,
+            Verdict::Explained | Verdict::Worse | Verdict::Unknown => return None,
         };
         Some(Doubt::new(kind, format!("On whole walks {}.", self.sentence())))
     }
 
     /// The result in a sentence.
     pub fn sentence(&self) -> String {
-        let number = |value: Option<f64>| value.map_or_else(|| "diverged".to_owned(), |value| format!("{value:.4}"));
+        let number =
+            |value: Option<f64>| value.map_or_else(|| "diverged".to_owned(), |value| format!("{value:.4}"));
         let nominal = format!("the robot before the fit {}", number(self.nominal_cost));
         let logs = format!("{} held-out log{}", self.logs, if self.logs == 1 { "" } else { "s" });
-        let Some(floor) = &self.floor else {
-            return match self.verdict() {
-                Verdict::WorseThanNominal => format!(
-                    "the fit explains {logs} worse than the robot before the fit does: {} against {} (wass)",
-                    number(self.cost),
-                    number(self.nominal_cost)
-                ),
-                _ => format!(
-                    "on {logs} wass is {}; {nominal}. There are too few logs to say what other logs of the robot would give",
-                    number(self.cost)
-                ),
-            };
-        };
-        let numbers =
-            format!("{} against {:.4} ± {:.4} (wass; {nominal})", number(floor.cost), floor.mean, floor.range95);
-        let what = match floor.of {
-            FloorOf::OtherLogs => logs,
-            FloorOf::Halves => format!("halves of {logs}"),
-        };
-        match self.verdict() {
-            Verdict::WorseThanNominal => format!(
-                "the fit explains {what} worse than the robot before the fit does, let alone other logs of the same \
-                 robot: {numbers}"
-            ),
-            Verdict::Misfit => format!(
-                "the fit explains {what} worse than other logs of the same robot would: {numbers}"
-            ),
-            _ if floor.cost.is_some_and(|cost| cost < floor.mean - floor.range95) => format!(
-                "the fit is closer to {what} than other logs of the same robot, which have other commands: {numbers}"
-            ),
-            _ => format!("the fit explains {what} as well as other logs of the same robot would: {numbers}"),
+        let verdict = self.verdict();
+        if verdict == Verdict::WorseThanNominal {
+            return format!(
+                "the fit explains {logs} worse than the robot before the fit does: {} against {} (wass)",
+                number(self.cost),
+                number(self.nominal_cost)
+            );
         }
+        let Some(floor) = &self.floor else {
+            return format!(
+                "the fit is {} from {logs} (wass; {nominal}), which are too short to say how far the robot is from itself",
+                number(self.cost)
+            );
+        };
+        let how = match (verdict, floor.cost) {
+            (Verdict::Explained, _) => "as well as other seconds of the same walks do".to_owned(),
+            (_, Some(cost)) if floor.mean > 0.0 => {
+                format!(
+                    "worse than other seconds of the same walks do, {:.1} times as far off",
+                    cost / floor.mean
+                )
+            }
+            _ => "worse than other seconds of the same walks do".to_owned(),
+        };
+        format!(
+            "the fit explains {logs} {how}: {} against {:.4} ± {:.4} (wass; {nominal})",
+            number(floor.cost),
+            floor.mean,
+            floor.range95
+        )
     }
 }
 
@@ -332,36 +361,39 @@ impl HeldOut {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use gaitfit_adapt::cost::Wass;
-    use gaitfit_adapt::cost::Weights;
+    use gaitfit_adapt::cost::{Wass, Weights};
 
-    /// Logs of a joint that moves with some deviation about a place.
-    fn logs(seed: u64, count: u32, deviation: f64, place: f64) -> Vec<Predicted> {
+    /// Blocks of a joint that moves with some deviation about a place.
+    fn blocks_of(seed: u64, deviation: f64, place: f64) -> Vec<Predicted> {
         let stream = Stream::new(seed, Purpose(99));
-        let of = |log: u32| {
-            let values = (0..100).map(|k| (place + deviation * stream.step(log).normal(k)) as f32).collect();
-            Predicted { position: values, velocity: vec![1.0; 100], ..Predicted::default() }
+        let of = |block: u32| {
+            let values = (0..25).map(|k| (place + deviation * stream.step(block).normal(k)) as f32).collect();
+            Predicted { position: values, velocity: vec![1.0; 25], ..Predicted::default() }
         };
-        (0..count).map(of).collect()
+        (0..96).map(of).collect()
     }
 
-    fn cost(logs: &[Predicted]) -> Box<dyn Cost> {
+    fn cost(blocks: &[Predicted]) -> Box<dyn Cost> {
         let wide = |values: &[f32]| values.iter().map(|&x| f64::from(x)).collect();
-        let recorded: Vec<Recorded> = logs
+        let recorded: Vec<Recorded> = blocks
             .iter()
-            .map(|log| Recorded { position: wide(&log.position), velocity: wide(&log.velocity), ..Recorded::default() })
+            .map(|block| Recorded {
+                position: wide(&block.position),
+                velocity: wide(&block.velocity),
+                ..Recorded::default()
+            })
             .collect();
         let reference = Arc::new(Reference::new(vec!["hip".to_owned()], &recorded, 0).unwrap());
         Box::new(Wass::new(reference, Weights::POSITION).unwrap())
     }
 
-    fn found(cost: f64, nominal: f64, floor: Option<(f64, f64, FloorOf)>) -> HeldOut {
+    fn found(cost: f64, nominal: f64, floor: Option<(f64, f64)>) -> HeldOut {
         HeldOut {
             logs: 16,
             seconds: 48.0,
             cost: Some(cost),
             nominal_cost: Some(nominal),
-            floor: floor.map(|(mean, range95, of)| Floor { mean, range95, of, logs: 16, cost: Some(cost) }),
+            floor: floor.map(|(mean, range95)| Floor { mean, range95, cost: Some(cost) }),
             falls: 0,
             nominal_falls: 0,
             distances: Vec::new(),
@@ -369,52 +401,69 @@ mod tests {
     }
 
     #[test]
-    fn the_floor_is_what_logs_of_the_same_robot_give_and_its_range_holds_them() {
-        let stock = logs(1, 48, 0.1, 0.0);
-        let (mut inside, mut draws) = (0, Vec::new());
-        for seed in 2..32 {
-            let held = logs(seed, 16, 0.1, 0.0);
-            let cost = cost(&held);
-            let (floor, drawn) = floor_of_others(cost.as_ref(), &stock, 16).unwrap();
-            let fresh = logs(seed + 100, 16, 0.1, 0.0);
-            let other = of(cost.as_ref(), &fresh, &(0..16).collect::<Vec<_>>()).unwrap().total;
-            inside += usize::from((other - floor.mean).abs() <= floor.range95);
-            draws.push(drawn.len());
-            // A robot that moves elsewhere is far above it.
-            let wrong = of(cost.as_ref(), &logs(seed, 16, 0.1, 0.05), &(0..16).collect::<Vec<_>>()).unwrap();
-            assert!(wrong.total > floor.mean + floor.range95, "{} {floor:?}", wrong.total);
+    fn the_floor_holds_a_simulator_that_moves_as_the_robot_does_and_no_other() {
+        let mut inside = 0;
+        for seed in 0..20 {
+            let own = blocks_of(seed, 0.1, 0.0);
+            let cost = cost(&own);
+            let judge = |simulated: &[Predicted]| {
+                let (floor, drawn) = floor(cost.as_ref(), &own, simulated);
+                assert_eq!(drawn.len(), DRAWS as usize);
+                floor.unwrap()
+            };
+            let alike = judge(&blocks_of(seed + 100, 0.1, 0.0));
+            inside += usize::from(alike.cost.unwrap() <= alike.mean + alike.range95);
+            let wrong = judge(&blocks_of(seed + 100, 0.1, 0.05));
+            assert_eq!(wrong.mean, alike.mean);
+            assert!(wrong.cost.unwrap() > wrong.mean + wrong.range95, "{wrong:?}");
         }
-        assert!((24..=30).contains(&inside), "{inside} of 30 lie within the range of 95 %");
-        assert!(draws.iter().all(|&count| count == DRAWS as usize));
-        assert!(floor_of_others(cost(&stock).as_ref(), &logs(3, 48, 0.1, 0.0), 48).is_none(), "none to spare");
+        assert!(inside >= 18, "{inside} of 20 are explained");
+    }
+
+    #[test]
+    fn blocks_cover_what_counts_and_know_of_falls() {
+        let found = blocks([10, 23, 4].into_iter(), 3, 5);
+        let ends: Vec<_> = found.iter().map(|block| (block.log, block.start, block.end)).collect();
+        assert_eq!(ends, [(0, 3, 10), (1, 3, 8), (1, 8, 13), (1, 13, 18), (1, 18, 23)]);
+        let walk = Predicted {
+            position: (0..46).map(|x| x as f32).collect(),
+            velocity: vec![0.0; 46],
+            fell_at: Some(10),
+            ..Predicted::default()
+        };
+        let block = found[2].of(&walk, 2);
+        assert_eq!((block.position[0], block.position.len(), block.fell_at), (16.0, 10, Some(2)));
+        assert_eq!((found[1].of(&walk, 2).fell_at, found[3].of(&walk, 2).fell_at), (None, Some(0)));
     }
 
     #[test]
     fn draws_are_permutations_that_differ() {
-        let mut one = drawn(0, 9);
-        assert_ne!(one, drawn(1, 9));
+        let mut one = shuffled(0, 9);
+        assert_ne!(one, shuffled(1, 9));
         one.sort_unstable();
         assert_eq!(one, (0..9).collect::<Vec<_>>());
-        assert!(drawn(0, 0).is_empty());
+        assert!(shuffled(0, 0).is_empty());
     }
 
     #[test]
     fn the_sentence_says_worse_where_it_is_worse() {
-        let floor = Some((0.0118, 0.0009, FloorOf::OtherLogs));
-        let said = |one: HeldOut| (one.verdict(), one.sentence());
-        let (verdict, text) = said(found(0.0121, 0.2, floor));
-        assert_eq!(verdict, Verdict::Explained);
-        assert!(text.contains("as well as other logs of the same robot would: 0.0121 against 0.0118 ± 0.0009"), "{text}");
-        let (verdict, text) = said(found(0.013, 0.2, floor));
-        assert!(verdict == Verdict::Misfit && text.contains("worse than other logs"), "{text}");
-        let (verdict, text) = said(found(0.3, 0.2, floor));
-        assert!(verdict == Verdict::WorseThanNominal && text.contains("worse than the robot before"), "{text}");
-        let (verdict, text) = said(found(0.005, 0.2, floor));
-        assert!(verdict == Verdict::Explained && text.contains("closer to 16 held-out logs"), "{text}");
-        let (verdict, text) = said(found(0.1, 0.2, None));
-        assert!(verdict == Verdict::Unknown && text.contains("too few logs"), "{text}");
-        let (_, text) = said(found(0.0121, 0.2, Some((0.0118, 0.0009, FloorOf::Halves))));
-        assert!(text.contains("halves of 16"), "{text}");
+        let floor = Some((0.0118, 0.0009));
+        let said = |one: HeldOut| (one.verdict(), one.sentence(), one.doubt().map(|doubt| doubt.kind));
+        let (verdict, text, doubt) = said(found(0.0121, 0.2, floor));
+        assert!(verdict == Verdict::Explained && doubt.is_none());
+        assert!(text.contains("as well as") && text.contains("0.0121 against 0.0118 ± 0.0009"), "{text}");
+        let (verdict, text, doubt) = said(found(0.0236, 0.2, floor));
+        assert!(
+            verdict == Verdict::Worse && doubt.is_none() && text.contains("2.0 times as far off"),
+            "{text}"
+        );
+        let (verdict, _, doubt) = said(found(0.1, 0.2, floor));
+        assert!(verdict == Verdict::Misfit && doubt == Some(DoubtKind::Misfit));
+        let (verdict, text, doubt) = said(found(0.3, 0.2, floor));
+        assert!(verdict == Verdict::WorseThanNominal && doubt == Some(DoubtKind::WorseThanNominal));
+        assert!(text.contains("worse than the robot before the fit does: 0.3000 against 0.2000"), "{text}");
+        let (verdict, text, _) = said(found(0.1, 0.2, None));
+        assert!(verdict == Verdict::Unknown && text.contains("too short"), "{text}");
         let diverged = HeldOut { cost: None, ..found(0.1, 0.2, floor) };
         assert_eq!(diverged.verdict(), Verdict::WorseThanNominal);
     }

@@ -18,7 +18,7 @@ mod signals;
 mod validate;
 
 pub use check::Check;
-pub use held_out::{Distance, Floor, FloorOf, HeldOut, Verdict};
+pub use held_out::{Distance, Floor, HeldOut, Verdict};
 pub use method::Method;
 pub use report::round;
 pub use results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};

@@ -263,12 +263,12 @@ pub(super) fn results(
     })
 }
 
-/// Walks under the commands of the logs that were not fitted, beside them and beside the fitted logs.
+/// Walks under the commands of the logs that were not fitted, beside them.
 fn beside_others(setup: &Setup, robot: Robot<'_>) -> Result<Option<HeldOut>, Error> {
     let Some(set) = setup.validate.first() else { return Ok(None) };
     let (theta, values): (Theta, &[f64]) = (Theta::default(), &[]);
     let before = Robot { theta: &theta, values };
-    held_out(&setup.config, &setup.method, [(set, robot), (set, before)], &setup.fit.logs)
+    held_out(&setup.config, &setup.method, [(set, robot), (set, before)])
 }
 
 /// The outcome of cost number `cost` with the interval of each parameter, where there are not too many.

@@ -5,14 +5,11 @@ use super::files::CONFIG;
 use super::held_out::{HeldOut, Verdict, held_out};
 use super::results::validation_checks;
 use super::score::{Robot as Predictor, Validation, cost_of_sets, mean, validation};
-use super::method::Method;
 use super::setup::{LogSet, Robot, aligned, method, validation as read_logs};
-use crate::log::Log;
 use crate::settings::{self, AdaptConfig, check};
 use crate::{Error, theta};
 use gaitfit_adapt::Theta;
 use serde::{Deserialize, Serialize};
-use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// What is to be validated.
@@ -77,7 +74,6 @@ impl ValidateResults {
 pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let path = config_path(request)?;
     let mut config: AdaptConfig = settings::load(Some(&path), &request.set)?;
-    let own = config.clone();
     // What was fitted and on which logs does not matter any more; that they are named keeps the other checks.
     config.validate.clone_from(&request.logs);
     if config.logs.is_empty() {
@@ -110,10 +106,7 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let rmse_rad = mean(found.iter().map(|log| log.rmse_rad));
     let nominal_rmse_rad = mean(found.iter().map(|log| log.nominal_rmse_rad));
     let held_out = match (after.first(), before.first()) {
-        (Some(fitted), Some(nominal)) => {
-            let others = fitted_logs(&own, &path, &fitted.logs, &method);
-            held_out(&config, &method, [(fitted, itself), (nominal, itself)], &others)?
-        }
+        (Some(fitted), Some(nominal)) => held_out(&config, &method, [(fitted, itself), (nominal, itself)])?,
         _ => None,
     };
     let mut results = ValidateResults {
@@ -140,18 +133,6 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
         results.checks.insert(0, check);
     }
     Ok(results)
-}
-
-/// The logs of the fit, where they are still there and usable, but for those that are `validated`; none otherwise, and
-/// then the floor is of halves.
-fn fitted_logs(own: &AdaptConfig, path: &Path, validated: &[Log], method: &Method) -> Vec<Log> {
-    if own.logs.is_empty() || method.walking().is_none() {
-        return Vec::new();
-    }
-    let (sets, _) = read_logs(&own.logs, own, path, method).unwrap_or_default();
-    let place = |log: &Log| log.path.canonicalize().unwrap_or_else(|_| log.path.clone());
-    let validated: HashSet<PathBuf> = validated.iter().map(place).collect();
-    sets.into_iter().flatten().filter(|log| !validated.contains(&place(log))).collect()
 }
 
 fn config_path(request: &ValidateRequest) -> Result<PathBuf, Error> {
@@ -195,7 +176,9 @@ fn headline(results: &ValidateResults, numbers: &str) -> String {
     }
     match &results.held_out {
         None => format!("{numbers}."),
-        Some(found) if found.verdict() == Verdict::Misfit => format!("Misfit: {}. {numbers}.", found.sentence()),
+        Some(found) if found.verdict() == Verdict::Misfit => {
+            format!("Misfit: {}. {numbers}.", found.sentence())
+        }
         Some(found) if found.verdict() == Verdict::WorseThanNominal => {
             format!("Whole walks worse than the nominal robot's: {}. {numbers}.", found.sentence())
         }

@@ -1,5 +1,6 @@
 //! How well a policy walks, as `gaitfit evaluate --json` prints it and other programs may.
 
+use super::TrajectoryErrors;
 use crate::Error;
 use crate::watch::Watch;
 use crate::world::World;
@@ -61,6 +62,9 @@ pub struct Evaluation {
     /// The gait ahead, where it walks.
     #[serde(default)]
     pub gait: Option<GaitSummary>,
+    /// One a trajectory, in their order, so that policies can be compared on the same ones.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub errors: Vec<TrajectoryErrors>,
 }
 
 impl Evaluation {
@@ -88,6 +92,15 @@ impl Evaluation {
         ];
         if self.trajectories == 0 {
             return Some("`trajectories` is 0".to_owned());
+        }
+        if !(self.errors.is_empty() || self.errors.len() == self.trajectories) {
+            let count = self.errors.len();
+            return Some(format!("`errors` has {count} entries for {} trajectories", self.trajectories));
+        }
+        let impossible =
+            |row: &[f64; 3]| row.iter().any(|value| !(value.is_finite() && *value >= 0.0)) || row[2] > 1.0;
+        if let Some(row) = self.errors.iter().flatten().find(|row| impossible(row)) {
+            return Some(format!("`errors` has the entry {row:?}"));
         }
         errors.into_iter().find_map(|(name, found, most)| {
             let impossible =
@@ -178,8 +191,15 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
             })
             .collect(),
         gait: walked.then(|| record.summary(&world.scene.gait_group)),
+        errors: trials.iter().map(errors).collect(),
     };
     Ok(Measured { evaluation, trials, gait: walked.then_some(record) })
+}
+
+/// What of a trajectory is compared with others.
+fn errors(trial: &Trial) -> TrajectoryErrors {
+    let fell = f64::from(u8::from(trial.fell));
+    (!trial.diverged).then_some([trial.linear_velocity_error, trial.angular_velocity_error, fell])
 }
 
 impl DriftResult {

@@ -1,7 +1,9 @@
 //! How well a policy walks in a simulator.
 
+mod compare;
 mod measure;
 
+pub use compare::{Better, Comparison, TrajectoryErrors, compare};
 pub use measure::{DriftResult, Evaluation, Measured, Plan, measure};
 
 use crate::Error;

@@ -2,6 +2,7 @@
 
 use super::policy;
 use crate::Error;
+use crate::draws;
 use crate::paths;
 use crate::run::inputs::{Inputs, hash_file};
 use crate::settings::{FinetuneConfig, changed, tamed};
@@ -62,13 +63,15 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
     let changed = !config.task.is_empty();
     let (plan, settings, new_critic) = plan(&mut config, &arguments, &mut policy, run).map_err(&wrong)?;
     let mut warnings: Vec<String> = plan.untrained().into_iter().collect();
-    let world = World::with_task(&arguments, policy, settings).map_err(|error| {
+    let drawn = if config.randomise_theta { Some(files.draws().map_err(&wrong)?) } else { None };
+    let of_task = |error: Error| {
         // Settings of [task] lie upon those of the file.
         if changed && error.is_of_task() { wrong(error.to_string()) } else { arguments.of_task(error) }
-    })?;
+    };
+    let world = World::among(&arguments, policy, settings, drawn.as_deref()).map_err(of_task)?;
     warnings.extend(world.warnings.iter().cloned());
     let model = world.scene.walker.batch.model().clone();
-    let inputs = Inputs::new(files.all(), &model, &bound(&config))?;
+    let inputs = Inputs::new(files.all().chain(drawn.as_deref()), &model, &bound(&config))?;
     let parent = Parent {
         policy: files.policy.display().to_string(),
         policy_sha256,
@@ -81,6 +84,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         plan,
         model,
         candidate: Some(world.candidate),
+        drawn: world.drawn,
         scene: world.scene,
         start: Some(Start { policy: world.policy, parent }),
         inputs,
@@ -190,6 +194,18 @@ impl Found {
         let theta = find(&asked.theta, &mut config.theta, "theta")?;
         let robot = find(&asked.robot, &mut config.robot, "robot")?;
         Ok(Self { policy, theta, robot })
+    }
+
+    /// The draws of the fit.
+    ///
+    /// # Errors
+    /// In words: that there is no fit.
+    fn draws(&self) -> Result<PathBuf, String> {
+        let theta = self.theta.as_deref().ok_or(
+            "`randomise_theta` takes draws of fitted parameters, and there are none: give `theta` (--theta), or set it \
+             to false",
+        )?;
+        Ok(draws::beside(theta))
     }
 
     fn all(&self) -> impl Iterator<Item = &Path> {

@@ -5,6 +5,7 @@ use super::rounds::Done;
 use super::setup::Setup;
 use crate::Error;
 use crate::adapt;
+use crate::evaluate::Comparison;
 use crate::gait;
 use crate::machine::now;
 use crate::pieces;
@@ -14,7 +15,7 @@ use crate::target::{PolicyFiles, Target};
 use crate::train;
 use gaitfit_adapt::cost::Signal;
 use gaitfit_view::fit::Signal as Shown;
-use gaitfit_view::loop_report::{DriftTrials, HeldOut, JointDistance, Round, Tracking};
+use gaitfit_view::loop_report::{Difference, DriftTrials, HeldOut, JointDistance, Round, Tracking};
 use gaitfit_view::{Doubt, DoubtKind, Link, LoopReport, Replay, Setting, loop_html};
 
 /// Writes the page.
@@ -38,6 +39,8 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         target: results.evaluations.first().map(|one| one.on.clone()).unwrap_or_default(),
         rounds: rounds(folder, done)?,
         tracking: tracking(results),
+        differences: results.comparisons.iter().map(difference).collect(),
+        bought: results.bought.clone().unwrap_or_default(),
         drift: drift(setup, results),
         replay: side_by_side(setup, done)?,
         facts,
@@ -125,6 +128,18 @@ fn tracking(results: &Results) -> Vec<Tracking> {
     results.evaluations.iter().map(row).collect()
 }
 
+fn difference(one: &Comparison) -> Difference {
+    Difference {
+        policy: one.policy.clone(),
+        against: one.against.clone(),
+        simulator: one.on.clone(),
+        paired: one.paired,
+        linear_velocity_error: one.linear_velocity_error,
+        angular_velocity_error: one.angular_velocity_error,
+        fall_rate: one.fall_rate,
+    }
+}
+
 fn drift(setup: &Setup, results: &Results) -> Vec<DriftTrials> {
     let row = |one: &super::results::Measurement| DriftTrials {
         policy: one.evaluation.policy.clone(),
@@ -182,6 +197,12 @@ fn links(folder: &RunFolder, results: &Results) -> Vec<Link> {
             format!("Training of round {number}"),
             format!("round-{number}/finetune/report.html"),
         ));
+    }
+    for name in ["nominal", "randomised"] {
+        if folder.path().join("controls").join(name).is_dir() {
+            let path = format!("controls/{name}/finetune/report.html");
+            links.push(link(format!("Training: fine-tuned, {name}"), path));
+        }
     }
     if folder.path().join("reference").is_dir() {
         links.push(link(format!("Training: {REFERENCE}"), "reference/finetune/report.html".to_owned()));

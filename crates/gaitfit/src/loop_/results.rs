@@ -1,7 +1,7 @@
 //! What a loop came to, as the one document that `--json` prints, `result.json` keeps, and table and report show.
 
 use crate::adapt::AdaptResults;
-use crate::evaluate::Evaluation;
+use crate::evaluate::{Comparison, Evaluation};
 use crate::train;
 use gaitfit_view::Doubt;
 use indexmap::IndexMap;
@@ -20,6 +20,12 @@ pub struct Results {
     pub rounds: Vec<RoundResult>,
     /// Every policy in every simulator it was measured in, the same commands for all.
     pub evaluations: Vec<Measurement>,
+    /// The best policy beside the others, where all were measured: on the target, or else in the last adapted simulator.
+    #[serde(default)]
+    pub comparisons: Vec<Comparison>,
+    /// What the fit bought over training without logs, in a sentence; absent without such policies.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bought: Option<String>,
     /// Name of the policy it began with.
     pub before: String,
     /// Name of the best policy it found.
@@ -78,6 +84,13 @@ pub const TARGET: &str = "target";
 /// Name of a policy that was fine-tuned in the true simulator.
 pub const REFERENCE: &str = "fine-tuned on the target";
 
+/// What intervals of comparisons do not hold.
+pub const ONE_TRAINING: &str = "Intervals are of the trajectories. Each policy was trained once; another seed of the training would differ too.";
+/// Name of the policy that was fine-tuned in the simulator of the robot's file.
+pub const NOMINAL: &str = "fine-tuned, nominal";
+/// Name of the policy that was fine-tuned in simulators that differ at random.
+pub const RANDOMISED: &str = "fine-tuned, randomised";
+
 /// [`Measurement::on`] of a round's fitted simulator; of `rounds` in all.
 pub fn adapted(round: u32, rounds: u32) -> String {
     if rounds == 1 { "adapted".to_owned() } else { format!("adapted, round {round}") }
@@ -88,6 +101,14 @@ pub fn policy_name(round: u32) -> String {
     let digits = round.to_string();
     let below = digits.chars().filter_map(|digit| char::from_u32(0x2080 + digit.to_digit(10)?));
     format!("π{}", below.collect::<String>())
+}
+
+impl Measurement {
+    /// Without what single trajectories did.
+    pub fn summary(mut self) -> Self {
+        self.evaluation.errors = Vec::new();
+        self
+    }
 }
 
 impl Results {

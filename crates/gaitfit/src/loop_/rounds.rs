@@ -4,6 +4,7 @@
 //! under commands that are the same for all policies: it is what the loop is for, and costs of two rounds compare
 //! logs of different policies, each scaled by its own range. Where only logs can be had, it is the cost of the fit.
 
+use super::controls;
 use super::files;
 use super::presence;
 use super::results::{self, Measurement, REFERENCE, Results, RoundResult, TARGET, adapted, policy_name};
@@ -11,7 +12,7 @@ use super::setup::Setup;
 use super::stages::{Stages, TrainingRobot, measurement};
 use crate::Error;
 use crate::adapt;
-use crate::evaluate::Evaluation;
+use crate::evaluate::{Better, Comparison, Evaluation, compare};
 use crate::run::RunFolder;
 use crate::settings::{AdaptConfig, TargetConfig, TargetKind};
 use crate::target::{PolicyFiles, Target};
@@ -45,6 +46,11 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
     let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
     let mut evaluations = Vec::new();
     evaluations.extend(measurement(TARGET, stages.on_target("policy-0", &first)?));
+    // By other trajectories than those that are reported, where there is anything to choose.
+    let mut choices = Vec::new();
+    if most > 1 {
+        choices.extend(measurement(TARGET, stages.for_choice("policy-0", &first)?));
+    }
     let mut policies = vec![first];
     let mut rounds: Vec<RoundResult> = Vec::new();
     let mut fits = Vec::new();
@@ -53,14 +59,21 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         let (round, fit) = one_round(&mut stages, number, &mut policies, &mut evaluations)?;
         rounds.push(round);
         fits.push(fit);
-        let (helped, why) = helped(setup, &rounds, &evaluations);
+        if let (true, Some(after)) = (most > 1, policies.last()) {
+            choices.extend(measurement(TARGET, stages.for_choice(&format!("policy-{number}"), after)?));
+        }
+        let judged = if choices.is_empty() { &evaluations } else { &choices };
+        let (helped, why) = helped(setup, &rounds, judged);
         if !helped {
             stopped_because = why;
             break;
         }
     }
     reference(&mut stages, &policies, &mut evaluations)?;
-    let after = best(&policies, &evaluations);
+    let number = best(&policies, if choices.is_empty() { &evaluations } else { &choices });
+    let after = &policies[number];
+    controls::run(&mut stages, &policies, number.max(1), &mut evaluations)?;
+    let comparisons = controls::comparisons(&after.name, &evaluations);
     let results = Results {
         name: folder.name(),
         robot: setup.model.name.clone(),
@@ -72,12 +85,15 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         stopped_because,
         next: next(stages.target.is_some(), absent.as_deref(), after),
         doubts: rounds.last().map(|round| round.adapt.doubts()).unwrap_or_default(),
-        warnings: warnings(&rounds, &fits, &evaluations),
+        warnings: warnings(&rounds, &fits, &evaluations, &comparisons),
+        bought: controls::bought(&comparisons, &evaluations),
+        comparisons,
         run_folder: folder.path().display().to_string(),
         wall_seconds: stages.times.all().values().sum(),
         stage_seconds: stages.times.all().clone(),
         rounds,
-        evaluations,
+        // Trajectory by trajectory they stand in files of their own.
+        evaluations: evaluations.into_iter().map(Measurement::summary).collect(),
     };
     Ok(Done { results, fits, policies, target: stages.target })
 }
@@ -88,7 +104,9 @@ fn count(setup: &Setup, rounds: u32, target: Option<&Target>) -> usize {
     // Logs, fit, training, the new policy on the target, both in the fitted simulator.
     let round = 5 + measured;
     let reference = if has_reference(setup) { 1 + measured } else { 0 };
-    rounds as usize * round - usize::from(!setup.logs.is_empty()) + measured + reference
+    let chosen = if rounds > 1 { measured * (rounds as usize + 1) } else { 0 };
+    let controls = controls::count(setup, target);
+    rounds as usize * round - usize::from(!setup.logs.is_empty()) + measured + reference + chosen + controls
 }
 
 fn one_round(
@@ -116,7 +134,7 @@ fn one_round(
     config.runs = stages.path(&round).display().to_string();
     add_truth(setup, &mut config);
     let (fit, adapt, theta) = stages.adapt(&round, &config)?;
-    let robot = TrainingRobot { theta: theta.clone(), ..TrainingRobot::default() };
+    let robot = TrainingRobot::fitted(theta.clone());
     let (finetune, bytes) = stages.finetune(&round, before, &robot)?;
     let stem = |number: u32| format!("policy-{number}");
     let after = stages.keep(&policy_name(number), &stem(number), &bytes)?;
@@ -223,25 +241,20 @@ fn reference(
     else {
         return Ok(());
     };
-    let robot = TrainingRobot {
-        theta: files::truth(stages.folder),
-        spring: target.spring.clone(),
-        torque_noise: target.torque_noise,
-    };
+    let robot = TrainingRobot::target(files::truth(stages.folder), target);
     let (_, bytes) = stages.finetune("reference", first, &robot)?;
     let policy = stages.keep(REFERENCE, "reference", &bytes)?;
     evaluations.extend(measurement(TARGET, stages.on_target("reference", &policy)?));
     Ok(())
 }
 
-/// The trained policy with the smallest tracking error on the target; the last one where that is not known.
-fn best<'a>(policies: &'a [PolicyFiles], evaluations: &[Measurement]) -> &'a PolicyFiles {
-    let trained = &policies[usize::from(policies.len() > 1)..];
-    let error = |policy: &PolicyFiles| {
-        measured(evaluations, &policy.name).map_or(f64::INFINITY, results::tracking_error)
+/// Number of the trained policy with the smallest tracking error on the target; the last one where that is not known.
+fn best(policies: &[PolicyFiles], evaluations: &[Measurement]) -> usize {
+    let error = |number: &usize| {
+        measured(evaluations, &policies[*number].name).map_or(f64::INFINITY, results::tracking_error)
     };
-    let least = trained.iter().rev().min_by(|a, b| error(a).total_cmp(&error(b)));
-    least.unwrap_or(&policies[policies.len() - 1])
+    let trained = usize::from(policies.len() > 1)..policies.len();
+    trained.rev().min_by(|a, b| error(a).total_cmp(&error(b))).unwrap_or_default()
 }
 
 /// What only the user can do.
@@ -263,12 +276,18 @@ fn next(target: bool, absent: Option<&str>, after: &PolicyFiles) -> Option<Strin
 
 /// What to know before trusting the numbers: what policies do on the target, then their training, the fits, and the
 /// logs. The doubts about the last fit are said elsewhere.
-fn warnings(rounds: &[RoundResult], fits: &[adapt::Setup], evaluations: &[Measurement]) -> Vec<String> {
+fn warnings(
+    rounds: &[RoundResult],
+    fits: &[adapt::Setup],
+    evaluations: &[Measurement],
+    comparisons: &[Comparison],
+) -> Vec<String> {
     let mut found = Vec::from_iter(results::divergence(evaluations));
+    found.extend(comparisons.iter().filter_map(controls::warning));
     for round in rounds {
         let (before, after) = (measured(evaluations, &round.before), measured(evaluations, &round.after));
         let (Some(before), Some(after)) = (before, after) else { continue };
-        if results::tracking_error(after) >= results::tracking_error(before) {
+        if compare(TARGET, after, before).better() != Better::Policy {
             found.push(format!("{} tracks no better than {} on the target", round.after, round.before));
         }
         let (falls, fell) = (after.fall_rate, before.fall_rate);
@@ -286,7 +305,8 @@ fn warnings(rounds: &[RoundResult], fits: &[adapt::Setup], evaluations: &[Measur
     let last = rounds.last().map(|round| round.round);
     for round in rounds.iter().filter(|round| Some(round.round) != last) {
         let doubts = round.adapt.doubts();
-        let said = doubts.iter().map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text));
+        let said =
+            doubts.iter().map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text));
         found.extend(said);
     }
     for of_logs in [false, true] {

@@ -4,7 +4,7 @@ use crate::Error;
 use crate::evaluate::{self, Plan};
 use crate::robot::Hold;
 use crate::run::{Inputs, bound};
-use crate::settings::{LOOP_FREE, LoopConfig, TargetConfig, TargetKind};
+use crate::settings::{LOOP_FREE, LoopConfig, MOST_SEED, TargetConfig, TargetKind};
 use crate::target::{self, Command, PolicyFiles, Simulated, Target};
 use crate::walk::log_files;
 use crate::world::{self, World, WorldSettings};
@@ -187,6 +187,13 @@ impl Setup {
     /// A policy in a fitted simulator.
     pub fn adapted(&self, policy: &PolicyFiles, theta: PathBuf) -> Result<World, Error> {
         World::with_task(&self.world_arguments(Some(theta)), policy.policy.clone(), self.task.calm())
+    }
+
+    /// By what the best policy is chosen: as many other trajectories.
+    pub fn choice(&self) -> Plan {
+        let plan = self.plan();
+        let seed = if plan.seed == MOST_SEED { 0 } else { plan.seed + 1 };
+        Plan { seed, drift: 0, ..plan }
     }
 
     /// What is measured of every policy.

@@ -5,13 +5,14 @@ use super::files::Times;
 use super::results::Measurement;
 use super::setup::Setup;
 use crate::adapt::{self, AdaptResults};
-use crate::evaluate::{Evaluation, measure};
+use crate::evaluate::{Evaluation, Plan, measure};
 use crate::run::RunFolder;
-use crate::settings::{AdaptConfig, FinetuneConfig};
+use crate::settings::{AdaptConfig, ControlsConfig, FinetuneConfig, TargetConfig, changed};
 use crate::target::{PolicyFiles, Target};
 use crate::watch::{Event, Watch};
 use crate::{Error, Spring};
 use crate::{files as user_files, finetune, train};
+use gaitfit_learn::TrainingSettings;
 use gaitfit_log::csv_files;
 use gaitfit_policy::{onnx, weights};
 use serde::Serialize;
@@ -36,12 +37,42 @@ pub struct Stages<'a> {
 /// The simulated robot that a policy is fine-tuned on.
 #[derive(Clone, Debug, Default)]
 pub struct TrainingRobot {
-    /// Its numbers.
-    pub theta: PathBuf,
+    /// Its numbers; those of the robot's file without any.
+    pub theta: Option<PathBuf>,
+    /// What differs from the settings of the task.
+    pub task: toml::Table,
     /// Its springs.
     pub spring: Vec<Spring>,
     /// Its torque noise, N·m.
     pub torque_noise: f64,
+    /// Whether its numbers are those of a fit.
+    pub fitted: bool,
+    /// How many times as many iterations as the settings ask for.
+    pub times: u32,
+}
+
+impl TrainingRobot {
+    /// A simulated target, whose numbers stand in a file.
+    pub fn target(theta: PathBuf, target: &TargetConfig) -> Self {
+        let (spring, torque_noise) = (target.spring.clone(), target.torque_noise);
+        Self { theta: Some(theta), spring, torque_noise, times: 1, ..Self::default() }
+    }
+
+    /// The robot of the file, which nothing was fitted to.
+    pub fn nominal() -> Self {
+        Self { times: 1, ..Self::default() }
+    }
+
+    /// Robots that differ at random.
+    pub fn randomised(controls: &ControlsConfig) -> Self {
+        let (task, torque_noise) = (controls.randomisation(), controls.torque_noise);
+        Self { task, torque_noise, ..Self::nominal() }
+    }
+
+    /// The robot of a fit.
+    pub fn fitted(theta: PathBuf) -> Self {
+        Self { theta: Some(theta), fitted: true, times: 1, ..Self::default() }
+    }
 }
 
 impl<'a> Stages<'a> {
@@ -172,7 +203,8 @@ impl<'a> Stages<'a> {
         let stage = format!("{round}/finetune");
         let file = format!("{round}/finetune.toml");
         self.folder.make(round)?;
-        let mut task = self.setup.config.finetune.task.clone();
+        let settings = &self.setup.config.finetune;
+        let mut task = changed(settings.task.clone(), &robot.task);
         // The policy is trained where the robot was fitted.
         if let Some(step) = self.setup.config.adapt.simulation.robot_timestep {
             task.entry("robot_timestep").or_insert(toml::Value::Float(step));
@@ -182,15 +214,21 @@ impl<'a> Stages<'a> {
             name: Some("finetune".to_owned()),
             policy: Some(policy.safetensors.display().to_string()),
             policy_sha256: None,
-            theta: Some(robot.theta.display().to_string()),
+            theta: robot.theta.as_ref().map(|path| path.display().to_string()),
             theta_sha256: None,
+            // Draws are of a fit.
+            randomise_theta: settings.randomise_theta && robot.fitted,
+            train: TrainingSettings {
+                iterations: settings.train.iterations.saturating_mul(robot.times),
+                ..settings.train.clone()
+            },
             robot: self.setup.robot.as_ref().map(|path| path.display().to_string()),
             lenient: self.setup.config.lenient,
             spring: robot.spring.clone(),
             torque_noise: robot.torque_noise,
             runs: self.path(round).display().to_string(),
             checkpoint_seconds: self.setup.config.checkpoint_seconds,
-            ..self.setup.config.finetune.clone()
+            ..settings.clone()
         };
         self.write_config(&file, &config)?;
         let setup = finetune::setup(finetune::Request {
@@ -216,11 +254,24 @@ impl<'a> Stages<'a> {
 
     /// What is measured of a policy on the target; none where that cannot be.
     pub fn on_target(&mut self, stem: &str, policy: &PolicyFiles) -> Result<Option<Evaluation>, Error> {
+        self.measured_on_target(&format!("{stem}-target"), policy, self.setup.plan())
+    }
+
+    /// The same on other trajectories, by which a policy is chosen: those by which it is reported must not choose it.
+    pub fn for_choice(&mut self, stem: &str, policy: &PolicyFiles) -> Result<Option<Evaluation>, Error> {
+        self.measured_on_target(&format!("{stem}-choice"), policy, self.setup.choice())
+    }
+
+    fn measured_on_target(
+        &mut self,
+        name: &str,
+        policy: &PolicyFiles,
+        plan: Plan,
+    ) -> Result<Option<Evaluation>, Error> {
         let Some(target) = self.target.take_if(|target| target.measures()) else { return Ok(None) };
-        let (plan, watch) = (self.setup.plan(), self.watch);
+        let watch = self.watch;
         let what = format!("{} on the target, {}", policy.name, target.description());
-        let found =
-            self.evaluation(&format!("{stem}-target"), &what, || target.evaluate(policy, &plan, watch));
+        let found = self.evaluation(name, &what, || target.evaluate(policy, &plan, watch));
         self.target = Some(target);
         found
     }

@@ -110,11 +110,7 @@ impl Run<'_> {
         };
         let walk = stages.on_target("policy-0", &first)?.as_ref().map(Walk::from);
         let before = result(walk, 0.0);
-        let robot = TrainingRobot {
-            theta: files::truth(&folder),
-            spring: target.spring.clone(),
-            torque_noise: target.torque_noise,
-        };
+        let robot = TrainingRobot::target(files::truth(&folder), &target);
         let (trained, bytes) = stages.finetune("reference", &first, &robot)?;
         let policy = stages.keep(REFERENCE, "reference", &bytes)?;
         let walk = stages.on_target("reference", &policy)?.as_ref().map(Walk::from);
@@ -153,7 +149,7 @@ impl Run<'_> {
             run_folder: folder.path().display().to_string(),
         };
         if self.kind == Kind::Finetuning {
-            let robot = TrainingRobot { theta, ..TrainingRobot::default() };
+            let robot = TrainingRobot::fitted(theta);
             let (trained, bytes) = stages.finetune(round, &first, &robot)?;
             let policy = stages.keep(&policy_name(1), "policy-1", &bytes)?;
             result.walk = stages.on_target("policy-1", &policy)?.as_ref().map(Walk::from);

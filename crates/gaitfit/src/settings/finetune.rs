@@ -36,6 +36,8 @@ pub struct FinetuneConfig {
     pub robot: Option<String>,
     /// Drop what the engine does not honour in the robot file instead of refusing it.
     pub lenient: bool,
+    /// Whether each robot takes a row of `draws.csv` beside the fitted parameters instead of these.
+    pub randomise_theta: bool,
     /// Springs on joints, written `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`, N·m/rad and rad.
     pub spring: Vec<Spring>,
     /// Standard deviation of Gaussian torques at every joint and physics step, N·m.

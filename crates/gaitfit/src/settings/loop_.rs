@@ -3,7 +3,7 @@
 use super::finetune::FINETUNE_DEFAULTS;
 use super::load::{Configuration, merge, taken};
 use super::target::{TargetConfig, TargetKind};
-use super::{AdaptConfig, Base, FinetuneConfig, Preset, check};
+use super::{AdaptConfig, Base, ControlsConfig, FinetuneConfig, Preset, check};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
@@ -43,6 +43,8 @@ pub struct LoopConfig {
     pub improvement: f64,
     /// Whether a policy is fine-tuned in the true simulator too.
     pub references: bool,
+    /// What else it is fine-tuned in, to compare.
+    pub controls: ControlsConfig,
     /// Seconds between checkpoints.
     pub checkpoint_seconds: f64,
     /// The robot, if it can be run from here.
@@ -205,6 +207,8 @@ impl LoopConfig {
         } else if !length(evaluate.seconds) {
             "`evaluate.seconds` must be above 0 and at most 3600".to_owned()
         } else if let Some(wrong) = self.target.as_ref().and_then(TargetConfig::wrong) {
+            wrong
+        } else if let Some(wrong) = self.controls.wrong() {
             wrong
         } else {
             return self.check_adapt(path);

@@ -2,6 +2,7 @@
 //! `gaitfit config` prints them.
 
 pub mod check;
+mod controls;
 mod finetune;
 mod load;
 mod loop_;
@@ -12,6 +13,7 @@ mod target;
 mod text;
 mod train;
 
+pub use controls::ControlsConfig;
 pub use finetune::{FINETUNE_DEFAULTS, FinetuneConfig, changed};
 pub use load::{Configuration, load, load_task};
 pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MOST_DRIFT, MOST_SEED};

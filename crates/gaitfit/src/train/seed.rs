@@ -47,7 +47,12 @@ pub fn train(setup: &Setup, folder: &RunFolder, seed: u64, watch: &Watch<'_>) ->
     let files = Files::of(seed);
     folder.make(&files.folder)?;
     let learner = setup.learner(seed).map_err(Error::settings)?;
-    let training = Training::new(&setup.scene, setup.candidate.as_ref(), &setup.plan.train, learner, seed);
+    let settings = &setup.plan.train;
+    let training = if setup.drawn.is_empty() {
+        Training::new(&setup.scene, setup.candidate.as_ref(), settings, learner, seed)
+    } else {
+        Training::among(&setup.scene, &setup.drawn, settings, learner, seed)
+    };
     let training = training.map_err(Error::settings)?;
     let mut session =
         Session { setup, folder, files, seed, training, before: 0.0, begun: Instant::now(), watch };

@@ -24,6 +24,9 @@ pub struct Setup {
     pub model: Model,
     /// What robots are varied around; the robot of the file if there is none.
     pub candidate: Option<Candidate>,
+    /// Robots that they are varied around instead, each robot of the training around one of them; none without draws of
+    /// fitted parameters.
+    pub drawn: Vec<Candidate>,
     /// The task on it.
     pub scene: Task,
     /// What the training goes on from.
@@ -102,8 +105,17 @@ pub fn setup(config: &TrainConfig, name: &str, path: Option<&Path>, threads: usi
         return Err(Error::settings(advice(path, wrong, printed_by)));
     }
     let inputs = Inputs::new(robot_path.as_deref(), &model, &settings(config))?;
-    let setup =
-        Setup { plan, model, candidate: None, scene, start: None, inputs, threads, warnings: Vec::new() };
+    let setup = Setup {
+        plan,
+        model,
+        candidate: None,
+        drawn: Vec::new(),
+        scene,
+        start: None,
+        inputs,
+        threads,
+        warnings: Vec::new(),
+    };
     setup.learner(0).map_err(refused)?;
     Ok(setup)
 }

@@ -2,7 +2,7 @@
 
 use crate::table::table;
 use gaitfit::evaluate::{DriftResult, Evaluation};
-use gaitfit::loop_::results::{Measurement, REFERENCE, Results, TARGET};
+use gaitfit::loop_::results::{Measurement, ONE_TRAINING, RANDOMISED, REFERENCE, Results, TARGET};
 use gaitfit_view::loop_report::Estimate;
 use std::fmt::Write;
 
@@ -42,6 +42,12 @@ pub fn text(results: &Results) -> String {
     let _ = writeln!(text, "\nTracking of random commands, mean ± 95 %\n{}", tracking(results));
     for place in places(results).into_iter().filter_map(|name| place(results, name)) {
         let _ = writeln!(text, "{place}");
+    }
+    if !results.comparisons.is_empty() {
+        let _ = writeln!(text, "\n{}", comparisons(results));
+    }
+    if let Some(bought) = &results.bought {
+        let _ = writeln!(text, "{bought}\n{ONE_TRAINING}");
     }
     if let Some(drift) = drift(results) {
         let _ = writeln!(
@@ -116,17 +122,41 @@ fn shown(estimate: Estimate, digits: usize) -> String {
     }
 }
 
+/// The best policy minus each other one.
+fn comparisons(results: &Results) -> comfy_table::Table {
+    let header =
+        [&format!("{} minus", results.after), "linear error, m/s", "angular error, rad/s", "falls, %", ""];
+    let mut rows = table(&header, &[1, 2, 3]);
+    for one in &results.comparisons {
+        let falls = Estimate { mean: 100.0 * one.fall_rate.mean, ci95: 100.0 * one.fall_rate.ci95 };
+        rows.add_row([
+            one.against.clone(),
+            difference(one.linear_velocity_error, 4),
+            difference(one.angular_velocity_error, 4),
+            difference(falls, 2),
+            if one.paired { "same trajectories".to_owned() } else { "not paired".to_owned() },
+        ]);
+    }
+    rows
+}
+
+fn difference(estimate: Estimate, digits: usize) -> String {
+    let Estimate { mean, ci95 } = estimate;
+    if mean.is_nan() { "–".to_owned() } else { format!("{mean:+.digits$} ± {ci95:.digits$}") }
+}
+
 /// On the target, or else in the last adapted simulator: a row a command, a column a policy.
 fn drift(results: &Results) -> Option<comfy_table::Table> {
     let on = match results.measured(&results.before, TARGET) {
         Some(_) => TARGET,
         None => &results.evaluations.last()?.on,
     };
-    let columns: Vec<(&str, &Evaluation)> = [results.before.as_str(), results.after.as_str(), REFERENCE]
-        .into_iter()
-        .filter_map(|policy| Some((policy, results.measured(policy, on)?)))
-        .filter(|(_, found)| !found.drift.is_empty())
-        .collect();
+    let columns: Vec<(&str, &Evaluation)> =
+        [results.before.as_str(), results.after.as_str(), RANDOMISED, REFERENCE]
+            .into_iter()
+            .filter_map(|policy| Some((policy, results.measured(policy, on)?)))
+            .filter(|(_, found)| !found.drift.is_empty())
+            .collect();
     let (_, first) = columns.first()?;
     let mut header = vec!["command"];
     header.extend(columns.iter().map(|(policy, _)| *policy));

@@ -1,0 +1,193 @@
+//! How one policy differs from another where both walked: the difference trajectory by trajectory.
+
+use super::Evaluation;
+use gaitfit_sim::stats;
+use gaitfit_view::loop_report::Estimate;
+use serde::{Deserialize, Serialize};
+
+/// Errors of one trajectory: linear velocity, m/s, angular velocity, rad/s, and 1 after a fall, else 0. Absent if its
+/// state stopped being a number, which counts as a fall.
+pub type TrajectoryErrors = Option<[f64; 3]>;
+
+/// What one policy does more than another: differences with half their 95 % confidence intervals. Errors are
+/// differences of what lies below: a negative one is a smaller error.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    /// The policy.
+    pub policy: String,
+    /// The policy that it is compared with.
+    pub against: String,
+    /// Where both walked.
+    pub on: String,
+    /// Whether differences are of the same trajectories one by one. If not, the intervals are those of independent means,
+    /// which are wider.
+    pub paired: bool,
+    /// Trajectories that both have to their end or fall.
+    pub trajectories: usize,
+    /// Of the linear-velocity error, m/s.
+    pub linear_velocity_error: Estimate,
+    /// Of the angular-velocity error, rad/s.
+    pub angular_velocity_error: Estimate,
+    /// Of both errors added, m/s and rad/s.
+    pub tracking_error: Estimate,
+    /// Of the share of falls.
+    pub fall_rate: Estimate,
+}
+
+/// Compares two evaluations of the same place.
+pub fn compare(on: &str, policy: &Evaluation, against: &Evaluation) -> Comparison {
+    let same = policy.seed == against.seed
+        && policy.seconds == against.seconds
+        && !policy.errors.is_empty()
+        && policy.errors.len() == against.errors.len();
+    let found = if same { paired(policy, against) } else { independent(policy, against) };
+    Comparison { policy: policy.policy.clone(), against: against.policy.clone(), on: on.to_owned(), ..found }
+}
+
+fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
+    let pairs = || policy.errors.iter().zip(&against.errors);
+    let both: Vec<([f64; 3], [f64; 3])> = pairs().filter_map(|(one, other)| (*one).zip(*other)).collect();
+    let of = |value: fn(&[f64; 3]) -> f64| {
+        estimate(&both.iter().map(|(one, other)| value(one) - value(other)).collect::<Vec<_>>())
+    };
+    let fell = |errors: &TrajectoryErrors| errors.map_or(1.0, |[_, _, fell]| fell);
+    let falls: Vec<f64> = pairs().map(|(one, other)| fell(one) - fell(other)).collect();
+    Comparison {
+        policy: String::new(),
+        against: String::new(),
+        on: String::new(),
+        paired: true,
+        trajectories: both.len(),
+        linear_velocity_error: of(|errors| errors[0]),
+        angular_velocity_error: of(|errors| errors[1]),
+        tracking_error: of(|errors| errors[0] + errors[1]),
+        fall_rate: estimate(&falls),
+    }
+}
+
+fn independent(policy: &Evaluation, against: &Evaluation) -> Comparison {
+    let of = |one: Estimate, other: Estimate| Estimate {
+        mean: one.mean - other.mean,
+        ci95: one.ci95.hypot(other.ci95),
+    };
+    let linear = of(policy.linear_velocity_error, against.linear_velocity_error);
+    let angular = of(policy.angular_velocity_error, against.angular_velocity_error);
+    Comparison {
+        policy: String::new(),
+        against: String::new(),
+        on: String::new(),
+        paired: false,
+        trajectories: policy.trajectories.min(against.trajectories),
+        linear_velocity_error: linear,
+        angular_velocity_error: angular,
+        // Errors of one trajectory go together: at most their intervals add.
+        tracking_error: Estimate { mean: linear.mean + angular.mean, ci95: linear.ci95 + angular.ci95 },
+        fall_rate: of(policy.fall_rate, against.fall_rate),
+    }
+}
+
+fn estimate(values: &[f64]) -> Estimate {
+    let found = stats::Estimate::of(values);
+    found.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
+}
+
+/// Which of two is better, as far as an interval tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Better {
+    /// The policy.
+    Policy,
+    /// The other one.
+    Other,
+    /// It cannot be told from chance.
+    Neither,
+}
+
+impl Comparison {
+    /// Which of both tracks better: the sign of the difference of both errors added, if its interval excludes zero.
+    pub fn better(&self) -> Better {
+        let Estimate { mean, ci95 } = self.tracking_error;
+        // Without an interval nothing is known.
+        if mean + ci95 < 0.0 {
+            Better::Policy
+        } else if mean - ci95 > 0.0 {
+            Better::Other
+        } else {
+            Better::Neither
+        }
+    }
+
+    /// The differences in words.
+    pub fn numbers(&self) -> String {
+        let shown = |of: Estimate, unit: &str| match of.ci95.is_finite() {
+            true => format!("{:+.4} ± {:.4} {unit}", of.mean, of.ci95),
+            false => format!("{:+.4} {unit}", of.mean),
+        };
+        let how = if self.paired { "paired" } else { "not paired" };
+        format!(
+            "linear error {}, angular error {} ({how}, {} trajectories)",
+            shown(self.linear_velocity_error, "m/s"),
+            shown(self.angular_velocity_error, "rad/s"),
+            self.trajectories
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gaitfit_random::{Purpose, Stream};
+
+    /// Trajectories whose difficulty both policies share.
+    fn evaluation(name: &str, gain: f64, errors: bool) -> Evaluation {
+        let stream = Stream::new(3, Purpose(99));
+        let rows: Vec<TrajectoryErrors> = (0..400)
+            .map(|k| {
+                let hard = stream.uniform(k);
+                let own = 0.01 * stream.step((gain * 1000.0) as u32).normal(k);
+                Some([0.1 + hard + gain + own, 0.2 + hard, f64::from(k % 100 == 0)])
+            })
+            .collect();
+        let of = |index: usize| estimate(&rows.iter().flatten().map(|row| row[index]).collect::<Vec<_>>());
+        Evaluation {
+            policy: name.to_owned(),
+            simulator: String::new(),
+            seconds: 4.0,
+            seed: 7,
+            trajectories: 400,
+            reward: Estimate::default(),
+            linear_velocity_error: of(0),
+            angular_velocity_error: of(1),
+            fall_rate: of(2),
+            action_rate: Estimate::default(),
+            diverged: 0,
+            drift: Vec::new(),
+            gait: None,
+            errors: if errors { rows } else { Vec::new() },
+        }
+    }
+
+    #[test]
+    fn pairs_show_a_difference_that_independent_means_hide() {
+        let (one, other) = (evaluation("a", 0.0, true), evaluation("b", 0.02, true));
+        let found = compare("target", &one, &other);
+        assert!(found.paired && found.trajectories == 400);
+        assert!((found.linear_velocity_error.mean + 0.02).abs() < 0.003, "{found:?}");
+        assert!(found.linear_velocity_error.ci95 < 0.002 && found.better() == Better::Policy, "{found:?}");
+        assert_eq!(compare("target", &other, &one).better(), Better::Other);
+        assert_eq!(compare("target", &one, &one).better(), Better::Neither);
+        let plain = compare("target", &one, &Evaluation { errors: Vec::new(), ..other.clone() });
+        assert!(!plain.paired && plain.better() == Better::Neither, "{plain:?}");
+        assert!((plain.linear_velocity_error.mean - found.linear_velocity_error.mean).abs() < 1e-12);
+        // Other trajectories are no pairs.
+        assert!(!compare("target", &one, &Evaluation { seed: 8, ..other }).paired);
+    }
+
+    #[test]
+    fn what_diverged_counts_as_a_fall_and_in_no_error() {
+        let (mut one, other) = (evaluation("a", 0.0, true), evaluation("b", 0.0, true));
+        one.errors[1] = None;
+        let found = compare("target", &one, &other);
+        assert_eq!(found.trajectories, 399);
+        assert!((found.fall_rate.mean - 1.0 / 400.0).abs() < 1e-12, "{found:?}");
+    }
+}

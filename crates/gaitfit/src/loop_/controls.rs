@@ -1,0 +1,155 @@
+//! Policies that a loop's policy is compared with: trained as long from the same policy, for the same rewards, without
+//! any logs. Domain randomisation among them is what there is without a fit, so it is what a fit has to beat.
+
+use super::results::{Measurement, NOMINAL, RANDOMISED, TARGET, tracking_error};
+use super::setup::Setup;
+use super::stages::{Stages, TrainingRobot, measurement};
+use crate::Error;
+use crate::evaluate::{Better, Comparison, compare};
+use crate::target::{PolicyFiles, Target};
+
+/// Which there are to be: name, folder, and in which simulator.
+fn wanted(setup: &Setup, target: Option<&Target>) -> Vec<(&'static str, &'static str, TrainingRobot)> {
+    let controls = &setup.config.controls;
+    let measured = target.is_some_and(Target::measures);
+    [
+        (controls.nominal, NOMINAL, "nominal", TrainingRobot::nominal()),
+        (controls.randomised, RANDOMISED, "randomised", TrainingRobot::randomised(controls)),
+    ]
+    .into_iter()
+    .filter(|(asked, ..)| *asked && measured)
+    .map(|(_, name, folder, robot)| (name, folder, robot))
+    .collect()
+}
+
+/// Stages that they take.
+pub fn count(setup: &Setup, target: Option<&Target>) -> usize {
+    2 * wanted(setup, target).len()
+}
+
+/// Trains and measures them. `trainings`: how many the policy had that they are compared with.
+///
+/// # Errors
+/// As the stages.
+pub fn run(
+    stages: &mut Stages<'_>,
+    policies: &[PolicyFiles],
+    trainings: usize,
+    evaluations: &mut Vec<Measurement>,
+) -> Result<(), Error> {
+    let Some(first) = policies.first() else { return Ok(()) };
+    for (name, folder, robot) in wanted(stages.setup, stages.target.as_ref()) {
+        let robot = TrainingRobot { times: u32::try_from(trainings).unwrap_or(u32::MAX), ..robot };
+        let (_, bytes) = stages.finetune(&format!("controls/{folder}"), first, &robot)?;
+        let policy = stages.keep(name, folder, &bytes)?;
+        evaluations.extend(measurement(TARGET, stages.on_target(folder, &policy)?));
+    }
+    Ok(())
+}
+
+/// The policy called `after` beside all others where it was measured: on the target, or else in the last fitted simulator.
+pub fn comparisons(after: &str, evaluations: &[Measurement]) -> Vec<Comparison> {
+    let of = |one: &&Measurement| one.evaluation.policy == after;
+    let on_target = |one: &&Measurement| one.on == TARGET;
+    let own = evaluations.iter().filter(of).find(on_target);
+    let Some(own) = own.or_else(|| evaluations.iter().rfind(of)) else { return Vec::new() };
+    let others = evaluations.iter().filter(|one| one.on == own.on && !of(one));
+    others.map(|other| compare(&own.on, &own.evaluation, &other.evaluation)).collect()
+}
+
+/// What the fit bought over the best that there is without logs: over randomisation, or else over the nominal simulator.
+pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option<String> {
+    let against = |name: &str| comparisons.iter().find(|one| one.against == name);
+    let (found, than) = against(RANDOMISED)
+        .map(|found| (found, "domain randomisation"))
+        .or_else(|| against(NOMINAL).map(|found| (found, "the nominal simulator")))?;
+    let error = |policy: &str| -> Option<f64> {
+        let measured = |one: &&Measurement| one.on == found.on && one.evaluation.policy == policy;
+        evaluations.iter().find(measured).map(|one: &Measurement| tracking_error(&one.evaluation))
+    };
+    let (own, other) = (error(&found.policy)?, error(&found.against)?);
+    let less = |small: f64, large: f64| {
+        let share = 100.0 * (1.0 - small / large);
+        if share.is_finite() { format!("{share:.0} % ") } else { String::new() }
+    };
+    let numbers = found.numbers();
+    Some(match found.better() {
+        Better::Policy => {
+            format!("The fit bought {}less tracking error than {than}: {numbers}.", less(own, other))
+        }
+        Better::Neither => {
+            format!("The fit bought nothing over {than} that can be told from chance: {numbers}.")
+        }
+        Better::Other => format!(
+            "The fit bought nothing: a policy trained with {than} and no logs has {}less tracking error. Fitted minus \
+             other: {numbers}.",
+            less(other, own)
+        ),
+    })
+}
+
+/// That the policy is no better than one trained without logs.
+pub fn warning(comparison: &Comparison) -> Option<String> {
+    let without_logs = [NOMINAL, RANDOMISED].contains(&comparison.against.as_str());
+    (without_logs && comparison.better() != Better::Policy).then(|| {
+        format!(
+            "{} tracks no better than the policy {}, which was trained without logs",
+            comparison.policy, comparison.against
+        )
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::evaluate::Evaluation;
+
+    fn measured(policy: &str, on: &str, errors: impl Fn(u32) -> f64) -> Measurement {
+        let rows: Vec<[f64; 3]> = (0..100).map(|k| [errors(k), 0.1, 0.0]).collect();
+        let mean = rows.iter().map(|row| row[0]).sum::<f64>() / rows.len() as f64;
+        let estimate = |mean: f64| serde_json::json!({ "mean": mean, "ci95": 0.05 });
+        let document = serde_json::json!({
+            "policy": policy, "seconds": 4.0, "trajectories": 100, "errors": rows,
+            "linear_velocity_error": estimate(mean), "angular_velocity_error": estimate(0.1),
+            "fall_rate": estimate(0.0),
+        });
+        let evaluation: Evaluation = serde_json::from_value(document).unwrap();
+        assert!(evaluation.wrong().is_none());
+        Measurement { on: on.to_owned(), evaluation }
+    }
+
+    /// What is said of π₁ with this much more error than the randomised policy, and of the nominal one 0.2 worse.
+    fn said(more: f64) -> (Option<String>, Vec<String>) {
+        let hard = |k: u32| 0.2 + f64::from(k % 10) / 20.0;
+        let noise = |k: u32| if k % 2 == 0 { 0.004 } else { -0.004 };
+        let evaluations = [
+            measured("π₀", TARGET, |k| hard(k) + 0.3),
+            measured("π₁", TARGET, |k| hard(k) + more + noise(k)),
+            measured("π₁", "adapted", |_| 9.0),
+            measured(NOMINAL, TARGET, |k| hard(k) + 0.2),
+            measured(RANDOMISED, TARGET, hard),
+        ];
+        let found = comparisons("π₁", &evaluations);
+        assert_eq!(found.len(), 3, "the same place, each once");
+        assert!(found.iter().all(|one| one.paired && one.on == TARGET));
+        (bought(&found, &evaluations), found.iter().filter_map(warning).collect())
+    }
+
+    #[test]
+    fn what_the_fit_bought_is_said_as_it_is() {
+        let (text, warnings) = said(-0.05);
+        assert!(
+            text.as_ref().unwrap().starts_with("The fit bought 10 % less tracking error than domain"),
+            "{text:?}"
+        );
+        assert!(text.unwrap().contains("linear error -0.0500 ± 0.0008 m/s") && warnings.is_empty());
+        let (text, warnings) = said(0.0001);
+        assert!(text.unwrap().contains("nothing over domain randomisation that can be told from chance"));
+        assert_eq!(warnings.len(), 1);
+        let (text, warnings) = said(0.05);
+        assert!(text.unwrap().contains("no logs has 9 % less tracking error"), "{warnings:?}");
+        assert!(warnings[0].contains(RANDOMISED), "{warnings:?}");
+        assert_eq!(bought(&[], &[]), None);
+    }
+}
