@@ -109,7 +109,10 @@ fn a_cell_of_each_kind_is_run_and_resumed() {
     let result = json(&output);
     let rows = result["rows"].as_array().unwrap();
     let names: Vec<&str> = rows.iter().map(|row| row["cell"].as_str().unwrap()).collect();
-    assert_eq!(names, ["spring-pi0", "spring-reference", "spring-residact-wass"]);
+    assert_eq!(
+        names,
+        ["spring-pi0", "spring-reference", "spring-nominal", "spring-randomised", "spring-residact-wass"]
+    );
     for row in rows {
         for number in ["reward", "linear_velocity_error", "angular_velocity_error", "fall_rate"] {
             assert!(row[number]["mean"].is_number() && row[number]["ci95"].is_number(), "{number}: {row}");

@@ -3,7 +3,7 @@
 //!
 //! The measure is [`Wass`](gaitfit_adapt::cost::Wass) on whole walks, whatever cost was fitted. It needs no clocks, so a
 //! robot can be compared with itself: the logs are cut into blocks of half a second, about a stride, and one half of
-//! the blocks is compared with the other half. Commands are the same on both sides. No simulator need be closer to the
+//! each log's blocks is compared with the other half. Commands are the same on both sides. No simulator need be closer to the
 //! robot than that. (Whole logs against other logs would not do: their commands differ, which makes more than most
 //! simulators' errors.)
 
@@ -131,7 +131,8 @@ pub(super) fn held_out(
     let (after, before) = (cut(&after), cut(&before));
     let all: Vec<usize> = (0..blocks.len()).collect();
     let (fitted, nominal) = (of(cost, &after, &all), of(cost, &before, &all));
-    let (floor, drawn) = floor(cost, &own, &after);
+    let logs_of: Vec<usize> = blocks.iter().map(|block| block.log).collect();
+    let (floor, drawn) = floor(cost, &own, &after, &logs_of);
     let compared = |log: usize| blocks.iter().any(|block| block.log == log);
     Ok(Some(HeldOut {
         logs: (0..logs.len()).filter(|&log| compared(log)).count(),
@@ -241,16 +242,32 @@ fn shuffled(draw: u32, count: usize) -> Vec<usize> {
     order
 }
 
+/// The blocks in two halves: each log's blocks in turn, in an order that `draw` decides, so that both halves have the
+/// same commands. `logs`: the log of each block, ascending.
+fn halves(draw: u32, logs: &[usize]) -> (Vec<usize>, Vec<usize>) {
+    let order = shuffled(draw, logs.len());
+    let mut places: Vec<usize> = (0..logs.len()).collect();
+    places.sort_by_key(|&block| (logs[block], order[block]));
+    let (one, other): (Vec<_>, Vec<_>) =
+        places.into_iter().enumerate().partition(|(place, _)| place % 2 == 0);
+    let blocks = |half: Vec<(usize, usize)>| half.into_iter().map(|(_, block)| block).collect();
+    (blocks(one), blocks(other))
+}
+
 /// One half of the robot's blocks against the other half, and the simulated robot's against the same; and the draws.
-fn floor(cost: &dyn Cost, own: &[Predicted], after: &[Predicted]) -> (Option<Floor>, Vec<Breakdown>) {
-    let half = own.len() / 2;
+/// `logs`: the log of each block.
+fn floor(
+    cost: &dyn Cost,
+    own: &[Predicted],
+    after: &[Predicted],
+    logs: &[usize],
+) -> (Option<Floor>, Vec<Breakdown>) {
     let (mut drawn, mut fitted) = (Vec::new(), Vec::new());
     for draw in (0..DRAWS).take_while(|_| own.len() >= LEAST_BLOCKS) {
-        let order = shuffled(draw, own.len());
-        let (one, other) = (&order[..half], &order[half..2 * half]);
-        let Some(against) = cost.subset(one) else { break };
-        drawn.extend(of(against.as_ref(), own, other));
-        fitted.extend(total(&of(against.as_ref(), after, other)));
+        let (one, other) = halves(draw, logs);
+        let Some(against) = cost.subset(&one) else { break };
+        drawn.extend(of(against.as_ref(), own, &other));
+        fitted.extend(total(&of(against.as_ref(), after, &other)));
     }
     let totals: Vec<f64> = drawn.iter().map(|found| found.total).collect();
     let floor = stats::mean(&totals).zip(stats::deviation(&totals)).map(|(mean, deviation)| Floor {
@@ -407,7 +424,8 @@ mod tests {
             let own = blocks_of(seed, 0.1, 0.0);
             let cost = cost(&own);
             let judge = |simulated: &[Predicted]| {
-                let (floor, drawn) = floor(cost.as_ref(), &own, simulated);
+                let logs: Vec<usize> = (0..96).map(|block| block / 6).collect();
+                let (floor, drawn) = floor(cost.as_ref(), &own, simulated, &logs);
                 assert_eq!(drawn.len(), DRAWS as usize);
                 floor.unwrap()
             };
@@ -443,6 +461,18 @@ mod tests {
         one.sort_unstable();
         assert_eq!(one, (0..9).collect::<Vec<_>>());
         assert!(shuffled(0, 0).is_empty());
+    }
+
+    #[test]
+    fn halves_have_as_much_of_each_log() {
+        let logs = [0, 0, 0, 0, 1, 1, 1, 2, 2, 2, 2, 2];
+        let (one, other) = halves(3, &logs);
+        let of = |half: &[usize], log: usize| half.iter().filter(|&&block| logs[block] == log).count();
+        assert_eq!([0, 1, 2].map(|log| of(&one, log) + of(&other, log)), [4, 3, 5]);
+        for log in 0..3 {
+            assert!(of(&one, log).abs_diff(of(&other, log)) <= 1, "{one:?} {other:?}");
+        }
+        assert_ne!(halves(4, &logs), (one, other));
     }
 
     #[test]

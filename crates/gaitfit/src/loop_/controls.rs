@@ -9,7 +9,7 @@ use crate::evaluate::{Better, Comparison, compare};
 use crate::target::{PolicyFiles, Target};
 
 /// Which there are to be: name, folder, and in which simulator.
-fn wanted(setup: &Setup, target: Option<&Target>) -> Vec<(&'static str, &'static str, TrainingRobot)> {
+pub fn wanted(setup: &Setup, target: Option<&Target>) -> Vec<(&'static str, &'static str, TrainingRobot)> {
     let controls = &setup.config.controls;
     let measured = target.is_some_and(Target::measures);
     [

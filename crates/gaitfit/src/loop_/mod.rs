@@ -1,6 +1,6 @@
 //! The whole method: collect, adapt, fine-tune, evaluate, repeated while it helps.
 
-mod controls;
+pub(crate) mod controls;
 pub mod files;
 mod presence;
 mod report;

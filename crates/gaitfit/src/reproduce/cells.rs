@@ -4,6 +4,7 @@
 use super::experiments::{self, Experiment};
 use super::paper::Kind;
 use super::results::{SeedFit, SeedResult, Walk};
+use crate::loop_::controls;
 use crate::loop_::files;
 use crate::loop_::results::{REFERENCE, policy_name};
 use crate::loop_::rounds::add_truth;
@@ -43,6 +44,8 @@ pub struct Outcome {
     pub first: IndexMap<String, SeedResult>,
     /// By scenario: fine-tuned on the target.
     pub reference: IndexMap<String, Vec<SeedResult>>,
+    /// By scenario and name: fine-tuned without logs.
+    pub controls: IndexMap<String, IndexMap<String, Vec<SeedResult>>>,
 }
 
 /// What the cells of a scenario share.
@@ -50,6 +53,7 @@ struct Shared {
     logs: PathBuf,
     first: Option<SeedResult>,
     reference: Option<SeedResult>,
+    controls: Vec<(String, SeedResult)>,
 }
 
 impl Run<'_> {
@@ -73,6 +77,10 @@ impl Run<'_> {
                     }
                     let reference = made.reference.clone();
                     outcome.reference.entry(scenario.to_owned()).or_default().extend(reference);
+                    let controls = outcome.controls.entry(scenario.to_owned()).or_default();
+                    for (name, control) in &made.controls {
+                        controls.entry(name.clone()).or_default().push(control.clone());
+                    }
                     shared.insert(scenario, made);
                 }
                 let Some(with) = shared.get(scenario) else { continue };
@@ -99,7 +107,7 @@ impl Run<'_> {
         let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
         let logs = stages.collect("logs", &first, target.seed)?;
         if self.kind == Kind::Identification {
-            return Ok(Shared { logs, first: None, reference: None });
+            return Ok(Shared { logs, first: None, reference: None, controls: Vec::new() });
         }
         let result = |walk: Option<Walk>, seconds: f64| SeedResult {
             seed,
@@ -115,7 +123,14 @@ impl Run<'_> {
         let policy = stages.keep(REFERENCE, "reference", &bytes)?;
         let walk = stages.on_target("reference", &policy)?.as_ref().map(Walk::from);
         let reference = result(walk, trained.wall_seconds);
-        Ok(Shared { logs, first: Some(before), reference: Some(reference) })
+        let mut controls = Vec::new();
+        for (name, place, robot) in controls::wanted(&setup, stages.target.as_ref()) {
+            let (trained, bytes) = stages.finetune(&format!("controls/{place}"), &first, &robot)?;
+            let policy = stages.keep(name, place, &bytes)?;
+            let walk = stages.on_target(place, &policy)?.as_ref().map(Walk::from);
+            controls.push((place.to_owned(), result(walk, trained.wall_seconds)));
+        }
+        Ok(Shared { logs, first: Some(before), reference: Some(reference), controls })
     }
 
     /// One seed of a cell: as it was finished, or made now.

@@ -110,6 +110,7 @@ fn check_shared(first: &Experiment, later: &Experiment) -> Result<(), Error> {
         ("runs", a.runs != b.runs),
         ("[target]", a.target != b.target),
         ("[finetune]", a.finetune != b.finetune),
+        ("[controls]", a.controls != b.controls),
         ("[evaluate]", a.evaluate != b.evaluate),
     ];
     match differs.iter().find(|(_, differs)| *differs) {

@@ -76,6 +76,9 @@ fn rows(paper: &Paper, table: &Table, experiments: &[Experiment], mut outcome: O
             rows.push(Row::new(format!("{scenario}-pi0"), scenario.clone(), None, vec![first], none()));
             let seeds = outcome.reference.shift_remove(&scenario).unwrap_or_default();
             rows.push(Row::new(format!("{scenario}-reference"), scenario.clone(), None, seeds, none()));
+            for (name, seeds) in outcome.controls.shift_remove(&scenario).unwrap_or_default() {
+                rows.push(Row::new(format!("{scenario}-{name}"), scenario.clone(), None, seeds, none()));
+            }
         }
     }
     for one in experiments {

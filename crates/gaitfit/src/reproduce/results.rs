@@ -28,7 +28,7 @@ pub struct Results {
 /// one seed, an evaluation's own intervals.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// Its name: scenario-modification-cost, or scenario-pi0 and scenario-reference.
+    /// Its name: scenario-modification-cost, or scenario-pi0, -reference, -nominal and -randomised.
     pub cell: String,
     /// What is different on the target.
     pub scenario: String,
@@ -229,6 +229,8 @@ impl Row {
         match self.cell.strip_prefix(scenario.as_str()) {
             Some("-pi0") => format!("π₀ ({scenario})"),
             Some("-reference") => format!("fine-tuned on the target ({scenario})"),
+            Some("-nominal") => format!("fine-tuned, nominal ({scenario})"),
+            Some("-randomised") => format!("fine-tuned, randomised ({scenario})"),
             _ => self.cell.clone(),
         }
     }
