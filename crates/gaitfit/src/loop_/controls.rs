@@ -122,7 +122,7 @@ mod tests {
     /// What is said of π₁ with this much more error than the randomised policy, and of the nominal one 0.2 worse.
     fn said(more: f64) -> (Option<String>, Vec<String>) {
         let hard = |k: u32| 0.2 + f64::from(k % 10) / 20.0;
-        let noise = |k: u32| if k % 2 == 0 { 0.004 } else { -0.004 };
+        let noise = |k: u32| if k.is_multiple_of(2) { 0.004 } else { -0.004 };
         let evaluations = [
             measured("π₀", TARGET, |k| hard(k) + 0.3),
             measured("π₁", TARGET, |k| hard(k) + more + noise(k)),

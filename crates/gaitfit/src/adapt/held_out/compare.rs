@@ -1,15 +1,9 @@
-//! Walking logs that were not fitted: how far the simulated robot's walks under their commands are from them, beside
-//! how far the robot is from itself.
-//!
-//! The measure is [`Wass`](gaitfit_adapt::cost::Wass) on whole walks, whatever cost was fitted. It needs no clocks, so a
-//! robot can be compared with itself: the logs are cut into blocks of half a second, about a stride, and one half of
-//! each log's blocks is compared with the other half. Commands are the same on both sides. No simulator need be closer to the
-//! robot than that. (Whole logs against other logs would not do: their commands differ, which makes more than most
-//! simulators' errors.)
+//! The comparison: blocks of logs and of simulated walks, and halves of them.
 
-use super::Method;
-use super::score::Robot;
-use super::setup::LogSet;
+use super::super::Method;
+use super::super::score::Robot;
+use super::super::setup::LogSet;
+use super::{Distance, Floor, HeldOut};
 use crate::Error;
 use crate::log::Log;
 use crate::settings::AdaptConfig;
@@ -18,8 +12,6 @@ use gaitfit_adapt::cost::{Breakdown, Cost, CostKind, Recorded, Reference, Signal
 use gaitfit_adapt::fit::Predicted;
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::stats;
-use gaitfit_view::{Doubt, DoubtKind};
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Length of a block, s.
@@ -29,80 +21,15 @@ const DRAWS: u32 = 100;
 const LEAST_BLOCKS: usize = 8;
 /// Half the width of the range that 95 % of normal draws lie in, in deviations.
 const RANGE: f64 = 1.96;
-/// A cost of so many times the floor's upper end is a misfit.
-const FAR: f64 = 3.0;
 /// Seed of the draws.
 const SEED: u64 = 15;
-
-/// How far simulated walks are from held-out logs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct HeldOut {
-    /// Logs, or stretches of logs, that were compared.
-    pub logs: usize,
-    /// What counts of them together, s.
-    pub seconds: f64,
-    /// `wass` of the fitted robot; absent if it diverged. The robot's range is 2 in each of the three signals.
-    pub cost: Option<f64>,
-    /// The same of the robot before the fit.
-    pub nominal_cost: Option<f64>,
-    /// How far the robot is from itself; absent if the logs are too short.
-    pub floor: Option<Floor>,
-    /// Logs in which the fitted robot falls.
-    pub falls: usize,
-    /// The same before the fit.
-    pub nominal_falls: usize,
-    /// Joint by joint, signal by signal.
-    pub distances: Vec<Distance>,
-}
-
-/// One half of the logs' blocks against the other half, mean over the draws.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Floor {
-    /// `wass` of the robot.
-    pub mean: f64,
-    /// Half the width of the range in which 95 % of the draws lie.
-    pub range95: f64,
-    /// `wass` of the fitted robot: its blocks of the one half against the robot's of the other. It is a little above that
-    /// of all blocks, as halves have fewer samples.
-    pub cost: Option<f64>,
-}
-
-/// Wasserstein-1 distance of a joint's signal to the held-out logs, in the signal's unit; absent if it diverged.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Distance {
-    /// Joint.
-    pub joint: String,
-    /// Signal.
-    pub signal: Signal,
-    /// Of the fitted robot.
-    pub fitted: Option<f64>,
-    /// Of the robot before the fit.
-    pub nominal: Option<f64>,
-    /// Of one half of the blocks to the other half, mean over the draws.
-    pub floor: Option<f64>,
-}
-
-/// Whether the fit explains the logs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// No worse than the robot explains itself.
-    Explained,
-    /// Worse than that.
-    Worse,
-    /// Far worse than that.
-    Misfit,
-    /// Worse than the robot before the fit.
-    WorseThanNominal,
-    /// There is no floor to judge by.
-    Unknown,
-}
 
 /// Compares walks under the commands of held-out logs with them. Each of `sets` has these logs and the simulator of the
 /// robot after and before the fit; beside it stands what θ changes of it.
 ///
 /// # Errors
 /// A simulation that cannot be made. Logs that cannot be compared in this way (constant joints) give none.
-pub(super) fn held_out(
+pub fn held_out(
     config: &AdaptConfig,
     method: &Method,
     [fitted, nominal]: [(&LogSet, Robot<'_>); 2],
@@ -309,71 +236,6 @@ fn distances(
     rows
 }
 
-impl HeldOut {
-    /// Whether the fit explains the logs.
-    pub fn verdict(&self) -> Verdict {
-        let Some(cost) = self.cost else { return Verdict::WorseThanNominal };
-        if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
-            return Verdict::WorseThanNominal;
-        }
-        let Some(floor) = &self.floor else { return Verdict::Unknown };
-        let upper = floor.mean + floor.range95;
-        match floor.cost {
-            Some(cost) if cost <= upper => Verdict::Explained,
-            Some(cost) if cost <= FAR * upper => Verdict::Worse,
-            _ => Verdict::Misfit,
-        }
-    }
-
-    /// Why the fit must not be taken as it stands; none if it explains the logs nearly as well as the robot does.
-    pub fn doubt(&self) -> Option<Doubt> {
-        let kind = match self.verdict() {
-            Verdict::Misfit => DoubtKind::Misfit,
-            Verdict::WorseThanNominal => DoubtKind::WorseThanNominal,
-            Verdict::Explained | Verdict::Worse | Verdict::Unknown => return None,
-        };
-        Some(Doubt::new(kind, format!("On whole walks {}.", self.sentence())))
-    }
-
-    /// The result in a sentence.
-    pub fn sentence(&self) -> String {
-        let number =
-            |value: Option<f64>| value.map_or_else(|| "diverged".to_owned(), |value| format!("{value:.4}"));
-        let nominal = format!("the robot before the fit {}", number(self.nominal_cost));
-        let logs = format!("{} held-out log{}", self.logs, if self.logs == 1 { "" } else { "s" });
-        let verdict = self.verdict();
-        if verdict == Verdict::WorseThanNominal {
-            return format!(
-                "the fit explains {logs} worse than the robot before the fit does: {} against {} (wass)",
-                number(self.cost),
-                number(self.nominal_cost)
-            );
-        }
-        let Some(floor) = &self.floor else {
-            return format!(
-                "the fit is {} from {logs} (wass; {nominal}), which are too short to say how far the robot is from itself",
-                number(self.cost)
-            );
-        };
-        let how = match (verdict, floor.cost) {
-            (Verdict::Explained, _) => "as well as other seconds of the same walks do".to_owned(),
-            (_, Some(cost)) if floor.mean > 0.0 => {
-                format!(
-                    "worse than other seconds of the same walks do, {:.1} times as far off",
-                    cost / floor.mean
-                )
-            }
-            _ => "worse than other seconds of the same walks do".to_owned(),
-        };
-        format!(
-            "the fit explains {logs} {how}: {} against {:.4} ± {:.4} (wass; {nominal})",
-            number(floor.cost),
-            floor.mean,
-            floor.range95
-        )
-    }
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
@@ -402,19 +264,6 @@ mod tests {
             .collect();
         let reference = Arc::new(Reference::new(vec!["hip".to_owned()], &recorded, 0).unwrap());
         Box::new(Wass::new(reference, Weights::POSITION).unwrap())
-    }
-
-    fn found(cost: f64, nominal: f64, floor: Option<(f64, f64)>) -> HeldOut {
-        HeldOut {
-            logs: 16,
-            seconds: 48.0,
-            cost: Some(cost),
-            nominal_cost: Some(nominal),
-            floor: floor.map(|(mean, range95)| Floor { mean, range95, cost: Some(cost) }),
-            falls: 0,
-            nominal_falls: 0,
-            distances: Vec::new(),
-        }
     }
 
     #[test]
@@ -473,28 +322,5 @@ mod tests {
             assert!(of(&one, log).abs_diff(of(&other, log)) <= 1, "{one:?} {other:?}");
         }
         assert_ne!(halves(4, &logs), (one, other));
-    }
-
-    #[test]
-    fn the_sentence_says_worse_where_it_is_worse() {
-        let floor = Some((0.0118, 0.0009));
-        let said = |one: HeldOut| (one.verdict(), one.sentence(), one.doubt().map(|doubt| doubt.kind));
-        let (verdict, text, doubt) = said(found(0.0121, 0.2, floor));
-        assert!(verdict == Verdict::Explained && doubt.is_none());
-        assert!(text.contains("as well as") && text.contains("0.0121 against 0.0118 ± 0.0009"), "{text}");
-        let (verdict, text, doubt) = said(found(0.0236, 0.2, floor));
-        assert!(
-            verdict == Verdict::Worse && doubt.is_none() && text.contains("2.0 times as far off"),
-            "{text}"
-        );
-        let (verdict, _, doubt) = said(found(0.1, 0.2, floor));
-        assert!(verdict == Verdict::Misfit && doubt == Some(DoubtKind::Misfit));
-        let (verdict, text, doubt) = said(found(0.3, 0.2, floor));
-        assert!(verdict == Verdict::WorseThanNominal && doubt == Some(DoubtKind::WorseThanNominal));
-        assert!(text.contains("worse than the robot before the fit does: 0.3000 against 0.2000"), "{text}");
-        let (verdict, text, _) = said(found(0.1, 0.2, None));
-        assert!(verdict == Verdict::Unknown && text.contains("too short"), "{text}");
-        let diverged = HeldOut { cost: None, ..found(0.1, 0.2, floor) };
-        assert_eq!(diverged.verdict(), Verdict::WorseThanNominal);
     }
 }
