@@ -10,7 +10,7 @@ use gaitfit_cuda::emit::EmitOptions;
 use gaitfit_cuda::physics::{Batch, DeviceError, Period, PeriodOptions};
 use gaitfit_cuda::runtime::{Device, Stream};
 use gaitfit_model::Model;
-use gaitfit_physics::trace::{Known, Traced};
+use gaitfit_physics::trace::{Known, Report, Traced};
 use gaitfit_physics::{
     Drive, JointModification, Modify, Params, Period as Control, Preset, Robot, Settings, State, Work,
     compile, control_period, memory_of, settle,
@@ -152,20 +152,12 @@ fn gpu_batches_refuse_wrong_counts() {
 /// What a GPU would be given is made without one.
 #[test]
 fn long_programs_keep_four_threads() {
-    let device = gaitfit_cuda::runtime::DeviceInfo {
-        ordinal: 0,
-        name: "of this test".into(),
-        memory: 1 << 36,
-        capability: (9, 0),
-        processors: 132,
-        shared_memory: 1 << 17,
-        cache: 1 << 25,
-    };
     let go2 = robot("go2");
     let lanes = |model: &Model, environments: usize| {
         let settings = Settings::new(&model.options, Preset::Fast);
         let options = PeriodOptions { substeps: 4, taps: 1, lanes: 4, emit: EmitOptions::default() };
-        Period::for_environments(model, &settings, options, &[], environments, &device).unwrap().lanes()
+        let report = Report::default();
+        Period::for_environments(model, &settings, options, &[], &report, environments, 132).unwrap().lanes()
     };
     let feet = feet(go2.clone());
     assert_eq!((lanes(&feet, 4096), lanes(&feet, 65536)), (4, 2));

@@ -6,6 +6,7 @@
 mod checkpoint;
 pub mod collect;
 pub mod evaluate;
+mod exchange;
 mod player;
 pub mod ppo;
 mod rollout;

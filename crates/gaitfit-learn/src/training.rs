@@ -61,7 +61,7 @@ impl Default for TrainingSettings {
 }
 
 /// Environments that one thread advances together.
-const TILE: usize = 256;
+pub(crate) const TILE: usize = 256;
 /// Most environments, and most samples in a rollout (a sample takes about half a kilobyte).
 const MAX_ENVIRONMENTS: usize = 1 << 20;
 const MAX_SAMPLES: usize = 1 << 24;
@@ -128,6 +128,7 @@ pub struct Iteration {
 pub struct Training<'a> {
     pub(crate) task: &'a Task,
     settings: TrainingSettings,
+    pub(crate) candidates: Vec<Candidate>,
     pub(crate) seed: u64,
     pub(crate) learner: Learner,
     pub(crate) runners: Vec<Mutex<Runner<'a>>>,
@@ -182,7 +183,8 @@ impl<'a> Training<'a> {
             let recorder = Recorder::new(samples, Exploration::new(seed, first as u32));
             runners.push(Mutex::new(Runner::new(environment, recorder)));
         }
-        Ok(Self { task, settings: settings.clone(), seed, learner, runners, iteration: 0 })
+        let (settings, candidates) = (settings.clone(), candidates.to_vec());
+        Ok(Self { task, settings, candidates, seed, learner, runners, iteration: 0 })
     }
 
     /// A learner with new networks for a task.
@@ -234,6 +236,11 @@ impl<'a> Training<'a> {
     /// The task.
     pub fn task(&self) -> &'a Task {
         self.task
+    }
+
+    /// How much is trained.
+    pub fn settings(&self) -> &TrainingSettings {
+        &self.settings
     }
 
     /// The learner.

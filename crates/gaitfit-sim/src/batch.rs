@@ -107,6 +107,21 @@ impl Batch {
         &self.options
     }
 
+    /// Settings of the physics.
+    pub fn settings(&self) -> &Settings {
+        self.tree.settings()
+    }
+
+    /// Sent targets that a robot remembers.
+    pub fn taps(&self) -> usize {
+        self.taps
+    }
+
+    /// Places in [`Batch::contact_geoms`] of the geoms whose positions are reported.
+    pub fn tracked(&self) -> &[usize] {
+        &self.tracked
+    }
+
     /// Instruction set in use.
     pub fn isa(&self) -> Isa {
         self.isa

@@ -18,4 +18,4 @@ pub use engine::{Cpu, Engine};
 pub use error::SimError;
 pub use motion::{Motion, Start};
 pub use replay::{JointSignals, Recording, Replay, ReplayOptions};
-pub use tile::{Robots, Tile};
+pub use tile::{RobotState, Robots, Tile};

@@ -3,6 +3,25 @@
 use crate::SimError;
 use crate::motion::{Motion, Start};
 
+/// Everything of one robot that changes from step to step, wherever it is simulated.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RobotState {
+    /// Motion, in the order of [`gaitfit_physics::State::visit`].
+    pub state: Vec<f32>,
+    /// Sent targets, rad, newest first; `taps × joints`.
+    pub targets: Vec<f32>,
+    /// What modifications remember.
+    pub memory: Vec<f32>,
+    /// Of the last physics step: normal ground force on each contact geom, N.
+    pub normal_force: Vec<f32>,
+    /// Of the last physics step: centre of each tracked geom, m; `tracked × 3`.
+    pub tracked: Vec<f32>,
+    /// Of the last physics step: torque on each joint, N·m.
+    pub torque: Vec<f32>,
+    /// Whether targets and memory begin with its next target.
+    pub fresh: bool,
+}
+
 /// A tile's robots as an engine keeps them. See [`Tile`] for the meaning of each call.
 pub trait Robots: Send {
     /// Robots in the tile.
@@ -21,6 +40,10 @@ pub trait Robots: Send {
     fn save(&mut self) -> Vec<f32>;
     /// [`Tile::restore`]; whether the length fits.
     fn restore(&mut self, saved: &[f32]) -> bool;
+    /// [`Tile::robot`].
+    fn robot(&mut self, environment: usize) -> RobotState;
+    /// [`Tile::set_robot`]; whether the lengths fit.
+    fn set_robot(&mut self, environment: usize, robot: &RobotState) -> bool;
 }
 
 /// Some environments that one thread advances together.
@@ -73,6 +96,23 @@ impl Tile<'_> {
     /// Everything that changes from step to step, for a checkpoint.
     pub fn save(&mut self) -> Vec<f32> {
         self.robots.save()
+    }
+
+    /// One robot as it is.
+    pub fn robot(&mut self, environment: usize) -> RobotState {
+        self.robots.robot(environment)
+    }
+
+    /// Makes a robot what it was, here or in another simulation of the same batch.
+    ///
+    /// # Errors
+    /// A state of another length.
+    pub fn set_robot(&mut self, environment: usize, robot: &RobotState) -> Result<(), SimError> {
+        if self.robots.set_robot(environment, robot) {
+            return Ok(());
+        }
+        let must = "as long as this tile's own; it is of another robot";
+        Err(SimError::Option { option: "a robot's state", value: robot.state.len().to_string(), must })
     }
 
     /// Takes up a state that [`Tile::save`] gave, of a tile of the same robots.

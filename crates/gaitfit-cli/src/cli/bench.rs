@@ -68,6 +68,12 @@ pub struct BenchTrain {
     /// Threads [default: one for each core]
     #[arg(long, value_name = "N")]
     pub threads: Option<std::num::NonZeroUsize>,
+    /// What computes: cpu, cuda (the first GPU) or cuda:N
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    pub device: Device,
+    /// GPU: compute matrix products about as exactly as f32
+    #[arg(long)]
+    pub exact: bool,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,

@@ -2,13 +2,12 @@
 
 mod bench;
 mod choices;
-mod device;
 mod run;
 mod world;
 
 pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms};
 pub use choices::{Config, ConfigOf, Preset};
-pub use device::Device;
+pub use gaitfit::device::Device;
 pub use run::{Adapt, Finetune, Loop, Reproduce, Train, Validate};
 pub use world::{Collect, Evaluate};
 

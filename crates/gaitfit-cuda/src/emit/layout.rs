@@ -4,6 +4,8 @@
 //! 32 numbers, one a thread; behind those rows lie the slots that all lanes share, a row of one number an environment.
 //! So a warp reads whole rows, and every slot lies at a constant distance from a thread's own place.
 
+use std::collections::HashMap;
+
 use gaitfit_physics::trace::{Input, Output, PeriodGraph};
 
 use super::PeriodProgram;
@@ -24,11 +26,14 @@ pub enum Class {
     Memory,
     /// Weights of modifications, one set a candidate.
     Weights,
+    /// What the last physics step shows: written only.
+    Report,
 }
 
 impl Class {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::State, Self::Params, Self::Targets, Self::Memory, Self::Weights];
+    pub const ALL: [Self; 6] =
+        [Self::State, Self::Params, Self::Targets, Self::Memory, Self::Weights, Self::Report];
 
     /// That of an input.
     fn of(input: &Input) -> Self {
@@ -69,15 +74,15 @@ pub struct Layout {
     pub lanes: usize,
     /// Of each input of the recording.
     pub inputs: Vec<Place>,
-    /// Of each output of the recording: where the input of the same name lies.
+    /// Of each output of the recording: where the input of the same name lies; of a report, a place of its own.
     pub outputs: Vec<Place>,
-    slots: [Slots; 5],
+    slots: [Slots; 6],
 }
 
 impl Layout {
     /// The layout of a program's numbers.
     pub fn new(period: &PeriodGraph, program: &PeriodProgram) -> Self {
-        let mut slots = [Slots::default(); 5];
+        let mut slots = [Slots::default(); 6];
         let mut first: Vec<Option<usize>> = vec![None; period.inputs.len()];
         let mut inputs = Vec::with_capacity(period.inputs.len());
         for (input, &(lane, twin)) in period.inputs.iter().zip(&program.inputs) {
@@ -98,7 +103,21 @@ impl Layout {
             };
             period.inputs.iter().position(same)
         };
-        let outputs = period.outputs.iter().filter_map(|output| Some(inputs[find(output)?])).collect();
+        let mut reports: HashMap<u32, usize> = HashMap::new();
+        let mut place = |output: &Output, (lane, twin): (Option<usize>, u32)| match output {
+            Output::Report(_) => {
+                let of_class = &mut slots[Class::Report as usize];
+                let slot = *reports.entry(twin).or_insert_with(|| {
+                    let count = if lane.is_some() { &mut of_class.own } else { &mut of_class.shared };
+                    *count += 1;
+                    *count - 1
+                });
+                Some(Place { class: Class::Report, lane, slot })
+            }
+            output => Some(inputs[find(output)?]),
+        };
+        let outputs = period.outputs.iter().zip(&program.outputs);
+        let outputs = outputs.filter_map(|(output, &seat)| place(output, seat)).collect();
         Self { lanes: program.program.lanes, inputs, outputs, slots }
     }
 

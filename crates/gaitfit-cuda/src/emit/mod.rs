@@ -80,6 +80,7 @@ enum Name {
     Target(usize, Slot),
     Memory(usize, Slot),
     Weight(usize, Slot),
+    Report(Slot),
 }
 
 /// A program with the meaning of its inputs and outputs.
@@ -176,6 +177,10 @@ fn seat(seating: &Seating, name: Name) -> (Option<usize>, Name) {
             let (lane, slot) = seat_of(seating, slot);
             (lane, Name::Weight(modification, slot))
         }
+        Name::Report(slot) => {
+            let (lane, slot) = seat_of(seating, slot);
+            (lane, Name::Report(slot))
+        }
     }
 }
 
@@ -218,6 +223,7 @@ fn output_names(period: &PeriodGraph) -> Vec<Name> {
     let named = period.outputs.iter().map(|output| match *output {
         Output::State(slot) => Name::State(slot),
         Output::Memory(place) => memory[place],
+        Output::Report(slot) => Name::Report(slot),
     });
     named.collect()
 }

@@ -56,6 +56,7 @@ fn short(class: Class) -> char {
         Class::Targets => 't',
         Class::Memory => 'm',
         Class::Weights => 'w',
+        Class::Report => 'r',
     }
 }
 
@@ -154,7 +155,7 @@ impl<'a> Writer<'a> {
         let who = if place.lane.is_some() { "OWN" } else { "ALL" };
         let (class, slot) = (short(place.class), place.slot);
         match place.class {
-            Class::State | Class::Memory => format!("HELD_{who}({class}, {slot})"),
+            Class::State | Class::Memory | Class::Report => format!("HELD_{who}({class}, {slot})"),
             Class::Params | Class::Targets => format!("GIVEN_{who}({class}, {slot})"),
             Class::Weights => format!("WEIGHT_{who}({slot})"),
         }
@@ -181,6 +182,7 @@ impl<'a> Writer<'a> {
             (Class::Params, "params", "const float"),
             (Class::Targets, "targets", "const float"),
             (Class::Memory, "memory", "float"),
+            (Class::Report, "report", "float"),
         ] {
             let (own, size) = (self.layout.slots(class).own, self.layout.size(class));
             if size > 0 {

@@ -90,7 +90,8 @@ template <int K> __device__ __forceinline__ void put(size_t at, float x) {
 #define KERNEL(name)                                                                               \
   extern "C" __global__ void __launch_bounds__(BLOCK, 1) name(                                        \
       float* __restrict__ state, const float* __restrict__ params, const float* __restrict__ targets, \
-      float* __restrict__ memory, const float* __restrict__ weights, int per_candidate)
+      float* __restrict__ memory, const float* __restrict__ weights, float* __restrict__ report,      \
+      int per_candidate)
 #define BEGIN                                                                                      \
   const int thread = blockIdx.x * BLOCK + threadIdx.x;                                             \
   const int tile = thread / 32, in_tile = thread % 32, lane = in_tile % LANES, in_env = in_tile / LANES; \

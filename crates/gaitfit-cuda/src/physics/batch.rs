@@ -8,7 +8,7 @@ use gaitfit_physics::{Params, Slot, State};
 use super::DeviceError;
 use super::period::{BLOCK, Period};
 use crate::emit::{Class, KERNEL, Place};
-use crate::runtime::{Buffer, CudaError, Device, Kernel, Shape, Stream};
+use crate::runtime::{Argument, Buffer, CudaError, Device, Kernel, Shape, Stream};
 
 /// Many environments of one robot. Environments beyond those asked for, up to whole blocks, are copies of others.
 pub struct Batch {
@@ -19,7 +19,7 @@ pub struct Batch {
     /// Environments of a candidate: those that share the modifications' weights.
     per_candidate: usize,
     blocks: usize,
-    buffers: [Buffer<f32>; 5],
+    buffers: [Buffer<f32>; 6],
     start: Buffer<f32>,
 }
 
@@ -47,7 +47,7 @@ impl Batch {
         // Copies beyond the last environment read weights of candidates beyond the last.
         let sets = (tiles * layout.environments()).div_ceil(per_candidate);
         let length = |class: Class| layout.size(class) * if class == Class::Weights { sets } else { tiles };
-        let names = ["states", "parameters", "targets", "memory", "weights"];
+        let names = ["states", "parameters", "targets", "memory", "weights", "reports"];
         let sizes: Vec<(&str, u64)> =
             Class::ALL.iter().zip(names).map(|(&class, name)| (name, 4 * length(class) as u64)).collect();
         let mut plan = sizes.clone();
@@ -68,6 +68,7 @@ impl Batch {
                 buffer(Class::Targets)?,
                 buffer(Class::Memory)?,
                 buffer(Class::Weights)?,
+                buffer(Class::Report)?,
             ],
             start: Buffer::new(device, "states at the start", length(Class::State))?,
         })
@@ -86,6 +87,11 @@ impl Batch {
     /// Whether the program was compiled before.
     pub fn cached(&self) -> bool {
         self.cached
+    }
+
+    /// The numbers of a class, as an argument of other kernels; where each lies says [`Period::layout`].
+    pub fn numbers(&self, class: Class) -> Argument {
+        (&self.buffers[class as usize]).into()
     }
 
     /// Bytes of the GPU's memory.
@@ -115,6 +121,27 @@ impl Batch {
             }
         }
         buffer.write(stream, &host)
+    }
+
+    /// Writes all numbers of a class, laid out by the caller.
+    ///
+    /// # Errors
+    /// [`CudaError::Length`], or a failure of the GPU.
+    pub fn write_numbers(&mut self, stream: &Stream, class: Class, numbers: &[f32]) -> Result<(), CudaError> {
+        self.buffers[class as usize].write(stream, numbers)
+    }
+
+    /// Reads all numbers of a class as they lie.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn read_numbers(&self, stream: &Stream, class: Class) -> Result<Vec<f32>, CudaError> {
+        self.buffers[class as usize].read(stream)
+    }
+
+    /// Tiles of environments, those with copies among them.
+    pub fn tiles(&self) -> usize {
+        self.blocks * BLOCK / crate::emit::TILE
     }
 
     /// Writes parameters: those of environment `e` are `sets[e % sets.len()]`.
@@ -209,7 +236,7 @@ impl Batch {
     /// # Errors
     /// A kernel that cannot be started.
     pub fn step(&self, stream: &Stream) -> Result<(), CudaError> {
-        let [state, params, targets, memory, weights] = &self.buffers;
+        let [state, params, targets, memory, weights, report] = &self.buffers;
         let per_candidate = i32::try_from(self.per_candidate).unwrap_or(i32::MAX);
         let arguments = [
             state.into(),
@@ -217,6 +244,7 @@ impl Batch {
             targets.into(),
             memory.into(),
             weights.into(),
+            report.into(),
             per_candidate.into(),
         ];
         let blocks = u32::try_from(self.blocks).unwrap_or(u32::MAX);

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use gaitfit_model::Model;
+use gaitfit_physics::trace::Report;
 use gaitfit_physics::{
     Drive, Params, Period as Control, Preset, Settings, State, Work, compile, control_period,
 };
@@ -87,7 +88,16 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
             Some(_) => Period::new(&model, &settings, options, &[])?,
             None => {
                 let (count, info) = (bench.environments, device.info());
-                Period::for_environments(&model, &settings, options, &[], count, info)?
+                let processors = usize::try_from(info.processors).unwrap_or(1);
+                Period::for_environments(
+                    &model,
+                    &settings,
+                    options,
+                    &[],
+                    &Report::default(),
+                    count,
+                    processors,
+                )?
             }
         };
         Ok(Arc::new(made))

@@ -1,12 +1,12 @@
 //! One robot's control period as a program for a GPU.
 
 use gaitfit_model::Model;
-use gaitfit_physics::trace::{Known, PeriodGraph, Traced, record_period};
+use gaitfit_physics::trace::{Known, PeriodGraph, Report, Traced, record_period_with};
 use gaitfit_physics::{JointModification, Settings, compile};
 
 use super::DeviceError;
 use crate::emit::{EmitOptions, KERNEL, Layout, PeriodProgram, Seating, cuda};
-use crate::runtime::{DeviceInfo, Program};
+use crate::runtime::Program;
 
 /// Threads of a block. Two warps: the number makes no difference up to 128.
 pub(super) const BLOCK: usize = 64;
@@ -33,7 +33,7 @@ const LONGEST_FOR_TWO: usize = 6000;
 /// The program of one robot's control period.
 #[derive(Clone, Debug)]
 pub struct Period {
-    pub(super) graph: PeriodGraph,
+    pub(crate) graph: PeriodGraph,
     pub(super) shared: PeriodProgram,
     pub(super) layout: Layout,
     joints: usize,
@@ -52,8 +52,22 @@ impl Period {
         options: PeriodOptions,
         modifications: &[JointModification<Known>],
     ) -> Result<Self, DeviceError> {
+        Self::reporting(model, settings, options, modifications, &Report::default())
+    }
+
+    /// As [`Period::new`], and the program also writes what `report` asks for.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn reporting(
+        model: &Model,
+        settings: &Settings,
+        options: PeriodOptions,
+        modifications: &[JointModification<Known>],
+        report: &Report,
+    ) -> Result<Self, DeviceError> {
         let tree = compile::<Traced>(model, settings)?;
-        let graph = record_period(&tree, options.taps, options.substeps, modifications)?;
+        let graph = record_period_with(&tree, options.taps, options.substeps, modifications, report)?;
         let outline = tree.outline();
         let shared = [4, 2]
             .into_iter()
@@ -71,7 +85,8 @@ impl Period {
 
     /// The program for this many environments: four threads each until two would occupy three quarters of the GPU, for
     /// few environments want many threads, of which each has less to do, and many want few, with fewer sums over
-    /// threads. Long programs, of all of a robot's geoms, keep four. `options.lanes` is not looked at.
+    /// threads. Long programs, of all of a robot's geoms, keep four. `options.lanes` is not looked at. `processors`: the
+    /// GPU's multiprocessors.
     ///
     /// # Errors
     /// As [`Period::new`].
@@ -80,11 +95,14 @@ impl Period {
         settings: &Settings,
         options: PeriodOptions,
         modifications: &[JointModification<Known>],
+        report: &Report,
         environments: usize,
-        device: &DeviceInfo,
+        processors: usize,
     ) -> Result<Self, DeviceError> {
-        let period = |lanes| Self::new(model, settings, PeriodOptions { lanes, ..options }, modifications);
-        let threads = THREADS_PER_PROCESSOR * usize::try_from(device.processors).unwrap_or(1);
+        let period = |lanes| {
+            Self::reporting(model, settings, PeriodOptions { lanes, ..options }, modifications, report)
+        };
+        let threads = THREADS_PER_PROCESSOR * processors;
         if 2 * environments >= threads - threads / 4 {
             let two = period(2)?;
             if two.operations() <= LONGEST_FOR_TWO {

@@ -47,6 +47,13 @@ pub struct Array {
     pub length: usize,
 }
 
+impl Array {
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> u64 {
+        self.length as u64 * if self.kind == Kind::F64 { 8 } else { 4 }
+    }
+}
+
 /// An argument of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {

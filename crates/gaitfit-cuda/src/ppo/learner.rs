@@ -1,24 +1,19 @@
 //! The learner in the GPU's memory.
 
-use gaitfit_learn::ppo::{self, Culprit, Diagnostics, Samples, SamplesError, UpdateError};
+use gaitfit_learn::ppo::{self, Diagnostics, Samples, SamplesError, UpdateError};
 use gaitfit_policy::network::Normaliser;
 
 use super::error::PpoError;
-use super::launch::{Batch, Id, Kind, Launch, Value};
+use super::launch::{Batch, Id, Launch, Value};
 use super::plan::{CHECKED, Plan};
 use super::prepared::{Limits, Prepared};
+use super::report::{LEARNING_RATE, STEPS};
+use super::storage::Storage;
 use super::text::Precision;
 use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream};
 
 /// Least compute capability: the matrix units' TF32.
 const CAPABILITY: (i32, i32) = (8, 0);
-
-/// An array of the plan in the GPU's memory.
-enum Storage {
-    F32(Buffer<f32>),
-    F64(Buffer<f64>),
-    U32(Buffer<u32>),
-}
 
 /// Networks, optimiser and samples in a GPU's memory; see the module.
 pub struct Learner {
@@ -27,8 +22,8 @@ pub struct Learner {
     kernels: Vec<(&'static str, Kernel)>,
     stream: Stream,
     graph: Option<Graph>,
-    batch: Batch,
-    settings: ppo::Settings,
+    pub(super) batch: Batch,
+    pub(super) settings: ppo::Settings,
     widths: ppo::Widths,
     seed: u64,
     /// Parameters of the actor and of the critic.
@@ -58,9 +53,7 @@ impl Learner {
             shared_memory: usize::try_from(info.shared_memory).unwrap_or(0),
         };
         let Prepared { program, plan, maps, sizes } = Prepared::new(learner, batch, precision, limits)?;
-        let bytes = |kind: Kind, length: usize| length as u64 * if kind == Kind::F64 { 8 } else { 4 };
-        let parts: Vec<(&str, u64)> =
-            plan.arrays.iter().map(|array| (array.name, bytes(array.kind, array.length))).collect();
+        let parts: Vec<(&str, u64)> = plan.arrays.iter().map(|array| (array.name, array.bytes())).collect();
         device.check_room(&parts)?;
         let module = device.load(&program)?;
         let mut kernels: Vec<(&'static str, Kernel)> = Vec::new();
@@ -71,11 +64,7 @@ impl Learner {
         }
         let mut arrays = Vec::with_capacity(plan.arrays.len());
         for array in &plan.arrays {
-            arrays.push(match array.kind {
-                Kind::F32 => Storage::F32(Buffer::new(device, array.name, array.length)?),
-                Kind::F64 => Storage::F64(Buffer::new(device, array.name, array.length)?),
-                Kind::U32 => Storage::U32(Buffer::new(device, array.name, array.length)?),
-            });
+            arrays.push(Storage::new(device, array)?);
         }
         let normalised = [learner.normaliser().is_some(), learner.critic_normaliser().is_some()];
         let (settings, widths) = (learner.settings().clone(), learner.widths());
@@ -243,6 +232,37 @@ impl Learner {
         }
     }
 
+    /// Starts the work that fills `value`, `rows`, from critic's observations, `rows × critic_observation`, that are not of
+    /// the samples. It can be recorded in a graph.
+    ///
+    /// # Errors
+    /// [`CudaError::Length`], [`CudaError::Launch`].
+    pub fn foresee_values(
+        &self,
+        stream: &Stream,
+        rows: usize,
+        critic_observation: &Buffer<f32>,
+        value: &Buffer<f32>,
+    ) -> Result<(), CudaError> {
+        let expected = rows * self.widths.critic_observation;
+        let short = critic_observation.len() < expected || value.len() < rows;
+        match self.plan.foresee_values(rows) {
+            Some((launch, [seen, out])) if !short => {
+                self.start_with(stream, &launch, &[(seen, critic_observation.into()), (out, value.into())])
+            }
+            _ => Err(CudaError::Length {
+                buffer: critic_observation.name().into(),
+                expected,
+                found: critic_observation.len(),
+            }),
+        }
+    }
+
+    /// An array of the plan as an argument of other kernels.
+    pub fn argument(&self, name: &str) -> Option<Argument> {
+        self.storage(name).map(Storage::argument)
+    }
+
     /// One update on the samples in the GPU's memory, as [`ppo::Learner::update`] does it.
     ///
     /// # Errors
@@ -290,19 +310,28 @@ impl Learner {
     /// # Errors
     /// [`CudaError::Launch`].
     pub fn start(&self, stream: &Stream, launch: &Launch) -> Result<(), CudaError> {
-        let arguments: Vec<Argument> = launch
+        self.start_with(stream, launch, &[])
+    }
+
+    /// As [`Learner::start`], with other arguments at some places.
+    fn start_with(
+        &self,
+        stream: &Stream,
+        launch: &Launch,
+        others: &[(usize, Argument)],
+    ) -> Result<(), CudaError> {
+        let mut arguments: Vec<Argument> = launch
             .arguments
             .iter()
             .map(|value| match *value {
-                Value::Array(Id(number)) => match &self.arrays[number] {
-                    Storage::F32(buffer) => buffer.into(),
-                    Storage::F64(buffer) => buffer.into(),
-                    Storage::U32(buffer) => buffer.into(),
-                },
+                Value::Array(Id(number)) => self.arrays[number].argument(),
                 Value::U32(word) => word.into(),
                 Value::F32(number) => number.into(),
             })
             .collect();
+        for &(place, other) in others {
+            arguments[place] = other;
+        }
         let kernel = self.kernels.iter().find(|(name, _)| *name == launch.kernel);
         let Some((_, kernel)) = kernel else {
             let reason = "the plan does not have it".into();
@@ -367,73 +396,7 @@ impl Learner {
             _ => Ok(()),
         }
     }
-
-    /// The update's numbers, or what was not finite.
-    fn report(&self, state: &[f64], iteration: u32) -> Result<Diagnostics, PpoError> {
-        let fault = state[FAULT];
-        if fault == FAULT_SAMPLES {
-            return Err(self.faulty_sample()?.into());
-        }
-        let culprits = [
-            Culprit::PolicyLoss,
-            Culprit::ValueLoss,
-            Culprit::KlDivergence,
-            Culprit::ActorGradient,
-            Culprit::CriticGradient,
-            Culprit::LogStdGradient,
-        ];
-        if let Some(&culprit) = (fault >= 1.0).then(|| culprits.get(fault as usize - 1)).flatten() {
-            let (epoch, minibatch) = (state[FAULT + 1] as usize, state[FAULT + 2] as usize);
-            return Err(UpdateError::NotFinite { culprit, iteration, epoch, minibatch }.into());
-        }
-        let count = (self.settings.epochs * self.settings.minibatches) as f64;
-        let sums = &state[FAULT + 3..];
-        Ok(Diagnostics {
-            policy_loss: sums[0] / count,
-            value_loss: sums[1] / count,
-            entropy: sums[2] / count,
-            kl: sums[3] / count,
-            kl_last: sums[4],
-            approx_kl_k1: sums[5] / count,
-            approx_kl_k3: sums[6] / count,
-            clip_fraction: sums[7] / count,
-            gradient_norm: sums[8] / count,
-            explained_variance: sums[9],
-            mean_std: sums[10],
-            learning_rate: state[LEARNING_RATE],
-        })
-    }
-
-    /// Which number of the samples is not finite.
-    fn faulty_sample(&self) -> Result<UpdateError, CudaError> {
-        let Batch { environments, tile, .. } = self.batch;
-        for name in CHECKED {
-            let numbers = self.read_f32(name)?;
-            let rows = if name == "last_value" { environments } else { self.batch.rows() };
-            let width = (numbers.len() / rows.max(1)).max(1);
-            if let Some(place) = numbers.iter().position(|number| !number.is_finite()) {
-                let (row, element) = (place / width, place % width);
-                let environment = row % environments;
-                return Ok(UpdateError::from(SamplesError::NotFinite {
-                    tile: environment / tile,
-                    array: name,
-                    step: row / environments,
-                    environment: environment % tile,
-                    element,
-                    value: numbers[place],
-                }));
-            }
-        }
-        let what = Culprit::PolicyLoss;
-        Ok(UpdateError::NotFinite { culprit: what, iteration: 0, epoch: 0, minibatch: 0 })
-    }
 }
-
-/// Places in the array `state`, as the text has them.
-const LEARNING_RATE: usize = 0;
-const STEPS: usize = 1;
-const FAULT: usize = 5;
-const FAULT_SAMPLES: f64 = 100.0;
 
 fn array_of<'a>(samples: &'a Samples, name: &str) -> &'a [f32] {
     match name {

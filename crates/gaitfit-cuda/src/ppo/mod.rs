@@ -13,6 +13,8 @@ mod layout;
 mod learner;
 mod plan;
 mod prepared;
+mod report;
+mod storage;
 mod text;
 
 pub use error::PpoError;
@@ -21,4 +23,5 @@ pub use layout::TooWide;
 pub use learner::Learner;
 pub use plan::Plan;
 pub use prepared::{Limits, Prepared};
+pub(crate) use storage::Storage;
 pub use text::Precision;

@@ -358,6 +358,16 @@ impl Plan {
         Some(launch)
     }
 
+    /// The critic's values of `rows` rows, and the places among the arguments of its observations and of the values,
+    /// which are those of the samples; none in a plan without a learner.
+    pub fn foresee_values(&self, rows: usize) -> Option<(Launch, [usize; 2])> {
+        let mut launch = self.foresee.clone()?;
+        let (processors, tile, _) = self.sharing;
+        launch.shape.grid[0] = rows.div_ceil(tile).clamp(1, processors.max(1)) as u32;
+        launch.arguments[..3].copy_from_slice(&[word(0), word(rows), word(0)]);
+        Some((launch, [4, 8]))
+    }
+
     /// The array of this name.
     pub fn array(&self, name: &str) -> Option<Id> {
         self.arrays.iter().position(|array| array.name == name).map(Id)

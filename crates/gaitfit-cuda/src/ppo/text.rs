@@ -66,6 +66,7 @@ impl Text {
         let mut text =
             defines(settings, widths, [&actor_net, &critic_net], precision, rows, actor.activation);
         for part in [
+            include_str!("../common.cuh"),
             include_str!("kernels/common.cu"),
             include_str!("kernels/shuffle.cu"),
             include_str!("kernels/advantages.cu"),

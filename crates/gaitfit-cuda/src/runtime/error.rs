@@ -139,6 +139,17 @@ pub fn bytes(count: u64) -> String {
     if unit == "bytes" { format!("{count} bytes") } else { format!("{size:.1} {unit}") }
 }
 
+impl CudaError {
+    /// Whether a driver, a GPU or the compiler is not there, or too old, rather than something failed.
+    pub fn is_missing(&self) -> bool {
+        use CudaError::{DriverStart, NoDriver, NoNvrtc, OldDriver, OldNvrtc, Ordinal};
+        matches!(
+            self,
+            NoDriver(_) | OldDriver(_) | DriverStart(_) | Ordinal { .. } | NoNvrtc { .. } | OldNvrtc { .. }
+        )
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

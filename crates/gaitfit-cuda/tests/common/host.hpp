@@ -47,7 +47,7 @@ static inline bool UNLESS(R a, R b) {
 #define __device__
 #define KERNEL(name)                                                                             \
   extern "C" void name(float* state, const float* params, const float* targets, float* memory,   \
-                       const float* weights, int per_candidate)
+                       const float* weights, float* report, int per_candidate)
 #define BEGIN
 #define PLACE(type, class, base, own, size)      \
   type* class##_own = base + environment * LANES; \

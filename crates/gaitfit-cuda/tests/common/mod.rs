@@ -4,7 +4,7 @@
 
 use gaitfit_cuda::emit::{EmitOptions, PeriodProgram, Seating};
 use gaitfit_model::{Model, ReadOptions, Shape, read};
-use gaitfit_physics::trace::{PeriodGraph, Traced, record_period};
+use gaitfit_physics::trace::{PeriodGraph, Report, Traced, record_period_with};
 use gaitfit_physics::{
     ActionDelta, Drive, JointModification, JointNetwork, Modify, NetworkScales, Params, Period, Real,
     ResidAct, Robot, Settings, State, Tree, Work, compile, control_period, memory_of, settle,
@@ -32,16 +32,19 @@ pub fn feet(mut model: Model) -> Model {
     model
 }
 
+/// `extras`: networks that act on the joints, and a report of everything.
 pub fn recorded(
     model: &Model,
     settings: &Settings,
     taps: usize,
     substeps: usize,
-    networks: bool,
+    extras: bool,
 ) -> (PeriodGraph, Tree<gaitfit_physics::trace::Known>) {
     let tree = compile::<Traced>(model, settings).unwrap();
-    let modifications = if networks { modifications::<Traced>(tree.joints()) } else { Vec::new() };
-    (record_period(&tree, taps, substeps, &modifications).unwrap(), tree)
+    let modifications = if extras { modifications::<Traced>(tree.joints()) } else { Vec::new() };
+    let tracked = if extras { (0..tree.model_pairs().len()).collect() } else { Vec::new() };
+    let report = Report { forces: extras, tracked };
+    (record_period_with(&tree, taps, substeps, &modifications, &report).unwrap(), tree)
 }
 
 pub fn shared(
@@ -107,7 +110,7 @@ pub fn samples(
     settings: &Settings,
     taps: usize,
     substeps: usize,
-    networks: bool,
+    extras: bool,
     rounded: bool,
     count: usize,
 ) -> Vec<Sample> {
@@ -115,7 +118,7 @@ pub fn samples(
     let joints = tree.joints();
     let mut random = Random(5);
     let round = |x: f64| if rounded { f64::from(x as f32) } else { x };
-    let mut modifications = if networks { modifications::<f64>(joints) } else { Vec::new() };
+    let mut modifications = if extras { modifications::<f64>(joints) } else { Vec::new() };
     let mut weights = Vec::new();
     for modification in &mut modifications {
         modification.visit_weights_mut(|_, weight| {
@@ -162,6 +165,7 @@ pub fn samples(
                 }
             }
             let before = [state_values(&state), param_values(&params), targets.clone(), memory.clone()];
+            let (mut work, mut drives) = (Work::new(&tree), vec![Drive::zero(); joints]);
             control_period(&mut Period {
                 tree: &tree,
                 params: &params,
@@ -171,17 +175,34 @@ pub fn samples(
                 memory: &mut memory,
                 substeps,
                 state: &mut state,
-                work: &mut Work::new(&tree),
-                drives: &mut vec![Drive::zero(); joints],
+                work: &mut work,
+                drives: &mut drives,
             });
             if state_values(&state).iter().any(|number| !number.is_finite()) {
                 break;
             }
             if period == periods {
                 let inputs = [before.concat(), weights.clone()].concat();
-                all.push(Sample { inputs, outputs: [state_values(&state), memory.clone()].concat() });
+                let mut outputs = [state_values(&state), memory.clone()].concat();
+                if extras {
+                    outputs.extend(shown(&tree, &state, &work, &drives));
+                }
+                all.push(Sample { inputs, outputs });
             }
         }
+    }
+    all
+}
+
+/// What a report of everything holds.
+fn shown(tree: &Tree<f64>, state: &State<f64>, work: &Work<f64>, drives: &[Drive<f64>]) -> Vec<f64> {
+    let pairs = 0..tree.model_pairs().len();
+    let mut all: Vec<f64> = drives.iter().map(|drive| drive.torque).collect();
+    all.extend(pairs.clone().map(|pair| work.normal_force(tree, pair)));
+    let h = tree.settings().timestep;
+    for pair in pairs {
+        let center = work.pair_center(tree, pair);
+        all.extend((0..3).map(|k| state.base_position[k] - h * state.base_linear[k] + center[k]));
     }
     all
 }

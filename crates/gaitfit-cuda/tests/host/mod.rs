@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::fmt::Write;
 use std::process::Command;
 
-use gaitfit_cuda::ppo::{Kind, Launch, Plan, Value};
+use gaitfit_cuda::ppo::{Array, Launch, Plan, Value};
 
 /// Arrays by name, as bytes.
 pub type Arrays = HashMap<&'static str, Vec<u8>>;
@@ -28,26 +28,58 @@ pub fn doubles(bytes: &[u8]) -> Vec<f64> {
 
 /// Runs `plan.pack` and the plan's launches, starting from `arrays`; those that are not given are 0 if in `zeros`, else no
 /// numbers. Gives all arrays afterwards.
+#[allow(dead_code, reason = "not every test has a plan")]
 pub fn run(text: &str, plan: &Plan, arrays: &Arrays, zeros: &[&str]) -> Arrays {
+    let mut statements = String::new();
+    for launch in plan.pack.iter().chain(&plan.launches) {
+        statements.push_str(&call(launch));
+    }
+    for array in &plan.arrays {
+        writeln!(statements, "    {}", keep(&plan.arrays, array.name, "out")).unwrap();
+    }
+    let files = arrays.iter().map(|(name, bytes)| {
+        assert!(plan.array(name).is_some(), "the plan has no array {name}");
+        (name.to_string(), bytes.clone())
+    });
+    let folder = execute(text, &plan.arrays, &files.collect(), zeros, &statements);
+    let read = |name: &str| std::fs::read(folder.path().join(format!("{name}.out"))).unwrap();
+    plan.arrays.iter().map(|array| (array.name, read(array.name))).collect()
+}
+
+/// The C++ statement that writes an array into the file `name.suffix`.
+pub fn keep(arrays: &[Array], name: &str, suffix: &str) -> String {
+    let number = arrays.iter().position(|array| array.name == name).unwrap();
+    format!("store(\"{name}.{suffix}\", all[{number}]);")
+}
+
+/// The C++ statement that reads an array from the file `name.suffix`.
+#[allow(dead_code, reason = "not every test needs it")]
+pub fn take(arrays: &[Array], name: &str, suffix: &str) -> String {
+    let number = arrays.iter().position(|array| array.name == name).unwrap();
+    format!("load(\"{name}.{suffix}\", all[{number}]);")
+}
+
+/// Compiles `text` with a program of `statements` and runs it in a folder with these files. Arrays are read from the file
+/// of their name, if there is one; others are 0 if in `zeros`, else no numbers.
+pub fn execute(
+    text: &str,
+    arrays: &[Array],
+    files: &HashMap<String, Vec<u8>>,
+    zeros: &[&str],
+    statements: &str,
+) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    for (name, bytes) in arrays {
-        assert!(plan.array(name).is_some(), "the plan has no array {name}");
+    for (name, bytes) in files {
         std::fs::write(at(name), bytes).unwrap();
     }
     let mut main = String::from("int main() {\n    std::vector<std::vector<char>> all;\n");
-    for array in &plan.arrays {
-        let bytes = array.length * if array.kind == Kind::F64 { 8 } else { 4 };
+    for array in arrays {
         let fill = if zeros.contains(&array.name) { 0 } else { -1 };
-        let name = array.name;
+        let (name, bytes) = (array.name, array.bytes());
         writeln!(main, "    all.emplace_back({bytes}, (char){fill}); load(\"{name}\", all.back());").unwrap();
     }
-    for launch in plan.pack.iter().chain(&plan.launches) {
-        main.push_str(&call(launch));
-    }
-    for (number, array) in plan.arrays.iter().enumerate() {
-        writeln!(main, "    store(\"{}.out\", all[{number}]);", array.name).unwrap();
-    }
+    main.push_str(statements);
     main.push_str("}\n");
     let source = format!("#include \"shim.hpp\"\n{text}\n{main}");
     std::fs::write(at("shim.hpp"), include_str!("shim.hpp")).unwrap();
@@ -60,14 +92,11 @@ pub fn run(text: &str, plan: &Plan, arrays: &Arrays, zeros: &[&str]) -> Arrays {
     assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
     let ran = Command::new(at("main")).current_dir(folder.path()).output().unwrap();
     assert!(ran.status.success(), "{ran:?}");
-    plan.arrays
-        .iter()
-        .map(|array| (array.name, std::fs::read(at(&format!("{}.out", array.name))).unwrap()))
-        .collect()
+    folder
 }
 
 /// The C++ statement for one launch.
-fn call(launch: &Launch) -> String {
+pub fn call(launch: &Launch) -> String {
     let dim = |[x, y, z]: [u32; 3]| format!("{{{x}, {y}, {z}}}");
     let arguments: Vec<String> = launch
         .arguments

@@ -1,7 +1,6 @@
 //! One tile of robots at a task.
 
 use gaitfit_model::rotation::{self, quat_of, to_heading, vec_of};
-use gaitfit_physics::Robot;
 use gaitfit_policy::observation::{LastAction, Layout, Sensed};
 use gaitfit_policy::walker::{TorqueNoise, touching};
 use gaitfit_random::{Purpose, Stream, fill_block_rows};
@@ -10,7 +9,6 @@ use gaitfit_sim::{Candidate, Motion, Tile};
 use super::command::{command, within};
 use super::error::refuse;
 use super::feet::Foot;
-use super::randomise::randomised;
 use super::sensor_noise::{self, SensorNoise};
 use super::start::start;
 use super::{Moment, Task, TaskError};
@@ -50,14 +48,14 @@ pub struct Environment<'a> {
     seed: u64,
     /// Number of the tile's first environment.
     first: u32,
-    tile: Tile<'a>,
-    motion: Motion,
-    steps: Vec<u32>,
-    command: Vec<[f32; 3]>,
-    last_action: LastAction,
+    pub(super) tile: Tile<'a>,
+    pub(super) motion: Motion,
+    pub(super) steps: Vec<u32>,
+    pub(super) command: Vec<[f32; 3]>,
+    pub(super) last_action: LastAction,
     targets: Vec<f32>,
     /// `environments × feet`.
-    feet: Vec<Foot>,
+    pub(super) feet: Vec<Foot>,
     /// Sum of each reward term since [`Environment::take_terms`].
     terms: Vec<f64>,
     /// Terms of one environment and step.
@@ -104,20 +102,14 @@ impl<'a> Environment<'a> {
         count: usize,
     ) -> Result<Self, TaskError> {
         let walker = &task.walker;
-        let model = walker.model();
         let Some(candidate) = candidates.first() else {
             return refuse("robots", "are none".to_owned());
         };
         if candidates.iter().any(|other| other.networks != candidate.networks) {
             return refuse("robots", "have different networks, which robots of a tile share".to_owned());
         }
-        let bases: Vec<Robot> = candidates.iter().map(|candidate| walker.robot(candidate)).collect();
+        let robots = task.robots(candidates, seed, first, count)?;
         let of = |environment: u32| environment as usize % candidates.len();
-        let mut robots = Vec::with_capacity(count);
-        for environment in first..first + count as u32 {
-            let base = &bases[of(environment)];
-            robots.push(randomised(model, base, &task.settings.randomisation, seed, environment)?);
-        }
         let deviations =
             (first..first + count as u32).map(|environment| candidates[of(environment)].torque_noise);
         let joints = walker.joints.len();

@@ -14,6 +14,7 @@ mod randomise;
 pub mod reward;
 mod sensor_noise;
 mod settings;
+mod snapshot;
 mod start;
 #[allow(clippy::module_inception, reason = "the file is the task")]
 mod task;
@@ -24,4 +25,5 @@ pub use feet::Foot;
 pub use moment::Moment;
 pub use presets::preset;
 pub use settings::*;
+pub use snapshot::Snapshot;
 pub use task::Task;

@@ -1,12 +1,14 @@
 //! A task on a robot: names resolved to indices once, shared by all environments.
 
 use gaitfit_model::{Model, patterns};
-use gaitfit_physics::Preset;
+use gaitfit_physics::{Params, Preset, Robot};
 use gaitfit_policy::Interface;
 use gaitfit_policy::walker::{Walker, WalkerOptions};
+use gaitfit_sim::Candidate;
 
 use super::check::{check, check_terms};
 use super::error::refuse;
+use super::randomise::randomised;
 use super::{JointTable, Moment, TaskError, TaskSettings, reward};
 
 /// Value of a reward term at a robot's moment.
@@ -152,6 +154,45 @@ impl Task {
     /// Reward terms of non-zero weight, by name; own terms after those of the settings.
     pub fn reward_names(&self) -> Vec<&str> {
         self.rewards.iter().map(|term| term.name.as_str()).collect()
+    }
+
+    /// Reward terms of non-zero weight with what a step of value 1 pays, in [`Task::reward_names`] order.
+    pub fn reward_weights(&self) -> impl Iterator<Item = (&str, f32)> {
+        self.rewards.iter().map(|term| (term.name.as_str(), term.weight))
+    }
+
+    /// Place of each foot in `Motion::normal_force`.
+    pub fn foot_geoms(&self) -> &[usize] {
+        &self.foot_geoms
+    }
+
+    /// Places of geoms that are neither feet nor end an episode by touching the ground.
+    pub fn body_geoms(&self) -> &[usize] {
+        &self.body_geoms
+    }
+
+    /// The robots of environments `first..first + count` with the policy's gains: environment number `e` is candidate
+    /// number `e` modulo their count, varied.
+    ///
+    /// # Errors
+    /// A randomisation that leaves no robot.
+    pub fn robots(
+        &self,
+        candidates: &[Candidate],
+        seed: u64,
+        first: u32,
+        count: usize,
+    ) -> Result<Vec<Params<f64>>, TaskError> {
+        let bases: Vec<Robot> = candidates.iter().map(|candidate| self.walker.robot(candidate)).collect();
+        (first..first + count as u32)
+            .map(|environment| {
+                let Some(base) = bases.get(environment as usize % bases.len().max(1)) else {
+                    return refuse("robots", "are none".to_owned());
+                };
+                let (model, ranges) = (self.walker.model(), &self.settings.randomisation);
+                Ok(randomised(model, base, ranges, seed, environment)?)
+            })
+            .collect()
     }
 
     /// Control periods in an episode.

@@ -17,6 +17,6 @@ mod record;
 mod scalar;
 
 pub use graph::{Carried, Graph, Id, Node, Region, RegionKind, TraceError};
-pub use period::{Input, Output, PeriodGraph, record_period};
+pub use period::{Input, Output, PeriodGraph, Report, record_period, record_period_with};
 pub use record::{Loop, record};
 pub use scalar::{Guard, Known, Traced};

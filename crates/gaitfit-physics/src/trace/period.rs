@@ -54,6 +54,17 @@ pub enum Output {
     State(Slot),
     /// A number that the modifications remember.
     Memory(usize),
+    /// What a [`Report`] asks for: `torque` of a joint, `normal_force` of a compiled pair, `place` of one.
+    Report(Slot),
+}
+
+/// What a recorded control period tells of its last physics step besides the state.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// The joints' torques (N·m: the motors', with modifications) and the normal force on every compiled pair (N).
+    pub forces: bool,
+    /// Compiled pairs whose centres are told: at the start of the last physics step, m, world axes.
+    pub tracked: Vec<usize>,
 }
 
 /// A recorded control period.
@@ -77,6 +88,20 @@ pub fn record_period(
     taps: usize,
     substeps: usize,
     modifications: &[JointModification<Known>],
+) -> Result<PeriodGraph, TraceError> {
+    record_period_with(tree, taps, substeps, modifications, &Report::default())
+}
+
+/// As [`record_period`], with what `report` asks for among the outputs.
+///
+/// # Errors
+/// As there.
+pub fn record_period_with(
+    tree: &Tree<Known>,
+    taps: usize,
+    substeps: usize,
+    modifications: &[JointModification<Known>],
+    report: &Report,
 ) -> Result<PeriodGraph, TraceError> {
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     let mut modifications = modifications.to_vec();
@@ -116,14 +141,22 @@ pub fn record_period(
         };
         phase::begin(&mut period);
         let mut clock = Traced::zero();
-        let steps = Loop::begin(substeps, handed_on(&mut period, &mut clock));
+        let slots = reported(tree, report);
+        let mut shown = vec![Traced::zero(); slots.len()];
+        let mut forces = vec![Traced::zero(); if report.forces { tree.pairs.len() } else { 0 }];
+        let steps = Loop::begin(substeps, handed_on(&mut period, &mut clock, &mut shown));
         phase::before(&mut period, clock, &[]);
-        let turns = Loop::begin(tree.settings.iterations, iterated(&mut period));
+        let turns = Loop::begin(tree.settings.iterations, iterated(&mut period, &mut forces));
         phase::iterate(&mut period, false);
-        turns.end(iterated(&mut period));
+        // A force is known inside the solver's loop alone.
+        for (pair, force) in forces.iter_mut().enumerate() {
+            *force = period.work.normal_force(tree, pair);
+        }
+        turns.end(iterated(&mut period, &mut forces));
         phase::after(&mut period);
+        show(&period, report, &forces, &mut shown);
         clock = clock + Traced::lit(1.0);
-        steps.end(handed_on(&mut period, &mut clock));
+        steps.end(handed_on(&mut period, &mut clock, &mut shown));
 
         let mut all = Vec::new();
         state.visit(|slot, &number| {
@@ -132,20 +165,60 @@ pub fn record_period(
         });
         outputs.extend((0..memory.len()).map(Output::Memory));
         all.extend(memory);
+        outputs.extend(slots.into_iter().map(Output::Report));
+        all.extend(shown);
         all
     })?;
     Ok(PeriodGraph { graph, inputs, outputs })
 }
 
-/// What one physics step hands to the next.
-fn handed_on<'a>(period: &'a mut Period<'_, Traced>, clock: &'a mut Traced) -> Vec<&'a mut Traced> {
+/// What one physics step hands to the next, and what it shows, which only the last one leaves.
+fn handed_on<'a>(
+    period: &'a mut Period<'_, Traced>,
+    clock: &'a mut Traced,
+    shown: &'a mut [Traced],
+) -> Vec<&'a mut Traced> {
     let mut all = vec![clock];
     period.state.visit_mut(|_, number| all.push(number));
     all.extend(&mut *period.memory);
+    all.extend(shown);
     all
 }
 
-/// What one iteration of the solver hands to the next.
-fn iterated<'a>(period: &'a mut Period<'_, Traced>) -> Vec<&'a mut Traced> {
-    phase::carried(period.tree, period.state, period.work)
+/// What one iteration of the solver hands to the next, and the forces that it computed.
+fn iterated<'a>(period: &'a mut Period<'_, Traced>, forces: &'a mut [Traced]) -> Vec<&'a mut Traced> {
+    let mut all = phase::carried(period.tree, period.state, period.work);
+    all.extend(forces);
+    all
+}
+
+/// Names of what a report asks for, in the order of [`show`].
+fn reported(tree: &Tree<Known>, report: &Report) -> Vec<Slot> {
+    let mut slots = Vec::new();
+    if report.forces {
+        slots.extend((0..tree.joints()).map(|joint| Slot::of(Owner::Joint(joint), "torque")));
+        slots.extend((0..tree.pairs.len()).map(|pair| Slot::of(Owner::Pair(pair), "normal_force")));
+    }
+    for &pair in &report.tracked {
+        slots.extend((0..3).map(|index| Slot { index, ..Slot::of(Owner::Pair(pair), "place") }));
+    }
+    slots
+}
+
+/// What a report asks for, after a physics step.
+fn show(period: &Period<'_, Traced>, report: &Report, forces: &[Traced], shown: &mut [Traced]) {
+    let mut all = Vec::with_capacity(shown.len());
+    if report.forces {
+        all.extend(period.drives.iter().map(|drive| drive.torque));
+        all.extend(forces);
+    }
+    // Places are about the base's origin at the start of the step.
+    let h = Traced::lit(period.tree.settings.timestep);
+    for &pair in &report.tracked {
+        let center = period.work.pair_center(period.tree, pair);
+        for k in 0..3 {
+            all.push(h.fnma(period.state.base_linear[k], period.state.base_position[k]) + center[k]);
+        }
+    }
+    shown.copy_from_slice(&all);
 }

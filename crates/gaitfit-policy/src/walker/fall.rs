@@ -37,9 +37,9 @@ pub(super) struct Fall {
     pub(super) geoms: Vec<usize>,
     /// Geoms in all.
     contacts: usize,
-    least_uprightness: f32,
-    height: f32,
-    posture: [f32; 3],
+    pub(super) least_uprightness: f32,
+    pub(super) height: f32,
+    pub(super) posture: [f32; 3],
 }
 
 impl Fall {

@@ -166,6 +166,12 @@ impl Walker {
         self.fall.uprightness(up)
     }
 
+    /// Least uprightness and least height (m) of a robot that has not fallen, and where gravity is in the body frame in the
+    /// wanted posture.
+    pub fn fall_limits(&self) -> (f32, f32, [f32; 3]) {
+        (self.fall.least_uprightness, self.fall.height, self.fall.posture)
+    }
+
     /// Whether environment `index` of `motion` has fallen: it touches the ground with what must not, leans too far, or
     /// is too low.
     ///

@@ -89,6 +89,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         start: Some(Start { policy: world.policy, parent }),
         inputs,
         threads: arguments.threads(),
+        device: crate::device::Device::Cpu,
         warnings,
     };
     setup.learner(0).map_err(|error| refused(path, &error, PRINTED_BY))?;

@@ -1,6 +1,7 @@
 //! `manifest.json`: what made a run.
 
 use crate::Error;
+use crate::device::Device;
 use crate::machine::{Machine, machine};
 use crate::run::RunFolder;
 use crate::run::inputs::Inputs;
@@ -17,6 +18,7 @@ struct Manifest<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     ended: Option<String>,
     seeds: &'a [u64],
+    device: String,
     machine: Machine,
     inputs: &'a Inputs,
 }
@@ -25,6 +27,7 @@ struct Manifest<'a> {
 pub fn write(
     folder: &RunFolder,
     seeds: &[u64],
+    device: Device,
     inputs: &Inputs,
     begun: &str,
     ended: Option<String>,
@@ -36,6 +39,7 @@ pub fn write(
         begun,
         ended,
         seeds,
+        device: device.to_string(),
         machine: machine(),
         inputs,
     };

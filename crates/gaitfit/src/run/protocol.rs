@@ -8,6 +8,7 @@
 use super::changes::{bound, difference};
 use super::{Inputs, RunFolder, manifest};
 use crate::Error;
+use crate::device::Device;
 use crate::machine::now;
 use crate::watch::Watch;
 use serde::de::DeserializeOwned;
@@ -33,6 +34,8 @@ pub struct Protocol<'a, A = Whole> {
     pub same_files: bool,
     /// Seeds, for the manifest.
     pub seeds: Vec<u64>,
+    /// What computes, for the manifest: a run may go on on another device.
+    pub device: Device,
     /// How much is asked for; a run that is finished with another extent goes on.
     pub asked: A,
 }
@@ -152,7 +155,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
         let text = toml::to_string_pretty(&self.settings)
             .map_err(|error| Error::failed(format!("cannot write {CONFIG}: {error}")))?;
         self.folder.write(CONFIG, text.as_bytes())?;
-        manifest::write(self.folder, &self.seeds, &self.inputs, &begun, None)?;
+        manifest::write(self.folder, &self.seeds, self.device, &self.inputs, &begun, None)?;
         Ok(begun)
     }
 
@@ -161,7 +164,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
     /// # Errors
     /// Files that cannot be written.
     pub fn finish<R: Serialize>(&self, begun: &str, results: R) -> Result<R, Error> {
-        manifest::write(self.folder, &self.seeds, &self.inputs, begun, Some(now()))?;
+        manifest::write(self.folder, &self.seeds, self.device, &self.inputs, begun, Some(now()))?;
         let file = ResultFile { inputs: self.inputs.clone(), asked: self.asked.clone(), results };
         self.folder.write_json(RESULT, &file)?;
         Ok(file.results)
@@ -182,8 +185,8 @@ mod tests {
         let settings: Table = toml::from_str(settings).unwrap();
         let files = [("log.csv".to_owned(), "1".to_owned())].into();
         let inputs = Inputs { files, model: "robot".to_owned(), settings: String::new() };
-        let (seeds, asked) = (vec![1], Asked { rounds });
-        Protocol { folder, settings, free: &["rounds"], inputs, same_files: true, seeds, asked }
+        let (seeds, device, asked) = (vec![1], Device::Cpu, Asked { rounds });
+        Protocol { folder, settings, free: &["rounds"], inputs, same_files: true, seeds, device, asked }
     }
 
     #[test]

@@ -3,10 +3,13 @@
 use super::metrics::{self, Metric};
 use super::setup::Setup;
 use crate::Error;
+use crate::device::{Device, cuda_error, rollout_error};
 use crate::run::RunFolder;
 use crate::tensorboard::EventFile;
 use crate::watch::{Watch, Work};
-use gaitfit_learn::{Training, TrainingError};
+use gaitfit_cuda::ppo::Precision;
+use gaitfit_cuda::rollout::Trainer;
+use gaitfit_learn::Training;
 use gaitfit_policy::weights;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -54,8 +57,8 @@ pub fn train(setup: &Setup, folder: &RunFolder, seed: u64, watch: &Watch<'_>) ->
         Training::among(&setup.scene, &setup.drawn, settings, learner, seed)
     };
     let training = training.map_err(Error::settings)?;
-    let mut session =
-        Session { setup, folder, files, seed, training, before: 0.0, begun: Instant::now(), watch };
+    let (trainer, before, begun) = (None, 0.0, Instant::now());
+    let mut session = Session { setup, folder, files, seed, training, trainer, before, begun, watch };
     session.start()?;
     session.run()
 }
@@ -67,6 +70,8 @@ struct Session<'a> {
     files: Files,
     seed: u64,
     training: Training<'a>,
+    /// The training on a GPU; then `training` is what was last saved.
+    trainer: Option<Trainer<'a>>,
     /// Wall time of earlier sessions, s.
     before: f64,
     begun: Instant,
@@ -98,6 +103,11 @@ impl Session<'_> {
             }
             None => self.save()?,
         }
+        if let Device::Cuda(ordinal) = self.setup.device {
+            let device = gaitfit_cuda::runtime::Device::open(ordinal).map_err(|error| cuda_error(&error))?;
+            let trainer = Trainer::new(&device, &mut self.training, Precision::default());
+            self.trainer = Some(trainer.map_err(rollout_error)?);
+        }
         let kept = metrics::read(self.folder, &self.files.metrics, self.training.iteration())?;
         let mut lines = String::new();
         for metric in kept {
@@ -108,6 +118,9 @@ impl Session<'_> {
 
     /// Writes policy and checkpoint. The checkpoint comes last: what it counts as done is on the disk.
     fn save(&mut self) -> Result<(), Error> {
+        if let Some(trainer) = &self.trainer {
+            trainer.store(&mut self.training).map_err(rollout_error)?;
+        }
         let mut policy = self.training.policy(&self.setup.inputs.settings, env!("CARGO_PKG_VERSION"));
         if let Some(start) = &self.setup.start {
             policy.provenance.parent = start.parent.policy_sha256.clone();
@@ -131,10 +144,16 @@ impl Session<'_> {
         let counting = self.watch.begin(work);
         let every = Duration::try_from_secs_f64(self.setup.plan.checkpoint_seconds).unwrap_or(Duration::MAX);
         let mut saved = (Instant::now(), first);
-        while !self.training.finished() {
-            let iteration = match self.training.iterate(self.setup.threads) {
-                Ok(iteration) => iteration,
-                Err(error) => return Err(self.stopped(&error, saved.1)),
+        while !self.finished() {
+            let iteration = match &mut self.trainer {
+                Some(trainer) => match trainer.iterate() {
+                    Ok(iteration) => iteration,
+                    Err(error) => return Err(self.stopped(&error, saved.1)),
+                },
+                None => match self.training.iterate(self.setup.threads) {
+                    Ok(iteration) => iteration,
+                    Err(error) => return Err(self.stopped(&error, saved.1)),
+                },
             };
             let metric = Metric::new(&iteration, &self.setup.scene, self.seconds());
             self.folder.append(&self.files.metrics, &metric.line()?)?;
@@ -146,12 +165,12 @@ impl Session<'_> {
             let steps = self.setup.plan.train.environments * self.setup.plan.train.steps;
             counting.step(metric.iteration as usize, steps, &state(&metric));
             let interrupted = self.watch.stop();
-            if interrupted || saved.0.elapsed() >= every || self.training.finished() {
+            if interrupted || saved.0.elapsed() >= every || self.finished() {
                 self.folder.sync(&self.files.metrics)?;
                 self.save()?;
                 saved = (Instant::now(), metric.iteration);
             }
-            if interrupted && !self.training.finished() {
+            if interrupted && !self.finished() {
                 return Err(self.interrupted());
             }
         }
@@ -170,8 +189,12 @@ impl Session<'_> {
         Error::interrupted(message, self.folder.path())
     }
 
+    fn finished(&self) -> bool {
+        self.trainer.as_ref().map_or_else(|| self.training.finished(), Trainer::finished)
+    }
+
     /// Why it stopped, and what is left.
-    fn stopped(&self, error: &TrainingError, kept: u32) -> Error {
+    fn stopped(&self, error: &dyn std::error::Error, kept: u32) -> Error {
         let path = self.folder.path();
         Error::failed(format!(
             "seed {}, {error}. Kept from iteration {kept}: {} and {}",

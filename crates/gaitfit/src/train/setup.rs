@@ -2,6 +2,7 @@
 
 use super::results::Parent;
 use crate::Error;
+use crate::device::Device;
 use crate::robot::Hold;
 use crate::run::inputs::Inputs;
 use crate::settings::{MOST_SEED, Preset, TrainConfig};
@@ -35,6 +36,8 @@ pub struct Setup {
     pub inputs: Inputs,
     /// Threads.
     pub threads: usize,
+    /// What computes.
+    pub device: Device,
     /// Things to know before the training.
     pub warnings: Vec<String>,
 }
@@ -73,7 +76,13 @@ pub struct Start {
 const MOST_SEEDS: usize = 1000;
 
 /// Reads the robot and checks the settings of a training from nothing.
-pub fn setup(config: &TrainConfig, name: &str, path: Option<&Path>, threads: usize) -> Result<Setup, Error> {
+pub fn setup(
+    config: &TrainConfig,
+    name: &str,
+    path: Option<&Path>,
+    threads: usize,
+    device: Device,
+) -> Result<Setup, Error> {
     let printed_by = "gaitfit config train";
     let mut plan = Plan {
         name: name.to_owned(),
@@ -114,6 +123,7 @@ pub fn setup(config: &TrainConfig, name: &str, path: Option<&Path>, threads: usi
         start: None,
         inputs,
         threads,
+        device,
         warnings: Vec::new(),
     };
     setup.learner(0).map_err(refused)?;

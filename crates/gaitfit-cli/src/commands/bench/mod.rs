@@ -3,6 +3,7 @@
 mod physics;
 mod physics_cuda;
 mod train;
+mod train_cuda;
 
 use crate::cli::Bench;
 use crate::exit::Failure;

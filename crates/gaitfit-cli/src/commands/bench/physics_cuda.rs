@@ -1,7 +1,7 @@
 //! `gaitfit bench physics --device cuda`: speed and accuracy on a GPU.
 
 use crate::cli;
-use crate::exit::{Exit, Failure};
+use crate::exit::Failure;
 use crate::output;
 use gaitfit_cuda::emit::EmitOptions;
 use gaitfit_cuda::physics::DeviceError;
@@ -106,12 +106,6 @@ pub fn run(args: &cli::BenchPhysics, geoms: Geoms, ordinal: usize) -> Result<(),
     ))
 }
 
-/// A missing driver, GPU or compiler is told apart from a failure.
 fn cuda(error: CudaError) -> Failure {
-    use CudaError::{DriverStart, NoDriver, NoNvrtc, OldDriver, OldNvrtc, Ordinal};
-    let missing = matches!(
-        error,
-        NoDriver(_) | OldDriver(_) | DriverStart(_) | Ordinal { .. } | NoNvrtc { .. } | OldNvrtc { .. }
-    );
-    Failure { exit: if missing { Exit::Missing } else { Exit::Failed }, message: error.to_string() }
+    gaitfit::device::cuda_error(&error).into()
 }

@@ -1,6 +1,6 @@
 //! `gaitfit bench train`: whole iterations of PPO on the default task.
 
-use crate::cli::BenchTrain;
+use crate::cli::{BenchTrain, Device};
 use crate::exit::Failure;
 use crate::output;
 use gaitfit::settings::TrainConfig;
@@ -10,8 +10,9 @@ use gaitfit_learn::{Iteration, Training, TrainingSettings};
 use serde::Serialize;
 
 /// Iterations before those that are measured: memory is touched, threads are there.
-const WARM_UP: u32 = 2;
-const SEED: u64 = 1;
+pub const WARM_UP: u32 = 2;
+/// Seed of what is measured.
+pub const SEED: u64 = 1;
 
 #[derive(Serialize)]
 struct Document {
@@ -40,6 +41,9 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
         iterations: args.iterations.get().saturating_add(WARM_UP),
     };
     settings.check().map_err(Failure::usage)?;
+    if let Device::Cuda(ordinal) = args.device {
+        return super::train_cuda::run(args, &settings, ordinal);
+    }
     let model = robot::go2()?;
     let scene = Task::new(&model, &config.task.settings, config.preset).map_err(Failure::failed)?;
     let learner = Training::fresh_learner(&scene, &config.ppo, SEED).map_err(Failure::failed)?;
@@ -89,7 +93,8 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
     ))
 }
 
-fn median(iterations: &[Iteration], value: fn(&Iteration) -> f64) -> f64 {
+/// Median over the iterations.
+pub fn median(iterations: &[Iteration], value: fn(&Iteration) -> f64) -> f64 {
     let mut values: Vec<f64> = iterations.iter().map(value).collect();
     values.sort_by(f64::total_cmp);
     let middle = values.len() / 2;

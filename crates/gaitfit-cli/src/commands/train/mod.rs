@@ -27,7 +27,7 @@ pub fn run(args: &cli::Train) -> Result<(), Failure> {
     if let Some(robot) = &args.robot {
         config.robot = Some(robot.display().to_string());
     }
-    let setup = train::setup(&config, &name, args.config.as_deref(), threads)?;
+    let setup = train::setup(&config, &name, args.config.as_deref(), threads, args.device)?;
     interrupt::listen()?;
     print(&watched(LINES, |watch| train::train(&setup, args.run.resume, watch))?, args.run.json)
 }

@@ -5,7 +5,7 @@ use gaitfit_physics::{
 };
 
 use crate::motion::{Motion, Start};
-use crate::tile::Robots;
+use crate::tile::{RobotState, Robots};
 
 struct Block<T> {
     params: Params<T>,
@@ -299,6 +299,51 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
             saved.extend(block.fresh[..T::LANES].iter().map(|&fresh| if fresh { 1.0 } else { 0.0 }));
         }
         saved
+    }
+
+    fn robot(&mut self, environment: usize) -> RobotState {
+        let lane = environment % T::LANES;
+        let block = &mut self.blocks[environment / T::LANES];
+        let (targets, memory) = (block.history.len(), block.memory.len());
+        let (forces, tracked, torques) =
+            (block.normal_force.len(), 3 * block.tracked.len(), block.torque.len());
+        let mut values = [0.0; WIDEST];
+        let mut numbers: Vec<f32> = Vec::new();
+        for number in block.numbers() {
+            number.store(&mut values);
+            numbers.push(values[lane]);
+        }
+        let mut state = numbers;
+        let mut rest = state.split_off(state.len() - targets - memory - forces - tracked - torques);
+        let mut part = |length: usize| {
+            let after = rest.split_off(length);
+            std::mem::replace(&mut rest, after)
+        };
+        RobotState {
+            targets: part(targets),
+            memory: part(memory),
+            normal_force: part(forces),
+            tracked: part(tracked),
+            torque: part(torques),
+            fresh: block.fresh[lane],
+            state,
+        }
+    }
+
+    fn set_robot(&mut self, environment: usize, robot: &RobotState) -> bool {
+        let lane = environment % T::LANES;
+        let block = &mut self.blocks[environment / T::LANES];
+        let RobotState { state, targets, memory, normal_force, tracked, torque, fresh } = robot;
+        let given = [state, targets, memory, normal_force, tracked, torque];
+        let numbers: Vec<&mut T> = block.numbers().collect();
+        if numbers.len() != given.iter().map(|part| part.len()).sum::<usize>() {
+            return false;
+        }
+        for (number, &value) in numbers.into_iter().zip(given.into_iter().flatten()) {
+            set_lane(number, lane, value);
+        }
+        block.fresh[lane] = *fresh;
+        true
     }
 
     fn restore(&mut self, saved: &[f32]) -> bool {

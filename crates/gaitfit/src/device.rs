@@ -1,11 +1,17 @@
 //! What computes.
 
+use std::fmt;
 use std::str::FromStr;
 
+use crate::Error;
+use gaitfit_cuda::rollout::RolloutError;
+use gaitfit_cuda::runtime::CudaError;
+
 /// The processor or a GPU.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Device {
     /// The processor.
+    #[default]
     Cpu,
     /// The GPU of this number.
     Cuda(usize),
@@ -25,6 +31,29 @@ impl FromStr for Device {
     }
 }
 
+impl fmt::Display for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cpu => f.write_str("cpu"),
+            Self::Cuda(number) => write!(f, "cuda:{number}"),
+        }
+    }
+}
+
+/// A missing driver, GPU or compiler is told apart from a failure.
+pub fn cuda_error(error: &CudaError) -> Error {
+    if error.is_missing() { Error::Missing(error.to_string()) } else { Error::failed(error) }
+}
+
+/// Why a training on a GPU cannot be, or stopped.
+pub fn rollout_error(error: RolloutError) -> Error {
+    match error {
+        RolloutError::Cuda(error) => cuda_error(&error),
+        RolloutError::Unsupported(_) => Error::settings(error.to_string()),
+        error => Error::failed(error),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -34,6 +63,7 @@ mod tests {
         assert_eq!("cpu".parse(), Ok(Device::Cpu));
         assert_eq!("cuda".parse(), Ok(Device::Cuda(0)));
         assert_eq!("cuda:3".parse(), Ok(Device::Cuda(3)));
+        assert_eq!([Device::Cpu, Device::Cuda(2)].map(|device| device.to_string()), ["cpu", "cuda:2"]);
         for wrong in ["gpu", "cuda:", "cuda:-1", "cuda:0,1", "cpu:0"] {
             assert!(wrong.parse::<Device>().is_err(), "{wrong}");
         }

@@ -1,0 +1,31 @@
+//! Why a GPU cannot train, or could not.
+
+use gaitfit_learn::TrainingError;
+use gaitfit_learn::task::TaskError;
+
+use crate::physics::DeviceError;
+use crate::ppo::PpoError;
+use crate::runtime::CudaError;
+
+/// Why a GPU cannot train, or could not.
+#[derive(Debug, thiserror::Error)]
+pub enum RolloutError {
+    /// The GPU or its driver.
+    #[error(transparent)]
+    Cuda(#[from] CudaError),
+    /// The physics.
+    #[error(transparent)]
+    Physics(#[from] DeviceError),
+    /// The learner.
+    #[error(transparent)]
+    Ppo(#[from] PpoError),
+    /// The task or its robots.
+    #[error(transparent)]
+    Task(#[from] TaskError),
+    /// What the CPU's training would have said too.
+    #[error(transparent)]
+    Training(#[from] TrainingError),
+    /// Something that only the CPU does.
+    #[error("a training with {0} does not run on a GPU yet; use the CPU (--device cpu)")]
+    Unsupported(String),
+}

@@ -1,0 +1,37 @@
+// Actions drawn around the policy's means, the targets they ask for, and pushes.
+
+KERNEL act(
+    u32 step, const u32* control, const float* parameters, const float* mean, const u32* steps, u32* fresh, float* state,
+    float* targets, float* action, float* log_probability
+) {
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    if (e >= ENVIRONMENTS) return;
+    u64 row = (u64)step * ENVIRONMENTS + e;
+    u32 number = control[FIRST_STEP] + step;
+    Draws exploration = draws_of(control, EXPLORATION_DRAWS, e, number);
+    const float* log_std = parameters + LOG_STD_AT;
+    float squares = 0.0f, logs = 0.0f;
+    double pair[2];
+    bool first = fresh[e] != 0;
+    fresh[e] = 0;
+    for (int k = 0; k < ACTIONS; k++) {
+        if (k % 2 == 0) normal_pair(exploration, k / 2, pair);
+        float z = (float)pair[k % 2], wanted = fmaf(expf(log_std[k]), z, mean[row * ACTIONS + k]);
+        squares += z * z;
+        logs += log_std[k];
+        action[row * ACTIONS + k] = wanted;
+        int j = JOINT_OF[k];
+        float clipped = wanted < -ACTION_CLIP ? -ACTION_CLIP : wanted;
+        clipped = clipped > ACTION_CLIP ? ACTION_CLIP : clipped;
+        float target = DEFAULT_POSE[j] + ACTION_SCALE[j] * clipped;
+        // Before its first target a robot is taken to have held it.
+        for (int tap = TAPS - 1; tap > 0; tap--) TARGET(tap, j) = first ? target : TARGET(tap - 1, j);
+        TARGET(0, j) = target;
+    }
+    log_probability[row] = -0.5f * squares - (logs + 0.5f * (float)ACTIONS * LOG_TAU);
+    // Robots are pushed at different times.
+    if (PUSH_PERIOD > 0 && (number + e * 7u) % PUSH_PERIOD == 0 && steps[e] > 0) {
+        Draws push = draws_of(control, PUSH_DRAWS, e, number);
+        for (int k = 0; k < 2; k++) STATE(LINEAR + k) += (float)within(push, k, -PUSH_VELOCITY, PUSH_VELOCITY);
+    }
+}

@@ -1,0 +1,115 @@
+// How an episode starts: the command, and the robot at rest in a pose plus uniform deviations, on the ground.
+
+DEVICE void draw_command(const u32* control, u32 e, u32 step, float* command) {
+    Draws draws = draws_of(control, COMMAND_DRAWS, e, step);
+    bool standing = uniform(draws, 3) < COMMAND_STANDING;
+    for (int k = 0; k < 3; k++)
+        command[k * ENVIRONMENTS + e] =
+            standing ? 0.0f : (float)within(draws, k, COMMAND_RANGES[2 * k], COMMAND_RANGES[2 * k + 1]);
+}
+
+struct Quat {
+    double w, x, y, z;
+};
+struct Vec {
+    double x, y, z;
+};
+DEVICE Quat product(Quat a, Quat b) {
+    return {
+        a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+        a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
+}
+DEVICE Vec cross(Vec a, Vec b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+DEVICE Vec rotated(Quat q, Vec v) {
+    Vec u = {q.x, q.y, q.z}, t = cross(u, v);
+    t = {2.0 * t.x, 2.0 * t.y, 2.0 * t.z};
+    Vec w = cross(u, t);
+    return {v.x + q.w * t.x + w.x, v.y + q.w * t.y + w.y, v.z + q.w * t.z + w.z};
+}
+DEVICE Vec sum(Vec a, Vec b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+DEVICE Vec difference(Vec a, Vec b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+DEVICE Quat turn(int axis, double angle) {
+    double s = sin(0.5 * angle), c = cos(0.5 * angle);
+    return {c, axis == 0 ? s : 0.0, axis == 1 ? s : 0.0, axis == 2 ? s : 0.0};
+}
+
+// Lowest point of sphere `k` for the base's origin at 0. `halves` holds cos and sin of half of each joint's angle from its
+// reference.
+DEVICE double lowest_point(int k, Quat base, const double* halves) {
+    Ball ball = SPHERE[k];
+    Vec p = {0.0, 0.0, 0.0};
+    Quat q = base;
+    for (int place = ball.first; place < ball.first + ball.bodies; place++) {
+        int b = PATH[place];
+        Body body = BODY[b];
+        if (body.parent >= 0) {
+            p = sum(p, rotated(q, {body.position[0], body.position[1], body.position[2]}));
+            q = product(q, {body.quaternion[0], body.quaternion[1], body.quaternion[2], body.quaternion[3]});
+        }
+        for (int h = body.hinge; h < body.hinge + body.hinges; h++) {
+            int j = HINGE_ORDER[h];
+            Hinge hinge = HINGE[j];
+            // A turn about the anchor: the anchor stays where it is.
+            Vec own = {hinge.position[0], hinge.position[1], hinge.position[2]};
+            Vec anchor = sum(p, rotated(q, own));
+            double c = halves[2 * j], s = halves[2 * j + 1];
+            q = product(q, {c, s * hinge.axis[0], s * hinge.axis[1], s * hinge.axis[2]});
+            p = difference(anchor, rotated(q, own));
+        }
+    }
+    Vec centre = sum(p, rotated(q, {ball.position[0], ball.position[1], ball.position[2]}));
+    return centre.z - ball.radius;
+}
+
+// What a block's threads hand to each other while they place a robot.
+struct Placing {
+    double angles[JOINTS], halves[2 * JOINTS], lowest[SPHERES > 0 ? SPHERES : 1];
+};
+
+// A new episode of environment `e` that begins at `step`: all threads of the block share the work.
+DEVICE void start_episode(
+    const u32* control, u32 e, u32 step, Placing& placing, float* state, float* report, float* command
+) {
+    Draws draws = draws_of(control, RESET_DRAWS, e, step);
+#define EITHER(draw, half) within(draws, draw, -(half), half)
+    int thread = (int)threadIdx.x, threads = (int)blockDim.x;
+    for (int j = thread; j < JOINTS; j += threads) {
+        double drawn = (double)START_POSE[j] + EITHER(8 + j, START_JOINT_POSITION);
+        if (HINGE[j].limited) {
+            drawn = drawn < HINGE[j].range[0] ? HINGE[j].range[0] : drawn;
+            drawn = drawn > HINGE[j].range[1] ? HINGE[j].range[1] : drawn;
+        }
+        placing.angles[j] = drawn;
+        double half = 0.5 * (drawn - HINGE[j].reference);
+        placing.halves[2 * j] = cos(half);
+        placing.halves[2 * j + 1] = sin(half);
+    }
+    double yaw = EITHER(0, START_YAW);
+    Quat posture = product(turn(1, START_PITCH + EITHER(1, START_TILT)), turn(0, EITHER(2, START_TILT)));
+    Quat q = product(turn(2, yaw), posture);
+    __syncthreads();
+    for (int k = thread; k < SPHERES; k += threads) placing.lowest[k] = lowest_point(k, q, placing.halves);
+    for (int k = thread; k < STATE_COUNT; k += threads) {
+        if (k >= QPOS && k < QACC) continue;
+        if (k >= LINEAR && k < LINEAR + 2) STATE(k) = (float)EITHER(3 + k - LINEAR, START_LINEAR_VELOCITY);
+        else if (k >= ANGULAR && k < QPOS) STATE(k) = (float)EITHER(5 + k - ANGULAR, START_ANGULAR_VELOCITY);
+        else STATE(k) = 0.0f;
+    }
+    for (int j = thread; j < JOINTS; j += threads) {
+        STATE(QPOS + j) = (float)placing.angles[j];
+        STATE(QVEL + j) = (float)EITHER(8 + JOINTS + j, START_JOINT_VELOCITY);
+        TORQUE(j) = 0.0f;
+    }
+    for (int k = thread; k < GEOMS; k += threads) FORCE(k) = 0.0f;
+    __syncthreads();
+    if (thread != 0) return;
+    double lowest = 1e300;
+    for (int k = 0; k < SPHERES; k++) lowest = placing.lowest[k] < lowest ? placing.lowest[k] : lowest;
+    double height = lowest < 1e300 ? GROUND - lowest : GROUND;
+    STATE(POSITION + 2) = (float)(height + 0.002);
+    STATE(QUATERNION) = (float)q.w;
+    STATE(QUATERNION + 1) = (float)q.x;
+    STATE(QUATERNION + 2) = (float)q.y;
+    STATE(QUATERNION + 3) = (float)q.z;
+    draw_command(control, e, step, command);
+}

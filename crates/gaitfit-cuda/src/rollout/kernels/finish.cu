@@ -1,0 +1,174 @@
+// After a control period: feet, rewards, ends of episodes, new commands and new episodes.
+
+// Sums of a rollout, of each environment: reward, reward terms, then these.
+enum { VELOCITY_ERROR = 1 + REWARDS, YAW_ERROR, EPISODES, FALLS, EPISODE_STEPS, EPISODE_RETURN, DIVERGED, TALLIES };
+#define TALLY(k) tally[(k) * ENVIRONMENTS + e]
+#define FOOT(k, number) feet[(FOOT_SIZE * (k) + (number)) * ENVIRONMENTS + e]
+
+enum { GOES_ON, FALL, TIME_OUT };
+
+DEVICE bool touches(const float* report, u32 e, int geom) { return FORCE(geom) > 1.0f; }
+
+DEVICE Foot advance_foot(const float* report, float* feet, u32 e, u32 steps, int k) {
+    float dt = (float)CONTROL_DT;
+    bool touching = touches(report, e, FOOT_GEOM[k]), before = FOOT(k, TOUCHING) != 0.0f;
+    float air = FOOT(k, AIR), contact = FOOT(k, CONTACT), last_air = FOOT(k, LAST_AIR);
+    Foot foot;
+    foot.touching = touching;
+    foot.landed = touching && !before && air > 0.0f;
+    if (touching) {
+        last_air = air > 0.0f ? air : last_air;
+        air = 0.0f;
+        contact += dt;
+    } else {
+        contact = 0.0f;
+        air += dt;
+    }
+    float x = CENTRE(k, 0), y = CENTRE(k, 1), z = CENTRE(k, 2);
+    float dx = x - FOOT(k, PLACE_X), dy = y - FOOT(k, PLACE_Y);
+    // There was no place before the first step to move from.
+    float speed = steps <= 1 ? 0.0f : sqrtf(dx * dx + dy * dy) / dt;
+    FOOT(k, TOUCHING) = touching ? 1.0f : 0.0f;
+    FOOT(k, AIR) = foot.air = air;
+    FOOT(k, CONTACT) = foot.contact = contact;
+    FOOT(k, LAST_AIR) = foot.last_air = last_air;
+    FOOT(k, PLACE_X) = x;
+    FOOT(k, PLACE_Y) = y;
+    FOOT(k, PLACE_Z) = foot.height = z;
+    FOOT(k, SPEED) = foot.speed = speed;
+    return foot;
+}
+
+DEVICE bool has_fallen(const float* report, u32 e, float uprightness, float height) {
+    bool fallen = uprightness < LEAST_UPRIGHTNESS || height < LEAST_HEIGHT;
+    for (int k = 0; k < FALL_GEOMS; k++) fallen |= touches(report, e, FALL_GEOM[k]);
+    return fallen;
+}
+
+// The step of environment `e`; whether a new episode begins.
+DEVICE bool finish_step(
+    u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
+    float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
+    float* tail, double* tally, u32 e
+) {
+    u64 row = (u64)step * ENVIRONMENTS + e;
+    u32 number = control[FIRST_STEP] + step, age = steps[e] + 1;
+    Base base = base_of(state, e);
+    float up[3];
+    up_of(base.quaternion, up);
+    Moment m;
+    for (int k = 0; k < FEET; k++) m.feet[k] = advance_foot(report, feet, e, age, k);
+    float whole = base.position[2];
+    for (int k = 0; k < 3; k++) whole += base.linear[k] + base.angular[k];
+    for (int k = 0; k < 4; k++) whole += base.quaternion[k];
+    float squares = 0.0f;
+    for (int k = 0; k < 3; k++) {
+        m.command[k] = command[k * ENVIRONMENTS + e];
+        squares += m.command[k] * m.command[k];
+        m.angular[k] = base.angular[k];
+    }
+    m.walking = squares > 0.1f * 0.1f;
+    to_heading(base.quaternion, base.linear, m.velocity);
+    m.yaw_rate = up[0] * base.angular[0] + up[1] * base.angular[1] + up[2] * base.angular[2];
+    m.uprightness = -up[0] * POSTURE[0] + -up[1] * POSTURE[1] + -up[2] * POSTURE[2];
+    m.height = base.position[2];
+    m.clock = clock_of(age);
+    m.fallen = has_fallen(report, e, m.uprightness, m.height);
+    m.body_contacts = 0;
+    for (int k = 0; k < BODY_GEOMS; k++) m.body_contacts += touches(report, e, BODY_GEOM[k]) ? 1 : 0;
+    m.e = e, m.state = state, m.params = params, m.report = report;
+    m.action = action + row * ACTIONS, m.last_action = last_action;
+    float terms[REWARDS > 0 ? REWARDS : 1];
+    terms[0] = 0.0f;
+    REWARD_TERMS
+    float paid = 0.0f;
+    for (int k = 0; k < REWARDS; k++) paid += terms[k];
+    bool broken = !is_finite(whole) || !is_finite(paid);
+    int ended = m.fallen ? FALL : age >= EPISODE_STEPS_MOST ? TIME_OUT : GOES_ON;
+
+    for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = m.action[k];
+    if (age % COMMAND_STEPS == 0) draw_command(control, e, number + 1, command);
+    float ex = m.velocity[0] - command[e], ey = m.velocity[1] - command[ENVIRONMENTS + e];
+    TALLY(0) += (double)paid;
+    for (int k = 0; k < REWARDS; k++) TALLY(1 + k) += (double)terms[k];
+    TALLY(VELOCITY_ERROR) += (double)sqrtf(ex * ex + ey * ey);
+    TALLY(YAW_ERROR) += (double)fabsf(m.yaw_rate - command[2 * ENVIRONMENTS + e]);
+    // The learner refuses a reward that is no number, and learns nothing from this rollout.
+    reward[row] = broken ? (float)double_of_bits(0x7FF8000000000000ull) : paid;
+    done[row] = ended == GOES_ON ? 0.0f : 1.0f;
+    if (broken && TALLY(DIVERGED) == 0.0) TALLY(DIVERGED) = (double)(step + 1);
+
+    float sum = returns[e] + paid, length = returns[ENVIRONMENTS + e] + 1.0f;
+    u32 slot = step / EPISODE_STEPS_MOST;
+    if (ended == TIME_OUT) {
+        // It would have gone on: the critic's value of the state reached stands for the rewards that follow.
+        cut[slot * ENVIRONMENTS + e] = step + 1;
+        write_critic_row(
+            state, params, age, command, last_action, e,
+            tail + ((u64)(1 + slot) * ENVIRONMENTS + e) * CRITIC_ROW.width);
+    }
+    if (ended != GOES_ON) {
+        TALLY(EPISODES) += 1.0;
+        TALLY(FALLS) += ended == FALL ? 1.0 : 0.0;
+        TALLY(EPISODE_STEPS) += (double)length;
+        TALLY(EPISODE_RETURN) += (double)sum;
+        sum = length = 0.0f;
+        age = 0;
+        fresh[e] = 1;
+        for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = 0.0f;
+        for (int k = 0; k < FEET * FOOT_SIZE; k++) feet[k * ENVIRONMENTS + e] = 0.0f;
+    }
+    returns[e] = sum;
+    returns[ENVIRONMENTS + e] = length;
+    steps[e] = age;
+    return ended != GOES_ON;
+}
+
+KERNEL finish(
+    u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
+    float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
+    float* tail, double* tally
+) {
+    // Which environments of the block begin anew.
+    __shared__ u32 begins[THREADS];
+    __shared__ Placing placing;
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    bool inside = e < ENVIRONMENTS;
+    begins[threadIdx.x] = inside && finish_step(
+        step, control, state, params, report, action, reward, done, steps, fresh, command, last_action, feet, returns, cut,
+        tail, tally, e) ? 1 : 0;
+    __syncthreads();
+    for (u32 k = 0; k < THREADS; k++) {
+        if (!begins[k]) continue;
+        start_episode(
+            control, blockIdx.x * blockDim.x + k, control[FIRST_STEP] + step + 1, placing, state, report, command);
+        __syncthreads();
+    }
+}
+
+// Before a rollout: sums of 0, no episode cut off.
+KERNEL begin_rollout(double* tally, u32* cut) {
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    if (e >= ENVIRONMENTS) return;
+    for (int k = 0; k < TALLIES; k++) TALLY(k) = 0.0;
+    for (int k = 0; k < CUTS; k++) cut[k * ENVIRONMENTS + e] = 0;
+}
+
+// After the critic has seen `tail`: its values of the last states, and in the rewards of episodes that were cut off.
+KERNEL add_values(const u32* cut, const float* tail_value, float* reward, float* last_value) {
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    if (e >= ENVIRONMENTS) return;
+    last_value[e] = tail_value[e];
+    for (int k = 0; k < CUTS; k++) {
+        u32 step = cut[k * ENVIRONMENTS + e];
+        if (step > 0) reward[(u64)(step - 1) * ENVIRONMENTS + e] += GAMMA * tail_value[(1 + k) * ENVIRONMENTS + e];
+    }
+}
+
+// Adds up the sums of all environments, in a fixed order; a block a sum.
+KERNEL total(const double* tally, double* totals) {
+    double sum = 0.0;
+    for (u32 e = threadIdx.x; e < ENVIRONMENTS; e += blockDim.x) sum += TALLY(blockIdx.x);
+    sum = block_sum(sum);
+    if (threadIdx.x == 0) totals[blockIdx.x] = sum;
+}

@@ -1,0 +1,103 @@
+// Observations: rows as the policy's interface lays them out.
+
+// Quantities, in the order of `gaitfit_policy::Quantity`.
+enum {
+    BASE_ANGULAR_VELOCITY,
+    PROJECTED_GRAVITY,
+    COMMAND,
+    JOINT_POSITION,
+    JOINT_VELOCITY,
+    LAST_ACTION,
+    BASE_LINEAR_VELOCITY,
+    GAIT_PHASE
+};
+
+// Writes term `number` of TERMS into its place of a row. `scales`: those of the row. `noise`: draws of this environment
+// and step, or none.
+DEVICE void write_term(
+    int number, const float* scales, const Draws* noise, const float* state, const float* params, u32 steps,
+    const float* command, const float* last_action, u32 e, float* out
+) {
+    Term term = TERMS[number];
+    Base base;
+    float vector[3] = {0.0f, 0.0f, 0.0f};
+    u32 words[4];
+    // The base is looked at where a term is of the base.
+    switch (term.quantity) {
+        case BASE_ANGULAR_VELOCITY:
+            base = base_of(state, e);
+            for (int k = 0; k < 3; k++) vector[k] = base.angular[k];
+            break;
+        case PROJECTED_GRAVITY:
+            base = base_of(state, e);
+            up_of(base.quaternion, vector);
+            for (int k = 0; k < 3; k++) vector[k] = -vector[k];
+            break;
+        case BASE_LINEAR_VELOCITY:
+            base = base_of(state, e);
+            to_body(base.quaternion, base.linear, vector);
+            break;
+        case COMMAND:
+            for (int k = 0; k < 3; k++) vector[k] = command[k * ENVIRONMENTS + e];
+            break;
+        case GAIT_PHASE: {
+            float angle = 6.2831855f * clock_of(steps);
+            vector[0] = sinf(angle), vector[1] = cosf(angle);
+            break;
+        }
+        default: break;
+    }
+    for (int from = 0; from < term.width; from += 4) {
+        if (noise && term.half_range > 0.0f) block_of(*noise, term.place + from, words);
+#pragma unroll
+        for (int i = 0; i < 4; i++) {
+            int k = from + i;
+            if (k >= term.width) break;
+            float value = 0.0f;
+            switch (term.quantity) {
+                case JOINT_POSITION: value = joint_position(state, params, e, JOINT_OF[k]) - HOME[k]; break;
+                case JOINT_VELOCITY: value = joint_velocity(state, e, JOINT_OF[k]); break;
+                case LAST_ACTION: value = last_action[k * ENVIRONMENTS + e]; break;
+                default: value = i < 3 ? vector[i] : 0.0f;
+            }
+            if (noise && term.half_range > 0.0f)
+                value += term.half_range * (2.0f * ((float)(words[i] >> 8) * (1.0f / 16777216.0f)) - 1.0f);
+            out[term.place + k] = value * scales[term.place + k];
+        }
+    }
+}
+
+DEVICE void write_critic_row(
+    const float* state, const float* params, u32 steps, const float* command, const float* last_action, u32 e, float* out
+) {
+    for (int t = CRITIC_ROW.first; t < CRITIC_ROW.first + CRITIC_ROW.terms; t++)
+        write_term(t, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps, command, last_action, e, out);
+}
+
+// The rows of step `step` of the samples: a block column for each term of the actor, then of the critic.
+KERNEL observe(
+    u32 step, const u32* control, const float* state, const float* params, const u32* steps, const float* command,
+    const float* last_action, float* observation, float* critic_observation
+) {
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    if (e >= ENVIRONMENTS) return;
+    u64 row = (u64)step * ENVIRONMENTS + e;
+    int number = (int)blockIdx.y;
+    bool actor = number < ACTOR_ROW.terms;
+    Draws noise = draws_of(control, NOISE_DRAWS, e, control[FIRST_STEP] + step);
+    float* out = actor ? observation + row * ACTOR_ROW.width : critic_observation + row * CRITIC_ROW.width;
+    write_term(
+        number, SCALES + (actor ? ACTOR_ROW.scale : CRITIC_ROW.scale), actor ? &noise : nullptr, state, params, steps[e],
+        command, last_action, e, out);
+}
+
+// What the critic sees after the last step: a block column for each term.
+KERNEL observe_end(
+    const float* state, const float* params, const u32* steps, const float* command, const float* last_action, float* tail
+) {
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    if (e >= ENVIRONMENTS) return;
+    write_term(
+        CRITIC_ROW.first + (int)blockIdx.y, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps[e], command,
+        last_action, e, tail + (u64)e * CRITIC_ROW.width);
+}

@@ -1,0 +1,38 @@
+// What the tables of a task and its robot hold.
+
+#ifndef GAITFIT_HOST
+#define TABLE __constant__
+#else
+#define TABLE static const
+#endif
+
+// A number of the robot at place `i` of a tile of robots lies `base + stride i` into the tile's numbers.
+struct Spot {
+    int base, stride;
+};
+// A term of an observation: its quantity, first place in the row, numbers, and the noise's half range.
+struct Term {
+    int quantity, place, width;
+    float half_range;
+};
+// A row: its first term and their number, the first of its scales, its width.
+struct Row {
+    int first, terms, scale, width;
+};
+// A body: its parent (-1 for the root), its joints' places in HINGE_ORDER, and its frame in the parent's.
+struct Body {
+    int parent, hinge, hinges;
+    double position[3], quaternion[4];
+};
+// A joint: its anchor and axis in the body's frame, reference angle and range.
+struct Hinge {
+    double position[3], axis[3], reference;
+    int limited;
+    double range[2];
+};
+// A sphere that may touch the ground: the places in PATH of the bodies from the root to its own.
+struct Ball {
+    int first, bodies;
+    double position[3], radius;
+};
+

@@ -1,0 +1,24 @@
+//! Rollouts and whole trainings on a GPU.
+//!
+//! A control step of all environments is five kernels: observations with noise, the networks
+//! ([`crate::ppo::Learner::foresee`]), exploration with targets and pushes, the physics ([`crate::physics`]), and the rest:
+//! feet, rewards, ends of episodes, new commands, new episodes. The kernels' text is written for one task on one robot.
+//! All draws are those of the CPU's environment, by seed, environment and step: the same seed gives the same commands,
+//! starts and robots. A rollout is one CUDA graph, and its samples lie where the update reads them.
+//!
+//! [`Trainer`] takes over a training of the CPU ([`gaitfit_learn::Training`]) and gives it back, at any iteration.
+
+mod error;
+mod packed;
+mod plan;
+mod run;
+mod scene;
+mod text;
+mod trainer;
+
+pub use error::RolloutError;
+pub use packed::Packed;
+pub use plan::{Home, Plan};
+pub use run::Rollout;
+pub use scene::{Scene, Sizes};
+pub use trainer::{Breakdown, Trainer};

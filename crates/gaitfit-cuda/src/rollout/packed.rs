@@ -1,0 +1,103 @@
+//! Environments of the CPU as the kernels' arrays, and back.
+
+use gaitfit_learn::task::Snapshot;
+use gaitfit_sim::RobotState;
+
+use super::scene::{Scene, Spot};
+use crate::emit::Class;
+
+/// Environments as the kernels' arrays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Packed {
+    /// Motion, sent targets and the last physics step's report: tiles of the physics.
+    pub state: Vec<f32>,
+    /// As `state`.
+    pub targets: Vec<f32>,
+    /// As `state`.
+    pub report: Vec<f32>,
+    /// Steps since each episode began.
+    pub steps: Vec<u32>,
+    /// Whether each robot's targets begin with the next.
+    pub fresh: Vec<u32>,
+    /// Commands, a row a component.
+    pub command: Vec<f32>,
+    /// Last actions, a row a component.
+    pub last_action: Vec<f32>,
+    /// Feet, a row a number of a foot.
+    pub feet: Vec<f32>,
+    /// Reward and steps since each episode began, a row each.
+    pub returns: Vec<f32>,
+}
+
+impl Packed {
+    /// Packs environments into `tiles` tiles; places beyond the last environment hold copies.
+    pub fn new(scene: &Scene<'_>, snapshots: &[Snapshot], tiles: usize) -> Self {
+        let class = |class: Class, spots: &[Spot], of: &dyn Fn(&Snapshot, usize) -> f32| {
+            let (size, per_tile) = (scene.size(class), scene.period.layout().environments());
+            let mut all = vec![0.0; tiles * size];
+            for place in 0..tiles * per_tile {
+                let Some(from) = snapshots.get(place % snapshots.len().max(1)) else { break };
+                for (index, spot) in spots.iter().enumerate() {
+                    let at = place / per_tile * size + spot.base + place % per_tile * spot.stride;
+                    all[at] = of(from, index);
+                }
+            }
+            all
+        };
+        let rows = |width: usize, of: &dyn Fn(&Snapshot, usize) -> f32| -> Vec<f32> {
+            (0..width).flat_map(|k| snapshots.iter().map(move |one| of(one, k))).collect()
+        };
+        let shown = |one: &Snapshot, index: usize| {
+            let RobotState { torque, normal_force, tracked, .. } = &one.robot;
+            let number = torque.iter().chain(normal_force).chain(tracked).nth(index);
+            number.copied().unwrap_or_default()
+        };
+        Self {
+            state: class(Class::State, &scene.state, &|one, index| one.robot.state[index]),
+            targets: class(Class::Targets, &scene.targets, &|one, index| one.robot.targets[index]),
+            report: class(Class::Report, &scene.report, &shown),
+            steps: snapshots.iter().map(|one| one.steps).collect(),
+            fresh: snapshots.iter().map(|one| u32::from(one.robot.fresh)).collect(),
+            command: rows(3, &|one, k| one.command[k]),
+            last_action: rows(scene.actions(), &|one, k| one.last_action[k]),
+            feet: rows(8 * scene.task.foot_geoms().len(), &|one, k| one.feet[k / 8][k % 8]),
+            returns: rows(2, &|one, k| one.returns[k]),
+        }
+    }
+
+    /// The environments.
+    pub fn snapshots(&self, scene: &Scene<'_>) -> Vec<Snapshot> {
+        let count = scene.sizes.environments;
+        let per_tile = scene.period.layout().environments();
+        let class = |numbers: &[f32], class: Class, spots: &[Spot], e: usize| -> Vec<f32> {
+            let tile = e / per_tile * scene.size(class);
+            spots.iter().map(|spot| numbers[tile + spot.base + e % per_tile * spot.stride]).collect()
+        };
+        let joints = scene.task.walker.default_pose.len();
+        let geoms = scene.task.walker.batch.contact_geoms().len();
+        let row = |numbers: &[f32], k: usize, e: usize| numbers[k * count + e];
+        let one = |e: usize| {
+            let shown = class(&self.report, Class::Report, &scene.report, e);
+            let (torque, rest) = shown.split_at(joints);
+            let (normal_force, tracked) = rest.split_at(geoms);
+            let feet = 0..scene.task.foot_geoms().len();
+            Snapshot {
+                robot: RobotState {
+                    state: class(&self.state, Class::State, &scene.state, e),
+                    targets: class(&self.targets, Class::Targets, &scene.targets, e),
+                    memory: Vec::new(),
+                    normal_force: normal_force.to_vec(),
+                    tracked: tracked.to_vec(),
+                    torque: torque.to_vec(),
+                    fresh: self.fresh[e] != 0,
+                },
+                steps: self.steps[e],
+                command: std::array::from_fn(|k| row(&self.command, k, e)),
+                last_action: (0..scene.actions()).map(|k| row(&self.last_action, k, e)).collect(),
+                feet: feet.map(|foot| std::array::from_fn(|k| row(&self.feet, 8 * foot + k, e))).collect(),
+                returns: std::array::from_fn(|k| row(&self.returns, k, e)),
+            }
+        };
+        (0..count).map(one).collect()
+    }
+}

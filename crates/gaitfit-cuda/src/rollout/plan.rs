@@ -1,0 +1,186 @@
+//! A rollout as data: arrays, and the kernels of each step. A GPU runs it, and so does the test without one.
+
+use super::scene::Scene;
+use super::text::program;
+use crate::emit::Class;
+use crate::ppo::{Array, Id, Kind, Launch, Value};
+use crate::runtime::{Program, Shape};
+
+/// Who has an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Home {
+    /// The rollout itself.
+    Own,
+    /// The physics: all tiles of a class.
+    Physics(Class),
+    /// The learner, under the same name.
+    Learner,
+}
+
+/// Numbers in `control`: number of the first step, low and high word of the seed.
+pub(super) const CONTROL: usize = 3;
+/// Threads of a block: few, so that few environments are spread over the GPU.
+pub(super) const THREADS: u32 = 32;
+
+/// Arrays and kernels of a rollout.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// The kernels.
+    pub program: Program,
+    /// All arrays. Those of the physics have the numbers of whole tiles of the environments asked for.
+    pub arrays: Vec<Array>,
+    /// Who has each.
+    pub homes: Vec<Home>,
+    environments: usize,
+    tallies: usize,
+    /// Terms of the actor's and of the critic's observations.
+    terms: [usize; 2],
+}
+
+impl Plan {
+    /// The rollouts of a scene.
+    pub fn new(scene: &Scene<'_>) -> Self {
+        let environments = scene.sizes.environments;
+        let rows = scene.sizes.steps * environments;
+        let interface = &scene.task.walker.interface;
+        let (observation, critic) = (interface.observation_width(), interface.critic_width());
+        let (actions, feet) = (scene.actions(), scene.task.foot_geoms().len());
+        let tiles = environments.div_ceil(scene.period.layout().environments());
+        let tails = (1 + scene.cuts()) * environments;
+        let (own, learner) = (Home::Own, Home::Learner);
+        let mut arrays = Vec::new();
+        let mut homes = Vec::new();
+        for (name, class) in [
+            ("robot_state", Class::State),
+            ("robot_params", Class::Params),
+            ("robot_targets", Class::Targets),
+            ("robot_report", Class::Report),
+        ] {
+            arrays.push(Array { name, kind: Kind::F32, length: tiles * scene.size(class) });
+            homes.push(Home::Physics(class));
+        }
+        for (name, home, kind, length) in [
+            ("observation", learner, Kind::F32, rows * observation),
+            ("critic_observation", learner, Kind::F32, rows * critic),
+            ("action", learner, Kind::F32, rows * actions),
+            ("mean", learner, Kind::F32, rows * actions),
+            ("log_probability", learner, Kind::F32, rows),
+            ("reward", learner, Kind::F32, rows),
+            ("done", learner, Kind::F32, rows),
+            ("last_value", learner, Kind::F32, environments),
+            ("parameters", learner, Kind::F32, scene.sizes.networks + actions),
+            ("control", own, Kind::U32, CONTROL),
+            ("steps", own, Kind::U32, environments),
+            ("fresh", own, Kind::U32, environments),
+            ("command", own, Kind::F32, 3 * environments),
+            ("last_action", own, Kind::F32, actions * environments),
+            ("feet", own, Kind::F32, 8 * feet * environments),
+            ("returns", own, Kind::F32, 2 * environments),
+            ("cut", own, Kind::U32, scene.cuts() * environments),
+            ("tail", own, Kind::F32, tails * critic),
+            ("tail_value", own, Kind::F32, tails),
+            ("tally", own, Kind::F64, scene.tallies() * environments),
+            ("totals", own, Kind::F64, scene.tallies()),
+        ] {
+            arrays.push(Array { name, kind, length });
+            homes.push(home);
+        }
+        let program = program(scene);
+        let terms = [interface.observation.len(), interface.critic_observation.len()];
+        Self { program, arrays, homes, environments, tallies: scene.tallies(), terms }
+    }
+
+    /// The array of this name.
+    pub fn array(&self, name: &str) -> Option<Id> {
+        self.arrays.iter().position(|array| array.name == name).map(Id)
+    }
+
+    fn launch(&self, kernel: &'static str, step: Option<usize>, arrays: &[&str]) -> Launch {
+        let step = step.map(|step| Value::U32(u32::try_from(step).unwrap_or(u32::MAX)));
+        let arrays = arrays.iter().filter_map(|name| self.array(name)).map(Value::Array);
+        let shape = Shape::cover(self.environments, THREADS);
+        Launch { kernel, shape, arguments: step.into_iter().chain(arrays).collect() }
+    }
+
+    /// A launch with `count` block columns.
+    fn columns(&self, mut launch: Launch, count: usize) -> Launch {
+        launch.shape.grid[1] = u32::try_from(count).unwrap_or(1);
+        launch
+    }
+
+    /// Before the first step.
+    pub fn begin(&self) -> Launch {
+        self.launch("begin_rollout", None, &["tally", "cut"])
+    }
+
+    /// What actor and critic see before step `step`.
+    pub fn observe(&self, step: usize) -> Launch {
+        let arrays = [
+            "control",
+            "robot_state",
+            "robot_params",
+            "steps",
+            "command",
+            "last_action",
+            "observation",
+            "critic_observation",
+        ];
+        self.columns(self.launch("observe", Some(step), &arrays), self.terms[0] + self.terms[1])
+    }
+
+    /// Actions and targets, after the networks.
+    pub fn act(&self, step: usize) -> Launch {
+        let arrays = [
+            "control",
+            "parameters",
+            "mean",
+            "steps",
+            "fresh",
+            "robot_state",
+            "robot_targets",
+            "action",
+            "log_probability",
+        ];
+        self.launch("act", Some(step), &arrays)
+    }
+
+    /// The rest of a step, after the physics.
+    pub fn finish(&self, step: usize) -> Launch {
+        let arrays = [
+            "control",
+            "robot_state",
+            "robot_params",
+            "robot_report",
+            "action",
+            "reward",
+            "done",
+            "steps",
+            "fresh",
+            "command",
+            "last_action",
+            "feet",
+            "returns",
+            "cut",
+            "tail",
+            "tally",
+        ];
+        self.launch("finish", Some(step), &arrays)
+    }
+
+    /// What the critic sees after the last step.
+    pub fn observe_end(&self) -> Launch {
+        let arrays = ["robot_state", "robot_params", "steps", "command", "last_action", "tail"];
+        self.columns(self.launch("observe_end", None, &arrays), self.terms[1])
+    }
+
+    /// Values of the last states, and of those where time was up, after the critic.
+    pub fn add_values(&self) -> Launch {
+        self.launch("add_values", None, &["cut", "tail_value", "reward", "last_value"])
+    }
+
+    /// Sums over all environments.
+    pub fn total(&self) -> Launch {
+        let launch = self.launch("total", None, &["tally", "totals"]);
+        Launch { shape: Shape::new(u32::try_from(self.tallies).unwrap_or(1), 256), ..launch }
+    }
+}

@@ -1,0 +1,266 @@
+//! Rollouts in a GPU's memory.
+
+use std::sync::Arc;
+
+use gaitfit_learn::task::{Snapshot, Task};
+use gaitfit_sim::Candidate;
+
+use super::plan::{Home, Plan};
+use super::scene::{Scene, Sizes};
+use super::{Packed, RolloutError};
+use crate::emit::Class;
+use crate::physics::{Batch, Period};
+use crate::ppo::{Id, Launch, Learner, Storage, Value};
+use crate::runtime::{Argument, CudaError, Device, Kernel, Stream};
+
+/// Kernels of a plan, in the order of a step.
+const KERNELS: [&str; 7] =
+    ["begin_rollout", "observe", "act", "finish", "observe_end", "add_values", "total"];
+
+/// A task's environments in a GPU's memory.
+pub struct Rollout<'a> {
+    task: &'a Task,
+    period: Arc<Period>,
+    sizes: Sizes,
+    batch: Batch,
+    plan: Plan,
+    /// The rollout's own arrays, by their numbers in the plan.
+    own: Vec<Option<Storage>>,
+    kernels: Vec<(&'static str, Kernel)>,
+}
+
+impl<'a> Rollout<'a> {
+    /// Environments of `task` around `candidates` in turn, randomised by `seed`; [`Rollout::load`] says where they are. Refused
+    /// before anything is allocated if the arrays do not fit into the GPU's free memory.
+    ///
+    /// # Errors
+    /// [`RolloutError`], naming what does not fit or is not done here.
+    pub fn new(
+        device: &Device,
+        stream: &Stream,
+        task: &'a Task,
+        candidates: &[Candidate],
+        sizes: Sizes,
+        seed: u64,
+    ) -> Result<Self, RolloutError> {
+        let processors = usize::try_from(device.info().processors).unwrap_or(1);
+        let period = Arc::new(Scene::period(task, candidates, sizes.environments, processors)?);
+        let scene = Scene::new(task, &period, sizes)?;
+        let plan = Plan::new(&scene);
+        let owned = plan.arrays.iter().zip(&plan.homes).filter(|(_, home)| **home == Home::Own);
+        let parts: Vec<(&str, u64)> = owned.map(|(array, _)| (array.name, array.bytes())).collect();
+        device.check_room(&parts)?;
+        let module = device.load(&plan.program)?;
+        let kernels = KERNELS
+            .into_iter()
+            .map(|name| Ok((name, module.kernel(name)?)))
+            .collect::<Result<_, CudaError>>()?;
+        let mut batch = Batch::new(device, &period, sizes.environments, 1)?;
+        batch.write_params(stream, &task.robots(candidates, seed, 0, sizes.environments)?)?;
+        let own = plan
+            .arrays
+            .iter()
+            .zip(&plan.homes)
+            .map(|(array, home)| match home {
+                Home::Own => Storage::new(device, array).map(Some),
+                _ => Ok(None),
+            })
+            .collect::<Result<_, CudaError>>()?;
+        Ok(Self { task, period, sizes, batch, plan, own, kernels })
+    }
+
+    fn scene(&self) -> Result<Scene<'_>, RolloutError> {
+        Scene::new(self.task, &self.period, self.sizes)
+    }
+
+    /// Bytes of the GPU's memory.
+    pub fn bytes(&self) -> u64 {
+        let arrays = self.plan.arrays.iter().zip(&self.own).filter(|(_, own)| own.is_some());
+        self.batch.bytes() as u64 + arrays.map(|(array, _)| array.bytes()).sum::<u64>()
+    }
+
+    /// Threads of an environment in the physics.
+    pub fn lanes(&self) -> usize {
+        self.period.lanes()
+    }
+
+    /// Registers and bytes of local memory of a thread, of each kernel.
+    ///
+    /// # Errors
+    /// [`CudaError::Call`].
+    pub fn resources(&self) -> Result<Vec<(String, i32, i32)>, CudaError> {
+        let kernels = self.kernels.iter().map(|(_, kernel)| kernel).chain([self.batch.kernel()]);
+        kernels
+            .map(|kernel| Ok((kernel.name().to_owned(), kernel.registers()?, kernel.local_bytes()?)))
+            .collect()
+    }
+
+    fn storage(&mut self, name: &str) -> Option<&mut Storage> {
+        let Id(number) = self.plan.array(name)?;
+        self.own.get_mut(number)?.as_mut()
+    }
+
+    fn write_f32(&mut self, stream: &Stream, name: &str, numbers: &[f32]) -> Result<(), CudaError> {
+        match self.storage(name) {
+            Some(Storage::F32(buffer)) => buffer.write(stream, numbers),
+            _ => Ok(()),
+        }
+    }
+
+    fn write_u32(&mut self, stream: &Stream, name: &str, words: &[u32]) -> Result<(), CudaError> {
+        match self.storage(name) {
+            Some(Storage::U32(buffer)) => buffer.write(stream, words),
+            _ => Ok(()),
+        }
+    }
+
+    fn read_f32(&self, stream: &Stream, name: &str) -> Result<Vec<f32>, CudaError> {
+        match self.plan.array(name).and_then(|Id(number)| self.own.get(number)) {
+            Some(Some(Storage::F32(buffer))) => buffer.read(stream),
+            _ => Ok(Vec::new()),
+        }
+    }
+
+    fn read_u32(&self, stream: &Stream, name: &str) -> Result<Vec<u32>, CudaError> {
+        match self.plan.array(name).and_then(|Id(number)| self.own.get(number)) {
+            Some(Some(Storage::U32(buffer))) => buffer.read(stream),
+            _ => Ok(Vec::new()),
+        }
+    }
+
+    /// Numbers of an `f64` array of the rollout: `totals`, the sums of all environments, or `tally`, those of each.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn read_f64(&self, stream: &Stream, name: &str) -> Result<Vec<f64>, CudaError> {
+        match self.plan.array(name).and_then(|Id(number)| self.own.get(number)) {
+            Some(Some(Storage::F64(buffer))) => buffer.read(stream),
+            _ => Ok(Vec::new()),
+        }
+    }
+
+    /// Puts the environments where `snapshots` say.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn load(&mut self, stream: &Stream, snapshots: &[Snapshot]) -> Result<(), RolloutError> {
+        let packed = Packed::new(&self.scene()?, snapshots, self.batch.tiles());
+        for (class, numbers) in [
+            (Class::State, &packed.state),
+            (Class::Targets, &packed.targets),
+            (Class::Report, &packed.report),
+        ] {
+            self.batch.write_numbers(stream, class, numbers)?;
+        }
+        for (name, numbers) in [
+            ("command", &packed.command),
+            ("last_action", &packed.last_action),
+            ("feet", &packed.feet),
+            ("returns", &packed.returns),
+        ] {
+            self.write_f32(stream, name, numbers)?;
+        }
+        self.write_u32(stream, "steps", &packed.steps)?;
+        self.write_u32(stream, "fresh", &packed.fresh)?;
+        Ok(())
+    }
+
+    /// The environments as they are.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn snapshots(&self, stream: &Stream) -> Result<Vec<Snapshot>, RolloutError> {
+        let packed = Packed {
+            state: self.batch.read_numbers(stream, Class::State)?,
+            targets: self.batch.read_numbers(stream, Class::Targets)?,
+            report: self.batch.read_numbers(stream, Class::Report)?,
+            steps: self.read_u32(stream, "steps")?,
+            fresh: self.read_u32(stream, "fresh")?,
+            command: self.read_f32(stream, "command")?,
+            last_action: self.read_f32(stream, "last_action")?,
+            feet: self.read_f32(stream, "feet")?,
+            returns: self.read_f32(stream, "returns")?,
+        };
+        Ok(packed.snapshots(&self.scene()?))
+    }
+
+    /// Numbers the steps of the next rollout from `first_step`.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn number(&mut self, stream: &Stream, first_step: u32, seed: u64) -> Result<(), CudaError> {
+        self.write_u32(stream, "control", &[first_step, seed as u32, (seed >> 32) as u32])
+    }
+
+    /// Starts a whole rollout under the learner's policy; its samples are the learner's. It can be recorded in a graph.
+    ///
+    /// # Errors
+    /// [`CudaError::Launch`].
+    pub fn start(&self, stream: &Stream, learner: &Learner) -> Result<(), CudaError> {
+        let environments = self.sizes.environments;
+        self.launch(stream, learner, &self.plan.begin())?;
+        for step in 0..self.sizes.steps {
+            self.launch(stream, learner, &self.plan.observe(step))?;
+            learner.foresee(stream, step * environments, environments)?;
+            self.launch(stream, learner, &self.plan.act(step))?;
+            self.batch.step(stream)?;
+            self.launch(stream, learner, &self.plan.finish(step))?;
+        }
+        self.launch(stream, learner, &self.plan.observe_end())?;
+        self.foresee_tail(stream, learner)?;
+        self.launch(stream, learner, &self.plan.add_values())?;
+        self.launch(stream, learner, &self.plan.total())
+    }
+
+    fn foresee_tail(&self, stream: &Stream, learner: &Learner) -> Result<(), CudaError> {
+        let array = |name: &str| match self.plan.array(name).and_then(|Id(number)| self.own[number].as_ref())
+        {
+            Some(Storage::F32(buffer)) => Some(buffer),
+            _ => None,
+        };
+        match (array("tail"), array("tail_value")) {
+            (Some(tail), Some(value)) => learner.foresee_values(stream, value.len(), tail, value),
+            _ => Ok(()),
+        }
+    }
+
+    /// Starts one part of every step of a rollout, for timing: `observe`, `foresee`, `act`, `physics` or `finish`.
+    ///
+    /// # Errors
+    /// [`CudaError::Launch`].
+    pub fn start_part(&self, stream: &Stream, learner: &Learner, part: &str) -> Result<(), CudaError> {
+        let environments = self.sizes.environments;
+        for step in 0..self.sizes.steps {
+            match part {
+                "observe" => self.launch(stream, learner, &self.plan.observe(step))?,
+                "foresee" => learner.foresee(stream, step * environments, environments)?,
+                "act" => self.launch(stream, learner, &self.plan.act(step))?,
+                "finish" => self.launch(stream, learner, &self.plan.finish(step))?,
+                _ => self.batch.step(stream)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn launch(&self, stream: &Stream, learner: &Learner, launch: &Launch) -> Result<(), CudaError> {
+        let missing =
+            |reason: &str| CudaError::Launch { kernel: launch.kernel.into(), reason: reason.into() };
+        let arguments = launch.arguments.iter().map(|value| -> Result<Argument, CudaError> {
+            let Id(number) = match *value {
+                Value::Array(id) => id,
+                Value::U32(word) => return Ok(word.into()),
+                Value::F32(number) => return Ok(number.into()),
+            };
+            let found = match self.plan.homes[number] {
+                Home::Own => self.own[number].as_ref().map(Storage::argument),
+                Home::Physics(class) => Some(self.batch.numbers(class)),
+                Home::Learner => learner.argument(self.plan.arrays[number].name),
+            };
+            found.ok_or_else(|| missing("an array of it is missing"))
+        });
+        let arguments = arguments.collect::<Result<Vec<_>, _>>()?;
+        let kernel = self.kernels.iter().find(|(name, _)| *name == launch.kernel);
+        let (_, kernel) = kernel.ok_or_else(|| missing("the plan does not have it"))?;
+        kernel.launch(stream, launch.shape, &arguments)
+    }
+}

@@ -1,0 +1,136 @@
+//! A task on a robot as the kernels see it: sizes, and where the physics keeps each number.
+
+use gaitfit_learn::task::{Task, reward};
+use gaitfit_physics::Owner;
+use gaitfit_physics::trace::{Input, Output, Report};
+use gaitfit_sim::Candidate;
+
+use super::RolloutError;
+use crate::emit::{Class, EmitOptions, Layout, Place};
+use crate::physics::{Period, PeriodOptions};
+
+/// Sizes of a rollout.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sizes {
+    /// Control steps.
+    pub steps: usize,
+    /// Environments.
+    pub environments: usize,
+    /// Parameters of both networks, which lie before ln σ.
+    pub networks: usize,
+    /// Discount of PPO.
+    pub gamma: f64,
+}
+
+/// Place of a number in its tile: `base + stride · i` for the tile's robot `i`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Spot {
+    pub base: usize,
+    pub stride: usize,
+}
+
+/// A task on a robot as the kernels see it.
+pub struct Scene<'a> {
+    /// The task.
+    pub task: &'a Task,
+    /// The physics of a control period.
+    pub period: &'a Period,
+    /// Sizes.
+    pub sizes: Sizes,
+    /// Of the state, in the order of `State::visit`.
+    pub(super) state: Vec<Spot>,
+    /// Of the joints' encoder biases.
+    pub(super) bias: Vec<Spot>,
+    /// Of the sent targets; `taps × joints`.
+    pub(super) targets: Vec<Spot>,
+    /// Of torques, normal forces and centres.
+    pub(super) report: Vec<Spot>,
+}
+
+impl<'a> Scene<'a> {
+    /// The physics that a task's rollouts need. `processors`: the GPU's multiprocessors.
+    ///
+    /// # Errors
+    /// A robot that cannot be stepped; a candidate with networks or random torques.
+    pub fn period(
+        task: &Task,
+        candidates: &[Candidate],
+        environments: usize,
+        processors: usize,
+    ) -> Result<Period, RolloutError> {
+        let unsupported = |what: &str| Err(RolloutError::Unsupported(what.to_owned()));
+        if candidates.iter().any(|candidate| !candidate.networks.is_empty()) {
+            return unsupported("networks that act on the joints");
+        }
+        if candidates.iter().any(|candidate| candidate.torque_noise > 0.0) {
+            return unsupported("random torques");
+        }
+        let batch = &task.walker.batch;
+        let options = PeriodOptions {
+            substeps: batch.options().substeps,
+            taps: batch.taps(),
+            lanes: 4,
+            emit: EmitOptions::default(),
+        };
+        let report = Report { forces: true, tracked: batch.tracked().to_vec() };
+        let (model, settings) = (task.walker.model(), batch.settings());
+        Ok(Period::for_environments(model, settings, options, &[], &report, environments, processors)?)
+    }
+
+    /// A task on the physics of [`Scene::period`].
+    ///
+    /// # Errors
+    /// [`RolloutError::Unsupported`] for reward terms of a library's user.
+    pub fn new(task: &'a Task, period: &'a Period, sizes: Sizes) -> Result<Self, RolloutError> {
+        let known = |name: &str| reward::TERMS.iter().any(|term| term.name == name);
+        if let Some((own, _)) = task.reward_weights().find(|(name, _)| !known(name)) {
+            return Err(RolloutError::Unsupported(format!("the reward term `{own}`, which is not built in")));
+        }
+        let layout = period.layout();
+        let inputs = || period.graph.inputs.iter().zip(&layout.inputs);
+        let spots = |wanted: fn(&Input) -> bool| -> Vec<Spot> {
+            inputs().filter(|(input, _)| wanted(input)).map(|(_, &place)| spot(layout, place)).collect()
+        };
+        let biased = |input: &Input| {
+            matches!(input, Input::Params(slot) if slot.name == "encoder_bias"
+                && matches!(slot.owner, Owner::Joint(_)))
+        };
+        let outputs = period.graph.outputs.iter().zip(&layout.outputs);
+        let shown = outputs.filter(|(output, _)| matches!(output, Output::Report(_)));
+        Ok(Self {
+            task,
+            period,
+            sizes,
+            state: spots(|input| matches!(input, Input::State(_))),
+            bias: spots(biased),
+            targets: spots(|input| matches!(input, Input::Target { .. })),
+            report: shown.map(|(_, &place)| spot(layout, place)).collect(),
+        })
+    }
+
+    /// Numbers of a class in a tile.
+    pub(super) fn size(&self, class: Class) -> usize {
+        self.period.layout().size(class)
+    }
+
+    /// Most episodes of an environment that a rollout cuts off.
+    pub(super) fn cuts(&self) -> usize {
+        self.sizes.steps.div_ceil(self.task.episode_steps() as usize)
+    }
+
+    /// Numbers of an action.
+    pub(super) fn actions(&self) -> usize {
+        self.task.walker.joints.len()
+    }
+
+    /// Sums that a rollout keeps of each environment; `TALLIES` of the text.
+    pub(super) fn tallies(&self) -> usize {
+        self.task.reward_weights().count() + 8
+    }
+}
+
+fn spot(layout: &Layout, place: Place) -> Spot {
+    let base = layout.offset(place, 0);
+    let stride = if layout.environments() > 1 { layout.offset(place, 1) - base } else { 0 };
+    Spot { base, stride }
+}

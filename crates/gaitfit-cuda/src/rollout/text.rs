@@ -1,0 +1,262 @@
+//! The kernels' text: numbers and tables of the task, then the files.
+
+use std::fmt::Write;
+
+use gaitfit_learn::task::NoiseSettings;
+use gaitfit_model::Shape;
+use gaitfit_policy::{Quantity, Term};
+
+use super::plan::THREADS;
+use super::scene::{Scene, Spot};
+use crate::emit::Class;
+use crate::runtime::Program;
+
+/// The program of a scene's rollouts. Products and sums are rounded one by one, as the CPU does it.
+pub(super) fn program(scene: &Scene<'_>) -> Program {
+    let mut text = String::from(include_str!("../common.cuh"));
+    text.push_str(include_str!("kernels/structs.cu"));
+    let mut writer = Writer { text };
+    writer.sizes(scene);
+    writer.task(scene);
+    writer.robot(scene);
+    writer.rows(scene);
+    let mut text = writer.text;
+    for part in [
+        include_str!("kernels/draws.cu"),
+        include_str!("kernels/robot.cu"),
+        include_str!("kernels/observe.cu"),
+        include_str!("kernels/act.cu"),
+        include_str!("kernels/episode.cu"),
+        include_str!("kernels/rewards.cu"),
+        include_str!("kernels/finish.cu"),
+    ] {
+        text.push_str(part);
+    }
+    Program::new("rollout", text).option("-fmad=false")
+}
+
+fn single(value: f32) -> String {
+    format!("{:?}f", value.clamp(f32::MIN, f32::MAX))
+}
+
+fn double(value: f64) -> String {
+    format!("{:?}", value.clamp(-1e300, 1e300))
+}
+
+fn braces<T>(values: impl IntoIterator<Item = T>, write: impl Fn(T) -> String) -> String {
+    let words: Vec<String> = values.into_iter().map(write).collect();
+    format!("{{{}}}", words.join(", "))
+}
+
+struct Writer {
+    text: String,
+}
+
+impl Writer {
+    fn define(&mut self, name: &str, value: impl std::fmt::Display) {
+        // Writing to a string does not fail.
+        let _ = writeln!(self.text, "#define {name} {value}");
+    }
+
+    /// An empty table has one entry of zeros.
+    fn table(&mut self, kind: &str, name: &str, mut rows: Vec<String>) {
+        if rows.is_empty() {
+            rows.push(if kind == "int" || kind == "float" { "0".into() } else { "{}".into() });
+        }
+        let _ = writeln!(self.text, "TABLE {kind} {name}[] = {{{}}};", rows.join(", "));
+    }
+
+    fn sizes(&mut self, scene: &Scene<'_>) {
+        let (task, layout) = (scene.task, scene.period.layout());
+        for (name, value) in [
+            ("ENVIRONMENTS", scene.sizes.environments),
+            ("PER_TILE", layout.environments()),
+            ("STATE_SIZE", scene.size(Class::State)),
+            ("PARAMS_SIZE", scene.size(Class::Params)),
+            ("TARGETS_SIZE", scene.size(Class::Targets)),
+            ("REPORT_SIZE", scene.size(Class::Report)),
+            ("JOINTS", task.walker.default_pose.len()),
+            ("ACTIONS", scene.actions()),
+            ("TAPS", scene.period.taps()),
+            ("GEOMS", task.walker.batch.contact_geoms().len()),
+            ("FEET", task.foot_geoms().len()),
+            ("FALL_GEOMS", task.walker.fall_geoms().len()),
+            ("BODY_GEOMS", task.body_geoms().len()),
+            ("REWARDS", task.reward_weights().count()),
+            ("CUTS", scene.cuts()),
+            ("THREADS", THREADS as usize),
+            ("LOG_STD_AT", scene.sizes.networks),
+        ] {
+            self.define(name, value);
+        }
+        let spots = |spots: &[Spot]| -> Vec<String> {
+            spots.iter().map(|spot| format!("{{{}, {}}}", spot.base, spot.stride)).collect()
+        };
+        self.table("Spot", "STATE_SPOTS", spots(&scene.state));
+        self.table("Spot", "BIAS_SPOTS", spots(&scene.bias));
+        self.table("Spot", "TARGET_SPOTS", spots(&scene.targets));
+        self.table("Spot", "REPORT_SPOTS", spots(&scene.report));
+    }
+
+    fn task(&mut self, scene: &Scene<'_>) {
+        let (task, settings) = (scene.task, &scene.task.settings);
+        let interface = &task.walker.interface;
+        let (least_uprightness, least_height, posture) = task.walker.fall_limits();
+        let lead = task.walker.batch.settings().lead() as f32;
+        for (name, value) in [
+            ("LEAD", lead),
+            ("LOG_TAU", std::f32::consts::TAU.ln()),
+            ("ACTION_CLIP", interface.action_clip.map_or(f32::MAX, |clip| clip as f32)),
+            ("TRACKING_WIDTH", settings.tracking_width as f32),
+            ("YAW_TRACKING_WIDTH", settings.yaw_tracking_width as f32),
+            ("WANTED_HEIGHT", settings.height as f32),
+            ("SWING_SECONDS", settings.swing_seconds as f32),
+            ("SWING_HEIGHT", settings.swing_height as f32),
+            ("LEAST_UPRIGHTNESS", least_uprightness),
+            ("LEAST_HEIGHT", least_height),
+            ("GAMMA", scene.sizes.gamma as f32),
+        ] {
+            self.define(name, single(value));
+        }
+        let start = &settings.start;
+        for (name, value) in [
+            ("CONTROL_DT", interface.control_dt),
+            ("GAIT_FREQUENCY", interface.gait_frequency.unwrap_or(0.0)),
+            ("COMMAND_STANDING", settings.command.standing),
+            ("PUSH_VELOCITY", settings.push.velocity),
+            ("START_YAW", start.yaw.to_radians()),
+            ("START_PITCH", start.pitch.to_radians()),
+            ("START_TILT", start.tilt.to_radians()),
+            ("START_JOINT_POSITION", start.joint_position),
+            ("START_JOINT_VELOCITY", start.joint_velocity),
+            ("START_LINEAR_VELOCITY", start.linear_velocity),
+            ("START_ANGULAR_VELOCITY", start.angular_velocity),
+        ] {
+            self.define(name, double(value));
+        }
+        let push = if settings.push.velocity == 0.0 { 0.0 } else { settings.push.seconds };
+        for (name, value) in [
+            ("HAS_LEAD", u32::from(lead != 0.0)),
+            ("HAS_CLOCK", u32::from(interface.gait_frequency.is_some())),
+            ("EPISODE_STEPS_MOST", task.episode_steps()),
+            ("COMMAND_STEPS", task.command_steps()),
+            ("PUSH_PERIOD", (push / interface.control_dt).round() as u32),
+        ] {
+            self.define(name, format!("{value}u"));
+        }
+        let ranges = [settings.command.x, settings.command.y, settings.command.yaw];
+        self.table("double", "COMMAND_RANGES", ranges.iter().flatten().map(|&x| double(x)).collect());
+        self.table("float", "POSTURE", posture.iter().map(|&x| single(x)).collect());
+        let words = |numbers: &[usize]| numbers.iter().map(ToString::to_string).collect();
+        self.table("int", "FOOT_GEOM", words(task.foot_geoms()));
+        self.table("int", "FALL_GEOM", words(task.walker.fall_geoms()));
+        self.table("int", "BODY_GEOM", words(task.body_geoms()));
+        let groups = task.gait_group.iter().map(|group| group.map_or("-1".to_owned(), |g| g.to_string()));
+        self.table("int", "GAIT_GROUP", groups.collect());
+        // What each term pays, as statements.
+        let _ = writeln!(self.text, "#define REWARD_TERMS \\");
+        for (number, (name, weight)) in task.reward_weights().enumerate() {
+            let _ = writeln!(self.text, "    terms[{number}] = {} * reward_{name}(m); \\", single(weight));
+        }
+        self.text.push('\n');
+    }
+
+    fn robot(&mut self, scene: &Scene<'_>) {
+        let (task, walker) = (scene.task, &scene.task.walker);
+        let model = walker.model();
+        let singles = |numbers: &[f32]| numbers.iter().map(|&x| single(x)).collect();
+        self.table("float", "DEFAULT_POSE", singles(&walker.default_pose));
+        self.table("float", "ACTION_SCALE", singles(&walker.action_scale));
+        self.table("float", "START_POSE", singles(&task.start_pose));
+        self.table("int", "JOINT_OF", walker.joints.iter().map(ToString::to_string).collect());
+        let home = walker.interface.default_pose.iter().map(|&angle| single(angle as f32));
+        self.table("float", "HOME", home.collect());
+        let doubles = |numbers: &[f64]| braces(numbers, |&x| double(x));
+        let mut order = Vec::new();
+        let body = |(index, body): (usize, &gaitfit_model::Body)| {
+            let parent = body.parent.map_or("-1".to_owned(), |parent| parent.to_string());
+            let first = order.len();
+            let own = model.joints.iter().enumerate().filter(|(_, joint)| joint.body == index);
+            order.extend(own.map(|(joint, _)| joint.to_string()));
+            let hinges = order.len() - first;
+            format!("{{{parent}, {first}, {hinges}, {}, {}}}", doubles(&body.pos), doubles(&body.quat))
+        };
+        let bodies = model.bodies.iter().enumerate().map(body).collect();
+        self.table("Body", "BODY", bodies);
+        self.table("int", "HINGE_ORDER", order);
+        let hinge = |joint: &gaitfit_model::Joint| {
+            let (anchor, axis, reference) =
+                (doubles(&joint.pos), doubles(&joint.axis), double(joint.reference));
+            let limited = u32::from(joint.range.is_some());
+            let range = doubles(&joint.range.unwrap_or_default());
+            format!("{{{anchor}, {axis}, {reference}, {limited}, {range}}}")
+        };
+        self.table("Hinge", "HINGE", model.joints.iter().map(hinge).collect());
+        let mut path = Vec::new();
+        let balls = model.pairs.iter().filter_map(|pair| {
+            let geom = &model.geoms[pair.geom];
+            let Shape::Sphere { radius } = geom.shape else { return None };
+            let mut bodies: Vec<usize> =
+                std::iter::successors(Some(geom.body), |&body| model.bodies[body].parent).collect();
+            bodies.reverse();
+            let first = path.len();
+            path.extend(bodies.iter().map(ToString::to_string));
+            Some(format!("{{{first}, {}, {}, {}}}", bodies.len(), doubles(&geom.pos), double(radius)))
+        });
+        let balls: Vec<String> = balls.collect();
+        self.table("int", "PATH", path);
+        self.define("SPHERES", balls.len());
+        self.table("Ball", "SPHERE", balls);
+        let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
+        self.define("GROUND", format!("({})", double(ground)));
+    }
+
+    fn rows(&mut self, scene: &Scene<'_>) {
+        let (interface, noise) = (&scene.task.walker.interface, &scene.task.settings.noise);
+        let joints = interface.joints.len();
+        let (mut terms, mut scales) = (Vec::new(), Vec::new());
+        let mut rows = Vec::new();
+        for (observation, noise) in
+            [(&interface.observation, Some(noise)), (&interface.critic_observation, None)]
+        {
+            let (first, scale, mut place) = (terms.len(), scales.len(), 0);
+            for Term { quantity, .. } in observation {
+                let width = quantity.width(joints);
+                let half = noise.map_or(0.0, |noise| half_range(noise, *quantity));
+                terms.push(format!("{{{}, {place}, {width}, {}}}", number(*quantity), single(half)));
+                place += width;
+            }
+            scales.extend(interface.scales(observation).into_iter().map(single));
+            rows.push(format!("{{{first}, {}, {scale}, {place}}}", observation.len()));
+        }
+        self.table("Term", "TERMS", terms);
+        self.table("float", "SCALES", scales);
+        for (name, row) in ["ACTOR_ROW", "CRITIC_ROW"].into_iter().zip(rows) {
+            let _ = writeln!(self.text, "TABLE Row {name} = {row};");
+        }
+    }
+}
+
+/// Its place in the text's list of quantities.
+fn number(quantity: Quantity) -> usize {
+    match quantity {
+        Quantity::BaseAngularVelocity => 0,
+        Quantity::ProjectedGravity => 1,
+        Quantity::Command => 2,
+        Quantity::JointPosition => 3,
+        Quantity::JointVelocity => 4,
+        Quantity::LastAction => 5,
+        Quantity::BaseLinearVelocity => 6,
+        Quantity::GaitPhase => 7,
+    }
+}
+
+fn half_range(noise: &NoiseSettings, quantity: Quantity) -> f32 {
+    (match quantity {
+        Quantity::BaseAngularVelocity => noise.base_angular_velocity,
+        Quantity::ProjectedGravity => noise.projected_gravity,
+        Quantity::JointPosition => noise.joint_position,
+        Quantity::JointVelocity => noise.joint_velocity,
+        _ => 0.0,
+    }) as f32
+}

@@ -1,0 +1,142 @@
+//! Trainings on a GPU against the CPU's.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use gaitfit_cuda::ppo::Precision;
+use gaitfit_cuda::rollout::Trainer;
+use gaitfit_cuda::runtime::Device;
+use gaitfit_learn::ppo::Settings;
+use gaitfit_learn::task::{Snapshot, Task, TaskSettings, preset};
+use gaitfit_learn::{Origin, Training, TrainingSettings};
+use gaitfit_model::Model;
+use gaitfit_physics::Preset;
+
+const SEED: u64 = 11;
+
+fn go2() -> Model {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2.xml");
+    gaitfit_model::read(path.as_ref(), &Default::default()).unwrap()
+}
+
+fn task(name: &str) -> Task {
+    let settings: TaskSettings = toml::from_str(preset(name).unwrap()).unwrap();
+    Task::new(&go2(), &settings, Preset::Fast).unwrap()
+}
+
+fn training(task: &Task, environments: usize, steps: usize) -> Training<'_> {
+    let ppo = Settings { normalise_observations: true, ..Settings::default() };
+    let settings = TrainingSettings { environments, steps, iterations: 100 };
+    let learner = Training::fresh_learner(task, &ppo, SEED).unwrap();
+    Training::new(task, None, &settings, learner, SEED).unwrap()
+}
+
+fn origin() -> Origin {
+    Origin { robot: "go2".into(), model: String::new(), settings: String::new(), seed: SEED }
+}
+
+/// What a training has come to.
+fn state(training: &mut Training<'_>) -> (Vec<f32>, Vec<Snapshot>) {
+    let [actor, critic, log_std, first, second] = training.learner().tensors().map(|(_, numbers)| numbers);
+    ([actor, critic, log_std, first, second].concat(), training.snapshots())
+}
+
+/// A few control steps from the same start: the same commands, and almost the same motion.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_rollouts_are_the_cpus() {
+    let device = Device::open(0).unwrap();
+    for name in ["velocity", "biped"] {
+        let task = task(name);
+        let mut cpu = training(&task, 300, 3);
+        let mut trainer = Trainer::new(&device, &mut cpu, Precision::F32).unwrap();
+        let (mut gpu, wanted) = (training(&task, 300, 3), cpu.iterate(8).unwrap());
+        let found = trainer.iterate().unwrap();
+        trainer.store(&mut gpu).unwrap();
+        let (found_tally, wanted_tally) = (&found.tally, &wanted.tally);
+        println!(
+            "{name}: {found_tally:?}\n  {wanted_tally:?}\n{:?}\n{:?}",
+            found.diagnostics, wanted.diagnostics
+        );
+        assert_eq!(found_tally.steps, wanted_tally.steps);
+        assert!((found_tally.episodes - wanted_tally.episodes).abs() <= 2.0);
+        let near = |got: f64, want: f64, most: f64| {
+            assert!((got - want).abs() < most * want.abs().max(1.0), "{got} {want}")
+        };
+        near(found_tally.reward, wanted_tally.reward, 1e-2);
+        for k in 0..2 {
+            near(found_tally.tracking[k], wanted_tally.tracking[k], 1e-2);
+        }
+        near(found.diagnostics.value_loss, wanted.diagnostics.value_loss, 0.05);
+        let mut errors = Vec::new();
+        for (got, want) in gpu.snapshots().iter().zip(cpu.snapshots()) {
+            if got.steps != want.steps {
+                continue;
+            }
+            assert_eq!(got.command, want.command);
+            assert_eq!(got.last_action.len(), want.last_action.len());
+            // Velocities of the joints.
+            let velocity = 25..37;
+            let pairs = got.robot.state[velocity.clone()].iter().zip(&want.robot.state[velocity]);
+            errors.push(pairs.fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs())));
+        }
+        errors.sort_by(f32::total_cmp);
+        println!(
+            "{name}: joint velocities apart by {} (half), {} (99 %)",
+            errors[errors.len() / 2],
+            errors[errors.len() * 99 / 100]
+        );
+        assert!(errors.len() > 290 && errors[errors.len() / 2] < 5e-3 && errors[errors.len() * 9 / 10] < 0.1);
+    }
+}
+
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_training_has_its_bits_again_and_goes_on_anywhere() {
+    let device = Device::open(0).unwrap();
+    let task = task("velocity");
+    let run = |host: &mut Training<'_>, iterations: usize| {
+        let mut trainer = Trainer::new(&device, host, Precision::Tf32).unwrap();
+        for _ in 0..iterations {
+            trainer.iterate().unwrap();
+        }
+        trainer.store(host).unwrap();
+    };
+    let mut whole = training(&task, 600, 24);
+    run(&mut whole, 4);
+    let mut half = training(&task, 600, 24);
+    run(&mut half, 2);
+    // Through a checkpoint of the CPU.
+    let saved = half.save(&origin(), 0.0).unwrap();
+    let mut other = training(&task, 600, 24);
+    other.restore(&saved, &origin()).unwrap();
+    assert_eq!(other.iteration(), 2);
+    run(&mut other, 2);
+    assert!(state(&mut other) == state(&mut whole), "a training that went on has other bits");
+    // And on the CPU.
+    let before = half.iteration();
+    let iteration = half.iterate(8).unwrap();
+    assert_eq!((iteration.number, half.iteration()), (before, before + 1));
+    assert!(
+        iteration.diagnostics.kl_last < 0.1 && iteration.diagnostics.clip_fraction < 0.6,
+        "{iteration:?}"
+    );
+}
+
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_training_walks_towards_its_commands() {
+    let device = Device::open(0).unwrap();
+    let task = task("velocity");
+    let mut host = training(&task, 4096, 24);
+    let mut trainer = Trainer::new(&device, &mut host, Precision::Tf32).unwrap();
+    println!("{} MiB, kernels {:?}", trainer.bytes() >> 20, trainer.rollout().resources().unwrap());
+    assert!(trainer.bytes() < 2 << 30);
+    let begin = std::time::Instant::now();
+    let mut rewards = Vec::new();
+    for _ in 0..100 {
+        let iteration = trainer.iterate().unwrap();
+        rewards.push(iteration.tally.reward / iteration.tally.steps);
+    }
+    println!("100 iterations in {:.2} s", begin.elapsed().as_secs_f64());
+    println!("{:?}", trainer.breakdown().unwrap());
+    assert!(rewards[99] > rewards[0] + 0.01, "{rewards:?}");
+}

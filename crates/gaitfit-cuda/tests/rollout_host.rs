@@ -1,0 +1,410 @@
+//! A rollout's kernels, run on the CPU as C++, against the CPU's environment step by step; and NVIDIA's compiler.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod host;
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use gaitfit_cuda::emit::Class;
+use gaitfit_cuda::physics::Period;
+use gaitfit_cuda::ppo::Id;
+use gaitfit_cuda::rollout::{Packed, Plan, RolloutError, Scene, Sizes};
+use gaitfit_cuda::runtime::{Nvrtc, compile};
+use gaitfit_learn::ppo::Exploration;
+use gaitfit_learn::task::{Ended, Environment, Snapshot, Task, TaskSettings, preset, reward};
+use gaitfit_model::Model;
+use gaitfit_physics::{Params, Preset};
+use gaitfit_random::{Purpose, Stream};
+use gaitfit_sim::Candidate;
+use host::{bytes, call, doubles, execute, floats, keep, take};
+
+const SEED: u64 = (7 << 32) + 3;
+const FIRST: u32 = 25;
+/// No multiple of a tile's environments.
+const ENVIRONMENTS: usize = 21;
+const STEPS: usize = 40;
+const NETWORKS: usize = 5;
+const PROCESSORS: usize = 132;
+
+fn go2() -> Model {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2.xml");
+    gaitfit_model::read(path.as_ref(), &Default::default()).unwrap()
+}
+
+/// A built-in task with every reward term, short episodes, and much that happens.
+fn lively(name: &str) -> TaskSettings {
+    let mut settings: TaskSettings = toml::from_str(preset(name).unwrap()).unwrap();
+    for (number, term) in reward::TERMS.iter().enumerate() {
+        settings.rewards.insert(term.name.to_owned(), 0.3 - 0.05 * number as f64);
+    }
+    settings.episode_seconds = 15.0 * settings.control_dt;
+    settings.command.seconds = 4.0 * settings.control_dt;
+    settings.push.seconds = 6.0 * settings.control_dt;
+    settings.push.velocity = 0.7;
+    settings.randomisation.delay = [0.0, 0.01];
+    settings
+}
+
+fn sizes() -> Sizes {
+    Sizes { steps: STEPS, environments: ENVIRONMENTS, networks: NETWORKS, gamma: 0.97 }
+}
+
+/// What the CPU did in one step.
+struct Step {
+    observation: Vec<f32>,
+    critic: Vec<f32>,
+    action: Vec<f32>,
+    log_probability: Vec<f32>,
+    /// After the physics, and after new episodes began.
+    moved: Vec<Snapshot>,
+    begun: Vec<Snapshot>,
+    reward: Vec<f32>,
+    ended: Vec<Ended>,
+    /// The critic's observations before new episodes.
+    reached: Vec<f32>,
+}
+
+/// All environments; `returns` are the runner's.
+fn snapshots(environment: &mut Environment<'_>, returns: &[[f32; 2]]) -> Vec<Snapshot> {
+    let one = |index: usize| Snapshot { returns: returns[index], ..environment.snapshot(index) };
+    (0..ENVIRONMENTS).map(one).collect()
+}
+
+/// A rollout of the CPU as its runner does it, with means that are noise; the sums of the runner's tally.
+fn rollout(
+    environment: &mut Environment<'_>,
+    task: &Task,
+    mean: &[f32],
+    log_std: &[f32],
+) -> (Vec<Step>, Vec<f64>) {
+    let actions = task.walker.joints.len();
+    let interface = &task.walker.interface;
+    let mut exploration = Exploration::new(SEED, 0);
+    let mut returns = vec![[0.0f32; 2]; ENVIRONMENTS];
+    let mut sums = [0.0f64; 7];
+    let mut steps = Vec::new();
+    for t in 0..STEPS {
+        let number = FIRST + t as u32;
+        let mut step = Step {
+            observation: vec![0.0; ENVIRONMENTS * interface.observation_width()],
+            critic: vec![0.0; ENVIRONMENTS * interface.critic_width()],
+            action: vec![0.0; ENVIRONMENTS * actions],
+            log_probability: vec![0.0; ENVIRONMENTS],
+            moved: Vec::new(),
+            begun: Vec::new(),
+            reward: vec![0.0; ENVIRONMENTS],
+            ended: vec![Ended::No; ENVIRONMENTS],
+            reached: vec![0.0; ENVIRONMENTS * interface.critic_width()],
+        };
+        environment.observe(number, &mut step.observation);
+        environment.observe_critic(&mut step.critic);
+        let means = &mean[t * ENVIRONMENTS * actions..(t + 1) * ENVIRONMENTS * actions];
+        exploration.draw(log_std, number, means, &mut step.action, &mut step.log_probability);
+        environment.step(number, &step.action, &mut step.reward, &mut step.ended);
+        step.moved = snapshots(environment, &returns);
+        environment.observe_critic(&mut step.reached);
+        for (index, so_far) in returns.iter_mut().enumerate() {
+            let [velocity, yaw] = environment.tracking_error(index).map(f64::from);
+            so_far[0] += step.reward[index];
+            so_far[1] += 1.0;
+            let ended = f64::from(u8::from(step.ended[index] != Ended::No));
+            let fell = f64::from(u8::from(step.ended[index] == Ended::Fall));
+            let [sum, length] = so_far.map(f64::from);
+            let added =
+                [f64::from(step.reward[index]), velocity, yaw, ended, fell, ended * length, ended * sum];
+            sums.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
+            if ended > 0.0 {
+                *so_far = [0.0; 2];
+            }
+        }
+        environment.begin_episodes(number, &step.ended);
+        step.begun = snapshots(environment, &returns);
+        steps.push(step);
+    }
+    let [reward, rest @ ..] = sums;
+    (steps, [vec![reward], environment.take_terms(), rest.to_vec(), vec![0.0]].concat())
+}
+
+/// Parameters of all robots in the physics' tiles.
+fn params(period: &Period, robots: &[Params<f64>]) -> Vec<f32> {
+    let layout = period.layout();
+    let (size, per_tile) = (layout.size(Class::Params), layout.environments());
+    let mut all = vec![0.0; ENVIRONMENTS.div_ceil(per_tile) * size];
+    for (e, robot) in robots.iter().enumerate() {
+        let mut numbers = Vec::new();
+        robot.visit(|_, &number| numbers.push(number as f32));
+        let places = layout.inputs.iter().filter(|place| place.class == Class::Params);
+        for (place, number) in places.zip(numbers) {
+            all[e / per_tile * size + layout.offset(*place, e % per_tile)] = number;
+        }
+    }
+    all
+}
+
+/// Largest difference relative to max(1, value).
+fn apart(got: &[f32], want: &[f32]) -> f32 {
+    assert_eq!(got.len(), want.len());
+    got.iter().zip(want).fold(0.0, |worst, (got, want)| {
+        let error = (got - want).abs() / want.abs().max(1.0);
+        if error.is_nan() { f32::INFINITY } else { worst.max(error) }
+    })
+}
+
+fn flat(snapshot: &Snapshot) -> Vec<f32> {
+    let robot = &snapshot.robot;
+    let feet: Vec<f32> = snapshot.feet.iter().flatten().copied().collect();
+    [&robot.state, &robot.targets, &robot.normal_force, &robot.tracked, &robot.torque]
+        .into_iter()
+        .chain([&snapshot.command.to_vec(), &snapshot.last_action, &feet, &snapshot.returns.to_vec()])
+        .flatten()
+        .copied()
+        .chain([snapshot.steps as f32, f32::from(u8::from(robot.fresh))])
+        .collect()
+}
+
+/// Holds every kernel of a rollout against the CPU.
+fn compare(label: &str, task: &Task, candidate: &Candidate) {
+    let period = Scene::period(task, std::slice::from_ref(candidate), ENVIRONMENTS, PROCESSORS).unwrap();
+    let scene = Scene::new(task, &period, sizes()).unwrap();
+    let plan = Plan::new(&scene);
+    let arrays = &plan.arrays;
+    let actions = task.walker.joints.len();
+    let noise = Stream::new(5, Purpose::BOOTSTRAP);
+    let numbers = |count: usize, from: u32, size: f32| -> Vec<f32> {
+        (0..count).map(|k| size * noise.normal(from + k as u32) as f32).collect()
+    };
+    let mean = numbers(STEPS * ENVIRONMENTS * actions, 0, 0.5);
+    let log_std: Vec<f32> = (0..actions).map(|k| -0.3 - 0.05 * k as f32).collect();
+    let tails = (1 + STEPS.div_ceil(task.episode_steps() as usize)) * ENVIRONMENTS;
+    let tail_value = numbers(tails, 1 << 20, 3.0);
+
+    let mut environment = Environment::new(task, Some(candidate), SEED, 0, ENVIRONMENTS).unwrap();
+    environment.stagger();
+    let tiles = ENVIRONMENTS.div_ceil(period.layout().environments());
+    let start = Packed::new(&scene, &snapshots(&mut environment, &[[0.0; 2]; ENVIRONMENTS]), tiles);
+    let (steps, sums) = rollout(&mut environment, task, &mean, &log_std);
+
+    let f = |numbers: &[f32]| bytes(numbers, f32::to_ne_bytes);
+    let w = |words: &[u32]| bytes(words, u32::to_ne_bytes);
+    let robots = task.robots(std::slice::from_ref(candidate), SEED, 0, ENVIRONMENTS).unwrap();
+    let mut files: HashMap<String, Vec<u8>> = HashMap::new();
+    for (name, bytes) in [
+        ("robot_state", f(&start.state)),
+        ("robot_targets", f(&start.targets)),
+        ("robot_report", f(&start.report)),
+        ("robot_params", f(&params(&period, &robots))),
+        ("steps", w(&start.steps)),
+        ("fresh", w(&start.fresh)),
+        ("command", f(&start.command)),
+        ("last_action", f(&start.last_action)),
+        ("feet", f(&start.feet)),
+        ("returns", f(&start.returns)),
+        ("mean", f(&mean)),
+        ("parameters", f(&[vec![f32::NAN; NETWORKS], log_std].concat())),
+        ("control", w(&[FIRST, SEED as u32, (SEED >> 32) as u32])),
+        ("tail_value", f(&tail_value)),
+    ] {
+        files.insert(name.to_owned(), bytes);
+    }
+    let kept = [
+        "robot_state",
+        "robot_targets",
+        "robot_report",
+        "steps",
+        "fresh",
+        "command",
+        "last_action",
+        "feet",
+        "returns",
+    ];
+    let mut statements = call(&plan.begin());
+    for (t, step) in steps.iter().enumerate() {
+        let packed = Packed::new(&scene, &step.moved, tiles);
+        files.insert(format!("robot_state.moved{t}"), f(&packed.state));
+        files.insert(format!("robot_report.moved{t}"), f(&packed.report));
+        statements.push_str(&call(&plan.observe(t)));
+        statements.push_str(&call(&plan.act(t)));
+        statements.push_str(&keep(arrays, "robot_state", &format!("pushed{t}")));
+        statements.push_str(&take(arrays, "robot_state", &format!("moved{t}")));
+        statements.push_str(&take(arrays, "robot_report", &format!("moved{t}")));
+        statements.push_str(&call(&plan.finish(t)));
+        for name in kept {
+            statements.push_str(&keep(arrays, name, &format!("begun{t}")));
+        }
+    }
+    statements.push_str(&call(&plan.observe_end()));
+    statements.push_str(&call(&plan.add_values()));
+    statements.push_str(&call(&plan.total()));
+    let results = [
+        "observation",
+        "critic_observation",
+        "action",
+        "log_probability",
+        "reward",
+        "done",
+        "last_value",
+        "tail",
+        "cut",
+        "totals",
+    ];
+    for name in results {
+        statements.push_str(&keep(arrays, name, "out"));
+    }
+    let folder = execute(&plan.program.text, arrays, &files, &[], &statements);
+    let read =
+        |name: &str, suffix: &str| std::fs::read(folder.path().join(format!("{name}.{suffix}"))).unwrap();
+    let out = |name: &str| floats(&read(name, "out"));
+
+    let mut worst = 0.0f32;
+    let mut check = |what: &str, t: usize, got: &[f32], want: &[f32], limit: f32| {
+        let error = apart(got, want);
+        assert!(error <= limit, "{label}, step {t}: {what} differs by {error:e}");
+        worst = worst.max(error);
+    };
+    let all = |of: fn(&Step) -> &Vec<f32>| -> Vec<f32> { steps.iter().flat_map(|s| of(s).clone()).collect() };
+    check("observation", 0, &out("observation"), &all(|s| &s.observation), 1e-6);
+    check("critic's observation", 0, &out("critic_observation"), &all(|s| &s.critic), 1e-6);
+    check("action", 0, &out("action"), &all(|s| &s.action), 1e-6);
+    check("log probability", 0, &out("log_probability"), &all(|s| &s.log_probability), 1e-6);
+    let mut rewards = all(|s| &s.reward);
+    let (tail, cut) = (out("tail"), read("cut", "out"));
+    let width = task.walker.interface.critic_width();
+    let (mut cuts, mut falls) = (0, 0);
+    for (t, step) in steps.iter().enumerate() {
+        let slot = t / task.episode_steps() as usize;
+        for (e, ended) in step.ended.iter().enumerate() {
+            falls += usize::from(*ended == Ended::Fall);
+            if *ended == Ended::TimeOut {
+                cuts += 1;
+                let row = (1 + slot) * ENVIRONMENTS + e;
+                rewards[t * ENVIRONMENTS + e] += sizes().gamma as f32 * tail_value[row];
+                let reached = &step.reached[e * width..(e + 1) * width];
+                check("cut-off row", t, &tail[row * width..(row + 1) * width], reached, 1e-6);
+                assert_eq!(cut[4 * (slot * ENVIRONMENTS + e)], t as u8 + 1);
+            }
+        }
+    }
+    assert!(cuts > 10 && falls > 3, "{label}: {cuts} episodes cut off, {falls} falls");
+    check("reward", 0, &out("reward"), &rewards, 3e-6);
+    let ended = |s: &Step| s.ended.iter().map(|e| f32::from(u8::from(*e != Ended::No))).collect::<Vec<_>>();
+    check("done", 0, &out("done"), &steps.iter().flat_map(ended).collect::<Vec<_>>(), 0.0);
+    check("last values", 0, &out("last_value"), &tail_value[..ENVIRONMENTS], 0.0);
+    let mut last = vec![0.0; ENVIRONMENTS * width];
+    environment.observe_critic(&mut last);
+    check("last rows", STEPS, &tail[..ENVIRONMENTS * width], &last, 1e-6);
+    for (got, want) in doubles(&read("totals", "out")).iter().zip(&sums) {
+        assert!((got - want).abs() < 2e-6 * want.abs().max(1.0), "{label}: a sum is {got}, not {want}");
+    }
+    let mut before = start;
+    for (t, step) in steps.iter().enumerate() {
+        let suffix = format!("begun{t}");
+        let numbers = |name: &str| floats(&read(name, &suffix));
+        let words = |name: &str| numbers(name).iter().map(|x| x.to_bits()).collect();
+        let found = Packed {
+            state: numbers("robot_state"),
+            targets: numbers("robot_targets"),
+            report: numbers("robot_report"),
+            steps: words("steps"),
+            fresh: words("fresh"),
+            command: numbers("command"),
+            last_action: numbers("last_action"),
+            feet: numbers("feet"),
+            returns: numbers("returns"),
+        };
+        for (e, (got, want)) in found.snapshots(&scene).iter().zip(&step.begun).enumerate() {
+            check(&format!("environment {e}"), t, &flat(got), &flat(want), 3e-6);
+        }
+        // Pushes go into the base's linear velocity, numbers 7 and 8 of the state.
+        let pushed = Packed { state: floats(&read("robot_state", &format!("pushed{t}"))), ..before.clone() };
+        for (e, (got, was)) in pushed.snapshots(&scene).iter().zip(before.snapshots(&scene)).enumerate() {
+            let number = FIRST + t as u32;
+            let due = (number + 7 * e as u32).is_multiple_of(6) && was.steps > 0;
+            let mut want = was.robot.state.clone();
+            let draws = Stream::new(SEED, Purpose::PUSH).environment(e as u32).step(number);
+            for k in 0..if due { 2 } else { 0 } {
+                want[7 + k] += (0.7 * (2.0 * draws.uniform(k as u32) - 1.0)) as f32;
+            }
+            check("pushed robot", t, &got.robot.state, &want, 1e-6);
+        }
+        before = found;
+    }
+    println!("{label}: {cuts} episodes cut off, {falls} falls, off by at most {worst:e}");
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_of_a_trot_are_the_cpus() {
+    let task = Task::new(&go2(), &lively("velocity"), Preset::Fast).unwrap();
+    compare("velocity", &task, &Candidate::nominal(&go2()));
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_on_hind_legs_are_the_cpus() {
+    // In fifteen steps a robot that stands does not come far.
+    let mut settings = lively("biped");
+    settings.fall.tilt = 12.0;
+    let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
+    compare("biped", &task, &Candidate::nominal(&go2()));
+}
+
+/// A robot that was fitted: delays, biased encoders, another physics step, joints in another order, clipped actions.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_of_a_fitted_robot_are_the_cpus() {
+    let model = go2();
+    let mut settings = lively("velocity");
+    settings.robot_timestep = Some(0.001);
+    let mut interface = Task::new(&model, &settings, Preset::Fast).unwrap().walker.interface;
+    interface.joints.reverse();
+    interface.default_pose.reverse();
+    interface.action_clip = Some(0.8);
+    for (k, scale) in interface.action_scale.iter_mut().enumerate() {
+        *scale += 0.01 * k as f64;
+    }
+    let task = Task::with_interface(&model, &settings, interface, Preset::Fast, 0.03).unwrap();
+    let mut candidate = Candidate::nominal(&model);
+    for j in 0..12 {
+        candidate.robot.delay[j] = 0.002 * j as f64;
+        candidate.robot.encoder_bias[j] = 0.01 * j as f64 - 0.05;
+    }
+    compare("fitted", &task, &candidate);
+}
+
+#[test]
+fn what_a_gpu_does_not_do_is_refused() {
+    let model = go2();
+    let settings = lively("velocity");
+    let task = Task::new(&model, &settings, Preset::Fast).unwrap();
+    let noisy = Candidate { torque_noise: 0.1, ..Candidate::nominal(&model) };
+    let error = Scene::period(&task, &[noisy], 8, PROCESSORS).map(|_| ()).unwrap_err();
+    assert!(error.to_string().contains("random torques"), "{error}");
+    let period = Scene::period(&task, &[Candidate::nominal(&model)], 8, PROCESSORS).unwrap();
+    let task = task.with_term("own", 1.0, |_| 0.0).unwrap();
+    let error = Scene::new(&task, &period, sizes()).map(|_| ()).unwrap_err();
+    assert!(matches!(&error, RolloutError::Unsupported(what) if what.contains("`own`")), "{error}");
+}
+
+#[test]
+#[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
+fn nvrtc_compiles_rollouts() {
+    let model = go2();
+    for name in ["velocity", "biped"] {
+        let task = Task::new(&model, &lively(name), Preset::Fast).unwrap();
+        let sizes = Sizes { steps: 24, environments: 4096, networks: 100_000, gamma: 0.99 };
+        let period = Scene::period(&task, &[Candidate::nominal(&model)], 4096, PROCESSORS).unwrap();
+        let plan = Plan::new(&Scene::new(&task, &period, sizes).unwrap());
+        assert_eq!(plan.array("tail").map(|Id(number)| plan.arrays[number].length > 0), Some(true));
+        if let Some(folder) = std::env::var_os("GAITFIT_KEEP_TEXT") {
+            std::fs::write(Path::new(&folder).join(format!("rollout_{name}.cu")), &plan.program.text)
+                .unwrap();
+        }
+        for program in [plan.program, period.program()] {
+            let program = program.option("--ptxas-options=-v");
+            let start = std::time::Instant::now();
+            let compiled = compile(Nvrtc::get().unwrap(), &program, (9, 0), None).unwrap();
+            println!("{name} {:.1} s\n{}", start.elapsed().as_secs_f64(), compiled.image.log);
+        }
+    }
+}

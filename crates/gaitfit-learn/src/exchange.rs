@@ -1,0 +1,64 @@
+//! A training's state handed to another machine's simulation, and taken back.
+
+use std::sync::PoisonError;
+
+use crate::ppo::Learner;
+use crate::task::{Snapshot, TaskError};
+use crate::training::{TILE, Training};
+use gaitfit_sim::Candidate;
+
+impl Training<'_> {
+    /// Environments of a tile: the learner numbers samples tile by tile.
+    pub const TILE: usize = TILE;
+
+    /// Seed of all draws.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// What robots are varied around: robot number `e` around number `e` modulo their count.
+    pub fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
+    /// All environments as they are.
+    pub fn snapshots(&mut self) -> Vec<Snapshot> {
+        let mut all = Vec::new();
+        for runner in &mut self.runners {
+            let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
+            for index in 0..runner.environment.count() {
+                let returns = runner.returns[index];
+                all.push(Snapshot { returns, ..runner.environment.snapshot(index) });
+            }
+        }
+        all
+    }
+
+    /// Goes on from environments and an iteration that were reached elsewhere; the learner takes its state by
+    /// [`Training::learner_mut`].
+    ///
+    /// # Errors
+    /// Snapshots of another robot or number.
+    pub fn set_snapshots(&mut self, iteration: u32, snapshots: &[Snapshot]) -> Result<(), TaskError> {
+        let mut left = snapshots.iter();
+        for runner in &mut self.runners {
+            let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
+            for index in 0..runner.environment.count() {
+                let Some(snapshot) = left.next() else {
+                    let what = "are of fewer environments".to_owned();
+                    return Err(TaskError::Setting { setting: "the robots' states".to_owned(), what });
+                };
+                runner.environment.set_snapshot(index, snapshot)?;
+                runner.returns[index] = snapshot.returns;
+            }
+            runner.environment.refresh();
+        }
+        self.iteration = iteration;
+        Ok(())
+    }
+
+    /// The learner, to be given a state that was reached elsewhere.
+    pub fn learner_mut(&mut self) -> &mut Learner {
+        &mut self.learner
+    }
+}
