@@ -129,3 +129,9 @@ impl From<trace::Node> for Node {
         Self::new(op, &operands)
     }
 }
+
+/// A number in the text.
+pub(super) fn literal(value: f64) -> String {
+    let value = (value as f32).clamp(f32::MIN, f32::MAX);
+    format!("{value:?}f")
+}

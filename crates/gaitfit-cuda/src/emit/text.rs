@@ -7,7 +7,7 @@ use std::ops::Range;
 use super::PeriodProgram;
 use super::crossing::Crossing;
 use super::layout::{Class, Layout, Place};
-use super::op::{Node, Op};
+use super::op::{Node, Op, literal};
 use super::program::{Kind, Program};
 
 /// Name of the kernel.
@@ -444,9 +444,4 @@ impl<'a> Writer<'a> {
         let (sine, cosine) = if node.op == Op::Sin { (own, partner) } else { (partner, own) };
         self.line(&format!("SINCOS({angle}, {sine}, {cosine});"));
     }
-}
-
-fn literal(value: f64) -> String {
-    let value = (value as f32).clamp(f32::MIN, f32::MAX);
-    format!("{value:?}f")
 }
