@@ -224,6 +224,17 @@ mod tests {
                     }
                     if modification != "fricarm" {
                         assert!(kinds.is_empty(), "{}", cell.name);
+                        // Full: all weights from zero, one network a joint, as the paper has it.
+                        let rule = &config.adapt.network[0];
+                        let entries = config.adapt.rules().theta(&config.adapt.groups(), &joints, &[0.0; 12]);
+                        let count = entries.unwrap().entries().len();
+                        let networks = if scenario == "spring" { 1 } else { 12 };
+                        if full {
+                            assert_eq!((rule.lower, rule.upper, rule.deviation), (-1.0, 1.0, 0.25));
+                            assert_eq!((count, rule.output_scale), (97 * networks, 1.0), "{}", cell.name);
+                        } else {
+                            assert_eq!(count, if scenario == "spring" { 5 } else { 15 }, "{}", cell.name);
+                        }
                         let small = if scenario == "spring" { 100 } else { 200 };
                         assert_eq!(generations, if full { 10_000 } else { small }, "{}", cell.name);
                     }
@@ -242,6 +253,11 @@ mod tests {
                         assert_eq!(fitted.len(), 12, "{}", cell.name);
                     }
                     assert_eq!(config.evaluate.trajectories, if full { 10_000 } else { 2000 });
+                    if full {
+                        let (simulation, optimizer) = (&config.adapt.simulation, &config.adapt.optimizer);
+                        assert_eq!((simulation.skip_seconds, simulation.horizon_seconds), (Some(0.0), 0.0));
+                        assert!(optimizer.population == 0 && config.adapt.number.is_empty(), "{}", cell.name);
+                    }
                 }
             }
         }
