@@ -193,9 +193,22 @@ def relative(start, now):
     return np.array([cos * dx + sin * dy, cos * dy - sin * dx, wrap(now[2] - start[2])])
 
 
-def drift(world, task, robots, processes):
-    """Constant commands, half as fast as the task's greatest, and standing: stand, command for four seconds, stand."""
-    (back, ahead), (right, left), (clockwise, counter) = (np.array(task[axis]) / 2 for axis in ("x", "y", "yaw"))
+def drift_speeds(text, task):
+    """Speeds of constant commands, both ways of each axis: `half` of the task's greatest, or three numbers."""
+    if text == "half":
+        return [np.array(task[axis]) / 2 for axis in ("x", "y", "yaw")]
+    try:
+        speeds = [float(word) for word in text.split(",")]
+    except ValueError:
+        speeds = []
+    if len(speeds) != 3 or not all(0 <= speed <= 100 for speed in speeds):
+        raise Refused(f"--drift-speeds is {text!r}; give `half` or three speeds such as 1,1,0.3925")
+    return [(-speed, speed) for speed in speeds]
+
+
+def drift(world, speeds, robots, processes):
+    """Constant commands and standing: stand, command for four seconds, stand."""
+    (back, ahead), (right, left), (clockwise, counter) = speeds
     commands = {
         "stand": (0.0, 0.0, 0.0),
         "+x": (ahead, 0.0, 0.0), "-x": (back, 0.0, 0.0),
@@ -221,7 +234,8 @@ def evaluate(args, world):
     commands = random_commands(policy.command, args.seed, args.trajectories)
     report = {"policy": str(args.policy), "seconds": args.seconds, "seed": args.seed}
     report |= trials(world, commands, args.seconds, 0.0, args.processes)
-    report["drift"] = drift(world, policy.command, args.drift, args.processes) if args.drift else []
+    speeds = drift_speeds(args.drift_speeds, policy.command)
+    report["drift"] = drift(world, speeds, args.drift, args.processes) if args.drift else []
     text = show(report, f"{args.policy} in MuJoCo {mujoco.__version__}: {args.trajectories} × {args.seconds} s")
     if report["drift"]:
         text += "\ndrift: final error after standing, four seconds of the command, standing\n"
@@ -259,6 +273,8 @@ def main():
     commands.choices["collect"].add_argument("--digits", type=int, default=7, choices=range(3, 18), metavar="N",
         help="significant digits of the numbers in the logs [7]")  # fmt: skip
     commands.choices["evaluate"].add_argument("--drift", type=int, default=16, help="robots a constant command, 0: none [16]")
+    commands.choices["evaluate"].add_argument("--drift-speeds", default="half", metavar="X,Y,YAW",
+        help="speeds of these, m/s, m/s, rad/s, or `half` of the policy's greatest commands [half]")  # fmt: skip
     args = parser.parse_args()
     if min(args.trajectories, args.processes) < 1 or not 0 < args.seconds <= 3600 or args.seed < 0:
         parser.error("--trajectories and --processes are at least 1, --seed at least 0, --seconds from 0 to 3600")

@@ -390,7 +390,14 @@ fn a_program_that_fails_is_named_with_what_it_said() {
 #[test]
 fn wrong_settings_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
+    let measuring = format!("{COMMAND}evaluate = [\"true\"]\n");
     for (target, set, words) in [
+        (
+            SIMULATED,
+            "evaluate.drift_speeds=[1.0, -1.0, 0.1]",
+            ["`evaluate.drift_speeds` has -1", "three speeds"],
+        ),
+        (&measuring, "evaluate.drift_speeds=[1.0, 1.0, 0.1]", ["`evaluate.drift_speeds`", "{drift_speeds}"]),
         ("", "rounds=1", ["`logs`", "[target]"]),
         (SIMULATED, "rounds=0", ["`rounds`", "1 to 100"]),
         (SIMULATED, "policy=missing.onnx", ["policy", "missing.onnx"]),

@@ -32,7 +32,7 @@ fn robots_that_diverge_are_falls_and_told() {
     let summary = summarise(&trials);
     assert_eq!((summary.trajectories, summary.diverged, mean(summary.fall_rate)), (3, 3, 1.0));
     assert_eq!((summary.reward, summary.linear_velocity_error), (None, None));
-    for trial in drift(&subject(&scene, &policy), 2).unwrap() {
+    for trial in drift(&subject(&scene, &policy), 2, None).unwrap() {
         assert_eq!((trial.diverged, mean(trial.fall_rate), trial.x), (2, 1.0, None), "{}", trial.name);
     }
 }
@@ -134,7 +134,11 @@ fn a_standing_policy_drifts_by_minus_the_command() {
     task.start.tilt = 2.0;
     let scene = scene(&task);
     let policy = constant_policy(&scene, &STILL);
-    let trials = drift(&subject(&scene, &policy), 4).unwrap();
+    let trials = drift(&subject(&scene, &policy), 4, None).unwrap();
+    let asked = drift(&subject(&scene, &policy), 1, Some([1.0, 0.5, 0.3925])).unwrap();
+    let commands: Vec<[f64; 3]> = asked.iter().map(|trial| trial.command).collect();
+    assert_eq!(commands[1..4], [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.5, 0.0]]);
+    assert_eq!(commands[6], [0.0, 0.0, -0.3925]);
     // Half the greatest speeds for four seconds.
     let wanted = [
         ("stand", [0.0; 3]),

@@ -82,6 +82,9 @@ pub struct Evaluate {
     /// Robots in each constant-command drift trial; 0 leaves them out
     #[arg(long, value_name = "N", default_value_t = 64)]
     pub drift: usize,
+    /// Speeds of these: ahead and to the side, m/s, and turning, rad/s [default: half of the task's greatest commands]
+    #[arg(long, value_name = "X,Y,YAW", value_delimiter = ',', num_args = 1)]
+    pub drift_speeds: Vec<f64>,
     /// Write a page with pictures
     #[arg(long, value_name = "FILE.html")]
     pub report: Option<PathBuf>,

@@ -34,24 +34,32 @@ pub struct DriftTrial {
 const STAND: f64 = 1.0;
 const COMMAND: f64 = 4.0;
 
-/// Constant commands along ±x, ±y and ±yaw, half as fast as the task's greatest commands, and standing: stand,
-/// command for four seconds, stand (the paper's hardware trials). `robots` start with the task's own deviations.
+/// Constant commands along ±x, ±y and ±yaw, and standing: stand, command for four seconds, stand (the paper's hardware
+/// trials). `robots` start with the task's own deviations. `speeds`: how fast, m/s, m/s and rad/s; half of the task's
+/// greatest commands without them.
 ///
 /// The wanted end of a turn is where it began; of a walk, speed times four seconds along its axis.
 ///
 /// # Errors
 /// A robot that cannot be.
-pub fn drift(subject: &Subject<'_>, robots: usize) -> Result<Vec<DriftTrial>, TaskError> {
+pub fn drift(
+    subject: &Subject<'_>,
+    robots: usize,
+    speeds: Option<[f64; 3]>,
+) -> Result<Vec<DriftTrial>, TaskError> {
     let limits = &subject.task.settings.command;
-    let half = |range: [f64; 2], side: usize| 0.5 * range[side];
+    let [x, y, yaw] = match speeds {
+        Some(speeds) => speeds.map(|speed| [-speed, speed]),
+        None => [limits.x, limits.y, limits.yaw].map(|range| range.map(|limit| 0.5 * limit)),
+    };
     let trials = [
         ("stand", [0.0; 3]),
-        ("+x", [half(limits.x, 1), 0.0, 0.0]),
-        ("-x", [half(limits.x, 0), 0.0, 0.0]),
-        ("+y", [0.0, half(limits.y, 1), 0.0]),
-        ("-y", [0.0, half(limits.y, 0), 0.0]),
-        ("+yaw", [0.0, 0.0, half(limits.yaw, 1)]),
-        ("-yaw", [0.0, 0.0, half(limits.yaw, 0)]),
+        ("+x", [x[1], 0.0, 0.0]),
+        ("-x", [x[0], 0.0, 0.0]),
+        ("+y", [0.0, y[1], 0.0]),
+        ("-y", [0.0, y[0], 0.0]),
+        ("+yaw", [0.0, 0.0, yaw[1]]),
+        ("-yaw", [0.0, 0.0, yaw[0]]),
     ];
     trials.into_iter().map(|(name, command)| trial(subject, name, command, robots)).collect()
 }

@@ -18,6 +18,8 @@ pub struct Plan {
     pub seconds: f64,
     /// Robots in each constant-command trial; 0 leaves them out.
     pub drift: usize,
+    /// Speeds of these, m/s, m/s and rad/s; half of the task's greatest commands without them.
+    pub drift_speeds: Option<[f64; 3]>,
     /// Seed of commands, starts and noise.
     pub seed: u64,
     /// Threads.
@@ -155,7 +157,8 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
     };
     let trials = run_trials(&subject, plan.trajectories, plan.seconds, plan.threads)?;
     go_on()?;
-    let trials_of_drift = if plan.drift == 0 { Vec::new() } else { drift(&subject, plan.drift)? };
+    let trials_of_drift =
+        if plan.drift == 0 { Vec::new() } else { drift(&subject, plan.drift, plan.drift_speeds)? };
     go_on()?;
     let limits = &world.scene.settings.command;
     let ahead = [0.5 * limits.x[1], 0.0, 0.0];

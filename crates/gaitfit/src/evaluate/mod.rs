@@ -28,6 +28,8 @@ pub struct EvaluateSettings {
     pub seconds: f64,
     /// Robots in each constant-command trial; 0 leaves them out.
     pub drift: usize,
+    /// Speeds of these, m/s, m/s and rad/s; half of the task's greatest commands without them.
+    pub drift_speeds: Option<[f64; 3]>,
 }
 
 /// What came out.
@@ -56,11 +58,35 @@ pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evalua
             "`drift` (--drift) is {drift}: give at most {MOST_DRIFT} robots"
         )));
     }
+    check_speeds("`drift_speeds` (--drift-speeds)", settings.drift_speeds)?;
     let begun = Instant::now();
-    let plan =
-        Plan { trajectories, seconds, drift, seed: settings.world.seed, threads: settings.world.threads() };
+    let plan = Plan {
+        trajectories,
+        seconds,
+        drift,
+        drift_speeds: settings.drift_speeds,
+        seed: settings.world.seed,
+        threads: settings.world.threads(),
+    };
     let measured = measure(&world, &settings.world.policy.display().to_string(), &plan, watch)?;
     Ok(Evaluated { measured, world, wall_seconds: begun.elapsed().as_secs_f64() })
+}
+
+/// Fastest command of a drift trial, m/s and rad/s.
+const FASTEST: f64 = 100.0;
+
+/// Refuses commands of drift trials that cannot be. `key`: the setting.
+///
+/// # Errors
+/// As it says.
+pub fn check_speeds(key: &str, speeds: Option<[f64; 3]>) -> Result<(), Error> {
+    match speeds.into_iter().flatten().find(|speed| !(0.0..=FASTEST).contains(speed)) {
+        Some(speed) => Err(Error::settings(format!(
+            "{key} has {}: give three speeds from 0 to {FASTEST}: ahead and to the side, m/s, and turning, rad/s",
+            shown_number(speed)
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// Refuses trajectories that nothing can be measured of, or that would never end. `key`: the setting; `period`: of

@@ -121,6 +121,7 @@ impl Setup {
     fn check_lengths(&self) -> Result<(), Error> {
         let period = self.policy.interface.control_dt;
         let evaluate = &self.config.evaluate;
+        evaluate::check_speeds("`evaluate.drift_speeds`", evaluate.drift_speeds)?;
         evaluate::check_length("`evaluate.seconds`", evaluate.trajectories, evaluate.seconds, period)?;
         match &self.config.target {
             Some(target) => {
@@ -203,6 +204,7 @@ impl Setup {
             trajectories: evaluate.trajectories,
             seconds: evaluate.seconds,
             drift: evaluate.drift,
+            drift_speeds: evaluate.drift_speeds,
             seed: evaluate.seed,
             threads: self.threads,
         }

@@ -2,7 +2,7 @@
 
 use super::paper::Kind;
 use crate::adapt::CostFit;
-use crate::evaluate::Evaluation;
+use crate::evaluate::{DriftResult, Evaluation};
 use gaitfit_view::loop_report::Estimate;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -122,6 +122,9 @@ pub struct Walk {
     pub angular_velocity_error: Estimate,
     /// Share of falls.
     pub fall_rate: Estimate,
+    /// Mean distance from where constant commands lead, m; absent where it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drift: Option<Estimate>,
 }
 
 /// Entries of θ that are written one by one: more are a network's weights.
@@ -156,8 +159,18 @@ impl From<&Evaluation> for Walk {
             linear_velocity_error: found.linear_velocity_error,
             angular_velocity_error: found.angular_velocity_error,
             fall_rate: found.fall_rate,
+            drift: drift(found),
         }
     }
+}
+
+/// Mean over the commands under which any robot stood to the end; the paper's hardware tables have one robot, so there is
+/// no interval.
+fn drift(found: &Evaluation) -> Option<Estimate> {
+    let distances: Vec<f64> =
+        found.drift.iter().map(DriftResult::distance).filter(|distance| distance.is_finite()).collect();
+    let mean = gaitfit_sim::stats::mean(&distances)?;
+    Some(Estimate { mean, ci95: f64::NAN })
 }
 
 impl Row {
@@ -213,6 +226,14 @@ fn walk(walks: &[Walk]) -> Option<Walk> {
         linear_velocity_error: of(|walk| walk.linear_velocity_error),
         angular_velocity_error: of(|walk| walk.angular_velocity_error),
         fall_rate: of(|walk| walk.fall_rate),
+        drift: match walks {
+            [one] => one.drift,
+            _ => walks
+                .iter()
+                .map(|walk| Some(walk.drift?.mean))
+                .collect::<Option<Vec<f64>>>()
+                .map(|all| estimate(&all)),
+        },
     })
 }
 
@@ -266,6 +287,7 @@ mod tests {
             linear_velocity_error: one(mean),
             angular_velocity_error: one(mean),
             fall_rate: one(mean),
+            drift: Some(one(mean)),
         };
         let seed = |mean| SeedResult { walk: Some(walk(mean)), seconds: 2.0, ..SeedResult::default() };
         let row = |seeds| Row::new("a".to_owned(), "a".to_owned(), None, seeds, PaperRow::default());
@@ -274,6 +296,7 @@ mod tests {
         // Deviation √2, two values: 12.706 · √2 / √2.
         let reward = both.walk.unwrap().reward;
         assert!((reward.mean - 2.0).abs() < 1e-12 && (reward.ci95 - 12.706).abs() < 1e-9, "{reward:?}");
+        assert_eq!(both.walk.unwrap().drift, Some(reward));
         assert_eq!(both.seconds, 4.0);
     }
 }

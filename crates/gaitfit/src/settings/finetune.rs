@@ -37,6 +37,7 @@ pub struct FinetuneConfig {
     /// Drop what the engine does not honour in the robot file instead of refusing it.
     pub lenient: bool,
     /// Whether each robot takes a row of `draws.csv` beside the fitted parameters instead of these.
+    #[serde(default, skip_serializing_if = "is_off")]
     pub randomise_theta: bool,
     /// Springs on joints, written `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`, N·m/rad and rad.
     pub spring: Vec<Spring>,
@@ -57,6 +58,11 @@ pub struct FinetuneConfig {
     pub ppo: ppo::Settings,
     /// What differs from the policy's own task; all of the task in the file of a run folder.
     pub task: Table,
+}
+
+/// What is off is left out, so that trainings without it keep their hash.
+fn is_off(asked: &bool) -> bool {
+    !asked
 }
 
 impl Configuration for FinetuneConfig {

@@ -82,6 +82,9 @@ pub struct EvaluateConfig {
     pub seconds: f64,
     /// Robots in each constant-command trial; 0 leaves them out.
     pub drift: usize,
+    /// Speeds of these: ahead and to the side, m/s, and turning, rad/s; half of the task's greatest commands when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drift_speeds: Option<[f64; 3]>,
     /// Seed of commands, starts and noise.
     pub seed: u64,
     /// Solver effort in the fitted simulator.
@@ -208,6 +211,12 @@ impl LoopConfig {
             "`evaluate.seconds` must be above 0 and at most 3600".to_owned()
         } else if let Some(wrong) = self.target.as_ref().and_then(TargetConfig::wrong) {
             wrong
+        } else if evaluate.drift_speeds.is_some()
+            && self.target.as_ref().is_some_and(TargetConfig::has_no_drift_speeds)
+        {
+            "`evaluate.drift_speeds` is set, and `target.evaluate` has no {drift_speeds} for them; add it, or leave the \
+             setting out"
+                .to_owned()
         } else if let Some(wrong) = self.controls.wrong() {
             wrong
         } else {

@@ -115,6 +115,11 @@ fn every_joint() -> Vec<String> {
 }
 
 impl TargetConfig {
+    /// Whether a program measures that cannot be told how fast drift trials are.
+    pub fn has_no_drift_speeds(&self) -> bool {
+        !self.evaluate.is_empty() && self.evaluate.iter().all(|word| !word.contains("{drift_speeds}"))
+    }
+
     /// What is wrong with it, in words.
     pub fn wrong(&self) -> Option<String> {
         let simulated = self.kind == TargetKind::Simulated;

@@ -127,6 +127,7 @@ impl Command {
                 ("trajectories", plan.trajectories.to_string()),
                 ("seconds", plan.seconds.to_string()),
                 ("drift", plan.drift.to_string()),
+                ("drift_speeds", speeds(plan.drift_speeds)),
                 ("seed", plan.seed.to_string()),
             ],
         );
@@ -159,7 +160,13 @@ impl Command {
 }
 
 const COLLECT: [&str; 7] = ["python", "onnx", "policy", "folder", "trajectories", "seconds", "seed"];
-const EVALUATE: [&str; 7] = ["python", "onnx", "policy", "trajectories", "seconds", "drift", "seed"];
+const EVALUATE: [&str; 8] =
+    ["python", "onnx", "policy", "trajectories", "seconds", "drift", "drift_speeds", "seed"];
+
+/// Speeds of drift trials as a program is told them: `half` of its greatest commands, or three numbers.
+fn speeds(speeds: Option<[f64; 3]>) -> String {
+    speeds.map_or_else(|| "half".to_owned(), |[x, y, yaw]| format!("{x},{y},{yaw}"))
+}
 
 /// Names in braces; braces around anything else are left alone.
 fn places(word: &str) -> impl Iterator<Item = &str> {

@@ -31,11 +31,20 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         |(path, option)| Some(Output { path: Option::as_deref(path)?, option, ending: Some("html") });
     let outputs: Vec<Output<'_>> = named.into_iter().filter_map(output).collect();
     files::check(&outputs, args.world.files())?;
+    let drift_speeds = match args.drift_speeds.as_slice() {
+        [] => None,
+        &[x, y, yaw] => Some([x, y, yaw]),
+        other => {
+            let message = format!("--drift-speeds has {} numbers: give three, X,Y,YAW", other.len());
+            return Err(Failure { exit: Exit::Usage, message });
+        }
+    };
     let settings = EvaluateSettings {
         world: args.world.settings(),
         trajectories: args.trajectories.get(),
         seconds: args.seconds,
         drift: args.drift,
+        drift_speeds,
     };
     let found = watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
     let Evaluated { measured, world, wall_seconds } = found;

@@ -58,29 +58,27 @@ fn identification(results: &Results) -> comfy_table::Table {
 }
 
 fn finetuning(results: &Results) -> comfy_table::Table {
-    let header = [
-        "policy",
-        "summed reward",
-        "linear error, m/s",
-        "angular error, rad/s",
-        "falls, %",
-        "seconds",
-        "in the paper",
-    ];
-    let mut rows = table(&header, &[1, 2, 3, 4, 5]);
+    let drifts = results.rows.iter().any(|row| row.walk.is_some_and(|walk| walk.drift.is_some()));
+    let mut header = vec!["policy", "summed reward", "linear error, m/s", "angular error, rad/s", "falls, %"];
+    header.extend(drifts.then_some("drift, m"));
+    header.extend(["seconds", "in the paper"]);
+    let mut rows = table(&header, &(1..header.len() - 1).collect::<Vec<_>>());
     for row in &results.rows {
         let of = |which: fn(&Walk) -> Estimate, digits| estimate(row.walk.as_ref().map(which), digits);
         let falls =
             |walk: &Walk| Estimate { mean: 100.0 * walk.fall_rate.mean, ci95: 100.0 * walk.fall_rate.ci95 };
-        rows.add_row([
+        let mut cells = vec![
             row.label(),
             of(|walk| walk.reward, 3),
             of(|walk| walk.linear_velocity_error, 4),
             of(|walk| walk.angular_velocity_error, 4),
             estimate(row.walk.as_ref().map(falls), 2),
-            format!("{:.0}", row.seconds),
-            row.paper.says.clone().unwrap_or_default(),
-        ]);
+        ];
+        if drifts {
+            cells.push(estimate(row.walk.and_then(|walk| walk.drift), 3));
+        }
+        cells.extend([format!("{:.0}", row.seconds), row.paper.says.clone().unwrap_or_default()]);
+        rows.add_row(cells);
     }
     rows
 }
