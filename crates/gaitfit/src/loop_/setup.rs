@@ -185,9 +185,11 @@ impl Setup {
         }
     }
 
-    /// A policy in a fitted simulator.
+    /// A policy in a fitted simulator, whose forces act as late as in the fit.
     pub fn adapted(&self, policy: &PolicyFiles, theta: PathBuf) -> Result<World, Error> {
-        World::with_task(&self.world_arguments(Some(theta)), policy.policy.clone(), self.task.calm())
+        let mut task = self.task.calm();
+        task.robot_timestep = self.config.adapt.simulation.robot_timestep.or(task.robot_timestep);
+        World::with_task(&self.world_arguments(Some(theta)), policy.policy.clone(), task)
     }
 
     /// By what the best policy is chosen: as many other trajectories.
@@ -208,5 +210,35 @@ impl Setup {
             seed: evaluate.seed,
             threads: self.threads,
         }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::settings;
+
+    #[test]
+    fn policies_are_measured_in_the_steps_that_the_robot_was_fitted_in() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let folder = tempfile::tempdir().unwrap();
+        let (config, theta) = (folder.path().join("l.toml"), folder.path().join("theta.toml"));
+        let policy = root.join("assets/go2-walk.safetensors");
+        std::fs::write(
+            &config,
+            format!("policy = {:?}\n[target]\nkind = \"simulated\"\n", policy.display().to_string()),
+        )
+        .unwrap();
+        std::fs::write(&theta, "format = 2\n").unwrap();
+        let step = |sets: &[&str]| {
+            let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+            let setup = Setup::open(settings::load(Some(&config), &sets).unwrap(), &config, 1).unwrap();
+            let [safetensors, onnx] = [PathBuf::new(), PathBuf::new()];
+            let policy = PolicyFiles { name: String::new(), safetensors, onnx, policy: setup.policy.clone() };
+            setup.adapted(&policy, theta.clone()).unwrap().scene.settings.robot_timestep
+        };
+        assert_eq!(step(&["adapt.simulation.robot_timestep=0.001"]), Some(0.001));
+        assert_eq!(step(&[]), None);
     }
 }
