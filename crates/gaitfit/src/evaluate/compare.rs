@@ -52,6 +52,13 @@ fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
     };
     let fell = |errors: &TrajectoryErrors| errors.map_or(1.0, |[_, _, fell]| fell);
     let falls: Vec<f64> = pairs().map(|(one, other)| fell(one) - fell(other)).collect();
+    let mut fall_rate = estimate(&falls);
+    if falls.iter().all(|&difference| difference == 0.0) {
+        // No pair differs: as far as Wilson's interval of the share of pairs that do reaches.
+        fall_rate.ci95 = stats::Estimate::share(0, falls.len())
+            .and_then(|none| none.ci95)
+            .map_or(f64::NAN, |half| 2.0 * half);
+    }
     Comparison {
         policy: String::new(),
         against: String::new(),
@@ -61,7 +68,7 @@ fn paired(policy: &Evaluation, against: &Evaluation) -> Comparison {
         linear_velocity_error: of(|errors| errors[0]),
         angular_velocity_error: of(|errors| errors[1]),
         tracking_error: of(|errors| errors[0] + errors[1]),
-        fall_rate: estimate(&falls),
+        fall_rate,
     }
 }
 
@@ -174,7 +181,10 @@ mod tests {
         assert!((found.linear_velocity_error.mean + 0.02).abs() < 0.003, "{found:?}");
         assert!(found.linear_velocity_error.ci95 < 0.002 && found.better() == Better::Policy, "{found:?}");
         assert_eq!(compare("target", &other, &one).better(), Better::Other);
-        assert_eq!(compare("target", &one, &one).better(), Better::Neither);
+        let same = compare("target", &one, &one);
+        assert_eq!(same.better(), Better::Neither);
+        // No pair differs in 400: up to 3.84 / 403.84 of them may.
+        assert!((same.fall_rate.ci95 - 0.009512).abs() < 1e-5 && same.fall_rate.mean == 0.0, "{same:?}");
         let plain = compare("target", &one, &Evaluation { errors: Vec::new(), ..other.clone() });
         assert!(!plain.paired && plain.better() == Better::Neither, "{plain:?}");
         assert!((plain.linear_velocity_error.mean - found.linear_velocity_error.mean).abs() < 1e-12);

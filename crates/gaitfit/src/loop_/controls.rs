@@ -7,6 +7,7 @@ use super::stages::{Stages, TrainingRobot, measurement};
 use crate::Error;
 use crate::evaluate::{Better, Comparison, compare};
 use crate::target::{PolicyFiles, Target};
+use gaitfit_view::loop_report::Estimate;
 
 /// Which there are to be: name, folder, and in which simulator.
 pub fn wanted(setup: &Setup, target: Option<&Target>) -> Vec<(&'static str, &'static str, TrainingRobot)> {
@@ -77,15 +78,31 @@ pub fn bought(comparisons: &[Comparison], evaluations: &[Measurement]) -> Option
         Better::Policy => {
             format!("The fit bought {}less tracking error than {than}: {numbers}.", less(own, other))
         }
-        Better::Neither => {
-            format!("The fit bought nothing over {than} that can be told from chance: {numbers}.")
-        }
+        Better::Neither => match less_of(found) {
+            Some(which) => format!(
+                "The fit bought less {which} error than {than}, but of both errors added nothing that can be told from \
+                 chance: {numbers}."
+            ),
+            None => {
+                format!("The fit bought nothing over {than} that can be told from chance: {numbers}.")
+            }
+        },
         Better::Other => format!(
             "The fit bought nothing: a policy trained with {than} and no logs has {}less tracking error. Fitted minus \
              other: {numbers}.",
             less(other, own)
         ),
     })
+}
+
+/// Of which error alone there is less beyond chance.
+fn less_of(found: &Comparison) -> Option<&'static str> {
+    let less = |of: Estimate| of.mean + of.ci95 < 0.0;
+    match (less(found.linear_velocity_error), less(found.angular_velocity_error)) {
+        (true, _) => Some("linear"),
+        (_, true) => Some("angular"),
+        _ => None,
+    }
 }
 
 /// That the policy is no better than one trained without logs.
@@ -147,6 +164,18 @@ mod tests {
         let (text, warnings) = said(0.0001);
         assert!(text.unwrap().contains("nothing over domain randomisation that can be told from chance"));
         assert_eq!(warnings.len(), 1);
+        let mixed = Comparison {
+            linear_velocity_error: Estimate { mean: -0.012, ci95: 0.003 },
+            tracking_error: Estimate { mean: -0.006, ci95: 0.007 },
+            ..comparisons("π₁", &[measured("π₁", TARGET, |_| 0.1), measured(RANDOMISED, TARGET, |_| 0.1)])[0]
+                .clone()
+        };
+        let evaluations = [measured("π₁", TARGET, |_| 0.1), measured(RANDOMISED, TARGET, |_| 0.1)];
+        assert!(
+            bought(&[mixed], &evaluations)
+                .unwrap()
+                .contains("less linear error than domain randomisation, but")
+        );
         let (text, warnings) = said(0.05);
         assert!(text.unwrap().contains("no logs has 9 % less tracking error"), "{warnings:?}");
         assert!(warnings[0].contains(RANDOMISED), "{warnings:?}");
