@@ -24,15 +24,19 @@ fn wrong_usage_ends_with_2_and_help_with_0() {
 /// As on a machine without a GPU: the driver, if there is one, shows none.
 #[test]
 fn a_missing_gpu_is_a_clear_error() {
-    let output = program()
-        .args(["bench", "physics", "--device", "cuda", "--json"])
-        .env("CUDA_VISIBLE_DEVICES", "-1")
-        .output()
-        .unwrap();
-    assert_eq!(output.status.code(), Some(4), "{}", errors(&output));
-    assert!(output.stdout.is_empty());
-    let said = errors(&output);
-    assert!(said.contains("NVIDIA driver") || said.contains("there is no GPU 0"), "{said}");
+    let runs = tempfile::tempdir().unwrap();
+    let folder = format!("runs={}", runs.path().display());
+    for args in [
+        &["bench", "physics", "--device", "cuda", "--json"][..],
+        &["bench", "train", "--device", "cuda", "--environments", "64"],
+        &["train", "--device", "cuda:0", "--set", "train.environments=64", "--set", &folder],
+    ] {
+        let output = program().args(args).env("CUDA_VISIBLE_DEVICES", "-1").output().unwrap();
+        assert_eq!(output.status.code(), Some(4), "{args:?}: {}", errors(&output));
+        assert!(output.stdout.is_empty());
+        let said = errors(&output);
+        assert!(said.contains("NVIDIA driver") || said.contains("there is no GPU 0"), "{said}");
+    }
     for wrong in ["gpu", "cuda:x", "cuda:0,1"] {
         let output = run(&["bench", "physics", "--device", wrong]);
         assert_eq!(output.status.code(), Some(2), "{wrong}");

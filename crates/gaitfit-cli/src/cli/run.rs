@@ -111,6 +111,9 @@ pub struct Finetune {
     /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
+    /// What computes: cpu, cuda (the first GPU) or cuda:N; a run may go on on another device
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    pub device: super::Device,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,

@@ -30,6 +30,7 @@ pub fn run(args: &cli::Finetune) -> Result<(), Failure> {
         files: Files { policy: args.policy.clone(), theta: args.theta.clone(), robot: args.robot.clone() },
         task: args.task.clone(),
         threads: args.run.threads,
+        device: args.device,
     })?;
     interrupt::listen()?;
     let results = watched(train::LINES, |watch| gaitfit::train::train(&setup, args.run.resume, watch))?;

@@ -238,6 +238,7 @@ impl<'a> Stages<'a> {
             files: finetune::Files::default(),
             task: None,
             threads: std::num::NonZeroUsize::new(self.setup.threads),
+            device: crate::device::Device::Cpu,
         })?;
         self.announce(&format!(
             "{stage}: {} goes on training for {} iterations with {} robots",
