@@ -32,6 +32,32 @@ fn policy(training: &Training<'_>) -> Vec<u8> {
     weights::write(&training.policy("s", "test")).unwrap()
 }
 
+/// As a GPU hands a training over: robots and learner, without a file.
+#[test]
+fn handed_over_robot_by_robot_it_ends_with_the_same_bits() {
+    let scene = scene();
+    let mut whole = training(&scene);
+    for _ in 0..2 {
+        whole.iterate(2).unwrap();
+    }
+    let mut other = training(&scene);
+    let learner = whole.learner();
+    let tensors = learner.tensors();
+    let find = |name: &str| tensors.iter().find(|(own, _)| *own == name).map(|(_, numbers)| *numbers);
+    other.learner_mut().restore(find, &learner.scalars()).unwrap();
+    let snapshots = whole.snapshots();
+    assert_eq!(snapshots.len(), SETTINGS.environments);
+    assert!(snapshots.iter().any(|one| one.robot.fresh) && snapshots.iter().any(|one| one.returns[1] > 2.0));
+    assert!(other.set_snapshots(2, &snapshots[1..]).unwrap_err().to_string().contains("fewer"));
+    other.set_snapshots(2, &snapshots).unwrap();
+    assert!(other.save(&origin(), 0.0).unwrap() == whole.save(&origin(), 0.0).unwrap());
+    assert_eq!(other.iterate(1).unwrap().tally, whole.iterate(2).unwrap().tally);
+    assert!(policy(&other) == policy(&whole));
+    let mut foreign = snapshots;
+    foreign[7].robot.torque.pop();
+    assert!(other.set_snapshots(2, &foreign).is_err());
+}
+
 #[test]
 fn resumed_after_any_iteration_it_ends_with_the_same_bits() {
     let scene = scene();
