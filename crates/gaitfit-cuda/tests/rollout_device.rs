@@ -9,6 +9,7 @@ use gaitfit_learn::task::{Snapshot, Task, TaskSettings, preset};
 use gaitfit_learn::{Origin, Training, TrainingSettings};
 use gaitfit_model::Model;
 use gaitfit_physics::Preset;
+use gaitfit_sim::Candidate;
 
 const SEED: u64 = 11;
 
@@ -23,10 +24,14 @@ fn task(name: &str) -> Task {
 }
 
 fn training(task: &Task, environments: usize, steps: usize) -> Training<'_> {
+    around(task, &Candidate::nominal(&go2()), environments, steps)
+}
+
+fn around<'a>(task: &'a Task, candidate: &Candidate, environments: usize, steps: usize) -> Training<'a> {
     let ppo = Settings { normalise_observations: true, ..Settings::default() };
     let settings = TrainingSettings { environments, steps, iterations: 100 };
     let learner = Training::fresh_learner(task, &ppo, SEED).unwrap();
-    Training::new(task, None, &settings, learner, SEED).unwrap()
+    Training::new(task, Some(candidate), &settings, learner, SEED).unwrap()
 }
 
 fn origin() -> Origin {
@@ -44,11 +49,18 @@ fn state(training: &mut Training<'_>) -> (Vec<f32>, Vec<Snapshot>) {
 #[ignore = "needs an NVIDIA GPU"]
 fn gpu_rollouts_are_the_cpus() {
     let device = Device::open(0).unwrap();
-    for name in ["velocity", "biped"] {
+    let mut fitted = Candidate::nominal(&go2());
+    fitted.torque_noise = 0.5;
+    fitted.robot.frictionloss = vec![0.2; 12];
+    for (name, candidate) in [
+        ("velocity", Candidate::nominal(&go2())),
+        ("biped", Candidate::nominal(&go2())),
+        ("velocity", fitted),
+    ] {
         let task = task(name);
-        let mut cpu = training(&task, 300, 3);
+        let mut cpu = around(&task, &candidate, 300, 3);
         let mut trainer = Trainer::new(&device, &mut cpu, Precision::F32).unwrap();
-        let (mut gpu, wanted) = (training(&task, 300, 3), cpu.iterate(8).unwrap());
+        let (mut gpu, wanted) = (around(&task, &candidate, 300, 3), cpu.iterate(8).unwrap());
         let found = trainer.iterate().unwrap();
         trainer.store(&mut gpu).unwrap();
         let (found_tally, wanted_tally) = (&found.tally, &wanted.tally);

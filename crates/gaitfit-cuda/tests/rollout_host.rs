@@ -14,9 +14,10 @@ use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::ppo::Exploration;
 use gaitfit_learn::task::{Ended, Environment, Snapshot, Task, TaskSettings, preset, reward};
 use gaitfit_model::Model;
-use gaitfit_physics::{Params, Preset};
+use gaitfit_physics::{NetworkScales, Params, Preset};
+use gaitfit_policy::walker::TorqueNoise;
 use gaitfit_random::{Purpose, Stream};
-use gaitfit_sim::Candidate;
+use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
 use host::{bytes, call, doubles, execute, floats, keep, take};
 
 const SEED: u64 = (7 << 32) + 3;
@@ -142,6 +143,24 @@ fn params(period: &Period, robots: &[Params<f64>]) -> Vec<f32> {
     all
 }
 
+/// Random torques from the physics' tiles: `substeps × environments × joints`.
+fn disturbances(period: &Period, numbers: &[f32]) -> Vec<f32> {
+    let layout = period.layout();
+    let (size, per_tile) = (layout.size(Class::Disturbance), layout.environments());
+    let places: Vec<_> = layout.inputs.iter().filter(|place| place.class == Class::Disturbance).collect();
+    let mut all = Vec::new();
+    for substep in numbers.chunks_exact(ENVIRONMENTS.div_ceil(per_tile) * size) {
+        for e in 0..ENVIRONMENTS {
+            all.extend(
+                places
+                    .iter()
+                    .map(|place| substep[e / per_tile * size + layout.offset(**place, e % per_tile)]),
+            );
+        }
+    }
+    all
+}
+
 /// Largest difference relative to max(1, value).
 fn apart(got: &[f32], want: &[f32]) -> f32 {
     assert_eq!(got.len(), want.len());
@@ -194,6 +213,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
         ("robot_targets", f(&start.targets)),
         ("robot_report", f(&start.report)),
         ("robot_params", f(&params(&period, &robots))),
+        ("deviation", bytes(&[candidate.torque_noise; ENVIRONMENTS], f64::to_ne_bytes)),
         ("steps", w(&start.steps)),
         ("fresh", w(&start.fresh)),
         ("command", f(&start.command)),
@@ -225,6 +245,10 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
         files.insert(format!("robot_report.moved{t}"), f(&packed.report));
         statements.push_str(&call(&plan.observe(t)));
         statements.push_str(&call(&plan.act(t)));
+        if let Some(disturb) = plan.disturb(t, tiles) {
+            statements.push_str(&call(&disturb));
+            statements.push_str(&keep(arrays, "robot_disturbance", &format!("noise{t}")));
+        }
         statements.push_str(&keep(arrays, "robot_state", &format!("pushed{t}")));
         statements.push_str(&take(arrays, "robot_state", &format!("moved{t}")));
         statements.push_str(&take(arrays, "robot_report", &format!("moved{t}")));
@@ -328,6 +352,12 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
             check("pushed robot", t, &got.robot.state, &want, 1e-6);
         }
         before = found;
+        if candidate.torque_noise > 0.0 {
+            let found = floats(&read("robot_disturbance", &format!("noise{t}")));
+            let mut noise = TorqueNoise::default();
+            let want = noise.torques(&task.walker, candidate, SEED, 0, FIRST + t as u32, ENVIRONMENTS);
+            check("random torques", t, &disturbances(&period, &found), want, 0.0);
+        }
     }
     println!("{label}: {cuts} episodes cut off, {falls} falls, off by at most {worst:e}");
 }
@@ -366,6 +396,7 @@ fn cxx_steps_of_a_fitted_robot_are_the_cpus() {
     let task = Task::with_interface(&model, &settings, interface, Preset::Fast, 0.03).unwrap();
     let mut candidate = Candidate::nominal(&model);
     for j in 0..12 {
+        candidate.torque_noise = 0.4;
         candidate.robot.delay[j] = 0.002 * j as f64;
         candidate.robot.encoder_bias[j] = 0.01 * j as f64 - 0.05;
     }
@@ -377,9 +408,16 @@ fn what_a_gpu_does_not_do_is_refused() {
     let model = go2();
     let settings = lively("velocity");
     let task = Task::new(&model, &settings, Preset::Fast).unwrap();
-    let noisy = Candidate { torque_noise: 0.1, ..Candidate::nominal(&model) };
-    let error = Scene::period(&task, &[noisy], 8, PROCESSORS).map(|_| ()).unwrap_err();
-    assert!(error.to_string().contains("random torques"), "{error}");
+    let networks = JointNetworks {
+        kind: NetworkKind::ResidAct,
+        joints: vec![0],
+        rest: vec![0.0],
+        weights: Vec::new(),
+        scales: NetworkScales { position: 1.0, velocity: 1.0, output: 1.0 },
+    };
+    let other = Candidate { networks: vec![networks], ..Candidate::nominal(&model) };
+    let error = Scene::period(&task, &[other], 8, PROCESSORS).map(|_| ()).unwrap_err();
+    assert!(error.to_string().contains("networks"), "{error}");
     let period = Scene::period(&task, &[Candidate::nominal(&model)], 8, PROCESSORS).unwrap();
     let task = task.with_term("own", 1.0, |_| 0.0).unwrap();
     let error = Scene::new(&task, &period, sizes()).map(|_| ()).unwrap_err();

@@ -36,11 +36,26 @@ fn settings(model: &Model, preset: Preset) -> Settings {
     Settings { timestep: 0.005, ..Settings::new(&model.options, preset) }
 }
 
+/// Numbers of a class in a tile, of all physics steps.
+fn length(case: &Case, class: Class) -> usize {
+    case.layout.size(class) * if class == Class::Disturbance { SUBSTEPS } else { 1 }
+}
+
 /// Numbers of a tile filled from its environments' inputs.
 fn tile(case: &Case, class: Class, samples: &[Sample]) -> Vec<f32> {
     let layout = &case.layout;
-    let mut numbers = vec![f32::NAN; layout.size(class)];
+    let mut numbers = vec![f32::NAN; length(case, class)];
     for (environment, sample) in samples.iter().enumerate() {
+        let disturbed = layout.inputs.iter().filter(|place| place.class == Class::Disturbance);
+        let disturbed: Vec<_> = disturbed.filter(|_| class == Class::Disturbance).collect();
+        for (k, &value) in sample.disturbance.iter().enumerate().filter(|_| !disturbed.is_empty()) {
+            let (step, joint) = (k / disturbed.len(), k % disturbed.len());
+            let at = step * layout.size(class) + layout.offset(*disturbed[joint], environment);
+            numbers[at] = value as f32;
+        }
+        if class == Class::Disturbance {
+            continue;
+        }
         for (place, &value) in layout.inputs.iter().zip(&sample.inputs) {
             if place.class == class {
                 numbers[layout.offset(*place, environment)] = value as f32;
@@ -58,22 +73,22 @@ fn run_cxx(case: &Case, samples: &[Sample]) -> BTreeMap<Class, Vec<f32>> {
     text.push_str("#include <cstdio>\nint main() {\n");
     let mut count = 0;
     for class in Class::ALL {
-        let size = case.layout.size(class).max(1);
+        let size = length(case, class).max(1);
         writeln!(text, "static float c{}[{size}];", class as usize).unwrap();
         writeln!(
             text,
             "if (std::fread(c{0}, 4, {1}, stdin) != {1}) return 1;",
             class as usize,
-            case.layout.size(class)
+            length(case, class)
         )
         .unwrap();
-        count += case.layout.size(class);
+        count += length(case, class);
     }
     let count_of = case.layout.environments();
     writeln!(text, "for (environment = 0; environment < {count_of}; ++environment)").unwrap();
-    text.push_str("control_period(c0, c1, c2, c3, c4, c5, 1);\n");
+    text.push_str("control_period(c0, c1, c2, c3, c4, c5, c6, 1);\n");
     for class in Class::ALL {
-        writeln!(text, "std::fwrite(c{}, 4, {}, stdout);", class as usize, case.layout.size(class)).unwrap();
+        writeln!(text, "std::fwrite(c{}, 4, {}, stdout);", class as usize, length(case, class)).unwrap();
     }
     text.push_str("}\n");
     let (source, binary) = (folder.path().join("period.cpp"), folder.path().join("period"));
@@ -96,7 +111,7 @@ fn run_cxx(case: &Case, samples: &[Sample]) -> BTreeMap<Class, Vec<f32>> {
     let mut rest = numbers.as_slice();
     let mut classes = BTreeMap::new();
     for class in Class::ALL {
-        let (own, others) = rest.split_at(case.layout.size(class));
+        let (own, others) = rest.split_at(length(case, class));
         classes.insert(class, own.to_vec());
         rest = others;
     }

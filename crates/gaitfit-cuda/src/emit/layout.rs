@@ -28,12 +28,34 @@ pub enum Class {
     Weights,
     /// What the last physics step shows: written only.
     Report,
+    /// Torques that disturb the joints: all tiles of the first physics step, then of the next.
+    Disturbance,
 }
 
 impl Class {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::State, Self::Params, Self::Targets, Self::Memory, Self::Weights, Self::Report];
+    pub const ALL: [Self; 7] = [
+        Self::State,
+        Self::Params,
+        Self::Targets,
+        Self::Memory,
+        Self::Weights,
+        Self::Report,
+        Self::Disturbance,
+    ];
+
+    /// Its name in the text.
+    pub(super) fn letter(self) -> char {
+        match self {
+            Self::State => 's',
+            Self::Params => 'p',
+            Self::Targets => 't',
+            Self::Memory => 'm',
+            Self::Weights => 'w',
+            Self::Report => 'r',
+            Self::Disturbance => 'd',
+        }
+    }
 
     /// That of an input.
     fn of(input: &Input) -> Self {
@@ -43,6 +65,7 @@ impl Class {
             Input::Target { .. } => Self::Targets,
             Input::Memory { .. } => Self::Memory,
             Input::Weight { .. } => Self::Weights,
+            Input::Disturbance { .. } => Self::Disturbance,
         }
     }
 }
@@ -76,13 +99,13 @@ pub struct Layout {
     pub inputs: Vec<Place>,
     /// Of each output of the recording: where the input of the same name lies; of a report, a place of its own.
     pub outputs: Vec<Place>,
-    slots: [Slots; 6],
+    slots: [Slots; 7],
 }
 
 impl Layout {
     /// The layout of a program's numbers.
     pub fn new(period: &PeriodGraph, program: &PeriodProgram) -> Self {
-        let mut slots = [Slots::default(); 6];
+        let mut slots = [Slots::default(); 7];
         let mut first: Vec<Option<usize>> = vec![None; period.inputs.len()];
         let mut inputs = Vec::with_capacity(period.inputs.len());
         for (input, &(lane, twin)) in period.inputs.iter().zip(&program.inputs) {

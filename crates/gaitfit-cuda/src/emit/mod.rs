@@ -81,6 +81,7 @@ enum Name {
     Memory(usize, Slot),
     Weight(usize, Slot),
     Report(Slot),
+    Disturbance(Slot),
 }
 
 /// A program with the meaning of its inputs and outputs.
@@ -181,6 +182,10 @@ fn seat(seating: &Seating, name: Name) -> (Option<usize>, Name) {
             let (lane, slot) = seat_of(seating, slot);
             (lane, Name::Report(slot))
         }
+        Name::Disturbance(slot) => {
+            let (lane, slot) = seat_of(seating, slot);
+            (lane, Name::Disturbance(slot))
+        }
     }
 }
 
@@ -207,6 +212,9 @@ fn input_names(period: &PeriodGraph) -> Vec<Name> {
         Input::Params(slot) => Name::Params(slot),
         Input::Target { tap, .. } => {
             Name::Target(tap, Slot { owner: input.owner(), name: "target", index: 0, varies: true })
+        }
+        Input::Disturbance { .. } => {
+            Name::Disturbance(Slot { owner: input.owner(), name: "disturbance", index: 0, varies: true })
         }
         Input::Weight { modification, slot } => Name::Weight(modification, slot),
         // As many names as there are such inputs.

@@ -49,17 +49,6 @@ struct Writer<'a> {
     declared: BTreeSet<u32>,
 }
 
-fn short(class: Class) -> char {
-    match class {
-        Class::State => 's',
-        Class::Params => 'p',
-        Class::Targets => 't',
-        Class::Memory => 'm',
-        Class::Weights => 'w',
-        Class::Report => 'r',
-    }
-}
-
 impl<'a> Writer<'a> {
     fn new(period: &'a PeriodProgram, layout: &'a Layout) -> Self {
         Self {
@@ -153,10 +142,10 @@ impl<'a> Writer<'a> {
 
     fn source(&self, place: Place) -> String {
         let who = if place.lane.is_some() { "OWN" } else { "ALL" };
-        let (class, slot) = (short(place.class), place.slot);
+        let (class, slot) = (place.class.letter(), place.slot);
         match place.class {
             Class::State | Class::Memory | Class::Report => format!("HELD_{who}({class}, {slot})"),
-            Class::Params | Class::Targets => format!("GIVEN_{who}({class}, {slot})"),
+            Class::Params | Class::Targets | Class::Disturbance => format!("GIVEN_{who}({class}, {slot})"),
             Class::Weights => format!("WEIGHT_{who}({slot})"),
         }
     }
@@ -183,10 +172,11 @@ impl<'a> Writer<'a> {
             (Class::Targets, "targets", "const float"),
             (Class::Memory, "memory", "float"),
             (Class::Report, "report", "float"),
+            (Class::Disturbance, "disturbance", "const float"),
         ] {
             let (own, size) = (self.layout.slots(class).own, self.layout.size(class));
             if size > 0 {
-                self.line(&format!("PLACE({kind}, {}, {base}, {own}, {size})", short(class)));
+                self.line(&format!("PLACE({kind}, {}, {base}, {own}, {size})", class.letter()));
             }
         }
         let size = self.layout.size(Class::Weights);
@@ -205,7 +195,7 @@ impl<'a> Writer<'a> {
             if kept.insert((place.class, place.lane.is_some(), place.slot)) {
                 let value = self.operand(self.program.outputs[output as usize]);
                 let who = if place.lane.is_some() { "OWN" } else { "ALL" };
-                self.line(&format!("KEEP_{who}({}, {}, {value})", short(place.class), place.slot));
+                self.line(&format!("KEEP_{who}({}, {}, {value})", place.class.letter(), place.slot));
             }
         }
         self.text.push_str("}\n");
@@ -316,6 +306,10 @@ impl<'a> Writer<'a> {
         for text in assigned {
             self.line(&text);
         }
+        let disturbed = self.layout.size(Class::Disturbance);
+        if outer && disturbed > 0 {
+            self.line(&format!("NEXT(d, {disturbed})"));
+        }
         self.close();
     }
 
@@ -329,7 +323,7 @@ impl<'a> Writer<'a> {
                     Op::Input(number) if self.read_late(operand) => {
                         let place = self.places[number as usize];
                         let who = if place.lane.is_some() { "own" } else { "all" };
-                        pointers.insert(format!("FRESH({}_{who})", short(place.class)));
+                        pointers.insert(format!("FRESH({}_{who})", place.class.letter()));
                     }
                     Op::Table(_) => {
                         pointers.insert("FRESH_TABLE".to_owned());

@@ -91,7 +91,7 @@ template <int K> __device__ __forceinline__ void put(size_t at, float x) {
   extern "C" __global__ void __launch_bounds__(BLOCK, 1) name(                                        \
       float* __restrict__ state, const float* __restrict__ params, const float* __restrict__ targets, \
       float* __restrict__ memory, const float* __restrict__ weights, float* __restrict__ report,      \
-      int per_candidate)
+      const float* __restrict__ disturbance, int per_candidate)
 #define BEGIN                                                                                      \
   const int thread = blockIdx.x * BLOCK + threadIdx.x;                                             \
   const int tile = thread / 32, in_tile = thread % 32, lane = in_tile % LANES, in_env = in_tile / LANES; \
@@ -100,6 +100,10 @@ template <int K> __device__ __forceinline__ void put(size_t at, float x) {
   type* class##_own = base + (size_t)tile * (size) + in_tile;                                      \
   type* class##_all = base + (size_t)tile * (size) + (own) * 32 + in_env;                          \
   (void)class##_own; (void)class##_all;
+// The same place among the numbers of the next physics step.
+#define NEXT(class, size)                                                                          \
+  class##_own += (size_t)gridDim.x * (BLOCK / 32) * (size);                                        \
+  class##_all += (size_t)gridDim.x * (BLOCK / 32) * (size);
 #define PLACE_WEIGHTS(own, size)                                                                   \
   const float* w_own = weights + (size_t)((tile * (32 / LANES) + in_env) / per_candidate) * (size) + lane; \
   const float* w_all = w_own - lane + (own) * LANES;                                               \

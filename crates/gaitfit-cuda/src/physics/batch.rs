@@ -19,7 +19,7 @@ pub struct Batch {
     /// Environments of a candidate: those that share the modifications' weights.
     per_candidate: usize,
     blocks: usize,
-    buffers: [Buffer<f32>; 6],
+    buffers: [Buffer<f32>; 7],
     start: Buffer<f32>,
 }
 
@@ -46,8 +46,15 @@ impl Batch {
         let per_candidate = environments / candidates;
         // Copies beyond the last environment read weights of candidates beyond the last.
         let sets = (tiles * layout.environments()).div_ceil(per_candidate);
-        let length = |class: Class| layout.size(class) * if class == Class::Weights { sets } else { tiles };
-        let names = ["states", "parameters", "targets", "memory", "weights", "reports"];
+        let length = |class: Class| {
+            let times = match class {
+                Class::Weights => sets,
+                Class::Disturbance => tiles * period.substeps(),
+                _ => tiles,
+            };
+            layout.size(class) * times
+        };
+        let names = ["states", "parameters", "targets", "memory", "weights", "reports", "disturbances"];
         let sizes: Vec<(&str, u64)> =
             Class::ALL.iter().zip(names).map(|(&class, name)| (name, 4 * length(class) as u64)).collect();
         let mut plan = sizes.clone();
@@ -69,6 +76,7 @@ impl Batch {
                 buffer(Class::Memory)?,
                 buffer(Class::Weights)?,
                 buffer(Class::Report)?,
+                buffer(Class::Disturbance)?,
             ],
             start: Buffer::new(device, "states at the start", length(Class::State))?,
         })
@@ -236,7 +244,7 @@ impl Batch {
     /// # Errors
     /// A kernel that cannot be started.
     pub fn step(&self, stream: &Stream) -> Result<(), CudaError> {
-        let [state, params, targets, memory, weights, report] = &self.buffers;
+        let [state, params, targets, memory, weights, report, disturbance] = &self.buffers;
         let per_candidate = i32::try_from(self.per_candidate).unwrap_or(i32::MAX);
         let arguments = [
             state.into(),
@@ -245,6 +253,7 @@ impl Batch {
             memory.into(),
             weights.into(),
             report.into(),
+            disturbance.into(),
             per_candidate.into(),
         ];
         let blocks = u32::try_from(self.blocks).unwrap_or(u32::MAX);

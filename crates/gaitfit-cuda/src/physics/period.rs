@@ -38,6 +38,7 @@ pub struct Period {
     pub(super) layout: Layout,
     joints: usize,
     taps: usize,
+    substeps: usize,
     text: String,
 }
 
@@ -80,7 +81,15 @@ impl Period {
         };
         let layout = Layout::new(&graph, &shared);
         let text = cuda(&shared, &layout, BLOCK);
-        Ok(Self { graph, shared, layout, joints: tree.joints(), taps: options.taps, text })
+        Ok(Self {
+            graph,
+            shared,
+            layout,
+            joints: tree.joints(),
+            taps: options.taps,
+            substeps: options.substeps,
+            text,
+        })
     }
 
     /// The program for this many environments: four threads each until two would occupy three quarters of the GPU, for
@@ -125,6 +134,11 @@ impl Period {
     /// Sent targets that act in the period.
     pub fn taps(&self) -> usize {
         self.taps
+    }
+
+    /// Physics steps in the period.
+    pub fn substeps(&self) -> usize {
+        self.substeps
     }
 
     /// Where the numbers lie.

@@ -33,6 +33,8 @@ pub struct Plan {
     pub homes: Vec<Home>,
     environments: usize,
     tallies: usize,
+    /// Physics steps of a control period, if torques disturb it.
+    disturbed: Option<usize>,
     /// Terms of the actor's and of the critic's observations.
     terms: [usize; 2],
 }
@@ -55,8 +57,10 @@ impl Plan {
             ("robot_params", Class::Params),
             ("robot_targets", Class::Targets),
             ("robot_report", Class::Report),
+            ("robot_disturbance", Class::Disturbance),
         ] {
-            arrays.push(Array { name, kind: Kind::F32, length: tiles * scene.size(class) });
+            let times = if class == Class::Disturbance { scene.period.substeps() } else { 1 };
+            arrays.push(Array { name, kind: Kind::F32, length: times * tiles * scene.size(class) });
             homes.push(Home::Physics(class));
         }
         for (name, home, kind, length) in [
@@ -70,6 +74,7 @@ impl Plan {
             ("last_value", learner, Kind::F32, environments),
             ("parameters", learner, Kind::F32, scene.sizes.networks + actions),
             ("control", own, Kind::U32, CONTROL),
+            ("deviation", own, Kind::F64, environments),
             ("steps", own, Kind::U32, environments),
             ("fresh", own, Kind::U32, environments),
             ("command", own, Kind::F32, 3 * environments),
@@ -87,7 +92,8 @@ impl Plan {
         }
         let program = program(scene);
         let terms = [interface.observation.len(), interface.critic_observation.len()];
-        Self { program, arrays, homes, environments, tallies: scene.tallies(), terms }
+        let disturbed = (!scene.disturbance.is_empty()).then(|| scene.period.substeps());
+        Self { program, arrays, homes, environments, tallies: scene.tallies(), disturbed, terms }
     }
 
     /// The array of this name.
@@ -142,6 +148,15 @@ impl Plan {
             "log_probability",
         ];
         self.launch("act", Some(step), &arrays)
+    }
+
+    /// Random torques of a step, where there are some. `tiles`: those of the physics.
+    pub fn disturb(&self, step: usize, tiles: usize) -> Option<Launch> {
+        let substeps = self.disturbed?;
+        let launch = self.launch("disturb", Some(step), &["control", "deviation", "robot_disturbance"]);
+        let mut launch = self.columns(launch, substeps);
+        launch.arguments.insert(1, Value::U32(u32::try_from(tiles).unwrap_or(u32::MAX)));
+        Some(launch)
     }
 
     /// The rest of a step, after the physics.

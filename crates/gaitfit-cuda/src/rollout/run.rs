@@ -14,8 +14,8 @@ use crate::ppo::{Id, Launch, Learner, Storage, Value};
 use crate::runtime::{Argument, CudaError, Device, Kernel, Stream};
 
 /// Kernels of a plan, in the order of a step.
-const KERNELS: [&str; 7] =
-    ["begin_rollout", "observe", "act", "finish", "observe_end", "add_values", "total"];
+const KERNELS: [&str; 8] =
+    ["begin_rollout", "observe", "act", "disturb", "finish", "observe_end", "add_values", "total"];
 
 /// A task's environments in a GPU's memory.
 pub struct Rollout<'a> {
@@ -66,7 +66,13 @@ impl<'a> Rollout<'a> {
                 _ => Ok(None),
             })
             .collect::<Result<_, CudaError>>()?;
-        Ok(Self { task, period, sizes, batch, plan, own, kernels })
+        let mut rollout = Self { task, period, sizes, batch, plan, own, kernels };
+        let deviation = |environment: usize| candidates[environment % candidates.len()].torque_noise;
+        let deviations: Vec<f64> = (0..sizes.environments).map(deviation).collect();
+        if let Some(Storage::F64(buffer)) = rollout.storage("deviation") {
+            buffer.write(stream, &deviations)?;
+        }
+        Ok(rollout)
     }
 
     fn scene(&self) -> Result<Scene<'_>, RolloutError> {
@@ -203,6 +209,9 @@ impl<'a> Rollout<'a> {
             self.launch(stream, learner, &self.plan.observe(step))?;
             learner.foresee(stream, step * environments, environments)?;
             self.launch(stream, learner, &self.plan.act(step))?;
+            if let Some(disturb) = self.plan.disturb(step, self.batch.tiles()) {
+                self.launch(stream, learner, &disturb)?;
+            }
             self.batch.step(stream)?;
             self.launch(stream, learner, &self.plan.finish(step))?;
         }

@@ -43,6 +43,8 @@ pub struct Scene<'a> {
     pub(super) bias: Vec<Spot>,
     /// Of the sent targets; `taps × joints`.
     pub(super) targets: Vec<Spot>,
+    /// Of the disturbing torques; none without.
+    pub(super) disturbance: Vec<Spot>,
     /// Of torques, normal forces and centres.
     pub(super) report: Vec<Spot>,
 }
@@ -51,7 +53,7 @@ impl<'a> Scene<'a> {
     /// The physics that a task's rollouts need. `processors`: the GPU's multiprocessors.
     ///
     /// # Errors
-    /// A robot that cannot be stepped; a candidate with networks or random torques.
+    /// A robot that cannot be stepped; a candidate with networks.
     pub fn period(
         task: &Task,
         candidates: &[Candidate],
@@ -62,9 +64,6 @@ impl<'a> Scene<'a> {
         if candidates.iter().any(|candidate| !candidate.networks.is_empty()) {
             return unsupported("networks that act on the joints");
         }
-        if candidates.iter().any(|candidate| candidate.torque_noise > 0.0) {
-            return unsupported("random torques");
-        }
         let batch = &task.walker.batch;
         let options = PeriodOptions {
             substeps: batch.options().substeps,
@@ -72,7 +71,8 @@ impl<'a> Scene<'a> {
             lanes: 4,
             emit: EmitOptions::default(),
         };
-        let report = Report { forces: true, tracked: batch.tracked().to_vec() };
+        let disturbed = candidates.iter().any(|candidate| candidate.torque_noise > 0.0);
+        let report = Report { disturbed, forces: true, tracked: batch.tracked().to_vec() };
         let (model, settings) = (task.walker.model(), batch.settings());
         Ok(Period::for_environments(model, settings, options, &[], &report, environments, processors)?)
     }
@@ -104,6 +104,7 @@ impl<'a> Scene<'a> {
             state: spots(|input| matches!(input, Input::State(_))),
             bias: spots(biased),
             targets: spots(|input| matches!(input, Input::Target { .. })),
+            disturbance: spots(|input| matches!(input, Input::Disturbance { .. })),
             report: shown.map(|(_, &place)| spot(layout, place)).collect(),
         })
     }

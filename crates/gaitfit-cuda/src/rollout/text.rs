@@ -75,6 +75,8 @@ impl Writer {
             ("PARAMS_SIZE", scene.size(Class::Params)),
             ("TARGETS_SIZE", scene.size(Class::Targets)),
             ("REPORT_SIZE", scene.size(Class::Report)),
+            ("DISTURBANCE_SIZE", scene.size(Class::Disturbance)),
+            ("SUBSTEPS", scene.period.substeps()),
             ("JOINTS", task.walker.default_pose.len()),
             ("ACTIONS", scene.actions()),
             ("TAPS", scene.period.taps()),
@@ -96,6 +98,8 @@ impl Writer {
         self.table("Spot", "BIAS_SPOTS", spots(&scene.bias));
         self.table("Spot", "TARGET_SPOTS", spots(&scene.targets));
         self.table("Spot", "REPORT_SPOTS", spots(&scene.report));
+        self.table("Spot", "DISTURBANCE_SPOTS", spots(&scene.disturbance));
+        self.define("DISTURBED", scene.disturbance.len());
     }
 
     fn task(&mut self, scene: &Scene<'_>) {

@@ -47,11 +47,13 @@ static inline bool UNLESS(R a, R b) {
 #define __device__
 #define KERNEL(name)                                                                             \
   extern "C" void name(float* state, const float* params, const float* targets, float* memory,   \
-                       const float* weights, float* report, int per_candidate)
+                       const float* weights, float* report, const float* disturbance, \
+                       int per_candidate)
 #define BEGIN
 #define PLACE(type, class, base, own, size)      \
   type* class##_own = base + environment * LANES; \
   type* class##_all = base + (own) * 32 + environment;
+#define NEXT(class, size) class##_own += (size); class##_all += (size);
 // All environments of the tile are of one candidate.
 #define PLACE_WEIGHTS(own, size) const float* w_own = weights; const float* w_all = weights + (own) * LANES;
 #define PLACE_TABLE(rows)

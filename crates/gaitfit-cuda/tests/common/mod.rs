@@ -32,7 +32,7 @@ pub fn feet(mut model: Model) -> Model {
     model
 }
 
-/// `extras`: networks that act on the joints, and a report of everything.
+/// `extras`: networks that act on the joints, disturbing torques, and a report of everything.
 pub fn recorded(
     model: &Model,
     settings: &Settings,
@@ -43,7 +43,7 @@ pub fn recorded(
     let tree = compile::<Traced>(model, settings).unwrap();
     let modifications = if extras { modifications::<Traced>(tree.joints()) } else { Vec::new() };
     let tracked = if extras { (0..tree.model_pairs().len()).collect() } else { Vec::new() };
-    let report = Report { forces: extras, tracked };
+    let report = Report { disturbed: extras, forces: extras, tracked };
     (record_period_with(&tree, taps, substeps, &modifications, &report).unwrap(), tree)
 }
 
@@ -88,6 +88,8 @@ impl Random {
 /// What one environment needs for a control period, and what the `f64` step makes of it.
 pub struct Sample {
     pub inputs: Vec<f64>,
+    /// Disturbing torques of all physics steps, `substeps × joints`; `inputs` has those of the first.
+    pub disturbance: Vec<f64>,
     pub outputs: Vec<f64>,
 }
 
@@ -164,13 +166,21 @@ pub fn samples(
                     *number = round(*number);
                 }
             }
-            let before = [state_values(&state), param_values(&params), targets.clone(), memory.clone()];
+            // A recording in `f64` has one number for all physics steps.
+            let mut disturbance: Vec<f64> = Vec::new();
+            for step in 0..if extras { substeps * joints } else { 0 } {
+                let again = step.checked_sub(joints).filter(|_| !rounded).map(|first| disturbance[first]);
+                disturbance.push(again.unwrap_or_else(|| round(random.uniform(-2.0, 2.0))));
+            }
+            let first = disturbance.get(..joints).unwrap_or_default().to_vec();
+            let before =
+                [state_values(&state), param_values(&params), targets.clone(), first, memory.clone()];
             let (mut work, mut drives) = (Work::new(&tree), vec![Drive::zero(); joints]);
             control_period(&mut Period {
                 tree: &tree,
                 params: &params,
                 targets: &mut targets.clone(),
-                disturbance: &[],
+                disturbance: &disturbance,
                 modifications: &modifications,
                 memory: &mut memory,
                 substeps,
@@ -187,7 +197,7 @@ pub fn samples(
                 if extras {
                     outputs.extend(shown(&tree, &state, &work, &drives));
                 }
-                all.push(Sample { inputs, outputs });
+                all.push(Sample { inputs, disturbance, outputs });
             }
         }
     }

@@ -20,6 +20,11 @@ pub enum Input {
         /// The joint.
         joint: usize,
     },
+    /// The disturbing torque on a joint, N·m: another number in each turn of the loop over physics steps.
+    Disturbance {
+        /// The joint.
+        joint: usize,
+    },
     /// A number that the modifications remember.
     Memory {
         /// Its place.
@@ -41,7 +46,7 @@ impl Input {
     pub fn owner(&self) -> Owner {
         match *self {
             Input::State(slot) | Input::Params(slot) | Input::Weight { slot, .. } => slot.owner,
-            Input::Target { joint, .. } => Owner::Joint(joint),
+            Input::Target { joint, .. } | Input::Disturbance { joint } => Owner::Joint(joint),
             Input::Memory { owner, .. } => owner,
         }
     }
@@ -58,10 +63,12 @@ pub enum Output {
     Report(Slot),
 }
 
-/// What a recorded control period tells of its last physics step besides the state.
+/// What a recorded control period takes and tells besides robots, targets and states.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// The joints' torques (N·m: the motors', with modifications) and the normal force on every compiled pair (N).
+    /// Torques that disturb the joints in each physics step are among the inputs.
+    pub disturbed: bool,
+    /// Of the last physics step: the joints' torques (N·m: the motors', with modifications and disturbances) and the normal force on every compiled pair (N).
     pub forces: bool,
     /// Compiled pairs whose centres are told: at the start of the last physics step, m, world axes.
     pub tracked: Vec<usize>,
@@ -118,6 +125,8 @@ pub fn record_period_with(
         let mut targets: Vec<Traced> = (0..taps * joints)
             .map(|index| input(Input::Target { tap: index / joints, joint: index % joints }))
             .collect();
+        let disturbed = if report.disturbed { 0..joints } else { 0..0 };
+        let disturbance: Vec<Traced> = disturbed.map(|joint| input(Input::Disturbance { joint })).collect();
         let owners = memory_owners(&modifications);
         let mut memory: Vec<Traced> =
             owners.iter().enumerate().map(|(index, &owner)| input(Input::Memory { index, owner })).collect();
@@ -145,7 +154,7 @@ pub fn record_period_with(
         let mut shown = vec![Traced::zero(); slots.len()];
         let mut forces = vec![Traced::zero(); if report.forces { tree.pairs.len() } else { 0 }];
         let steps = Loop::begin(substeps, handed_on(&mut period, &mut clock, &mut shown));
-        phase::before(&mut period, clock, &[]);
+        phase::before(&mut period, clock, &disturbance);
         let turns = Loop::begin(tree.settings.iterations, iterated(&mut period, &mut forces));
         phase::iterate(&mut period, false);
         // A force is known inside the solver's loop alone.

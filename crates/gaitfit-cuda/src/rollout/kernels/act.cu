@@ -35,3 +35,18 @@ KERNEL act(
         for (int k = 0; k < 2; k++) STATE(LINEAR + k) += (float)within(push, k, -PUSH_VELOCITY, PUSH_VELOCITY);
     }
 }
+
+// Random torques of all physics steps of a control period, a block column each. `deviation`: of each environment, N m;
+// `tiles`: those of the physics.
+KERNEL disturb(u32 step, u32 tiles, const u32* control, const double* deviation, float* disturbance) {
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    if (e >= ENVIRONMENTS) return;
+    u32 substep = blockIdx.y;
+    Draws draws = draws_of(control, TORQUE_DRAWS, e, (control[FIRST_STEP] + step) * SUBSTEPS + substep);
+    float* own = disturbance + (u64)substep * tiles * DISTURBANCE_SIZE;
+    double pair[2];
+    for (int j = 0; j < DISTURBED; j++) {
+        if (j % 2 == 0) normal_pair(draws, j / 2, pair);
+        at(own, DISTURBANCE_SIZE, DISTURBANCE_SPOTS[j], e) = (float)(deviation[e] * pair[j % 2]);
+    }
+}
