@@ -5,7 +5,7 @@
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::{Cost, MatchO, Recorded, Reference, Wass, Weights};
 use gaitfit_adapt::fit::{
-    Checkpoint, FallPenalty, Fit, FitError, FitOptions, Job, RandomNumbers, Stop, compare, evaluate,
+    Checkpoint, FallPenalty, Fit, FitError, FitOptions, Job, Method, RandomNumbers, Stop, compare, evaluate,
     simulate_one,
 };
 use gaitfit_adapt::{
@@ -103,6 +103,7 @@ fn costs(simulator: &Sines) -> Vec<Box<dyn Cost>> {
 
 fn options(generations: usize) -> FitOptions {
     FitOptions {
+        method: Method::Auto,
         population: 0,
         generations,
         restarts: 0,

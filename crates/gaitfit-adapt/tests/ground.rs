@@ -9,7 +9,7 @@ use gaitfit_adapt::cost::{
     Cost, CostError, CostKind, MatchR, MatchS, Recorded, Reference, Signal, Wass, Weights,
 };
 use gaitfit_adapt::fit::{
-    FallPenalty, Fit, FitOptions, Job, NoiseSource, Predicted, RandomNumbers, evaluate, identify,
+    FallPenalty, Fit, FitOptions, Job, Method, NoiseSource, Predicted, RandomNumbers, evaluate, identify,
     simulate_one,
 };
 use gaitfit_adapt::{
@@ -168,6 +168,7 @@ impl Simulator for Pendulum {
 
 fn options(generations: usize) -> FitOptions {
     FitOptions {
+        method: Method::Auto,
         population: 0,
         generations,
         restarts: 0,

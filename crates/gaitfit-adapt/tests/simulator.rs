@@ -3,7 +3,7 @@
 
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::{Cost, CostKind, Recorded, Reference};
-use gaitfit_adapt::fit::{Evaluation, FallPenalty, Fit, FitError, FitOptions, Job, RandomNumbers};
+use gaitfit_adapt::fit::{Evaluation, FallPenalty, Fit, FitError, FitOptions, Job, Method, RandomNumbers};
 use gaitfit_adapt::{
     Cancel, Consume, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator, SimulatorError,
     Theta, never,
@@ -79,6 +79,7 @@ fn costs(simulator: &Line) -> Vec<Box<dyn Cost>> {
 
 fn options() -> FitOptions {
     FitOptions {
+        method: Method::Auto,
         population: 6,
         generations: 60,
         restarts: 0,

@@ -197,7 +197,8 @@ fn sensors_keep_the_true_robot_near_the_log() {
     let logs = collect(&subject, &options, 2).unwrap();
     let courses: Vec<Course> = logs.iter().map(|log| course(&scene, &log.trajectory)).collect();
     let tracks = |candidate: &Candidate, every: usize, threads: usize| {
-        let jobs = [predict::Job { candidate: candidate.clone(), every, seed: 0 }];
+        let jobs =
+            [predict::Job { candidate: candidate.clone(), every, feet_trust: predict::FEET_TRUST, seed: 0 }];
         let found = Mutex::new(vec![Track::default(); courses.len()]);
         let keep = |_: usize, course: usize, track: &Track| found.lock().unwrap()[course] = track.clone();
         predict(&scene.walker, &courses, &jobs, threads, &keep, &|| false).unwrap();

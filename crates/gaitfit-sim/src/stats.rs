@@ -36,6 +36,11 @@ const STUDENT: [f64; 30] = [
     2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042,
 ];
 
+/// 97.5 % point of Student's t; of none, that with one degree of freedom.
+pub fn student_t_95(degrees: usize) -> f64 {
+    STUDENT.get(degrees.saturating_sub(1)).copied().unwrap_or(1.96)
+}
+
 impl Estimate {
     /// Of many values: 1.96 standard errors of the mean (normal approximation). None of nothing.
     pub fn of(values: &[f64]) -> Option<Self> {
@@ -46,7 +51,7 @@ impl Estimate {
     /// Of a few values, by Student's t. None of nothing.
     pub fn of_few(values: &[f64]) -> Option<Self> {
         let error = || (squares(values) / (values.len() as f64 - 1.0) / values.len() as f64).sqrt();
-        let student = STUDENT.get(values.len().saturating_sub(2)).copied().unwrap_or(1.96);
+        let student = student_t_95(values.len().saturating_sub(1));
         Some(Self { mean: mean(values)?, ci95: (values.len() > 1).then(|| student * error()) })
     }
 

@@ -1,7 +1,7 @@
 //! The time-aligned cost with what the robot's own sensors read.
 
 use super::aligned::{AlignedSums, Norm};
-use super::{Accumulator, Cost, CostError, CostKind, Reference, Weights};
+use super::{Accumulator, Cost, CostError, CostKind, Differences, Reference, Weights};
 use crate::Resets;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
@@ -43,6 +43,10 @@ impl Cost for MatchR {
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {
         Box::new(AlignedSums::new(&self.reference, Weights::JOINTS, Norm::Absolute))
+    }
+
+    fn differences(&self) -> Option<Differences<'_>> {
+        Some(Differences::new(&self.reference, Weights::JOINTS))
     }
 
     fn lost(&self) -> f64 {

@@ -1,7 +1,7 @@
 //! The privileged time-aligned cost with resets.
 
 use super::aligned::{AlignedSums, Norm};
-use super::{Accumulator, Cost, CostError, CostKind, Reference, Signal, Weights};
+use super::{Accumulator, Cost, CostError, CostKind, Differences, Reference, Signal, Weights};
 use crate::Resets;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
@@ -65,6 +65,10 @@ impl Cost for MatchS {
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {
         Box::new(AlignedSums::new(&self.reference, self.weights, Norm::Square))
+    }
+
+    fn differences(&self) -> Option<Differences<'_>> {
+        Some(Differences::new(&self.reference, self.weights))
     }
 
     fn lost(&self) -> f64 {

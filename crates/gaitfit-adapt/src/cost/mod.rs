@@ -19,6 +19,7 @@
 
 mod aligned;
 mod breakdown;
+mod differences;
 mod error;
 mod kind;
 mod match_o;
@@ -31,6 +32,7 @@ mod wass;
 mod wasserstein1;
 
 pub use breakdown::{Breakdown, GroupCost};
+pub use differences::Differences;
 pub use error::CostError;
 pub use kind::{CostKind, UnknownCost};
 pub use match_o::MatchO;
@@ -66,6 +68,11 @@ pub trait Cost: Send + Sync {
     /// The same cost, in the same scaling, against some of the recordings, which are numbered anew in the order given;
     /// `None` if it cannot be had: then how well the logs identify a parameter is not measured.
     fn subset(&self, _recordings: &[usize]) -> Option<Box<dyn Cost>> {
+        None
+    }
+
+    /// The differences that it sums, sample by sample; `None` of costs that compare distributions.
+    fn differences(&self) -> Option<Differences<'_>> {
         None
     }
 

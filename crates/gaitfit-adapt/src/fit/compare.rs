@@ -149,6 +149,7 @@ mod tests {
             best_cost: 2.0,
             parameters: values.iter().enumerate().map(parameter).collect(),
             runs: Vec::new(),
+            uncertainty: None,
         }
     }
 

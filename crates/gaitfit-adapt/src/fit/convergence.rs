@@ -105,7 +105,13 @@ mod tests {
             per_run: vec![0.5],
             identification: None,
         };
-        CostOutcome { cost: "matcho".into(), best_cost: 1.0, parameters: vec![parameter], runs: vec![run] }
+        CostOutcome {
+            cost: "matcho".into(),
+            best_cost: 1.0,
+            parameters: vec![parameter],
+            runs: vec![run],
+            uncertainty: None,
+        }
     }
 
     #[test]

@@ -1,17 +1,21 @@
 //! The driver: all runs in lock-step, one batch a generation.
 
 use super::evaluate::{Job, evaluate};
+use super::least_squares::{MOST_ENTRIES, Problem};
 use super::run::{Checkpoint, Run, Stop};
 use super::{CostOutcome, FallPenalty, FitError};
 use crate::cmaes::{BoundHandling, CovarianceKind};
 use crate::cost::Cost;
-use crate::{Cancel, Simulator, Theta};
+use crate::{Cancel, Resets, Simulator, Theta};
 use gaitfit_random::{Purpose, derive_seed};
 use serde::{Deserialize, Serialize};
 
 /// Settings of a fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FitOptions {
+    /// How runs search.
+    #[serde(default)]
+    pub method: Method,
     /// Candidates a generation; 0 takes 4 + ⌊3 ln n⌋.
     pub population: usize,
     /// Generations of every start.
@@ -38,6 +42,7 @@ impl Default for FitOptions {
     /// 200 generations of one seed, with the population and covariance of Hansen's tutorial.
     fn default() -> Self {
         Self {
+            method: Method::Auto,
             population: 0,
             generations: 200,
             restarts: 0,
@@ -55,6 +60,45 @@ impl FitOptions {
     /// The most generations that a seed can take, restarts among them.
     pub fn most_generations(&self) -> usize {
         self.generations.saturating_mul(self.restarts as usize + 1)
+    }
+}
+
+/// How a run searches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Least squares for costs of short predictions ([`Resets::Sensors`]) over θ without regularisation, CMA-ES for
+    /// all others.
+    #[default]
+    Auto,
+    /// Candidates drawn around a mean that moves to the better ones.
+    CmaEs,
+    /// Steps along derivatives, for costs that compare sample by sample.
+    LeastSquares,
+}
+
+impl Method {
+    /// Whether runs of `cost` over `theta` are least squares.
+    ///
+    /// # Errors
+    /// [`FitError::Distributions`], [`FitError::Regularised`], [`FitError::TooManyEntries`] where they were asked to be
+    /// and cannot.
+    pub fn least_squares(self, cost: &dyn Cost, theta: &Theta) -> Result<bool, FitError> {
+        let deviations: Vec<f64> = theta.entries().iter().map(|entry| entry.deviation).collect();
+        let refused = if cost.differences().is_none() {
+            FitError::Distributions(cost.name().to_owned())
+        } else if theta.regularisation(&deviations) > 0.0 {
+            FitError::Regularised
+        } else if theta.len() > MOST_ENTRIES {
+            FitError::TooManyEntries { count: theta.len(), most: MOST_ENTRIES }
+        } else {
+            return Ok(match self {
+                Self::Auto => matches!(cost.resets(), Resets::Sensors(_)),
+                Self::CmaEs => false,
+                Self::LeastSquares => true,
+            });
+        };
+        if self == Self::LeastSquares { Err(refused) } else { Ok(false) }
     }
 }
 
@@ -144,9 +188,10 @@ impl<'a> Fit<'a> {
         options: FitOptions,
     ) -> Result<Self, FitError> {
         let mut runs = Vec::new();
-        for cost in 0..costs.len() {
+        for (number, cost) in costs.iter().enumerate() {
+            let least_squares = options.method.least_squares(cost.as_ref(), theta)?;
             for &seed in &options.seeds {
-                runs.push(Run::new(cost, seed, theta, &options)?);
+                runs.push(Run::new(number, seed, least_squares, theta, &options)?);
             }
         }
         Ok(Self { simulator, theta, costs, options, runs, generation: 0 })
@@ -205,13 +250,26 @@ impl<'a> Fit<'a> {
         if active.is_empty() {
             return Ok(None);
         }
+        // A run that finds its own candidates takes its step on a copy: if a later one is cancelled, none has moved.
+        let mut stepped = Vec::new();
         let mut jobs = Vec::new();
         let mut sizes = Vec::with_capacity(active.len());
         for &index in &active {
             let run = &mut self.runs[index];
-            let asked = run.ask();
-            sizes.push(asked.len());
             let (cost, seed, generation) = (run.cost, run.seed, run.generation());
+            let Some(asked) = run.ask() else {
+                let mut moved = run.clone();
+                let problem = Problem {
+                    simulator: self.simulator,
+                    theta: self.theta,
+                    cost: self.costs[cost].as_ref(),
+                    draw: RandomNumbers::Run.draw(seed, 0, 0),
+                    cancel,
+                };
+                stepped.extend(moved.step(&problem, &self.options)?.map(|done| (index, moved, done)));
+                continue;
+            };
+            sizes.push((index, asked.len()));
             jobs.extend(asked.into_iter().enumerate().map(|(candidate, values)| Job {
                 cost,
                 values,
@@ -221,16 +279,24 @@ impl<'a> Fit<'a> {
         let found = evaluate(self.simulator, self.theta, self.costs, &self.options.falls, &jobs, cancel)?;
         let generation = self.generation + 1;
         let mut reports = Vec::with_capacity(active.len());
+        let mut evaluations = jobs.len();
         let mut from = 0;
-        for (&index, &size) in active.iter().zip(&sizes) {
+        for (index, size) in sizes {
             let batch = from..from + size;
             from += size;
             let run = &mut self.runs[index];
             let cost = self.costs[run.cost].name();
-            reports.push(run.tell(cost, &found[batch], &self.options)?);
+            reports.push((index, run.tell(cost, &found[batch], &self.options)?));
         }
+        for (index, moved, (report, simulated)) in stepped {
+            self.runs[index] = moved;
+            evaluations += simulated;
+            reports.push((index, report));
+        }
+        reports.sort_by_key(|(index, _)| *index);
+        let reports = reports.into_iter().map(|(_, report)| report).collect();
         self.generation = generation;
-        Ok(Some(Generation { generation, evaluations: jobs.len(), runs: reports }))
+        Ok(Some(Generation { generation, evaluations, runs: reports }))
     }
 
     /// Smallest value so far of each cost, in the order of the costs.

@@ -35,6 +35,32 @@ pub enum FitError {
         /// Generation, from 1.
         generation: usize,
     },
+    /// Least squares of a cost that compares distributions.
+    #[error(
+        "least squares needs a cost that compares sample by sample, which `{0}` does not; take CMA-ES for it"
+    )]
+    Distributions(String),
+    /// Least squares over values that cost something by themselves.
+    #[error("least squares does not take the regularisation of networks; take CMA-ES, or set it to 0")]
+    Regularised,
+    /// Least squares over too much.
+    #[error("least squares takes up to {most} parameters, and there are {count}; take CMA-ES")]
+    TooManyEntries {
+        /// Entries of θ.
+        count: usize,
+        /// How many it takes.
+        most: usize,
+    },
+    /// The differences of all candidates of a step do not fit into memory.
+    #[error(
+        "a step of least squares would need {needed} bytes, and {most} are allowed; take CMA-ES, or fewer logs"
+    )]
+    TooMany {
+        /// Bytes.
+        needed: usize,
+        /// Bytes allowed.
+        most: usize,
+    },
     /// The cost cannot be scanned around the values found.
     #[error("the cost cannot be scanned: {0}")]
     Scan(String),

@@ -46,6 +46,8 @@ pub enum NoiseSource {
     Draws,
     /// Not known: one recording, no randomness. Five percent of the cost are taken.
     Assumed,
+    /// Joint: what fits of other logs and other simulators would have found ([`super::Uncertainty`]).
+    Refits,
 }
 
 /// How well the data identify a parameter, all others held.
@@ -56,6 +58,7 @@ pub struct Identification {
     /// Upper end.
     pub upper: f64,
     /// The rise at the ends that counts as noise; of the larger end. Costs are in units where the robot's range is 2.
+    /// 0 where refits give the interval.
     pub rise: f64,
     /// Where it is known from.
     pub noise: NoiseSource,
@@ -64,6 +67,15 @@ pub struct Identification {
     /// A value at which the cost is lower than at the best found by more than noise: the search had not ended.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub better: Option<f64>,
+}
+
+impl Identification {
+    /// Of an entry with the 95 % interval `interval` of refits.
+    pub(super) fn of_refits(entry: &Entry, interval: [f64; 2]) -> Self {
+        let [lower, upper] = interval.map(|end| end.clamp(entry.lower, entry.upper));
+        let identified = upper - lower < MOST * (entry.upper - entry.lower);
+        Self { lower, upper, rise: 0.0, noise: NoiseSource::Refits, identified, better: None }
+    }
 }
 
 /// The costs of a rollout, one a view; `None` where it diverged.

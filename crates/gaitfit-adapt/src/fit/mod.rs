@@ -1,4 +1,4 @@
-//! The fit: independent CMA-ES runs over costs and seeds, each generation one batch of the simulator.
+//! The fit: independent runs of CMA-ES or least squares over costs and seeds.
 //!
 //! [`Fit`] does no input or output. Its caller steps it, looks at each [`Generation`], saves
 //! [`Fit::checkpoint`] when it likes, and goes on later from [`Fit::resume`] to the same result, bit for bit.
@@ -11,6 +11,7 @@ mod error;
 mod evaluate;
 mod falls;
 mod identify;
+mod least_squares;
 mod outcome;
 mod predicted;
 mod run;
@@ -18,11 +19,12 @@ mod run;
 pub use baseline::{TargetSignal, best_delay, delayed};
 pub use compare::{Agreement, compare};
 pub use convergence::unsettled;
-pub use driver::{Fit, FitOptions, Generation, RandomNumbers, RunGeneration};
+pub use driver::{Fit, FitOptions, Generation, Method, RandomNumbers, RunGeneration};
 pub use error::FitError;
 pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one};
 pub use falls::FallPenalty;
 pub use identify::{Identification, MOST_SCANNED, NoiseSource, identify};
+pub use least_squares::{Alternative, GaussNewton, Shift, Uncertainty, uncertainty};
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};
 pub use predicted::Predicted;
-pub use run::{Checkpoint, SavedRun, Stop};
+pub use run::{Checkpoint, SavedRun, SavedSearch, Stop};

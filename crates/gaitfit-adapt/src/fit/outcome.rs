@@ -1,7 +1,7 @@
 //! What a fit found: values, their spread over seeds, and the bounds they rest on.
 
 use super::run::Stop;
-use super::{FitError, Identification, MOST_SCANNED, identify};
+use super::{Alternative, FitError, Identification, MOST_SCANNED, Uncertainty, identify, uncertainty};
 use crate::cost::Cost;
 use crate::{Cancel, Simulator, Theta};
 use gaitfit_sim::stats;
@@ -18,6 +18,9 @@ pub struct CostOutcome {
     pub parameters: Vec<ParameterOutcome>,
     /// The runs, in seed order.
     pub runs: Vec<RunOutcome>,
+    /// Joint uncertainty of the parameters, where least squares found them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncertainty: Option<Uncertainty>,
 }
 
 /// One entry of θ as found.
@@ -90,7 +93,7 @@ impl CostOutcome {
                 }
             })
             .collect();
-        Some(Self { cost, best_cost: best.best_cost, parameters, runs })
+        Some(Self { cost, best_cost: best.best_cost, parameters, runs, uncertainty: None })
     }
 
     /// Measures how well the data identify each parameter around the best run's values and notes it with them.
@@ -114,6 +117,28 @@ impl CostOutcome {
             parameter.identification = Some(found);
         }
         Ok(true)
+    }
+
+    /// Measures the joint uncertainty of values that least squares found, and notes it, also with each parameter.
+    /// `cost` is the outcome's.
+    ///
+    /// # Errors
+    /// As [`uncertainty`].
+    pub fn trust(
+        &mut self,
+        simulator: &dyn Simulator,
+        alternatives: &[Alternative<'_>],
+        theta: &Theta,
+        cost: &dyn Cost,
+        cancel: &Cancel<'_>,
+    ) -> Result<(), FitError> {
+        self.uncertainty = uncertainty(simulator, alternatives, theta, cost, &self.values(), cancel)?;
+        let Some(found) = &self.uncertainty else { return Ok(()) };
+        let entries = theta.entries().iter().zip(&found.interval);
+        for (parameter, (entry, interval)) in self.parameters.iter_mut().zip(entries) {
+            parameter.identification = Some(Identification::of_refits(entry, *interval));
+        }
+        Ok(())
     }
 
     /// θ of the best run.

@@ -1,6 +1,7 @@
-//! One CMA-ES run of a fit, and the checkpoint of all.
+//! One run of a fit, by CMA-ES or least squares, and the checkpoint of all.
 
 use super::driver::{FitOptions, RunGeneration};
+use super::least_squares::{GaussNewton, Problem};
 use super::{Evaluation, FitError, RunOutcome};
 use crate::Theta;
 use crate::cmaes::{
@@ -32,28 +33,86 @@ pub(super) struct Run {
     pub stop: Option<Stop>,
     diverged: usize,
     falls: usize,
-    search: Search,
-    asked: Option<Population>,
+    by: By,
+}
+
+/// How a run searches.
+#[derive(Clone, Debug)]
+enum By {
+    CmaEs { search: Box<Search>, asked: Option<Population> },
+    LeastSquares(GaussNewton),
 }
 
 impl Run {
-    pub fn new(cost: usize, seed: u64, theta: &Theta, options: &FitOptions) -> Result<Self, FitError> {
-        let search =
-            Search::new(settings(seed, theta, options), plan(options)).map_err(FitError::Optimizer)?;
-        Ok(Self { cost, seed, stop: None, diverged: 0, falls: 0, search, asked: None })
+    pub fn new(
+        cost: usize,
+        seed: u64,
+        least_squares: bool,
+        theta: &Theta,
+        options: &FitOptions,
+    ) -> Result<Self, FitError> {
+        let by = if least_squares {
+            By::LeastSquares(GaussNewton::new(theta, seed, options.seeds.first() == Some(&seed)))
+        } else {
+            let search = Search::new(settings(seed, theta, options), plan(options));
+            By::CmaEs { search: Box::new(search.map_err(FitError::Optimizer)?), asked: None }
+        };
+        Ok(Self { cost, seed, stop: None, diverged: 0, falls: 0, by })
     }
 
     /// Number of the next generation, from 1, restarts counted on.
     pub fn generation(&self) -> u32 {
-        self.search.generation() + 1
+        self.done() + 1
     }
 
-    /// The candidates of the next generation.
-    pub fn ask(&mut self) -> Vec<Vec<f64>> {
-        let population = self.search.ask();
+    fn done(&self) -> u32 {
+        match &self.by {
+            By::CmaEs { search, .. } => search.generation(),
+            By::LeastSquares(search) => search.generation(),
+        }
+    }
+
+    /// The candidates of the next generation; `None` of a run that finds its own, see [`Self::step`].
+    pub fn ask(&mut self) -> Option<Vec<Vec<f64>>> {
+        let By::CmaEs { search, asked } = &mut self.by else { return None };
+        let population = search.ask();
         let candidates = population.x().to_vec();
-        self.asked = Some(population);
-        candidates
+        *asked = Some(population);
+        Some(candidates)
+    }
+
+    /// One step of least squares, and the candidates it took; `None` of a run that asks for its candidates.
+    ///
+    /// # Errors
+    /// As [`GaussNewton::step`]; the run is then as it was before. [`FitError::AllDiverged`].
+    pub fn step(
+        &mut self,
+        problem: &Problem<'_>,
+        options: &FitOptions,
+    ) -> Result<Option<(RunGeneration, usize)>, FitError> {
+        let By::LeastSquares(search) = &mut self.by else { return Ok(None) };
+        let (seed, name) = (self.seed, problem.cost.name());
+        let generation = search.generation() as usize + 1;
+        let diverged = || FitError::AllDiverged { cost: name.to_owned(), seed, generation };
+        let stepped = search.step(problem, options.generations, options.tolerance)?.ok_or_else(diverged)?;
+        let best = search.best().ok_or_else(diverged)?;
+        self.diverged += stepped.diverged;
+        self.falls += stepped.falls;
+        self.stop = search.stop();
+        let report = RunGeneration {
+            cost: name.to_owned(),
+            seed,
+            best: stepped.cost,
+            mean: stepped.mean,
+            sigma: stepped.size,
+            diverged: stepped.diverged,
+            fallen: stepped.fallen,
+            falls: stepped.falls,
+            best_so_far: best.cost,
+            best_values: best.x.clone(),
+            stop: self.stop,
+        };
+        Ok(Some((report, stepped.evaluations)))
     }
 
     /// Takes what the candidates asked for cost (those that diverged are ranked last).
@@ -64,28 +123,29 @@ impl Run {
         options: &FitOptions,
     ) -> Result<RunGeneration, FitError> {
         let generation = self.generation() as usize;
-        let sigma = self.search.current().sigma();
+        let seed = self.seed;
+        let all_diverged = || FitError::AllDiverged { cost: name.to_owned(), seed, generation };
+        let By::CmaEs { search, asked } = &mut self.by else { return Err(all_diverged()) };
+        let sigma = search.current().sigma();
         let finite: Vec<f64> = found.iter().filter_map(|found| found.cost).collect();
-        let population = self.asked.take().unwrap_or_else(|| self.search.ask());
+        let population = asked.take().unwrap_or_else(|| search.ask());
         let told: Vec<f64> = found.iter().map(|found| found.cost.unwrap_or(f64::INFINITY)).collect();
-        let restarted = self.search.tell(&population, &told).map_err(FitError::Optimizer)?.is_some();
+        let restarted = search.tell(&population, &told).map_err(FitError::Optimizer)?.is_some();
         let diverged = found.len() - finite.len();
         let falls = found.iter().map(|found| found.falls).sum();
         self.diverged += diverged;
         self.falls += falls;
         if finite.is_empty() {
-            return Err(FitError::AllDiverged { cost: name.to_owned(), seed: self.seed, generation });
+            return Err(all_diverged());
         }
-        if !restarted && self.settled(options) {
-            self.search.end().map_err(FitError::Optimizer)?;
+        if !restarted && settled(search, options) {
+            search.end().map_err(FitError::Optimizer)?;
         }
-        self.stop = self.why_stop();
-        let Some(best) = self.search.best() else {
-            return Err(FitError::AllDiverged { cost: name.to_owned(), seed: self.seed, generation });
-        };
+        self.stop = why_stop(search);
+        let best = search.best().ok_or_else(all_diverged)?;
         Ok(RunGeneration {
             cost: name.to_owned(),
-            seed: self.seed,
+            seed,
             best: finite.iter().copied().fold(f64::INFINITY, f64::min),
             mean: finite.iter().sum::<f64>() / finite.len() as f64,
             sigma,
@@ -98,33 +158,14 @@ impl Run {
         })
     }
 
-    /// Whether the deviations of the run under way shrank to the tolerance.
-    fn settled(&self, options: &FitOptions) -> bool {
-        let current = self.search.current();
-        let first = &current.settings().deviation;
-        let left = current.deviations().iter().zip(first).map(|(now, first)| now / first).fold(0.0, f64::max);
-        left <= options.tolerance
-    }
-
-    /// Why the last restart ended, once it has.
-    fn why_stop(&self) -> Option<Stop> {
-        let last = self.search.finished().last().filter(|_| self.search.is_finished())?;
-        Some(match last.stop {
-            StopReason::TolXUp | StopReason::ConditionCov | StopReason::NumericalFailure => Stop::Degenerate,
-            StopReason::MaxGenerations => Stop::Generations,
-            StopReason::Ended => Stop::Tolerance,
-            _ => Stop::Converged,
-        })
-    }
-
     /// What the run found so far; `None` before its first finite cost.
     pub fn outcome(&self) -> Option<RunOutcome> {
-        let best = self.search.best()?;
+        let best = self.best()?;
         Some(RunOutcome {
             seed: self.seed,
             best_cost: best.cost,
             values: best.x.clone(),
-            generations: self.search.generation() as usize,
+            generations: self.done() as usize,
             stop: self.stop,
             diverged: self.diverged,
             falls: self.falls,
@@ -133,7 +174,10 @@ impl Run {
 
     /// The best candidate so far.
     pub fn best(&self) -> Option<&Best> {
-        self.search.best()
+        match &self.by {
+            By::CmaEs { search, .. } => search.best(),
+            By::LeastSquares(search) => search.best(),
+        }
     }
 
     /// State to save, under the cost's name.
@@ -144,7 +188,10 @@ impl Run {
             stop: self.stop,
             diverged: self.diverged,
             falls: self.falls,
-            state: self.search.state(),
+            state: match &self.by {
+                By::CmaEs { search, .. } => SavedSearch::CmaEs(search.state()),
+                By::LeastSquares(search) => SavedSearch::LeastSquares(search.clone()),
+            },
         }
     }
 
@@ -160,18 +207,46 @@ impl Run {
             let found = format!("it holds {} with seed {}", saved.cost, saved.seed);
             return Err(FitError::Checkpoint(format!("{found} where {cost} with seed {} is due", self.seed)));
         }
-        let search = Search::resume(settings(self.seed, theta, options), plan(options), saved.state)
-            .map_err(|error: CmaError| FitError::Checkpoint(error.to_string()))?;
+        let broken = |what: String| FitError::Checkpoint(what);
+        let by = match (&self.by, saved.state) {
+            (By::CmaEs { .. }, SavedSearch::CmaEs(state)) => {
+                let search = Search::resume(settings(self.seed, theta, options), plan(options), state)
+                    .map_err(|error: CmaError| broken(error.to_string()))?;
+                By::CmaEs { search: Box::new(search), asked: None }
+            }
+            (By::LeastSquares(_), SavedSearch::LeastSquares(search)) if search.fits(theta) => {
+                By::LeastSquares(search)
+            }
+            _ => return Err(broken("its search is another one".into())),
+        };
         Ok(Self {
             cost: self.cost,
             seed: self.seed,
             stop: saved.stop,
             diverged: saved.diverged,
             falls: saved.falls,
-            search,
-            asked: None,
+            by,
         })
     }
+}
+
+/// Whether the deviations of the run under way shrank to the tolerance.
+fn settled(search: &Search, options: &FitOptions) -> bool {
+    let current = search.current();
+    let first = &current.settings().deviation;
+    let left = current.deviations().iter().zip(first).map(|(now, first)| now / first).fold(0.0, f64::max);
+    left <= options.tolerance
+}
+
+/// Why the last restart ended, once it has.
+fn why_stop(search: &Search) -> Option<Stop> {
+    let last = search.finished().last().filter(|_| search.is_finished())?;
+    Some(match last.stop {
+        StopReason::TolXUp | StopReason::ConditionCov | StopReason::NumericalFailure => Stop::Degenerate,
+        StopReason::MaxGenerations => Stop::Generations,
+        StopReason::Ended => Stop::Tolerance,
+        _ => Stop::Converged,
+    })
 }
 
 fn settings(seed: u64, theta: &Theta, options: &FitOptions) -> Settings {
@@ -219,5 +294,15 @@ pub struct SavedRun {
     #[serde(default)]
     pub falls: usize,
     /// The optimiser.
-    pub state: SearchState,
+    pub state: SavedSearch,
+}
+
+/// The optimiser's state.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SavedSearch {
+    /// CMA-ES.
+    CmaEs(SearchState),
+    /// Least squares.
+    LeastSquares(GaussNewton),
 }

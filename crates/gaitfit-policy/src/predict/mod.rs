@@ -88,6 +88,9 @@ impl Course {
     }
 }
 
+/// [`Job::feet_trust`] that trusts sensors and simulation alike.
+pub const FEET_TRUST: f64 = 0.5;
+
 /// A robot that predicts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
@@ -95,6 +98,8 @@ pub struct Job {
     pub candidate: Candidate,
     /// Samples from one correction to the next; 1 predicts each sample from the one before.
     pub every: usize,
+    /// Share of the base's change that standing feet ask for which is made, 0 to 1.
+    pub feet_trust: f64,
     /// Seed of the torque noise.
     pub seed: u64,
 }
@@ -166,7 +171,7 @@ impl Worker {
                 // Who fell in a prediction is put on its feet again: a fall is no end here.
                 self.tracks[index].fell_at = None;
                 if sample > 0 && sample.is_multiple_of(job.every.max(1)) {
-                    correct(&mut tile, feet, &self.motion, index, course, sample, bias);
+                    correct(&mut tile, feet, &self.motion, index, course, sample, job);
                 }
             }
             if sample + 1 == longest {
@@ -192,15 +197,16 @@ fn correct(
     index: usize,
     course: &Course,
     sample: usize,
-    bias: &[f64],
+    job: &Job,
 ) {
     let three = |rows: &[f32]| -> [f32; 3] { std::array::from_fn(|k| rows[3 * index + k]) };
     let (mut place, mut linear) = (three(&motion.base_position), three(&motion.base_linear));
-    if let Some(change) = course.legs.change(feet, motion, index, course, sample) {
+    if let Some(change) = course.legs.change(feet, motion, index, course, sample, job.feet_trust) {
         place[2] += change.height;
         (0..3).for_each(|k| linear[k] += change.linear[k]);
     }
     if linear.iter().chain(&place).all(|x| x.is_finite()) {
+        let bias = &job.candidate.robot.encoder_bias;
         tile.correct(index, &course.reading(sample, bias, place, linear));
     }
 }

@@ -3,7 +3,7 @@
 //! When a simulated robot is put where the log's sensors read, its feet would jump in place and speed, and the ground
 //! would answer. So the base moves such that the feet that carry it go on as they did in the simulation, on the mean,
 //! weighted by their load (Bloesch et al. 2013, "State estimation for legged robots", use the same constraint in a
-//! filter). Half of that change is made: sensors and simulation are trusted alike.
+//! filter).
 
 use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames};
@@ -13,8 +13,6 @@ use gaitfit_sim::Motion;
 use super::Course;
 use crate::walker::Walker;
 
-/// Share of the change that feet at rest ask for.
-const GAIN: f64 = 0.5;
 /// Share of the robot's weight that must rest on the feet; below it they say little of the base.
 const CARRIED: f64 = 0.15;
 const GRAVITY: f64 = 9.81;
@@ -122,7 +120,7 @@ impl Legs {
     }
 
     /// How the base has to move for the standing feet to go on as they do in `motion` when robot `index` is put where
-    /// sample `sample` of `course` says; `None` where too little load rests on them.
+    /// sample `sample` of `course` says, times `trust`; `None` where too little load rests on them.
     pub fn change(
         &self,
         feet: &Feet,
@@ -130,6 +128,7 @@ impl Legs {
         index: usize,
         course: &Course,
         sample: usize,
+        trust: f64,
     ) -> Option<Change> {
         let geoms = motion.normal_force.len() / (motion.base_position.len() / 3);
         let load = |foot: &Foot| f64::from(motion.normal_force[index * geoms + foot.force]);
@@ -163,6 +162,6 @@ impl Legs {
             linear = add(linear, scale(share, sub(before, after)));
             height += share * (rotate(simulated, there)[2] - rotate(logged, at)[2]);
         }
-        Some(Change { height: (GAIN * height) as f32, linear: single(scale(GAIN, linear)) })
+        Some(Change { height: (trust * height) as f32, linear: single(scale(trust, linear)) })
     }
 }

@@ -61,6 +61,7 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
                 .push(format!("{of}{} rests on a bound of its search: widen it, or distrust it", found.name));
         }
     }
+    warnings.extend(moved(fit).map(|text| format!("{of}{text}")));
     if fit.falls > 0 {
         warnings.push(format!(
             "{of}the fitted robot falls in {} of the logs: a simulator that falls can match a bad log",
@@ -72,4 +73,22 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
         warnings.push(format!("{of}{diverged} candidates diverged and were ranked last"));
     }
     warnings
+}
+
+/// A value that another simulator moves by this part, and by this part of its bounds, depends on the simulator.
+const MOVED: (f64, f64) = (0.1, 0.005);
+
+/// Values that depend on how the robot is simulated, a sentence for each other simulator.
+fn moved(fit: &CostFit) -> impl Iterator<Item = String> {
+    let shifts = fit.uncertainty.iter().flat_map(|uncertainty| &uncertainty.shifts);
+    shifts.filter_map(|shift| {
+        let far = |(parameter, by): (&Parameter, &f64)| {
+            let found = &parameter.found;
+            let least = (MOVED.0 * found.value.abs()).max(MOVED.1 * (found.upper - found.lower));
+            (by.abs() > least)
+                .then(|| format!("{} {:.3} instead of {:.3}", found.name, found.value + by, found.value))
+        };
+        let far: Vec<String> = fit.parameters.iter().zip(&shift.by).filter_map(far).collect();
+        (!far.is_empty()).then(|| format!("with {} the fit would find {}", shift.what, far.join(", ")))
+    })
 }

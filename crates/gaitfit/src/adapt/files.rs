@@ -6,11 +6,14 @@ use super::score::Validation;
 use super::setup::Setup;
 use crate::Error;
 use crate::run::{Inputs, Protocol, RunFolder, Whole};
-use gaitfit_adapt::fit::RunGeneration;
+use gaitfit_adapt::fit::{RunGeneration, Uncertainty};
 use gaitfit_adapt::{Found, ThetaFile};
 use std::path::PathBuf;
 
 pub use crate::run::protocol::CONFIG;
+
+/// Draws of θ from the joint interval.
+pub const DRAWS: &str = "draws.csv";
 
 /// Settings that change nothing: where results go, how often they are saved, on how many threads they are found.
 const FREE: [&str; 5] = ["name", "runs", "checkpoint_seconds", "simulation.threads", "optimizer.max_seconds"];
@@ -60,9 +63,20 @@ pub fn write(
         .to_toml()
         .map_err(|error| Error::failed(format!("cannot write theta.toml: {error}")))?;
     folder.write("theta.toml", theta.as_bytes())?;
+    if let Some(uncertainty) = results.fits.first().and_then(|fit| fit.uncertainty.as_ref()) {
+        folder.write(DRAWS, draws(results, uncertainty).as_bytes())?;
+    }
     folder.write_json::<Vec<Validation>>("validation.json", &results.validation)?;
     let page = report::page(setup, results, metrics)?;
     folder.write("report.html", page.as_bytes())
+}
+
+/// Draws of θ as a table: a header with the parameters' names, then a row a draw, in their units.
+fn draws(results: &AdaptResults, uncertainty: &Uncertainty) -> String {
+    let names: Vec<&str> = results.parameters.iter().map(|parameter| parameter.found.name.as_str()).collect();
+    let row = |draw: &Vec<f64>| draw.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+    let rows: Vec<String> = uncertainty.draws.iter().map(row).collect();
+    format!("{}\n{}\n", names.join(","), rows.join("\n"))
 }
 
 fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {

@@ -3,6 +3,7 @@
 //! How the logs are simulated is a [`Method`]: the logs of a clamped robot are replayed, those of a walking one are
 //! walked again by its policy. All else is one path.
 
+mod alternatives;
 mod check;
 mod doubts;
 mod files;
@@ -17,6 +18,7 @@ mod setup;
 mod signals;
 mod validate;
 
+pub use alternatives::Alternatives;
 pub use check::Check;
 pub use held_out::{Distance, Floor, HeldOut, Verdict};
 pub use method::Method;

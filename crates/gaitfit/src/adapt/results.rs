@@ -1,5 +1,6 @@
 //! What a fit found, as the one document that `--json` prints, `result.json` keeps, and tables and report show.
 
+use super::alternatives::Other;
 use super::check::Check;
 use super::doubts;
 use super::held_out::{HeldOut, held_out};
@@ -12,8 +13,8 @@ use crate::settings::CheckConfig;
 use crate::watch::Watch;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
-    Agreement, CostOutcome, Evaluation, FallPenalty, FitError, Job, MOST_SCANNED, ParameterOutcome,
-    RunGeneration, RunOutcome, compare, evaluate,
+    Agreement, Alternative, CostOutcome, Evaluation, FallPenalty, FitError, Job, ParameterOutcome,
+    RunGeneration, RunOutcome, Uncertainty, compare, evaluate,
 };
 use gaitfit_adapt::never;
 use gaitfit_view::{Doubt, DoubtKind};
@@ -107,6 +108,9 @@ pub struct CostFit {
     pub runs: Vec<RunOutcome>,
     /// Prediction of logs that were not fitted.
     pub validation: Vec<Validation>,
+    /// Joint uncertainty of the parameters, where least squares found them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncertainty: Option<Uncertainty>,
     /// Each parameter beside the first cost's; empty of the first cost.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub comparison: Vec<Agreement>,
@@ -279,13 +283,17 @@ fn identified(
     folder: &RunFolder,
     watch: &Watch<'_>,
 ) -> Result<CostOutcome, Error> {
-    if setup.theta.len() > MOST_SCANNED {
-        return Ok(outcome);
-    }
     let cost = setup.costs[cost].as_ref();
     let scan = Scan::new(setup.fit.simulator.as_ref(), cost.name(), watch);
-    match outcome.identify(&scan, &setup.theta, cost, 0, &|| watch.stop()) {
-        Ok(_) => Ok(outcome),
+    let stop = || watch.stop();
+    let measured = if setup.options.method.least_squares(cost, &setup.theta).map_err(Error::failed)? {
+        let others: Vec<Alternative<'_>> = setup.alternatives.iter().map(Other::alternative).collect();
+        outcome.trust(&scan, &others, &setup.theta, cost, &stop)
+    } else {
+        outcome.identify(&scan, &setup.theta, cost, 0, &stop).map(|_| ())
+    };
+    match measured {
+        Ok(()) => Ok(outcome),
         Err(FitError::Cancelled) => {
             let path = folder.path();
             let message =
@@ -361,6 +369,7 @@ fn fit(
         )?,
         parameters,
         runs: outcome.runs.clone(),
+        uncertainty: outcome.uncertainty.clone(),
         comparison: Vec::new(),
     })
 }

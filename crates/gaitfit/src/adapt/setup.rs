@@ -1,5 +1,6 @@
 //! Everything a fit needs, read and checked before anything is written.
 
+use super::alternatives::{Alternatives, alternatives};
 use super::method::Method;
 use crate::air::{Clamped, logs as air_logs};
 use crate::log::Log;
@@ -99,6 +100,9 @@ pub struct Setup {
     pub notes: Option<LogNotes>,
     /// The costs, in the configuration's order.
     pub costs: Vec<Box<dyn Cost>>,
+    /// Simulators of the same logs that could stand in for the fit's, and how they differ: they show how far its errors
+    /// move what a fit of least squares finds.
+    pub alternatives: Alternatives,
     /// Optimiser settings.
     pub options: FitOptions,
     /// Every file that was read.
@@ -128,7 +132,8 @@ impl Setup {
             .rules()
             .theta(&config.groups(), &joints, &rest)
             .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
-        let method = method(&config, policy, model, &theta, &base, threads)?;
+        let (walker, robot) = (policy.clone(), model.clone());
+        let method = self::method(&config, policy, model, &theta, &base, threads)?;
         let mut warnings = Vec::new();
         if let Some((path, file)) = &known {
             warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
@@ -138,6 +143,10 @@ impl Setup {
         warnings.extend(logs.warnings.iter().cloned());
         warnings.extend(unused(&config, &theta, &logs.validate)?);
         let fit = LogSet::new(&config, &method, &base, logs.fit)?;
+        let other = |config: &AdaptConfig| {
+            self::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
+        };
+        let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
         let validate = logs
             .validate
             .into_iter()
@@ -150,6 +159,7 @@ impl Setup {
             costs: fit.costs(&config)?,
             options: check::options(&config, logs.notes.as_ref().map_or(0, LogNotes::falls)),
             notes: logs.notes,
+            alternatives,
             config,
             method,
             theta,

@@ -120,6 +120,7 @@ fn wrong_gains(config: &AdaptConfig) -> Option<String> {
 pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
     let optimizer = &config.optimizer;
     FitOptions {
+        method: optimizer.method,
         population: optimizer.population,
         generations: optimizer.generations,
         restarts: optimizer.restarts,

@@ -24,7 +24,7 @@ pub use train::{TaskName, TrainConfig};
 
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::CostKind;
-use gaitfit_adapt::fit::RandomNumbers;
+use gaitfit_adapt::fit::{Method, RandomNumbers};
 use gaitfit_adapt::{NetworkRule, ParameterRule, RobotRule, Rules};
 use gaitfit_log::PerJoint;
 pub use gaitfit_physics::Preset;
@@ -176,6 +176,8 @@ impl Default for FallsConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct OptimizerConfig {
+    /// How seeds search: `least-squares` for costs that compare single samples, `cma-es` for any, or `auto`.
+    pub method: Method,
     /// Candidates a generation; 0 takes 4 + ⌊3 ln n⌋.
     pub population: usize,
     /// Generations of every start.
@@ -296,6 +298,7 @@ impl Default for SimulationConfig {
 impl Default for OptimizerConfig {
     fn default() -> Self {
         Self {
+            method: Method::Auto,
             population: 0,
             generations: 200,
             restarts: 0,

@@ -18,6 +18,8 @@ pub struct WalkSimulator {
     scripts: Vec<Script>,
     /// What the logs' sensors read; empty if a log lacks what an IMU measures.
     courses: Vec<Course>,
+    /// How far standing feet say how the base moves, see [`predict::Job::feet_trust`].
+    feet_trust: f64,
     /// Joints of the signals: the policy's.
     joints: Vec<String>,
     /// Joints of the model, which θ names.
@@ -33,10 +35,16 @@ impl WalkSimulator {
             base,
             scripts: logs.iter().map(|log| script(&walking.task.walker, log)).collect(),
             courses: logs.iter().map_while(|log| course(&walking.task.walker, log)).collect(),
+            feet_trust: predict::FEET_TRUST,
             joints: walking.joints(),
             model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
             walking,
         }
+    }
+
+    /// The simulator with other trust in standing feet.
+    pub fn with_feet_trust(self, feet_trust: f64) -> Self {
+        Self { feet_trust, ..self }
     }
 
     /// The robot with these values of θ.
@@ -76,7 +84,10 @@ impl Simulator for WalkSimulator {
                 Resets::State(every) => {
                     free.push((number, follow::Job { candidate, reset_every: Some(every), seed }));
                 }
-                Resets::Sensors(every) => corrected.push((number, predict::Job { candidate, every, seed })),
+                Resets::Sensors(every) => {
+                    let feet_trust = self.feet_trust;
+                    corrected.push((number, predict::Job { candidate, every, feet_trust, seed }));
+                }
             }
         }
         if !corrected.is_empty() && self.courses.len() < self.scripts.len() {

@@ -1,0 +1,66 @@
+//! The differences whose size a time-aligned cost sums, one by one: what least squares needs.
+
+use super::{CostError, LOST, Reference, Weights};
+use crate::Signals;
+
+/// Scaled and weighted differences between simulated and recorded samples.
+#[derive(Clone, Copy, Debug)]
+pub struct Differences<'a> {
+    reference: &'a Reference,
+    weights: Weights,
+}
+
+impl<'a> Differences<'a> {
+    pub(super) fn new(reference: &'a Reference, weights: Weights) -> Self {
+        Self { reference, weights }
+    }
+
+    /// Numbers a sample: the dimensions of all signals that count, those that are constant in the recordings left out.
+    pub fn width(&self) -> usize {
+        let of = |signal| self.reference.dimensions(signal).unwrap_or_default();
+        let scaled = |signal| of(signal).iter().filter(|dimension| dimension.scale.is_some()).count();
+        self.weights.signals().map(scaled).sum()
+    }
+
+    /// Those of recording number `recording`: `samples × width`, row-major, without the samples that do not count. Units
+    /// are those in which the robot's range is 2; a sample lost to a fall is off by the whole range.
+    ///
+    /// # Errors
+    /// [`CostError::NotFinite`] if a sample is NaN or infinite; shapes that do not fit.
+    pub fn of(&self, recording: usize, simulated: Signals<'_>) -> Result<Vec<f32>, CostError> {
+        let reference = self.reference;
+        let width = self.width();
+        let rows = reference.samples(recording) - reference.skip();
+        let mut all = vec![0.0f32; rows * width];
+        let mut column = 0;
+        for signal in self.weights.signals() {
+            let joints = signal.width(reference.joints().len());
+            let measured = reference.recording(signal, recording).unwrap_or_default();
+            let counted = reference.checked(signal, recording, &simulated)?;
+            if counted.matrix.len() + counted.lost * joints != measured.len() {
+                return Err(CostError::Shape {
+                    signal,
+                    recording,
+                    len: simulated.get(signal).unwrap_or_default().len(),
+                    expected: format!("{} samples × {joints}", reference.samples(recording)),
+                });
+            }
+            let weight = self.weights.get(signal);
+            let dimensions = reference.dimensions(signal).unwrap_or_default();
+            for (dimension, scale) in
+                dimensions.iter().enumerate().filter_map(|(place, one)| Some((place, one.scale?)))
+            {
+                let factor = weight * scale;
+                for (row, numbers) in all.chunks_exact_mut(width).enumerate() {
+                    let at = row * joints + dimension;
+                    numbers[column] = match counted.matrix.get(at) {
+                        Some(&found) => (factor * (f64::from(found) - measured[at])) as f32,
+                        None => (weight * LOST) as f32,
+                    };
+                }
+                column += 1;
+            }
+        }
+        Ok(all)
+    }
+}

@@ -1,0 +1,230 @@
+//! Least squares: Gauss and Newton's method with Marquardt's damping, for costs that sum differences of single samples.
+//!
+//! Where predictions are short the differences are smooth in θ, and a few steps along their derivatives find what
+//! CMA-ES needs hundreds of candidates for. Derivatives are central differences of the simulation. The loss is robust,
+//! see [`normal`]; the cost is reported as its own definition says.
+
+mod normal;
+mod residuals;
+mod uncertainty;
+
+pub use uncertainty::{Alternative, Shift, Uncertainty, uncertainty};
+
+use super::FitError;
+use super::run::Stop;
+use crate::cmaes::Best;
+use crate::{Entry, Theta};
+use gaitfit_random::{Purpose, Stream};
+use normal::{Jacobian, Loss, Normal};
+pub(in crate::fit) use residuals::Problem;
+use residuals::Residuals;
+use serde::{Deserialize, Serialize};
+
+/// Most entries that least squares takes.
+pub const MOST_ENTRIES: usize = 200;
+/// Distance of the two candidates of a derivative from their middle, in an entry's deviations: far enough for the effect
+/// to stand out from feet that touch the ground a moment sooner or later.
+const PROBE: f64 = 0.5;
+/// Dampings tried in a generation, times the one that served last.
+const DAMPINGS: [f64; 4] = [1e-2, 1.0, 1e2, 1e4];
+const FIRST_DAMPING: f64 = 1e-3;
+const LEAST_DAMPING: f64 = 1e-9;
+const MOST_DAMPING: f64 = 1e9;
+/// A loss that falls by less than this part has come to its end.
+const PROGRESS: f64 = 1e-9;
+
+/// The state of a search; one generation is one step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GaussNewton {
+    /// Steps done.
+    generation: u32,
+    /// θ now.
+    values: Vec<f64>,
+    /// Marquardt's damping.
+    damping: f64,
+    /// The smallest cost so far and its θ.
+    best: Option<Best>,
+    /// Why it ended.
+    stop: Option<Stop>,
+}
+
+/// What one step did.
+pub(super) struct Stepped {
+    /// Cost after the step.
+    pub cost: f64,
+    /// Mean cost of the candidates tried.
+    pub mean: f64,
+    /// Largest part of the step, in an entry's deviations.
+    pub size: f64,
+    pub evaluations: usize,
+    pub diverged: usize,
+    pub fallen: usize,
+    pub falls: usize,
+}
+
+impl GaussNewton {
+    /// A search of run number `seed`: the first begins at θ's start, moved off its bounds, where a derivative says little.
+    pub(super) fn new(theta: &Theta, seed: u64, first: bool) -> Self {
+        let mut start = theta.start(seed);
+        let mut draws = vec![0.0; start.len()];
+        if !first {
+            Stream::new(seed, Purpose::RESTART).fill_normals(0, &mut draws);
+        }
+        for ((value, entry), draw) in start.iter_mut().zip(theta.entries()).zip(draws) {
+            let away = draw * entry.deviation;
+            let room = (0.5 * (entry.upper - entry.lower)).min(entry.deviation);
+            *value = (*value + away).clamp(entry.lower + room, entry.upper - room);
+        }
+        Self { generation: 0, values: start, damping: FIRST_DAMPING, best: None, stop: None }
+    }
+
+    pub(super) fn generation(&self) -> u32 {
+        self.generation
+    }
+
+    pub(super) fn best(&self) -> Option<&Best> {
+        self.best.as_ref()
+    }
+
+    pub(super) fn stop(&self) -> Option<Stop> {
+        self.stop
+    }
+
+    /// Whether the state belongs to `theta`.
+    pub(super) fn fits(&self, theta: &Theta) -> bool {
+        let inside = |(value, entry): (&f64, &Entry)| (entry.lower..=entry.upper).contains(value);
+        self.values.len() == theta.len() && self.values.iter().zip(theta.entries()).all(inside)
+    }
+
+    /// One step. `None` if the simulation of the present θ diverges.
+    ///
+    /// # Errors
+    /// As [`Problem::residuals`]; the state is then as it was before.
+    pub(super) fn step(
+        &mut self,
+        problem: &Problem<'_>,
+        generations: usize,
+        tolerance: f64,
+    ) -> Result<Option<Stepped>, FitError> {
+        let theta = problem.theta;
+        let Some(here) = around(problem, &self.values)? else { return Ok(None) };
+        let loss = Loss::of(&here.residuals);
+        let normal = Normal::whole(&here.jacobian, &here.residuals, loss);
+        let free = free(theta, &self.values, &normal);
+        let trials: Vec<(f64, Vec<f64>)> = DAMPINGS
+            .iter()
+            .map(|factor| (self.damping * factor).clamp(LEAST_DAMPING, MOST_DAMPING))
+            .filter_map(|damping| {
+                Some((damping, moved(theta, &self.values, normal.step(damping, &free)?.iter())))
+            })
+            .collect();
+        let candidates: Vec<Vec<f64>> = trials.iter().map(|(_, values)| values.clone()).collect();
+        let tried = problem.residuals(&candidates)?;
+        let before = loss.mean(&here.residuals);
+        let losses = tried.iter().enumerate().filter_map(|(at, one)| Some((at, loss.mean(one.as_ref()?))));
+        let lowest = losses.min_by(|a, b| a.1.total_cmp(&b.1));
+        let costs: Vec<f64> = tried.iter().flatten().map(|one| one.cost).collect();
+        let mut all = tried.iter().flatten().chain([&here.residuals]);
+        let (fallen, falls) = all
+            .by_ref()
+            .fold((0, 0), |(fallen, falls), one| (fallen + usize::from(one.falls > 0), falls + one.falls));
+        self.generation += 1;
+        let mut stepped = Stepped {
+            cost: here.residuals.cost,
+            mean: costs.iter().sum::<f64>() / costs.len().max(1) as f64,
+            size: 0.0,
+            evaluations: here.evaluations + tried.len(),
+            diverged: tried.iter().filter(|one| one.is_none()).count(),
+            fallen,
+            falls,
+        };
+        let accepted = lowest.filter(|(_, lowest)| *lowest < before * (1.0 - PROGRESS));
+        match accepted.and_then(|(at, _)| Some((at, tried[at].as_ref()?))) {
+            Some((at, residuals)) => {
+                let (damping, values) = &trials[at];
+                stepped.size = size(theta, &self.values, values);
+                stepped.cost = residuals.cost;
+                self.damping = *damping;
+                self.values.clone_from(values);
+                if stepped.size <= tolerance {
+                    self.stop = Some(Stop::Tolerance);
+                }
+            }
+            // No direction is downhill: this is the lowest point, but for the rounding of the simulation.
+            None if self.damping >= MOST_DAMPING || normal.step(self.damping, &free).is_none() => {
+                self.stop = Some(Stop::Degenerate);
+            }
+            None => self.stop = Some(Stop::Converged),
+        }
+        if self.stop.is_none() && self.generation as usize >= generations {
+            self.stop = Some(Stop::Generations);
+        }
+        // The last values are the answer: the loss falls with every step, the cost nearly so.
+        self.best =
+            Some(Best { x: self.values.clone(), cost: stepped.cost, generation: self.generation - 1 });
+        Ok(Some(stepped))
+    }
+}
+
+/// A point of θ with the derivatives there.
+struct Around {
+    residuals: Residuals,
+    jacobian: Jacobian,
+    evaluations: usize,
+}
+
+/// Simulates `values` and its neighbours; `None` if one of them diverges.
+fn around(problem: &Problem<'_>, values: &[f64]) -> Result<Option<Around>, FitError> {
+    let theta = problem.theta;
+    let mut candidates = vec![values.to_vec()];
+    let mut steps = Vec::with_capacity(values.len());
+    for (at, entry) in theta.entries().iter().enumerate() {
+        let room = 0.5 * (entry.upper - entry.lower);
+        let probe = (PROBE * entry.deviation).min(room);
+        let mut at_most = |to: f64| {
+            let mut candidate = values.to_vec();
+            candidate[at] = to.clamp(entry.lower, entry.upper);
+            candidates.push(candidate);
+            candidates.last().map_or(to, |candidate| candidate[at])
+        };
+        steps.push(at_most(values[at] + probe) - at_most(values[at] - probe));
+    }
+    let numbers = |one: &Residuals| one.recordings.iter().map(Vec::len).sum::<usize>();
+    let first = problem.residuals(&candidates[..1])?.pop().flatten();
+    let Some(residuals) = first else { return Ok(None) };
+    problem.check(numbers(&residuals), candidates.len())?;
+    let neighbours: Option<Vec<Residuals>> = problem.residuals(&candidates[1..])?.into_iter().collect();
+    let Some(neighbours) = neighbours else { return Ok(None) };
+    let mut neighbours = neighbours.into_iter();
+    let mut pairs = Vec::with_capacity(steps.len());
+    while let (Some(up), Some(down)) = (neighbours.next(), neighbours.next()) {
+        pairs.push((up, down, steps[pairs.len()]));
+    }
+    Ok(Some(Around {
+        residuals,
+        jacobian: Jacobian::new(pairs, problem.differences()?.width()),
+        evaluations: candidates.len(),
+    }))
+}
+
+/// Entries that may move: all but those on a bound beyond which the loss falls.
+fn free(theta: &Theta, values: &[f64], normal: &Normal) -> Vec<bool> {
+    let held = |(at, entry): (usize, &Entry)| {
+        let slope = normal.slope[at];
+        values[at] <= entry.lower && slope > 0.0 || values[at] >= entry.upper && slope < 0.0
+    };
+    theta.entries().iter().enumerate().map(|one| !held(one)).collect()
+}
+
+/// `values` after a step, within the bounds.
+fn moved<'a>(theta: &Theta, values: &[f64], step: impl Iterator<Item = &'a f64>) -> Vec<f64> {
+    let entries = theta.entries().iter().zip(values).zip(step);
+    entries.map(|((entry, value), step)| (value + step).clamp(entry.lower, entry.upper)).collect()
+}
+
+/// Largest part of a step, in an entry's deviations.
+fn size(theta: &Theta, from: &[f64], to: &[f64]) -> f64 {
+    let entries = theta.entries().iter().zip(from).zip(to);
+    entries.map(|((entry, from), to)| (to - from).abs() / entry.deviation).fold(0.0, f64::max)
+}

@@ -1,0 +1,103 @@
+//! Differences of many candidates from the recordings, as one batch of the simulator.
+
+use crate::cost::{Accumulator, Cost, CostError, Differences};
+use crate::fit::FitError;
+use crate::{Cancel, Rollout, Signals, Simulator, Theta};
+use std::sync::Mutex;
+
+/// Most memory for the differences of a batch, bytes.
+const MEMORY: usize = 4 << 30;
+
+/// What one candidate differs by.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Residuals {
+    /// One vector a recording, `samples × width`; see [`Differences::of`].
+    pub recordings: Vec<Vec<f32>>,
+    /// What the cost makes of them, regularisation and falls left out.
+    pub cost: f64,
+    /// Recordings in which the simulated robot fell.
+    pub falls: usize,
+}
+
+/// What is compared, and with what.
+#[derive(Clone, Copy)]
+pub(in crate::fit) struct Problem<'a> {
+    pub simulator: &'a dyn Simulator,
+    pub theta: &'a Theta,
+    pub cost: &'a dyn Cost,
+    /// Random draws of every simulation.
+    pub draw: u64,
+    pub cancel: &'a Cancel<'a>,
+}
+
+struct Pending<'a> {
+    accumulator: Box<dyn Accumulator + 'a>,
+    recordings: Vec<Option<Vec<f32>>>,
+    falls: usize,
+    error: Option<CostError>,
+}
+
+impl Problem<'_> {
+    pub(super) fn differences(&self) -> Result<Differences<'_>, FitError> {
+        self.cost.differences().ok_or_else(|| FitError::Distributions(self.cost.name().to_owned()))
+    }
+
+    /// What every candidate differs by; `None` where it diverged.
+    ///
+    /// # Errors
+    /// As [`Simulator::simulate`]; [`FitError::Distributions`], [`FitError::TooMany`].
+    pub(super) fn residuals(&self, candidates: &[Vec<f64>]) -> Result<Vec<Option<Residuals>>, FitError> {
+        let differences = self.differences()?;
+        let count = self.simulator.recordings();
+        let begin = |_: &Vec<f64>| {
+            Mutex::new(Pending {
+                accumulator: self.cost.begin(),
+                recordings: vec![None; count],
+                falls: 0,
+                error: None,
+            })
+        };
+        let pending: Vec<Mutex<Pending<'_>>> = candidates.iter().map(begin).collect();
+        let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
+            let Some(pending) = pending.get(candidate) else { return };
+            let of = differences.of(recording, signals);
+            let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+            pending.falls += usize::from(signals.fell_at.is_some());
+            let added = of.and_then(|of| pending.accumulator.add(recording, signals).map(|()| of));
+            match added {
+                Ok(of) => {
+                    if let Some(slot) = pending.recordings.get_mut(recording) {
+                        *slot = Some(of);
+                    }
+                }
+                Err(error) => pending.error = pending.error.take().or(Some(error)),
+            }
+        };
+        let rollout = |values: &Vec<f64>| Rollout {
+            values: values.clone(),
+            resets: self.cost.resets(),
+            draw: self.draw,
+        };
+        let rollouts: Vec<Rollout> = candidates.iter().map(rollout).collect();
+        self.simulator.simulate(self.theta, &rollouts, &consume, self.cancel)?;
+        let finish = |pending: Mutex<Pending<'_>>| {
+            let mut pending = pending.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+            match pending.error {
+                Some(error) if error.is_candidate_failure() => return Ok(None),
+                Some(error) => return Err(FitError::Cost(error)),
+                None => {}
+            }
+            let recordings =
+                pending.recordings.into_iter().collect::<Option<Vec<_>>>().ok_or(FitError::Incomplete)?;
+            let cost = pending.accumulator.finish().map_err(FitError::Cost)?.total;
+            Ok(cost.is_finite().then_some(Residuals { recordings, cost, falls: pending.falls }))
+        };
+        pending.into_iter().map(finish).collect()
+    }
+
+    /// Refuses more candidates than memory has room for.
+    pub(super) fn check(&self, numbers: usize, candidates: usize) -> Result<(), FitError> {
+        let needed = numbers.saturating_mul(candidates).saturating_mul(size_of::<f32>());
+        if needed > MEMORY { Err(FitError::TooMany { needed, most: MEMORY }) } else { Ok(()) }
+    }
+}

@@ -1,0 +1,59 @@
+//! Simulators that could stand in for a fit's: what they would have found shows how far its own errors move the result.
+
+use super::method::Method;
+use crate::Error;
+use crate::log::Log;
+use crate::settings::{AdaptConfig, Preset};
+use gaitfit_adapt::Simulator;
+use gaitfit_adapt::fit::Alternative;
+use gaitfit_sim::Candidate;
+
+/// Other simulators of the same logs.
+pub type Alternatives = Vec<Other>;
+
+/// Another simulator of the same logs.
+pub struct Other {
+    /// How it differs, in words.
+    what: &'static str,
+    simulator: Box<dyn Simulator>,
+}
+
+impl Other {
+    /// As a fit takes it.
+    pub fn alternative(&self) -> Alternative<'_> {
+        Alternative { what: self.what.to_owned(), simulator: self.simulator.as_ref() }
+    }
+}
+
+/// Those of `logs` beside that of `method`. `of` makes the method of other settings. None where no cost takes short
+/// predictions: over whole walks two simulators drift apart, whatever their parameters.
+pub fn alternatives(
+    config: &AdaptConfig,
+    method: &Method,
+    of: &dyn Fn(&AdaptConfig) -> Result<Method, Error>,
+    base: &Candidate,
+    logs: &[Log],
+) -> Result<Alternatives, Error> {
+    let Method::Walk(walking) = method else { return Ok(Vec::new()) };
+    if !config.costs.iter().any(|cost| cost.needs_imu()) {
+        return Ok(Vec::new());
+    }
+    let mut finer = config.clone();
+    finer.simulation.timestep *= 0.5;
+    let mut solver = config.clone();
+    solver.simulation.preset = match config.simulation.preset {
+        Preset::Fast => Preset::Accurate,
+        Preset::Accurate | Preset::Converged => Preset::Fast,
+    };
+    let feet = walking.simulator(base.clone(), logs).with_feet_trust(1.0);
+    let solver_name = match solver.simulation.preset {
+        Preset::Fast => "preset fast",
+        Preset::Accurate | Preset::Converged => "preset accurate",
+    };
+    let other = |what, simulator| Other { what, simulator };
+    Ok(vec![
+        other("half the step", of(&finer)?.simulator(base.clone(), logs)?),
+        other(solver_name, of(&solver)?.simulator(base.clone(), logs)?),
+        other("feet trusted fully", Box::new(feet)),
+    ])
+}
