@@ -188,7 +188,7 @@ fn another_simulator_shows_how_far_its_error_moves_the_result() {
     let costs = costs("matchr1", &reference);
     let (values, _, _) = found(&reference, 0.5);
     let same = Alternative { what: "none".to_owned(), simulator: &simulator(0.0) };
-    let other = Alternative { what: "offset".to_owned(), simulator: &simulator(1e-3) };
+    let other = Alternative { what: "offset".to_owned(), simulator: &simulator(1e-2) };
     let cost = costs[0].as_ref();
     let found = uncertainty(&simulator(0.0), &[same, other], &theta, cost, &values, &never).unwrap().unwrap();
     assert!(found.shifts[0].by.iter().all(|by| by.abs() < 1e-6), "{:?}", found.shifts);

@@ -119,7 +119,7 @@ fn together(
     let sampling: Vec<f64> = (0..entries).map(|at| (factor * covariance[(at, at)]).max(0.0).sqrt()).collect();
     let deviation: Vec<f64> = (0..entries)
         .map(|at| {
-            let model: f64 = shifts.iter().map(|shift| (shift.times * shift.by[at]).powi(2)).sum();
+            let model: f64 = shifts.iter().map(|shift| shift.by[at].powi(2)).sum();
             (sampling[at] * sampling[at] + model).sqrt()
         })
         .collect();
@@ -152,9 +152,7 @@ fn draws(theta: &Theta, values: &[f64], parts: &[Normal], shifts: &[Shift]) -> V
             let model: f64 = shifts
                 .iter()
                 .enumerate()
-                .map(|(k, shift)| {
-                    own.step(1).normal(u32::try_from(k).unwrap_or(u32::MAX)) * shift.times * shift.by[at]
-                })
+                .map(|(k, shift)| own.step(1).normal(u32::try_from(k).unwrap_or(u32::MAX)) * shift.by[at])
                 .sum();
             (value + step + model).clamp(entry.lower, entry.upper)
         });
