@@ -12,7 +12,7 @@ made=$(mktemp -d)
 trap 'rm -rf "$made"' EXIT
 $gaitfit export assets/go2-walk.safetensors --onnx "$made/go2-walk.onnx" > /dev/null
 "$python" tools/mujoco_robot.py collect --policy "$made/go2-walk.onnx" --robot examples/go2-ground/robot.toml \
-    --out "$made/logs" --trajectories 64 --seconds 4 --log-shift 0.02 0.1 --seed 1 --digits 4
+    --out "$made/logs" --trajectories 64 --seconds 4 --log-shift 0.02 0.1 --seed 1 --digits 4 --base imu
 rm -rf "$logs"
 mv "$made/logs" "$logs"
 du -sh "$logs"
