@@ -170,7 +170,7 @@ fn intervals_of_many_fits_cover_the_truth_as_they_say() {
         let reference = reference(3e-2, 0, 100 + seed);
         let (values, _, _) = found(&reference, 0.5);
         let costs = costs("matchr1", &reference);
-        let found = uncertainty(&simulator(0.0), &[], &theta, costs[0].as_ref(), &values, &never).unwrap();
+        let found = uncertainty(&simulator(0.0), &[], &theta, costs[0].as_ref(), &values, 0, &never).unwrap();
         let found = found.unwrap();
         for ((interval, truth), draw) in found.interval.iter().zip(TRUTH).zip(&found.draws[0]) {
             inside += usize::from((interval[0]..=interval[1]).contains(&truth));
@@ -190,11 +190,12 @@ fn another_simulator_shows_how_far_its_error_moves_the_result() {
     let same = Alternative { what: "none".to_owned(), simulator: &simulator(0.0) };
     let other = Alternative { what: "offset".to_owned(), simulator: &simulator(1e-2) };
     let cost = costs[0].as_ref();
-    let found = uncertainty(&simulator(0.0), &[same, other], &theta, cost, &values, &never).unwrap().unwrap();
-    assert!(found.shifts[0].by.iter().all(|by| by.abs() < 1e-6), "{:?}", found.shifts);
-    assert!(found.shifts[1].by.iter().any(|by| by.abs() > 1e-5), "{:?}", found.shifts);
-    for (at, shift) in found.shifts[1].by.iter().enumerate() {
-        let expected = found.sampling[at].hypot(*shift);
+    let found =
+        uncertainty(&simulator(0.0), &[same, other], &theta, cost, &values, 0, &never).unwrap().unwrap();
+    assert!(found.shifts[1].by.iter().all(|by| by.abs() < 1e-6), "{:?}", found.shifts);
+    assert!(found.shifts[2].by.iter().any(|by| by.abs() > 1e-5), "{:?}", found.shifts);
+    for (at, shift) in found.shifts[2].by.iter().enumerate() {
+        let expected = found.sampling[at].hypot(*shift).hypot(found.shifts[0].by[at]);
         assert!((found.deviation[at] - expected).abs() < 1e-3 * expected);
     }
     let mut fit = Fit::new(&simulator(0.0), &theta, &costs, options(Method::Auto)).unwrap().outcomes();
@@ -206,4 +207,51 @@ fn another_simulator_shows_how_far_its_error_moves_the_result() {
     fit[0].trust(&simulator, &[], &theta, cost, &never).unwrap();
     let known = fit[0].parameters[0].identification.clone().unwrap();
     assert!(known.identified && known.noise == NoiseSource::Refits && known.upper > known.lower);
+}
+
+#[test]
+fn what_the_logs_do_not_show_is_not_identified_and_what_rests_on_a_bound_stays_there() {
+    let rule = |kind| ParameterRule { per: Sharing::All, ..ParameterRule::new(kind) };
+    let rules = [
+        ParameterRule { upper: Some(0.1), ..rule(JointParameter::FrictionLoss) },
+        rule(JointParameter::Armature),
+        rule(JointParameter::Damping),
+    ];
+    let theta = Theta::from_rules(&rules, &[], &simulator(0.0).joints).unwrap();
+    let reference = reference(1e-3, 0, 7);
+    let (simulator, costs) = (simulator(0.0), costs("matchr1", &reference));
+    let mut search = Fit::new(&simulator, &theta, &costs, options(Method::Auto)).unwrap();
+    while search.step(&never).unwrap().is_some() {}
+    let mut outcome = search.outcomes().remove(0);
+    outcome.trust(&simulator, &[], &theta, costs[0].as_ref(), &never).unwrap();
+    let identified: Vec<bool> =
+        outcome.parameters.iter().map(|one| one.identification.as_ref().unwrap().identified).collect();
+    assert_eq!(identified, [true, true, false], "the damping has no effect");
+    let draws = &outcome.uncertainty.as_ref().unwrap().draws;
+    assert!(draws.iter().all(|draw| draw[0] == 0.1), "{draws:?}");
+    let mean = draws.iter().map(|draw| draw[1]).sum::<f64>() / draws.len() as f64;
+    let found = outcome.parameters[1].value;
+    assert!((mean - found).abs() < 1e-3, "{mean} beside {found}");
+    let damping: Vec<f64> = draws.iter().map(|draw| draw[2]).collect();
+    assert!(damping.iter().any(|x| *x < 0.5) && damping.iter().any(|x| *x > 1.5), "{damping:?}");
+}
+
+#[test]
+fn a_checkpoint_that_cannot_be_is_refused() {
+    let reference = reference(1e-2, 0, 3);
+    let (simulator, theta, costs) = (simulator(0.0), theta(0.5), costs("matchr1", &reference));
+    let mut fit = Fit::new(&simulator, &theta, &costs, options(Method::Auto)).unwrap();
+    fit.step(&never).unwrap();
+    let good = serde_json::to_value(fit.checkpoint()).unwrap();
+    for (key, bad) in [
+        ("damping", serde_json::json!(-1.0)),
+        ("values", serde_json::json!([0.1])),
+        ("best", serde_json::Value::Null),
+        ("best", serde_json::json!({ "x": [], "cost": 1.0, "generation": 0 })),
+    ] {
+        let mut bad_one = good.clone();
+        bad_one["runs"][0]["state"]["least_squares"][key] = bad;
+        let saved = serde_json::from_value(bad_one).unwrap();
+        assert!(Fit::resume(&simulator, &theta, &costs, options(Method::Auto), saved).is_err(), "{key}");
+    }
 }

@@ -6,6 +6,8 @@ use super::{CostOutcome, MOST_SCANNED, ParameterOutcome, Stop};
 const PROGRESS: f64 = 0.01;
 /// Seeds whose values differ by more than this part of the bounds (one standard deviation) found different ones.
 const APART: f64 = 0.05;
+/// A search that was cut short before has shown nothing.
+const FEWEST: usize = 4;
 /// Parameters named in a reason.
 const NAMED: usize = 4;
 
@@ -41,6 +43,10 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
         );
     }
     let generations = best.map_or(0, |run| run.generations);
+    if generations < FEWEST && !course.is_empty() {
+        let plural = if generations == 1 { "" } else { "s" };
+        reasons.push(format!("It was cut short after {generations} generation{plural}."));
+    }
     if let Some(fall) = late_fall(course).filter(|fall| *fall > PROGRESS) {
         reasons.push(format!(
             "The best cost still fell by {:.1} % over the last quarter of {generations} generations.",

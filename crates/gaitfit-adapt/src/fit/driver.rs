@@ -29,8 +29,8 @@ pub struct FitOptions {
     /// What happens to draws outside the bounds. A start or an optimum on bounds (dry friction of 0) is common,
     /// and wants [`BoundHandling::Reflect`].
     pub bounds: BoundHandling,
-    /// A run stops once the largest standard deviation of any parameter fell to this part of its initial
-    /// deviation; 0 never stops early.
+    /// A run stops once the largest standard deviation of any parameter, or its next step of least squares, fell to
+    /// this part of its initial deviation; 0 never stops early.
     pub tolerance: f64,
     /// What falling costs.
     pub falls: FallPenalty,
@@ -118,7 +118,7 @@ pub enum RandomNumbers {
 
 impl RandomNumbers {
     /// The draw of a candidate, by its address.
-    fn draw(self, seed: u64, generation: u32, candidate: usize) -> u64 {
+    pub(super) fn draw(self, seed: u64, generation: u32, candidate: usize) -> u64 {
         let noise = Purpose::TORQUE_NOISE;
         let generation = derive_seed(seed, noise, generation);
         match self {
@@ -171,7 +171,7 @@ pub struct RunGeneration {
     /// Falls of all candidates in all recordings.
     #[serde(default)]
     pub falls: usize,
-    /// Smallest cost so far.
+    /// Smallest cost so far; of least squares that of the last step.
     pub best_so_far: f64,
     /// Its θ.
     pub best_values: Vec<f64>,

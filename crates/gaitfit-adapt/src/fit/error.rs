@@ -35,6 +35,20 @@ pub enum FitError {
         /// Generation, from 1.
         generation: usize,
     },
+    /// The values of a step of least squares, or their neighbours.
+    #[error(
+        "the simulation of step {generation} of least squares diverged ({cost}, seed {seed}), or that of its neighbours \
+         half a deviation away: lower the deviations, take a smaller simulation timestep or optimizer.method = \
+         \"cma-es\", and look for impossible numbers in the logs"
+    )]
+    StepDiverged {
+        /// Cost.
+        cost: String,
+        /// Seed.
+        seed: u64,
+        /// Step, from 1.
+        generation: usize,
+    },
     /// Least squares of a cost that compares distributions.
     #[error(
         "least squares needs a cost that compares sample by sample, which `{0}` does not; take CMA-ES for it"

@@ -1,7 +1,9 @@
 //! What a fit found: values, their spread over seeds, and the bounds they rest on.
 
 use super::run::Stop;
-use super::{Alternative, FitError, Identification, MOST_SCANNED, Uncertainty, identify, uncertainty};
+use super::{
+    Alternative, FitError, Identification, MOST_SCANNED, RandomNumbers, Uncertainty, identify, uncertainty,
+};
 use crate::cost::Cost;
 use crate::{Cancel, Simulator, Theta};
 use gaitfit_sim::stats;
@@ -132,7 +134,9 @@ impl CostOutcome {
         cost: &dyn Cost,
         cancel: &Cancel<'_>,
     ) -> Result<(), FitError> {
-        self.uncertainty = uncertainty(simulator, alternatives, theta, cost, &self.values(), cancel)?;
+        let best = self.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
+        let draw = RandomNumbers::Run.draw(best.map_or(0, |run| run.seed), 0, 0);
+        self.uncertainty = uncertainty(simulator, alternatives, theta, cost, &self.values(), draw, cancel)?;
         let Some(found) = &self.uncertainty else { return Ok(()) };
         let entries = theta.entries().iter().zip(&found.interval);
         for (parameter, (entry, interval)) in self.parameters.iter_mut().zip(entries) {

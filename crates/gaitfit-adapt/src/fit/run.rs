@@ -84,7 +84,7 @@ impl Run {
     /// One step of least squares, and the candidates it took; `None` of a run that asks for its candidates.
     ///
     /// # Errors
-    /// As [`GaussNewton::step`]; the run is then as it was before. [`FitError::AllDiverged`].
+    /// As [`GaussNewton::step`]; the run is then as it was before. [`FitError::StepDiverged`].
     pub fn step(
         &mut self,
         problem: &Problem<'_>,
@@ -93,7 +93,7 @@ impl Run {
         let By::LeastSquares(search) = &mut self.by else { return Ok(None) };
         let (seed, name) = (self.seed, problem.cost.name());
         let generation = search.generation() as usize + 1;
-        let diverged = || FitError::AllDiverged { cost: name.to_owned(), seed, generation };
+        let diverged = || FitError::StepDiverged { cost: name.to_owned(), seed, generation };
         let stepped = search.step(problem, options.generations, options.tolerance)?.ok_or_else(diverged)?;
         let best = search.best().ok_or_else(diverged)?;
         self.diverged += stepped.diverged;

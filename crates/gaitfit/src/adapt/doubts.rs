@@ -85,8 +85,15 @@ fn moved(fit: &CostFit) -> impl Iterator<Item = String> {
         let far = |(parameter, by): (&Parameter, &f64)| {
             let found = &parameter.found;
             let least = (MOVED.0 * found.value.abs()).max(MOVED.1 * (found.upper - found.lower));
-            (by.abs() > least)
-                .then(|| format!("{} {:.3} instead of {:.3}", found.name, found.value + by, found.value))
+            let flat = parameter.identified == Some(false);
+            (by.abs() > least && !flat).then(|| {
+                format!(
+                    "{} {:.3} instead of {:.3}",
+                    found.name,
+                    (found.value + by).clamp(found.lower, found.upper),
+                    found.value
+                )
+            })
         };
         let far: Vec<String> = fit.parameters.iter().zip(&shift.by).filter_map(far).collect();
         (!far.is_empty()).then(|| format!("with {} the fit would find {}", shift.what, far.join(", ")))

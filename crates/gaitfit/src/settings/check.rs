@@ -2,8 +2,8 @@
 
 use super::{AdaptConfig, Base, LEAST_STRETCH_S, MOST_SEED};
 use crate::Error;
-use gaitfit_adapt::RobotNumber;
-use gaitfit_adapt::fit::{FallPenalty, FitOptions};
+use gaitfit_adapt::fit::{FallPenalty, FitOptions, Method};
+use gaitfit_adapt::{NetworkStart, RobotNumber};
 use gaitfit_log::PerJoint;
 use gaitfit_model::shown_number;
 use std::path::Path;
@@ -120,7 +120,7 @@ fn wrong_gains(config: &AdaptConfig) -> Option<String> {
 pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
     let optimizer = &config.optimizer;
     FitOptions {
-        method: optimizer.method,
+        method: method(config),
         population: optimizer.population,
         generations: optimizer.generations,
         restarts: optimizer.restarts,
@@ -131,4 +131,10 @@ pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
         falls: FallPenalty { penalty: config.falls.penalty, robot: falls },
         random_numbers: optimizer.random_numbers,
     }
+}
+
+/// How to search. Networks whose hidden weights are searched begin where no derivative shows a way.
+fn method(config: &AdaptConfig) -> Method {
+    let hidden = config.network.iter().any(|rule| rule.start != NetworkStart::Features);
+    if hidden && config.optimizer.method == Method::Auto { Method::CmaEs } else { config.optimizer.method }
 }

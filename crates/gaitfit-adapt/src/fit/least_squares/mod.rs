@@ -31,7 +31,11 @@ const FIRST_DAMPING: f64 = 1e-3;
 const LEAST_DAMPING: f64 = 1e-9;
 const MOST_DAMPING: f64 = 1e9;
 /// A loss that falls by less than this part has come to its end.
-const PROGRESS: f64 = 1e-9;
+const PROGRESS: f64 = 1e-7;
+/// How much the damping rises where no step is downhill.
+const RISE: f64 = 1e6;
+/// Where no step is downhill with this damping, none is.
+const STEEP: f64 = 1e2;
 
 /// The state of a search; one generation is one step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,7 +59,7 @@ pub(super) struct Stepped {
     pub cost: f64,
     /// Mean cost of the candidates tried.
     pub mean: f64,
-    /// Largest part of the step, in an entry's deviations.
+    /// Largest part of the undamped step, in an entry's deviations; 0 where none was taken.
     pub size: f64,
     pub evaluations: usize,
     pub diverged: usize,
@@ -94,7 +98,13 @@ impl GaussNewton {
     /// Whether the state belongs to `theta`.
     pub(super) fn fits(&self, theta: &Theta) -> bool {
         let inside = |(value, entry): (&f64, &Entry)| (entry.lower..=entry.upper).contains(value);
-        self.values.len() == theta.len() && self.values.iter().zip(theta.entries()).all(inside)
+        let whole =
+            |values: &[f64]| values.len() == theta.len() && values.iter().zip(theta.entries()).all(inside);
+        let best = match &self.best {
+            Some(best) => whole(&best.x) && best.cost.is_finite(),
+            None => self.stop.is_none() && self.generation == 0,
+        };
+        whole(&self.values) && best && (LEAST_DAMPING..=MOST_DAMPING).contains(&self.damping)
     }
 
     /// One step. `None` if the simulation of the present θ diverges.
@@ -143,7 +153,10 @@ impl GaussNewton {
         match accepted.and_then(|(at, _)| Some((at, tried[at].as_ref()?))) {
             Some((at, residuals)) => {
                 let (damping, values) = &trials[at];
-                stepped.size = size(theta, &self.values, values);
+                // The step that no damping shortens says how far the end is.
+                let whole = normal.step(LEAST_DAMPING, &free);
+                let left = whole.map(|step| moved(theta, &self.values, step.iter()));
+                stepped.size = size(theta, &self.values, left.as_ref().unwrap_or(values));
                 stepped.cost = residuals.cost;
                 self.damping = *damping;
                 self.values.clone_from(values);
@@ -151,11 +164,10 @@ impl GaussNewton {
                     self.stop = Some(Stop::Tolerance);
                 }
             }
+            None if trials.is_empty() => self.stop = Some(Stop::Degenerate),
             // No direction is downhill: this is the lowest point, but for the rounding of the simulation.
-            None if self.damping >= MOST_DAMPING || normal.step(self.damping, &free).is_none() => {
-                self.stop = Some(Stop::Degenerate);
-            }
-            None => self.stop = Some(Stop::Converged),
+            None if self.damping >= STEEP => self.stop = Some(Stop::Converged),
+            None => self.damping = (self.damping * RISE).clamp(STEEP, MOST_DAMPING),
         }
         if self.stop.is_none() && self.generation as usize >= generations {
             self.stop = Some(Stop::Generations);

@@ -166,7 +166,7 @@ impl Normal {
         let largest = matrix.diagonal().iter().copied().fold(0.0, f64::max);
         for i in 0..free.len() {
             let own = matrix[(i, i)];
-            // An entry without any influence stays where it is.
+            // An entry without any effect stays where it is.
             if !free[i] || own <= 1e-300 || !own.is_finite() {
                 matrix.fill_row(i, 0.0);
                 matrix.fill_column(i, 0.0);

@@ -8,10 +8,10 @@
 
 use super::normal::{Loss, Normal};
 use super::residuals::{Problem, Residuals};
-use super::{Around, around};
+use super::{Around, around, free};
 use crate::cost::Cost;
 use crate::fit::FitError;
-use crate::{Cancel, Simulator, Theta};
+use crate::{Cancel, Entry, Simulator, Theta};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::stats;
 use nalgebra::{DMatrix, DVector};
@@ -59,7 +59,8 @@ pub struct Alternative<'a> {
     pub simulator: &'a dyn Simulator,
 }
 
-/// Measures it around `values`, where a search of least squares ended. `None` if their simulation diverges.
+/// Measures it around `values`, where a search of least squares ended, with its random draws. `None` if their
+/// simulation diverges.
 ///
 /// # Errors
 /// As [`super::super::Fit::step`].
@@ -69,9 +70,10 @@ pub fn uncertainty(
     theta: &Theta,
     cost: &dyn Cost,
     values: &[f64],
+    draw: u64,
     cancel: &Cancel<'_>,
 ) -> Result<Option<Uncertainty>, FitError> {
-    let problem = Problem { simulator, theta, cost, draw: 0, cancel };
+    let problem = Problem { simulator, theta, cost, draw, cancel };
     let Some(Around { residuals, jacobian, .. }) = around(&problem, values)? else { return Ok(None) };
     let loss = Loss::of(&residuals);
     let pieces = pieces(&residuals, jacobian.width).into_iter();
@@ -80,91 +82,142 @@ pub fn uncertainty(
     let mut whole = Normal::zero(values.len());
     parts.iter().for_each(|part| whole.add(part));
 
+    let estimate = Estimate::new(theta, values, &parts, whole);
     let mut shifts = Vec::new();
+    // Where the slope ends; the search ends where the loss does, and derivatives are limited.
+    if let Some(by) = estimate.step(&estimate.whole.slope) {
+        shifts.push(Shift { what: "a further step of the search".to_owned(), by });
+    }
     for alternative in alternatives {
         let other = Problem { simulator: alternative.simulator, ..problem };
         let Some(found) = other.residuals(&[values.to_vec()])?.pop().flatten() else { continue };
         let slope = Normal::whole(&jacobian, &found, loss).slope;
-        if let Some(by) = solve(&whole.curvature, &(slope - &whole.slope)) {
+        if let Some(by) = estimate.step(&(slope - &estimate.whole.slope)) {
             shifts.push(Shift { what: alternative.what.clone(), by });
         }
     }
-    Ok(together(theta, values, &parts, &whole, shifts))
+    Ok(estimate.together(&parts, shifts))
 }
 
-fn together(
-    theta: &Theta,
-    values: &[f64],
-    parts: &[Normal],
-    whole: &Normal,
-    shifts: Vec<Shift>,
-) -> Option<Uncertainty> {
-    let entries = values.len();
-    let count = parts.len() as f64;
-    let mut scores = DMatrix::zeros(entries, entries);
-    for part in parts {
-        let score = &part.slope - &whole.slope / count;
-        scores += &score * score.transpose();
-    }
-    let factor = if parts.len() > 1 { count / (count - 1.0) } else { 1.0 };
-    let mut half = DMatrix::zeros(entries, entries);
-    for (at, column) in scores.column_iter().enumerate() {
-        half.set_column(at, &DVector::from_vec(solve(&whole.curvature, &column.into_owned())?));
-    }
-    let half = half.transpose();
-    let mut covariance = DMatrix::zeros(entries, entries);
-    for (at, column) in half.column_iter().enumerate() {
-        covariance.set_column(at, &DVector::from_vec(solve(&whole.curvature, &column.into_owned())?));
-    }
-    let sampling: Vec<f64> = (0..entries).map(|at| (factor * covariance[(at, at)]).max(0.0).sqrt()).collect();
-    let deviation: Vec<f64> = (0..entries)
-        .map(|at| {
-            let model: f64 = shifts.iter().map(|shift| shift.by[at].powi(2)).sum();
-            (sampling[at] * sampling[at] + model).sqrt()
-        })
-        .collect();
-    let quantile = stats::student_t_95(parts.len().saturating_sub(1).max(1));
-    let interval =
-        values.iter().zip(&deviation).map(|(value, one)| [value - quantile * one, value + quantile * one]);
-    Some(Uncertainty {
-        interval: interval.collect(),
-        draws: draws(theta, values, parts, &shifts),
-        sampling,
-        deviation,
-        shifts,
-    })
+/// What was found, and which way it can move.
+struct Estimate<'a> {
+    theta: &'a Theta,
+    values: &'a [f64],
+    whole: Normal,
+    /// Entries that neither rest on a bound which holds them, nor lack an effect.
+    free: Vec<bool>,
+    /// Entries without an effect: over all of their range the logs' pieces differ more than the loss does.
+    silent: Vec<bool>,
+    /// Σ g gᵀ of the pieces' slopes, less their mean.
+    scores: DMatrix<f64>,
 }
 
-/// Draws of θ: pieces drawn anew, and a step along each shift.
-fn draws(theta: &Theta, values: &[f64], parts: &[Normal], shifts: &[Shift]) -> Vec<Vec<f64>> {
-    let stream = Stream::new(0, Purpose::BOOTSTRAP);
-    let one = |draw: usize| {
-        let own = stream.environment(u32::try_from(draw).unwrap_or(u32::MAX));
-        let pick = |k: usize| {
-            let at = own.step(0).uniform(u32::try_from(k).unwrap_or(u32::MAX)) * parts.len() as f64;
-            &parts[(at as usize).min(parts.len() - 1)]
+impl<'a> Estimate<'a> {
+    fn new(theta: &'a Theta, values: &'a [f64], parts: &[Normal], whole: Normal) -> Self {
+        let count = parts.len().max(1) as f64;
+        let mut scores = DMatrix::zeros(values.len(), values.len());
+        for part in parts {
+            let score = &part.slope - &whole.slope / count;
+            scores += &score * score.transpose();
+        }
+        if parts.len() > 1 {
+            scores *= count / (count - 1.0);
+        }
+        let silent = |(at, entry): (usize, &Entry)| {
+            let (curvature, noise) = (whole.curvature[(at, at)], scores[(at, at)].max(0.0).sqrt());
+            curvature <= 1e-300 || curvature * (entry.upper - entry.lower) <= 2.0 * noise
         };
-        let mut drawn = Normal::zero(values.len());
-        (0..parts.len()).for_each(|k| drawn.add(pick(k)));
-        let step = solve(&drawn.curvature, &drawn.slope).unwrap_or_else(|| vec![0.0; values.len()]);
-        let entries = theta.entries().iter().zip(values).zip(step).enumerate();
-        let moved = entries.map(|(at, ((entry, value), step))| {
-            let model: f64 = shifts
-                .iter()
-                .enumerate()
-                .map(|(k, shift)| own.step(1).normal(u32::try_from(k).unwrap_or(u32::MAX)) * shift.by[at])
-                .sum();
-            (value + step + model).clamp(entry.lower, entry.upper)
-        });
-        moved.collect()
-    };
-    (0..DRAWS).map(one).collect()
-}
+        let silent: Vec<bool> = theta.entries().iter().enumerate().map(silent).collect();
+        let free = free(theta, values, &whole).into_iter().zip(&silent).map(|(free, silent)| free && !silent);
+        Self { free: free.collect(), theta, values, whole, silent, scores }
+    }
 
-/// The step to the minimum of the quadratic model.
-fn solve(curvature: &DMatrix<f64>, slope: &DVector<f64>) -> Option<Vec<f64>> {
-    let normal = Normal { curvature: curvature.clone(), slope: slope.clone() };
-    Some(normal.step(RIDGE, &vec![true; slope.len()])?.as_slice().to_vec())
+    /// How far a change of the slope moves the estimate.
+    fn step(&self, slope: &DVector<f64>) -> Option<Vec<f64>> {
+        self.solve(&self.whole.curvature, slope)
+    }
+
+    /// The step to the minimum of the quadratic model, on which free entries alone move.
+    fn solve(&self, curvature: &DMatrix<f64>, slope: &DVector<f64>) -> Option<Vec<f64>> {
+        let normal = Normal { curvature: curvature.clone(), slope: slope.clone() };
+        Some(normal.step(RIDGE, &self.free)?.as_slice().to_vec())
+    }
+
+    /// Standard deviation of each entry from the choice of logs. One that rests on a bound has that of a fit of it
+    /// alone, which says how firmly it rests.
+    fn sampling(&self) -> Option<Vec<f64>> {
+        let entries = self.values.len();
+        let mut half = DMatrix::zeros(entries, entries);
+        for (at, column) in self.scores.column_iter().enumerate() {
+            half.set_column(at, &DVector::from_vec(self.step(&column.into_owned())?));
+        }
+        let half = half.transpose();
+        let mut covariance = DMatrix::zeros(entries, entries);
+        for (at, column) in half.column_iter().enumerate() {
+            covariance.set_column(at, &DVector::from_vec(self.step(&column.into_owned())?));
+        }
+        let of = |at: usize| {
+            let variance = if self.free[at] {
+                covariance[(at, at)]
+            } else if self.silent[at] {
+                0.25 * (self.theta.entries()[at].upper - self.theta.entries()[at].lower).powi(2)
+            } else {
+                self.scores[(at, at)] / self.whole.curvature[(at, at)].powi(2)
+            };
+            variance.max(0.0).sqrt()
+        };
+        Some((0..entries).map(of).collect())
+    }
+
+    fn together(&self, parts: &[Normal], shifts: Vec<Shift>) -> Option<Uncertainty> {
+        let sampling = self.sampling()?;
+        let model = |at: usize| shifts.iter().map(|shift| shift.by[at].powi(2)).sum::<f64>();
+        let deviation: Vec<f64> =
+            sampling.iter().enumerate().map(|(at, one)| (one * one + model(at)).sqrt()).collect();
+        let quantile = stats::student_t_95(parts.len().saturating_sub(1).max(1));
+        let entries = self.theta.entries().iter().zip(self.values).zip(&deviation).zip(&self.silent);
+        let interval = entries.map(|(((entry, value), one), silent)| {
+            if *silent {
+                [entry.lower, entry.upper]
+            } else {
+                [value - quantile * one, value + quantile * one]
+            }
+        });
+        Some(Uncertainty {
+            interval: interval.collect(),
+            draws: self.draws(parts, &shifts),
+            sampling,
+            deviation,
+            shifts,
+        })
+    }
+
+    /// Draws of θ: pieces drawn anew, and a step along each shift; anything for entries without an effect.
+    fn draws(&self, parts: &[Normal], shifts: &[Shift]) -> Vec<Vec<f64>> {
+        let stream = Stream::new(0, Purpose::BOOTSTRAP);
+        let place = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
+        let one = |draw: usize| {
+            let own = stream.environment(place(draw));
+            let mut drawn = Normal::zero(self.values.len());
+            for k in 0..parts.len() {
+                let at = own.step(0).uniform(place(k)) * parts.len() as f64;
+                drawn.add(&parts[(at as usize).min(parts.len() - 1)]);
+            }
+            let step = self.solve(&drawn.curvature, &(&drawn.slope - &self.whole.slope));
+            let step = step.unwrap_or_else(|| vec![0.0; self.values.len()]);
+            let entries = self.theta.entries().iter().zip(self.values).zip(step).enumerate();
+            let moved = entries.map(|(at, ((entry, value), step))| {
+                if self.silent[at] {
+                    return entry.lower + own.step(2).uniform(place(at)) * (entry.upper - entry.lower);
+                }
+                let along = |(k, shift): (usize, &Shift)| own.step(1).normal(place(k)) * shift.by[at];
+                let model: f64 = shifts.iter().enumerate().map(along).sum();
+                (value + step + model).clamp(entry.lower, entry.upper)
+            });
+            moved.collect()
+        };
+        (0..DRAWS).map(one).collect()
+    }
 }
 
 /// Recordings, or pieces of them where they are few.
