@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-use gaitfit_learn::task::NoiseSettings;
 use gaitfit_model::Shape;
 use gaitfit_policy::{Quantity, Term};
 
@@ -226,7 +225,7 @@ impl Writer {
             let (first, scale, mut place) = (terms.len(), scales.len(), 0);
             for Term { quantity, .. } in observation {
                 let width = quantity.width(joints);
-                let half = noise.map_or(0.0, |noise| half_range(noise, *quantity));
+                let half = noise.map_or(0.0, |noise| noise.half_range(*quantity));
                 terms.push(format!("{{{}, {place}, {width}, {}}}", number(*quantity), single(half)));
                 place += width;
             }
@@ -253,14 +252,4 @@ fn number(quantity: Quantity) -> usize {
         Quantity::BaseLinearVelocity => 6,
         Quantity::GaitPhase => 7,
     }
-}
-
-fn half_range(noise: &NoiseSettings, quantity: Quantity) -> f32 {
-    (match quantity {
-        Quantity::BaseAngularVelocity => noise.base_angular_velocity,
-        Quantity::ProjectedGravity => noise.projected_gravity,
-        Quantity::JointPosition => noise.joint_position,
-        Quantity::JointVelocity => noise.joint_velocity,
-        _ => 0.0,
-    }) as f32
 }

@@ -11,16 +11,6 @@ pub(super) struct SensorNoise<'a> {
     words: &'a [[u32; 4]],
 }
 
-fn half_range(noise: &NoiseSettings, quantity: Quantity) -> f32 {
-    (match quantity {
-        Quantity::BaseAngularVelocity => noise.base_angular_velocity,
-        Quantity::ProjectedGravity => noise.projected_gravity,
-        Quantity::JointPosition => noise.joint_position,
-        Quantity::JointVelocity => noise.joint_velocity,
-        _ => 0.0,
-    }) as f32
-}
-
 /// Numbers of the random blocks that the noise on `terms` takes, in their order: four draws a block, blocks apart by
 /// the place in the row.
 pub(super) fn blocks(settings: &NoiseSettings, terms: &[Term], joints: usize) -> Vec<u32> {
@@ -28,7 +18,7 @@ pub(super) fn blocks(settings: &NoiseSettings, terms: &[Term], joints: usize) ->
     let mut place = 0;
     for term in terms {
         let width = term.quantity.width(joints);
-        if half_range(settings, term.quantity) > 0.0 {
+        if settings.half_range(term.quantity) > 0.0 {
             blocks.extend((place..place + width).step_by(4).map(|place| place as u32));
         }
         place += width;
@@ -44,7 +34,7 @@ impl<'a> SensorNoise<'a> {
 
     /// Adds to the present values of a term; terms come in the order of [`blocks`].
     pub(super) fn add(&mut self, quantity: Quantity, values: &mut [f32]) {
-        let half = half_range(self.settings, quantity);
+        let half = self.settings.half_range(quantity);
         if half <= 0.0 {
             return;
         }

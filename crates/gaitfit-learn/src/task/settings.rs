@@ -1,5 +1,6 @@
 //! The settings of a task; every one of them is in the configuration file.
 
+use gaitfit_policy::Quantity;
 use gaitfit_policy::walker::FallSettings;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -140,6 +141,19 @@ pub struct NoiseSettings {
     pub joint_position: f64,
     /// Joint velocity, rad/s.
     pub joint_velocity: f64,
+}
+
+impl NoiseSettings {
+    /// Half the range of the uniform noise on `quantity`, in its unit; 0 for what has none.
+    pub fn half_range(&self, quantity: Quantity) -> f32 {
+        (match quantity {
+            Quantity::BaseAngularVelocity => self.base_angular_velocity,
+            Quantity::ProjectedGravity => self.projected_gravity,
+            Quantity::JointPosition => self.joint_position,
+            Quantity::JointVelocity => self.joint_velocity,
+            _ => 0.0,
+        }) as f32
+    }
 }
 
 /// What differs between the robots, drawn uniformly once a robot.

@@ -5,7 +5,7 @@ use crate::Error;
 use crate::log::Log;
 use crate::settings::{AdaptConfig, Preset};
 use gaitfit_adapt::Simulator;
-use gaitfit_adapt::fit::Alternative;
+use gaitfit_adapt::fit::{Alternative, Method as Search};
 use gaitfit_sim::Candidate;
 
 /// Other simulators of the same logs.
@@ -14,19 +14,19 @@ pub type Alternatives = Vec<Other>;
 /// Another simulator of the same logs.
 pub struct Other {
     /// How it differs, in words.
-    what: &'static str,
+    what: String,
     simulator: Box<dyn Simulator>,
 }
 
 impl Other {
     /// As a fit takes it.
     pub fn alternative(&self) -> Alternative<'_> {
-        Alternative { what: self.what.to_owned(), simulator: self.simulator.as_ref() }
+        Alternative { what: self.what.clone(), simulator: self.simulator.as_ref() }
     }
 }
 
-/// Those of `logs` beside that of `method`. `of` makes the method of other settings. None where no cost takes short
-/// predictions: over whole walks two simulators drift apart, whatever their parameters.
+/// Those of `logs` beside that of `method`. `of` makes the method of other settings. None for CMA-ES, which
+/// has no use for them, and where no cost takes short predictions: over whole walks two simulators drift apart, whatever their parameters.
 pub fn alternatives(
     config: &AdaptConfig,
     method: &Method,
@@ -35,7 +35,8 @@ pub fn alternatives(
     logs: &[Log],
 ) -> Result<Alternatives, Error> {
     let Method::Walk(walking) = method else { return Ok(Vec::new()) };
-    if !config.costs.iter().any(|cost| cost.needs_imu()) {
+    let searched = config.optimizer.method != Search::CmaEs;
+    if !(searched && config.costs.iter().any(|cost| cost.needs_imu())) {
         return Ok(Vec::new());
     }
     let mut finer = config.clone();
@@ -46,14 +47,11 @@ pub fn alternatives(
         Preset::Accurate | Preset::Converged => Preset::Fast,
     };
     let feet = walking.simulator(base.clone(), logs).with_feet_trust(1.0);
-    let solver_name = match solver.simulation.preset {
-        Preset::Fast => "preset fast",
-        Preset::Accurate | Preset::Converged => "preset accurate",
-    };
-    let other = |what, simulator| Other { what, simulator };
+    let other = |what: &str, simulator| Other { what: what.to_owned(), simulator };
+    let preset = format!("preset {}", solver.simulation.preset.name());
     Ok(vec![
         other("half the step", of(&finer)?.simulator(base.clone(), logs)?),
-        other(solver_name, of(&solver)?.simulator(base.clone(), logs)?),
+        other(&preset, of(&solver)?.simulator(base.clone(), logs)?),
         other("feet trusted fully", Box::new(feet)),
     ])
 }

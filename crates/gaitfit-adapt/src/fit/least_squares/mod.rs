@@ -47,7 +47,7 @@ pub struct GaussNewton {
     values: Vec<f64>,
     /// Marquardt's damping.
     damping: f64,
-    /// The smallest cost so far and its θ.
+    /// The cost after the last step, and its θ.
     best: Option<Best>,
     /// Why it ended.
     stop: Option<Stop>,
@@ -135,10 +135,9 @@ impl GaussNewton {
         let losses = tried.iter().enumerate().filter_map(|(at, one)| Some((at, loss.mean(one.as_ref()?))));
         let lowest = losses.min_by(|a, b| a.1.total_cmp(&b.1));
         let costs: Vec<f64> = tried.iter().flatten().map(|one| one.cost).collect();
-        let mut all = tried.iter().flatten().chain([&here.residuals]);
-        let (fallen, falls) = all
-            .by_ref()
-            .fold((0, 0), |(fallen, falls), one| (fallen + usize::from(one.falls > 0), falls + one.falls));
+        let all = tried.iter().flatten().chain([&here.residuals]);
+        let (fallen, falls) =
+            all.fold((0, 0), |(fallen, falls), one| (fallen + usize::from(one.falls > 0), falls + one.falls));
         self.generation += 1;
         let mut stepped = Stepped {
             cost: here.residuals.cost,
