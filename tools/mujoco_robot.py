@@ -28,8 +28,9 @@ from mujoco_sim import (
 TIMESTEP = 0.001
 # Drift trials: time of standing before and after a command, and of the command, s.
 STAND, HOLD = 1.0, 4.0
-KEYS = {"model": str, "timestep": float, "delay": float, "torque_noise": float, "frictionloss": dict, "armature": dict,
-        "spring": list}
+KEYS = {"model": str, "timestep": float, "delay": float, "torque_noise": float, "strength": float, "friction": float,
+        "frictionloss": dict, "armature": dict, "spring": list, "payload": dict}
+PAYLOAD = {"mass": float, "x": float, "y": float, "z": float}
 SPRING = {"joint": str, "stiffness": float, "angle": float}
 
 
@@ -66,7 +67,13 @@ def read_robot(policy, path, seed):
         if spring["stiffness"] < 0:
             raise Refused(f"{path}: a spring's stiffness is {spring['stiffness']}; it cannot be negative")
         springs.append((spring["joint"], spring["stiffness"], spring["angle"]))
-    rest = {key: value for key, value in table.items() if key not in ("model", "spring")}
+    rest = {key: value for key, value in table.items() if key not in ("model", "spring", "payload")}
+    if payload := typed(table.get("payload", {}), PAYLOAD, f"{path}: [payload]"):
+        if not payload.get("mass", 0.0) > 0:
+            raise Refused(f"{path}: [payload] needs a mass above 0, kg, and its place in the base's frame: x, y, z, m")
+        rest["payload"] = tuple(payload.get(key, 0.0) for key in PAYLOAD)
+    if not 0 <= table.get("friction", 0.0) <= 100:
+        raise Refused(f"{path}: friction is {table['friction']}; it must lie between 0 and 100")
     model = {"model": path.parent / table["model"]} if "model" in table else {}
     return World(policy, springs=tuple(springs), seed=seed, **({"timestep": TIMESTEP} | model | rest))
 

@@ -56,6 +56,8 @@ class World:
     springs: tuple = ()  # (joint, N·m/rad, rad)
     delay: float = 0.0  # s, from a position target to the motor
     torque_noise: float = 0.0  # N·m, standard deviation, drawn at every physics step
+    strength: float = 1.0  # torque of the motors over the torque asked for, below their limits
+    payload: tuple = ()  # (mass, kg, and its place in the base's frame, x, y, z, m): a point fixed to the base
     friction: float | None = None  # sliding friction of every geom
     ground_only: bool = False  # no contacts between the robot's own parts
     height: float | None = None  # of the base at the start, m; else the feet hang `clearance` above the ground
@@ -145,6 +147,11 @@ class Robot:
                 # MuJoCo's springs are polynomials: the linear term alone.
                 hinges[name].stiffness = [stiffness, 0, 0]
                 hinges[name].springref = angle
+        if world.payload:
+            mass, *place = world.payload
+            base = spec.worldbody.first_body()
+            # A point has no inertia of its own; MuJoCo wants a little.
+            base.add_body(name="payload", pos=place, mass=mass, inertia=[1e-6] * 3, explicitinertial=True)
         if world.ground_only:
             # Geoms that touch nothing in the file stay so.
             for geom in spec.geoms:
@@ -183,9 +190,10 @@ class Robot:
         self.motors = motors = np.array([motors[j] for j in ids])
         if (model.actuator_gear[motors] != [1, 0, 0, 0, 0, 0]).any() or model.actuator_gaintype[motors].any():
             raise Refused(f"{world.model}: motors must be plain torques of gear 1")
-        model.actuator_gainprm[motors, 0] = policy.kp
+        kp, kd = world.strength * policy.kp, world.strength * policy.kd
+        model.actuator_gainprm[motors, 0] = kp
         model.actuator_biastype[motors] = mujoco.mjtBias.mjBIAS_AFFINE
-        model.actuator_biasprm[motors, 1], model.actuator_biasprm[motors, 2] = -policy.kp, -policy.kd
+        model.actuator_biasprm[motors, 1], model.actuator_biasprm[motors, 2] = -kp, -kd
         model.actuator_forcelimited[motors] = model.actuator_ctrllimited[motors]
         model.actuator_forcerange[motors] = model.actuator_ctrlrange[motors]
         model.actuator_ctrllimited[motors] = 0
@@ -312,7 +320,7 @@ class Group:
 
 def check(world):
     """Refuses in the caller's process what a worker would stumble over."""
-    for key in ("timestep", "delay", "torque_noise"):
+    for key in ("timestep", "delay", "torque_noise", "strength"):
         value = getattr(world, key)
         if not (math.isfinite(value) and (value > 0 if key == "timestep" else 0 <= value <= 1000)):
             raise Refused(f"{key} is {value}; it must be a {'positive' if key == 'timestep' else 'non-negative'} number")

@@ -1,77 +1,16 @@
-//! `gaitfit loop`: what it leaves, resuming to the same bits, targets that are programs, and what it refuses.
+//! `gaitfit loop`: what it leaves, resuming to the same bits, policies to compare with, and what it refuses.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 mod common;
 
-use common::{errors, json, program, run, standing_policy};
+use common::loops::{COMMAND, SIMULATED, args, begun};
+use common::{errors, json, program, run};
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Stdio;
-use std::sync::OnceLock;
 use std::time::Duration;
-
-/// A policy that stands, trained once.
-fn policy() -> &'static Path {
-    static POLICY: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
-    let (_, path) = POLICY.get_or_init(|| {
-        let runs = tempfile::tempdir().unwrap();
-        let path = standing_policy(runs.path());
-        (runs, path)
-    });
-    path
-}
-
-const SIMULATED: &str = r#"
-[target]
-kind = "simulated"
-trajectories = 6
-seconds = 2.0
-spring = ["RR_calf_joint=20"]
-torque_noise = 0.5
-[[target.parameter]]
-kind = "frictionloss"
-joints = ["*_hip*"]
-value = 0.2
-"#;
-
-const COMMAND: &str = "[target]\nkind = \"command\"\ncollect = [\"true\", \"{folder}\"]\n";
-
-const SMALL: &str = r#"
-checkpoint_seconds = 0.0
-[adapt]
-simulation = { timestep = 0.01, skip_seconds = 0.0 }
-falls.margin_seconds = 0.1
-optimizer = { generations = 2, seeds = 1 }
-[finetune]
-train = { environments = 8, iterations = 1 }
-ppo.critic_warmup = 0
-[evaluate]
-trajectories = 8
-seconds = 0.5
-drift = 1
-[controls]
-nominal = false
-randomised = false
-"#;
-
-/// Writes a small loop's configuration into `folder`, which its runs go to, and gives the command's arguments.
-fn args(folder: &Path, target: &str, more: &[&str]) -> Vec<String> {
-    let config = folder.join("l.toml");
-    let head =
-        format!("policy = {:?}\nruns = {:?}\n", policy().display().to_string(), folder.display().to_string());
-    let (top, tables) = SMALL.split_once("[adapt]").unwrap();
-    fs::write(&config, format!("{head}{top}{target}\n[adapt]{tables}")).unwrap();
-    let mut args = vec!["loop".to_owned(), config.display().to_string(), "--json".to_owned()];
-    args.extend(more.iter().map(|&argument| argument.to_owned()));
-    args
-}
-
-/// What continues a loop in `folder` if it was begun.
-fn begun(folder: &Path) -> &'static [&'static str] {
-    if folder.join("l").exists() { &["--resume"] } else { &[] }
-}
 
 /// Everything that must not depend on when a loop was killed.
 fn bits(run: &Path) -> BTreeMap<String, Vec<u8>> {
@@ -275,119 +214,6 @@ fn the_policy_is_compared_with_training_without_logs_and_chosen_by_other_traject
 }
 
 #[test]
-fn a_robot_that_may_be_missing_is_asked_once() {
-    let recorded = tempfile::tempdir().unwrap();
-    let logs = recorded.path().join("l/round-1/logs");
-    let more = ["--set", "references=false"];
-    let output = run(&args(recorded.path(), SIMULATED, &more));
-    assert!(output.status.success(), "{}", errors(&output));
-
-    let folder = tempfile::tempdir().unwrap();
-    let there = folder.path().join("there");
-    let target = format!(
-        "logs = [{:?}]\n[target]\nkind = \"command\"\n\
-         probe = [\"sh\", \"-c\", \"test -e {} || {{ echo no robot here >&2; exit 1; }}\"]\n\
-         collect = [\"sh\", \"-c\", \"cp {}/*.csv {{folder}}\"]\nevaluate = [\"cat\", {:?}]\n",
-        logs.display().to_string(),
-        there.display(),
-        logs.display(),
-        recorded.path().join("l/evaluations/policy-0-target.json").display().to_string(),
-    );
-    let loop_of = |more: &[&str]| run(&args(folder.path(), &target, more));
-
-    // Not there: one line says so, whatever there is to measure is measured in the fitted simulator.
-    let output = loop_of(&["--set", "rounds=2"]);
-    assert!(output.status.success(), "{}", errors(&output));
-    assert_eq!(errors(&output).matches("no robot here").count(), 1, "{}", errors(&output));
-    let result = json(&output);
-    let places = |result: &serde_json::Value| -> Vec<String> {
-        let rows = result["evaluations"].as_array().unwrap();
-        rows.iter().map(|row| row["on"].as_str().unwrap().to_owned()).collect()
-    };
-    assert_eq!(places(&result), ["adapted, round 1", "adapted, round 1"]);
-    assert_eq!(result["rounds"].as_array().unwrap().len(), 1);
-    assert!(result["next"].as_str().unwrap().contains("no robot here"), "{}", result["next"]);
-    let page = fs::read_to_string(folder.path().join("l/report.html")).unwrap();
-    assert!(page.contains("no robot here"));
-
-    // It came: the loop that began without it ends without it, a new one measures on it.
-    fs::write(&there, "").unwrap();
-    fs::remove_file(folder.path().join("l/result.json")).unwrap();
-    let output = loop_of(&["--resume", "--set", "rounds=2"]);
-    assert!(output.status.success(), "{}", errors(&output));
-    assert_eq!(places(&json(&output)), ["adapted, round 1", "adapted, round 1"]);
-    let output = loop_of(&[]);
-    assert!(output.status.success(), "{}", errors(&output));
-    assert_eq!(places(&json(&output)), ["target", "target", "adapted", "adapted"]);
-
-    // It went: what was begun with it waits for it.
-    fs::remove_file(&there).unwrap();
-    fs::remove_file(folder.path().join("l-2/result.json")).unwrap();
-    let output = loop_of(&["--resume"]);
-    assert_eq!(output.status.code(), Some(4), "{}", errors(&output));
-    assert!(errors(&output).contains("no robot here"), "{}", errors(&output));
-}
-
-/// A target whose measurement is what is given.
-fn evaluating(trajectories: usize, error: f64, falls: &str) -> String {
-    let found = format!(
-        r#"{{"trajectories": {trajectories}, "linear_velocity_error": {{"mean": {error}, "ci95": null}},
-            "angular_velocity_error": {{"mean": 0.1, "ci95": 0.01}}, "fall_rate": {{"mean": {falls}, "ci95": 0.0}}}}"#
-    );
-    format!("collect = [\"true\", \"{{folder}}\"]\nevaluate = [\"echo\", '''{found}''']")
-}
-
-#[test]
-fn a_program_that_fails_is_named_with_what_it_said() {
-    for (target, words) in [
-        (
-            r#"collect = ["sh", "-c", "echo the robot is off >&2; exit 7", "{folder}"]"#,
-            ["exit status: 7", "robot is off"],
-        ),
-        (r#"collect = ["no-such-robot", "{folder}"]"#, ["no-such-robot", "cannot be started"]),
-        // Found at once, though what comes first is there.
-        (
-            "collect = [\"no-such-robot\", \"{folder}\"]\nevaluate = [\"echo\", \"hello\"]",
-            ["no-such-robot", "cannot be started"],
-        ),
-        (r#"collect = ["true", "{folder}"]"#, ["target.collect", "no .csv"]),
-        (r#"collect = ["sh", "-c", "mkfifo {folder}/log.csv"]"#, ["`log.csv`", "a pipe"]),
-        (
-            r#"collect = ["sh", "-c", "ln -s nowhere {folder}/log.csv"]"#,
-            ["`log.csv`", "a symbolic link to nowhere"],
-        ),
-        (
-            "timeout_seconds = 0.5\ncollect = [\"sh\", \"-c\", \"sleep 600; true {folder}\"]",
-            ["more than 0.5 s", "`target.timeout_seconds`"],
-        ),
-        (r#"collect = ["true", "{foldr}"]"#, ["{foldr}", "{folder}"]),
-        (r#"collect = ["true"]"#, ["target.collect", "{folder}"]),
-        (
-            "collect = [\"true\", \"{folder}\"]\nevaluate = [\"echo\", \"hello\"]",
-            ["target.evaluate", "hello"],
-        ),
-        (&evaluating(5, 0.1, "7.0"), ["target.evaluate", "`fall_rate` is 7"]),
-        (&evaluating(5, -1.0, "0.0"), ["target.evaluate", "`linear_velocity_error` is -1"]),
-        (&evaluating(0, 0.1, "0.0"), ["target.evaluate", "`trajectories` is 0"]),
-        (
-            &evaluating(5, 0.1, "0.0")
-                .replace("\"trajectories\"", "\"errors\": [[0.1, 0.2, 0]], \"trajectories\""),
-            ["target.evaluate", "`errors` has 1 entries for 5"],
-        ),
-    ] {
-        let folder = tempfile::tempdir().unwrap();
-        let output = run(&args(folder.path(), &format!("[target]\nkind = \"command\"\n{target}\n"), &[]));
-        let missing = target.contains("no-such-robot");
-        assert!(
-            matches!((output.status.code(), missing), (Some(1 | 2), false) | (Some(4), true)),
-            "{target}: {}",
-            output.status
-        );
-        assert!(words.iter().all(|word| errors(&output).contains(word)), "{target}: {}", errors(&output));
-    }
-}
-
-#[test]
 fn wrong_settings_are_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let measuring = format!("{COMMAND}evaluate = [\"true\"]\n");
@@ -418,6 +244,9 @@ fn wrong_settings_are_refused_by_name() {
         (SIMULATED, "controls.delay=[0.0, 2.0]", ["`controls.delay`", "from 0 to 1"]),
         (SIMULATED, "controls.armature=[0.1, 0.0]", ["`controls.armature`", "[smallest, largest]"]),
         (SIMULATED, "controls.torque_noise=-1.0", ["`controls.torque_noise` is -1", "from 0 to 1000"]),
+        (SIMULATED, "controls.draws=true", ["`controls.draws`", "matchr1"]),
+        (SIMULATED, "controls.truth.theta=none.toml", ["controls.truth.theta", "none.toml"]),
+        (SIMULATED, "controls.truth.thetta=none.toml", ["thetta", "`theta`"]),
         (SIMULATED, "finetune.task.randomisation.delay=[0.0, 0.9]", ["randomisation.delay", "at most 0.5"]),
         (SIMULATED, "evaluate.trajectories=0", ["`evaluate.trajectories`", "1 to"]),
         (SIMULATED, "finetune.ppo.gamma=nan", ["[finetune]", "`gamma` is NaN"]),
@@ -435,61 +264,52 @@ fn wrong_settings_are_refused_by_name() {
     assert!(!folder.path().join("l").exists(), "nothing is written before settings are right");
 }
 
-/// Waits until a file is there and whole; gives what it holds.
-fn awaited(file: &Path) -> String {
-    for _ in 0..600 {
-        match fs::read_to_string(file) {
-            Ok(text) if text.ends_with('\n') => return text,
-            _ => std::thread::sleep(Duration::from_millis(50)),
-        }
-    }
-    panic!("{} never came", file.display());
-}
-
-/// Sends a signal to a process; `0` only asks whether it is there.
-fn signal(signal: &str, process: &str) -> bool {
-    let mut kill = std::process::Command::new("kill");
-    kill.args([&format!("-{signal}"), process]).stderr(Stdio::null()).status().unwrap().success()
-}
-
-/// A loop whose robot does `then`, writes the number of its process into `pid`, and walks for ever.
-fn robot(folder: &Path, then: &str) -> std::process::Child {
-    let place = folder.display();
-    let script = format!(
-        "echo {{folder}} >> {place}/folders; {then}; echo $$ > {place}/pid; while :; do sleep 0.1; done"
-    );
-    let target = format!("[target]\nkind = \"command\"\ncollect = [\"sh\", \"-c\", {script:?}]\n");
-    let mut program = program();
-    program.args(args(folder, &target, begun(folder))).stdout(Stdio::null()).stderr(Stdio::null());
-    program.spawn().unwrap()
-}
-
 #[test]
-fn a_robots_program_ends_with_the_loop_however_that_ends() {
+fn a_robot_whose_numbers_are_known_shows_what_a_fit_could_do() {
     let folder = tempfile::tempdir().unwrap();
-    let pid = folder.path().join("pid");
-    // It may end as it likes when it is asked to.
-    let lain = folder.path().join("lain");
-    let lie = format!("trap 'touch {}; exit' TERM", lain.display());
-    let mut killed = robot(folder.path(), &lie);
-    let first = awaited(&pid);
-    killed.kill().unwrap();
-    killed.wait().unwrap();
-    let gone = (0..300).any(|_| {
-        std::thread::sleep(Duration::from_millis(50));
-        !signal("0", first.trim())
-    });
-    assert!(gone, "the program outlives a loop that was killed");
-
-    // Asked to end, the loop asks the program.
-    fs::remove_file(&pid).unwrap();
-    fs::remove_file(&lain).ok();
-    let mut asked = robot(folder.path(), &lie);
-    awaited(&pid);
-    assert!(signal("TERM", &asked.id().to_string()));
-    assert_eq!(asked.wait().unwrap().code(), Some(130));
-    assert!(lain.exists(), "the program was not asked to end");
-    let folders = fs::read_to_string(folder.path().join("folders")).unwrap();
-    let folders: Vec<&str> = folders.lines().collect();
-    assert!(folders.len() == 2 && folders[0] != folders[1], "attempts share a folder: {folders:?}");
+    let truth = folder.path().join("truth.toml");
+    let number = |kind: &str, value: f64| {
+        format!("[[parameter]]\nname = {kind:?}\nkind = {kind:?}\nvalue = {value}\nunit = \"-\"\n")
+    };
+    let numbers = [number("base_mass", 1.0), number("floor_friction", 0.8)].concat();
+    let head = "format = 2\nrobot = \"go2\"\ncost_name = \"truth\"\ncost = 0.0\n";
+    fs::write(&truth, format!("{head}{numbers}")).unwrap();
+    let truth = format!("controls.truth.theta={:?}", truth.display().to_string());
+    let sets = [
+        "references=false",
+        "controls.draws=true",
+        "adapt.costs=[\"matchr1\"]",
+        "adapt.optimizer.generations=2",
+        "controls.truth.torque_noise=0.25",
+        truth.as_str(),
+    ];
+    let more: Vec<&str> = sets.iter().flat_map(|set| ["--set", *set]).collect();
+    let output = run(&args(folder.path(), SIMULATED, &more));
+    assert!(output.status.success(), "{}", errors(&output));
+    let result = json(&output);
+    let against: Vec<&str> = result["comparisons"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|one| one["against"].as_str().unwrap())
+        .collect();
+    assert!(against.ends_with(&["fine-tuned, draws of the fit", "fine-tuned, known numbers"]), "{against:?}");
+    let settings = |control: &str| -> toml::Table {
+        let file = folder.path().join(format!("l/controls/{control}/finetune.toml"));
+        toml::from_str(&fs::read_to_string(file).unwrap()).unwrap()
+    };
+    let (draws, known) = (settings("draws"), settings("truth"));
+    assert_eq!(draws["randomise_theta"].as_bool(), Some(true));
+    assert!(draws["theta"].as_str().unwrap().ends_with("round-1/adapt/theta.toml"), "{draws}");
+    // What is known is not drawn at random.
+    let draw = &known["task"]["randomisation"];
+    assert_eq!(
+        (&draw["base_mass"], &draw["floor_friction"]),
+        (&vec![0.0, 0.0].into(), &vec![1.0, 1.0].into())
+    );
+    assert_eq!(known["torque_noise"].as_float(), Some(0.25));
+    let page = fs::read_to_string(folder.path().join("l/report.html")).unwrap();
+    assert!(
+        page.contains("fine-tuned, known numbers") && page.contains("controls/truth/finetune/report.html")
+    );
 }

@@ -40,6 +40,19 @@ pub struct CheckSpec {
     pub default_pose: BTreeMap<String, f64>,
     /// Base height below which the robot lies, m, world frame, ground at 0.
     pub lying_height: Option<f64>,
+    /// Direction of gravity in the base's frame when the robot stands as it should, unit; (0, 0, −1), level, when absent.
+    pub posture: Option<[f64; 3]>,
+}
+
+impl CheckSpec {
+    /// Cosine of the angle by which the base leans away from its posture, at the orientation `q` (w, x, y, z, base to
+    /// world).
+    fn upright(&self, q: &[f64]) -> f64 {
+        let [w, x, y, z] = [q[0], q[1], q[2], q[3]];
+        let gravity = [2.0 * (w * y - x * z), -2.0 * (y * z + w * x), 2.0 * (x * x + y * y) - 1.0];
+        let posture = self.posture.unwrap_or([0.0, 0.0, -1.0]);
+        gravity.iter().zip(posture).map(|(a, b)| a * b).sum()
+    }
 }
 
 /// How bad a finding is.

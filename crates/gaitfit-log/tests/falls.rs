@@ -86,6 +86,26 @@ fn the_base_shows_when() {
     assert_eq!(lurches(5.93, 9.0).len(), 1);
 }
 
+/// A robot that walks on its hind legs leans by 90° all the time; it falls when it is on four legs again.
+#[test]
+fn a_robot_leans_away_from_its_own_posture() {
+    let pitched = |angle: fn(f64) -> f64| {
+        let mut log = walk(9.0);
+        let half = |at: f64| angle(at).to_radians() / 2.0;
+        let quaternion = log.time.iter().flat_map(|&at| [half(at).cos(), 0.0, half(at).sin(), 0.0]).collect();
+        log.base = Some(BaseState { quaternion: Some(quaternion), ..BaseState::default() });
+        log
+    };
+    // Gravity points at the tail when the base is pitched up by 90°.
+    let spec = CheckSpec { posture: Some([-1.0, 0.0, 0.0]), ..CheckSpec::default() };
+    let stands = pitched(|_| -80.0);
+    assert_eq!(falls(&stands, &CheckSpec::default()).len(), 1, "level is what else a robot is");
+    assert!(falls(&stands, &spec).is_empty());
+    let drops = pitched(|at| if at < 3.0 { -90.0 } else { 0.0 });
+    let found = falls(&drops, &spec);
+    assert_eq!((found.len(), found[0].samples.start, found[0].sign), (1, 150, FallSign::Tilt));
+}
+
 #[test]
 fn height_needs_a_limit() {
     let mut log = walk(9.0);

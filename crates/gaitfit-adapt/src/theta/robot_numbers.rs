@@ -1,4 +1,4 @@
-//! Numbers of the robot as a whole: torque noise, and mass and centre of mass of the base.
+//! Numbers of the robot as a whole: torque noise, mass and centre of mass of the base, friction of the floor.
 
 use super::{Defaults, Entry, Modification, ReadContext, SavedParameter, ThetaError, ThetaFileError};
 use gaitfit_sim::Candidate;
@@ -18,12 +18,20 @@ pub enum RobotNumber {
     BaseComY,
     /// Shift of the base's centre of mass upward, m, body frame.
     BaseComZ,
+    /// Sliding friction of the floor over the model's.
+    FloorFriction,
 }
 
 impl RobotNumber {
     /// Every one.
-    pub const ALL: [Self; 5] =
-        [Self::TorqueNoise, Self::BaseMass, Self::BaseComX, Self::BaseComY, Self::BaseComZ];
+    pub const ALL: [Self; 6] = [
+        Self::TorqueNoise,
+        Self::BaseMass,
+        Self::BaseComX,
+        Self::BaseComY,
+        Self::BaseComZ,
+        Self::FloorFriction,
+    ];
 
     /// Name in files and tables.
     pub fn name(self) -> &'static str {
@@ -33,6 +41,7 @@ impl RobotNumber {
             Self::BaseComX => "base_com_x",
             Self::BaseComY => "base_com_y",
             Self::BaseComZ => "base_com_z",
+            Self::FloorFriction => "floor_friction",
         }
     }
 
@@ -42,6 +51,7 @@ impl RobotNumber {
             Self::TorqueNoise => "N·m",
             Self::BaseMass => "kg",
             Self::BaseComX | Self::BaseComY | Self::BaseComZ => "m",
+            Self::FloorFriction => "-",
         }
     }
 
@@ -52,13 +62,19 @@ impl RobotNumber {
             Self::TorqueNoise => (0.0, 10.0, 1.0, 0.5),
             Self::BaseMass => (-2.0, 5.0, 0.0, 0.5),
             Self::BaseComX | Self::BaseComY | Self::BaseComZ => (-0.1, 0.1, 0.0, 0.01),
+            Self::FloorFriction => (0.1, 3.0, 1.0, 0.1),
         };
         Defaults { lower, upper, start, deviation }
     }
 
     /// Smallest value with a meaning.
     fn least(self) -> f64 {
-        if self == Self::TorqueNoise { 0.0 } else { f64::NEG_INFINITY }
+        match self {
+            Self::TorqueNoise => 0.0,
+            // Contacts without any friction are another kind, which a fit cannot reach.
+            Self::FloorFriction => 1e-3,
+            _ => f64::NEG_INFINITY,
+        }
     }
 
     fn of(self, candidate: &mut Candidate) -> &mut f64 {
@@ -68,6 +84,7 @@ impl RobotNumber {
             Self::BaseComX => &mut candidate.robot.base_com[0],
             Self::BaseComY => &mut candidate.robot.base_com[1],
             Self::BaseComZ => &mut candidate.robot.base_com[2],
+            Self::FloorFriction => &mut candidate.robot.friction_scale,
         }
     }
 }

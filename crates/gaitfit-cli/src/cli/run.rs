@@ -124,6 +124,9 @@ pub struct Finetune {
 pub struct Loop {
     /// Configuration (TOML); `gaitfit config loop` prints one with every default
     pub config: PathBuf,
+    /// What trains: cpu, cuda (the first GPU) or cuda:N; robots with networks on their joints train on the CPU
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    pub device: super::Device,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,

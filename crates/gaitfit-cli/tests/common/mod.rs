@@ -5,6 +5,8 @@
     reason = "a failed unwrap is a failed test; no test uses all helpers"
 )]
 
+pub mod loops;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

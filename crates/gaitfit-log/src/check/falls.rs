@@ -88,9 +88,7 @@ fn of_base(log: &Trajectory, spec: &CheckSpec) -> Vec<Fall> {
         }
     };
     if let Some(quaternion) = &base.quaternion {
-        // z component of the body's z axis in the world.
-        let up = |q: &[f64]| 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2]);
-        add(quaternion.chunks_exact(4).map(|q| up(q) < TILTED).collect(), FallSign::Tilt);
+        add(quaternion.chunks_exact(4).map(|q| spec.upright(q) < TILTED).collect(), FallSign::Tilt);
     }
     if let (Some(position), Some(limit)) = (&base.position, spec.lying_height) {
         add(position.chunks_exact(3).map(|p| p[2] < limit).collect(), FallSign::Height);

@@ -181,9 +181,7 @@ fn base(findings: &mut Findings, spec: &CheckSpec) {
     let Some(base) = &log.base else { return };
     let least = ((TILTED_S * log.rate_hz) as usize).max(2);
     if let Some(quaternion) = &base.quaternion {
-        // z component of the body's z axis in the world, 1 − 2(x² + y²).
-        let upright: Vec<f64> =
-            quaternion.chunks_exact(4).map(|q| 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])).collect();
+        let upright: Vec<f64> = quaternion.chunks_exact(4).map(|q| spec.upright(q)).collect();
         if let Some(span) = longest_below(&upright, TILTED, least) {
             let tilt =
                 upright[span.clone()].iter().fold(1.0f64, |low, &up| low.min(up)).clamp(-1.0, 1.0).acos();

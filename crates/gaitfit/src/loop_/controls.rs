@@ -1,45 +1,73 @@
 //! Policies that a loop's policy is compared with: trained as long from the same policy, for the same rewards, without
 //! any logs. Domain randomisation among them is what there is without a fit, so it is what a fit has to beat.
 
-use super::results::{Measurement, NOMINAL, RANDOMISED, TARGET, tracking_error};
+use super::results::{DRAWN, KNOWN, Measurement, NOMINAL, RANDOMISED, RoundResult, TARGET, tracking_error};
+use super::settled;
 use super::setup::Setup;
 use super::stages::{Stages, TrainingRobot, measurement};
 use crate::Error;
 use crate::evaluate::{Better, Comparison, compare};
 use crate::target::{PolicyFiles, Target};
 use gaitfit_view::loop_report::Estimate;
+use std::path::PathBuf;
 
-/// Which there are to be: name, folder, and in which simulator.
-pub fn wanted(setup: &Setup, target: Option<&Target>) -> Vec<(&'static str, &'static str, TrainingRobot)> {
+/// Their names, and their folders.
+pub const PLACES: [(&str, &str); 4] =
+    [(NOMINAL, "nominal"), (RANDOMISED, "randomised"), (DRAWN, "draws"), (KNOWN, "truth")];
+
+/// One of them: its name, its folder, and the simulator that it is trained in.
+pub type Control = (&'static str, &'static str, TrainingRobot);
+
+/// Which there are to be after a round with a fit, or without one.
+///
+/// # Errors
+/// A file of numbers that cannot be read.
+pub fn wanted(
+    setup: &Setup,
+    target: Option<&Target>,
+    round: Option<&RoundResult>,
+) -> Result<Vec<Control>, Error> {
     let controls = &setup.config.controls;
-    let measured = target.is_some_and(Target::measures);
-    [
-        (controls.nominal, NOMINAL, "nominal", TrainingRobot::nominal()),
-        (controls.randomised, RANDOMISED, "randomised", TrainingRobot::randomised(controls)),
-    ]
-    .into_iter()
-    .filter(|(asked, ..)| *asked && measured)
-    .map(|(_, name, folder, robot)| (name, folder, robot))
-    .collect()
+    if !target.is_some_and(Target::measures) {
+        return Ok(Vec::new());
+    }
+    let drawn = round.filter(|_| controls.draws).map(|round| {
+        let settled = settled::of_round(round)?;
+        Ok(TrainingRobot::fitted(PathBuf::from(&round.theta), settled).drawn())
+    });
+    let known = controls.truth.as_ref().zip(setup.known.as_ref());
+    let known = known.map(|(truth, theta)| TrainingRobot::known(theta, truth));
+    let robots = [
+        controls.nominal.then(|| Ok(TrainingRobot::nominal())),
+        controls.randomised.then(|| Ok(TrainingRobot::randomised(controls))),
+        drawn,
+        known,
+    ];
+    let named = robots.into_iter().zip(PLACES);
+    named.filter_map(|(robot, (name, place))| Some(robot?.map(|robot| (name, place, robot)))).collect()
 }
 
-/// Stages that they take.
+/// Stages that they take after a fit.
 pub fn count(setup: &Setup, target: Option<&Target>) -> usize {
-    2 * wanted(setup, target).len()
+    let controls = &setup.config.controls;
+    let asked = [controls.nominal, controls.randomised, controls.draws, controls.truth.is_some()];
+    if target.is_some_and(Target::measures) { 2 * asked.into_iter().filter(|&one| one).count() } else { 0 }
 }
 
-/// Trains and measures them. `trainings`: how many the policy had that they are compared with.
+/// Trains and measures them. `round`: the one with the last fit; `trainings`: how many the policy had that they are
+/// compared with.
 ///
 /// # Errors
 /// As the stages.
 pub fn run(
     stages: &mut Stages<'_>,
     policies: &[PolicyFiles],
+    round: Option<&RoundResult>,
     trainings: usize,
     evaluations: &mut Vec<Measurement>,
 ) -> Result<(), Error> {
     let Some(first) = policies.first() else { return Ok(()) };
-    for (name, folder, robot) in wanted(stages.setup, stages.target.as_ref()) {
+    for (name, folder, robot) in wanted(stages.setup, stages.target.as_ref(), round)? {
         let robot = TrainingRobot { times: u32::try_from(trainings).unwrap_or(u32::MAX), ..robot };
         let (_, bytes) = stages.finetune(&format!("controls/{folder}"), first, &robot)?;
         let policy = stages.keep(name, folder, &bytes)?;

@@ -6,6 +6,7 @@ mod presence;
 mod report;
 pub mod results;
 pub mod rounds;
+pub(crate) mod settled;
 pub mod setup;
 pub mod stages;
 

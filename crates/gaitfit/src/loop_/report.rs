@@ -1,5 +1,6 @@
 //! `report.html`: the whole loop on one page.
 
+use super::controls;
 use super::results::{REFERENCE, Results, TARGET};
 use super::rounds::Done;
 use super::setup::Setup;
@@ -198,10 +199,9 @@ fn links(folder: &RunFolder, results: &Results) -> Vec<Link> {
             format!("round-{number}/finetune/report.html"),
         ));
     }
-    for name in ["nominal", "randomised"] {
-        if folder.path().join("controls").join(name).is_dir() {
-            let path = format!("controls/{name}/finetune/report.html");
-            links.push(link(format!("Training: fine-tuned, {name}"), path));
+    for (name, place) in controls::PLACES {
+        if folder.path().join("controls").join(place).is_dir() {
+            links.push(link(format!("Training: {name}"), format!("controls/{place}/finetune/report.html")));
         }
     }
     if folder.path().join("reference").is_dir() {

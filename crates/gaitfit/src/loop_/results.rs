@@ -90,6 +90,10 @@ pub const ONE_TRAINING: &str = "Intervals are of the trajectories. Each policy w
 pub const NOMINAL: &str = "fine-tuned, nominal";
 /// Name of the policy that was fine-tuned in simulators that differ at random.
 pub const RANDOMISED: &str = "fine-tuned, randomised";
+/// Name of the policy that was fine-tuned in fitted simulators, each with other numbers of the joint intervals.
+pub const DRAWN: &str = "fine-tuned, draws of the fit";
+/// Name of the policy that was fine-tuned in the simulator of the robot's known numbers.
+pub const KNOWN: &str = "fine-tuned, known numbers";
 
 /// [`Measurement::on`] of a round's fitted simulator; of `rounds` in all.
 pub fn adapted(round: u32, rounds: u32) -> String {

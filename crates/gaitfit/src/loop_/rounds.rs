@@ -8,6 +8,7 @@ use super::controls;
 use super::files;
 use super::presence;
 use super::results::{self, Measurement, REFERENCE, Results, RoundResult, TARGET, adapted, policy_name};
+use super::settled;
 use super::setup::Setup;
 use super::stages::{Stages, TrainingRobot, measurement};
 use crate::Error;
@@ -72,7 +73,7 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
     reference(&mut stages, &policies, &mut evaluations)?;
     let number = best(&policies, if choices.is_empty() { &evaluations } else { &choices });
     let after = &policies[number];
-    controls::run(&mut stages, &policies, number.max(1), &mut evaluations)?;
+    controls::run(&mut stages, &policies, rounds.get(number.max(1) - 1), number.max(1), &mut evaluations)?;
     let comparisons = controls::comparisons(&after.name, &evaluations);
     let results = Results {
         name: folder.name(),
@@ -134,7 +135,7 @@ fn one_round(
     config.runs = stages.path(&round).display().to_string();
     add_truth(setup, &mut config);
     let (fit, adapt, theta) = stages.adapt(&round, &config)?;
-    let robot = TrainingRobot::fitted(theta.clone());
+    let robot = TrainingRobot::fitted(theta.clone(), settled::of_fit(&adapt, &theta)?);
     let (finetune, bytes) = stages.finetune(&round, before, &robot)?;
     let stem = |number: u32| format!("policy-{number}");
     let after = stages.keep(&policy_name(number), &stem(number), &bytes)?;

@@ -1,6 +1,7 @@
 //! Everything a loop needs, read and checked before anything is written.
 
 use crate::Error;
+use crate::device::Device;
 use crate::evaluate::{self, Plan};
 use crate::robot::Hold;
 use crate::run::{Inputs, bound};
@@ -35,8 +36,12 @@ pub struct Setup {
     pub logs: Vec<PathBuf>,
     /// Simulated target: what is different there.
     pub truth: Option<ThetaFile>,
+    /// The file of `controls.truth`.
+    pub known: Option<PathBuf>,
     /// What the result depends on.
     pub inputs: Inputs,
+    /// What trains.
+    pub device: Device,
     /// Threads.
     pub threads: usize,
     /// Things to know before the loop.
@@ -57,6 +62,8 @@ impl Setup {
         if let Some(theta) = config.target.as_ref().and_then(|target| target.theta.as_deref()) {
             find(theta, "target.theta")?;
         }
+        let known = config.controls.truth.as_ref().map(|truth| find(&truth.theta, "controls.truth.theta"));
+        let known = known.transpose()?;
         let mut logs = Vec::new();
         let mut doubts = Vec::new();
         if !config.logs.is_empty() {
@@ -94,7 +101,9 @@ impl Setup {
             policy_bytes,
             logs,
             truth,
+            known,
             inputs,
+            device: Device::Cpu,
             threads,
             warnings: doubts,
         };

@@ -3,11 +3,13 @@
 
 use super::files::Times;
 use super::results::Measurement;
+use super::settled;
 use super::setup::Setup;
 use crate::adapt::{self, AdaptResults};
+use crate::device::Device;
 use crate::evaluate::{Evaluation, Plan, measure};
 use crate::run::RunFolder;
-use crate::settings::{AdaptConfig, ControlsConfig, FinetuneConfig, TargetConfig, changed};
+use crate::settings::{AdaptConfig, ControlsConfig, FinetuneConfig, TargetConfig, TruthConfig, changed};
 use crate::target::{PolicyFiles, Target};
 use crate::watch::{Event, Watch};
 use crate::{Error, Spring};
@@ -47,6 +49,10 @@ pub struct TrainingRobot {
     pub torque_noise: f64,
     /// Whether its numbers are those of a fit.
     pub fitted: bool,
+    /// Kinds of its parameters that are known, so that trainings do not draw them at random.
+    pub settled: Vec<String>,
+    /// Whether each robot takes other numbers of the fit's joint intervals.
+    pub drawn: bool,
     /// How many times as many iterations as the settings ask for.
     pub times: u32,
 }
@@ -69,9 +75,24 @@ impl TrainingRobot {
         Self { task, torque_noise, ..Self::nominal() }
     }
 
-    /// The robot of a fit.
-    pub fn fitted(theta: PathBuf) -> Self {
-        Self { theta: Some(theta), fitted: true, times: 1, ..Self::default() }
+    /// The robot of a fit, which has determined these kinds of parameters.
+    pub fn fitted(theta: PathBuf, settled: Vec<String>) -> Self {
+        Self { theta: Some(theta), fitted: true, settled, times: 1, ..Self::default() }
+    }
+
+    /// Robots of its joint intervals.
+    pub fn drawn(self) -> Self {
+        Self { drawn: true, ..self }
+    }
+
+    /// The robot whose numbers are known.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub fn known(theta: &Path, truth: &TruthConfig) -> Result<Self, Error> {
+        let (spring, torque_noise) = (truth.spring.clone(), truth.torque_noise);
+        let settled = settled::of_file(theta)?;
+        Ok(Self { theta: Some(theta.to_owned()), spring, torque_noise, settled, ..Self::nominal() })
     }
 }
 
@@ -204,7 +225,7 @@ impl<'a> Stages<'a> {
         let file = format!("{round}/finetune.toml");
         self.folder.make(round)?;
         let settings = &self.setup.config.finetune;
-        let mut task = changed(settings.task.clone(), &robot.task);
+        let mut task = settled::without_draws(changed(settings.task.clone(), &robot.task), &robot.settled);
         // The policy is trained where the robot was fitted.
         if let Some(step) = self.setup.config.adapt.simulation.robot_timestep {
             task.entry("robot_timestep").or_insert(toml::Value::Float(step));
@@ -217,7 +238,7 @@ impl<'a> Stages<'a> {
             theta: robot.theta.as_ref().map(|path| path.display().to_string()),
             theta_sha256: None,
             // Draws are of a fit.
-            randomise_theta: settings.randomise_theta && robot.fitted,
+            randomise_theta: (settings.randomise_theta || robot.drawn) && robot.fitted,
             train: TrainingSettings {
                 iterations: settings.train.iterations.saturating_mul(robot.times),
                 ..settings.train.clone()
@@ -238,8 +259,15 @@ impl<'a> Stages<'a> {
             files: finetune::Files::default(),
             task: None,
             threads: std::num::NonZeroUsize::new(self.setup.threads),
-            device: crate::device::Device::Cpu,
+            device: self.setup.device,
         })?;
+        let on_joints = setup.candidate.as_ref().is_some_and(|candidate| !candidate.networks.is_empty());
+        let setup = if on_joints && setup.device != Device::Cpu {
+            self.watch.note("the robot has networks on its joints, so this training runs on the CPU");
+            train::Setup { device: Device::Cpu, ..setup }
+        } else {
+            setup
+        };
         self.announce(&format!(
             "{stage}: {} goes on training for {} iterations with {} robots",
             policy.name, config.train.iterations, config.train.environments

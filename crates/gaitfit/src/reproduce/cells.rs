@@ -4,12 +4,12 @@
 use super::experiments::{self, Experiment};
 use super::paper::Kind;
 use super::results::{SeedFit, SeedResult, Walk};
-use crate::loop_::controls;
 use crate::loop_::files;
 use crate::loop_::results::{REFERENCE, policy_name};
 use crate::loop_::rounds::add_truth;
 use crate::loop_::setup::Setup;
 use crate::loop_::stages::{Stages, TrainingRobot};
+use crate::loop_::{controls, settled};
 use crate::run::RunFolder;
 use crate::watch::{Event, Watch};
 use crate::{Error, ErrorKind};
@@ -124,7 +124,7 @@ impl Run<'_> {
         let walk = stages.on_target("reference", &policy)?.as_ref().map(Walk::from);
         let reference = result(walk, trained.wall_seconds);
         let mut controls = Vec::new();
-        for (name, place, robot) in controls::wanted(&setup, stages.target.as_ref()) {
+        for (name, place, robot) in controls::wanted(&setup, stages.target.as_ref(), None)? {
             let (trained, bytes) = stages.finetune(&format!("controls/{place}"), &first, &robot)?;
             let policy = stages.keep(name, place, &bytes)?;
             let walk = stages.on_target(place, &policy)?.as_ref().map(Walk::from);
@@ -164,7 +164,7 @@ impl Run<'_> {
             run_folder: folder.path().display().to_string(),
         };
         if self.kind == Kind::Finetuning {
-            let robot = TrainingRobot::fitted(theta);
+            let robot = TrainingRobot::fitted(theta.clone(), settled::of_fit(&found, &theta)?);
             let (trained, bytes) = stages.finetune(round, &first, &robot)?;
             let policy = stages.keep(&policy_name(1), "policy-1", &bytes)?;
             result.walk = stages.on_target("policy-1", &policy)?.as_ref().map(Walk::from);

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
 use super::check_torque_noise;
+use crate::Spring;
 
 /// What else π₀ is fine-tuned in, with the same task and as many iterations, where the target can be measured: what a
 /// user can do without any logs.
@@ -15,6 +16,12 @@ pub struct ControlsConfig {
     pub nominal: bool,
     /// Robots that differ at random, as below.
     pub randomised: bool,
+    /// The fitted robot with its numbers drawn from their joint intervals.
+    #[serde(default)]
+    pub draws: bool,
+    /// The robot itself, where its numbers are known: the best that a fit could do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truth: Option<TruthConfig>,
     /// Dry friction torque of the joints, N·m: smallest and largest.
     pub frictionloss: [f64; 2],
     /// Reflected rotor inertia added to the joints, kg·m².
@@ -22,6 +29,20 @@ pub struct ControlsConfig {
     /// Delay from a target to the motors, s.
     pub delay: [f64; 2],
     /// Standard deviation of Gaussian torques at every joint and physics step, N·m.
+    pub torque_noise: f64,
+}
+
+/// Numbers of a robot that are known, as in tests of the method.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TruthConfig {
+    /// Its parameters, a `theta.toml`.
+    pub theta: String,
+    /// Its springs, written `JOINT=STIFFNESS` or `JOINT=STIFFNESS@REST`, N·m/rad and rad.
+    #[serde(default)]
+    pub spring: Vec<Spring>,
+    /// Its torque noise at the simulator's steps, N·m.
+    #[serde(default)]
     pub torque_noise: f64,
 }
 
@@ -41,7 +62,10 @@ impl ControlsConfig {
                 )
             })
         });
-        wrong.or_else(|| check_torque_noise("controls.torque_noise", self.torque_noise).err())
+        let truth = self.truth.as_ref().map_or(0.0, |truth| truth.torque_noise);
+        wrong
+            .or_else(|| check_torque_noise("controls.torque_noise", self.torque_noise).err())
+            .or_else(|| check_torque_noise("controls.truth.torque_noise", truth).err())
     }
 
     /// Changes of a task that make its robots differ so.

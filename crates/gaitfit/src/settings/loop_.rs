@@ -4,6 +4,7 @@ use super::finetune::FINETUNE_DEFAULTS;
 use super::load::{Configuration, merge, taken};
 use super::target::{TargetConfig, TargetKind};
 use super::{AdaptConfig, Base, ControlsConfig, FinetuneConfig, Preset, check};
+use gaitfit_adapt::fit::Method;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
 use std::path::Path;
@@ -219,6 +220,10 @@ impl LoopConfig {
                 .to_owned()
         } else if let Some(wrong) = self.controls.wrong() {
             wrong
+        } else if (self.controls.draws || self.finetune.randomise_theta) && !self.has_draws() {
+            "`controls.draws` and `finetune.randomise_theta` draw from the joint intervals of least squares: fit the cost \
+             `matchr1` first, without `optimizer.method = \"cma-es\"`, or set them to false"
+                .to_owned()
         } else {
             return self.check_adapt(path);
         };
@@ -226,6 +231,13 @@ impl LoopConfig {
             "{}: {wrong}. `gaitfit config loop` shows every setting.",
             path.display()
         )))
+    }
+
+    /// Whether the fit finds joint intervals.
+    fn has_draws(&self) -> bool {
+        let (method, first) = (self.adapt.optimizer.method, self.adapt.costs.first());
+        method != Method::CmaEs
+            && first.is_some_and(|cost| cost.needs_imu() || method == Method::LeastSquares)
     }
 
     /// Holds `[adapt]` to the rules of `gaitfit adapt`, before there are logs.

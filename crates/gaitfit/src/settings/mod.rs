@@ -13,7 +13,7 @@ mod target;
 mod text;
 mod train;
 
-pub use controls::ControlsConfig;
+pub use controls::{ControlsConfig, TruthConfig};
 pub use finetune::{FINETUNE_DEFAULTS, FinetuneConfig, changed};
 pub use load::{Configuration, load, load_task};
 pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MOST_DRIFT, MOST_SEED};

@@ -40,6 +40,7 @@ pub fn fall_spec(scene: &Task) -> CheckSpec {
             .zip(&scene.walker.interface.default_pose)
             .map(pose)
             .collect(),
+        posture: Some(scene.settings.posture),
         lying_height: Some(scene.settings.fall.height).filter(|&height| height > 0.0),
         ..CheckSpec::default()
     }

@@ -1,0 +1,210 @@
+"""What a loop is worth on robots that are not the fit's own simulator: `gaitfit loop` on robots in official MuJoCo, whose policy
+is measured beside policies trained without logs and beside one trained with the robot's own numbers.
+
+A robot is a file of examples/go2-ground or experiments/robots; every seed records other logs, trains anew and measures with other
+commands. Each loop is kept; the same command goes on where it was stopped.
+
+Usage: .venv/bin/python tools/controls.py [--robots demo,payload,late] [--seeds 5] [--out runs/controls] [--device cuda]
+"""
+
+import argparse
+import concurrent.futures
+import json
+import pathlib
+import subprocess
+import sys
+import tomllib
+
+import mujoco
+import numpy as np
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+ROBOTS = {
+    "demo": ROOT / "examples/go2-ground/robot.toml",
+    "payload": ROOT / "experiments/robots/payload.toml",
+    "late": ROOT / "experiments/robots/late.toml",
+}
+LEGS, GROUPS = ("FL", "FR", "RL", "RR"), ("hip", "thigh", "calf")
+STEP = 0.005  # s, of trainings
+BEFORE, AFTER = "π₀", "π₁"
+# Columns of the table.
+POLICIES = {
+    BEFORE: "π₀", "fine-tuned, nominal": "nominal", "fine-tuned, randomised": "randomised", AFTER: "fitted",
+    "fine-tuned, draws of the fit": "fitted, draws", "fine-tuned, known numbers": "known numbers",
+}  # fmt: skip
+
+
+def truth(robot):
+    """The robot's numbers as a theta.toml: what of them a simulator with rigid links and PD motors has."""
+    model = mujoco.MjModel.from_xml_path(str(ROOT / "assets/go2.xml"))
+    text = 'format = 2\nrobot = "go2"\ncost_name = "truth"\ncost = 0.0\n'
+
+    def add(name, kind, value, unit, joints=()):
+        nonlocal text
+        text += f'[[parameter]]\nname = "{name}"\nkind = "{kind}"\njoints = {json.dumps(list(joints))}\n'
+        text += f'value = {float(value)!r}\nunit = "{unit}"\n'
+
+    named = lambda groups: [f"{leg}_{group}_joint" for leg in LEGS for group in groups]
+    for kind, unit in (("frictionloss", "N·m"), ("armature", "kg·m²")):
+        for group in GROUPS:
+            add(f"{kind}_{group}", kind, robot.get(kind, {}).get(f"*_{group}_joint", 0.0), unit, named([group]))
+    add("delay", "delay", robot.get("delay", 0.0), "s", named(GROUPS))
+    add("torque_scale", "torque_scale", robot.get("strength", 1.0), "-", named(GROUPS))
+    load = robot.get("payload", {})
+    mass, place = load.get("mass", 0.0), np.array([load.get(axis, 0.0) for axis in "xyz"])
+    base = model.body("base").id
+    shift = mass * (place - model.body_ipos[base]) / (model.body_mass[base] + mass)
+    add("base_mass", "base_mass", mass, "kg")
+    for axis, value in zip("xyz", shift):
+        add(f"base_com_{axis}", f"base_com_{axis}", value, "m")
+    foot = model.geom("FL_foot").friction[0]
+    add("floor_friction", "floor_friction", robot.get("friction", foot) / foot, "-")
+    return text
+
+
+def config(args, name, seed):
+    path = ROBOTS[name]
+    robot = tomllib.loads(path.read_text(encoding="utf-8"))
+    numbers = args.out / f"{name}-truth.toml"
+    numbers.write_text(truth(robot), encoding="utf-8")
+    springs = [f"{one['joint']}={one['stiffness']}@{one['angle']}" for one in robot.get("spring", [])]
+    # Independent torques at every step of 1 ms act like smaller ones held for 5 ms.
+    noise = robot.get("torque_noise", 0.0) * (robot.get("timestep", 0.001) / STEP) ** 0.5
+    words = lambda verb, *more: json.dumps(
+        [sys.executable, "tools/mujoco_robot.py", verb, "--policy", "{onnx}", "--robot", str(path), "--trajectories",
+         "{trajectories}", "--seconds", "{seconds}", "--seed", "{seed}", "--processes", str(args.threads), *more]
+    )  # fmt: skip
+    # Where a spring is suspected.
+    network = '[[adapt.network]]\nkind = "resid_act"\njoints = ["RR_calf*"]\nstart = "features"\noutput_scale = 100.0\n'
+    network = network if springs else ""
+    return f"""
+policy = "assets/go2-walk.safetensors"
+runs = {json.dumps(str(args.out))}
+[target]
+kind = "command"
+seed = {seed}
+trajectories = {args.logs}
+collect = {words("collect", "--out", "{folder}", "--log-shift", "0.02", "0.1", "--base", "imu")}
+evaluate = {words("evaluate", "--json", "--drift", "0")}
+[adapt]
+costs = ["matchr1"]
+[[adapt.parameter]]
+kind = "frictionloss"
+[[adapt.parameter]]
+kind = "armature"
+[[adapt.parameter]]
+kind = "delay"
+per = "all"
+upper = 0.04
+[[adapt.parameter]]
+kind = "torque_scale"
+per = "all"
+[[adapt.number]]
+kind = "base_mass"
+[[adapt.number]]
+kind = "base_com_x"
+[[adapt.number]]
+kind = "base_com_y"
+[[adapt.number]]
+kind = "floor_friction"
+{network}
+[adapt.simulation]
+timestep = {args.timestep}
+robot_timestep = 0.001
+preset = "fast"
+[adapt.optimizer]
+seeds = 1
+[finetune]
+seeds = [{seed}]
+[finetune.train]
+iterations = {args.iterations}
+[finetune.task]
+tracking_width = 0.25
+yaw_tracking_width = 0.25
+[controls]
+nominal = true
+randomised = true
+draws = true
+truth = {{ theta = {json.dumps(str(numbers))}, spring = {json.dumps(springs)}, torque_noise = {noise} }}
+[evaluate]
+trajectories = {args.trajectories}
+drift = 0
+seed = {seed}
+"""
+
+
+def loop(args, name, seed):
+    """The result of one loop: made, continued, or read."""
+    run, kept = f"{name}-{seed}", args.out / f"{name}-{seed}.json"
+    if not kept.exists():
+        path = args.out / f"{run}.toml"
+        path.write_text(config(args, name, seed), encoding="utf-8")
+        words = [args.gaitfit, "loop", path, "--name", run, "--json", "--device", args.device, "--threads", args.threads]
+        if (args.out / run).exists():
+            words.append("--resume")
+        done = subprocess.run([str(word) for word in words], cwd=ROOT, capture_output=True, text=True)
+        (args.out / f"{run}.log").write_text(done.stderr, encoding="utf-8")
+        # 3: a check failed; the result is there.
+        if done.returncode not in (0, 3):
+            print(f"{run}: {done.stderr[-3000:]}", file=sys.stderr)
+            return None
+        kept.write_text(done.stdout, encoding="utf-8")
+    return json.loads(kept.read_text(encoding="utf-8"))
+
+
+def errors(result):
+    """Linear and angular error and share of falls of each policy on the robot: {policy: (m/s, rad/s, share)}."""
+    keys = ("linear_velocity_error", "angular_velocity_error", "fall_rate")
+    return {
+        one["policy"]: [one[key]["mean"] for key in keys] for one in result["evaluations"] if one["on"] == "target"
+    }
+
+
+def table(results):
+    """Means over the seeds, and the sum of both errors beside that of the best policy without logs and of the known robot."""
+    head = ["robot", "seeds", *POLICIES.values(), "fitted / best without logs", "fitted / known numbers"]
+    lines = ["| " + " | ".join(head) + " |", "| --- " * len(head) + "|"]
+    for name in ROBOTS:
+        mine = [errors(result) for key, result in results.items() if key[0] == name]
+        if not mine:
+            continue
+        found = {policy: np.array([one[policy] for one in mine]) for policy in POLICIES if all(policy in one for one in mine)}
+        cell = lambda rows: f"{rows[:, 0].mean():.3f} m/s, {rows[:, 1].mean():.3f} rad/s, {100 * rows[:, 2].mean():.1f} %"
+        total = {policy: rows[:, :2].sum(1) for policy, rows in found.items()}
+        best = np.minimum(total["fine-tuned, nominal"], total["fine-tuned, randomised"])
+
+        def ratio(other):
+            each = total[AFTER] / other
+            return f"{each.mean():.2f} ({each.min():.2f} to {each.max():.2f})"
+
+        cells = [name, str(len(mine)), *(cell(found[policy]) if policy in found else "" for policy in POLICIES)]
+        lines.append("| " + " | ".join([*cells, ratio(best), ratio(total["fine-tuned, known numbers"])]) + " |")
+    return "\n".join(lines)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robots", default=",".join(ROBOTS), help="[all]: " + ", ".join(ROBOTS))
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--logs", type=int, default=64, help="logs of 4 s [64]")
+    parser.add_argument("--iterations", type=int, default=160, help="of a training [160]")
+    parser.add_argument("--trajectories", type=int, default=500, help="of an evaluation [500]")
+    parser.add_argument("--timestep", type=float, default=0.005, help="of the fit, s [0.005]")
+    parser.add_argument("--device", default="cpu", help="what trains, as of `gaitfit loop` [cpu]")
+    parser.add_argument("--threads", type=int, default=2, help="of a loop [2]")
+    parser.add_argument("--at-once", type=int, default=1, help="loops that run beside each other [1]")
+    parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs/controls")
+    parser.add_argument("--gaitfit", type=pathlib.Path, default=ROOT / "target/release/gaitfit")
+    args = parser.parse_args()
+    args.out, args.gaitfit = args.out.resolve(), args.gaitfit.resolve()
+    args.out.mkdir(parents=True, exist_ok=True)
+    jobs = [(name, seed) for seed in range(1, args.seeds + 1) for name in args.robots.split(",")]
+    with concurrent.futures.ThreadPoolExecutor(args.at_once) as pool:
+        found = dict(zip(jobs, pool.map(lambda job: loop(args, *job), jobs)))
+    print(table({job: result for job, result in found.items() if result is not None}))
+    if None in found.values():
+        sys.exit("some loops failed; the same command tries them again")
+
+
+if __name__ == "__main__":
+    main()
