@@ -19,10 +19,12 @@ import mujoco
 import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
+# A robot, and the policy that walks on it.
 ROBOTS = {
-    "demo": ROOT / "examples/go2-ground/robot.toml",
-    "payload": ROOT / "experiments/robots/payload.toml",
-    "late": ROOT / "experiments/robots/late.toml",
+    "demo": ("examples/go2-ground/robot.toml", "go2-walk"),
+    "payload": ("experiments/robots/payload.toml", "go2-walk"),
+    "late": ("experiments/robots/late.toml", "go2-walk"),
+    "biped": ("experiments/robots/biped.toml", "go2-biped"),
 }
 LEGS, GROUPS = ("FL", "FR", "RL", "RR"), ("hip", "thigh", "calf")
 STEP = 0.005  # s, of trainings
@@ -50,6 +52,10 @@ def truth(robot):
             add(f"{kind}_{group}", kind, robot.get(kind, {}).get(f"*_{group}_joint", 0.0), unit, named([group]))
     add("delay", "delay", robot.get("delay", 0.0), "s", named(GROUPS))
     add("torque_scale", "torque_scale", robot.get("strength", 1.0), "-", named(GROUPS))
+    for spring in robot.get("spring", []):
+        stiffness = spring["stiffness"]
+        add("stiffness", "stiffness", stiffness, "N·m/rad", [spring["joint"]])
+        add("spring_torque", "spring_torque", stiffness * spring["angle"], "N·m", [spring["joint"]])
     load = robot.get("payload", {})
     mass, place = load.get("mass", 0.0), np.array([load.get(axis, 0.0) for axis in "xyz"])
     base = model.body("base").id
@@ -63,31 +69,30 @@ def truth(robot):
 
 
 def config(args, name, seed):
-    path = ROBOTS[name]
+    file, policy = ROBOTS[name]
+    path = ROOT / file
     robot = tomllib.loads(path.read_text(encoding="utf-8"))
     numbers = args.out / f"{name}-truth.toml"
     numbers.write_text(truth(robot), encoding="utf-8")
-    springs = [f"{one['joint']}={one['stiffness']}@{one['angle']}" for one in robot.get("spring", [])]
     # Independent torques at every step of 1 ms act like smaller ones held for 5 ms.
     noise = robot.get("torque_noise", 0.0) * (robot.get("timestep", 0.001) / STEP) ** 0.5
     words = lambda verb, *more: json.dumps(
         [sys.executable, "tools/mujoco_robot.py", verb, "--policy", "{onnx}", "--robot", str(path), "--trajectories",
          "{trajectories}", "--seconds", "{seconds}", "--seed", "{seed}", "--processes", str(args.threads), *more]
     )  # fmt: skip
-    # Where a spring is suspected.
-    network = '[[adapt.network]]\nkind = "resid_act"\njoints = ["RR_calf*"]\nstart = "features"\noutput_scale = 100.0\n'
-    network = network if springs else ""
+    widths = "tracking_width = 0.25\nyaw_tracking_width = 0.25\n" if policy == "go2-walk" else ""
     return f"""
-policy = "assets/go2-walk.safetensors"
+policy = "assets/{policy}.safetensors"
 runs = {json.dumps(str(args.out))}
 [target]
 kind = "command"
 seed = {seed}
 trajectories = {args.logs}
 collect = {words("collect", "--out", "{folder}", "--log-shift", "0.02", "0.1", "--base", "imu")}
-evaluate = {words("evaluate", "--json", "--drift", "0")}
+evaluate = {words("evaluate", "--json", "--drift", "{drift}", "--drift-speeds", "{drift_speeds}")}
 [adapt]
 costs = ["matchr1"]
+odd_joints = true
 [[adapt.parameter]]
 kind = "frictionloss"
 [[adapt.parameter]]
@@ -107,7 +112,6 @@ kind = "base_com_x"
 kind = "base_com_y"
 [[adapt.number]]
 kind = "floor_friction"
-{network}
 [adapt.simulation]
 timestep = {args.timestep}
 robot_timestep = 0.001
@@ -119,16 +123,15 @@ seeds = [{seed}]
 [finetune.train]
 iterations = {args.iterations}
 [finetune.task]
-tracking_width = 0.25
-yaw_tracking_width = 0.25
-[controls]
+{widths}[controls]
 nominal = true
 randomised = true
 draws = true
-truth = {{ theta = {json.dumps(str(numbers))}, spring = {json.dumps(springs)}, torque_noise = {noise} }}
+truth = {{ theta = {json.dumps(str(numbers))}, torque_noise = {noise} }}
 [evaluate]
 trajectories = {args.trajectories}
-drift = 0
+drift = {args.drift}
+drift_speeds = [0.5, 0.5, 0.3925]
 seed = {seed}
 """
 
@@ -189,6 +192,7 @@ def main():
     parser.add_argument("--logs", type=int, default=64, help="logs of 4 s [64]")
     parser.add_argument("--iterations", type=int, default=160, help="of a training [160]")
     parser.add_argument("--trajectories", type=int, default=500, help="of an evaluation [500]")
+    parser.add_argument("--drift", type=int, default=0, help="robots of each constant-command trial [0]")
     parser.add_argument("--timestep", type=float, default=0.005, help="of the fit, s [0.005]")
     parser.add_argument("--device", default="cpu", help="what trains, as of `gaitfit loop` [cpu]")
     parser.add_argument("--threads", type=int, default=2, help="of a loop [2]")

@@ -280,8 +280,8 @@ fn a_robot_whose_numbers_are_known_shows_what_a_fit_could_do() {
         "controls.draws=true",
         "adapt.costs=[\"matchr1\"]",
         "adapt.optimizer.generations=2",
-        "controls.truth.torque_noise=0.25",
         truth.as_str(),
+        "controls.truth.torque_noise=0.25",
     ];
     let more: Vec<&str> = sets.iter().flat_map(|set| ["--set", *set]).collect();
     let output = run(&args(folder.path(), SIMULATED, &more));
