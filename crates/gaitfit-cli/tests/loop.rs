@@ -309,7 +309,5 @@ fn a_robot_whose_numbers_are_known_shows_what_a_fit_could_do() {
     );
     assert_eq!(known["torque_noise"].as_float(), Some(0.25));
     let page = fs::read_to_string(folder.path().join("l/report.html")).unwrap();
-    assert!(
-        page.contains("fine-tuned, known numbers") && page.contains("controls/truth/finetune/report.html")
-    );
+    assert!(page.contains("Training: fine-tuned, known numbers"), "no link");
 }
