@@ -44,6 +44,11 @@ impl ReplaySimulator {
         Self { engine, ..self }
     }
 
+    /// The recordings and the robot that they are replayed on.
+    pub fn replay(&self) -> &Replay {
+        &self.replay
+    }
+
     /// The robot with the values of θ; what θ does not name stays as it is.
     pub fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
         let mut candidate = self.base.clone();

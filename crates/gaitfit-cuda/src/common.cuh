@@ -8,7 +8,7 @@ typedef unsigned long long u64;
 #define KERNEL extern "C" __global__ void
 #define DEVICE __device__ __forceinline__
 // Shared memory that the launch gives.
-#define POOL(name) extern __shared__ float name[]
+#define POOL(name) extern __shared__ __align__(16) float name[]
 #endif
 
 // Philox 4x32 with ten rounds (Salmon et al. 2011), as gaitfit-random has it.

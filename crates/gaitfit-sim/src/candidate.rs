@@ -32,7 +32,11 @@ pub struct JointNetworks {
 }
 
 impl JointNetworks {
-    pub(crate) fn compile<T: Real>(&self, model: &Model) -> Result<JointModification<T::K>, SimError> {
+    /// The networks as the step of `model` takes them.
+    ///
+    /// # Errors
+    /// Joints that the robot lacks; weights that are not finite, or not 97 a joint.
+    pub fn compile<T: Real>(&self, model: &Model) -> Result<JointModification<T::K>, SimError> {
         let refuse = |value: String, must| {
             Err(SimError::Option { option: "a candidate's joint networks", value, must })
         };

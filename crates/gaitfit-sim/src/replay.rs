@@ -116,6 +116,21 @@ impl Replay {
         &self.model
     }
 
+    /// How it integrates.
+    pub fn options(&self) -> &ReplayOptions {
+        &self.options
+    }
+
+    /// Settings of the physics.
+    pub fn settings(&self) -> &Settings {
+        self.tree.settings()
+    }
+
+    /// Sent targets that a robot remembers.
+    pub fn taps(&self) -> usize {
+        self.taps
+    }
+
     /// Instruction set in use.
     pub fn isa(&self) -> Isa {
         self.isa

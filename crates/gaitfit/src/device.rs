@@ -40,6 +40,21 @@ impl fmt::Display for Device {
     }
 }
 
+impl Device {
+    /// The GPU, opened; none of the processor.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] without the driver or the GPU.
+    pub fn open(self) -> Result<Option<gaitfit_cuda::runtime::Device>, Error> {
+        match self {
+            Self::Cpu => Ok(None),
+            Self::Cuda(number) => {
+                gaitfit_cuda::runtime::Device::open(number).map(Some).map_err(|error| cuda_error(&error))
+            }
+        }
+    }
+}
+
 /// A missing driver, GPU or compiler is told apart from a failure.
 pub fn cuda_error(error: &CudaError) -> Error {
     if error.is_missing() { Error::Missing(error.to_string()) } else { Error::failed(error) }

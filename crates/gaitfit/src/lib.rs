@@ -15,6 +15,7 @@ pub mod evaluate;
 pub mod files;
 pub mod finetune;
 pub mod gait;
+mod gpu;
 pub mod log;
 pub mod log_folder;
 mod log_joints;

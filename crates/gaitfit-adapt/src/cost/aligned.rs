@@ -1,6 +1,6 @@
 //! Sums of time-aligned differences, as MatchO, MatchS and MatchR need them.
 
-use super::{Accumulator, Breakdown, CostError, GroupCost, LOST, Reference, Weights};
+use super::{Accumulator, Breakdown, CostError, GroupCost, LOST, Reference, Signal, Weights, pieces};
 use crate::Signals;
 
 /// How differences become one number.
@@ -104,38 +104,42 @@ impl Accumulator for AlignedSums<'_> {
             return Err(CostError::Missing(missing));
         }
         let reference = self.reference;
-        let samples: usize =
-            (0..self.recordings.len()).map(|recording| reference.samples(recording) - reference.skip()).sum();
+        let samples = reference.counted();
         let lost: usize = self.recordings.iter().flatten().map(|sums| sums.lost).sum();
-        let absolute = self.norm == Norm::Absolute;
-        let lost = lost as f64 * if absolute { LOST } else { LOST * LOST };
-        let mut groups = Vec::new();
-        for (number, signal) in self.weights.signals().enumerate() {
-            let per_joint: Vec<Option<f64>> = reference
-                .dimensions(signal)
-                .unwrap_or_default()
-                .iter()
-                .enumerate()
-                .map(|(column, dimension)| {
-                    let sum: f64 =
-                        self.recordings.iter().flatten().map(|sums| sums.differences[number][column]).sum();
-                    // Without a fall this adds exactly 0.
-                    dimension.scale.map(|scale| {
-                        let lost = lost / if absolute { scale } else { scale * scale };
-                        let mean = (sum + lost) / samples as f64;
-                        scale * if absolute { mean } else { mean.sqrt() }
-                    })
-                })
-                .collect();
-            let count = per_joint.iter().flatten().count();
-            let joints = per_joint.iter().flatten();
-            let value = match self.norm {
-                Norm::Square => (joints.map(|rms| rms * rms).sum::<f64>() / count as f64).sqrt(),
-                Norm::Absolute => joints.sum::<f64>() / count as f64,
-            };
-            groups.push(GroupCost { signal, weight: self.weights.get(signal), value, per_joint });
-        }
+        let signals: Vec<Signal> = self.weights.signals().collect();
+        let sum = |signal: Signal, column: usize| -> f64 {
+            let number = signals.iter().position(|of| *of == signal).unwrap_or_default();
+            self.recordings.iter().flatten().map(|sums| sums.differences[number][column]).sum()
+        };
+        let breakdown = match self.norm {
+            Norm::Square => pieces::squares(reference, &self.weights, [lost, samples], sum),
+            Norm::Absolute => absolute(reference, &self.weights, [lost, samples], sum),
+        };
         self.clear();
-        Ok(Breakdown::new(groups))
+        Ok(breakdown)
     }
+}
+
+/// The cost of sums of absolute differences: the mean over samples and a signal's dimensions, scaled.
+fn absolute(
+    reference: &Reference,
+    weights: &Weights,
+    [lost, counted]: [usize; 2],
+    sum: impl Fn(Signal, usize) -> f64,
+) -> Breakdown {
+    let lost = lost as f64 * LOST;
+    let groups = weights.signals().map(|signal| {
+        let dimensions = reference.dimensions(signal).unwrap_or_default().iter().enumerate();
+        let per_joint: Vec<Option<f64>> = dimensions
+            .map(|(column, dimension)| {
+                let sum = sum(signal, column);
+                // Without a fall this adds exactly 0.
+                dimension.scale.map(|scale| scale * ((sum + lost / scale) / counted as f64))
+            })
+            .collect();
+        let count = per_joint.iter().flatten().count();
+        let value = per_joint.iter().flatten().sum::<f64>() / count as f64;
+        GroupCost { signal, weight: weights.get(signal), value, per_joint }
+    });
+    Breakdown::new(groups.collect())
 }

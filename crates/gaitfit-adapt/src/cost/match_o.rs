@@ -1,7 +1,7 @@
 //! The time-aligned cost.
 
 use super::aligned::{AlignedSums, Norm};
-use super::{Accumulator, Cost, CostError, Differences, Reference, Weights};
+use super::{Accumulator, Compared, Cost, CostError, Differences, Pieces, Reference, Weights};
 use std::sync::Arc;
 
 /// MatchO(∞): time-aligned L2 between the simulated and the recorded joint signals without resets, in the reference's
@@ -34,6 +34,10 @@ impl Cost for MatchO {
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {
         Box::new(AlignedSums::new(&self.reference, self.weights, Norm::Square))
+    }
+
+    fn pieces(&self) -> Option<Pieces<'_>> {
+        Some(Pieces::Squares(Compared { reference: &self.reference, weights: self.weights }))
     }
 
     fn differences(&self) -> Option<Differences<'_>> {

@@ -1,7 +1,9 @@
 //! The privileged time-aligned cost with resets.
 
 use super::aligned::{AlignedSums, Norm};
-use super::{Accumulator, Cost, CostError, CostKind, Differences, Reference, Signal, Weights};
+use super::{
+    Accumulator, Compared, Cost, CostError, CostKind, Differences, Pieces, Reference, Signal, Weights,
+};
 use crate::Resets;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
@@ -65,6 +67,10 @@ impl Cost for MatchS {
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {
         Box::new(AlignedSums::new(&self.reference, self.weights, Norm::Square))
+    }
+
+    fn pieces(&self) -> Option<Pieces<'_>> {
+        Some(Pieces::Squares(Compared { reference: &self.reference, weights: self.weights }))
     }
 
     fn differences(&self) -> Option<Differences<'_>> {

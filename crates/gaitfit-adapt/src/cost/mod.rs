@@ -25,6 +25,7 @@ mod kind;
 mod match_o;
 mod match_r;
 mod match_s;
+mod pieces;
 mod reference;
 mod rmse;
 mod signal;
@@ -38,6 +39,7 @@ pub use kind::{CostKind, UnknownCost};
 pub use match_o::MatchO;
 pub use match_r::MatchR;
 pub use match_s::MatchS;
+pub use pieces::{Compared, Pieces};
 pub use reference::{Dimension, Recorded, Reference};
 pub use rmse::{PositionRmse, position_rmse};
 pub use signal::{Signal, Weights};
@@ -73,6 +75,11 @@ pub trait Cost: Send + Sync {
 
     /// The differences that it sums, sample by sample; `None` of costs that compare distributions.
     fn differences(&self) -> Option<Differences<'_>> {
+        None
+    }
+
+    /// What it is computed from, for simulators that compare signals themselves; `None` if they cannot.
+    fn pieces(&self) -> Option<Pieces<'_>> {
         None
     }
 

@@ -154,6 +154,17 @@ impl Reference {
             .map_or(0, |matrix| matrix.len() / self.joints.len() + self.skip)
     }
 
+    /// Samples of all recordings that count.
+    pub fn counted(&self) -> usize {
+        (0..self.recordings()).map(|recording| self.samples(recording) - self.skip).sum()
+    }
+
+    /// What was recorded of `signal`, pre-roll cut off: `samples × columns`, row-major; `None` without the signal or the
+    /// recording.
+    pub fn recorded(&self, signal: Signal, recording: usize) -> Option<&[f64]> {
+        self.recording(signal, recording)
+    }
+
     /// Whether every recording has `signal`.
     pub fn has(&self, signal: Signal) -> bool {
         self.signals[signal as usize].is_some()
@@ -290,6 +301,11 @@ impl ReferenceSignal {
 }
 
 impl Dimension {
+    /// All samples that count, ascending.
+    pub fn sorted(&self) -> &[f64] {
+        &self.sorted
+    }
+
     fn new(matrices: &[Vec<f64>], column: usize, width: usize) -> Self {
         let sorted = sorted(matrices, column, width);
         let (min, max) = (sorted[0], sorted[sorted.len() - 1]);

@@ -1,7 +1,7 @@
 //! The pooled distribution cost.
 
 use super::wasserstein1::{key, sort_keys, wasserstein1_keys};
-use super::{Accumulator, Breakdown, Cost, CostError, GroupCost, LOST, Reference, Signal, Weights};
+use super::{Accumulator, Breakdown, Compared, Cost, CostError, LOST, Pieces, Reference, Signal, Weights, pieces};
 use crate::Signals;
 use std::sync::Arc;
 
@@ -43,6 +43,10 @@ impl Cost for Wass {
 
     fn subset(&self, recordings: &[usize]) -> Option<Box<dyn Cost>> {
         Some(Box::new(Self { reference: Arc::new(self.reference.subset(recordings)), ..self.clone() }))
+    }
+
+    fn pieces(&self) -> Option<Pieces<'_>> {
+        Some(Pieces::Distances(Compared { reference: &self.reference, weights: self.weights }))
     }
 
     fn begin(&self) -> Box<dyn Accumulator + '_> {
@@ -88,34 +92,19 @@ impl Pools<'_> {
     }
 
     fn distances(&mut self) -> Result<Breakdown, CostError> {
-        let mut groups = Vec::with_capacity(self.pools.len());
-        for (signal, joints) in &mut self.pools {
-            let dimensions = self.cost.reference.dimensions(*signal).unwrap_or_default();
-            let mut per_joint = Vec::with_capacity(joints.len());
-            for (pool, dimension) in joints.iter_mut().zip(dimensions) {
-                if pool.is_empty() && self.lost == 0 {
-                    return Err(CostError::Missing(0));
-                }
-                let lost = self.lost as f64 / (self.lost + pool.len()) as f64;
-                per_joint.push(dimension.scale.map(|scale| {
-                    if pool.is_empty() {
-                        return LOST;
-                    }
-                    sort_keys(pool, &mut self.scratch);
-                    let distance = scale * wasserstein1_keys(pool, &dimension.sorted);
-                    if self.lost == 0 { distance } else { (1.0 - lost) * distance + lost * LOST }
-                }));
-            }
-            let count = per_joint.iter().flatten().count();
-            let value = per_joint.iter().flatten().sum::<f64>() / count as f64;
-            groups.push(GroupCost {
-                signal: *signal,
-                weight: self.cost.weights.get(*signal),
-                value,
-                per_joint,
-            });
+        let Self { cost, pools, lost, scratch } = self;
+        let kept = pools.first().and_then(|(_, joints)| joints.first()).map_or(0, Vec::len);
+        if kept == 0 && *lost == 0 {
+            return Err(CostError::Missing(0));
         }
-        Ok(Breakdown::new(groups))
+        let reference = &cost.reference;
+        Ok(pieces::distances(reference, &cost.weights, [*lost, kept], |signal, column| {
+            let pool = pools.iter_mut().find(|(of, _)| *of == signal).and_then(|(_, all)| all.get_mut(column));
+            let dimension = reference.dimensions(signal).and_then(|all| all.get(column));
+            let (Some(pool), Some(dimension)) = (pool, dimension) else { return f64::NAN };
+            sort_keys(pool, scratch);
+            wasserstein1_keys(pool, &dimension.sorted)
+        }))
     }
 }
 

@@ -36,6 +36,9 @@ impl RunArgs {
 pub struct Adapt {
     /// Configuration (TOML); `gaitfit config` prints one with every default
     pub config: PathBuf,
+    /// What simulates: cpu, cuda (the first GPU) or cuda:N; a run may go on on another device
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    pub device: super::Device,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,
@@ -124,7 +127,7 @@ pub struct Finetune {
 pub struct Loop {
     /// Configuration (TOML); `gaitfit config loop` prints one with every default
     pub config: PathBuf,
-    /// What trains: cpu, cuda (the first GPU) or cuda:N; robots with networks on their joints train on the CPU
+    /// What fits and trains: cpu, cuda (the first GPU) or cuda:N; robots with networks on their joints train on the CPU
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: super::Device,
     /// How it runs.
@@ -155,6 +158,9 @@ pub struct Reproduce {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
+    /// What fits and trains: cpu, cuda (the first GPU) or cuda:N
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    pub device: super::Device,
     /// Threads [default: one for each core]
     #[arg(long, value_name = "N")]
     pub threads: Option<std::num::NonZeroUsize>,

@@ -23,10 +23,11 @@ DEVICE float value_of(u32 key) { return float_of(key & 0x80000000u ? key & 0x7FF
 // Sorts `size` keys, a power of two, with all threads of the block (Batcher 1968, bitonic).
 DEVICE void sort(u32* keys, u32 size) {
     for (u32 run = 2; run <= size; run *= 2)
+        // All are powers of two: `low` is pair / apart * 2 * apart + pair % apart.
         for (u32 apart = run / 2; apart > 0; apart /= 2) {
             __syncthreads();
             for (u32 pair = threadIdx.x; pair < size / 2; pair += blockDim.x) {
-                u32 low = pair / apart * 2 * apart + pair % apart, high = low + apart;
+                u32 low = pair + (pair & ~(apart - 1)), high = low + apart;
                 u32 a = keys[low], b = keys[high];
                 bool up = (low & run) == 0;
                 if ((a > b) == up) keys[low] = b, keys[high] = a;
@@ -118,4 +119,15 @@ KERNEL squared_differences(
         sum += difference * difference;
     }
     squares[i] = sum;
+}
+
+// A thread a candidate and dimension: the sums of all recordings together, in their order. `squares` as above, `sums`
+// candidates x dimensions.
+KERNEL sum_recordings(u32 candidates, u32 recordings, u32 dimensions, const double* squares, double* sums) {
+    u32 i = blockIdx.x * blockDim.x + threadIdx.x;
+    if (i >= candidates * dimensions) return;
+    const double* own = squares + (u64)(i / dimensions) * recordings * dimensions + i % dimensions;
+    double sum = 0.0;
+    for (u32 r = 0; r < recordings; r++) sum += own[(u64)r * dimensions];
+    sums[i] = sum;
 }

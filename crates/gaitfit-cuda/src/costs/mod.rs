@@ -84,6 +84,7 @@ pub struct Comparison {
     sizes: Sizes,
     wasserstein: Kernel,
     squares_of: Kernel,
+    sum_of: Kernel,
     /// Ascending, dimensions × counted samples.
     sorted: Buffer<f64>,
     /// Recordings × samples × dimensions.
@@ -91,6 +92,7 @@ pub struct Comparison {
     scratch: Buffer<u32>,
     distance: Buffer<f64>,
     squares: Buffer<f64>,
+    sums: Buffer<f64>,
     shared: u32,
 }
 
@@ -101,32 +103,60 @@ impl Comparison {
     /// # Errors
     /// [`CostsError`] if sizes do not fit each other or the GPU's memory.
     pub fn new(device: &Device, sizes: Sizes, measured: &[f64]) -> Result<Self, CostsError> {
+        let expected = sizes.recordings * sizes.samples * sizes.dimensions;
+        if measured.len() != expected {
+            return Err(CostsError::Length { array: "measured", expected, found: measured.len() });
+        }
+        Self::with(device, sizes, &pooled(sizes, measured), measured)
+    }
+
+    /// With the robot's samples and those that count ascending, `dimensions` times as many numbers: of recordings that are
+    /// shorter than `sizes.samples`, what is behind their end in `measured` is not looked at.
+    ///
+    /// # Errors
+    /// As [`Comparison::new`].
+    pub fn with(
+        device: &Device,
+        sizes: Sizes,
+        sorted: &[f64],
+        measured: &[f64],
+    ) -> Result<Self, CostsError> {
         sizes.check()?;
         let expected = sizes.recordings * sizes.samples * sizes.dimensions;
         if measured.len() != expected {
             return Err(CostsError::Length { array: "measured", expected, found: measured.len() });
         }
-        let sorted = pooled(sizes, measured);
-        let bytes = 4 * sizes.sorted();
-        let available = usize::try_from(device.info().shared_memory).unwrap_or(0);
-        let outside = bytes + DECLARED > available;
-        let blocks = sizes.candidates * sizes.dimensions;
-        let scratch = if outside { blocks.saturating_mul(sizes.sorted()) } else { 0 };
-        let parts = [("keys", 4 * scratch as u64), ("measured", 16 * measured.len() as u64)];
-        device.check_room(&parts)?;
+        device.check_room(&Self::parts(device, sizes))?;
         let module = device.load(&program())?;
+        let blocks = sizes.candidates * sizes.dimensions;
+        let outside = is_outside(device, sizes);
+        let scratch = if outside { blocks.saturating_mul(sizes.sorted()) } else { 0 };
         let runs = sizes.candidates * sizes.recordings * sizes.dimensions;
         Ok(Self {
             sizes,
             wasserstein: module.kernel("wasserstein")?,
             squares_of: module.kernel("squared_differences")?,
-            sorted: Buffer::from_slice(device, "sorted", &sorted)?,
+            sum_of: module.kernel("sum_recordings")?,
+            sorted: Buffer::from_slice(device, "sorted", sorted)?,
             measured: Buffer::from_slice(device, "measured", measured)?,
             scratch: Buffer::new(device, "keys", scratch)?,
             distance: Buffer::new(device, "distances", blocks)?,
             squares: Buffer::new(device, "squares", runs)?,
-            shared: if outside { 0 } else { bytes as u32 },
+            sums: Buffer::new(device, "sums of squares", blocks)?,
+            shared: if outside { 0 } else { 4 * sizes.sorted() as u32 },
         })
+    }
+
+    /// What it takes of the GPU's memory, by name, bytes.
+    pub fn parts(device: &Device, sizes: Sizes) -> Vec<(&'static str, u64)> {
+        let Sizes { candidates, recordings, samples, dimensions, .. } = sizes;
+        let product = |of: &[usize]| of.iter().fold(1u64, |all, &one| all.saturating_mul(one as u64));
+        let keys = if is_outside(device, sizes) { sizes.sorted() } else { 0 };
+        vec![
+            ("keys", product(&[4, candidates, dimensions, keys])),
+            ("measured", product(&[16, recordings, samples, dimensions])),
+            ("squares", product(&[8, candidates, recordings + 2, dimensions])),
+        ]
     }
 
     fn expect(&self, signals: &Buffer<f32>, ends: &Buffer<u32>) -> Result<(), CostsError> {
@@ -153,11 +183,28 @@ impl Comparison {
         signals: &Buffer<f32>,
         ends: &Buffer<u32>,
     ) -> Result<Vec<f64>, CostsError> {
+        self.start_distances(stream, signals, ends, self.sizes.candidates, self.sizes.dimensions)?;
+        Ok(self.distance.read(stream)?)
+    }
+
+    /// Computes the distances of the first candidates and of the first dimensions alone; [`Comparison::read_distances`]
+    /// reads them.
+    ///
+    /// # Errors
+    /// As [`Comparison::distances`].
+    pub fn start_distances(
+        &self,
+        stream: &Stream,
+        signals: &Buffer<f32>,
+        ends: &Buffer<u32>,
+        candidates: usize,
+        compared: usize,
+    ) -> Result<(), CostsError> {
         self.expect(signals, ends)?;
-        let Sizes { candidates, recordings, samples, dimensions, skip } = self.sizes;
+        let Sizes { recordings, samples, dimensions, skip, .. } = self.sizes;
         let counted = self.sorted.len() / dimensions;
         let shape = Shape {
-            grid: [candidates as u32, dimensions as u32, 1],
+            grid: [candidates.min(self.sizes.candidates) as u32, compared.min(dimensions) as u32, 1],
             block: [THREADS, 1, 1],
             shared: self.shared,
         };
@@ -175,10 +222,18 @@ impl Comparison {
                 (counted as u32).into(),
                 (self.sizes.sorted() as u32).into(),
                 u32::from(self.shared == 0).into(),
-                (&mut self.scratch).into(),
-                (&mut self.distance).into(),
+                (&self.scratch).into(),
+                (&self.distance).into(),
             ],
         )?;
+        Ok(())
+    }
+
+    /// The distances last computed, `candidates × dimensions`.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn read_distances(&self, stream: &Stream) -> Result<Vec<f64>, CostsError> {
         Ok(self.distance.read(stream)?)
     }
 
@@ -192,6 +247,42 @@ impl Comparison {
         signals: &Buffer<f32>,
         ends: &Buffer<u32>,
     ) -> Result<Vec<f64>, CostsError> {
+        self.start_squares(stream, signals, ends)?;
+        Ok(self.squares.read(stream)?)
+    }
+
+    /// The same summed over recordings, `candidates × dimensions`.
+    ///
+    /// # Errors
+    /// As [`Comparison::distances`].
+    pub fn sums_of_squares(
+        &mut self,
+        stream: &Stream,
+        signals: &Buffer<f32>,
+        ends: &Buffer<u32>,
+    ) -> Result<Vec<f64>, CostsError> {
+        self.start_squares(stream, signals, ends)?;
+        let Sizes { candidates, recordings, dimensions, .. } = self.sizes;
+        self.sum_of.launch(
+            stream,
+            Shape::cover(candidates * dimensions, 64),
+            &[
+                (candidates as u32).into(),
+                (recordings as u32).into(),
+                (dimensions as u32).into(),
+                (&self.squares).into(),
+                (&self.sums).into(),
+            ],
+        )?;
+        Ok(self.sums.read(stream)?)
+    }
+
+    fn start_squares(
+        &self,
+        stream: &Stream,
+        signals: &Buffer<f32>,
+        ends: &Buffer<u32>,
+    ) -> Result<(), CostsError> {
         self.expect(signals, ends)?;
         let Sizes { candidates, recordings, samples, dimensions, skip } = self.sizes;
         self.squares_of.launch(
@@ -206,11 +297,17 @@ impl Comparison {
                 signals.into(),
                 ends.into(),
                 (&self.measured).into(),
-                (&mut self.squares).into(),
+                (&self.squares).into(),
             ],
         )?;
-        Ok(self.squares.read(stream)?)
+        Ok(())
     }
+}
+
+/// Whether keys do not fit into a multiprocessor's memory.
+fn is_outside(device: &Device, sizes: Sizes) -> bool {
+    let available = usize::try_from(device.info().shared_memory).unwrap_or(0);
+    4 * sizes.sorted() + DECLARED > available
 }
 
 /// The robot's samples that count, ascending, dimension by dimension.

@@ -1,7 +1,7 @@
 //! One robot's control period as a program for a GPU.
 
 use gaitfit_model::Model;
-use gaitfit_physics::trace::{Known, PeriodGraph, Report, Traced, record_period_with};
+use gaitfit_physics::trace::{Input, Known, PeriodGraph, Report, Traced, record_period_with};
 use gaitfit_physics::{JointModification, Settings, compile};
 
 use super::DeviceError;
@@ -139,6 +139,11 @@ impl Period {
     /// Physics steps in the period.
     pub fn substeps(&self) -> usize {
         self.substeps
+    }
+
+    /// What the program takes, in the recording's order.
+    pub fn inputs(&self) -> impl Iterator<Item = &Input> {
+        self.graph.inputs.iter()
     }
 
     /// Where the numbers lie.

@@ -3,8 +3,9 @@
 use gaitfit_learn::task::Snapshot;
 use gaitfit_sim::RobotState;
 
-use super::scene::{Scene, Spot};
+use super::scene::Scene;
 use crate::emit::Class;
+use crate::words::Spot;
 
 /// Environments as the kernels' arrays.
 #[derive(Clone, Debug, Default, PartialEq)]

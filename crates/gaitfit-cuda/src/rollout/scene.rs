@@ -1,13 +1,13 @@
 //! A task on a robot as the kernels see it: sizes, and where the physics keeps each number.
 
 use gaitfit_learn::task::{Task, reward};
-use gaitfit_physics::Owner;
-use gaitfit_physics::trace::{Input, Output, Report};
+use gaitfit_physics::trace::{Input, Report};
 use gaitfit_sim::Candidate;
 
 use super::RolloutError;
-use crate::emit::{Class, EmitOptions, Layout, Place};
+use crate::emit::{Class, EmitOptions};
 use crate::physics::{Period, PeriodOptions};
+use crate::words::{Spot, input_spots, is_bias, report_spots};
 
 /// Sizes of a rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,13 +20,6 @@ pub struct Sizes {
     pub networks: usize,
     /// Discount of PPO.
     pub gamma: f64,
-}
-
-/// Place of a number in its tile: `base + stride · i` for the tile's robot `i`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Spot {
-    pub base: usize,
-    pub stride: usize,
 }
 
 /// A task on a robot as the kernels see it.
@@ -86,26 +79,15 @@ impl<'a> Scene<'a> {
         if let Some((own, _)) = task.reward_weights().find(|(name, _)| !known(name)) {
             return Err(RolloutError::Unsupported(format!("the reward term `{own}`, which is not built in")));
         }
-        let layout = period.layout();
-        let inputs = || period.graph.inputs.iter().zip(&layout.inputs);
-        let spots = |wanted: fn(&Input) -> bool| -> Vec<Spot> {
-            inputs().filter(|(input, _)| wanted(input)).map(|(_, &place)| spot(layout, place)).collect()
-        };
-        let biased = |input: &Input| {
-            matches!(input, Input::Params(slot) if slot.name == "encoder_bias"
-                && matches!(slot.owner, Owner::Joint(_)))
-        };
-        let outputs = period.graph.outputs.iter().zip(&layout.outputs);
-        let shown = outputs.filter(|(output, _)| matches!(output, Output::Report(_)));
         Ok(Self {
             task,
             period,
             sizes,
-            state: spots(|input| matches!(input, Input::State(_))),
-            bias: spots(biased),
-            targets: spots(|input| matches!(input, Input::Target { .. })),
-            disturbance: spots(|input| matches!(input, Input::Disturbance { .. })),
-            report: shown.map(|(_, &place)| spot(layout, place)).collect(),
+            state: input_spots(period, |input| matches!(input, Input::State(_))),
+            bias: input_spots(period, is_bias),
+            targets: input_spots(period, |input| matches!(input, Input::Target { .. })),
+            disturbance: input_spots(period, |input| matches!(input, Input::Disturbance { .. })),
+            report: report_spots(period),
         })
     }
 
@@ -128,10 +110,4 @@ impl<'a> Scene<'a> {
     pub(super) fn tallies(&self) -> usize {
         self.task.reward_weights().count() + 8
     }
-}
-
-fn spot(layout: &Layout, place: Place) -> Spot {
-    let base = layout.offset(place, 0);
-    let stride = if layout.environments() > 1 { layout.offset(place, 1) - base } else { 0 };
-    Spot { base, stride }
 }

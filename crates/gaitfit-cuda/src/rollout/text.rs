@@ -3,10 +3,11 @@
 use std::fmt::Write;
 
 use gaitfit_model::Shape;
-use gaitfit_policy::{Quantity, Term};
+use gaitfit_policy::Term;
 
 use super::plan::THREADS;
-use super::scene::{Scene, Spot};
+use super::scene::Scene;
+use crate::words::{Words, braces, double, quantity_number, single};
 use crate::emit::Class;
 use crate::runtime::Program;
 
@@ -14,7 +15,7 @@ use crate::runtime::Program;
 pub(super) fn program(scene: &Scene<'_>) -> Program {
     let mut text = String::from(include_str!("../common.cuh"));
     text.push_str(include_str!("kernels/structs.cu"));
-    let mut writer = Writer { text };
+    let mut writer = Words { text };
     writer.sizes(scene);
     writer.task(scene);
     writer.robot(scene);
@@ -24,6 +25,7 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
         include_str!("kernels/draws.cu"),
         include_str!("kernels/robot.cu"),
         include_str!("kernels/observe.cu"),
+        include_str!("kernels/rows.cu"),
         include_str!("kernels/act.cu"),
         include_str!("kernels/episode.cu"),
         include_str!("kernels/rewards.cu"),
@@ -34,37 +36,7 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
     Program::new("rollout", text).option("-fmad=false")
 }
 
-fn single(value: f32) -> String {
-    format!("{:?}f", value.clamp(f32::MIN, f32::MAX))
-}
-
-fn double(value: f64) -> String {
-    format!("{:?}", value.clamp(-1e300, 1e300))
-}
-
-fn braces<T>(values: impl IntoIterator<Item = T>, write: impl Fn(T) -> String) -> String {
-    let words: Vec<String> = values.into_iter().map(write).collect();
-    format!("{{{}}}", words.join(", "))
-}
-
-struct Writer {
-    text: String,
-}
-
-impl Writer {
-    fn define(&mut self, name: &str, value: impl std::fmt::Display) {
-        // Writing to a string does not fail.
-        let _ = writeln!(self.text, "#define {name} {value}");
-    }
-
-    /// An empty table has one entry of zeros.
-    fn table(&mut self, kind: &str, name: &str, mut rows: Vec<String>) {
-        if rows.is_empty() {
-            rows.push(if kind == "int" || kind == "float" { "0".into() } else { "{}".into() });
-        }
-        let _ = writeln!(self.text, "TABLE {kind} {name}[] = {{{}}};", rows.join(", "));
-    }
-
+impl Words {
     fn sizes(&mut self, scene: &Scene<'_>) {
         let (task, layout) = (scene.task, scene.period.layout());
         for (name, value) in [
@@ -90,14 +62,11 @@ impl Writer {
         ] {
             self.define(name, value);
         }
-        let spots = |spots: &[Spot]| -> Vec<String> {
-            spots.iter().map(|spot| format!("{{{}, {}}}", spot.base, spot.stride)).collect()
-        };
-        self.table("Spot", "STATE_SPOTS", spots(&scene.state));
-        self.table("Spot", "BIAS_SPOTS", spots(&scene.bias));
-        self.table("Spot", "TARGET_SPOTS", spots(&scene.targets));
-        self.table("Spot", "REPORT_SPOTS", spots(&scene.report));
-        self.table("Spot", "DISTURBANCE_SPOTS", spots(&scene.disturbance));
+        self.spots("STATE_SPOTS", &scene.state);
+        self.spots("BIAS_SPOTS", &scene.bias);
+        self.spots("TARGET_SPOTS", &scene.targets);
+        self.spots("REPORT_SPOTS", &scene.report);
+        self.spots("DISTURBANCE_SPOTS", &scene.disturbance);
         self.define("DISTURBED", scene.disturbance.len());
     }
 
@@ -226,7 +195,7 @@ impl Writer {
             for Term { quantity, .. } in observation {
                 let width = quantity.width(joints);
                 let half = noise.map_or(0.0, |noise| noise.half_range(*quantity));
-                terms.push(format!("{{{}, {place}, {width}, {}}}", number(*quantity), single(half)));
+                terms.push(format!("{{{}, {place}, {width}, {}}}", quantity_number(*quantity), single(half)));
                 place += width;
             }
             scales.extend(interface.scales(observation).into_iter().map(single));
@@ -237,19 +206,5 @@ impl Writer {
         for (name, row) in ["ACTOR_ROW", "CRITIC_ROW"].into_iter().zip(rows) {
             let _ = writeln!(self.text, "TABLE Row {name} = {row};");
         }
-    }
-}
-
-/// Its place in the text's list of quantities.
-fn number(quantity: Quantity) -> usize {
-    match quantity {
-        Quantity::BaseAngularVelocity => 0,
-        Quantity::ProjectedGravity => 1,
-        Quantity::Command => 2,
-        Quantity::JointPosition => 3,
-        Quantity::JointVelocity => 4,
-        Quantity::LastAction => 5,
-        Quantity::BaseLinearVelocity => 6,
-        Quantity::GaitPhase => 7,
     }
 }

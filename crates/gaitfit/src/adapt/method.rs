@@ -2,12 +2,25 @@
 
 use crate::Error;
 use crate::air::Clamped;
+use crate::gpu::{GpuSimulator, OnGpu};
 use crate::log::Log;
 use crate::walk::walking::Walking;
 use gaitfit_adapt::Simulator;
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
 use std::sync::Arc;
+
+/// The simulator on a GPU, if there is one.
+fn on<S: OnGpu + 'static>(
+    simulator: S,
+    gpu: Option<&gaitfit_cuda::runtime::Device>,
+    threads: usize,
+) -> Result<Box<dyn Simulator>, Error> {
+    Ok(match gpu {
+        Some(gpu) => Box::new(GpuSimulator::new(simulator, gpu, threads).map_err(Error::failed)?),
+        None => Box::new(simulator),
+    })
+}
 
 /// How logs are simulated.
 pub enum Method {
@@ -18,6 +31,22 @@ pub enum Method {
 }
 
 impl Method {
+    /// On a GPU, if there is one.
+    #[must_use]
+    pub fn on(self, gpu: Option<gaitfit_cuda::runtime::Device>) -> Self {
+        match self {
+            Self::Replay(mut clamped) => {
+                clamped.gpu = gpu;
+                Self::Replay(clamped)
+            }
+            Self::Walk(walking) => match Arc::try_unwrap(walking) {
+                Ok(walking) => Self::Walk(Arc::new(Walking { gpu, ..walking })),
+                // Someone else has it already, and its simulators.
+                Err(walking) => Self::Walk(walking),
+            },
+        }
+    }
+
     /// The robot.
     pub fn model(&self) -> &Model {
         match self {
@@ -40,8 +69,10 @@ impl Method {
     /// Logs that cannot be simulated together.
     pub fn simulator(&self, base: Candidate, logs: &[Log]) -> Result<Box<dyn Simulator>, Error> {
         Ok(match self {
-            Self::Replay(clamped) => Box::new(clamped.simulator(base, logs)?),
-            Self::Walk(walking) => Box::new(walking.simulator(base, logs)),
+            Self::Replay(clamped) => {
+                on(clamped.simulator(base, logs)?, clamped.gpu.as_ref(), clamped.threads)?
+            }
+            Self::Walk(walking) => on(walking.simulator(base, logs), walking.gpu.as_ref(), walking.threads)?,
         })
     }
 

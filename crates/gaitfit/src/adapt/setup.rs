@@ -3,6 +3,7 @@
 use super::alternatives::{Alternatives, alternatives};
 use super::method::Method;
 use crate::air::{Clamped, logs as air_logs};
+use crate::device::Device;
 use crate::log::Log;
 use crate::robot::Hold;
 use crate::settings::{AdaptConfig, Base, check};
@@ -109,6 +110,8 @@ pub struct Setup {
     pub files: Vec<PathBuf>,
     /// Things to know before trusting the result.
     pub warnings: Vec<String>,
+    /// What simulates.
+    pub device: Device,
 }
 
 impl Setup {
@@ -117,6 +120,19 @@ impl Setup {
     /// # Errors
     /// Settings that do not go together; files that are not there or not usable, each by name.
     pub fn open(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -> Result<Self, Error> {
+        Self::open_on(config, config_path, threads, Device::Cpu)
+    }
+
+    /// As [`Setup::open`]; `device` simulates.
+    ///
+    /// # Errors
+    /// As there; a GPU that is not there.
+    pub fn open_on(
+        config: &AdaptConfig,
+        config_path: &Path,
+        threads: Option<usize>,
+        device: Device,
+    ) -> Result<Self, Error> {
         let mut config = config.clone();
         // The folder keeps every default, these too.
         config.parameter.iter_mut().for_each(ParameterRule::resolve);
@@ -133,7 +149,8 @@ impl Setup {
             .theta(&config.groups(), &joints, &rest)
             .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
         let (walker, robot) = (policy.clone(), model.clone());
-        let method = self::method(&config, policy, model, &theta, &base, threads)?;
+        let gpu = device.open()?;
+        let method = self::method(&config, policy, model, &theta, &base, threads)?.on(gpu.clone());
         let mut warnings = Vec::new();
         if let Some((path, file)) = &known {
             warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
@@ -145,6 +162,7 @@ impl Setup {
         let fit = LogSet::new(&config, &method, &base, logs.fit)?;
         let other = |config: &AdaptConfig| {
             self::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
+                .map(|method| method.on(gpu.clone()))
         };
         let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
         let validate = logs
@@ -167,6 +185,7 @@ impl Setup {
             validate,
             files,
             warnings,
+            device,
         })
     }
 

@@ -23,7 +23,9 @@ pub struct Clamped {
     /// Longest delay that a candidate may have, s.
     max_delay: f64,
     /// Threads.
-    threads: usize,
+    pub threads: usize,
+    /// The GPU that simulates, instead of the CPU.
+    pub gpu: Option<gaitfit_cuda::runtime::Device>,
 }
 
 impl Clamped {
@@ -47,7 +49,7 @@ impl Clamped {
         }
         let max_delay = base.robot.delay.iter().fold(searched, |most, &delay| most.max(delay));
         let (timestep, preset) = (config.simulation.timestep, config.simulation.preset);
-        Ok(Self { model, timestep, preset, max_delay, threads })
+        Ok(Self { model, timestep, preset, max_delay, threads, gpu: None })
     }
 
     /// Replays `logs`, which share a sample rate, on candidates. `base`: the robot that θ changes.

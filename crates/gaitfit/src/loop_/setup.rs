@@ -103,8 +103,8 @@ impl Setup {
             truth,
             known,
             inputs,
-            device: Device::Cpu,
             threads,
+            device: Device::Cpu,
             warnings: doubts,
         };
         let task = world::task(&setup.world_arguments(None), &setup.policy)?;

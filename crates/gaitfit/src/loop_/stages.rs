@@ -182,7 +182,8 @@ impl<'a> Stages<'a> {
         self.folder.make(round)?;
         self.write_config(&file, config)?;
         let recorded = self.path(&format!("{round}/logs"));
-        let setup = adapt::Setup::open(config, &self.path(&file), Some(self.setup.threads));
+        let (threads, device) = (Some(self.setup.threads), self.setup.device);
+        let setup = adapt::Setup::open_on(config, &self.path(&file), threads, device);
         let setup = setup.map_err(|error| {
             let error = if config.validate.is_empty() {
                 error

@@ -4,6 +4,7 @@
 use super::experiments::{self, Experiment};
 use super::paper::Kind;
 use super::results::{SeedFit, SeedResult, Walk};
+use crate::device::Device;
 use crate::loop_::files;
 use crate::loop_::results::{REFERENCE, policy_name};
 use crate::loop_::rounds::add_truth;
@@ -31,6 +32,8 @@ pub struct Run<'a> {
     pub folder: &'a RunFolder,
     /// Threads.
     pub threads: usize,
+    /// What fits and trains.
+    pub device: Device,
     /// Who is told, and may stop it.
     pub watch: &'a Watch<'a>,
 }
@@ -98,7 +101,8 @@ impl Run<'_> {
         let Some(config) = experiments::shared(self.experiments, scenario, seed) else {
             return Err(Error::failed(format!("the table has no cell of {scenario}")));
         };
-        let setup = Setup::open(config, &experiment.file, self.threads)?;
+        let mut setup = Setup::open(config, &experiment.file, self.threads)?;
+        setup.device = self.device;
         let folder = self.open(&format!("shared/{scenario}"), seed, &setup)?;
         let Some(target) = setup.config.target.clone() else {
             return Err(Error::settings("an experiment needs a [target]"));
@@ -135,7 +139,8 @@ impl Run<'_> {
 
     /// One seed of a cell: as it was finished, or made now.
     fn cell(&self, experiment: &Experiment, seed: u64, logs: &Path) -> Result<SeedResult, Error> {
-        let setup = Setup::open(experiment.seeded(seed), &experiment.file, self.threads)?;
+        let mut setup = Setup::open(experiment.seeded(seed), &experiment.file, self.threads)?;
+        setup.device = self.device;
         let folder = self.open(&format!("cells/{}", experiment.paper.name), seed, &setup)?;
         if let Some(text) = folder.read(SEED)? {
             self.watch.note("finished earlier");

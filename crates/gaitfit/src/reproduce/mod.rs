@@ -33,6 +33,8 @@ pub struct Request {
     pub experiments: PathBuf,
     /// Threads.
     pub threads: usize,
+    /// What fits and trains.
+    pub device: crate::device::Device,
 }
 
 /// Runs a table or continues it. Returns its results and its folder, which has all files but the printed table.
@@ -51,6 +53,7 @@ pub fn run(request: &Request, watch: &Watch<'_>) -> Result<(Results, RunFolder),
         seeds: request.seeds,
         folder: &folder,
         threads: request.threads,
+        device: request.device,
         watch,
     };
     let outcome = run.run()?;

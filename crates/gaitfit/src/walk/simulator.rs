@@ -42,6 +42,16 @@ impl WalkSimulator {
         }
     }
 
+    /// The policy on its robot.
+    pub fn walking(&self) -> &Walking {
+        &self.walking
+    }
+
+    /// What the simulated robots follow.
+    pub fn scripts(&self) -> &[Script] {
+        &self.scripts
+    }
+
     /// The simulator with other trust in standing feet.
     pub fn with_feet_trust(self, feet_trust: f64) -> Self {
         Self { feet_trust, ..self }
@@ -75,7 +85,7 @@ impl Simulator for WalkSimulator {
         consume: &Consume<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
-        let &Walking { ref policy, ref task, threads } = self.walking.as_ref();
+        let &Walking { ref policy, ref task, threads, .. } = self.walking.as_ref();
         let (mut free, mut corrected) = (Vec::new(), Vec::new());
         for (number, rollout) in candidates.iter().enumerate() {
             let (candidate, seed) = (self.candidate(theta, &rollout.values), rollout.draw);

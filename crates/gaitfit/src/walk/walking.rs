@@ -19,6 +19,8 @@ pub struct Walking {
     pub task: Task,
     /// Threads.
     pub threads: usize,
+    /// The GPU that simulates, instead of the CPU.
+    pub gpu: Option<gaitfit_cuda::runtime::Device>,
 }
 
 impl Walking {
@@ -35,7 +37,7 @@ impl Walking {
         threads: usize,
     ) -> Result<Self, Error> {
         let task = task(config, &policy, model, theta, base)?;
-        Ok(Self { policy, task, threads })
+        Ok(Self { policy, task, threads, gpu: None })
     }
 
     /// Names of the policy's joints, in its order.

@@ -13,10 +13,10 @@ enum {
 };
 
 // Writes term `number` of TERMS into its place of a row. `scales`: those of the row. `noise`: draws of this environment
-// and step, or none.
+// and step, or none. `command` and `last_action`: this robot's, `apart` numbers from each other.
 DEVICE void write_term(
     int number, const float* scales, const Draws* noise, const float* state, const float* params, u32 steps,
-    const float* command, const float* last_action, u32 e, float* out
+    const float* command, const float* last_action, u32 apart, u32 e, float* out
 ) {
     Term term = TERMS[number];
     Base base;
@@ -38,7 +38,7 @@ DEVICE void write_term(
             to_body(base.quaternion, base.linear, vector);
             break;
         case COMMAND:
-            for (int k = 0; k < 3; k++) vector[k] = command[k * ENVIRONMENTS + e];
+            for (int k = 0; k < 3; k++) vector[k] = command[k * apart];
             break;
         case GAIT_PHASE: {
             float angle = 6.2831855f * clock_of(steps);
@@ -57,7 +57,7 @@ DEVICE void write_term(
             switch (term.quantity) {
                 case JOINT_POSITION: value = joint_position(state, params, e, JOINT_OF[k]) - HOME[k]; break;
                 case JOINT_VELOCITY: value = joint_velocity(state, e, JOINT_OF[k]); break;
-                case LAST_ACTION: value = last_action[k * ENVIRONMENTS + e]; break;
+                case LAST_ACTION: value = last_action[k * apart]; break;
                 default: value = i < 3 ? vector[i] : 0.0f;
             }
             if (noise && term.half_range > 0.0f)
@@ -65,39 +65,4 @@ DEVICE void write_term(
             out[term.place + k] = value * scales[term.place + k];
         }
     }
-}
-
-DEVICE void write_critic_row(
-    const float* state, const float* params, u32 steps, const float* command, const float* last_action, u32 e, float* out
-) {
-    for (int t = CRITIC_ROW.first; t < CRITIC_ROW.first + CRITIC_ROW.terms; t++)
-        write_term(t, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps, command, last_action, e, out);
-}
-
-// The rows of step `step` of the samples: a block column for each term of the actor, then of the critic.
-KERNEL observe(
-    u32 step, const u32* control, const float* state, const float* params, const u32* steps, const float* command,
-    const float* last_action, float* observation, float* critic_observation
-) {
-    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
-    if (e >= ENVIRONMENTS) return;
-    u64 row = (u64)step * ENVIRONMENTS + e;
-    int number = (int)blockIdx.y;
-    bool actor = number < ACTOR_ROW.terms;
-    Draws noise = draws_of(control, NOISE_DRAWS, e, control[FIRST_STEP] + step);
-    float* out = actor ? observation + row * ACTOR_ROW.width : critic_observation + row * CRITIC_ROW.width;
-    write_term(
-        number, SCALES + (actor ? ACTOR_ROW.scale : CRITIC_ROW.scale), actor ? &noise : nullptr, state, params, steps[e],
-        command, last_action, e, out);
-}
-
-// What the critic sees after the last step: a block column for each term.
-KERNEL observe_end(
-    const float* state, const float* params, const u32* steps, const float* command, const float* last_action, float* tail
-) {
-    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
-    if (e >= ENVIRONMENTS) return;
-    write_term(
-        CRITIC_ROW.first + (int)blockIdx.y, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps[e], command,
-        last_action, e, tail + (u64)e * CRITIC_ROW.width);
 }

@@ -1,0 +1,268 @@
+//! Candidates simulated on a GPU, as many at once as fit, and what their costs are made of.
+
+use gaitfit_policy::follow::Job;
+use gaitfit_policy::walker::WalkerError;
+use gaitfit_sim::pool;
+
+use super::session::{Physics, Session};
+use super::{FitError, Numbers, Structure, Subject, Tables};
+use crate::runtime::{Device, Event, Stream};
+
+/// Most candidates whose signals are brought to the host at once.
+const MOST_SHOWN: usize = 64;
+
+/// The robot's side of the costs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// Samples at the beginning of each recording that do not count.
+    pub skip: usize,
+    /// Of each dimension: the samples that count, of all recordings, ascending.
+    pub sorted: Vec<f64>,
+    /// `recordings × samples × dimensions`; what is behind a recording's end is not looked at.
+    pub samples: Vec<f64>,
+}
+
+/// What of a candidate is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Compared {
+    /// Wasserstein-1 distances of pooled samples.
+    Distances,
+    /// Sums of squared differences.
+    Squares,
+}
+
+/// What a candidate's cost is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parts {
+    /// Of each recording: the sample of the fall, or the number of samples.
+    pub ends: Vec<u32>,
+    /// Of each dimension of the signals, unscaled.
+    pub pieces: Vec<f64>,
+}
+
+/// Signals of a candidate on a recording.
+#[derive(Clone, Copy, Debug)]
+pub struct Tracks<'a> {
+    /// `samples × dimensions`, in the order of [`Subject::dimensions`].
+    pub rows: &'a [f32],
+    /// Numbers of a row.
+    pub dimensions: usize,
+    /// The sample of the fall.
+    pub fell_at: Option<usize>,
+}
+
+/// Simulates candidates on the recordings of some tables. Memory is taken at the first use, and a message says what does
+/// not fit; where not all candidates fit they are simulated in turn.
+pub struct Candidates {
+    device: Device,
+    stream: Stream,
+    tables: Tables,
+    measured: Option<Measured>,
+    threads: usize,
+    sessions: Vec<Session>,
+}
+
+impl Candidates {
+    /// On `device`. `threads`: of the host, for what it prepares.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn new(device: &Device, tables: Tables, threads: usize) -> Result<Self, FitError> {
+        let stream = Stream::new(device)?;
+        Ok(Self { device: device.clone(), stream, tables, measured: None, threads, sessions: Vec::new() })
+    }
+
+    /// The recordings.
+    pub fn tables(&self) -> &Tables {
+        &self.tables
+    }
+
+    /// Sets what candidates are compared with.
+    ///
+    /// # Errors
+    /// Numbers of other recordings or dimensions.
+    pub fn measure(&mut self, measured: Measured, dimensions: usize) -> Result<(), FitError> {
+        let expected = self.tables.recordings() * self.tables.samples * dimensions;
+        if measured.samples.len() != expected {
+            let found = measured.samples.len();
+            return Err(FitError::Length { what: "the robot's side", expected, found });
+        }
+        self.measured = Some(measured);
+        self.sessions.clear();
+        Ok(())
+    }
+
+    /// What the cost of each job is made of; `compared` says what of each. Before it [`Candidates::measure`].
+    ///
+    /// # Errors
+    /// Candidates that cannot be simulated; a failure of the GPU; [`FitError::Cancelled`].
+    pub fn parts(
+        &mut self,
+        subject: Subject<'_>,
+        jobs: &[Job],
+        compared: &[Compared],
+        cancel: &dyn Fn() -> bool,
+    ) -> Result<Vec<Parts>, FitError> {
+        let (recordings, dimensions) = (self.tables.recordings(), subject.dimensions());
+        // Of a robot that walks the base is not compared by distances.
+        let by_distance = match subject {
+            Subject::Walk(..) => dimensions.saturating_sub(6),
+            Subject::Replay(_) => dimensions,
+        };
+        let mut found: Vec<Option<Parts>> = vec![None; jobs.len()];
+        for (structure, mut own) in self.groups(jobs)? {
+            own.sort_by_key(|&job| compared[job] == Compared::Squares);
+            let mut rest = own.as_slice();
+            while !rest.is_empty() {
+                if cancel() {
+                    return Err(FitError::Cancelled);
+                }
+                let session = self.session(subject, &structure, &jobs[rest[0]], rest.len())?;
+                let (now, later) = rest.split_at(rest.len().min(self.sessions[session].capacity()));
+                rest = later;
+                let distances = now.iter().filter(|&&job| compared[job] == Compared::Distances).count();
+                self.run(subject, session, now, jobs)?;
+                let (near, squares, ends) = self.sessions[session].compare(
+                    &self.stream,
+                    distances,
+                    by_distance,
+                    distances < now.len(),
+                )?;
+                for (place, &job) in now.iter().enumerate() {
+                    let pieces = if place < distances { &near } else { &squares };
+                    found[job] = Some(Parts {
+                        ends: ends[place * recordings..(place + 1) * recordings].to_vec(),
+                        pieces: pieces[place * dimensions..(place + 1) * dimensions].to_vec(),
+                    });
+                }
+            }
+        }
+        Ok(found.into_iter().flatten().collect())
+    }
+
+    /// Simulates every job and hands `consume(job, recording, tracks)` its signals, once, from any thread.
+    ///
+    /// # Errors
+    /// As [`Candidates::parts`].
+    pub fn tracks(
+        &mut self,
+        subject: Subject<'_>,
+        jobs: &[Job],
+        consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
+        cancel: &(dyn Fn() -> bool + Sync),
+    ) -> Result<(), FitError> {
+        let (recordings, dimensions) = (self.tables.recordings(), subject.dimensions());
+        for (structure, own) in self.groups(jobs)? {
+            let mut rest = own.as_slice();
+            while !rest.is_empty() {
+                if cancel() {
+                    return Err(FitError::Cancelled);
+                }
+                let session =
+                    self.session(subject, &structure, &jobs[rest[0]], rest.len().min(MOST_SHOWN))?;
+                let (now, later) = rest.split_at(rest.len().min(self.sessions[session].capacity()));
+                rest = later;
+                self.run(subject, session, now, jobs)?;
+                let (signals, ends) = self.sessions[session].read(&self.stream)?;
+                let lengths = &self.tables.lengths;
+                let size = self.tables.samples * dimensions;
+                pool::for_each(now.len() * recordings, self.threads, || (), |(), run| {
+                    let (place, recording) = (run / recordings, run % recordings);
+                    let (length, end) = (lengths[recording] as usize, ends[run] as usize);
+                    let rows = &signals[run * size..][..length * dimensions];
+                    let fell_at = (end < length).then_some(end);
+                    consume(now[place], recording, Tracks { rows, dimensions, fell_at });
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Jobs of one structure together, by their numbers.
+    fn groups(&self, jobs: &[Job]) -> Result<Vec<(Structure, Vec<usize>)>, FitError> {
+        if !self.tables.has_states && jobs.iter().any(|job| job.reset_every.is_some()) {
+            return Err(WalkerError::NoStates.into());
+        }
+        let mut groups: Vec<(Structure, Vec<usize>)> = Vec::new();
+        for (number, job) in jobs.iter().enumerate() {
+            let structure = Structure::of(&job.candidate);
+            match groups.iter_mut().find(|(of, _)| *of == structure) {
+                Some((_, own)) => own.push(number),
+                None => groups.push((structure, vec![number])),
+            }
+        }
+        Ok(groups)
+    }
+
+    /// Number of the session of candidates like `example`, with room for `wanted` of them if they fit.
+    fn session(
+        &mut self,
+        subject: Subject<'_>,
+        structure: &Structure,
+        example: &Job,
+        wanted: usize,
+    ) -> Result<usize, FitError> {
+        let there = self.sessions.iter().position(|session| session.structure == *structure);
+        if let Some(there) = there
+            && self.sessions[there].capacity().max(self.sessions[there].asked) >= wanted
+        {
+            return Ok(there);
+        }
+        let physics = Physics::new(subject, &example.candidate.networks, structure.clone())?;
+        if let Some(there) = there {
+            // Its memory is free for the larger one.
+            self.sessions.remove(there);
+        }
+        let (tables, measured) = (&self.tables, self.measured.as_ref());
+        let session =
+            Session::new(&self.device, &self.stream, subject, &physics, tables, measured, wanted)?;
+        self.sessions.push(session);
+        Ok(self.sessions.len() - 1)
+    }
+
+    fn run(
+        &mut self,
+        subject: Subject<'_>,
+        session: usize,
+        now: &[usize],
+        jobs: &[Job],
+    ) -> Result<(), FitError> {
+        let chosen: Vec<Job> = now.iter().map(|&job| jobs[job].clone()).collect();
+        let session = &mut self.sessions[session];
+        let numbers = Numbers::new(subject, &chosen, session.capacity(), self.threads)?;
+        session.run(&self.stream, &numbers)
+    }
+
+    /// Registers and bytes of local memory of each kernel of the sessions so far, and the bytes of the GPU's memory.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    #[allow(clippy::type_complexity, reason = "a list and a number")]
+    pub fn resources(&self) -> Result<(Vec<(String, i32, i32)>, u64), FitError> {
+        let mut kernels = Vec::new();
+        for session in &self.sessions {
+            kernels.extend(session.resources()?);
+        }
+        Ok((kernels, self.sessions.iter().map(Session::bytes).sum()))
+    }
+
+    /// Seconds that all steps of the last session's parts take, each part alone: the policy's kernel, random torques, the
+    /// physics. The candidates' state is spoilt.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn breakdown(&self) -> Result<Vec<(&'static str, f64)>, FitError> {
+        let mut found = Vec::new();
+        let Some(session) = self.sessions.last() else { return Ok(found) };
+        for part in ["step", "disturb", "physics"] {
+            let mut graph = self.stream.record(|stream| session.start_part(stream, part))?;
+            let (from, to) = (Event::new(&self.device)?, Event::new(&self.device)?);
+            graph.launch(&self.stream)?;
+            from.record(&self.stream)?;
+            graph.launch(&self.stream)?;
+            to.record(&self.stream)?;
+            found.push((part, from.seconds_until(&to)?));
+        }
+        Ok(found)
+    }
+}

@@ -1,0 +1,59 @@
+//! Why candidates cannot be simulated on a GPU, or could not.
+
+use gaitfit_physics::PhysicsError;
+use gaitfit_policy::walker::WalkerError;
+use gaitfit_sim::SimError;
+
+use crate::costs::CostsError;
+use crate::physics::DeviceError;
+use crate::runtime::CudaError;
+
+/// Why candidates cannot be simulated on a GPU, or could not.
+#[derive(Debug, thiserror::Error)]
+pub enum FitError {
+    /// The GPU or its driver.
+    #[error(transparent)]
+    Cuda(#[from] CudaError),
+    /// The physics.
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    /// The costs.
+    #[error(transparent)]
+    Costs(#[from] CostsError),
+    /// A candidate that is no robot.
+    #[error(transparent)]
+    Physics(#[from] PhysicsError),
+    /// A candidate that the simulator does not take.
+    #[error(transparent)]
+    Sim(#[from] SimError),
+    /// The policy on its robot.
+    #[error(transparent)]
+    Walker(#[from] WalkerError),
+    /// A policy whose network is too wide.
+    #[error(
+        "the policy's network needs {needed} bytes of a multiprocessor's memory for {rows} robots, this GPU has \
+         {available}: use the CPU (--device cpu)"
+    )]
+    TooWide {
+        /// Bytes needed.
+        needed: usize,
+        /// Robots that are worked on together.
+        rows: usize,
+        /// Bytes there are.
+        available: usize,
+    },
+    /// Numbers of another problem.
+    #[error("{what} has {found} numbers, the recordings need {expected}")]
+    Length {
+        /// Which.
+        what: &'static str,
+        /// Needed.
+        expected: usize,
+        /// There.
+        found: usize,
+    },
+    /// It was asked to give up.
+    #[error("cancelled")]
+    Cancelled,
+}
+

@@ -1,0 +1,149 @@
+// A control step of robots that walk under a policy, but for the physics: what is recorded, falls, resets, the
+// observation, the action and its targets. The same as `gaitfit_policy::follow`.
+
+// Dimensions of the signals: joint positions, velocities, actions, the base's position, its velocity.
+#define DIMENSIONS (3 * ACTIONS + 6)
+// Numbers of a logged state: those of the state up to the joint velocities.
+#define LOGGED (13 + 2 * JOINTS)
+
+// The number `k` of environment `e`'s state: the log's; what a robot at rest in midst of nothing has of the rest.
+DEVICE void place_number(float* state, const float* from, u32 e, int k) { STATE(k) = k < LOGGED ? from[k] : 0.0f; }
+
+DEVICE bool fallen(const float* state, const float* report, u32 e) {
+    bool fallen = STATE(POSITION + 2) < LEAST_HEIGHT;
+    float q[4], up[3];
+    for (int k = 0; k < 4; k++) q[k] = STATE(QUATERNION + k);
+    up_of(q, up);
+    float uprightness = -up[0] * POSTURE[0] + -up[1] * POSTURE[1] + -up[2] * POSTURE[2];
+    fallen |= uprightness < LEAST_UPRIGHTNESS;
+    for (int k = 0; k < FALL_GEOMS; k++) fallen |= FORCE(FALL_GEOM[k]) > 1.0f;
+    // A diverged robot's numbers fail every comparison.
+    for (int k = 0; k < 3; k++) fallen |= !is_finite(STATE(POSITION + k));
+    return fallen;
+}
+
+// Step `sample` of ROWS environments a block. `lengths`: samples of each recording, `samples` at most. `commands`,
+// `states`, `actions`: the log's, recordings x samples x their width; `starts`: a state a recording. `every`: of each
+// candidate, the samples between resets, or 0. `ends`: of each environment, the sample of its fall or the end.
+KERNEL walk(
+    u32 sample, u32 count, u32 places, u32 recordings, u32 samples, const u32* lengths, const float* commands,
+    const float* starts, const float* states, const float* actions, const u32* every, const float* network,
+    const float* params, const float* report, float* state, float* targets, float* memory, float* last_action,
+    float* signals, u32* ends
+) {
+    POOL(pool);
+    float *first = pool, *second = pool + WIDEST * ROWS;
+    __shared__ u32 source[ROWS], length[ROWS];
+    __shared__ bool placed[ROWS];
+    __shared__ const float* logged[ROWS];
+    u32 from = blockIdx.x * ROWS;
+    int rows = places - from < ROWS ? (int)(places - from) : ROWS;
+    int thread = (int)threadIdx.x, threads = (int)blockDim.x;
+    if (thread < rows) {
+        u32 own = source_of(from + thread, count), recording = own % recordings, period = every[own / recordings];
+        source[thread] = own;
+        length[thread] = lengths[recording];
+        bool reset = period > 0 && sample > 0 && sample % period == 0 && sample < lengths[recording];
+        placed[thread] = sample == 0 || reset;
+        logged[thread] = period > 0 ? states + ((u64)recording * samples + sample) * LOGGED : starts + (u64)recording * LOGGED;
+    }
+    __syncthreads();
+    if (sample == 0) {
+        for (int i = thread; i < rows * STATE_COUNT; i += threads)
+            place_number(state, logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
+        for (int i = thread; i < rows * ACTIONS; i += threads) last_action[(u64)from * ACTIONS + i] = 0.0f;
+        if (thread < rows && from + thread < count) ends[from + thread] = length[thread];
+        __syncthreads();
+    }
+    // What is recorded of the state that was reached.
+    for (int i = thread; i < rows * (2 * ACTIONS + 1); i += threads) {
+        int r = i / (2 * ACTIONS + 1), k = i % (2 * ACTIONS + 1);
+        u32 e = from + r;
+        if (e >= count || sample >= length[r]) continue;
+        float* row = signals + ((u64)e * samples + sample) * DIMENSIONS;
+        if (k < ACTIONS)
+            row[k] = joint_position(state, params, e, JOINT_OF[k]);
+        else if (k < 2 * ACTIONS)
+            row[k] = joint_velocity(state, e, JOINT_OF[k - ACTIONS]);
+        else {
+            Base base = base_of(state, e);
+            for (int axis = 0; axis < 3; axis++) {
+                row[3 * ACTIONS + axis] = base.position[axis];
+                row[3 * ACTIONS + 3 + axis] = base.linear[axis];
+            }
+            if (sample > 0 && ends[e] == length[r] && fallen(state, report, e)) ends[e] = sample;
+        }
+    }
+    __syncthreads();
+    if (sample > 0) {
+        for (int i = thread; i < rows * STATE_COUNT; i += threads)
+            if (placed[i / STATE_COUNT])
+                place_number(state, logged[i / STATE_COUNT], from + i / STATE_COUNT, i % STATE_COUNT);
+        for (int i = thread; i < rows * ACTIONS; i += threads) {
+            int r = i / ACTIONS;
+            u64 before = (u64)(source[r] % recordings) * samples + sample - 1;
+            if (placed[r]) last_action[(u64)from * ACTIONS + i] = actions[before * ACTIONS + i % ACTIONS];
+        }
+        __syncthreads();
+    }
+    // Observations, term by term, then in the order of the network.
+    for (int i = thread; i < rows * OBSERVED; i += threads) {
+        int r = i / OBSERVED;
+        u32 e = from + r, last = length[r] - 1, now = sample < last ? sample : last;
+        const float* command = commands + ((u64)(source[r] % recordings) * samples + now) * 3;
+        write_term(
+            i % OBSERVED, SCALES, nullptr, state, params, sample, command, last_action + (u64)e * ACTIONS, 1, e,
+            second + r * OBSERVATION);
+    }
+    __syncthreads();
+    for (int i = thread; i < ROWS * OBSERVATION; i += threads) {
+        int k = i / ROWS, r = i % ROWS;
+        float x = r < rows ? second[r * OBSERVATION + k] : 0.0f;
+#if NORMALISED
+        x = x * network[NORMALISER + 2 * k] + network[NORMALISER + 2 * k + 1];
+#endif
+        first[i] = x;
+    }
+    __syncthreads();
+    const float* chosen = forward(network, first, second);
+    for (int i = thread; i < rows * ACTIONS; i += threads) {
+        int r = i / ACTIONS, k = i % ACTIONS, j = JOINT_OF[k];
+        u32 e = from + r;
+        float wanted = chosen[k * ROWS + r];
+        if (e < count && sample < length[r])
+            signals[((u64)e * samples + sample) * DIMENSIONS + 2 * ACTIONS + k] = wanted;
+        last_action[(u64)from * ACTIONS + i] = wanted;
+        float clipped = wanted < -ACTION_CLIP ? -ACTION_CLIP : wanted;
+        clipped = clipped > ACTION_CLIP ? ACTION_CLIP : clipped;
+        float target = DEFAULT_POSE[j] + ACTION_SCALE[j] * clipped;
+        // Before its first target a robot is taken to have held it.
+        for (int tap = TAPS - 1; tap > 0; tap--) TARGET(tap, j) = placed[r] ? target : TARGET(tap - 1, j);
+        TARGET(0, j) = target;
+    }
+    // What networks remember of a robot that has been as it is for long.
+    for (int i = thread; i < rows * MEMORY; i += threads) {
+        int r = i / MEMORY, k = i % MEMORY, j = MEMORY_OF[k];
+        u32 e = from + r;
+        if (placed[r])
+            at(memory, MEMORY_SIZE, MEMORY_SPOTS[k], e) = k % 2 ? STATE(QVEL + j) : STATE(QPOS + j) + BIAS(j);
+    }
+}
+
+// Random torques of all physics steps of a control period, a block row each. `seeds`: of each candidate, two words;
+// `deviation`: of each, N m; `tiles`: those of the physics.
+KERNEL disturb(
+    u32 sample, u32 count, u32 places, u32 recordings, u32 tiles, const u32* seeds, const double* deviation,
+    float* disturbance
+) {
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    if (e >= places) return;
+    u32 source = source_of(e, count), candidate = source / recordings, substep = blockIdx.y;
+    Draws draws = {
+        seeds[2 * candidate], seeds[2 * candidate + 1], TORQUE_DRAWS, source % recordings, sample * SUBSTEPS + substep};
+    float* own = disturbance + (u64)substep * tiles * DISTURBANCE_SIZE;
+    double pair[2];
+    for (int j = 0; j < DISTURBED; j++) {
+        if (j % 2 == 0) normal_pair(draws, j / 2, pair);
+        at(own, DISTURBANCE_SIZE, DISTURBANCE_SPOTS[j], e) = (float)(deviation[candidate] * pair[j % 2]);
+    }
+}

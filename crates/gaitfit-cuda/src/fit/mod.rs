@@ -1,0 +1,23 @@
+//! The candidates of a fit on all its logs, on a GPU: what `gaitfit_policy::follow` and the replay of `gaitfit-sim` do.
+//!
+//! A control step of all candidates on all recordings is two kernels: one records the signals, notices falls, resets, and
+//! chooses actions and targets; the other is the physics ([`crate::physics`]). All steps are one CUDA graph. The signals
+//! stay in the GPU's memory, where [`crate::costs`] compares them with the robot's. Torque noise has the CPU's draws.
+//!
+//! [`Candidates`] simulates; [`Plan`] is what it runs, as data, which a test also runs on the CPU.
+
+mod candidates;
+mod error;
+mod numbers;
+mod plan;
+mod scene;
+mod session;
+mod tables;
+mod text;
+
+pub use candidates::{Candidates, Compared, Measured, Parts, Tracks};
+pub use error::FitError;
+pub use numbers::Numbers;
+pub use plan::{Plan, Sizes};
+pub use scene::{Scene, Structure, Subject};
+pub use tables::Tables;

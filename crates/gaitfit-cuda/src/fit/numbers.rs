@@ -1,0 +1,72 @@
+//! What of candidates goes to the GPU.
+
+use gaitfit_physics::{JointModification, Modify};
+use gaitfit_policy::follow::Job;
+use gaitfit_sim::{SimError, pool};
+
+use super::FitError;
+use super::scene::Subject;
+
+/// Numbers of some candidates, one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Numbers {
+    /// Parameters of the physics.
+    pub params: Vec<f32>,
+    /// Factors on the position and velocity gains, and encoder biases, rad: a number a joint each.
+    pub factors: Vec<f64>,
+    /// Samples between resets, 0 for none.
+    pub every: Vec<u32>,
+    /// Seeds of torque noise, low word first.
+    pub seeds: Vec<u32>,
+    /// Standard deviations of torque noise, N·m.
+    pub deviation: Vec<f64>,
+    /// Weights of networks, a list a candidate, as the step visits them.
+    pub weights: Vec<Vec<f64>>,
+}
+
+impl Numbers {
+    /// Of `jobs`, and copies of them up to `count`.
+    ///
+    /// # Errors
+    /// A candidate that is no robot, or whose delay is longer than the simulator's.
+    pub fn new(subject: Subject<'_>, jobs: &[Job], count: usize, threads: usize) -> Result<Self, FitError> {
+        let robots = pool::map(jobs.len(), threads, |job| robot(subject, &jobs[job]));
+        let robots = robots.into_iter().collect::<Result<Vec<_>, _>>()?;
+        let mut all = Self::default();
+        for place in 0..if jobs.is_empty() { 0 } else { count } {
+            let (job, (params, weights)) = (&jobs[place % jobs.len()], &robots[place % jobs.len()]);
+            let robot = &job.candidate.robot;
+            all.params.extend(params);
+            all.factors.extend(robot.kp_scale.iter().chain(&robot.kd_scale).chain(&robot.encoder_bias));
+            let every = job.reset_every.map(|every| every.max(1));
+            all.every.push(every.map_or(0, |every| u32::try_from(every).unwrap_or(u32::MAX)));
+            all.seeds.extend([job.seed as u32, (job.seed >> 32) as u32]);
+            all.deviation.push(job.candidate.torque_noise);
+            all.weights.push(weights.clone());
+        }
+        Ok(all)
+    }
+}
+
+/// Parameters and weights of a candidate.
+fn robot(subject: Subject<'_>, job: &Job) -> Result<(Vec<f32>, Vec<f64>), FitError> {
+    let model = subject.model();
+    let candidate = &job.candidate;
+    let delay = candidate.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
+    if delay > subject.max_delay() {
+        let must = "at most the simulator's max_delay";
+        return Err(SimError::Option { option: "a candidate's delay", value: delay.to_string(), must }.into());
+    }
+    let robot = match subject {
+        Subject::Walk(walker, _) => walker.robot(candidate).params(model)?,
+        Subject::Replay(_) => candidate.robot.params(model)?,
+    };
+    let mut params = Vec::new();
+    robot.visit(|_, &number| params.push(number as f32));
+    let mut weights = Vec::new();
+    for networks in &candidate.networks {
+        let mut compiled: JointModification<f32> = networks.compile::<f32>(model)?;
+        compiled.visit_weights_mut(|_, weight| weights.push(f64::from(*weight)));
+    }
+    Ok((params, weights))
+}

@@ -1,0 +1,211 @@
+//! A simulation of candidates as data: arrays, and the kernels of each step. A GPU runs it, and so does the test without
+//! one.
+
+use super::scene::{Scene, Subject};
+use super::tables::Tables;
+use super::text::{program, widest};
+use crate::emit::Class;
+use crate::ppo::{Array, Id, Kind, Launch, Value};
+use crate::runtime::{Program, Shape};
+
+/// Threads of a block, where each has an environment.
+const THREADS: u32 = 64;
+
+/// Sizes of a simulation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    /// Candidates.
+    pub candidates: usize,
+    /// Recordings.
+    pub recordings: usize,
+    /// Samples of the longest recording.
+    pub samples: usize,
+    /// Tiles of the physics.
+    pub tiles: usize,
+    /// Robots of a block of the policy's kernel, a multiple of 4.
+    pub rows: usize,
+}
+
+impl Sizes {
+    /// Environments that are asked for.
+    pub fn environments(&self) -> usize {
+        self.candidates * self.recordings
+    }
+}
+
+/// Arrays and kernels of a simulation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// The kernels.
+    pub program: Program,
+    /// All arrays.
+    pub arrays: Vec<Array>,
+    /// For each array: the class of numbers of the physics that it is, if any.
+    pub physics: Vec<Option<Class>>,
+    /// Sizes.
+    pub sizes: Sizes,
+    /// Environments, with the copies that fill up the physics' blocks.
+    places: usize,
+    joints: usize,
+    params: usize,
+    /// Physics steps of a control period, if torques disturb it.
+    disturbed: Option<usize>,
+    /// Threads and bytes of shared memory of a block of the policy's kernel; none of a replay.
+    block: Option<(u32, u32)>,
+}
+
+impl Plan {
+    /// Of `sizes.candidates` candidates on the recordings of `tables`.
+    pub fn new(scene: &Scene<'_>, tables: &Tables, sizes: Sizes) -> Self {
+        let environments = sizes.environments();
+        let places = sizes.tiles * scene.period.layout().environments();
+        let joints = scene.joints();
+        let mut arrays = Vec::new();
+        let mut physics = Vec::new();
+        for (name, class) in [
+            ("robot_state", Class::State),
+            ("robot_params", Class::Params),
+            ("robot_targets", Class::Targets),
+            ("robot_memory", Class::Memory),
+            ("robot_report", Class::Report),
+            ("robot_disturbance", Class::Disturbance),
+        ] {
+            let times = if class == Class::Disturbance { scene.period.substeps() } else { 1 };
+            arrays.push(Array { name, kind: Kind::F32, length: times * sizes.tiles * scene.size(class) });
+            physics.push(Some(class));
+        }
+        let mut own = vec![
+            ("numbers", Kind::F32, sizes.candidates * scene.params.len()),
+            ("factors", Kind::F64, sizes.candidates * 3 * joints),
+            ("every", Kind::U32, sizes.candidates),
+            ("seeds", Kind::U32, 2 * sizes.candidates),
+            ("deviation", Kind::F64, sizes.candidates),
+            ("lengths", Kind::U32, sizes.recordings),
+        ];
+        own.extend(tables.singles.iter().map(|(name, numbers)| (*name, Kind::F32, numbers.len())));
+        own.extend(tables.doubles.iter().map(|(name, numbers)| (*name, Kind::F64, numbers.len())));
+        let block = match scene.subject {
+            Subject::Walk(walker, policy) => {
+                own.push(("last_action", Kind::F32, places * walker.joints.len()));
+                // No replay: these are not looked at.
+                own.push(("gains", Kind::F64, 0));
+                let threads = if widest(policy) > 128 { 256 } else { 128 };
+                Some((threads, u32::try_from(8 * widest(policy) * sizes.rows).unwrap_or(u32::MAX)))
+            }
+            Subject::Replay(_) => None,
+        };
+        own.push(("signals", Kind::F32, environments * sizes.samples * scene.subject.dimensions()));
+        own.push(("ends", Kind::U32, environments));
+        for (name, kind, length) in own {
+            arrays.push(Array { name, kind, length });
+            physics.push(None);
+        }
+        Self {
+            program: program(scene, sizes.rows),
+            arrays,
+            physics,
+            sizes,
+            places,
+            joints,
+            params: scene.params.len(),
+            disturbed: (!scene.disturbance.is_empty()).then(|| scene.period.substeps()),
+            block,
+        }
+    }
+
+    /// The array of this name.
+    pub fn array(&self, name: &str) -> Option<Id> {
+        self.arrays.iter().position(|array| array.name == name).map(Id)
+    }
+
+    fn launch(&self, kernel: &'static str, shape: Shape, numbers: &[usize], arrays: &[&str]) -> Launch {
+        let word = |&number: &usize| Value::U32(u32::try_from(number).unwrap_or(u32::MAX));
+        let arrays = arrays.iter().filter_map(|name| self.array(name)).map(Value::Array);
+        Launch { kernel, shape, arguments: numbers.iter().map(word).chain(arrays).collect() }
+    }
+
+    fn columns(mut launch: Launch, count: usize) -> Launch {
+        launch.shape.grid[1] = u32::try_from(count).unwrap_or(1);
+        launch
+    }
+
+    /// The kernels of a plan: parameters, a step, and random torques.
+    pub fn kernels(&self) -> Vec<&'static str> {
+        match self.block {
+            Some(_) => vec!["spread", "walk", "disturb"],
+            None => vec!["spread", "replay"],
+        }
+    }
+
+    /// Bytes of shared memory of a block of the policy's kernel.
+    pub fn shared(&self) -> usize {
+        self.block.map_or(0, |(_, shared)| shared as usize)
+    }
+
+    /// Before the first step: every environment's parameters.
+    pub fn spread(&self) -> Launch {
+        let numbers = [self.sizes.environments(), self.places, self.sizes.recordings];
+        let arrays = ["numbers", "factors", "gains", "robot_params"];
+        Self::columns(
+            self.launch("spread", Shape::cover(self.places, THREADS), &numbers, &arrays),
+            self.params,
+        )
+    }
+
+    /// What is recorded and sent at sample `sample`, before the physics of its control period.
+    pub fn step(&self, sample: usize) -> Launch {
+        let Sizes { recordings, samples, rows, .. } = self.sizes;
+        let numbers = [sample, self.sizes.environments(), self.places, recordings, samples];
+        match self.block {
+            Some((threads, shared)) => {
+                let blocks = u32::try_from(self.places.div_ceil(rows.max(1))).unwrap_or(u32::MAX);
+                let shape = Shape { shared, ..Shape::new(blocks, threads) };
+                let arrays = [
+                    "lengths",
+                    "commands",
+                    "starts",
+                    "states",
+                    "actions",
+                    "every",
+                    "network",
+                    "robot_params",
+                    "robot_report",
+                    "robot_state",
+                    "robot_targets",
+                    "robot_memory",
+                    "last_action",
+                    "signals",
+                    "ends",
+                ];
+                self.launch("walk", shape, &numbers, &arrays)
+            }
+            None => {
+                let shape = Shape::cover(self.places * self.joints, THREADS);
+                let arrays = [
+                    "lengths",
+                    "logged",
+                    "velocities",
+                    "rest",
+                    "factors",
+                    "gains",
+                    "robot_params",
+                    "robot_state",
+                    "robot_targets",
+                    "signals",
+                    "ends",
+                ];
+                self.launch("replay", shape, &numbers, &arrays)
+            }
+        }
+    }
+
+    /// Random torques of the control period after sample `sample`, where there are some.
+    pub fn disturb(&self, sample: usize) -> Option<Launch> {
+        let substeps = self.disturbed?;
+        let Sizes { recordings, tiles, .. } = self.sizes;
+        let numbers = [sample, self.sizes.environments(), self.places, recordings, tiles];
+        let arrays = ["seeds", "deviation", "robot_disturbance"];
+        let launch = self.launch("disturb", Shape::cover(self.places, THREADS), &numbers, &arrays);
+        Some(Self::columns(launch, substeps))
+    }
+}

@@ -1,0 +1,156 @@
+//! What is simulated, and where the physics keeps each number.
+
+use gaitfit_model::Model;
+use gaitfit_physics::JointModification;
+use gaitfit_physics::trace::{Input, Known, Report, Traced};
+use gaitfit_policy::Policy;
+use gaitfit_policy::walker::Walker;
+use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Replay};
+
+use super::FitError;
+use crate::emit::{Class, EmitOptions};
+use crate::physics::{Period, PeriodOptions};
+use crate::words::{Spot, input_spots, is_bias, report_spots};
+
+/// Threads of an environment. Always as many, so that signals do not depend on how many candidates there are; four, for
+/// a fit has few environments.
+const LANES: usize = 4;
+
+/// What is simulated of candidates.
+#[derive(Clone, Copy)]
+pub enum Subject<'a> {
+    /// A policy walks on them.
+    Walk(&'a Walker, &'a Policy),
+    /// They are clamped, and given their logs' targets.
+    Replay(&'a Replay),
+}
+
+/// What candidates have besides parameters of the robot. Those of one program share it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Structure {
+    /// Kinds and joints of the networks.
+    pub networks: Vec<(NetworkKind, Vec<usize>)>,
+    /// Whether torques disturb the joints.
+    pub disturbed: bool,
+}
+
+impl Structure {
+    /// Of a candidate.
+    pub fn of(candidate: &Candidate) -> Self {
+        let networks = candidate.networks.iter().map(|one| (one.kind, one.joints.clone())).collect();
+        Self { networks, disturbed: candidate.torque_noise > 0.0 }
+    }
+}
+
+impl Subject<'_> {
+    /// The robot.
+    pub fn model(&self) -> &Model {
+        match self {
+            Self::Walk(walker, _) => walker.model(),
+            Self::Replay(replay) => replay.model(),
+        }
+    }
+
+    /// Longest delay of a candidate, s.
+    pub(super) fn max_delay(&self) -> f64 {
+        match self {
+            Self::Walk(walker, _) => walker.batch.options().max_delay,
+            Self::Replay(replay) => replay.options().max_delay,
+        }
+    }
+
+    /// Numbers of a sample's signals: positions, velocities, and of robots that walk actions, the base's position and its
+    /// velocity.
+    pub fn dimensions(&self) -> usize {
+        match self {
+            Self::Walk(walker, _) => 3 * walker.joints.len() + 6,
+            Self::Replay(replay) => 2 * replay.model().joints.len(),
+        }
+    }
+
+    /// The physics of a control period of candidates with `networks`.
+    ///
+    /// # Errors
+    /// A robot that cannot be stepped; networks that do not fit it.
+    pub fn period(&self, networks: &[JointNetworks], structure: &Structure) -> Result<Period, FitError> {
+        let (settings, substeps, taps) = match self {
+            Self::Walk(walker, _) => {
+                let batch = &walker.batch;
+                (batch.settings(), batch.options().substeps, batch.taps())
+            }
+            Self::Replay(replay) => (replay.settings(), replay.options().substeps, replay.taps()),
+        };
+        let model = self.model();
+        let options = PeriodOptions { substeps, taps, lanes: LANES, emit: EmitOptions::default() };
+        let networks: Vec<JointModification<Known>> =
+            networks.iter().map(|one| one.compile::<Traced>(model)).collect::<Result<_, _>>()?;
+        let forces = matches!(self, Self::Walk(..));
+        let report = Report { disturbed: structure.disturbed, forces, tracked: Vec::new() };
+        Ok(Period::reporting(model, settings, options, &networks, &report)?)
+    }
+}
+
+/// What is simulated as the kernels see it.
+pub struct Scene<'a> {
+    /// What is simulated.
+    pub subject: Subject<'a>,
+    /// Its physics.
+    pub period: &'a Period,
+    pub(super) state: Vec<Spot>,
+    pub(super) params: Vec<Spot>,
+    pub(super) bias: Vec<Spot>,
+    pub(super) targets: Vec<Spot>,
+    pub(super) memory: Vec<Spot>,
+    /// The joint that each number of `memory` is of.
+    pub(super) memory_of: Vec<usize>,
+    pub(super) disturbance: Vec<Spot>,
+    pub(super) report: Vec<Spot>,
+}
+
+impl<'a> Scene<'a> {
+    /// On the physics of [`Subject::period`].
+    pub fn new(subject: Subject<'a>, period: &'a Period) -> Self {
+        let remembered = period.graph.inputs.iter().filter(|input| matches!(input, Input::Memory { .. }));
+        let joint = |input: &Input| match input.owner() {
+            gaitfit_physics::Owner::Joint(joint) => joint,
+            _ => 0,
+        };
+        Self {
+            subject,
+            period,
+            state: input_spots(period, |input| matches!(input, Input::State(_))),
+            params: input_spots(period, |input| matches!(input, Input::Params(_))),
+            bias: input_spots(period, is_bias),
+            targets: input_spots(period, |input| matches!(input, Input::Target { .. })),
+            memory: input_spots(period, |input| matches!(input, Input::Memory { .. })),
+            memory_of: remembered.map(joint).collect(),
+            disturbance: input_spots(period, |input| matches!(input, Input::Disturbance { .. })),
+            report: report_spots(period),
+        }
+    }
+
+    /// Numbers of a class in a tile.
+    pub(super) fn size(&self, class: Class) -> usize {
+        self.period.layout().size(class)
+    }
+
+    /// Joints of the robot.
+    pub(super) fn joints(&self) -> usize {
+        self.subject.model().joints.len()
+    }
+
+    /// For each parameter of the physics: its place among the gains of a recording, if a replay sets it.
+    pub(super) fn gains(&self) -> Vec<Option<usize>> {
+        let joints = self.joints();
+        let of = |input: &Input| {
+            let Input::Params(slot) = input else { return None };
+            let gaitfit_physics::Owner::Joint(joint) = slot.owner else { return Some(None) };
+            Some(match slot.name {
+                "kp" => Some(joint),
+                "kd" => Some(joints + joint),
+                _ => None,
+            })
+        };
+        self.period.graph.inputs.iter().filter_map(of).collect()
+    }
+}

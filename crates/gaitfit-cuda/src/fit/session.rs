@@ -1,0 +1,324 @@
+//! Candidates of one structure in a GPU's memory.
+
+use std::sync::Arc;
+
+use gaitfit_sim::JointNetworks;
+
+use super::candidates::Measured;
+use super::plan::{Plan, Sizes};
+use super::scene::{Scene, Structure, Subject};
+use super::tables::Tables;
+use super::{FitError, Numbers};
+use crate::costs::{self, Comparison};
+use crate::emit::Class;
+use crate::physics::{Batch, Period};
+use crate::ppo::{Id, Launch, Storage, Value};
+use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream};
+
+/// Most samples of which the steps are one graph; more are started one by one.
+const MOST_RECORDED: usize = 2048;
+/// Fewest and most robots of a block of the policy's kernel.
+const ROWS: [usize; 2] = [8, 16];
+/// Bytes of shared memory that the text of the policy's kernel declares, at most.
+const DECLARED: usize = 1024;
+/// The part of the free memory that candidates may take.
+const SHARE: f64 = 0.8;
+
+/// Candidates of one structure.
+pub(super) struct Session {
+    pub structure: Structure,
+    /// Candidates that were asked for; more than there is room for where they do not fit.
+    pub asked: usize,
+    batch: Batch,
+    plan: Plan,
+    own: Vec<Option<Storage>>,
+    kernels: Vec<(&'static str, Kernel)>,
+    comparison: Option<Comparison>,
+    graph: Option<Graph>,
+}
+
+/// What a program needs that is not of a size yet.
+pub(super) struct Physics {
+    period: Arc<Period>,
+    structure: Structure,
+}
+
+impl Physics {
+    /// The physics of candidates with `networks`.
+    pub fn new(
+        subject: Subject<'_>,
+        networks: &[JointNetworks],
+        structure: Structure,
+    ) -> Result<Self, FitError> {
+        Ok(Self { period: Arc::new(subject.period(networks, &structure)?), structure })
+    }
+
+    /// Candidates that fit into the GPU's free memory, `wanted` at most and 1 at least.
+    fn capacity(
+        &self,
+        device: &Device,
+        subject: Subject<'_>,
+        tables: &Tables,
+        wanted: usize,
+    ) -> Result<usize, FitError> {
+        let layout = self.period.layout();
+        let of_class = |class: Class| {
+            let times = match class {
+                Class::Disturbance => self.period.substeps(),
+                Class::Weights => return 4 * layout.size(class),
+                _ => 1,
+            };
+            4 * times * layout.size(class) * tables.recordings() / layout.environments()
+        };
+        let (samples, dimensions) = (tables.samples, subject.dimensions());
+        let sizes = costs::Sizes {
+            candidates: 1,
+            recordings: tables.recordings(),
+            samples,
+            dimensions,
+            skip: 0,
+        };
+        let compared: u64 = Comparison::parts(device, sizes).iter().map(|(_, bytes)| bytes).sum();
+        let each = Class::ALL.iter().map(|&class| of_class(class)).sum::<usize>()
+            + 4 * tables.recordings() * samples * dimensions;
+        let (free, _) = device.memory()?;
+        let fit = (SHARE * free as f64 / (each as f64 + compared as f64)) as usize;
+        // The costs count signals' samples in 32 bits.
+        let most = (u32::MAX as usize / 8) / (tables.recordings() * dimensions).max(1);
+        Ok(wanted.min(fit).min(most).max(1))
+    }
+}
+
+impl Session {
+    /// Room for `asked` candidates, or as many as fit.
+    pub fn new(
+        device: &Device,
+        stream: &Stream,
+        subject: Subject<'_>,
+        physics: &Physics,
+        tables: &Tables,
+        measured: Option<&Measured>,
+        asked: usize,
+    ) -> Result<Self, FitError> {
+        let candidates = physics.capacity(device, subject, tables, asked)?;
+        let recordings = tables.recordings();
+        let processors = usize::try_from(device.info().processors).unwrap_or(1).max(1);
+        let batch = Batch::new(device, &physics.period, candidates * recordings, candidates)?;
+        let rows = if candidates * recordings > 2 * ROWS[0] * processors { ROWS[1] } else { ROWS[0] };
+        let sizes = |rows| Sizes { candidates, recordings, samples: tables.samples, tiles: batch.tiles(), rows };
+        let scene = Scene::new(subject, &physics.period);
+        let plan = Plan::new(&scene, tables, sizes(rows));
+        let available = usize::try_from(device.info().shared_memory).unwrap_or(0);
+        let too_wide = |plan: &Plan| plan.shared() + DECLARED > available;
+        let plan = if too_wide(&plan) { Plan::new(&scene, tables, sizes(4)) } else { plan };
+        if too_wide(&plan) {
+            return Err(FitError::TooWide { needed: plan.shared(), rows: 4, available });
+        }
+        let owned = plan.arrays.iter().zip(&plan.physics).filter(|(_, class)| class.is_none());
+        let parts: Vec<(&str, u64)> = owned.map(|(array, _)| (array.name, array.bytes())).collect();
+        device.check_room(&parts)?;
+        let module = device.load(&plan.program)?;
+        let kernels = plan
+            .kernels()
+            .into_iter()
+            .map(|name| Ok((name, module.kernel(name)?)))
+            .collect::<Result<_, CudaError>>()?;
+        let own = plan
+            .arrays
+            .iter()
+            .zip(&plan.physics)
+            .map(|(array, class)| match class {
+                None => Storage::new(device, array).map(Some),
+                Some(_) => Ok(None),
+            })
+            .collect::<Result<_, CudaError>>()?;
+        let dimensions = subject.dimensions();
+        let compare = |measured: &Measured| {
+            let sizes = costs::Sizes {
+                candidates,
+                recordings,
+                samples: tables.samples,
+                dimensions,
+                skip: measured.skip,
+            };
+            Comparison::with(device, sizes, &measured.sorted, &measured.samples)
+        };
+        let comparison = measured.map(compare).transpose()?;
+        let structure = physics.structure.clone();
+        let mut session = Self { structure, asked, batch, plan, own, kernels, comparison, graph: None };
+        session.write_u32(stream, "lengths", &tables.lengths)?;
+        for (name, numbers) in &tables.singles {
+            session.write_f32(stream, name, numbers)?;
+        }
+        for (name, numbers) in &tables.doubles {
+            session.write_f64(stream, name, numbers)?;
+        }
+        Ok(session)
+    }
+
+    /// Candidates there is room for.
+    pub fn capacity(&self) -> usize {
+        self.plan.sizes.candidates
+    }
+
+    /// Registers and bytes of local memory of a thread, of each kernel.
+    pub fn resources(&self) -> Result<Vec<(String, i32, i32)>, CudaError> {
+        let kernels = self.kernels.iter().map(|(_, kernel)| kernel).chain([self.batch.kernel()]);
+        kernels
+            .map(|kernel| Ok((kernel.name().to_owned(), kernel.registers()?, kernel.local_bytes()?)))
+            .collect()
+    }
+
+    /// Bytes of the GPU's memory.
+    pub fn bytes(&self) -> u64 {
+        let own = self.plan.arrays.iter().zip(&self.own).filter(|(_, own)| own.is_some());
+        self.batch.bytes() as u64 + own.map(|(array, _)| array.bytes()).sum::<u64>()
+    }
+
+    fn storage(&mut self, name: &str) -> Option<&mut Storage> {
+        let Id(number) = self.plan.array(name)?;
+        self.own.get_mut(number)?.as_mut()
+    }
+
+    fn write_f32(&mut self, stream: &Stream, name: &str, numbers: &[f32]) -> Result<(), CudaError> {
+        match self.storage(name) {
+            Some(Storage::F32(buffer)) => buffer.write(stream, numbers),
+            _ => Ok(()),
+        }
+    }
+
+    fn write_f64(&mut self, stream: &Stream, name: &str, numbers: &[f64]) -> Result<(), CudaError> {
+        match self.storage(name) {
+            Some(Storage::F64(buffer)) => buffer.write(stream, numbers),
+            _ => Ok(()),
+        }
+    }
+
+    fn write_u32(&mut self, stream: &Stream, name: &str, words: &[u32]) -> Result<(), CudaError> {
+        match self.storage(name) {
+            Some(Storage::U32(buffer)) => buffer.write(stream, words),
+            _ => Ok(()),
+        }
+    }
+
+    /// Starts the simulation of these candidates on all recordings.
+    pub fn run(&mut self, stream: &Stream, numbers: &Numbers) -> Result<(), FitError> {
+        self.write_f32(stream, "numbers", &numbers.params)?;
+        self.write_f64(stream, "factors", &numbers.factors)?;
+        self.write_u32(stream, "every", &numbers.every)?;
+        self.write_u32(stream, "seeds", &numbers.seeds)?;
+        self.write_f64(stream, "deviation", &numbers.deviation)?;
+        if numbers.weights.iter().any(|weights| !weights.is_empty()) {
+            self.batch.write_weights(stream, &numbers.weights)?;
+        }
+        if self.graph.is_none() && self.plan.sizes.samples <= MOST_RECORDED {
+            self.graph = Some(stream.record(|stream| self.start(stream))?);
+        }
+        match &mut self.graph {
+            Some(graph) => graph.launch(stream)?,
+            None => self.start(stream)?,
+        }
+        Ok(())
+    }
+
+    fn start(&self, stream: &Stream) -> Result<(), CudaError> {
+        self.launch(stream, &self.plan.spread())?;
+        for sample in 0..self.plan.sizes.samples {
+            self.launch(stream, &self.plan.step(sample))?;
+            if sample + 1 == self.plan.sizes.samples {
+                break;
+            }
+            if let Some(disturb) = self.plan.disturb(sample) {
+                self.launch(stream, &disturb)?;
+            }
+            self.batch.step(stream)?;
+        }
+        Ok(())
+    }
+
+    /// Starts one part of every step, for timing: `step`, `disturb` or the physics.
+    pub fn start_part(&self, stream: &Stream, part: &str) -> Result<(), CudaError> {
+        for sample in 0..self.plan.sizes.samples {
+            match part {
+                "step" => self.launch(stream, &self.plan.step(sample))?,
+                "disturb" => {
+                    if let Some(disturb) = self.plan.disturb(sample) {
+                        self.launch(stream, &disturb)?;
+                    }
+                }
+                _ => self.batch.step(stream)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn launch(&self, stream: &Stream, launch: &Launch) -> Result<(), CudaError> {
+        let missing =
+            |reason: &str| CudaError::Launch { kernel: launch.kernel.into(), reason: reason.into() };
+        let arguments = launch.arguments.iter().map(|value| -> Result<Argument, CudaError> {
+            let Id(number) = match *value {
+                Value::Array(id) => id,
+                Value::U32(word) => return Ok(word.into()),
+                Value::F32(number) => return Ok(number.into()),
+            };
+            match self.plan.physics[number] {
+                Some(class) => Ok(self.batch.numbers(class)),
+                None => self.own[number].as_ref().map(Storage::argument).ok_or_else(|| missing("no array")),
+            }
+        });
+        let arguments = arguments.collect::<Result<Vec<_>, _>>()?;
+        let kernel = self.kernels.iter().find(|(name, _)| *name == launch.kernel);
+        let (_, kernel) = kernel.ok_or_else(|| missing("the plan does not have it"))?;
+        kernel.launch(stream, launch.shape, &arguments)
+    }
+
+    fn results(&self) -> Option<(&Buffer<f32>, &Buffer<u32>)> {
+        let own = |name: &str| {
+            let Id(number) = self.plan.array(name)?;
+            self.own.get(number)?.as_ref()
+        };
+        match (own("signals"), own("ends")) {
+            (Some(Storage::F32(signals)), Some(Storage::U32(ends))) => Some((signals, ends)),
+            _ => None,
+        }
+    }
+
+    /// Signals of all candidates, `candidates × recordings × samples × dimensions`, and where each recording ended.
+    pub fn read(&self, stream: &Stream) -> Result<(Vec<f32>, Vec<u32>), FitError> {
+        match self.results() {
+            Some((signals, ends)) => Ok((signals.read(stream)?, ends.read(stream)?)),
+            None => Ok(Default::default()),
+        }
+    }
+
+    /// Compares the candidates: distances of the first `distances` of them and of the first `compared` dimensions; sums of
+    /// squares of all, if `squares`. Each is `candidates × dimensions`. With them, where each recording ended.
+    #[allow(clippy::type_complexity, reason = "three lists of numbers")]
+    pub fn compare(
+        &mut self,
+        stream: &Stream,
+        distances: usize,
+        compared: usize,
+        squares: bool,
+    ) -> Result<(Vec<f64>, Vec<f64>, Vec<u32>), FitError> {
+        let mut comparison = self.comparison.take();
+        let found = match (&mut comparison, self.results()) {
+            (Some(comparison), Some((signals, ends))) => {
+                if distances > 0 {
+                    comparison.start_distances(stream, signals, ends, distances, compared)?;
+                }
+                let sums = if squares {
+                    comparison.sums_of_squares(stream, signals, ends)?
+                } else {
+                    Vec::new()
+                };
+                let distances =
+                    if distances > 0 { comparison.read_distances(stream)? } else { Vec::new() };
+                (distances, sums, ends.read(stream)?)
+            }
+            _ => Default::default(),
+        };
+        self.comparison = comparison;
+        Ok(found)
+    }
+}

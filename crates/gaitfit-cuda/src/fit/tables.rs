@@ -1,0 +1,124 @@
+//! What recordings give to the simulated robots, as the kernels' arrays.
+
+use gaitfit_physics::{State, compile};
+use gaitfit_policy::Policy;
+use gaitfit_policy::follow::Script;
+use gaitfit_policy::walker::Walker;
+use gaitfit_sim::{Replay, Start};
+
+use super::FitError;
+
+/// What recordings give to the simulated robots. Recordings shorter than the longest are filled up.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tables {
+    /// Samples of each recording.
+    pub lengths: Vec<u32>,
+    /// Samples of the longest.
+    pub samples: usize,
+    /// Whether every sample of every recording has a whole state and actions, for resets.
+    pub has_states: bool,
+    /// Arrays in single precision, by name.
+    pub singles: Vec<(&'static str, Vec<f32>)>,
+    /// Arrays in double precision, by name.
+    pub doubles: Vec<(&'static str, Vec<f64>)>,
+}
+
+impl Tables {
+    /// Of robots that follow `scripts` under `policy`.
+    pub fn walk(walker: &Walker, policy: &Policy, scripts: &[Script]) -> Self {
+        let (actions, joints) = (walker.joints.len(), walker.default_pose.len());
+        let lengths: Vec<usize> = scripts.iter().map(|script| script.commands.len()).collect();
+        let samples = lengths.iter().copied().max().unwrap_or(0);
+        let has_states = scripts.iter().all(|script| {
+            let length = script.commands.len();
+            script.states.len() >= length && script.actions.len() >= length * actions
+        });
+        let width = 13 + 2 * joints;
+        let rows = scripts.len() * samples;
+        let mut commands = vec![0.0; 3 * rows];
+        let mut states = vec![0.0; if has_states { width * rows } else { 0 }];
+        let mut logged = vec![0.0; if has_states { actions * rows } else { 0 }];
+        let mut starts = Vec::with_capacity(width * scripts.len());
+        for (number, script) in scripts.iter().enumerate() {
+            let first = number * samples;
+            for (sample, command) in script.commands.iter().enumerate() {
+                commands[3 * (first + sample)..][..3].copy_from_slice(command);
+            }
+            starts.extend(numbers(&script.start));
+            if has_states {
+                let length = script.commands.len();
+                logged[actions * first..][..actions * length]
+                    .copy_from_slice(&script.actions[..actions * length]);
+                for (sample, state) in script.states.iter().take(length).enumerate() {
+                    states[width * (first + sample)..][..width].copy_from_slice(&numbers(state));
+                }
+            }
+        }
+        let mut network = policy.actor.parameters.to_vec();
+        if let Some(normaliser) = &policy.normaliser {
+            network.extend(normaliser.scale().into_iter().flat_map(|(factor, offset)| [factor, offset]));
+        }
+        Self {
+            lengths: lengths.iter().map(|&length| length as u32).collect(),
+            samples,
+            has_states,
+            singles: vec![
+                ("commands", commands),
+                ("starts", starts),
+                ("states", states),
+                ("actions", logged),
+                ("network", network),
+            ],
+            doubles: Vec::new(),
+        }
+    }
+
+    /// Of clamped robots that are given their recordings' targets.
+    ///
+    /// # Errors
+    /// A robot that cannot be stepped.
+    pub fn replay(replay: &Replay) -> Result<Self, FitError> {
+        let joints = replay.model().joints.len();
+        let recordings = replay.recordings();
+        let lengths: Vec<usize> = recordings.iter().map(|one| one.target.len() / joints.max(1)).collect();
+        let samples = lengths.iter().copied().max().unwrap_or(0);
+        let mut logged = vec![0.0; recordings.len() * samples * joints];
+        let (mut velocities, mut gains) = (Vec::new(), Vec::new());
+        for (number, one) in recordings.iter().enumerate() {
+            let own = &mut logged[number * samples * joints..];
+            for (to, &target) in own.iter_mut().zip(&one.target) {
+                *to = target as f32;
+            }
+            velocities.extend(one.dq0.iter().map(|&velocity| velocity as f32));
+            gains.extend(one.kp.iter().chain(&one.kd).chain(&one.q0));
+        }
+        let tree = compile::<f32>(replay.model(), replay.settings())?;
+        let mut rest = Vec::new();
+        State::<f32>::new(&tree).visit(|_, &number| rest.push(number));
+        Ok(Self {
+            lengths: lengths.iter().map(|&length| length as u32).collect(),
+            samples,
+            has_states: false,
+            singles: vec![("logged", logged), ("velocities", velocities), ("rest", rest)],
+            doubles: vec![("gains", gains)],
+        })
+    }
+
+    /// Recordings.
+    pub fn recordings(&self) -> usize {
+        self.lengths.len()
+    }
+}
+
+/// A start as the first numbers of a state.
+fn numbers(start: &Start) -> Vec<f32> {
+    let parts: [&[f32]; 6] = [
+        &start.base_position,
+        &start.base_quaternion,
+        &start.base_linear,
+        &start.base_angular,
+        &start.joint_position,
+        &start.joint_velocity,
+    ];
+    parts.concat()
+}

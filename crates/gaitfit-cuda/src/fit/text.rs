@@ -1,0 +1,152 @@
+//! The kernels' text: numbers and tables of what is simulated, then the files.
+
+use gaitfit_policy::network::Activation;
+use gaitfit_policy::walker::Walker;
+use gaitfit_policy::{Policy, Term};
+
+use super::scene::{Scene, Subject};
+use crate::emit::Class;
+use crate::runtime::Program;
+use crate::words::{Words, double, quantity_number, single};
+
+/// The program of a scene, `rows` robots of a block together. Products and sums are rounded one by one, as the CPU does it.
+pub(super) fn program(scene: &Scene<'_>, rows: usize) -> Program {
+    let mut text = String::from(include_str!("../common.cuh"));
+    text.push_str(include_str!("../rollout/kernels/structs.cu"));
+    let mut words = Words { text };
+    sizes(&mut words, scene);
+    let parts: &[&str] = match scene.subject {
+        Subject::Walk(walker, policy) => {
+            walk(&mut words, walker);
+            network(&mut words, policy, rows);
+            &[
+                include_str!("../rollout/kernels/draws.cu"),
+                include_str!("../rollout/kernels/robot.cu"),
+                include_str!("../rollout/kernels/observe.cu"),
+                include_str!("kernels/places.cu"),
+                include_str!("kernels/network.cu"),
+                include_str!("kernels/walk.cu"),
+            ]
+        }
+        Subject::Replay(replay) => {
+            lead(&mut words, 0.0);
+            words.define("HAS_CLOCK", 0);
+            words.define("HALF_STEP", single(0.5 * replay.settings().timestep as f32));
+            &[
+                include_str!("../rollout/kernels/robot.cu"),
+                include_str!("kernels/places.cu"),
+                include_str!("kernels/replay.cu"),
+            ]
+        }
+    };
+    for part in parts {
+        words.text.push_str(part);
+    }
+    Program::new("fit", words.text).option("-fmad=false")
+}
+
+fn lead(words: &mut Words, lead: f32) {
+    words.define("LEAD", single(lead));
+    words.define("HAS_LEAD", u32::from(lead != 0.0));
+}
+
+fn sizes(words: &mut Words, scene: &Scene<'_>) {
+    for (name, value) in [
+        ("PER_TILE", scene.period.layout().environments()),
+        ("STATE_SIZE", scene.size(Class::State)),
+        ("PARAMS_SIZE", scene.size(Class::Params)),
+        ("TARGETS_SIZE", scene.size(Class::Targets)),
+        ("MEMORY_SIZE", scene.size(Class::Memory)),
+        ("REPORT_SIZE", scene.size(Class::Report)),
+        ("DISTURBANCE_SIZE", scene.size(Class::Disturbance)),
+        ("SUBSTEPS", scene.period.substeps()),
+        ("JOINTS", scene.joints()),
+        ("TAPS", scene.period.taps()),
+        ("PARAMS", scene.params.len()),
+        ("MEMORY", scene.memory.len()),
+        ("DISTURBED", scene.disturbance.len()),
+        ("REPLAYS", usize::from(matches!(scene.subject, Subject::Replay(_)))),
+    ] {
+        words.define(name, value);
+    }
+    words.spots("STATE_SPOTS", &scene.state);
+    words.spots("PARAM_SPOTS", &scene.params);
+    words.spots("BIAS_SPOTS", &scene.bias);
+    words.spots("TARGET_SPOTS", &scene.targets);
+    words.spots("MEMORY_SPOTS", &scene.memory);
+    words.integers("MEMORY_OF", &scene.memory_of);
+    words.spots("DISTURBANCE_SPOTS", &scene.disturbance);
+    words.spots("REPORT_SPOTS", &scene.report);
+    let gains = scene.gains().into_iter().map(|gain| gain.map_or("-1".to_owned(), |gain| gain.to_string()));
+    words.table("int", "GAIN_OF", gains.collect());
+}
+
+fn walk(words: &mut Words, walker: &Walker) {
+    let interface = &walker.interface;
+    let (least_uprightness, least_height, posture) = walker.fall_limits();
+    lead(words, walker.batch.settings().lead() as f32);
+    for (name, value) in [
+        ("ACTIONS", walker.joints.len()),
+        ("GEOMS", walker.batch.contact_geoms().len()),
+        ("FALL_GEOMS", walker.fall_geoms().len()),
+        ("HAS_CLOCK", usize::from(interface.gait_frequency.is_some())),
+        ("OBSERVED", interface.observation.len()),
+        ("OBSERVATION", interface.observation_width()),
+    ] {
+        words.define(name, value);
+    }
+    for (name, value) in [
+        ("ACTION_CLIP", interface.action_clip.map_or(f32::MAX, |clip| clip as f32)),
+        ("LEAST_UPRIGHTNESS", least_uprightness),
+        ("LEAST_HEIGHT", least_height),
+    ] {
+        words.define(name, single(value));
+    }
+    words.define("CONTROL_DT", double(interface.control_dt));
+    words.define("GAIT_FREQUENCY", double(interface.gait_frequency.unwrap_or(0.0)));
+    words.singles("POSTURE", &posture);
+    words.integers("FALL_GEOM", walker.fall_geoms());
+    words.integers("JOINT_OF", &walker.joints);
+    words.singles("DEFAULT_POSE", &walker.default_pose);
+    words.singles("ACTION_SCALE", &walker.action_scale);
+    let home: Vec<f32> = interface.default_pose.iter().map(|&angle| angle as f32).collect();
+    words.singles("HOME", &home);
+    let mut place = 0;
+    let terms = interface.observation.iter().map(|Term { quantity, .. }| {
+        let (from, width) = (place, quantity.width(interface.joints.len()));
+        place += width;
+        format!("{{{}, {from}, {width}, 0.0f}}", quantity_number(*quantity))
+    });
+    let terms = terms.collect();
+    words.table("Term", "TERMS", terms);
+    words.singles("SCALES", &interface.scales(&interface.observation));
+}
+
+/// Largest width of a layer's input or output.
+pub(super) fn widest(policy: &Policy) -> usize {
+    policy.actor.shape.widest().max(policy.actor.shape.inputs)
+}
+
+fn network(words: &mut Words, policy: &Policy, rows: usize) {
+    let shape = &policy.actor.shape;
+    words.define("ROWS", rows);
+    words.define("WIDEST", widest(policy));
+    words.define(
+        "ACTIVATION",
+        match shape.activation {
+            Activation::Elu => 0,
+            Activation::Relu => 1,
+            Activation::Tanh => 2,
+        },
+    );
+    words.define("NORMALISED", usize::from(policy.normaliser.is_some()));
+    // The normaliser's factors and offsets follow the parameters.
+    words.define("NORMALISER", shape.parameters());
+    words.text.push_str("struct Layer {\n    int inputs, outputs, weight, bias;\n};\n");
+    let layers = shape.layers();
+    words.define("LAYERS", layers.len());
+    let row = |layer: &gaitfit_policy::network::Layer| {
+        format!("{{{}, {}, {}, {}}}", layer.inputs, layer.outputs, layer.weight.start, layer.bias.start)
+    };
+    words.table("Layer", "LAYER", layers.iter().map(row).collect());
+}

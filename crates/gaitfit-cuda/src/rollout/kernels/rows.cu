@@ -1,0 +1,38 @@
+// The rows of a rollout's samples.
+
+DEVICE void write_critic_row(
+    const float* state, const float* params, u32 steps, const float* command, const float* last_action, u32 e, float* out
+) {
+    for (int t = CRITIC_ROW.first; t < CRITIC_ROW.first + CRITIC_ROW.terms; t++)
+        write_term(
+            t, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps, command + e, last_action + e, ENVIRONMENTS, e,
+            out);
+}
+
+// The rows of step `step` of the samples: a block column for each term of the actor, then of the critic.
+KERNEL observe(
+    u32 step, const u32* control, const float* state, const float* params, const u32* steps, const float* command,
+    const float* last_action, float* observation, float* critic_observation
+) {
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    if (e >= ENVIRONMENTS) return;
+    u64 row = (u64)step * ENVIRONMENTS + e;
+    int number = (int)blockIdx.y;
+    bool actor = number < ACTOR_ROW.terms;
+    Draws noise = draws_of(control, NOISE_DRAWS, e, control[FIRST_STEP] + step);
+    float* out = actor ? observation + row * ACTOR_ROW.width : critic_observation + row * CRITIC_ROW.width;
+    write_term(
+        number, SCALES + (actor ? ACTOR_ROW.scale : CRITIC_ROW.scale), actor ? &noise : nullptr, state, params, steps[e],
+        command + e, last_action + e, ENVIRONMENTS, e, out);
+}
+
+// What the critic sees after the last step: a block column for each term.
+KERNEL observe_end(
+    const float* state, const float* params, const u32* steps, const float* command, const float* last_action, float* tail
+) {
+    u32 e = blockIdx.x * blockDim.x + threadIdx.x;
+    if (e >= ENVIRONMENTS) return;
+    write_term(
+        CRITIC_ROW.first + (int)blockIdx.y, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps[e], command + e,
+        last_action + e, ENVIRONMENTS, e, tail + (u64)e * CRITIC_ROW.width);
+}

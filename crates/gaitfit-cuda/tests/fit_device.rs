@@ -1,0 +1,233 @@
+//! Candidates of a fit on a GPU against the CPU's, and how long they take.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use std::sync::Mutex;
+use std::time::Instant;
+
+use gaitfit_cuda::fit::{Candidates, Compared, Measured, Parts, Subject, Tables, Tracks};
+use gaitfit_cuda::runtime::Device;
+use gaitfit_learn::task::{Task, TaskSettings};
+use gaitfit_model::Model;
+use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
+use gaitfit_policy::Policy;
+use gaitfit_policy::follow::{Job, Script, Track, follow};
+use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Start};
+
+fn asset(name: &str) -> String {
+    format!("{}/../../assets/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+fn go2() -> Model {
+    gaitfit_model::read(asset("go2.xml").as_ref(), &Default::default()).unwrap()
+}
+
+fn walking(substeps: usize) -> (Task, Policy) {
+    let policy = gaitfit_policy::read(asset("go2-walk.safetensors").as_ref()).unwrap();
+    let mut settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
+    settings.substeps = substeps;
+    let task =
+        Task::with_interface(&go2(), &settings.calm(), policy.interface.clone(), Preset::Fast, 0.0).unwrap();
+    (task, policy)
+}
+
+fn tracks(task: &Task, policy: &Policy, scripts: &[Script], jobs: &[Job]) -> Vec<Track> {
+    let found = Mutex::new(vec![Track::default(); jobs.len() * scripts.len()]);
+    let consume = |job: usize, script: usize, track: &Track| {
+        found.lock().unwrap()[job * scripts.len() + script] = track.clone();
+    };
+    follow(&task.walker, policy, scripts, jobs, 16, &consume, &|| false).unwrap();
+    found.into_inner().unwrap()
+}
+
+/// Recordings of the nominal robot under some commands, with its states.
+fn scripts(task: &Task, policy: &Policy, count: usize, samples: usize) -> Vec<Script> {
+    let walker = &task.walker;
+    let angles: Vec<f64> = walker.default_pose.iter().map(|&angle| f64::from(angle)).collect();
+    let bare: Vec<Script> = (0..count)
+        .map(|number| {
+            let x = number as f32 / count as f32;
+            Script {
+                commands: vec![[1.2 * x - 0.4, 0.3 - 0.5 * x, 0.6 * (7.0 * x).sin()]; samples - number % 3],
+                start: walker.start_from_joints(&angles, &vec![0.0; angles.len()]),
+                states: Vec::new(),
+                actions: Vec::new(),
+            }
+        })
+        .collect();
+    let job = Job { candidate: Candidate::nominal(walker.model()), reset_every: None, seed: 0 };
+    let tracks = tracks(task, policy, &bare, &[job]);
+    let with = |(script, track): (Script, &Track)| {
+        let width = walker.joints.len();
+        let state = |row: usize| {
+            let three = |all: &[f32]| [all[3 * row], all[3 * row + 1], all[3 * row + 2]];
+            let mut start = script.start.clone();
+            for (k, &joint) in walker.joints.iter().enumerate() {
+                start.joint_position[joint] = track.position[row * width + k];
+                start.joint_velocity[joint] = track.velocity[row * width + k];
+            }
+            let (base_position, base_linear) = (three(&track.base_position), three(&track.base_velocity));
+            Start { base_position, base_linear, ..start }
+        };
+        let states = (0..script.commands.len()).map(state).collect();
+        Script { states, actions: track.action.clone(), ..script }
+    };
+    bare.into_iter().zip(&tracks).map(with).collect()
+}
+
+fn networks(amount: f64) -> JointNetworks {
+    let weights = (0..12 * NETWORK_WEIGHTS).map(|k| amount * (0.7 * k as f64).sin()).collect();
+    let scales = NetworkScales { position: 1.0, velocity: 0.05, output: 1.0 };
+    let kind = NetworkKind::ResidAct;
+    JointNetworks { kind, joints: (0..12).collect(), rest: vec![0.1; 12], weights, scales }
+}
+
+fn robot(number: usize, extras: bool) -> Candidate {
+    let mut candidate = Candidate::nominal(&go2());
+    candidate.robot.frictionloss = vec![0.02 * number as f64; 12];
+    candidate.robot.armature = vec![0.01 + 0.002 * number as f64; 12];
+    if extras {
+        candidate.networks = vec![networks(0.02 * number as f64)];
+        candidate.torque_noise = 0.4;
+    }
+    candidate
+}
+
+fn rows(track: &Track, width: usize) -> Vec<Vec<f32>> {
+    let at = |all: &[f32], width: usize, row: usize| all[row * width..(row + 1) * width].to_vec();
+    let row = |row: usize| {
+        [
+            at(&track.position, width, row),
+            at(&track.velocity, width, row),
+            at(&track.action, width, row),
+            at(&track.base_position, 3, row),
+            at(&track.base_velocity, 3, row),
+        ]
+        .concat()
+    };
+    (0..track.position.len() / width).map(row).collect()
+}
+
+/// The first samples agree but for rounding; with resets all do. Twice the same has the same bits.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_candidates_walk_as_the_cpus() {
+    let device = Device::open(0).unwrap();
+    for extras in [false, true] {
+        let (task, policy) = walking(4);
+        let scripts = scripts(&task, &policy, 9, 60);
+        let subject = Subject::Walk(&task.walker, &policy);
+        let mut jobs: Vec<Job> = (0..5)
+            .map(|number| Job { candidate: robot(number, extras), reset_every: None, seed: number as u64 })
+            .collect();
+        jobs[1].reset_every = Some(1);
+        jobs[2].reset_every = Some(10);
+        // It falls.
+        jobs[3].candidate.robot.kp_scale = vec![0.15; 12];
+        let wanted = tracks(&task, &policy, &scripts, &jobs);
+        let tables = Tables::walk(&task.walker, &policy, &scripts);
+        let mut candidates = Candidates::new(&device, tables, 4).unwrap();
+        let run = |candidates: &mut Candidates| {
+            let found = Mutex::new(vec![(Vec::new(), None); jobs.len() * scripts.len()]);
+            let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
+                found.lock().unwrap()[job * scripts.len() + recording] =
+                    (tracks.rows.to_vec(), tracks.fell_at);
+            };
+            candidates.tracks(subject, &jobs, &consume, &|| false).unwrap();
+            found.into_inner().unwrap()
+        };
+        let first = run(&mut candidates);
+        assert!(first == run(&mut candidates), "other bits the second time");
+        let (mut worst, mut fell) = ([0.0f32; 3], 0);
+        for (e, ((found, end), want)) in first.iter().zip(&wanted).enumerate() {
+            let every = jobs[e / scripts.len()].reset_every;
+            fell += usize::from(want.fell_at.is_some());
+            if let Some(wanted) = want.fell_at {
+                let end = end.unwrap_or_else(|| panic!("environment {e} has not fallen"));
+                assert!(end.abs_diff(wanted) <= 3, "environment {e} fell at {end}, not {wanted}");
+            }
+            let dimensions = subject.dimensions();
+            let wanted = rows(want, 12);
+            assert_eq!(found.len(), wanted.len() * dimensions);
+            for (sample, (row, want)) in found.chunks_exact(dimensions).zip(&wanted).enumerate() {
+                if want.iter().any(|x| !x.is_finite()) {
+                    continue;
+                }
+                let error = row.iter().zip(want).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+                match every {
+                    Some(1) => worst[0] = worst[0].max(error),
+                    Some(_) if sample <= 10 => worst[1] = worst[1].max(error),
+                    None if sample <= 5 => worst[2] = worst[2].max(error),
+                    _ => {}
+                }
+            }
+        }
+        println!("extras {extras}: {fell} falls; off by at most {worst:?} (each step, 10 steps, 5 steps)");
+        assert!(fell > 0 && worst[0] < 1e-2 && worst[2] < 1e-2, "{worst:?}");
+        println!("{:?}", candidates.resources().unwrap());
+    }
+}
+
+/// How long the candidates of a generation take: a line for each, and what of it the parts take.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_generations_are_timed() {
+    let device = Device::open(0).unwrap();
+    for (label, substeps, population, extras) in [
+        ("200 Hz", 4, 24, false),
+        ("200 Hz, eight searches", 4, 192, false),
+        ("1 kHz", 20, 24, false),
+        ("1 kHz, 12 ResidAct and noise", 20, 25, true),
+        ("the same, eight searches", 20, 200, true),
+    ] {
+        let (task, policy) = walking(substeps);
+        let scripts = scripts(&task, &policy, 64, 200);
+        let subject = Subject::Walk(&task.walker, &policy);
+        let tables = Tables::walk(&task.walker, &policy, &scripts);
+        let jobs: Vec<Job> = (0..population)
+            .map(|number| Job { candidate: robot(number % 25, extras), reset_every: None, seed: 1 })
+            .collect();
+        let start = Instant::now();
+        let mut candidates = Candidates::new(&device, tables, 16).unwrap();
+        let dimensions = subject.dimensions();
+        let nominal = Job { candidate: robot(1, extras), reset_every: None, seed: 2 };
+        candidates.measure(pretend(&candidates, dimensions), dimensions).unwrap();
+        let first: Vec<Parts> =
+            candidates.parts(subject, &jobs, &vec![Compared::Distances; population], &|| false).unwrap();
+        let ready = start.elapsed().as_secs_f64();
+        let time = |candidates: &mut Candidates, compared: Compared| {
+            let start = Instant::now();
+            let again = candidates.parts(subject, &jobs, &vec![compared; population], &|| false).unwrap();
+            (1e3 * start.elapsed().as_secs_f64(), again)
+        };
+        let (_, again) = time(&mut candidates, Compared::Distances);
+        assert!(first == again, "other bits the second time");
+        let distances = (0..3).map(|_| time(&mut candidates, Compared::Distances).0).fold(1e9, f64::min);
+        let squares = (0..3).map(|_| time(&mut candidates, Compared::Squares).0).fold(1e9, f64::min);
+        let (kernels, bytes) = candidates.resources().unwrap();
+        let parts: Vec<String> = candidates
+            .breakdown()
+            .unwrap()
+            .iter()
+            .map(|(part, seconds)| format!("{part} {:.2}", 1e3 * seconds))
+            .collect();
+        println!(
+            "{label}: {population} candidates x 64 x 4 s: wass {distances:.2} ms, matcho {squares:.2} ms; ready in \
+             {ready:.1} s; {} MiB; alone, ms: {}; {kernels:?}",
+            bytes >> 20,
+            parts.join(", ")
+        );
+        // Numbering the candidates otherwise changes nothing.
+        let alone = candidates.parts(subject, &[jobs[3].clone(), nominal], &[Compared::Distances; 2], &|| false);
+        assert!(alone.unwrap()[0] == first[3], "a candidate's distances depend on the others");
+    }
+}
+
+/// Some robot's side.
+fn pretend(candidates: &Candidates, dimensions: usize) -> Measured {
+    let tables = candidates.tables();
+    let counted: usize = tables.lengths.iter().map(|&length| length as usize).sum();
+    let sorted = (0..dimensions * counted).map(|k| (k % counted) as f64 / counted as f64 - 0.5).collect();
+    let size = tables.recordings() * tables.samples * dimensions;
+    let samples = (0..size).map(|k| (0.37 * k as f64).sin()).collect();
+    Measured { skip: 0, sorted, samples }
+}

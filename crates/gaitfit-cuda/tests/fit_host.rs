@@ -1,0 +1,530 @@
+//! The kernels of a fit, run on the CPU as C++, against `gaitfit_policy::follow` and the replay; and NVIDIA's compiler.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod host;
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Mutex;
+
+use gaitfit_cuda::emit::{Class, Place};
+use gaitfit_cuda::fit::{Numbers, Plan, Scene, Sizes, Structure, Subject, Tables};
+use gaitfit_cuda::physics::Period;
+use gaitfit_cuda::runtime::{Nvrtc, compile};
+use gaitfit_learn::task::{Task, TaskSettings};
+use gaitfit_model::Model;
+use gaitfit_physics::trace::Input;
+use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
+use gaitfit_policy::Policy;
+use gaitfit_policy::follow::{Job, Script, Track, follow};
+use gaitfit_policy::walker::TorqueNoise;
+use gaitfit_sim::{
+    Candidate, JointNetworks, JointSignals, NetworkKind, Recording, Replay, ReplayOptions, RobotState, Start,
+};
+use host::{bytes, call, execute, floats, keep, take};
+
+fn asset(name: &str) -> String {
+    format!("{}/../../assets/{name}", env!("CARGO_MANIFEST_DIR"))
+}
+
+fn go2() -> Model {
+    gaitfit_model::read(asset("go2.xml").as_ref(), &Default::default()).unwrap()
+}
+
+/// The policy on its robot, as a fit simulates it.
+fn walking(robot_timestep: Option<f64>, change: fn(&mut Policy)) -> (Task, Policy) {
+    let mut policy = gaitfit_policy::read(asset("go2-walk.safetensors").as_ref()).unwrap();
+    change(&mut policy);
+    let mut settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
+    settings.robot_timestep = robot_timestep;
+    let interface = policy.interface.clone();
+    let task = Task::with_interface(&go2(), &settings.calm(), interface, Preset::Fast, 0.03).unwrap();
+    (task, policy)
+}
+
+/// Recordings of unlike lengths: what the nominal robot did under changing commands, with its states.
+fn scripts(task: &Task, policy: &Policy, lengths: &[usize]) -> Vec<Script> {
+    let walker = &task.walker;
+    let joints = walker.default_pose.len();
+    let angles: Vec<f64> = walker.default_pose.iter().map(|&angle| f64::from(angle) + 0.03).collect();
+    let bare: Vec<Script> = lengths
+        .iter()
+        .enumerate()
+        .map(|(number, &length)| Script {
+            commands: (0..length)
+                .map(|row| [0.5 - 0.3 * number as f32, 0.1 * (row / 9) as f32, 0.2 * number as f32])
+                .collect(),
+            start: walker.start_from_joints(&angles, &vec![0.1 * number as f64; joints]),
+            states: Vec::new(),
+            actions: Vec::new(),
+        })
+        .collect();
+    let job = Job { candidate: Candidate::nominal(walker.model()), reset_every: None, seed: 0 };
+    let tracks = tracks(task, policy, &bare, &[job]);
+    let with = |(script, track): (Script, &Track)| {
+        let width = walker.joints.len();
+        let state = |row: usize| {
+            let three = |all: &[f32]| [all[3 * row], all[3 * row + 1], all[3 * row + 2]];
+            let mut start = script.start.clone();
+            for (k, &joint) in walker.joints.iter().enumerate() {
+                start.joint_position[joint] = track.position[row * width + k];
+                start.joint_velocity[joint] = track.velocity[row * width + k];
+            }
+            Start {
+                base_position: three(&track.base_position),
+                base_linear: three(&track.base_velocity),
+                base_angular: [0.01 * row as f32, -0.02, 0.1],
+                ..start
+            }
+        };
+        let states = (0..script.commands.len()).map(state).collect();
+        Script { states, actions: track.action.clone(), ..script }
+    };
+    bare.into_iter().zip(&tracks).map(with).collect()
+}
+
+/// What the CPU finds, job after job.
+fn tracks(task: &Task, policy: &Policy, scripts: &[Script], jobs: &[Job]) -> Vec<Track> {
+    let found = Mutex::new(vec![Track::default(); jobs.len() * scripts.len()]);
+    let consume = |job: usize, script: usize, track: &Track| {
+        found.lock().unwrap()[job * scripts.len() + script] = track.clone();
+    };
+    follow(&task.walker, policy, scripts, jobs, 2, &consume, &|| false).unwrap();
+    found.into_inner().unwrap()
+}
+
+/// The same motion again, for all that a track does not tell: every robot after each control period.
+fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<Vec<RobotState>> {
+    let walker = &task.walker;
+    let (count, joints) = (scripts.len(), walker.default_pose.len());
+    let params = walker.robot(&job.candidate).params(walker.model()).unwrap();
+    let mut tile =
+        walker.engine.tile(&walker.batch, &vec![params; count], &job.candidate.networks).unwrap();
+    for (index, script) in scripts.iter().enumerate() {
+        let start = if job.reset_every.is_some() { &script.states[0] } else { &script.start };
+        tile.place(index, start);
+    }
+    let mut motion = walker.batch.motion(count);
+    let mut noise = TorqueNoise::default();
+    let longest = scripts.iter().map(|script| script.commands.len()).max().unwrap();
+    let mut found = Vec::new();
+    for sample in 0..longest - 1 {
+        let mut actions = Vec::new();
+        for (index, (script, track)) in scripts.iter().zip(tracks).enumerate() {
+            let inside = sample < script.commands.len();
+            if inside && sample > 0 && job.reset_every.is_some_and(|every| sample % every == 0) {
+                tile.place(index, &script.states[sample]);
+            }
+            // Behind its recording's end nobody looks at a robot.
+            let row = sample.min(script.commands.len() - 1) * walker.joints.len();
+            actions.extend_from_slice(&track.action[row..row + walker.joints.len()]);
+        }
+        let mut targets = vec![0.0; count * joints];
+        walker.targets(&actions, &mut targets);
+        let torques = noise.torques(walker, &job.candidate, job.seed, 0, sample as u32, count);
+        tile.step(&targets, torques, &mut motion);
+        found.push((0..count).map(|index| tile.robot(index)).collect());
+    }
+    found
+}
+
+/// Numbers of each environment in the physics' tiles.
+fn tiled(period: &Period, class: Class, tiles: usize, environments: &[Vec<f32>]) -> Vec<f32> {
+    let layout = period.layout();
+    let (size, per_tile) = (layout.size(class), layout.environments());
+    let inputs: Vec<Place> = layout.inputs.iter().copied().filter(|place| place.class == class).collect();
+    let outputs: Vec<Place> = layout.outputs.iter().copied().filter(|place| place.class == class).collect();
+    let places = if inputs.is_empty() { outputs } else { inputs };
+    let mut all = vec![0.0; tiles * size];
+    for e in 0..tiles * per_tile {
+        let numbers = &environments[e % environments.len()];
+        assert_eq!(places.len(), numbers.len(), "{class:?}");
+        for (place, number) in places.iter().zip(numbers) {
+            all[e / per_tile * size + layout.offset(*place, e % per_tile)] = *number;
+        }
+    }
+    all
+}
+
+/// The numbers of environment `e` in tiles.
+fn of(period: &Period, class: Class, tiles: &[f32], e: usize) -> Vec<f32> {
+    let layout = period.layout();
+    let (size, per_tile) = (layout.size(class), layout.environments());
+    let places = layout.inputs.iter().filter(|place| place.class == class);
+    places.map(|place| tiles[e / per_tile * size + layout.offset(*place, e % per_tile)]).collect()
+}
+
+/// Largest difference relative to max(1, value).
+fn apart(got: &[f32], want: &[f32]) -> f32 {
+    assert_eq!(got.len(), want.len());
+    got.iter().zip(want).fold(0.0, |worst, (got, want)| {
+        let error = (got - want).abs() / want.abs().max(1.0);
+        if error.is_nan() && got.to_bits() != want.to_bits() { f32::INFINITY } else { worst.max(error) }
+    })
+}
+
+fn files_of(tables: &Tables, numbers: &Numbers) -> HashMap<String, Vec<u8>> {
+    let mut files = HashMap::new();
+    let words = |words: &[u32]| bytes(words, u32::to_ne_bytes);
+    files.insert("numbers".to_owned(), bytes(&numbers.params, f32::to_ne_bytes));
+    files.insert("factors".to_owned(), bytes(&numbers.factors, f64::to_ne_bytes));
+    files.insert("every".to_owned(), words(&numbers.every));
+    files.insert("seeds".to_owned(), words(&numbers.seeds));
+    files.insert("deviation".to_owned(), bytes(&numbers.deviation, f64::to_ne_bytes));
+    files.insert("lengths".to_owned(), words(&tables.lengths));
+    for (name, singles) in &tables.singles {
+        files.insert((*name).to_owned(), bytes(singles, f32::to_ne_bytes));
+    }
+    for (name, doubles) in &tables.doubles {
+        files.insert((*name).to_owned(), bytes(doubles, f64::to_ne_bytes));
+    }
+    files
+}
+
+/// Holds every kernel of a walk against the CPU: `jobs` of one structure on recordings of these lengths. Gives the falls.
+fn compare(label: &str, (task, policy): &(Task, Policy), jobs: &[Job], lengths: &[usize]) -> usize {
+    let scripts = scripts(task, policy, lengths);
+    let walker = &task.walker;
+    let subject = Subject::Walk(walker, policy);
+    let structure = Structure::of(&jobs[0].candidate);
+    let period = subject.period(&jobs[0].candidate.networks, &structure).unwrap();
+    let scene = Scene::new(subject, &period);
+    let tables = Tables::walk(walker, policy, &scripts);
+    let environments = jobs.len() * scripts.len();
+    let tiles = environments.div_ceil(period.layout().environments());
+    let sizes = Sizes {
+        candidates: jobs.len(),
+        recordings: scripts.len(),
+        samples: tables.samples,
+        tiles,
+        rows: 8,
+    };
+    let plan = Plan::new(&scene, &tables, sizes);
+    let numbers = Numbers::new(subject, jobs, jobs.len(), 1).unwrap();
+    let wanted = tracks(task, policy, &scripts, jobs);
+    let own = |job: usize| &wanted[job * scripts.len()..(job + 1) * scripts.len()];
+    let motion: Vec<_> = (0..jobs.len()).map(|job| robots(task, &scripts, &jobs[job], own(job))).collect();
+
+    let mut files = files_of(&tables, &numbers);
+    let mut statements = call(&plan.spread());
+    let f = |numbers: Vec<f32>| bytes(&numbers, f32::to_ne_bytes);
+    for sample in 0..tables.samples {
+        statements.push_str(&call(&plan.step(sample)));
+        for name in ["robot_state", "robot_targets", "robot_memory"] {
+            statements.push_str(&keep(&plan.arrays, name, &format!("at{sample}")));
+        }
+        if let Some(disturb) = plan.disturb(sample) {
+            statements.push_str(&call(&disturb));
+            statements.push_str(&keep(&plan.arrays, "robot_disturbance", &format!("at{sample}")));
+        }
+        if sample + 1 == tables.samples {
+            break;
+        }
+        let after = |class: Class, of: fn(&RobotState) -> Vec<f32>| {
+            let all: Vec<Vec<f32>> = motion.iter().flat_map(|job| job[sample].iter().map(of)).collect();
+            f(tiled(&period, class, tiles, &all))
+        };
+        files.insert(format!("robot_state.moved{sample}"), after(Class::State, |one| one.state.clone()));
+        let report = after(Class::Report, |one| [one.torque.clone(), one.normal_force.clone()].concat());
+        files.insert(format!("robot_report.moved{sample}"), report);
+        statements.push_str(&take(&plan.arrays, "robot_state", &format!("moved{sample}")));
+        statements.push_str(&take(&plan.arrays, "robot_report", &format!("moved{sample}")));
+    }
+    for name in ["signals", "ends", "robot_params"] {
+        statements.push_str(&keep(&plan.arrays, name, "out"));
+    }
+    let folder = execute(&plan.program.text, &plan.arrays, &files, &["robot_targets"], &statements);
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    let signals = floats(&read("signals.out"));
+    let ends: Vec<u32> = floats(&read("ends.out")).iter().map(|x| x.to_bits()).collect();
+    let params = floats(&read("robot_params.out"));
+
+    let (mut worst, mut falls) = (0.0f32, 0);
+    let width = walker.joints.len();
+    for (e, track) in wanted.iter().enumerate() {
+        let (job, script) = (&jobs[e / scripts.len()], &scripts[e % scripts.len()]);
+        let length = script.commands.len();
+        let end = track.fell_at.unwrap_or(length);
+        assert_eq!(ends[e] as usize, end, "{label}: end of environment {e}");
+        falls += usize::from(end < length);
+        let mut want = Vec::new();
+        walker.robot(&job.candidate).params(walker.model()).unwrap().visit(|_, &x| want.push(x as f32));
+        assert_eq!(of(&period, Class::Params, &params, e), want, "{label}: parameters of environment {e}");
+        let size = tables.samples * subject.dimensions();
+        let rows = signals[e * size..][..length * subject.dimensions()].chunks_exact(subject.dimensions());
+        for (sample, row) in rows.enumerate() {
+            let at = |all: &[f32], width: usize| all[sample * width..(sample + 1) * width].to_vec();
+            let exact = [&row[..2 * width], &row[3 * width..]].concat();
+            let want = [
+                at(&track.position, width),
+                at(&track.velocity, width),
+                at(&track.base_position, 3),
+                at(&track.base_velocity, 3),
+            ];
+            assert_eq!(apart(&exact, &want.concat()), 0.0, "{label}: environment {e}, sample {sample}");
+            let error = apart(&row[2 * width..3 * width], &at(&track.action, width));
+            assert!(error < 2e-6, "{label}: action of environment {e} at sample {sample} off by {error:e}");
+            worst = worst.max(error);
+            let reset = job.reset_every.is_some_and(|every| sample % every == 0);
+            let kept = |name: &str| floats(&read(&format!("{name}.at{sample}")));
+            if reset || sample == 0 {
+                let start = if reset { &script.states[sample] } else { &script.start };
+                let parts: [&[f32]; 6] = [
+                    &start.base_position,
+                    &start.base_quaternion,
+                    &start.base_linear,
+                    &start.base_angular,
+                    &start.joint_position,
+                    &start.joint_velocity,
+                ];
+                let mut want = parts.concat();
+                want.resize(want.len() + width + 6, 0.0);
+                assert_eq!(of(&period, Class::State, &kept("robot_state"), e), want, "{label}: start of {e}");
+                let memory = of(&period, Class::Memory, &kept("robot_memory"), e);
+                for (place, &found) in memory.iter().enumerate() {
+                    let owners = period_memory(&period);
+                    let joint = owners[place];
+                    let bias = job.candidate.robot.encoder_bias[joint] as f32;
+                    let angle = start.joint_position[joint] + bias;
+                    let want = if place % 2 == 0 { angle } else { start.joint_velocity[joint] };
+                    assert_eq!(found, want, "{label}: memory {place} of environment {e}");
+                }
+            }
+            if sample + 1 < tables.samples {
+                let found = of(&period, Class::Targets, &kept("robot_targets"), e);
+                let want = &motion[e / scripts.len()][sample][e % scripts.len()].targets;
+                // An ActionDelta changes targets in the physics.
+                if job.candidate.networks.is_empty() {
+                    assert!(apart(&found, want) < 2e-6, "{label}: targets of {e} at {sample}");
+                }
+            }
+        }
+        if job.candidate.torque_noise > 0.0 {
+            let tile = period.layout().size(Class::Disturbance) * tiles;
+            for sample in 0..length {
+                let found = floats(&read(&format!("robot_disturbance.at{sample}")));
+                let mut noise = TorqueNoise::default();
+                let count = scripts.len();
+                let want = noise.torques(walker, &job.candidate, job.seed, 0, sample as u32, count);
+                for (substep, all) in found.chunks_exact(tile).enumerate() {
+                    let row = (substep * count + e % count) * width;
+                    let found = of(&period, Class::Disturbance, all, e);
+                    assert_eq!(found, want[row..row + width], "{label}: noise of {e} at {sample}");
+                }
+            }
+        }
+    }
+    println!("{label}: {environments} environments, {falls} falls, actions off by at most {worst:e}");
+    falls
+}
+
+/// The joint of each number that networks remember.
+fn period_memory(period: &Period) -> Vec<usize> {
+    let joints = period.inputs().filter_map(|input| match input {
+        Input::Memory { owner: gaitfit_physics::Owner::Joint(joint), .. } => Some(*joint),
+        _ => None,
+    });
+    joints.collect()
+}
+
+fn friction(amount: f64) -> Candidate {
+    let mut candidate = Candidate::nominal(&go2());
+    candidate.robot.frictionloss = vec![amount; 12];
+    candidate.robot.armature = vec![0.01 + 0.02 * amount; 12];
+    candidate
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_are_the_cpus() {
+    let walking = walking(None, |_| ());
+    let job = |candidate, reset_every, seed| Job { candidate, reset_every, seed };
+    // A robot that can hardly move falls.
+    let mut weak = friction(0.1);
+    weak.robot.kp_scale = vec![0.2; 12];
+    let jobs = [
+        job(friction(0.2), None, 3),
+        job(weak, None, 1),
+        job(friction(0.1), Some(1), 1),
+        job(friction(0.3), Some(20), 1),
+        job(friction(0.3), Some(usize::MAX), 1),
+    ];
+    let falls = compare("free", &walking, &jobs, &[60, 43, 60]);
+    assert!(falls > 0);
+}
+
+/// Delays, biased encoders, torque noise, another physics step, joints in another order, clipped actions.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_of_fitted_robots_are_the_cpus() {
+    let walking = walking(Some(0.001), |policy| {
+        policy.interface.action_clip = Some(0.8);
+        for (k, scale) in policy.interface.action_scale.iter_mut().enumerate() {
+            *scale += 0.01 * k as f64;
+        }
+    });
+    let job = |amount: f64, seed: u64, reset_every| {
+        let mut candidate = friction(amount);
+        candidate.torque_noise = 0.3 + amount;
+        for j in 0..12 {
+            candidate.robot.delay[j] = 0.002 * j as f64;
+            candidate.robot.encoder_bias[j] = 0.01 * j as f64 - 0.05;
+        }
+        Job { candidate, reset_every, seed }
+    };
+    compare("fitted", &walking, &[job(0.1, 7, None), job(0.2, (5 << 32) + 1, Some(10))], &[40, 31]);
+}
+
+fn networks(kind: NetworkKind, amount: f64) -> JointNetworks {
+    let weights = (0..12 * NETWORK_WEIGHTS).map(|k| amount * (0.7 * k as f64).sin()).collect();
+    let scales = NetworkScales { position: 1.0, velocity: 0.05, output: 0.1 };
+    JointNetworks { kind, joints: (0..12).collect(), rest: vec![0.1; 12], weights, scales }
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_walks_with_networks_are_the_cpus() {
+    let walking = walking(None, |_| ());
+    let job = |amount: f64, reset_every| {
+        let mut candidate = friction(0.1);
+        candidate.robot.encoder_bias = vec![0.02; 12];
+        candidate.networks =
+            vec![networks(NetworkKind::ActionDelta, amount), networks(NetworkKind::ResidAct, 3.0 * amount)];
+        Job { candidate, reset_every, seed: 1 }
+    };
+    compare("networks", &walking, &[job(0.1, None), job(0.3, Some(5))], &[25, 30]);
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_replays_are_the_cpus() {
+    let model = gaitfit_model::read(
+        asset("go2.xml").as_ref(),
+        &gaitfit_model::ReadOptions { root: Some(gaitfit_model::Root::Fixed), ..Default::default() },
+    )
+    .unwrap();
+    let joints = model.joints.len();
+    let recording = |number: usize, length: usize| Recording {
+        dt: 0.01,
+        q0: (0..joints).map(|j| 0.1 * j as f64 - 0.3).collect(),
+        dq0: (0..joints).map(|j| 0.05 * (j + number) as f64).collect(),
+        target: (0..length * joints).map(|k| (0.13 * k as f64 + number as f64).sin()).collect(),
+        kp: vec![20.0 + number as f64; joints],
+        kd: vec![0.5 + 0.1 * number as f64; joints],
+    };
+    let options = ReplayOptions { substeps: 2, max_delay: 0.03, ..Default::default() };
+    let replay = Replay::new(&model, vec![recording(0, 20), recording(1, 33)], options).unwrap();
+    let candidate = |number: usize| {
+        let mut one = Candidate::nominal(&model);
+        one.robot.delay = vec![0.004 * number as f64; joints];
+        one.robot.encoder_bias = (0..joints).map(|j| 0.01 * (j * number) as f64).collect();
+        one.robot.kp_scale = vec![1.0 + 0.1 * number as f64; joints];
+        one.robot.kd_scale = vec![1.3; joints];
+        one
+    };
+    let jobs: Vec<Job> =
+        (0..3).map(|number| Job { candidate: candidate(number), reset_every: None, seed: 0 }).collect();
+    let subject = Subject::Replay(&replay);
+    let period = subject.period(&[], &Structure::of(&jobs[0].candidate)).unwrap();
+    let scene = Scene::new(subject, &period);
+    let tables = Tables::replay(&replay).unwrap();
+    let tiles = 6usize.div_ceil(period.layout().environments());
+    let sizes = Sizes { candidates: 3, recordings: 2, samples: tables.samples, tiles, rows: 4 };
+    let plan = Plan::new(&scene, &tables, sizes);
+    let numbers = Numbers::new(subject, &jobs, 3, 1).unwrap();
+    let robots: Vec<_> = jobs.iter().map(|job| job.candidate.robot.clone()).collect();
+    let found = Mutex::new(vec![JointSignals::default(); 6]);
+    let consume = |candidate: usize, recording: usize, signals: &JointSignals| {
+        found.lock().unwrap()[2 * candidate + recording] = signals.clone();
+    };
+    use gaitfit_sim::Engine;
+    gaitfit_sim::Cpu { threads: 1 }.replay(&replay, &robots, &consume, &|| false).unwrap();
+    let wanted = found.into_inner().unwrap();
+
+    // Each sample the CPU's positions and velocities go in as a state without acceleration.
+    let mut files = files_of(&tables, &numbers);
+    let mut statements = call(&plan.spread());
+    let mut rest = tables.singles.iter().find(|(name, _)| *name == "rest").unwrap().1.clone();
+    for sample in 0..tables.samples {
+        statements.push_str(&call(&plan.step(sample)));
+        for name in ["robot_state", "robot_targets"] {
+            statements.push_str(&keep(&plan.arrays, name, &format!("at{sample}")));
+        }
+        if sample + 1 == tables.samples {
+            break;
+        }
+        let state = |e: usize| {
+            let (signals, bias) = (&wanted[e], &robots[e / 2].encoder_bias);
+            let row = (sample + 1).min(signals.position.len() / joints - 1) * joints;
+            for j in 0..joints {
+                rest[13 + j] = signals.position[row + j] - bias[j] as f32;
+                rest[13 + joints + j] = signals.velocity[row + j] - 0.25;
+                rest[13 + 2 * joints + j] = 0.25 / (0.5 * 0.005);
+            }
+            rest.clone()
+        };
+        let all: Vec<Vec<f32>> = (0..6).map(state).collect();
+        let moved = tiled(&period, Class::State, tiles, &all);
+        files.insert(format!("robot_state.moved{sample}"), bytes(&moved, f32::to_ne_bytes));
+        statements.push_str(&take(&plan.arrays, "robot_state", &format!("moved{sample}")));
+    }
+    for name in ["signals", "ends", "robot_params"] {
+        statements.push_str(&keep(&plan.arrays, name, "out"));
+    }
+    let folder = execute(&plan.program.text, &plan.arrays, &files, &[], &statements);
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    let signals = floats(&read("signals.out"));
+    let params = floats(&read("robot_params.out"));
+    for (e, want) in wanted.iter().enumerate() {
+        let (candidate, recording) = (&robots[e / 2], &replay.recordings()[e % 2]);
+        let length = want.position.len() / joints;
+        assert_eq!(floats(&read("ends.out"))[e].to_bits() as usize, length);
+        for sample in 0..length {
+            let row = &signals[(e * tables.samples + sample) * 2 * joints..][..2 * joints];
+            let at = sample * joints..(sample + 1) * joints;
+            assert!(apart(&row[..joints], &want.position[at.clone()]) < 3e-7, "positions of {e} at {sample}");
+            assert!(apart(&row[joints..], &want.velocity[at]) < 3e-6, "velocities of {e} at {sample}");
+            let targets = of(&period, Class::Targets, &floats(&read(&format!("robot_targets.at{sample}"))), e);
+            for (tap, targets) in targets.chunks_exact(joints).enumerate() {
+                let from = sample.saturating_sub(tap) * joints;
+                let sent: Vec<f32> =
+                    recording.target[from..from + joints].iter().map(|&x| x as f32).collect();
+                assert_eq!(targets, sent, "targets of {e} at {sample}");
+            }
+        }
+        let numbers = of(&period, Class::Params, &params, e);
+        let wanted = |factor: f64, gain: f64| (factor * gain) as f32;
+        assert!(numbers.contains(&wanted(candidate.kp_scale[0], recording.kp[0])), "gains of {e}");
+        assert!(numbers.contains(&wanted(candidate.kd_scale[0], recording.kd[0])), "gains of {e}");
+    }
+}
+
+#[test]
+#[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
+fn nvrtc_compiles_fits() {
+    let (task, policy) = walking(None, |_| ());
+    let subject = Subject::Walk(&task.walker, &policy);
+    let scripts = scripts(&task, &policy, &[10]);
+    let tables = Tables::walk(&task.walker, &policy, &scripts);
+    let mut with = Candidate::nominal(&go2());
+    with.networks = vec![networks(NetworkKind::ResidAct, 0.1)];
+    with.torque_noise = 1.0;
+    for (label, candidate) in [("plain", Candidate::nominal(&go2())), ("networks", with)] {
+        let period = subject.period(&candidate.networks, &Structure::of(&candidate)).unwrap();
+        for rows in [8, 16] {
+            let sizes = Sizes { candidates: 24, recordings: 1, samples: 10, tiles: 3, rows };
+            let plan = Plan::new(&Scene::new(subject, &period), &tables, sizes);
+            if let Some(folder) = std::env::var_os("GAITFIT_KEEP_TEXT") {
+                let name = format!("fit_{label}_{rows}.cu");
+                std::fs::write(Path::new(&folder).join(name), &plan.program.text).unwrap();
+            }
+            let programs = [Some(plan.program), (rows == 8).then(|| period.program())];
+            for program in programs.into_iter().flatten() {
+                let program = program.option("--ptxas-options=-v");
+                let start = std::time::Instant::now();
+                let compiled = compile(Nvrtc::get().unwrap(), &program, (9, 0), None).unwrap();
+                println!("{label} {rows} {:.1} s\n{}", start.elapsed().as_secs_f64(), compiled.image.log);
+            }
+        }
+    }
+}

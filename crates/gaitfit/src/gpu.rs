@@ -1,0 +1,300 @@
+//! The simulators of a fit on a GPU: the CPU's stand beside for what a GPU does not do.
+
+use crate::walk::simulator::WalkSimulator;
+use gaitfit_adapt::cost::{Cost, Pieces, Reference, Signal};
+use gaitfit_adapt::fit::{Evaluation, FitError, Job, accumulate};
+use gaitfit_adapt::{
+    Cancel, Consume, ReplaySimulator, Resets, Rollout, Signals, Simulator, SimulatorError, Theta,
+};
+use gaitfit_cuda::fit::{Candidates, Compared, FitError as GpuError, Measured, Parts, Subject, Tables, Tracks};
+use gaitfit_cuda::runtime::Device;
+use gaitfit_policy::follow;
+use gaitfit_sim::Candidate;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// A simulator of the CPU that a GPU can stand in for.
+pub trait OnGpu: Simulator {
+    /// What is simulated.
+    fn subject(&self) -> Subject<'_>;
+
+    /// The robot with these values of θ.
+    fn robot(&self, theta: &Theta, values: &[f64]) -> Candidate;
+
+    /// What the recordings give to the simulated robots.
+    ///
+    /// # Errors
+    /// A robot that cannot be stepped.
+    fn tables(&self) -> Result<Tables, GpuError>;
+
+    /// Whether a rollout with these resets can be had on a GPU.
+    fn resets(&self, resets: Resets) -> bool;
+}
+
+impl OnGpu for WalkSimulator {
+    fn subject(&self) -> Subject<'_> {
+        let walking = self.walking();
+        Subject::Walk(&walking.task.walker, &walking.policy)
+    }
+
+    fn robot(&self, theta: &Theta, values: &[f64]) -> Candidate {
+        self.candidate(theta, values)
+    }
+
+    fn tables(&self) -> Result<Tables, GpuError> {
+        let walking = self.walking();
+        Ok(Tables::walk(&walking.task.walker, &walking.policy, self.scripts()))
+    }
+
+    fn resets(&self, resets: Resets) -> bool {
+        !matches!(resets, Resets::Sensors(_))
+    }
+}
+
+impl OnGpu for ReplaySimulator {
+    fn subject(&self) -> Subject<'_> {
+        Subject::Replay(self.replay())
+    }
+
+    fn robot(&self, theta: &Theta, values: &[f64]) -> Candidate {
+        self.candidate(theta, values)
+    }
+
+    fn tables(&self) -> Result<Tables, GpuError> {
+        Tables::replay(self.replay())
+    }
+
+    fn resets(&self, resets: Resets) -> bool {
+        resets == Resets::Never
+    }
+}
+
+/// A simulator on a GPU. Short predictions from what a log's sensors read are simulated on the CPU.
+pub struct GpuSimulator<S> {
+    host: S,
+    gpu: Mutex<Gpu>,
+}
+
+struct Gpu {
+    candidates: Candidates,
+    /// What candidates are compared with, once something was.
+    reference: Option<Arc<Reference>>,
+}
+
+impl<S: OnGpu> GpuSimulator<S> {
+    /// `host` on `device`; the host prepares candidates on `threads` threads.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn new(host: S, device: &Device, threads: usize) -> Result<Self, GpuError> {
+        let candidates = Candidates::new(device, host.tables()?, threads)?;
+        Ok(Self { host, gpu: Mutex::new(Gpu { candidates, reference: None }) })
+    }
+
+    fn gpu(&self) -> MutexGuard<'_, Gpu> {
+        self.gpu.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn job(&self, theta: &Theta, rollout: &Rollout) -> Result<follow::Job, SimulatorError> {
+        let candidate = self.host.robot(theta, &rollout.values);
+        let clamped = matches!(self.host.subject(), Subject::Replay(_));
+        if clamped && !(candidate.networks.is_empty() && candidate.torque_noise == 0.0) {
+            return Err(SimulatorError::failed(
+                "a replay of a clamped robot knows neither networks nor torque noise: fit them to logs of a walking \
+                 robot, or remove them from what is fitted",
+            ));
+        }
+        let reset_every = match rollout.resets {
+            Resets::State(every) => Some(every),
+            Resets::Never | Resets::Sensors(_) => None,
+        };
+        Ok(follow::Job { candidate, reset_every, seed: rollout.draw })
+    }
+
+    fn jobs(&self, theta: &Theta, rollouts: &[Rollout]) -> Result<Vec<follow::Job>, SimulatorError> {
+        rollouts.iter().map(|rollout| self.job(theta, rollout)).collect()
+    }
+
+    /// Whether candidates can be compared with `reference`: it is the first that was asked for, and of these recordings.
+    fn compares(&self, reference: &Arc<Reference>) -> Result<bool, SimulatorError> {
+        let mut gpu = self.gpu();
+        if let Some(known) = &gpu.reference {
+            return Ok(Arc::ptr_eq(known, reference));
+        }
+        let lengths = gpu.candidates.tables().lengths.iter().enumerate();
+        let alike = lengths.fold(reference.recordings() == self.host.recordings(), |alike, (number, &length)| {
+            alike && reference.samples(number) == length as usize
+        });
+        if alike {
+            let dimensions = self.host.subject().dimensions();
+            let measured = measured(reference, gpu.candidates.tables().samples, dimensions);
+            gpu.candidates.measure(measured, dimensions).map_err(failed)?;
+            gpu.reference = Some(Arc::clone(reference));
+        }
+        Ok(alike)
+    }
+}
+
+/// First dimension of a signal among those of the GPU.
+fn place(signal: Signal, joints: usize) -> usize {
+    match signal {
+        Signal::Position => 0,
+        Signal::Velocity => joints,
+        Signal::Action => 2 * joints,
+        Signal::BasePosition => 3 * joints,
+        Signal::BaseVelocity => 3 * joints + 3,
+    }
+}
+
+/// The robot's side as the GPU keeps it.
+fn measured(reference: &Reference, samples: usize, dimensions: usize) -> Measured {
+    let (joints, recordings) = (reference.joints().len(), reference.recordings());
+    let counted = reference.counted();
+    let mut sorted = vec![0.0; dimensions * counted];
+    let mut all = vec![0.0; recordings * samples * dimensions];
+    for signal in Signal::ALL {
+        let (first, width) = (place(signal, joints), signal.width(joints));
+        if first + width > dimensions {
+            continue;
+        }
+        for (column, dimension) in reference.dimensions(signal).unwrap_or_default().iter().enumerate() {
+            sorted[(first + column) * counted..][..counted].copy_from_slice(dimension.sorted());
+        }
+        for recording in 0..recordings {
+            let rows = reference.recorded(signal, recording).unwrap_or_default().chunks_exact(width);
+            for (row, values) in rows.enumerate() {
+                let at = (recording * samples + reference.skip() + row) * dimensions + first;
+                all[at..at + width].copy_from_slice(values);
+            }
+        }
+    }
+    Measured { skip: reference.skip(), sorted, samples: all }
+}
+
+/// Why a GPU could not simulate.
+fn failed(error: GpuError) -> SimulatorError {
+    match error {
+        GpuError::Cancelled => SimulatorError::Cancelled,
+        error => SimulatorError::failed(error),
+    }
+}
+
+/// What a candidate costs by its parts.
+fn evaluation(pieces: &Pieces<'_>, parts: &Parts) -> Evaluation {
+    let reference = pieces.compared().reference;
+    let (joints, skip) = (reference.joints().len(), reference.skip());
+    let (mut lost, mut falls) = (0, 0);
+    for (recording, &end) in parts.ends.iter().enumerate() {
+        let (length, end) = (reference.samples(recording), end as usize);
+        falls += usize::from(end < length);
+        lost += length - end.max(skip).min(length);
+    }
+    let total = pieces.total(lost, |signal, column| parts.pieces[place(signal, joints) + column]);
+    Evaluation { cost: total.is_finite().then_some(total), falls }
+}
+
+impl<S: OnGpu> Simulator for GpuSimulator<S> {
+    fn joints(&self) -> &[String] {
+        self.host.joints()
+    }
+
+    fn recordings(&self) -> usize {
+        self.host.recordings()
+    }
+
+    fn provides(&self, signal: Signal) -> bool {
+        self.host.provides(signal)
+    }
+
+    fn simulate(
+        &self,
+        theta: &Theta,
+        candidates: &[Rollout],
+        consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<(), SimulatorError> {
+        let numbered = |there: bool| -> (Vec<usize>, Vec<Rollout>) {
+            let all = candidates.iter().cloned().enumerate();
+            all.filter(|(_, rollout)| self.host.resets(rollout.resets) == there).unzip()
+        };
+        let (places, rollouts) = numbered(false);
+        if !rollouts.is_empty() {
+            let pass = |candidate: usize, recording: usize, signals: Signals<'_>| {
+                consume(places[candidate], recording, signals);
+            };
+            self.host.simulate(theta, &rollouts, &pass, cancel)?;
+        }
+        let (places, rollouts) = numbered(true);
+        let joints = self.joints().len();
+        let provided = Signal::ALL.map(|signal| self.provides(signal));
+        let pass = |candidate: usize, recording: usize, tracks: Tracks<'_>| {
+            let matrix = |signal: Signal| -> Vec<f32> {
+                let (first, width) = (place(signal, joints), signal.width(joints));
+                let rows = tracks.rows.chunks_exact(tracks.dimensions);
+                rows.flat_map(|row| row[first..first + width].iter().copied()).collect()
+            };
+            let one = |signal: Signal| provided[signal as usize].then(|| matrix(signal));
+            let (position, velocity) = (matrix(Signal::Position), matrix(Signal::Velocity));
+            let (action, base_position) = (one(Signal::Action), one(Signal::BasePosition));
+            let base_velocity = one(Signal::BaseVelocity);
+            let signals = Signals {
+                position: &position,
+                velocity: &velocity,
+                action: action.as_deref(),
+                base_position: base_position.as_deref(),
+                base_velocity: base_velocity.as_deref(),
+                fell_at: tracks.fell_at,
+            };
+            consume(places[candidate], recording, signals);
+        };
+        let jobs = self.jobs(theta, &rollouts)?;
+        self.gpu().candidates.tracks(self.host.subject(), &jobs, &pass, cancel).map_err(failed)?;
+        if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
+    }
+
+    fn costs(
+        &self,
+        theta: &Theta,
+        costs: &[Box<dyn Cost>],
+        jobs: &[Job],
+        cancel: &Cancel<'_>,
+    ) -> Result<Vec<Evaluation>, FitError> {
+        let mut there = Vec::with_capacity(costs.len());
+        for cost in costs {
+            let pieces = cost.pieces().filter(|_| self.host.resets(cost.resets()));
+            there.push(match pieces {
+                Some(pieces) => self.compares(pieces.compared().reference)?.then_some(pieces),
+                None => None,
+            });
+        }
+        let mut found: Vec<Option<Evaluation>> = vec![None; jobs.len()];
+        let (on_gpu, others): (Vec<usize>, Vec<usize>) =
+            (0..jobs.len()).partition(|&job| there[jobs[job].cost].is_some());
+        if !others.is_empty() {
+            let own: Vec<Job> = others.iter().map(|&job| jobs[job].clone()).collect();
+            for (job, evaluation) in others.into_iter().zip(accumulate(self, theta, costs, &own, cancel)?) {
+                found[job] = Some(evaluation);
+            }
+        }
+        let rollout = |&job: &usize| {
+            let Job { cost, values, draw } = &jobs[job];
+            Rollout { values: values.clone(), resets: costs[*cost].resets(), draw: *draw }
+        };
+        let rollouts: Vec<Rollout> = on_gpu.iter().map(rollout).collect();
+        let compared: Vec<Compared> = on_gpu
+            .iter()
+            .map(|&job| match there[jobs[job].cost] {
+                Some(Pieces::Distances(_)) => Compared::Distances,
+                _ => Compared::Squares,
+            })
+            .collect();
+        let robots = self.jobs(theta, &rollouts)?;
+        let parts = self.gpu().candidates.parts(self.host.subject(), &robots, &compared, &|| cancel());
+        for (&job, parts) in on_gpu.iter().zip(&parts.map_err(failed)?) {
+            found[job] = there[jobs[job].cost].as_ref().map(|pieces| evaluation(pieces, parts));
+        }
+        if cancel() {
+            return Err(SimulatorError::Cancelled.into());
+        }
+        found.into_iter().collect::<Option<Vec<_>>>().ok_or(FitError::Incomplete)
+    }
+}
