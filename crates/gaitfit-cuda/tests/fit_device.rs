@@ -217,7 +217,8 @@ fn gpu_generations_are_timed() {
             parts.join(", ")
         );
         // Numbering the candidates otherwise changes nothing.
-        let alone = candidates.parts(subject, &[jobs[3].clone(), nominal], &[Compared::Distances; 2], &|| false);
+        let alone =
+            candidates.parts(subject, &[jobs[3].clone(), nominal], &[Compared::Distances; 2], &|| false);
         assert!(alone.unwrap()[0] == first[3], "a candidate's distances depend on the others");
     }
 }

@@ -1,13 +1,14 @@
-//! The kernels of a fit, run on the CPU as C++, against `gaitfit_policy::follow` and the replay; and NVIDIA's compiler.
+//! The kernels of a fit, run on the CPU as C++, against `gaitfit_policy::follow`; and NVIDIA's compiler.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+mod candidates;
 mod host;
 
-use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Mutex;
 
-use gaitfit_cuda::emit::{Class, Place};
+use candidates::{apart, asset, files_of, of, tiled};
+use gaitfit_cuda::emit::Class;
 use gaitfit_cuda::fit::{Numbers, Plan, Scene, Sizes, Structure, Subject, Tables};
 use gaitfit_cuda::physics::Period;
 use gaitfit_cuda::runtime::{Nvrtc, compile};
@@ -18,14 +19,8 @@ use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
 use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
 use gaitfit_policy::walker::TorqueNoise;
-use gaitfit_sim::{
-    Candidate, JointNetworks, JointSignals, NetworkKind, Recording, Replay, ReplayOptions, RobotState, Start,
-};
+use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, RobotState, Start};
 use host::{bytes, call, execute, floats, keep, take};
-
-fn asset(name: &str) -> String {
-    format!("{}/../../assets/{name}", env!("CARGO_MANIFEST_DIR"))
-}
 
 fn go2() -> Model {
     gaitfit_model::read(asset("go2.xml").as_ref(), &Default::default()).unwrap()
@@ -98,8 +93,7 @@ fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<V
     let walker = &task.walker;
     let (count, joints) = (scripts.len(), walker.default_pose.len());
     let params = walker.robot(&job.candidate).params(walker.model()).unwrap();
-    let mut tile =
-        walker.engine.tile(&walker.batch, &vec![params; count], &job.candidate.networks).unwrap();
+    let mut tile = walker.engine.tile(&walker.batch, &vec![params; count], &job.candidate.networks).unwrap();
     for (index, script) in scripts.iter().enumerate() {
         let start = if job.reset_every.is_some() { &script.states[0] } else { &script.start };
         tile.place(index, start);
@@ -128,59 +122,6 @@ fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<V
     found
 }
 
-/// Numbers of each environment in the physics' tiles.
-fn tiled(period: &Period, class: Class, tiles: usize, environments: &[Vec<f32>]) -> Vec<f32> {
-    let layout = period.layout();
-    let (size, per_tile) = (layout.size(class), layout.environments());
-    let inputs: Vec<Place> = layout.inputs.iter().copied().filter(|place| place.class == class).collect();
-    let outputs: Vec<Place> = layout.outputs.iter().copied().filter(|place| place.class == class).collect();
-    let places = if inputs.is_empty() { outputs } else { inputs };
-    let mut all = vec![0.0; tiles * size];
-    for e in 0..tiles * per_tile {
-        let numbers = &environments[e % environments.len()];
-        assert_eq!(places.len(), numbers.len(), "{class:?}");
-        for (place, number) in places.iter().zip(numbers) {
-            all[e / per_tile * size + layout.offset(*place, e % per_tile)] = *number;
-        }
-    }
-    all
-}
-
-/// The numbers of environment `e` in tiles.
-fn of(period: &Period, class: Class, tiles: &[f32], e: usize) -> Vec<f32> {
-    let layout = period.layout();
-    let (size, per_tile) = (layout.size(class), layout.environments());
-    let places = layout.inputs.iter().filter(|place| place.class == class);
-    places.map(|place| tiles[e / per_tile * size + layout.offset(*place, e % per_tile)]).collect()
-}
-
-/// Largest difference relative to max(1, value).
-fn apart(got: &[f32], want: &[f32]) -> f32 {
-    assert_eq!(got.len(), want.len());
-    got.iter().zip(want).fold(0.0, |worst, (got, want)| {
-        let error = (got - want).abs() / want.abs().max(1.0);
-        if error.is_nan() && got.to_bits() != want.to_bits() { f32::INFINITY } else { worst.max(error) }
-    })
-}
-
-fn files_of(tables: &Tables, numbers: &Numbers) -> HashMap<String, Vec<u8>> {
-    let mut files = HashMap::new();
-    let words = |words: &[u32]| bytes(words, u32::to_ne_bytes);
-    files.insert("numbers".to_owned(), bytes(&numbers.params, f32::to_ne_bytes));
-    files.insert("factors".to_owned(), bytes(&numbers.factors, f64::to_ne_bytes));
-    files.insert("every".to_owned(), words(&numbers.every));
-    files.insert("seeds".to_owned(), words(&numbers.seeds));
-    files.insert("deviation".to_owned(), bytes(&numbers.deviation, f64::to_ne_bytes));
-    files.insert("lengths".to_owned(), words(&tables.lengths));
-    for (name, singles) in &tables.singles {
-        files.insert((*name).to_owned(), bytes(singles, f32::to_ne_bytes));
-    }
-    for (name, doubles) in &tables.doubles {
-        files.insert((*name).to_owned(), bytes(doubles, f64::to_ne_bytes));
-    }
-    files
-}
-
 /// Holds every kernel of a walk against the CPU: `jobs` of one structure on recordings of these lengths. Gives the falls.
 fn compare(label: &str, (task, policy): &(Task, Policy), jobs: &[Job], lengths: &[usize]) -> usize {
     let scripts = scripts(task, policy, lengths);
@@ -192,13 +133,8 @@ fn compare(label: &str, (task, policy): &(Task, Policy), jobs: &[Job], lengths: 
     let tables = Tables::walk(walker, policy, &scripts);
     let environments = jobs.len() * scripts.len();
     let tiles = environments.div_ceil(period.layout().environments());
-    let sizes = Sizes {
-        candidates: jobs.len(),
-        recordings: scripts.len(),
-        samples: tables.samples,
-        tiles,
-        rows: 8,
-    };
+    let sizes =
+        Sizes { candidates: jobs.len(), recordings: scripts.len(), samples: tables.samples, tiles, rows: 8 };
     let plan = Plan::new(&scene, &tables, sizes);
     let numbers = Numbers::new(subject, jobs, jobs.len(), 1).unwrap();
     let wanted = tracks(task, policy, &scripts, jobs);
@@ -393,110 +329,6 @@ fn cxx_walks_with_networks_are_the_cpus() {
         Job { candidate, reset_every, seed: 1 }
     };
     compare("networks", &walking, &[job(0.1, None), job(0.3, Some(5))], &[25, 30]);
-}
-
-#[test]
-#[ignore = "needs g++"]
-fn cxx_replays_are_the_cpus() {
-    let model = gaitfit_model::read(
-        asset("go2.xml").as_ref(),
-        &gaitfit_model::ReadOptions { root: Some(gaitfit_model::Root::Fixed), ..Default::default() },
-    )
-    .unwrap();
-    let joints = model.joints.len();
-    let recording = |number: usize, length: usize| Recording {
-        dt: 0.01,
-        q0: (0..joints).map(|j| 0.1 * j as f64 - 0.3).collect(),
-        dq0: (0..joints).map(|j| 0.05 * (j + number) as f64).collect(),
-        target: (0..length * joints).map(|k| (0.13 * k as f64 + number as f64).sin()).collect(),
-        kp: vec![20.0 + number as f64; joints],
-        kd: vec![0.5 + 0.1 * number as f64; joints],
-    };
-    let options = ReplayOptions { substeps: 2, max_delay: 0.03, ..Default::default() };
-    let replay = Replay::new(&model, vec![recording(0, 20), recording(1, 33)], options).unwrap();
-    let candidate = |number: usize| {
-        let mut one = Candidate::nominal(&model);
-        one.robot.delay = vec![0.004 * number as f64; joints];
-        one.robot.encoder_bias = (0..joints).map(|j| 0.01 * (j * number) as f64).collect();
-        one.robot.kp_scale = vec![1.0 + 0.1 * number as f64; joints];
-        one.robot.kd_scale = vec![1.3; joints];
-        one
-    };
-    let jobs: Vec<Job> =
-        (0..3).map(|number| Job { candidate: candidate(number), reset_every: None, seed: 0 }).collect();
-    let subject = Subject::Replay(&replay);
-    let period = subject.period(&[], &Structure::of(&jobs[0].candidate)).unwrap();
-    let scene = Scene::new(subject, &period);
-    let tables = Tables::replay(&replay).unwrap();
-    let tiles = 6usize.div_ceil(period.layout().environments());
-    let sizes = Sizes { candidates: 3, recordings: 2, samples: tables.samples, tiles, rows: 4 };
-    let plan = Plan::new(&scene, &tables, sizes);
-    let numbers = Numbers::new(subject, &jobs, 3, 1).unwrap();
-    let robots: Vec<_> = jobs.iter().map(|job| job.candidate.robot.clone()).collect();
-    let found = Mutex::new(vec![JointSignals::default(); 6]);
-    let consume = |candidate: usize, recording: usize, signals: &JointSignals| {
-        found.lock().unwrap()[2 * candidate + recording] = signals.clone();
-    };
-    use gaitfit_sim::Engine;
-    gaitfit_sim::Cpu { threads: 1 }.replay(&replay, &robots, &consume, &|| false).unwrap();
-    let wanted = found.into_inner().unwrap();
-
-    // Each sample the CPU's positions and velocities go in as a state without acceleration.
-    let mut files = files_of(&tables, &numbers);
-    let mut statements = call(&plan.spread());
-    let mut rest = tables.singles.iter().find(|(name, _)| *name == "rest").unwrap().1.clone();
-    for sample in 0..tables.samples {
-        statements.push_str(&call(&plan.step(sample)));
-        for name in ["robot_state", "robot_targets"] {
-            statements.push_str(&keep(&plan.arrays, name, &format!("at{sample}")));
-        }
-        if sample + 1 == tables.samples {
-            break;
-        }
-        let state = |e: usize| {
-            let (signals, bias) = (&wanted[e], &robots[e / 2].encoder_bias);
-            let row = (sample + 1).min(signals.position.len() / joints - 1) * joints;
-            for j in 0..joints {
-                rest[13 + j] = signals.position[row + j] - bias[j] as f32;
-                rest[13 + joints + j] = signals.velocity[row + j] - 0.25;
-                rest[13 + 2 * joints + j] = 0.25 / (0.5 * 0.005);
-            }
-            rest.clone()
-        };
-        let all: Vec<Vec<f32>> = (0..6).map(state).collect();
-        let moved = tiled(&period, Class::State, tiles, &all);
-        files.insert(format!("robot_state.moved{sample}"), bytes(&moved, f32::to_ne_bytes));
-        statements.push_str(&take(&plan.arrays, "robot_state", &format!("moved{sample}")));
-    }
-    for name in ["signals", "ends", "robot_params"] {
-        statements.push_str(&keep(&plan.arrays, name, "out"));
-    }
-    let folder = execute(&plan.program.text, &plan.arrays, &files, &[], &statements);
-    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
-    let signals = floats(&read("signals.out"));
-    let params = floats(&read("robot_params.out"));
-    for (e, want) in wanted.iter().enumerate() {
-        let (candidate, recording) = (&robots[e / 2], &replay.recordings()[e % 2]);
-        let length = want.position.len() / joints;
-        assert_eq!(floats(&read("ends.out"))[e].to_bits() as usize, length);
-        for sample in 0..length {
-            let row = &signals[(e * tables.samples + sample) * 2 * joints..][..2 * joints];
-            let at = sample * joints..(sample + 1) * joints;
-            assert!(apart(&row[..joints], &want.position[at.clone()]) < 3e-7, "positions of {e} at {sample}");
-            assert!(apart(&row[joints..], &want.velocity[at]) < 3e-6, "velocities of {e} at {sample}");
-            let targets = of(&period, Class::Targets, &floats(&read(&format!("robot_targets.at{sample}"))), e);
-            for (tap, targets) in targets.chunks_exact(joints).enumerate() {
-                let from = sample.saturating_sub(tap) * joints;
-                let sent: Vec<f32> =
-                    recording.target[from..from + joints].iter().map(|&x| x as f32).collect();
-                assert_eq!(targets, sent, "targets of {e} at {sample}");
-            }
-        }
-        let numbers = of(&period, Class::Params, &params, e);
-        let wanted = |factor: f64, gain: f64| (factor * gain) as f32;
-        assert!(numbers.contains(&wanted(candidate.kp_scale[0], recording.kp[0])), "gains of {e}");
-        assert!(numbers.contains(&wanted(candidate.kd_scale[0], recording.kd[0])), "gains of {e}");
-    }
 }
 
 #[test]

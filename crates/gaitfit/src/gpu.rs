@@ -6,7 +6,9 @@ use gaitfit_adapt::fit::{Evaluation, FitError, Job, accumulate};
 use gaitfit_adapt::{
     Cancel, Consume, ReplaySimulator, Resets, Rollout, Signals, Simulator, SimulatorError, Theta,
 };
-use gaitfit_cuda::fit::{Candidates, Compared, FitError as GpuError, Measured, Parts, Subject, Tables, Tracks};
+use gaitfit_cuda::fit::{
+    Candidates, Compared, FitError as GpuError, Measured, Parts, Subject, Tables, Tracks,
+};
 use gaitfit_cuda::runtime::Device;
 use gaitfit_policy::follow;
 use gaitfit_sim::Candidate;
@@ -121,9 +123,10 @@ impl<S: OnGpu> GpuSimulator<S> {
             return Ok(Arc::ptr_eq(known, reference));
         }
         let lengths = gpu.candidates.tables().lengths.iter().enumerate();
-        let alike = lengths.fold(reference.recordings() == self.host.recordings(), |alike, (number, &length)| {
-            alike && reference.samples(number) == length as usize
-        });
+        let alike = lengths
+            .fold(reference.recordings() == self.host.recordings(), |alike, (number, &length)| {
+                alike && reference.samples(number) == length as usize
+            });
         if alike {
             let dimensions = self.host.subject().dimensions();
             let measured = measured(reference, gpu.candidates.tables().samples, dimensions);
@@ -296,5 +299,101 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
             return Err(SimulatorError::Cancelled.into());
         }
         found.into_iter().collect::<Option<Vec<_>>>().ok_or(FitError::Incomplete)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_adapt::cost::{MatchO, MatchS, Recorded, Wass, Weights, sort_f32, wasserstein1};
+
+    const LENGTHS: [usize; 2] = [30, 24];
+    const JOINTS: usize = 2;
+    const DIMENSIONS: usize = 3 * JOINTS + 6;
+    const SKIP: usize = 2;
+
+    fn number(side: usize, recording: usize, sample: usize, dimension: usize) -> f64 {
+        (side + 7 * recording + 13 * dimension) as f64 * 0.1 + (0.4 * sample as f64 + dimension as f64).sin()
+    }
+
+    fn matrix(side: usize, recording: usize, signal: Signal) -> Vec<f64> {
+        let (first, width) = (place(signal, JOINTS), signal.width(JOINTS));
+        let rows = (0..LENGTHS[recording]).flat_map(|sample| (0..width).map(move |k| (sample, first + k)));
+        rows.map(|(sample, dimension)| number(side, recording, sample, dimension)).collect()
+    }
+
+    /// What a GPU computes of a candidate that falls at `ends`: as its kernels do, from what it is given.
+    fn parts(given: &Measured, samples: usize, ends: [usize; 2], distances: bool) -> Parts {
+        let counted = given.sorted.len() / DIMENSIONS;
+        let piece = |dimension: usize| {
+            let counts = |recording: usize| given.skip..ends[recording];
+            let simulated = |recording: usize, sample: usize| number(1, recording, sample, dimension) as f32;
+            if distances {
+                let mut pool: Vec<f32> =
+                    (0..2).flat_map(|r| counts(r).map(move |s| simulated(r, s))).collect();
+                sort_f32(&mut pool);
+                return wasserstein1(&pool, &given.sorted[dimension * counted..(dimension + 1) * counted]);
+            }
+            let sum = |recording: usize| -> f64 {
+                let difference = |sample: usize| {
+                    let at = (recording * samples + sample) * DIMENSIONS + dimension;
+                    f64::from(simulated(recording, sample)) - given.samples[at]
+                };
+                counts(recording).map(|sample| difference(sample) * difference(sample)).sum()
+            };
+            sum(0) + sum(1)
+        };
+        Parts {
+            ends: ends.iter().map(|&end| end as u32).collect(),
+            pieces: (0..DIMENSIONS).map(piece).collect(),
+        }
+    }
+
+    #[test]
+    fn costs_of_parts_are_the_cpus() {
+        let recorded = |recording: usize| Recorded {
+            position: matrix(0, recording, Signal::Position),
+            velocity: matrix(0, recording, Signal::Velocity),
+            action: Some(matrix(0, recording, Signal::Action)),
+            base_position: Some(matrix(0, recording, Signal::BasePosition)),
+            base_velocity: Some(matrix(0, recording, Signal::BaseVelocity)),
+        };
+        let names = vec!["a".to_owned(), "b".to_owned()];
+        let reference = Arc::new(Reference::new(names, &[recorded(0), recorded(1)], SKIP).unwrap());
+        let given = measured(&reference, LENGTHS[0], DIMENSIONS);
+        let weights = Weights::of(&reference);
+        let costs: [Box<dyn Cost>; 3] = [
+            Box::new(Wass::new(reference.clone(), weights).unwrap()),
+            Box::new(MatchO::new(reference.clone(), weights).unwrap()),
+            Box::new(MatchS::new(reference.clone(), Weights::PRIVILEGED, None).unwrap()),
+        ];
+        for cost in &costs {
+            for (ends, falls) in [(LENGTHS, 0), ([17, 24], 1), ([30, 1], 1)] {
+                let mut accumulator = cost.begin();
+                for recording in 0..2 {
+                    let single = |signal: Signal| -> Vec<f32> {
+                        matrix(1, recording, signal).iter().map(|&x| x as f32).collect()
+                    };
+                    let [position, velocity, action, base_position, base_velocity] = Signal::ALL.map(single);
+                    let signals = Signals {
+                        position: &position,
+                        velocity: &velocity,
+                        action: Some(&action),
+                        base_position: Some(&base_position),
+                        base_velocity: Some(&base_velocity),
+                        fell_at: Some(ends[recording]).filter(|&end| end < LENGTHS[recording]),
+                    };
+                    accumulator.add(recording, signals).unwrap();
+                }
+                let wanted = accumulator.finish().unwrap().total;
+                let pieces = cost.pieces().unwrap();
+                let distances = matches!(pieces, Pieces::Distances(_));
+                let found = evaluation(&pieces, &parts(&given, LENGTHS[0], ends, distances));
+                assert_eq!(found.falls, falls);
+                let apart = (found.cost.unwrap() - wanted).abs();
+                assert!(apart < 1e-12, "{}, {ends:?}: {found:?}, not {wanted}", cost.name());
+            }
+        }
     }
 }

@@ -1,7 +1,9 @@
 //! The pooled distribution cost.
 
 use super::wasserstein1::{key, sort_keys, wasserstein1_keys};
-use super::{Accumulator, Breakdown, Compared, Cost, CostError, LOST, Pieces, Reference, Signal, Weights, pieces};
+use super::{
+    Accumulator, Breakdown, Compared, Cost, CostError, LOST, Pieces, Reference, Signal, Weights, pieces,
+};
 use crate::Signals;
 use std::sync::Arc;
 
@@ -99,7 +101,8 @@ impl Pools<'_> {
         }
         let reference = &cost.reference;
         Ok(pieces::distances(reference, &cost.weights, [*lost, kept], |signal, column| {
-            let pool = pools.iter_mut().find(|(of, _)| *of == signal).and_then(|(_, all)| all.get_mut(column));
+            let pool =
+                pools.iter_mut().find(|(of, _)| *of == signal).and_then(|(_, all)| all.get_mut(column));
             let dimension = reference.dimensions(signal).and_then(|all| all.get(column));
             let (Some(pool), Some(dimension)) = (pool, dimension) else { return f64::NAN };
             sort_keys(pool, scratch);

@@ -115,12 +115,7 @@ impl Comparison {
     ///
     /// # Errors
     /// As [`Comparison::new`].
-    pub fn with(
-        device: &Device,
-        sizes: Sizes,
-        sorted: &[f64],
-        measured: &[f64],
-    ) -> Result<Self, CostsError> {
+    pub fn with(device: &Device, sizes: Sizes, sorted: &[f64], measured: &[f64]) -> Result<Self, CostsError> {
         sizes.check()?;
         let expected = sizes.recordings * sizes.samples * sizes.dimensions;
         if measured.len() != expected {

@@ -166,13 +166,18 @@ impl Candidates {
                 let (signals, ends) = self.sessions[session].read(&self.stream)?;
                 let lengths = &self.tables.lengths;
                 let size = self.tables.samples * dimensions;
-                pool::for_each(now.len() * recordings, self.threads, || (), |(), run| {
-                    let (place, recording) = (run / recordings, run % recordings);
-                    let (length, end) = (lengths[recording] as usize, ends[run] as usize);
-                    let rows = &signals[run * size..][..length * dimensions];
-                    let fell_at = (end < length).then_some(end);
-                    consume(now[place], recording, Tracks { rows, dimensions, fell_at });
-                });
+                pool::for_each(
+                    now.len() * recordings,
+                    self.threads,
+                    || (),
+                    |(), run| {
+                        let (place, recording) = (run / recordings, run % recordings);
+                        let (length, end) = (lengths[recording] as usize, ends[run] as usize);
+                        let rows = &signals[run * size..][..length * dimensions];
+                        let fell_at = (end < length).then_some(end);
+                        consume(now[place], recording, Tracks { rows, dimensions, fell_at });
+                    },
+                );
             }
         }
         Ok(())
@@ -202,20 +207,19 @@ impl Candidates {
         example: &Job,
         wanted: usize,
     ) -> Result<usize, FitError> {
-        let there = self.sessions.iter().position(|session| session.structure == *structure);
+        let there = self.sessions.iter().position(|session| session.physics.structure == *structure);
         if let Some(there) = there
             && self.sessions[there].capacity().max(self.sessions[there].asked) >= wanted
         {
             return Ok(there);
         }
-        let physics = Physics::new(subject, &example.candidate.networks, structure.clone())?;
-        if let Some(there) = there {
-            // Its memory is free for the larger one.
-            self.sessions.remove(there);
-        }
+        let physics = match there {
+            // The memory of a smaller one is free for the larger.
+            Some(there) => self.sessions.remove(there).physics,
+            None => Physics::new(subject, &example.candidate.networks, structure.clone())?,
+        };
         let (tables, measured) = (&self.tables, self.measured.as_ref());
-        let session =
-            Session::new(&self.device, &self.stream, subject, &physics, tables, measured, wanted)?;
+        let session = Session::new(&self.device, &self.stream, subject, physics, tables, measured, wanted)?;
         self.sessions.push(session);
         Ok(self.sessions.len() - 1)
     }

@@ -56,4 +56,3 @@ pub enum FitError {
     #[error("cancelled")]
     Cancelled,
 }
-

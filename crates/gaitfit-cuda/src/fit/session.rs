@@ -26,7 +26,7 @@ const SHARE: f64 = 0.8;
 
 /// Candidates of one structure.
 pub(super) struct Session {
-    pub structure: Structure,
+    pub physics: Physics,
     /// Candidates that were asked for; more than there is room for where they do not fit.
     pub asked: usize,
     batch: Batch,
@@ -37,10 +37,11 @@ pub(super) struct Session {
     graph: Option<Graph>,
 }
 
-/// What a program needs that is not of a size yet.
+/// The physics of candidates of one structure, however many there are.
+#[derive(Clone)]
 pub(super) struct Physics {
     period: Arc<Period>,
-    structure: Structure,
+    pub structure: Structure,
 }
 
 impl Physics {
@@ -71,13 +72,8 @@ impl Physics {
             4 * times * layout.size(class) * tables.recordings() / layout.environments()
         };
         let (samples, dimensions) = (tables.samples, subject.dimensions());
-        let sizes = costs::Sizes {
-            candidates: 1,
-            recordings: tables.recordings(),
-            samples,
-            dimensions,
-            skip: 0,
-        };
+        let sizes =
+            costs::Sizes { candidates: 1, recordings: tables.recordings(), samples, dimensions, skip: 0 };
         let compared: u64 = Comparison::parts(device, sizes).iter().map(|(_, bytes)| bytes).sum();
         let each = Class::ALL.iter().map(|&class| of_class(class)).sum::<usize>()
             + 4 * tables.recordings() * samples * dimensions;
@@ -95,7 +91,7 @@ impl Session {
         device: &Device,
         stream: &Stream,
         subject: Subject<'_>,
-        physics: &Physics,
+        physics: Physics,
         tables: &Tables,
         measured: Option<&Measured>,
         asked: usize,
@@ -105,7 +101,8 @@ impl Session {
         let processors = usize::try_from(device.info().processors).unwrap_or(1).max(1);
         let batch = Batch::new(device, &physics.period, candidates * recordings, candidates)?;
         let rows = if candidates * recordings > 2 * ROWS[0] * processors { ROWS[1] } else { ROWS[0] };
-        let sizes = |rows| Sizes { candidates, recordings, samples: tables.samples, tiles: batch.tiles(), rows };
+        let sizes =
+            |rows| Sizes { candidates, recordings, samples: tables.samples, tiles: batch.tiles(), rows };
         let scene = Scene::new(subject, &physics.period);
         let plan = Plan::new(&scene, tables, sizes(rows));
         let available = usize::try_from(device.info().shared_memory).unwrap_or(0);
@@ -144,8 +141,8 @@ impl Session {
             Comparison::with(device, sizes, &measured.sorted, &measured.samples)
         };
         let comparison = measured.map(compare).transpose()?;
-        let structure = physics.structure.clone();
-        let mut session = Self { structure, asked, batch, plan, own, kernels, comparison, graph: None };
+        let mut session =
+            Self { physics: physics.clone(), asked, batch, plan, own, kernels, comparison, graph: None };
         session.write_u32(stream, "lengths", &tables.lengths)?;
         for (name, numbers) in &tables.singles {
             session.write_f32(stream, name, numbers)?;
@@ -307,13 +304,9 @@ impl Session {
                 if distances > 0 {
                     comparison.start_distances(stream, signals, ends, distances, compared)?;
                 }
-                let sums = if squares {
-                    comparison.sums_of_squares(stream, signals, ends)?
-                } else {
-                    Vec::new()
-                };
-                let distances =
-                    if distances > 0 { comparison.read_distances(stream)? } else { Vec::new() };
+                let sums =
+                    if squares { comparison.sums_of_squares(stream, signals, ends)? } else { Vec::new() };
+                let distances = if distances > 0 { comparison.read_distances(stream)? } else { Vec::new() };
                 (distances, sums, ends.read(stream)?)
             }
             _ => Default::default(),

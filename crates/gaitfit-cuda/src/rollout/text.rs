@@ -7,9 +7,9 @@ use gaitfit_policy::Term;
 
 use super::plan::THREADS;
 use super::scene::Scene;
-use crate::words::{Words, braces, double, quantity_number, single};
 use crate::emit::Class;
 use crate::runtime::Program;
+use crate::words::{Words, braces, double, quantity_number, single};
 
 /// The program of a scene's rollouts. Products and sums are rounded one by one, as the CPU does it.
 pub(super) fn program(scene: &Scene<'_>) -> Program {

@@ -22,6 +22,7 @@ pub fn floats(bytes: &[u8]) -> Vec<f32> {
 }
 
 /// The numbers of an `f64` array.
+#[allow(dead_code, reason = "not every test has such arrays")]
 pub fn doubles(bytes: &[u8]) -> Vec<f64> {
     bytes.chunks_exact(8).map(|b| f64::from_ne_bytes(b.try_into().unwrap())).collect()
 }
