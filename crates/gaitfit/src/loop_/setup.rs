@@ -40,7 +40,7 @@ pub struct Setup {
     pub known: Option<PathBuf>,
     /// What the result depends on.
     pub inputs: Inputs,
-    /// What trains.
+    /// What fits and trains.
     pub device: Device,
     /// Threads.
     pub threads: usize,
