@@ -123,7 +123,13 @@ fn robots(task: &Task, scripts: &[Script], job: &Job, tracks: &[Track]) -> Vec<V
 }
 
 /// Holds every kernel of a walk against the CPU: `jobs` of one structure on recordings of these lengths. Gives the falls.
-fn compare(label: &str, (task, policy): &(Task, Policy), jobs: &[Job], lengths: &[usize]) -> usize {
+fn compare(
+    label: &str,
+    (task, policy): &(Task, Policy),
+    jobs: &[Job],
+    lengths: &[usize],
+    density: usize,
+) -> usize {
     let scripts = scripts(task, policy, lengths);
     let walker = &task.walker;
     let subject = Subject::Walk(walker, policy);
@@ -132,9 +138,15 @@ fn compare(label: &str, (task, policy): &(Task, Policy), jobs: &[Job], lengths: 
     let scene = Scene::new(subject, &period);
     let tables = Tables::walk(walker, policy, &scripts);
     let environments = jobs.len() * scripts.len();
-    let tiles = environments.div_ceil(period.layout().environments());
-    let sizes =
-        Sizes { candidates: jobs.len(), recordings: scripts.len(), samples: tables.samples, tiles, rows: 8 };
+    let tiles = environments.div_ceil(density);
+    let sizes = Sizes {
+        candidates: jobs.len(),
+        recordings: scripts.len(),
+        samples: tables.samples,
+        tiles,
+        rows: 8,
+        density,
+    };
     let plan = Plan::new(&scene, &tables, sizes);
     let numbers = Numbers::new(subject, jobs, jobs.len(), 1).unwrap();
     let wanted = tracks(task, policy, &scripts, jobs);
@@ -158,7 +170,7 @@ fn compare(label: &str, (task, policy): &(Task, Policy), jobs: &[Job], lengths: 
         }
         let after = |class: Class, of: fn(&RobotState) -> Vec<f32>| {
             let all: Vec<Vec<f32>> = motion.iter().flat_map(|job| job[sample].iter().map(of)).collect();
-            f(tiled(&period, class, tiles, &all))
+            f(tiled(&period, class, tiles, density, &all))
         };
         files.insert(format!("robot_state.moved{sample}"), after(Class::State, |one| one.state.clone()));
         let report = after(Class::Report, |one| [one.torque.clone(), one.normal_force.clone()].concat());
@@ -185,7 +197,11 @@ fn compare(label: &str, (task, policy): &(Task, Policy), jobs: &[Job], lengths: 
         falls += usize::from(end < length);
         let mut want = Vec::new();
         walker.robot(&job.candidate).params(walker.model()).unwrap().visit(|_, &x| want.push(x as f32));
-        assert_eq!(of(&period, Class::Params, &params, e), want, "{label}: parameters of environment {e}");
+        assert_eq!(
+            of(&period, Class::Params, density, &params, e),
+            want,
+            "{label}: parameters of environment {e}"
+        );
         let size = tables.samples * subject.dimensions();
         let rows = signals[e * size..][..length * subject.dimensions()].chunks_exact(subject.dimensions());
         for (sample, row) in rows.enumerate() {
@@ -215,8 +231,12 @@ fn compare(label: &str, (task, policy): &(Task, Policy), jobs: &[Job], lengths: 
                 ];
                 let mut want = parts.concat();
                 want.resize(want.len() + width + 6, 0.0);
-                assert_eq!(of(&period, Class::State, &kept("robot_state"), e), want, "{label}: start of {e}");
-                let memory = of(&period, Class::Memory, &kept("robot_memory"), e);
+                assert_eq!(
+                    of(&period, Class::State, density, &kept("robot_state"), e),
+                    want,
+                    "{label}: start of {e}"
+                );
+                let memory = of(&period, Class::Memory, density, &kept("robot_memory"), e);
                 for (place, &found) in memory.iter().enumerate() {
                     let owners = period_memory(&period);
                     let joint = owners[place];
@@ -227,7 +247,7 @@ fn compare(label: &str, (task, policy): &(Task, Policy), jobs: &[Job], lengths: 
                 }
             }
             if sample + 1 < tables.samples {
-                let found = of(&period, Class::Targets, &kept("robot_targets"), e);
+                let found = of(&period, Class::Targets, density, &kept("robot_targets"), e);
                 let want = &motion[e / scripts.len()][sample][e % scripts.len()].targets;
                 // An ActionDelta changes targets in the physics.
                 if job.candidate.networks.is_empty() {
@@ -244,7 +264,7 @@ fn compare(label: &str, (task, policy): &(Task, Policy), jobs: &[Job], lengths: 
                 let want = noise.torques(walker, &job.candidate, job.seed, 0, sample as u32, count);
                 for (substep, all) in found.chunks_exact(tile).enumerate() {
                     let row = (substep * count + e % count) * width;
-                    let found = of(&period, Class::Disturbance, all, e);
+                    let found = of(&period, Class::Disturbance, density, all, e);
                     assert_eq!(found, want[row..row + width], "{label}: noise of {e} at {sample}");
                 }
             }
@@ -285,7 +305,7 @@ fn cxx_walks_are_the_cpus() {
         job(friction(0.3), Some(20), 1),
         job(friction(0.3), Some(usize::MAX), 1),
     ];
-    let falls = compare("free", &walking, &jobs, &[60, 43, 60]);
+    let falls = compare("free", &walking, &jobs, &[60, 43, 60], 8);
     assert!(falls > 0);
 }
 
@@ -308,7 +328,7 @@ fn cxx_walks_of_fitted_robots_are_the_cpus() {
         }
         Job { candidate, reset_every, seed }
     };
-    compare("fitted", &walking, &[job(0.1, 7, None), job(0.2, (5 << 32) + 1, Some(10))], &[40, 31]);
+    compare("fitted", &walking, &[job(0.1, 7, None), job(0.2, (5 << 32) + 1, Some(10))], &[40, 31], 4);
 }
 
 fn networks(kind: NetworkKind, amount: f64) -> JointNetworks {
@@ -328,7 +348,7 @@ fn cxx_walks_with_networks_are_the_cpus() {
             vec![networks(NetworkKind::ActionDelta, amount), networks(NetworkKind::ResidAct, 3.0 * amount)];
         Job { candidate, reset_every, seed: 1 }
     };
-    compare("networks", &walking, &[job(0.1, None), job(0.3, Some(5))], &[25, 30]);
+    compare("networks", &walking, &[job(0.1, None), job(0.3, Some(5))], &[25, 30], 1);
 }
 
 #[test]
@@ -344,7 +364,7 @@ fn nvrtc_compiles_fits() {
     for (label, candidate) in [("plain", Candidate::nominal(&go2())), ("networks", with)] {
         let period = subject.period(&candidate.networks, &Structure::of(&candidate)).unwrap();
         for rows in [8, 16] {
-            let sizes = Sizes { candidates: 24, recordings: 1, samples: 10, tiles: 3, rows };
+            let sizes = Sizes { candidates: 24, recordings: 1, samples: 10, tiles: 3, rows, density: 8 };
             let plan = Plan::new(&Scene::new(subject, &period), &tables, sizes);
             if let Some(folder) = std::env::var_os("GAITFIT_KEEP_TEXT") {
                 let name = format!("fit_{label}_{rows}.cu");

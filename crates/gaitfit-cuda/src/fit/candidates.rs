@@ -59,6 +59,7 @@ pub struct Candidates {
     tables: Tables,
     measured: Option<Measured>,
     threads: usize,
+    density: Option<usize>,
     sessions: Vec<Session>,
 }
 
@@ -69,7 +70,22 @@ impl Candidates {
     /// A failure of the GPU.
     pub fn new(device: &Device, tables: Tables, threads: usize) -> Result<Self, FitError> {
         let stream = Stream::new(device)?;
-        Ok(Self { device: device.clone(), stream, tables, measured: None, threads, sessions: Vec::new() })
+        Ok(Self {
+            device: device.clone(),
+            stream,
+            tables,
+            measured: None,
+            threads,
+            density: None,
+            sessions: Vec::new(),
+        })
+    }
+
+    /// With this many robots of a warp that are not copies of others, a power of two up to 8: for measurements. Results
+    /// do not depend on it.
+    #[must_use]
+    pub fn with_density(self, density: usize) -> Self {
+        Self { density: Some(density), ..self }
     }
 
     /// The recordings.
@@ -219,7 +235,16 @@ impl Candidates {
             None => Physics::new(subject, &example.candidate.networks, structure.clone())?,
         };
         let (tables, measured) = (&self.tables, self.measured.as_ref());
-        let session = Session::new(&self.device, &self.stream, subject, physics, tables, measured, wanted)?;
+        let session = Session::new(
+            &self.device,
+            &self.stream,
+            subject,
+            physics,
+            tables,
+            measured,
+            wanted,
+            self.density,
+        )?;
         self.sessions.push(session);
         Ok(self.sessions.len() - 1)
     }
@@ -250,15 +275,15 @@ impl Candidates {
         Ok((kernels, self.sessions.iter().map(Session::bytes).sum()))
     }
 
-    /// Seconds that all steps of the last session's parts take, each part alone: the policy's kernel, random torques, the
-    /// physics. The candidates' state is spoilt.
+    /// Seconds that all steps of the last session's parts take, each part alone: all, the policy's kernel, random
+    /// torques, the physics. The candidates' state is spoilt.
     ///
     /// # Errors
     /// A failure of the GPU.
     pub fn breakdown(&self) -> Result<Vec<(&'static str, f64)>, FitError> {
         let mut found = Vec::new();
         let Some(session) = self.sessions.last() else { return Ok(found) };
-        for part in ["step", "disturb", "physics"] {
+        for part in ["all", "step", "disturb", "physics"] {
             let mut graph = self.stream.record(|stream| session.start_part(stream, part))?;
             let (from, to) = (Event::new(&self.device)?, Event::new(&self.device)?);
             graph.launch(&self.stream)?;

@@ -10,6 +10,8 @@ use crate::runtime::{Program, Shape};
 
 /// Threads of a block, where each has an environment.
 const THREADS: u32 = 64;
+/// Threads for four robots of a block of the policy's kernel.
+const THREADS_OF_FOUR: u32 = 128;
 
 /// Sizes of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +26,8 @@ pub struct Sizes {
     pub tiles: usize,
     /// Robots of a block of the policy's kernel, a multiple of 4.
     pub rows: usize,
+    /// Robots of a tile that are not copies of others, a divisor of the tile's environments.
+    pub density: usize,
 }
 
 impl Sizes {
@@ -44,8 +48,10 @@ pub struct Plan {
     pub physics: Vec<Option<Class>>,
     /// Sizes.
     pub sizes: Sizes,
-    /// Environments, with the copies that fill up the physics' blocks.
+    /// Environments of the physics, all copies among them.
     places: usize,
+    /// Environments with those that fill up the physics' blocks, without copies in a tile.
+    slots: usize,
     joints: usize,
     params: usize,
     /// Physics steps of a control period, if torques disturb it.
@@ -59,6 +65,7 @@ impl Plan {
     pub fn new(scene: &Scene<'_>, tables: &Tables, sizes: Sizes) -> Self {
         let environments = sizes.environments();
         let places = sizes.tiles * scene.period.layout().environments();
+        let slots = sizes.tiles * sizes.density;
         let joints = scene.joints();
         let mut arrays = Vec::new();
         let mut physics = Vec::new();
@@ -86,10 +93,11 @@ impl Plan {
         own.extend(tables.doubles.iter().map(|(name, numbers)| (*name, Kind::F64, numbers.len())));
         let block = match scene.subject {
             Subject::Walk(walker, policy) => {
-                own.push(("last_action", Kind::F32, places * walker.joints.len()));
+                own.push(("last_action", Kind::F32, slots * walker.joints.len()));
                 // No replay: these are not looked at.
                 own.push(("gains", Kind::F64, 0));
-                let threads = if widest(policy) > 128 { 256 } else { 128 };
+                // A thread has an output of four robots: of layers of 128 numbers none is idle.
+                let threads = (sizes.rows / 4).clamp(1, 4) as u32 * THREADS_OF_FOUR;
                 Some((threads, u32::try_from(8 * widest(policy) * sizes.rows).unwrap_or(u32::MAX)))
             }
             Subject::Replay(_) => None,
@@ -101,11 +109,12 @@ impl Plan {
             physics.push(None);
         }
         Self {
-            program: program(scene, sizes.rows),
+            program: program(scene, sizes.rows, sizes.density),
             arrays,
             physics,
             sizes,
             places,
+            slots,
             joints,
             params: scene.params.len(),
             disturbed: (!scene.disturbance.is_empty()).then(|| scene.period.substeps()),
@@ -155,10 +164,10 @@ impl Plan {
     /// What is recorded and sent at sample `sample`, before the physics of its control period.
     pub fn step(&self, sample: usize) -> Launch {
         let Sizes { recordings, samples, rows, .. } = self.sizes;
-        let numbers = [sample, self.sizes.environments(), self.places, recordings, samples];
+        let numbers = [sample, self.sizes.environments(), self.slots, recordings, samples];
         match self.block {
             Some((threads, shared)) => {
-                let blocks = u32::try_from(self.places.div_ceil(rows.max(1))).unwrap_or(u32::MAX);
+                let blocks = u32::try_from(self.slots.div_ceil(rows.max(1))).unwrap_or(u32::MAX);
                 let shape = Shape { shared, ..Shape::new(blocks, threads) };
                 let arrays = [
                     "lengths",
@@ -180,7 +189,7 @@ impl Plan {
                 self.launch("walk", shape, &numbers, &arrays)
             }
             None => {
-                let shape = Shape::cover(self.places * self.joints, THREADS);
+                let shape = Shape::cover(self.slots * self.joints, THREADS);
                 let arrays = [
                     "lengths",
                     "logged",

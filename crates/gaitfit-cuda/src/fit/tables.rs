@@ -7,6 +7,7 @@ use gaitfit_policy::walker::Walker;
 use gaitfit_sim::{Replay, Start};
 
 use super::FitError;
+use super::text::copied;
 
 /// What recordings give to the simulated robots. Recordings shorter than the longest are filled up.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -54,10 +55,6 @@ impl Tables {
                 }
             }
         }
-        let mut network = policy.actor.parameters.to_vec();
-        if let Some(normaliser) = &policy.normaliser {
-            network.extend(normaliser.scale().into_iter().flat_map(|(factor, offset)| [factor, offset]));
-        }
         Self {
             lengths: lengths.iter().map(|&length| length as u32).collect(),
             samples,
@@ -67,7 +64,7 @@ impl Tables {
                 ("starts", starts),
                 ("states", states),
                 ("actions", logged),
-                ("network", network),
+                ("network", copied(policy)),
             ],
             doubles: Vec::new(),
         }

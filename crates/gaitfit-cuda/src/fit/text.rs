@@ -1,6 +1,6 @@
 //! The kernels' text: numbers and tables of what is simulated, then the files.
 
-use gaitfit_policy::network::Activation;
+use gaitfit_policy::network::{Activation, Layer};
 use gaitfit_policy::walker::Walker;
 use gaitfit_policy::{Policy, Term};
 
@@ -9,12 +9,13 @@ use crate::emit::Class;
 use crate::runtime::Program;
 use crate::words::{Words, double, quantity_number, single};
 
-/// The program of a scene, `rows` robots of a block together. Products and sums are rounded one by one, as the CPU does it.
-pub(super) fn program(scene: &Scene<'_>, rows: usize) -> Program {
+/// The program of a scene, `rows` robots of a block together, `density` of a tile of the physics. Products and sums are rounded one by one, as the CPU does it.
+pub(super) fn program(scene: &Scene<'_>, rows: usize, density: usize) -> Program {
     let mut text = String::from(include_str!("../common.cuh"));
     text.push_str(include_str!("../rollout/kernels/structs.cu"));
     let mut words = Words { text };
     sizes(&mut words, scene);
+    words.define("DENSITY", density);
     let parts: &[&str] = match scene.subject {
         Subject::Walk(walker, policy) => {
             walk(&mut words, walker);
@@ -90,7 +91,6 @@ fn walk(words: &mut Words, walker: &Walker) {
         ("GEOMS", walker.batch.contact_geoms().len()),
         ("FALL_GEOMS", walker.fall_geoms().len()),
         ("HAS_CLOCK", usize::from(interface.gait_frequency.is_some())),
-        ("OBSERVED", interface.observation.len()),
         ("OBSERVATION", interface.observation_width()),
     ] {
         words.define(name, value);
@@ -111,7 +111,14 @@ fn walk(words: &mut Words, walker: &Walker) {
     words.singles("ACTION_SCALE", &walker.action_scale);
     let home: Vec<f32> = interface.default_pose.iter().map(|&angle| angle as f32).collect();
     words.singles("HOME", &home);
-    let mut place = 0;
+    let (mut place, mut parts) = (0, Vec::new());
+    for (number, Term { quantity, .. }) in interface.observation.iter().enumerate() {
+        let width = quantity.width(interface.joints.len());
+        parts.extend((0..width).step_by(4).map(|from| format!("{{{number}, {from}}}")));
+    }
+    words.define("PARTS", parts.len());
+    words.text.push_str("// Four numbers of a term.\nstruct Part {\n    int term, from;\n};\n");
+    words.table("Part", "PART", parts);
     let terms = interface.observation.iter().map(|Term { quantity, .. }| {
         let (from, width) = (place, quantity.width(interface.joints.len()));
         place += width;
@@ -122,31 +129,64 @@ fn walk(words: &mut Words, walker: &Walker) {
     words.singles("SCALES", &interface.scales(&interface.observation));
 }
 
-/// Largest width of a layer's input or output.
+/// Largest width of a layer's input or output, a multiple of 4.
 pub(super) fn widest(policy: &Policy) -> usize {
-    policy.actor.shape.widest().max(policy.actor.shape.inputs)
+    policy.actor.shape.widest().max(policy.actor.shape.inputs).next_multiple_of(4)
+}
+
+/// Where a layer's matrix and bias begin in the kernels' copy of a network.
+struct Packed {
+    layer: Layer,
+    weight: usize,
+    bias: usize,
+}
+
+/// A network's layers in the kernels' copy, and the copy's size: weights of four inputs of an output lie together.
+fn packed(policy: &Policy) -> (Vec<Packed>, usize) {
+    let (mut all, mut end) = (Vec::new(), 0);
+    for layer in policy.actor.shape.layers() {
+        let (weight, bias) = (end, end + layer.inputs.next_multiple_of(4) * layer.outputs);
+        end = (bias + layer.outputs).next_multiple_of(4);
+        all.push(Packed { layer, weight, bias });
+    }
+    (all, end)
+}
+
+/// The kernels' copy of a policy's network: layers, then the normaliser's factors and offsets.
+pub(super) fn copied(policy: &Policy) -> Vec<f32> {
+    let (layers, size) = packed(policy);
+    let mut copy = vec![0.0; size];
+    for Packed { layer, weight, bias } in layers {
+        for (number, &value) in policy.actor.parameters[layer.weight.clone()].iter().enumerate() {
+            let (input, output) = (number / layer.outputs, number % layer.outputs);
+            copy[weight + (input / 4 * layer.outputs + output) * 4 + input % 4] = value;
+        }
+        copy[bias..bias + layer.outputs].copy_from_slice(&policy.actor.parameters[layer.bias.clone()]);
+    }
+    if let Some(normaliser) = &policy.normaliser {
+        copy.extend(normaliser.scale().into_iter().flat_map(|(factor, offset)| [factor, offset]));
+    }
+    copy
 }
 
 fn network(words: &mut Words, policy: &Policy, rows: usize) {
-    let shape = &policy.actor.shape;
     words.define("ROWS", rows);
     words.define("WIDEST", widest(policy));
     words.define(
         "ACTIVATION",
-        match shape.activation {
+        match policy.actor.shape.activation {
             Activation::Elu => 0,
             Activation::Relu => 1,
             Activation::Tanh => 2,
         },
     );
     words.define("NORMALISED", usize::from(policy.normaliser.is_some()));
-    // The normaliser's factors and offsets follow the parameters.
-    words.define("NORMALISER", shape.parameters());
-    words.text.push_str("struct Layer {\n    int inputs, outputs, weight, bias;\n};\n");
-    let layers = shape.layers();
+    let (layers, size) = packed(policy);
+    words.define("NORMALISER", size);
+    words.text.push_str("// Inputs by four.\nstruct Layer {\n    int quads, outputs, weight, bias;\n};\n");
     words.define("LAYERS", layers.len());
-    let row = |layer: &gaitfit_policy::network::Layer| {
-        format!("{{{}, {}, {}, {}}}", layer.inputs, layer.outputs, layer.weight.start, layer.bias.start)
+    let row = |Packed { layer, weight, bias }: &Packed| {
+        format!("{{{}, {}, {weight}, {bias}}}", layer.inputs.div_ceil(4), layer.outputs)
     };
     words.table("Layer", "LAYER", layers.iter().map(row).collect());
 }

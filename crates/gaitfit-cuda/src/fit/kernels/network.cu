@@ -31,35 +31,54 @@ DEVICE float activated(float x) {
 #endif
 }
 
-// Each number is summed in the order of the inputs, whatever ROWS is. Gives the buffer with the outputs.
+// Each number is summed in the order of the inputs, whatever ROWS is. Weights of four inputs of an output lie together;
+// behind the last input are zeros. Gives the buffer with the outputs.
 DEVICE float* forward(const float* network, float* from, float* to) {
     for (int l = 0; l < LAYERS; l++) {
         Layer layer = LAYER[l];
-        for (int j = threadIdx.x; j < layer.outputs; j += blockDim.x) {
-            const float* weights = network + layer.weight + j;
-            float sums[ROWS];
-#pragma unroll
-            for (int r = 0; r < ROWS; r++) sums[r] = 0.0f;
+        const float4* matrix = (const float4*)(network + layer.weight);
+        const float* bias = network + layer.bias;
+        bool last = l + 1 == LAYERS;
+        if (layer.outputs * ROWS <= (int)blockDim.x) {
+            // A thread an output of one robot.
+            for (int i = threadIdx.x; i < layer.outputs * ROWS; i += blockDim.x) {
+                int j = i % layer.outputs, r = i / layer.outputs;
+                float sum = 0.0f;
 #pragma unroll 8
-            for (int k = 0; k < layer.inputs; k++) {
-                float weight = weights[k * layer.outputs];
-                const float4* x = (const float4*)(from + k * ROWS);
-#pragma unroll
-                for (int q = 0; q < ROWS / 4; q++) {
-                    float4 four = x[q];
-                    sums[4 * q] = fmaf(four.x, weight, sums[4 * q]);
-                    sums[4 * q + 1] = fmaf(four.y, weight, sums[4 * q + 1]);
-                    sums[4 * q + 2] = fmaf(four.z, weight, sums[4 * q + 2]);
-                    sums[4 * q + 3] = fmaf(four.w, weight, sums[4 * q + 3]);
+                for (int k = 0; k < layer.quads; k++) {
+                    float4 w = matrix[k * layer.outputs + j];
+                    const float* x = from + 4 * k * ROWS + r;
+                    sum = fmaf(x[0], w.x, sum);
+                    sum = fmaf(x[ROWS], w.y, sum);
+                    sum = fmaf(x[2 * ROWS], w.z, sum);
+                    sum = fmaf(x[3 * ROWS], w.w, sum);
                 }
+                float y = sum + bias[j];
+                to[j * ROWS + r] = last ? y : activated(y);
             }
-            float bias = network[layer.bias + j];
-#pragma unroll
-            for (int r = 0; r < ROWS; r++) {
-                float y = sums[r] + bias;
-                to[j * ROWS + r] = l + 1 < LAYERS ? activated(y) : y;
+        } else {
+            // A thread an output of four robots.
+            for (int i = threadIdx.x; i < layer.outputs * (ROWS / 4); i += blockDim.x) {
+                int j = i % layer.outputs, group = i / layer.outputs;
+                float4 sum = {0.0f, 0.0f, 0.0f, 0.0f};
+#pragma unroll 8
+                for (int k = 0; k < layer.quads; k++) {
+                    float4 w = matrix[k * layer.outputs + j];
+                    const float4* x = (const float4*)(from + 4 * k * ROWS) + group;
+                    float4 a = x[0], b = x[ROWS / 4], c = x[2 * (ROWS / 4)], d = x[3 * (ROWS / 4)];
+                    sum.x = fmaf(d.x, w.w, fmaf(c.x, w.z, fmaf(b.x, w.y, fmaf(a.x, w.x, sum.x))));
+                    sum.y = fmaf(d.y, w.w, fmaf(c.y, w.z, fmaf(b.y, w.y, fmaf(a.y, w.x, sum.y))));
+                    sum.z = fmaf(d.z, w.w, fmaf(c.z, w.z, fmaf(b.z, w.y, fmaf(a.z, w.x, sum.z))));
+                    sum.w = fmaf(d.w, w.w, fmaf(c.w, w.z, fmaf(b.w, w.y, fmaf(a.w, w.x, sum.w))));
+                }
+                float* y = to + j * ROWS + 4 * group;
+                y[0] = sum.x + bias[j], y[1] = sum.y + bias[j], y[2] = sum.z + bias[j], y[3] = sum.w + bias[j];
+                for (int r = 0; r < 4 && !last; r++) y[r] = activated(y[r]);
             }
         }
+        // The next layer's inputs are a multiple of four.
+        for (int i = layer.outputs * ROWS + threadIdx.x; i < (layer.outputs + 3) / 4 * 4 * ROWS; i += blockDim.x)
+            to[i] = 0.0f;
         __syncthreads();
         float* other = from;
         from = to, to = other;

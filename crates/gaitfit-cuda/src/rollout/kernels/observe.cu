@@ -12,10 +12,10 @@ enum {
     GAIT_PHASE
 };
 
-// Writes term `number` of TERMS into its place of a row. `scales`: those of the row. `noise`: draws of this environment
+// Writes the numbers `from` to `until` of term `number` of TERMS into their places of a row; `from` is a multiple of 4. `scales`: those of the row. `noise`: draws of this environment
 // and step, or none. `command` and `last_action`: this robot's, `apart` numbers from each other.
 DEVICE void write_term(
-    int number, const float* scales, const Draws* noise, const float* state, const float* params, u32 steps,
+    int number, int from, int until, const float* scales, const Draws* noise, const float* state, const float* params, u32 steps,
     const float* command, const float* last_action, u32 apart, u32 e, float* out
 ) {
     Term term = TERMS[number];
@@ -47,12 +47,13 @@ DEVICE void write_term(
         }
         default: break;
     }
-    for (int from = 0; from < term.width; from += 4) {
+    until = until < term.width ? until : term.width;
+    for (; from < until; from += 4) {
         if (noise && term.half_range > 0.0f) block_of(*noise, term.place + from, words);
 #pragma unroll
         for (int i = 0; i < 4; i++) {
             int k = from + i;
-            if (k >= term.width) break;
+            if (k >= until) break;
             float value = 0.0f;
             switch (term.quantity) {
                 case JOINT_POSITION: value = joint_position(state, params, e, JOINT_OF[k]) - HOME[k]; break;

@@ -5,7 +5,7 @@ DEVICE void write_critic_row(
 ) {
     for (int t = CRITIC_ROW.first; t < CRITIC_ROW.first + CRITIC_ROW.terms; t++)
         write_term(
-            t, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps, command + e, last_action + e, ENVIRONMENTS, e,
+            t, 0, TERMS[t].width, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps, command + e, last_action + e, ENVIRONMENTS, e,
             out);
 }
 
@@ -22,7 +22,7 @@ KERNEL observe(
     Draws noise = draws_of(control, NOISE_DRAWS, e, control[FIRST_STEP] + step);
     float* out = actor ? observation + row * ACTOR_ROW.width : critic_observation + row * CRITIC_ROW.width;
     write_term(
-        number, SCALES + (actor ? ACTOR_ROW.scale : CRITIC_ROW.scale), actor ? &noise : nullptr, state, params, steps[e],
+        number, 0, TERMS[number].width, SCALES + (actor ? ACTOR_ROW.scale : CRITIC_ROW.scale), actor ? &noise : nullptr, state, params, steps[e],
         command + e, last_action + e, ENVIRONMENTS, e, out);
 }
 
@@ -32,7 +32,8 @@ KERNEL observe_end(
 ) {
     u32 e = blockIdx.x * blockDim.x + threadIdx.x;
     if (e >= ENVIRONMENTS) return;
+    int number = CRITIC_ROW.first + (int)blockIdx.y;
     write_term(
-        CRITIC_ROW.first + (int)blockIdx.y, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps[e], command + e,
+        number, 0, TERMS[number].width, SCALES + CRITIC_ROW.scale, nullptr, state, params, steps[e], command + e,
         last_action + e, ENVIRONMENTS, e, tail + (u64)e * CRITIC_ROW.width);
 }
