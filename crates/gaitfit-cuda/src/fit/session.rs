@@ -16,7 +16,7 @@ use crate::ppo::{Id, Launch, Storage, Value};
 use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream};
 
 /// Most samples of which the steps are one graph; more are started one by one.
-const MOST_RECORDED: usize = 2048;
+const MOST_RECORDED: usize = 16_384;
 /// Most robots of a block of the policy's kernel.
 const MOST_ROWS: usize = 16;
 /// Warps of a multiprocessor up to which robots are spread over more of them.

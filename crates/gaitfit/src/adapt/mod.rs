@@ -41,6 +41,9 @@ pub fn fit(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Adapt
     for warning in &setup.warnings {
         watch.note(warning);
     }
+    if let Some(note) = on_the_cpu(setup) {
+        watch.note(&note);
+    }
     let protocol = files::protocol(folder, setup)?;
     protocol.run(watch, || {
         let (outcomes, seconds) = search::fit(setup, folder, &protocol.inputs, watch)?;
@@ -48,5 +51,15 @@ pub fn fit(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Adapt
         let results = results::results(setup, &outcomes, &metrics, folder, seconds, watch)?;
         files::write(folder, setup, &results, &metrics)?;
         Ok(results)
+    })
+}
+
+/// What a GPU does not simulate.
+fn on_the_cpu(setup: &Setup) -> Option<String> {
+    let names: Vec<String> =
+        setup.config.costs.iter().filter(|cost| cost.needs_imu()).map(ToString::to_string).collect();
+    let there = setup.device != crate::device::Device::Cpu && !names.is_empty();
+    there.then(|| {
+        format!("note: the CPU simulates for {}, whatever the device: it takes some seconds", names.join(", "))
     })
 }
