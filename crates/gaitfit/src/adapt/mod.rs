@@ -60,6 +60,9 @@ fn on_the_cpu(setup: &Setup) -> Option<String> {
         setup.config.costs.iter().filter(|cost| cost.needs_imu()).map(ToString::to_string).collect();
     let there = setup.device != crate::device::Device::Cpu && !names.is_empty();
     there.then(|| {
-        format!("note: the CPU simulates for {}, whatever the device: it takes some seconds", names.join(", "))
+        format!(
+            "note: the CPU simulates for {}, whatever the device: it takes some seconds",
+            names.join(", ")
+        )
     })
 }
