@@ -10,7 +10,7 @@
 //! | `qdes_J`, `act_J` | position target (rad), policy action; for all joints or none |
 //! | `vx_cmd`, `vy_cmd`, `wz_cmd` (or `cmd_vx`, …) | command, m/s and rad/s |
 //! | `base_pos_x` … `z` | base position, m, world frame |
-//! | `base_quat_w`, `x`, `y`, `z` | base orientation, wxyz |
+//! | `base_quat_w`, `x`, `y`, `z` | base orientation, wxyz, unit |
 //! | `roll`, `pitch`, `yaw` | base orientation, rad, R = Rz(yaw)·Ry(pitch)·Rx(roll); read where there is no `base_quat_` |
 //! | `base_vel_x` … `z` | base linear velocity, m/s, world frame |
 //! | `wx`, `wy`, `wz` | base angular velocity, rad/s, body frame |
@@ -37,6 +37,7 @@ mod columns;
 mod error;
 mod files;
 mod folder;
+mod imu;
 mod lines;
 mod metadata;
 mod names;
@@ -54,7 +55,7 @@ pub use files::{check_entry, csv_files};
 pub use folder::{FindingGroup, FolderSummary, LogContent, LogEntry, RateCount, summarise_folder};
 pub use metadata::PerJoint;
 pub use ops::Signal;
-pub use read::{IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_report};
+pub use read::{Hole, IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_report};
 pub use summary::{JointSummary, LogSummary, SignalSummary, summary, summary_with_report};
 pub use time_unit::{ConvertedTime, TimeUnit};
 pub use trajectory::*;

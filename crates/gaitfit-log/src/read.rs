@@ -1,6 +1,7 @@
 //! The CSV reader. Bounded memory, no panic on any input; every refusal names file, line, column and remedy.
 
 use crate::assemble::assemble;
+use crate::imu;
 use crate::columns::{Layout, layout};
 use crate::lines::Lines;
 use crate::metadata::{Metadata, Statements, read_sidecars};
@@ -69,6 +70,20 @@ pub struct ReadReport {
     pub rate_from: Option<String>,
     /// The time column's unit, where it was not seconds. The trajectory has seconds.
     pub converted_time: Option<ConvertedTime>,
+    /// The first cell without a number among those of an inertial unit that has numbers elsewhere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub imu_hole: Option<Hole>,
+}
+
+/// A cell without a number.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Hole {
+    /// The row's line, from 1.
+    pub line: u64,
+    /// The cell's column, from 1.
+    pub column: usize,
+    /// The column's name.
+    pub name: String,
 }
 
 /// Reads a log. See [`read_csv_report`] for what it leaves out.
@@ -81,8 +96,9 @@ pub fn read_csv(path: &Path, options: &ReadOptions) -> Result<Trajectory, LogErr
 /// The file: optional `#` comment lines (of these, `key = value` lines in TOML give `robot`, `rate_hz`, `kp`,
 /// `kd`), a header line that names the quantities (`time`, `q_FL_hip`, `dq_FL_hip`, `qdes_FL_hip`,
 /// `act_FL_hip`, `vx_cmd`, …; in any order; table in the [crate documentation](crate)), then one row of numbers a sample. Joints
-/// keep the order of the `q_` columns. `nan` and `inf` are read as they are, for the checks to report; an empty cell is NaN in base columns and an error elsewhere; a base channel with nothing but NaN
-/// is left out.
+/// keep the order of the `q_` columns. `nan` and `inf` are read as they are, for the checks to report; an empty cell is
+/// NaN in base columns and an error elsewhere; a base channel with nothing but NaN is left out. What no inertial unit
+/// reads is refused: quaternions that are not unit, infinite or absurd angles and rates.
 ///
 /// Gains, rate and robot come from `options`, else the comments, else `<stem>.toml`, else `log.toml` in the
 /// log's folder. Unknown columns are left out and reported.
@@ -111,7 +127,8 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
         }
     };
     let layout = layout(path, header_line, names)?;
-    let samples = read_rows(path, &mut lines, &layout)?;
+    let (samples, imu_hole) = read_rows(path, &mut lines, &layout)?;
+    report.imu_hole = imu_hole;
 
     let (sidecar, sidecars) = if options.sidecar { read_sidecars(path)? } else { Default::default() };
     report.sidecars = sidecars;
@@ -141,18 +158,23 @@ pub(crate) struct Samples {
     pub channels: Vec<Vec<f64>>,
 }
 
-/// Where a channel's cells are and whether they may be empty.
+/// Where a channel's cells are, whether they may be empty, and which of a row's cannot be.
 struct Channel<'a> {
     columns: &'a [usize],
     optional: bool,
+    refuse: Option<Refuse>,
 }
+
+/// The first cell of a row that cannot be, and why.
+type Refuse = fn(&[f64]) -> Option<(usize, &'static str)>;
 
 fn channels(layout: &Layout) -> [Channel<'_>; 10] {
     fn some(columns: &Option<Vec<usize>>) -> &[usize] {
         columns.as_deref().unwrap_or_default()
     }
-    let needed = |columns| Channel { columns, optional: false };
-    let base = |columns| Channel { columns: some(columns), optional: true };
+    let needed = |columns| Channel { columns, optional: false, refuse: None };
+    let base = |columns| Channel { columns: some(columns), optional: true, refuse: None };
+    let sensed = |columns, refuse| Channel { columns: some(columns), optional: true, refuse: Some(refuse) };
     [
         needed(&layout.position),
         needed(&layout.velocity),
@@ -160,18 +182,20 @@ fn channels(layout: &Layout) -> [Channel<'_>; 10] {
         needed(some(&layout.action)),
         needed(some(&layout.command)),
         base(&layout.base_position),
-        base(&layout.base_quaternion),
-        base(&layout.roll_pitch_yaw),
+        sensed(&layout.base_quaternion, imu::orientation as Refuse),
+        sensed(&layout.roll_pitch_yaw, imu::angles),
         base(&layout.base_velocity),
-        base(&layout.base_rates),
+        sensed(&layout.base_rates, imu::rates),
     ]
 }
 
-fn read_rows(path: &Path, lines: &mut Lines, layout: &Layout) -> Result<Samples, LogError> {
+/// The samples, and the first hole in a channel of the inertial unit that has numbers elsewhere.
+fn read_rows(path: &Path, lines: &mut Lines, layout: &Layout) -> Result<(Samples, Option<Hole>), LogError> {
     let plan = channels(layout);
     let mut samples = Samples { time: Vec::new(), channels: plan.iter().map(|_| Vec::new()).collect() };
     let width = layout.names.len();
     let mut cells: Vec<std::ops::Range<usize>> = Vec::with_capacity(width);
+    let mut holes: Vec<Option<Hole>> = plan.iter().map(|_| None).collect();
     while let Some((line, text)) = lines.next()? {
         if text.trim().is_empty() {
             continue;
@@ -221,16 +245,43 @@ fn read_rows(path: &Path, lines: &mut Lines, layout: &Layout) -> Result<Samples,
             });
         }
         samples.time.push(time);
-        for (channel, values) in plan.iter().zip(&mut samples.channels) {
+        for ((channel, values), hole) in plan.iter().zip(&mut samples.channels).zip(&mut holes) {
+            let row = values.len();
             for &column in channel.columns {
                 values.push(number(column, channel.optional)?);
+            }
+            let Some(refuse) = channel.refuse else { continue };
+            let place = |place: usize| {
+                let column = channel.columns[place];
+                (column, layout.names[column].clone())
+            };
+            if let Some((at, problem)) = refuse(&values[row..]) {
+                let (column, name) = place(at);
+                let text = short_cell(unquote(&text[cells[column].clone()]));
+                return Err(LogError::Cell {
+                    path: path.to_owned(),
+                    line,
+                    column: column + 1,
+                    name,
+                    text,
+                    problem,
+                });
+            }
+            if let Some(at) = values[row..].iter().position(|value| value.is_nan())
+                && hole.is_none()
+            {
+                let (column, name) = place(at);
+                *hole = Some(Hole { line, column: column + 1, name });
             }
         }
     }
     if samples.time.is_empty() {
         return Err(LogError::NoSamples { path: path.to_owned() });
     }
-    Ok(samples)
+    let partly = |values: &Vec<f64>| values.iter().any(|value| !value.is_nan());
+    let channels = samples.channels.iter().zip(holes).filter(|(values, _)| partly(values));
+    let hole = channels.filter_map(|(_, hole)| hole).min_by_key(|hole| hole.line);
+    Ok((samples, hole))
 }
 
 /// Byte ranges of the comma-separated cells. Cells hold numbers, so a comma inside quotes is not one.

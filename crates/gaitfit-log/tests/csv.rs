@@ -39,9 +39,9 @@ fn full_trajectory() -> Trajectory {
         command: Some(take(4, 9)),
         base: Some(BaseState {
             position: Some(take(5, 9)),
-            quaternion: Some(take(6, 12)),
+            quaternion: Some([0.1 + 0.2, -0.0, 0.91_f64.sqrt(), 5e-324].repeat(3)),
             linear_velocity: Some(take(7, 9)),
-            angular_velocity: Some(take(0, 9)),
+            angular_velocity: Some([0.1 + 0.2, -0.0, 123.456_789_123_456_79].repeat(3)),
         }),
         gains: Some(Gains { kp: vec![20.0, 1.0 / 7.0], kd: vec![0.0, 1e-9] }),
         fell: true,
@@ -134,6 +134,8 @@ fn angles_become_a_quaternion_and_empty_base_cells_nan() {
     assert!(quaternion[8..].iter().all(|value| value.is_nan()));
     assert_eq!(base.angular_velocity, None);
     assert_eq!(report.ignored[0].reason, "every body rate cell is NaN");
+    let hole = report.imu_hole.unwrap();
+    assert_eq!((hole.line, hole.column, hole.name.as_str()), (4, 4, "roll"));
 
     // All three turned: the matrix of the quaternion is Rz·Ry·Rx, here by its bottom row,
     // (−sin pitch, cos pitch·sin roll, cos pitch·cos roll).
@@ -253,6 +255,22 @@ fn bad_files_say_where_and_what_to_do() {
         (
             "time,q_a,dq_a,q_b,dq_b,qdes_a\n",
             "log.csv:1: no column `qdes_b`; 1 of 2 joints have a `qdes_` column",
+        ),
+        (
+            "time,q_a,dq_a,base_quat_w,base_quat_x,base_quat_y,base_quat_z\n0,1,2,1,0,0,0\n1,1,2,0,0,0,0\n",
+            "log.csv:3: column 4 `base_quat_w`: \"0\" is part of no rotation",
+        ),
+        (
+            "time,q_a,dq_a,wx,wy,wz\n0,1,2,0,0,0\n\n1,1,2,0,1e12,0\n",
+            "log.csv:4: column 5 `wy`: \"1e12\" is beyond 200 rad/s",
+        ),
+        (
+            "time,q_a,dq_a,wz,wy,wx\n0,1,2,inf,0,0\n",
+            "log.csv:2: column 4 `wz`: \"inf\" is no reading of an inertial unit",
+        ),
+        (
+            "time,q_a,dq_a,roll,pitch,yaw\n0,1,2,5,-90,0\n",
+            "log.csv:2: column 5 `pitch`: \"-90\" is more than a full turn",
         ),
         ("time,q_a,dq_a\n\"0\",\" 1 \",\"2\n", "log.csv:2: column 3 `dq_a`: \"\\\"2\" is not a number"),
     ] {

@@ -41,6 +41,14 @@ macro_rules! joint_parameters {
                 TorqueOffset torque_offset; "N·m"; f64::NEG_INFINITY; |_, _| 0.0;
                 Some((-1.0, 1.0, 0.0, 0.1))
 
+                /// Stiffness of a spring on the joint beside the model's own, N·m/rad.
+                Stiffness stiffness; "N·m/rad"; f64::NEG_INFINITY; |_, _| 0.0;
+                Some((-100.0, 400.0, 0.0, 2.0))
+
+                /// Torque of that spring at angle 0, N·m: its stiffness times its rest angle.
+                SpringTorque spring_torque; "N·m"; f64::NEG_INFINITY; |_, _| 0.0;
+                Some((-800.0, 800.0, 0.0, 2.0))
+
                 /// Position gain, N·m/rad.
                 Kp kp; "N·m/rad"; 0.0; |_, _| 0.0;
                 None
@@ -189,6 +197,6 @@ mod tests {
                 assert!(lower < upper && deviation > 0.0, "{name}");
             }
         }
-        assert_eq!(JointParameter::searched().count(), 9);
+        assert_eq!(JointParameter::searched().count(), 11);
     }
 }

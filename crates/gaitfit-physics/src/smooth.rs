@@ -301,7 +301,7 @@ fn joint_rows<T: Real>(
     let z = T::zero();
     let one = T::lit(1.0);
 
-    out.tau = p.damping.fnma(qd, drives[j].torque);
+    out.tau = p.damping.fnma(qd, drives[j].torque) + p.stiffness.fnma(q, p.spring_torque);
     if link.sprung {
         out.tau = T::k(link.stiffness).fnma(q - T::k(link.springref), out.tau);
     }

@@ -19,6 +19,9 @@ const NAMED: usize = 4;
 /// limit or the optimiser's failure before its deviations shrank to the tolerance, and its cost was still falling or
 /// the seeds' values lie apart. Values of parameters that the logs do not identify may lie apart, and so may those of
 /// more than [`MOST_SCANNED`] parameters: weights of networks that do the same can differ.
+///
+/// Least squares goes downhill from where it begins. So it has not converged either if no more than half of its seeds
+/// ended where the best one did.
 pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     let mut reasons = Vec::new();
     let better = |one: &ParameterOutcome| {
@@ -34,6 +37,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     let best = outcome.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
     let ended = best.and_then(|run| run.stop);
     if matches!(ended, Some(Stop::Tolerance | Stop::Converged)) {
+        reasons.extend(elsewhere(outcome));
         return reasons;
     }
     if ended == Some(Stop::Degenerate) {
@@ -60,6 +64,30 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
         reasons.push(format!("After {generations} generations the seeds lie apart: {}.", listed(&apart)));
     }
     reasons
+}
+
+/// That most seeds of least squares ended at other values than the best one, if they did.
+fn elsewhere(outcome: &CostOutcome) -> Option<String> {
+    outcome.uncertainty.as_ref().filter(|_| outcome.runs.len() > 1)?;
+    let far = |one: &ParameterOutcome, value: f64| {
+        let flat = one.identification.as_ref().is_some_and(|found| !found.identified);
+        !flat && (value - one.value).abs() > APART * (one.upper - one.lower)
+    };
+    let agrees = |run: &usize| !outcome.parameters.iter().any(|one| far(one, one.per_run[*run]));
+    let agreeing = (0..outcome.runs.len()).filter(agrees).count();
+    if 2 * agreeing > outcome.runs.len() {
+        return None;
+    }
+    let named = outcome.parameters.iter().filter(|one| one.per_run.iter().any(|value| far(one, *value)));
+    let named: Vec<String> = named.map(spread).collect();
+    let costs = || outcome.runs.iter().map(|run| run.best_cost);
+    Some(format!(
+        "Seeds of least squares ended apart, at costs of {:.5} to {:.5}: {}. They find the lowest point near their \
+         start: add seeds (optimizer.seeds), or begin nearer (`start` of a [[parameter]]).",
+        costs().fold(f64::INFINITY, f64::min),
+        costs().fold(0.0, f64::max),
+        listed(&named)
+    ))
 }
 
 fn listed(names: &[String]) -> String {
@@ -134,6 +162,38 @@ mod tests {
         assert!(progress.len() == 1 && progress[0].contains("66.7 %"), "{progress:?}");
         let apart = reasons(None, 0.2, &flat);
         assert!(apart.len() == 1 && apart[0].contains("p 0.5000 ± 0.2000"), "{apart:?}");
+    }
+
+    #[test]
+    fn seeds_of_least_squares_that_end_apart_are_told_unless_most_agree() {
+        let seeds = |values: &[f64]| {
+            let mut one = outcome(Some(Stop::Converged), 0.2);
+            let run = one.runs[0].clone();
+            let seed = |(k, value): (usize, &f64)| RunOutcome {
+                seed: k as u64,
+                best_cost: 1.0 + k as f64,
+                values: vec![*value],
+                ..run.clone()
+            };
+            one.runs = values.iter().enumerate().map(seed).collect();
+            one.parameters[0].per_run = values.to_vec();
+            one
+        };
+        let least_squares = |values: &[f64]| {
+            let found = crate::fit::Uncertainty {
+                sampling: vec![0.01],
+                shifts: Vec::new(),
+                deviation: vec![0.01],
+                interval: vec![[0.48, 0.52]],
+                draws: Vec::new(),
+            };
+            CostOutcome { uncertainty: Some(found), ..seeds(values) }
+        };
+        let apart = unsettled(&least_squares(&[0.5, 0.8]), &[]);
+        assert!(apart.len() == 1 && apart[0].contains("1.00000 to 2.00000: p 0.5000"), "{apart:?}");
+        assert!(unsettled(&least_squares(&[0.5, 0.52, 0.9]), &[]).is_empty(), "two of three agree");
+        assert!(unsettled(&least_squares(&[0.5]), &[]).is_empty());
+        assert!(unsettled(&seeds(&[0.5, 0.8]), &[]).is_empty(), "CMA-ES: others are worse, no more");
     }
 
     #[test]

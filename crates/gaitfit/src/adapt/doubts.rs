@@ -1,7 +1,7 @@
 //! Why a fit must not be taken as it stands, and what else to know of it.
 
 use super::results::{CostFit, Parameter};
-use gaitfit_adapt::fit::{CostOutcome, RunGeneration, unsettled};
+use gaitfit_adapt::fit::{CostOutcome, RunGeneration, Stop, unsettled};
 use gaitfit_view::{Doubt, DoubtKind};
 
 /// The doubts about what a cost found; `course`: the generations of its runs.
@@ -30,7 +30,9 @@ pub fn doubts(
         .collect();
     let reasons = unsettled(outcome, &course);
     if !reasons.is_empty() {
-        let text = format!("{} Give it more generations (optimizer.generations).", reasons.join(" "));
+        let apart = outcome.uncertainty.is_some() && best.is_some_and(|run| run.stop != Some(Stop::Generations));
+        let more = if apart { "" } else { " Give it more generations (optimizer.generations)." };
+        let text = format!("{}{more}", reasons.join(" "));
         doubts.push(Doubt::new(DoubtKind::NotConverged, text));
     }
     doubts

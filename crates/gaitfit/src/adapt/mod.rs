@@ -8,6 +8,7 @@ mod check;
 mod doubts;
 mod files;
 mod held_out;
+mod ignored;
 mod method;
 mod report;
 pub mod results;

@@ -1,6 +1,7 @@
 //! Everything a fit needs, read and checked before anything is written.
 
 use super::alternatives::{Alternatives, alternatives};
+use super::ignored::ignored;
 use super::method::Method;
 use crate::air::{Clamped, logs as air_logs};
 use crate::device::Device;
@@ -173,7 +174,7 @@ impl Setup {
         for (signal, column) in fit.reference.constant() {
             warnings.push(format!("{signal} of {column} is constant in the logs and left out of the costs"));
         }
-        Ok(Self {
+        let mut setup = Self {
             costs: fit.costs(&config)?,
             options: check::options(&config, logs.notes.as_ref().map_or(0, LogNotes::falls)),
             notes: logs.notes,
@@ -186,7 +187,9 @@ impl Setup {
             files,
             warnings,
             device,
-        })
+        };
+        setup.warnings.extend(ignored(&setup));
+        Ok(setup)
     }
 
     /// Whether simulated samples can be compared with the log's one by one: those of a replay always, those of a walk

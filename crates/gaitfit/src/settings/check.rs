@@ -48,7 +48,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "base = \"free\" needs `policy`, the file of the policy that walked"
     } else if free && !config.validate_gains.is_empty() {
         "`validate_gains` are for logs of a clamped robot; the policy's file states the gains of a walking one"
-    } else if !not_negative(config.falls.margin_seconds)
+    } else if config.falls.margin_seconds.is_some_and(|margin| !not_negative(margin))
         || config.falls.penalty.is_some_and(|price| !not_negative(price))
     {
         "`falls.margin_seconds` and `falls.penalty` must be at least 0"

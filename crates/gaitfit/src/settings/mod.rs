@@ -131,6 +131,10 @@ pub struct FileGains {
 
 /// Counted data that a stretch of a walking log needs to be of use, s.
 pub const LEAST_STRETCH_S: f64 = 1.0;
+/// The same where every sample is predicted from the ones before, s.
+const LEAST_SENSED_S: f64 = 0.5;
+/// What is cut from a log before a fall, s: a walk that ends otherwise than the log's has left it before.
+const FALL_MARGIN_S: f64 = 0.5;
 
 /// How logs are replayed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -155,21 +159,16 @@ pub struct SimulationConfig {
 }
 
 /// What falls mean in fits of walking logs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FallsConfig {
-    /// What is cut from a log before a fall, s.
-    pub margin_seconds: f64,
+    /// What is cut from a log before a fall, s; see [`AdaptConfig::fall_margin`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub margin_seconds: Option<f64>,
     /// Added to a candidate's cost times the share of the logs in which it falls; absent: chosen so that a candidate
     /// that falls never beats one that stands, if the robot never fell.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub penalty: Option<f64>,
-}
-
-impl Default for FallsConfig {
-    fn default() -> Self {
-        Self { margin_seconds: 0.5, penalty: None }
-    }
 }
 
 /// The optimiser.
@@ -230,13 +229,28 @@ impl AdaptConfig {
     /// joints says; the simulated one begins at rest and needs about a second to walk as the robot does. What the sensors
     /// read shows it sooner.
     pub fn skip_seconds(&self) -> f64 {
-        let sensed = !self.costs.is_empty() && self.costs.iter().all(|cost| cost.needs_imu());
         let chosen = match self.base {
             Base::Fixed => 0.0,
-            Base::Free if sensed => 0.5,
+            Base::Free if self.sensed() => 0.5,
             Base::Free => 1.0,
         };
         self.simulation.skip_seconds.unwrap_or(chosen)
+    }
+
+    /// Whether every cost predicts single samples from what the sensors read before.
+    fn sensed(&self) -> bool {
+        !self.costs.is_empty() && self.costs.iter().all(|cost| cost.needs_imu())
+    }
+
+    /// What is cut from a log before a fall, s. Short predictions learn from a robot that falls as from one that walks,
+    /// until its trunk is on the ground.
+    pub fn fall_margin(&self) -> f64 {
+        self.falls.margin_seconds.unwrap_or(if self.sensed() { 0.0 } else { FALL_MARGIN_S })
+    }
+
+    /// Counted data that a stretch of a walking log needs to be of use, s.
+    pub fn least_stretch(&self) -> f64 {
+        if self.sensed() { LEAST_SENSED_S } else { LEAST_STRETCH_S }
     }
 
     /// Groups as the rules take them.

@@ -10,7 +10,7 @@ use super::{doubts, rate};
 use crate::Error;
 use crate::log::Log;
 use crate::log_joints;
-use crate::settings::{AdaptConfig, LEAST_STRETCH_S};
+use crate::settings::AdaptConfig;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{
     BaseState, CheckSpec, FindingKind, ReadOptions, Severity, Signal, Trajectory, check, falls,
@@ -113,7 +113,7 @@ pub fn read(
     }
 
     let spec = cuts::fall_spec(scene);
-    let margin = config.falls.margin_seconds;
+    let margin = config.fall_margin();
     let skipped = config.skip_seconds();
     let (mut stretches, mut removed) = (Vec::new(), Vec::new());
     for read in &reads {
@@ -127,7 +127,7 @@ pub fn read(
         }
         removed.extend(cut);
     }
-    let mut logs = long_enough(stretches, skipped, &mut warnings);
+    let mut logs = long_enough(stretches, config, &mut warnings);
     enough(purpose, config, config_path, reads.len(), &logs, &removed)?;
 
     let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
@@ -136,7 +136,7 @@ pub fn read(
     let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
     warnings.extend(policy_match.judge(policy_name, &names)?);
     if policy_match.agrees() && !policy_match.exact {
-        logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, skipped, &mut warnings);
+        logs = long_enough(cuts::cut_felt(policy, logs, margin, &mut removed)?, config, &mut warnings);
         enough(purpose, config, config_path, reads.len(), &logs, &removed)?;
     }
     warnings.extend(cuts::cut_text(&removed, reads.len()));
@@ -187,6 +187,15 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
         return Err(Error::failed(format!(
             "{shown}: the cost {cost} needs what an IMU measures at every sample, and the log lacks it: columns \
              {IMU_COLUMNS}. Record them next time; \"wass\" does without."
+        )));
+    }
+    if let Some(hole) = &report.imu_hole
+        && let Some(cost) = config.costs.iter().find(|cost| cost.needs_imu())
+    {
+        return Err(Error::failed(format!(
+            "{shown}:{}: column {} `{}` has no number, and the cost {cost} needs what an IMU measures at every sample. Cut \
+             the log there, or fill the gap from the samples beside it; \"wass\" does without.",
+            hole.line, hole.column, hole.name
         )));
     }
     plausible(&trajectory, &shown.to_string())?;
@@ -245,8 +254,8 @@ fn same_data(a: &Trajectory, b: &Trajectory) -> bool {
 }
 
 /// The logs that are long enough to count, and warnings about the others.
-fn long_enough(logs: Vec<Log>, skipped: f64, warnings: &mut Vec<String>) -> Vec<Log> {
-    let least = LEAST_STRETCH_S + skipped;
+fn long_enough(logs: Vec<Log>, config: &AdaptConfig, warnings: &mut Vec<String>) -> Vec<Log> {
+    let least = config.least_stretch() + config.skip_seconds();
     let (long, short): (Vec<_>, Vec<_>) =
         logs.into_iter().partition(|log| log.trajectory.duration() >= least);
     for log in short {
@@ -303,7 +312,7 @@ fn enough(
     let seconds: f64 = logs.iter().map(|log| log.trajectory.duration() - skipped).sum();
     let needed = match purpose {
         Purpose::Fit => LEAST_S,
-        Purpose::Validation => LEAST_STRETCH_S,
+        Purpose::Validation => config.least_stretch(),
     };
     if seconds >= needed {
         return Ok(());
@@ -311,7 +320,7 @@ fn enough(
     let shown = config_path.display();
     let falls = cuts.iter().filter(|cut| cut.fall);
     let fell: f64 = falls.clone().map(|cut| cut.to_s - cut.from_s).sum();
-    let least = LEAST_STRETCH_S + skipped;
+    let least = config.least_stretch() + skipped;
     Err(Error::failed(if logs.is_empty() && falls.count() >= read {
         format!(
             "{shown}: in all logs the robot falls or does not walk before {least} s have passed ({}). A fit \
@@ -323,7 +332,8 @@ fn enough(
         let mut because = if fell > 0.0 { format!(" ({fell:.1} s of falls are cut)") } else { String::new() };
         if skipped > 0.0 {
             because += &format!(
-                " after the first {skipped} s of each (`simulation.skip_seconds`), in pieces of {LEAST_STRETCH_S} s or more"
+                " after the first {skipped} s of each (`simulation.skip_seconds`), in pieces of {} s or more",
+                config.least_stretch()
             );
         }
         let horizon = config.simulation.horizon_seconds;

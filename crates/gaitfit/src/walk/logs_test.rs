@@ -5,9 +5,11 @@ use super::fixtures::{policy, puppet, scene};
 use super::logs::{LogNotes, Purpose, read};
 use crate::Error;
 use crate::settings::AdaptConfig;
+use gaitfit_adapt::cost::CostKind;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{BaseState, Trajectory, write_csv};
 use gaitfit_policy::Policy;
+use std::num::NonZeroUsize;
 
 struct Bench {
     scene: Task,
@@ -196,6 +198,38 @@ fn falls_are_cut_with_a_margin() {
         log.base = Some(BaseState { quaternion: Some(rows), ..BaseState::default() });
     });
     bench.refused(&down, &["in all logs the robot falls", "record next time"]);
+}
+
+#[test]
+fn short_predictions_learn_until_the_robot_lies_and_need_every_reading() {
+    let bench = Bench::new();
+    let mut logs = each(&bench.logs(), |log| {
+        let (level, still) = ([1.0, 0.0, 0.0, 0.0].repeat(log.len()), vec![0.0; 3 * log.len()]);
+        log.base = Some(BaseState {
+            quaternion: Some(level),
+            angular_velocity: Some(still),
+            ..BaseState::default()
+        });
+    });
+    let upright = |at: f64| if at < 1.599 { [1.0, 0.0, 0.0, 0.0] } else { [0.6, 0.8, 0.0, 0.0] };
+    let rows: Vec<f64> = logs[4].time.iter().flat_map(|&at| upright(at)).collect();
+    logs[4].base.as_mut().unwrap().quaternion = Some(rows);
+    let sensed = |config: &mut AdaptConfig| config.costs = vec![CostKind::MatchR(NonZeroUsize::MIN)];
+    let notes = bench.read_with(&logs, &bench.policy, sensed).unwrap();
+    let kept = &notes.logs[4].trajectory;
+    assert!((kept.duration() - 1.58).abs() < 1e-6, "{}", kept.duration());
+    let notes = bench
+        .read_with(&logs, &bench.policy, |config| {
+            sensed(config);
+            config.falls.margin_seconds = Some(0.2);
+        })
+        .unwrap();
+    assert!((notes.logs[4].trajectory.duration() - 1.38).abs() < 1e-6);
+
+    logs[2].base.as_mut().unwrap().angular_velocity.as_mut().unwrap()[3 * 9 + 1] = f64::NAN;
+    let text = bench.read_with(&logs, &bench.policy, sensed).unwrap_err().to_string();
+    assert!(text.contains("log-2.csv:") && text.contains("`wy` has no number"), "{text}");
+    assert!(bench.read(&logs).is_ok(), "other costs do without");
 }
 
 #[test]

@@ -151,10 +151,19 @@ fn course(walker: &Walker, log: &Trajectory) -> Option<Course> {
         targets,
         in_model(walker, &log.position),
         in_model(walker, &log.velocity),
-        (0..samples).map(|sample| std::array::from_fn(|k| row(quaternion, 4 * sample, k))).collect(),
+        (0..samples).map(|sample| unit(std::array::from_fn(|k| row(quaternion, 4 * sample, k)))).collect(),
         (0..samples).map(|sample| std::array::from_fn(|k| row(rates, 3 * sample, k))).collect(),
     )
     .ok()
+}
+
+/// Length of a logged quaternion less 1 that is more than rounding of single precision.
+const OFF_UNIT: f32 = 1e-5;
+
+/// A quaternion that was logged with few digits, of length 1.
+fn unit(quaternion: [f32; 4]) -> [f32; 4] {
+    let length = quaternion.iter().map(|x| x * x).sum::<f32>().sqrt();
+    if (length - 1.0).abs() > OFF_UNIT { quaternion.map(|x| x / length) } else { quaternion }
 }
 
 /// Rows of the policy's joints as rows of the model's; other joints are at 0.

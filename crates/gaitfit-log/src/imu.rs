@@ -1,0 +1,68 @@
+//! What an inertial unit cannot have read: cells of orientation and body rates that would make nonsense of a fit.
+
+/// A quaternion whose length is further from 1 is none; recorders that round to two digits stay below.
+const OFF_UNIT: f64 = 0.02;
+/// Largest roll or pitch, rad.
+const MOST_ANGLE: f64 = 2.0 * std::f64::consts::PI;
+/// Largest body rate, rad/s: gyros of robots end at a third of it.
+const MOST_RATE: f64 = 200.0;
+
+const NOT_FINITE: &str =
+    "no reading of an inertial unit; delete the row, or leave the cell empty where a sample was lost";
+
+/// The first cell, by its place in the row's (w, x, y, z), that is no unit quaternion's, and why.
+pub(crate) fn orientation(quaternion: &[f64]) -> Option<(usize, &'static str)> {
+    if let Some(place) = infinite(quaternion) {
+        return Some((place, NOT_FINITE));
+    }
+    let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // A sample that was lost has NaN in it.
+    ((length - 1.0).abs() > OFF_UNIT).then_some((
+        0,
+        "part of no rotation: the squares of w, x, y and z must sum to 1; record the quaternion as the inertial unit gives \
+         it, w first, or delete the row",
+    ))
+}
+
+/// The first of (roll, pitch, yaw) that cannot be, and why. Yaw may have been unwrapped.
+pub(crate) fn angles(angles: &[f64]) -> Option<(usize, &'static str)> {
+    let beyond = || angles.iter().take(2).position(|angle| angle.abs() > MOST_ANGLE);
+    infinite(angles)
+        .map(|place| (place, NOT_FINITE))
+        .or_else(|| Some((beyond()?, "more than a full turn; give radians, or delete the row")))
+}
+
+/// The first of the body rates that cannot be, and why.
+pub(crate) fn rates(rates: &[f64]) -> Option<(usize, &'static str)> {
+    let beyond = || rates.iter().position(|rate| rate.abs() > MOST_RATE);
+    infinite(rates).map(|place| (place, NOT_FINITE)).or_else(|| {
+        Some((beyond()?, "beyond 200 rad/s, faster than any robot turns; give rad/s, or delete the row"))
+    })
+}
+
+fn infinite(values: &[f64]) -> Option<usize> {
+    values.iter().position(|value| value.is_infinite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn readings_pass_and_what_cannot_be_read_does_not() {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let rounded = [0.71, 0.0, -0.71, 0.0];
+        for good in [[1.0, 0.0, 0.0, 0.0], [half, 0.0, -half, 0.0], rounded, [f64::NAN; 4]] {
+            assert_eq!(orientation(&good), None, "{good:?}");
+        }
+        for bad in [[0.0; 4], [1.0, 1.0, 0.0, 0.0], [0.9, 0.0, 0.0, 0.0]] {
+            assert_eq!(orientation(&bad).map(|(place, _)| place), Some(0), "{bad:?}");
+        }
+        assert_eq!(orientation(&[1.0, 0.0, f64::INFINITY, 0.0]), Some((2, NOT_FINITE)));
+        assert_eq!(angles(&[-3.1, 1.5, 40.0]), None);
+        assert_eq!(angles(&[0.1, -90.0, 0.0]).map(|(place, _)| place), Some(1));
+        assert_eq!(rates(&[-35.0, 0.0, f64::NAN]), None);
+        assert_eq!(rates(&[0.0, 0.0, 1e12]).map(|(place, _)| place), Some(2));
+        assert_eq!(rates(&[f64::NEG_INFINITY, 0.0, 1e12]), Some((0, NOT_FINITE)));
+    }
+}

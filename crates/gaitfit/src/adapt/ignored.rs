@@ -1,0 +1,51 @@
+//! Settings of CMA-ES that a fit by least squares does not look at.
+
+use super::setup::Setup;
+use crate::settings::{AdaptConfig, OptimizerConfig};
+
+/// One sentence that names the settings which were changed in vain; none if a cost of the fit is searched by CMA-ES.
+pub(super) fn ignored(setup: &Setup) -> Option<String> {
+    let least_squares = |cost: &dyn gaitfit_adapt::cost::Cost| {
+        setup.options.method.least_squares(cost, &setup.theta).unwrap_or(false)
+    };
+    if !setup.costs.iter().all(|cost| least_squares(cost.as_ref())) {
+        return None;
+    }
+    let names = changed(&setup.config);
+    (!names.is_empty()).then(|| {
+        format!(
+            "the search is least squares, which does not look at {}; optimizer.method = \"cma-es\" does",
+            names.join(", ")
+        )
+    })
+}
+
+/// Settings of CMA-ES that are not the defaults.
+fn changed(config: &AdaptConfig) -> Vec<&'static str> {
+    let (own, default) = (&config.optimizer, OptimizerConfig::default());
+    let settings = [
+        ("optimizer.population", own.population != default.population),
+        ("optimizer.restarts", own.restarts != default.restarts),
+        ("optimizer.covariance", own.covariance != default.covariance),
+        ("optimizer.bounds", own.bounds != default.bounds),
+        ("optimizer.random_numbers", own.random_numbers != default.random_numbers),
+        ("falls.penalty", config.falls.penalty.is_some()),
+    ];
+    settings.into_iter().filter_map(|(name, changed)| changed.then_some(name)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_of_the_other_search_are_named() {
+        let mut config = AdaptConfig::default();
+        config.optimizer.generations = 7;
+        config.optimizer.seeds = 1;
+        assert!(changed(&config).is_empty(), "least squares takes these");
+        config.optimizer.population = 20;
+        config.falls.penalty = Some(1.0);
+        assert_eq!(changed(&config), ["optimizer.population", "falls.penalty"]);
+    }
+}

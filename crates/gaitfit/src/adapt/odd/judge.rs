@@ -1,0 +1,103 @@
+//! Which joint differs from its siblings, the same joint of the other legs.
+//!
+//! On a healthy robot siblings behave alike: whatever the simulator lacks looks like the same spring on each of them. So a
+//! joint is compared with the median of its siblings, and the difference with how much joints of this robot differ from
+//! their siblings anyway (the median of all such differences, which one odd joint does not move) and with the error of its
+//! own estimate.
+
+/// A joint is odd from so many deviations on.
+const LIMIT: f64 = 6.0;
+/// Differences of normal numbers have a median of their absolute values of a deviation over this.
+const MEDIAN_TO_DEVIATION: f64 = 1.4826;
+
+/// A spring as found on a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stiffness<'a> {
+    /// The joint's group; joints of one are siblings.
+    pub group: &'a str,
+    /// N·m/rad.
+    pub value: f64,
+    /// Standard deviation of the estimate, N·m/rad.
+    pub deviation: f64,
+}
+
+/// How far each joint is from its siblings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Judged {
+    /// Difference of each joint from the median of its siblings, N·m/rad; from 0 where it has none.
+    pub off: Vec<f64>,
+    /// What differences count from, N·m/rad, one a joint.
+    pub limit: Vec<f64>,
+}
+
+impl Judged {
+    /// Of all joints; `least`: no spring below this stiffness is worth a word, N·m/rad.
+    pub fn new(joints: &[Stiffness<'_>], least: f64) -> Self {
+        let off: Vec<f64> = (0..joints.len()).map(|at| joints[at].value - usual(joints, at)).collect();
+        let scatter = MEDIAN_TO_DEVIATION * median(off.iter().map(|off| off.abs()).collect());
+        let limit = joints.iter().map(|joint| least.max(LIMIT * joint.deviation.hypot(scatter)));
+        Self { limit: limit.collect(), off }
+    }
+
+    /// Places of the joints that are odd, the oddest first.
+    pub fn odd(&self) -> Vec<usize> {
+        let part = |at: usize| self.off[at].abs() / self.limit[at];
+        let mut odd: Vec<usize> = (0..self.off.len()).filter(|&at| part(at) > 1.0).collect();
+        odd.sort_by(|&a, &b| part(b).total_cmp(&part(a)));
+        odd
+    }
+}
+
+/// Stiffness of the joint's siblings.
+fn usual(joints: &[Stiffness<'_>], at: usize) -> f64 {
+    let sibling = |(other, joint): &(usize, &Stiffness<'_>)| *other != at && joint.group == joints[at].group;
+    median(joints.iter().enumerate().filter(sibling).map(|(_, joint)| joint.value).collect())
+}
+
+/// Median; 0 of nothing.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let middle = values.len() / 2;
+    match values.len() {
+        0 => 0.0,
+        odd if odd % 2 == 1 => values[middle],
+        _ => 0.5 * (values[middle - 1] + values[middle]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Twelve joints of four legs: hips, thighs and calves with errors of the simulator that siblings share.
+    fn legs(change: impl Fn(usize) -> f64) -> Vec<Stiffness<'static>> {
+        let joint = |at: usize| Stiffness {
+            group: ["hip", "thigh", "calf"][at % 3],
+            value: [0.4, -1.5, 2.0][at % 3] + 0.1 * ((7 * at % 5) as f64 - 2.0) + change(at),
+            deviation: 0.1,
+        };
+        (0..12).map(joint).collect()
+    }
+
+    #[test]
+    fn what_all_siblings_have_is_not_odd_and_what_one_has_is() {
+        assert!(Judged::new(&legs(|_| 0.0), 0.5).odd().is_empty());
+        assert_eq!(Judged::new(&legs(|at| if at == 11 { 75.0 } else { 0.0 }), 0.5).odd(), [11]);
+        assert_eq!(Judged::new(&legs(|at| if at == 1 { 5.0 } else { 0.0 }), 0.5).odd(), [1]);
+        let two = legs(|at| [0.0, 40.0, 0.0, 0.0, 0.0, -9.0].get(at).copied().unwrap_or(0.0));
+        assert_eq!(Judged::new(&two, 0.5).odd(), [1, 5]);
+        let vague: Vec<_> = legs(|at| if at == 11 { 75.0 } else { 0.0 })
+            .into_iter()
+            .map(|joint| Stiffness { deviation: 20.0, ..joint })
+            .collect();
+        assert!(Judged::new(&vague, 0.5).odd().is_empty(), "the logs do not show it");
+    }
+
+    #[test]
+    fn a_joint_without_siblings_is_compared_with_none() {
+        let alone = |value: f64| [Stiffness { group: "knee", value, deviation: 0.2 }];
+        let judged = Judged::new(&alone(30.0), 0.5);
+        assert_eq!(judged.off, [30.0]);
+        assert_eq!(median(vec![3.0, 1.0, 2.0, 10.0]), 2.5);
+    }
+}
