@@ -250,7 +250,7 @@ fn read_rows(path: &Path, lines: &mut Lines, layout: &Layout) -> Result<(Samples
             for &column in channel.columns {
                 values.push(number(column, channel.optional)?);
             }
-            let Some(refuse) = channel.refuse else { continue };
+            let Some(refuse) = channel.refuse.filter(|_| !channel.columns.is_empty()) else { continue };
             let place = |place: usize| {
                 let column = channel.columns[place];
                 (column, layout.names[column].clone())

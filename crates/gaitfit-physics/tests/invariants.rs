@@ -102,6 +102,33 @@ fn energy_is_conserved_in_flight_and_swing() {
     }
 }
 
+/// A spring of the model and the same one as a robot's parameters, torque = spring_torque − stiffness · angle.
+#[test]
+fn a_spring_of_the_parameters_is_one_of_the_model() {
+    let plain = frictionless(robot("go2"), false);
+    let (stiffness, rest) = ([75.0, 12.0], [-1.9, 0.6]);
+    let mut sprung = plain.clone();
+    let mut robot = Robot::nominal(&plain);
+    for (j, (stiffness, rest)) in stiffness.into_iter().zip(rest).enumerate() {
+        (sprung.joints[j].stiffness, sprung.joints[j].springref) = (stiffness, rest);
+        (robot.stiffness[j], robot.spring_torque[j]) = (stiffness, stiffness * rest);
+    }
+    let mut random = Random(4);
+    let (q, v) = (qpos(&plain, &mut random, 1.0, true, 0.0), random.signed(plain.nv(), 2.0));
+    let move_on = |mut sim: Sim| {
+        (0..50).for_each(|_| sim.step());
+        let (_, qpos, qvel) = sim.read();
+        [qpos, qvel].concat()
+    };
+    let modelled = move_on(Sim::new(&sprung, 1e-3, &q, &v));
+    let mut sim = Sim::new(&plain, 1e-3, &q, &v);
+    let without = move_on(Sim::new(&plain, 1e-3, &q, &v));
+    sim.params = robot.params(&plain).unwrap();
+    let found = move_on(sim);
+    assert!(relative(&found, &modelled) < 1e-9, "{found:?} {modelled:?}");
+    assert!(relative(&found, &without) > 1e-2, "it acts");
+}
+
 /// Torques between the links move no robot as a whole; gravity is off.
 #[test]
 fn momentum_is_conserved_under_internal_torques() {

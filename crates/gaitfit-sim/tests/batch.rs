@@ -52,6 +52,8 @@ fn robots(model: &Model, count: usize) -> Vec<Robot> {
                 encoder_bias: each(120, 0.0, 0.02),
                 torque_scale: each(140, 1.0, 0.1),
                 torque_offset: each(160, 0.0, 0.5),
+                stiffness: each(220, 5.0, 5.0),
+                spring_torque: each(240, 0.0, 1.0),
                 torque_limit: each(180, 8.0, 2.0),
                 base_mass: vary(200, 1.0, 1.0),
                 base_com: std::array::from_fn(|k| vary(201 + k, 0.0, 0.02)),

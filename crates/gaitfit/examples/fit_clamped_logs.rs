@@ -14,7 +14,7 @@ pub fn fit(root: &Path, runs: &Path, changes: &[&str]) -> Result<f64, Box<dyn st
     let file = root.join("examples/go2-demo/adapt.toml");
     let changes: Vec<String> = changes.iter().map(|&change| change.to_owned()).collect();
     let config: AdaptConfig = settings::load(Some(&file), &changes)?;
-    let setup = Setup::open(&config, &file, None)?;
+    let mut setup = Setup::open(&config, &file, None)?;
 
     // One callback hears of progress, and may stop the fit.
     let callback = |event: Event<'_>| {
@@ -24,7 +24,7 @@ pub fn fit(root: &Path, runs: &Path, changes: &[&str]) -> Result<f64, Box<dyn st
         ControlFlow::Continue(())
     };
     let folder = RunFolder::fresh(runs, "example")?;
-    let results = adapt::fit(&setup, &folder, &Watch::new(&callback))?;
+    let results = adapt::fit(&mut setup, &folder, &Watch::new(&callback))?;
 
     for parameter in &results.parameters {
         let found = &parameter.found;

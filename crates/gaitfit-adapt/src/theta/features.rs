@@ -49,6 +49,12 @@ pub(super) fn weights(last: &[f64; OUTPUT_WEIGHTS], position: f64, velocity: f64
     weights
 }
 
+/// Stiffness (N·m/rad) and torque at the rest angle (N·m) that a last layer stands for near the rest angle.
+pub(super) fn spring(last: &[f64], output: f64) -> (f64, f64) {
+    let [.., stiffness, offset] = last else { return (0.0, 0.0) };
+    (stiffness * STIFFNESS * output, offset * SMALL * output)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

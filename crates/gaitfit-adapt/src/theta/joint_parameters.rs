@@ -3,7 +3,7 @@
 use super::rules::every_joint;
 use super::sharing::Share;
 use super::{
-    Defaults, Entry, JointParameter, Modification, ReadContext, SavedParameter, Sharing, ThetaError,
+    Defaults, Entry, JointParameter, LinearSpring, Modification, ReadContext, SavedParameter, Sharing, ThetaError,
     ThetaFileError,
 };
 use gaitfit_sim::Candidate;
@@ -127,6 +127,20 @@ struct JointParameters {
 impl Modification for JointParameters {
     fn entries(&self) -> &[Entry] {
         &self.entries
+    }
+
+    fn springs(&self, values: &[f64]) -> Vec<LinearSpring> {
+        let of = |value: f64| match self.parameter {
+            JointParameter::Stiffness => Some((value, 0.0)),
+            JointParameter::SpringTorque => Some((0.0, value)),
+            _ => None,
+        };
+        let entry = |(entry, value): (&Entry, &f64)| {
+            let (stiffness, torque) = of(*value)?;
+            let joints = entry.joints.iter().cloned();
+            Some(joints.map(move |joint| LinearSpring { joint, stiffness, torque }).collect::<Vec<_>>())
+        };
+        self.entries.iter().zip(values).filter_map(entry).flatten().collect()
     }
 
     fn apply(&self, values: &[f64], joints: &[String], candidate: &mut Candidate) {

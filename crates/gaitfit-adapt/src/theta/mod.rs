@@ -20,7 +20,7 @@ use file::ReadContext;
 pub use file::{SavedNetwork, SavedParameter, ThetaFile, ThetaFileError};
 pub use gaitfit_physics::{JointParameter, SearchDefaults as Defaults};
 pub use joint_parameters::ParameterRule;
-pub use modification::{Found, Modification};
+pub use modification::{Found, LinearSpring, Modification};
 pub use networks::{NetworkName, NetworkRule, NetworkStart};
 pub use robot_numbers::{RobotNumber, RobotRule};
 pub use rules::Rules;
@@ -233,6 +233,23 @@ impl Theta {
         self.parts()
             .filter_map(|(modification, part)| Some(modification.regularisation(values.get(part)?)))
             .sum()
+    }
+
+    /// The springs that `values`, one an entry, put on joints: one a joint, in the order of the entries.
+    pub fn springs(&self, values: &[f64]) -> Vec<LinearSpring> {
+        let mut springs: Vec<LinearSpring> = Vec::new();
+        for (modification, part) in self.parts() {
+            for one in values.get(part).map(|values| modification.springs(values)).unwrap_or_default() {
+                match springs.iter_mut().find(|spring| spring.joint == one.joint) {
+                    Some(spring) => {
+                        spring.stiffness += one.stiffness;
+                        spring.torque += one.torque;
+                    }
+                    None => springs.push(one),
+                }
+            }
+        }
+        springs
     }
 
     /// Applies `values`, one an entry, to `candidate`, whose joints are `joints` in this order. What θ does not name

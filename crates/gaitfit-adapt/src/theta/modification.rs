@@ -13,6 +13,24 @@ pub struct Found {
     pub spread: Option<f64>,
 }
 
+/// A torque −stiffness · angle + torque on a joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearSpring {
+    /// Joint name.
+    pub joint: String,
+    /// N·m/rad.
+    pub stiffness: f64,
+    /// Torque at angle 0, N·m.
+    pub torque: f64,
+}
+
+impl LinearSpring {
+    /// Angle without torque, rad.
+    pub fn rest(&self) -> f64 {
+        self.torque / self.stiffness
+    }
+}
+
 /// A change of the simulated robot by some numbers: one file of this folder each. [`super::Theta`] combines them.
 pub trait Modification: Debug + Send + Sync {
     /// Its numbers.
@@ -30,6 +48,11 @@ pub trait Modification: Debug + Send + Sync {
     /// What is added to every cost for the size of the values.
     fn regularisation(&self, _values: &[f64]) -> f64 {
         0.0
+    }
+
+    /// What of `values`, one an entry, is a linear spring on a joint; nothing by default.
+    fn springs(&self, _values: &[f64]) -> Vec<LinearSpring> {
+        Vec::new()
     }
 
     /// Writes what was found, one an entry, into a file that [`ThetaFile::candidate`] reads.

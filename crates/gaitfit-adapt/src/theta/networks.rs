@@ -3,7 +3,7 @@
 use super::features;
 use super::rules::every_joint;
 use super::{
-    Entry, Found, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile, ThetaFileError,
+    Entry, Found, LinearSpring, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile, ThetaFileError,
 };
 use gaitfit_model::patterns::plain;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales};
@@ -268,6 +268,23 @@ impl Modification for Networks {
             }
         }
         candidate.networks.push(networks);
+    }
+
+    fn springs(&self, values: &[f64]) -> Vec<LinearSpring> {
+        if self.rule.kind != NetworkName::ResidAct || self.rule.start != NetworkStart::Features {
+            return Vec::new();
+        }
+        let each = self.networks.iter().zip(values.chunks_exact(self.searched()));
+        let network = |(shared, last): (&Vec<(String, f64)>, &[f64])| {
+            let (stiffness, offset) = features::spring(last, self.rule.output_scale);
+            let of = |(joint, rest): &(String, f64)| LinearSpring {
+                joint: joint.clone(),
+                stiffness,
+                torque: offset + stiffness * rest,
+            };
+            shared.iter().map(of).collect::<Vec<_>>()
+        };
+        each.flat_map(network).collect()
     }
 
     fn start(&self, seed: u64) -> Vec<f64> {

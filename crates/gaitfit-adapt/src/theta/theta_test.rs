@@ -244,6 +244,32 @@ fn a_network_that_a_group_shares_acts_on_each_of_its_joints() {
 }
 
 #[test]
+fn springs_are_sums_of_what_parameters_and_networks_do() {
+    let per_joint =
+        |kind| ParameterRule { per: Sharing::Joint, joints: vec!["*_calf".into()], ..ParameterRule::new(kind) };
+    let network = NetworkRule {
+        joints: vec!["FR_calf".into()],
+        start: NetworkStart::Features,
+        output_scale: 100.0,
+        ..NetworkRule::new(NetworkName::ResidAct)
+    };
+    let rules = Rules {
+        parameter: [JointParameter::Stiffness, JointParameter::SpringTorque].map(per_joint).to_vec(),
+        network: vec![network],
+        robot: Vec::new(),
+    };
+    let theta = rules.theta(&groups(), &joints(), &[0.1, 0.8, -1.5, -0.1, 0.8, -1.4]).unwrap();
+    // Stiffnesses, torques at 0, then friction, damping, inertia, stiffness and offset of the network.
+    let springs = theta.springs(&[40.0, 10.0, -60.0, 1.0, 0.3, 0.3, 0.3, 0.2, 0.5]);
+    assert_eq!(springs[0], LinearSpring { joint: "FL_calf".into(), stiffness: 40.0, torque: -60.0 });
+    assert_eq!(springs[0].rest(), -1.5);
+    // 100 · 0.2 N·m/rad about −1.4 rad, and 0.02 · 100 · 0.5 N·m.
+    assert_eq!((springs[1].joint.as_str(), springs[1].stiffness), ("FR_calf", 30.0));
+    assert!((springs[1].torque - (1.0 - 28.0 + 1.0)).abs() < 1e-12, "{springs:?}");
+    assert_eq!(springs.len(), 2);
+}
+
+#[test]
 fn a_value_on_a_bound_is_seen() {
     let theta = Theta::from_rules(&ParameterRule::fric_arm(), &groups(), &joints()).unwrap();
     assert!(theta.entries()[0].at_bound(0.0) && theta.entries()[0].at_bound(0.4999));

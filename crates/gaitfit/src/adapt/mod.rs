@@ -10,6 +10,7 @@ mod files;
 mod held_out;
 mod ignored;
 mod method;
+mod odd;
 mod report;
 pub mod results;
 mod scan;
@@ -17,28 +18,32 @@ mod score;
 mod search;
 mod setup;
 mod signals;
+mod springs;
 mod validate;
 
 pub use alternatives::Alternatives;
 pub use check::Check;
 pub use held_out::{Distance, Floor, HeldOut, Verdict};
 pub use method::Method;
+pub use odd::{JointSpring, OddJoints};
 pub use report::round;
 pub use results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};
 pub use score::{Score, Validation};
 pub use search::{METRICS, metrics};
 pub use setup::{LogSet, Setup};
+pub use springs::FoundSpring;
 pub use validate::{ValidateRequest, ValidateResults, validate};
 
 use crate::Error;
 use crate::run::RunFolder;
 use crate::watch::Watch;
 
-/// Fits in `folder`, or goes on where it was left, or gives what it found.
+/// Fits in `folder`, or goes on where it was left, or gives what it found. With `odd_joints` it first finds the joints that
+/// differ from their siblings; `setup` then has springs on them.
 ///
 /// # Errors
 /// A fit that cannot go on; a folder of other inputs; [`Error::Interrupted`].
-pub fn fit(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<AdaptResults, Error> {
+pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<AdaptResults, Error> {
     for warning in &setup.warnings {
         watch.note(warning);
     }
@@ -46,13 +51,24 @@ pub fn fit(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Adapt
         watch.note(&note);
     }
     let protocol = files::protocol(folder, setup)?;
-    protocol.run(watch, || {
+    let results = protocol.run(watch, || {
+        let odd = match setup.config.odd_joints {
+            true => Some(odd::find(setup, folder, &protocol.inputs, watch)?),
+            false => None,
+        };
+        if let Some(odd) = &odd {
+            setup.take(odd)?;
+        }
         let (outcomes, seconds) = search::fit(setup, folder, &protocol.inputs, watch)?;
         let metrics = search::metrics(folder)?;
-        let results = results::results(setup, &outcomes, &metrics, folder, seconds, watch)?;
+        let results = results::results(setup, &outcomes, &metrics, odd, folder, seconds, watch)?;
         files::write(folder, setup, &results, &metrics)?;
         Ok(results)
-    })
+    })?;
+    if let Some(odd) = &results.odd_joints {
+        setup.take(odd)?;
+    }
+    Ok(results)
 }
 
 /// What a GPU does not simulate.

@@ -201,7 +201,8 @@ fn comparison(first: &str, other: &CostFit) -> Comparison {
 /// Failed checks, the doubts of further costs, and what else to know.
 fn warnings(results: &AdaptResults) -> Vec<String> {
     let failed = results.checks.iter().filter(|check| !check.passed);
-    let mut found: Vec<String> = failed.map(|check| format!("a check failed: {}", check.text())).collect();
+    let mut found = results.springs_in_words();
+    found.extend(failed.map(|check| format!("a check failed: {}", check.text())));
     for fit in results.fits.iter().skip(1) {
         let doubts = fit.doubts.iter();
         found.extend(

@@ -4,9 +4,11 @@ use super::alternatives::Other;
 use super::check::Check;
 use super::doubts;
 use super::held_out::{HeldOut, held_out};
+use super::odd::OddJoints;
 use super::scan::Scan;
 use super::score::{Robot, Score, Validation, baselines, mean, score, validation};
 use super::setup::Setup;
+use super::springs::FoundSpring;
 use crate::Error;
 use crate::run::RunFolder;
 use crate::settings::CheckConfig;
@@ -46,6 +48,12 @@ pub struct AdaptResults {
     pub nominal_cost: Option<f64>,
     /// θ as found.
     pub parameters: Vec<Parameter>,
+    /// Springs that θ puts on joints.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub springs: Vec<FoundSpring>,
+    /// Which joints differ from their siblings, if that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub odd_joints: Option<OddJoints>,
     /// How well the fitted simulator predicts.
     pub fitted: Score,
     /// How well the robot before the fit does, and predictors that need no simulator.
@@ -201,11 +209,13 @@ impl AdaptResults {
     }
 }
 
-/// Scores the outcomes of a finished fit, whose search took `wall_seconds`; `course`: the generations of its runs.
+/// Scores the outcomes of a finished fit, whose search took `wall_seconds`; `course`: the generations of its runs;
+/// `odd_joints`: what the comparison of joints before it found.
 pub(super) fn results(
     setup: &Setup,
     outcomes: &[CostOutcome],
     course: &[RunGeneration],
+    odd_joints: Option<OddJoints>,
     folder: &RunFolder,
     wall_seconds: f64,
     watch: &Watch<'_>,
@@ -250,6 +260,7 @@ pub(super) fn results(
         cost: first.cost,
         nominal_cost: first.nominal_cost,
         parameters: first.parameters.clone(),
+        springs: FoundSpring::of(&setup.theta, &first.values(), first.uncertainty.as_ref()),
         checks: checks(setup, &first, &fitted),
         baselines: baselines(setup, first.nominal_cost)?,
         fitted,
@@ -263,7 +274,10 @@ pub(super) fn results(
         action_mismatch: notes.map(|notes| notes.policy_match.mismatch),
         uncovered: notes.map(|notes| notes.uncovered()).unwrap_or_default(),
         run_folder: folder.path().display().to_string(),
-        wall_seconds: wall_seconds + begun.elapsed().as_secs_f64(),
+        wall_seconds: wall_seconds
+            + odd_joints.as_ref().map_or(0.0, |odd| odd.wall_seconds)
+            + begun.elapsed().as_secs_f64(),
+        odd_joints,
     })
 }
 

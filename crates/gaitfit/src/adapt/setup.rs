@@ -13,7 +13,7 @@ use crate::walk::walking::{Walking, rest_angles};
 use crate::{Error, machine, paths, robot, theta};
 use gaitfit_adapt::cost::{Cost, CostError, Recorded, Reference};
 use gaitfit_adapt::fit::FitOptions;
-use gaitfit_adapt::{ParameterRule, RobotRule, Simulator, Theta, ThetaFile};
+use gaitfit_adapt::{JointParameter, ParameterRule, RobotRule, Sharing, Simulator, Theta, ThetaFile};
 use gaitfit_model::Model;
 use gaitfit_policy::{self as policy, Policy};
 use gaitfit_sim::Candidate;
@@ -159,7 +159,8 @@ impl Setup {
         let logs = Logs::read(&config, config_path, &method)?;
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
-        warnings.extend(unused(&config, &theta, &logs.validate)?);
+        let named = if config.odd_joints { sprung(&config, &method, &method.joints())? } else { theta.clone() };
+        warnings.extend(unused(&config, &named, &logs.validate)?);
         let fit = LogSet::new(&config, &method, &base, logs.fit)?;
         let other = |config: &AdaptConfig| {
             self::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
@@ -189,7 +190,23 @@ impl Setup {
             device,
         };
         setup.warnings.extend(ignored(&setup));
+        if setup.config.odd_joints {
+            let (cost, search) = (setup.costs[0].as_ref(), setup.options.method);
+            if !search.least_squares(cost, &named).map_err(Error::settings)? {
+                return Err(Error::settings(format!(
+                    "{}: `odd_joints` compares joints by least squares, which {} is not for: take \"matchr1\", or \
+                     \"matcho\" with optimizer.method = \"least-squares\"",
+                    config_path.display(),
+                    cost.name()
+                )));
+            }
+        }
         Ok(setup)
+    }
+
+    /// What is fitted, with a spring on each of `joints` besides.
+    pub(super) fn sprung(&self, joints: &[String]) -> Result<Theta, Error> {
+        sprung(&self.config, &self.method, joints)
     }
 
     /// Whether simulated samples can be compared with the log's one by one: those of a replay always, those of a walk
@@ -197,6 +214,26 @@ impl Setup {
     pub fn aligned(&self) -> bool {
         aligned(&self.config)
     }
+}
+
+/// See [`Setup::sprung`].
+fn sprung(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Theta, Error> {
+    let model = method.model();
+    let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+    let rest = match method.walking() {
+        Some(walking) => rest_angles(&walking.policy, model)?,
+        None => vec![0.0; names.len()],
+    };
+    let mut rules = config.rules();
+    rules.parameter.extend([JointParameter::Stiffness, JointParameter::SpringTorque].map(|kind| ParameterRule {
+        per: Sharing::Joint,
+        joints: joints.to_vec(),
+        ..ParameterRule::new(kind)
+    }));
+    rules.resolve();
+    rules
+        .theta(&config.groups(), &names, &rest)
+        .map_err(|error| Error::settings(format!("`odd_joints` puts a spring on every joint: {error}")))
 }
 
 /// See [`Setup::aligned`].

@@ -184,7 +184,7 @@ impl<'a> Stages<'a> {
         let recorded = self.path(&format!("{round}/logs"));
         let (threads, device) = (Some(self.setup.threads), self.setup.device);
         let setup = adapt::Setup::open_on(config, &self.path(&file), threads, device);
-        let setup = setup.map_err(|error| {
+        let mut setup = setup.map_err(|error| {
             let error = if config.validate.is_empty() {
                 error
             } else {
@@ -209,7 +209,7 @@ impl<'a> Stages<'a> {
             }
         ));
         let folder = RunFolder::only(&self.path(round), "adapt")?;
-        let results = adapt::fit(&setup, &folder, self.watch)?;
+        let results = adapt::fit(&mut setup, &folder, self.watch)?;
         self.times.set(&stage, results.wall_seconds)?;
         Ok((setup, results, folder.path().join("theta.toml")))
     }

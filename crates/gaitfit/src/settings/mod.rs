@@ -56,6 +56,8 @@ pub struct AdaptConfig {
     pub validate: Vec<String>,
     /// Costs to fit, one independent fit each.
     pub costs: Vec<CostKind>,
+    /// Whether to look for joints that differ from the same joint of other legs, and to fit a spring on those.
+    pub odd_joints: bool,
     /// Folder that holds the run folders.
     pub runs: String,
     /// Seconds between checkpoints.
@@ -277,6 +279,7 @@ impl Default for AdaptConfig {
             logs: Vec::new(),
             validate: Vec::new(),
             costs: vec![CostKind::MatchO],
+            odd_joints: false,
             runs: "runs".to_owned(),
             checkpoint_seconds: 5.0,
             joint_names: BTreeMap::new(),

@@ -23,10 +23,10 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
     config.name = Some(name.clone());
     let threads = args.run.threads.map(NonZeroUsize::get);
     watched(Lines::Seconds(5), |watch| {
-        let setup = Setup::open_on(&config, &args.config, threads, args.device)?;
+        let mut setup = Setup::open_on(&config, &args.config, threads, args.device)?;
         let folder = RunFolder::begin(Path::new(&config.runs), &name, args.run.resume)?;
         interrupt::listen()?;
-        let results = adapt::fit(&setup, &folder, watch)?;
+        let results = adapt::fit(&mut setup, &folder, watch)?;
         if args.run.json {
             output::print_json(&results)?;
         } else {

@@ -29,6 +29,9 @@ pub fn text(results: &AdaptResults, said: &[String]) -> String {
     for fit in &results.fits {
         let _ = writeln!(text, "\n{}\n\n{}", headline(fit), parameters(fit));
     }
+    for sentence in results.springs_in_words() {
+        let _ = writeln!(text, "\n{sentence}");
+    }
     let _ = writeln!(text, "\n{}", predictors(results));
     if !results.validation.is_empty() {
         let _ = writeln!(text, "\n{}", validation(&results.validation, &results.cost_name));

@@ -1,0 +1,122 @@
+//! Springs on joints as a fit found them: stiffness and rest angle, with intervals, in words.
+
+use super::results::AdaptResults;
+use gaitfit_adapt::fit::Uncertainty;
+use gaitfit_adapt::{LinearSpring, Theta};
+use gaitfit_sim::stats;
+use serde::{Deserialize, Serialize};
+
+/// Half the width of a 95 % interval in standard deviations, for the two dozen pieces of logs that draws are made of.
+const HALF: f64 = 2.07;
+
+/// A spring on a joint: torque = stiffness · (rest − angle).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FoundSpring {
+    /// Joint name.
+    pub joint: String,
+    /// N·m/rad.
+    pub stiffness: f64,
+    /// Its 95 % interval, N·m/rad; none where it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stiffness_interval: Option<[f64; 2]>,
+    /// Angle without torque, rad; none where the stiffness may be 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest: Option<f64>,
+    /// Its 95 % interval, rad.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest_interval: Option<[f64; 2]>,
+}
+
+impl FoundSpring {
+    /// Those that `values` of `theta` put on joints.
+    pub(super) fn of(theta: &Theta, values: &[f64], uncertainty: Option<&Uncertainty>) -> Vec<Self> {
+        let draws = uncertainty.map(|found| found.draws.as_slice()).unwrap_or_default();
+        let draws: Vec<Vec<LinearSpring>> = draws.iter().map(|draw| theta.springs(draw)).collect();
+        let springs = theta.springs(values).into_iter().enumerate();
+        springs.map(|(at, spring)| Self::with_draws(&spring, draws.iter().map(|draw| &draw[at]))).collect()
+    }
+
+    fn with_draws<'a>(found: &LinearSpring, draws: impl Iterator<Item = &'a LinearSpring> + Clone) -> Self {
+        let around = |value: f64, draws: Vec<f64>| {
+            let half = HALF * stats::deviation(&draws)?;
+            Some([value - half, value + half])
+        };
+        let stiffness_interval = around(found.stiffness, draws.clone().map(|one| one.stiffness).collect());
+        let sure = match stiffness_interval {
+            Some([low, high]) => low > 0.0 || high < 0.0,
+            None => found.stiffness != 0.0,
+        };
+        let rest = Some(found.rest()).filter(|rest| sure && rest.is_finite());
+        let rest_interval = rest.and_then(|rest| around(rest, draws.map(LinearSpring::rest).collect()));
+        Self {
+            joint: found.joint.clone(),
+            stiffness: found.stiffness,
+            stiffness_interval,
+            rest,
+            rest_interval,
+        }
+    }
+
+    /// Its numbers in words, for example `75.3 N·m/rad, at rest at -1.900 rad (95 %: 74.9 to 75.7 N·m/rad, …)`.
+    pub fn text(&self) -> String {
+        let mut text = format!("{:.2} N·m/rad", self.stiffness);
+        if let Some(rest) = self.rest {
+            text += &format!(", at rest at {rest:.3} rad");
+        }
+        let range = |[low, high]: [f64; 2], digits: usize, unit: &str| {
+            format!("{low:.digits$} to {high:.digits$} {unit}")
+        };
+        let stiffness = self.stiffness_interval.map(|interval| range(interval, 2, "N·m/rad"));
+        let rest = self.rest_interval.map(|interval| range(interval, 3, "rad"));
+        let intervals: Vec<String> = stiffness.into_iter().chain(rest).collect();
+        if !intervals.is_empty() {
+            text += &format!(" (95 %: {})", intervals.join(", "));
+        }
+        text
+    }
+}
+
+impl AdaptResults {
+    /// What the fit says of springs, a sentence each.
+    pub fn springs_in_words(&self) -> Vec<String> {
+        if let Some(odd) = &self.odd_joints {
+            return odd.sentences(&self.springs);
+        }
+        let sure = self.springs.iter().filter(|spring| spring.rest.is_some());
+        sure.map(|spring| format!("{} has a spring of {}", spring.joint, spring.text())).collect()
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    fn spring(stiffness: f64, torque: f64) -> LinearSpring {
+        LinearSpring { joint: "RR_calf_joint".to_owned(), stiffness, torque }
+    }
+
+    #[test]
+    fn the_rest_angle_and_its_interval_follow_from_the_draws() {
+        // Two draws each side: a standard deviation of 0.5 · √(8 / 3) N·m/rad about 75, all at rest at −1.9 rad.
+        let draws: Vec<LinearSpring> =
+            [74.5, 75.5, 74.0, 76.0].into_iter().map(|k: f64| spring(k, -1.9 * k)).collect();
+        let found = FoundSpring::with_draws(&spring(75.0, -142.5), draws.iter());
+        let [low, high] = found.stiffness_interval.unwrap();
+        let half = HALF * (2.5f64 / 3.0).sqrt();
+        assert!((low - (75.0 - half)).abs() < 1e-9 && (high - (75.0 + half)).abs() < 1e-9, "{low} {high}");
+        assert!((found.rest.unwrap() + 1.9).abs() < 1e-12);
+        let text = found.text();
+        assert!(text.starts_with("75.00 N·m/rad, at rest at -1.900 rad (95 %: 73.11 to 76.89 N·m/rad, -1.9"), "{text}");
+    }
+
+    #[test]
+    fn a_spring_that_may_be_none_has_no_rest_angle() {
+        let draws = [spring(-0.3, 0.1), spring(0.4, 0.2), spring(0.1, 0.0)];
+        let found = FoundSpring::with_draws(&spring(0.1, 0.1), draws.iter());
+        assert_eq!((found.rest, found.rest_interval), (None, None));
+        assert!(found.text().starts_with("0.10 N·m/rad (95 %: "), "{}", found.text());
+        let unmeasured = FoundSpring::with_draws(&spring(10.0, 5.0), [].iter());
+        assert_eq!(unmeasured.text(), "10.00 N·m/rad, at rest at 0.500 rad");
+    }
+}
