@@ -1,8 +1,8 @@
 //! The CSV reader. Bounded memory, no panic on any input; every refusal names file, line, column and remedy.
 
 use crate::assemble::assemble;
-use crate::imu;
 use crate::columns::{Layout, layout};
+use crate::imu;
 use crate::lines::Lines;
 use crate::metadata::{Metadata, Statements, read_sidecars};
 use crate::{ConvertedTime, LogError, PerJoint, Trajectory};

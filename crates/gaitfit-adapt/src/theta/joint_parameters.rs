@@ -3,8 +3,8 @@
 use super::rules::every_joint;
 use super::sharing::Share;
 use super::{
-    Defaults, Entry, JointParameter, LinearSpring, Modification, ReadContext, SavedParameter, Sharing, ThetaError,
-    ThetaFileError,
+    Defaults, Entry, JointParameter, LinearSpring, Modification, ReadContext, SavedParameter, Sharing,
+    ThetaError, ThetaFileError,
 };
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,8 @@
 use super::features;
 use super::rules::every_joint;
 use super::{
-    Entry, Found, LinearSpring, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile, ThetaFileError,
+    Entry, Found, LinearSpring, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile,
+    ThetaFileError,
 };
 use gaitfit_model::patterns::plain;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales};

@@ -245,8 +245,11 @@ fn a_network_that_a_group_shares_acts_on_each_of_its_joints() {
 
 #[test]
 fn springs_are_sums_of_what_parameters_and_networks_do() {
-    let per_joint =
-        |kind| ParameterRule { per: Sharing::Joint, joints: vec!["*_calf".into()], ..ParameterRule::new(kind) };
+    let per_joint = |kind| ParameterRule {
+        per: Sharing::Joint,
+        joints: vec!["*_calf".into()],
+        ..ParameterRule::new(kind)
+    };
     let network = NetworkRule {
         joints: vec!["FR_calf".into()],
         start: NetworkStart::Features,

@@ -159,7 +159,8 @@ impl Setup {
         let logs = Logs::read(&config, config_path, &method)?;
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
-        let named = if config.odd_joints { sprung(&config, &method, &method.joints())? } else { theta.clone() };
+        let named =
+            if config.odd_joints { sprung(&config, &method, &method.joints())? } else { theta.clone() };
         warnings.extend(unused(&config, &named, &logs.validate)?);
         let fit = LogSet::new(&config, &method, &base, logs.fit)?;
         let other = |config: &AdaptConfig| {
@@ -225,10 +226,8 @@ fn sprung(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Th
         None => vec![0.0; names.len()],
     };
     let mut rules = config.rules();
-    rules.parameter.extend([JointParameter::Stiffness, JointParameter::SpringTorque].map(|kind| ParameterRule {
-        per: Sharing::Joint,
-        joints: joints.to_vec(),
-        ..ParameterRule::new(kind)
+    rules.parameter.extend([JointParameter::Stiffness, JointParameter::SpringTorque].map(|kind| {
+        ParameterRule { per: Sharing::Joint, joints: joints.to_vec(), ..ParameterRule::new(kind) }
     }));
     rules.resolve();
     rules

@@ -107,7 +107,10 @@ mod tests {
         assert!((low - (75.0 - half)).abs() < 1e-9 && (high - (75.0 + half)).abs() < 1e-9, "{low} {high}");
         assert!((found.rest.unwrap() + 1.9).abs() < 1e-12);
         let text = found.text();
-        assert!(text.starts_with("75.00 N·m/rad, at rest at -1.900 rad (95 %: 73.11 to 76.89 N·m/rad, -1.9"), "{text}");
+        assert!(
+            text.starts_with("75.00 N·m/rad, at rest at -1.900 rad (95 %: 73.11 to 76.89 N·m/rad, -1.9"),
+            "{text}"
+        );
     }
 
     #[test]

@@ -81,7 +81,8 @@ pub(super) fn find(
     let theta = setup.sprung(&setup.method.joints())?;
     let outcome = fit(setup, &theta, watch).map_err(|error| match error {
         FitError::Cancelled => {
-            let message = "interrupted while comparing joints; --resume begins the comparison again".to_owned();
+            let message =
+                "interrupted while comparing joints; --resume begins the comparison again".to_owned();
             Error::interrupted(message, folder.path())
         }
         error => Error::failed(error),
@@ -114,7 +115,8 @@ fn fit(setup: &Setup, theta: &Theta, watch: &Watch<'_>) -> Result<CostOutcome, F
     }
     drop(counting);
     let outcome = fit.outcomes().into_iter().next();
-    let mut outcome = outcome.ok_or_else(|| FitError::Scan("no step of the comparison of joints ended".into()))?;
+    let mut outcome =
+        outcome.ok_or_else(|| FitError::Scan("no step of the comparison of joints ended".into()))?;
     let others: Vec<Alternative<'_>> = setup.alternatives.iter().map(|other| other.alternative()).collect();
     outcome.trust(simulator, &others, theta, costs[0].as_ref(), &stop)?;
     Ok(outcome)
