@@ -21,10 +21,11 @@ impl FromStr for Device {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || "it must be cpu, cuda or cuda:N, for example cuda:0".to_owned();
+        let wrong = || "it must be cpu, cuda or cuda:N, for example cuda:0, or auto".to_owned();
         match text.split_once(':') {
             None if text == "cpu" => Ok(Self::Cpu),
             None if text == "cuda" => Ok(Self::Cuda(0)),
+            None if text == "auto" => Ok(Self::found()),
             Some(("cuda", number)) => number.parse().map(Self::Cuda).map_err(|_| wrong()),
             _ => Err(wrong()),
         }
@@ -41,6 +42,13 @@ impl fmt::Display for Device {
 }
 
 impl Device {
+    /// The first GPU if driver, GPU and compiler are there, else the processor: what `auto` means.
+    pub fn found() -> Self {
+        let found = gaitfit_cuda::runtime::find();
+        let usable = found.problems.is_empty() && found.nvrtc.is_some();
+        found.gpus.first().filter(|_| usable).map_or(Self::Cpu, |gpu| Self::Cuda(gpu.ordinal))
+    }
+
     /// The GPU, opened; none of the processor.
     ///
     /// # Errors
@@ -79,6 +87,7 @@ mod tests {
         assert_eq!("cuda".parse(), Ok(Device::Cuda(0)));
         assert_eq!("cuda:3".parse(), Ok(Device::Cuda(3)));
         assert_eq!([Device::Cpu, Device::Cuda(2)].map(|device| device.to_string()), ["cpu", "cuda:2"]);
+        assert_eq!("auto".parse(), Ok(Device::found()));
         for wrong in ["gpu", "cuda:", "cuda:-1", "cuda:0,1", "cpu:0"] {
             assert!(wrong.parse::<Device>().is_err(), "{wrong}");
         }

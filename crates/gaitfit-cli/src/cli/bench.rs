@@ -24,7 +24,7 @@ pub struct BenchPhysics {
     /// Threads
     #[arg(long, value_name = "N", default_value = "1")]
     pub threads: std::num::NonZeroUsize,
-    /// What computes: cpu, cuda (the first GPU) or cuda:N
+    /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: Device,
     /// Robots at once (1024 on the processor, 4096 on a GPU)
@@ -68,7 +68,7 @@ pub struct BenchTrain {
     /// Threads [default: one for each core]
     #[arg(long, value_name = "N")]
     pub threads: Option<std::num::NonZeroUsize>,
-    /// What computes: cpu, cuda (the first GPU) or cuda:N
+    /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: Device,
     /// GPU: compute matrix products about as exactly as f32

@@ -36,7 +36,8 @@ impl RunArgs {
 pub struct Adapt {
     /// Configuration (TOML); `gaitfit config` prints one with every default
     pub config: PathBuf,
-    /// What simulates: cpu, cuda (the first GPU) or cuda:N; a run may go on on another device
+    /// What simulates: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used); a run may go on on
+    /// another device
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: super::Device,
     /// How it runs.
@@ -77,7 +78,8 @@ pub struct Train {
     /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
-    /// What computes: cpu, cuda (the first GPU) or cuda:N; a run may go on on another device
+    /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used); a run may go on on
+    /// another device
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: super::Device,
     /// How it runs.
@@ -114,7 +116,8 @@ pub struct Finetune {
     /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
-    /// What computes: cpu, cuda (the first GPU) or cuda:N; a run may go on on another device
+    /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used); a run may go on on
+    /// another device
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: super::Device,
     /// How it runs.
@@ -127,7 +130,8 @@ pub struct Finetune {
 pub struct Loop {
     /// Configuration (TOML); `gaitfit config loop` prints one with every default
     pub config: PathBuf,
-    /// What fits and trains: cpu, cuda (the first GPU) or cuda:N; robots with networks on their joints train on the CPU
+    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used); robots with
+    /// networks on their joints train on the CPU
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: super::Device,
     /// How it runs.
@@ -158,7 +162,7 @@ pub struct Reproduce {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// What fits and trains: cpu, cuda (the first GPU) or cuda:N
+    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: super::Device,
     /// Threads [default: one for each core]
