@@ -128,7 +128,7 @@ fn compare(
     (task, policy): &(Task, Policy),
     jobs: &[Job],
     lengths: &[usize],
-    density: usize,
+    [rows, group]: [usize; 2],
 ) -> usize {
     let scripts = scripts(task, policy, lengths);
     let walker = &task.walker;
@@ -138,14 +138,14 @@ fn compare(
     let scene = Scene::new(subject, &period);
     let tables = Tables::walk(walker, policy, &scripts);
     let environments = jobs.len() * scripts.len();
-    let tiles = environments.div_ceil(density);
+    let tiles = environments.div_ceil(period.layout().environments());
     let sizes = Sizes {
         candidates: jobs.len(),
         recordings: scripts.len(),
         samples: tables.samples,
         tiles,
-        rows: 8,
-        density,
+        rows,
+        group,
     };
     let plan = Plan::new(&scene, &tables, sizes);
     let numbers = Numbers::new(subject, jobs, jobs.len(), 1).unwrap();
@@ -170,7 +170,7 @@ fn compare(
         }
         let after = |class: Class, of: fn(&RobotState) -> Vec<f32>| {
             let all: Vec<Vec<f32>> = motion.iter().flat_map(|job| job[sample].iter().map(of)).collect();
-            f(tiled(&period, class, tiles, density, &all))
+            f(tiled(&period, class, tiles, &all))
         };
         files.insert(format!("robot_state.moved{sample}"), after(Class::State, |one| one.state.clone()));
         let report = after(Class::Report, |one| [one.torque.clone(), one.normal_force.clone()].concat());
@@ -197,11 +197,7 @@ fn compare(
         falls += usize::from(end < length);
         let mut want = Vec::new();
         walker.robot(&job.candidate).params(walker.model()).unwrap().visit(|_, &x| want.push(x as f32));
-        assert_eq!(
-            of(&period, Class::Params, density, &params, e),
-            want,
-            "{label}: parameters of environment {e}"
-        );
+        assert_eq!(of(&period, Class::Params, &params, e), want, "{label}: parameters of environment {e}");
         let size = tables.samples * subject.dimensions();
         let rows = signals[e * size..][..length * subject.dimensions()].chunks_exact(subject.dimensions());
         for (sample, row) in rows.enumerate() {
@@ -231,12 +227,8 @@ fn compare(
                 ];
                 let mut want = parts.concat();
                 want.resize(want.len() + width + 6, 0.0);
-                assert_eq!(
-                    of(&period, Class::State, density, &kept("robot_state"), e),
-                    want,
-                    "{label}: start of {e}"
-                );
-                let memory = of(&period, Class::Memory, density, &kept("robot_memory"), e);
+                assert_eq!(of(&period, Class::State, &kept("robot_state"), e), want, "{label}: start of {e}");
+                let memory = of(&period, Class::Memory, &kept("robot_memory"), e);
                 for (place, &found) in memory.iter().enumerate() {
                     let owners = period_memory(&period);
                     let joint = owners[place];
@@ -247,7 +239,7 @@ fn compare(
                 }
             }
             if sample + 1 < tables.samples {
-                let found = of(&period, Class::Targets, density, &kept("robot_targets"), e);
+                let found = of(&period, Class::Targets, &kept("robot_targets"), e);
                 let want = &motion[e / scripts.len()][sample][e % scripts.len()].targets;
                 // An ActionDelta changes targets in the physics.
                 if job.candidate.networks.is_empty() {
@@ -264,7 +256,7 @@ fn compare(
                 let want = noise.torques(walker, &job.candidate, job.seed, 0, sample as u32, count);
                 for (substep, all) in found.chunks_exact(tile).enumerate() {
                     let row = (substep * count + e % count) * width;
-                    let found = of(&period, Class::Disturbance, density, all, e);
+                    let found = of(&period, Class::Disturbance, all, e);
                     assert_eq!(found, want[row..row + width], "{label}: noise of {e} at {sample}");
                 }
             }
@@ -305,7 +297,7 @@ fn cxx_walks_are_the_cpus() {
         job(friction(0.3), Some(20), 1),
         job(friction(0.3), Some(usize::MAX), 1),
     ];
-    let falls = compare("free", &walking, &jobs, &[60, 43, 60], 8);
+    let falls = compare("free", &walking, &jobs, &[60, 43, 60], [8, 4]);
     assert!(falls > 0);
 }
 
@@ -328,7 +320,7 @@ fn cxx_walks_of_fitted_robots_are_the_cpus() {
         }
         Job { candidate, reset_every, seed }
     };
-    compare("fitted", &walking, &[job(0.1, 7, None), job(0.2, (5 << 32) + 1, Some(10))], &[40, 31], 4);
+    compare("fitted", &walking, &[job(0.1, 7, None), job(0.2, (5 << 32) + 1, Some(10))], &[40, 31], [4, 4]);
 }
 
 fn networks(kind: NetworkKind, amount: f64) -> JointNetworks {
@@ -348,7 +340,7 @@ fn cxx_walks_with_networks_are_the_cpus() {
             vec![networks(NetworkKind::ActionDelta, amount), networks(NetworkKind::ResidAct, 3.0 * amount)];
         Job { candidate, reset_every, seed: 1 }
     };
-    compare("networks", &walking, &[job(0.1, None), job(0.3, Some(5))], &[25, 30], 1);
+    compare("networks", &walking, &[job(0.1, None), job(0.3, Some(5))], &[25, 30], [16, 16]);
 }
 
 #[test]
@@ -364,7 +356,7 @@ fn nvrtc_compiles_fits() {
     for (label, candidate) in [("plain", Candidate::nominal(&go2())), ("networks", with)] {
         let period = subject.period(&candidate.networks, &Structure::of(&candidate)).unwrap();
         for rows in [8, 16] {
-            let sizes = Sizes { candidates: 24, recordings: 1, samples: 10, tiles: 3, rows, density: 8 };
+            let sizes = Sizes { candidates: 24, recordings: 1, samples: 10, tiles: 3, rows, group: 4 };
             let plan = Plan::new(&Scene::new(subject, &period), &tables, sizes);
             if let Some(folder) = std::env::var_os("GAITFIT_KEEP_TEXT") {
                 let name = format!("fit_{label}_{rows}.cu");

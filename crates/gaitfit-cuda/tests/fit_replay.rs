@@ -46,8 +46,8 @@ fn cxx_replays_are_the_cpus() {
     let period = subject.period(&[], &Structure::of(&jobs[0].candidate)).unwrap();
     let scene = Scene::new(subject, &period);
     let tables = Tables::replay(&replay).unwrap();
-    let tiles = 3;
-    let sizes = Sizes { candidates: 3, recordings: 2, samples: tables.samples, tiles, rows: 4, density: 2 };
+    let tiles = 6usize.div_ceil(period.layout().environments());
+    let sizes = Sizes { candidates: 3, recordings: 2, samples: tables.samples, tiles, rows: 4, group: 4 };
     let plan = Plan::new(&scene, &tables, sizes);
     let numbers = Numbers::new(subject, &jobs, 3, 1).unwrap();
     let robots: Vec<_> = jobs.iter().map(|job| job.candidate.robot.clone()).collect();
@@ -81,7 +81,7 @@ fn cxx_replays_are_the_cpus() {
             rest.clone()
         };
         let all: Vec<Vec<f32>> = (0..6).map(state).collect();
-        let moved = tiled(&period, Class::State, tiles, 2, &all);
+        let moved = tiled(&period, Class::State, tiles, &all);
         files.insert(format!("robot_state.moved{sample}"), bytes(&moved, f32::to_ne_bytes));
         statements.push_str(&take(&plan.arrays, "robot_state", &format!("moved{sample}")));
     }
@@ -102,7 +102,7 @@ fn cxx_replays_are_the_cpus() {
             assert!(apart(&row[..joints], &want.position[at.clone()]) < 3e-7, "positions of {e} at {sample}");
             assert!(apart(&row[joints..], &want.velocity[at]) < 3e-6, "velocities of {e} at {sample}");
             let targets =
-                of(&period, Class::Targets, 2, &floats(&read(&format!("robot_targets.at{sample}"))), e);
+                of(&period, Class::Targets, &floats(&read(&format!("robot_targets.at{sample}"))), e);
             for (tap, targets) in targets.chunks_exact(joints).enumerate() {
                 let from = sample.saturating_sub(tap) * joints;
                 let sent: Vec<f32> =
@@ -110,7 +110,7 @@ fn cxx_replays_are_the_cpus() {
                 assert_eq!(targets, sent, "targets of {e} at {sample}");
             }
         }
-        let numbers = of(&period, Class::Params, 2, &params, e);
+        let numbers = of(&period, Class::Params, &params, e);
         let wanted = |factor: f64, gain: f64| (factor * gain) as f32;
         assert!(numbers.contains(&wanted(candidate.kp_scale[0], recording.kp[0])), "gains of {e}");
         assert!(numbers.contains(&wanted(candidate.kd_scale[0], recording.kd[0])), "gains of {e}");

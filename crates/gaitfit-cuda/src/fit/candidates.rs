@@ -59,7 +59,6 @@ pub struct Candidates {
     tables: Tables,
     measured: Option<Measured>,
     threads: usize,
-    density: Option<usize>,
     sessions: Vec<Session>,
 }
 
@@ -70,22 +69,7 @@ impl Candidates {
     /// A failure of the GPU.
     pub fn new(device: &Device, tables: Tables, threads: usize) -> Result<Self, FitError> {
         let stream = Stream::new(device)?;
-        Ok(Self {
-            device: device.clone(),
-            stream,
-            tables,
-            measured: None,
-            threads,
-            density: None,
-            sessions: Vec::new(),
-        })
-    }
-
-    /// With this many robots of a warp that are not copies of others, a power of two up to 8: for measurements. Results
-    /// do not depend on it.
-    #[must_use]
-    pub fn with_density(self, density: usize) -> Self {
-        Self { density: Some(density), ..self }
+        Ok(Self { device: device.clone(), stream, tables, measured: None, threads, sessions: Vec::new() })
     }
 
     /// The recordings.
@@ -235,16 +219,7 @@ impl Candidates {
             None => Physics::new(subject, &example.candidate.networks, structure.clone())?,
         };
         let (tables, measured) = (&self.tables, self.measured.as_ref());
-        let session = Session::new(
-            &self.device,
-            &self.stream,
-            subject,
-            physics,
-            tables,
-            measured,
-            wanted,
-            self.density,
-        )?;
+        let session = Session::new(&self.device, &self.stream, subject, physics, tables, measured, wanted)?;
         self.sessions.push(session);
         Ok(self.sessions.len() - 1)
     }

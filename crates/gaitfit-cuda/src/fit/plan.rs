@@ -10,8 +10,8 @@ use crate::runtime::{Program, Shape};
 
 /// Threads of a block, where each has an environment.
 const THREADS: u32 = 64;
-/// Threads for four robots of a block of the policy's kernel.
-const THREADS_OF_FOUR: u32 = 128;
+/// Threads for a group of robots of a block of the policy's kernel.
+const THREADS_OF_GROUP: u32 = 128;
 
 /// Sizes of a simulation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,8 +26,8 @@ pub struct Sizes {
     pub tiles: usize,
     /// Robots of a block of the policy's kernel, a multiple of 4.
     pub rows: usize,
-    /// Robots of a tile that are not copies of others, a divisor of the tile's environments.
-    pub density: usize,
+    /// Robots of a thread of it, a multiple of 4 that divides `rows`.
+    pub group: usize,
 }
 
 impl Sizes {
@@ -48,10 +48,8 @@ pub struct Plan {
     pub physics: Vec<Option<Class>>,
     /// Sizes.
     pub sizes: Sizes,
-    /// Environments of the physics, all copies among them.
+    /// Environments, with the copies that fill up the physics' blocks.
     places: usize,
-    /// Environments with those that fill up the physics' blocks, without copies in a tile.
-    slots: usize,
     joints: usize,
     params: usize,
     /// Physics steps of a control period, if torques disturb it.
@@ -65,7 +63,6 @@ impl Plan {
     pub fn new(scene: &Scene<'_>, tables: &Tables, sizes: Sizes) -> Self {
         let environments = sizes.environments();
         let places = sizes.tiles * scene.period.layout().environments();
-        let slots = sizes.tiles * sizes.density;
         let joints = scene.joints();
         let mut arrays = Vec::new();
         let mut physics = Vec::new();
@@ -93,11 +90,11 @@ impl Plan {
         own.extend(tables.doubles.iter().map(|(name, numbers)| (*name, Kind::F64, numbers.len())));
         let block = match scene.subject {
             Subject::Walk(walker, policy) => {
-                own.push(("last_action", Kind::F32, slots * walker.joints.len()));
+                own.push(("last_action", Kind::F32, places * walker.joints.len()));
                 // No replay: these are not looked at.
                 own.push(("gains", Kind::F64, 0));
-                // A thread has an output of four robots: of layers of 128 numbers none is idle.
-                let threads = (sizes.rows / 4).clamp(1, 4) as u32 * THREADS_OF_FOUR;
+                // Of layers of 128 numbers no thread is idle.
+                let threads = (sizes.rows / sizes.group.max(1)).clamp(1, 4) as u32 * THREADS_OF_GROUP;
                 Some((threads, u32::try_from(8 * widest(policy) * sizes.rows).unwrap_or(u32::MAX)))
             }
             Subject::Replay(_) => None,
@@ -109,12 +106,11 @@ impl Plan {
             physics.push(None);
         }
         Self {
-            program: program(scene, sizes.rows, sizes.density),
+            program: program(scene, sizes.rows, sizes.group),
             arrays,
             physics,
             sizes,
             places,
-            slots,
             joints,
             params: scene.params.len(),
             disturbed: (!scene.disturbance.is_empty()).then(|| scene.period.substeps()),
@@ -164,10 +160,10 @@ impl Plan {
     /// What is recorded and sent at sample `sample`, before the physics of its control period.
     pub fn step(&self, sample: usize) -> Launch {
         let Sizes { recordings, samples, rows, .. } = self.sizes;
-        let numbers = [sample, self.sizes.environments(), self.slots, recordings, samples];
+        let numbers = [sample, self.sizes.environments(), self.places, recordings, samples];
         match self.block {
             Some((threads, shared)) => {
-                let blocks = u32::try_from(self.slots.div_ceil(rows.max(1))).unwrap_or(u32::MAX);
+                let blocks = u32::try_from(self.places.div_ceil(rows.max(1))).unwrap_or(u32::MAX);
                 let shape = Shape { shared, ..Shape::new(blocks, threads) };
                 let arrays = [
                     "lengths",
@@ -189,7 +185,7 @@ impl Plan {
                 self.launch("walk", shape, &numbers, &arrays)
             }
             None => {
-                let shape = Shape::cover(self.slots * self.joints, THREADS);
+                let shape = Shape::cover(self.places * self.joints, THREADS);
                 let arrays = [
                     "lengths",
                     "logged",

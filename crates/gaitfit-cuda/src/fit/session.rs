@@ -19,8 +19,6 @@ use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream}
 const MOST_RECORDED: usize = 16_384;
 /// Most robots of a block of the policy's kernel.
 const MOST_ROWS: usize = 16;
-/// Warps of a multiprocessor up to which robots are spread over more of them.
-const WARPS: usize = 4;
 /// Bytes of shared memory that the text of the policy's kernel declares, at most.
 const DECLARED: usize = 1024;
 /// The part of the free memory that candidates may take.
@@ -56,20 +54,6 @@ impl Physics {
         Ok(Self { period: Arc::new(subject.period(networks, &structure)?), structure })
     }
 
-    /// Robots of a tile that are not copies. Robots of a warp compute what one of them needs: few robots are spread over
-    /// more warps, as long as all run at once. Those of a tile are of one candidate where candidates have networks.
-    fn density(&self, recordings: usize, environments: usize, processors: usize) -> usize {
-        let per_tile = self.period.layout().environments();
-        let alike = |density: usize| {
-            self.structure.networks.is_empty() || density == per_tile || recordings.is_multiple_of(density)
-        };
-        let mut density = 1;
-        while density < per_tile && (environments > density * WARPS * processors || !alike(density)) {
-            density *= 2;
-        }
-        density.min(per_tile)
-    }
-
     /// Candidates that fit into the GPU's free memory, `wanted` at most and 1 at least.
     fn capacity(
         &self,
@@ -85,8 +69,7 @@ impl Physics {
                 Class::Weights => return 4 * layout.size(class),
                 _ => 1,
             };
-            // As if a tile had one robot: all but signals are small.
-            4 * times * layout.size(class) * tables.recordings()
+            4 * times * layout.size(class) * tables.recordings() / layout.environments()
         };
         let (samples, dimensions) = (tables.samples, subject.dimensions());
         let sizes =
@@ -103,8 +86,7 @@ impl Physics {
 }
 
 impl Session {
-    /// Room for `asked` candidates, or as many as fit. `density`: robots of a tile; chosen if none.
-    #[allow(clippy::too_many_arguments, reason = "what a session is made of")]
+    /// Room for `asked` candidates, or as many as fit.
     pub fn new(
         device: &Device,
         stream: &Stream,
@@ -113,26 +95,19 @@ impl Session {
         tables: &Tables,
         measured: Option<&Measured>,
         asked: usize,
-        density: Option<usize>,
     ) -> Result<Self, FitError> {
         let candidates = physics.capacity(device, subject, tables, asked)?;
         let recordings = tables.recordings();
         let processors = usize::try_from(device.info().processors).unwrap_or(1).max(1);
         let environments = candidates * recordings;
-        let density = density.unwrap_or_else(|| physics.density(recordings, environments, processors));
-        let per_tile = physics.period.layout().environments();
-        let (places, sets) = if physics.structure.networks.is_empty() {
-            (environments.div_ceil(density) * per_tile, 1)
-        } else if density == per_tile {
-            (environments, candidates)
-        } else {
-            (environments / density * per_tile, candidates)
-        };
-        let batch = Batch::new(device, &physics.period, places, sets)?;
+        let batch = Batch::new(device, &physics.period, environments, candidates)?;
         // One wave of blocks, if it can be.
         let rows = environments.div_ceil(processors).next_multiple_of(4).clamp(4, MOST_ROWS);
         let (samples, tiles) = (tables.samples, batch.tiles());
-        let sizes = |rows| Sizes { candidates, recordings, samples, tiles, rows, density };
+        // Few robots want many threads; of many, threads that read each weight for several of them.
+        let group = if environments > MOST_ROWS * processors { rows } else { 4 };
+        let sizes =
+            |rows: usize| Sizes { candidates, recordings, samples, tiles, rows, group: group.min(rows) };
         let scene = Scene::new(subject, &physics.period);
         let plan = Plan::new(&scene, tables, sizes(rows));
         let available = usize::try_from(device.info().shared_memory).unwrap_or(0);

@@ -9,17 +9,17 @@ use crate::emit::Class;
 use crate::runtime::Program;
 use crate::words::{Words, double, quantity_number, single};
 
-/// The program of a scene, `rows` robots of a block together, `density` of a tile of the physics. Products and sums are rounded one by one, as the CPU does it.
-pub(super) fn program(scene: &Scene<'_>, rows: usize, density: usize) -> Program {
+/// The program of a scene, `rows` robots of a block together, `group` of a thread. Products and sums are rounded one by one, as the CPU does it.
+pub(super) fn program(scene: &Scene<'_>, rows: usize, group: usize) -> Program {
     let mut text = String::from(include_str!("../common.cuh"));
     text.push_str(include_str!("../rollout/kernels/structs.cu"));
     let mut words = Words { text };
     sizes(&mut words, scene);
-    words.define("DENSITY", density);
     let parts: &[&str] = match scene.subject {
         Subject::Walk(walker, policy) => {
             walk(&mut words, walker);
             network(&mut words, policy, rows);
+            words.define("GROUP", group);
             &[
                 include_str!("../rollout/kernels/draws.cu"),
                 include_str!("../rollout/kernels/robot.cu"),

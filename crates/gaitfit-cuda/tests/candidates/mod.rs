@@ -15,13 +15,7 @@ pub fn asset(name: &str) -> String {
 }
 
 /// Numbers of each environment in the physics' tiles.
-pub fn tiled(
-    period: &Period,
-    class: Class,
-    tiles: usize,
-    density: usize,
-    environments: &[Vec<f32>],
-) -> Vec<f32> {
+pub fn tiled(period: &Period, class: Class, tiles: usize, environments: &[Vec<f32>]) -> Vec<f32> {
     let layout = period.layout();
     let (size, per_tile) = (layout.size(class), layout.environments());
     let inputs: Vec<Place> = layout.inputs.iter().copied().filter(|place| place.class == class).collect();
@@ -29,8 +23,7 @@ pub fn tiled(
     let places = if inputs.is_empty() { outputs } else { inputs };
     let mut all = vec![0.0; tiles * size];
     for e in 0..tiles * per_tile {
-        let slot = e / per_tile * density + e % per_tile % density;
-        let numbers = &environments[slot % environments.len()];
+        let numbers = &environments[e % environments.len()];
         assert_eq!(places.len(), numbers.len(), "{class:?}");
         for (place, number) in places.iter().zip(numbers) {
             all[e / per_tile * size + layout.offset(*place, e % per_tile)] = *number;
@@ -39,17 +32,12 @@ pub fn tiled(
     all
 }
 
-/// The numbers of environment `e` in tiles, and of its copies.
-pub fn of(period: &Period, class: Class, density: usize, tiles: &[f32], e: usize) -> Vec<f32> {
+/// The numbers of environment `e` in tiles.
+pub fn of(period: &Period, class: Class, tiles: &[f32], e: usize) -> Vec<f32> {
     let layout = period.layout();
     let (size, per_tile) = (layout.size(class), layout.environments());
-    let places = || layout.inputs.iter().filter(|place| place.class == class);
-    let at = |inner: usize| -> Vec<u32> {
-        places().map(|place| tiles[e / density * size + layout.offset(*place, inner)].to_bits()).collect()
-    };
-    let found = at(e % density);
-    assert!((e % density..per_tile).step_by(density).all(|copy| at(copy) == found), "copies of {e} differ");
-    found.into_iter().map(f32::from_bits).collect()
+    let places = layout.inputs.iter().filter(|place| place.class == class);
+    places.map(|place| tiles[e / per_tile * size + layout.offset(*place, e % per_tile)]).collect()
 }
 
 /// Largest difference relative to max(1, value).

@@ -31,7 +31,7 @@ DEVICE float activated(float x) {
 #endif
 }
 
-// Each number is summed in the order of the inputs, whatever ROWS is. Weights of four inputs of an output lie together;
+// Each number is summed in the order of the inputs, whatever ROWS and GROUP are. Weights of four inputs of an output lie together;
 // behind the last input are zeros. Gives the buffer with the outputs.
 DEVICE float* forward(const float* network, float* from, float* to) {
     for (int l = 0; l < LAYERS; l++) {
@@ -57,23 +57,34 @@ DEVICE float* forward(const float* network, float* from, float* to) {
                 to[j * ROWS + r] = last ? y : activated(y);
             }
         } else {
-            // A thread an output of four robots.
-            for (int i = threadIdx.x; i < layer.outputs * (ROWS / 4); i += blockDim.x) {
-                int j = i % layer.outputs, group = i / layer.outputs;
-                float4 sum = {0.0f, 0.0f, 0.0f, 0.0f};
+            // A thread an output of GROUP robots.
+            for (int i = threadIdx.x; i < layer.outputs * (ROWS / GROUP); i += blockDim.x) {
+                int j = i % layer.outputs, first = i / layer.outputs * GROUP;
+                float sums[GROUP];
+#pragma unroll
+                for (int r = 0; r < GROUP; r++) sums[r] = 0.0f;
 #pragma unroll 8
                 for (int k = 0; k < layer.quads; k++) {
-                    float4 w = matrix[k * layer.outputs + j];
-                    const float4* x = (const float4*)(from + 4 * k * ROWS) + group;
-                    float4 a = x[0], b = x[ROWS / 4], c = x[2 * (ROWS / 4)], d = x[3 * (ROWS / 4)];
-                    sum.x = fmaf(d.x, w.w, fmaf(c.x, w.z, fmaf(b.x, w.y, fmaf(a.x, w.x, sum.x))));
-                    sum.y = fmaf(d.y, w.w, fmaf(c.y, w.z, fmaf(b.y, w.y, fmaf(a.y, w.x, sum.y))));
-                    sum.z = fmaf(d.z, w.w, fmaf(c.z, w.z, fmaf(b.z, w.y, fmaf(a.z, w.x, sum.z))));
-                    sum.w = fmaf(d.w, w.w, fmaf(c.w, w.z, fmaf(b.w, w.y, fmaf(a.w, w.x, sum.w))));
+                    float4 four = matrix[k * layer.outputs + j];
+                    float w[4] = {four.x, four.y, four.z, four.w};
+#pragma unroll
+                    for (int input = 0; input < 4; input++) {
+                        const float4* x = (const float4*)(from + (4 * k + input) * ROWS + first);
+#pragma unroll
+                        for (int q = 0; q < GROUP / 4; q++) {
+                            float4 rows = x[q];
+                            sums[4 * q] = fmaf(rows.x, w[input], sums[4 * q]);
+                            sums[4 * q + 1] = fmaf(rows.y, w[input], sums[4 * q + 1]);
+                            sums[4 * q + 2] = fmaf(rows.z, w[input], sums[4 * q + 2]);
+                            sums[4 * q + 3] = fmaf(rows.w, w[input], sums[4 * q + 3]);
+                        }
+                    }
                 }
-                float* y = to + j * ROWS + 4 * group;
-                y[0] = sum.x + bias[j], y[1] = sum.y + bias[j], y[2] = sum.z + bias[j], y[3] = sum.w + bias[j];
-                for (int r = 0; r < 4 && !last; r++) y[r] = activated(y[r]);
+#pragma unroll
+                for (int r = 0; r < GROUP; r++) {
+                    float y = sums[r] + bias[j];
+                    to[j * ROWS + first + r] = last ? y : activated(y);
+                }
             }
         }
         // The next layer's inputs are a multiple of four.

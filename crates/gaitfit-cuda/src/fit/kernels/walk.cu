@@ -6,11 +6,8 @@
 // Numbers of a logged state: those of the state up to the joint velocities.
 #define LOGGED (13 + 2 * JOINTS)
 
-// The number `k` of the state of a slot: the log's; what a robot at rest in midst of nothing has of the rest.
-DEVICE void place_number(float* state, const float* from, u32 slot, int k) {
-    float number = k < LOGGED ? from[k] : 0.0f;
-    EACH_COPY(slot) STATE(k) = number;
-}
+// The number `k` of environment `e`'s state: the log's; what a robot at rest in midst of nothing has of the rest.
+DEVICE void place_number(float* state, const float* from, u32 e, int k) { STATE(k) = k < LOGGED ? from[k] : 0.0f; }
 
 DEVICE bool fallen(const float* state, const float* report, u32 e) {
     bool fallen = STATE(POSITION + 2) < LEAST_HEIGHT;
@@ -25,11 +22,11 @@ DEVICE bool fallen(const float* state, const float* report, u32 e) {
     return fallen;
 }
 
-// Step `sample` of ROWS slots a block. `lengths`: samples of each recording, `samples` at most. `commands`, `states`,
+// Step `sample` of ROWS environments a block. `lengths`: samples of each recording, `samples` at most. `commands`, `states`,
 // `actions`: the log's, recordings x samples x their width; `starts`: a state a recording. `every`: of each candidate, the
 // samples between resets, or 0. `ends`: of each environment, the sample of its fall or the end.
 KERNEL walk(
-    u32 sample, u32 count, u32 slots, u32 recordings, u32 samples, const u32* lengths, const float* commands,
+    u32 sample, u32 count, u32 places, u32 recordings, u32 samples, const u32* lengths, const float* commands,
     const float* starts, const float* states, const float* actions, const u32* every, const float* network,
     const float* params, const float* report, float* state, float* targets, float* memory, float* last_action,
     float* signals, u32* ends
@@ -40,10 +37,10 @@ KERNEL walk(
     __shared__ bool placed[ROWS];
     __shared__ const float* logged[ROWS];
     u32 from = blockIdx.x * ROWS;
-    int rows = slots - from < ROWS ? (int)(slots - from) : ROWS;
+    int rows = places - from < ROWS ? (int)(places - from) : ROWS;
     int thread = (int)threadIdx.x, threads = (int)blockDim.x;
     if (thread < rows) {
-        u32 own = environment_of(from + thread, count), of = own % recordings, period = every[own / recordings];
+        u32 own = source_of(from + thread, count), of = own % recordings, period = every[own / recordings];
         recording[thread] = of;
         length[thread] = lengths[of];
         bool reset = period > 0 && sample > 0 && sample % period == 0 && sample < lengths[of];
@@ -61,9 +58,9 @@ KERNEL walk(
     // What is recorded of the state that was reached.
     for (int i = thread; i < rows * (2 * ACTIONS + 2); i += threads) {
         int r = i / (2 * ACTIONS + 2), k = i % (2 * ACTIONS + 2);
-        u32 slot = from + r, e = place_of(slot);
-        if (slot >= count || sample >= length[r]) continue;
-        float* row = signals + ((u64)slot * samples + sample) * DIMENSIONS;
+        u32 e = from + r;
+        if (e >= count || sample >= length[r]) continue;
+        float* row = signals + ((u64)e * samples + sample) * DIMENSIONS;
         if (k < ACTIONS)
             row[k] = joint_position(state, params, e, JOINT_OF[k]);
         else if (k < 2 * ACTIONS)
@@ -74,8 +71,8 @@ KERNEL walk(
                 row[3 * ACTIONS + axis] = base.position[axis];
                 row[3 * ACTIONS + 3 + axis] = base.linear[axis];
             }
-        } else if (sample > 0 && ends[slot] == length[r] && fallen(state, report, e))
-            ends[slot] = sample;
+        } else if (sample > 0 && ends[e] == length[r] && fallen(state, report, e))
+            ends[e] = sample;
     }
     __syncthreads();
     if (sample > 0) {
@@ -93,11 +90,11 @@ KERNEL walk(
     for (int i = thread; i < rows * PARTS; i += threads) {
         int r = i / PARTS;
         Part part = PART[i % PARTS];
-        u32 slot = from + r, last = length[r] - 1, now = sample < last ? sample : last;
+        u32 e = from + r, last = length[r] - 1, now = sample < last ? sample : last;
         const float* command = commands + ((u64)recording[r] * samples + now) * 3;
         write_term(
             part.term, part.from, part.from + 4, SCALES, nullptr, state, params, sample, command,
-            last_action + (u64)slot * ACTIONS, 1, place_of(slot), second + r * OBSERVATION);
+            last_action + (u64)e * ACTIONS, 1, e, second + r * OBSERVATION);
     }
     __syncthreads();
     for (int i = thread; i < ROWS * ((OBSERVATION + 3) / 4 * 4); i += threads) {
@@ -115,24 +112,23 @@ KERNEL walk(
     const float* chosen = forward(network, first, second);
     for (int i = thread; i < rows * ACTIONS; i += threads) {
         int r = i / ACTIONS, k = i % ACTIONS, j = JOINT_OF[k];
-        u32 slot = from + r;
+        u32 e = from + r;
         float wanted = chosen[k * ROWS + r];
-        if (slot < count && sample < length[r])
-            signals[((u64)slot * samples + sample) * DIMENSIONS + 2 * ACTIONS + k] = wanted;
+        if (e < count && sample < length[r])
+            signals[((u64)e * samples + sample) * DIMENSIONS + 2 * ACTIONS + k] = wanted;
         last_action[(u64)from * ACTIONS + i] = wanted;
         float clipped = wanted < -ACTION_CLIP ? -ACTION_CLIP : wanted;
         clipped = clipped > ACTION_CLIP ? ACTION_CLIP : clipped;
         float target = DEFAULT_POSE[j] + ACTION_SCALE[j] * clipped;
-        EACH_COPY(slot) {
-            // Before its first target a robot is taken to have held it.
-            for (int tap = TAPS - 1; tap > 0; tap--) TARGET(tap, j) = placed[r] ? target : TARGET(tap - 1, j);
-            TARGET(0, j) = target;
-        }
+        // Before its first target a robot is taken to have held it.
+        for (int tap = TAPS - 1; tap > 0; tap--) TARGET(tap, j) = placed[r] ? target : TARGET(tap - 1, j);
+        TARGET(0, j) = target;
     }
     // What networks remember of a robot that has been as it is for long.
     for (int i = thread; i < rows * MEMORY; i += threads) {
         int r = i / MEMORY, k = i % MEMORY, j = MEMORY_OF[k];
-        if (placed[r]) EACH_COPY(from + r)
+        u32 e = from + r;
+        if (placed[r])
             at(memory, MEMORY_SIZE, MEMORY_SPOTS[k], e) = k % 2 ? STATE(QVEL + j) : STATE(QPOS + j) + BIAS(j);
     }
 }
@@ -145,7 +141,7 @@ KERNEL disturb(
 ) {
     u32 e = blockIdx.x * blockDim.x + threadIdx.x;
     if (e >= places) return;
-    u32 own = environment_of(slot_of(e), count), candidate = own / recordings, substep = blockIdx.y;
+    u32 own = source_of(e, count), candidate = own / recordings, substep = blockIdx.y;
     Draws draws = {
         seeds[2 * candidate], seeds[2 * candidate + 1], TORQUE_DRAWS, own % recordings, sample * SUBSTEPS + substep};
     float* there = disturbance + (u64)substep * tiles * DISTURBANCE_SIZE;
