@@ -8,6 +8,8 @@ Usage: .venv/bin/python tools/transfer.py [--only 'ROW,…'] [--seeds 5] [--out 
 """
 
 import argparse
+import collections
+import concurrent.futures
 import fnmatch
 import json
 import pathlib
@@ -15,6 +17,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 
 import numpy as np
 
@@ -50,6 +53,8 @@ ROWS = {
     "noise-2.5-matcho": ({"noise": 2.5}, {"cost": "matcho"}),
     "wass-5ms": ({}, {"timestep": 0.005, "cost": "wass"}),
 }
+# One at a time of each robot's logs.
+RECORDING = collections.defaultdict(threading.Lock)
 # Rows of many minutes a fit: one seed.
 SLOW = ("noise-2.5-matcho", "wass-5ms")
 
@@ -66,8 +71,11 @@ def logs(args, robot, truth, seed):
     """The folder with a robot's logs; they are recorded once."""
     name = "-".join(str(value) for value in [*robot.values(), truth, seed]).replace(" ", "")
     folder = args.out / "logs" / name
-    if folder.exists():
-        return folder
+    with RECORDING[name]:
+        return folder if folder.exists() else record(args, robot, truth, seed, folder)
+
+
+def record(args, robot, truth, seed, folder):
     work = pathlib.Path(tempfile.mkdtemp(dir=args.out))
     policy = ROOT / f"assets/{robot['policy']}.safetensors"
     numbers = [float(value) for value in TRUTHS[truth]]
@@ -81,7 +89,7 @@ def logs(args, robot, truth, seed):
             f"[frictionloss]\n{table(numbers[:3])}[armature]\n{table(numbers[3:])}"
         )
         run(sys.executable, "tools/mujoco_robot.py", "collect", "--policy", onnx, "--robot", work / "robot.toml", "--out",
-            made, "--trajectories", args.logs, "--log-shift", *robot["shift"], "--base", "imu", "--seed", seed)  # fmt: skip
+            made, "--trajectories", args.logs, "--log-shift", *robot["shift"], "--base", "imu", "--seed", seed, "--processes", args.threads)  # fmt: skip
     else:
         text = 'format = 2\nrobot = "go2"\ncost_name = "truth"\ncost = 0.0\n'
         for kind, values, unit in (("frictionloss", numbers[:3], "N·m"), ("armature", numbers[3:], "kg·m²")):
@@ -91,7 +99,7 @@ def logs(args, robot, truth, seed):
                 text += f'value = {value}\nunit = "{unit}"\nlower = 0.0\nupper = 0.5\nat_bound = false\n'
         (work / "truth.toml").write_text(text)
         run(args.gaitfit, "collect", policy, "--theta", work / "truth.toml", "--preset", robot["preset"], "--out", made,
-            "--trajectories", args.logs, "--log-shift", *robot["shift"], "--privileged", "--seed", seed)  # fmt: skip
+            "--trajectories", args.logs, "--log-shift", *robot["shift"], "--privileged", "--seed", seed, "--threads", args.threads)  # fmt: skip
     folder.parent.mkdir(exist_ok=True)
     made.rename(folder)
     shutil.rmtree(work)
@@ -121,7 +129,8 @@ def fit(args, row, truth, seed):
         text += f"[optimizer]\nseeds = 1\nseed = {seed}\n{args_of_search}"
         path = pathlib.Path(work) / "fit.toml"
         path.write_text(text)
-        result = json.loads(run(args.gaitfit, "adapt", path, "--name", "fit", "--json"))
+        more = ["--threads", args.threads, *(["--device", args.device] if args.device != "cpu" else [])]
+        result = json.loads(run(args.gaitfit, "adapt", path, "--name", "fit", "--json", *more))
     found = {one["name"]: one for one in result["parameters"]}
     names = [f"{kind}_{group}" for kind in ("frictionloss", "armature") for group in GROUPS]
     pick = lambda name: [found[name][key] for key in ("value", "interval", "identified")]
@@ -158,6 +167,16 @@ def table(results):
     return "\n".join(lines)
 
 
+def kept(args, row, truth, seed):
+    """A fit as it was kept, or made and kept now."""
+    path = args.out / f"{row}-{truth}-{seed}.json"
+    if not path.exists():
+        path.write_text(json.dumps(fit(args, row, truth, seed), indent=1))
+    one = json.loads(path.read_text())
+    print(f"{row} {truth} {seed}: {np.abs(errors(one)).mean():.2f} %  {np.round(errors(one), 1)}", file=sys.stderr)
+    return one
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", default="*", help="patterns over rows, with commas [all]: " + ", ".join(ROWS))
@@ -165,6 +184,10 @@ def main():
     parser.add_argument("--logs", type=int, default=32, help="logs of 4 s [32]")
     parser.add_argument("--population", type=int, default=12, help="of wass [12]")
     parser.add_argument("--generations", type=int, default=100, help="of wass [100]")
+    parser.add_argument("--threads", type=int, default=2, help="of a fit [2]")
+    parser.add_argument("--device", default="cpu", help="of a fit, as of `gaitfit adapt` [cpu]")
+    parser.add_argument("--at-once", type=int, default=1, help="fits that run beside each other [1]")
+    parser.add_argument("--first", type=int, default=1, help="first seed [1]")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs/transfer")
     parser.add_argument("--gaitfit", type=pathlib.Path, default=ROOT / "target/release/gaitfit")
     args = parser.parse_args()
@@ -172,18 +195,15 @@ def main():
     args.out.mkdir(parents=True, exist_ok=True)
     patterns = args.only.split(",")
     rows = [row for row in ROWS if any(fnmatch.fnmatch(row, pattern) for pattern in patterns)]
-    results = []
-    for seed in range(1, args.seeds + 1):
-        for row in rows:
-            for truth in TRUTHS:
-                kept = args.out / f"{row}-{truth}-{seed}.json"
-                if seed > 1 and row in SLOW:
-                    continue
-                if not kept.exists():
-                    kept.write_text(json.dumps(fit(args, row, truth, seed), indent=1))
-                one = json.loads(kept.read_text())
-                print(f"{row} {truth} {seed}: {np.abs(errors(one)).mean():.2f} %  {np.round(errors(one), 1)}", file=sys.stderr)
-                results.append(one)
+    jobs = [
+        (row, truth, seed)
+        for seed in range(args.first, args.seeds + 1)
+        for row in rows
+        for truth in TRUTHS
+        if seed == 1 or row not in SLOW
+    ]
+    with concurrent.futures.ThreadPoolExecutor(args.at_once) as pool:
+        results = list(pool.map(lambda job: kept(args, *job), jobs))
     print(table(results))
 
 
