@@ -102,6 +102,7 @@ mod tests {
         let parameter = ParameterOutcome {
             name: "p".into(),
             value: 0.5,
+            uncorrected: None,
             unit: "-".into(),
             spread: Some(spread),
             lower: 0.0,
@@ -117,6 +118,7 @@ mod tests {
             parameters: vec![parameter],
             runs: vec![run],
             uncertainty: None,
+            correction: None,
         }
     }
 

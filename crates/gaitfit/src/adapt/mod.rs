@@ -9,6 +9,7 @@ mod doubts;
 mod files;
 mod held_out;
 mod method;
+mod replicas;
 mod report;
 pub mod results;
 mod scan;

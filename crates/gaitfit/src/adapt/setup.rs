@@ -2,6 +2,7 @@
 
 use super::alternatives::{Alternatives, alternatives};
 use super::method::Method;
+use super::replicas::Replicas;
 use crate::air::{Clamped, logs as air_logs};
 use crate::device::Device;
 use crate::log::Log;
@@ -11,7 +12,7 @@ use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
 use crate::walk::walking::{Walking, rest_angles};
 use crate::{Error, machine, paths, robot, theta};
 use gaitfit_adapt::cost::{Cost, CostError, Recorded, Reference};
-use gaitfit_adapt::fit::FitOptions;
+use gaitfit_adapt::fit::{FitOptions, Method as Search};
 use gaitfit_adapt::{ParameterRule, RobotRule, Simulator, Theta, ThetaFile};
 use gaitfit_model::Model;
 use gaitfit_policy::{self as policy, Policy};
@@ -56,6 +57,12 @@ impl LogSet {
         };
         let reference = reference().map_err(|error| incomparable(&logs, &error))?;
         Ok(Self { logs, simulator, reference: Arc::new(reference) })
+    }
+
+    /// The same logs, compared in the scaling of `other`.
+    pub(super) fn scaled_as(self, other: &Self) -> Self {
+        let reference = Reference::clone(&self.reference).scaled_as(&other.reference);
+        Self { reference: Arc::new(reference), ..self }
     }
 
     /// The configuration's costs against these logs.
@@ -104,6 +111,8 @@ pub struct Setup {
     /// Simulators of the same logs that could stand in for the fit's, and how they differ: they show how far its errors
     /// move what a fit of least squares finds.
     pub alternatives: Alternatives,
+    /// The robot as it makes logs, where fits of simulated ones correct that of the real ones.
+    pub replicas: Option<Replicas>,
     /// Optimiser settings.
     pub options: FitOptions,
     /// Every file that was read.
@@ -165,6 +174,13 @@ impl Setup {
                 .map(|method| method.on(gpu.clone()))
         };
         let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
+        let replicas = match (&method, walker) {
+            (Method::Walk(walking), Some(policy)) if corrected(&config) => {
+                let threads = walking.threads;
+                Some(Replicas::new(&config, policy, &robot, &theta, &base, threads, &fit.logs)?)
+            }
+            _ => None,
+        };
         let validate = logs
             .validate
             .into_iter()
@@ -178,6 +194,7 @@ impl Setup {
             options: check::options(&config, logs.notes.as_ref().map_or(0, LogNotes::falls)),
             notes: logs.notes,
             alternatives,
+            replicas,
             config,
             method,
             theta,
@@ -194,6 +211,13 @@ impl Setup {
     pub fn aligned(&self) -> bool {
         aligned(&self.config)
     }
+}
+
+/// Whether fits of simulated logs may correct a fit of `config`.
+fn corrected(config: &AdaptConfig) -> bool {
+    config.optimizer.replicates > 0
+        && config.optimizer.method != Search::CmaEs
+        && config.costs.iter().any(|cost| cost.needs_imu())
 }
 
 /// See [`Setup::aligned`].
