@@ -25,8 +25,8 @@ pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one};
 pub use falls::FallPenalty;
 pub use identify::{Identification, MOST_SCANNED, NoiseSource, identify};
 pub use least_squares::{
-    Alternative, Correction, GaussNewton, Problem, ROUNDS, Replicate, Round, Shift, TRIALS, Uncertainty, World,
-    correct, uncertainty,
+    Alternative, Correction, GaussNewton, Problem, Replicate, Round, Shift, Uncertainty, World, correct,
+    sets, uncertainty,
 };
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};
 pub use predicted::Predicted;

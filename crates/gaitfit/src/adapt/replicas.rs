@@ -9,7 +9,7 @@ use crate::watch::{Counting, Watch, Work};
 use crate::Error;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::cost::CostKind;
-use gaitfit_adapt::fit::{CostOutcome, FitError, Problem, ROUNDS, Replicate, TRIALS, World};
+use gaitfit_adapt::fit::{CostOutcome, FitError, Problem, Replicate, World, sets};
 use gaitfit_model::Model;
 use gaitfit_policy::Policy;
 use gaitfit_random::{Purpose, derive_seed};
@@ -60,8 +60,7 @@ impl Replicas {
     ) -> Result<Option<String>, FitError> {
         let each = setup.config.optimizer.replicates;
         let what = format!("{}: correction, set of simulated logs", outcome.cost);
-        let total = ROUNDS * (each as usize + TRIALS) + TRIALS;
-        let counting = watch.begin(Work { what: &what, total, first: 0, parts: "sets" });
+        let counting = watch.begin(Work { what: &what, total: sets(each), first: 0, parts: "sets" });
         let kind = setup.config.costs[cost];
         let world = Robots { replicas: self, setup, kind, watch, counting: &counting, made: Cell::new(0) };
         outcome.correct(problem, &world, each)

@@ -325,7 +325,9 @@ fn trusted(
     let replicas = setup.replicas.as_ref().filter(|_| setup.config.costs[cost].needs_imu());
     let refused = replicas.map(|replicas| replicas.correct(setup, cost, outcome, quiet, watch));
     let refused = refused.transpose()?.flatten();
-    let others: Vec<Alternative<'_>> = setup.alternatives.iter().map(Other::alternative).collect();
+    let corrected = outcome.correction.is_some();
+    let others = setup.alternatives.iter().filter(|other| !(corrected && other.corrected()));
+    let others: Vec<Alternative<'_>> = others.map(Other::alternative).collect();
     outcome.trust(problem, &others)?;
     Ok(refused)
 }

@@ -42,7 +42,7 @@ impl Walking {
     }
 
     /// The same robot as it makes logs: at its own step, where the configuration or the policy's task states it, with
-    /// contacts that are solved to the end.
+    /// contacts solved accurately.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -61,7 +61,7 @@ impl Walking {
             settings.substeps = substeps(period, step.max(LEAST_STEP));
             let own = period / settings.substeps as f64;
             settings.robot_timestep = Some(step).filter(|step| (own - step).abs() > 1e-3 * own);
-            preset = Preset::Converged;
+            preset = Preset::Accurate;
         }
         let task = task(preset, settings, &policy, model, theta, base)?;
         Ok(Self { policy, task, threads, gpu: None })

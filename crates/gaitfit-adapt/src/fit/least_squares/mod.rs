@@ -9,7 +9,7 @@ mod normal;
 mod residuals;
 mod uncertainty;
 
-pub use indirect::{Correction, ROUNDS, Replicate, Round, TRIALS, World, correct};
+pub use indirect::{Correction, Replicate, Round, World, correct, sets};
 pub use uncertainty::{Alternative, Shift, Uncertainty, uncertainty};
 
 use super::FitError;
