@@ -76,8 +76,7 @@ impl Simulator for Process {
                 let to = |t: usize| match t {
                     0 => readings[0],
                     _ => {
-                        2.0 * rollout.values[0] * from(t)
-                            + 10.0 * rollout.values[1] * drive(recording, t - 1)
+                        2.0 * rollout.values[0] * from(t) + 10.0 * rollout.values[1] * drive(recording, t - 1)
                     }
                 };
                 let position: Vec<f32> = (0..SAMPLES).map(|t| to(t) as f32).collect();
@@ -126,8 +125,7 @@ fn fitted(noise: f64, seed: u64, world: &Toy) -> (CostOutcome, Option<String>) {
     while fit.step(&never).unwrap().is_some() {}
     let mut outcome = fit.outcomes().remove(0);
     let cost = costs[0].as_ref();
-    let problem =
-        Problem { simulator: &process, theta: &theta, cost, draw: outcome.draw(), cancel: &never };
+    let problem = Problem { simulator: &process, theta: &theta, cost, draw: outcome.draw(), cancel: &never };
     let refused = outcome.correct(problem, world, 4).unwrap();
     outcome.trust(problem, &[]).unwrap();
     (outcome, refused)

@@ -2,7 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use gaitfit_adapt::cost::{Cost, CostKind, Recorded, Reference};
-use gaitfit_adapt::fit::{Alternative, Fit, FitError, FitOptions, Method, NoiseSource, Problem, Stop, uncertainty};
+use gaitfit_adapt::fit::{
+    Alternative, Fit, FitError, FitOptions, Method, NoiseSource, Problem, Stop, uncertainty,
+};
 use gaitfit_adapt::{
     Cancel, Consume, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator, SimulatorError,
     Theta, never,
@@ -174,7 +176,8 @@ fn intervals_of_many_fits_cover_the_truth_as_they_say() {
         let reference = reference(3e-2, 0, 100 + seed);
         let (values, _, _) = found(&reference, 0.5);
         let costs = costs("matchr1", &reference);
-        let found = uncertainty(problem(&simulator(0.0), &theta, costs[0].as_ref()), &[], &values, None).unwrap();
+        let found =
+            uncertainty(problem(&simulator(0.0), &theta, costs[0].as_ref()), &[], &values, None).unwrap();
         let found = found.unwrap();
         for ((interval, truth), draw) in found.interval.iter().zip(TRUTH).zip(&found.draws[0]) {
             inside += usize::from((interval[0]..=interval[1]).contains(&truth));

@@ -168,11 +168,7 @@ impl CostOutcome {
     ///
     /// # Errors
     /// As [`uncertainty`].
-    pub fn trust(
-        &mut self,
-        problem: Problem<'_>,
-        alternatives: &[Alternative<'_>],
-    ) -> Result<(), FitError> {
+    pub fn trust(&mut self, problem: Problem<'_>, alternatives: &[Alternative<'_>]) -> Result<(), FitError> {
         let correction = self.correction.as_ref();
         let values = correction.map_or_else(|| self.values(), |correction| correction.uncorrected.clone());
         self.uncertainty = uncertainty(problem, alternatives, &values, correction)?;

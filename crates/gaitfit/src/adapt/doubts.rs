@@ -123,9 +123,14 @@ fn corrected(fit: &CostFit) -> Option<String> {
 /// A value that another simulator moves by this part, and by this part of its bounds, depends on the simulator.
 const MOVED: (f64, f64) = (0.1, 0.005);
 
-/// Values that depend on how the robot is simulated, a sentence for each other simulator.
+/// Values that depend on how the robot is simulated, a sentence for each other simulator. Corrected ones have lost what the
+/// simulator makes of them.
 fn moved(fit: &CostFit) -> impl Iterator<Item = String> {
-    let shifts = fit.uncertainty.iter().flat_map(|uncertainty| &uncertainty.shifts);
+    let shifts = fit
+        .uncertainty
+        .iter()
+        .filter(|_| fit.correction.is_none())
+        .flat_map(|uncertainty| &uncertainty.shifts);
     shifts.filter_map(|shift| {
         let far = |(parameter, by): (&Parameter, &f64)| {
             let found = &parameter.found;

@@ -1,15 +1,15 @@
 //! Fits of simulated logs, which show what a fit of the real ones is off by.
 
 use super::setup::{LogSet, Setup};
+use crate::Error;
 use crate::log::Log;
 use crate::settings::{AdaptConfig, LEAST_STRETCH_S};
 use crate::walk::recorder::{Recorded, Recorder};
 use crate::walk::walking::Walking;
 use crate::watch::{Counting, Watch, Work};
-use crate::Error;
-use gaitfit_adapt::Theta;
 use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::{CostOutcome, FitError, Problem, Replicate, World, sets};
+use gaitfit_adapt::{Entry, Theta};
 use gaitfit_model::Model;
 use gaitfit_policy::Policy;
 use gaitfit_random::{Purpose, derive_seed};
@@ -78,6 +78,11 @@ struct Robots<'a> {
 }
 
 impl World for Robots<'_> {
+    fn shares(&self, entry: &Entry) -> bool {
+        let (own, robot) = (self.setup.method.physics_step(), self.replicas.recorder.physics_step());
+        !entry.depends_on_step() || own.is_some_and(|own| (own / robot - 1.0).abs() < 1e-6)
+    }
+
     fn replicates(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, String> {
         let Setup { config, theta, .. } = self.setup;
         let seed =

@@ -13,8 +13,8 @@ use crate::settings::CheckConfig;
 use crate::watch::Watch;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
-    Agreement, Alternative, Correction, CostOutcome, Evaluation, FallPenalty, FitError, Job, ParameterOutcome,
-    Problem, RunGeneration, RunOutcome, Uncertainty, compare, evaluate,
+    Agreement, Alternative, Correction, CostOutcome, Evaluation, FallPenalty, FitError, Job,
+    ParameterOutcome, Problem, RunGeneration, RunOutcome, Uncertainty, compare, evaluate,
 };
 use gaitfit_adapt::never;
 use gaitfit_view::{Doubt, DoubtKind};

@@ -35,6 +35,11 @@ impl Recorder {
         }
     }
 
+    /// Physics step of the robot, s.
+    pub fn physics_step(&self) -> f64 {
+        self.walking.task.walker.physics_step()
+    }
+
     /// Sets of logs of the robot with `values` of θ and normal torques of the deviation `noise` at its joints, N·m, one set
     /// for each of `seeds`.
     ///
@@ -90,9 +95,7 @@ impl Recorded {
             position: wide(&track.position),
             velocity: wide(&track.velocity),
             action: wide(&track.action),
-            target: rows
-                .flat_map(|row| walker.joints.iter().map(|&joint| f64::from(row[joint])))
-                .collect(),
+            target: rows.flat_map(|row| walker.joints.iter().map(|&joint| f64::from(row[joint]))).collect(),
             base: BaseState {
                 quaternion: Some(wide(&track.base_quaternion)),
                 angular_velocity: Some(wide(&track.base_rates)),
@@ -124,8 +127,7 @@ fn begun(walker: &Walker, log: &Trajectory) -> Script {
     let rates = base.and_then(|base| base.angular_velocity.as_deref()?.first_chunk::<3>());
     if let Some(&attitude) = attitude {
         let width = walker.joints.len().min(log.position.len());
-        let angles: Vec<f64> =
-            in_model(walker, &log.position[..width]).into_iter().map(f64::from).collect();
+        let angles: Vec<f64> = in_model(walker, &log.position[..width]).into_iter().map(f64::from).collect();
         script.start.base_position[2] = standing_height(walker.model(), attitude, &angles) as f32;
         script.start.base_quaternion = attitude.map(|x| x as f32);
     }

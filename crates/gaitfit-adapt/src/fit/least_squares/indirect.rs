@@ -5,21 +5,21 @@
 //! A step longer than the robot's makes an error of its own. Both are the same in logs of a simulated robot whose values are
 //! known. So logs are simulated as the robot would have made them, and compared in the same way.
 //!
-//! The comparison is one Gauss–Newton step from the values that the fit found: where a fit of these logs would end, near
-//! enough, as it begins close by. The values of the simulated robot are moved until its logs ask for the step that the
+//! The comparison is one Gauss–Newton step from where the fit ended: where a fit of these logs would end, near enough, as
+//! it begins close by. The values of the simulated robot are moved until its logs ask for the step that the
 //! real ones ask for, which is none if the search went to its end. The step is not limited by bounds: it says how far beyond
 //! a bound the logs pull, on which the correction of a value that rests on one depends.
 //!
 //! How much the simulated motors do besides what they are told follows from the size of the differences that the fit
 //! leaves: the noise is chosen with which simulated logs leave as much. The robust loss is about affine in its square.
 
-use super::around;
 use super::normal::{Loss, Normal};
 use super::residuals::Problem;
 use super::uncertainty::{RIDGE, silent};
-use crate::Simulator;
+use super::{Around, around, size};
 use crate::cost::Cost;
 use crate::fit::FitError;
+use crate::{Entry, Simulator};
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
@@ -35,10 +35,16 @@ const FIRST_NOISE: f64 = 1.0;
 const TRIALS: usize = 2;
 /// Least noise, as a part of the first trial's, from which the effect of noise is learnt.
 const TELLING: f64 = 0.3;
+/// Steps that lead to where the slope of the loss ends.
+const FURTHER: usize = 3;
+/// They end with one shorter than this, in an entry's deviations.
+const SHORT: f64 = 2e-3;
+/// A step after which the loss is larger by this part is not taken.
+const RISE: f64 = 0.01;
 /// Most noise, N·m.
 const MOST_NOISE: f64 = 30.0;
 /// Part of a correction that counts as one standard deviation of its error.
-const SHARE: f64 = 0.1;
+const SHARE: f64 = 0.2;
 
 /// Sets of logs that a correction simulates, with `replicates` a round.
 pub fn sets(replicates: u32) -> usize {
@@ -55,6 +61,11 @@ pub struct Replicate {
 
 /// The robot, simulated as it makes logs.
 pub trait World {
+    /// Whether a value of `entry` means to the robot what it means to the fit. One that does not is left as it is.
+    fn shares(&self, _entry: &Entry) -> bool {
+        true
+    }
+
     /// A set of logs for each of `numbers`, which select random draws: logs of the robot with `values` of θ, whose joints
     /// are disturbed by normal torques of the deviation `noise`, N·m. `Err`: why there are none, in a sentence.
     fn replicates(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, String>;
@@ -84,7 +95,8 @@ pub struct Round {
     pub values: Vec<f64>,
     /// Its torque noise, N·m.
     pub torque_noise: f64,
-    /// Where fits of its logs would end if that of the real ones ended at the values found. Bounds do not limit them.
+    /// Where fits of its logs would end if that of the real ones ended where the slope of its loss does. Bounds do not
+    /// limit them.
     pub fits: Vec<Vec<f64>>,
 }
 
@@ -120,19 +132,56 @@ pub fn correct(
         return Ok(Err("The simulation of the values found diverges.".to_owned()));
     };
     let loss = Loss::of(&here.residuals);
-    let moving: Vec<bool> = silent(problem.theta, &here, loss).into_iter().map(|silent| !silent).collect();
-    let normal = Normal::whole(&here.jacobian, &here.residuals, loss);
-    let Some(step) = normal.step(RIDGE, &moving) else {
+    let entries = problem.theta.entries().iter().zip(silent(problem.theta, &here, loss));
+    let moving: Vec<bool> = entries.map(|(entry, silent)| !silent && world.shares(entry)).collect();
+    let Some((reference, own)) = further(problem, values, here, loss, &moving)? else {
         return Ok(Err("The logs do not say which way the values found could move.".to_owned()));
     };
-    let own = Comparison { left: loss.mean(&here.residuals), step };
-    match (Inference { problem, world, values, loss, moving, own, replicates }).rounds() {
+    match (Inference { problem, world, found: values, values: &reference, loss, moving, own, replicates })
+        .rounds()
+    {
         _ if (problem.cancel)() => Err(FitError::Cancelled),
         Err(Failure::Fit(error @ FitError::Cancelled)) => Err(error),
         Err(Failure::Fit(error)) => Ok(Err(format!("A comparison with simulated logs failed: {error}."))),
         Err(Failure::Said(reason)) => Ok(Err(reason)),
         Ok(correction) => Ok(Ok(correction)),
     }
+}
+
+/// Where the slope of the loss ends, and what the logs say there: kinks of the loss can hold a search before. `None` if
+/// the equations of the first step cannot be solved.
+fn further(
+    problem: Problem<'_>,
+    values: &[f64],
+    here: Around,
+    loss: Loss,
+    moving: &[bool],
+) -> Result<Option<(Vec<f64>, Comparison)>, FitError> {
+    let compared = |here: &Around| {
+        let step = Normal::whole(&here.jacobian, &here.residuals, loss).step(RIDGE, moving)?;
+        Some(Comparison { left: loss.mean(&here.residuals), step })
+    };
+    let Some(mut own) = compared(&here) else { return Ok(None) };
+    let first = own.left;
+    let mut at = values.to_vec();
+    for _ in 0..FURTHER {
+        let entries = problem.theta.entries().iter().zip(&at).zip(own.step.iter());
+        let next: Vec<f64> = entries
+            .map(|((entry, from), by)| {
+                let by = by.clamp(-entry.deviation, entry.deviation);
+                (from + by).clamp(entry.lower, entry.upper)
+            })
+            .collect();
+        if size(problem.theta, &at, &next) < SHORT {
+            break;
+        }
+        let Some(there) = around(&problem, &next)?.as_ref().and_then(compared) else { break };
+        if there.left > first * (1.0 + RISE) {
+            break;
+        }
+        (at, own) = (next, there);
+    }
+    Ok(Some((at, own)))
 }
 
 enum Failure {
@@ -159,6 +208,8 @@ struct Inference<'a> {
     problem: Problem<'a>,
     world: &'a dyn World,
     /// What their fit found.
+    found: &'a [f64],
+    /// Where the slope of their loss ends.
     values: &'a [f64],
     loss: Loss,
     /// Entries that have an effect.
@@ -213,7 +264,7 @@ impl Inference<'_> {
         let entries = self.problem.theta.entries().iter().enumerate();
         let corrected = entries.map(|(at, entry)| {
             let value = mean(found.iter().map(|one| one[at]));
-            if self.moving[at] { value.clamp(entry.lower, entry.upper) } else { self.values[at] }
+            if self.moving[at] { value.clamp(entry.lower, entry.upper) } else { self.found[at] }
         });
         let last = &rounds[rounds.len().saturating_sub(AVERAGED)..];
         let spread = |at: usize| {
@@ -224,9 +275,9 @@ impl Inference<'_> {
             mean(last.iter().map(of)).sqrt()
         };
         Correction {
-            uncorrected: self.values.to_vec(),
+            uncorrected: self.found.to_vec(),
             corrected: corrected.collect(),
-            spread: (0..self.values.len()).map(spread).collect(),
+            spread: (0..self.found.len()).map(spread).collect(),
             torque_noise: mean(last.iter().map(|round| round.torque_noise)),
             replicates: last.iter().map(|round| round.fits.len()).sum(),
             rounds,
