@@ -1,9 +1,9 @@
 //! What a fit found, as the one document that `--json` prints, `result.json` keeps, and tables and report show.
 
-use super::alternatives::Other;
 use super::check::Check;
 use super::doubts;
 use super::held_out::{HeldOut, held_out};
+use super::replicas;
 use super::scan::Scan;
 use super::score::{Robot, Score, Validation, baselines, mean, score, validation};
 use super::setup::Setup;
@@ -13,8 +13,8 @@ use crate::settings::CheckConfig;
 use crate::watch::Watch;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
-    Agreement, Alternative, Correction, CostOutcome, Evaluation, FallPenalty, FitError, Job,
-    ParameterOutcome, Problem, RunGeneration, RunOutcome, Uncertainty, compare, evaluate,
+    Agreement, Correction, CostOutcome, Evaluation, FallPenalty, FitError, Job, ParameterOutcome, Problem,
+    RunGeneration, RunOutcome, Uncertainty, compare, evaluate,
 };
 use gaitfit_adapt::never;
 use gaitfit_view::{Doubt, DoubtKind};
@@ -296,7 +296,7 @@ fn identified(
     let measured = if setup.options.method.least_squares(cost, &setup.theta).map_err(Error::failed)? {
         let (theta, draw) = (&setup.theta, outcome.draw());
         let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
-        trusted(setup, number, &mut outcome, problem, watch)
+        replicas::trusted(setup, number, &mut outcome, problem, watch)
     } else {
         outcome.identify(&scan, &setup.theta, cost, 0, &stop).map(|_| None)
     };
@@ -310,26 +310,6 @@ fn identified(
         }
         Err(error) => Err(Error::failed(error)),
     }
-}
-
-/// Corrects what least squares found, where that can be, and measures its uncertainty. Returns why it does not correct, if
-/// it should.
-fn trusted(
-    setup: &Setup,
-    cost: usize,
-    outcome: &mut CostOutcome,
-    problem: Problem<'_>,
-    watch: &Watch<'_>,
-) -> Result<Option<String>, FitError> {
-    let quiet = Problem { simulator: setup.fit.simulator.as_ref(), ..problem };
-    let replicas = setup.replicas.as_ref().filter(|_| setup.config.costs[cost].needs_imu());
-    let refused = replicas.map(|replicas| replicas.correct(setup, cost, outcome, quiet, watch));
-    let refused = refused.transpose()?.flatten();
-    let corrected = outcome.correction.is_some();
-    let others = setup.alternatives.iter().filter(|other| !(corrected && other.corrected()));
-    let others: Vec<Alternative<'_>> = others.map(Other::alternative).collect();
-    outcome.trust(problem, &others)?;
-    Ok(refused)
 }
 
 /// One evaluation of a robot by cost number `cost`, without a charge for falls.
