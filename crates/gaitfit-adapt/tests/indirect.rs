@@ -141,8 +141,8 @@ fn attenuation_and_the_noise_that_makes_it_are_found() {
     assert_eq!(refused, None);
     let found = correction(&outcome);
     // Least squares take noise of the readings for a loss of memory.
-    assert!(found.uncorrected[0] < 0.9 * TRUTH[0], "{found:?}");
-    assert!((found.torque_noise / 0.4 - 1.0).abs() < 0.15, "{}", found.torque_noise);
+    assert!(found.uncorrected[0] < 0.97 * TRUTH[0] && found.uncorrected[1] > 1.06 * TRUTH[1], "{found:?}");
+    assert!((found.torque_noise / 0.4 - 1.0).abs() < 0.2, "{}", found.torque_noise);
     for (value, truth) in outcome.values().iter().zip(TRUTH) {
         assert!((value / truth - 1.0).abs() < 0.05, "{value} for {truth}");
     }

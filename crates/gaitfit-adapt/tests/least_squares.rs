@@ -211,7 +211,7 @@ fn another_simulator_shows_how_far_its_error_moves_the_result() {
     let mut search = Fit::new(&simulator, &theta, &costs, options(Method::Auto)).unwrap();
     while search.step(&never).unwrap().is_some() {}
     fit = search.outcomes();
-    fit[0].trust(&simulator, &[], &theta, cost, &never).unwrap();
+    fit[0].trust(problem(&simulator, &theta, cost), &[]).unwrap();
     let known = fit[0].parameters[0].identification.clone().unwrap();
     assert!(known.identified && known.noise == NoiseSource::Refits && known.upper > known.lower);
 }
@@ -230,7 +230,7 @@ fn what_the_logs_do_not_show_is_not_identified_and_what_rests_on_a_bound_stays_t
     let mut search = Fit::new(&simulator, &theta, &costs, options(Method::Auto)).unwrap();
     while search.step(&never).unwrap().is_some() {}
     let mut outcome = search.outcomes().remove(0);
-    outcome.trust(&simulator, &[], &theta, costs[0].as_ref(), &never).unwrap();
+    outcome.trust(problem(&simulator, &theta, costs[0].as_ref()), &[]).unwrap();
     let identified: Vec<bool> =
         outcome.parameters.iter().map(|one| one.identification.as_ref().unwrap().identified).collect();
     assert_eq!(identified, [true, true, false], "the damping has no effect");

@@ -149,7 +149,8 @@ impl CostOutcome {
             Ok(correction) => correction,
             Err(reason) => return Ok(Some(reason)),
         };
-        let Some(found) = problem.residuals(&[correction.corrected.clone()])?.pop().flatten() else {
+        let Some(found) = problem.residuals(std::slice::from_ref(&correction.corrected))?.pop().flatten()
+        else {
             return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
         };
         self.best_cost = found.cost;

@@ -11,7 +11,8 @@
 //! a bound the logs pull, on which the correction of a value that rests on one depends.
 //!
 //! How much the simulated motors do besides what they are told follows from the size of the differences that the fit
-//! leaves: the noise is chosen with which simulated logs leave as much. The robust loss is about affine in its square.
+//! leaves: the noise is chosen with which simulated logs leave as much. The squared median is about affine in its square,
+//! and does not count what happens in few samples, legs that hit each other for one.
 
 use super::normal::{Loss, Normal};
 use super::residuals::Problem;
@@ -163,10 +164,10 @@ fn further(
 ) -> Result<Option<(Vec<f64>, Comparison)>, FitError> {
     let compared = |here: &Around| {
         let step = Normal::whole(&here.jacobian, &here.residuals, loss).step(RIDGE, moving)?;
-        Some(Comparison { left: loss.mean(&here.residuals), step })
+        Some(Comparison { left: Loss::of(&here.residuals).bulk(), step })
     };
     let Some(mut own) = compared(&here) else { return Ok(None) };
-    let first = own.left;
+    let most = loss.mean(&here.residuals) * (1.0 + RISE);
     let mut at = values.to_vec();
     for _ in 0..FURTHER {
         let entries = problem.theta.entries().iter().zip(&at).zip(own.step.iter());
@@ -179,10 +180,8 @@ fn further(
         if size(problem.theta, &at, &next) < SHORT {
             break;
         }
-        let Some(there) = around(&problem, &next)?.as_ref().and_then(compared) else { break };
-        if there.left > first * (1.0 + RISE) {
-            break;
-        }
+        let there = around(&problem, &next)?.filter(|there| loss.mean(&there.residuals) <= most);
+        let Some(there) = there.as_ref().and_then(compared) else { break };
         (at, own) = (next, there);
     }
     Ok(Some((at, own)))
@@ -201,7 +200,7 @@ impl From<FitError> for Failure {
 
 /// What logs say of the values found.
 struct Comparison {
-    /// The loss that they leave.
+    /// The squared median of the differences that they leave.
     left: f64,
     /// The step that they ask for.
     step: DVector<f64>,
@@ -240,7 +239,7 @@ impl Inference<'_> {
                     *slope.insert((left - quiet) / FIRST_NOISE.powi(2))
                 }
             };
-            if !(rise > 0.0) {
+            if rise.is_nan() || rise <= 0.0 {
                 let said = "Noise on the simulated robot's torques does not make its logs harder to predict.";
                 return Err(Failure::Said(said.to_owned()));
             }
@@ -320,12 +319,13 @@ impl Inference<'_> {
             let normal = Normal::whole(&here.jacobian, &here.residuals, self.loss);
             let flat = || Failure::Said("Simulated logs do not say which way values could move.".to_owned());
             let step = normal.step(RIDGE, &self.moving).ok_or_else(flat)?;
-            Ok(Comparison { left: self.loss.mean(&here.residuals), step })
+            Ok(Comparison { left: Loss::of(&here.residuals).bulk(), step })
         };
         self.logs(simulated, noise, numbers)?.into_iter().map(compare).collect()
     }
 
-    /// The loss that the values found leave of logs of the robot `simulated`, mean over some sets.
+    /// The squared median of the differences that the values found leave of logs of the robot `simulated`, mean over some
+    /// sets.
     fn left(
         &self,
         simulated: &[f64],
@@ -336,7 +336,7 @@ impl Inference<'_> {
         let one = |logs: Replicate| {
             let found = self.problem(&logs).residuals(&[self.values.to_vec()])?.pop().flatten();
             let diverged = || Failure::Said("A prediction of simulated logs diverged.".to_owned());
-            found.map(|residuals| self.loss.mean(&residuals)).ok_or_else(diverged)
+            found.map(|residuals| Loss::of(&residuals).bulk()).ok_or_else(diverged)
         };
         let left: Vec<f64> =
             self.logs(simulated, noise, &drawn)?.into_iter().map(one).collect::<Result<_, Failure>>()?;
