@@ -137,6 +137,7 @@ def fit(args, row, truth, seed):
     return {
         "row": row, "truth": truth, "seed": seed, "numbers": dict(zip(names, map(float, numbers))),
         "found": {n: pick(n) for n in names}, "names": list(found), "uncertainty": result["fits"][0].get("uncertainty"),
+        "correction": result["fits"][0].get("correction"),
         "delay": found["delay"]["value"] if how["delay"] else None, "cost": result["cost"],
         "converged": result["converged"], "seconds": result["wall_seconds"],
     }  # fmt: skip

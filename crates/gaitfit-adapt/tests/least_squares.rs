@@ -2,7 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use gaitfit_adapt::cost::{Cost, CostKind, Recorded, Reference};
-use gaitfit_adapt::fit::{Alternative, Fit, FitError, FitOptions, Method, NoiseSource, Stop, uncertainty};
+use gaitfit_adapt::fit::{
+    Alternative, Fit, FitError, FitOptions, Method, NoiseSource, Problem, Stop, uncertainty,
+};
 use gaitfit_adapt::{
     Cancel, Consume, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator, SimulatorError,
     Theta, never,
@@ -93,6 +95,10 @@ fn costs(kind: &str, reference: &Arc<Reference>) -> Vec<Box<dyn Cost>> {
     vec![kind.build(reference, &simulator(0.0)).unwrap()]
 }
 
+fn problem<'a>(simulator: &'a Waves, theta: &'a Theta, cost: &'a dyn Cost) -> Problem<'a> {
+    Problem { simulator, theta, cost, draw: 0, cancel: &never }
+}
+
 fn options(method: Method) -> FitOptions {
     FitOptions { method, generations: 40, tolerance: 1e-5, ..FitOptions::default() }
 }
@@ -170,7 +176,8 @@ fn intervals_of_many_fits_cover_the_truth_as_they_say() {
         let reference = reference(3e-2, 0, 100 + seed);
         let (values, _, _) = found(&reference, 0.5);
         let costs = costs("matchr1", &reference);
-        let found = uncertainty(&simulator(0.0), &[], &theta, costs[0].as_ref(), &values, 0, &never).unwrap();
+        let found =
+            uncertainty(problem(&simulator(0.0), &theta, costs[0].as_ref()), &[], &values, None).unwrap();
         let found = found.unwrap();
         for ((interval, truth), draw) in found.interval.iter().zip(TRUTH).zip(&found.draws[0]) {
             inside += usize::from((interval[0]..=interval[1]).contains(&truth));
@@ -191,7 +198,7 @@ fn another_simulator_shows_how_far_its_error_moves_the_result() {
     let other = Alternative { what: "offset".to_owned(), simulator: &simulator(1e-2) };
     let cost = costs[0].as_ref();
     let found =
-        uncertainty(&simulator(0.0), &[same, other], &theta, cost, &values, 0, &never).unwrap().unwrap();
+        uncertainty(problem(&simulator(0.0), &theta, cost), &[same, other], &values, None).unwrap().unwrap();
     assert!(found.shifts[1].by.iter().all(|by| by.abs() < 1e-6), "{:?}", found.shifts);
     assert!(found.shifts[2].by.iter().any(|by| by.abs() > 1e-5), "{:?}", found.shifts);
     for (at, shift) in found.shifts[2].by.iter().enumerate() {
@@ -204,7 +211,7 @@ fn another_simulator_shows_how_far_its_error_moves_the_result() {
     let mut search = Fit::new(&simulator, &theta, &costs, options(Method::Auto)).unwrap();
     while search.step(&never).unwrap().is_some() {}
     fit = search.outcomes();
-    fit[0].trust(&simulator, &[], &theta, cost, &never).unwrap();
+    fit[0].trust(problem(&simulator, &theta, cost), &[]).unwrap();
     let known = fit[0].parameters[0].identification.clone().unwrap();
     assert!(known.identified && known.noise == NoiseSource::Refits && known.upper > known.lower);
 }
@@ -223,7 +230,7 @@ fn what_the_logs_do_not_show_is_not_identified_and_what_rests_on_a_bound_stays_t
     let mut search = Fit::new(&simulator, &theta, &costs, options(Method::Auto)).unwrap();
     while search.step(&never).unwrap().is_some() {}
     let mut outcome = search.outcomes().remove(0);
-    outcome.trust(&simulator, &[], &theta, costs[0].as_ref(), &never).unwrap();
+    outcome.trust(problem(&simulator, &theta, costs[0].as_ref()), &[]).unwrap();
     let identified: Vec<bool> =
         outcome.parameters.iter().map(|one| one.identification.as_ref().unwrap().identified).collect();
     assert_eq!(identified, [true, true, false], "the damping has no effect");

@@ -66,6 +66,55 @@ fn joints_and_imu_show_friction_and_inertia_anywhere_in_a_walk() {
 }
 
 #[test]
+fn simulated_logs_correct_what_a_long_step_and_torque_noise_make_of_a_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let noise = ["--privileged", "--torque-noise", "2.5", "--seconds", "3"];
+    let logs = walks(folder.path(), "1", &noise);
+    // The robot's step is half of the fit's.
+    let path = config(folder.path(), &logs, &[], "");
+    let step = ["--set", "simulation.timestep=0.01", "--set", "simulation.robot_timestep=0.005"];
+    let fitted = |more: &[&str]| {
+        let output = run(&[&["adapt", path.as_str(), "--json", "--fresh"], step.as_slice(), more].concat());
+        assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
+        json(&output)
+    };
+    let found = fitted(&[]);
+    let truth = std::fs::read_to_string(root().join("examples/go2-ground/truth.toml")).unwrap();
+    let truth: toml::Table = toml::from_str(&truth).unwrap();
+    let off = |key: &str| -> f64 {
+        let errors = truth["parameter"].as_array().unwrap().iter().map(|one| {
+            let parameters = found["parameters"].as_array().unwrap();
+            let fitted = parameters.iter().find(|other| other["name"] == one["name"].as_str().unwrap());
+            (fitted.unwrap()[key].as_f64().unwrap() / one["value"].as_float().unwrap() - 1.0).abs()
+        });
+        errors.sum()
+    };
+    assert!(off("value") < 0.6 * off("uncorrected"), "{} of {}", off("value"), off("uncorrected"));
+    let correction = &found["fits"][0]["correction"];
+    let torque_noise = correction["torque_noise"].as_f64().unwrap();
+    assert!((torque_noise - 2.5).abs() < 0.4, "{torque_noise}");
+    let said = found["warnings"].as_array().unwrap().iter().any(|one| {
+        let text = one.as_str().unwrap();
+        text.contains("corrected by 8 sets of logs") && text.contains("N·m")
+    });
+    assert!(said, "{}", found["warnings"]);
+    // theta.toml has the corrected values; the cost beside them is theirs, and above that of the values found.
+    let theta = std::fs::read_to_string(folder.path().join("walk/theta.toml")).unwrap();
+    let theta: toml::Table = toml::from_str(&theta).unwrap();
+    assert_eq!(theta["parameter"][0]["value"].as_float(), found["parameters"][0]["value"].as_f64());
+    let (cost, before) = (found["cost"].as_f64(), found["fits"][0]["runs"][0]["best_cost"].as_f64());
+    assert!(cost.unwrap() > before.unwrap() && theta["cost"].as_float() == cost, "{cost:?} {before:?}");
+    // Without simulated logs the values are those found.
+    let plain = fitted(&["--set", "optimizer.replicates=0"]);
+    assert!(plain["fits"][0].get("correction").is_none());
+    for (plain, corrected) in
+        plain["parameters"].as_array().unwrap().iter().zip(found["parameters"].as_array().unwrap())
+    {
+        assert_eq!(plain["value"], corrected["uncorrected"]);
+    }
+}
+
+#[test]
 fn logs_without_an_imu_and_settings_that_cannot_be_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let logs = walks(folder.path(), "3", &[]);
@@ -84,6 +133,8 @@ fn logs_without_an_imu_and_settings_that_cannot_be_are_refused() {
         ("simulation.robot_timestep=0.5", "robot_timestep"),
         ("simulation.robot_timestep=nan", "robot_timestep"),
         ("costs=[\"matchr0\"]", "matchr0"),
+        ("optimizer.replicates=101", "replicates"),
+        ("optimizer.replicates=-1", "replicates"),
     ] {
         let output = run(&["adapt", &path, "--set", set]);
         assert!(matches!(output.status.code(), Some(1 | 2)), "{set}: {:?}", output.status);

@@ -37,6 +37,10 @@ pub struct Track {
     pub base_position: Vec<f32>,
     /// Base linear velocity, m/s, world frame; `samples × 3`.
     pub base_velocity: Vec<f32>,
+    /// Orientation of the base, wxyz; `samples × 4`.
+    pub base_quaternion: Vec<f32>,
+    /// Angular velocity of the base, rad/s, body frame; `samples × 3`.
+    pub base_rates: Vec<f32>,
     /// First sample at which the robot had fallen or diverged.
     pub fell_at: Option<usize>,
 }
@@ -214,6 +218,8 @@ impl Track {
             &mut self.action,
             &mut self.base_position,
             &mut self.base_velocity,
+            &mut self.base_quaternion,
+            &mut self.base_rates,
         ] {
             signal.clear();
         }
@@ -230,6 +236,8 @@ impl Track {
         self.velocity.extend(walker.joints.iter().map(|&joint| velocity[joint]));
         self.base_position.extend_from_slice(&motion.base_position[3 * index..3 * index + 3]);
         self.base_velocity.extend_from_slice(&motion.base_linear[3 * index..3 * index + 3]);
+        self.base_quaternion.extend_from_slice(&motion.base_quaternion[4 * index..4 * index + 4]);
+        self.base_rates.extend_from_slice(&motion.base_angular[3 * index..3 * index + 3]);
         // A diverged robot's numbers fail every comparison: it counts as fallen by name.
         let lost = !motion.base_position[3 * index..3 * index + 3].iter().all(|x| x.is_finite());
         if self.fell_at.is_none() && sample > 0 && (lost || walker.fallen(motion, index)) {

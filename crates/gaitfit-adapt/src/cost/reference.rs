@@ -133,6 +133,18 @@ impl Reference {
         Ok(Self { joints, skip, signals })
     }
 
+    /// The same recordings in the scaling of `other`, which is of the same joints: ranges of two sets of logs differ by
+    /// their wildest samples.
+    pub fn scaled_as(mut self, other: &Self) -> Self {
+        for (own, other) in self.signals.iter_mut().zip(&other.signals) {
+            let (Some(own), Some(other)) = (own, other) else { continue };
+            for (own, other) in own.dimensions.iter_mut().zip(&other.dimensions) {
+                own.scale = other.scale;
+            }
+        }
+        self
+    }
+
     /// Joint names in column order.
     pub fn joints(&self) -> &[String] {
         &self.joints

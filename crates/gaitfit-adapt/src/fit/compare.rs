@@ -135,6 +135,7 @@ mod tests {
         let parameter = |(index, &value): (usize, &f64)| ParameterOutcome {
             name: format!("p{index}"),
             value,
+            uncorrected: None,
             unit: "-".into(),
             spread: Some(spread),
             lower: 0.0,
@@ -150,6 +151,7 @@ mod tests {
             parameters: values.iter().enumerate().map(parameter).collect(),
             runs: Vec::new(),
             uncertainty: None,
+            correction: None,
         }
     }
 

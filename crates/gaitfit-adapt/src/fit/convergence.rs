@@ -130,6 +130,7 @@ mod tests {
         let parameter = ParameterOutcome {
             name: "p".into(),
             value: 0.5,
+            uncorrected: None,
             unit: "-".into(),
             spread: Some(spread),
             lower: 0.0,
@@ -145,6 +146,7 @@ mod tests {
             parameters: vec![parameter],
             runs: vec![run],
             uncertainty: None,
+            correction: None,
         }
     }
 

@@ -24,7 +24,10 @@ pub use error::FitError;
 pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one};
 pub use falls::FallPenalty;
 pub use identify::{Identification, MOST_SCANNED, NoiseSource, identify};
-pub use least_squares::{Alternative, GaussNewton, Shift, Uncertainty, uncertainty};
+pub use least_squares::{
+    Alternative, Correction, GaussNewton, Problem, Replicate, Round, Shift, Uncertainty, World, correct,
+    sets, uncertainty,
+};
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};
 pub use predicted::Predicted;
 pub use run::{Checkpoint, SavedRun, SavedSearch, Stop};

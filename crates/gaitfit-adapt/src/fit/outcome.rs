@@ -2,7 +2,8 @@
 
 use super::run::Stop;
 use super::{
-    Alternative, FitError, Identification, MOST_SCANNED, RandomNumbers, Uncertainty, identify, uncertainty,
+    Alternative, Correction, FitError, Identification, MOST_SCANNED, Problem, RandomNumbers, Uncertainty,
+    World, correct, identify, uncertainty,
 };
 use crate::cost::Cost;
 use crate::{Cancel, Simulator, Theta};
@@ -14,15 +15,18 @@ use serde::{Deserialize, Serialize};
 pub struct CostOutcome {
     /// Cost name.
     pub cost: String,
-    /// Smallest cost of any run.
+    /// Cost of the parameters: the smallest of any run, or that of the corrected ones.
     pub best_cost: f64,
-    /// θ of the best run, in the entries' order.
+    /// θ of the best run, corrected or not, in the entries' order.
     pub parameters: Vec<ParameterOutcome>,
     /// The runs, in seed order.
     pub runs: Vec<RunOutcome>,
     /// Joint uncertainty of the parameters, where least squares found them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uncertainty: Option<Uncertainty>,
+    /// How simulated logs moved the values, where they did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correction: Option<Correction>,
 }
 
 /// One entry of θ as found.
@@ -30,8 +34,11 @@ pub struct CostOutcome {
 pub struct ParameterOutcome {
     /// Name.
     pub name: String,
-    /// Value of the run with the smallest cost.
+    /// Value of the run with the smallest cost, corrected by simulated logs if [`Self::uncorrected`] is there.
     pub value: f64,
+    /// The value before that correction.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncorrected: Option<f64>,
     /// Unit.
     pub unit: String,
     /// Standard deviation of the runs' best values (n − 1); `None` with one run.
@@ -84,6 +91,7 @@ impl CostOutcome {
                 ParameterOutcome {
                     name: entry.name.clone(),
                     value: best.values[index],
+                    uncorrected: None,
                     unit: entry.unit.clone(),
                     spread: stats::deviation(&per_run),
                     lower: entry.lower,
@@ -95,7 +103,7 @@ impl CostOutcome {
                 }
             })
             .collect();
-        Some(Self { cost, best_cost: best.best_cost, parameters, runs, uncertainty: None })
+        Some(Self { cost, best_cost: best.best_cost, parameters, runs, uncertainty: None, correction: None })
     }
 
     /// Measures how well the data identify each parameter around the best run's values and notes it with them.
@@ -121,23 +129,52 @@ impl CostOutcome {
         Ok(true)
     }
 
-    /// Measures the joint uncertainty of values that least squares found, and notes it, also with each parameter.
-    /// `cost` is the outcome's.
+    /// The random draws of the best run, by which least squares compares.
+    pub fn draw(&self) -> u64 {
+        let best = self.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
+        RandomNumbers::Run.draw(best.map_or(0, |run| run.seed), 0, 0)
+    }
+
+    /// Corrects values that least squares of `problem` found by logs of `world`, see [`correct`]. Returns why it does not, if it does not.
+    ///
+    /// # Errors
+    /// As [`correct`].
+    pub fn correct(
+        &mut self,
+        problem: Problem<'_>,
+        world: &dyn World,
+        replicates: u32,
+    ) -> Result<Option<String>, FitError> {
+        let correction = match correct(problem, &self.values(), world, replicates)? {
+            Ok(correction) => correction,
+            Err(reason) => return Ok(Some(reason)),
+        };
+        let Some(found) = problem.residuals(std::slice::from_ref(&correction.corrected))?.pop().flatten()
+        else {
+            return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
+        };
+        self.best_cost = found.cost;
+        let entries = problem.theta.entries().iter().zip(&correction.corrected);
+        for (parameter, (entry, &value)) in self.parameters.iter_mut().zip(entries) {
+            parameter.uncorrected = Some(parameter.value);
+            parameter.value = value;
+            parameter.at_bound = entry.at_bound(value);
+        }
+        self.correction = Some(correction);
+        Ok(None)
+    }
+
+    /// Measures the joint uncertainty of values that least squares of `problem` found, corrected or not, and notes it,
+    /// also with each parameter.
     ///
     /// # Errors
     /// As [`uncertainty`].
-    pub fn trust(
-        &mut self,
-        simulator: &dyn Simulator,
-        alternatives: &[Alternative<'_>],
-        theta: &Theta,
-        cost: &dyn Cost,
-        cancel: &Cancel<'_>,
-    ) -> Result<(), FitError> {
-        let best = self.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
-        let draw = RandomNumbers::Run.draw(best.map_or(0, |run| run.seed), 0, 0);
-        self.uncertainty = uncertainty(simulator, alternatives, theta, cost, &self.values(), draw, cancel)?;
+    pub fn trust(&mut self, problem: Problem<'_>, alternatives: &[Alternative<'_>]) -> Result<(), FitError> {
+        let correction = self.correction.as_ref();
+        let values = correction.map_or_else(|| self.values(), |correction| correction.uncorrected.clone());
+        self.uncertainty = uncertainty(problem, alternatives, &values, correction)?;
         let Some(found) = &self.uncertainty else { return Ok(()) };
+        let theta = problem.theta;
         let entries = theta.entries().iter().zip(&found.interval);
         for (parameter, (entry, interval)) in self.parameters.iter_mut().zip(entries) {
             parameter.identification = Some(Identification::of_refits(entry, *interval));

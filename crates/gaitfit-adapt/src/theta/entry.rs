@@ -1,6 +1,6 @@
 //! One number that a fit changes.
 
-use super::ThetaError;
+use super::{NetworkName, ThetaError};
 use serde::Serialize;
 
 /// One entry of θ: a number with unit, bounds, start and deviation.
@@ -36,6 +36,14 @@ impl Entry {
             return Err(ThetaError::Meaningless { name: self.name.clone(), kind: self.kind, least, lower });
         }
         Ok(())
+    }
+
+    /// Whether the value means something else at another physics step: weights of networks that act at every step and see
+    /// the steps before. Of those with fixed features the inertia alone does.
+    pub fn depends_on_step(&self) -> bool {
+        let steady = ["friction", "damping", "stiffness", "offset"];
+        self.kind == NetworkName::ResidAct.name()
+            && !steady.iter().any(|feature| self.name.ends_with(&format!("_{feature}")))
     }
 
     /// Whether `value` lies on a bound: within a thousandth of the range of it.

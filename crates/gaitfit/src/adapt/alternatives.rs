@@ -8,6 +8,8 @@ use gaitfit_adapt::Simulator;
 use gaitfit_adapt::fit::{Alternative, Method as Search};
 use gaitfit_sim::Candidate;
 
+const HALF: &str = "half the step";
+
 /// Other simulators of the same logs.
 pub type Alternatives = Vec<Other>;
 
@@ -19,6 +21,11 @@ pub struct Other {
 }
 
 impl Other {
+    /// Whether it differs in what a correction by simulated logs takes away.
+    pub fn corrected(&self) -> bool {
+        self.what == HALF
+    }
+
     /// As a fit takes it.
     pub fn alternative(&self) -> Alternative<'_> {
         Alternative { what: self.what.clone(), simulator: self.simulator.as_ref() }
@@ -50,7 +57,7 @@ pub fn alternatives(
     let other = |what: &str, simulator| Other { what: what.to_owned(), simulator };
     let preset = format!("preset {}", solver.simulation.preset.name());
     Ok(vec![
-        other("half the step", of(&finer)?.simulator(base.clone(), logs)?),
+        other(HALF, of(&finer)?.simulator(base.clone(), logs)?),
         other(&preset, of(&solver)?.simulator(base.clone(), logs)?),
         other("feet trusted fully", Box::new(feet)),
     ])

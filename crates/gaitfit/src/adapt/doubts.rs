@@ -64,6 +64,7 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
                 .push(format!("{of}{} rests on a bound of its search: widen it, or distrust it", found.name));
         }
     }
+    warnings.extend(corrected(fit).map(|text| format!("{of}{text}")));
     warnings.extend(moved(fit).map(|text| format!("{of}{text}")));
     if fit.falls > 0 {
         warnings.push(format!(
@@ -78,12 +79,61 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
     warnings
 }
 
+/// That the values of `outcome` are not corrected by simulated logs, and why.
+pub fn uncorrected(outcome: &CostOutcome, reason: &str) -> String {
+    format!(
+        "{}: the values are not corrected by simulated logs, and lack what the fit's step and torque noise make of them. \
+         {reason}",
+        outcome.cost
+    )
+}
+
+/// Values that a correction moves by less than this part, and by this part of their bounds, are not named.
+const LITTLE: (f64, f64) = (0.01, 0.002);
+/// Values that a note of a correction names.
+const NAMED: usize = 6;
+
+/// That the values are corrected, how far, and what the logs' differences say of the robot.
+fn corrected(fit: &CostFit) -> Option<String> {
+    let correction = fit.correction.as_ref()?;
+    let best = fit.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
+    let far = |parameter: &&Parameter| {
+        let found = &parameter.found;
+        let before = found.uncorrected.unwrap_or(found.value);
+        let least = (LITTLE.0 * before.abs()).max(LITTLE.1 * (found.upper - found.lower));
+        (found.value - before).abs() > least
+    };
+    let far: Vec<String> = (fit.parameters.iter().filter(far))
+        .map(|one| {
+            let found = &one.found;
+            format!("{} {:.4} to {:.4}", found.name, found.uncorrected.unwrap_or(found.value), found.value)
+        })
+        .collect();
+    let mut by = far[..far.len().min(NAMED)].join(", ");
+    if far.is_empty() {
+        by = "none by more than a hundredth".to_owned();
+    } else if far.len() > NAMED {
+        by.push_str(&format!(" and {} more (result.json has all)", far.len() - NAMED));
+    }
+    Some(format!(
+        "the values are corrected by {} sets of logs of the simulated robot: {by}. Before, {} was {best:.5}. The logs \
+         differ from predictions as those of a robot with torque noise of {:.1} N·m; noise of its sensors and all else \
+         that the simulator lacks count as such",
+        correction.replicates, fit.cost_name, correction.torque_noise
+    ))
+}
+
 /// A value that another simulator moves by this part, and by this part of its bounds, depends on the simulator.
 const MOVED: (f64, f64) = (0.1, 0.005);
 
-/// Values that depend on how the robot is simulated, a sentence for each other simulator.
+/// Values that depend on how the robot is simulated, a sentence for each other simulator. Corrected ones have lost what the
+/// simulator makes of them.
 fn moved(fit: &CostFit) -> impl Iterator<Item = String> {
-    let shifts = fit.uncertainty.iter().flat_map(|uncertainty| &uncertainty.shifts);
+    let shifts = fit
+        .uncertainty
+        .iter()
+        .filter(|_| fit.correction.is_none())
+        .flat_map(|uncertainty| &uncertainty.shifts);
     shifts.filter_map(|shift| {
         let far = |(parameter, by): (&Parameter, &f64)| {
             let found = &parameter.found;

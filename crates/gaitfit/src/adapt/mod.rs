@@ -11,6 +11,7 @@ mod held_out;
 mod ignored;
 mod method;
 mod odd;
+mod replicas;
 mod report;
 pub mod results;
 mod scan;

@@ -1,10 +1,10 @@
 //! What a fit found, as the one document that `--json` prints, `result.json` keeps, and tables and report show.
 
-use super::alternatives::Other;
 use super::check::Check;
 use super::doubts;
 use super::held_out::{HeldOut, held_out};
 use super::odd::OddJoints;
+use super::replicas;
 use super::scan::Scan;
 use super::score::{Robot, Score, Validation, baselines, mean, score, validation};
 use super::setup::Setup;
@@ -15,7 +15,7 @@ use crate::settings::CheckConfig;
 use crate::watch::Watch;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
-    Agreement, Alternative, CostOutcome, Evaluation, FallPenalty, FitError, Job, ParameterOutcome,
+    Agreement, Correction, CostOutcome, Evaluation, FallPenalty, FitError, Job, ParameterOutcome, Problem,
     RunGeneration, RunOutcome, Uncertainty, compare, evaluate,
 };
 use gaitfit_adapt::never;
@@ -42,7 +42,7 @@ pub struct AdaptResults {
     pub better_than_nominal: bool,
     /// Name of the cost.
     pub cost_name: String,
-    /// Its smallest value on the fitted logs.
+    /// Its value of the parameters on the fitted logs.
     pub cost: f64,
     /// Its value of the robot before the fit; absent if that diverged.
     pub nominal_cost: Option<f64>,
@@ -93,7 +93,7 @@ pub struct AdaptResults {
 pub struct CostFit {
     /// Cost name.
     pub cost_name: String,
-    /// Its smallest value.
+    /// Its value of the parameters: the smallest, or that of corrected ones.
     pub cost: f64,
     /// Its value of the robot before the fit; absent if that diverged.
     pub nominal_cost: Option<f64>,
@@ -119,6 +119,9 @@ pub struct CostFit {
     /// Joint uncertainty of the parameters, where least squares found them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uncertainty: Option<Uncertainty>,
+    /// How simulated logs moved the values, where they did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub correction: Option<Correction>,
     /// Each parameter beside the first cost's; empty of the first cost.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub comparison: Vec<Agreement>,
@@ -223,9 +226,11 @@ pub(super) fn results(
     let begun = Instant::now();
     let mut fits: Vec<CostFit> = Vec::with_capacity(outcomes.len());
     let mut found: Vec<CostOutcome> = Vec::with_capacity(outcomes.len());
+    let mut uncorrected: Vec<String> = Vec::new();
     for outcome in outcomes {
         let Some(cost) = setup.costs.iter().position(|cost| cost.name() == outcome.cost) else { continue };
-        let outcome = identified(setup, cost, outcome.clone(), folder, watch)?;
+        let (outcome, refused) = identified(setup, cost, outcome.clone(), folder, watch)?;
+        uncorrected.extend(refused.map(|reason| doubts::uncorrected(&outcome, &reason)));
         let mut fit = fit(setup, cost, &outcome, course)?;
         if let Some(first) = found.first().filter(|_| setup.theta.len() <= MOST_SHOWN) {
             fit.comparison = beside(setup, first, &outcome)?;
@@ -245,6 +250,7 @@ pub(super) fn results(
         robot.simulate(set.simulator.as_ref(), given)
     })?;
     let mut warnings = setup.warnings.clone();
+    warnings.extend(uncorrected);
     for fit in &fits {
         warnings.extend(doubts::warnings(fit, fits.len() > 1));
     }
@@ -289,25 +295,27 @@ fn beside_others(setup: &Setup, robot: Robot<'_>) -> Result<Option<HeldOut>, Err
     held_out(&setup.config, &setup.method, [(set, robot), (set, before)])
 }
 
-/// The outcome of cost number `cost` with the interval of each parameter, where there are not too many.
+/// The outcome of cost number `cost`, corrected where that can be, with the interval of each parameter, where there are not
+/// too many; and why it is not corrected where it should be.
 fn identified(
     setup: &Setup,
     cost: usize,
     mut outcome: CostOutcome,
     folder: &RunFolder,
     watch: &Watch<'_>,
-) -> Result<CostOutcome, Error> {
-    let cost = setup.costs[cost].as_ref();
+) -> Result<(CostOutcome, Option<String>), Error> {
+    let (number, cost) = (cost, setup.costs[cost].as_ref());
     let scan = Scan::new(setup.fit.simulator.as_ref(), cost.name(), watch);
     let stop = || watch.stop();
     let measured = if setup.options.method.least_squares(cost, &setup.theta).map_err(Error::failed)? {
-        let others: Vec<Alternative<'_>> = setup.alternatives.iter().map(Other::alternative).collect();
-        outcome.trust(&scan, &others, &setup.theta, cost, &stop)
+        let (theta, draw) = (&setup.theta, outcome.draw());
+        let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
+        replicas::trusted(setup, number, &mut outcome, problem, watch)
     } else {
-        outcome.identify(&scan, &setup.theta, cost, 0, &stop).map(|_| ())
+        outcome.identify(&scan, &setup.theta, cost, 0, &stop).map(|_| None)
     };
     match measured {
-        Ok(()) => Ok(outcome),
+        Ok(refused) => Ok((outcome, refused)),
         Err(FitError::Cancelled) => {
             let path = folder.path();
             let message =
@@ -384,6 +392,7 @@ fn fit(
         parameters,
         runs: outcome.runs.clone(),
         uncertainty: outcome.uncertainty.clone(),
+        correction: outcome.correction.clone(),
         comparison: Vec::new(),
     })
 }

@@ -3,6 +3,7 @@
 use super::alternatives::{Alternatives, alternatives};
 use super::ignored::ignored;
 use super::method::Method;
+use super::replicas::Replicas;
 use crate::air::{Clamped, logs as air_logs};
 use crate::device::Device;
 use crate::log::Log;
@@ -12,7 +13,7 @@ use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
 use crate::walk::walking::{Walking, rest_angles};
 use crate::{Error, machine, paths, robot, theta};
 use gaitfit_adapt::cost::{Cost, CostError, Recorded, Reference};
-use gaitfit_adapt::fit::FitOptions;
+use gaitfit_adapt::fit::{FitOptions, Method as Search};
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotRule, Sharing, Simulator, Theta, ThetaFile};
 use gaitfit_model::Model;
 use gaitfit_policy::{self as policy, Policy};
@@ -57,6 +58,12 @@ impl LogSet {
         };
         let reference = reference().map_err(|error| incomparable(&logs, &error))?;
         Ok(Self { logs, simulator, reference: Arc::new(reference) })
+    }
+
+    /// The same logs, compared in the scaling of `other`.
+    pub(super) fn scaled_as(self, other: &Self) -> Self {
+        let reference = Reference::clone(&self.reference).scaled_as(&other.reference);
+        Self { reference: Arc::new(reference), ..self }
     }
 
     /// The configuration's costs against these logs.
@@ -105,6 +112,8 @@ pub struct Setup {
     /// Simulators of the same logs that could stand in for the fit's, and how they differ: they show how far its errors
     /// move what a fit of least squares finds.
     pub alternatives: Alternatives,
+    /// The robot as it makes logs, where fits of simulated ones correct that of the real ones.
+    pub replicas: Option<Replicas>,
     /// Optimiser settings.
     pub options: FitOptions,
     /// Every file that was read.
@@ -168,6 +177,13 @@ impl Setup {
                 .map(|method| method.on(gpu.clone()))
         };
         let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
+        let replicas = match (&method, walker) {
+            (Method::Walk(walking), Some(policy)) if corrected(&config) => {
+                let threads = walking.threads;
+                Some(Replicas::new(&config, policy, &robot, &theta, &base, threads, &fit.logs)?)
+            }
+            _ => None,
+        };
         let validate = logs
             .validate
             .into_iter()
@@ -181,6 +197,7 @@ impl Setup {
             options: check::options(&config, logs.notes.as_ref().map_or(0, LogNotes::falls)),
             notes: logs.notes,
             alternatives,
+            replicas,
             config,
             method,
             theta,
@@ -233,6 +250,13 @@ fn sprung(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Th
     rules
         .theta(&config.groups(), &names, &rest)
         .map_err(|error| Error::settings(format!("`odd_joints` puts a spring on every joint: {error}")))
+}
+
+/// Whether fits of simulated logs may correct a fit of `config`.
+fn corrected(config: &AdaptConfig) -> bool {
+    config.optimizer.replicates > 0
+        && config.optimizer.method != Search::CmaEs
+        && config.costs.iter().any(|cost| cost.needs_imu())
 }
 
 /// See [`Setup::aligned`].

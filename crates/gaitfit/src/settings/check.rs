@@ -60,6 +60,8 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`optimizer.seed`, and with it the last of `optimizer.seeds` seeds, must be below 2^63"
     } else if optimizer.population == 1 || optimizer.population > 10_000 {
         "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 10000"
+    } else if optimizer.replicates > 100 {
+        "`optimizer.replicates` must be 0 (no correction by simulated logs) to 100"
     } else if optimizer.restarts > 20 {
         "`optimizer.restarts` must be 0 to 20: each doubles the population"
     } else if !not_negative(optimizer.tolerance) || optimizer.tolerance >= 1.0 {

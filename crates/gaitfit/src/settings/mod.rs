@@ -195,6 +195,8 @@ pub struct OptimizerConfig {
     pub bounds: BoundHandling,
     /// Which candidates see the same random numbers (torque noise).
     pub random_numbers: RandomNumbers,
+    /// Sets of simulated logs a round, which correct fits of walking logs by least squares; 0: no correction.
+    pub replicates: u32,
     /// A seed stops once its search distribution is this small: largest standard deviation of any
     /// parameter, relative to its initial deviation. 0 never stops early.
     pub tolerance: f64,
@@ -324,6 +326,7 @@ impl Default for OptimizerConfig {
             covariance: CovarianceKind::Full,
             bounds: BoundHandling::Reflect,
             random_numbers: RandomNumbers::default(),
+            replicates: 4,
             tolerance: 1e-4,
             max_seconds: 0.0,
         }

@@ -9,6 +9,7 @@ pub mod logs;
 pub mod observation;
 pub mod policy_check;
 pub mod rate;
+pub mod recorder;
 pub mod simulator;
 pub mod tilt;
 pub mod walking;

@@ -167,7 +167,7 @@ fn unit(quaternion: [f32; 4]) -> [f32; 4] {
 }
 
 /// Rows of the policy's joints as rows of the model's; other joints are at 0.
-fn in_model(walker: &Walker, values: &[f64]) -> Vec<f32> {
+pub(super) fn in_model(walker: &Walker, values: &[f64]) -> Vec<f32> {
     let joints = walker.default_pose.len();
     let rows = values.chunks_exact(walker.joints.len());
     let mut all = vec![0.0; rows.len() * joints];
@@ -181,7 +181,7 @@ fn in_model(walker: &Walker, values: &[f64]) -> Vec<f32> {
 
 /// What the simulated robot follows: the log's commands, from the log's first joint angles and velocities. Where the
 /// base is at the start no robot knows: upright in the task's posture, feet on the ground, at rest.
-fn script(walker: &Walker, log: &Trajectory) -> Script {
+pub(super) fn script(walker: &Walker, log: &Trajectory) -> Script {
     let joints = walker.joints.len();
     let samples = log.len();
     let command = log.command.as_deref().unwrap_or_default();

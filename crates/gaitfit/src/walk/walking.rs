@@ -3,7 +3,7 @@
 use super::simulator::WalkSimulator;
 use crate::Error;
 use crate::log::Log;
-use crate::settings::AdaptConfig;
+use crate::settings::{AdaptConfig, Preset};
 use gaitfit_adapt::{JointParameter, Theta};
 use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_model::Model;
@@ -36,7 +36,34 @@ impl Walking {
         base: &Candidate,
         threads: usize,
     ) -> Result<Self, Error> {
-        let task = task(config, &policy, model, theta, base)?;
+        let settings = settings(config, &policy)?;
+        let task = task(config.simulation.preset, settings, &policy, model, theta, base)?;
+        Ok(Self { policy, task, threads, gpu: None })
+    }
+
+    /// The same robot as it makes logs: at its own step, where the configuration or the policy's task states it, with
+    /// contacts solved accurately.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn robot(
+        config: &AdaptConfig,
+        policy: Policy,
+        model: &Model,
+        theta: &Theta,
+        base: &Candidate,
+        threads: usize,
+    ) -> Result<Self, Error> {
+        let mut settings = settings(config, &policy)?;
+        let mut preset = config.simulation.preset;
+        if let Some(step) = settings.robot_timestep {
+            let period = policy.interface.control_dt;
+            settings.substeps = substeps(period, step.max(LEAST_STEP));
+            let own = period / settings.substeps as f64;
+            settings.robot_timestep = Some(step).filter(|step| (own - step).abs() > 1e-3 * own);
+            preset = Preset::Accurate;
+        }
+        let task = task(preset, settings, &policy, model, theta, base)?;
         Ok(Self { policy, task, threads, gpu: None })
     }
 
@@ -67,13 +94,17 @@ pub fn rest_angles(policy: &Policy, model: &Model) -> Result<Vec<f64>, Error> {
     Ok(rest)
 }
 
-fn task(
-    config: &AdaptConfig,
-    policy: &Policy,
-    model: &Model,
-    theta: &Theta,
-    base: &Candidate,
-) -> Result<Task, Error> {
+/// Shortest step of a robot that makes logs, s: those of motor boards beyond it cost much time and change little.
+const LEAST_STEP: f64 = 5e-4;
+
+/// Physics steps of at most `step` in a control period. A period of 20 ms and a step of 5 ms mean four, whatever the last
+/// digit says.
+fn substeps(period: f64, step: f64) -> usize {
+    (period / step - 0.01).ceil().max(1.0) as usize
+}
+
+/// The policy's task as the configuration has it simulated.
+fn settings(config: &AdaptConfig, policy: &Policy) -> Result<TaskSettings, Error> {
     let task = &policy.provenance.task;
     let mut settings = if task.is_empty() {
         TaskSettings::default()
@@ -81,13 +112,21 @@ fn task(
         let wrong = |error| Error::failed(format!("the task in the policy's file: {error}"));
         toml::from_str(task).map_err(wrong)?
     };
-    let interface = policy.interface.clone();
-    // A period of 20 ms and a step of 5 ms mean four steps, whatever the last digit says.
-    let steps = (interface.control_dt / config.simulation.timestep - 0.01).ceil().max(1.0);
-    settings.substeps = steps as usize;
+    settings.substeps = substeps(policy.interface.control_dt, config.simulation.timestep);
     settings.robot_timestep = config.simulation.robot_timestep.or(settings.robot_timestep);
+    Ok(settings)
+}
+
+fn task(
+    preset: Preset,
+    settings: TaskSettings,
+    policy: &Policy,
+    model: &Model,
+    theta: &Theta,
+    base: &Candidate,
+) -> Result<Task, Error> {
+    let interface = policy.interface.clone();
     let delay = base.robot.delay.iter().fold(0.0f64, |most, &delay| most.max(delay));
     let delay = delay.max(theta.largest(JointParameter::Delay).unwrap_or(0.0));
-    Task::with_interface(model, &settings.calm(), interface, config.simulation.preset, delay)
-        .map_err(Error::failed)
+    Task::with_interface(model, &settings.calm(), interface, preset, delay).map_err(Error::failed)
 }

@@ -4,10 +4,12 @@
 //! CMA-ES needs hundreds of candidates for. Derivatives are central differences of the simulation. The loss is robust,
 //! see [`normal`]; the cost is reported as its own definition says.
 
+mod indirect;
 mod normal;
 mod residuals;
 mod uncertainty;
 
+pub use indirect::{Correction, Replicate, Round, World, correct, sets};
 pub use uncertainty::{Alternative, Shift, Uncertainty, uncertainty};
 
 use super::FitError;
@@ -16,7 +18,7 @@ use crate::cmaes::Best;
 use crate::{Entry, Theta};
 use gaitfit_random::{Purpose, Stream};
 use normal::{Jacobian, Loss, Normal};
-pub(in crate::fit) use residuals::Problem;
+pub use residuals::Problem;
 use residuals::Residuals;
 use serde::{Deserialize, Serialize};
 

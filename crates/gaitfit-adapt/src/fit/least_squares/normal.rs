@@ -32,6 +32,12 @@ impl Loss {
         Self { elbow: (ELBOW * f64::from(median)).max(ROUNDING) }
     }
 
+    /// The squared median of the absolute differences for which [`Self::of`] makes it: few differences of any size do not
+    /// change it.
+    pub fn bulk(&self) -> f64 {
+        (self.elbow / ELBOW).powi(2)
+    }
+
     /// Its mean over all differences.
     pub fn mean(&self, residuals: &Residuals) -> f64 {
         let of = |found: &f32| {

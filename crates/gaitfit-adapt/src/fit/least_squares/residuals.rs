@@ -10,7 +10,7 @@ const MEMORY: usize = 4 << 30;
 
 /// What one candidate differs by.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Residuals {
+pub(in crate::fit) struct Residuals {
     /// One vector a recording, `samples × width`; see [`Differences::of`].
     pub recordings: Vec<Vec<f32>>,
     /// What the cost makes of them, regularisation and falls left out.
@@ -19,14 +19,18 @@ pub(super) struct Residuals {
     pub falls: usize,
 }
 
-/// What is compared, and with what.
+/// What least squares compares, and with what.
 #[derive(Clone, Copy)]
-pub(in crate::fit) struct Problem<'a> {
+pub struct Problem<'a> {
+    /// Simulates the recordings.
     pub simulator: &'a dyn Simulator,
+    /// What is fitted.
     pub theta: &'a Theta,
+    /// Its differences are made small.
     pub cost: &'a dyn Cost,
     /// Random draws of every simulation.
     pub draw: u64,
+    /// Asks whether to give up.
     pub cancel: &'a Cancel<'a>,
 }
 
@@ -46,7 +50,10 @@ impl Problem<'_> {
     ///
     /// # Errors
     /// As [`Simulator::simulate`]; [`FitError::Distributions`], [`FitError::TooMany`].
-    pub(super) fn residuals(&self, candidates: &[Vec<f64>]) -> Result<Vec<Option<Residuals>>, FitError> {
+    pub(in crate::fit) fn residuals(
+        &self,
+        candidates: &[Vec<f64>],
+    ) -> Result<Vec<Option<Residuals>>, FitError> {
         let differences = self.differences()?;
         let count = self.simulator.recordings();
         let begin = |_: &Vec<f64>| {

@@ -8,10 +8,9 @@
 
 use super::normal::{Loss, Normal};
 use super::residuals::{Problem, Residuals};
-use super::{Around, around, free};
-use crate::cost::Cost;
+use super::{Around, Correction, around, free};
 use crate::fit::FitError;
-use crate::{Cancel, Entry, Simulator, Theta};
+use crate::{Entry, Simulator, Theta};
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::stats;
 use nalgebra::{DMatrix, DVector};
@@ -25,7 +24,7 @@ const LEAST_SAMPLES: usize = 25;
 /// Draws of θ.
 const DRAWS: usize = 64;
 /// Damping that keeps equations solvable in which the logs say nothing of an entry.
-const RIDGE: f64 = 1e-9;
+pub(super) const RIDGE: f64 = 1e-9;
 
 /// Where the estimate would be if something were otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,50 +58,62 @@ pub struct Alternative<'a> {
     pub simulator: &'a dyn Simulator,
 }
 
-/// Measures it around `values`, where a search of least squares ended, with its random draws. `None` if their
-/// simulation diverges.
+/// Measures it around `values`, where a search of least squares of `problem` ended, with its random draws. With a
+/// `correction` it is that of the corrected values. `None` if the simulation of `values` diverges.
 ///
 /// # Errors
 /// As [`super::super::Fit::step`].
 pub fn uncertainty(
-    simulator: &dyn Simulator,
+    problem: Problem<'_>,
     alternatives: &[Alternative<'_>],
-    theta: &Theta,
-    cost: &dyn Cost,
     values: &[f64],
-    draw: u64,
-    cancel: &Cancel<'_>,
+    correction: Option<&Correction>,
 ) -> Result<Option<Uncertainty>, FitError> {
-    let problem = Problem { simulator, theta, cost, draw, cancel };
-    let Some(Around { residuals, jacobian, .. }) = around(&problem, values)? else { return Ok(None) };
-    let loss = Loss::of(&residuals);
-    let pieces = pieces(&residuals, jacobian.width).into_iter();
-    let part = |(recording, rows)| Normal::of(&jacobian, &residuals, loss, recording, rows);
-    let parts: Vec<Normal> = pieces.map(part).collect();
-    let mut whole = Normal::zero(values.len());
-    parts.iter().for_each(|part| whole.add(part));
-
-    let estimate = Estimate::new(theta, values, &parts, whole);
+    let theta = problem.theta;
+    let Some(here) = around(&problem, values)? else { return Ok(None) };
+    let loss = Loss::of(&here.residuals);
+    let parts = parts(&here, loss);
+    let mut estimate = Estimate::new(theta, values, &parts);
     let mut shifts = Vec::new();
-    // Where the slope ends; the search ends where the loss does, and derivatives are limited.
-    if let Some(by) = estimate.step(&estimate.whole.slope) {
+    // Where the slope ends; the search ends where the loss does, and derivatives are limited. A correction goes there.
+    let further = estimate.step(&estimate.whole.slope).filter(|_| correction.is_none());
+    if let Some(by) = further {
         shifts.push(Shift { what: "a further step of the search".to_owned(), by });
     }
     for alternative in alternatives {
         let other = Problem { simulator: alternative.simulator, ..problem };
         let Some(found) = other.residuals(&[values.to_vec()])?.pop().flatten() else { continue };
-        let slope = Normal::whole(&jacobian, &found, loss).slope;
+        let slope = Normal::whole(&here.jacobian, &found, loss).slope;
         if let Some(by) = estimate.step(&(slope - &estimate.whole.slope)) {
             shifts.push(Shift { what: alternative.what.clone(), by });
         }
     }
+    if let Some(correction) = correction {
+        shifts.push(Shift { what: "a part of the correction".to_owned(), by: correction.doubt() });
+        estimate.values = &correction.corrected;
+        estimate.inflation = correction.inflation();
+    }
     Ok(estimate.together(&parts, shifts))
+}
+
+/// Normal equations of pieces of the logs.
+fn parts(here: &Around, loss: Loss) -> Vec<Normal> {
+    let part = |(recording, rows)| Normal::of(&here.jacobian, &here.residuals, loss, recording, rows);
+    pieces(&here.residuals, here.jacobian.width).into_iter().map(part).collect()
+}
+
+/// Entries of `theta` without an effect on logs, `here` where they were fitted.
+pub(super) fn silent(theta: &Theta, here: &Around, loss: Loss) -> Vec<bool> {
+    let values = vec![0.0; theta.len()];
+    Estimate::new(theta, &values, &parts(here, loss)).silent
 }
 
 /// What was found, and which way it can move.
 struct Estimate<'a> {
     theta: &'a Theta,
     values: &'a [f64],
+    /// How much more the choice of logs moves it, as simulated logs are few too.
+    inflation: f64,
     whole: Normal,
     /// Entries that neither rest on a bound which holds them, nor lack an effect.
     free: Vec<bool>,
@@ -113,7 +124,9 @@ struct Estimate<'a> {
 }
 
 impl<'a> Estimate<'a> {
-    fn new(theta: &'a Theta, values: &'a [f64], parts: &[Normal], whole: Normal) -> Self {
+    fn new(theta: &'a Theta, values: &'a [f64], parts: &[Normal]) -> Self {
+        let mut whole = Normal::zero(values.len());
+        parts.iter().for_each(|part| whole.add(part));
         let count = parts.len().max(1) as f64;
         let mut scores = DMatrix::zeros(values.len(), values.len());
         for part in parts {
@@ -129,7 +142,7 @@ impl<'a> Estimate<'a> {
         };
         let silent: Vec<bool> = theta.entries().iter().enumerate().map(silent).collect();
         let free = free(theta, values, &whole).into_iter().zip(&silent).map(|(free, silent)| free && !silent);
-        Self { free: free.collect(), theta, values, whole, silent, scores }
+        Self { free: free.collect(), theta, values, inflation: 1.0, whole, silent, scores }
     }
 
     /// How far a change of the slope moves the estimate.
@@ -164,7 +177,7 @@ impl<'a> Estimate<'a> {
             } else {
                 self.scores[(at, at)] / self.whole.curvature[(at, at)].powi(2)
             };
-            variance.max(0.0).sqrt()
+            self.inflation * variance.max(0.0).sqrt()
         };
         Some((0..entries).map(of).collect())
     }
@@ -212,7 +225,7 @@ impl<'a> Estimate<'a> {
                 }
                 let along = |(k, shift): (usize, &Shift)| own.step(1).normal(place(k)) * shift.by[at];
                 let model: f64 = shifts.iter().enumerate().map(along).sum();
-                (value + step + model).clamp(entry.lower, entry.upper)
+                (value + self.inflation * step + model).clamp(entry.lower, entry.upper)
             });
             moved.collect()
         };

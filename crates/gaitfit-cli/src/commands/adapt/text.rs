@@ -91,12 +91,17 @@ fn spread(spread: Option<f64>) -> String {
 fn parameters(fit: &CostFit) -> Table {
     let known = fit.parameters.iter().any(|parameter| parameter.truth.is_some());
     let published = fit.parameters.iter().any(|parameter| parameter.published.is_some());
-    let mut header = vec!["parameter", "value", "spread", "interval", "unit", "bounds"];
+    let corrected = fit.correction.is_some();
+    let value = if corrected { "corrected" } else { "value" };
+    let mut header = vec!["parameter", value, "spread", "interval", "unit", "bounds"];
     if known {
         header.extend(["truth", "error"]);
     }
     if published {
         header.push("published");
+    }
+    if corrected {
+        header.push("found");
     }
     header.push("");
     let mut table = table(&header, if known { &[1, 2, 3, 6, 7] } else { &[1, 2, 3] });
@@ -121,6 +126,9 @@ fn parameters(fit: &CostFit) -> Table {
         }
         if published {
             row.push(parameter.published.map_or_else(String::new, |[low, high]| format!("{low} – {high}")));
+        }
+        if corrected {
+            row.push(found.uncorrected.map_or_else(String::new, |found| format!("{found:.4}")));
         }
         row.push(match parameter.identified {
             Some(false) => "not identified".to_owned(),

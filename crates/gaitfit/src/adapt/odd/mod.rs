@@ -12,7 +12,7 @@ use crate::Error;
 use crate::run::RunFolder;
 use crate::run::inputs::Inputs;
 use crate::watch::{Watch, Work};
-use gaitfit_adapt::fit::{Alternative, CostOutcome, Fit, FitError};
+use gaitfit_adapt::fit::{Alternative, CostOutcome, Fit, FitError, Problem};
 use gaitfit_adapt::{Theta, cost::Cost};
 use gaitfit_model::patterns::compile;
 use judge::{Judged, Stiffness};
@@ -118,7 +118,8 @@ fn fit(setup: &Setup, theta: &Theta, watch: &Watch<'_>) -> Result<CostOutcome, F
     let mut outcome =
         outcome.ok_or_else(|| FitError::Scan("no step of the comparison of joints ended".into()))?;
     let others: Vec<Alternative<'_>> = setup.alternatives.iter().map(|other| other.alternative()).collect();
-    outcome.trust(simulator, &others, theta, costs[0].as_ref(), &stop)?;
+    let (cost, draw) = (costs[0].as_ref(), outcome.draw());
+    outcome.trust(Problem { simulator, theta, cost, draw, cancel: &stop }, &others)?;
     Ok(outcome)
 }
 

@@ -1,0 +1,350 @@
+//! Indirect inference (Gourieroux, Monfort and Renault 1993): what a fit is off by, from simulated logs.
+//!
+//! Short predictions start from what sensors read. Where motors do more than they are told, the next reading is not the
+//! predicted one, and the errors of readings and of predictions from them go together: dry friction comes out too low.
+//! A step longer than the robot's makes an error of its own. Both are the same in logs of a simulated robot whose values are
+//! known. So logs are simulated as the robot would have made them, and compared in the same way.
+//!
+//! The comparison is one Gauss–Newton step from where the fit ended: where a fit of these logs would end, near enough, as
+//! it begins close by. The values of the simulated robot are moved until its logs ask for the step that the
+//! real ones ask for, which is none if the search went to its end. The step is not limited by bounds: it says how far beyond
+//! a bound the logs pull, on which the correction of a value that rests on one depends.
+//!
+//! How much the simulated motors do besides what they are told follows from the size of the differences that the fit
+//! leaves: the noise is chosen with which simulated logs leave as much. The squared median is about affine in its square,
+//! and does not count what happens in few samples, legs that hit each other for one.
+
+use super::normal::{Loss, Normal};
+use super::residuals::Problem;
+use super::uncertainty::{RIDGE, silent};
+use super::{Around, around, size};
+use crate::cost::Cost;
+use crate::fit::FitError;
+use crate::{Entry, Simulator};
+use nalgebra::DVector;
+use serde::{Deserialize, Serialize};
+
+/// Rounds of simulated logs: in each the values are moved by what the last one missed.
+const ROUNDS: usize = 4;
+/// The last rounds, over which the values are averaged.
+const AVERAGED: usize = 2;
+/// Rounds that measure the differences which a robot without noise leaves; later ones change them little.
+const MEASURED: usize = 2;
+/// Deviation of the torques of the first trial, N·m.
+const FIRST_NOISE: f64 = 1.0;
+/// Sets of logs that say what differences noise of no or of the first size leaves.
+const TRIALS: usize = 2;
+/// Least noise, as a part of the first trial's, from which the effect of noise is learnt.
+const TELLING: f64 = 0.3;
+/// How much more the corrected values depend on the choice of logs. It and [`SHARE`] were chosen with which nine of ten
+/// intervals or more held the truth in fits of one seed of every kind of log in docs/experiments.md.
+const STRENGTHENED: f64 = 1.2;
+/// Steps that lead to where the slope of the loss ends.
+const FURTHER: usize = 3;
+/// They end with one shorter than this, in an entry's deviations.
+const SHORT: f64 = 2e-3;
+/// A step after which the loss is larger by this part is not taken.
+const RISE: f64 = 0.01;
+/// Most noise, N·m.
+const MOST_NOISE: f64 = 30.0;
+/// Part of a correction that counts as one standard deviation of its error.
+const SHARE: f64 = 0.2;
+
+/// Sets of logs that a correction simulates, with `replicates` a round.
+pub fn sets(replicates: u32) -> usize {
+    ROUNDS * replicates as usize + (MEASURED + 1) * TRIALS
+}
+
+/// Simulated logs, and what compares them with predictions.
+pub struct Replicate {
+    /// Simulates predictions of the logs, as the fit does of the real ones.
+    pub simulator: Box<dyn Simulator>,
+    /// The fit's cost, against the simulated logs in the scaling of the real ones.
+    pub cost: Box<dyn Cost>,
+}
+
+/// The robot, simulated as it makes logs.
+pub trait World {
+    /// Whether a value of `entry` means to the robot what it means to the fit. One that does not is left as it is.
+    fn shares(&self, _entry: &Entry) -> bool {
+        true
+    }
+
+    /// A set of logs for each of `numbers`, which select random draws: logs of the robot with `values` of θ, whose joints
+    /// are disturbed by normal torques of the deviation `noise`, N·m. `Err`: why there are none, in a sentence.
+    fn replicates(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, String>;
+}
+
+/// What simulated logs say of a fit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Correction {
+    /// The values that the fit found.
+    pub uncorrected: Vec<f64>,
+    /// The values whose simulated logs, fitted, would give these.
+    pub corrected: Vec<f64>,
+    /// Standard deviation of fits over sets of simulated logs, in the last rounds.
+    pub spread: Vec<f64>,
+    /// Torque noise with which simulated logs are as far from predictions as the real ones, N·m.
+    pub torque_noise: f64,
+    /// Sets of simulated logs over which the correction is averaged.
+    pub replicates: usize,
+    /// The rounds.
+    pub rounds: Vec<Round>,
+}
+
+/// One round.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Round {
+    /// The values of the simulated robot.
+    pub values: Vec<f64>,
+    /// Its torque noise, N·m.
+    pub torque_noise: f64,
+    /// Where fits of its logs would end if that of the real ones ended where the slope of its loss does. Bounds do not
+    /// limit them.
+    pub fits: Vec<Vec<f64>>,
+}
+
+impl Correction {
+    /// How far the correction moves each value.
+    pub fn by(&self) -> Vec<f64> {
+        self.corrected.iter().zip(&self.uncorrected).map(|(to, from)| to - from).collect()
+    }
+
+    /// One standard deviation of what the correction misses as a whole: the simulated robot is not the real one.
+    pub(super) fn doubt(&self) -> Vec<f64> {
+        self.by().into_iter().map(|by| SHARE * by).collect()
+    }
+
+    /// How much more than the fit's values the corrected ones depend on the choice of logs: simulated ones are few too, and
+    /// what noise weakens a correction strengthens.
+    pub(super) fn inflation(&self) -> f64 {
+        STRENGTHENED * (1.0 + 1.0 / self.replicates.max(1) as f64).sqrt()
+    }
+}
+
+/// The correction of `values`, which a search of least squares of `problem` found with its random draws, from `replicates`
+/// sets of simulated logs a round. `Ok(Err)`: why there is none, in a sentence.
+///
+/// # Errors
+/// [`FitError::Cancelled`], and what else keeps the fit's own simulator from simulating `values`.
+pub fn correct(
+    problem: Problem<'_>,
+    values: &[f64],
+    world: &dyn World,
+    replicates: u32,
+) -> Result<Result<Correction, String>, FitError> {
+    let Some(here) = around(&problem, values)? else {
+        return Ok(Err("The simulation of the values found diverges.".to_owned()));
+    };
+    let loss = Loss::of(&here.residuals);
+    let entries = problem.theta.entries().iter().zip(silent(problem.theta, &here, loss));
+    let moving: Vec<bool> = entries.map(|(entry, silent)| !silent && world.shares(entry)).collect();
+    let Some((reference, own)) = further(problem, values, here, loss, &moving)? else {
+        return Ok(Err("The logs do not say which way the values found could move.".to_owned()));
+    };
+    match (Inference { problem, world, found: values, values: &reference, loss, moving, own, replicates })
+        .rounds()
+    {
+        _ if (problem.cancel)() => Err(FitError::Cancelled),
+        Err(Failure::Fit(error @ FitError::Cancelled)) => Err(error),
+        Err(Failure::Fit(error)) => Ok(Err(format!("A comparison with simulated logs failed: {error}."))),
+        Err(Failure::Said(reason)) => Ok(Err(reason)),
+        Ok(correction) => Ok(Ok(correction)),
+    }
+}
+
+/// Where the slope of the loss ends, and what the logs say there: kinks of the loss can hold a search before. `None` if
+/// the equations of the first step cannot be solved.
+fn further(
+    problem: Problem<'_>,
+    values: &[f64],
+    here: Around,
+    loss: Loss,
+    moving: &[bool],
+) -> Result<Option<(Vec<f64>, Comparison)>, FitError> {
+    let compared = |here: &Around| {
+        let step = Normal::whole(&here.jacobian, &here.residuals, loss).step(RIDGE, moving)?;
+        Some(Comparison { left: Loss::of(&here.residuals).bulk(), step })
+    };
+    let Some(mut own) = compared(&here) else { return Ok(None) };
+    let most = loss.mean(&here.residuals) * (1.0 + RISE);
+    let mut at = values.to_vec();
+    for _ in 0..FURTHER {
+        let entries = problem.theta.entries().iter().zip(&at).zip(own.step.iter());
+        let next: Vec<f64> = entries
+            .map(|((entry, from), by)| {
+                let by = by.clamp(-entry.deviation, entry.deviation);
+                (from + by).clamp(entry.lower, entry.upper)
+            })
+            .collect();
+        if size(problem.theta, &at, &next) < SHORT {
+            break;
+        }
+        let there = around(&problem, &next)?.filter(|there| loss.mean(&there.residuals) <= most);
+        let Some(there) = there.as_ref().and_then(compared) else { break };
+        (at, own) = (next, there);
+    }
+    Ok(Some((at, own)))
+}
+
+enum Failure {
+    Fit(FitError),
+    Said(String),
+}
+
+impl From<FitError> for Failure {
+    fn from(error: FitError) -> Self {
+        Self::Fit(error)
+    }
+}
+
+/// What logs say of the values found.
+struct Comparison {
+    /// The squared median of the differences that they leave.
+    left: f64,
+    /// The step that they ask for.
+    step: DVector<f64>,
+}
+
+struct Inference<'a> {
+    /// The real logs.
+    problem: Problem<'a>,
+    world: &'a dyn World,
+    /// What their fit found.
+    found: &'a [f64],
+    /// Where the slope of their loss ends.
+    values: &'a [f64],
+    loss: Loss,
+    /// Entries that have an effect.
+    moving: Vec<bool>,
+    /// What the real logs say.
+    own: Comparison,
+    replicates: u32,
+}
+
+impl Inference<'_> {
+    fn rounds(&self) -> Result<Correction, Failure> {
+        let mut simulated = self.values.to_vec();
+        let mut numbers = 0..u32::MAX;
+        let (mut slope, mut quiet) = (None, 0.0);
+        let (mut done, mut found) = (Vec::<Round>::with_capacity(ROUNDS), Vec::new());
+        for round in 0..ROUNDS {
+            if round < MEASURED {
+                quiet = self.left(&simulated, 0.0, &mut numbers)?;
+            }
+            let rise = match slope {
+                Some(slope) => slope,
+                None => {
+                    let left = self.left(&simulated, FIRST_NOISE, &mut numbers)?;
+                    *slope.insert((left - quiet) / FIRST_NOISE.powi(2))
+                }
+            };
+            if rise.is_nan() || rise <= 0.0 {
+                let said = "Noise on the simulated robot's torques does not make its logs harder to predict.";
+                return Err(Failure::Said(said.to_owned()));
+            }
+            let torque_noise = ((self.own.left - quiet) / rise).max(0.0).sqrt().min(MOST_NOISE);
+            let drawn: Vec<u32> = numbers.by_ref().take(self.replicates as usize).collect();
+            let compared = self.compared(&simulated, torque_noise, &drawn)?;
+            if torque_noise > TELLING * FIRST_NOISE {
+                let left = compared.iter().map(|one| one.left).sum::<f64>() / compared.len().max(1) as f64;
+                slope = Some((left - quiet) / torque_noise.powi(2)).filter(|slope| *slope > 0.0).or(slope);
+            }
+            let fits: Vec<Vec<f64>> = compared.iter().map(|one| self.fit(one)).collect();
+            let estimate: Vec<f64> = (0..simulated.len())
+                .map(|at| simulated[at] + self.values[at] - mean(fits.iter().map(|fit| fit[at])))
+                .collect();
+            let next = self.next(&simulated, &estimate);
+            if round + AVERAGED >= ROUNDS {
+                found.push(estimate);
+            }
+            done.push(Round { values: std::mem::replace(&mut simulated, next), torque_noise, fits });
+        }
+        Ok(self.correction(done, &found))
+    }
+
+    fn correction(&self, rounds: Vec<Round>, found: &[Vec<f64>]) -> Correction {
+        let entries = self.problem.theta.entries().iter().enumerate();
+        let corrected = entries.map(|(at, entry)| {
+            let value = mean(found.iter().map(|one| one[at]));
+            if self.moving[at] { value.clamp(entry.lower, entry.upper) } else { self.found[at] }
+        });
+        let last = &rounds[rounds.len().saturating_sub(AVERAGED)..];
+        let spread = |at: usize| {
+            let of = |round: &Round| {
+                let all: Vec<f64> = round.fits.iter().map(|fit| fit[at]).collect();
+                gaitfit_sim::stats::deviation(&all).unwrap_or(0.0).powi(2)
+            };
+            mean(last.iter().map(of)).sqrt()
+        };
+        Correction {
+            uncorrected: self.found.to_vec(),
+            corrected: corrected.collect(),
+            spread: (0..self.found.len()).map(spread).collect(),
+            torque_noise: mean(last.iter().map(|round| round.torque_noise)),
+            replicates: last.iter().map(|round| round.fits.len()).sum(),
+            rounds,
+        }
+    }
+
+    /// The values of the next round: the estimate, within the bounds and no further than an entry's deviation away.
+    fn next(&self, simulated: &[f64], estimate: &[f64]) -> Vec<f64> {
+        let entries = self.problem.theta.entries().iter().zip(simulated).zip(estimate).zip(&self.moving);
+        let moved = entries.map(|(((entry, from), to), moving)| {
+            let by = (to - from).clamp(-entry.deviation, entry.deviation);
+            if *moving { (from + by).clamp(entry.lower, entry.upper) } else { *from }
+        });
+        moved.collect()
+    }
+
+    /// Where a fit of logs would end.
+    fn fit(&self, compared: &Comparison) -> Vec<f64> {
+        let steps = compared.step.iter().zip(self.own.step.iter());
+        self.values.iter().zip(steps).map(|(value, (step, own))| value + step - own).collect()
+    }
+
+    fn logs(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, Failure> {
+        self.world.replicates(values, noise, numbers).map_err(Failure::Said)
+    }
+
+    fn problem<'b>(&'b self, logs: &'b Replicate) -> Problem<'b> {
+        Problem { simulator: logs.simulator.as_ref(), cost: logs.cost.as_ref(), ..self.problem }
+    }
+
+    /// What some sets of logs of the robot `simulated` say of the values found.
+    fn compared(&self, simulated: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Comparison>, Failure> {
+        let compare = |logs: Replicate| {
+            let diverged = || Failure::Said("A prediction of simulated logs diverged.".to_owned());
+            let here = around(&self.problem(&logs), self.values)?.ok_or_else(diverged)?;
+            let normal = Normal::whole(&here.jacobian, &here.residuals, self.loss);
+            let flat = || Failure::Said("Simulated logs do not say which way values could move.".to_owned());
+            let step = normal.step(RIDGE, &self.moving).ok_or_else(flat)?;
+            Ok(Comparison { left: Loss::of(&here.residuals).bulk(), step })
+        };
+        self.logs(simulated, noise, numbers)?.into_iter().map(compare).collect()
+    }
+
+    /// The squared median of the differences that the values found leave of logs of the robot `simulated`, mean over some
+    /// sets.
+    fn left(
+        &self,
+        simulated: &[f64],
+        noise: f64,
+        numbers: &mut impl Iterator<Item = u32>,
+    ) -> Result<f64, Failure> {
+        let drawn: Vec<u32> = numbers.take(TRIALS).collect();
+        let one = |logs: Replicate| {
+            let found = self.problem(&logs).residuals(&[self.values.to_vec()])?.pop().flatten();
+            let diverged = || Failure::Said("A prediction of simulated logs diverged.".to_owned());
+            found.map(|residuals| Loss::of(&residuals).bulk()).ok_or_else(diverged)
+        };
+        let left: Vec<f64> =
+            self.logs(simulated, noise, &drawn)?.into_iter().map(one).collect::<Result<_, Failure>>()?;
+        Ok(mean(left.into_iter()))
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0usize), |(sum, count), value| (sum + value, count + 1));
+    sum / count.max(1) as f64
+}

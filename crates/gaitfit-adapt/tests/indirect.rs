@@ -1,0 +1,184 @@
+//! Indirect inference on a toy whose least squares are attenuated: a first-order process that is read with noise, each
+//! reading predicted from the one before.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use gaitfit_adapt::cost::{Cost, CostKind, Recorded, Reference};
+use gaitfit_adapt::fit::{Correction, CostOutcome, Fit, FitOptions, Method, Problem, Replicate, World};
+use gaitfit_adapt::{
+    Cancel, Consume, JointParameter, ParameterRule, Rollout, Sharing, Signals, Simulator, SimulatorError,
+    Theta, never,
+};
+use gaitfit_random::{Purpose, Stream};
+use std::sync::Arc;
+
+const TRUTH: [f64; 2] = [0.4, 0.07];
+const SAMPLES: usize = 80;
+const RECORDINGS: usize = 24;
+
+/// Readings of x' = 2a x + 10b u + noise, with a known drive u, and the predictions from each to the next.
+struct Process {
+    joints: Vec<String>,
+    readings: Vec<Vec<f64>>,
+}
+
+fn drive(recording: usize, sample: usize) -> f64 {
+    (0.3 * sample as f64 + 1.7 * recording as f64).sin() + (0.11 * sample as f64 + recording as f64).cos()
+}
+
+impl Process {
+    /// `noise`: of the readings.
+    fn new(values: &[f64], noise: f64, seed: u64) -> Self {
+        let one = |recording: usize| {
+            let stream = Stream::new(seed, Purpose::OBSERVATION_NOISE).environment(recording as u32);
+            let mut x = 0.0;
+            let reading = |sample: usize| {
+                let read = x + noise * stream.normal(2 * sample as u32);
+                let disturbed = 0.3 * stream.normal(2 * sample as u32 + 1);
+                x = 2.0 * values[0] * x + 10.0 * values[1] * drive(recording, sample) + disturbed;
+                read
+            };
+            (0..SAMPLES).map(reading).collect()
+        };
+        Self { joints: vec!["FL_hip".to_owned()], readings: (0..RECORDINGS).map(one).collect() }
+    }
+
+    fn cost(&self) -> Box<dyn Cost> {
+        let recorded = |readings: &Vec<f64>| Recorded {
+            position: readings.clone(),
+            velocity: (0..SAMPLES).map(|t| readings[t] - readings[t.saturating_sub(1)]).collect(),
+            ..Recorded::default()
+        };
+        let recorded: Vec<Recorded> = self.readings.iter().map(recorded).collect();
+        let reference = Arc::new(Reference::new(self.joints.clone(), &recorded, 0).unwrap());
+        "matchr1".parse::<CostKind>().unwrap().build(&reference, self).unwrap()
+    }
+}
+
+impl Simulator for Process {
+    fn joints(&self) -> &[String] {
+        &self.joints
+    }
+
+    fn recordings(&self) -> usize {
+        RECORDINGS
+    }
+
+    fn simulate(
+        &self,
+        _theta: &Theta,
+        candidates: &[Rollout],
+        consume: &Consume<'_>,
+        _cancel: &Cancel<'_>,
+    ) -> Result<(), SimulatorError> {
+        for (candidate, rollout) in candidates.iter().enumerate() {
+            for (recording, readings) in self.readings.iter().enumerate() {
+                let from = |t: usize| readings[t.saturating_sub(1)];
+                let to = |t: usize| match t {
+                    0 => readings[0],
+                    _ => {
+                        2.0 * rollout.values[0] * from(t) + 10.0 * rollout.values[1] * drive(recording, t - 1)
+                    }
+                };
+                let position: Vec<f32> = (0..SAMPLES).map(|t| to(t) as f32).collect();
+                let velocity: Vec<f32> = (0..SAMPLES).map(|t| (to(t) - from(t)) as f32).collect();
+                consume(candidate, recording, Signals::of_joints(&position, &velocity));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The process as it makes readings; it fails above `most`.
+struct Toy {
+    most: f64,
+}
+
+impl World for Toy {
+    fn replicates(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, String> {
+        if values[0] > self.most {
+            return Err("It falls.".to_owned());
+        }
+        let one = |&number: &u32| {
+            let process = Process::new(values, noise, 1000 + u64::from(number));
+            let cost = process.cost();
+            Replicate { simulator: Box::new(process) as Box<dyn Simulator>, cost }
+        };
+        Ok(numbers.iter().map(one).collect())
+    }
+}
+
+fn theta() -> Theta {
+    let rule = |kind| ParameterRule { per: Sharing::All, ..ParameterRule::new(kind) };
+    let rules = [
+        ParameterRule { upper: Some(0.5), ..rule(JointParameter::FrictionLoss) },
+        rule(JointParameter::Armature),
+    ];
+    Theta::from_rules(&rules, &[], &["FL_hip".to_owned()]).unwrap()
+}
+
+/// The fit of readings with `noise`, corrected in `world`, and why it is not.
+fn fitted(noise: f64, seed: u64, world: &Toy) -> (CostOutcome, Option<String>) {
+    let (process, theta) = (Process::new(&TRUTH, noise, seed), theta());
+    let costs = vec![process.cost()];
+    let options = FitOptions { method: Method::LeastSquares, generations: 40, ..FitOptions::default() };
+    let mut fit = Fit::new(&process, &theta, &costs, options).unwrap();
+    while fit.step(&never).unwrap().is_some() {}
+    let mut outcome = fit.outcomes().remove(0);
+    let cost = costs[0].as_ref();
+    let problem = Problem { simulator: &process, theta: &theta, cost, draw: outcome.draw(), cancel: &never };
+    let refused = outcome.correct(problem, world, 4).unwrap();
+    outcome.trust(problem, &[]).unwrap();
+    (outcome, refused)
+}
+
+fn correction(outcome: &CostOutcome) -> &Correction {
+    outcome.correction.as_ref().unwrap()
+}
+
+#[test]
+fn attenuation_and_the_noise_that_makes_it_are_found() {
+    let (outcome, refused) = fitted(0.4, 1, &Toy { most: 1.0 });
+    assert_eq!(refused, None);
+    let found = correction(&outcome);
+    // Least squares take noise of the readings for a loss of memory.
+    assert!(found.uncorrected[0] < 0.97 * TRUTH[0] && found.uncorrected[1] > 1.06 * TRUTH[1], "{found:?}");
+    assert!((found.torque_noise / 0.4 - 1.0).abs() < 0.2, "{}", found.torque_noise);
+    for (value, truth) in outcome.values().iter().zip(TRUTH) {
+        assert!((value / truth - 1.0).abs() < 0.05, "{value} for {truth}");
+    }
+    assert_eq!(outcome.parameters[0].uncorrected, Some(found.uncorrected[0]));
+    // The cost is that of the corrected values: they predict the readings worse.
+    assert!(outcome.best_cost > outcome.runs[0].best_cost);
+    // A process without noise is left where it is.
+    let (outcome, _) = fitted(0.0, 2, &Toy { most: 1.0 });
+    let found = correction(&outcome);
+    assert!(found.by().iter().zip(&found.spread).all(|(by, spread)| by.abs() < 3.0 * spread), "{found:?}");
+}
+
+#[test]
+fn corrected_intervals_of_many_fits_cover_the_truth() {
+    let (mut inside, mut before, mut all) = (0, 0, 0);
+    for seed in 0..30 {
+        let (outcome, _) = fitted(0.4, 100 + seed, &Toy { most: 1.0 });
+        let uncertainty = outcome.uncertainty.as_ref().unwrap();
+        for (at, ([low, high], truth)) in uncertainty.interval.iter().zip(TRUTH).enumerate() {
+            inside += usize::from((*low..=*high).contains(&truth));
+            let by = correction(&outcome).by()[at];
+            before += usize::from((low - by..=high - by).contains(&truth));
+            all += 1;
+        }
+        assert!(uncertainty.draws.iter().flatten().all(|value| (0.0..=0.5).contains(value)));
+    }
+    // 57 of 60 are due; uncorrected, a quarter.
+    assert!(inside >= 52, "{inside} of {all}");
+    assert!(before <= 30, "{before} of {all}");
+}
+
+#[test]
+fn a_robot_that_cannot_be_simulated_leaves_the_values_as_they_are() {
+    let (outcome, refused) = fitted(0.4, 1, &Toy { most: 0.1 });
+    assert_eq!(refused.as_deref(), Some("It falls."));
+    assert!(outcome.correction.is_none() && outcome.parameters[0].uncorrected.is_none());
+    assert_eq!(outcome.values(), outcome.runs[0].values);
+    assert_eq!(outcome.best_cost, outcome.runs[0].best_cost);
+}

@@ -1,0 +1,156 @@
+//! Fits of simulated logs, which show what a fit of the real ones is off by.
+
+use super::alternatives::Other;
+use super::setup::{LogSet, Setup};
+use crate::Error;
+use crate::log::Log;
+use crate::settings::AdaptConfig;
+use crate::walk::recorder::{Recorded, Recorder};
+use crate::walk::walking::Walking;
+use crate::watch::{Counting, Watch, Work};
+use gaitfit_adapt::cost::CostKind;
+use gaitfit_adapt::fit::{Alternative, CostOutcome, FitError, Problem, Replicate, World, sets};
+use gaitfit_adapt::{Entry, Theta};
+use gaitfit_model::Model;
+use gaitfit_policy::Policy;
+use gaitfit_random::{Purpose, derive_seed};
+use gaitfit_sim::Candidate;
+use std::cell::Cell;
+use std::sync::Arc;
+
+/// Least share of the logs that a simulated robot must walk without a fall.
+const WALKED: f64 = 0.5;
+
+/// The robot as it makes logs.
+pub struct Replicas {
+    recorder: Recorder,
+    base: Candidate,
+}
+
+impl Replicas {
+    /// The robot of `model` that θ changes from `base`, which walks as in `logs`.
+    ///
+    /// # Errors
+    /// As [`Walking::new`].
+    pub fn new(
+        config: &AdaptConfig,
+        policy: Policy,
+        model: &Model,
+        theta: &Theta,
+        base: &Candidate,
+        threads: usize,
+        logs: &[Log],
+    ) -> Result<Self, Error> {
+        let robot = Walking::robot(config, policy, model, theta, base, threads)?;
+        let trajectories: Vec<_> = logs.iter().map(|log| &log.trajectory).collect();
+        Ok(Self { recorder: Recorder::new(Arc::new(robot), base.clone(), &trajectories), base: base.clone() })
+    }
+
+    /// Corrects the outcome of cost number `cost` of `setup`, which least squares of `problem` found; returns why it does
+    /// not, if it does not.
+    ///
+    /// # Errors
+    /// As [`CostOutcome::correct`].
+    pub(super) fn correct(
+        &self,
+        setup: &Setup,
+        cost: usize,
+        outcome: &mut CostOutcome,
+        problem: Problem<'_>,
+        watch: &Watch<'_>,
+    ) -> Result<Option<String>, FitError> {
+        let each = setup.config.optimizer.replicates;
+        let what = format!("{}: correction, set of simulated logs", outcome.cost);
+        let counting = watch.begin(Work { what: &what, total: sets(each), first: 0, parts: "sets" });
+        let kind = setup.config.costs[cost];
+        let world = Robots { replicas: self, setup, kind, watch, counting: &counting, made: Cell::new(0) };
+        outcome.correct(problem, &world, each)
+    }
+}
+
+/// Corrects what least squares found, where that can be, and measures its uncertainty. Returns why it does not correct, if
+/// it should.
+pub(super) fn trusted(
+    setup: &Setup,
+    cost: usize,
+    outcome: &mut CostOutcome,
+    problem: Problem<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<String>, FitError> {
+    let quiet = Problem { simulator: setup.fit.simulator.as_ref(), ..problem };
+    let replicas = setup.replicas.as_ref().filter(|_| setup.config.costs[cost].needs_imu());
+    let refused = replicas.map(|replicas| replicas.correct(setup, cost, outcome, quiet, watch));
+    let refused = refused.transpose()?.flatten();
+    let corrected = outcome.correction.is_some();
+    let others = setup.alternatives.iter().filter(|other| !(corrected && other.corrected()));
+    let others: Vec<Alternative<'_>> = others.map(Other::alternative).collect();
+    outcome.trust(problem, &others)?;
+    Ok(refused)
+}
+
+/// A fit's robot, simulated.
+struct Robots<'a> {
+    replicas: &'a Replicas,
+    setup: &'a Setup,
+    kind: CostKind,
+    watch: &'a Watch<'a>,
+    counting: &'a Counting<'a>,
+    made: Cell<usize>,
+}
+
+impl World for Robots<'_> {
+    fn shares(&self, entry: &Entry) -> bool {
+        let (own, robot) = (self.setup.method.physics_step(), self.replicas.recorder.physics_step());
+        !entry.depends_on_step() || own.is_some_and(|own| (own / robot - 1.0).abs() < 1e-6)
+    }
+
+    fn replicates(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, String> {
+        let Setup { config, theta, .. } = self.setup;
+        let seed =
+            |&number: &u32| derive_seed(config.optimizer.seed, Purpose::TORQUE_NOISE, number.wrapping_add(1));
+        let seeds: Vec<u64> = numbers.iter().map(seed).collect();
+        let stop = || self.watch.stop();
+        let recorded = self.replicas.recorder.record(theta, values, noise, &seeds, &stop);
+        let recorded = recorded.map_err(|error| format!("The robot found cannot be simulated: {error}."))?;
+        if stop() {
+            return Err("interrupted".to_owned());
+        }
+        let sets = recorded.into_iter().map(|set| {
+            let replicate = self.replicate(set)?;
+            self.made.set(self.made.get() + 1);
+            self.counting.step(self.made.get(), 1, "");
+            Ok(replicate)
+        });
+        sets.collect()
+    }
+}
+
+impl Robots<'_> {
+    /// What a simulated robot recorded, as the fit compares it.
+    fn replicate(&self, recorded: Vec<Recorded>) -> Result<Replicate, String> {
+        let Setup { config, method, fit, .. } = self.setup;
+        let margin = method.samples(config.fall_margin(), &fit.logs);
+        let least = method.samples(config.least_stretch() + config.skip_seconds(), &fit.logs);
+        let mut logs = Vec::with_capacity(recorded.len());
+        for (log, recorded) in fit.logs.iter().zip(recorded) {
+            let end = recorded.fell_at.map(|fell| fell.saturating_sub(margin));
+            if end.is_some_and(|end| end <= least) {
+                continue;
+            }
+            let mut trajectory = recorded.instead_of(&log.trajectory);
+            if let Some(end) = end {
+                trajectory = trajectory.slice(0..end).map_err(|error| format!("{error}."))?;
+            }
+            logs.push(Log { trajectory, ..log.clone() });
+        }
+        let all = fit.logs.len();
+        if (logs.len() as f64) < WALKED * all as f64 {
+            let fell = all - logs.len();
+            return Err(format!("The simulated robot falls in {fell} of {all} logs."));
+        }
+        let base = &self.replicas.base;
+        let set = LogSet::new(config, method, base, logs).map_err(|error| error.to_string())?.scaled_as(fit);
+        let cost = self.kind.build(&set.reference, set.simulator.as_ref());
+        Ok(Replicate { cost: cost.map_err(|error| format!("{error}."))?, simulator: set.simulator })
+    }
+}
