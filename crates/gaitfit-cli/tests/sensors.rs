@@ -18,7 +18,10 @@ fn walks(folder: &Path, seed: &str, more: &[&str]) -> Vec<String> {
         "--out",
         out,
     ];
-    args.extend(["--trajectories", "10", "--seconds", "2", "--log-shift", "0.3", "1.5", "--seed", seed]);
+    args.extend(["--trajectories", "10", "--log-shift", "0.3", "1.5", "--seed", seed]);
+    if !more.contains(&"--seconds") {
+        args.extend(["--seconds", "2"]);
+    }
     args.extend(more);
     let output = run(&args);
     assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
@@ -74,7 +77,7 @@ fn simulated_logs_correct_what_a_long_step_and_torque_noise_make_of_a_fit() {
     let path = config(folder.path(), &logs, &[], "");
     let step = ["--set", "simulation.timestep=0.01", "--set", "simulation.robot_timestep=0.005"];
     let fitted = |more: &[&str]| {
-        let output = run(&[&["adapt", path.as_str(), "--json", "--fresh"], step.as_slice(), more].concat());
+        let output = run(&[&["adapt", path.as_str(), "--json"], step.as_slice(), more].concat());
         assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
         json(&output)
     };

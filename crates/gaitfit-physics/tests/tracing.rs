@@ -162,7 +162,7 @@ fn inputs_have_names() {
     let count = |wanted: fn(&Input) -> bool| program.inputs.iter().filter(|input| wanted(input)).count();
     let joints = model.joints.len();
     assert_eq!(count(|input| matches!(input, Input::Weight { .. })), 2 * 97 * joints);
-    assert_eq!(count(|input| matches!(input, Input::Params(slot) if slot.owner == Owner::Joint(3))), 11);
+    assert_eq!(count(|input| matches!(input, Input::Params(slot) if slot.owner == Owner::Joint(3))), 13);
     let fixed = count(|input| matches!(input, Input::Params(slot) if !slot.varies));
     assert_eq!(fixed, 10 * joints, "mass, centre and inertia of each joint's link");
 }
