@@ -261,6 +261,8 @@ fn wrong_settings_are_refused_by_name() {
         assert_eq!(output.status.code(), Some(2), "{set}: {}", errors(&output));
         assert!(words.iter().all(|word| errors(&output).contains(word)), "{set}: {}", errors(&output));
     }
+    let output = run(&args(folder.path(), SIMULATED, &["--set", "controls.truth.theta=Cargo.toml"]));
+    assert!(!output.status.success() && errors(&output).contains("Cargo.toml"), "{}", errors(&output));
     assert!(!folder.path().join("l").exists(), "nothing is written before settings are right");
 }
 

@@ -9,7 +9,7 @@ use crate::settings::{LOOP_FREE, LoopConfig, MOST_SEED, TargetConfig, TargetKind
 use crate::target::{self, Command, PolicyFiles, Simulated, Target};
 use crate::walk::log_files;
 use crate::world::{self, World, WorldSettings};
-use crate::{collect, finetune, paths, robot};
+use crate::{collect, finetune, paths, robot, theta};
 use gaitfit_adapt::ThetaFile;
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_model::Model;
@@ -78,6 +78,10 @@ impl Setup {
             Some(path) => robot::read(path, config.lenient, Hold::File)?,
             None => robot::go2()?,
         };
+        if let Some(known) = &known {
+            // Read now, not after an hour.
+            theta::candidate(&theta::read(known)?, known, &model)?;
+        }
         let truth = match &config.target {
             Some(target) if target.kind == TargetKind::Simulated => {
                 let (truth, found) = target::truth(target, config_path, &model)?;
