@@ -263,6 +263,8 @@ fn wrong_settings_are_refused_by_name() {
     }
     let output = run(&args(folder.path(), SIMULATED, &["--set", "controls.truth.theta=Cargo.toml"]));
     assert!(!output.status.success() && errors(&output).contains("Cargo.toml"), "{}", errors(&output));
+    let output = run(&args(folder.path(), SIMULATED, &["--device", "cuda:999"]));
+    assert_eq!(output.status.code(), Some(4), "{}", errors(&output));
     assert!(!folder.path().join("l").exists(), "nothing is written before settings are right");
 }
 

@@ -49,6 +49,14 @@ impl Device {
         found.gpus.first().filter(|_| usable).map_or(Self::Cpu, |gpu| Self::Cuda(gpu.ordinal))
     }
 
+    /// Whether it is there, before hours of work that come first.
+    ///
+    /// # Errors
+    /// As [`Device::open`].
+    pub fn check(self) -> Result<(), Error> {
+        self.open().map(drop)
+    }
+
     /// The GPU, opened; none of the processor.
     ///
     /// # Errors

@@ -12,7 +12,7 @@ use super::{FitError, Numbers};
 use crate::costs::{self, Comparison};
 use crate::emit::Class;
 use crate::physics::{Batch, Period};
-use crate::ppo::{Id, Launch, Storage, Value};
+use crate::ppo::{Id, Launch, Storage, Stored, Value};
 use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream};
 
 /// Most samples of which the steps are one graph; more are started one by one.
@@ -148,12 +148,12 @@ impl Session {
         let comparison = measured.map(compare).transpose()?;
         let mut session =
             Self { physics: physics.clone(), asked, batch, plan, own, kernels, comparison, graph: None };
-        session.write_u32(stream, "lengths", &tables.lengths)?;
+        session.write(stream, "lengths", &tables.lengths)?;
         for (name, numbers) in &tables.singles {
-            session.write_f32(stream, name, numbers)?;
+            session.write(stream, name, numbers)?;
         }
         for (name, numbers) in &tables.doubles {
-            session.write_f64(stream, name, numbers)?;
+            session.write(stream, name, numbers)?;
         }
         Ok(session)
     }
@@ -182,34 +182,17 @@ impl Session {
         self.own.get_mut(number)?.as_mut()
     }
 
-    fn write_f32(&mut self, stream: &Stream, name: &str, numbers: &[f32]) -> Result<(), CudaError> {
-        match self.storage(name) {
-            Some(Storage::F32(buffer)) => buffer.write(stream, numbers),
-            _ => Ok(()),
-        }
-    }
-
-    fn write_f64(&mut self, stream: &Stream, name: &str, numbers: &[f64]) -> Result<(), CudaError> {
-        match self.storage(name) {
-            Some(Storage::F64(buffer)) => buffer.write(stream, numbers),
-            _ => Ok(()),
-        }
-    }
-
-    fn write_u32(&mut self, stream: &Stream, name: &str, words: &[u32]) -> Result<(), CudaError> {
-        match self.storage(name) {
-            Some(Storage::U32(buffer)) => buffer.write(stream, words),
-            _ => Ok(()),
-        }
+    fn write<T: Stored>(&mut self, stream: &Stream, name: &str, numbers: &[T]) -> Result<(), CudaError> {
+        self.storage(name).map_or(Ok(()), |storage| storage.write(stream, numbers))
     }
 
     /// Starts the simulation of these candidates on all recordings.
     pub fn run(&mut self, stream: &Stream, numbers: &Numbers) -> Result<(), FitError> {
-        self.write_f32(stream, "numbers", &numbers.params)?;
-        self.write_f64(stream, "factors", &numbers.factors)?;
-        self.write_u32(stream, "every", &numbers.every)?;
-        self.write_u32(stream, "seeds", &numbers.seeds)?;
-        self.write_f64(stream, "deviation", &numbers.deviation)?;
+        self.write(stream, "numbers", &numbers.params)?;
+        self.write(stream, "factors", &numbers.factors)?;
+        self.write(stream, "every", &numbers.every)?;
+        self.write(stream, "seeds", &numbers.seeds)?;
+        self.write(stream, "deviation", &numbers.deviation)?;
         if numbers.weights.iter().any(|weights| !weights.is_empty()) {
             self.batch.write_weights(stream, &numbers.weights)?;
         }

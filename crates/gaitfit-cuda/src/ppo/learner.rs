@@ -8,7 +8,7 @@ use super::launch::{Batch, Id, Launch, Value};
 use super::plan::{CHECKED, Plan};
 use super::prepared::{Limits, Prepared};
 use super::report::{LEARNING_RATE, STEPS};
-use super::storage::Storage;
+use super::storage::{Storage, Stored};
 use super::text::Precision;
 use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream};
 
@@ -84,7 +84,7 @@ impl Learner {
             normalised,
         };
         for (name, map) in ["map", "forth", "back"].into_iter().zip(&maps) {
-            own.write_u32(name, map)?;
+            own.write(name, map)?;
         }
         own.load(learner)?;
         Ok(own)
@@ -96,20 +96,20 @@ impl Learner {
     /// [`PpoError`] if it is another one's, or the GPU fails.
     pub fn load(&mut self, learner: &ppo::Learner) -> Result<(), PpoError> {
         let [actor, critic, log_std, first, second] = learner.tensors().map(|(_, numbers)| numbers);
-        self.write_f32("parameters", &[actor, critic, log_std].concat())?;
-        self.write_f32("moments", &[first, second].concat())?;
+        self.write("parameters", &[actor, critic, log_std].concat())?;
+        self.write("moments", &[first, second].concat())?;
         let scalars = learner.scalars();
         self.seed = scalars.seed;
-        let mut state = self.read_f64("state")?;
+        let mut state = self.read::<f64>("state")?;
         (state[LEARNING_RATE], state[STEPS]) = (scalars.learning_rate, scalars.steps as f64);
-        self.write_f64("state", &state)?;
+        self.write("state", &state)?;
         for (name, width, normaliser) in [
             ("statistics", self.widths.observation, &scalars.normaliser),
             ("critic_statistics", self.widths.critic_observation, &scalars.critic_normaliser),
         ] {
             let fresh = Normaliser::new(width);
             let from = normaliser.as_ref().unwrap_or(&fresh);
-            self.write_f64(name, &[&from.mean[..], &from.variance, &[from.count]].concat())?;
+            self.write(name, &[&from.mean[..], &from.variance, &[from.count]].concat())?;
         }
         self.plan.pack.iter().try_for_each(|launch| self.start(&self.stream, launch))?;
         self.stream.wait()?;
@@ -123,7 +123,7 @@ impl Learner {
     pub fn store(&self, learner: &mut ppo::Learner) -> Result<(), PpoError> {
         let parameters = self.read_f32("parameters")?;
         let moments = self.read_f32("moments")?;
-        let state = self.read_f64("state")?;
+        let state = self.read::<f64>("state")?;
         let (first, second) = moments.split_at(parameters.len());
         let [actor, critic] = self.sizes;
         let mut scalars = learner.scalars();
@@ -131,7 +131,7 @@ impl Learner {
         scalars.steps = state[STEPS] as u64;
         scalars.learning_rate = state[LEARNING_RATE];
         let statistics = |name: &str, width: usize| -> Result<Normaliser, CudaError> {
-            let numbers = self.read_f64(name)?;
+            let numbers = self.read::<f64>(name)?;
             Ok(Normaliser {
                 mean: numbers[..width].to_vec(),
                 variance: numbers[width..2 * width].to_vec(),
@@ -210,7 +210,7 @@ impl Learner {
                     all[to..to + count].copy_from_slice(from);
                 }
             }
-            self.write_f32(name, &all)?;
+            self.write(name, &all)?;
         }
         Ok(())
     }
@@ -272,9 +272,9 @@ impl Learner {
         let flags = [u32::from(iteration < warmup), u32::from(warmup > 0 && iteration == warmup)];
         let [critic_alone, reset] = flags;
         let seed = [self.seed as u32, (self.seed >> 32) as u32];
-        self.write_u32("control", &[iteration, critic_alone, reset, seed[0], seed[1]])?;
+        self.write("control", &[iteration, critic_alone, reset, seed[0], seed[1]])?;
         self.run()?;
-        let state = self.read_f64("state")?;
+        let state = self.read::<f64>("state")?;
         self.report(&state, iteration)
     }
 
@@ -356,45 +356,20 @@ impl Learner {
     /// # Errors
     /// A failure of the GPU; an array that is not there is empty.
     pub fn read_f32(&self, name: &str) -> Result<Vec<f32>, CudaError> {
-        match self.storage(name) {
-            Some(Storage::F32(buffer)) => buffer.read(&self.stream),
-            _ => Ok(Vec::new()),
-        }
+        self.read(name)
     }
 
     fn storage(&self, name: &str) -> Option<&Storage> {
         self.plan.array(name).and_then(|Id(number)| self.arrays.get(number))
     }
 
-    fn read_f64(&self, name: &str) -> Result<Vec<f64>, CudaError> {
-        match self.storage(name) {
-            Some(Storage::F64(buffer)) => buffer.read(&self.stream),
-            _ => Ok(Vec::new()),
-        }
+    fn read<T: Stored>(&self, name: &str) -> Result<Vec<T>, CudaError> {
+        self.storage(name).map_or_else(|| Ok(Vec::new()), |storage| storage.read(&self.stream))
     }
 
-    fn write_f32(&mut self, name: &str, numbers: &[f32]) -> Result<(), CudaError> {
-        let number = self.plan.array(name).map(|Id(number)| number);
-        match number.and_then(|number| self.arrays.get_mut(number)) {
-            Some(Storage::F32(buffer)) => buffer.write(&self.stream, numbers),
-            _ => Ok(()),
-        }
-    }
-
-    fn write_f64(&mut self, name: &str, numbers: &[f64]) -> Result<(), CudaError> {
-        let number = self.plan.array(name).map(|Id(number)| number);
-        match number.and_then(|number| self.arrays.get_mut(number)) {
-            Some(Storage::F64(buffer)) => buffer.write(&self.stream, numbers),
-            _ => Ok(()),
-        }
-    }
-
-    fn write_u32(&mut self, name: &str, words: &[u32]) -> Result<(), CudaError> {
-        let number = self.plan.array(name).map(|Id(number)| number);
-        match number.and_then(|number| self.arrays.get_mut(number)) {
-            Some(Storage::U32(buffer)) => buffer.write(&self.stream, words),
-            _ => Ok(()),
-        }
+    fn write<T: Stored>(&mut self, name: &str, numbers: &[T]) -> Result<(), CudaError> {
+        let storage = self.plan.array(name).and_then(|Id(number)| self.arrays.get_mut(number));
+        storage.map_or(Ok(()), |storage| storage.write(&self.stream, numbers))
     }
 }
 

@@ -23,5 +23,5 @@ pub use layout::TooWide;
 pub use learner::Learner;
 pub use plan::Plan;
 pub use prepared::{Limits, Prepared};
-pub(crate) use storage::Storage;
+pub(crate) use storage::{Storage, Stored};
 pub use text::Precision;

@@ -1,7 +1,7 @@
 //! An array of a plan in the GPU's memory.
 
 use super::launch::{Array, Kind};
-use crate::runtime::{Argument, Buffer, CudaError, Device};
+use crate::runtime::{Argument, Buffer, CudaError, Device, Number, Stream};
 
 /// An array of a plan in the GPU's memory.
 pub(crate) enum Storage {
@@ -28,4 +28,47 @@ impl Storage {
             Self::U32(buffer) => buffer.into(),
         }
     }
+
+    /// Fills it; what has other numbers stays as it is.
+    ///
+    /// # Errors
+    /// A failure of the GPU; another length.
+    pub(crate) fn write<T: Stored>(&mut self, stream: &Stream, numbers: &[T]) -> Result<(), CudaError> {
+        T::held_mut(self).map_or(Ok(()), |buffer| buffer.write(stream, numbers))
+    }
+
+    /// Its numbers; none of other ones.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub(crate) fn read<T: Stored>(&self, stream: &Stream) -> Result<Vec<T>, CudaError> {
+        T::held(self).map_or_else(|| Ok(Vec::new()), |buffer| buffer.read(stream))
+    }
+}
+
+/// A kind of number that an array can have.
+pub(crate) trait Stored: Number {
+    /// The array, if it has such numbers.
+    fn held(storage: &Storage) -> Option<&Buffer<Self>>;
+    /// The same, to be changed.
+    fn held_mut(storage: &mut Storage) -> Option<&mut Buffer<Self>>;
+}
+
+macro_rules! stored {
+    ($($number:ty, $variant:ident;)*) => {$(
+        impl Stored for $number {
+            fn held(storage: &Storage) -> Option<&Buffer<Self>> {
+                if let Storage::$variant(buffer) = storage { Some(buffer) } else { None }
+            }
+
+            fn held_mut(storage: &mut Storage) -> Option<&mut Buffer<Self>> {
+                if let Storage::$variant(buffer) = storage { Some(buffer) } else { None }
+            }
+        }
+    )*};
+}
+stored! {
+    f32, F32;
+    f64, F64;
+    u32, U32;
 }

@@ -10,7 +10,7 @@ use super::scene::{Scene, Sizes};
 use super::{Packed, RolloutError};
 use crate::emit::Class;
 use crate::physics::{Batch, Period};
-use crate::ppo::{Id, Launch, Learner, Storage, Value};
+use crate::ppo::{Id, Launch, Learner, Storage, Stored, Value};
 use crate::runtime::{Argument, CudaError, Device, Kernel, Stream};
 
 /// Kernels of a plan, in the order of a step.
@@ -106,32 +106,13 @@ impl<'a> Rollout<'a> {
         self.own.get_mut(number)?.as_mut()
     }
 
-    fn write_f32(&mut self, stream: &Stream, name: &str, numbers: &[f32]) -> Result<(), CudaError> {
-        match self.storage(name) {
-            Some(Storage::F32(buffer)) => buffer.write(stream, numbers),
-            _ => Ok(()),
-        }
+    fn write<T: Stored>(&mut self, stream: &Stream, name: &str, numbers: &[T]) -> Result<(), CudaError> {
+        self.storage(name).map_or(Ok(()), |storage| storage.write(stream, numbers))
     }
 
-    fn write_u32(&mut self, stream: &Stream, name: &str, words: &[u32]) -> Result<(), CudaError> {
-        match self.storage(name) {
-            Some(Storage::U32(buffer)) => buffer.write(stream, words),
-            _ => Ok(()),
-        }
-    }
-
-    fn read_f32(&self, stream: &Stream, name: &str) -> Result<Vec<f32>, CudaError> {
-        match self.plan.array(name).and_then(|Id(number)| self.own.get(number)) {
-            Some(Some(Storage::F32(buffer))) => buffer.read(stream),
-            _ => Ok(Vec::new()),
-        }
-    }
-
-    fn read_u32(&self, stream: &Stream, name: &str) -> Result<Vec<u32>, CudaError> {
-        match self.plan.array(name).and_then(|Id(number)| self.own.get(number)) {
-            Some(Some(Storage::U32(buffer))) => buffer.read(stream),
-            _ => Ok(Vec::new()),
-        }
+    fn read<T: Stored>(&self, stream: &Stream, name: &str) -> Result<Vec<T>, CudaError> {
+        let storage = self.plan.array(name).and_then(|Id(number)| self.own.get(number)?.as_ref());
+        storage.map_or_else(|| Ok(Vec::new()), |storage| storage.read(stream))
     }
 
     /// Numbers of an `f64` array of the rollout: `totals`, the sums of all environments, or `tally`, those of each.
@@ -139,10 +120,7 @@ impl<'a> Rollout<'a> {
     /// # Errors
     /// A failure of the GPU.
     pub fn read_f64(&self, stream: &Stream, name: &str) -> Result<Vec<f64>, CudaError> {
-        match self.plan.array(name).and_then(|Id(number)| self.own.get(number)) {
-            Some(Some(Storage::F64(buffer))) => buffer.read(stream),
-            _ => Ok(Vec::new()),
-        }
+        self.read(stream, name)
     }
 
     /// Puts the environments where `snapshots` say.
@@ -164,10 +142,10 @@ impl<'a> Rollout<'a> {
             ("feet", &packed.feet),
             ("returns", &packed.returns),
         ] {
-            self.write_f32(stream, name, numbers)?;
+            self.write(stream, name, numbers)?;
         }
-        self.write_u32(stream, "steps", &packed.steps)?;
-        self.write_u32(stream, "fresh", &packed.fresh)?;
+        self.write(stream, "steps", &packed.steps)?;
+        self.write(stream, "fresh", &packed.fresh)?;
         Ok(())
     }
 
@@ -180,12 +158,12 @@ impl<'a> Rollout<'a> {
             state: self.batch.read_numbers(stream, Class::State)?,
             targets: self.batch.read_numbers(stream, Class::Targets)?,
             report: self.batch.read_numbers(stream, Class::Report)?,
-            steps: self.read_u32(stream, "steps")?,
-            fresh: self.read_u32(stream, "fresh")?,
-            command: self.read_f32(stream, "command")?,
-            last_action: self.read_f32(stream, "last_action")?,
-            feet: self.read_f32(stream, "feet")?,
-            returns: self.read_f32(stream, "returns")?,
+            steps: self.read(stream, "steps")?,
+            fresh: self.read(stream, "fresh")?,
+            command: self.read(stream, "command")?,
+            last_action: self.read(stream, "last_action")?,
+            feet: self.read(stream, "feet")?,
+            returns: self.read(stream, "returns")?,
         };
         Ok(packed.snapshots(&self.scene()?))
     }
@@ -195,7 +173,7 @@ impl<'a> Rollout<'a> {
     /// # Errors
     /// A failure of the GPU.
     pub fn number(&mut self, stream: &Stream, first_step: u32, seed: u64) -> Result<(), CudaError> {
-        self.write_u32(stream, "control", &[first_step, seed as u32, (seed >> 32) as u32])
+        self.write(stream, "control", &[first_step, seed as u32, (seed >> 32) as u32])
     }
 
     /// Starts a whole rollout under the learner's policy; its samples are the learner's. It can be recorded in a graph.

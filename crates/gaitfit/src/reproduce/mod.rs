@@ -39,6 +39,7 @@ pub struct Request {
 
 /// Runs a table or continues it. Returns its results and its folder, which has all files but the printed table.
 pub fn run(request: &Request, watch: &Watch<'_>) -> Result<(Results, RunFolder), Error> {
+    request.device.check()?;
     let paper = Paper::read()?;
     let table = paper.table(&request.table)?;
     let only = request.only.as_deref();
