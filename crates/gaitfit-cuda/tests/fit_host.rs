@@ -306,7 +306,7 @@ fn cxx_walks_are_the_cpus() {
 #[ignore = "needs g++"]
 fn cxx_walks_of_fitted_robots_are_the_cpus() {
     let walking = walking(Some(0.001), |policy| {
-        policy.interface.action_clip = Some(0.8);
+        policy.interface.action_clip = Some(gaitfit_policy::ActionClip::All(0.8));
         for (k, scale) in policy.interface.action_scale.iter_mut().enumerate() {
             *scale += 0.01 * k as f64;
         }

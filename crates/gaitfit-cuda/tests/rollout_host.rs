@@ -12,8 +12,10 @@ use gaitfit_cuda::ppo::Id;
 use gaitfit_cuda::rollout::{Packed, Plan, RolloutError, Scene, Sizes};
 use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::ppo::Exploration;
-use gaitfit_learn::task::{Ended, Environment, Snapshot, Task, TaskSettings, preset, reward};
-use gaitfit_model::Model;
+use gaitfit_learn::task::{
+    Ended, Environment, JointNumber, Snapshot, Task, TaskSettings, preset, reward,
+};
+use gaitfit_model::{Model, Shape};
 use gaitfit_physics::{NetworkScales, Params, Preset};
 use gaitfit_policy::walker::TorqueNoise;
 use gaitfit_random::{Purpose, Stream};
@@ -389,7 +391,7 @@ fn cxx_steps_of_a_fitted_robot_are_the_cpus() {
     let mut interface = Task::new(&model, &settings, Preset::Fast).unwrap().walker.interface;
     interface.joints.reverse();
     interface.default_pose.reverse();
-    interface.action_clip = Some(0.8);
+    interface.action_clip = Some(gaitfit_policy::ActionClip::All(0.8));
     for (k, scale) in interface.action_scale.iter_mut().enumerate() {
         *scale += 0.01 * k as f64;
     }
@@ -401,6 +403,35 @@ fn cxx_steps_of_a_fitted_robot_are_the_cpus() {
         candidate.robot.encoder_bias[j] = 0.01 * j as f64 - 0.05;
     }
     compare("fitted", &task, &candidate);
+}
+
+/// Feet of other shapes than balls, joints that the policy does not move, numbers joint by joint.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_of_held_joints_and_other_feet_are_the_cpus() {
+    let mut model = go2();
+    let shapes = [
+        Shape::Box { half_size: [0.03, 0.02, 0.02] },
+        Shape::Capsule { radius: 0.02, half_length: 0.03 },
+        Shape::Cylinder { radius: 0.03, half_length: 0.02 },
+        Shape::Sphere { radius: 0.022 },
+    ];
+    let feet = model.geoms.iter_mut().filter(|geom| geom.name.ends_with("_foot"));
+    feet.zip(shapes).for_each(|(geom, shape)| geom.shape = shape);
+    let mut settings = lively("velocity");
+    let table = |entries: &[(&str, f64)]| {
+        JointNumber::Table(entries.iter().map(|(pattern, value)| ((*pattern).to_owned(), *value)).collect())
+    };
+    settings.policy.joints = vec!["*_thigh".to_owned(), "*_calf".to_owned()];
+    settings.policy.kp = table(&[("*", 25.0), ("*_calf", 30.0), ("*_hip", 40.0)]);
+    settings.policy.kd = table(&[("*", 0.5), ("*_hip", 1.0)]);
+    settings.policy.action_scale = table(&[("*", 0.25), ("F*_calf", 0.3)]);
+    settings.policy.action_clip = Some(table(&[("*", 0.8), ("RR_*", 1.5)]));
+    // A foot of several geoms.
+    settings.feet[0] = "FL_calf".to_owned();
+    settings.gait[0][0] = "FL_calf".to_owned();
+    let task = Task::new(&model, &settings, Preset::Fast).unwrap();
+    compare("held", &task, &Candidate::nominal(&model));
 }
 
 #[test]

@@ -8,7 +8,7 @@ use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::Task;
 use gaitfit_log::Trajectory;
 use gaitfit_model::rotation::rotate;
-use gaitfit_policy::Policy;
+use gaitfit_policy::{ActionClip, Policy};
 use gaitfit_policy::network::Scratch;
 use gaitfit_sim::Candidate;
 use task_common::{calm, random_policy, scene_with};
@@ -21,7 +21,7 @@ fn reordered() -> Task {
         interface.joints.rotate_left(5);
         interface.default_pose.rotate_left(5);
         interface.action_scale[2] = 0.1;
-        interface.action_clip = Some(0.2);
+        interface.action_clip = Some(ActionClip::All(0.2));
         (interface.kp[0], interface.kd[1]) = (30.0, 0.75);
     })
 }
@@ -129,7 +129,7 @@ fn threads_change_no_bit_and_falls_end_logs() {
     assert!(once.iter().all(|log| log.base.is_none()));
 
     let mut task = calm();
-    task.policy.kp = 1e-3;
+    task.policy.kp = JointNumber::All(1e-3);
     let slack = task_common::scene(&task);
     let policy = task_common::constant_policy(&slack, &[0.0; 12]);
     let subject = Subject { task: &slack, policy: &policy, candidate: None, seed: 5 };

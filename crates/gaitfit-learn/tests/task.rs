@@ -5,7 +5,7 @@
 mod drawn;
 mod task_common;
 
-use gaitfit_learn::task::{Ended, Environment, NoiseSettings, Task, TaskSettings};
+use gaitfit_learn::task::{Ended, Environment, JointNumber, NoiseSettings, Task, TaskSettings};
 use gaitfit_model::rotation::{inverse, rotate};
 use gaitfit_physics::{Preset, Robot};
 use gaitfit_policy::{Quantity, Term};
@@ -160,7 +160,7 @@ fn noise_fills_its_ranges_and_spares_what_has_none() {
 fn episodes_end_by_contact_tilt_height_and_time() {
     // Slack motors: the robot sinks onto its belly. Nothing else may end it.
     let mut sinking = calm();
-    sinking.policy.kp = 1e-3;
+    sinking.policy.kp = JointNumber::All(1e-3);
     sinking.episode_seconds = 1.0;
     (sinking.fall.tilt, sinking.fall.height) = (180.0, -1.0);
     let belly = sinking.fall.contacts.clone();

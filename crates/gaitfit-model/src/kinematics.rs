@@ -1,6 +1,6 @@
 //! Where a robot's bodies are at given joint angles.
 
-use crate::model::{Body, Model, Shape};
+use crate::model::{Body, Geom, Model, Shape};
 use crate::rotation::{IDENTITY, Quat, Vec3, add, axis_angle, product, rotate, sub};
 
 /// Pose of a frame.
@@ -59,16 +59,68 @@ pub fn rest_frames(model: &Model) -> Vec<Frame> {
     body_frames(model, &base, &reference)
 }
 
-/// Height of the base's origin above the ground at which the lowest contact sphere touches, m, for the base at
-/// orientation `quaternion` and joint angles `q`.
+/// How far a shape reaches from its centre: Σ |e·n| over its edges e, and `radius`, and `rim` times the sine of the angle
+/// between n and `axis`, in direction n (unit). Vectors are in the frame of the geom's body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reach {
+    /// Half edges of a box; half the axis of a capsule or a cylinder, m.
+    pub edges: [Vec3; 3],
+    /// Of spheres and capsules, m.
+    pub radius: f64,
+    /// Of a cylinder, m; 0 for other shapes.
+    pub rim: f64,
+    /// Axis of the cylinder, unit.
+    pub axis: Vec3,
+}
+
+impl Reach {
+    /// Of a geom.
+    pub fn of(geom: &Geom) -> Self {
+        let along = |k: usize, length: f64| {
+            let mut edge = [0.0; 3];
+            edge[k] = length;
+            rotate(geom.quat, edge)
+        };
+        let none = Self { edges: [[0.0; 3]; 3], radius: 0.0, rim: 0.0, axis: [0.0; 3] };
+        match geom.shape {
+            Shape::Sphere { radius } => Self { radius, ..none },
+            Shape::Capsule { radius, half_length } => {
+                Self { edges: [along(2, half_length), [0.0; 3], [0.0; 3]], radius, ..none }
+            }
+            Shape::Cylinder { radius, half_length } => Self {
+                edges: [along(2, half_length), [0.0; 3], [0.0; 3]],
+                rim: radius,
+                axis: along(2, 1.0),
+                ..none
+            },
+            Shape::Box { half_size: [x, y, z] } => {
+                Self { edges: [along(0, x), along(1, y), along(2, z)], ..none }
+            }
+        }
+    }
+
+    /// Height of the centre above the lowest point, m, for the body at orientation `body` (wxyz).
+    pub fn drop(&self, body: Quat) -> f64 {
+        let rise = |edge: Vec3| rotate(body, edge)[2].abs();
+        let edges = rise(self.edges[0]) + rise(self.edges[1]) + rise(self.edges[2]);
+        let slope = rotate(body, self.axis)[2];
+        edges + self.rim * (1.0 - slope * slope).max(0.0).sqrt() + self.radius
+    }
+}
+
+/// Height of a geom's lowest point, m, where its body has `frame`.
+pub fn lowest_point(geom: &Geom, frame: &Frame) -> f64 {
+    frame.point(geom.pos)[2] - Reach::of(geom).drop(frame.quaternion)
+}
+
+/// Height of the base's origin above the ground at which the lowest geom touches, m, for the base at orientation
+/// `quaternion` and joint angles `q`.
 pub fn standing_height(model: &Model, quaternion: Quat, q: &[f64]) -> f64 {
     let frames = body_frames(model, &Frame { position: [0.0; 3], quaternion }, q);
     let mut lowest = f64::INFINITY;
     for pair in &model.pairs {
         let geom = &model.geoms[pair.geom];
-        if let Shape::Sphere { radius } = geom.shape {
-            lowest = lowest.min(frames[geom.body].point(geom.pos)[2] - radius);
-        }
+        lowest = lowest.min(lowest_point(geom, &frames[geom.body]));
     }
     let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
     if lowest.is_finite() { ground - lowest } else { ground }
@@ -106,5 +158,54 @@ mod tests {
         // The ball touches the plane at z = 0.5 when its centre is 0.05 m higher.
         let height = standing_height(&model, IDENTITY, &[quarter]);
         assert!((height - (0.5 + 0.05 + 0.9)).abs() < 1e-15, "{height}");
+    }
+
+    #[test]
+    fn a_robot_stands_on_the_lowest_point_of_any_shape() {
+        let turned = |shape: &str| {
+            let text = format!(
+                r#"<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+                <body><freejoint/><geom {shape} euler="0 30 0"/></body></worldbody></mujoco>"#
+            );
+            let model = read_mjcf_str(&text, &ReadOptions::default()).unwrap();
+            standing_height(&model, IDENTITY, &[])
+        };
+        let (sin, cos) = (0.5, 0.75f64.sqrt());
+        for (shape, height) in [
+            (r#"type="sphere" size=".1""#, 0.1),
+            (r#"type="box" size=".3 .2 .1""#, 0.3 * sin + 0.1 * cos),
+            (r#"type="capsule" size=".1 .3""#, 0.1 + 0.3 * cos),
+            (r#"type="cylinder" size=".1 .3""#, 0.1 * sin + 0.3 * cos),
+        ] {
+            let found = turned(shape);
+            assert!((found - height).abs() < 1e-12, "{shape}: {found}, not {height}");
+        }
+    }
+
+    #[test]
+    fn the_go2_stands_on_its_feet_whichever_shapes_count() {
+        let model = crate::builtin::go2().unwrap();
+        let spheres = Model {
+            pairs: model
+                .pairs
+                .iter()
+                .filter(|pair| matches!(model.geoms[pair.geom].shape, Shape::Sphere { .. }))
+                .cloned()
+                .collect(),
+            ..model.clone()
+        };
+        // Poses around both built-in tasks': on four legs, and nose up.
+        let upright = crate::rotation::turn(1, -90f64.to_radians());
+        let poses = [(IDENTITY, [0.8, -1.5], [1.0, -1.5]), (upright, [1.2, -2.2], [2.35, -1.5])];
+        for (quaternion, front, hind) in poses {
+            for k in 0..400 {
+                let shake = |j: usize| 0.2 * ((k * 12 + j) as f64 * 0.7391).sin();
+                let mut q: Vec<f64> =
+                    [front, front, hind, hind].iter().flat_map(|&[thigh, calf]| [0.0, thigh, calf]).collect();
+                q.iter_mut().enumerate().for_each(|(j, angle)| *angle += shake(j));
+                let all = standing_height(&model, quaternion, &q);
+                assert_eq!(all.to_bits(), standing_height(&spheres, quaternion, &q).to_bits());
+            }
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! What a policy sees and what its outputs mean: the contract between a network, a robot and a simulator.
 
+use crate::{ActionClip, Held};
 use gaitfit_model::Model;
 use serde::{Deserialize, Serialize};
 
@@ -64,7 +65,7 @@ pub struct Term {
 /// What a policy sees and what its outputs mean. Per-joint vectors are in the order of `joints`.
 ///
 /// target = default_pose + action_scale · clamp(action, ± action_clip), held for `control_dt` by the PD controller
-/// torque = kp (target − q) − kd q̇.
+/// torque = kp (target − q) − kd q̇. Held joints have a target of their own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Interface {
@@ -78,11 +79,15 @@ pub struct Interface {
     pub action_scale: Vec<f64>,
     /// Largest action magnitude, before scaling; none is unbounded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub action_clip: Option<f64>,
+    pub action_clip: Option<ActionClip>,
     /// Position gain, N·m/rad.
     pub kp: Vec<f64>,
     /// Velocity gain, N·m·s/rad.
     pub kd: Vec<f64>,
+    /// Joints that the policy does not move and a PD controller holds. Joints that are neither here nor in `joints` are
+    /// limp.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub held: Vec<Held>,
     /// Time between actions, s.
     pub control_dt: f64,
     /// Frequency of the gait clock, Hz; needed where [`Quantity::GaitPhase`] is observed.
@@ -116,6 +121,11 @@ impl Interface {
     /// Numbers in the critic's observation.
     pub fn critic_width(&self) -> usize {
         width(&self.critic_observation, self.joints.len())
+    }
+
+    /// Largest action magnitude of the policy's joint `index`, before scaling; infinite where it is not limited.
+    pub fn clip(&self, index: usize) -> f64 {
+        self.action_clip.as_ref().map_or(f64::INFINITY, |clip| clip.of(index))
     }
 
     /// The terms' scales, one for each number of `observation` (see [`Term::scale`]), for example of
@@ -176,7 +186,18 @@ impl Interface {
             return Err(InterfaceError("kp is zero for every joint: no action would have an effect".into()));
         }
         positive("control_dt", Some(self.control_dt))?;
-        positive("action_clip", self.action_clip)?;
+        if let Some(ActionClip::Each(clips)) = &self.action_clip
+            && clips.len() != joints
+        {
+            let found = clips.len();
+            return Err(InterfaceError(format!(
+                "action_clip has {found} numbers for {joints} joints; give one number, or one a joint"
+            )));
+        }
+        for &clip in self.action_clip.iter().flat_map(ActionClip::values) {
+            positive("action_clip", Some(clip))?;
+        }
+        self.check_held()?;
         positive("gait_frequency", self.gait_frequency)?;
         if self.observation.is_empty() {
             return Err(InterfaceError("the observation has no terms; list what the policy sees".into()));
@@ -185,18 +206,35 @@ impl Interface {
         self.check_terms("critic_observation", &self.critic_observation)
     }
 
+    fn check_held(&self) -> Result<(), InterfaceError> {
+        if self.held.len() > MOST_JOINTS {
+            let found = self.held.len();
+            return Err(InterfaceError(format!("held has {found} joints; at most {MOST_JOINTS}")));
+        }
+        for (index, Held { joint, position, kp, kd }) in self.held.iter().enumerate() {
+            check_name(joint)?;
+            if self.joints.contains(joint) || self.held[..index].iter().any(|other| other.joint == *joint) {
+                return Err(InterfaceError(format!(
+                    "held joint {joint} is listed twice, or is one that the policy moves"
+                )));
+            }
+            for (name, value, least) in [("position", position, -LARGEST), ("kp", kp, 0.0), ("kd", kd, 0.0)] {
+                if !(least..=LARGEST).contains(value) {
+                    let kind = if least < 0.0 { "a finite number" } else { "a finite number, not negative" };
+                    return Err(InterfaceError(format!("{name} of held joint {joint} is {value}; give {kind}")));
+                }
+            }
+        }
+        Ok(())
+    }
+
     fn check_names(&self) -> Result<(), InterfaceError> {
         let joints = self.joints.len();
         if joints == 0 || joints > MOST_JOINTS {
             return Err(InterfaceError(format!("{joints} joints; give between 1 and {MOST_JOINTS}")));
         }
         for name in std::iter::once(&self.robot).chain(&self.joints) {
-            if name.is_empty() || name.len() > LONGEST_NAME || name.chars().any(char::is_control) {
-                let shown: String = name.chars().take(40).flat_map(char::escape_debug).collect();
-                return Err(InterfaceError(format!(
-                    "`{shown}` names no robot or joint; give 1 to {LONGEST_NAME} printable bytes"
-                )));
-            }
+            check_name(name)?;
         }
         let twice = (1..joints).find(|&index| self.joints[..index].contains(&self.joints[index]));
         twice.map_or(Ok(()), |index| {
@@ -247,10 +285,7 @@ impl Interface {
         }
         let mut found = Vec::with_capacity(self.joints.len());
         for name in &self.joints {
-            let Some(index) = model.find_joint(name) else {
-                let near = nearest(name, model.joints.iter().map(|joint| joint.name.as_str()));
-                return Err(InterfaceError(format!("robot `{}` has no joint `{name}`{near}", model.name)));
-            };
+            let index = find(model, name)?;
             if let Some(other) = found.iter().position(|&other| other == index) {
                 return Err(InterfaceError(format!(
                     "`{}` and `{name}` are both joint `{}` of robot `{}`; name every joint once",
@@ -261,6 +296,58 @@ impl Interface {
         }
         Ok(found)
     }
+
+    /// For each of `held`, its index in `model.joints`. `joints`: those of [`Interface::resolve`].
+    ///
+    /// # Errors
+    /// A joint that the robot lacks, or that the policy moves or another entry holds.
+    pub fn resolve_held(&self, model: &Model, joints: &[usize]) -> Result<Vec<usize>, InterfaceError> {
+        let mut found = Vec::with_capacity(self.held.len());
+        for Held { joint, .. } in &self.held {
+            let index = find(model, joint)?;
+            if joints.contains(&index) || found.contains(&index) {
+                return Err(InterfaceError(format!(
+                    "held joint `{joint}` of robot `{}` is held twice, or moved by the policy",
+                    model.name
+                )));
+            }
+            found.push(index);
+        }
+        Ok(found)
+    }
+
+    /// Angles of all joints of `model` at action zero, its order, rad; 0 for joints that are neither moved nor held.
+    ///
+    /// # Errors
+    /// As [`Interface::resolve`] and [`Interface::resolve_held`].
+    pub fn model_pose(&self, model: &Model) -> Result<Vec<f64>, InterfaceError> {
+        let mut pose = vec![0.0; model.joints.len()];
+        let joints = self.resolve(model)?;
+        for (&joint, &angle) in joints.iter().zip(&self.default_pose) {
+            pose[joint] = angle;
+        }
+        for (joint, held) in self.resolve_held(model, &joints)?.into_iter().zip(&self.held) {
+            pose[joint] = held.position;
+        }
+        Ok(pose)
+    }
+}
+
+fn find(model: &Model, name: &str) -> Result<usize, InterfaceError> {
+    model.find_joint(name).ok_or_else(|| {
+        let near = nearest(name, model.joints.iter().map(|joint| joint.name.as_str()));
+        InterfaceError(format!("robot `{}` has no joint `{name}`{near}", model.name))
+    })
+}
+
+fn check_name(name: &str) -> Result<(), InterfaceError> {
+    if name.is_empty() || name.len() > LONGEST_NAME || name.chars().any(char::is_control) {
+        let shown: String = name.chars().take(40).flat_map(char::escape_debug).collect();
+        return Err(InterfaceError(format!(
+            "`{shown}` names no robot or joint; give 1 to {LONGEST_NAME} printable bytes"
+        )));
+    }
+    Ok(())
 }
 
 fn positive(name: &str, value: Option<f64>) -> Result<(), InterfaceError> {

@@ -7,6 +7,7 @@ mod check;
 mod error;
 mod files;
 pub mod follow;
+mod held;
 mod interface;
 pub mod network;
 pub mod observation;
@@ -16,5 +17,6 @@ pub mod walker;
 
 pub use error::PolicyError;
 pub use files::{DescribedTerm, Description, NormaliserTensors, PerJoint, files_of, onnx, read, weights};
+pub use held::{ActionClip, Held};
 pub use interface::{Interface, InterfaceError, Quantity, Term};
 pub use policy::{Policy, Provenance};

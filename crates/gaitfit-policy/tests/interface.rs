@@ -6,7 +6,7 @@ mod common;
 use common::{go2, interface};
 use gaitfit_model::read_mjcf_str;
 use gaitfit_policy::observation::Layout;
-use gaitfit_policy::{Interface, Quantity, Term};
+use gaitfit_policy::{ActionClip, Held, Interface, Quantity, Term};
 
 /// The error of an interface changed by `change`.
 fn error(change: impl Fn(&mut Interface)) -> String {
@@ -32,17 +32,25 @@ fn layout_and_scales_follow_the_terms() {
     );
 }
 
+fn held(joint: &str, kp: f64) -> Held {
+    Held { joint: joint.to_owned(), position: 0.5, kp, kd: 1.0 }
+}
+
 #[test]
 fn contradictions_are_named() {
     type Change = fn(&mut Interface);
-    let wrong: [(Change, &str); 14] = [
+    let wrong: [(Change, &str); 18] = [
         (|i| i.kp.truncate(11), "kp has 11 numbers for 12 joints"),
         (|i| i.kp[3] = -1.0, "kp of FR_hip_joint is -1"),
         (|i| i.kp.fill(0.0), "kp is zero for every joint"),
         (|i| i.default_pose[2] = f64::NAN, "default_pose of FL_calf_joint is NaN"),
         (|i| i.action_scale[0] = 1e300, "action_scale of FL_hip_joint"),
         (|i| i.control_dt = 0.0, "control_dt is 0"),
-        (|i| i.action_clip = Some(f64::INFINITY), "action_clip is inf"),
+        (|i| i.action_clip = Some(ActionClip::All(f64::INFINITY)), "action_clip is inf"),
+        (|i| i.action_clip = Some(ActionClip::Each(vec![1.0; 11])), "action_clip has 11 numbers for 12 joints"),
+        (|i| i.held = vec![held("arm", 1.0), held("arm", 1.0)], "held joint arm is listed twice"),
+        (|i| i.held = vec![held("FL_hip_joint", 1.0)], "held joint FL_hip_joint is listed twice, or is one"),
+        (|i| i.held = vec![held("arm", -1.0)], "kp of held joint arm is -1"),
         (|i| i.joints[1] = "FL_hip_joint".into(), "joint FL_hip_joint is listed twice"),
         (|i| i.joints.clear(), "0 joints"),
         (|i| i.robot = "go2\n".into(), "`go2\\n` names no robot"),

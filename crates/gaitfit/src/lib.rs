@@ -16,6 +16,7 @@ pub mod files;
 pub mod finetune;
 pub mod gait;
 mod gpu;
+pub mod init;
 pub mod log;
 pub mod log_folder;
 mod log_joints;

@@ -3,11 +3,12 @@
 use crate::Error;
 use crate::draws;
 use crate::robot::{self, Hold};
-use crate::settings::{Preset, TaskName, check_torque_noise, load_task};
+use crate::settings::{Preset, check_torque_noise, load_task};
 use crate::spring::Spring;
 use crate::theta;
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::{Task, TaskSettings, preset};
+use gaitfit_model::shown;
 use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 use std::path::{Path, PathBuf};
@@ -101,12 +102,9 @@ impl World {
             None => robot::go2()?,
         };
         let interface = &policy.interface;
-        let joints = interface.resolve(&model)?;
+        let pose = interface.model_pose(&model)?;
         for spring in &args.spring {
-            let home = |joint: usize| {
-                joints.iter().position(|&index| index == joint).map(|index| interface.default_pose[index])
-            };
-            let rest = spring.put_on(&mut model, home)?;
+            let rest = spring.put_on(&mut model, |joint| pose.get(joint).copied())?;
             changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, spring.joint));
         }
         let theta =
@@ -180,17 +178,31 @@ pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error
     let parse = |text: &str, what: &str| {
         toml::from_str::<TaskSettings>(text).map_err(|error| Error::settings(format!("{what}: {error}")))
     };
+    let model = || match &args.robot {
+        Some(path) => robot::read(path, args.lenient, Hold::File),
+        None => robot::go2(),
+    };
     let Some(name) = &args.task else {
         if own.is_empty() {
-            return Ok(TaskSettings::default());
+            return robot::usual_task(&model()?);
         }
         return parse(own, "the task in the policy's file");
     };
+    let model = model()?;
     if let Some(text) = preset(name) {
+        if !robot::is_go2(&model) {
+            return Err(Error::settings(format!(
+                "--task {name}: the built-in tasks are the Go2's, and the robot is `{}`; leave --task out for the \
+                 policy's own task, or give a file (`gaitfit init` writes one)",
+                shown(&model.name)
+            )));
+        }
         return parse(text, name);
     }
-    let default = preset(TaskName::default().name()).unwrap_or_default();
-    let under = if own.is_empty() { default } else { own };
-    load_task(Path::new(name), under)
+    let under = match own.is_empty() {
+        true => toml::to_string(&robot::usual_task(&model)?).map_err(|error| Error::failed(error.to_string()))?,
+        false => own.clone(),
+    };
+    load_task(Path::new(name), &under, &model)
         .map_err(|error| error.within("--task takes `velocity`, `biped` or a file with settings of a task:"))
 }

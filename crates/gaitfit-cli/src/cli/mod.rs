@@ -36,6 +36,8 @@ pub struct Cli {
 pub enum Command {
     /// Show what a robot file, a log, a folder of logs or a policy holds, and what is wrong with it
     Inspect(Inspect),
+    /// Look at a robot and write a task for it, ready to train
+    Init(Init),
     /// Fit the simulator's parameters to logs of a robot
     Adapt(Adapt),
     /// Check how well a finished fit predicts other logs, without fitting again
@@ -86,6 +88,25 @@ pub struct Inspect {
     /// Log: write a picture of the joint signals
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+}
+
+/// Arguments of `init`.
+#[derive(Debug, Args)]
+pub struct Init {
+    /// Robot (.xml, .mjcf, .urdf)
+    pub robot: PathBuf,
+    /// Configuration to write [default: the robot's name with .toml, in the current folder]
+    #[arg(long, value_name = "FILE.toml")]
+    pub out: Option<PathBuf>,
+    /// Write over a file that is there
+    #[arg(long)]
+    pub force: bool,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    #[arg(long)]
+    pub lenient: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Arguments of `forward`.

@@ -2,8 +2,7 @@
 
 use crate::table::table;
 use gaitfit_policy::observation::{Layout, Slot};
-use gaitfit_policy::{Policy, Provenance};
-use gaitfit_policy::{Quantity, Term};
+use gaitfit_policy::{ActionClip, Held, Policy, Provenance, Quantity, Term};
 use serde::Serialize;
 use std::fmt::Write as _;
 
@@ -17,7 +16,9 @@ pub struct Document {
     observation: Vec<Part>,
     critic_observation: Vec<Part>,
     joints: Vec<Joint>,
-    action_clip: Option<f64>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    held: Vec<Held>,
+    action_clip: Option<ActionClip>,
     control_dt: f64,
     gait_frequency: Option<f64>,
     provenance: Provenance,
@@ -86,7 +87,8 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
         observation: parts(&interface.observation),
         critic_observation: parts(&interface.critic_observation),
         joints: interface.joints.iter().enumerate().map(joint).collect(),
-        action_clip: interface.action_clip,
+        held: interface.held.clone(),
+        action_clip: interface.action_clip.clone(),
         control_dt: interface.control_dt,
         gait_frequency: interface.gait_frequency,
         provenance: policy.provenance.clone(),
@@ -106,8 +108,12 @@ pub fn text(document: &Document) -> String {
         let _ = writeln!(text, "critic  {}", shape(critic));
     }
     let _ = write!(text, "action every {} s", document.control_dt);
-    if let Some(clip) = document.action_clip {
-        let _ = write!(text, ", clipped to ±{clip}");
+    match &document.action_clip {
+        Some(ActionClip::All(clip)) => {
+            let _ = write!(text, ", clipped to ±{clip}");
+        }
+        Some(ActionClip::Each(_)) => text.push_str(", clipped joint by joint"),
+        None => {}
     }
     if let Some(frequency) = document.gait_frequency {
         let _ = write!(text, ", gait clock {frequency} Hz");
@@ -148,6 +154,13 @@ pub fn text(document: &Document) -> String {
         ]);
     }
     let _ = writeln!(text, "{observation}\n\n{joints}");
+    if !document.held.is_empty() {
+        let mut held = table(&["held joint", "at rad", "kp N·m/rad", "kd N·m·s/rad"], &[1, 2, 3]);
+        for Held { joint, position, kp, kd } in &document.held {
+            held.add_row([joint.clone(), position.to_string(), kp.to_string(), kd.to_string()]);
+        }
+        let _ = writeln!(text, "\n{held}");
+    }
     for path in &document.written {
         let _ = writeln!(text, "wrote {path}");
     }

@@ -96,7 +96,6 @@ fn walk(words: &mut Words, walker: &Walker) {
         words.define(name, value);
     }
     for (name, value) in [
-        ("ACTION_CLIP", interface.action_clip.map_or(f32::MAX, |clip| clip as f32)),
         ("LEAST_UPRIGHTNESS", least_uprightness),
         ("LEAST_HEIGHT", least_height),
     ] {
@@ -109,6 +108,9 @@ fn walk(words: &mut Words, walker: &Walker) {
     words.integers("JOINT_OF", &walker.joints);
     words.singles("DEFAULT_POSE", &walker.default_pose);
     words.singles("ACTION_SCALE", &walker.action_scale);
+    words.singles("ACTION_CLIP", &walker.action_clip);
+    words.define("OTHER_JOINTS", walker.other_joints.len());
+    words.integers("OTHER_JOINT", &walker.other_joints);
     let home: Vec<f32> = interface.default_pose.iter().map(|&angle| angle as f32).collect();
     words.singles("HOME", &home);
     let (mut place, mut parts) = (0, Vec::new());

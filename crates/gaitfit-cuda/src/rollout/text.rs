@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use gaitfit_model::Shape;
+use gaitfit_model::kinematics::Reach;
 use gaitfit_policy::Term;
 
 use super::plan::THREADS;
@@ -78,7 +78,6 @@ impl Words {
         for (name, value) in [
             ("LEAD", lead),
             ("LOG_TAU", std::f32::consts::TAU.ln()),
-            ("ACTION_CLIP", interface.action_clip.map_or(f32::MAX, |clip| clip as f32)),
             ("TRACKING_WIDTH", settings.tracking_width as f32),
             ("YAW_TRACKING_WIDTH", settings.yaw_tracking_width as f32),
             ("WANTED_HEIGHT", settings.height as f32),
@@ -120,7 +119,13 @@ impl Words {
         self.table("double", "COMMAND_RANGES", ranges.iter().flatten().map(|&x| double(x)).collect());
         self.table("float", "POSTURE", posture.iter().map(|&x| single(x)).collect());
         let words = |numbers: &[usize]| numbers.iter().map(ToString::to_string).collect();
-        self.table("int", "FOOT_GEOM", words(task.foot_geoms()));
+        let feet: Vec<usize> = task.foot_geoms().iter().flat_map(|foot| foot.geoms.clone()).collect();
+        self.table("int", "FOOT_GEOM", words(&feet));
+        let mut ends = vec![0];
+        for foot in task.foot_geoms() {
+            ends.push(ends[ends.len() - 1] + foot.geoms.len());
+        }
+        self.table("int", "FOOT_FIRST", words(&ends));
         self.table("int", "FALL_GEOM", words(task.walker.fall_geoms()));
         self.table("int", "BODY_GEOM", words(task.body_geoms()));
         let groups = task.gait_group.iter().map(|group| group.map_or("-1".to_owned(), |g| g.to_string()));
@@ -139,6 +144,10 @@ impl Words {
         let singles = |numbers: &[f32]| numbers.iter().map(|&x| single(x)).collect();
         self.table("float", "DEFAULT_POSE", singles(&walker.default_pose));
         self.table("float", "ACTION_SCALE", singles(&walker.action_scale));
+        self.table("float", "ACTION_CLIP", singles(&walker.action_clip));
+        self.define("OTHER_JOINTS", walker.other_joints.len());
+        let others = walker.other_joints.iter().map(ToString::to_string);
+        self.table("int", "OTHER_JOINT", others.collect());
         self.table("float", "START_POSE", singles(&task.start_pose));
         self.table("int", "JOINT_OF", walker.joints.iter().map(ToString::to_string).collect());
         let home = walker.interface.default_pose.iter().map(|&angle| single(angle as f32));
@@ -165,20 +174,24 @@ impl Words {
         };
         self.table("Hinge", "HINGE", model.joints.iter().map(hinge).collect());
         let mut path = Vec::new();
-        let balls = model.pairs.iter().filter_map(|pair| {
+        let shapes = model.pairs.iter().map(|pair| {
             let geom = &model.geoms[pair.geom];
-            let Shape::Sphere { radius } = geom.shape else { return None };
+            let reach = Reach::of(geom);
             let mut bodies: Vec<usize> =
                 std::iter::successors(Some(geom.body), |&body| model.bodies[body].parent).collect();
             bodies.reverse();
             let first = path.len();
             path.extend(bodies.iter().map(ToString::to_string));
-            Some(format!("{{{first}, {}, {}, {}}}", bodies.len(), doubles(&geom.pos), double(radius)))
+            let (position, axis) = (doubles(&geom.pos), doubles(&reach.axis));
+            let edges: Vec<f64> = reach.edges.iter().flatten().copied().collect();
+            let (radius, rim) = (double(reach.radius), double(reach.rim));
+            let count = bodies.len();
+            format!("{{{first}, {count}, {position}, {radius}, {}, {rim}, {axis}}}", doubles(&edges))
         });
-        let balls: Vec<String> = balls.collect();
+        let shapes: Vec<String> = shapes.collect();
         self.table("int", "PATH", path);
-        self.define("SPHERES", balls.len());
-        self.table("Ball", "SPHERE", balls);
+        self.define("SHAPES", shapes.len());
+        self.table("Shape", "SHAPE", shapes);
         let ground = model.planes.first().map_or(0.0, |plane| plane.pos[2]);
         self.define("GROUND", format!("({})", double(ground)));
     }

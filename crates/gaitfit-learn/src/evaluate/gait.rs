@@ -1,12 +1,15 @@
 //! The gait of one robot: foot contacts, heights, speeds and torques over time.
 
 use gaitfit_model::Shape;
+use gaitfit_model::kinematics::{Frame, body_frames, lowest_point};
 use gaitfit_model::rotation::{quat_of, to_heading, vec_of};
+use gaitfit_policy::walker::FootGeoms;
+use gaitfit_sim::Motion;
 use serde::{Deserialize, Serialize};
 
 use super::{Subject, power_spectrum};
 use crate::player::Player;
-use crate::task::{Ended, Environment, Foot, TaskError};
+use crate::task::{Ended, Environment, Foot, Task, TaskError};
 
 /// What one robot did, a row a control period.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -72,11 +75,7 @@ pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Resul
         joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
         ..GaitRecord::default()
     };
-    let radius = |name: &String| {
-        let geom = model.geoms.iter().find(|geom| geom.name == *name);
-        geom.map_or(0.0, |geom| if let Shape::Sphere { radius } = geom.shape { radius } else { 0.0 })
-    };
-    let radii: Vec<f64> = record.feet.iter().map(radius).collect();
+    let mut clearance = Clearance::of(task);
     let mut step = 0;
     for &(seconds, command) in commands {
         player.environment.hold_command(0, command.map(|x| x as f32));
@@ -87,8 +86,7 @@ pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Resul
             let motion = environment.motion();
             let feet = environment.feet(0);
             record.contact.extend(feet.iter().map(|foot| foot.touching));
-            let clearance = |(foot, radius): (&Foot, &f64)| f64::from(foot.height) - radius;
-            record.foot_clearance.extend(feet.iter().zip(&radii).map(clearance));
+            record.foot_clearance.extend(clearance.of_feet(task, feet, motion));
             record.command.extend(command);
             let velocity = to_heading(quat_of(&motion.base_quaternion), vec_of(&motion.base_linear));
             let yaw_rate = environment.yaw_rate(0);
@@ -105,6 +103,49 @@ pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Resul
         }
     }
     Ok(record)
+}
+
+/// Heights of feet of any shape.
+struct Clearance {
+    /// Geoms of each foot, by index in the model.
+    geoms: Vec<Vec<usize>>,
+    angles: Vec<f64>,
+}
+
+impl Clearance {
+    fn of(task: &Task) -> Self {
+        let contacts = task.walker.batch.contact_geoms();
+        let geoms = |foot: &FootGeoms| foot.geoms.iter().map(|&place| contacts[place]).collect();
+        Self { geoms: task.foot_geoms().iter().map(geoms).collect(), angles: Vec::new() }
+    }
+
+    /// Height of each foot's lowest point, m.
+    fn of_feet(&mut self, task: &Task, feet: &[Foot], motion: &Motion) -> Vec<f64> {
+        let model = task.walker.model();
+        let sphere = |geoms: &[usize]| match geoms {
+            [geom] => match model.geoms[*geom].shape {
+                Shape::Sphere { radius } => Some(radius),
+                _ => None,
+            },
+            _ => None,
+        };
+        self.angles.clear();
+        self.angles.extend(motion.joint_position.iter().map(|&angle| f64::from(angle)));
+        let base = Frame {
+            position: std::array::from_fn(|k| f64::from(motion.base_position[k])),
+            quaternion: std::array::from_fn(|k| f64::from(motion.base_quaternion[k])),
+        };
+        let mut frames = None;
+        let height = |(geoms, foot): (&Vec<usize>, &Foot)| match sphere(geoms) {
+            Some(radius) => f64::from(foot.height) - radius,
+            None => {
+                let frames = frames.get_or_insert_with(|| body_frames(model, &base, &self.angles));
+                let lowest = |&geom: &usize| lowest_point(&model.geoms[geom], &frames[model.geoms[geom].body]);
+                geoms.iter().map(lowest).fold(f64::INFINITY, f64::min)
+            }
+        };
+        self.geoms.iter().zip(feet).map(height).collect()
+    }
 }
 
 impl GaitRecord {

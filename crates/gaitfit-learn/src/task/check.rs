@@ -1,10 +1,10 @@
 //! Which settings of a task are refused.
 
-use gaitfit_model::shown_number;
+use gaitfit_model::{shown, shown_number};
 use gaitfit_policy::{Interface, Quantity};
 
 use super::error::refuse;
-use super::{TaskError, TaskSettings};
+use super::{JointNumber, TaskError, TaskSettings};
 
 /// Most feet of a robot.
 const MAX_FEET: usize = 8;
@@ -37,6 +37,30 @@ const MIN_CONTROL_DT: f64 = 1e-3;
 /// Longest delay that robots are given at random, s.
 const LONGEST_DELAY: f64 = 0.5;
 
+/// Refuses numbers of joints out of range, by setting and pattern.
+fn check_joint_numbers(settings: &TaskSettings) -> Result<(), TaskError> {
+    let policy = &settings.policy;
+    let numbers = [
+        ("policy.action_scale", Some(&policy.action_scale), 1e3),
+        ("policy.action_clip", policy.action_clip.as_ref(), 1e6),
+        ("policy.kp", Some(&policy.kp), 1e5),
+        ("policy.kd", Some(&policy.kd), 1e4),
+    ];
+    for (setting, number, most) in numbers {
+        for (pattern, value) in number.into_iter().flat_map(JointNumber::entries) {
+            let zero = setting == "policy.kd" || setting == "policy.kp" && pattern.is_some();
+            if value > 0.0 && value <= most || zero && value == 0.0 {
+                continue;
+            }
+            let of = pattern.map(|pattern| format!(" for `{}`", shown(pattern))).unwrap_or_default();
+            let must =
+                if zero { format!("from 0 to {most}") } else { format!("above 0 and at most {most}") };
+            return refuse(setting, format!("is {}{of}; it must be {must}", shown_number(value)));
+        }
+    }
+    Ok(())
+}
+
 /// Refuses numbers out of range, by setting.
 pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
     let positive = [
@@ -47,8 +71,6 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
         ("swing_height", settings.swing_height, 1e3),
         ("swing_seconds", settings.swing_seconds, 1e3),
         ("command.seconds", settings.command.seconds, 1e4),
-        ("policy.action_scale", settings.policy.action_scale, 1e3),
-        ("policy.kp", settings.policy.kp, 1e5),
         ("fall.tilt", settings.fall.tilt, 180.0),
     ];
     for (setting, value, most) in positive {
@@ -59,6 +81,7 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
             );
         }
     }
+    check_joint_numbers(settings)?;
     if let Some(step) = settings.robot_timestep {
         let most = 2.0 * settings.control_dt / settings.substeps.max(1) as f64;
         if !(0.0..=most).contains(&step) {
@@ -88,7 +111,6 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
         ("push.seconds", settings.push.seconds),
         ("push.velocity", settings.push.velocity),
         ("randomisation.base_com", settings.randomisation.base_com),
-        ("policy.kd", settings.policy.kd),
     ];
     for (setting, value) in ranges {
         if !(0.0..=1e4).contains(&value) {

@@ -300,11 +300,12 @@ impl<'a> Environment<'a> {
 
     fn step_feet(&mut self, index: usize) {
         let task = self.task;
-        let feet = task.foot_geoms.len();
+        let feet = task.walker.feet.len();
         let geoms = task.walker.batch.contact_geoms().len();
         let dt = task.walker.interface.control_dt as f32;
-        for (k, &geom) in task.foot_geoms.iter().enumerate() {
-            let force = self.motion.normal_force[index * geoms + geom];
+        for (k, own) in task.walker.feet.iter().enumerate() {
+            let forces = &self.motion.normal_force[index * geoms..(index + 1) * geoms];
+            let force: f32 = own.geoms.iter().map(|&geom| forces[geom]).sum();
             let at = 3 * (index * feet + k);
             let place = [self.motion.tracked[at], self.motion.tracked[at + 1], self.motion.tracked[at + 2]];
             let foot = &mut self.feet[index * feet + k];

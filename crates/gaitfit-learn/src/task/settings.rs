@@ -5,6 +5,8 @@ use gaitfit_policy::walker::FallSettings;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
+use super::JointNumber;
+
 /// A number for each joint by pattern over joint names, for example `"*_hip_joint" = 0.1`, as
 /// [`gaitfit_model::patterns`] says: a plain name goes before patterns, of several patterns the last one counts.
 pub type JointTable = IndexMap<String, f64>;
@@ -26,7 +28,7 @@ pub struct TaskSettings {
     /// Absent: the simulation's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot_timestep: Option<f64>,
-    /// Names of the geoms that are feet.
+    /// The feet: names of geoms, or of bodies, whose geoms are one foot together.
     pub feet: Vec<String>,
     /// Feet that should move together in the gait, for example the diagonals of a trot; groups alternate.
     pub gait: Vec<Vec<String>>,
@@ -69,14 +71,21 @@ pub struct PolicySettings {
     pub observation: Vec<gaitfit_policy::Term>,
     /// The critic's observation, part by part.
     pub critic_observation: Vec<gaitfit_policy::Term>,
-    /// Pose at action zero, rad.
+    /// Patterns over the joints that the policy moves; all of them if there is none. The others are held in the default
+    /// pose by their gains.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub joints: Vec<String>,
+    /// Pose at action zero, rad; 0 where no pattern matches.
     pub default_pose: JointTable,
     /// Target change per unit action, rad.
-    pub action_scale: f64,
+    pub action_scale: JointNumber,
+    /// Largest action magnitude, before scaling; absent: not limited.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub action_clip: Option<JointNumber>,
     /// Position gain, N·m/rad.
-    pub kp: f64,
+    pub kp: JointNumber,
     /// Velocity gain, N·m·s/rad.
-    pub kd: f64,
+    pub kd: JointNumber,
     /// Frequency of the gait clock, Hz, for policies that observe it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gait_frequency: Option<f64>,

@@ -1,15 +1,16 @@
 //! A task on a robot: names resolved to indices once, shared by all environments.
 
-use gaitfit_model::{Model, patterns};
+use gaitfit_model::{Model, patterns, shown};
 use gaitfit_physics::{Params, Preset, Robot};
-use gaitfit_policy::Interface;
-use gaitfit_policy::walker::{Walker, WalkerOptions};
+use gaitfit_policy::walker::{FootGeoms, Walker, WalkerOptions};
+use gaitfit_policy::{ActionClip, Held, Interface};
 use gaitfit_sim::Candidate;
 
 use super::check::{check, check_terms};
 use super::error::refuse;
+use super::joint_number::by_joint;
 use super::randomise::randomised;
-use super::{JointTable, Moment, TaskError, TaskSettings, reward};
+use super::{JointNumber, Moment, TaskError, TaskSettings, reward};
 
 /// Value of a reward term at a robot's moment.
 pub(super) type Value = Box<dyn Fn(&Moment<'_>) -> f32 + Send + Sync>;
@@ -32,19 +33,10 @@ pub struct Task {
     pub start_pose: Vec<f32>,
     /// Gait group of each foot; `None` for feet that stay out of the gait.
     pub gait_group: Vec<Option<usize>>,
-    /// Place of each foot in `Motion::normal_force`.
-    pub(super) foot_geoms: Vec<usize>,
     /// Places of geoms that are neither feet nor end an episode by touching the ground.
     pub(super) body_geoms: Vec<usize>,
     /// Terms of non-zero weight.
     pub(super) rewards: Vec<WeightedTerm>,
-}
-
-/// Values of a table by joint, where a pattern matches.
-fn by_joint(model: &Model, table: &JointTable, setting: &str) -> Result<Vec<Option<f64>>, TaskError> {
-    let joints: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
-    patterns::table(table, &model.name, &joints)
-        .or_else(|error| refuse(setting, format!("is wrong: {error}")))
 }
 
 impl Task {
@@ -54,22 +46,40 @@ impl Task {
     /// Whatever does not fit, by setting.
     pub fn new(model: &Model, settings: &TaskSettings, preset: Preset) -> Result<Self, TaskError> {
         let policy = &settings.policy;
+        check(settings)?;
         let pose = by_joint(model, &policy.default_pose, "policy.default_pose")?;
-        let joints = model.joints.len();
+        let pose: Vec<f64> = pose.iter().map(|angle| angle.unwrap_or(0.0)).collect();
+        let name = |&joint: &usize| model.joints[joint].name.clone();
+        let moved = moved(model, &policy.joints)?;
+        let all: Vec<usize> = (0..model.joints.len()).collect();
+        let kp = policy.kp.of_joints(model, &all, "policy.kp")?;
+        let kd = policy.kd.of_joints(model, &all, "policy.kd")?;
+        let clip = match &policy.action_clip {
+            None => None,
+            Some(JointNumber::All(clip)) => Some(ActionClip::All(*clip)),
+            Some(clip) => Some(ActionClip::Each(clip.of_joints(model, &moved, "policy.action_clip")?)),
+        };
+        let held = all.iter().filter(|joint| !moved.contains(joint));
+        let held = held.map(|&joint| Held {
+            joint: name(&joint),
+            position: pose[joint],
+            kp: kp[joint],
+            kd: kd[joint],
+        });
         let interface = Interface {
             robot: model.name.clone(),
-            joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
-            default_pose: pose.iter().map(|angle| angle.unwrap_or(0.0)).collect(),
-            action_scale: vec![policy.action_scale; joints],
-            action_clip: None,
-            kp: vec![policy.kp; joints],
-            kd: vec![policy.kd; joints],
+            joints: moved.iter().map(name).collect(),
+            default_pose: moved.iter().map(|&joint| pose[joint]).collect(),
+            action_scale: policy.action_scale.of_joints(model, &moved, "policy.action_scale")?,
+            action_clip: clip,
+            kp: moved.iter().map(|&joint| kp[joint]).collect(),
+            kd: moved.iter().map(|&joint| kd[joint]).collect(),
+            held: held.collect(),
             control_dt: settings.control_dt,
             gait_frequency: policy.gait_frequency,
             observation: policy.observation.clone(),
             critic_observation: policy.critic_observation.clone(),
         };
-        check(settings)?;
         check_terms(&interface)?;
         interface.check().map_err(TaskError::Policy)?;
         Self::with_interface(model, settings, interface, preset, 0.0)
@@ -95,22 +105,17 @@ impl Task {
             preset,
             emulated_step: settings.robot_timestep,
             max_delay: max_delay + settings.randomisation.delay[1],
-            tracked: settings.feet.clone(),
+            feet: settings.feet.clone(),
             posture: settings.posture,
             start_pitch: settings.start.pitch,
             fall: settings.fall.clone(),
         };
         let walker = Walker::new(model, interface, options)?;
         let contacts = walker.batch.contact_geoms();
-        let name = |place: usize| model.geoms[contacts[place]].name.as_str();
-        let places = || 0..contacts.len();
-        let mut foot_geoms = Vec::with_capacity(settings.feet.len());
-        for foot in &settings.feet {
-            foot_geoms.extend(places().find(|&place| name(place) == foot));
-        }
         let fall_geoms = walker.fall_geoms();
-        let rest = |place: &usize| !foot_geoms.contains(place) && !fall_geoms.contains(place);
-        let body_geoms = places().filter(rest).collect();
+        let of_foot = |place: &usize| walker.feet.iter().any(|foot| foot.geoms.contains(place));
+        let rest = |place: &usize| !of_foot(place) && !fall_geoms.contains(place);
+        let body_geoms = (0..contacts.len()).filter(rest).collect();
         let start = by_joint(model, &settings.start.pose, "start.pose")?;
         let start_pose = start
             .iter()
@@ -122,7 +127,6 @@ impl Task {
             walker,
             start_pose,
             gait_group: gait_groups(settings)?,
-            foot_geoms,
             body_geoms,
             rewards: rewards(settings, control_dt)?,
         })
@@ -161,9 +165,9 @@ impl Task {
         self.rewards.iter().map(|term| (term.name.as_str(), term.weight))
     }
 
-    /// Place of each foot in `Motion::normal_force`.
-    pub fn foot_geoms(&self) -> &[usize] {
-        &self.foot_geoms
+    /// Places of each foot's geoms in `Motion::normal_force`.
+    pub fn foot_geoms(&self) -> &[FootGeoms] {
+        &self.walker.feet
     }
 
     /// Places of geoms that are neither feet nor end an episode by touching the ground.
@@ -206,6 +210,16 @@ impl Task {
     }
 }
 
+/// The joints that the policy moves, by index in the model: those that a pattern covers, or all.
+fn moved(model: &Model, wanted: &[String]) -> Result<Vec<usize>, TaskError> {
+    if wanted.is_empty() {
+        return Ok((0..model.joints.len()).collect());
+    }
+    let joints: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
+    patterns::covered(wanted, &model.name, &joints)
+        .or_else(|error| refuse("policy.joints", format!("is wrong: {error}")))
+}
+
 /// Gait group of each foot.
 fn gait_groups(settings: &TaskSettings) -> Result<Vec<Option<usize>>, TaskError> {
     let mut groups = vec![None; settings.feet.len()];
@@ -213,7 +227,15 @@ fn gait_groups(settings: &TaskSettings) -> Result<Vec<Option<usize>>, TaskError>
         for wanted in names {
             match settings.feet.iter().position(|foot| foot == wanted) {
                 Some(foot) => groups[foot] = Some(group),
-                None => return refuse("gait", format!("names `{wanted}`, which is not in task.feet")),
+                None => {
+                    let feet: Vec<String> = settings.feet.iter().map(|foot| shown(foot)).collect();
+                    let what = format!(
+                        "names `{}`, which is not in task.feet ({})",
+                        shown(wanted),
+                        feet.join(", ")
+                    );
+                    return refuse("gait", what);
+                }
             }
         }
     }

@@ -6,7 +6,7 @@ use super::read::bytes;
 use super::tensors::Tensors;
 use crate::error::invalid;
 use crate::network::{Activation, Network};
-use crate::{Interface, InterfaceError, Quantity, Term};
+use crate::{ActionClip, Held, Interface, InterfaceError, Quantity, Term};
 use crate::{Policy, PolicyError, Provenance};
 use serde::Deserialize;
 use std::path::Path;
@@ -41,11 +41,14 @@ pub struct Description {
     /// Target change per unit action, rad.
     pub action_scale: PerJoint,
     /// Largest action magnitude, before scaling.
-    pub action_clip: Option<f64>,
+    pub action_clip: Option<ActionClip>,
     /// Position gain, N·m/rad.
     pub kp: PerJoint,
     /// Velocity gain, N·m·s/rad.
     pub kd: PerJoint,
+    /// Joints that the policy does not move and a PD controller holds: `[[held]]` with `joint`, `position`, `kp`, `kd`.
+    #[serde(default)]
+    pub held: Vec<Held>,
     /// Time between actions, s.
     pub control_dt: f64,
     /// Frequency of the gait clock, Hz; where `gait_phase` is observed.
@@ -153,9 +156,10 @@ impl Description {
             joints: self.joints.clone(),
             default_pose: self.default_pose.spread(joints),
             action_scale: self.action_scale.spread(joints),
-            action_clip: self.action_clip,
+            action_clip: self.action_clip.clone(),
             kp: self.kp.spread(joints),
             kd: self.kd.spread(joints),
+            held: self.held.clone(),
             control_dt: self.control_dt,
             gait_frequency: self.gait_frequency,
             observation: terms(&self.observation),

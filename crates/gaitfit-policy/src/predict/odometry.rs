@@ -11,7 +11,7 @@ use gaitfit_model::rotation::{Vec3, add, cross, rotate, sub};
 use gaitfit_sim::Motion;
 
 use super::Course;
-use crate::walker::Walker;
+use crate::walker::{FootGeoms, Walker};
 
 /// Share of the robot's weight that must rest on the feet; below it they say little of the base.
 const CARRIED: f64 = 0.15;
@@ -28,30 +28,29 @@ struct Foot {
     body: usize,
     /// Its centre in its body's frame, m.
     place: Vec3,
-    /// Place in [`Motion::normal_force`].
-    force: usize,
+    /// Places of its geoms in [`Motion::normal_force`].
+    forces: Vec<usize>,
     /// Joints from the base to it.
     joints: Vec<usize>,
 }
 
 impl Feet {
-    /// The geoms whose places the walker's batch reports.
+    /// The walker's feet.
     pub fn of(walker: &Walker) -> Self {
         let (batch, model) = (&walker.batch, walker.model());
-        let foot = |name: &String| {
-            let force = batch.contact_geoms().iter().position(|&geom| model.geoms[geom].name == *name)?;
-            let geom = &model.geoms[batch.contact_geoms()[force]];
+        let foot = |foot: &FootGeoms| {
+            let geom = &model.geoms[batch.contact_geoms()[foot.main]];
             let mut path = Vec::new();
             let mut body = Some(geom.body);
             while let Some(at) = body {
                 path.extend((0..model.joints.len()).filter(|&joint| model.joints[joint].body == at));
                 body = model.bodies[at].parent;
             }
-            Some(Foot { body: geom.body, place: geom.pos, force, joints: path })
+            Foot { body: geom.body, place: geom.pos, forces: foot.geoms.clone(), joints: path }
         };
         let mass: f64 = model.bodies.iter().map(|body| body.mass).sum();
         Self {
-            feet: batch.options().tracked.iter().filter_map(foot).collect(),
+            feet: walker.feet.iter().map(foot).collect(),
             least_load: CARRIED * mass * GRAVITY,
         }
     }
@@ -131,7 +130,8 @@ impl Legs {
         trust: f64,
     ) -> Option<Change> {
         let geoms = motion.normal_force.len() / (motion.base_position.len() / 3);
-        let load = |foot: &Foot| f64::from(motion.normal_force[index * geoms + foot.force]);
+        let force = |&geom: &usize| f64::from(motion.normal_force[index * geoms + geom]);
+        let load = |foot: &Foot| foot.forces.iter().map(force).sum::<f64>();
         let total: f64 = feet.feet.iter().map(load).sum();
         if total.is_nan() || total <= feet.least_load {
             return None;

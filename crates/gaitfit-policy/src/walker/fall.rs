@@ -1,11 +1,13 @@
 //! When a robot counts as fallen.
 
 use gaitfit_model::rotation::{quat_of, up};
+use gaitfit_model::shown;
 use gaitfit_sim::{Batch, Motion};
 use globset::Glob;
 use serde::{Deserialize, Serialize};
 
 use super::WalkerError;
+use super::feet::nearest;
 
 /// When a robot counts as fallen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,13 +58,18 @@ impl Fall {
         let mut geoms = Vec::new();
         for pattern in &settings.contacts {
             let Ok(glob) = Glob::new(pattern) else {
-                return refuse(format!("has `{pattern}`, which is no pattern"));
+                return refuse(format!("has `{}`, which is no pattern", shown(pattern)));
             };
             let matcher = glob.compile_matcher();
             let before = geoms.len();
             geoms.extend((0..contacts).filter(|&place| matcher.is_match(name(place))));
             if geoms.len() == before {
-                return refuse(format!("has `{pattern}`, which matches no geom of {}", model.name));
+                return refuse(format!(
+                    "has `{}`, which matches no geom of {} that may touch the ground; {}",
+                    shown(pattern),
+                    shown(&model.name),
+                    nearest(pattern, (0..contacts).map(name))
+                ));
             }
         }
         Ok(Self {

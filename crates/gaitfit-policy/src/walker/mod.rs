@@ -2,6 +2,7 @@
 
 mod error;
 mod fall;
+mod feet;
 mod noise;
 mod start;
 
@@ -16,6 +17,7 @@ use fall::Fall;
 
 pub use error::WalkerError;
 pub use fall::{FallSettings, touching};
+pub use feet::FootGeoms;
 pub use noise::TorqueNoise;
 pub use start::standing;
 
@@ -30,8 +32,8 @@ pub struct WalkerOptions {
     pub emulated_step: Option<f64>,
     /// Largest actuation delay of any robot, s.
     pub max_delay: f64,
-    /// Names of geoms whose positions are reported, for example the feet.
-    pub tracked: Vec<String>,
+    /// The feet: names of geoms, or of bodies, which stand for all their geoms.
+    pub feet: Vec<String>,
     /// Direction of gravity in the body frame in the wanted posture, unit: (0, 0, −1) on four legs.
     pub posture: [f64; 3],
     /// Pitch of the base in which the robot starts, degrees; −90 is nose up.
@@ -55,10 +57,18 @@ pub struct Walker {
     pub default_pose: Vec<f32>,
     /// Target change per unit action, rad.
     pub action_scale: Vec<f32>,
+    /// Largest action magnitude, before scaling; policy order.
+    pub action_clip: Vec<f32>,
+    /// The model's joints that the policy does not move, by index: held at their default pose, or limp.
+    pub other_joints: Vec<usize>,
+    /// The feet, as the options name them; their centres are [`Motion::tracked`].
+    pub feet: Vec<FootGeoms>,
     /// Rows of the actor's observation.
     pub observation: Layout,
     /// Rows of the critic's observation.
     pub critic_observation: Layout,
+    /// For each of the interface's held joints, its index in the model.
+    held: Vec<usize>,
     start_pitch: f64,
     fall: Fall,
 }
@@ -75,20 +85,26 @@ impl Walker {
         }
         let joints = interface.resolve(model)?;
         interface.check()?;
-        let WalkerOptions { substeps, preset, emulated_step, max_delay, tracked, posture, start_pitch, fall } =
+        let WalkerOptions { substeps, preset, emulated_step, max_delay, feet, posture, start_pitch, fall } =
             options;
         let control_dt = interface.control_dt;
+        let feet = feet::named(model, &feet)?;
+        let tracked = feet.iter().map(|foot| model.geoms[foot.main].name.clone()).collect();
         let batch = Batch::new(
             model,
             BatchOptions { control_dt, substeps, preset, emulated_step, max_delay, tracked, isa: None },
         )?;
         let fall = Fall::new(&batch, &fall, posture)?;
-        let mut default_pose = vec![0.0; model.joints.len()];
+        let feet = feet.iter().map(|foot| foot.places(&batch)).collect();
+        let default_pose = interface.model_pose(model)?.into_iter().map(|angle| angle as f32).collect();
         let mut action_scale = vec![0.0; model.joints.len()];
         for (index, &joint) in joints.iter().enumerate() {
-            default_pose[joint] = interface.default_pose[index] as f32;
             action_scale[joint] = interface.action_scale[index] as f32;
         }
+        let clip = |index| interface.clip(index).min(f64::from(f32::MAX)) as f32;
+        let action_clip = (0..joints.len()).map(clip).collect();
+        let other_joints = (0..model.joints.len()).filter(|joint| !joints.contains(joint)).collect();
+        let held = interface.resolve_held(model, &joints)?;
         Ok(Self {
             observation: Layout::new(&interface, &interface.observation),
             critic_observation: Layout::new(&interface, &interface.critic_observation),
@@ -98,6 +114,10 @@ impl Walker {
             joints,
             default_pose,
             action_scale,
+            action_clip,
+            other_joints,
+            feet,
+            held,
             start_pitch,
             fall,
         })
@@ -121,16 +141,21 @@ impl Walker {
             kp[joint] = self.interface.kp[index];
             kd[joint] = self.interface.kd[index];
         }
+        for (held, &joint) in self.interface.held.iter().zip(&self.held) {
+            (kp[joint], kd[joint]) = (held.kp, held.kd);
+        }
         candidate.robot(&kp, &kd)
     }
 
     /// Position targets (rad, model order) of `actions` (policy order); one row an environment in both.
     pub fn targets(&self, actions: &[f32], targets: &mut [f32]) {
-        let clip = self.interface.action_clip.map_or(f32::MAX, |clip| clip as f32);
         let rows = targets.chunks_exact_mut(self.default_pose.len());
         for (row, actions) in rows.zip(actions.chunks_exact(self.joints.len())) {
-            for (&joint, &action) in self.joints.iter().zip(actions) {
+            for ((&joint, &action), &clip) in self.joints.iter().zip(actions).zip(&self.action_clip) {
                 row[joint] = self.default_pose[joint] + self.action_scale[joint] * action.clamp(-clip, clip);
+            }
+            for &joint in &self.other_joints {
+                row[joint] = self.default_pose[joint];
             }
         }
     }

@@ -1,7 +1,7 @@
 //! The configuration of `gaitfit finetune`: its settings and their defaults. `gaitfit config finetune` prints them.
 
 use super::Preset;
-use super::load::{Configuration, merge};
+use super::load::{CLEAR, Configuration, merge};
 use crate::Spring;
 use gaitfit_learn::TrainingSettings;
 use gaitfit_learn::ppo;
@@ -79,12 +79,19 @@ impl Configuration for FinetuneConfig {
     }
 }
 
-/// `changes` laid upon `task`, key by key; tables are merged, everything else is replaced.
+/// `changes` laid upon `task`, key by key; tables are merged, everything else is replaced. With `clear = true` a table
+/// leaves nothing of the one that it is laid upon.
 pub fn changed(mut task: Table, changes: &Table) -> Table {
-    for (key, change) in changes {
+    if changes.get(CLEAR).and_then(Value::as_bool) == Some(true) {
+        task = Table::new();
+    }
+    for (key, change) in changes.iter().filter(|(key, change)| *key != CLEAR || !change.is_bool()) {
         match (task.get_mut(key), change) {
             (Some(Value::Table(inner)), Value::Table(change)) => {
                 *inner = changed(std::mem::take(inner), change);
+            }
+            (_, Value::Table(change)) => {
+                task.insert(key.clone(), changed(Table::new(), change).into());
             }
             _ => {
                 task.insert(key.clone(), change.clone());
@@ -128,5 +135,8 @@ mod tests {
         let got = changed(task, &table("list = [3]\npose = { y = 5, z = 6 }\nb = 2\n"));
         let want = table("a = 1\npose = { x = 1, y = 5, z = 6 }\nlist = [3]\nb = 2\n");
         assert_eq!(got.to_string(), want.to_string());
+        let task = table("a = 1\npose = { x = 1, y = 2 }\n");
+        let got = changed(task, &table("pose = { clear = true, z = 6 }\nnew = { clear = true }\n"));
+        assert_eq!(got.to_string(), table("a = 1\npose = { z = 6 }\nnew = {}\n").to_string());
     }
 }

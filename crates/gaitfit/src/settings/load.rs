@@ -3,8 +3,6 @@
 use super::messages::{MOST_MESSAGE, MOST_SET, explained, line_and_column, located, tamed};
 use crate::Error;
 use crate::files::read_text;
-use gaitfit_learn::task::{TaskSettings, preset};
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::borrow::Cow;
 use std::path::Path;
@@ -12,7 +10,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, Deserializer};
 
 /// Largest configuration file.
-const MOST_BYTES: u64 = 16 << 20;
+pub(super) const MOST_BYTES: u64 = 16 << 20;
 
 /// A command's settings.
 pub trait Configuration: DeserializeOwned {
@@ -58,41 +56,8 @@ pub fn load<C: Configuration>(path: Option<&Path>, sets: &[String]) -> Result<C,
     understand(table).map_err(|error| Error::settings(tamed(error.message(), MOST_MESSAGE)))
 }
 
-/// Reads the settings of a file and lays them upon those of the text `under`, key by key: the file need not have all.
-/// A file that has all of them is taken as it is; one that names a `base` lies upon that built-in task instead.
-///
-/// # Errors
-/// A file that cannot be read, or settings that there are not, with file, line and column.
-pub fn load_task(path: &Path, under: &str) -> Result<TaskSettings, Error> {
-    let text = read_text(path, MOST_BYTES)
-        .map_err(|error| Error::settings(format!("cannot read {}: {error}", path.display())))?;
-    let located = |error| located(path, &text, &error);
-    let whole = |table| TaskSettings::deserialize(Deserializer::from(Spanned::new(0..0, table)));
-    let mut own = DeTable::parse(&text).map_err(located)?.into_inner();
-    if let Some((wrong, place)) = too_large("", &own) {
-        return Err(Error::settings(format!("{}{}: {wrong}", path.display(), line_and_column(&text, place))));
-    }
-    let base = own.remove("base");
-    let under = match base.as_ref().map(|base| (base.span(), base.get_ref().as_str())) {
-        None => match whole(own.clone()) {
-            Ok(settings) => return Ok(settings),
-            Err(_) => under,
-        },
-        Some((span, name)) => name.and_then(preset).ok_or_else(|| {
-            Error::settings(format!(
-                "{}{}: `base` must be the name of a built-in task, \"velocity\" or \"biped\"",
-                path.display(),
-                line_and_column(&text, span.start)
-            ))
-        })?,
-    };
-    let mut table = DeTable::parse(under).map(Spanned::into_inner).unwrap_or_default();
-    merge(&mut table, own);
-    whole(table).map_err(located)
-}
-
 /// The first whole number that TOML does not have, in words, and its place.
-fn too_large(path: &str, table: &DeTable<'_>) -> Option<(String, usize)> {
+pub(super) fn too_large(path: &str, table: &DeTable<'_>) -> Option<(String, usize)> {
     table.iter().find_map(|(key, value)| {
         let path =
             if path.is_empty() { key.get_ref().to_string() } else { format!("{path}.{}", key.get_ref()) };
@@ -132,10 +97,21 @@ fn understand<C: Configuration>(mut table: DeTable<'_>) -> Result<C, toml::de::E
 
 /// Lays `over` upon `under`, key by key; tables are merged, everything else is replaced. Places in the file are those
 /// of `over`.
-pub fn merge<'a>(under: &mut DeTable<'a>, over: DeTable<'a>) {
-    for (key, value) in over {
+/// With `clear = true` a table leaves nothing of the one that it is laid upon.
+pub fn merge<'a>(under: &mut DeTable<'a>, mut over: DeTable<'a>) {
+    if matches!(over.get(CLEAR).map(Spanned::get_ref), Some(DeValue::Boolean(_))) {
+        let clear = over.remove(CLEAR);
+        if clear.is_some_and(|clear| *clear.get_ref() == DeValue::Boolean(true)) {
+            *under = DeTable::new();
+        }
+    }
+    for (key, mut value) in over {
         match under.get_mut(&key) {
             None => {
+                if let DeValue::Table(own) = value.get_mut() {
+                    let changes = std::mem::take(own);
+                    merge(own, changes);
+                }
                 under.insert(key, value);
             }
             Some(old) => {
@@ -152,6 +128,9 @@ pub fn merge<'a>(under: &mut DeTable<'a>, over: DeTable<'a>) {
         }
     }
 }
+
+/// The key with which a table replaces the one that it is laid upon.
+pub const CLEAR: &str = "clear";
 
 /// The value, leaving a placeholder.
 pub fn taken<'a>(value: &mut DeValue<'a>) -> DeValue<'a> {
@@ -284,22 +263,6 @@ mod tests {
     }
 
     #[test]
-    fn a_task_begins_with_its_base_and_changes_it_key_by_key() {
-        let none: TrainConfig = load(None, &[]).unwrap();
-        let config = train("[task.rewards]\ngait = 2.5\n[task.command]\nx = [0.0, 0.5]\n").unwrap();
-        assert_eq!(config.task.settings.rewards["gait"], 2.5);
-        assert_eq!(config.task.settings.command.x, [0.0, 0.5]);
-        assert_eq!(config.task.settings.command.y, none.task.settings.command.y);
-        let weight = "track_yaw_rate";
-        assert_eq!(config.task.settings.rewards[weight], none.task.settings.rewards[weight]);
-        let biped = train("[task]\nbase = \"biped\"\nheight = 0.4\n").unwrap();
-        assert_eq!((biped.task.settings.posture, biped.task.settings.height), ([-1.0, 0.0, 0.0], 0.4));
-        assert_eq!(train("task = \"biped\"\n").unwrap().task.settings.posture, [-1.0, 0.0, 0.0]);
-        let set: TrainConfig = load(None, &["task.base=biped".to_owned()]).unwrap();
-        assert_eq!(set, train("task = \"biped\"\n").unwrap());
-    }
-
-    #[test]
     fn a_wrong_task_setting_has_its_place_in_the_file() {
         for (text, words) in [
             ("[task.command]\nz = 1\n", [":2:1:", "unknown field `z`"]),
@@ -343,33 +306,6 @@ mod tests {
             let error = load_text("", &[&set]).unwrap_err().to_string();
             assert!(!error.contains('\u{1b}') && !error.contains(&"9".repeat(41)), "{error}");
             assert!(!error.contains(&"0".repeat(41)) && error.len() < 1500, "{}: {error}", error.len());
-        }
-    }
-
-    #[test]
-    fn a_tasks_file_lies_upon_a_base() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("t.toml");
-        let read = |text: &str| {
-            std::fs::write(&path, text).unwrap();
-            load_task(&path, preset("biped").unwrap())
-        };
-        let parse = |text: &str| toml::from_str::<TaskSettings>(text).unwrap();
-        let (velocity, biped) = (parse(preset("velocity").unwrap()), parse(preset("biped").unwrap()));
-        let few = read("height = 0.4\n[command]\nx = [0.0, 0.5]\n").unwrap();
-        assert_eq!((few.height, few.command.x, few.posture), (0.4, [0.0, 0.5], biped.posture));
-        assert_eq!(few.rewards, biped.rewards);
-        let named = read("base = \"velocity\"\nheight = 0.4\n").unwrap();
-        assert_eq!((named.height, named.posture), (0.4, velocity.posture));
-        assert_eq!(read(preset("velocity").unwrap()).unwrap(), velocity, "a whole task is taken as it is");
-        for (text, words) in [
-            ("\nhight = 1\n", [":2:1:", "Did you mean `height`?"]),
-            ("[command]\nz = 1\n", [":2:1:", "unknown field `z`"]),
-            ("base = \"bipe\"\n", [":1:8:", "`base`"]),
-            ("height = 18446744073709551615\n", [":1:10:", "`height`"]),
-        ] {
-            let error = read(text).unwrap_err().to_string();
-            assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
         }
     }
 

@@ -10,17 +10,19 @@ mod messages;
 mod per_joint;
 mod preset;
 mod target;
+mod task;
 mod text;
 mod train;
 
 pub use controls::{ControlsConfig, TruthConfig};
 pub use finetune::{FINETUNE_DEFAULTS, FinetuneConfig, changed};
-pub use load::{Configuration, load, load_task};
+pub use load::{Configuration, load};
 pub use loop_::{FREE as LOOP_FREE, LOOP_DEFAULTS, LoopConfig, MOST_DRIFT, MOST_SEED};
 pub use messages::tamed;
 pub use target::{TargetConfig, TargetKind, check_torque_noise};
+pub use task::{Task, TaskName, load_task};
 pub use text::{DEFAULTS, train_defaults};
-pub use train::{TaskName, TrainConfig};
+pub use train::TrainConfig;
 
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::CostKind;

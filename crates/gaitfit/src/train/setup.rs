@@ -84,6 +84,7 @@ pub fn setup(
     device: Device,
 ) -> Result<Setup, Error> {
     let printed_by = "gaitfit config train";
+    let mut config = config.clone();
     let mut plan = Plan {
         name: name.to_owned(),
         runs: config.runs.clone(),
@@ -97,7 +98,7 @@ pub fn setup(
     };
     plan.check().map_err(|wrong| Error::settings(advice(path, &wrong, printed_by)))?;
     // Seeds beyond TOML's numbers are refused by name before they are written.
-    plan.configuration = table(config)?;
+    plan.configuration = table(&config)?;
     let robot_path = match &config.robot {
         Some(named) => Some(paths::find(named, "robot", path.unwrap_or(Path::new("--set")))?),
         None => None,
@@ -106,6 +107,9 @@ pub fn setup(
         Some(path) => robot::read(path, config.lenient, Hold::File)?,
         None => robot::go2()?,
     };
+    let settled = config.task.settle(&model, config.robot.as_deref());
+    settled.map_err(|wrong| Error::settings(advice(path, &wrong, printed_by)))?;
+    plan.configuration = table(&config)?;
     let refused = |error: TrainingError| refused(path, &error, printed_by);
     let scene =
         Task::new(&model, &config.task.settings, config.preset).map_err(|error| refused(error.into()))?;
@@ -113,7 +117,7 @@ pub fn setup(
         let wrong = "task.policy.critic_observation has no terms; list what the critic sees";
         return Err(Error::settings(advice(path, wrong, printed_by)));
     }
-    let inputs = Inputs::new(robot_path.as_deref(), &model, &settings(config))?;
+    let inputs = Inputs::new(robot_path.as_deref(), &model, &settings(&config))?;
     let setup = Setup {
         plan,
         model,

@@ -84,12 +84,12 @@ pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
 /// Whether the logged targets are what the policy's interface makes of the logged actions.
 pub fn targets_differ(logs: &[Log], interface: &Interface) -> Option<String> {
     let joints = interface.joints.len();
-    let clip = interface.action_clip.unwrap_or(f64::INFINITY);
     let (mut squares, mut samples) = (vec![0.0; joints], 0.0);
     for log in logs {
         let (Some(target), Some(action)) = (&log.trajectory.target, &log.trajectory.action) else { continue };
         for (target, action) in target.chunks_exact(joints).zip(action.chunks_exact(joints)) {
             for joint in 0..joints {
+                let clip = interface.clip(joint);
                 let meant = interface.default_pose[joint]
                     + interface.action_scale[joint] * action[joint].clamp(-clip, clip);
                 squares[joint] += (target[joint] - meant).powi(2);

@@ -2,8 +2,7 @@
 
 use super::observation::{self, Given};
 use gaitfit_log::Trajectory;
-use gaitfit_policy::Policy;
-use gaitfit_policy::Quantity;
+use gaitfit_policy::{Interface, Policy, Quantity};
 use gaitfit_policy::network::Scratch;
 use gaitfit_policy::observation::Layout;
 use nalgebra::{DMatrix, DVector};
@@ -20,23 +19,30 @@ pub struct Search<'a> {
     policy: &'a Policy,
     layout: Layout,
     spread: &'a [f64],
-    clip: f64,
     scratch: Scratch,
     observation: Vec<f32>,
     action: Vec<f32>,
+}
+
+/// The actions of one moment, policy order, within their limits.
+pub fn clipped(interface: &Interface, actions: impl Iterator<Item = f64>) -> Vec<f64> {
+    let within = |(joint, action): (usize, f64)| {
+        let clip = interface.clip(joint);
+        action.clamp(-clip, clip)
+    };
+    actions.enumerate().map(within).collect()
 }
 
 /// Step of finite differences, relative to an unknown's spread. `f32` networks resolve 1e-6.
 const DIFFERENCE: f64 = 0.01;
 
 impl<'a> Search<'a> {
-    /// `spread`: of each joint's actions; `clip`: largest action.
-    pub fn new(policy: &'a Policy, spread: &'a [f64], clip: f64) -> Self {
+    /// `spread`: of each joint's actions.
+    pub fn new(policy: &'a Policy, spread: &'a [f64]) -> Self {
         Self {
             policy,
             layout: Layout::new(&policy.interface, &policy.interface.observation),
             spread,
-            clip,
             scratch: Scratch::default(),
             observation: Vec::new(),
             action: Vec::new(),
@@ -60,8 +66,7 @@ impl<'a> Search<'a> {
             observation::write(&self.layout, interface, log, sample, last, given, clock, row);
         }
         self.policy.act(all.len(), &self.observation, &mut self.action, &mut self.scratch);
-        let clip = self.clip;
-        let row = |row: &[f32]| row.iter().map(|&x| f64::from(x).clamp(-clip, clip)).collect();
+        let row = |row: &[f32]| clipped(interface, row.iter().map(|&x| f64::from(x)));
         self.action.chunks_exact(joints).map(row).collect()
     }
 

@@ -5,7 +5,7 @@
 //! action. A dozen actions stand against five unknowns (three rates, two of a unit vector), so that the right policy's
 //! actions are met almost exactly and another's are not.
 
-use super::imu_search::Search;
+use super::imu_search::{Search, clipped};
 use super::observation::Given;
 use crate::Error;
 use gaitfit_log::Trajectory;
@@ -81,15 +81,14 @@ impl Comparison {
         let all: usize = logs.iter().map(|log| log.len()).sum();
         let every = all.div_ceil(MOST_SAMPLES).max(1);
         let spread = spread(logs, joints);
-        let clip = interface.action_clip.unwrap_or(f64::INFINITY);
         let mut this =
             Self { joints, samples: Vec::new(), logged: Vec::new(), predicted: Vec::new(), exact: true };
-        let mut search = Search::new(policy, &spread, clip);
+        let mut search = Search::new(policy, &spread);
         let mut seen = 0;
         for (number, log) in logs.iter().enumerate() {
             let Some(action) = &log.action else { continue };
             let row = |row: usize| -> Vec<f64> {
-                action[row * joints..(row + 1) * joints].iter().map(|x| x.clamp(-clip, clip)).collect()
+                clipped(interface, action[row * joints..(row + 1) * joints].iter().copied())
             };
             let mut chosen = Vec::new();
             // The first sample's last action is unknown.

@@ -142,15 +142,15 @@ fn course(walker: &Walker, log: &Trajectory) -> Option<Course> {
     let (samples, joints) = (log.len(), walker.default_pose.len());
     let mut targets = vec![0.0f32; samples * joints];
     match &log.target {
-        Some(target) => targets = in_model(walker, target),
+        Some(target) => targets = in_model(walker, target, &walker.default_pose),
         None => walker.targets(&actions(log), &mut targets),
     }
     let row = |values: &[f64], sample: usize, k: usize| values[sample + k] as f32;
     Course::new(
         walker,
         targets,
-        in_model(walker, &log.position),
-        in_model(walker, &log.velocity),
+        in_model(walker, &log.position, &walker.default_pose),
+        in_model(walker, &log.velocity, &vec![0.0; joints]),
         (0..samples).map(|sample| unit(std::array::from_fn(|k| row(quaternion, 4 * sample, k)))).collect(),
         (0..samples).map(|sample| std::array::from_fn(|k| row(rates, 3 * sample, k))).collect(),
     )
@@ -166,12 +166,12 @@ fn unit(quaternion: [f32; 4]) -> [f32; 4] {
     if (length - 1.0).abs() > OFF_UNIT { quaternion.map(|x| x / length) } else { quaternion }
 }
 
-/// Rows of the policy's joints as rows of the model's; other joints are at 0.
-pub(super) fn in_model(walker: &Walker, values: &[f64]) -> Vec<f32> {
-    let joints = walker.default_pose.len();
+/// Rows of the policy's joints as rows of the model's; `others` has what stands for joints that the policy does not move,
+/// model order.
+pub(super) fn in_model(walker: &Walker, values: &[f64], others: &[f32]) -> Vec<f32> {
     let rows = values.chunks_exact(walker.joints.len());
-    let mut all = vec![0.0; rows.len() * joints];
-    for (row, values) in all.chunks_exact_mut(joints).zip(rows) {
+    let mut all = others.repeat(rows.len());
+    for (row, values) in all.chunks_exact_mut(others.len()).zip(rows) {
         for (&joint, &value) in walker.joints.iter().zip(values) {
             row[joint] = value as f32;
         }
@@ -186,14 +186,17 @@ pub(super) fn script(walker: &Walker, log: &Trajectory) -> Script {
     let samples = log.len();
     let command = log.command.as_deref().unwrap_or_default();
     let commands = (0..samples).map(|row| std::array::from_fn(|k| command[3 * row + k] as f32)).collect();
-    let model_order = |values: &[f64], row: usize, other: f64| -> Vec<f64> {
-        let mut all = vec![other; walker.default_pose.len()];
+    let model_order = |values: &[f64], row: usize, others: &[f64]| -> Vec<f64> {
+        let mut all = others.to_vec();
         for (&joint, &value) in walker.joints.iter().zip(&values[row * joints..]) {
             all[joint] = value;
         }
         all
     };
-    let posture = |row: usize| (model_order(&log.position, row, 0.0), model_order(&log.velocity, row, 0.0));
+    let (home, still) = (walker.default_pose.iter().map(|&angle| f64::from(angle)), walker.default_pose.len());
+    let (home, still): (Vec<f64>, _) = (home.collect(), vec![0.0; still]);
+    let posture =
+        |row: usize| (model_order(&log.position, row, &home), model_order(&log.velocity, row, &still));
     let (angles, velocities) = posture(0);
     let start = walker.start_from_joints(&angles, &velocities);
     Script { commands, start, states: states(log, posture), actions: actions(log) }

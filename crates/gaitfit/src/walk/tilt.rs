@@ -33,7 +33,7 @@ pub fn falls(policy: &Policy, log: &Trajectory, spread: &[f64]) -> Vec<Range<usi
     }
     let joints = interface.joints.len();
     let every = ((EVERY_S / interface.control_dt).round() as usize).max(1);
-    let mut search = Search::new(policy, spread, interface.action_clip.unwrap_or(f64::INFINITY));
+    let mut search = Search::new(policy, spread);
     let clock = 0.0;
     let looks: Vec<(usize, f64)> = (1..log.len())
         .step_by(every)
@@ -98,7 +98,7 @@ mod tests {
         let hidden = logs(&scene, &policy, false);
         let spread = spread(&hidden.iter().collect::<Vec<_>>(), 12);
         assert!(falls(&policy, &known[0], &spread).is_empty());
-        let mut search = Search::new(&policy, &spread, f64::INFINITY);
+        let mut search = Search::new(&policy, &spread);
         let (mut off, mut looks) = (Vec::new(), 0);
         for (known, hidden) in known.iter().zip(&hidden) {
             let action = hidden.action.as_ref().unwrap();

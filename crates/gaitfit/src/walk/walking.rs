@@ -3,6 +3,7 @@
 use super::simulator::WalkSimulator;
 use crate::Error;
 use crate::log::Log;
+use crate::robot;
 use crate::settings::{AdaptConfig, Preset};
 use gaitfit_adapt::{JointParameter, Theta};
 use gaitfit_learn::task::{Task, TaskSettings};
@@ -36,7 +37,7 @@ impl Walking {
         base: &Candidate,
         threads: usize,
     ) -> Result<Self, Error> {
-        let settings = settings(config, &policy)?;
+        let settings = settings(config, &policy, model)?;
         let task = task(config.simulation.preset, settings, &policy, model, theta, base)?;
         Ok(Self { policy, task, threads, gpu: None })
     }
@@ -54,7 +55,7 @@ impl Walking {
         base: &Candidate,
         threads: usize,
     ) -> Result<Self, Error> {
-        let mut settings = settings(config, &policy)?;
+        let mut settings = settings(config, &policy, model)?;
         let mut preset = config.simulation.preset;
         if let Some(step) = settings.robot_timestep {
             let period = policy.interface.control_dt;
@@ -86,12 +87,7 @@ impl Walking {
 /// # Errors
 /// A policy that is not this robot's.
 pub fn rest_angles(policy: &Policy, model: &Model) -> Result<Vec<f64>, Error> {
-    let mut rest = vec![0.0; model.joints.len()];
-    let joints = policy.interface.resolve(model).map_err(Error::failed)?;
-    for (&joint, &angle) in joints.iter().zip(&policy.interface.default_pose) {
-        rest[joint] = angle;
-    }
-    Ok(rest)
+    policy.interface.model_pose(model).map_err(Error::failed)
 }
 
 /// Shortest step of a robot that makes logs, s: those of motor boards beyond it cost much time and change little.
@@ -104,10 +100,10 @@ fn substeps(period: f64, step: f64) -> usize {
 }
 
 /// The policy's task as the configuration has it simulated.
-fn settings(config: &AdaptConfig, policy: &Policy) -> Result<TaskSettings, Error> {
+fn settings(config: &AdaptConfig, policy: &Policy, model: &Model) -> Result<TaskSettings, Error> {
     let task = &policy.provenance.task;
     let mut settings = if task.is_empty() {
-        TaskSettings::default()
+        robot::usual_task(model)?
     } else {
         let wrong = |error| Error::failed(format!("the task in the policy's file: {error}"));
         toml::from_str(task).map_err(wrong)?

@@ -117,12 +117,17 @@ KERNEL walk(
         if (e < count && sample < length[r])
             signals[((u64)e * samples + sample) * DIMENSIONS + 2 * ACTIONS + k] = wanted;
         last_action[(u64)from * ACTIONS + i] = wanted;
-        float clipped = wanted < -ACTION_CLIP ? -ACTION_CLIP : wanted;
-        clipped = clipped > ACTION_CLIP ? ACTION_CLIP : clipped;
+        float clip = ACTION_CLIP[k], clipped = wanted < -clip ? -clip : wanted;
+        clipped = clipped > clip ? clip : clipped;
         float target = DEFAULT_POSE[j] + ACTION_SCALE[j] * clipped;
         // Before its first target a robot is taken to have held it.
         for (int tap = TAPS - 1; tap > 0; tap--) TARGET(tap, j) = placed[r] ? target : TARGET(tap - 1, j);
         TARGET(0, j) = target;
+    }
+    for (int i = thread; i < rows * OTHER_JOINTS; i += threads) {
+        int r = i / (OTHER_JOINTS > 0 ? OTHER_JOINTS : 1), j = OTHER_JOINT[i % (OTHER_JOINTS > 0 ? OTHER_JOINTS : 1)];
+        u32 e = from + r;
+        for (int tap = 0; tap < TAPS; tap++) TARGET(tap, j) = DEFAULT_POSE[j];
     }
     // What networks remember of a robot that has been as it is for long.
     for (int i = thread; i < rows * MEMORY; i += threads) {

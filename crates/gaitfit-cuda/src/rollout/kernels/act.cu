@@ -21,13 +21,15 @@ KERNEL act(
         logs += log_std[k];
         action[row * ACTIONS + k] = wanted;
         int j = JOINT_OF[k];
-        float clipped = wanted < -ACTION_CLIP ? -ACTION_CLIP : wanted;
-        clipped = clipped > ACTION_CLIP ? ACTION_CLIP : clipped;
+        float clip = ACTION_CLIP[k], clipped = wanted < -clip ? -clip : wanted;
+        clipped = clipped > clip ? clip : clipped;
         float target = DEFAULT_POSE[j] + ACTION_SCALE[j] * clipped;
         // Before its first target a robot is taken to have held it.
         for (int tap = TAPS - 1; tap > 0; tap--) TARGET(tap, j) = first ? target : TARGET(tap - 1, j);
         TARGET(0, j) = target;
     }
+    for (int k = 0; k < OTHER_JOINTS; k++)
+        for (int tap = 0; tap < TAPS; tap++) TARGET(tap, OTHER_JOINT[k]) = DEFAULT_POSE[OTHER_JOINT[k]];
     log_probability[row] = -0.5f * squares - (logs + 0.5f * (float)ACTIONS * LOG_TAU);
     // Robots are pushed at different times.
     if (PUSH_PERIOD > 0 && (number + e * 7u) % PUSH_PERIOD == 0 && steps[e] > 0) {

@@ -33,13 +33,13 @@ DEVICE Quat turn(int axis, double angle) {
     return {c, axis == 0 ? s : 0.0, axis == 1 ? s : 0.0, axis == 2 ? s : 0.0};
 }
 
-// Lowest point of sphere `k` for the base's origin at 0. `halves` holds cos and sin of half of each joint's angle from its
+// Lowest point of shape `k` for the base's origin at 0. `halves` holds cos and sin of half of each joint's angle from its
 // reference.
 DEVICE double lowest_point(int k, Quat base, const double* halves) {
-    Ball ball = SPHERE[k];
+    Shape shape = SHAPE[k];
     Vec p = {0.0, 0.0, 0.0};
     Quat q = base;
-    for (int place = ball.first; place < ball.first + ball.bodies; place++) {
+    for (int place = shape.first; place < shape.first + shape.bodies; place++) {
         int b = PATH[place];
         Body body = BODY[b];
         if (body.parent >= 0) {
@@ -57,13 +57,19 @@ DEVICE double lowest_point(int k, Quat base, const double* halves) {
             p = difference(anchor, rotated(q, own));
         }
     }
-    Vec centre = sum(p, rotated(q, {ball.position[0], ball.position[1], ball.position[2]}));
-    return centre.z - ball.radius;
+    Vec centre = sum(p, rotated(q, {shape.position[0], shape.position[1], shape.position[2]}));
+    double edges[3];
+    for (int i = 0; i < 3; i++)
+        edges[i] = fabs(rotated(q, {shape.edges[3 * i], shape.edges[3 * i + 1], shape.edges[3 * i + 2]}).z);
+    double slope = rotated(q, {shape.axis[0], shape.axis[1], shape.axis[2]}).z;
+    double flat = 1.0 - slope * slope;
+    flat = flat > 0.0 ? flat : 0.0;
+    return centre.z - (edges[0] + edges[1] + edges[2] + shape.rim * sqrt(flat) + shape.radius);
 }
 
 // What a block's threads hand to each other while they place a robot.
 struct Placing {
-    double angles[JOINTS], halves[2 * JOINTS], lowest[SPHERES > 0 ? SPHERES : 1];
+    double angles[JOINTS], halves[2 * JOINTS], lowest[SHAPES > 0 ? SHAPES : 1];
 };
 
 // A new episode of environment `e` that begins at `step`: all threads of the block share the work.
@@ -88,7 +94,7 @@ DEVICE void start_episode(
     Quat posture = product(turn(1, START_PITCH + EITHER(1, START_TILT)), turn(0, EITHER(2, START_TILT)));
     Quat q = product(turn(2, yaw), posture);
     __syncthreads();
-    for (int k = thread; k < SPHERES; k += threads) placing.lowest[k] = lowest_point(k, q, placing.halves);
+    for (int k = thread; k < SHAPES; k += threads) placing.lowest[k] = lowest_point(k, q, placing.halves);
     for (int k = thread; k < STATE_COUNT; k += threads) {
         if (k >= QPOS && k < QACC) continue;
         if (k >= LINEAR && k < LINEAR + 2) STATE(k) = (float)EITHER(3 + k - LINEAR, START_LINEAR_VELOCITY);
@@ -104,7 +110,7 @@ DEVICE void start_episode(
     __syncthreads();
     if (thread != 0) return;
     double lowest = 1e300;
-    for (int k = 0; k < SPHERES; k++) lowest = placing.lowest[k] < lowest ? placing.lowest[k] : lowest;
+    for (int k = 0; k < SHAPES; k++) lowest = placing.lowest[k] < lowest ? placing.lowest[k] : lowest;
     double height = lowest < 1e300 ? GROUND - lowest : GROUND;
     STATE(POSITION + 2) = (float)(height + 0.002);
     STATE(QUATERNION) = (float)q.w;

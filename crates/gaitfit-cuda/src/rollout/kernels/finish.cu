@@ -7,11 +7,14 @@ enum { VELOCITY_ERROR = 1 + REWARDS, YAW_ERROR, EPISODES, FALLS, EPISODE_STEPS, 
 
 enum { GOES_ON, FALL, TIME_OUT };
 
-DEVICE bool touches(const float* report, u32 e, int geom) { return FORCE(geom) > 1.0f; }
+#define TOUCH 1.0f
+DEVICE bool touches(const float* report, u32 e, int geom) { return FORCE(geom) > TOUCH; }
 
 DEVICE Foot advance_foot(const float* report, float* feet, u32 e, u32 steps, int k) {
     float dt = (float)CONTROL_DT;
-    bool touching = touches(report, e, FOOT_GEOM[k]), before = FOOT(k, TOUCHING) != 0.0f;
+    float load = 0.0f;
+    for (int i = FOOT_FIRST[k]; i < FOOT_FIRST[k + 1]; i++) load += FORCE(FOOT_GEOM[i]);
+    bool touching = load > TOUCH, before = FOOT(k, TOUCHING) != 0.0f;
     float air = FOOT(k, AIR), contact = FOOT(k, CONTACT), last_air = FOOT(k, LAST_AIR);
     Foot foot;
     foot.touching = touching;

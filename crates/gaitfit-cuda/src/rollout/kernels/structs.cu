@@ -30,9 +30,10 @@ struct Hinge {
     int limited;
     double range[2];
 };
-// A sphere that may touch the ground: the places in PATH of the bodies from the root to its own.
-struct Ball {
+// A geom that may touch the ground: the places in PATH of the bodies from the root to its own, and how far it reaches
+// from its centre.
+struct Shape {
     int first, bodies;
-    double position[3], radius;
+    double position[3], radius, edges[9], rim, axis[3];
 };
 

@@ -1,0 +1,65 @@
+//! `gaitfit init`: looks at a robot and writes a task for it.
+
+use crate::cli::Init;
+use crate::exit::Failure;
+use crate::output;
+use gaitfit::files::{self, Output};
+use gaitfit::init::{Guess, look};
+use gaitfit::robot::{self, Hold};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// What was found, as `--json` prints it.
+#[derive(Serialize)]
+struct Document {
+    robot: String,
+    written: String,
+    guesses: Vec<Guess>,
+}
+
+/// Writes the configuration and prints what was guessed.
+pub fn run(args: &Init) -> Result<(), Failure> {
+    let model = robot::read(&args.robot, args.lenient, Hold::File)?;
+    let out = args.out.clone().unwrap_or_else(|| file_for(&model.name));
+    let asked = Output { path: &out, option: "--out", ending: Some("toml") };
+    files::check(&[asked], [args.robot.as_path()].into_iter())?;
+    if out.exists() && !args.force {
+        return Err(Failure::usage(format!(
+            "{} is there already; give another --out, or --force to write over it",
+            out.display()
+        )));
+    }
+    let found = look(&model).map_err(|error| Failure::failed(format!("{}: {error}", args.robot.display())))?;
+    let text = found.configuration(&named(&args.robot, &out), args.lenient);
+    files::write(&out, text.as_bytes())?;
+    let document =
+        Document { robot: model.name.clone(), written: out.display().to_string(), guesses: found.guesses };
+    if args.json { output::print_json(&document) } else { output::print(&shown(&document)) }
+}
+
+/// The robot's name as a file in the current folder.
+fn file_for(robot: &str) -> PathBuf {
+    let plain = |letter: char| {
+        if letter.is_ascii_alphanumeric() || "_-.".contains(letter) { letter } else { '-' }
+    };
+    let name: String = robot.chars().map(plain).take(64).collect();
+    let name = name.trim_matches(['.', '-']);
+    PathBuf::from(format!("{}.toml", if name.is_empty() { "robot" } else { name }))
+}
+
+/// The robot's file as the configuration names it: paths are looked up in the current folder first, then in the
+/// configuration's. One that is written elsewhere gets the whole path.
+fn named(robot: &Path, out: &Path) -> String {
+    let here = out.parent().is_none_or(|folder| folder.as_os_str().is_empty() || folder == Path::new("."));
+    let whole = if here { None } else { std::fs::canonicalize(robot).ok() };
+    whole.as_deref().unwrap_or(robot).display().to_string()
+}
+
+fn shown(document: &Document) -> String {
+    let mut text = format!("{}: {}\n", document.robot, document.written);
+    for guess in &document.guesses {
+        text.push_str(&format!("  {:<10}{}\n", guess.what, guess.found));
+    }
+    text.push_str(&format!("train it with: gaitfit train {}\n", document.written));
+    text
+}

@@ -1,0 +1,185 @@
+//! Feet, legs and gait of a robot, from its tree and its geoms.
+
+use super::InitError;
+use gaitfit_model::kinematics::{Frame, body_frames, lowest_point};
+use gaitfit_model::{Model, Shape, shown};
+
+/// Last links whose lowest point lies within this share of the base's height of the lowest of all are legs.
+const NEAR_GROUND: f64 = 0.3;
+/// Geoms of a foot lie within this share of it of the foot's lowest point.
+const SAME_FOOT: f64 = 0.03;
+/// Most legs.
+const MOST_LEGS: usize = 8;
+
+/// A leg.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Leg {
+    /// The foot's name: of a geom, or of a body that stands for all its geoms.
+    pub foot: String,
+    /// Its geoms.
+    pub geoms: Vec<usize>,
+    /// Joints from the base to the foot.
+    pub path: Vec<usize>,
+    /// Those that no other leg has.
+    pub joints: Vec<usize>,
+    /// Whether its foot has a sole: a shape that must lie flat.
+    pub sole: bool,
+    /// Its foot in the base's frame, m.
+    pub place: [f64; 3],
+}
+
+/// Legs, in the order of the joints, and how they go together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Anatomy {
+    /// The legs.
+    pub legs: Vec<Leg>,
+    /// Joints of any leg, by index.
+    pub moved: Vec<usize>,
+    /// Groups of legs that move together; none where the sides do not match.
+    pub gait: Vec<Vec<usize>>,
+    /// Geoms of the base that may touch the ground.
+    pub base_geoms: Vec<usize>,
+}
+
+impl Anatomy {
+    /// In the pose `angles` (rad, model order).
+    pub fn find(model: &Model, angles: &[f64]) -> Result<Self, InitError> {
+        let frames = body_frames(model, &Frame::WORLD, angles);
+        let mut contacts: Vec<usize> = model.pairs.iter().map(|pair| pair.geom).collect();
+        contacts.sort_unstable();
+        contacts.dedup();
+        if contacts.is_empty() {
+            return Err(InitError::NoContact { robot: shown(&model.name) });
+        }
+        let paths: Vec<Vec<usize>> = (0..model.bodies.len()).map(|body| path(model, body)).collect();
+        let path_of = |geom: usize| &paths[model.geoms[geom].body];
+        let lowest = |geom: usize| lowest_point(&model.geoms[geom], &frames[model.geoms[geom].body]);
+        // A last link: nothing hangs on it by another joint.
+        let last = |path: &[usize]| {
+            !path.is_empty() && !paths.iter().any(|other| other.len() > path.len() && other.starts_with(path))
+        };
+        let mut ends: Vec<usize> = contacts.iter().copied().filter(|&geom| last(path_of(geom))).collect();
+        let ground = ends.iter().map(|&geom| lowest(geom)).fold(f64::INFINITY, f64::min);
+        let height = -ground;
+        ends.retain(|&geom| lowest(geom) <= ground + NEAR_GROUND * height);
+        let mut legs: Vec<Leg> = Vec::new();
+        for &geom in &ends {
+            let path = path_of(geom).clone();
+            if legs.iter().any(|leg| leg.path == path) {
+                continue;
+            }
+            let own: Vec<usize> = contacts.iter().copied().filter(|&geom| *path_of(geom) == path).collect();
+            legs.push(leg(model, path, &own, lowest, SAME_FOOT * height, &frames));
+        }
+        if legs.is_empty() || legs.len() > MOST_LEGS || !(height > 0.0 && height.is_finite()) {
+            return Err(InitError::NoLegs { robot: shown(&model.name) });
+        }
+        let all: Vec<Vec<usize>> = legs.iter().map(|leg| leg.path.clone()).collect();
+        for (index, leg) in legs.iter_mut().enumerate() {
+            let shared = |joint: &usize| {
+                all.iter().enumerate().any(|(other, path)| other != index && path.contains(joint))
+            };
+            leg.joints = leg.path.iter().copied().filter(|joint| !shared(joint)).collect();
+        }
+        let moved = (0..model.joints.len()).filter(|joint| all.iter().any(|path| path.contains(joint)));
+        let base_geoms = contacts.into_iter().filter(|&geom| path_of(geom).is_empty()).collect();
+        Ok(Self { gait: gait(&legs), moved: moved.collect(), base_geoms, legs })
+    }
+
+    /// Whether it walks on two legs.
+    pub fn biped(&self) -> bool {
+        self.legs.len() == 2
+    }
+
+    /// How the feet were found.
+    pub fn how(&self) -> String {
+        let geoms = self.legs.iter().map(|leg| leg.geoms.len()).max().unwrap_or_default();
+        let several = if geoms > 1 { format!(" ({geoms} geoms a foot)") } else { String::new() };
+        format!("the lowest geoms of the last links{several}")
+    }
+
+    /// The gait in words.
+    pub fn gait_in_words(&self) -> String {
+        if self.gait.is_empty() {
+            return "none: the feet of the two sides do not match; set task.gait by hand".to_owned();
+        }
+        let name = match self.legs.len() {
+            2 => "in turn",
+            4 => "trot",
+            _ => "alternating",
+        };
+        let groups: Vec<String> = self
+            .gait
+            .iter()
+            .map(|group| {
+                group.iter().map(|&leg| shown(&self.legs[leg].foot)).collect::<Vec<_>>().join(" + ")
+            })
+            .collect();
+        format!("{name}: {}; forward is x, left is y", groups.join(", then "))
+    }
+}
+
+fn leg(
+    model: &Model,
+    path: Vec<usize>,
+    own: &[usize],
+    lowest: impl Fn(usize) -> f64,
+    near: f64,
+    frames: &[Frame],
+) -> Leg {
+    let bottom = own.iter().map(|&geom| lowest(geom)).fold(f64::INFINITY, f64::min);
+    let mut geoms: Vec<usize> = own.iter().copied().filter(|&geom| lowest(geom) <= bottom + near).collect();
+    let (foot, geoms) = match geoms[..] {
+        [only] => (model.geoms[only].name.clone(), vec![only]),
+        _ => {
+            let body = geoms.first().map_or(0, |&geom| model.geoms[geom].body);
+            let of_body = own.iter().filter(|&&geom| model.geoms[geom].body == body);
+            // A geom of that name would be the foot.
+            let free = !model.geoms.iter().any(|geom| geom.name == model.bodies[body].name);
+            if free && of_body.copied().eq(geoms.iter().copied()) {
+                (model.bodies[body].name.clone(), geoms)
+            } else {
+                geoms.sort_by(|&a, &b| lowest(a).total_cmp(&lowest(b)));
+                geoms.truncate(1);
+                (geoms.first().map_or_else(String::new, |&geom| model.geoms[geom].name.clone()), geoms)
+            }
+        }
+    };
+    let sole = geoms.len() > 1
+        || geoms.iter().any(|&geom| !matches!(model.geoms[geom].shape, Shape::Sphere { .. }));
+    let count = geoms.len().max(1) as f64;
+    let centre = |geom: usize| frames[model.geoms[geom].body].point(model.geoms[geom].pos);
+    let place = std::array::from_fn(|k| geoms.iter().map(|&geom| centre(geom)[k]).sum::<f64>() / count);
+    Leg { foot, geoms, path, joints: Vec::new(), sole, place }
+}
+
+/// Joints from the base to a body.
+pub fn path(model: &Model, body: usize) -> Vec<usize> {
+    let mut bodies: Vec<usize> =
+        std::iter::successors(Some(body), |&body| model.bodies[body].parent).collect();
+    bodies.reverse();
+    let of = |body: usize| (0..model.joints.len()).filter(move |&joint| model.joints[joint].body == body);
+    bodies.into_iter().flat_map(of).collect()
+}
+
+/// Two groups that alternate: neighbours on a side, and the two of a pair, are in different groups. With four legs this is
+/// a trot, with six the tripod gait.
+fn gait(legs: &[Leg]) -> Vec<Vec<usize>> {
+    let side = |left: bool| {
+        let mut side: Vec<usize> =
+            (0..legs.len()).filter(|&leg| (legs[leg].place[1] > 0.0) == left).collect();
+        side.sort_by(|&a, &b| legs[b].place[0].total_cmp(&legs[a].place[0]));
+        side
+    };
+    let (left, right) = (side(true), side(false));
+    if left.len() != right.len() {
+        return Vec::new();
+    }
+    let mut groups = vec![Vec::new(), Vec::new()];
+    for (place, (&left, &right)) in left.iter().zip(&right).enumerate() {
+        groups[place % 2].push(left);
+        groups[(place + 1) % 2].push(right);
+    }
+    groups.iter_mut().for_each(|group| group.sort_unstable());
+    groups
+}

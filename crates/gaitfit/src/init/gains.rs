@@ -1,0 +1,172 @@
+//! PD gains and action scales of the joints.
+
+use super::anatomy::{Anatomy, path};
+use super::sizes::{Sizes, digits, tidy};
+use super::InitError;
+use gaitfit_model::Model;
+use gaitfit_model::kinematics::{Frame, body_frames};
+use gaitfit_model::rotation::{dot, sub};
+use gaitfit_physics::Robot;
+
+/// kp over m g l: the Go2's built-in 25 N·m/rad.
+const STIFFNESS: f64 = 0.56;
+/// kd over kp, s: the Go2's.
+const DAMPING: f64 = 0.02;
+/// Gains of the file are taken where they are within this factor of those by size.
+const LIKELY: f64 = 2.5;
+/// Target change per unit action, rad.
+const SCALE: f64 = 0.25;
+/// Physics step of the task, s.
+const STEP: f64 = 0.005;
+/// Most of kp h²/I and kd h/I, h the physics step and I the inertia that a joint feels: beyond 1 the joint begins to
+/// shake in the simulation.
+const STABLE: f64 = 0.5;
+/// How far a held joint sags under what hangs on it, rad.
+const SAG: f64 = 0.1;
+
+/// Gains and scales, one a joint of the model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gains {
+    /// N·m/rad.
+    pub kp: Vec<f64>,
+    /// N·m·s/rad.
+    pub kd: Vec<f64>,
+    /// rad; only for joints that the policy moves.
+    pub scale: Vec<f64>,
+    /// Where they are from.
+    pub how: String,
+    /// What is odd about them.
+    pub doubts: Vec<String>,
+}
+
+/// Gains of a position actuator, at the joint.
+fn servo(model: &Model, joint: usize) -> Option<[f64; 2]> {
+    let mut servos = model.actuators.iter().filter(|actuator| actuator.joint == joint);
+    let (actuator, other) = (servos.next()?, servos.next());
+    let gear = actuator.gear * actuator.gear;
+    let position = other.is_none() && actuator.gain > 0.0 && actuator.bias[1] == -actuator.gain;
+    position.then(|| [gear * actuator.gain, -gear * actuator.bias[2].min(0.0)])
+}
+
+impl Gains {
+    /// In the pose `angles` (rad, model order).
+    pub fn of(model: &Model, anatomy: &Anatomy, angles: &[f64], sizes: &Sizes) -> Result<Self, InitError> {
+        let unit = sizes.mass * sizes.gravity * sizes.leg;
+        let inertia: Vec<f64> = Robot::nominal(model)
+            .params(model)
+            .map_err(|error| InitError::Robot(error.to_string()))?
+            .joints
+            .iter()
+            .map(|joint| joint.weight)
+            .collect();
+        let efforts: Vec<f64> = anatomy.moved.iter().filter_map(|&joint| model.effort(joint)).collect();
+        let usual = median(efforts.clone());
+        let by_size = |joint: usize| {
+            let weak = match (model.effort(joint), usual) {
+                (Some(effort), Some(usual)) if usual > 0.0 => (effort / usual).min(1.0),
+                _ => 1.0,
+            };
+            STIFFNESS * unit * weak
+        };
+        let own: Vec<Option<[f64; 2]>> = (0..model.joints.len()).map(|joint| servo(model, joint)).collect();
+        let ratios: Vec<f64> =
+            anatomy.moved.iter().filter_map(|&joint| Some(own[joint]?[0] / by_size(joint))).collect();
+        let ratio = median(ratios).filter(|_| anatomy.moved.iter().all(|&joint| own[joint].is_some()));
+        let likely = ratio.is_some_and(|ratio| (1.0 / LIKELY..=LIKELY).contains(&ratio));
+        let held = held(model, angles, sizes.gravity);
+        let (mut kp, mut kd, mut scale) = (Vec::new(), Vec::new(), Vec::new());
+        let mut bounded = Vec::new();
+        for joint in 0..model.joints.len() {
+            let moved = anatomy.moved.contains(&joint);
+            let damping = model.joints[joint].damping;
+            let (stiffest, thickest) =
+                (STABLE * inertia[joint] / (STEP * STEP), STABLE * inertia[joint] / STEP);
+            let [p, d] = match (moved, own[joint]) {
+                (true, Some([p, d])) if likely && d > 0.0 => [p, d],
+                (true, Some([p, _])) if likely => [p, (DAMPING * p - damping).max(0.0)],
+                (true, _) => [by_size(joint), DAMPING * by_size(joint)],
+                (false, _) => {
+                    let p = held[joint].min(model.effort(joint).unwrap_or(f64::INFINITY) / SAG).min(stiffest);
+                    [p, 1.4 * (p * inertia[joint]).sqrt()]
+                }
+            };
+            if moved && (p > stiffest || d > thickest) {
+                bounded.push(model.joints[joint].name.clone());
+            }
+            let p = tidy(p.min(stiffest)).max(1e-3);
+            kp.push(p);
+            kd.push(tidy(d.min(thickest)));
+            // A unit of action is a torque of at most half of what the motor has.
+            let torque = model.effort(joint).map_or(SCALE, |effort| 0.5 * effort / p);
+            scale.push(digits(SCALE.min(torque).max(0.1), 2));
+        }
+        let how = if likely {
+            "kp and kd of the file's position actuators".to_owned()
+        } else {
+            let mut how = format!(
+                "kp = {STIFFNESS} m g l = {:?} N·m/rad, less for joints with weaker motors; kd = {DAMPING} s · kp (a guess)",
+                tidy(STIFFNESS * unit)
+            );
+            if let Some(ratio) = ratio {
+                let times = if ratio > 1.0 { tidy(ratio) } else { tidy(1.0 / ratio) };
+                let than = if ratio > 1.0 { "stiffer" } else { "softer" };
+                how.push_str(&format!(
+                    "; the file's position actuators are {times:?} times {than}, which trains badly"
+                ));
+            }
+            how
+        };
+        let mut doubts = Vec::new();
+        if !bounded.is_empty() {
+            doubts.push(format!(
+                "lowered where a joint has so little inertia that physics steps of {STEP} s would shake it ({}); motors \
+                 have a rotor: give the joints their armature",
+                listed(&bounded)
+            ));
+        }
+        let unlimited = anatomy.moved.iter().filter(|&&joint| model.effort(joint).is_none());
+        let unlimited: Vec<String> = unlimited.map(|&joint| model.joints[joint].name.clone()).collect();
+        if !unlimited.is_empty() {
+            doubts.push(format!(
+                "the file limits no torque of {}: the policy may learn what the motors cannot do",
+                listed(&unlimited)
+            ));
+        }
+        Ok(Self { kp, kd, scale, how, doubts })
+    }
+}
+
+/// Some names, and how many more there are.
+fn listed(names: &[String]) -> String {
+    let shown: Vec<String> = names.iter().take(3).map(|name| gaitfit_model::shown(name)).collect();
+    let more = names.len().saturating_sub(shown.len());
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", shown.join(", "))
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// For each joint the stiffness with which it sags by [`SAG`] at most, whichever way up: the weight of what hangs on it
+/// times the distance of that mass.
+fn held(model: &Model, angles: &[f64], gravity: f64) -> Vec<f64> {
+    let frames = body_frames(model, &Frame::WORLD, angles);
+    let paths: Vec<Vec<usize>> = (0..model.bodies.len()).map(|body| path(model, body)).collect();
+    let of = |joint: usize| {
+        let (mut mass, mut moment) = (0.0, [0.0; 3]);
+        for ((body, frame), path) in model.bodies.iter().zip(&frames).zip(&paths) {
+            if path.contains(&joint) {
+                let centre = frame.point(body.ipos);
+                mass += body.mass;
+                (0..3).for_each(|k| moment[k] += body.mass * centre[k]);
+            }
+        }
+        let hinge = &model.joints[joint];
+        let anchor = frames[hinge.body].point(hinge.pos).map(|x| mass * x);
+        let arm = sub(moment, anchor);
+        (gravity * dot(arm, arm).sqrt() / SAG).max(1.0)
+    };
+    (0..model.joints.len()).map(of).collect()
+}

@@ -1,0 +1,169 @@
+//! A first task for a robot: what its file says about feet, legs, pose and gains, and what is guessed from sizes.
+//!
+//! The built-in velocity task walks on the Go2. Here it is carried over to another robot by dynamic similarity: lengths go
+//! with the leg length l, speeds with √(g l), times with √(l/g), torques with m g l (McN. Alexander 1984, "The gaits of
+//! bipedal and quadrupedal animals": walks of equal Froude number v²/(g l) are alike).
+
+mod anatomy;
+mod gains;
+mod pose;
+mod sizes;
+mod text;
+
+use crate::settings::{Configuration, TrainConfig};
+use gaitfit_learn::task::TaskSettings;
+use gaitfit_model::{Model, Root, shown};
+use serde::Serialize;
+
+use anatomy::Anatomy;
+use gains::Gains;
+use pose::Pose;
+use sizes::Sizes;
+
+/// Why no task is found for a robot.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum InitError {
+    /// The base is fixed.
+    #[error("{robot} is fixed to the world; a walking robot needs a free base (in MJCF a <freejoint/>)")]
+    Clamped {
+        /// The robot.
+        robot: String,
+    },
+    /// Nothing can touch the ground.
+    #[error(
+        "no geom of {robot} may touch the ground, so it has no feet: give the file with the floor (often `scene.xml`), or \
+         give the feet spheres, capsules, boxes or cylinders that collide"
+    )]
+    NoContact {
+        /// The robot.
+        robot: String,
+    },
+    /// No leg ends in a foot.
+    #[error(
+        "no legs are found in {robot}: no last link of it reaches near the ground; write the task by hand, `gaitfit config \
+         train` prints one"
+    )]
+    NoLegs {
+        /// The robot.
+        robot: String,
+    },
+    /// The robot cannot be simulated.
+    #[error("{0}")]
+    Robot(String),
+    /// What was written cannot be read.
+    #[error("the task that was found for {robot} is none: {why}")]
+    Task {
+        /// The robot.
+        robot: String,
+        /// What is wrong with it.
+        why: String,
+    },
+}
+
+/// Something that was found or guessed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Guess {
+    /// What it is about.
+    pub what: &'static str,
+    /// What was found, and how.
+    pub found: String,
+}
+
+/// What is known of a robot that is to walk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Look {
+    /// All settings of the task.
+    pub settings: TaskSettings,
+    /// What was found or guessed, most important first.
+    pub guesses: Vec<Guess>,
+    /// The tables `[train]`, `[ppo]` and `[task]` of a configuration, with comments.
+    text: String,
+}
+
+impl Look {
+    /// A configuration of a training. `robot`: the file as the configuration names it; `lenient`: how it was read.
+    pub fn configuration(&self, robot: &str, lenient: bool) -> String {
+        let mut text = String::from(
+            "# Written by `gaitfit init`: what its comments call a guess is worth a look.\n\
+             # Train with `gaitfit train FILE`; `gaitfit config train` prints all other settings.\n\n",
+        );
+        text.push_str(&format!("robot = {}\n", text::quoted(robot)));
+        if lenient {
+            text.push_str("lenient = true                  # drop what the engine does not honour in the robot file\n");
+        }
+        text.push_str(&self.text);
+        text
+    }
+}
+
+/// Looks at a robot.
+///
+/// # Errors
+/// A robot that cannot walk, or in which no legs are found.
+pub fn look(model: &Model) -> Result<Look, InitError> {
+    let robot = || shown(&model.name);
+    if model.root != Root::Floating {
+        return Err(InitError::Clamped { robot: robot() });
+    }
+    let start = pose::start(model);
+    let anatomy = Anatomy::find(model, &start.angles)?;
+    let pose = pose::standing(model, start, &anatomy);
+    // Feet are looked for once more in the pose that was found: the lowest geoms may be others.
+    let anatomy = Anatomy::find(model, &pose.angles)?;
+    let sizes = Sizes::of(model, &anatomy, &pose.angles);
+    let gains = Gains::of(model, &anatomy, &pose.angles, &sizes)?;
+    let text = text::task(model, &anatomy, &pose, &sizes, &gains);
+    let settings = read(&text).map_err(|why| InitError::Task { robot: robot(), why })?;
+    Ok(Look { settings, guesses: guesses(model, &anatomy, &pose, &sizes, &gains), text })
+}
+
+/// The task of a configuration that names no robot: as another robot than the Go2 has it.
+fn read(text: &str) -> Result<TaskSettings, String> {
+    let mut table = toml::de::DeTable::parse(text).map_err(|error| error.to_string())?.into_inner();
+    TrainConfig::complete(&mut table);
+    let table = toml::Spanned::new(0..0, table);
+    let config = <TrainConfig as serde::Deserialize>::deserialize(toml::de::Deserializer::from(table));
+    config.map_err(|error| error.to_string())?.task.own_settings()
+}
+
+fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: &Gains) -> Vec<Guess> {
+    let mut guesses = Vec::new();
+    let mut say = |what: &'static str, found: String| guesses.push(Guess { what, found });
+    let legs = &anatomy.legs;
+    let feet: Vec<String> = legs.iter().map(|leg| shown(&leg.foot)).collect();
+    say("feet", format!("{}: {}", feet.join(", "), anatomy.how()));
+    say("gait", anatomy.gait_in_words());
+    say("pose", pose.how());
+    say(
+        "size",
+        format!(
+            "{:.1} kg, legs of {:.2} m, base at {:.2} m{}",
+            sizes.mass,
+            sizes.leg,
+            sizes.height,
+            sizes.doubt.as_ref().map(|doubt| format!("; {doubt}")).unwrap_or_default()
+        ),
+    );
+    let others = model.joints.len() - anatomy.moved.len();
+    if others > 0 {
+        say(
+            "joints",
+            format!("the policy moves the {} of the legs, {others} others are held", anatomy.moved.len()),
+        );
+    }
+    say("gains", gains.how.clone());
+    for doubt in &gains.doubts {
+        say("gains", doubt.clone());
+    }
+    say(
+        "commands",
+        format!(
+            "up to {:?} m/s forward, {:?} m/s sideways, {:?} rad/s; Froude number v/√(g l) = {:.2}",
+            sizes.forward,
+            sizes.sideways,
+            sizes.turning,
+            sizes.forward / (sizes.gravity * sizes.leg).sqrt()
+        ),
+    );
+    guesses
+}

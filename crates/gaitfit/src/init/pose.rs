@@ -1,0 +1,162 @@
+//! The pose in which a robot stands.
+
+use super::anatomy::{Anatomy, Leg};
+use gaitfit_model::kinematics::{Frame, body_frames};
+use gaitfit_model::rotation::{dot, quat_of, rotate, sub, up};
+use gaitfit_model::{Model, shown};
+
+/// Names of keyframes that stand, best first.
+const STANDING: [&str; 5] = ["home", "stand", "standing", "default", "knees_bent"];
+/// Share of the straight leg's length that is between hip and foot: bent legs of four, nearly straight ones of two.
+const BENT: f64 = 0.8;
+const NEARLY_STRAIGHT: f64 = 0.95;
+/// Steps of the search for a leg's angles.
+const STEPS: usize = 400;
+
+/// A pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pose {
+    /// rad, model order.
+    pub angles: Vec<f64>,
+    /// The keyframe that has it.
+    pub keyframe: Option<String>,
+}
+
+impl Pose {
+    /// Where it is from.
+    pub fn how(&self) -> String {
+        match &self.keyframe {
+            Some(name) => format!("keyframe `{}`", shown(name)),
+            None => "found: feet under the hips, knees bent, base level (a guess)".to_owned(),
+        }
+    }
+}
+
+/// A keyframe that stands, or every joint at its reference as far as its range allows.
+pub fn start(model: &Model) -> Pose {
+    let first = 7;
+    let stands = |qpos: &[f64]| {
+        qpos.len() == model.nq()
+            && qpos.iter().all(|x| x.is_finite())
+            && qpos.get(3..7).is_some_and(|q| {
+                let q: [f32; 4] = std::array::from_fn(|k| q[k] as f32);
+                up(quat_of(&q))[2] > 0.9
+            })
+    };
+    let named = STANDING.iter().filter_map(|name| model.keyframe(name));
+    let of_joints = named.chain(&model.keyframes).find(|key| stands(&key.qpos));
+    match of_joints {
+        Some(key) => Pose { angles: key.qpos[first..].to_vec(), keyframe: Some(key.name.clone()) },
+        None => {
+            let angle = |joint: &gaitfit_model::Joint| within(joint, joint.reference);
+            Pose { angles: model.joints.iter().map(angle).collect(), keyframe: None }
+        }
+    }
+}
+
+fn within(joint: &gaitfit_model::Joint, angle: f64) -> f64 {
+    joint.range.map_or(angle, |[low, high]| angle.clamp(low, high.max(low)))
+}
+
+/// The pose itself where a keyframe has it; else every leg bent such that its foot is under its hip.
+pub fn standing(model: &Model, start: Pose, anatomy: &Anatomy) -> Pose {
+    if start.keyframe.is_some() {
+        return start;
+    }
+    let mut angles = start.angles;
+    let share = if anatomy.biped() { NEARLY_STRAIGHT } else { BENT };
+    for leg in &anatomy.legs {
+        bend(model, leg, share, anatomy.biped(), &mut angles);
+    }
+    Pose { angles, keyframe: None }
+}
+
+/// Bends a leg in the vertical plane. Knees point backward on four legs and forward on two, where their range lets them.
+fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64]) {
+    let rest = body_frames(model, &Frame::WORLD, angles);
+    let axis = |joint: usize| {
+        let hinge = &model.joints[joint];
+        rotate(rest[hinge.body].quaternion, hinge.axis)
+    };
+    let pitch: Vec<usize> = leg.joints.iter().copied().filter(|&joint| axis(joint)[1].abs() > 0.7).collect();
+    let [hip, .., last] = pitch[..] else { return };
+    let anchor =
+        |joint: usize, frames: &[Frame]| frames[model.joints[joint].body].point(model.joints[joint].pos);
+    let foot = |frames: &[Frame]| -> [f64; 3] {
+        let count = leg.geoms.len().max(1) as f64;
+        let of =
+            |k: usize, geom: &usize| frames[model.geoms[*geom].body].point(model.geoms[*geom].pos)[k];
+        std::array::from_fn(|k| leg.geoms.iter().map(|geom| of(k, geom)).sum::<f64>() / count)
+    };
+    let length = |a: [f64; 3], b: [f64; 3]| {
+        let d = sub(a, b);
+        dot(d, d).sqrt()
+    };
+    let joints: Vec<[f64; 3]> = pitch.iter().map(|&joint| anchor(joint, &rest)).collect();
+    // The straight leg: to the foot, or to the ankle where the foot lies flat.
+    let chain: f64 = joints.windows(2).map(|pair| length(pair[0], pair[1])).sum();
+    let flat = leg.sole && pitch.len() > 2;
+    let reach = if flat { chain } else { chain + length(joints[joints.len() - 1], foot(&rest)) };
+    if !(reach > 0.0 && reach.is_finite()) {
+        return;
+    }
+    let level = |frames: &[Frame]| {
+        let body = model.joints[last].body;
+        let before = rotate(rest[body].quaternion, [1.0, 0.0, 0.0]);
+        let now = rotate(frames[body].quaternion, [1.0, 0.0, 0.0]);
+        now[2] - before[2]
+    };
+    let target = |frames: &[Frame]| if flat { anchor(last, frames) } else { foot(frames) };
+    let cost = |angles: &[f64]| {
+        let frames = body_frames(model, &Frame::WORLD, angles);
+        let (hip, end) = (anchor(hip, &frames), target(&frames));
+        let (forward, down) = ((end[0] - hip[0]) / reach, (hip[2] - end[2]) / reach - share);
+        let tilt = if flat { level(&frames) } else { 0.0 };
+        forward * forward + down * down + tilt * tilt
+    };
+    let knee_ahead = |angles: &[f64]| {
+        let frames = body_frames(model, &Frame::WORLD, angles);
+        anchor(pitch[1], &frames)[0] - anchor(hip, &frames)[0]
+    };
+    let mut best: Option<(f64, Vec<f64>)> = None;
+    for sign in [1.0, -1.0] {
+        let mut found = angles.to_vec();
+        for (place, &joint) in pitch.iter().enumerate() {
+            let turn = [0.6, -1.2, 0.6][place.min(2)] * sign * axis(joint)[1].signum();
+            found[joint] = within(&model.joints[joint], angles[joint] + turn);
+        }
+        let reached = descend(model, &pitch, &mut found, cost);
+        let wrong_way = (knee_ahead(&found) > 0.0) != forward;
+        let rated = reached + if wrong_way { 1e-3 } else { 0.0 };
+        if best.as_ref().is_none_or(|(other, _)| rated < *other) {
+            best = Some((rated, found));
+        }
+    }
+    if let Some((_, found)) = best {
+        angles.copy_from_slice(&found);
+    }
+}
+
+/// Search along the joints, one after the other, with steps that grow where they help and shrink where they do not.
+fn descend(model: &Model, joints: &[usize], angles: &mut [f64], cost: impl Fn(&[f64]) -> f64) -> f64 {
+    let mut best = cost(angles);
+    let mut steps = vec![0.2; joints.len()];
+    for _ in 0..STEPS {
+        for (step, &joint) in steps.iter_mut().zip(joints) {
+            let before = angles[joint];
+            let mut better = false;
+            for sign in [1.0, -1.0] {
+                angles[joint] = within(&model.joints[joint], before + sign * *step);
+                let found = cost(angles);
+                if found < best {
+                    (best, better) = (found, true);
+                    break;
+                }
+                angles[joint] = before;
+            }
+            *step *= if better { 1.3 } else { 0.6 };
+            *step = step.clamp(1e-6, 0.5);
+        }
+    }
+    best
+}

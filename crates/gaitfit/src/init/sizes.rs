@@ -1,0 +1,102 @@
+//! Sizes of a robot, and what of a task goes with them.
+
+use super::anatomy::Anatomy;
+use gaitfit_model::Model;
+use gaitfit_model::kinematics::{Frame, body_frames, lowest_point, standing_height};
+use gaitfit_model::rotation::{IDENTITY, dot};
+
+/// The Go2's leg length (m) and mass (kg) in its built-in task, whose numbers are carried over.
+pub const GO2_LEG: f64 = 0.3;
+pub const GO2_MASS: f64 = 15.2;
+
+/// Sizes of a robot. SI units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sizes {
+    /// Mass.
+    pub mass: f64,
+    /// Of free fall.
+    pub gravity: f64,
+    /// From hip to ground in the pose.
+    pub leg: f64,
+    /// Height of the base's origin in the pose.
+    pub height: f64,
+    /// Height of a foot's centre on the ground.
+    pub foot: f64,
+    /// Largest commands: forward, to the side, turning.
+    pub forward: f64,
+    pub sideways: f64,
+    pub turning: f64,
+    /// What is odd about them.
+    pub doubt: Option<String>,
+}
+
+/// Two significant digits.
+pub fn tidy(value: f64) -> f64 {
+    digits(value, 2)
+}
+
+/// So many significant digits.
+pub fn digits(value: f64, count: i32) -> f64 {
+    if value == 0.0 || !value.is_finite() {
+        return value;
+    }
+    format!("{value:.*e}", (count - 1).max(0) as usize).parse().unwrap_or(value)
+}
+
+impl Sizes {
+    /// In the pose `angles` (rad, model order).
+    pub fn of(model: &Model, anatomy: &Anatomy, angles: &[f64]) -> Self {
+        let gravity = dot(model.options.gravity, model.options.gravity).sqrt();
+        let gravity = if gravity > 0.1 { gravity } else { 9.81 };
+        let frames = body_frames(model, &Frame::WORLD, angles);
+        let height = standing_height(model, IDENTITY, angles);
+        let bottom = |geom: usize| lowest_point(&model.geoms[geom], &frames[model.geoms[geom].body]);
+        let count = anatomy.legs.len() as f64;
+        let (mut leg, mut foot) = (0.0, 0.0);
+        for one in &anatomy.legs {
+            let low = one.geoms.iter().map(|&geom| bottom(geom)).fold(f64::INFINITY, f64::min);
+            let hip = one.joints.first().or(one.path.first()).map_or(0.0, |&joint| {
+                let hinge = &model.joints[joint];
+                frames[hinge.body].point(hinge.pos)[2]
+            });
+            leg += (hip - low) / count;
+            foot += (one.place[2] - low) / count;
+        }
+        let leg = leg.max(0.02);
+        let feet = anatomy.legs.iter().flat_map(|leg| &leg.geoms).map(|&geom| bottom(geom));
+        let lowest_foot = feet.fold(f64::INFINITY, f64::min);
+        let under = model
+            .pairs
+            .iter()
+            .map(|pair| pair.geom)
+            .filter(|&geom| bottom(geom) < lowest_foot - 1e-3)
+            .min_by(|&a, &b| bottom(a).total_cmp(&bottom(b)));
+        let doubt = under.map(|geom| {
+            let name = gaitfit_model::shown(&model.geoms[geom].name);
+            format!("geom {name} is lower than the feet in this pose: give task.policy.default_pose another")
+        });
+        let speed = (gravity * leg).sqrt();
+        let (forward, sideways) = if anatomy.biped() { (0.3, 0.12) } else { (0.58, 0.58) };
+        Self {
+            mass: model.total_mass(),
+            gravity,
+            leg,
+            height,
+            foot,
+            forward: tidy(forward * speed),
+            sideways: tidy(sideways * speed),
+            turning: tidy(0.175 * (gravity / leg).sqrt()),
+            doubt,
+        }
+    }
+
+    /// Leg length over the Go2's.
+    pub fn length(&self) -> f64 {
+        self.leg / GO2_LEG
+    }
+
+    /// Torque unit m g l over the Go2's.
+    pub fn torque(&self) -> f64 {
+        self.mass / GO2_MASS * self.length()
+    }
+}

@@ -1,0 +1,178 @@
+//! The task as commented TOML.
+
+use super::anatomy::Anatomy;
+use super::gains::Gains;
+use super::pose::Pose;
+use super::sizes::{Sizes, digits, tidy};
+use gaitfit_model::Model;
+use std::fmt::Write as _;
+
+/// Iterations of a robot on two legs: it takes longer to learn.
+const BIPED_ITERATIONS: u32 = 1500;
+
+/// A string of TOML.
+pub fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}
+
+fn list(items: impl Iterator<Item = String>) -> String {
+    format!("[{}]", items.collect::<Vec<_>>().join(", "))
+}
+
+/// A setting with a comment.
+fn line(text: &mut String, setting: &str, value: impl std::fmt::Display, comment: &str) {
+    let setting = format!("{setting} = {value}");
+    let _ = writeln!(text, "{setting:<32}{}{comment}", if comment.is_empty() { "" } else { " # " });
+}
+
+/// Numbers of joints: one for all, or a table with the most common one first.
+fn numbers(text: &mut String, model: &Model, joints: &[usize], name: &str, values: &[f64], comment: &str) {
+    let count = |value: f64| joints.iter().filter(|&&joint| values[joint] == value).count();
+    let common = joints.iter().map(|&joint| values[joint]).max_by_key(|&value| count(value));
+    let common = common.unwrap_or_default();
+    let _ = writeln!(text, "\n[task.policy.{name}]{}# {comment}", " ".repeat(18_usize.saturating_sub(name.len())));
+    let _ = writeln!(text, "\"*\" = {common:?}");
+    for &joint in joints.iter().filter(|&&joint| values[joint] != common) {
+        let _ = writeln!(text, "{} = {:?}", quoted(&model.joints[joint].name), values[joint]);
+    }
+}
+
+/// The tables of a configuration that are the robot's.
+pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: &Gains) -> String {
+    let mut text = String::new();
+    let biped = anatomy.biped();
+    if biped {
+        let _ = writeln!(text, "\n[train]");
+        line(&mut text, "iterations", BIPED_ITERATIONS, "two legs take longer than four");
+    }
+    let _ = writeln!(text, "\n[task]");
+    line(&mut text, "base", quoted("velocity"), "what is not here is as in this built-in task");
+    let feet = list(anatomy.legs.iter().map(|leg| quoted(&leg.foot)));
+    line(&mut text, "feet", feet, &format!("{}; a geom, or a body with all its geoms", anatomy.how()));
+    let group = |group: &Vec<usize>| list(group.iter().map(|&leg| quoted(&anatomy.legs[leg].foot)));
+    line(&mut text, "gait", list(anatomy.gait.iter().map(group)), "feet that move together; forward is x");
+    line(&mut text, "height", float(digits(sizes.height, 3)), "m, of the base in the default pose");
+    let lift = if biped { 0.1 } else { 0.26 };
+    let swing = format!("m, of a foot's centre in mid-swing: {lift} leg lengths above the ground");
+    line(&mut text, "swing_height", float(tidy(sizes.foot + lift * sizes.leg)), &swing);
+    let second = (sizes.leg / sizes.gravity).sqrt();
+    line(&mut text, "swing_seconds", float(tidy(1.43 * second)), "s off the ground in a step: 1.43 √(l/g)");
+    let speed = sizes.forward.max(sizes.sideways);
+    line(&mut text, "tracking_width", float(tidy(if biped { 0.7 } else { 0.5 } * speed)), "m/s: exp(-error^2 / width^2)");
+    line(&mut text, "yaw_tracking_width", float(tidy(0.5 * sizes.turning)), "rad/s");
+
+    let _ = writeln!(text, "\n[task.policy]");
+    if anatomy.moved.len() < model.joints.len() {
+        let names = list(anatomy.moved.iter().map(|&joint| quoted(&model.joints[joint].name)));
+        line(&mut text, "joints", names, "those of the legs; the others are held in the default pose");
+    }
+    if biped {
+        line(&mut text, "gait_frequency", float(tidy(0.35 / second)), "Hz, of the clock that the policy observes");
+        text.push_str(BIPED_OBSERVATION);
+    }
+    let all: Vec<usize> = (0..model.joints.len()).collect();
+    numbers(&mut text, model, &anatomy.moved, "action_scale", &gains.scale, "rad per unit action");
+    numbers(&mut text, model, &all, "kp", &gains.kp, &format!("N·m/rad: {}", gains.how));
+    numbers(&mut text, model, &all, "kd", &gains.kd, "N·m·s/rad");
+    let _ = writeln!(text, "\n[task.policy.default_pose]       # rad: {}", pose.how());
+    for (joint, angle) in model.joints.iter().zip(&pose.angles) {
+        let _ = writeln!(text, "{} = {:?}", quoted(&joint.name), digits(round(*angle), 4));
+    }
+
+    let _ = writeln!(text, "\n[task.command]                   # Froude number v/√(g l) of the Go2's, {}", if biped { "half of it on two legs" } else { "leg length l" });
+    let range = |most: f64| format!("[{:?}, {most:?}]", -most);
+    line(&mut text, "x", range(sizes.forward), "m/s forward");
+    line(&mut text, "y", range(sizes.sideways), "m/s left");
+    line(&mut text, "yaw", range(sizes.turning), "rad/s");
+
+    let _ = writeln!(text, "\n[task.fall]");
+    let contacts = list(anatomy.base_geoms.iter().map(|&geom| quoted(&model.geoms[geom].name)));
+    line(&mut text, "contacts", contacts, "geoms of the base: they must not touch the ground");
+    let share = if biped { 0.6 } else { 0.4 };
+    line(&mut text, "height", float(tidy(share * sizes.height)), "m, lowest base");
+    line(&mut text, "tilt", 60.0, "degrees");
+
+    let _ = writeln!(text, "\n[task.randomisation]");
+    let mass = sizes.mass / super::sizes::GO2_MASS;
+    line(&mut text, "base_mass", format!("[{:?}, {:?}]", tidy(-mass), tidy(3.0 * mass)), "kg added");
+    line(&mut text, "base_com", float(tidy(0.02 * sizes.length())), "m, half range along each axis");
+    let _ = writeln!(text, "\n[task.push]");
+    line(&mut text, "velocity", float(tidy(0.5 * sizes.length().sqrt())), "m/s");
+    rewards(&mut text, anatomy, sizes);
+    text
+}
+
+fn float(value: f64) -> String {
+    format!("{value:?}")
+}
+
+/// No angle is known better than this, rad.
+fn round(angle: f64) -> f64 {
+    (angle * 1e4).round() / 1e4
+}
+
+/// The built-in weights in the robot's units: a term that is a square of a speed goes with 1/(g l), of a torque with
+/// 1/(m g l)², of an angular acceleration with (l/g)², and sums over joints with their number.
+fn rewards(text: &mut String, anatomy: &Anatomy, sizes: &Sizes) {
+    let (length, torque) = (sizes.length(), sizes.torque());
+    let joints = 12.0 / anatomy.moved.len().max(1) as f64;
+    let _ = writeln!(text, "\n[task.rewards]                   # the built-in weights in this robot's units");
+    let scaled: &[(&str, f64, f64)] = if anatomy.biped() {
+        &[
+            ("track_linear_velocity", 6.0, 1.0),
+            ("track_yaw_rate", 3.0, 1.0),
+            ("vertical_velocity", -1.0, 1.0 / length),
+            ("roll_pitch_rate", -0.05, length),
+            ("posture", -4.0, 1.0),
+            ("height", 2.0, 1.0),
+            ("upright", 2.0, 1.0),
+            ("torque", -2e-4, joints / (torque * torque)),
+            ("joint_acceleration", -2.5e-7, joints * length * length),
+            ("action_rate", -0.01, joints),
+            ("air_time", 0.0, 1.0),
+            ("gait", 0.0, 1.0),
+            ("step_clock", 3.0, 1.0),
+            ("swing_height", 2.0, 1.0),
+            ("foot_slip", -0.5, 1.0 / length),
+            ("stand_still", 0.0, 1.0),
+            ("joint_deviation", -0.2, joints),
+            ("fall", -5.0, 1.0),
+        ]
+    } else {
+        &[
+            ("vertical_velocity", -2.0, 1.0 / length),
+            ("roll_pitch_rate", -0.05, length),
+            ("torque", -2e-4, joints / (torque * torque)),
+            ("joint_acceleration", -5e-7, joints * length * length),
+            ("action_rate", -0.04, joints),
+            ("foot_slip", -0.1, 1.0 / length),
+            ("stand_still", -1.0, joints),
+        ]
+    };
+    for (name, weight, factor) in scaled {
+        let _ = writeln!(text, "{name} = {:?}", tidy(weight * factor));
+    }
+}
+
+/// What a policy on two legs observes: a clock says which foot is to be up.
+const BIPED_OBSERVATION: &str = "\
+observation = [
+    { quantity = \"base_angular_velocity\", scale = [0.25] },
+    { quantity = \"projected_gravity\" },
+    { quantity = \"command\" },
+    { quantity = \"joint_position\" },
+    { quantity = \"joint_velocity\", scale = [0.05] },
+    { quantity = \"last_action\" },
+    { quantity = \"gait_phase\" },
+]
+critic_observation = [
+    { quantity = \"base_linear_velocity\" },
+    { quantity = \"base_angular_velocity\", scale = [0.25] },
+    { quantity = \"projected_gravity\" },
+    { quantity = \"command\" },
+    { quantity = \"joint_position\" },
+    { quantity = \"joint_velocity\", scale = [0.05] },
+    { quantity = \"last_action\" },
+    { quantity = \"gait_phase\" },
+]
+";
