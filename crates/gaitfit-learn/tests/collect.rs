@@ -129,7 +129,7 @@ fn threads_change_no_bit_and_falls_end_logs() {
     assert!(once.iter().all(|log| log.base.is_none()));
 
     let mut task = calm();
-    task.policy.kp = JointNumber::All(1e-3);
+    task.policy.kp = gaitfit_learn::task::JointNumber::All(1e-3);
     let slack = task_common::scene(&task);
     let policy = task_common::constant_policy(&slack, &[0.0; 12]);
     let subject = Subject { task: &slack, policy: &policy, candidate: None, seed: 5 };

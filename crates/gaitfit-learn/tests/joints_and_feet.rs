@@ -83,7 +83,7 @@ fn joints_without_a_policy_are_held_in_the_default_pose() {
     assert_eq!(some.walker.other_joints, [0, 3, 6, 9]);
 
     let count = 5;
-    let mut run = |scene: &Task, wide: bool| {
+    let run = |scene: &Task, wide: bool| {
         let mut environment = Environment::new(scene, None, 4, 0, count).unwrap();
         let (mut reward, mut ended) = (vec![0.0; count], vec![Ended::No; count]);
         let mut seen = Vec::new();
@@ -137,7 +137,7 @@ fn feet_of_any_shape_stand() {
         let heights: Vec<f64> = gait.base.iter().skip(2).step_by(7).copied().collect();
         let (first, last) = (heights[0], heights[heights.len() - 1]);
         let highest = heights.iter().copied().fold(0.0, f64::max);
-        assert!(highest < first + 0.01 && (last - first).abs() < 0.05, "{shape:?}: {first} {highest} {last}");
+        assert!(highest < first + 0.01 && (last - first).abs() < 0.15, "{shape:?}: {first} {highest} {last}");
         let end = gait.steps() - 1;
         assert!(gait.contact[4 * end..].iter().all(|&contact| contact), "{shape:?}");
         for clearance in &gait.foot_clearance[4 * end..] {

@@ -101,7 +101,7 @@ fn understand<C: Configuration>(mut table: DeTable<'_>) -> Result<C, toml::de::E
 pub fn merge<'a>(under: &mut DeTable<'a>, mut over: DeTable<'a>) {
     if matches!(over.get(CLEAR).map(Spanned::get_ref), Some(DeValue::Boolean(_))) {
         let clear = over.remove(CLEAR);
-        if clear.is_some_and(|clear| *clear.get_ref() == DeValue::Boolean(true)) {
+        if matches!(clear.as_ref().map(Spanned::get_ref), Some(DeValue::Boolean(true))) {
             *under = DeTable::new();
         }
     }

@@ -1,0 +1,200 @@
+//! `gaitfit init`: what it finds of a robot, and that what it writes trains.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{errors, json, program, root, run};
+use std::path::{Path, PathBuf};
+use toml::Table;
+
+/// Writes a configuration for `robot` into `folder`; it and what was printed.
+fn init(robot: &Path, folder: &Path, more: &[&str]) -> (Table, serde_json::Value) {
+    let out = folder.join("robot.toml");
+    let mut args = vec!["init", robot.to_str().unwrap(), "--json", "--force", "--out", out.to_str().unwrap()];
+    args.extend(more);
+    let output = run(&args);
+    assert!(output.status.success(), "{}: {}", robot.display(), errors(&output));
+    (toml::from_str(&std::fs::read_to_string(out).unwrap()).unwrap(), json(&output))
+}
+
+fn number(table: &Table, path: &str) -> f64 {
+    let value = path.split('.').fold(None, |at: Option<&toml::Value>, key| match at {
+        None => table.get(key),
+        Some(inner) => inner.get(key),
+    });
+    value.and_then(toml::Value::as_float).unwrap_or_else(|| panic!("no number {path}: {table}"))
+}
+
+fn close(found: f64, wanted: f64, share: f64) {
+    assert!((found - wanted).abs() <= share * wanted.abs(), "{found}, not {wanted}");
+}
+
+/// Trains a little, and returns the folder of the run.
+fn train(configuration: &Path, runs: &Path, more: &[&str]) -> serde_json::Value {
+    let runs = format!("runs={}", runs.display());
+    let mut args = vec!["train", configuration.to_str().unwrap(), "--json", "--name", "t"];
+    args.extend(["--set", &runs]);
+    more.iter().for_each(|set| args.extend(["--set", set]));
+    let output = run(&args);
+    assert!(output.status.success(), "{}: {}", configuration.display(), errors(&output));
+    json(&output)
+}
+
+const TINY: [&str; 4] =
+    ["train.iterations=1", "train.environments=16", "ppo.actor_hidden=[8]", "ppo.critic_hidden=[8]"];
+
+#[test]
+fn of_the_go2_it_finds_about_the_built_in_task() {
+    let folder = tempfile::tempdir().unwrap();
+    let (found, printed) = init(&root().join("assets/go2.xml"), folder.path(), &[]);
+    let built_in: Table = {
+        let output = run(&["config", "train"]);
+        toml::from_str(std::str::from_utf8(&output.stdout).unwrap()).unwrap()
+    };
+    for key in ["feet", "gait"] {
+        assert_eq!(found["task"][key], built_in["task"][key], "{key}");
+    }
+    for (path, share) in [
+        ("task.height", 0.1),
+        ("task.swing_height", 0.15),
+        ("task.swing_seconds", 0.1),
+        ("task.tracking_width", 0.1),
+        ("task.fall.height", 0.15),
+        ("task.push.velocity", 0.1),
+        ("task.rewards.torque", 0.2),
+        ("task.rewards.vertical_velocity", 0.1),
+        ("task.rewards.action_rate", 0.05),
+    ] {
+        close(number(&found, path), number(&built_in, path), share);
+    }
+    let table = |name: &str| found["task"]["policy"][name].as_table().unwrap().clone();
+    close(number(&table("kp"), "*"), 25.0, 0.1);
+    close(number(&table("kd"), "*"), 0.5, 0.1);
+    assert_eq!((table("action_scale").len(), number(&table("action_scale"), "*")), (1, 0.25));
+    let pose = table("default_pose");
+    assert_eq!((pose.len(), number(&pose, "FL_hip_joint"), number(&pose, "RR_calf_joint")), (12, 0.1, -1.5));
+    assert_eq!(found["task"]["fall"]["contacts"].to_string(), r#"["trunk", "head", "chin"]"#);
+    assert!(found["task"]["policy"].get("joints").is_none(), "all joints are the legs'");
+    let guesses = printed["guesses"].as_array().unwrap();
+    assert!(guesses.iter().any(|guess| guess["found"].as_str().unwrap().contains("trot")), "{printed}");
+    train(&folder.path().join("robot.toml"), folder.path(), &TINY);
+}
+
+/// A robot whose only likeness to the Go2 is its shape: other names, no keyframe, no armature; box feet.
+fn stranger(folder: &Path) -> PathBuf {
+    let text = std::fs::read_to_string(root().join("assets/go2.xml")).unwrap();
+    let keys = text.find("<keyframe>").unwrap()..text.find("</keyframe>").unwrap() + "</keyframe>".len();
+    let text = text.replace(&text[keys], "");
+    let text = text.replace("model=\"go2\"", "model=\"stranger\"").replace("_hip_joint", "_abductor");
+    let text = text.replace("_thigh_joint", "_upper").replace("_calf_joint", "_lower");
+    let text =
+        text.replace(r#"type="sphere" size="0.022" pos="-0.002 0 -0.213""#, r#"type="box" size="0.03 0.02 0.02" pos="-0.002 0 -0.213""#);
+    assert!(text.contains("type=\"box\" size=\"0.03") && text.contains("FL_upper"), "{text}");
+    let path = folder.join("stranger.xml");
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+#[test]
+fn a_stranger_without_a_keyframe_gets_a_stance_and_trains() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = stranger(folder.path());
+    let (found, _) = init(&robot, folder.path(), &[]);
+    let pose = found["task"]["policy"]["default_pose"].as_table().unwrap();
+    for leg in ["FL", "FR", "RL", "RR"] {
+        let (upper, lower) = (number(pose, &format!("{leg}_upper")), number(pose, &format!("{leg}_lower")));
+        assert!((0.3..1.2).contains(&upper) && (-2.4..-0.8).contains(&lower), "{leg}: {upper}, {lower}");
+    }
+    close(number(&found, "task.height"), 0.36, 0.15);
+    assert_eq!(found["task"]["gait"].to_string(), r#"[["FL_foot", "RR_foot"], ["FR_foot", "RL_foot"]]"#);
+    let report = train(&folder.path().join("robot.toml"), folder.path(), &TINY);
+    assert!(report["seeds"][0]["iterations"] == 1, "{report}");
+
+    // Without a task of its own it is not taken for a Go2.
+    let runs = format!("runs={}", folder.path().display());
+    let output = run(&["train", "--robot", robot.to_str().unwrap(), "--set", &runs]);
+    assert_eq!(output.status.code(), Some(2));
+    for words in ["the robot is `stranger`", "task.policy.default_pose", "gaitfit init "] {
+        assert!(errors(&output).contains(words), "{}", errors(&output));
+    }
+    // Its policy is evaluated at its own task, not at the Go2's.
+    let policy = folder.path().join("t/seed-1/policy.safetensors");
+    let evaluate = |more: &[&str]| {
+        let mut args = vec!["evaluate", policy.to_str().unwrap(), "--robot", robot.to_str().unwrap()];
+        args.extend(["--trajectories", "2", "--seconds", "0.2", "--drift", "0"]);
+        args.extend(more);
+        run(&args)
+    };
+    let output = evaluate(&[]);
+    assert!(output.status.success(), "{}", errors(&output));
+    let output = evaluate(&["--task", "velocity"]);
+    assert!(errors(&output).contains("the built-in tasks are the Go2's"), "{}", errors(&output));
+    let output = evaluate(&["--task", folder.path().join("robot.toml").to_str().unwrap()]);
+    assert!(output.status.success(), "{}", errors(&output));
+}
+
+#[test]
+fn what_cannot_walk_is_said_and_nothing_is_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, body: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, format!("<mujoco model=\"m\"><worldbody>{body}</worldbody></mujoco>")).unwrap();
+        path
+    };
+    let free = "<body><freejoint/><geom size=\".1\"/></body>";
+    for (path, words) in [
+        (write("clamped.xml", "<geom type=\"plane\" size=\"1 1 1\"/><body><geom size=\".1\"/></body>"), "fixed to the world"),
+        (write("ball.xml", &format!("<geom type=\"plane\" size=\"1 1 1\"/>{free}")), "no legs are found in m"),
+    ] {
+        let output = program().arg("init").arg(&path).current_dir(folder.path()).output().unwrap();
+        assert_eq!(output.status.code(), Some(1));
+        assert!(errors(&output).contains(words), "{}", errors(&output));
+    }
+    let robot = root().join("assets/go2.xml");
+    let init = || program().arg("init").arg(&robot).current_dir(folder.path()).output().unwrap();
+    let output = init();
+    assert!(output.status.success(), "{}", errors(&output));
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(text.contains("gaitfit train go2.toml") && text.contains("trot"), "{text}");
+    assert!(folder.path().join("go2.toml").exists());
+    let output = init();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("go2.toml is there already"), "{}", errors(&output));
+}
+
+fn shared(name: &str) -> PathBuf {
+    root().join("../shared/data/robots").join(name)
+}
+
+/// Robots of other projects: feet, legs, whether the policy moves only some joints.
+const ROBOTS: [(&str, usize, usize); 9] = [
+    ("playground_go1/scene_mjx_feetonly_flat_terrain.xml", 4, 12),
+    ("playground_spot/scene_mjx_feetonly_flat_terrain.xml", 4, 12),
+    ("menagerie_unitree_a1/scene.xml", 4, 12),
+    ("menagerie_anybotics_anymal_c/scene.xml", 4, 12),
+    ("urdf/a1.urdf", 4, 12),
+    ("urdf/anymal_c.urdf", 4, 12),
+    ("playground_h1/scene_mjx_feetonly.xml", 2, 10),
+    ("playground_g1/scene_mjx_feetonly_flat_terrain.xml", 2, 12),
+    ("playground_t1/scene_mjx_feetonly_flat_terrain.xml", 2, 13),
+];
+
+#[test]
+#[ignore = "needs ../shared"]
+fn shared_robots_of_other_projects_get_a_task_that_trains() {
+    for (name, feet, joints) in ROBOTS {
+        let folder = tempfile::tempdir().unwrap();
+        let (found, printed) = init(&shared(name), folder.path(), &["--lenient"]);
+        let task = &found["task"];
+        assert_eq!(task["feet"].as_array().unwrap().len(), feet, "{name}: {printed}");
+        let groups = task["gait"].as_array().unwrap();
+        assert!(groups.len() == 2 && groups.iter().all(|g| g.as_array().unwrap().len() == feet / 2), "{name}");
+        let pose = task["policy"]["default_pose"].as_table().unwrap();
+        let moved = task["policy"].get("joints").map_or(pose.len(), |list| list.as_array().unwrap().len());
+        assert_eq!(moved, joints, "{name}: {printed}");
+        let report = train(&folder.path().join("robot.toml"), folder.path(), &TINY);
+        // Robots that stand as they start do not fall in the half second of a rollout with small actions.
+        assert!(report["seeds"][0]["iterations"] == 1, "{name}: {report}");
+    }
+}
