@@ -88,8 +88,10 @@ fn stranger(folder: &Path) -> PathBuf {
     let text = text.replace(&text[keys], "");
     let text = text.replace("model=\"go2\"", "model=\"stranger\"").replace("_hip_joint", "_abductor");
     let text = text.replace("_thigh_joint", "_upper").replace("_calf_joint", "_lower");
-    let text =
-        text.replace(r#"type="sphere" size="0.022" pos="-0.002 0 -0.213""#, r#"type="box" size="0.03 0.02 0.02" pos="-0.002 0 -0.213""#);
+    let text = text.replace(
+        r#"type="sphere" size="0.022" pos="-0.002 0 -0.213""#,
+        r#"type="box" size="0.03 0.02 0.02" pos="-0.002 0 -0.213""#,
+    );
     assert!(text.contains("type=\"box\" size=\"0.03") && text.contains("FL_upper"), "{text}");
     let path = folder.join("stranger.xml");
     std::fs::write(&path, text).unwrap();
@@ -144,8 +146,14 @@ fn what_cannot_walk_is_said_and_nothing_is_overwritten() {
     };
     let free = "<body><freejoint/><geom size=\".1\"/></body>";
     for (path, words) in [
-        (write("clamped.xml", "<geom type=\"plane\" size=\"1 1 1\"/><body><geom size=\".1\"/></body>"), "fixed to the world"),
-        (write("ball.xml", &format!("<geom type=\"plane\" size=\"1 1 1\"/>{free}")), "no legs are found in m"),
+        (
+            write("clamped.xml", "<geom type=\"plane\" size=\"1 1 1\"/><body><geom size=\".1\"/></body>"),
+            "fixed to the world",
+        ),
+        (
+            write("ball.xml", &format!("<geom type=\"plane\" size=\"1 1 1\"/>{free}")),
+            "no legs are found in m",
+        ),
     ] {
         let output = program().arg("init").arg(&path).current_dir(folder.path()).output().unwrap();
         assert_eq!(output.status.code(), Some(1));
@@ -189,7 +197,10 @@ fn shared_robots_of_other_projects_get_a_task_that_trains() {
         let task = &found["task"];
         assert_eq!(task["feet"].as_array().unwrap().len(), feet, "{name}: {printed}");
         let groups = task["gait"].as_array().unwrap();
-        assert!(groups.len() == 2 && groups.iter().all(|g| g.as_array().unwrap().len() == feet / 2), "{name}");
+        assert!(
+            groups.len() == 2 && groups.iter().all(|g| g.as_array().unwrap().len() == feet / 2),
+            "{name}"
+        );
         let pose = task["policy"]["default_pose"].as_table().unwrap();
         let moved = task["policy"].get("joints").map_or(pose.len(), |list| list.as_array().unwrap().len());
         assert_eq!(moved, joints, "{name}: {printed}");

@@ -8,8 +8,8 @@ use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::Task;
 use gaitfit_log::Trajectory;
 use gaitfit_model::rotation::rotate;
-use gaitfit_policy::{ActionClip, Policy};
 use gaitfit_policy::network::Scratch;
+use gaitfit_policy::{ActionClip, Policy};
 use gaitfit_sim::Candidate;
 use task_common::{calm, random_policy, scene_with};
 

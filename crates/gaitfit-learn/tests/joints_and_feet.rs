@@ -52,7 +52,10 @@ fn wrong_numbers_of_joints_are_named() {
     type Change = fn(&mut TaskSettings);
     let cases: [(Change, &str); 8] = [
         (|t| t.policy.kp = JointNumber::All(0.0), "task.policy.kp is 0; it must be above 0"),
-        (|t| t.policy.kp = table(&[("*_calf", -1.0)]), "task.policy.kp is -1 for `*_calf`; it must be from 0"),
+        (
+            |t| t.policy.kp = table(&[("*_calf", -1.0)]),
+            "task.policy.kp is -1 for `*_calf`; it must be from 0",
+        ),
         (|t| t.policy.kd = JointNumber::All(f64::NAN), "task.policy.kd is NaN; it must be from 0"),
         (|t| t.policy.action_scale = table(&[("*", 0.0)]), "task.policy.action_scale is 0 for `*`"),
         (|t| t.policy.action_clip = Some(JointNumber::All(-1.0)), "task.policy.action_clip is -1"),
@@ -199,7 +202,10 @@ fn wrong_feet_are_named_with_what_there_is() {
     let error = feet(&["floor"]);
     assert!(error.contains("`floor`"), "{error}");
     let error = wrong(|task| task.gait[0][0] = "FL_fot".to_owned());
-    assert!(error.contains("task.gait names `FL_fot`, which is not in task.feet (FL_foot, FR_foot"), "{error}");
+    assert!(
+        error.contains("task.gait names `FL_fot`, which is not in task.feet (FL_foot, FR_foot"),
+        "{error}"
+    );
     let error = wrong(|task| task.fall.contacts = vec!["trnk".to_owned()]);
     assert!(error.contains("task.fall.contacts has `trnk`") && error.contains("are trunk,"), "{error}");
     assert!(!feet(&["\u{1b}[2J"]).contains('\u{1b}'));

@@ -221,7 +221,9 @@ impl Interface {
             for (name, value, least) in [("position", position, -LARGEST), ("kp", kp, 0.0), ("kd", kd, 0.0)] {
                 if !(least..=LARGEST).contains(value) {
                     let kind = if least < 0.0 { "a finite number" } else { "a finite number, not negative" };
-                    return Err(InterfaceError(format!("{name} of held joint {joint} is {value}; give {kind}")));
+                    return Err(InterfaceError(format!(
+                        "{name} of held joint {joint} is {value}; give {kind}"
+                    )));
                 }
             }
         }

@@ -47,7 +47,10 @@ fn contradictions_are_named() {
         (|i| i.action_scale[0] = 1e300, "action_scale of FL_hip_joint"),
         (|i| i.control_dt = 0.0, "control_dt is 0"),
         (|i| i.action_clip = Some(ActionClip::All(f64::INFINITY)), "action_clip is inf"),
-        (|i| i.action_clip = Some(ActionClip::Each(vec![1.0; 11])), "action_clip has 11 numbers for 12 joints"),
+        (
+            |i| i.action_clip = Some(ActionClip::Each(vec![1.0; 11])),
+            "action_clip has 11 numbers for 12 joints",
+        ),
         (|i| i.held = vec![held("arm", 1.0), held("arm", 1.0)], "held joint arm is listed twice"),
         (|i| i.held = vec![held("FL_hip_joint", 1.0)], "held joint FL_hip_joint is listed twice, or is one"),
         (|i| i.held = vec![held("arm", -1.0)], "kp of held joint arm is -1"),

@@ -200,7 +200,9 @@ pub fn task(args: &WorldSettings, policy: &Policy) -> Result<TaskSettings, Error
         return parse(text, name);
     }
     let under = match own.is_empty() {
-        true => toml::to_string(&robot::usual_task(&model)?).map_err(|error| Error::failed(error.to_string()))?,
+        true => {
+            toml::to_string(&robot::usual_task(&model)?).map_err(|error| Error::failed(error.to_string()))?
+        }
         false => own.clone(),
     };
     load_task(Path::new(name), &under, &model)

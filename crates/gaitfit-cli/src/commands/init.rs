@@ -29,7 +29,8 @@ pub fn run(args: &Init) -> Result<(), Failure> {
             out.display()
         )));
     }
-    let found = look(&model).map_err(|error| Failure::failed(format!("{}: {error}", args.robot.display())))?;
+    let found =
+        look(&model).map_err(|error| Failure::failed(format!("{}: {error}", args.robot.display())))?;
     let text = found.configuration(&named(&args.robot, &out), args.lenient);
     files::write(&out, text.as_bytes())?;
     let document =

@@ -140,7 +140,8 @@ impl Clearance {
             Some(radius) => f64::from(foot.height) - radius,
             None => {
                 let frames = frames.get_or_insert_with(|| body_frames(model, &base, &self.angles));
-                let lowest = |&geom: &usize| lowest_point(&model.geoms[geom], &frames[model.geoms[geom].body]);
+                let lowest =
+                    |&geom: &usize| lowest_point(&model.geoms[geom], &frames[model.geoms[geom].body]);
                 geoms.iter().map(lowest).fold(f64::INFINITY, f64::min)
             }
         };

@@ -53,8 +53,7 @@ fn check_joint_numbers(settings: &TaskSettings) -> Result<(), TaskError> {
                 continue;
             }
             let of = pattern.map(|pattern| format!(" for `{}`", shown(pattern))).unwrap_or_default();
-            let must =
-                if zero { format!("from 0 to {most}") } else { format!("above 0 and at most {most}") };
+            let must = if zero { format!("from 0 to {most}") } else { format!("above 0 and at most {most}") };
             return refuse(setting, format!("is {}{of}; it must be {must}", shown_number(value)));
         }
     }

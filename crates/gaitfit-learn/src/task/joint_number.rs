@@ -79,7 +79,9 @@ impl<'de> Deserialize<'de> for JointNumber {
             type Value = JointNumber;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a number, or a table of joint patterns such as { \"*_hip\" = 20, \"*_calf\" = 40 }")
+                f.write_str(
+                    "a number, or a table of joint patterns such as { \"*_hip\" = 20, \"*_calf\" = 40 }",
+                )
             }
 
             fn visit_f64<E: Error>(self, value: f64) -> Result<JointNumber, E> {

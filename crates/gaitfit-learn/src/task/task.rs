@@ -229,11 +229,8 @@ fn gait_groups(settings: &TaskSettings) -> Result<Vec<Option<usize>>, TaskError>
                 Some(foot) => groups[foot] = Some(group),
                 None => {
                     let feet: Vec<String> = settings.feet.iter().map(|foot| shown(foot)).collect();
-                    let what = format!(
-                        "names `{}`, which is not in task.feet ({})",
-                        shown(wanted),
-                        feet.join(", ")
-                    );
+                    let what =
+                        format!("names `{}`, which is not in task.feet ({})", shown(wanted), feet.join(", "));
                     return refuse("gait", what);
                 }
             }

@@ -49,10 +49,7 @@ impl Feet {
             Foot { body: geom.body, place: geom.pos, forces: foot.geoms.clone(), joints: path }
         };
         let mass: f64 = model.bodies.iter().map(|body| body.mass).sum();
-        Self {
-            feet: walker.feet.iter().map(foot).collect(),
-            least_load: CARRIED * mass * GRAVITY,
-        }
+        Self { feet: walker.feet.iter().map(foot).collect(), least_load: CARRIED * mass * GRAVITY }
     }
 }
 

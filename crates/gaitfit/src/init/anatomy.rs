@@ -111,9 +111,7 @@ impl Anatomy {
         let groups: Vec<String> = self
             .gait
             .iter()
-            .map(|group| {
-                group.iter().map(|&leg| shown(&self.legs[leg].foot)).collect::<Vec<_>>().join(" + ")
-            })
+            .map(|group| group.iter().map(|&leg| shown(&self.legs[leg].foot)).collect::<Vec<_>>().join(" + "))
             .collect();
         format!("{name}: {}; forward is x, left is y", groups.join(", then "))
     }
@@ -145,8 +143,8 @@ fn leg(
             }
         }
     };
-    let sole = geoms.len() > 1
-        || geoms.iter().any(|&geom| !matches!(model.geoms[geom].shape, Shape::Sphere { .. }));
+    let sole =
+        geoms.len() > 1 || geoms.iter().any(|&geom| !matches!(model.geoms[geom].shape, Shape::Sphere { .. }));
     let count = geoms.len().max(1) as f64;
     let centre = |geom: usize| frames[model.geoms[geom].body].point(model.geoms[geom].pos);
     let place = std::array::from_fn(|k| geoms.iter().map(|&geom| centre(geom)[k]).sum::<f64>() / count);

@@ -1,8 +1,8 @@
 //! PD gains and action scales of the joints.
 
+use super::InitError;
 use super::anatomy::{Anatomy, path};
 use super::sizes::{Sizes, digits, tidy};
-use super::InitError;
 use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{dot, sub};

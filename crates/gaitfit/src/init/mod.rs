@@ -89,7 +89,9 @@ impl Look {
         );
         text.push_str(&format!("robot = {}\n", text::quoted(robot)));
         if lenient {
-            text.push_str("lenient = true                  # drop what the engine does not honour in the robot file\n");
+            text.push_str(
+                "lenient = true                  # drop what the engine does not honour in the robot file\n",
+            );
         }
         text.push_str(&self.text);
         text

@@ -84,8 +84,7 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
         |joint: usize, frames: &[Frame]| frames[model.joints[joint].body].point(model.joints[joint].pos);
     let foot = |frames: &[Frame]| -> [f64; 3] {
         let count = leg.geoms.len().max(1) as f64;
-        let of =
-            |k: usize, geom: &usize| frames[model.geoms[*geom].body].point(model.geoms[*geom].pos)[k];
+        let of = |k: usize, geom: &usize| frames[model.geoms[*geom].body].point(model.geoms[*geom].pos)[k];
         std::array::from_fn(|k| leg.geoms.iter().map(|geom| of(k, geom)).sum::<f64>() / count)
     };
     let length = |a: [f64; 3], b: [f64; 3]| {

@@ -30,7 +30,11 @@ fn numbers(text: &mut String, model: &Model, joints: &[usize], name: &str, value
     let count = |value: f64| joints.iter().filter(|&&joint| values[joint] == value).count();
     let common = joints.iter().map(|&joint| values[joint]).max_by_key(|&value| count(value));
     let common = common.unwrap_or_default();
-    let _ = writeln!(text, "\n[task.policy.{name}]{}# {comment}", " ".repeat(18_usize.saturating_sub(name.len())));
+    let _ = writeln!(
+        text,
+        "\n[task.policy.{name}]{}# {comment}",
+        " ".repeat(18_usize.saturating_sub(name.len()))
+    );
     let _ = writeln!(text, "\"*\" = {common:?}");
     for &joint in joints.iter().filter(|&&joint| values[joint] != common) {
         let _ = writeln!(text, "{} = {:?}", quoted(&model.joints[joint].name), values[joint]);
@@ -58,7 +62,12 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     let second = (sizes.leg / sizes.gravity).sqrt();
     line(&mut text, "swing_seconds", float(tidy(1.43 * second)), "s off the ground in a step: 1.43 √(l/g)");
     let speed = sizes.forward.max(sizes.sideways);
-    line(&mut text, "tracking_width", float(tidy(if biped { 0.7 } else { 0.5 } * speed)), "m/s: exp(-error^2 / width^2)");
+    line(
+        &mut text,
+        "tracking_width",
+        float(tidy(if biped { 0.7 } else { 0.5 } * speed)),
+        "m/s: exp(-error^2 / width^2)",
+    );
     line(&mut text, "yaw_tracking_width", float(tidy(0.5 * sizes.turning)), "rad/s");
 
     let _ = writeln!(text, "\n[task.policy]");
@@ -67,7 +76,12 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
         line(&mut text, "joints", names, "those of the legs; the others are held in the default pose");
     }
     if biped {
-        line(&mut text, "gait_frequency", float(tidy(0.35 / second)), "Hz, of the clock that the policy observes");
+        line(
+            &mut text,
+            "gait_frequency",
+            float(tidy(0.35 / second)),
+            "Hz, of the clock that the policy observes",
+        );
         text.push_str(BIPED_OBSERVATION);
     }
     let all: Vec<usize> = (0..model.joints.len()).collect();
@@ -79,7 +93,11 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
         let _ = writeln!(text, "{} = {:?}", quoted(&joint.name), digits(round(*angle), 4));
     }
 
-    let _ = writeln!(text, "\n[task.command]                   # Froude number v/√(g l) of the Go2's, {}", if biped { "half of it on two legs" } else { "leg length l" });
+    let _ = writeln!(
+        text,
+        "\n[task.command]                   # Froude number v/√(g l) of the Go2's, {}",
+        if biped { "half of it on two legs" } else { "leg length l" }
+    );
     let range = |most: f64| format!("[{:?}, {most:?}]", -most);
     line(&mut text, "x", range(sizes.forward), "m/s forward");
     line(&mut text, "y", range(sizes.sideways), "m/s left");

@@ -2,9 +2,9 @@
 
 use super::observation::{self, Given};
 use gaitfit_log::Trajectory;
-use gaitfit_policy::{Interface, Policy, Quantity};
 use gaitfit_policy::network::Scratch;
 use gaitfit_policy::observation::Layout;
+use gaitfit_policy::{Interface, Policy, Quantity};
 use nalgebra::{DMatrix, DVector};
 
 /// Most steps of the search for what the log lacks.

@@ -127,7 +127,10 @@ fn begun(walker: &Walker, log: &Trajectory) -> Script {
     let rates = base.and_then(|base| base.angular_velocity.as_deref()?.first_chunk::<3>());
     if let Some(&attitude) = attitude {
         let width = walker.joints.len().min(log.position.len());
-        let angles: Vec<f64> = in_model(walker, &log.position[..width], &walker.default_pose).into_iter().map(f64::from).collect();
+        let angles: Vec<f64> = in_model(walker, &log.position[..width], &walker.default_pose)
+            .into_iter()
+            .map(f64::from)
+            .collect();
         script.start.base_position[2] = standing_height(walker.model(), attitude, &angles) as f32;
         script.start.base_quaternion = attitude.map(|x| x as f32);
     }

@@ -193,7 +193,8 @@ pub(super) fn script(walker: &Walker, log: &Trajectory) -> Script {
         }
         all
     };
-    let (home, still) = (walker.default_pose.iter().map(|&angle| f64::from(angle)), walker.default_pose.len());
+    let (home, still) =
+        (walker.default_pose.iter().map(|&angle| f64::from(angle)), walker.default_pose.len());
     let (home, still): (Vec<f64>, _) = (home.collect(), vec![0.0; still]);
     let posture =
         |row: usize| (model_order(&log.position, row, &home), model_order(&log.velocity, row, &still));
