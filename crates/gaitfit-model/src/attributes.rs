@@ -1,7 +1,7 @@
 //! Typed attributes of one element; what nobody asked for is refused at the end.
 
-use crate::error::ModelError;
-use crate::model::Dropped;
+use crate::error::{ModelError, Place};
+use crate::model::{Changed, Dropped};
 use crate::shown::{shown, shown_number};
 use crate::xml::{At, Element, Sources};
 
@@ -12,20 +12,30 @@ const MAX_DROPPED: usize = 2_000;
 pub(crate) struct Context<'s> {
     pub sources: &'s Sources,
     pub lenient: bool,
+    /// Give a floating robot without a floor one.
+    pub add_floor: bool,
     pub dropped: Vec<Dropped>,
+    pub changed: Vec<Changed>,
 }
 
 impl Context<'_> {
     /// Lists something that the model leaves out without harm, strict or lenient.
     pub fn drop_quietly(&mut self, at: At, what: impl Into<String>, why: impl Into<String>) {
+        self.list(at, what.into(), why.into(), true);
+    }
+
+    fn list(&mut self, at: At, what: String, why: String, harmless: bool) {
         if self.dropped.len() < MAX_DROPPED {
             let place = self.sources.place(at);
-            self.dropped.push(Dropped {
-                what: what.into(),
-                why: why.into(),
-                line: place.line,
-                column: place.column,
-            });
+            self.dropped.push(Dropped { what, why, line: place.line, column: place.column, harmless });
+        }
+    }
+
+    /// Lists something that reading added or mended.
+    pub fn note(&mut self, at: At, what: impl Into<String>, how: impl Into<String>) {
+        if self.changed.len() < MAX_DROPPED {
+            let Place { line, column, .. } = self.sources.place(at);
+            self.changed.push(Changed { what: what.into(), how: how.into(), line, column });
         }
     }
 
@@ -55,7 +65,7 @@ impl Context<'_> {
                 remedy: "this is not a robot file that can be read; simplify it".into(),
             });
         }
-        self.drop_quietly(at, what, why);
+        self.list(at, what, why, false);
         Ok(())
     }
 

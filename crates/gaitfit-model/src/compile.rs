@@ -11,7 +11,7 @@ use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::scan::MAX_NAME;
 use crate::servo::resolve_damping_ratios;
 use crate::shown::{escaped, shown};
-use crate::spec::{GeomKind, Spec};
+use crate::spec::{GeomKind, GeomSpec, Spec};
 use crate::xml::At;
 
 /// Below this a moving mass or inertia counts as none (`mjMINVAL`).
@@ -71,6 +71,7 @@ pub(crate) fn compile(
         keyframes: Vec::new(),
         sites: Vec::new(),
         dropped: Vec::new(),
+        changed: Vec::new(),
     };
     if spec.disabled.gravity {
         model.options.gravity = [0.0; 3];
@@ -101,6 +102,7 @@ pub(crate) fn compile(
         ctx.drop_quietly(key.at, what, "they also hold the bodies that were dropped");
     }
     model.dropped = std::mem::take(&mut ctx.dropped);
+    model.changed = std::mem::take(&mut ctx.changed);
     Ok(model)
 }
 
@@ -270,7 +272,9 @@ fn fill_geoms(
         };
         let mut place = None;
         match geom.kind {
-            _ if visual => ctx.drop_quietly(geom.at, what(&format!("{kind}, visual")), "it touches nothing"),
+            _ if visual => {
+                ctx.drop_quietly(geom.at, what(&format!("{kind}, visual")), "only seen, without contact")
+            }
             GeomKind::Plane if welds[body] != 0 => {
                 return Err(ctx.invalid(
                     geom.at,
@@ -302,7 +306,7 @@ fn fill_geoms(
             _ => ctx.refuse(
                 geom.at,
                 what(kind),
-                "this shape does not collide here",
+                uncollidable(ctx, spec, member, pairs),
                 "use spheres, capsules, cylinders or boxes for contact, or set contype and conaffinity to 0",
             )?,
         }
@@ -314,6 +318,25 @@ fn fill_geoms(
         }
     }
     Ok(())
+}
+
+/// Why a geom of the robot is refused whose shape does not collide here, and what is left to touch the ground.
+fn uncollidable(ctx: &Context, spec: &Spec, member: &[bool], pairs: &[crate::contact::Candidate]) -> String {
+    let why = "this shape does not collide here";
+    if ctx.lenient {
+        return why.to_string();
+    }
+    let geoms = numbered(spec);
+    let such = |(body, geom): &&(usize, &GeomSpec)| {
+        member[*body] && matches!(geom.kind, GeomKind::Other(_)) && !geom.surface.is_visual()
+    };
+    let such = geoms.iter().filter(such).count();
+    let touching = (0..geoms.len()).filter(|&number| pairs.iter().any(|p| p.geom == number)).count();
+    let others = match touching {
+        0 => "no other geom touches the ground".to_string(),
+        count => format!("{count} others touch the ground"),
+    };
+    format!("{why} ({such} geoms of the robot are such, {others})")
 }
 
 /// Pose of a body in the world with all joints at rest.

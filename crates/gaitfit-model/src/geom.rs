@@ -106,6 +106,11 @@ impl GeomForm {
         Ok(())
     }
 
+    /// The contact properties of a geom of this class.
+    pub fn surface(&self) -> Surface {
+        self.surface
+    }
+
     /// The geom in its body's frame, and what it adds to the body's inertia (`None`: unknown).
     pub fn finish(
         &self,

@@ -6,7 +6,8 @@
 //!
 //! The engine simulates one robot: a tree of hinges below one floating or fixed root, touching planes.
 //! Whatever a file says beyond that and that would change the motion is refused with file, line and
-//! column; read leniently ([`ReadOptions::lenient`]) it is dropped and listed in [`Model::dropped`].
+//! column; read leniently ([`ReadOptions::lenient`]) it is dropped and listed in [`Model::dropped`]. A floating robot
+//! without a floor gets one where [`ReadOptions::add_floor`] asks for it.
 //!
 //! | MJCF | |
 //! | --- | --- |
@@ -19,8 +20,9 @@
 //! | --- | --- |
 //! | read | links, inertials, box, sphere and cylinder collisions, revolute, continuous and fixed joints, limits, dynamics |
 //! | added | a ground plane z = 0, a motor on every hinge, MuJoCo's defaults |
-//! | listed | collision meshes, transmissions, simulator extensions |
-//! | refused | prismatic, floating and planar joints, `mimic` |
+//! | changed | a massless root link fixed to its only child, impossible inertias of light fixed links; [`Model::changed`] says so |
+//! | listed | collision meshes, transmissions, annotations of other simulators (`contact`, `gazebo`, `dont_collapse`, ...) |
+//! | refused | prismatic, floating and planar joints, `mimic`, unknown elements |
 
 mod actuator;
 mod attributes;
@@ -30,12 +32,14 @@ mod compile;
 mod contact;
 mod defaults;
 mod error;
+mod floor;
 mod geom;
 mod inertia;
 mod inertial;
 mod joint;
 mod keyframes;
 pub mod kinematics;
+mod listing;
 mod mjcf;
 mod model;
 mod names;
@@ -55,6 +59,7 @@ mod urdf;
 mod xml;
 
 pub use error::{ModelError, Place};
+pub use listing::LeftOut;
 pub use model::*;
 pub use read::{ReadOptions, read, read_mjcf_str, read_urdf_str};
 pub use shown::{escaped, shown, shown_number, shown_path};

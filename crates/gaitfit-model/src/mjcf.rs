@@ -5,7 +5,8 @@ use crate::attributes::{Attributes, Context};
 use crate::bodies::BodyReader;
 use crate::defaults::Defaults;
 use crate::error::ModelError;
-use crate::model::Joint;
+use crate::floor::add_floor;
+use crate::model::{Joint, Root};
 use crate::options::{Compiler, default_options, read_option};
 use crate::pairs::read_contact;
 use crate::shown::shown;
@@ -18,8 +19,8 @@ const IGNORED: [&str; 4] = ["size", "visual", "statistic", "asset"];
 const READ: [&str; 8] =
     ["compiler", "option", "default", "worldbody", "contact", "actuator", "keyframe", "custom"];
 
-/// Reads the element tree of a `<mujoco>` document.
-pub(crate) fn read(ctx: &mut Context, document: &Element) -> Result<Spec, ModelError> {
+/// Reads the element tree of a `<mujoco>` document. `wanted`: how the caller attaches the root.
+pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) -> Result<Spec, ModelError> {
     let mut a = Attributes::new(document);
     let name = a.text("model").filter(|name| !name.is_empty()).map(str::to_string);
     a.finish(ctx)?;
@@ -42,7 +43,8 @@ pub(crate) fn read(ctx: &mut Context, document: &Element) -> Result<Spec, ModelE
     for section in sections("worldbody") {
         reader.read_world(section)?;
     }
-    let bodies = reader.bodies;
+    let mut bodies = reader.bodies;
+    add_floor(ctx, document, &defaults, &mut bodies, wanted);
 
     let mut spec = Spec {
         name,

@@ -44,6 +44,9 @@ pub struct Model {
     pub sites: Vec<Site>,
     /// What the file says and this model leaves out (lenient reading, visuals, self-collision).
     pub dropped: Vec<Dropped>,
+    /// What reading added or mended: a floor, a root link folded into its child, an inertia that cannot be.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub changed: Vec<Changed>,
 }
 
 /// Solver and integration options (MuJoCo's names).
@@ -281,6 +284,22 @@ pub struct Dropped {
     pub what: String,
     /// Why.
     pub why: String,
+    /// Line in the file, from 1 (0: not from one place).
+    pub line: u32,
+    /// Column in the file, from 1.
+    pub column: u32,
+    /// Whether the file is read so even strictly; else it was left out because the reading was lenient.
+    #[serde(skip)]
+    pub harmless: bool,
+}
+
+/// Something that the file says otherwise, or does not say.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Changed {
+    /// What, for example `floor "floor"`.
+    pub what: String,
+    /// How, and why.
+    pub how: String,
     /// Line in the file, from 1 (0: not from one place).
     pub line: u32,
     /// Column in the file, from 1.

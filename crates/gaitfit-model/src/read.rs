@@ -19,6 +19,9 @@ pub struct ReadOptions {
     /// its pose of the file, for in-air tests. `None`: the file's own root (for URDF, floating unless
     /// the root link is called `world`).
     pub root: Option<Root>,
+    /// Give a floating robot of an MJCF file without any plane a floor z = 0, which [`Model::changed`] says. MuJoCo has no
+    /// such floor. A URDF always gets one.
+    pub add_floor: bool,
 }
 
 /// Reads a robot file; the root element tells MJCF (`<mujoco>`) from URDF (`<robot>`).
@@ -63,9 +66,15 @@ fn build(
     stem: &str,
     options: &ReadOptions,
 ) -> Result<Model, ModelError> {
-    let mut ctx = Context { sources, lenient: options.lenient, dropped: Vec::new() };
+    let mut ctx = Context {
+        sources,
+        lenient: options.lenient,
+        add_floor: options.add_floor,
+        dropped: Vec::new(),
+        changed: Vec::new(),
+    };
     let (spec, wanted) = match document.name.as_str() {
-        "mujoco" => (mjcf::read(&mut ctx, document)?, options.root),
+        "mujoco" => (mjcf::read(&mut ctx, document, options.root)?, options.root),
         "robot" => urdf::read(&mut ctx, document, options.root)?,
         _ => return Err(wrong_root(document, sources)),
     };

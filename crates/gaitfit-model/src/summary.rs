@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use crate::model::{Dropped, Model, Root};
+use crate::listing::LeftOut;
+use crate::model::{Changed, Dropped, Model, Root};
 use crate::patterns::plain;
 
 /// Totals and tables of a model, for `gaitfit inspect`.
@@ -38,6 +39,12 @@ pub struct Summary {
     pub sites: Vec<String>,
     /// What was left out.
     pub dropped: Vec<Dropped>,
+    /// The same, things of one kind together.
+    pub left_out: Vec<LeftOut>,
+    /// What was added or mended.
+    pub changed: Vec<Changed>,
+    /// What to know before trusting a simulation.
+    pub warnings: Vec<String>,
 }
 
 /// A body's row.
@@ -223,6 +230,9 @@ impl Model {
             keyframes: self.keyframes.iter().map(|k| k.name.clone()).collect(),
             sites: self.sites.iter().map(|s| s.name.clone()).collect(),
             dropped: self.dropped.clone(),
+            left_out: self.left_out(),
+            changed: self.changed.clone(),
+            warnings: self.warnings(),
         }
     }
 }

@@ -127,7 +127,7 @@ fn what_urdf_says_but_the_engine_lacks_is_refused() {
         ("continuous", "prismatic", "prismatic"),
         ("continuous", "floating", "floating"),
         ("continuous", "planar", "planar"),
-        ("continuous", "revolute", "lower < upper"),
+        ("limit effort=\"9\"", "limit lower=\"1\" upper=\"1\" effort=\"9\"", "lower < upper"),
         ("<axis xyz=\"0 3 4\"/>", "<axis xyz=\"0 3 4\"/><mimic joint=\"weld\"/>", "mimic"),
         ("<axis xyz=\"0 3 4\"/>", "<axis xyz=\"0 0 0\"/>", "axis is zero"),
         ("<child link=\"sensor\"/>", "<child link=\"base\"/>", "hangs on itself"),
@@ -145,8 +145,10 @@ fn what_urdf_says_but_the_engine_lacks_is_refused() {
         ("<cylinder radius=\"0.1\" length=\"0.4\"/>", "<cylinder radius=\"0.1\"/>", "length"),
         ("<cylinder radius=\"0.1\" length=\"0.4\"/>", "<torus radius=\"0.1\"/>", "torus"),
     ] {
-        assert!(SMALL.contains(from), "{from}");
-        let error = urdf(&SMALL.replacen(from, to, 1)).unwrap_err().to_string();
+        let small =
+            if want == "lower < upper" { SMALL.replace("continuous", "revolute") } else { SMALL.to_string() };
+        assert!(small.contains(from), "{from}");
+        let error = urdf(&small.replacen(from, to, 1)).unwrap_err().to_string();
         assert!(error.contains(want), "{to}: {error}");
         assert!(error.starts_with("<text>:"), "{error}");
     }
@@ -155,4 +157,127 @@ fn what_urdf_says_but_the_engine_lacks_is_refused() {
     let welded = read_urdf_str(&SMALL.replace("continuous", "prismatic"), &lenient).unwrap();
     assert_eq!((welded.nv(), welded.bodies.len()), (6, 3));
     assert!(welded.dropped.iter().any(|d| d.what.contains("prismatic")));
+}
+
+/// A robot of 100 kg with a camera of `mass` kg on its trunk, whose inertia is `inertia`.
+fn with_camera(mass: f64, inertia: &str, joint: &str) -> Result<Model, ModelError> {
+    let even = |mass: f64| {
+        format!(
+            r#"<inertial><mass value="{mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>"#
+        )
+    };
+    urdf(&format!(
+        r#"<robot name="r"><link name="trunk">{}</link><link name="leg">{}</link>
+          <link name="camera"><inertial><mass value="{mass}"/><inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial></link>
+          <joint name="hip" type="continuous"><parent link="trunk"/><child link="leg"/><limit effort="9" velocity="4"/></joint>
+          <joint name="mount" type="{joint}"><parent link="trunk"/><child link="camera"/></joint></robot>"#,
+        even(90.0),
+        even(10.0 - mass)
+    ))
+}
+
+#[test]
+fn the_impossible_inertia_of_a_light_fixed_link_becomes_its_mean() {
+    for (inertia, mean) in [
+        (r#"ixx="0.003" iyy="0.001" izz="0.001""#, 0.005 / 3.0),
+        (r#"ixx="0.003" iyy="-0.001" izz="0.003""#, 0.002),
+        (r#"ixx="-1e-19" iyy="1e-19" izz="0.003""#, 0.001),
+    ] {
+        let model = with_camera(0.9, inertia, "fixed").unwrap();
+        let camera = &model.bodies[model.body("camera").unwrap()];
+        assert!(near(&camera.inertia, &[mean; 3], 1e-15), "{:?}", camera.inertia);
+        assert_eq!(model.changed.len(), 1);
+        let said = format!("{} {}", model.changed[0].what, model.changed[0].how);
+        assert!(
+            said.contains("\"camera\"") && said.contains("0.9 %") && model.changed[0].line == 2,
+            "{said}"
+        );
+        // A hundredth of the robot is not light, and a link that turns needs a true inertia.
+        for refused in [with_camera(1.0, inertia, "fixed"), with_camera(0.9, inertia, "continuous")] {
+            let error = refused.unwrap_err().to_string();
+            assert!(error.contains("A + B >= C") || error.contains("principal moment of -"), "{error}");
+        }
+    }
+    let sound = with_camera(0.9, r#"ixx="0.002" iyy="0.001" izz="0.001""#, "fixed").unwrap();
+    assert!(sound.changed.is_empty());
+}
+
+#[test]
+fn annotations_of_other_programs_are_listed_and_unknown_words_refused() {
+    for (from, to, listed) in [
+        ("type=\"fixed\"", "type=\"fixed\" dont_collapse=\"true\"", "`dont_collapse`"),
+        (
+            "effort=\"9\"",
+            "effort=\"9\" command_effort=\"8\" current=\"1\" gear_velocity=\"3\"",
+            "`command_effort`",
+        ),
+        (
+            "<link name=\"sensor\"/>",
+            "<link name=\"sensor\"><contact><lateral_friction value=\"1\"/></contact></link>",
+            "<contact>",
+        ),
+        (
+            "<link name=\"sensor\"/>",
+            "<link name=\"sensor\"><surface/><material/><gazebo/></link>",
+            "<surface>",
+        ),
+        ("<axis xyz=\"0 3 4\"/>", "<axis xyz=\"0 3 4\"/><gazebo/>", "<gazebo>"),
+        (
+            "<geometry><cylinder",
+            "<contact_coefficients mu=\"1\"/><geometry><cylinder",
+            "<contact_coefficients>",
+        ),
+        ("<transmission", "<gazebo reference=\"base\"><mu1>1</mu1></gazebo><transmission", "<gazebo>"),
+    ] {
+        assert!(SMALL.contains(from), "{from}");
+        let model = urdf(&SMALL.replacen(from, to, 1)).unwrap();
+        let found = model.dropped.iter().find(|d| d.what.contains(listed));
+        assert!(found.is_some_and(|d| d.harmless && d.line > 0), "{listed}: {:?}", model.dropped);
+        let plain = urdf(SMALL).unwrap();
+        assert_eq!(
+            (&model.bodies, &model.joints, &model.geoms),
+            (&plain.bodies, &plain.joints, &plain.geoms)
+        );
+    }
+    for (from, to) in [
+        ("type=\"fixed\"", "type=\"fixed\" stiffness=\"3\""),
+        ("effort=\"9\"", "effort=\"9\" lower_velocity=\"8\""),
+        ("<link name=\"sensor\"/>", "<link name=\"sensor\"><rotor/></link>"),
+        ("<axis xyz=\"0 3 4\"/>", "<axis xyz=\"0 3 4\"/><rotor_inertia value=\"1\"/>"),
+        ("<transmission", "<loop_joint/><transmission"),
+    ] {
+        let error = urdf(&SMALL.replacen(from, to, 1)).unwrap_err();
+        assert!(matches!(error, ModelError::Unsupported { .. }), "{to}: {error}");
+    }
+}
+
+#[test]
+fn a_massless_root_fixed_to_its_only_child_is_folded() {
+    let two = r#"<link name="foot_print"/><link name="frame"/>
+      <joint name="a" type="fixed"><parent link="foot_print"/><child link="frame"/><origin xyz="0 0 1" rpy="0 0 1.5707963267948966"/></joint>
+      <joint name="b" type="fixed"><parent link="frame"/><child link="base"/><origin xyz="1 0 0"/></joint><transmission"#;
+    let text = SMALL.replace("<transmission", two);
+    let model = urdf(&text).unwrap();
+    let plain = urdf(SMALL).unwrap();
+    assert_eq!(model.bodies[0].name, "base");
+    assert!(near(&model.bodies[0].pos, &[0.0, 1.0, 1.0], 1e-15), "{:?}", model.bodies[0].pos);
+    assert_eq!((model.nq(), &model.bodies[1..]), (plain.nq(), &plain.bodies[1..]));
+    let said: Vec<&str> = model.changed.iter().map(|c| c.what.as_str()).collect();
+    assert_eq!(said, ["root link \"foot_print\"", "root link \"frame\""]);
+    // With a second child, or a shape, the link stays.
+    let other = r#"<link name="frame"/><link name="lamp"/>
+      <joint name="a" type="fixed"><parent link="frame"/><child link="base"/></joint>
+      <joint name="b" type="fixed"><parent link="frame"/><child link="lamp"/></joint><transmission"#;
+    let model = urdf(&SMALL.replace("<transmission", other)).unwrap();
+    assert_eq!((model.bodies[0].name.as_str(), model.changed.len()), ("frame", 0));
+}
+
+#[test]
+fn a_revolute_joint_whose_file_gives_no_limits_turns_and_it_is_said() {
+    let model = urdf(&SMALL.replace("continuous", "revolute")).unwrap();
+    assert_eq!(model.joints[0].range, None);
+    assert!(model.changed[0].what.contains("(1, such as \"turn\")"), "{:?}", model.changed);
+    assert!(urdf(SMALL).unwrap().changed.is_empty());
+    let half = SMALL.replace("continuous", "revolute").replace("limit effort", "limit upper=\"0\" effort");
+    assert!(urdf(&half).unwrap_err().to_string().contains("lower < upper"));
 }

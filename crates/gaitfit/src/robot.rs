@@ -43,11 +43,23 @@ pub enum Hold {
     Clamped,
 }
 
-/// Reads an MJCF or URDF robot.
+/// Reads an MJCF or URDF robot for a world of its own: a floating robot whose file has no floor gets one.
 pub fn read(path: &Path, lenient: bool, hold: Hold) -> Result<Model, Error> {
     let root = match hold {
         Hold::File => None,
         Hold::Clamped => Some(Root::Fixed),
     };
-    Ok(gaitfit_model::read(path, &ReadOptions { lenient, root })?)
+    Ok(gaitfit_model::read(path, &ReadOptions { lenient, root, add_floor: true })?)
+}
+
+/// Reads an MJCF or URDF robot as MuJoCo reads it: without a floor that the file does not have.
+pub fn as_written(path: &Path, lenient: bool) -> Result<Model, Error> {
+    Ok(gaitfit_model::read(path, &ReadOptions { lenient, root: None, add_floor: false })?)
+}
+
+/// What to know of a robot that was read, before trusting what it shows: what was added or mended, what a lenient
+/// reading took away, what bounds no torque or touches no ground.
+pub fn remarks(model: &Model) -> Vec<String> {
+    let changed = model.changed.iter().map(|change| format!("{} {}", change.what, change.how));
+    changed.chain(model.warnings()).collect()
 }

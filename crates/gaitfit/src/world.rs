@@ -101,6 +101,7 @@ impl World {
             Some(path) => robot::read(path, args.lenient, Hold::File)?,
             None => robot::go2()?,
         };
+        let mut warnings = robot::remarks(&model);
         let interface = &policy.interface;
         let pose = interface.model_pose(&model)?;
         for spring in &args.spring {
@@ -135,8 +136,10 @@ impl World {
         let delay = drawn.iter().map(longest_delay).fold(longest_delay(&candidate), f64::max);
         let scene = Task::with_interface(&model, &settings, interface.clone(), args.preset, delay)?;
         let step = Some(scene.walker.physics_step());
-        let doubts = theta.map(|(path, file)| theta::doubts(&file, path, &model, step));
-        Ok(Self { policy, scene, candidate, drawn, changes, warnings: doubts.unwrap_or_default() })
+        if let Some((path, file)) = theta {
+            warnings.extend(theta::doubts(&file, path, &model, step));
+        }
+        Ok(Self { policy, scene, candidate, drawn, changes, warnings })
     }
 
     /// With robots that begin where a fit of their logs lets them begin: upright, facing along x (pyramidal friction

@@ -10,6 +10,7 @@ use crate::shown::shown;
 use crate::spec::default_joint;
 use crate::xml::{At, Element};
 
+use super::foreign::{list_attributes, list_element};
 use super::{read_origin, required};
 
 /// A joint between two links.
@@ -21,6 +22,8 @@ pub(super) struct Connection {
     pub quat: Quat,
     /// `None`: the links are welded.
     pub hinge: Option<Joint>,
+    /// It is revolute, but its file gives it no limits.
+    pub unlimited: bool,
     /// Largest torque, N·m; 0: not given.
     pub effort: f64,
 }
@@ -34,6 +37,7 @@ pub(super) fn read_joint(
     let mut a = Attributes::new(element);
     let name = required(ctx, &mut a, "name")?.to_string();
     let kind = required(ctx, &mut a, "type")?;
+    list_attributes(ctx, &mut a);
     a.finish(ctx)?;
     let label = element.label();
     let turns = matches!(kind, "revolute" | "continuous");
@@ -52,7 +56,7 @@ pub(super) fn read_joint(
     joint.name = name;
     joint.axis = [1.0, 0.0, 0.0];
     let mut effort = 0.0;
-    let mut limits = None;
+    let (mut limits, mut unlimited) = (None, kind == "revolute");
     for child in &element.children {
         let mut a = Attributes::new(child);
         match child.name.as_str() {
@@ -73,14 +77,14 @@ pub(super) fn read_joint(
             }
             "axis" => a.set_array(ctx, "xyz", &mut joint.axis)?,
             "limit" => {
-                let (mut lower, mut upper) = (0.0, 0.0);
-                a.set(ctx, "lower", &mut lower)?;
-                a.set(ctx, "upper", &mut upper)?;
+                let (lower, upper) = (a.number(ctx, "lower")?, a.number(ctx, "upper")?);
+                unlimited &= lower.is_none() && upper.is_none();
                 a.set_nonnegative(ctx, "effort", &mut effort)?;
                 let mut speed = 0.0;
                 a.set_nonnegative(ctx, "velocity", &mut speed)?;
                 joint.velocity_limit = (speed > 0.0).then_some(speed);
-                limits = Some([lower, upper]);
+                list_attributes(ctx, &mut a);
+                limits = Some([lower.unwrap_or(0.0), upper.unwrap_or(0.0)]);
             }
             "dynamics" => {
                 a.set_nonnegative(ctx, "damping", &mut joint.damping)?;
@@ -95,6 +99,7 @@ pub(super) fn read_joint(
                 ctx.drop_quietly(child.at, what, "part of a controller, not of the robot");
                 continue;
             }
+            _ if list_element(ctx, child, &label) => continue,
             _ => {
                 ctx.refuse(child.at, child.label(), "not known in <joint>", "remove it")?;
                 continue;
@@ -116,7 +121,7 @@ pub(super) fn read_joint(
             return Err(ctx.invalid(element.at, format!("{label}: the axis is zero"), "give a direction"));
         }
     };
-    if kind == "revolute" {
+    if kind == "revolute" && !unlimited {
         let Some([lower, upper]) = limits.filter(|[lower, upper]| lower < upper) else {
             return Err(ctx.invalid(
                 element.at,
@@ -133,6 +138,7 @@ pub(super) fn read_joint(
         pos: pose.0,
         quat: pose.1,
         hinge: turns.then_some(joint),
+        unlimited,
         effort,
     }))
 }

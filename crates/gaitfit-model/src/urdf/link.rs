@@ -11,6 +11,8 @@ use crate::shown::shown_number;
 use crate::spec::{BodySpec, GeomKind, GeomSpec, MAX_BODIES, MAX_ITEMS, Surface};
 use crate::xml::Element;
 
+use super::foreign::{list_attributes, list_element};
+use super::mend::Impossible;
 use super::{Link, read_origin, required};
 
 /// Reads one link, not yet hung on anything.
@@ -22,9 +24,11 @@ pub(super) fn read_link(
     let mut a = Attributes::new(element);
     let name = required(ctx, &mut a, "name")?.to_string();
     a.ignore(&["type"]);
+    list_attributes(ctx, &mut a);
     a.finish(ctx)?;
     let mut body = BodySpec::new(name, element.at, 0);
     let mut has_mass = false;
+    let mut impossible = None;
     for child in &element.children {
         match child.name.as_str() {
             "inertial" if has_mass => {
@@ -32,8 +36,13 @@ pub(super) fn read_link(
             }
             "inertial" => {
                 let inertial = read_inertial(ctx, child)?;
-                body.inertial =
-                    check_inertia(ctx, child.at, &element.label(), inertial, compiler.balance_inertia)?;
+                match check(ctx, child, &element.label(), inertial, compiler.balance_inertia) {
+                    Ok(inertial) => body.inertial = inertial,
+                    Err(error) => {
+                        body.inertial = inertial;
+                        impossible = Some(Impossible { at: child.at, error: Box::new(error) });
+                    }
+                }
                 has_mass = true;
             }
             "collision" => {
@@ -43,10 +52,11 @@ pub(super) fn read_link(
                 body.geoms.extend(read_collision(ctx, child, element)?);
             }
             "visual" => {}
+            _ if list_element(ctx, child, &element.label()) => {}
             _ => ctx.refuse(child.at, child.label(), "not known in <link>", "remove it")?,
         }
     }
-    Ok(Link { body, held_by: None })
+    Ok(Link { body, held_by: None, impossible })
 }
 
 fn read_inertial(ctx: &mut Context, element: &Element) -> Result<Inertial, ModelError> {
@@ -88,14 +98,25 @@ fn read_inertial(ctx: &mut Context, element: &Element) -> Result<Inertial, Model
         ));
     };
     let (inertia, axes) = principal(turn(tensor, pose.1));
-    if inertia[2] < 0.0 {
+    Ok(Inertial { mass, pos: pose.0, quat: axes, inertia })
+}
+
+/// Whether a body can have such an inertia.
+fn check(
+    ctx: &Context,
+    element: &Element,
+    label: &str,
+    inertial: Inertial,
+    balance: bool,
+) -> Result<Inertial, ModelError> {
+    if inertial.inertia[2] < 0.0 {
         return Err(ctx.invalid(
             element.at,
-            format!("<inertia> has a principal moment of {}", shown_number(inertia[2])),
+            format!("<inertia> of {label} has a principal moment of {}", shown_number(inertial.inertia[2])),
             "give a positive definite tensor",
         ));
     }
-    Ok(Inertial { mass, pos: pose.0, quat: axes, inertia })
+    check_inertia(ctx, element.at, label, inertial, balance)
 }
 
 /// The tensor in the link's axes, given in axes rotated by `quat`.
@@ -114,6 +135,7 @@ fn read_collision(
 ) -> Result<Option<GeomSpec>, ModelError> {
     let mut a = Attributes::new(element);
     let name = a.text("name").unwrap_or("").to_string();
+    list_attributes(ctx, &mut a);
     a.finish(ctx)?;
     let mut pose = ([0.0; 3], IDENTITY);
     let mut kind = None;
@@ -125,8 +147,7 @@ fn read_collision(
                     kind = read_shape(ctx, shape, link)?;
                 }
             }
-            // Seen in the wild inside <collision>; it only colours.
-            "material" => {}
+            _ if list_element(ctx, child, &link.label()) => {}
             _ => ctx.refuse(child.at, child.label(), "not known in <collision>", "remove it")?,
         }
     }

@@ -3,8 +3,10 @@
 //! What URDF cannot say has MuJoCo's defaults: contact parameters, solver options, no armature. A ground
 //! plane z = 0 is added (not below a floating robot that the caller clamps), and a motor with control range ±effort on every revolute joint.
 
+mod foreign;
 mod joint;
 mod link;
+mod mend;
 
 use std::collections::HashMap;
 
@@ -13,20 +15,24 @@ use crate::error::ModelError;
 use crate::inertia::MASSLESS;
 use crate::model::{Actuator, Root};
 use crate::options::{Compiler, default_options, read_option};
-use crate::orientation::euler;
+use crate::orientation::{compose, euler};
 use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::shown::shown;
 use crate::spec::{BodySpec, Disabled, GeomKind, GeomSpec, MAX_BODIES, Spec, Surface};
 use crate::xml::{At, Element};
 
+use foreign::list_element;
 use joint::{Connection, read_joint};
 use link::read_link;
+use mend::{Impossible, mend_inertias};
 
 /// A link and how it hangs.
 struct Link {
     body: BodySpec,
     /// Index of the joint that holds it.
     held_by: Option<usize>,
+    /// Its inertia cannot be.
+    impossible: Option<Impossible>,
 }
 
 /// Reads the element tree of a `<robot>` document; returns the content and the root override that the
@@ -87,13 +93,13 @@ pub(crate) fn read(
     for element in &document.children {
         match element.name.as_str() {
             "link" | "joint" | "material" | "mujoco" => {}
-            "transmission" | "gazebo" | "sensor" | "ros2_control" => {
-                ctx.drop_quietly(element.at, element.label(), "not part of the robot's dynamics in URDF");
-            }
+            _ if list_element(ctx, element, "") => {}
             _ => ctx.refuse(element.at, element.label(), "not known in <robot>", "remove it")?,
         }
     }
 
+    mend_inertias(ctx, &mut links, &connections)?;
+    note_unlimited(ctx, &connections);
     let (bodies, actuators) = assemble(ctx, document.at, links, &connections, wanted)?;
     let spec = Spec {
         name,
@@ -109,16 +115,28 @@ pub(crate) fn read(
     Ok((spec, wanted))
 }
 
+/// Says which revolute joints have no limits. URDF wants them; MuJoCo lets such joints turn, and so does this reader.
+fn note_unlimited(ctx: &mut Context, connections: &[Connection]) {
+    let free: Vec<&Connection> = connections.iter().filter(|connection| connection.unlimited).collect();
+    let Some(first) = free.first() else { return };
+    let name = first.hinge.as_ref().map_or("", |hinge| &hinge.name);
+    ctx.note(
+        first.element,
+        format!("revolute joints without limits ({}, such as \"{}\")", free.len(), shown(name)),
+        "their <limit> has neither `lower` nor `upper`: they turn without limits, as in MuJoCo",
+    );
+}
+
 /// Orders the links depth first below the world and hangs the joints on them.
 fn assemble(
-    ctx: &Context,
+    ctx: &mut Context,
     at: At,
     links: Vec<Link>,
     connections: &[Connection],
     wanted: Option<Root>,
 ) -> Result<(Vec<BodySpec>, Vec<Actuator>), ModelError> {
     let mut roots = (0..links.len()).filter(|&l| links[l].held_by.is_none());
-    let Some(root) = roots.next() else {
+    let Some(mut root) = roots.next() else {
         return Err(ctx.invalid(at, "no link without a parent", "a robot is a tree with one root link"));
     };
     if let Some(other) = roots.next() {
@@ -144,6 +162,22 @@ fn assemble(
     let is_world = bodyless[root].as_ref().is_some_and(|b| {
         b.name == "world" && b.inertial == MASSLESS && b.geoms.is_empty() && !children[root].is_empty()
     });
+    let mut pose = ([0.0; 3], IDENTITY);
+    while let [only] = children[root][..]
+        && !is_world
+        && connections[only].hinge.is_none()
+        && let Some(body) = bodyless[root].take_if(|b| b.inertial == MASSLESS && b.geoms.is_empty())
+    {
+        let connection = &connections[only];
+        let child = bodyless[connection.child].as_ref().map_or("", |child| &child.name);
+        ctx.note(
+            body.at,
+            format!("root link \"{}\"", shown(&body.name)),
+            format!("it has no mass and is fixed to \"{}\" alone, which is the root here", shown(child)),
+        );
+        pose = compose(pose, (connection.pos, connection.quat));
+        root = connection.child;
+    }
     // A floating robot clamped on request hangs in the air: its file says nothing of a height.
     if is_world || wanted != Some(Root::Fixed) {
         bodies[0].geoms.push(GeomSpec {
@@ -163,6 +197,7 @@ fn assemble(
         if wanted != Some(Root::Fixed) {
             body.free = Some(body.at);
         }
+        (body.pos, body.quat) = pose;
         bodies.push(body);
         stack.extend(children[root].iter().rev().map(|&c| (c, 1)));
     }

@@ -161,7 +161,7 @@ impl Setup {
         let (walker, robot) = (policy.clone(), model.clone());
         let gpu = device.open()?;
         let method = self::method(&config, policy, model, &theta, &base, threads)?.on(gpu.clone());
-        let mut warnings = Vec::new();
+        let mut warnings = crate::robot::remarks(method.model());
         if let Some((path, file)) = &known {
             warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
         }

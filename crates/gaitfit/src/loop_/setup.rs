@@ -78,6 +78,7 @@ impl Setup {
             Some(path) => robot::read(path, config.lenient, Hold::File)?,
             None => robot::go2()?,
         };
+        doubts.extend(robot::remarks(&model));
         if let Some(known) = &known {
             // Read now, not after an hour.
             theta::candidate(&theta::read(known)?, known, &model)?;

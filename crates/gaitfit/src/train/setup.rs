@@ -118,6 +118,7 @@ pub fn setup(
         return Err(Error::settings(advice(path, wrong, printed_by)));
     }
     let inputs = Inputs::new(robot_path.as_deref(), &model, &settings(&config))?;
+    let warnings = robot::remarks(&model);
     let setup = Setup {
         plan,
         model,
@@ -128,7 +129,7 @@ pub fn setup(
         inputs,
         threads,
         device,
-        warnings: Vec::new(),
+        warnings,
     };
     setup.learner(0).map_err(refused)?;
     Ok(setup)

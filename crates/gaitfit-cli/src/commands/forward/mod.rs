@@ -13,7 +13,7 @@ use npz::{Array, read, write};
 pub fn run(args: &crate::cli::Forward) -> Result<(), Failure> {
     let out = Output { path: &args.out, option: "the output", ending: None };
     files::check(&[out], [args.model.as_path(), &args.states])?;
-    let model = robot::read(&args.model, args.lenient, robot::Hold::File)?;
+    let model = robot::as_written(&args.model, args.lenient)?;
     let states = read(&args.states, &["qpos", "qvel", "ctrl"])?;
     let rows = states.first().map_or(0, |array| array.rows);
     let widths = [("qpos", model.nq()), ("qvel", model.nv()), ("ctrl", model.nu())];

@@ -96,16 +96,29 @@ fn text(summary: &Summary) -> String {
     if !summary.keyframes.is_empty() {
         let _ = writeln!(text, "\nkeyframes: {}", summary.keyframes.join(", "));
     }
-    if !summary.dropped.is_empty() {
+    if !summary.left_out.is_empty() {
         text.push_str("\nleft out:\n");
     }
-    for dropped in &summary.dropped {
-        let place = if dropped.line > 0 {
-            format!(" (line {}:{})", dropped.line, dropped.column)
-        } else {
-            String::new()
+    for group in &summary.left_out {
+        let place = match (group.line, group.last_line) {
+            (0, _) => String::new(),
+            (first, last) if first == last => format!(" (line {first})"),
+            (first, last) => format!(" (lines {first} to {last})"),
         };
-        let _ = writeln!(text, "  {}: {}{place}", dropped.what, dropped.why);
+        let _ = writeln!(text, "  {}: {}{place}", group.what, group.why);
+    }
+    if !summary.changed.is_empty() {
+        text.push_str("\nadded or mended:\n");
+    }
+    for change in &summary.changed {
+        let place = if change.line > 0 { format!(" (line {})", change.line) } else { String::new() };
+        let _ = writeln!(text, "  {}: {}{place}", change.what, change.how);
+    }
+    if !summary.warnings.is_empty() {
+        text.push_str("\nto know:\n");
+    }
+    for warning in &summary.warnings {
+        let _ = writeln!(text, "  {warning}");
     }
     text
 }

@@ -1,0 +1,154 @@
+//! What reading left out or added, in lines that a person reads: things of one kind are one line.
+
+use std::collections::HashMap;
+
+use serde::Serialize;
+
+use crate::model::{Model, Root};
+use crate::shown::shown;
+
+/// Things of one kind that a file has and its model does not.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LeftOut {
+    /// What, with how many: `36 visual meshes`; a single thing with its name, and the first of those that matter.
+    pub what: String,
+    /// Why.
+    pub why: String,
+    /// How many.
+    pub count: usize,
+    /// Line of the first, from 1 (0: not from one place).
+    pub line: u32,
+    /// Line of the last.
+    pub last_line: u32,
+    /// Whether the motion stays the same without it, up to contact between the robot's own parts. Else it was left out
+    /// because the reading was lenient.
+    pub harmless: bool,
+}
+
+/// Most joints named in a warning.
+const MOST_NAMES: usize = 4;
+
+impl Model {
+    /// What the model leaves out of its file, things of one kind together, in the order of the first of each.
+    pub fn left_out(&self) -> Vec<LeftOut> {
+        let mut groups: Vec<(LeftOut, String)> = Vec::new();
+        let mut places: HashMap<(String, &str, bool), usize> = HashMap::new();
+        for dropped in &self.dropped {
+            let kind = kind(&dropped.what);
+            let place = *places.entry((kind.clone(), &dropped.why, dropped.harmless)).or_insert(groups.len());
+            if place == groups.len() {
+                let group = LeftOut {
+                    what: dropped.what.clone(),
+                    why: dropped.why.clone(),
+                    count: 0,
+                    line: dropped.line,
+                    last_line: dropped.line,
+                    harmless: dropped.harmless,
+                };
+                groups.push((group, kind));
+            }
+            let group = &mut groups[place].0;
+            group.count += 1;
+            (group.line, group.last_line) = (group.line.min(dropped.line), group.last_line.max(dropped.line));
+        }
+        let named = |(group, kind): (LeftOut, String)| match group.count {
+            1 => group,
+            count => {
+                let first = group.what.split('"').nth(1).filter(|_| !group.harmless);
+                let such = first.map(|name| format!(", such as \"{name}\"")).unwrap_or_default();
+                LeftOut { what: format!("{}{such}", plural(count, &kind)), ..group }
+            }
+        };
+        groups.into_iter().map(named).collect()
+    }
+
+    /// What to know before trusting a simulation of this robot: what a lenient reading took away, joints without a bound
+    /// on their torque, no contact with the ground.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut found = Vec::new();
+        for group in self.left_out().iter().filter(|group| !group.harmless) {
+            found.push(format!("the robot is read without {}: {}", group.what, group.why));
+        }
+        if let Some(unbounded) = self.unbounded() {
+            found.push(format!(
+                "{unbounded}: torques grow without bound; give the actuators a `forcerange`, motors a `ctrlrange`, or \
+                 the joints an `actuatorfrcrange` (URDF: <limit effort=\"...\"/>)"
+            ));
+        }
+        if self.root == Root::Floating && self.pairs.is_empty() {
+            let why = match (self.planes.is_empty(), self.geoms.is_empty()) {
+                (true, _) => "the file has no floor",
+                (_, true) => "no geom of it collides here",
+                _ => "contacts are off, or `contype` and `conaffinity` of floor and robot do not meet",
+            };
+            found.push(format!("nothing of the robot touches the ground ({why}): it falls without end"));
+        }
+        found
+    }
+
+    /// Which driven joints have no bound on their torque, in words; `None` if all have one.
+    fn unbounded(&self) -> Option<String> {
+        let driven: Vec<usize> =
+            (0..self.joints.len()).filter(|&j| self.actuators.iter().any(|a| a.joint == j)).collect();
+        let free: Vec<usize> = driven.iter().copied().filter(|&j| self.effort(j).is_none()).collect();
+        if free.is_empty() {
+            return None;
+        }
+        if free.len() == driven.len() {
+            return Some("no actuator of the robot has an effort limit".to_string());
+        }
+        let names: Vec<String> = free.iter().take(MOST_NAMES).map(|&j| shown(&self.joints[j].name)).collect();
+        let more = if free.len() > MOST_NAMES { ", ..." } else { "" };
+        let (count, of, names) = (free.len(), driven.len(), names.join(", "));
+        Some(format!("{count} of {of} driven joints have no effort limit ({names}{more})"))
+    }
+}
+
+/// What a thing is, without its name: `visual mesh` of `geom "shell" (mesh, visual)`.
+fn kind(what: &str) -> String {
+    let mut bare = String::new();
+    for (index, part) in what.split('"').enumerate() {
+        if index % 2 == 0 {
+            bare.push_str(if index > 0 { part } else { part.trim_end() });
+        }
+    }
+    let shape = bare.strip_prefix("geom (").and_then(|rest| rest.strip_suffix(')'));
+    match shape.map(|shape| shape.strip_suffix(", visual").ok_or(shape)) {
+        Some(Ok(shape)) => format!("visual {shape}"),
+        Some(Err(shape)) => format!("colliding {shape}"),
+        None => bare,
+    }
+}
+
+/// `36 visual meshes`, or `4 × <transmission>` for what has no simple plural.
+fn plural(count: usize, kind: &str) -> String {
+    let words = kind.split(' ').count();
+    if words > 2 || !kind.chars().all(|c| c.is_ascii_alphabetic() || c == ' ') {
+        return format!("{count} × {kind}");
+    }
+    let ending = kind.strip_suffix('y').map(|stem| format!("{stem}ies"));
+    let plain = if ["sh", "x", "s"].iter().any(|end| kind.ends_with(end)) { "es" } else { "s" };
+    format!("{count} {}", ending.unwrap_or_else(|| format!("{kind}{plain}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn things_lose_their_names_and_get_a_plural() {
+        for (what, many) in [
+            ("geom \"shell\" (mesh, visual)", "2 visual meshes"),
+            ("geom \"shell\" (box, visual)", "2 visual boxes"),
+            ("geom \"a\" (mesh)", "2 colliding meshes"),
+            ("body \"b\"", "2 bodies"),
+            ("actuator \"b\"", "2 actuators"),
+            ("`dont_collapse` of <joint> \"foot\"", "2 × `dont_collapse` of <joint>"),
+            ("<gazebo>", "2 × <gazebo>"),
+            ("collision mesh of <link> \"trunk\"", "2 × collision mesh of <link>"),
+            ("geom \"a\" (primitive fitted to a mesh, visual)", "2 × visual primitive fitted to a mesh"),
+        ] {
+            assert_eq!(plural(2, &kind(what)), many);
+        }
+    }
+}
