@@ -2,8 +2,10 @@
 
 foreign.onnx is built with the onnx package out of every form of a linear layer that exporters write, behind a normaliser of
 Sub, Add and Div; its outputs are onnxruntime's. trainer.safetensors has the tensors of a usual PyTorch trainer
-(nn.Sequential, a normaliser module, std); its outputs are computed here in double precision. Random weights, seeded: the
-same packages give the same bytes.
+(nn.Sequential, a normaliser module, std); its outputs are computed here in double precision. mjlab.onnx has the graph and
+the metadata of mjlab's exporter; unitree/ the folders of unitree_rl_lab, with a history of five frames; both know no TOML.
+lstm.onnx and gru.onnx are recurrent as rsl_rl's exporter writes them; their outputs are onnxruntime's along a sequence.
+Random weights, seeded: the same packages give the same bytes.
 
 Usage: .venv/bin/python tools/make_policy_fixtures.py [--out FOLDER]
 """
@@ -124,6 +126,132 @@ def trainer_safetensors(out, rng):
     describe(out, "trainer", "trainer.safetensors", more)
 
 
+def perceptron(layers, head, activation="Elu"):
+    """Nodes and initializers of layers as PyTorch exports them; the last gives `actions`."""
+    nodes, initializers = [], []
+    for index, (weight, bias) in enumerate(layers):
+        names = [f"mlp.{2 * index}.weight", f"mlp.{2 * index}.bias"]
+        initializers += [numpy_helper.from_array(value, name) for name, value in zip(names, (weight, bias))]
+        last = index + 1 == len(layers)
+        out = "actions" if last else f"h{index}"
+        nodes.append(helper.make_node("Gemm", [head, *names], [out], alpha=1.0, beta=1.0, transB=1))
+        head = out
+        if not last:
+            nodes.append(helper.make_node(activation, [out], [f"a{index}"]))
+            head = f"a{index}"
+    return nodes, initializers
+
+
+def save_graph(path, nodes, initializers, inputs, outputs, metadata=()):
+    ends = [
+        [helper.make_tensor_value_info(name, TensorProto.FLOAT, shape) for name, shape in ends] for ends in (inputs, outputs)
+    ]
+    graph = helper.make_graph(nodes, "main_graph", *ends, initializers)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    for key, value in metadata:
+        model.metadata_props.append(onnx.StringStringEntryProto(key=key, value=value))
+    onnx.checker.check_model(model)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    onnx.save(model, path)
+    return onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+
+
+def mjlab_onnx(out, rng):
+    """As mjlab's velocity task on a Go2 would be exported: a normaliser, ELU, lists with three decimals."""
+    width = 48
+    mean, std = rng.normal(0, 0.5, (1, width)).astype(np.float32), rng.uniform(0.03, 2, (1, width)).astype(np.float32)
+    normal = [helper.make_node("Sub", ["obs", "mean"], ["centred"]), helper.make_node("Div", ["centred", "std"], ["normal"])]
+    nodes, initializers = perceptron([layer(rng, width, 16), layer(rng, 16, 8), layer(rng, 8, JOINTS)], "normal")
+    initializers += [numpy_helper.from_array(mean, "mean"), numpy_helper.from_array(std + np.float32(0.01), "std")]
+    listed = lambda values: ",".join(value if isinstance(value, str) else f"{value:.3f}" for value in values)
+    legs = [f"{leg}_{kind}_joint" for leg in ("FR", "FL", "RR", "RL") for kind in ("hip", "thigh", "calf")]
+    observed = ["base_lin_vel", "base_ang_vel", "projected_gravity", "joint_pos", "joint_vel", "actions", "command"]
+    metadata = [
+        ("run_path", "local"),
+        ("joint_names", listed(legs)),
+        ("joint_stiffness", listed([20.0, 20.0, 40.0] * 4)),
+        ("joint_damping", listed([1.0, 1.0, 2.0] * 4)),
+        ("default_joint_pos", listed([0.1, 0.9, -1.8, -0.1, 0.9, -1.8] * 2)),
+        ("command_names", "twist"),
+        ("observation_names", listed(observed)),
+        ("action_scale", listed([0.373, 0.373, 0.249] * 4)),
+    ]
+    ends = [("obs", [1, width])], [("actions", [1, JOINTS])]
+    session = save_graph(out / "mjlab.onnx", normal + nodes, initializers, *ends, metadata)
+    rows = rng.normal(0, 1, (ROWS, width)).astype(np.float32)
+    save_rows(out, "mjlab", rows, np.concatenate([session.run(None, {"obs": row[None]})[0] for row in rows]))
+
+
+def unitree_folders(out, rng):
+    """As unitree_rl_lab leaves a Go2's velocity task: exported/policy.onnx and params/deploy.yaml."""
+    width = 5 * WIDTH
+    nodes, initializers = perceptron([layer(rng, width, 8), layer(rng, 8, JOINTS)], "obs")
+    ends = [("obs", [1, width])], [("actions", [1, JOINTS])]
+    save_graph(out / "unitree/exported/policy.onnx", nodes, initializers, *ends)
+    sdk = [f"{leg}_{kind}_joint" for leg in ("FR", "FL", "RR", "RL") for kind in ("hip", "thigh", "calf")]
+    term = "  {}:\n    params: {}\n    clip: null\n    scale: {}\n    history_length: 5\n"
+    terms = [("base_ang_vel", 3, 0.2), ("projected_gravity", 3, 1.0), ("velocity_commands", 3, 1.0),
+             ("joint_pos_rel", 12, 1.0), ("joint_vel_rel", 12, 0.05), ("last_action", 12, 1.0)]
+    text = (
+        "# Made by tools/make_policy_fixtures.py.\n"
+        f"joint_ids_map: {[sdk.index(name) for name in NAMES]}\n"
+        "step_dt: 0.02\n"
+        f"stiffness: {[25.0, 25.0, 30.0] * 4}\n"
+        f"damping: {[0.5] * 12}\n"
+        f"default_joint_pos: {POSE}\n"
+        "commands:\n  base_velocity:\n    ranges:\n      lin_vel_x: [-1.0, 1.0]\n      heading: null\n"
+        "actions:\n  JointPositionAction:\n    clip: null\n    joint_names: [.*]\n"
+        f"    scale: {[0.25] * 12}\n    offset: {POSE}\n    joint_ids: null\n"
+        "observations:\n" + "".join(term.format(name, "{}", [scale] * count) for name, count, scale in terms)
+    )
+    (out / "unitree/params").mkdir(parents=True, exist_ok=True)
+    (out / "unitree/params/deploy.yaml").write_text(text)
+
+
+def recurrent_onnx(out, rng, kind, hidden=12, depth=2):
+    """As rsl_rl's exporter traces a recurrent actor: obs, h_in (and c_in) to actions, h_out (and c_out)."""
+    gates = {"LSTM": 4, "GRU": 3}[kind]
+    states = {"LSTM": ["h", "c"], "GRU": ["h"]}[kind]
+    node = helper.make_node
+    initializers = [
+        numpy_helper.from_array(np.array([value], np.int64), name) for name, value in (("zero", 0), ("one", 1), ("two", 2))
+    ]
+    nodes, head = [node("Unsqueeze", ["obs", "zero"], ["x0"])], "x0"
+    for number in range(depth):
+        inputs, bound = (WIDTH if number == 0 else hidden), hidden**-0.5
+        draw = lambda *shape: rng.uniform(-bound, bound, shape).astype(np.float32)
+        parts = {"W": draw(1, gates * hidden, inputs), "R": draw(1, gates * hidden, hidden), "B": draw(1, 2 * gates * hidden)}
+        initializers += [numpy_helper.from_array(value, f"{name}{number}") for name, value in parts.items()]
+        for state in states:
+            limits = [f"{state}_in", "zero" if number == 0 else "one", "one" if number == 0 else "two", "zero"]
+            nodes.append(node("Slice", limits, [f"{state}_was{number}"]))
+        given = [head, f"W{number}", f"R{number}", f"B{number}", "", *(f"{state}_was{number}" for state in states)]
+        gives = [f"y{number}", *(f"{state}n{number}" for state in states)]
+        more = {"linear_before_reset": 1} if kind == "GRU" else {}
+        nodes.append(node(kind, given, gives, hidden_size=hidden, **more))
+        head = f"x{number + 1}"
+        nodes.append(node("Squeeze", [f"y{number}", "one"], [head]))
+    for state in states:
+        nodes.append(node("Concat", [f"{state}n{number}" for number in range(depth)], [f"{state}_out"], axis=0))
+    nodes.append(node("Squeeze", [head, "zero"], ["latent"]))
+    own, more = perceptron([layer(rng, hidden, 8), layer(rng, 8, JOINTS)], "latent")
+    state = [depth, 1, hidden]
+    session = save_graph(
+        out / f"{kind.lower()}.onnx",
+        nodes + own,
+        initializers + more,
+        [("obs", [1, WIDTH]), *((f"{name}_in", state) for name in states)],
+        [("actions", [1, JOINTS]), *((f"{name}_out", state) for name in states)],
+    )
+    rows = rng.normal(0, 1, (40, WIDTH)).astype(np.float32)
+    memory, actions = [np.zeros(state, np.float32) for _ in states], []
+    for row in rows:
+        action, *memory = session.run(None, {"obs": row[None], **{f"{s}_in": m for s, m in zip(states, memory)}})
+        actions.append(action[0])
+    save_rows(out, kind.lower(), rows, actions)
+    describe(out, kind.lower(), f"{kind.lower()}.onnx")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     default = ROOT / "crates/gaitfit-policy/tests/fixtures/policies"
@@ -133,6 +261,10 @@ def main():
     rng = np.random.default_rng(45)
     foreign_onnx(out, rng)
     trainer_safetensors(out, rng)
+    mjlab_onnx(out, np.random.default_rng(48))
+    unitree_folders(out, np.random.default_rng(225))
+    recurrent_onnx(out, np.random.default_rng(4), "LSTM")
+    recurrent_onnx(out, np.random.default_rng(3), "GRU")
 
 
 if __name__ == "__main__":

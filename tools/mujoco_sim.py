@@ -133,7 +133,7 @@ class Robot:
         except ValueError as error:
             raise Refused(f"{world.model}: {error}") from None
         if spec.modelname != policy.interface["robot"]:
-            raise Refused(f"the policy is for robot {policy.interface['robot']}, {world.model} is {spec.modelname}")
+            print(f"note: the policy is for robot {policy.interface['robot']}, {world.model} is {spec.modelname}", file=sys.stderr)
         hinges = {joint.name: joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_HINGE}
         names = list(hinges)
         for name, value in by_joint(world.frictionloss, names, "frictionloss").items():
@@ -241,6 +241,8 @@ class Group:
         periods = 1 + math.ceil(self.robot.delay / self.robot.substeps)
         self.sent = [np.tile(self.policy.pose, (len(numbers), 1)) for _ in range(periods)]
         self.periods = 0
+        # Earlier frames of the observation, the oldest first.
+        self.past = []
         self._check_width()
 
     def _check_width(self):
@@ -249,9 +251,26 @@ class Group:
             raise Refused(f"{self.world.policy}: the network takes {given} numbers, its observation has {rows.shape[1]}")
 
     def observe(self, commands):
-        """Rows of the interface's terms, scaled."""
+        """Rows of the interface's terms, scaled, with their past frames."""
+        return self._with_past(self._frame(commands))
+
+    def _frame(self, commands):
+        """The present frame: rows of the interface's terms, scaled, term by term."""
         rows = [self._observe(*each) for each in zip(self.data, commands, self.actions)]
-        return np.stack(rows).astype(np.float32)
+        return [np.stack(column).astype(np.float32) for column in zip(*rows)]
+
+    def _with_past(self, frame):
+        """Rows of the present frame and those before it, as the interface's history orders them."""
+        terms, history = self.policy.interface["observation"], self.policy.interface.get("history", {})
+        counts = [term.get("history", 1) for term in terms]
+        first = [np.zeros_like(part) for part in frame] if history.get("start") == "zeros" else (self.past or [frame])[0]
+        frames = [first] * (max(counts) - len(self.past) - 1) + self.past + [frame]
+        if history.get("order", "terms") == "terms":
+            parts = [each[k] for k, count in enumerate(counts) for each in frames[-count:]]
+        else:
+            ordered = frames[-counts[0]:]
+            parts = [part for each in (ordered if history["order"] == "frames" else ordered[::-1]) for part in each]
+        return np.concatenate(parts, axis=1)
 
     def _observe(self, data, command, action):
         robot, interface = self.robot, self.policy.interface
@@ -268,11 +287,14 @@ class Group:
             "gait_phase": lambda: (math.sin(phase), math.cos(phase)),
         }
         terms = [(quantities[term["quantity"]](), term.get("scale") or [1.0]) for term in interface["observation"]]
-        return np.concatenate([np.asarray(value) * np.array(scale) for value, scale in terms])
+        return [np.asarray(value) * np.array(scale) for value, scale in terms]
 
     def step(self, commands):
         """One control period. Returns the indices of the robots that took part."""
-        self.actions = self.policy.act(self.observe(commands))
+        frame = self._frame(commands)
+        self.actions = self.policy.act(self._with_past(frame))
+        most = max(term.get("history", 1) for term in self.policy.interface["observation"])
+        self.past = [*self.past, frame][max(0, len(self.past) + 2 - most):] if most > 1 else []
         self.sent = [self.policy.targets(self.actions), *self.sent[:-1]]
         standing = np.flatnonzero(~self.fallen)
         for index in standing:

@@ -124,7 +124,7 @@ fn gpu_candidates_walk_as_the_cpus() {
         // It falls.
         jobs[3].candidate.robot.kp_scale = vec![0.15; 12];
         let wanted = tracks(&task, &policy, &scripts, &jobs);
-        let tables = Tables::walk(&task.walker, &policy, &scripts);
+        let tables = Tables::walk(&task.walker, &policy, &scripts).unwrap();
         let mut candidates = Candidates::new(&device, tables, 4).unwrap();
         let run = |candidates: &mut Candidates| {
             let found = Mutex::new(vec![(Vec::new(), None); jobs.len() * scripts.len()]);
@@ -186,7 +186,7 @@ fn gpu_generations_are_timed() {
         let (task, policy) = walking(substeps);
         let scripts = recordings[usize::from(substeps > 4)].clone();
         let subject = Subject::Walk(&task.walker, &policy);
-        let tables = Tables::walk(&task.walker, &policy, &scripts);
+        let tables = Tables::walk(&task.walker, &policy, &scripts).unwrap();
         let jobs: Vec<Job> = (0..population)
             .map(|number| Job { candidate: robot(number % 25, extras), reset_every: None, seed: 1 })
             .collect();

@@ -136,7 +136,7 @@ fn compare(
     let structure = Structure::of(&jobs[0].candidate);
     let period = subject.period(&jobs[0].candidate.networks, &structure).unwrap();
     let scene = Scene::new(subject, &period);
-    let tables = Tables::walk(walker, policy, &scripts);
+    let tables = Tables::walk(walker, policy, &scripts).unwrap();
     let environments = jobs.len() * scripts.len();
     let tiles = environments.div_ceil(period.layout().environments());
     let sizes = Sizes {
@@ -344,12 +344,21 @@ fn cxx_walks_with_networks_are_the_cpus() {
 }
 
 #[test]
+fn a_policy_that_sees_the_past_is_refused() {
+    let (task, policy) = walking(None, |policy| {
+        policy.interface.observation[0].history = 3;
+    });
+    let error = Tables::walk(&task.walker, &policy, &[]).unwrap_err();
+    assert!(error.to_string().contains("a policy that observes a history"), "{error}");
+}
+
+#[test]
 #[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
 fn nvrtc_compiles_fits() {
     let (task, policy) = walking(None, |_| ());
     let subject = Subject::Walk(&task.walker, &policy);
     let scripts = scripts(&task, &policy, &[10]);
-    let tables = Tables::walk(&task.walker, &policy, &scripts);
+    let tables = Tables::walk(&task.walker, &policy, &scripts).unwrap();
     let mut with = Candidate::nominal(&go2());
     with.networks = vec![networks(NetworkKind::ResidAct, 0.1)];
     with.torque_noise = 1.0;

@@ -451,6 +451,16 @@ fn what_a_gpu_does_not_do_is_refused() {
     let task = task.with_term("own", 1.0, |_| 0.0).unwrap();
     let error = Scene::new(&task, &period, sizes()).map(|_| ()).unwrap_err();
     assert!(matches!(&error, RolloutError::Unsupported(what) if what.contains("`own`")), "{error}");
+    let mut settings = lively("velocity");
+    settings.policy.critic_observation[0].history = 2;
+    let task = Task::new(&model, &settings, Preset::Fast).unwrap();
+    let nominal = [Candidate::nominal(&model)];
+    for error in [
+        Scene::period(&task, &nominal, 8, PROCESSORS).map(|_| ()).unwrap_err(),
+        Scene::new(&task, &period, sizes()).map(|_| ()).unwrap_err(),
+    ] {
+        assert!(error.to_string().contains("a history of observations"), "{error}");
+    }
 }
 
 #[test]

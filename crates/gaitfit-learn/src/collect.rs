@@ -68,7 +68,7 @@ fn collect_tile(
         .collect();
     let empty = || Trajectory {
         source: None,
-        robot: Some(interface.robot.clone()),
+        robot: Some(task.walker.model().name.clone()),
         joints: interface.joints.clone(),
         time: Vec::new(),
         rate_hz: 1.0 / dt,

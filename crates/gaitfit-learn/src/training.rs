@@ -269,6 +269,7 @@ impl<'a> Training<'a> {
                 task: toml::to_string(&self.task.settings).unwrap_or_default(),
                 ..Provenance::default()
             },
+            notes: Vec::new(),
         }
     }
 

@@ -44,7 +44,7 @@ fn observations_are_laid_out_as_the_interface_says() {
         interface.joints.reverse();
         interface.action_scale[0] = 0.5;
         interface.gait_frequency = Some(2.0);
-        let term = |quantity, scale: &[f32]| Term { quantity, scale: scale.to_vec() };
+        let term = |quantity, scale: &[f32]| Term::new(quantity).scaled(scale);
         interface.observation = vec![
             term(Quantity::LastAction, &[]),
             term(Quantity::JointVelocity, &[0.05]),

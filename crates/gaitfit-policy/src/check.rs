@@ -63,7 +63,7 @@ impl Policy {
         if terms.is_empty() {
             return Err(invalid(format!("{observation} has no terms, the {name} takes {taken} numbers")));
         }
-        if self.interface.scales(terms).len() != taken {
+        if self.interface.width(terms) != taken {
             return Err(invalid(format!("{observation} is {layout}, the {name} takes {taken}")));
         }
         finite(name, &network.parameters)

@@ -8,7 +8,7 @@ use gaitfit_sim::{Candidate, Motion, Start, pool};
 
 use crate::Policy;
 use crate::network::Scratch;
-use crate::observation::{LastAction, Sensed};
+use crate::observation::{LastAction, Past, Sensed};
 use crate::walker::{TorqueNoise, Walker, WalkerError};
 
 /// What one robot is to follow.
@@ -20,7 +20,8 @@ pub struct Script {
     pub start: Start,
     /// The logged state at each sample, for resets; empty where the log lacks it.
     pub states: Vec<Start>,
-    /// The logged actions, policy order, `samples × joints`: after a reset the policy's last action is the log's.
+    /// The logged actions, policy order, `samples × joints`: after a reset the policy's last action is the log's, and so
+    /// are the past frames of what it observes.
     pub actions: Vec<f32>,
 }
 
@@ -150,6 +151,7 @@ impl Worker {
         self.motion = batch.motion(count);
         self.action.resize(count * joints, 0.0);
         let mut last_action = LastAction::new(count, joints);
+        let mut past = Past::new(&walker.observation, count);
         let mut sensed = Sensed::new(joints);
         self.targets.resize(count * walker.default_pose.len(), 0.0);
         let width = walker.observation.width();
@@ -175,6 +177,7 @@ impl Worker {
                         tile.place(index, &script.states[sample]);
                         let row = (sample - 1) * joints..sample * joints;
                         last_action.set(index, &script.actions[row]);
+                        script.recall(walker, sample, index, &mut sensed, &mut past);
                     }
                 }
             }
@@ -188,8 +191,9 @@ impl Worker {
                 sensed.command = commands.get(sample.min(last)).copied().unwrap_or_default();
                 sensed.last_action.copy_from_slice(last_action.row(index));
                 sensed.clock = walker.clock(sample as u32);
-                walker.observation.write(&sensed, None, |_, _| (), row);
+                walker.observation.write(&sensed, past.row(index), |_, _| (), row);
             }
+            past.take(&self.observation);
             policy.act(count, &self.observation, &mut self.action, &mut self.scratch);
             for (index, script) in scripts.iter().enumerate() {
                 if sample < script.commands.len() {
@@ -207,6 +211,34 @@ impl Worker {
             last_action.take(&self.action);
         }
         Ok(true)
+    }
+}
+
+impl Script {
+    /// Sets in `past` what the policy observed of this run before `sample`, had the robot been in the logged states.
+    fn recall(&self, walker: &Walker, sample: usize, index: usize, sensed: &mut Sensed, past: &mut Past) {
+        if !past.is_kept() {
+            return;
+        }
+        let layout = &walker.observation;
+        let joints = walker.joints.len();
+        let mut row = vec![0.0; layout.width()];
+        past.begin(index);
+        // Of the row before this sample's all frames but the oldest move on.
+        for before in (sample + 1).saturating_sub(layout.frames())..sample {
+            walker.sense_state(&self.states[before], sensed);
+            sensed.command = self.commands[before];
+            match before.checked_sub(1) {
+                Some(last) => {
+                    let last = &self.actions[last * joints..(last + 1) * joints];
+                    sensed.last_action.copy_from_slice(last);
+                }
+                None => sensed.last_action.fill(0.0),
+            }
+            sensed.clock = walker.clock(before as u32);
+            layout.write(sensed, past.row(index), |_, _| (), &mut row);
+            past.set(index, &row);
+        }
     }
 }
 

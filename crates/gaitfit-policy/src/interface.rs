@@ -1,6 +1,7 @@
 //! What a policy sees and what its outputs mean: the contract between a network, a robot and a simulator.
 
-use crate::{ActionClip, Held};
+use crate::observation::Layout;
+use crate::{ActionClip, FrameOrder, Held, History};
 use gaitfit_model::Model;
 use serde::{Deserialize, Serialize};
 
@@ -60,6 +61,39 @@ pub struct Term {
     /// Factor on it: one number for all its elements, or one an element; none means 1.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scale: Vec<f32>,
+    /// Frames: the present one and those of the control periods before it. 1, the default, is the present alone.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub history: usize,
+}
+
+impl Term {
+    /// `quantity` as it is now, with a factor of 1.
+    pub fn new(quantity: Quantity) -> Self {
+        Self { quantity, scale: Vec::new(), history: 1 }
+    }
+
+    /// With these factors.
+    pub fn scaled(self, scale: &[f32]) -> Self {
+        Self { scale: scale.to_vec(), ..self }
+    }
+
+    /// With so many frames.
+    pub fn with_history(self, history: usize) -> Self {
+        Self { history, ..self }
+    }
+
+    /// Numbers it takes for a robot of `joints` joints, all frames together.
+    pub fn width(&self, joints: usize) -> usize {
+        self.quantity.width(joints).saturating_mul(self.history)
+    }
+}
+
+fn one() -> usize {
+    1
+}
+
+fn is_one(history: &usize) -> bool {
+    *history == 1
 }
 
 /// What a policy sees and what its outputs mean. Per-joint vectors are in the order of `joints`.
@@ -69,7 +103,7 @@ pub struct Term {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Interface {
-    /// Name of the robot model.
+    /// Name of the robot model; empty where it is not known.
     pub robot: String,
     /// Joint names, in the policy's order.
     pub joints: Vec<String>,
@@ -93,6 +127,9 @@ pub struct Interface {
     /// Frequency of the gait clock, Hz; needed where [`Quantity::GaitPhase`] is observed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gait_frequency: Option<f64>,
+    /// How past frames lie in a row, where terms have a [`Term::history`].
+    #[serde(default, skip_serializing_if = "History::is_default")]
+    pub history: History,
     /// The actor's observation, part by part.
     pub observation: Vec<Term>,
     /// The critic's observation, part by part; empty for policies without a critic.
@@ -107,6 +144,9 @@ pub struct InterfaceError(pub String);
 
 /// Most joints, and most terms of an observation.
 const MOST_JOINTS: usize = 256;
+/// Most frames of a term, and most numbers of an observation.
+const MOST_FRAMES: usize = 256;
+const MOST_NUMBERS: usize = 1 << 16;
 /// Longest name of a robot or a joint, bytes.
 const LONGEST_NAME: usize = 200;
 /// Largest magnitude of any number of an interface; beyond it lies no robot, and single precision overflows.
@@ -115,12 +155,17 @@ const LARGEST: f64 = 1e6;
 impl Interface {
     /// Numbers in the actor's observation.
     pub fn observation_width(&self) -> usize {
-        width(&self.observation, self.joints.len())
+        self.width(&self.observation)
     }
 
     /// Numbers in the critic's observation.
     pub fn critic_width(&self) -> usize {
-        width(&self.critic_observation, self.joints.len())
+        self.width(&self.critic_observation)
+    }
+
+    /// Numbers in an observation of `terms`.
+    pub fn width(&self, terms: &[Term]) -> usize {
+        width(terms, self.joints.len())
     }
 
     /// Largest action magnitude of the policy's joint `index`, before scaling; infinite where it is not limited.
@@ -132,16 +177,7 @@ impl Interface {
     /// `self.observation`. A scale of neither one number nor the term's width, which [`Interface::check`]
     /// refuses, counts as 1.
     pub fn scales(&self, observation: &[Term]) -> Vec<f32> {
-        let mut scales = Vec::new();
-        for term in observation {
-            let width = term.quantity.width(self.joints.len());
-            match term.scale[..] {
-                [one] => scales.extend(std::iter::repeat_n(one, width)),
-                _ if term.scale.len() == width => scales.extend(&term.scale),
-                _ => scales.extend(std::iter::repeat_n(1.0, width)),
-            }
-        }
-        scales
+        Layout::new(self, observation).scales()
     }
 
     /// Sentence part for errors: `45 numbers (3 base_angular_velocity + 3 projected_gravity + …)`.
@@ -149,7 +185,10 @@ impl Interface {
         let joints = self.joints.len();
         let parts: Vec<String> = observation
             .iter()
-            .map(|term| format!("{} {}", term.quantity.width(joints), term.quantity.name()))
+            .map(|term| {
+                let frames = if term.history == 1 { String::new() } else { format!("{} × ", term.history) };
+                format!("{frames}{} {}", term.quantity.width(joints), term.quantity.name())
+            })
             .collect();
         format!("{} numbers ({})", width(observation, joints), parts.join(" + "))
     }
@@ -235,7 +274,8 @@ impl Interface {
         if joints == 0 || joints > MOST_JOINTS {
             return Err(InterfaceError(format!("{joints} joints; give between 1 and {MOST_JOINTS}")));
         }
-        for name in std::iter::once(&self.robot).chain(&self.joints) {
+        let robot = Some(&self.robot).filter(|robot| !robot.is_empty());
+        for name in robot.into_iter().chain(&self.joints) {
             check_name(name)?;
         }
         let twice = (1..joints).find(|&index| self.joints[..index].contains(&self.joints[index]));
@@ -270,21 +310,49 @@ impl Interface {
                 )));
             }
         }
+        self.check_history(name, terms)
+    }
+
+    fn check_history(&self, name: &str, terms: &[Term]) -> Result<(), InterfaceError> {
+        for term in terms {
+            let (quantity, frames) = (term.quantity.name(), term.history);
+            if !(1..=MOST_FRAMES).contains(&frames) {
+                return Err(InterfaceError(format!(
+                    "history of {quantity} in {name} is {frames}; give 1 to {MOST_FRAMES} frames"
+                )));
+            }
+            if self.history.order != FrameOrder::Terms && frames != terms[0].history {
+                return Err(InterfaceError(format!(
+                    "history of {quantity} in {name} is {frames}, of {} {}; whole frames need the same of every term",
+                    terms[0].quantity.name(),
+                    terms[0].history
+                )));
+            }
+        }
+        let numbers = width(terms, self.joints.len());
+        if numbers > MOST_NUMBERS {
+            return Err(InterfaceError(format!("{name} has {numbers} numbers; at most {MOST_NUMBERS}")));
+        }
         Ok(())
+    }
+
+    /// What to say where `model` has another name than the policy's robot. Related robots share joint names, so a policy may
+    /// run on a robot that it was not trained for.
+    pub fn other_robot(&self, model: &Model) -> Option<String> {
+        (!self.robot.is_empty() && self.robot != model.name).then(|| {
+            format!(
+                "the policy was trained for robot `{}` and runs on `{}`, which has its joints",
+                self.robot, model.name
+            )
+        })
     }
 
     /// For each of `joints`, its index in `model.joints`. A `_joint` suffix on either side does not matter.
     ///
     /// # Errors
-    /// A policy of another robot, a joint that the robot lacks (with the nearest name), or two names for one
-    /// joint. Robots are told apart by their model's name, because related robots share joint names.
+    /// A joint that the robot lacks (with the nearest name), or two names for one joint. Robots' names may differ
+    /// ([`Interface::other_robot`]).
     pub fn resolve(&self, model: &Model) -> Result<Vec<usize>, InterfaceError> {
-        if self.robot != model.name {
-            return Err(InterfaceError(format!(
-                "the policy is for robot `{}`, the model is `{}`; give the policy's robot, or correct the name",
-                self.robot, model.name
-            )));
-        }
         let mut found = Vec::with_capacity(self.joints.len());
         for name in &self.joints {
             let index = find(model, name)?;
@@ -362,7 +430,7 @@ fn positive(name: &str, value: Option<f64>) -> Result<(), InterfaceError> {
 }
 
 fn width(terms: &[Term], joints: usize) -> usize {
-    terms.iter().map(|term| term.quantity.width(joints)).sum()
+    terms.iter().fold(0, |sum: usize, term| sum.saturating_add(term.width(joints)))
 }
 
 /// Advice for an unknown name: the known one that is nearest, or what there is.

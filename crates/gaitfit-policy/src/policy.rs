@@ -21,6 +21,8 @@ pub struct Policy {
     pub critic_normaliser: Option<Normaliser>,
     /// Where it came from.
     pub provenance: Provenance,
+    /// What was assumed when it was read, in words for people; files do not keep it.
+    pub notes: Vec<String>,
 }
 
 /// Where a policy came from. Of policies trained elsewhere nothing is known: all zero and empty.

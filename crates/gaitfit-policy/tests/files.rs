@@ -5,7 +5,7 @@ mod common;
 
 use common::{act, largest_difference, numbers, policy, root};
 use gaitfit_policy::network::{Activation, Network, Shape};
-use gaitfit_policy::{Policy, onnx, read, weights};
+use gaitfit_policy::{FrameOrder, History, HistoryStart, Policy, onnx, read, weights};
 
 fn bits(network: &Network) -> Vec<u32> {
     network.parameters.iter().map(|x| x.to_bits()).collect()
@@ -24,6 +24,24 @@ fn safetensors_come_back_bit_for_bit() {
     }
     let bare = Policy { critic: None, normaliser: None, critic_normaliser: None, ..policy(Activation::Elu) };
     assert_eq!(weights::read(&weights::write(&bare).unwrap()).unwrap(), bare);
+}
+
+#[test]
+fn a_history_goes_through_both_files_and_is_not_named_without_one() {
+    let mut policy =
+        Policy { normaliser: None, critic: None, critic_normaliser: None, ..policy(Activation::Elu) };
+    let plain = weights::write(&policy).unwrap();
+    assert!(!String::from_utf8_lossy(&plain).contains("history"));
+    for term in &mut policy.interface.observation {
+        term.history = 3;
+    }
+    policy.interface.history = History { order: FrameOrder::Frames, start: HistoryStart::Zeros };
+    let error = weights::write(&policy).unwrap_err().to_string();
+    assert!(error.starts_with("observation is 135 numbers (3 × 3 base_angular_velocity + "), "{error}");
+    let shape = Shape { inputs: 135, ..policy.actor.shape.clone() };
+    policy.actor = Network::random(shape, 1, 0, 1.0).unwrap();
+    assert_eq!(weights::read(&weights::write(&policy).unwrap()).unwrap(), policy);
+    assert_eq!(onnx::read(&onnx::write(&policy).unwrap()).unwrap(), policy);
 }
 
 #[test]

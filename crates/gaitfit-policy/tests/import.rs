@@ -3,18 +3,8 @@
 
 mod common;
 
-use common::{act, fixture, go2, largest_difference};
+use common::{act, fixture, go2, largest_difference, rows};
 use gaitfit_policy::{onnx, read, weights};
-
-/// Observations and the actions that another program computed for them.
-fn rows(name: &str) -> [Vec<f32>; 2] {
-    let table: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(fixture(name)).unwrap()).unwrap();
-    ["observation", "actions"].map(|key| {
-        let rows = table[key].as_array().unwrap().iter();
-        rows.flat_map(|row| row.as_array().unwrap()).map(|x| x.as_f64().unwrap() as f32).collect()
-    })
-}
 
 #[test]
 fn an_onnx_policy_trained_elsewhere_gives_onnxruntimes_actions() {

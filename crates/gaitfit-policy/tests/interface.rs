@@ -6,7 +6,7 @@ mod common;
 use common::{go2, interface};
 use gaitfit_model::read_mjcf_str;
 use gaitfit_policy::observation::Layout;
-use gaitfit_policy::{ActionClip, Held, Interface, Quantity, Term};
+use gaitfit_policy::{ActionClip, FrameOrder, Held, Interface, Quantity, Term};
 
 /// The error of an interface changed by `change`.
 fn error(change: impl Fn(&mut Interface)) -> String {
@@ -21,7 +21,7 @@ fn layout_and_scales_follow_the_terms() {
     interface.check().unwrap();
     assert_eq!((interface.observation_width(), interface.critic_width()), (45, 48));
     let layout = Layout::new(&interface, &interface.observation);
-    let place = |slot: usize| (layout.slots()[slot].quantity, layout.slots()[slot].range.clone());
+    let place = |slot: usize| (layout.slots()[slot].quantity, layout.slots()[slot].present.clone());
     assert_eq!(place(2), (Quantity::Command, 6..9));
     assert_eq!(place(5), (Quantity::LastAction, 33..45));
     let scales = interface.scales(&interface.observation);
@@ -39,7 +39,7 @@ fn held(joint: &str, kp: f64) -> Held {
 #[test]
 fn contradictions_are_named() {
     type Change = fn(&mut Interface);
-    let wrong: [(Change, &str); 18] = [
+    let wrong: &[(Change, &str)] = &[
         (|i| i.kp.truncate(11), "kp has 11 numbers for 12 joints"),
         (|i| i.kp[3] = -1.0, "kp of FR_hip_joint is -1"),
         (|i| i.kp.fill(0.0), "kp is zero for every joint"),
@@ -63,12 +63,21 @@ fn contradictions_are_named() {
             "scale of base_angular_velocity in observation has 2 numbers",
         ),
         (|i| i.observation[0].scale = vec![f32::NAN], "scale of base_angular_velocity in observation is NaN"),
+        (|i| i.critic_observation.push(Term::new(Quantity::GaitPhase)), "gait_frequency is missing"),
+        (|i| i.observation[1].history = 0, "history of projected_gravity in observation is 0; give 1 to 256"),
+        (|i| i.critic_observation[3].history = 257, "history of joint_position in critic_observation is 257"),
         (
-            |i| i.critic_observation.push(Term { quantity: Quantity::GaitPhase, scale: vec![] }),
-            "gait_frequency is missing",
+            |i| (i.history.order, i.observation[0].history) = (FrameOrder::Frames, 5),
+            "history of projected_gravity in observation is 1, of base_angular_velocity 5; whole frames",
+        ),
+        (
+            |i| {
+                i.observation = vec![Term::new(Quantity::JointPosition).with_history(256); 22];
+            },
+            "observation has 67584 numbers; at most 65536",
         ),
     ];
-    for (change, message) in wrong {
+    for &(change, message) in wrong {
         let found = error(change);
         assert!(found.contains(message), "`{message}` is not in `{found}`");
     }
@@ -95,10 +104,16 @@ fn joints_that_are_missing_or_named_twice_are_refused() {
 }
 
 #[test]
-fn a_policy_of_another_robot_is_refused_with_both_names() {
+fn a_policy_of_a_robot_with_another_name_runs_on_the_same_joints_with_a_note() {
     let text = std::fs::read_to_string(common::root().join("assets/go2.xml")).unwrap();
     let other = text.replace("model=\"go2\"", "model=\"go1\"");
     let model = read_mjcf_str(&other, &Default::default()).unwrap();
-    let message = interface().resolve(&model).unwrap_err().to_string();
-    assert!(message.contains("`go2`") && message.contains("`go1`"), "{message}");
+    let interface = interface();
+    assert_eq!(interface.resolve(&model).unwrap(), (0..12).collect::<Vec<_>>());
+    let note = interface.other_robot(&model).unwrap();
+    assert!(note.contains("`go2`") && note.contains("`go1`"), "{note}");
+    assert_eq!(interface.other_robot(&go2()), None);
+    let unknown = Interface { robot: String::new(), ..interface };
+    unknown.check().unwrap();
+    assert_eq!(unknown.other_robot(&model), None);
 }

@@ -4,11 +4,11 @@
 mod common;
 
 use common::interface;
-use gaitfit_policy::observation::{LastAction, Layout, Sensed};
-use gaitfit_policy::{Interface, Quantity, Term};
+use gaitfit_policy::observation::{LastAction, Layout, Past, Sensed};
+use gaitfit_policy::{FrameOrder, History, HistoryStart, Interface, Quantity, Term};
 
 fn two_joints() -> Interface {
-    let term = |quantity, scale: &[f32]| Term { quantity, scale: scale.to_vec() };
+    let term = |quantity, scale: &[f32]| Term::new(quantity).scaled(scale);
     Interface {
         joints: vec!["a".to_owned(), "b".to_owned()],
         default_pose: vec![0.5, -1.0],
@@ -50,25 +50,87 @@ fn a_row_of_one_frame_a_term() {
     assert_eq!(order, [Quantity::JointPosition, Quantity::BaseAngularVelocity, Quantity::LastAction]);
 }
 
-#[test]
-fn past_frames_stand_before_the_present_within_each_term() {
-    let interface = two_joints();
-    let layout = Layout::with_frames(&interface, &interface.observation, &[3, 1, 2]);
-    assert_eq!(layout.width(), 3 * 2 + 3 + 2 * 2);
-    let ranges: Vec<_> = layout.slots().iter().map(|slot| (slot.range.clone(), slot.frames)).collect();
-    assert_eq!(ranges, [(0..6, 3), (6..9, 1), (9..13, 2)]);
-    let rows: Vec<Vec<f32>> = (1..=3).fold(Vec::new(), |mut rows, k| {
+/// The interface above with so many frames a term.
+fn with_frames(frames: [usize; 3], history: History) -> Interface {
+    let mut interface = Interface { history, critic_observation: vec![], ..two_joints() };
+    for (term, frames) in interface.observation.iter_mut().zip(frames) {
+        term.history = frames;
+    }
+    interface.robot = "two".to_owned();
+    (interface.action_scale, interface.kp, interface.kd) = (vec![1.0; 2], vec![1.0; 2], vec![1.0; 2]);
+    interface.check().unwrap();
+    interface
+}
+
+/// Rows of the moments 1, 2 and 3.
+fn three_rows(interface: &Interface) -> Vec<Vec<f32>> {
+    let layout = Layout::new(interface, &interface.observation);
+    assert_eq!(layout.width(), interface.observation_width());
+    (1..=3).fold(Vec::new(), |mut rows, k| {
         let mut row = vec![f32::NAN; layout.width()];
         layout.write(&sensed(k as f32), rows.last().map(Vec::as_slice), |_, _| (), &mut row);
         rows.push(row);
         rows
-    });
+    })
+}
+
+#[test]
+fn past_frames_stand_before_the_present_within_each_term() {
+    let interface = with_frames([3, 1, 2], History::default());
+    let layout = Layout::new(&interface, &interface.observation);
+    assert_eq!(layout.width(), 3 * 2 + 3 + 2 * 2);
+    let places: Vec<_> = layout.slots().iter().map(|slot| (slot.present.clone(), &slot.frames[..])).collect();
+    assert_eq!(places, [(4..6, &[0, 2, 4][..]), (6..9, &[6]), (11..13, &[9, 11])]);
+    let rows = three_rows(&interface);
     // Positions of k: (k − 0.5) · 2 and (2 k + 1) · 2. At the start all frames show the present.
     assert_eq!(rows[0][..6], [1.0, 6.0, 1.0, 6.0, 1.0, 6.0]);
     assert_eq!(rows[1][..6], [1.0, 6.0, 1.0, 6.0, 3.0, 10.0]);
     assert_eq!(rows[2][..6], [1.0, 6.0, 3.0, 10.0, 5.0, 14.0]);
     assert_eq!(rows[2][6..9], [3.0, 30.0, 300.0]);
     assert_eq!(rows[2][9..], [-2.0, 2.0, -3.0, 3.0]);
+    let scales = interface.scales(&interface.observation);
+    assert_eq!(scales, [2.0, 2.0, 2.0, 2.0, 2.0, 2.0, 1.0, 10.0, 100.0, 1.0, 1.0, 1.0, 1.0]);
+}
+
+#[test]
+fn whole_frames_are_stacked_in_either_order() {
+    // Frames of k: positions, rates, the action.
+    let frame = |k: f32| [2.0 * k - 1.0, 4.0 * k + 2.0, k, 10.0 * k, 100.0 * k, -k, k];
+    let history = |order, start| History { order, start };
+    let oldest = with_frames([3; 3], history(FrameOrder::Frames, HistoryStart::First));
+    let rows = three_rows(&oldest);
+    assert_eq!(rows[0], [frame(1.0), frame(1.0), frame(1.0)].concat());
+    assert_eq!(rows[1], [frame(1.0), frame(1.0), frame(2.0)].concat());
+    assert_eq!(rows[2], [frame(1.0), frame(2.0), frame(3.0)].concat());
+    assert_eq!(oldest.scales(&oldest.observation)[7..14], [2.0, 2.0, 1.0, 10.0, 100.0, 1.0, 1.0]);
+    let newest = with_frames([3; 3], history(FrameOrder::NewestFirst, HistoryStart::Zeros));
+    let rows = three_rows(&newest);
+    assert_eq!(rows[0], [frame(1.0), [0.0; 7], [0.0; 7]].concat());
+    assert_eq!(rows[1], [frame(2.0), frame(1.0), [0.0; 7]].concat());
+    assert_eq!(rows[2], [frame(3.0), frame(2.0), frame(1.0)].concat());
+}
+
+#[test]
+fn past_rows_begin_anew_and_come_back() {
+    let interface = with_frames([2; 3], History::default());
+    let layout = Layout::new(&interface, &interface.observation);
+    let mut past = Past::new(&layout, 2);
+    assert_eq!((past.is_kept(), past.row(0)), (true, None));
+    let rows: Vec<f32> = (0..28).map(|k| k as f32).collect();
+    past.take(&rows);
+    past.begin(0);
+    assert_eq!((past.row(0), past.row(1)), (None, Some(&rows[14..])));
+    let numbers: Vec<f32> = past.numbers().collect();
+    let mut back = Past::new(&layout, 2);
+    assert_eq!(numbers.len(), back.size());
+    back.restore(&numbers);
+    assert_eq!(back, past);
+    past.set(0, &rows[14..]);
+    assert_eq!(past.row(0), past.row(1));
+    let plain = two_joints();
+    let mut none = Past::new(&Layout::new(&plain, &plain.observation), 2);
+    none.take(&rows);
+    assert_eq!((none.size(), none.row(1)), (0, None));
 }
 
 #[test]

@@ -44,7 +44,7 @@ impl OnGpu for WalkSimulator {
 
     fn tables(&self) -> Result<Tables, GpuError> {
         let walking = self.walking();
-        Ok(Tables::walk(&walking.task.walker, &walking.policy, self.scripts()))
+        Tables::walk(&walking.task.walker, &walking.policy, self.scripts())
     }
 
     fn resets(&self, resets: Resets) -> bool {

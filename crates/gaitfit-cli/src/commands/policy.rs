@@ -22,6 +22,8 @@ pub struct Document {
     control_dt: f64,
     gait_frequency: Option<f64>,
     provenance: Provenance,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    notes: Vec<String>,
     written: Vec<String>,
 }
 
@@ -32,12 +34,15 @@ struct Network {
     parameters: usize,
 }
 
-/// One term of an observation: elements `start .. end`.
+/// One term of an observation: elements `start .. end` are its present frame.
 #[derive(Serialize)]
 struct Part {
     quantity: Quantity,
     start: usize,
     end: usize,
+    /// Where its frames begin, the oldest first; of terms with a history.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    frames: Vec<usize>,
     scale: Vec<f32>,
 }
 
@@ -65,8 +70,9 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
     let parts = |terms: &[Term]| {
         let part = |(term, slot): (&Term, &Slot)| Part {
             quantity: slot.quantity,
-            start: slot.range.start,
-            end: slot.range.end,
+            start: slot.present.start,
+            end: slot.present.end,
+            frames: if slot.frames.len() > 1 { slot.frames.clone() } else { Vec::new() },
             scale: term.scale.clone(),
         };
         terms.iter().zip(Layout::new(interface, terms).slots()).map(part).collect()
@@ -92,6 +98,7 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
         control_dt: interface.control_dt,
         gait_frequency: interface.gait_frequency,
         provenance: policy.provenance.clone(),
+        notes: policy.notes.clone(),
         written,
     }
 }
@@ -102,7 +109,8 @@ pub fn text(document: &Document) -> String {
         let widths: Vec<String> = network.layers.iter().map(usize::to_string).collect();
         format!("{} {}, {} parameters", widths.join("-"), network.activation, network.parameters)
     };
-    let mut text = format!("policy for {}\nactor   {}", document.robot, shape(&document.actor));
+    let robot = if document.robot.is_empty() { "an unnamed robot" } else { &document.robot };
+    let mut text = format!("policy for {robot}\nactor   {}", shape(&document.actor));
     text.push_str(if document.normaliser { ", observation normalised\n" } else { "\n" });
     if let Some(critic) = &document.critic {
         let _ = writeln!(text, "critic  {}", shape(critic));
@@ -133,9 +141,13 @@ pub fn text(document: &Document) -> String {
     for part in &document.observation {
         let scale: Vec<String> = part.scale.iter().map(f32::to_string).collect();
         let scale = if scale.is_empty() { "1".to_owned() } else { scale.join(" ") };
+        let past = match part.frames[..] {
+            [] => String::new(),
+            [first, ..] => format!(", {} frames, the oldest from {first}", part.frames.len()),
+        };
         observation.add_row([
             part.quantity.name().to_owned(),
-            format!("{}..{}", part.start, part.end),
+            format!("{}..{}{past}", part.start, part.end),
             scale,
         ]);
     }
@@ -160,6 +172,9 @@ pub fn text(document: &Document) -> String {
             held.add_row([joint.clone(), position.to_string(), kp.to_string(), kd.to_string()]);
         }
         let _ = writeln!(text, "\n{held}");
+    }
+    for note in &document.notes {
+        let _ = writeln!(text, "note: {note}");
     }
     for path in &document.written {
         let _ = writeln!(text, "wrote {path}");

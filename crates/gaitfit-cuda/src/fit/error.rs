@@ -42,6 +42,9 @@ pub enum FitError {
         /// Bytes there are.
         available: usize,
     },
+    /// Something that only the CPU does.
+    #[error("a fit with {0} does not run on a GPU yet; use the CPU (--device cpu)")]
+    Unsupported(String),
     /// Numbers of another problem.
     #[error("{what} has {found} numbers, the recordings need {expected}")]
     Length {

@@ -26,7 +26,13 @@ pub struct Tables {
 
 impl Tables {
     /// Of robots that follow `scripts` under `policy`.
-    pub fn walk(walker: &Walker, policy: &Policy, scripts: &[Script]) -> Self {
+    ///
+    /// # Errors
+    /// [`FitError::Unsupported`] for policies that the kernels do not know.
+    pub fn walk(walker: &Walker, policy: &Policy, scripts: &[Script]) -> Result<Self, FitError> {
+        if walker.sees_past() {
+            return Err(FitError::Unsupported("a policy that observes a history".to_owned()));
+        }
         let (actions, joints) = (walker.joints.len(), walker.default_pose.len());
         let lengths: Vec<usize> = scripts.iter().map(|script| script.commands.len()).collect();
         let samples = lengths.iter().copied().max().unwrap_or(0);
@@ -55,7 +61,7 @@ impl Tables {
                 }
             }
         }
-        Self {
+        Ok(Self {
             lengths: lengths.iter().map(|&length| length as u32).collect(),
             samples,
             has_states,
@@ -67,7 +73,7 @@ impl Tables {
                 ("network", copied(policy)),
             ],
             doubles: Vec::new(),
-        }
+        })
     }
 
     /// Of clamped robots that are given their recordings' targets.

@@ -46,7 +46,7 @@ impl<'a> Scene<'a> {
     /// The physics that a task's rollouts need. `processors`: the GPU's multiprocessors.
     ///
     /// # Errors
-    /// A robot that cannot be stepped; a candidate with networks.
+    /// A robot that cannot be stepped; a candidate with networks; past frames in observations.
     pub fn period(
         task: &Task,
         candidates: &[Candidate],
@@ -56,6 +56,9 @@ impl<'a> Scene<'a> {
         let unsupported = |what: &str| Err(RolloutError::Unsupported(what.to_owned()));
         if candidates.iter().any(|candidate| !candidate.networks.is_empty()) {
             return unsupported("networks that act on the joints");
+        }
+        if task.walker.sees_past() {
+            return unsupported("a history of observations");
         }
         let batch = &task.walker.batch;
         let options = PeriodOptions {
@@ -73,8 +76,11 @@ impl<'a> Scene<'a> {
     /// A task on the physics of [`Scene::period`].
     ///
     /// # Errors
-    /// [`RolloutError::Unsupported`] for reward terms of a library's user.
+    /// [`RolloutError::Unsupported`] for reward terms of a library's user and past frames in observations.
     pub fn new(task: &'a Task, period: &'a Period, sizes: Sizes) -> Result<Self, RolloutError> {
+        if task.walker.sees_past() {
+            return Err(RolloutError::Unsupported("a history of observations".to_owned()));
+        }
         let known = |name: &str| reward::TERMS.iter().any(|term| term.name == name);
         if let Some((own, _)) = task.reward_weights().find(|(name, _)| !known(name)) {
             return Err(RolloutError::Unsupported(format!("the reward term `{own}`, which is not built in")));

@@ -1,7 +1,7 @@
 //! One tile of robots at a task.
 
 use gaitfit_model::rotation::{self, quat_of, to_heading, vec_of};
-use gaitfit_policy::observation::{LastAction, Layout, Sensed};
+use gaitfit_policy::observation::{LastAction, Layout, Past, Sensed};
 use gaitfit_policy::walker::{TorqueNoise, touching};
 use gaitfit_random::{Purpose, Stream, fill_block_rows};
 use gaitfit_sim::{Candidate, Motion, Tile};
@@ -53,6 +53,8 @@ pub struct Environment<'a> {
     pub(super) steps: Vec<u32>,
     pub(super) command: Vec<[f32; 3]>,
     pub(super) last_action: LastAction,
+    /// Rows of the step before, of actor and critic.
+    pub(super) past: [Past; 2],
     targets: Vec<f32>,
     /// `environments × feet`.
     pub(super) feet: Vec<Foot>,
@@ -122,6 +124,7 @@ impl<'a> Environment<'a> {
             steps: vec![0; count],
             command: vec![[0.0; 3]; count],
             last_action: LastAction::new(count, joints),
+            past: [&walker.observation, &walker.critic_observation].map(|layout| Past::new(layout, count)),
             targets: vec![0.0; count * walker.default_pose.len()],
             feet: vec![Foot::default(); count * task.settings.feet.len()],
             terms: vec![0.0; task.rewards.len()],
@@ -194,6 +197,7 @@ impl<'a> Environment<'a> {
             self.command[index] = command(&self.task.settings.command, self.seed, number, step);
         }
         self.last_action.begin(index);
+        self.past.iter_mut().for_each(|past| past.begin(index));
         let feet = self.task.settings.feet.len();
         self.feet[index * feet..(index + 1) * feet].fill(Foot::default());
     }
@@ -210,16 +214,38 @@ impl<'a> Environment<'a> {
         let mut words = vec![[0; 4]; self.count() * blocks.len()];
         let stream = Stream::new(self.seed, Purpose::OBSERVATION_NOISE).step(step);
         fill_block_rows(stream, self.first, &blocks, &mut words);
-        self.write_observations(&walker.observation, Some((&words, blocks.len())), rows);
+        self.write_observations(&walker.observation, &self.past[0], Some((&words, blocks.len())), rows);
     }
 
     /// Writes the critic's observations, without noise; one row an environment.
     pub fn observe_critic(&self, rows: &mut [f32]) {
-        self.write_observations(&self.task.walker.critic_observation, None, rows);
+        self.write_observations(&self.task.walker.critic_observation, &self.past[1], None, rows);
+    }
+
+    /// Keeps the rows that were observed at `step`, for those of the next.
+    fn remember(&mut self, step: u32) {
+        let walker = &self.task.walker;
+        let [actor, critic] = [&self.past[0], &self.past[1]].map(Past::is_kept);
+        if actor {
+            let mut rows = vec![0.0; self.count() * walker.observation.width()];
+            self.observe(step, &mut rows);
+            self.past[0].take(&rows);
+        }
+        if critic {
+            let mut rows = vec![0.0; self.count() * walker.critic_observation.width()];
+            self.observe_critic(&mut rows);
+            self.past[1].take(&rows);
+        }
     }
 
     /// `noise`: the words of every environment's blocks, and how many blocks each has.
-    fn write_observations(&self, layout: &Layout, noise: Option<(&[[u32; 4]], usize)>, rows: &mut [f32]) {
+    fn write_observations(
+        &self,
+        layout: &Layout,
+        past: &Past,
+        noise: Option<(&[[u32; 4]], usize)>,
+        rows: &mut [f32],
+    ) {
         let Task { settings, walker, .. } = self.task;
         let mut sensed = Sensed::new(walker.joints.len());
         for (index, row) in rows.chunks_exact_mut(layout.width().max(1)).enumerate() {
@@ -231,9 +257,10 @@ impl<'a> Environment<'a> {
                 Some((words, blocks)) => {
                     let words = &words[index * blocks..(index + 1) * blocks];
                     let mut noise = SensorNoise::new(&settings.noise, words);
-                    layout.write(&sensed, None, |quantity, values| noise.add(quantity, values), row);
+                    let corrupt = |quantity, values: &mut [f32]| noise.add(quantity, values);
+                    layout.write(&sensed, past.row(index), corrupt, row);
                 }
-                None => layout.write(&sensed, None, |_, _| (), row),
+                None => layout.write(&sensed, past.row(index), |_, _| (), row),
             }
         }
     }
@@ -244,6 +271,7 @@ impl<'a> Environment<'a> {
     pub fn step(&mut self, step: u32, actions: &[f32], reward: &mut [f32], ended: &mut [Ended]) {
         let task = self.task;
         let joints = task.walker.joints.len();
+        self.remember(step);
         task.walker.targets(actions, &mut self.targets);
         self.push(step);
         let torques = self.noise.torques_of(&task.walker, &self.deviations, self.seed, self.first, step);
@@ -405,6 +433,7 @@ impl<'a> Environment<'a> {
         numbers.extend(self.command.iter().flatten());
         numbers.extend(self.last_action.rows());
         numbers.extend(self.feet.iter().flat_map(Foot::numbers));
+        numbers.extend(self.past.iter().flat_map(Past::numbers));
         Saved { numbers, steps: self.steps.clone() }
     }
 
@@ -413,7 +442,8 @@ impl<'a> Environment<'a> {
     /// # Errors
     /// A state of another task, robot or batch.
     pub fn restore(&mut self, saved: &Saved) -> Result<(), TaskError> {
-        let own = 3 * self.command.len() + self.last_action.rows().len() + 8 * self.feet.len();
+        let past: usize = self.past.iter().map(Past::size).sum();
+        let own = 3 * self.command.len() + self.last_action.rows().len() + 8 * self.feet.len() + past;
         let foreign = TaskError::Setting {
             setting: "checkpoint".to_owned(),
             what: "is of another task, robot or number of environments".to_owned(),
@@ -429,8 +459,12 @@ impl<'a> Environment<'a> {
         for (command, saved) in self.command.iter_mut().zip(commands.chunks_exact(3)) {
             command.copy_from_slice(saved);
         }
-        let (actions, feet) = rest.split_at(self.last_action.rows().len());
+        let (actions, rest) = rest.split_at(self.last_action.rows().len());
         self.last_action.take(actions);
+        let (feet, past) = rest.split_at(8 * self.feet.len());
+        let (actor, critic) = past.split_at(self.past[0].size());
+        self.past[0].restore(actor);
+        self.past[1].restore(critic);
         for (foot, saved) in self.feet.iter_mut().zip(feet.as_chunks::<8>().0) {
             *foot = Foot::from_numbers(saved);
         }

@@ -1,7 +1,7 @@
 //! The settings of a task; every one of them is in the configuration file.
 
-use gaitfit_policy::Quantity;
 use gaitfit_policy::walker::FallSettings;
+use gaitfit_policy::{History, Quantity};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -75,6 +75,9 @@ pub struct PolicySettings {
     /// pose by their gains.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub joints: Vec<String>,
+    /// How past frames lie in a row, where terms have a history.
+    #[serde(default, skip_serializing_if = "is_usual")]
+    pub history: History,
     /// Pose at action zero, rad; 0 where no pattern matches.
     pub default_pose: JointTable,
     /// Target change per unit action, rad.
@@ -89,6 +92,11 @@ pub struct PolicySettings {
     /// Frequency of the gait clock, Hz, for policies that observe it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gait_frequency: Option<f64>,
+}
+
+/// Whether policies' files need not say how past frames lie.
+fn is_usual(history: &History) -> bool {
+    *history == History::default()
 }
 
 /// Velocity commands in the heading frame, drawn uniformly.

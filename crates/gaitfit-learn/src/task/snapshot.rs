@@ -37,7 +37,7 @@ impl Environment<'_> {
         }
     }
 
-    /// Makes environment `index` what it was, here or on a GPU. The motion shows it after [`Environment::refresh`].
+    /// Makes environment `index` what it was, here or on a GPU; past frames of observations begin anew. The motion shows it after [`Environment::refresh`].
     ///
     /// # Errors
     /// A snapshot of another robot.
@@ -54,6 +54,7 @@ impl Environment<'_> {
         self.steps[index] = snapshot.steps;
         self.command[index] = snapshot.command;
         self.last_action.set(index, &snapshot.last_action);
+        self.past.iter_mut().for_each(|past| past.begin(index));
         let feet = &mut self.feet[index * count..(index + 1) * count];
         for (foot, numbers) in feet.iter_mut().zip(&snapshot.feet) {
             *foot = Foot::from_numbers(numbers);

@@ -77,6 +77,7 @@ impl Task {
             held: held.collect(),
             control_dt: settings.control_dt,
             gait_frequency: policy.gait_frequency,
+            history: policy.history,
             observation: policy.observation.clone(),
             critic_observation: policy.critic_observation.clone(),
         };

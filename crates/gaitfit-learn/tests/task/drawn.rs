@@ -291,7 +291,7 @@ fn bad_settings_are_refused_by_name() {
             "2 numbers; give one or 3",
         ),
         (
-            |t| t.policy.observation.push(Term { quantity: Quantity::GaitPhase, scale: vec![] }),
+            |t| t.policy.observation.push(Term::new(Quantity::GaitPhase)),
             "task.policy.gait_frequency",
             "is missing",
         ),

@@ -62,6 +62,7 @@ fn policy(scene: &Task, actor: Network) -> Policy {
         normaliser: None,
         critic_normaliser: None,
         provenance: Provenance::default(),
+        notes: Vec::new(),
     }
 }
 

@@ -1,12 +1,12 @@
 //! A policy trained elsewhere, described in TOML: everything that its weights do not say.
 
 use super::layers::{assemble, take_apart};
-use super::onnx;
-use super::read::bytes;
+use super::read::{bytes, ending};
 use super::tensors::Tensors;
+use super::{onnx, weights};
 use crate::error::invalid;
 use crate::network::{Activation, Network};
-use crate::{ActionClip, Held, Interface, InterfaceError, Quantity, Term};
+use crate::{ActionClip, Held, History, Interface, InterfaceError, Quantity, Term};
 use crate::{Policy, PolicyError, Provenance};
 use serde::Deserialize;
 use std::path::Path;
@@ -32,7 +32,8 @@ pub struct Description {
     /// Standard deviation of the actions, for training on; safetensors with `log_std` or `std` have their own.
     #[serde(default = "half")]
     pub std: f64,
-    /// Name of the robot model.
+    /// Name of the robot model; empty where it is not known.
+    #[serde(default)]
     pub robot: String,
     /// Joint names in the policy's order.
     pub joints: Vec<String>,
@@ -53,6 +54,9 @@ pub struct Description {
     pub control_dt: f64,
     /// Frequency of the gait clock, Hz; where `gait_phase` is observed.
     pub gait_frequency: Option<f64>,
+    /// How past frames lie in a row, where terms have a history.
+    #[serde(default)]
+    pub history: History,
     /// The actor's observation, part by part.
     pub observation: Vec<DescribedTerm>,
     /// The critic's observation, part by part.
@@ -87,6 +91,9 @@ pub struct DescribedTerm {
     pub quantity: Quantity,
     /// Factor on it; none is 1.
     pub scale: Option<PerJoint>,
+    /// Frames: the present one and those before it.
+    #[serde(default = "one")]
+    pub history: usize,
 }
 
 /// Where safetensors hold a normaliser (x − mean) / (std + epsilon).
@@ -100,6 +107,10 @@ pub struct NormaliserTensors {
     /// Added to the standard deviation.
     #[serde(default = "hundredth")]
     pub epsilon: f64,
+}
+
+fn one() -> usize {
+    1
 }
 
 fn actor() -> String {
@@ -134,6 +145,14 @@ impl Description {
         })
     }
 
+    /// The description in a table.
+    ///
+    /// # Errors
+    /// Unknown and missing keys.
+    pub fn from_table(table: toml::Table) -> Result<Self, PolicyError> {
+        table.try_into().map_err(|error: toml::de::Error| invalid(error.message().trim_end()))
+    }
+
     /// What the description says about the robot.
     ///
     /// # Errors
@@ -147,7 +166,7 @@ impl Description {
                     Some(PerJoint::All(value)) => vec![*value as f32],
                     Some(PerJoint::Each(values)) => values.iter().map(|&value| value as f32).collect(),
                 };
-                Term { quantity: term.quantity, scale }
+                Term { quantity: term.quantity, scale, history: term.history }
             };
             terms.iter().map(term).collect()
         };
@@ -162,6 +181,7 @@ impl Description {
             held: self.held.clone(),
             control_dt: self.control_dt,
             gait_frequency: self.gait_frequency,
+            history: self.history,
             observation: terms(&self.observation),
             critic_observation: terms(&self.critic_observation),
         };
@@ -169,7 +189,8 @@ impl Description {
         Ok(interface)
     }
 
-    /// Reads the weights, relative to `folder`, and puts the policy together.
+    /// Reads the weights, relative to `folder`, and puts the policy together. Of a safetensors file that this program
+    /// wrote everything but the interface is kept, unless `activation` says to read its tensors as another program's.
     ///
     /// # Errors
     /// Weights that are no multilayer perceptron, or do not fit the description.
@@ -180,7 +201,13 @@ impl Description {
         }
         let path = folder.join(&self.file);
         let inside = |source| PolicyError::In { path: path.clone(), source: Box::new(source) };
-        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+        let ending = ending(&path);
+        if ending.as_deref() == Some("safetensors") && self.activation.is_none() {
+            let bytes = bytes(&path)?;
+            if weights::interface(&bytes).is_some() {
+                return self.other_interface(interface, weights::read(&bytes).map_err(inside)?);
+            }
+        }
         let (actor, critic, log_std) = match ending.as_deref() {
             Some("onnx") => (self.onnx(&bytes(&path)?).map_err(inside)?, None, None),
             Some("safetensors") => self.safetensors(&bytes(&path)?).map_err(inside)?,
@@ -194,6 +221,31 @@ impl Description {
             normaliser: None,
             critic_normaliser: None,
             provenance: Provenance::default(),
+            notes: Vec::new(),
+        };
+        policy.check()?;
+        Ok(policy)
+    }
+
+    /// `policy` with another interface. The critic goes where nothing says what it sees.
+    fn other_interface(&self, interface: Interface, policy: Policy) -> Result<Policy, PolicyError> {
+        let given = [
+            ("critic", self.critic.is_some()),
+            ("normaliser", self.normaliser.is_some()),
+            ("critic_normaliser", self.critic_normaliser.is_some()),
+        ];
+        if let Some((key, _)) = given.iter().find(|(_, given)| *given) {
+            return Err(invalid(format!(
+                "`{key}` is for files of other programs; {} is gaitfit's and has its own: leave it out",
+                self.file
+            )));
+        }
+        let sees = !interface.critic_observation.is_empty();
+        let policy = Policy {
+            interface,
+            critic: policy.critic.filter(|_| sees),
+            critic_normaliser: policy.critic_normaliser.filter(|_| sees),
+            ..policy
         };
         policy.check()?;
         Ok(policy)

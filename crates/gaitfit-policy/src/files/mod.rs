@@ -3,10 +3,12 @@
 //! Everything here reads untrusted files: sizes are bounded, nothing panics, and errors name the mismatch.
 
 mod description;
+mod foreign;
 mod layers;
 pub mod onnx;
 mod read;
 mod tensors;
+mod torch;
 pub mod weights;
 
 pub use description::{DescribedTerm, Description, NormaliserTensors, PerJoint};

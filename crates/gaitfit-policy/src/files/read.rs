@@ -1,8 +1,11 @@
 //! A policy from a path, whatever wrote it.
 
+use super::foreign::{self, Known};
+use super::torch;
 use super::{Description, onnx, weights};
 use crate::error::invalid;
 use crate::{Policy, PolicyError};
+use serde::Deserialize;
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -10,43 +13,122 @@ use std::path::{Path, PathBuf};
 /// Largest policy file.
 const MOST_BYTES: u64 = 32 << 20;
 
-/// Reads a policy: `.safetensors` and `.onnx` written by this program, or a `.toml` that describes a policy trained
-/// elsewhere ([`Description`]).
+/// Reads a policy: `.safetensors` and `.onnx` written by this program, an `.onnx` with the metadata of mjlab or with
+/// unitree_rl_lab's `deploy.yaml` beside it, or a `.toml` that describes a policy trained elsewhere ([`Description`]).
+/// What had to be assumed is in [`Policy::notes`].
 ///
 /// # Errors
 /// [`PolicyError`], always with the file's name.
 pub fn read(path: &Path) -> Result<Policy, PolicyError> {
     let inside = |source| PolicyError::In { path: path.to_owned(), source: Box::new(source) };
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-    match ending.as_deref() {
+    match ending(path).as_deref() {
         Some("safetensors") => weights::read(&bytes(path)?).map_err(inside),
-        Some("onnx") => onnx::read(&bytes(path)?).map_err(inside),
-        Some("toml") => description(path)?.load(folder(path)).map_err(inside),
+        Some("onnx") => onnx_file(path, &bytes(path)?).map_err(inside),
+        Some("toml") => {
+            let (description, notes) = description(path)?;
+            let policy = description.load(folder(path)).map_err(inside)?;
+            Ok(Policy { notes, ..policy })
+        }
+        Some("pt" | "pth" | "jit" | "ptl") => Err(inside(torch::refuse(path, &bytes(path)?))),
         _ => Err(inside(invalid("no policy by its ending; give a .safetensors, .onnx or .toml file"))),
     }
 }
 
-/// The files that [`read`] reads: the one named, and the weights that a description names.
+/// The files that [`read`] reads: the one named, the weights that a description names, and what says more of them.
 ///
 /// # Errors
 /// A description that cannot be read.
 pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
     let mut files = vec![path.to_owned()];
-    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) {
-        files.push(folder(path).join(description(path)?.file));
+    if ending(path).as_deref() == Some("toml") {
+        files.push(folder(path).join(description(path)?.0.file));
+    }
+    if let Some(beside) = files.last().filter(|file| ending(file).as_deref() == Some("onnx")) {
+        files.extend(foreign::unitree_file(beside));
     }
     Ok(files)
+}
+
+/// The ending of a file's name, in small letters.
+pub(super) fn ending(path: &Path) -> Option<String> {
+    path.extension().map(|ending| ending.to_string_lossy().to_lowercase())
 }
 
 fn folder(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
 }
 
-fn description(path: &Path) -> Result<Description, PolicyError> {
+/// A policy from an ONNX file alone.
+fn onnx_file(path: &Path, bytes: &[u8]) -> Result<Policy, PolicyError> {
+    if let Some(policy) = onnx::read_own(bytes)? {
+        return Ok(policy);
+    }
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let Some(Known { mut table, notes }) = known_of_foreign(path, bytes)? else {
+        return Err(onnx::without_metadata(&name, bytes));
+    };
+    table.insert("file".into(), name.into());
+    let policy = Description::from_table(table)?.load(folder(path))?;
+    Ok(Policy { notes, ..policy })
+}
+
+/// What another program says of an ONNX file, inside or beside it.
+fn known_of_foreign(path: &Path, bytes: &[u8]) -> Result<Option<Known>, PolicyError> {
+    if let Some(known) = onnx::foreign(bytes)? {
+        return Ok(Some(known));
+    }
+    let Some(beside) = foreign::unitree_file(path) else { return Ok(None) };
+    let inside = |source| PolicyError::In { path: beside.clone(), source: Box::new(source) };
+    let text = text(&beside)?;
+    foreign::unitree(&text).map(Some).map_err(inside)
+}
+
+/// What a weights file says of its interface, which a description then need not repeat.
+fn known(path: &Path) -> Option<Known> {
+    let bytes = bytes(path).ok()?;
+    let interface = match ending(path).as_deref() {
+        Some("safetensors") => weights::interface(&bytes),
+        Some("onnx") => onnx::interface(&bytes),
+        _ => None,
+    };
+    match interface {
+        Some(interface) => {
+            toml::Table::try_from(interface).ok().map(|table| Known { table, ..Known::default() })
+        }
+        None if ending(path).as_deref() == Some("onnx") => known_of_foreign(path, &bytes).ok()?,
+        None => None,
+    }
+}
+
+/// A description, completed by what its weights file says, and notes on that.
+fn description(path: &Path) -> Result<(Description, Vec<String>), PolicyError> {
+    /// What is needed before all the rest.
+    #[derive(Deserialize)]
+    struct Named {
+        file: String,
+    }
     let inside = |source| PolicyError::In { path: path.to_owned(), source: Box::new(source) };
-    let bytes = bytes(path)?;
-    let text = std::str::from_utf8(&bytes).map_err(|error| inside(invalid(error.to_string())))?;
-    Description::parse(text).map_err(inside)
+    let text = text(path)?;
+    let named = toml::from_str::<Named>(&text).ok();
+    match named.and_then(|named| known(&folder(path).join(named.file))) {
+        None => Ok((Description::parse(&text).map_err(inside)?, Vec::new())),
+        Some(Known { table: mut entries, mut notes }) => {
+            let given: toml::Table =
+                toml::from_str(&text).map_err(|error| inside(invalid(error.message())))?;
+            if ["control_dt", "observation"].iter().all(|key| given.contains_key(*key)) {
+                notes.clear();
+            }
+            entries.extend(given);
+            Ok((Description::from_table(entries).map_err(inside)?, notes))
+        }
+    }
+}
+
+fn text(path: &Path) -> Result<String, PolicyError> {
+    String::from_utf8(bytes(path)?).map_err(|error| PolicyError::In {
+        path: path.to_owned(),
+        source: Box::new(invalid(error.to_string())),
+    })
 }
 
 /// The bytes of a regular file of moderate size: a pipe would hang, a device would fill the memory.

@@ -113,9 +113,16 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
         return Err(invalid(format!("tensor {name} is none of a policy's; export the policy again")));
     }
     let Header { interface, provenance, .. } = header;
-    let policy = Policy { interface, actor, log_std, critic, normaliser, critic_normaliser, provenance };
+    let notes = Vec::new();
+    let policy =
+        Policy { interface, actor, log_std, critic, normaliser, critic_normaliser, provenance, notes };
     policy.check()?;
     Ok(policy)
+}
+
+/// The interface in a file that [`write`] wrote; `None` for other files and damaged ones.
+pub(super) fn interface(bytes: &[u8]) -> Option<Interface> {
+    header(bytes).ok().map(|header| header.interface)
 }
 
 fn header(bytes: &[u8]) -> Result<Header, PolicyError> {

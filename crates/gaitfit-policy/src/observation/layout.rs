@@ -3,53 +3,61 @@
 use std::ops::Range;
 
 use super::Sensed;
-use crate::{Interface, Quantity, Term};
+use crate::{FrameOrder, HistoryStart, Interface, Quantity, Term};
 
 /// Where one term lies in a row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slot {
     /// What is observed.
     pub quantity: Quantity,
-    /// Its numbers: all frames one after the other, the oldest first.
-    pub range: Range<usize>,
-    /// Frames: the present one and those of the control periods before it.
-    pub frames: usize,
-    /// Numbers of one frame.
-    width: usize,
+    /// Its present frame.
+    pub present: Range<usize>,
+    /// Where each of its frames begins, the oldest first; the last is the present.
+    pub frames: Vec<usize>,
     /// Factors, as [`Term::scale`] has them.
     scale: Vec<f32>,
 }
 
-/// Where the terms of an observation lie in a row: term after term, and within a term frame after frame, the oldest
-/// first (the order of Isaac Lab's flattened history). Interfaces have one frame a term.
+impl Slot {
+    /// Numbers of one frame.
+    fn width(&self) -> usize {
+        self.present.len()
+    }
+}
+
+/// Where the terms of an observation lie in a row, past frames as [`Interface::history`] says.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {
     slots: Vec<Slot>,
     width: usize,
+    start: HistoryStart,
     /// Pose at action zero, rad, policy order.
     default_pose: Vec<f32>,
 }
 
 impl Layout {
-    /// Of `terms` (for example [`Interface::observation`]) with one frame each.
+    /// Of `terms`, for example [`Interface::observation`]. The interface has passed [`Interface::check`].
     pub fn new(interface: &Interface, terms: &[Term]) -> Self {
-        Self::with_frames(interface, terms, &[])
-    }
-
-    /// Of `terms` with `frames` frames each, in their order; a term without an entry, or with 0, has one.
-    pub fn with_frames(interface: &Interface, terms: &[Term], frames: &[usize]) -> Self {
         let joints = interface.joints.len();
+        let frame: usize = terms.iter().map(|term| term.quantity.width(joints)).sum();
+        let order = interface.history.order;
         let mut start = 0;
         let mut slots = Vec::with_capacity(terms.len());
-        for (index, term) in terms.iter().enumerate() {
-            let width = term.quantity.width(joints);
-            let frames = frames.get(index).copied().unwrap_or(1).max(1);
-            let range = start..start + frames * width;
-            start = range.end;
-            slots.push(Slot { quantity: term.quantity, range, frames, width, scale: term.scale.clone() });
+        for term in terms {
+            let (width, count) = (term.quantity.width(joints), term.history.max(1));
+            let begin = |number: usize| match order {
+                FrameOrder::Terms => start + number * width,
+                FrameOrder::Frames => start + number * frame,
+                FrameOrder::NewestFirst => start + (count - 1 - number) * frame,
+            };
+            let frames: Vec<usize> = (0..count).map(begin).collect();
+            let present = begin(count - 1)..begin(count - 1) + width;
+            start += if order == FrameOrder::Terms { count * width } else { width };
+            slots.push(Slot { quantity: term.quantity, present, frames, scale: term.scale.clone() });
         }
         let default_pose = interface.default_pose.iter().map(|&angle| angle as f32).collect();
-        Self { slots, width: start, default_pose }
+        let width = interface.width(terms);
+        Self { slots, width, start: interface.history.start, default_pose }
     }
 
     /// Numbers in a row.
@@ -62,11 +70,33 @@ impl Layout {
         &self.slots
     }
 
+    /// Most frames of a term: a row says what was up to so many control periods less one ago.
+    pub fn frames(&self) -> usize {
+        self.slots.iter().map(|slot| slot.frames.len()).max().unwrap_or(1)
+    }
+
+    /// The factor of each number of a row. Factors of neither one number nor the term's width, which
+    /// [`Interface::check`] refuses, count as 1.
+    pub fn scales(&self) -> Vec<f32> {
+        let mut scales = vec![1.0; self.width];
+        for slot in &self.slots {
+            for &start in &slot.frames {
+                let own = &mut scales[start..start + slot.width()];
+                match slot.scale[..] {
+                    [one] => own.fill(one),
+                    _ if slot.scale.len() == own.len() => own.copy_from_slice(&slot.scale),
+                    _ => {}
+                }
+            }
+        }
+        scales
+    }
+
     /// Writes the row of a robot.
     ///
     /// `past`: the row of the control period before, whose frames move up by one; `None` at an episode's start, where
-    /// all frames show the present. With one frame a term it is not looked at. `corrupt` may add sensor noise to the
-    /// present frame of each term, before the term's scale; it is called in the terms' order.
+    /// [`Interface::history`] says what older frames hold. With one frame a term it is not looked at. `corrupt` may add
+    /// sensor noise to the present frame of each term, before the term's scale; it is called in the terms' order.
     ///
     /// # Panics
     /// If `row` or `past` is shorter than [`Layout::width`], or `sensed` is of another number of joints: errors of the
@@ -80,9 +110,7 @@ impl Layout {
         row: &mut [f32],
     ) {
         for slot in &self.slots {
-            let Range { start, end } = slot.range;
-            let present = end - slot.width;
-            let out = &mut row[present..end];
+            let out = &mut row[slot.present.clone()];
             self.sense(slot.quantity, sensed, out);
             corrupt(slot.quantity, out);
             match slot.scale.as_slice() {
@@ -90,13 +118,12 @@ impl Layout {
                 [scale] => out.iter_mut().for_each(|value| *value *= scale),
                 scales => out.iter_mut().zip(scales).for_each(|(value, scale)| *value *= scale),
             }
-            if slot.frames > 1 {
+            for pair in slot.frames.windows(2) {
+                let to = pair[0]..pair[0] + slot.width();
                 match past {
-                    Some(past) => row[start..present].copy_from_slice(&past[start + slot.width..end]),
-                    None => {
-                        let (older, present) = row[start..end].split_at_mut(present - start);
-                        older.chunks_exact_mut(slot.width).for_each(|frame| frame.copy_from_slice(present));
-                    }
+                    Some(past) => row[to].copy_from_slice(&past[pair[1]..pair[1] + slot.width()]),
+                    None if self.start == HistoryStart::Zeros => row[to].fill(0.0),
+                    None => row.copy_within(slot.present.clone(), to.start),
                 }
             }
         }

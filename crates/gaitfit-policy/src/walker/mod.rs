@@ -9,7 +9,7 @@ mod start;
 use gaitfit_model::rotation::{quat_of, rotate_back, up, vec_of};
 use gaitfit_model::{Model, Root};
 use gaitfit_physics::{Preset, Robot};
-use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Motion};
+use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Motion, Start};
 
 use crate::Interface;
 use crate::observation::{Layout, Sensed};
@@ -123,6 +123,11 @@ impl Walker {
         })
     }
 
+    /// Whether actor or critic observe past frames.
+    pub fn sees_past(&self) -> bool {
+        self.observation.frames() > 1 || self.critic_observation.frames() > 1
+    }
+
     /// The robot.
     pub fn model(&self) -> &Model {
         self.batch.model()
@@ -173,13 +178,45 @@ impl Walker {
     /// If `motion` has no such environment, or `sensed` is of another number of joints: errors of the caller.
     pub fn sense(&self, motion: &Motion, index: usize, sensed: &mut Sensed) {
         let joints = self.default_pose.len();
-        let quaternion = quat_of(&motion.base_quaternion[4 * index..]);
-        let linear = vec_of(&motion.base_linear[3 * index..]);
-        sensed.base_angular_velocity.copy_from_slice(&motion.base_angular[3 * index..3 * index + 3]);
+        let row = joints * index..joints * (index + 1);
+        self.sense_parts(
+            quat_of(&motion.base_quaternion[4 * index..]),
+            vec_of(&motion.base_linear[3 * index..]),
+            vec_of(&motion.base_angular[3 * index..]),
+            &motion.joint_position[row.clone()],
+            &motion.joint_velocity[row],
+            sensed,
+        );
+    }
+
+    /// As [`Walker::sense`], of a robot in `state`, whose joint angles are as the encoders report them.
+    ///
+    /// # Panics
+    /// If `state` or `sensed` is of another number of joints: an error of the caller.
+    pub fn sense_state(&self, state: &Start, sensed: &mut Sensed) {
+        let Start { base_quaternion, base_linear, base_angular, joint_position, joint_velocity, .. } = state;
+        self.sense_parts(
+            *base_quaternion,
+            *base_linear,
+            *base_angular,
+            joint_position,
+            joint_velocity,
+            sensed,
+        );
+    }
+
+    fn sense_parts(
+        &self,
+        quaternion: [f32; 4],
+        linear: [f32; 3],
+        angular: [f32; 3],
+        position: &[f32],
+        velocity: &[f32],
+        sensed: &mut Sensed,
+    ) {
+        sensed.base_angular_velocity = angular;
         sensed.projected_gravity = up(quaternion).map(|x| -x);
         sensed.base_linear_velocity = rotate_back(quaternion, linear);
-        let position = &motion.joint_position[joints * index..joints * (index + 1)];
-        let velocity = &motion.joint_velocity[joints * index..joints * (index + 1)];
         for (to, &joint) in self.joints.iter().enumerate() {
             sensed.joint_position[to] = position[joint];
             sensed.joint_velocity[to] = velocity[joint];

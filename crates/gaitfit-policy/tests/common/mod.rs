@@ -3,7 +3,7 @@
 
 use gaitfit_model::Model;
 use gaitfit_policy::network::{Activation, Network, Normaliser, Scratch, Shape};
-use gaitfit_policy::{Interface, Quantity, Term};
+use gaitfit_policy::{History, Interface, Quantity, Term};
 use gaitfit_policy::{Policy, Provenance};
 use std::path::{Path, PathBuf};
 
@@ -17,6 +17,16 @@ pub fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/policies").join(name)
 }
 
+/// Observations and the actions that another program computed for them.
+pub fn rows(name: &str) -> [Vec<f32>; 2] {
+    let table: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(fixture(name)).unwrap()).unwrap();
+    ["observation", "actions"].map(|key| {
+        let rows = table[key].as_array().unwrap().iter();
+        rows.flat_map(|row| row.as_array().unwrap()).map(|x| x.as_f64().unwrap() as f32).collect()
+    })
+}
+
 /// The project's Go2.
 pub fn go2() -> Model {
     gaitfit_model::read(&root().join("assets/go2.xml"), &Default::default()).unwrap()
@@ -24,7 +34,7 @@ pub fn go2() -> Model {
 
 /// 45 observed numbers, 48 for the critic.
 pub fn interface() -> Interface {
-    let term = |quantity, scale: &[f32]| Term { quantity, scale: scale.to_vec() };
+    let term = |quantity, scale: &[f32]| Term::new(quantity).scaled(scale);
     let observation = vec![
         term(Quantity::BaseAngularVelocity, &[0.25]),
         term(Quantity::ProjectedGravity, &[]),
@@ -49,6 +59,7 @@ pub fn interface() -> Interface {
         held: Vec::new(),
         control_dt: 0.02,
         gait_frequency: None,
+        history: History::default(),
         observation,
         critic_observation,
     }
@@ -88,6 +99,7 @@ pub fn policy(activation: Activation) -> Policy {
             parent: "4567".into(),
             theta: "89ef".into(),
         },
+        notes: Vec::new(),
     }
 }
 

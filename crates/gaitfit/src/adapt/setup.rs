@@ -162,6 +162,10 @@ impl Setup {
         let gpu = device.open()?;
         let method = self::method(&config, policy, model, &theta, &base, threads)?.on(gpu.clone());
         let mut warnings = crate::robot::remarks(method.model());
+        if let Some(policy) = &walker {
+            warnings.extend(policy.notes.iter().cloned());
+            warnings.extend(policy.interface.other_robot(&robot));
+        }
         if let Some((path, file)) = &known {
             warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
         }

@@ -79,6 +79,8 @@ impl Setup {
             None => robot::go2()?,
         };
         doubts.extend(robot::remarks(&model));
+        doubts.extend(policy.notes.iter().cloned());
+        doubts.extend(policy.interface.other_robot(&model));
         if let Some(known) = &known {
             // Read now, not after an hour.
             theta::candidate(&theta::read(known)?, known, &model)?;

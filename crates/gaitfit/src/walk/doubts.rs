@@ -54,7 +54,9 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
 /// Logs that say they are another robot's or were made with other gains.
 pub fn other_robots(reads: &[Read], interface: &Interface) -> Vec<String> {
     let mut warnings = Vec::new();
-    let of = |read: &&Read| read.trajectory.robot.as_ref().is_some_and(|robot| *robot != interface.robot);
+    let known = !interface.robot.is_empty();
+    let of =
+        |read: &&Read| known && read.trajectory.robot.as_ref().is_some_and(|robot| *robot != interface.robot);
     if let Some(read) = reads.iter().find(of) {
         warnings.push(format!(
             "{}: the log is of robot `{}`, the policy for `{}`",

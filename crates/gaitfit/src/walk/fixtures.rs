@@ -10,7 +10,7 @@ use gaitfit_log::Trajectory;
 use gaitfit_physics::Preset;
 use gaitfit_policy::Policy;
 use gaitfit_policy::network::Scratch;
-use gaitfit_policy::observation::Layout;
+use gaitfit_policy::observation::{Layout, Past};
 
 /// The Go2 at the built-in task.
 pub fn scene() -> Task {
@@ -66,11 +66,14 @@ pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
     let mut action = vec![0.0f32; joints];
     let layout = Layout::new(interface, &interface.observation);
     let mut observation = vec![0.0f32; layout.width()];
+    let mut past = Past::new(&layout, 1);
     for sample in 0..samples {
         log.position.extend(&position);
         log.velocity.extend(&velocity);
         let last: Vec<f64> = action.iter().map(|&x| f64::from(x)).collect();
-        observation::write(&layout, interface, &log, sample, &last, &Given::default(), 0.0, &mut observation);
+        let (given, row) = (Given::default(), past.row(0));
+        observation::write(&layout, interface, &log, sample, &last, &given, 0.0, row, &mut observation);
+        past.take(&observation);
         policy.act(1, &observation, &mut action, &mut scratch);
         for joint in 0..joints {
             let target =

@@ -49,6 +49,11 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// Frames that the policy observes.
+    pub fn frames(&self) -> usize {
+        self.layout.frames()
+    }
+
     /// The policy's actions where the log is in `all` the states of its base; one row each.
     fn act(
         &mut self,
@@ -60,10 +65,12 @@ impl<'a> Search<'a> {
     ) -> Vec<Vec<f64>> {
         let interface = &self.policy.interface;
         let (width, joints) = (self.layout.width(), interface.joints.len());
+        let past = observation::past(&self.layout, interface, log, sample, clock);
+        let past = past.as_deref();
         self.observation.resize(all.len() * width, 0.0);
         self.action.resize(all.len() * joints, 0.0);
         for (given, row) in all.iter().zip(self.observation.chunks_exact_mut(width)) {
-            observation::write(&self.layout, interface, log, sample, last, given, clock, row);
+            observation::write(&self.layout, interface, log, sample, last, given, clock, past, row);
         }
         self.policy.act(all.len(), &self.observation, &mut self.action, &mut self.scratch);
         let row = |row: &[f32]| clipped(interface, row.iter().map(|&x| f64::from(x)));

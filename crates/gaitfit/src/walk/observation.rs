@@ -105,7 +105,8 @@ fn to_body(q: &[f64], v: [f64; 3]) -> [f64; 3] {
 }
 
 /// Writes the observation of sample `row`, with the arithmetic of the simulator's; what `given` lacks counts as level and
-/// at rest. `last`: the row of the last action. `clock`: phase of the gait clock at sample 0, 0 to 1.
+/// at rest. `last`: the row of the last action. `clock`: phase of the gait clock at sample 0, 0 to 1. `past`: the row of
+/// the sample before, see [`past`].
 pub fn write(
     layout: &Layout,
     interface: &Interface,
@@ -114,6 +115,7 @@ pub fn write(
     last: &[f64],
     given: &Given,
     clock: f64,
+    past: Option<&[f32]>,
     out: &mut [f32],
 ) {
     let joints = interface.joints.len();
@@ -132,5 +134,32 @@ pub fn write(
         last_action: single(last),
         clock: turns.fract() as f32,
     };
-    layout.write(&sensed, None, |_, _| (), out);
+    layout.write(&sensed, past, |_, _| (), out);
+}
+
+/// What the policy observed in the sample before `sample`, by the log, as far as its frames are still seen in `sample`;
+/// none where a row has no past frames, and before the log's second sample.
+pub fn past(
+    layout: &Layout,
+    interface: &Interface,
+    log: &Trajectory,
+    sample: usize,
+    clock: f64,
+) -> Option<Vec<f32>> {
+    if layout.frames() == 1 {
+        return None;
+    }
+    let joints = interface.joints.len();
+    let still = vec![0.0; joints];
+    let action = log.action.as_deref().unwrap_or_default();
+    let mut row: Option<Vec<f32>> = None;
+    for before in (sample + 1).saturating_sub(layout.frames())..sample {
+        let last = before.checked_sub(1).and_then(|last| action.get(last * joints..(last + 1) * joints));
+        let given = Given::of(log, before);
+        let mut next = vec![0.0; layout.width()];
+        let last = last.unwrap_or(&still);
+        write(layout, interface, log, before, last, &given, clock, row.as_deref(), &mut next);
+        row = Some(next);
+    }
+    row
 }

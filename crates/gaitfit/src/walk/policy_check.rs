@@ -91,8 +91,14 @@ impl Comparison {
                 clipped(interface, action[row * joints..(row + 1) * joints].iter().copied())
             };
             let mut chosen = Vec::new();
-            // The first sample's last action is unknown.
-            for sample in 1..log.len() {
+            // The first sample's last action is unknown. Of past frames too all must be known: a search for what several
+            // samples lack would find it for any policy.
+            let frames = search.frames();
+            let known = |sample: usize| Given::of(log, sample).missing(interface).is_empty();
+            for sample in frames..log.len() {
+                if frames > 1 && !(sample + 1 - frames..=sample).all(known) {
+                    continue;
+                }
                 seen += 1;
                 let at = sample.checked_add_signed(shift).filter(|&at| at >= 1 && at < log.len());
                 if let Some(at) = at.filter(|_| seen % every == 0) {
@@ -253,6 +259,8 @@ impl PolicyMatch {
 mod tests {
     use super::*;
     use crate::walk::fixtures::{logs, policy, scene};
+    use gaitfit_learn::task::{Task, TaskSettings};
+    use gaitfit_physics::Preset;
 
     fn judged(policy: &Policy, logs: &[Trajectory]) -> (PolicyMatch, Result<Vec<String>, Error>) {
         let found = check(policy, &logs.iter().collect::<Vec<_>>());
@@ -334,6 +342,21 @@ mod tests {
             let expected = format!("one sample {word} than");
             assert!(warnings[0].contains(&expected), "{warnings:?} {found:?}");
         }
+    }
+
+    #[test]
+    fn a_policy_that_sees_the_past_is_known_by_whole_logs_alone() {
+        let mut settings = TaskSettings::default().calm();
+        settings.policy.observation.iter_mut().for_each(|term| term.history = 4);
+        let scene = Task::new(&crate::robot::go2().unwrap(), &settings, Preset::Fast).unwrap();
+        let (walked, other) = (policy(&scene, 3), policy(&scene, 4));
+        let whole = logs(&scene, &walked, true);
+        let (found, verdict) = judged(&walked, &whole);
+        assert!(found.exact && found.mismatch < 1e-4 && found.samples > 100, "{found:?}");
+        assert!(verdict.unwrap().is_empty());
+        assert!(judged(&other, &whole).1.is_err());
+        let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));
+        assert!(verdict.unwrap()[0].contains("cannot be told"));
     }
 
     #[test]

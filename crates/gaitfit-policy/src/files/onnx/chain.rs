@@ -28,6 +28,11 @@ impl Chain {
         self.layers.last().map(|layer| layer.outputs)
     }
 
+    /// The numbers a row has at the beginning; `None` before the first layer.
+    pub fn inputs(&self) -> Option<usize> {
+        self.layers.first().map(|layer| layer.inputs)
+    }
+
     /// Whether the last operator was an activation.
     pub fn ends_in_activation(&self) -> bool {
         self.after_activation

@@ -55,6 +55,15 @@ pub fn entries(policy: &Policy) -> Result<Vec<Entry>, PolicyError> {
     Ok(list.into_iter().map(|(key, value)| Entry { key: key.to_owned(), value }).collect())
 }
 
+/// Every entry.
+pub fn all(model: &Decoded) -> Result<Vec<(String, String)>, PolicyError> {
+    let entry = |bytes: &Vec<u8>| -> Result<(String, String), PolicyError> {
+        let entry: Entry = decode_message(bytes, "metadata")?;
+        Ok((entry.key, entry.value))
+    };
+    model.metadata.iter().map(entry).collect()
+}
+
 /// This program's entry; `None` where another program wrote the file.
 pub fn read(model: &Decoded) -> Result<Option<Header>, PolicyError> {
     for bytes in &model.metadata {

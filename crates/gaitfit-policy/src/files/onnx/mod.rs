@@ -15,8 +15,10 @@ mod write;
 pub(super) use chain::Chain;
 pub use write::write;
 
+use super::foreign::{self, Known};
 use crate::error::invalid;
-use crate::{Policy, PolicyError};
+use crate::{Interface, Policy, PolicyError};
+use gaitfit_model::shown;
 
 /// Reads a policy that [`write()`] wrote: the graph's network and the metadata's interface. The critic is not part
 /// of an ONNX file.
@@ -24,13 +26,13 @@ use crate::{Policy, PolicyError};
 /// # Errors
 /// A graph that is no multilayer perceptron, one without this program's metadata, or parts that do not fit.
 pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
+    read_own(bytes)?.ok_or_else(|| without_metadata("policy.onnx", bytes))
+}
+
+/// As [`read`]; `None` for a file without this program's metadata.
+pub(super) fn read_own(bytes: &[u8]) -> Result<Option<Policy>, PolicyError> {
     let model = graph::decode(bytes)?;
-    let header = metadata::read(&model)?.ok_or_else(|| {
-        invalid(
-            "it has no `gaitfit` metadata, so joints, gains and observation are unknown; describe them in a TOML \
-             file beside it and give that (docs/policies.md)",
-        )
-    })?;
+    let Some(header) = metadata::read(&model)? else { return Ok(None) };
     let chain = graph::walk(&model)?;
     let policy = Policy {
         interface: header.interface,
@@ -40,9 +42,53 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
         normaliser: header.normaliser,
         critic_normaliser: None,
         provenance: header.provenance,
+        notes: Vec::new(),
     };
     policy.check()?;
-    Ok(policy)
+    Ok(Some(policy))
+}
+
+/// The interface in a file that [`write()`] wrote; `None` for other files and damaged ones.
+pub(super) fn interface(bytes: &[u8]) -> Option<Interface> {
+    metadata::read(&graph::decode(bytes).ok()?).ok()?.map(|header| header.interface)
+}
+
+/// What another program's metadata says; `None` where it is not known.
+pub(super) fn foreign(bytes: &[u8]) -> Result<Option<Known>, PolicyError> {
+    let model = graph::decode(bytes)?;
+    let chain = graph::walk(&model)?;
+    match (chain.inputs(), chain.width()) {
+        (Some(inputs), Some(outputs)) => foreign::mjlab(&metadata::all(&model)?, inputs, outputs),
+        _ => Ok(None),
+    }
+}
+
+/// What is missing in a file that says nothing of joints, gains and observation, with the description to write.
+pub(super) fn without_metadata(name: &str, bytes: &[u8]) -> PolicyError {
+    let sizes = graph::decode(bytes).and_then(|model| graph::walk(&model));
+    let (inputs, outputs) = match &sizes {
+        Ok(chain) => (chain.inputs().unwrap_or(0), chain.width().unwrap_or(0)),
+        Err(error) => return invalid(error.to_string()),
+    };
+    let name = shown(name);
+    invalid(format!(
+        "it has no metadata of gaitfit, mjlab or unitree_rl_lab, so joints, pose, gains, control period and observation \
+         are unknown. Write them into a TOML file beside it and give that (docs/policies.md), for example:\n\n\
+         file = \"{name}\"            # takes {inputs} numbers, gives {outputs} actions\n\
+         joints = [\"…\"]              # {outputs} names, in the order of the actions\n\
+         default_pose = [0.0]         # {outputs} angles, rad\n\
+         action_scale = 0.25\n\
+         kp = 25.0\n\
+         kd = 0.5\n\
+         control_dt = 0.02            # s\n\
+         observation = [              # {inputs} numbers, in the network's order\n    \
+         {{ quantity = \"base_angular_velocity\", scale = 0.25 }},\n    \
+         {{ quantity = \"projected_gravity\" }},\n    \
+         {{ quantity = \"command\" }},\n    \
+         {{ quantity = \"joint_position\" }},\n    \
+         {{ quantity = \"joint_velocity\", scale = 0.05 }},\n    \
+         {{ quantity = \"last_action\" }},\n]"
+    ))
 }
 
 /// The layers of any ONNX multilayer perceptron.

@@ -59,7 +59,10 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
     }
     let graph = Graph {
         node: nodes.iter().map(Message::encode_to_vec).collect(),
-        name: policy.interface.robot.clone(),
+        // A graph must have a name, a policy need not know its robot.
+        name: Some(&policy.interface.robot)
+            .filter(|name| !name.is_empty())
+            .map_or("policy".into(), Clone::clone),
         initializer: constants,
         input: vec![end(INPUT, policy.actor.shape.inputs)],
         output: vec![end(OUTPUT, policy.actor.shape.outputs)],

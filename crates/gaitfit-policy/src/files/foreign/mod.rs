@@ -1,0 +1,25 @@
+//! What other programs write about a policy, beside its network.
+
+mod mjlab;
+mod terms;
+mod unitree;
+
+pub(super) use mjlab::read as mjlab;
+pub(super) use unitree::{beside as unitree_file, read as unitree};
+
+/// Entries of a description that are known without one, and what was assumed for them, in words.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Known {
+    pub table: toml::Table,
+    pub notes: Vec<String>,
+}
+
+/// A list of numbers for a table.
+fn numbers(values: &[f64]) -> toml::Value {
+    toml::Value::Array(values.iter().map(|&value| toml::Value::Float(value)).collect())
+}
+
+/// A list of names for a table.
+fn names(values: &[String]) -> toml::Value {
+    toml::Value::Array(values.iter().map(|name| toml::Value::String(name.clone())).collect())
+}
