@@ -86,7 +86,9 @@ class Policy:
             per_joint = ("default_pose", "action_scale", "kp", "kd")
             self.pose, self.scale, self.kp, self.kd = (np.array(interface[key], float) for key in per_joint)
             self.joints, self.dt = interface["joints"], float(interface["control_dt"])
-            self.clip = interface.get("action_clip") or math.inf
+            # Joints that the policy does not move: [{joint, position, kp, kd}].
+            self.held = interface.get("held", [])
+            self.clip = np.array(interface.get("action_clip") or math.inf)
             task = tomllib.loads(document.get("provenance", {}).get("task") or "")
         except (KeyError, TypeError, ValueError) as error:
             raise Refused(f"{path}: its `gaitfit` metadata cannot be used ({error!r}); export it with gaitfit") from None
@@ -118,6 +120,18 @@ def by_joint(patterns, names, what):
                 raise Refused(f"{what}: two entries match {name}; keep one")
             found[name] = value
     return found
+
+
+def undecorate(spec):
+    """Takes away what is only to be seen: its files need not be there."""
+    seen = [g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH and not (g.contype or g.conaffinity)]
+    for geom in [g for g in seen if g.parent.explicitinertial]:
+        spec.delete(geom)
+    for thing in [*spec.geoms, *spec.sites]:
+        thing.material = ""
+    used = {geom.meshname for geom in spec.geoms}
+    for asset in [*spec.materials, *spec.textures, *(mesh for mesh in spec.meshes if mesh.name not in used)]:
+        spec.delete(asset)
 
 
 class Robot:
@@ -157,6 +171,7 @@ class Robot:
             for geom in spec.geoms:
                 ground = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
                 geom.contype, geom.conaffinity = (1, 0) if ground else (0, int(bool(geom.contype or geom.conaffinity)))
+        undecorate(spec)
         self.model = model = spec.compile()
         model.opt.timestep = world.timestep
         if world.friction is not None:
@@ -182,20 +197,37 @@ class Robot:
         bare = lambda name: name.removesuffix("_joint")
         joints = {bare(model.joint(j).name): j for j in range(model.njnt)}
         motors = {int(model.actuator_trnid[a, 0]): a for a in range(model.nu)}
-        for name in policy.joints:
+        held = [joint["joint"] for joint in policy.held]
+        for name in [*policy.joints, *held]:
             if joints.get(bare(name)) not in motors:
                 raise Refused(f"{world.model} has no joint {name} with a motor")
         ids = [joints[bare(name)] for name in policy.joints]
         self.position, self.velocity = model.jnt_qposadr[ids], model.jnt_dofadr[ids]
-        self.motors = motors = np.array([motors[j] for j in ids])
+        self.motors = np.array([motors[j] for j in ids])
+        self._drive(world, self.motors, world.strength * policy.kp, world.strength * policy.kd)
+        ids = [joints[bare(name)] for name in held]
+        self.held_motors = np.array([motors[j] for j in ids], int)
+        self.held_position = model.jnt_qposadr[ids]
+        self.held_pose, kp, kd = (np.array([joint[key] for joint in policy.held]) for key in ("position", "kp", "kd"))
+        self._drive(world, self.held_motors, world.strength * kp, world.strength * kd)
+
+    def _drive(self, world, motors, kp, kd):
+        """Makes actuators servos with these gains, within the torque limits that they have."""
+        model = self.model
         if (model.actuator_gear[motors] != [1, 0, 0, 0, 0, 0]).any() or model.actuator_gaintype[motors].any():
-            raise Refused(f"{world.model}: motors must be plain torques of gear 1")
-        kp, kd = world.strength * policy.kp, world.strength * policy.kd
+            raise Refused(f"{world.model}: motors must have gear 1 and a fixed gain")
+        # The control of a torque motor is its torque, that of a servo a target.
+        plain = (model.actuator_biastype[motors] == mujoco.mjtBias.mjBIAS_NONE) & (model.actuator_ctrllimited[motors] != 0)
+        force = model.actuator_forcelimited[motors] != 0
+        control = model.actuator_gainprm[motors, :1] * model.actuator_ctrlrange[motors]
+        limits = np.where(force[:, None], model.actuator_forcerange[motors], control)
+        limits = np.where((force & plain)[:, None], np.sign(control) * np.minimum(abs(limits), abs(control)), limits)
         model.actuator_gainprm[motors, 0] = kp
         model.actuator_biastype[motors] = mujoco.mjtBias.mjBIAS_AFFINE
+        model.actuator_biasprm[motors, 0] = 0
         model.actuator_biasprm[motors, 1], model.actuator_biasprm[motors, 2] = -kp, -kd
-        model.actuator_forcelimited[motors] = model.actuator_ctrllimited[motors]
-        model.actuator_forcerange[motors] = model.actuator_ctrlrange[motors]
+        model.actuator_forcelimited[motors] = plain | force
+        model.actuator_forcerange[motors] = limits
         model.actuator_ctrllimited[motors] = 0
 
     def start(self, world, policy, number):
@@ -205,6 +237,7 @@ class Robot:
         data.qpos[:7] = 0, 0, 1, math.cos(policy.pitch / 2), 0, math.sin(policy.pitch / 2), 0
         spread = stream(world.seed, START, number).uniform(-world.joint_noise, world.joint_noise, len(policy.pose))
         data.qpos[self.position] = policy.pose + spread
+        data.qpos[self.held_position] = self.held_pose
         mujoco.mj_kinematics(self.model, data)
         gaps = [mujoco.mj_geomDistance(self.model, data, self.floor, g, 5.0, None) for g in self.solid]
         data.qpos[2] = world.height if world.height is not None else 1 - min(gaps) + world.clearance
@@ -318,6 +351,7 @@ class Group:
     def _hold(self, index, targets, steps):
         robot, data, sigma = self.robot, self.data[index], self.world.torque_noise
         data.ctrl[robot.motors] = targets
+        data.ctrl[robot.held_motors] = robot.held_pose
         if sigma == 0.0:
             mujoco.mj_step(robot.model, data, steps)
             return
