@@ -15,6 +15,7 @@ struct Document {
     robot: String,
     written: String,
     guesses: Vec<Guess>,
+    warnings: Vec<String>,
 }
 
 /// Writes the configuration and prints what was guessed.
@@ -33,8 +34,12 @@ pub fn run(args: &Init) -> Result<(), Failure> {
         look(&model).map_err(|error| Failure::failed(format!("{}: {error}", args.robot.display())))?;
     let text = found.configuration(&named(&args.robot, &out), args.lenient);
     files::write(&out, text.as_bytes())?;
-    let document =
-        Document { robot: model.name.clone(), written: out.display().to_string(), guesses: found.guesses };
+    let document = Document {
+        robot: model.name.clone(),
+        written: out.display().to_string(),
+        guesses: found.guesses,
+        warnings: robot::remarks(&model),
+    };
     if args.json { output::print_json(&document) } else { output::print(&shown(&document)) }
 }
 
@@ -60,6 +65,9 @@ fn shown(document: &Document) -> String {
     let mut text = format!("{}: {}\n", document.robot, document.written);
     for guess in &document.guesses {
         text.push_str(&format!("  {:<10}{}\n", guess.what, guess.found));
+    }
+    for warning in &document.warnings {
+        text.push_str(&format!("note: {warning}\n"));
     }
     text.push_str(&format!("train it with: gaitfit train {}\n", document.written));
     text

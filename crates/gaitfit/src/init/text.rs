@@ -70,8 +70,11 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     );
     line(&mut text, "yaw_tracking_width", float(tidy(0.5 * sizes.turning)), "rad/s");
 
-    let _ = writeln!(text, "\n[task.policy]");
-    if anatomy.moved.len() < model.joints.len() {
+    let some = anatomy.moved.len() < model.joints.len();
+    if some || biped {
+        let _ = writeln!(text, "\n[task.policy]");
+    }
+    if some {
         let names = list(anatomy.moved.iter().map(|&joint| quoted(&model.joints[joint].name)));
         line(&mut text, "joints", names, "those of the legs; the others are held in the default pose");
     }
