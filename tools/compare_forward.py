@@ -2,9 +2,9 @@
 
 Makes the states (falls from random poses, some airborne, random controls), runs
 `gaitfit forward MODEL STATES.npz OUT.npz --preset converged`, and prints for each quantity the largest difference and
-the largest difference relative to the state's largest entry. Geoms meet planes only on MuJoCo's side too, since
-gaitfit has no self-collision. With --lenient MuJoCo's model loses what gaitfit drops: colliding meshes, obstacles that
-are no planes, free bodies beside the robot. Visual meshes are never read. Exit code 3 if a relative difference exceeds
+the largest difference relative to the state's largest entry. Geoms meet the ground only on MuJoCo's side too, since
+gaitfit has no self-collision. Balls on a height field may have more contacts in MuJoCo (docs/robots.md). With --lenient
+MuJoCo's model loses what gaitfit drops: colliding meshes, height fields from files, free bodies beside the robot. Visual meshes are never read. Exit code 3 if a relative difference exceeds
 the tolerance.
 
 Usage: .venv/bin/python tools/compare_forward.py assets/go2.xml --gaitfit target/release/gaitfit
@@ -21,6 +21,8 @@ import numpy as np
 
 from make_physics_fixtures import converge, random_ctrl, step
 
+GROUND = {mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_HFIELD}
+ROUND = {mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE}
 QUANTITIES = ("M", "qfrc_bias", "qacc", "next_qpos", "next_qvel")
 
 
@@ -32,9 +34,9 @@ def load(path, lenient=False):
     if lenient:
         drop(spec)
     strip_pictures(spec)
-    planes = {geom.name for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE}
+    grounds = {geom.name for geom in grounds_of(spec)}
     for pair in list(spec.pairs):
-        if not {pair.geomname1, pair.geomname2} & planes:
+        if not {pair.geomname1, pair.geomname2} & grounds:
             spec.delete(pair)
     ground_only(spec)
     model = spec.compile()
@@ -45,16 +47,30 @@ def load(path, lenient=False):
     return model
 
 
+def grounds_of(spec):
+    """Planes, boxes and height fields of bodies that nothing moves."""
+    moving = set()
+    for body in spec.worldbody.bodies:
+        if body.find_all("joint"):
+            moving |= {body.name, *(inner.name for inner in body.find_all("body"))}
+    return [geom for geom in spec.geoms if geom.parent.name not in moving and geom.type in GROUND]
+
+
 def ground_only(spec):
-    """Leaves a geom the contacts with planes that its bit masks allow, and no others."""
-    planes = [geom for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE]
-    masks = [(plane.contype, plane.conaffinity) for plane in planes]
+    """Leaves a geom the contacts with the ground that its bit masks allow, and no others."""
+    grounds = grounds_of(spec)
+    masks = [(ground.contype, ground.conaffinity) for ground in grounds]
+    kinds = [ground.type for ground in grounds]
+    if len(grounds) > 31:
+        raise SystemExit("more than 31 things of the world may be touched; MuJoCo has 31 bits for them")
     for geom in spec.geoms:
-        if geom.type != mujoco.mjtGeom.mjGEOM_PLANE:
-            touched = [bool(geom.contype & affinity or geom.conaffinity & kind) for kind, affinity in masks]
+        if not any(geom == ground for ground in grounds):
+            touched = [bool(geom.contype & affinity or geom.conaffinity & bits)
+                       and (kind == mujoco.mjtGeom.mjGEOM_PLANE or geom.type in ROUND)
+                       for (bits, affinity), kind in zip(masks, kinds)]
             geom.contype, geom.conaffinity = 0, sum(touch << bit for bit, touch in enumerate(touched))
-    for bit, plane in enumerate(planes):
-        plane.contype, plane.conaffinity = 1 << bit, 0
+    for bit, ground in enumerate(grounds):
+        ground.contype, ground.conaffinity = 1 << bit, 0
 
 
 def strip_pictures(spec):
@@ -89,12 +105,12 @@ def drop(spec):
         spec.delete(one)
     moving = {robot.name, *(body.name for body in robot.find_all("body"))}
     for geom in list(spec.geoms):
-        collides = geom.type in solids if geom.parent.name in moving else geom.type == mujoco.mjtGeom.mjGEOM_PLANE
+        collides = geom.type in (solids if geom.parent.name in moving else GROUND)
         if not collides:
             geom.contype = geom.conaffinity = 0
-        if geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
+        if geom.type == mujoco.mjtGeom.mjGEOM_HFIELD and spec.hfield(geom.hfieldname).file:
             spec.delete(geom)
-    for field in list(spec.hfields):
+    for field in [field for field in spec.hfields if field.file]:
         spec.delete(field)
 
 

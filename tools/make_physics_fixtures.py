@@ -1,4 +1,4 @@
-"""Writes the physics fixtures: states and short rollouts of five robots, computed with MuJoCo in float64.
+"""Writes the physics fixtures: states and short rollouts of six robots, computed with MuJoCo in float64.
 
 Reads the MJCF files beside the fixtures (crates/gaitfit-physics/tests/fixtures/*.xml) and writes one .npz per robot
 and option variant; README.md in that folder describes every array. The same MuJoCo version gives the same numbers.
@@ -9,6 +9,7 @@ Usage: .venv/bin/python tools/make_physics_fixtures.py [--only go2] [--out FOLDE
 
 import argparse
 import dataclasses
+import itertools
 import pathlib
 import zlib
 
@@ -63,6 +64,7 @@ VARIANTS = {
         Variant("pyr_imp1_fl_implicitfast", integrator=IMPLICITFAST),
         Variant("ell_imp1_nofl", ELLIPTIC, frictionloss=False),
     ],
+    "terrain": [Variant("pyr_imp1_fl"), Variant("ell_imp10_nofl", ELLIPTIC, 10, frictionloss=False)],
     "go2": [
         Variant("pyr_imp1_fl"),
         Variant("pyr_imp100_nofl", impratio=100, frictionloss=False),
@@ -78,7 +80,8 @@ def load(robot, variant):
     """The robot's model with the variant's options; constants that follow from the reference pose are recomputed."""
     spec = mujoco.MjSpec.from_file(str(FOLDER / f"{robot}.xml"))
     # Before compilation: MuJoCo compiles the pose of static geoms into its collision tree.
-    spec.worldbody.geoms[0].quat = np.array(variant.tilt) / np.linalg.norm(variant.tilt)
+    if spec.worldbody.geoms[0].type == mujoco.mjtGeom.mjGEOM_PLANE:
+        spec.worldbody.geoms[0].quat = np.array(variant.tilt) / np.linalg.norm(variant.tilt)
     model = spec.compile()
     opt = model.opt
     opt.cone, opt.impratio, opt.integrator = variant.cone, variant.impratio, variant.integrator
@@ -195,6 +198,71 @@ def random_state(model, kind, rng):
     return data
 
 
+def terrain_state(model, kind, rng):
+    """One state on ground that is not flat, on which the engine and MuJoCo mean the same contacts; and how many were drawn.
+
+    MuJoCo gives a ball one contact with each prism of a height field that it meets; the engine gives one in all. On a box
+    the engine takes a rod for its two ends; MuJoCo may find a point between them.
+    """
+    for drawn in itertools.count(1):
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        data.qpos[7:] = random_joints(model, "tilted", data.qpos[7:].copy(), rng)
+        tilt = rng.normal(size=4) if kind in ("fallen", "tilted") else np.array([1, *rng.normal(0, 0.2, 3)])
+        data.qpos[:2] = rng.uniform([-1.2, -0.6], [2.3, 0.6])
+        data.qpos[3:7] = tilt / np.linalg.norm(tilt)
+        data.qpos[2] = 1.5
+        mujoco.mj_forward(model, data)
+        while not data.ncon and data.qpos[2] > -1:
+            data.qpos[2] -= 0.004
+            mujoco.mj_forward(model, data)
+        data.qpos[2] += 0.3 if kind == "airborne" else -rng.uniform(0, 0.05)
+        data.qvel[:] = rng.normal(0, 0.5, model.nv)
+        data.ctrl[:] = random_ctrl(model, rng, 1.0)
+        mujoco.mj_forward(model, data)
+        if (kind == "airborne" or data.ncon) and same_contacts(model, data):
+            return data, drawn
+
+
+def same_contacts(model, data):
+    """Whether every ball has one contact with a height field at most, and every rod's contacts with a box are its ends'."""
+    found = {}
+    for contact in data.contact:
+        found.setdefault(tuple(contact.geom), []).append(contact.dist)
+    for (first, second), distances in found.items():
+        if model.geom_type[first] == mujoco.mjtGeom.mjGEOM_HFIELD:
+            # Where the centre is below the surface, MuJoCo's depth is only as exact as its collision tolerance.
+            if len(distances) > 1 or distances[0] < -model.geom_size[second, 0]:
+                return False
+            # The engine's fields have no walls at their borders.
+            local = data.geom_xmat[first].reshape(3, 3).T @ (data.geom_xpos[second] - data.geom_xpos[first])
+            if (np.abs(local[:2]) > model.hfield_size[model.geom_dataid[first], :2]).any():
+                return False
+        elif model.geom_type[first] == mujoco.mjtGeom.mjGEOM_CAPSULE:
+            ends = end_distances(model, data, first, second)
+            if len(ends) != len(distances) or not np.allclose(np.sort(distances), ends, rtol=0, atol=1e-12):
+                return False
+    for rod in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE):
+        for box in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_BOX):
+            if (rod, box) not in found and len(end_distances(model, data, rod, box)):
+                return False
+    return True
+
+
+def end_distances(model, data, rod, box):
+    """Distances of a rod's ends from a box, of those that meet it."""
+    radius, half = model.geom_size[rod, :2]
+    out = []
+    for sign in (-1, 1):
+        end = data.geom_xpos[rod] + sign * half * data.geom_xmat[rod].reshape(3, 3)[:, 2]
+        local = data.geom_xmat[box].reshape(3, 3).T @ (end - data.geom_xpos[box])
+        outside = np.linalg.norm(local - np.clip(local, -model.geom_size[box], model.geom_size[box]))
+        inside = (model.geom_size[box] - np.abs(local)).min()
+        distance = (outside if outside > 0 else -inside) - radius
+        out += [distance] if distance < 0 else []
+    return np.sort(out)
+
+
 def evaluate(model, data):
     """Everything stored of one state, as a dict of arrays; also the worst residual on the way."""
     row = {"qpos": data.qpos.copy(), "qvel": data.qvel.copy(), "ctrl": data.ctrl.copy()}
@@ -207,7 +275,10 @@ def evaluate(model, data):
         row[name] = getattr(data, name).copy()
     row["inv_residual"], row["ncon"], row["nefc"] = residual, data.ncon, data.nefc
     contacts = list(data.contact)
-    row["contact_geom"] = np.array([max(c.geom) - 1 for c in contacts], dtype=np.int32)
+    # Geoms of bodies without any joint come before the robot's.
+    robots = model.body_rootid[model.jnt_bodyid]
+    static = int((~np.isin(model.body_rootid[model.geom_bodyid], robots)).sum())
+    row["contact_geom"] = np.array([max(c.geom) - static for c in contacts], dtype=np.int32)
     row["contact_dim"] = np.array([c.dim for c in contacts], dtype=np.int32)
     for name in ("dist", "pos", "frame", "friction", "solref", "solimp", "includemargin"):
         row[f"contact_{name}"] = np.array([getattr(c, name) for c in contacts], dtype=float)
@@ -256,10 +327,14 @@ def constants(model, variant):
 def write_states(robot, variant, out):
     model = load(robot, variant)
     rng = np.random.default_rng(zlib.crc32(f"{robot}_{variant.name}".encode()))
-    rows, worst = [], 0.0
+    rows, worst, drawn = [], 0.0, 0
     for i in range(STATES):
         kind = i % len(KINDS)
-        data = random_state(model, KINDS[kind], rng)
+        if robot == "terrain":
+            data, tries = terrain_state(model, KINDS[kind], rng)
+            drawn += tries
+        else:
+            data = random_state(model, KINDS[kind], rng)
         if i == len(KINDS) + 4:
             data.qvel[:] = 0
         row, residual = evaluate(model, data)
@@ -272,7 +347,8 @@ def write_states(robot, variant, out):
         arrays[name] = stack(rows, name, ncon if name.startswith("contact_") else nefc)
     path = out / f"states_{robot}_{variant.name}.npz"
     np.savez_compressed(path, **arrays)
-    report(path, f"{STATES} states, contacts {sum(r['ncon'] for r in rows)} (max {ncon}), rows max {nefc}", worst)
+    report(path, f"{STATES} states, contacts {sum(r['ncon'] for r in rows)} (max {ncon}), rows max {nefc}"
+           + f", {drawn} drawn" * (drawn > 0), worst)
 
 
 def write_rollout(robot, variant, out):

@@ -10,6 +10,7 @@ use crate::options::{Compiler, InertiaFromGeom};
 use crate::orientation::{compose, read_orientation};
 use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::spec::{BodySpec, MAX_BODIES, MAX_ITEMS, MAX_JOINTS};
+use crate::terrain::Fields;
 use crate::xml::{At, Element};
 
 /// Reads bodies into a list that starts with the world.
@@ -17,6 +18,7 @@ pub(crate) struct BodyReader<'c, 's> {
     pub ctx: &'c mut Context<'s>,
     pub compiler: &'c Compiler,
     pub defaults: &'c Defaults,
+    pub fields: &'c Fields,
     pub bodies: Vec<BodySpec>,
     joints: usize,
     geoms: usize,
@@ -42,9 +44,14 @@ struct MassSources {
 
 impl<'c, 's> BodyReader<'c, 's> {
     /// Starts with the world alone.
-    pub fn new(ctx: &'c mut Context<'s>, compiler: &'c Compiler, defaults: &'c Defaults) -> Self {
+    pub fn new(
+        ctx: &'c mut Context<'s>,
+        compiler: &'c Compiler,
+        defaults: &'c Defaults,
+        fields: &'c Fields,
+    ) -> Self {
         let world = BodySpec::new("world".to_string(), At::default(), 0);
-        Self { ctx, compiler, defaults, bodies: vec![world], joints: 0, geoms: 0, sites: 0 }
+        Self { ctx, compiler, defaults, fields, bodies: vec![world], joints: 0, geoms: 0, sites: 0 }
     }
 
     /// Reads one `<worldbody>` section.
@@ -284,7 +291,7 @@ impl<'c, 's> BodyReader<'c, 's> {
         for child in &element.children {
             self.ctx.refuse(child.at, child.label(), "geom plugins are not simulated", "remove it")?;
         }
-        let (mut geom, part) = form.finish(self.ctx, element)?;
+        let (mut geom, part) = form.finish(self.ctx, element, self.fields)?;
         (geom.pos, geom.quat) = compose(scope.frame, (geom.pos, geom.quat));
         let part = part.map(|p| {
             let (pos, quat) = compose(scope.frame, (p.pos, p.quat));

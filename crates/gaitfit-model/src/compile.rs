@@ -4,7 +4,7 @@ use crate::attributes::Context;
 use crate::contact::{candidates, numbered, self_collisions};
 use crate::error::ModelError;
 use crate::keyframes::fill_keyframes;
-use crate::model::{Body, Geom, Model, Plane, Root};
+use crate::model::{Body, Geom, Model, Plane, Root, Shape};
 use crate::names::name_everything;
 use crate::orientation::compose;
 use crate::rotation::{IDENTITY, Quat, Vec3};
@@ -12,6 +12,7 @@ use crate::scan::MAX_NAME;
 use crate::servo::resolve_damping_ratios;
 use crate::shown::{escaped, shown};
 use crate::spec::{GeomKind, GeomSpec, Spec};
+use crate::terrain::{Ground, Obstacle, ObstacleShape};
 use crate::xml::At;
 
 /// Below this a moving mass or inertia counts as none (`mjMINVAL`).
@@ -48,7 +49,7 @@ pub(crate) fn compile(
         ctx.drop_quietly(
             At::default(),
             format!("self-collision ({ignored} geom pairs)"),
-            "contacts are computed between the robot and ground planes only",
+            "contacts are computed between the robot and the ground only",
         );
         if let Some(last) = ctx.dropped.last_mut() {
             (last.line, last.column) = (0, 0);
@@ -66,6 +67,7 @@ pub(crate) fn compile(
         joints: Vec::new(),
         geoms: Vec::new(),
         planes: Vec::new(),
+        obstacles: Vec::new(),
         pairs: Vec::new(),
         actuators: Vec::new(),
         keyframes: Vec::new(),
@@ -249,7 +251,25 @@ fn fill_bodies(model: &mut Model, spec: &Spec, root: usize, member: &[bool]) -> 
     numbers
 }
 
-/// Geoms, planes and pairs. Shapes that cannot touch anything are dropped; those that could touch, but
+/// Where a geom of the file is in the model.
+#[derive(Clone, Copy)]
+enum Place {
+    Geom(usize),
+    Ground(Ground),
+}
+
+/// A static box or height field.
+fn obstacle(spec: &Spec, body: usize, geom: &GeomSpec) -> Obstacle {
+    let (pos, quat) = compose(world_pose(spec, body), (geom.pos, geom.quat));
+    let shape = match geom.kind {
+        GeomKind::Field(field) => ObstacleShape::Field(spec.fields[field].clone()),
+        GeomKind::Solid(Shape::Box { half_size }) => ObstacleShape::Box { half_size },
+        _ => ObstacleShape::Box { half_size: [0.0; 3] },
+    };
+    Obstacle { name: geom.name.clone(), pos, quat, shape }
+}
+
+/// Geoms, planes, obstacles and pairs. Shapes that cannot touch anything are dropped; those that could touch, but
 /// that the engine does not know, are refused.
 fn fill_geoms(
     ctx: &mut Context,
@@ -262,11 +282,12 @@ fn fill_geoms(
     let root = member.iter().position(|m| *m).unwrap_or(0);
     let mut places = Vec::new();
     for (number, (body, geom)) in numbered(spec).into_iter().enumerate() {
-        let paired = pairs.iter().any(|p| p.geom == number || p.plane == number);
+        let paired = pairs.iter().any(|p| p.geom == number || p.ground == number);
         let visual = geom.surface.is_visual() && !paired;
         let what = |kind: &str| format!("geom \"{}\" ({kind})", shown(&geom.name));
         let kind = match geom.kind {
             GeomKind::Plane => "plane",
+            GeomKind::Field(_) => "hfield",
             GeomKind::Solid(shape) => shape.name(),
             GeomKind::Other(kind) => kind,
         };
@@ -283,12 +304,12 @@ fn fill_geoms(
                 ));
             }
             GeomKind::Plane => {
-                place = Some(model.planes.len());
+                place = Some(Place::Ground(Ground::Plane(model.planes.len())));
                 let (pos, quat) = compose(world_pose(spec, body), (geom.pos, geom.quat));
                 model.planes.push(Plane { name: geom.name.clone(), pos, quat });
             }
             GeomKind::Solid(shape) if member[body] => {
-                place = Some(model.geoms.len());
+                place = Some(Place::Geom(model.geoms.len()));
                 model.geoms.push(Geom {
                     name: geom.name.clone(),
                     body: body - root,
@@ -297,10 +318,18 @@ fn fill_geoms(
                     quat: geom.quat,
                 });
             }
+            GeomKind::Solid(Shape::Box { .. }) | GeomKind::Field(_) if welds[body] == 0 && !member[body] => {
+                if paired {
+                    place = Some(Place::Ground(Ground::Obstacle { obstacle: model.obstacles.len() }));
+                    model.obstacles.push(obstacle(spec, body, geom));
+                } else {
+                    ctx.drop_quietly(geom.at, what(kind), "no geom of the robot meets it");
+                }
+            }
             _ if !member[body] => ctx.refuse(
                 geom.at,
                 what(kind),
-                "the only obstacles are planes",
+                "the only obstacles are planes, boxes and height fields",
                 "remove it, or set contype and conaffinity to 0",
             )?,
             _ => ctx.refuse(
@@ -313,8 +342,10 @@ fn fill_geoms(
         places.push(place);
     }
     for pair in pairs {
-        if let (Some(geom), Some(plane)) = (places[pair.geom], places[pair.plane]) {
-            model.pairs.push(crate::model::ContactPair { geom, plane, ..pair.parameters.clone() });
+        if let (Some(Place::Geom(geom)), Some(Place::Ground(ground))) =
+            (places[pair.geom], places[pair.ground])
+        {
+            model.pairs.push(crate::model::ContactPair { geom, ground, ..pair.parameters.clone() });
         }
     }
     Ok(())

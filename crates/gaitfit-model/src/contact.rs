@@ -1,4 +1,4 @@
-//! Which geoms may touch which planes, with what parameters, in the order of MuJoCo's contacts.
+//! Which geoms may touch which planes and obstacles, with what parameters, in the order of MuJoCo's contacts.
 //!
 //! MuJoCo 4 sums margins and gaps; the other parameters come from the geom of higher priority, or are
 //! mixed: larger condim, element-wise larger friction, `solref` and `solimp` weighted by `solmix`
@@ -9,20 +9,23 @@ use std::collections::HashSet;
 
 use crate::attributes::Context;
 use crate::error::ModelError;
-use crate::model::ContactPair;
+use crate::model::{ContactPair, Shape};
+use crate::shown::shown;
 use crate::spec::{GeomKind, GeomSpec, MAX_PAIRS, Spec, Surface};
+use crate::terrain::Ground;
+use crate::xml::At;
 
 /// MuJoCo's floor for friction coefficients (`mjMINMU`).
 const MIN_FRICTION: f64 = 1e-5;
 /// Below this a `solmix` counts as zero (`mjMINVAL`).
 const MIN_SOLMIX: f64 = 1e-15;
 
-/// A pair before geoms and planes got their places in the model: numbers in file order.
+/// A pair before geoms, planes and obstacles got their places in the model: numbers in file order.
 pub(crate) struct Candidate {
     /// File number of the geom.
     pub geom: usize,
-    /// File number of the plane.
-    pub plane: usize,
+    /// File number of the plane or obstacle.
+    pub ground: usize,
     pub parameters: ContactPair,
 }
 
@@ -31,13 +34,14 @@ pub(crate) fn numbered(spec: &Spec) -> Vec<(usize, &GeomSpec)> {
     spec.bodies.iter().enumerate().flat_map(|(b, body)| body.geoms.iter().map(move |g| (b, g))).collect()
 }
 
-/// All geom–plane pairs. `welds[b]` is the body that body `b` moves with (0: the world); `robot[b]`
+/// All pairs of a geom and a plane or obstacle. `welds[b]` is the body that body `b` moves with (0: the world); `robot[b]`
 /// says whether body `b` belongs to the robot.
 ///
 /// # Errors
-/// [`ModelError::TooLarge`] for more pairs than any robot has.
+/// [`ModelError::TooLarge`] for more pairs than any robot has; [`ModelError::Unsupported`] for shapes whose contact with an
+/// obstacle is not computed.
 pub(crate) fn candidates(
-    ctx: &Context,
+    ctx: &mut Context,
     spec: &Spec,
     welds: &[usize],
     robot: &[bool],
@@ -46,45 +50,82 @@ pub(crate) fn candidates(
         return Ok(Vec::new());
     }
     let geoms = numbered(spec);
-    let is_plane = |g: usize| geoms[g].1.kind == GeomKind::Plane && welds[geoms[g].0] == 0;
+    let is_ground = |g: usize| {
+        let (body, geom) = geoms[g];
+        match geom.kind {
+            GeomKind::Plane => welds[body] == 0,
+            GeomKind::Field(_) | GeomKind::Solid(Shape::Box { .. }) => welds[body] == 0 && !robot[body],
+            _ => false,
+        }
+    };
     let touches = |g: usize| {
         let (body, geom) = geoms[g];
         robot[body] && welds[body] != 0 && matches!(geom.kind, GeomKind::Solid(_))
     };
     let mut found = Vec::new();
     let mut explicit = HashSet::new();
+    let mut refused = HashSet::new();
     for (number, pair) in spec.pairs.iter().enumerate() {
         let [a, b] = pair.geoms;
         explicit.insert((a.min(b), a.max(b)));
-        let (plane, geom) = if is_plane(a) { (a, b) } else { (b, a) };
-        if is_plane(plane) && touches(geom) {
+        let (ground, geom) = if is_ground(a) { (a, b) } else { (b, a) };
+        if is_ground(ground) && touches(geom) && computed(ctx, geoms[geom].1, geoms[ground].1, &mut refused)?
+        {
             let mut parameters = pair.parameters.clone();
             parameters.friction = parameters.friction.map(|f| f.max(MIN_FRICTION));
-            let bodies = (geoms[plane].0.min(geoms[geom].0), geoms[plane].0.max(geoms[geom].0));
-            found.push(((bodies, 0, number, 0), Candidate { geom, plane, parameters }));
+            let bodies = (geoms[ground].0.min(geoms[geom].0), geoms[ground].0.max(geoms[geom].0));
+            found.push(((bodies, 0, number, 0), Candidate { geom, ground, parameters }));
         }
     }
     let excluded: HashSet<(usize, usize)> = spec.excludes.iter().copied().collect();
-    let planes: Vec<usize> = (0..geoms.len()).filter(|&g| is_plane(g)).collect();
+    let grounds: Vec<usize> = (0..geoms.len()).filter(|&g| is_ground(g)).collect();
     for geom in (0..geoms.len()).filter(|&g| touches(g)) {
-        for &plane in &planes {
-            let bodies = (geoms[plane].0.min(geoms[geom].0), geoms[plane].0.max(geoms[geom].0));
-            let (first, second) = (&geoms[plane].1.surface, &geoms[geom].1.surface);
+        for &ground in &grounds {
+            let bodies = (geoms[ground].0.min(geoms[geom].0), geoms[ground].0.max(geoms[geom].0));
+            let (first, second) = (&geoms[ground].1.surface, &geoms[geom].1.surface);
             if !first.may_touch(second)
                 || excluded.contains(&bodies)
-                || explicit.contains(&(plane.min(geom), plane.max(geom)))
+                || explicit.contains(&(ground.min(geom), ground.max(geom)))
+                || !computed(ctx, geoms[geom].1, geoms[ground].1, &mut refused)?
             {
                 continue;
             }
             if found.len() >= MAX_PAIRS {
-                return Err(ctx.too_many(geoms[geom].1.at, "geom-plane pairs", MAX_PAIRS));
+                return Err(ctx.too_many(geoms[geom].1.at, "pairs of geoms and ground", MAX_PAIRS));
             }
             let parameters = mix(first, second);
-            found.push(((bodies, 1, plane, geom), Candidate { geom, plane, parameters }));
+            found.push(((bodies, 1, ground, geom), Candidate { geom, ground, parameters }));
         }
     }
     found.sort_by_key(|(key, _)| *key);
     Ok(found.into_iter().map(|(_, candidate)| candidate).collect())
+}
+
+/// Whether the contact of a geom with a plane or obstacle is computed. It is refused where it is not, once a geom (its
+/// place is in `refused` then).
+fn computed(
+    ctx: &mut Context,
+    geom: &GeomSpec,
+    ground: &GeomSpec,
+    refused: &mut HashSet<At>,
+) -> Result<bool, ModelError> {
+    let GeomKind::Solid(shape) = geom.kind else { return Ok(false) };
+    let round = matches!(shape, Shape::Sphere { .. } | Shape::Capsule { .. });
+    if ground.kind == GeomKind::Plane || round {
+        return Ok(true);
+    }
+    if refused.insert(geom.at) {
+        ctx.refuse(
+            geom.at,
+            format!("contact of geom \"{}\" ({}) with obstacles", shown(&geom.name), shape.name()),
+            format!(
+                "only spheres and capsules touch boxes and height fields here, such as \"{}\"",
+                shown(&ground.name)
+            ),
+            "use spheres or capsules there, or a flat floor",
+        )?;
+    }
+    Ok(false)
 }
 
 /// Contact parameters of two surfaces, the plane's first (the order matters to the last bit only).
@@ -114,7 +155,7 @@ fn mix(first: &Surface, second: &Surface) -> ContactPair {
     let [slide, spin, roll] = friction.map(|f| f.max(MIN_FRICTION));
     ContactPair {
         geom: 0,
-        plane: 0,
+        ground: Ground::Plane(0),
         condim,
         friction: [slide, slide, spin, roll, roll],
         solref,

@@ -16,7 +16,8 @@ use crate::xml::{At, Element};
 /// What a floor is called that nobody names.
 const NAME: &str = "floor";
 
-/// Adds a plane z = 0 to the world (`bodies[0]`) if the caller wants one, the robot floats and the file has no plane. Where
+/// Adds a plane z = 0 to the world (`bodies[0]`) if the caller wants one, the robot floats and the file has neither a plane nor
+/// a height field. Where
 /// a contact pair names a geom that is not there, as the floor of a scene, the plane has this name.
 pub(crate) fn add_floor(
     ctx: &mut Context,
@@ -29,8 +30,8 @@ pub(crate) fn add_floor(
         Some(root) => root == Root::Floating,
         None => bodies.iter().any(|body| body.free.is_some()),
     };
-    let has_plane = bodies.iter().flat_map(|body| &body.geoms).any(|geom| geom.kind == GeomKind::Plane);
-    if !ctx.add_floor || !floats || has_plane {
+    let ground = |geom: &GeomSpec| matches!(geom.kind, GeomKind::Plane | GeomKind::Field(_));
+    if !ctx.add_floor || !floats || bodies.iter().flat_map(|body| &body.geoms).any(ground) {
         return;
     }
     let named = named_by_pairs(document, bodies);

@@ -7,7 +7,9 @@ use crate::model::Shape;
 use crate::options::{Compiler, InertiaFromGeom};
 use crate::orientation::read_orientation;
 use crate::rotation::{IDENTITY, Quat, Vec3, add, dot, unit, z_to};
+use crate::shown::shown;
 use crate::spec::{GeomKind, GeomSpec, Surface};
+use crate::terrain::Fields;
 use crate::xml::Element;
 
 /// `geom type`, in MuJoCo's words.
@@ -27,6 +29,7 @@ pub(crate) struct GeomForm {
     density: f64,
     shell: bool,
     mesh: bool,
+    field: Option<String>,
     surface: Surface,
 }
 
@@ -43,6 +46,7 @@ impl Default for GeomForm {
             density: 1000.0,
             shell: false,
             mesh: false,
+            field: None,
             surface: Surface::default(),
         }
     }
@@ -78,8 +82,12 @@ impl GeomForm {
         if let Some(shell) = a.boolean(ctx, "shellinertia")? {
             self.shell = shell;
         }
-        if a.text("mesh").is_some() || a.text("hfield").is_some() {
+        if a.text("mesh").is_some() {
             self.mesh = true;
+        }
+        if let Some(name) = a.text("hfield") {
+            self.mesh = true;
+            self.field = Some(name.to_string());
         }
         let s = &mut self.surface;
         for (name, target) in
@@ -111,11 +119,12 @@ impl GeomForm {
         self.surface
     }
 
-    /// The geom in its body's frame, and what it adds to the body's inertia (`None`: unknown).
+    /// The geom in its body's frame (`fields`: the file's height fields), and what it adds to the body's inertia (`None`: unknown).
     pub fn finish(
         &self,
         ctx: &mut Context,
         element: &Element,
+        fields: &Fields,
     ) -> Result<(GeomSpec, Option<Inertial>), ModelError> {
         let type_name = TYPES[self.kind];
         let at = element.at;
@@ -173,6 +182,7 @@ impl GeomForm {
         };
         let kind = match (type_name, solid) {
             ("plane", _) => GeomKind::Plane,
+            ("hfield", _) => self.field(ctx, element, fields)?,
             (_, Some(Solid::Sphere { radius })) => GeomKind::Solid(Shape::Sphere { radius }),
             (_, Some(Solid::Capsule { radius, half_length })) => {
                 GeomKind::Solid(Shape::Capsule { radius, half_length })
@@ -191,6 +201,25 @@ impl GeomForm {
         Ok((GeomSpec { name, at, pos, quat, kind, surface: self.surface }, inertial))
     }
 
+    /// A height field of the assets.
+    fn field(&self, ctx: &mut Context, element: &Element, fields: &Fields) -> Result<GeomKind, ModelError> {
+        let name = self.field.as_deref().unwrap_or("");
+        match fields.names.get(name) {
+            Some(Ok(field)) => return Ok(GeomKind::Field(*field)),
+            Some(Err(_)) if self.surface.is_visual() => {}
+            Some(Err(why)) => {
+                let what = format!("height field \"{}\"", shown(name));
+                ctx.refuse(element.at, what, why.clone(), "give its heights, or take a flat floor")?;
+            }
+            None => {
+                let message =
+                    format!("{} names hfield \"{}\", which does not exist", element.label(), shown(name));
+                return Err(ctx.invalid(element.at, message, "name an <hfield> of <asset>"));
+            }
+        }
+        Ok(GeomKind::Other("hfield"))
+    }
+
     fn inertial(
         &self,
         ctx: &mut Context,
@@ -201,7 +230,7 @@ impl GeomForm {
         quat: Quat,
     ) -> Result<Option<Inertial>, ModelError> {
         let massless = self.mass == Some(0.0) || (self.mass.is_none() && self.density == 0.0);
-        if massless || kind == GeomKind::Plane || element.get("hfield").is_some() {
+        if massless || kind == GeomKind::Plane || self.field.is_some() {
             return Ok(Some(MASSLESS));
         }
         let Some(solid) = solid else { return Ok(None) };

@@ -4,7 +4,8 @@
 //! `gaitfit inspect` shows. Numbers mean what they mean in MuJoCo 4.0: a file that is read gives the
 //! masses, limits, contact parameters and orders that MuJoCo compiles from it.
 //!
-//! The engine simulates one robot: a tree of hinges below one floating or fixed root, touching planes.
+//! The engine simulates one robot: a tree of hinges below one floating or fixed root, touching planes and, with
+//! spheres and capsules, static boxes and height fields.
 //! Whatever a file says beyond that and that would change the motion is refused with file, line and
 //! column; read leniently ([`ReadOptions::lenient`]) it is dropped and listed in [`Model::dropped`]. A floating robot
 //! without a floor gets one where [`ReadOptions::add_floor`] asks for it.
@@ -12,9 +13,10 @@
 //! | MJCF | |
 //! | --- | --- |
 //! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `inertial`, `freejoint`, hinges, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `key`, the tuple `velocity_limit` |
-//! | passed over | `asset`, `visual`, `statistic`, `size`, other `custom` data, lights, cameras |
+//! | read of `asset` | `hfield`: elevations, MuJoCo's binary files |
+//! | passed over | other assets, `visual`, `statistic`, `size`, other `custom` data, lights, cameras |
 //! | listed | visual geoms, sensors, self-collision |
-//! | refused | slide and ball joints, `equality`, `tendon`, plugins, colliding meshes and height fields, obstacles other than planes, actuators with state, fluid, `replicate`, `composite`, `attach`, RK4 and `implicit` |
+//! | refused | slide and ball joints, `equality`, `tendon`, plugins, colliding meshes, heights in pictures, obstacles of other shapes, boxes and cylinders that may touch obstacles, actuators with state, fluid, `replicate`, `composite`, `attach`, RK4 and `implicit` |
 //!
 //! | URDF | |
 //! | --- | --- |
@@ -55,6 +57,7 @@ mod shown;
 mod site;
 mod spec;
 mod summary;
+mod terrain;
 mod urdf;
 mod xml;
 
@@ -64,3 +67,4 @@ pub use model::*;
 pub use read::{ReadOptions, read, read_mjcf_str, read_urdf_str};
 pub use shown::{escaped, shown, shown_number, shown_path};
 pub use summary::*;
+pub use terrain::{Ground, HeightField, Obstacle, ObstacleShape};

@@ -76,7 +76,7 @@ impl Model {
             ));
         }
         if self.root == Root::Floating && self.pairs.is_empty() {
-            let why = match (self.planes.is_empty(), self.geoms.is_empty()) {
+            let why = match (self.planes.is_empty() && self.obstacles.is_empty(), self.geoms.is_empty()) {
                 (true, _) => "the file has no floor",
                 (_, true) => "no geom of it collides here",
                 _ => "contacts are off, or `contype` and `conaffinity` of floor and robot do not meet",

@@ -11,6 +11,7 @@ use crate::options::{Compiler, default_options, read_option};
 use crate::pairs::read_contact;
 use crate::shown::shown;
 use crate::spec::{Disabled, KeySpec, MAX_ITEMS, Spec};
+use crate::terrain::{Fields, read_fields};
 use crate::xml::Element;
 
 /// Sections whose content has no influence on the motion.
@@ -39,7 +40,11 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
     for section in sections("default") {
         defaults.read(ctx, section, &compiler)?;
     }
-    let mut reader = BodyReader::new(ctx, &compiler, &defaults);
+    let mut fields = Fields::default();
+    for section in sections("asset") {
+        read_fields(ctx, section, &compiler, &mut fields)?;
+    }
+    let mut reader = BodyReader::new(ctx, &compiler, &defaults, &fields);
     for section in sections("worldbody") {
         reader.read_world(section)?;
     }
@@ -51,6 +56,7 @@ pub(crate) fn read(ctx: &mut Context, document: &Element, wanted: Option<Root>) 
         options,
         disabled,
         bodies,
+        fields: fields.all,
         excludes: Vec::new(),
         pairs: Vec::new(),
         actuators: Vec::new(),

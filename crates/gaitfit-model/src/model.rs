@@ -6,6 +6,8 @@
 
 use serde::Serialize;
 
+use crate::terrain::{Ground, Obstacle};
+
 /// How the robot's first body hangs in the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -34,7 +36,10 @@ pub struct Model {
     pub geoms: Vec<Geom>,
     /// Static ground planes.
     pub planes: Vec<Plane>,
-    /// Geom–plane pairs that may touch, with their mixed contact parameters, in MuJoCo's order.
+    /// Static boxes and height fields that the robot may touch.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<Obstacle>,
+    /// Pairs of a geom and a plane or an obstacle that may touch, with their mixed contact parameters, in MuJoCo's order.
     pub pairs: Vec<ContactPair>,
     /// Actuators in file order: one scalar each of `ctrl`.
     pub actuators: Vec<Actuator>,
@@ -208,13 +213,14 @@ pub struct Plane {
     pub quat: [f64; 4],
 }
 
-/// Contact parameters of one geom against one plane, mixed as MuJoCo mixes them.
+/// Contact parameters of one geom against one plane or obstacle, mixed as MuJoCo mixes them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ContactPair {
     /// Index into `geoms`.
     pub geom: usize,
-    /// Index into `planes`.
-    pub plane: usize,
+    /// The plane or obstacle.
+    #[serde(rename = "plane")]
+    pub ground: Ground,
     /// Contact dimension: 1, 3, 4 or 6.
     pub condim: u8,
     /// Friction: tangential ×2, torsional, rolling ×2.

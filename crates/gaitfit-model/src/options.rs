@@ -20,6 +20,8 @@ pub(crate) struct Compiler {
     pub bound_mass: f64,
     pub bound_inertia: f64,
     pub total_mass: Option<f64>,
+    /// Folder of meshes and height fields, from the file's.
+    pub mesh_folder: String,
 }
 
 /// `compiler inertiafromgeom`.
@@ -41,6 +43,7 @@ impl Default for Compiler {
             bound_mass: 0.0,
             bound_inertia: 0.0,
             total_mass: None,
+            mesh_folder: String::new(),
         }
     }
 }
@@ -93,6 +96,11 @@ impl Compiler {
         if a.boolean(ctx, "fusestatic")? == Some(true) {
             let at = a.at("fusestatic");
             ctx.drop_quietly(at, "`fusestatic`", "bodies without joints are kept; the dynamics are the same");
+        }
+        for name in ["assetdir", "meshdir"] {
+            if let Some(folder) = a.text(name) {
+                self.mesh_folder = folder.to_string();
+            }
         }
         // Where files lie, how compilation runs, what is drawn: no physics.
         a.ignore(&["strippath", "meshdir", "texturedir", "assetdir", "usethread", "discardvisual"]);

@@ -3,6 +3,7 @@
 use crate::inertia::Inertial;
 use crate::model::{Actuator, ContactPair, Joint, Options, Shape, Site};
 use crate::rotation::{IDENTITY, Quat, Vec3};
+use crate::terrain::{Ground, HeightField};
 use crate::xml::At;
 
 /// Most bodies of one file.
@@ -24,6 +25,8 @@ pub(crate) struct Spec {
     pub disabled: Disabled,
     /// The world (index 0), then all bodies depth first: MuJoCo's body numbers.
     pub bodies: Vec<BodySpec>,
+    /// Height fields of the assets.
+    pub fields: Vec<HeightField>,
     /// Body pairs that never collide.
     pub excludes: Vec<(usize, usize)>,
     /// Explicit pairs.
@@ -83,6 +86,8 @@ pub(crate) struct GeomSpec {
 pub(crate) enum GeomKind {
     /// Infinite plane.
     Plane,
+    /// A height field: index into `Spec::fields`.
+    Field(usize),
     /// A shape the engine collides with planes.
     Solid(Shape),
     /// A shape it does not: its name.
@@ -139,7 +144,7 @@ impl Surface {
 }
 
 /// An explicit pair: geoms by their number in file order over all bodies, world included.
-/// `parameters.geom` and `parameters.plane` are not set yet.
+/// `parameters.geom` and `parameters.ground` are not set yet.
 #[derive(Clone, Debug)]
 pub(crate) struct PairSpec {
     pub geoms: [usize; 2],
@@ -202,7 +207,7 @@ pub(crate) fn default_joint() -> Joint {
 pub(crate) fn default_pair() -> ContactPair {
     ContactPair {
         geom: 0,
-        plane: 0,
+        ground: Ground::Plane(0),
         condim: 3,
         friction: [1.0, 1.0, 0.005, 0.0001, 0.0001],
         solref: SOLREF,

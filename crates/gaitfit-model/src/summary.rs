@@ -31,7 +31,9 @@ pub struct Summary {
     pub geoms: Vec<GeomSummary>,
     /// Ground planes.
     pub planes: Vec<String>,
-    /// Number of geom–plane pairs.
+    /// Boxes and height fields of the world.
+    pub obstacles: Vec<String>,
+    /// Number of pairs of a geom and a plane or obstacle.
     pub pairs: usize,
     /// Keyframe names.
     pub keyframes: Vec<String>,
@@ -111,7 +113,7 @@ pub struct GeomSummary {
     pub body: String,
     /// `sphere`, `capsule`, `cylinder` or `box`.
     pub shape: &'static str,
-    /// Number of planes it may touch.
+    /// Number of planes and obstacles it may touch.
     pub pairs: usize,
     /// Largest contact dimension among its pairs (0: none).
     pub condim: u8,
@@ -226,6 +228,7 @@ impl Model {
                 })
                 .collect(),
             planes: self.planes.iter().map(|p| p.name.clone()).collect(),
+            obstacles: self.obstacles.iter().map(|o| o.name.clone()).collect(),
             pairs: self.pairs.len(),
             keyframes: self.keyframes.iter().map(|k| k.name.clone()).collect(),
             sites: self.sites.iter().map(|s| s.name.clone()).collect(),

@@ -20,7 +20,7 @@ const MAX_BYTES: usize = 16 << 20;
 const MAX_FILES: usize = 64;
 
 /// A byte of one of the files read; resolved to line and column only when a message needs it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub(crate) struct At {
     file: u32,
     byte: u32,
@@ -65,6 +65,8 @@ const LONG_LINE: usize = 4096;
 #[derive(Debug, Default)]
 pub(crate) struct Sources {
     files: Vec<Source>,
+    /// Folder of the main file; none for a text.
+    pub folder: Option<PathBuf>,
 }
 
 #[derive(Debug)]
@@ -102,13 +104,9 @@ impl Sources {
 /// [`ModelError::Io`], [`ModelError::Syntax`], [`ModelError::TooLarge`], [`ModelError::Invalid`] for a
 /// cyclic or repeated include.
 pub(crate) fn load(path: &Path, sources: &mut Sources) -> Result<Element, ModelError> {
-    let mut loader = Loader {
-        sources,
-        base: Some(path.parent().unwrap_or(Path::new("")).to_path_buf()),
-        seen: HashSet::new(),
-        bytes: 0,
-        nodes: 0,
-    };
+    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+    sources.folder = Some(folder.clone());
+    let mut loader = Loader { sources, base: Some(folder), seen: HashSet::new(), bytes: 0, nodes: 0 };
     let text = loader.read(path)?;
     loader.seen.insert(canonical(path));
     loader.parse(path.display().to_string(), text, 1)

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gaitfit_model::{ModelError, ReadOptions, Root, read, read_mjcf_str, read_urdf_str};
+use gaitfit_model::{Ground, ModelError, ReadOptions, Root, read, read_mjcf_str, read_urdf_str};
 
 fn here(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(path)
@@ -185,12 +185,11 @@ fn mutated_robots_never_panic() {
                 Ok(model) => {
                     accepted += 1;
                     assert!(model.bodies.iter().all(|b| b.mass.is_finite() && b.mass >= 0.0));
-                    assert!(
-                        model
-                            .pairs
-                            .iter()
-                            .all(|p| p.geom < model.geoms.len() && p.plane < model.planes.len())
-                    );
+                    assert!(model.pairs.iter().all(|p| p.geom < model.geoms.len()
+                        && match p.ground {
+                            Ground::Plane(plane) => plane < model.planes.len(),
+                            Ground::Obstacle { obstacle } => obstacle < model.obstacles.len(),
+                        }));
                     assert!(model.actuators.iter().all(|a| a.joint < model.joints.len()));
                     let _ = model.summary();
                 }

@@ -3,7 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use gaitfit_model::{Cone, Integrator, Model, ModelError, ReadOptions, Root, Shape, read, read_mjcf_str};
+use gaitfit_model::{
+    Cone, Ground, Integrator, Model, ModelError, ReadOptions, Root, Shape, read, read_mjcf_str,
+};
 use serde_json::Value;
 
 const TOLERANCE: f64 = 1e-12;
@@ -186,7 +188,8 @@ fn compare_contacts(model: &Model, want: &Value, first: usize) {
     let contacts = want["contact"].as_array().unwrap();
     assert_eq!(model.pairs.len(), contacts.len());
     for (pair, contact) in model.pairs.iter().zip(contacts) {
-        let (plane, geom) = (&model.planes[pair.plane].name, &model.geoms[pair.geom].name);
+        let Ground::Plane(plane) = pair.ground else { panic!("{:?}", pair.ground) };
+        let (plane, geom) = (&model.planes[plane].name, &model.geoms[pair.geom].name);
         let got = [number(plane) as f64, number(geom) as f64];
         close(&format!("order of {plane}/{geom}"), &got, &contact["geom"]);
         let check =

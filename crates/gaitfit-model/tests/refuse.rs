@@ -50,7 +50,7 @@ fn what_is_not_simulated_is_refused_and_leniently_dropped() {
         ("top", "<option><flag override=\"enable\"/></option>", "override"),
         ("top", "<option colour=\"red\"/>", "colour"),
         ("top", "<default><muscle/></default>", "muscle"),
-        ("world", "<geom type=\"box\" size=\"1 1 1\"/>", "box"),
+        ("world", "<geom type=\"cylinder\" size=\"1 1\"/>", "cylinder"),
         ("world", "<geom type=\"mesh\" mesh=\"m\"/>", "mesh"),
         (
             "world",

@@ -53,7 +53,7 @@ fn go2_in_urdf_is_go2_in_mjcf() {
         assert_eq!(x.shape, y.shape, "{}", x.name);
     }
     assert_eq!(a.planes.len(), 1);
-    let order = |m: &Model| m.pairs.iter().map(|p| (p.geom, p.plane)).collect::<Vec<_>>();
+    let order = |m: &Model| m.pairs.iter().map(|p| (p.geom, p.ground)).collect::<Vec<_>>();
     assert_eq!(order(&a), order(&b));
     // URDF has no contact parameters: MuJoCo's defaults.
     assert!(a.pairs.iter().all(|p| p.condim == 3 && p.friction == [1.0, 1.0, 0.005, 0.0001, 0.0001]));

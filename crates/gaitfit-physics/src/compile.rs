@@ -1,7 +1,8 @@
 //! From a [`Model`] to a [`Tree`].
 
-use gaitfit_model::{ContactPair, Joint, Model, Root, Shape};
+use gaitfit_model::{ContactPair, Ground, Joint, Model, Root, Shape};
 
+use crate::obstacles::Obstacles;
 use crate::seat::{IDENTITY, Seat, mat_mul, seats, unit};
 use crate::tree::*;
 use crate::vec3::*;
@@ -9,6 +10,8 @@ use crate::{PhysicsError, Real, Settings};
 
 /// Smallest and largest impedance (MuJoCo's `mjMINIMP`, `mjMAXIMP`).
 const IMPEDANCE: [f64; 2] = [0.0001, 0.9999];
+/// Share of an obstacle's reach for rounding.
+const SLACK: f64 = 1e-3;
 /// Largest power of an impedance curve: beyond it single precision overflows.
 const MAX_POWER: f64 = 8.0;
 
@@ -105,14 +108,16 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
 
     let mut pairs = Vec::new();
     let mut points = 0;
+    let obstacles = Obstacles::compile::<T>(model)?;
     let planes = model.planes.iter().map(|plane| ground_plane(&plane.pos, &plane.quat)).collect::<Vec<_>>();
+    let ground = Grounds { planes: &planes, obstacles: &obstacles };
     let mut ranges = Vec::with_capacity(hinges.len() + 1);
     for link in 0..=hinges.len() {
         let first = pairs.len();
         for (index, pair) in model.pairs.iter().enumerate() {
             let seat = seats[model.geoms[pair.geom].body];
             if seat.link == link && (link > 0 || floating) {
-                let pair = compile_pair::<T>(model, index, pair, &seat, &planes, settings, points)?;
+                let pair = compile_pair::<T>(model, index, pair, &seat, &ground, settings, points)?;
                 points = pair.points.end;
                 pairs.push(pair);
             }
@@ -173,6 +178,8 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
                 offset: k(*offset),
             })
             .collect(),
+        blocks: obstacles.blocks,
+        fields: obstacles.fields,
         pairs,
         points,
         spins,
@@ -257,12 +264,18 @@ fn ground_plane(pos: &[f64; 3], quat: &[f64; 4]) -> (M3<f64>, f64) {
     ([normal, t1, cross(normal, t1)], dot(normal, *pos))
 }
 
+/// What pairs may touch: frames and offsets of planes, and the obstacles.
+struct Grounds<'a, K> {
+    planes: &'a [(M3<f64>, f64)],
+    obstacles: &'a Obstacles<K>,
+}
+
 fn compile_pair<T: Real>(
     model: &Model,
     index: usize,
     pair: &ContactPair,
     seat: &Seat,
-    planes: &[(M3<f64>, f64)],
+    ground: &Grounds<'_, T::K>,
     settings: &Settings,
     first_point: usize,
 ) -> Result<Pair<T::K>, PhysicsError> {
@@ -305,18 +318,23 @@ fn compile_pair<T: Real>(
     let own = elliptic && pair.solreffriction != [0.0; 2];
     let friction_ref = if own { pair.solreffriction } else { pair.solref };
     let isotropic = pair.friction[0] == pair.friction[1];
-    let level = planes[pair.plane].0[0] == [0.0, 0.0, 1.0];
+    let touched = match pair.ground {
+        Ground::Plane(plane) => Touched::Plane(plane),
+        Ground::Obstacle { obstacle } => ground.obstacles.touched(model, geom, obstacle)?,
+    };
+    let level = matches!(touched, Touched::Plane(plane) if ground.planes[plane].0[0] == [0.0, 0.0, 1.0]);
     // A capsule turns the tangents with its axis, which a pyramid or an anisotropic ellipse can tell.
     let turned = matches!(geom.shape, Shape::Capsule { .. }) && !(elliptic && isotropic);
     Ok(Pair {
         model_pair: index,
         spin: 0,
         member: 0,
-        plane: pair.plane,
+        touched,
         shape,
         center: k3(add(seat.position, rotate(&seat.rotation, geom.pos))),
         radius: k(radius),
-        reach: k(reach + pair.margin),
+        // The bound on the distance from an obstacle may round otherwise than the distance.
+        reach: k((reach + pair.margin) * if matches!(touched, Touched::Plane(_)) { 1.0 } else { 1.0 + SLACK }),
         condim: usize::from(pair.condim),
         friction: pair.friction.map(k),
         aligned: level && (pair.condim == 1 || (pair.condim == 3 && !turned)),

@@ -1,4 +1,4 @@
-//! Contact points of a shape against a plane, and their constraint rows.
+//! Contact points of a shape against a plane or an obstacle, and their constraint rows.
 //!
 //! Points and distances are MuJoCo's (`engine_collision_primitive`): sphere 1 point, capsule 2, cylinder 4,
 //! box 4. A box gives the lower one of each pair of opposite corners, which is what "the corners below the
@@ -8,7 +8,8 @@ use crate::Real;
 use crate::smooth::Pass;
 use crate::spatial::V6;
 use crate::state::{Point, Pose, Work};
-use crate::tree::{GroundPlane, Impedance, LinkShape, Pair, TINY, Tree};
+use crate::terrain::Nearest;
+use crate::tree::{GroundPlane, Impedance, LinkShape, Pair, TINY, Touched, Tree};
 use crate::vec3::*;
 
 /// Smallest friction coefficient (`mjMINMU`).
@@ -54,11 +55,24 @@ pub(crate) fn link_contacts<T: Real>(
     for index in tree.links[link].pairs.clone() {
         let m = &work.touching[place];
         let pair = &tree.pairs[index];
-        let plane = &tree.planes[pair.plane];
-        let normal = k3::<T>(&plane.frame[0]);
-        let height = dot_add(normal, origin, -T::k(plane.offset));
-        let center = rotate_k_add(&m.rotation, &pair.center, m.position);
-        let level = dot_add(normal, center, height);
+        // The centre, and a number that its distance from the ground does not fall below.
+        let (center, level) = match pair.touched {
+            Touched::Plane(plane) => {
+                let plane = &tree.planes[plane];
+                let normal = k3::<T>(&plane.frame[0]);
+                let height = dot_add(normal, origin, -T::k(plane.offset));
+                let center = rotate_k_add(&m.rotation, &pair.center, m.position);
+                (center, dot_add(normal, center, height))
+            }
+            Touched::Block(block) => {
+                let center = rotate_k_add(&m.rotation, &pair.center, m.position);
+                (center, tree.blocks[block].at_least::<T>(add(center, origin)))
+            }
+            Touched::Field(field) => {
+                let center = rotate_k_add(&m.rotation, &pair.center, m.position);
+                (center, tree.fields[field].at_least::<T>(add(center, origin)))
+            }
+        };
         let active = level.unless_ge(T::k(pair.reach));
         work.pairs[index].active = active;
         if !T::enter(active) {
@@ -72,7 +86,10 @@ pub(crate) fn link_contacts<T: Real>(
         let weight = params.pairs[index].translation;
         let inverse_scale = row_scale(tree, pair, friction, weight) * T::k(pair.reference.gain);
         let points = &mut work.points[pair.points.clone()];
-        shape_points(pair, plane, m, center, level, points);
+        match pair.touched {
+            Touched::Plane(plane) => shape_points(pair, &tree.planes[plane], m, center, level, points),
+            _ => obstacle_points(tree, pair, m, center, origin, points),
+        }
         for point in points {
             let node = &work.nodes[segment.map_or(0, |segment| tree.segments[segment].parent)];
             let (v, a) = (node.motion.velocity, node.jacobian_acceleration);
@@ -195,6 +212,57 @@ fn shape_points<T: Real>(
             }
         }
     }
+}
+
+/// Places, distances and frames of the points of a sphere or a capsule, whose ends count as spheres, on an obstacle.
+#[inline(always)]
+fn obstacle_points<T: Real>(
+    tree: &Tree<T::K>,
+    pair: &Pair<T::K>,
+    m: &Pose<T>,
+    center: V3<T>,
+    origin: V3<T>,
+    points: &mut [Point<T>],
+) {
+    let half = T::lit(-0.5);
+    let radius = T::k(pair.radius);
+    let segment = match &pair.shape {
+        LinkShape::Capsule { axis, half_length } => {
+            scale(T::k(*half_length), rotate_k_add(&m.rotation, axis, zero3()))
+        }
+        _ => zero3(),
+    };
+    let mut sign = T::lit(1.0);
+    for point in points {
+        let ball = axpy(sign, segment, center);
+        let x = add(ball, origin);
+        let Nearest { distance, normal } = match pair.touched {
+            Touched::Block(block) => tree.blocks[block].nearest(x),
+            Touched::Field(field) => tree.fields[field].nearest(x),
+            Touched::Plane(_) => Nearest { distance: T::zero(), normal: zero3() },
+        };
+        let distance = distance - radius;
+        point.distance = distance;
+        point.x = axpy(half.fma(distance, -radius), normal, ball);
+        point.frame = normal_frame(normal);
+        // In MuJoCo the box is the second of the two, and the first tangent points the other way for the robot.
+        if matches!(pair.touched, Touched::Block(_)) {
+            point.frame[1] = scale(T::lit(-1.0), point.frame[1]);
+        }
+        sign = -sign;
+    }
+}
+
+/// Contact frame of a normal alone (MuJoCo's `mju_makeFrame`): the first tangent lies towards y, or towards z where the
+/// normal is near y.
+#[inline(always)]
+fn normal_frame<T: Real>(normal: V3<T>) -> M3<T> {
+    let (zero, one, half) = (T::zero(), T::lit(1.0), T::lit(0.5));
+    let steep = normal[1].abs();
+    let guess = [zero, T::select_lt(steep, half, one, zero), T::select_lt(steep, half, zero, one)];
+    let along = axpy(-dot(normal, guess), normal, guess);
+    let t1 = scale(one.div(dot(along, along).sqrt()), along);
+    [normal, t1, cross(normal, t1)]
 }
 
 /// Contact frame whose first tangent lies along `axis` (MuJoCo's `mju_makeFrame`).

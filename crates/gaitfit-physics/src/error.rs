@@ -39,6 +39,32 @@ pub enum PhysicsError {
         /// What it must be.
         must: &'static str,
     },
+    /// A shape whose contact with an obstacle is not computed.
+    #[error(
+        "geom `{geom}` is a {shape} and may touch `{obstacle}`: only spheres and capsules touch boxes and height fields; use these, or a flat floor"
+    )]
+    ObstacleShape {
+        /// The geom.
+        geom: String,
+        /// Its shape.
+        shape: &'static str,
+        /// The box or height field.
+        obstacle: String,
+    },
+    /// A ball larger than the cells of a height field allow.
+    #[error(
+        "geom `{geom}` has a radius of {radius} m and height field `{obstacle}` cells of {cell} m: cells must be at least twice the radius; take fewer rows and columns"
+    )]
+    FieldCells {
+        /// The geom.
+        geom: String,
+        /// Its radius, m.
+        radius: f64,
+        /// The height field.
+        obstacle: String,
+        /// The shorter side of a cell, m.
+        cell: f64,
+    },
     /// A per-joint array of the wrong length.
     #[error("{what} has {found} entries; the robot needs {expected}")]
     Length {

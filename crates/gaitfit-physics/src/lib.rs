@@ -7,7 +7,8 @@
 //! Conventions: SI units, radians, quaternions wxyz. The base's linear velocity is in world axes, its angular
 //! velocity in body axes, as in MuJoCo.
 //!
-//! Not simulated: contacts between the robot's own bodies, or with anything but planes.
+//! Not simulated: contacts between the robot's own bodies, or with anything but planes and, for spheres and capsules,
+//! static boxes and height fields.
 
 mod compile;
 mod cone;
@@ -20,6 +21,7 @@ mod invweight;
 mod joint_parameter;
 mod lanes;
 mod modify;
+mod obstacles;
 mod outline;
 mod params;
 pub mod phase;
@@ -33,6 +35,7 @@ mod solver;
 mod spatial;
 mod state;
 mod step;
+mod terrain;
 pub mod trace;
 mod tree;
 mod vec3;

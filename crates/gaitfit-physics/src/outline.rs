@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::ops::Range;
 
-use crate::tree::{Impedance, LinkShape, Tree};
+use crate::tree::{Impedance, LinkShape, Touched, Tree};
 
 /// One link of a compiled tree.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,9 +34,13 @@ impl<K> Tree<K> {
                     LinkShape::Cylinder { .. } => "cylinder",
                     LinkShape::Box { .. } => "box",
                 };
-                let (condim, plane, aligned) = (pair.condim, pair.plane, pair.aligned);
+                let (condim, aligned) = (pair.condim, pair.aligned);
+                let ground = match pair.touched {
+                    Touched::Plane(plane) => format!("plane {plane}"),
+                    other => format!("{other:?}"),
+                };
                 let powers = powers(&pair.impedance);
-                let _ = write!(kind, " {shape} {condim} plane {plane} aligned {aligned} {powers}");
+                let _ = write!(kind, " {shape} {condim} {ground} aligned {aligned} {powers}");
             }
             LinkOutline { parent: link.parent, kind, pairs: link.pairs.clone() }
         };

@@ -70,6 +70,11 @@ pub trait Real:
     fn leave(guard: Self::Guard);
     /// After a region: `self`, made in it, where it was needed, else `before`.
     fn merge(self, guard: Self::Guard, before: Self) -> Self;
+    /// The nearest whole number, for |self| < 2²².
+    fn round(self) -> Self;
+    /// The entry of `table` with the number `index`, which is whole and not negative; zero beyond the table's end. A
+    /// recording scalar does not have it.
+    fn gather(table: &[Self::K], index: Self) -> Self;
     /// Reciprocal of a positive, finite, normal number; may be off by an ulp or two in lanes.
     #[inline(always)]
     fn recip(self) -> Self {
@@ -168,6 +173,14 @@ macro_rules! scalar {
             #[inline(always)]
             fn sin_cos(self) -> ($t, $t) {
                 <$t>::sin_cos(self)
+            }
+            #[inline(always)]
+            fn round(self) -> $t {
+                <$t>::round_ties_even(self)
+            }
+            #[inline(always)]
+            fn gather(table: &[$t], index: $t) -> $t {
+                table.get(index as usize).copied().unwrap_or(0.0)
             }
             branching_guards!(|a: $t, b: $t| a >= b);
             #[inline(always)]

@@ -7,6 +7,7 @@
 use std::ops::Range;
 
 use crate::Settings;
+use crate::terrain::{Block, Field};
 
 /// Smallest positive number MuJoCo divides by (`mjMINVAL`).
 pub(crate) const TINY: f64 = 1e-15;
@@ -127,7 +128,15 @@ pub(crate) struct GroundPlane<K> {
     pub offset: K,
 }
 
-/// A shape that may touch a plane.
+/// What a pair's shape may touch: a place among the tree's planes, blocks or fields.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Touched {
+    Plane(usize),
+    Block(usize),
+    Field(usize),
+}
+
+/// A shape that may touch a plane or an obstacle.
 #[derive(Clone, Debug)]
 pub(crate) struct Pair<K> {
     /// Index of the pair in `Model::pairs`.
@@ -136,7 +145,7 @@ pub(crate) struct Pair<K> {
     pub spin: usize,
     /// Place of the pair's link in its segment.
     pub member: usize,
-    pub plane: usize,
+    pub touched: Touched,
     pub shape: LinkShape<K>,
     pub center: [K; 3],
     pub radius: K,
@@ -166,6 +175,8 @@ pub struct Tree<K> {
     /// Link of each node; node 0 is the root.
     pub(crate) nodes: Vec<usize>,
     pub(crate) planes: Vec<GroundPlane<K>>,
+    pub(crate) blocks: Vec<Block<K>>,
+    pub(crate) fields: Vec<Field<K>>,
     pub(crate) pairs: Vec<Pair<K>>,
     pub(crate) points: usize,
     /// Points with spin.
@@ -196,6 +207,11 @@ impl<K> Tree<K> {
     /// For each compiled contact pair, its index in `Model::pairs`.
     pub fn model_pairs(&self) -> Vec<usize> {
         self.pairs.iter().map(|pair| pair.model_pair).collect()
+    }
+
+    /// Whether the ground has more than planes.
+    pub fn has_obstacles(&self) -> bool {
+        !(self.blocks.is_empty() && self.fields.is_empty())
     }
 
     /// Settings it was compiled with.

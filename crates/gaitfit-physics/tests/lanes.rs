@@ -158,6 +158,13 @@ fn humanoid_converges_to_f64() {
     each_isa!(against_f64(&model, "states_humanoid_pyr_imp1_fl"));
 }
 
+/// Balls and rods on a height field and on boxes.
+#[test]
+fn uneven_ground_converges_to_f64() {
+    let model = robot("terrain");
+    each_isa!(against_f64(&model, "states_terrain_pyr_imp1_fl"));
+}
+
 fn same_bits(a: &[f32], b: &[f32]) -> bool {
     a.iter().zip(b).all(|(x, y)| x.to_bits() == y.to_bits())
 }
@@ -187,7 +194,11 @@ fn independent<T: Lanes>(isa: &str, model: &Model, file: &str, preset: Preset) {
 
 #[test]
 fn lanes_do_not_see_each_other() {
-    for (name, file) in [("go2", "states_go2_pyr_imp1_fl"), ("humanoid", "states_humanoid_pyr_imp1_fl")] {
+    for (name, file) in [
+        ("go2", "states_go2_pyr_imp1_fl"),
+        ("humanoid", "states_humanoid_pyr_imp1_fl"),
+        ("terrain", "states_terrain_pyr_imp1_fl"),
+    ] {
         let mut model = robot(name);
         each_isa!(independent(&model, file, Preset::Fast));
         each_isa!(independent(&model, file, Preset::Accurate));
@@ -222,6 +233,8 @@ fn nan_stays<T: Lanes>(isa: &str, model: &Model, file: &str) {
 fn nan_stays_in_its_lane() {
     let model = robot("go2");
     each_isa!(nan_stays(&model, "states_go2_pyr_imp1_fl"));
+    let model = robot("terrain");
+    each_isa!(nan_stays(&model, "states_terrain_pyr_imp1_fl"));
 }
 
 fn sines<T: Lanes>(isa: &str) {

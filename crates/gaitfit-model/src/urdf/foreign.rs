@@ -19,7 +19,7 @@ const ELEMENTS: [(&str, &str); 12] = [
     ("transmission", NOT_DYNAMICS),
     ("ros2_control", NOT_DYNAMICS),
     ("verbose", NOT_DYNAMICS),
-    ("self_collision_checking", "contacts are computed between the robot and ground planes only"),
+    ("self_collision_checking", "contacts are computed between the robot and the ground only"),
     ("contact", CONTACT),
     ("contact_coefficients", CONTACT),
     ("surface", CONTACT),

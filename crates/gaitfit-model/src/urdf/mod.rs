@@ -106,6 +106,7 @@ pub(crate) fn read(
         options,
         disabled,
         bodies,
+        fields: Vec::new(),
         excludes: Vec::new(),
         pairs: Vec::new(),
         actuators,

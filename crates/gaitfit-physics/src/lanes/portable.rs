@@ -130,6 +130,14 @@ impl Real for Portable {
     fn sin_cos(self) -> (Self, Self) {
         sin_cos(self, round, quarters)
     }
+    #[inline(always)]
+    fn round(self) -> Self {
+        round(self)
+    }
+    #[inline(always)]
+    fn gather(table: &[f32], index: Self) -> Self {
+        each!(i => table.get(index.0[i] as usize).copied().unwrap_or(0.0))
+    }
     branching_guards!(all_ge);
 }
 

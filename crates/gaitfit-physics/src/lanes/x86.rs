@@ -85,6 +85,22 @@ macro_rules! lane_type {
             fn abs(self) -> Self {
                 Self(intrinsic!($andnot($set1(-0.0), self.0)))
             }
+            #[inline(always)]
+            fn round(self) -> Self {
+                round(self)
+            }
+            // One load a lane: gathering instructions would need addresses that are known to be good.
+            #[inline(always)]
+            fn gather(table: &[f32], index: Self) -> Self {
+                let mut numbers = [0.0; $lanes];
+                super::Lanes::store(index, &mut numbers);
+                let mut lane = 0;
+                while lane < $lanes {
+                    numbers[lane] = table.get(numbers[lane] as usize).copied().unwrap_or(0.0);
+                    lane += 1;
+                }
+                super::Lanes::load(&numbers)
+            }
             $($real)*
         }
 

@@ -138,6 +138,11 @@ pub enum TraceError {
          region, or as a carried number of the loop", .0.0
     )]
     Escapes(Id),
+    /// The ground has boxes or height fields.
+    #[error(
+        "boxes and height fields as ground cannot be recorded, so no GPU simulates them; use the processor (--device cpu), or a flat floor"
+    )]
+    Obstacles,
     /// Regions are not properly nested.
     #[error("a region ends that is not the one begun last; end inner regions first")]
     Nesting,

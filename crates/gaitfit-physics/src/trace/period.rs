@@ -110,6 +110,9 @@ pub fn record_period_with(
     modifications: &[JointModification<Known>],
     report: &Report,
 ) -> Result<PeriodGraph, TraceError> {
+    if tree.has_obstacles() {
+        return Err(TraceError::Obstacles);
+    }
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     let mut modifications = modifications.to_vec();
     let graph = record(|| {

@@ -83,6 +83,11 @@ pub(super) fn input() -> Traced {
     })
 }
 
+/// Fails: an operation that no graph has.
+pub(super) fn unsupported() {
+    RECORDING.with_borrow_mut(|recording| recording.fail(TraceError::Obstacles));
+}
+
 pub(super) fn enter(guard: Id) {
     RECORDING.with_borrow_mut(|recording| {
         recording.check(&[guard]);

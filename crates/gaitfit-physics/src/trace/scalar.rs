@@ -3,7 +3,7 @@
 use core::ops::{Add, Mul, Neg, Sub};
 
 use super::graph::{Id, Node};
-use super::record::{enter, input, leave, node};
+use super::record::{enter, input, leave, node, unsupported};
 use crate::Real;
 
 /// A number of the recording of this thread.
@@ -105,6 +105,14 @@ impl Real for Traced {
     }
     fn sin_cos(self) -> (Self, Self) {
         (node(Node::Sin(self.0)), node(Node::Cos(self.0)))
+    }
+    fn round(self) -> Self {
+        unsupported();
+        self
+    }
+    fn gather(_table: &[Known], index: Self) -> Self {
+        unsupported();
+        index
     }
     fn never() -> Guard {
         Guard(None)

@@ -1,0 +1,116 @@
+//! Boxes and height fields as ground: where they are planes, they are a plane's ground; what is not computed is refused.
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use gaitfit_model::{Model, ObstacleShape, ReadOptions, Shape, read_mjcf_str};
+use gaitfit_physics::trace::{Known, TraceError, Traced, record_period};
+use gaitfit_physics::{Forward, PhysicsError, Preset, Settings, compile};
+
+/// A robot of two balls, one on a leg, over a ground.
+fn hopper(ground: &str) -> Model {
+    let text = format!(
+        r#"<mujoco><compiler angle="radian"/>
+        <asset>
+          <hfield name="level" nrow="5" ncol="6" size="5 5 1 1"/>
+          <hfield name="slope" nrow="3" ncol="5" size="5 5 2 1" elevation="0 .25 .5 .75 1  0 .25 .5 .75 1  0 .25 .5 .75 1"/>
+        </asset>
+        <worldbody>{ground}
+          <body pos="0 0 1"><freejoint/><geom name="trunk" size="0.1"/>
+            <body><joint name="knee" axis="0 1 0"/><geom name="foot" size="0.05" pos="0.3 0 -0.2" mass="0.2"/></body>
+          </body></worldbody></mujoco>"#
+    );
+    read_mjcf_str(&text, &ReadOptions::default()).unwrap()
+}
+
+fn settings(model: &Model) -> Settings {
+    Settings::new(&model.options, Preset::Converged)
+}
+
+/// Accelerations and the next state with the base at these heights above x = 0.3, y = -0.2 and turned a little.
+fn motions(model: &Model, heights: &[f64]) -> Vec<f64> {
+    let mut forward = Forward::new(model, &settings(model)).unwrap();
+    let mut all = Vec::new();
+    for height in heights {
+        let qpos = [0.3, -0.2, *height, 0.98, 0.1, -0.1, 0.13, 0.2];
+        let found = forward.evaluate(&qpos, &[0.3, -0.4, -0.5, 0.2, 0.1, 0.3, -0.4], &[]).unwrap();
+        all.extend(found.qacc.iter().chain(&found.next_qpos).chain(&found.next_qvel));
+    }
+    all
+}
+
+#[test]
+fn level_and_sloping_ground_is_a_plane() {
+    let cases = [
+        (
+            r#"<geom type="plane" size="0 0 1"/>"#,
+            [r#"<geom type="box" size="5 5 1" pos="0 0 -1"/>"#, r#"<geom type="hfield" hfield="level"/>"#],
+            0.0,
+        ),
+        (
+            r#"<geom type="plane" size="0 0 1" pos="0 0 1" euler="0 -0.19739555984988078 0"/>"#,
+            [
+                r#"<frame pos="0 0 1" euler="0 -0.19739555984988078 0"><geom type="box" size="5 5 1" pos="0 0 -1"/></frame>"#,
+                r#"<geom type="hfield" hfield="slope"/>"#,
+            ],
+            1.06,
+        ),
+    ];
+    for (plane, others, ground) in cases {
+        // In the air, one ball in touch, both, and the leg's ball below the surface.
+        let heights = [0.6, 0.2, 0.12, 0.08].map(|height| height + ground);
+        let want = motions(&hopper(plane), &heights);
+        for other in others {
+            let model = hopper(other);
+            assert_eq!((model.planes.len(), model.obstacles.len(), model.pairs.len()), (0, 1, 2));
+            let got = motions(&model, &heights);
+            let worst =
+                got.iter().zip(&want).map(|(a, b)| (a - b).abs() / b.abs().max(1.0)).fold(0.0, f64::max);
+            assert!(worst < 1e-11, "{other}: {worst}");
+        }
+        let airborne = motions(&hopper(plane), &heights[..1]);
+        assert!(
+            (airborne[2] + 9.81).abs() < 1.0 && (want[airborne.len() + 2] + 9.81).abs() > 1.0,
+            "no contact"
+        );
+    }
+}
+
+#[test]
+fn what_is_not_computed_is_refused() {
+    let mut model = hopper(r#"<geom name="step" type="box" size="5 5 1" pos="0 0 -1"/>"#);
+    let tree = compile::<Traced>(&model, &settings(&model)).unwrap();
+    assert!(tree.has_obstacles());
+    let refused = record_period(&tree, 3, 2, &[]).unwrap_err();
+    assert_eq!(refused, TraceError::Obstacles);
+    assert!(refused.to_string().contains("--device cpu"));
+    let plane = hopper(r#"<geom type="plane" size="0 0 1"/>"#);
+    let tree: gaitfit_physics::Tree<Known> = compile::<Traced>(&plane, &settings(&plane)).unwrap();
+    assert!(record_period(&tree, 3, 2, &[]).is_ok());
+
+    model.geoms[0].shape = Shape::Box { half_size: [0.1; 3] };
+    let refused = Forward::new(&model, &settings(&model)).err().unwrap();
+    assert!(matches!(&refused, PhysicsError::ObstacleShape { geom, .. } if geom == "trunk"), "{refused}");
+
+    // Cells of 2 and 2.5 m hold balls of up to 1 m.
+    let mut model = hopper(r#"<geom name="ground" type="hfield" hfield="level"/>"#);
+    model.geoms[1].shape = Shape::Sphere { radius: 1.0 };
+    assert!(Forward::new(&model, &settings(&model)).is_ok());
+    model.geoms[1].shape = Shape::Sphere { radius: 1.01 };
+    let refused = Forward::new(&model, &settings(&model)).err().unwrap();
+    assert!(matches!(&refused, PhysicsError::FieldCells { geom, .. } if geom == "foot"), "{refused}");
+
+    let field = |model: &mut Model, change: fn(&mut gaitfit_model::HeightField)| {
+        let ObstacleShape::Field(field) = &mut model.obstacles[0].shape else { panic!() };
+        change(field);
+    };
+    for change in [
+        (|field| field.rows = 2) as fn(&mut gaitfit_model::HeightField),
+        |field| field.heights.truncate(7),
+        |field| field.heights[3] = f64::NAN,
+        |field| field.half_size[1] = 0.0,
+    ] {
+        let mut model = hopper(r#"<geom name="ground" type="hfield" hfield="level"/>"#);
+        field(&mut model, change);
+        let refused = Forward::new(&model, &settings(&model)).err().unwrap();
+        assert!(refused.to_string().contains("height field `ground`"), "{refused}");
+    }
+}
