@@ -10,6 +10,7 @@ Usage: .venv/bin/python tools/check_onnx.py policy.onnx [--weights policy.safete
 
 import argparse
 import json
+import math
 import pathlib
 import sys
 
@@ -17,10 +18,18 @@ import numpy as np
 import onnx
 import onnxruntime
 
+ERF = np.vectorize(math.erf)
+SELU = 1.6732632423543772, 1.0507009873554805
+# Of x and, where there is one, a parameter.
 ACTIVATIONS = {
-    "elu": lambda x: np.where(x > 0, x, np.expm1(np.minimum(x, 0))),
+    "elu": lambda x, alpha=1.0: np.where(x > 0, x, alpha * np.expm1(np.minimum(x, 0))),
     "relu": lambda x: np.maximum(x, 0),
     "tanh": np.tanh,
+    "leaky_relu": lambda x, slope=0.01: np.where(x > 0, x, slope * x),
+    "selu": lambda x: SELU[1] * np.where(x > 0, x, SELU[0] * np.expm1(np.minimum(x, 0))),
+    "silu": lambda x: x / (1 + np.exp(-x)),
+    "gelu": lambda x: 0.5 * x * (1 + ERF(x / math.sqrt(2))),
+    "gelu_tanh": lambda x: 0.5 * x * (1 + np.tanh(math.sqrt(2 / math.pi) * (x + 0.044715 * x**3))),
 }
 TYPES = {"F32": np.float32, "F64": np.float64}
 
@@ -39,6 +48,14 @@ def read_safetensors(path):
     return tensors, about
 
 
+def function(written):
+    """An activation as the header has it: a name, or a name and its parameter."""
+    if isinstance(written, str):
+        return ACTIVATIONS[written]
+    ((name, parameter),) = written.items()
+    return lambda x: ACTIVATIONS[name](x, parameter)
+
+
 def evaluate(tensors, about, x):
     """Mean actions for rows of observations."""
     x = x.astype(float)
@@ -46,9 +63,13 @@ def evaluate(tensors, about, x):
         x = (x - tensors["normaliser.mean"]) / np.sqrt(tensors["normaliser.variance"] + 0.01)
     numbers = sorted(int(name.split(".")[1]) for name in tensors if name.startswith("actor.") and name.endswith("weight"))
     for number in numbers:
-        x = x if number == 0 else ACTIVATIONS[about["activation"]](x)
-        x = x @ tensors[f"actor.{number}.weight"].T + tensors[f"actor.{number}.bias"]
-    return x
+        weight, bias = tensors[f"actor.{number}.weight"], tensors[f"actor.{number}.bias"]
+        if weight.ndim == 1:
+            spread = np.sqrt(x.var(axis=1, keepdims=True) + about["layer_norm_epsilon"])
+            x = (x - x.mean(axis=1, keepdims=True)) / spread * weight + bias
+            continue
+        x = (x if number == 0 else function(about["activation"])(x)) @ weight.T + bias
+    return function(about["output_activation"])(x) if "output_activation" in about else x
 
 
 def main():

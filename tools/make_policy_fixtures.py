@@ -4,7 +4,8 @@ foreign.onnx is built with the onnx package out of every form of a linear layer 
 Sub, Add and Div; its outputs are onnxruntime's. trainer.safetensors has the tensors of a usual PyTorch trainer
 (nn.Sequential, a normaliser module, std); its outputs are computed here in double precision. mjlab.onnx has the graph and
 the metadata of mjlab's exporter; unitree/ the folders of unitree_rl_lab, with a history of five frames; both know no TOML.
-lstm.onnx and gru.onnx are recurrent as rsl_rl's exporter writes them; their outputs are onnxruntime's along a sequence.
+functions/ has
+activations and layer norm as PyTorch's exporter writes them. lstm.onnx and gru.onnx are recurrent as rsl_rl's exporter writes them; their outputs are onnxruntime's along a sequence.
 Random weights, seeded: the same packages give the same bytes.
 
 Usage: .venv/bin/python tools/make_policy_fixtures.py [--out FOLDER]
@@ -252,6 +253,61 @@ def recurrent_onnx(out, rng, kind, hidden=12, depth=2):
     describe(out, kind.lower(), f"{kind.lower()}.onnx")
 
 
+def functions_onnx(out, rng):
+    """Activations and layer norm in the nodes that PyTorch's exporter writes for operator set 17."""
+    node = helper.make_node
+    number = lambda name, value: numpy_helper.from_array(np.array(value, np.float32), name)
+    constants = [number("root", 2**0.5), number("one", 1), number("half", 0.5), number("pi", (2 / np.pi) ** 0.5),
+                 number("cubic", 0.044715), number("three", 3), number("two", 2), number("eps", 1e-3)]
+
+    def silu(x):
+        return [node("Sigmoid", [x], [x + "s"]), node("Mul", [x, x + "s"], [x + "f"])]
+
+    def gelu(x):
+        return [node("Div", [x, "root"], [x + "d"]), node("Erf", [x + "d"], [x + "e"]), node("Add", [x + "e", "one"], [x + "a"]),
+                node("Mul", [x, x + "a"], [x + "m"]), node("Mul", [x + "m", "half"], [x + "f"])]
+
+    def gelu_tanh(x):
+        return [node("Pow", [x, "three"], [x + "p"]), node("Mul", [x + "p", "cubic"], [x + "c"]),
+                node("Add", [x, x + "c"], [x + "i"]), node("Mul", [x + "i", "pi"], [x + "o"]), node("Tanh", [x + "o"], [x + "t"]),
+                node("Add", [x + "t", "one"], [x + "a"]), node("Mul", [x, "half"], [x + "h"]),
+                node("Mul", [x + "h", x + "a"], [x + "f"])]
+
+    def norm(x):
+        return [node("ReduceMean", [x], [x + "u"], axes=[-1]), node("Sub", [x, x + "u"], [x + "c"]),
+                node("Pow", [x + "c", "two"], [x + "q"]), node("ReduceMean", [x + "q"], [x + "v"], axes=[-1]),
+                node("Add", [x + "v", "eps"], [x + "w"]), node("Sqrt", [x + "w"], [x + "r"]),
+                node("Div", [x + "c", x + "r"], [x + "n"]), node("Mul", [x + "n", x + "_weight"], [x + "k"]),
+                node("Add", [x + "k", x + "_bias"], [x + "b"]), node("Elu", [x + "b"], [x + "f"], alpha=0.5)]
+
+    plain = {"leaky_relu": ("LeakyRelu", {"alpha": 0.2}), "selu": ("Selu", {})}
+    for name in ("silu", "gelu", "gelu_tanh", "leaky_relu", "selu", "norm"):
+        nodes, initializers, head = [], list(constants), "obs"
+        for index, (weight, bias) in enumerate([layer(rng, WIDTH, 16), layer(rng, 16, 8), layer(rng, 8, JOINTS)]):
+            x = f"x{index}"
+            initializers += [numpy_helper.from_array(weight * 3, x + ".w"), numpy_helper.from_array(bias, x + ".b")]
+            nodes.append(node("Gemm", [head, x + ".w", x + ".b"], [x], transB=1))
+            if index == 2:
+                nodes.append(node("Tanh" if name == "norm" else "Identity", [x], ["actions"]))
+                break
+            if name == "norm":
+                parts = (f"{x}_weight", rng.uniform(0.5, 1.5, len(bias))), (f"{x}_bias", rng.normal(0, 0.3, len(bias)))
+                initializers += [numpy_helper.from_array(value.astype(np.float32), part) for part, value in parts]
+            if name in plain:
+                operator, attributes = plain[name]
+                nodes.append(node(operator, [x], [x + "f"], **attributes))
+            else:
+                nodes += {"silu": silu, "gelu": gelu, "gelu_tanh": gelu_tanh, "norm": norm}[name](x)
+            head = x + "f"
+        used = {given for each in nodes for given in each.input}
+        initializers = [tensor for tensor in initializers if tensor.name in used]
+        ends = [("obs", ["batch", WIDTH])], [("actions", ["batch", JOINTS])]
+        session = save_graph(out / f"functions/{name}.onnx", nodes, initializers, *ends)
+        rows = rng.normal(0, 1, (ROWS, WIDTH)).astype(np.float32)
+        save_rows(out / "functions", name, rows, session.run(None, {"obs": rows})[0])
+        describe(out / "functions", name, f"{name}.onnx")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     default = ROOT / "crates/gaitfit-policy/tests/fixtures/policies"
@@ -263,6 +319,7 @@ def main():
     trainer_safetensors(out, rng)
     mjlab_onnx(out, np.random.default_rng(48))
     unitree_folders(out, np.random.default_rng(225))
+    functions_onnx(out, np.random.default_rng(17))
     recurrent_onnx(out, np.random.default_rng(4), "LSTM")
     recurrent_onnx(out, np.random.default_rng(3), "GRU")
 

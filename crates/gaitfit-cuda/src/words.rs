@@ -5,6 +5,7 @@ use std::fmt::Write;
 use gaitfit_physics::Owner;
 use gaitfit_physics::trace::{Input, Output};
 use gaitfit_policy::Quantity;
+use gaitfit_policy::network::Activation;
 
 use crate::emit::{Layout, Place};
 use crate::physics::Period;
@@ -43,6 +44,12 @@ impl Words {
     pub fn singles(&mut self, name: &str, numbers: &[f32]) {
         self.table("float", name, numbers.iter().map(|&x| single(x)).collect());
     }
+}
+
+/// What to say of an activation that the kernels do not know.
+pub(crate) fn unknown(activation: Activation) -> Option<String> {
+    let known = matches!(activation, Activation::Elu | Activation::Relu | Activation::Tanh);
+    (!known).then(|| format!("the activation {activation}"))
 }
 
 pub(crate) fn single(value: f32) -> String {

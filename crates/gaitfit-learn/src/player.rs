@@ -2,7 +2,7 @@
 
 use crate::task::{Ended, Environment, Task};
 use gaitfit_policy::Policy;
-use gaitfit_policy::network::Scratch;
+use gaitfit_policy::network::{Memory, Scratch};
 
 /// A policy and the tile it moves. Ended episodes are left where they are.
 pub struct Player<'a> {
@@ -16,6 +16,7 @@ pub struct Player<'a> {
     pub ended: Vec<Ended>,
     policy: &'a Policy,
     observation: Vec<f32>,
+    memory: Memory,
     scratch: Scratch,
 }
 
@@ -30,6 +31,7 @@ impl<'a> Player<'a> {
             ended: vec![Ended::No; count],
             policy,
             observation: vec![0.0; count * task.walker.interface.observation_width()],
+            memory: policy.memory(count),
             scratch: Scratch::default(),
         }
     }
@@ -38,7 +40,8 @@ impl<'a> Player<'a> {
     pub fn step(&mut self, step: u32) {
         let count = self.environment.count();
         self.environment.observe(step, &mut self.observation);
-        self.policy.act(count, &self.observation, &mut self.action, &mut self.scratch);
+        let Self { policy, observation, memory, action, scratch, .. } = self;
+        policy.act_with(count, observation, memory, action, scratch);
         self.environment.step(step, &self.action, &mut self.reward, &mut self.ended);
     }
 }

@@ -1,8 +1,8 @@
 //! Whether the parts of a policy fit each other.
 
 use crate::error::invalid;
-use crate::network::{MOST_PARAMETERS, Network, Normaliser};
-use crate::{Policy, PolicyError, Term};
+use crate::network::{Activation, MOST_PARAMETERS, Network, Normaliser};
+use crate::{Encoder, Front, Policy, PolicyError, Term};
 
 impl Policy {
     /// Checks the interface, then every network, normaliser and number against it.
@@ -14,7 +14,15 @@ impl Policy {
         self.interface.check()?;
         let interface = &self.interface;
         let joints = interface.joints.len();
-        self.check_network("actor", &self.actor, "observation", &interface.observation)?;
+        let (seer, observed) = match &self.front {
+            None => ("actor", self.actor.shape.inputs),
+            Some(front) => (front.name(), front.inputs()),
+        };
+        check_network("actor", &self.actor)?;
+        self.check_width(seer, observed, "observation", &interface.observation)?;
+        if let Some(front) = &self.front {
+            check_front(front, &self.actor)?;
+        }
         if self.actor.shape.outputs != joints {
             return Err(invalid(format!(
                 "the interface names {joints} joints, the actor gives {} actions; they must be as many, in the \
@@ -30,7 +38,9 @@ impl Policy {
         }
         finite("log_std", &self.log_std)?;
         if let Some(critic) = &self.critic {
-            self.check_network("critic", critic, "critic_observation", &interface.critic_observation)?;
+            check_network("critic", critic)?;
+            let terms = &interface.critic_observation;
+            self.check_width("critic", critic.shape.inputs, "critic_observation", terms)?;
             if critic.shape.outputs != 1 {
                 let found = critic.shape.outputs;
                 return Err(invalid(format!("the critic has {found} outputs; it must give one value")));
@@ -38,27 +48,18 @@ impl Policy {
         } else if self.critic_normaliser.is_some() {
             return Err(invalid("there is a critic_normaliser, but no critic; leave it out"));
         }
-        check_normaliser("normaliser", self.normaliser.as_ref(), self.actor.shape.inputs)?;
+        check_normaliser("normaliser", self.normaliser.as_ref(), observed)?;
         let critic_inputs = self.critic.as_ref().map_or(0, |critic| critic.shape.inputs);
         check_normaliser("critic_normaliser", self.critic_normaliser.as_ref(), critic_inputs)
     }
 
-    fn check_network(
+    fn check_width(
         &self,
         name: &str,
-        network: &Network,
+        taken: usize,
         observation: &str,
         terms: &[Term],
     ) -> Result<(), PolicyError> {
-        network.shape.check()?;
-        let expected = checked_parameters(network)
-            .filter(|&count| count <= MOST_PARAMETERS)
-            .ok_or_else(|| invalid(format!("the {name} has more than {MOST_PARAMETERS} parameters")))?;
-        if network.parameters.len() != expected {
-            let (shape, found) = (&network.shape, network.parameters.len());
-            return Err(invalid(format!("the {name} ({shape}) has {found} parameters, it needs {expected}")));
-        }
-        let taken = network.shape.inputs;
         let layout = self.interface.describe(terms);
         if terms.is_empty() {
             return Err(invalid(format!("{observation} has no terms, the {name} takes {taken} numbers")));
@@ -66,8 +67,57 @@ impl Policy {
         if self.interface.width(terms) != taken {
             return Err(invalid(format!("{observation} is {layout}, the {name} takes {taken}")));
         }
-        finite(name, &network.parameters)
+        Ok(())
     }
+}
+
+/// A network's sizes and numbers.
+fn check_network(name: &str, network: &Network) -> Result<(), PolicyError> {
+    network.shape.check()?;
+    let expected = checked_parameters(network)
+        .filter(|&count| count <= MOST_PARAMETERS)
+        .ok_or_else(|| invalid(format!("the {name} has more than {MOST_PARAMETERS} parameters")))?;
+    if network.parameters.len() != expected {
+        let (shape, found) = (&network.shape, network.parameters.len());
+        return Err(invalid(format!("the {name} ({shape}) has {found} parameters, it needs {expected}")));
+    }
+    network.check()?;
+    let sound = |activation: &Activation| activation.is_sound();
+    if !sound(&network.shape.activation) || !network.output.as_ref().is_none_or(sound) {
+        return Err(invalid(format!("the {name} has an activation whose parameter is out of range")));
+    }
+    for norm in network.norms.iter().flatten() {
+        finite(name, &norm.weight)?;
+        finite(name, &norm.bias)?;
+    }
+    finite(name, &network.parameters)
+}
+
+/// What stands before the actor.
+fn check_front(front: &Front, actor: &Network) -> Result<(), PolicyError> {
+    let name = front.name();
+    match front {
+        Front::Recurrent(recurrent) => {
+            if let Some(mistake) = recurrent.mistake() {
+                return Err(invalid(format!("the {name} does not fit together: {mistake}")));
+            }
+            for values in recurrent.parameters() {
+                finite(name, values)?;
+            }
+        }
+        Front::Encoder(Encoder { network, passed, .. }) => {
+            check_network(name, network)?;
+            if let Some(place) = passed.iter().find(|&&place| place >= network.shape.inputs) {
+                let width = network.shape.inputs;
+                return Err(invalid(format!("the actor sees number {place} of an observation of {width}")));
+            }
+        }
+    }
+    let (given, taken) = (front.outputs(), actor.shape.inputs);
+    if given != taken {
+        return Err(invalid(format!("the {name} gives {given} numbers, the actor takes {taken}")));
+    }
+    Ok(())
 }
 
 /// [`crate::network::Shape::parameters`] that does not overflow.

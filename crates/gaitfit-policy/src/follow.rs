@@ -69,7 +69,7 @@ const TILE: usize = 32;
 /// without the tracks that are missing; `cancel` must keep saying so.
 ///
 /// # Errors
-/// A candidate that is no robot; resets of a script without states.
+/// A candidate that is no robot; resets of a script without states, or of a recurrent policy.
 pub fn follow(
     walker: &Walker,
     policy: &Policy,
@@ -85,6 +85,9 @@ pub fn follow(
     };
     if jobs.iter().any(|job| job.reset_every.is_some()) && scripts.iter().any(stateless) {
         return Err(WalkerError::NoStates);
+    }
+    if jobs.iter().any(|job| job.reset_every.is_some()) && policy.is_recurrent() {
+        return Err(WalkerError::NoMemory);
     }
     in_tiles(jobs.len(), scripts, threads, |worker: &mut Worker, job, first, chunk| {
         let whole = worker.run(walker, policy, &jobs[job], chunk, first, cancel)?;
@@ -152,6 +155,7 @@ impl Worker {
         self.action.resize(count * joints, 0.0);
         let mut last_action = LastAction::new(count, joints);
         let mut past = Past::new(&walker.observation, count);
+        let mut memory = policy.memory(count);
         let mut sensed = Sensed::new(joints);
         self.targets.resize(count * walker.default_pose.len(), 0.0);
         let width = walker.observation.width();
@@ -194,7 +198,7 @@ impl Worker {
                 walker.observation.write(&sensed, past.row(index), |_, _| (), row);
             }
             past.take(&self.observation);
-            policy.act(count, &self.observation, &mut self.action, &mut self.scratch);
+            policy.act_with(count, &self.observation, &mut memory, &mut self.action, &mut self.scratch);
             for (index, script) in scripts.iter().enumerate() {
                 if sample < script.commands.len() {
                     let row = &self.action[index * joints..(index + 1) * joints];

@@ -7,6 +7,7 @@ mod check;
 mod error;
 mod files;
 pub mod follow;
+mod front;
 mod held;
 mod history;
 mod interface;
@@ -17,7 +18,11 @@ pub mod predict;
 pub mod walker;
 
 pub use error::PolicyError;
-pub use files::{DescribedTerm, Description, NormaliserTensors, PerJoint, files_of, onnx, read, weights};
+pub use files::{
+    DescribedTerm, Description, EncoderTensors, MemoryTensors, NormaliserTensors, Passes, PerJoint, files_of,
+    onnx, read, weights,
+};
+pub use front::{Encoder, Front, Latent};
 pub use held::{ActionClip, Held};
 pub use history::{FrameOrder, History, HistoryStart};
 pub use interface::{Interface, InterfaceError, Quantity, Term};

@@ -1,7 +1,7 @@
 //! A policy: its interface, its networks, and where it came from.
 
-use crate::Interface;
-use crate::network::{Network, Normaliser, Scratch};
+use crate::network::{Memory, Network, Normaliser, Scratch};
+use crate::{Front, Interface};
 use serde::{Deserialize, Serialize};
 
 /// A policy: what it sees, its networks, and where it came from. [`Policy::check`] says whether the parts fit.
@@ -9,7 +9,10 @@ use serde::{Deserialize, Serialize};
 pub struct Policy {
     /// What the policy sees and what its outputs mean.
     pub interface: Interface,
-    /// From the (normalised) observation to the mean action; one output a joint, before scaling.
+    /// What stands between the (normalised) observation and the actor; none for most policies.
+    pub front: Option<Front>,
+    /// From the (normalised) observation, or from what the front gives, to the mean action; one output a joint, before
+    /// scaling.
     pub actor: Network,
     /// Natural logarithm of the actions' standard deviation, one a joint.
     pub log_std: Vec<f32>,
@@ -56,7 +59,45 @@ impl Policy {
     ///
     /// # Panics
     /// If a slice is shorter than its size, or the policy does not pass [`Policy::check`]: errors of the caller.
+    ///
+    /// A recurrent policy remembers nothing here: each row is an episode's first. [`Policy::act_with`] is for more.
     pub fn act(&self, rows: usize, observation: &[f32], actions: &mut [f32], scratch: &mut Scratch) {
-        self.actor.forward_normalised(self.normaliser.as_ref(), rows, observation, actions, scratch);
+        self.act_with(rows, observation, &mut self.memory(rows), actions, scratch);
+    }
+
+    /// What the policy remembers of `environments` robots whose episodes begin.
+    pub fn memory(&self, environments: usize) -> Memory {
+        self.front.as_ref().map_or_else(Memory::default, |front| front.memory(environments))
+    }
+
+    /// As [`Policy::act`], with a memory of as many robots as there are rows, which takes up what the policy remembers.
+    ///
+    /// # Panics
+    /// As there, or if the memory is of another number of robots.
+    pub fn act_with(
+        &self,
+        rows: usize,
+        observation: &[f32],
+        memory: &mut Memory,
+        actions: &mut [f32],
+        scratch: &mut Scratch,
+    ) {
+        let Some(front) = &self.front else {
+            let normaliser = self.normaliser.as_ref();
+            return self.actor.forward_normalised(normaliser, rows, observation, actions, scratch);
+        };
+        let observation = &observation[..rows * front.inputs()];
+        let mut normal = observation.to_vec();
+        if let Some(normaliser) = &self.normaliser {
+            normaliser.apply(observation, &mut normal);
+        }
+        let mut seen = Vec::new();
+        front.step(rows, &normal, memory, &mut seen, scratch);
+        self.actor.forward(rows, &seen, actions, scratch);
+    }
+
+    /// Whether it remembers what it observed.
+    pub fn is_recurrent(&self) -> bool {
+        matches!(self.front, Some(Front::Recurrent(_)))
     }
 }

@@ -4,8 +4,20 @@
 mod common;
 
 use common::{act, largest_difference, numbers, policy, root};
-use gaitfit_policy::network::{Activation, Network, Shape};
+use gaitfit_policy::network::{Activation, LayerNorm, Network, Shape};
 use gaitfit_policy::{FrameOrder, History, HistoryStart, Policy, onnx, read, weights};
+
+const ALL: [Activation; 9] = [
+    Activation::Elu,
+    Activation::Relu,
+    Activation::Tanh,
+    Activation::EluOf(0.5),
+    Activation::LeakyRelu(0.1),
+    Activation::Selu,
+    Activation::Silu,
+    Activation::Gelu,
+    Activation::GeluTanh,
+];
 
 fn bits(network: &Network) -> Vec<u32> {
     network.parameters.iter().map(|x| x.to_bits()).collect()
@@ -13,7 +25,7 @@ fn bits(network: &Network) -> Vec<u32> {
 
 #[test]
 fn safetensors_come_back_bit_for_bit() {
-    for activation in [Activation::Elu, Activation::Relu, Activation::Tanh] {
+    for activation in ALL {
         let policy = policy(activation);
         let bytes = weights::write(&policy).unwrap();
         assert_eq!(bytes, weights::write(&policy).unwrap(), "the same policy gives the same bytes");
@@ -42,6 +54,20 @@ fn a_history_goes_through_both_files_and_is_not_named_without_one() {
     policy.actor = Network::random(shape, 1, 0, 1.0).unwrap();
     assert_eq!(weights::read(&weights::write(&policy).unwrap()).unwrap(), policy);
     assert_eq!(onnx::read(&onnx::write(&policy).unwrap()).unwrap(), policy);
+}
+
+#[test]
+fn layer_norms_and_an_output_function_go_through_both_files() {
+    let mut policy = policy(Activation::Silu);
+    let norm = |width: usize| LayerNorm { weight: numbers(width, 1), bias: numbers(width, 2), epsilon: 1e-3 };
+    policy.actor.norms = vec![None, Some(norm(16))];
+    policy.actor.output = Some(Activation::Tanh);
+    policy.critic.as_mut().unwrap().norms = vec![Some(norm(24)), Some(norm(16))];
+    assert_eq!(weights::read(&weights::write(&policy).unwrap()).unwrap(), policy);
+    let back = onnx::read(&onnx::write(&policy).unwrap()).unwrap();
+    assert_eq!(back.actor, policy.actor);
+    policy.critic.as_mut().unwrap().norms[0].as_mut().unwrap().epsilon = 1e-5;
+    assert!(weights::write(&policy).unwrap_err().to_string().contains("different epsilons"));
 }
 
 #[test]
@@ -156,7 +182,7 @@ fn a_damaged_header_is_named() {
 #[test]
 fn onnx_comes_back_with_the_same_actor() {
     let observation: Vec<f32> = numbers(45 * 20, 9).into_iter().map(|x| 3.0 * x).collect();
-    for activation in [Activation::Elu, Activation::Relu, Activation::Tanh] {
+    for activation in ALL {
         for normalised in [true, false] {
             let mut policy = policy(activation);
             if !normalised {

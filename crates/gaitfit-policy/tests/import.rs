@@ -4,6 +4,7 @@
 mod common;
 
 use common::{act, fixture, go2, largest_difference, rows};
+use gaitfit_policy::network::Activation;
 use gaitfit_policy::{onnx, read, weights};
 
 #[test]
@@ -30,6 +31,28 @@ fn safetensors_of_a_trainer_give_its_actions() {
     // What was imported goes through the project's own files unchanged.
     assert_eq!(weights::read(&weights::write(&policy).unwrap()).unwrap(), policy);
     assert_eq!(onnx::read(&onnx::write(&policy).unwrap()).unwrap().actor, policy.actor);
+}
+
+#[test]
+fn functions_that_exporters_write_in_several_nodes_are_put_together() {
+    for (name, activation) in [
+        ("silu", Activation::Silu),
+        ("gelu", Activation::Gelu),
+        ("gelu_tanh", Activation::GeluTanh),
+        ("leaky_relu", Activation::LeakyRelu(0.2)),
+        ("selu", Activation::Selu),
+        ("norm", Activation::EluOf(0.5)),
+    ] {
+        let policy = read(&fixture(&format!("functions/{name}.toml"))).unwrap();
+        assert_eq!(policy.actor.shape.activation, activation);
+        assert_eq!(policy.actor.output, (name == "norm").then_some(Activation::Tanh));
+        assert_eq!(policy.actor.norms.iter().flatten().count(), if name == "norm" { 2 } else { 0 });
+        let [observation, actions] = rows(&format!("functions/{name}_rows.json"));
+        let difference = largest_difference(&act(&policy, &observation), &actions);
+        assert!(difference < 1e-5, "{name}: {difference}");
+        // Written again and read again it is the same.
+        assert_eq!(onnx::read(&onnx::write(&policy).unwrap()).unwrap().actor, policy.actor, "{name}");
+    }
 }
 
 #[test]
@@ -69,6 +92,9 @@ fn descriptions_that_do_not_fit_are_named() {
             "actor = \"policy\"\nrobot =",
             "tensor policy.0.weight is missing; the file holds actor",
         ),
+        ("trainer", "\"tanh\"", "\"tan\"", "unknown activation `tan`; known: elu, relu, tanh, leaky_relu"),
+        ("trainer", "\"tanh\"", "{ tanh = 0.1 }", "activation `tanh` has no parameter"),
+        ("trainer", "\"tanh\"", "{ leaky_relu = -0.1 }", "must be from 0 to 1000"),
         ("trainer", "normalizer._std", "normalizer._var", "_var is missing"),
         ("trainer", "robot =", "critic = \"actor\"\nrobot =", "critic_observation has no terms"),
     ];

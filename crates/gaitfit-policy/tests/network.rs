@@ -1,7 +1,7 @@
 //! Inference: against scalar products in double precision, whatever the number of rows.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-use gaitfit_policy::network::{Activation, Network, Scratch, Shape, ShapeError};
+use gaitfit_policy::network::{Activation, LayerNorm, Network, Scratch, Shape, ShapeError};
 use gaitfit_random::{Purpose, Stream};
 
 fn shape(activation: Activation) -> Shape {
@@ -11,6 +11,28 @@ fn shape(activation: Activation) -> Shape {
 fn input(rows: usize) -> Vec<f32> {
     let stream = Stream::new(3, Purpose::BOOTSTRAP);
     (0..rows * 45).map(|draw| 2.0 * stream.normal(draw as u32) as f32).collect()
+}
+
+const ALL: [Activation; 9] = [
+    Activation::Elu,
+    Activation::Relu,
+    Activation::Tanh,
+    Activation::EluOf(0.5),
+    Activation::LeakyRelu(0.1),
+    Activation::Selu,
+    Activation::Silu,
+    Activation::Gelu,
+    Activation::GeluTanh,
+];
+
+/// The error function by its series.
+fn erf(x: f64) -> f64 {
+    let (mut term, mut sum) = (x, x);
+    for n in 1..200 {
+        term *= -x * x / f64::from(n);
+        sum += term / f64::from(2 * n + 1);
+    }
+    sum * std::f64::consts::FRAC_2_SQRT_PI
 }
 
 fn reference(network: &Network, row: &[f32]) -> Vec<f64> {
@@ -32,6 +54,18 @@ fn reference(network: &Network, row: &[f32]) -> Vec<f64> {
                 }
                 Activation::Relu => y.max(0.0),
                 Activation::Tanh => y.tanh(),
+                Activation::EluOf(alpha) => f64::from(alpha).mul_add(y.min(0.0).exp_m1(), y.max(0.0)),
+                Activation::LeakyRelu(slope) => y.max(0.0) + f64::from(slope) * y.min(0.0),
+                Activation::Selu => {
+                    let below = 1.673_263_242_354_377_2 * y.min(0.0).exp_m1();
+                    1.050_700_987_355_480_5 * (y.max(0.0) + below)
+                }
+                Activation::Silu => y / (1.0 + (-y).exp()),
+                Activation::Gelu => 0.5 * y * (1.0 + erf(y / std::f64::consts::SQRT_2)),
+                Activation::GeluTanh => {
+                    let inner = (2.0 / std::f64::consts::PI).sqrt() * (y + 0.044_715 * y.powi(3));
+                    0.5 * y * (1.0 + inner.tanh())
+                }
             }
         });
         x = y.collect();
@@ -41,7 +75,7 @@ fn reference(network: &Network, row: &[f32]) -> Vec<f64> {
 
 #[test]
 fn forward_is_the_network_in_double_precision() {
-    for activation in [Activation::Elu, Activation::Relu, Activation::Tanh] {
+    for activation in ALL {
         let network = Network::random(shape(activation), 5, 0, 1.0).unwrap();
         let mut scratch = Scratch::new();
         for rows in [0, 1, 7, 9, 256, 261, 600] {
@@ -62,7 +96,7 @@ fn forward_is_the_network_in_double_precision() {
 
 #[test]
 fn a_nan_in_a_row_comes_out_of_that_row_alone() {
-    for activation in [Activation::Elu, Activation::Relu, Activation::Tanh] {
+    for activation in ALL {
         let network = Network::random(shape(activation), 5, 0, 1.0).unwrap();
         let mut input = input(20);
         input[3 * 45 + 7] = f32::NAN;
@@ -109,4 +143,34 @@ fn networks_that_cannot_be_are_refused() {
     let shape = Shape { inputs: 3, hidden: vec![], outputs: 2, activation: Activation::Elu };
     let error = Network::new(shape, &[0.0; 7]).unwrap_err();
     assert_eq!(error.to_string(), "a network of 3-2 has 8 parameters, 7 were given");
+}
+
+#[test]
+fn a_layer_norm_and_an_output_function_by_hand() {
+    // One row: (1, 3) through the unit matrix, normed to (−1, 1) / √(1 + 3) = ∓0.5, scaled and shifted, then ReLU.
+    let shape = Shape { inputs: 2, hidden: vec![2], outputs: 1, activation: Activation::Relu };
+    let parameters = [1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 2.0, 0.5];
+    let norm = LayerNorm { weight: vec![2.0, 4.0], bias: vec![1.5, -0.5], epsilon: 3.0 };
+    let plain = Network::new(shape, &parameters).unwrap();
+    let mut network = Network { norms: vec![Some(norm)], ..plain.clone() };
+    network.check().unwrap();
+    let forward = |network: &Network| {
+        let mut output = [f32::NAN; 2];
+        network.forward(2, &[1.0, 3.0, 3.0, 1.0], &mut output, &mut Scratch::new());
+        output
+    };
+    // (−0.5 · 2 + 1.5, 0.5 · 4 − 0.5) = (0.5, 1.5) and (2.5, −2.5 → 0).
+    assert_eq!(forward(&network), [0.5 + 2.0 * 1.5 + 0.5, 2.5 + 0.5]);
+    network.output = Some(Activation::Tanh);
+    for (got, want) in forward(&network).into_iter().zip([4.0f32.tanh(), 3.0f32.tanh()]) {
+        assert!((got - want).abs() < 1e-6);
+    }
+    assert_eq!(plain.untrainable(), None);
+    assert!(network.untrainable().unwrap().contains("layer norm"));
+    network.norms = vec![];
+    assert!(network.untrainable().unwrap().contains("tanh"));
+    network.norms = vec![Some(LayerNorm { weight: vec![1.0; 3], bias: vec![0.0; 3], epsilon: 1.0 })];
+    assert!(
+        network.check().unwrap_err().to_string().contains("hidden layer 1 has 3 numbers and the layer 2")
+    );
 }

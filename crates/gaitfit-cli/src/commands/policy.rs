@@ -1,6 +1,7 @@
 //! A policy at a glance, for `export` and `inspect`.
 
 use crate::table::table;
+use gaitfit_policy::Front;
 use gaitfit_policy::observation::{Layout, Slot};
 use gaitfit_policy::{ActionClip, Held, Policy, Provenance, Quantity, Term};
 use serde::Serialize;
@@ -10,6 +11,8 @@ use std::fmt::Write as _;
 #[derive(Serialize)]
 pub struct Document {
     robot: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    before_actor: Option<String>,
     actor: Network,
     critic: Option<Network>,
     normaliser: bool,
@@ -30,7 +33,11 @@ pub struct Document {
 #[derive(Serialize)]
 struct Network {
     layers: Vec<usize>,
-    activation: &'static str,
+    activation: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    output_activation: Option<String>,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    layer_norm: bool,
     parameters: usize,
 }
 
@@ -64,7 +71,9 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
             .chain(network.shape.hidden.iter().copied())
             .chain([network.shape.outputs])
             .collect(),
-        activation: network.shape.activation.name(),
+        activation: network.shape.activation.to_string(),
+        output_activation: network.output.map(|output| output.to_string()),
+        layer_norm: network.norms.iter().any(Option::is_some),
         parameters: network.parameters.len(),
     };
     let parts = |terms: &[Term]| {
@@ -87,6 +96,16 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
     };
     Document {
         robot: interface.robot.clone(),
+        before_actor: policy.front.as_ref().map(|front| match front {
+            Front::Recurrent(memory) => {
+                let sizes: Vec<String> = memory.layers.iter().map(|layer| layer.hidden.to_string()).collect();
+                format!("{} of {} units", memory.cell.name(), sizes.join(", "))
+            }
+            Front::Encoder(encoder) => {
+                let (passed, shape) = (encoder.passed.len(), &encoder.network.shape);
+                format!("encoder {shape} {}, {passed} numbers of the observation beside it", shape.activation)
+            }
+        }),
         actor: network(&policy.actor),
         critic: policy.critic.as_ref().map(network),
         normaliser: policy.normaliser.is_some(),
@@ -107,10 +126,17 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
 pub fn text(document: &Document) -> String {
     let shape = |network: &Network| {
         let widths: Vec<String> = network.layers.iter().map(usize::to_string).collect();
-        format!("{} {}, {} parameters", widths.join("-"), network.activation, network.parameters)
+        let norm = if network.layer_norm { " with layer norm" } else { "" };
+        let output = network.output_activation.as_ref().map(|output| format!(", {output} of its output"));
+        let output = output.unwrap_or_default();
+        let (widths, parameters) = (widths.join("-"), network.parameters);
+        format!("{widths} {}{norm}{output}, {parameters} parameters", network.activation)
     };
     let robot = if document.robot.is_empty() { "an unnamed robot" } else { &document.robot };
     let mut text = format!("policy for {robot}\nactor   {}", shape(&document.actor));
+    if let Some(before) = &document.before_actor {
+        let _ = write!(text, ", behind {before}");
+    }
     text.push_str(if document.normaliser { ", observation normalised\n" } else { "\n" });
     if let Some(critic) = &document.critic {
         let _ = writeln!(text, "critic  {}", shape(critic));

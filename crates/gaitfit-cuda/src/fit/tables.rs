@@ -8,6 +8,7 @@ use gaitfit_sim::{Replay, Start};
 
 use super::FitError;
 use super::text::copied;
+use crate::words::unknown;
 
 /// What recordings give to the simulated robots. Recordings shorter than the longest are filled up.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,6 +33,13 @@ impl Tables {
     pub fn walk(walker: &Walker, policy: &Policy, scripts: &[Script]) -> Result<Self, FitError> {
         if walker.sees_past() {
             return Err(FitError::Unsupported("a policy that observes a history".to_owned()));
+        }
+        if policy.front.is_some() {
+            return Err(FitError::Unsupported("a recurrent or two-part policy".to_owned()));
+        }
+        let actor = &policy.actor;
+        if let Some(what) = actor.untrainable().or_else(|| unknown(actor.shape.activation)) {
+            return Err(FitError::Unsupported(format!("a policy whose actor has {what}")));
         }
         let (actions, joints) = (walker.joints.len(), walker.default_pose.len());
         let lengths: Vec<usize> = scripts.iter().map(|script| script.commands.len()).collect();

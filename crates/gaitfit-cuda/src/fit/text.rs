@@ -176,7 +176,8 @@ fn network(words: &mut Words, policy: &Policy, rows: usize) {
         match policy.actor.shape.activation {
             Activation::Elu => 0,
             Activation::Relu => 1,
-            Activation::Tanh => 2,
+            // `Tables::walk` refuses other functions.
+            _ => 2,
         },
     );
     words.define("NORMALISED", usize::from(policy.normaliser.is_some()));

@@ -40,6 +40,9 @@ pub enum PpoError {
         /// At most.
         most: usize,
     },
+    /// Something that only the CPU learns.
+    #[error("a training with {0} does not run on a GPU yet; use the CPU (--device cpu)")]
+    Unsupported(String),
     /// Samples of another size than the learner was made for.
     #[error("the samples are of {found} tiles, steps and environments, the learner was made for {expected}")]
     Batch {

@@ -7,6 +7,7 @@ use super::launch::Batch;
 use super::plan::{Plan, Task};
 use super::text::{MOST_ACTIONS, Precision, Text};
 use crate::runtime::Program;
+use crate::words::unknown;
 
 /// What the update's plan must know of a GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,6 +44,11 @@ impl Prepared {
     ) -> Result<Self, PpoError> {
         let (settings, widths) = (learner.settings(), learner.widths());
         check_sizes(settings, widths, batch)?;
+        for network in [learner.actor(), learner.critic()] {
+            if let Some(what) = unknown(network.shape.activation) {
+                return Err(PpoError::Unsupported(what));
+            }
+        }
         let shapes = [&learner.actor().shape, &learner.critic().shape];
         let text = Text::new(settings, widths, shapes, precision, limits.shared_memory)?;
         let normalised = [learner.normaliser().is_some(), learner.critic_normaliser().is_some()];

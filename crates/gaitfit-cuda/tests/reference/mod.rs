@@ -26,6 +26,7 @@ fn forward(network: &Network, input: Vec<f64>) -> Vec<Vec<f64>> {
                     }
                     Activation::Relu => y.max(0.0),
                     Activation::Tanh => y.tanh(),
+                    other => panic!("{other}"),
                 }
             });
         }

@@ -95,6 +95,12 @@ impl Problem {
                             Activation::Elu if y <= 0.0 => y.exp_m1(),
                             Activation::Relu if y <= 0.0 => 0.0,
                             Activation::Tanh => y.tanh(),
+                            Activation::EluOf(alpha) if y <= 0.0 => f64::from(alpha) * y.exp_m1(),
+                            Activation::LeakyRelu(slope) if y <= 0.0 => f64::from(slope) * y,
+                            Activation::Selu => {
+                                let below = 1.673_263_242_354_377_2 * y.exp_m1();
+                                1.050_700_987_355_480_5 * if y > 0.0 { y } else { below }
+                            }
                             _ => y,
                         }
                     });
@@ -226,7 +232,8 @@ fn wide(activation: Activation) -> [Settings; 2] {
 
 #[test]
 fn gradient_is_that_of_the_formulas_by_central_differences() {
-    for activation in [Activation::Elu, Activation::Relu, Activation::Tanh] {
+    let others = [Activation::EluOf(0.6), Activation::LeakyRelu(0.2), Activation::Selu];
+    for activation in [Activation::Elu, Activation::Relu, Activation::Tanh].into_iter().chain(others) {
         for clipped_value_loss in [true, false] {
             check_by_differences(settings(activation, clipped_value_loss), 1);
         }

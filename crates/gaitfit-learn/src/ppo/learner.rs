@@ -37,6 +37,16 @@ pub enum LearnerError {
     /// A network that cannot be.
     #[error(transparent)]
     Shape(#[from] ShapeError),
+    /// A network that is for inference alone.
+    #[error(
+        "the {what} has {why}, which is not trained here: policies with it are evaluated and fitted only"
+    )]
+    Untrainable {
+        /// Which.
+        what: &'static str,
+        /// What of it.
+        why: String,
+    },
     /// Parts that do not fit each other.
     #[error("{what} is {found} wide, the learner needs {expected}")]
     Width {
@@ -87,6 +97,11 @@ impl Learner {
         settings.check()?;
         actor.check()?;
         critic.check()?;
+        for (what, network) in [("actor", &actor), ("critic", &critic)] {
+            if let Some(why) = network.untrainable() {
+                return Err(LearnerError::Untrainable { what, why });
+            }
+        }
         for (what, expected, found) in [
             ("the actor's input", widths.observation, actor.shape.inputs),
             ("the actor's output", widths.action, actor.shape.outputs),

@@ -56,6 +56,7 @@ pub fn random_policy(scene: &Task) -> Policy {
 fn policy(scene: &Task, actor: Network) -> Policy {
     Policy {
         interface: scene.walker.interface.clone(),
+        front: None,
         log_std: vec![-1.0; actor.shape.outputs],
         actor,
         critic: None,

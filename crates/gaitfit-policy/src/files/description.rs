@@ -5,8 +5,9 @@ use super::read::{bytes, ending};
 use super::tensors::Tensors;
 use super::{onnx, weights};
 use crate::error::invalid;
-use crate::network::{Activation, Network};
-use crate::{ActionClip, Held, History, Interface, InterfaceError, Quantity, Term};
+use crate::network::{Activation, Cell, LayerNorm, Network};
+use crate::observation::Layout;
+use crate::{ActionClip, Encoder, Front, Held, History, Interface, InterfaceError, Latent, Quantity, Term};
 use crate::{Policy, PolicyError, Provenance};
 use serde::Deserialize;
 use std::path::Path;
@@ -20,11 +21,19 @@ pub struct Description {
     pub file: String,
     /// Activation of the hidden layers; for safetensors, which do not say.
     pub activation: Option<Activation>,
+    /// Function of the actor's output, where it has one; for safetensors.
+    pub output_activation: Option<Activation>,
+    /// ε of layer norms in safetensors.
+    pub layer_norm_epsilon: Option<f32>,
     /// Prefix of the actor's tensors in safetensors: `actor` finds `actor.0.weight`.
     #[serde(default = "actor")]
     pub actor: String,
     /// Prefix of the critic's tensors in safetensors; none leaves the critic out. Needs `critic_observation`.
     pub critic: Option<String>,
+    /// Recurrent layers before the actor, in safetensors.
+    pub memory: Option<MemoryTensors>,
+    /// Encoder of a two-part policy, in safetensors.
+    pub encoder: Option<EncoderTensors>,
     /// Normaliser of the actor's observation in safetensors; it becomes part of the actor's first layer.
     pub normaliser: Option<NormaliserTensors>,
     /// The same of the critic's observation.
@@ -94,6 +103,45 @@ pub struct DescribedTerm {
     /// Frames: the present one and those before it.
     #[serde(default = "one")]
     pub history: usize,
+}
+
+/// Where safetensors hold recurrent layers, as PyTorch's `nn.LSTM` and `nn.GRU` name their tensors.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MemoryTensors {
+    /// Kind of the layers.
+    pub cell: Cell,
+    /// Prefix of the tensors: `memory_a.rnn` finds `memory_a.rnn.weight_ih_l0`.
+    pub tensors: String,
+}
+
+/// Where safetensors hold an encoder, which sees the whole observation, and what the actor sees beside its latent.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EncoderTensors {
+    /// Prefix of the tensors: `encoder` finds `encoder.0.weight`.
+    pub tensors: String,
+    /// Activation of its hidden layers; none is the actor's.
+    pub activation: Option<Activation>,
+    /// Function of its output.
+    pub output_activation: Option<Activation>,
+    /// What of the observation the actor sees.
+    #[serde(default)]
+    pub passes: Passes,
+    /// Where the latent stands in the actor's input.
+    #[serde(default)]
+    pub latent: Latent,
+}
+
+/// What of the observation an actor behind an encoder sees.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Passes {
+    /// All of it.
+    #[default]
+    All,
+    /// The present frame of each term.
+    Present,
 }
 
 /// Where safetensors hold a normaliser (x − mean) / (std + epsilon).
@@ -208,14 +256,15 @@ impl Description {
                 return self.other_interface(interface, weights::read(&bytes).map_err(inside)?);
             }
         }
-        let (actor, critic, log_std) = match ending.as_deref() {
-            Some("onnx") => (self.onnx(&bytes(&path)?).map_err(inside)?, None, None),
-            Some("safetensors") => self.safetensors(&bytes(&path)?).map_err(inside)?,
+        let Loaded { front, actor, critic, log_std } = match ending.as_deref() {
+            Some("onnx") => self.onnx(&bytes(&path)?).map_err(inside)?,
+            Some("safetensors") => self.safetensors(&interface, &bytes(&path)?).map_err(inside)?,
             _ => return Err(inside(invalid("`file` must name an .onnx or .safetensors file"))),
         };
         let policy = Policy {
             log_std: log_std.unwrap_or_else(|| vec![self.std.ln() as f32; interface.joints.len()]),
             interface,
+            front,
             actor,
             critic,
             normaliser: None,
@@ -231,6 +280,8 @@ impl Description {
     fn other_interface(&self, interface: Interface, policy: Policy) -> Result<Policy, PolicyError> {
         let given = [
             ("critic", self.critic.is_some()),
+            ("memory", self.memory.is_some()),
+            ("encoder", self.encoder.is_some()),
             ("normaliser", self.normaliser.is_some()),
             ("critic_normaliser", self.critic_normaliser.is_some()),
         ];
@@ -251,10 +302,14 @@ impl Description {
         Ok(policy)
     }
 
-    fn onnx(&self, bytes: &[u8]) -> Result<Network, PolicyError> {
+    fn onnx(&self, bytes: &[u8]) -> Result<Loaded, PolicyError> {
         let other = [
             ("activation", self.activation.is_some()),
+            ("output_activation", self.output_activation.is_some()),
+            ("layer_norm_epsilon", self.layer_norm_epsilon.is_some()),
             ("critic", self.critic.is_some()),
+            ("memory", self.memory.is_some()),
+            ("encoder", self.encoder.is_some()),
             ("normaliser", self.normaliser.is_some()),
             ("critic_normaliser", self.critic_normaliser.is_some()),
         ];
@@ -263,19 +318,25 @@ impl Description {
                 "`{key}` is for safetensors; the ONNX graph itself says it: leave it out"
             )));
         }
-        onnx::read_chain(bytes)?.network(None)
+        let (memory, actor) = onnx::read_chain(bytes)?.parts(None)?;
+        Ok(Loaded { front: memory.map(Front::Recurrent), actor, critic: None, log_std: None })
     }
 
-    fn safetensors(&self, bytes: &[u8]) -> Result<Loaded, PolicyError> {
+    fn safetensors(&self, interface: &Interface, bytes: &[u8]) -> Result<Loaded, PolicyError> {
         let activation = self.activation.ok_or_else(|| {
-            invalid("safetensors do not say the activation; add activation = \"elu\" (or relu, tanh)")
+            invalid(
+                "safetensors do not say the activation; add activation = \"elu\" (or relu, tanh, silu, …)",
+            )
         })?;
         let mut tensors = Tensors::parse(bytes)?;
-        let actor = normalised(&mut tensors, &self.actor, activation, self.normaliser.as_ref())?;
+        let epsilon = self.layer_norm_epsilon.unwrap_or(LayerNorm::EPSILON);
+        let kind = (activation, epsilon);
+        let own = self.normaliser.as_ref().filter(|_| self.memory.is_none() && self.encoder.is_none());
+        let mut actor = normalised(&mut tensors, &self.actor, kind, own)?;
+        actor.output = self.output_activation;
+        let front = self.front(&mut tensors, interface, kind)?;
         let critic = match &self.critic {
-            Some(prefix) => {
-                Some(normalised(&mut tensors, prefix, activation, self.critic_normaliser.as_ref())?)
-            }
+            Some(prefix) => Some(normalised(&mut tensors, prefix, kind, self.critic_normaliser.as_ref())?),
             None if self.critic_normaliser.is_some() => {
                 return Err(invalid("critic_normaliser is given without critic; leave it out"));
             }
@@ -288,21 +349,59 @@ impl Description {
         } else {
             None
         };
-        Ok((actor, critic, log_std.map(|values| values.into_iter().map(|value| value as f32).collect())))
+        let log_std = log_std.map(|values| values.into_iter().map(|value| value as f32).collect());
+        Ok(Loaded { front, actor, critic, log_std })
+    }
+
+    /// What stands before the actor.
+    fn front(
+        &self,
+        tensors: &mut Tensors<'_>,
+        interface: &Interface,
+        (activation, epsilon): (Activation, f32),
+    ) -> Result<Option<Front>, PolicyError> {
+        if (self.memory.is_some() || self.encoder.is_some()) && self.normaliser.is_some() {
+            return Err(invalid(
+                "`normaliser` is not read before a memory or an encoder; export the policy as ONNX, or scale the terms",
+            ));
+        }
+        match (&self.memory, &self.encoder) {
+            (None, None) => Ok(None),
+            (Some(_), Some(_)) => Err(invalid("`memory` and `encoder` are not read together; give one")),
+            (Some(MemoryTensors { cell, tensors: prefix }), None) => {
+                Ok(Some(Front::Recurrent(tensors.recurrent(prefix, *cell)?)))
+            }
+            (None, Some(own)) => {
+                let activation = own.activation.unwrap_or(activation);
+                let mut network = tensors.network(&own.tensors, activation, epsilon)?;
+                network.output = own.output_activation;
+                let layout = Layout::new(interface, &interface.observation);
+                let passed = match own.passes {
+                    Passes::All => (0..layout.width()).collect(),
+                    Passes::Present => layout.slots().iter().flat_map(|slot| slot.present.clone()).collect(),
+                };
+                Ok(Some(Front::Encoder(Encoder { network, passed, latent: own.latent })))
+            }
+        }
     }
 }
 
-/// Actor, critic and log_std from one file.
-type Loaded = (Network, Option<Network>, Option<Vec<f32>>);
+/// What weights files hold.
+struct Loaded {
+    front: Option<Front>,
+    actor: Network,
+    critic: Option<Network>,
+    log_std: Option<Vec<f32>>,
+}
 
 /// The network of `prefix`, its normaliser made part of the first layer.
 fn normalised(
     tensors: &mut Tensors<'_>,
     prefix: &str,
-    activation: Activation,
+    (activation, epsilon): (Activation, f32),
     normaliser: Option<&NormaliserTensors>,
 ) -> Result<Network, PolicyError> {
-    let network = tensors.network(prefix, activation)?;
+    let network = tensors.network(prefix, activation, epsilon)?;
     let Some(names) = normaliser else { return Ok(network) };
     let (mean, std) = (tensors.vector(&names.mean)?, tensors.vector(&names.std)?);
     for (name, values) in [(&names.mean, &mean), (&names.std, &std)] {
@@ -320,5 +419,5 @@ fn normalised(
     if let Some(first) = layers.first_mut() {
         *first = first.behind(&factor, &offset);
     }
-    assemble(&layers, activation)
+    assemble(&layers, activation, network.norms)
 }

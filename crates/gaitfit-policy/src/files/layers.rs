@@ -2,7 +2,7 @@
 
 use crate::PolicyError;
 use crate::error::invalid;
-use crate::network::{Activation, Network, Shape};
+use crate::network::{Activation, LayerNorm, Network, Shape};
 
 /// Most layers of a network from a file.
 pub(super) const MOST_LAYERS: usize = 64;
@@ -57,7 +57,11 @@ pub(super) fn take_apart(network: &Network) -> Vec<Affine> {
 }
 
 /// The network of `layers`, whose sizes must follow each other.
-pub(super) fn assemble(layers: &[Affine], activation: Activation) -> Result<Network, PolicyError> {
+pub(super) fn assemble(
+    layers: &[Affine],
+    activation: Activation,
+    norms: Vec<Option<LayerNorm>>,
+) -> Result<Network, PolicyError> {
     let (Some(first), Some(last)) = (layers.first(), layers.last()) else {
         return Err(invalid("it holds no layers"));
     };
@@ -75,5 +79,7 @@ pub(super) fn assemble(layers: &[Affine], activation: Activation) -> Result<Netw
     let hidden = layers[..layers.len() - 1].iter().map(|layer| layer.outputs).collect();
     let shape = Shape { inputs: first.inputs, hidden, outputs: last.outputs, activation };
     let parts = layers.iter().flat_map(|layer| [&layer.weight[..], &layer.bias]);
-    Ok(Network::new(shape, &parts.collect::<Vec<_>>().concat())?)
+    let network = Network { norms, ..Network::new(shape, &parts.collect::<Vec<_>>().concat())? };
+    network.check()?;
+    Ok(network)
 }

@@ -11,5 +11,7 @@ mod tensors;
 mod torch;
 pub mod weights;
 
-pub use description::{DescribedTerm, Description, NormaliserTensors, PerJoint};
+pub use description::{
+    DescribedTerm, Description, EncoderTensors, MemoryTensors, NormaliserTensors, Passes, PerJoint,
+};
 pub use read::{files_of, read};

@@ -3,7 +3,7 @@
 use super::layers::{Affine, MOST_LAYERS, assemble, transpose};
 use crate::PolicyError;
 use crate::error::invalid;
-use crate::network::{Activation, Network};
+use crate::network::{Activation, Cell, LayerNorm, Network, Recurrent, RecurrentLayer};
 use gaitfit_model::shown;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
@@ -75,8 +75,14 @@ impl<'a> Tensors<'a> {
     }
 
     /// The tensors `prefix.N.weight` (`outputs × inputs`) and `prefix.N.bias` by rising N, as `nn.Sequential`
-    /// stores them, where layers without parameters take a number too.
-    pub fn network(&mut self, prefix: &str, activation: Activation) -> Result<Network, PolicyError> {
+    /// stores them, where layers without parameters take a number too. A weight that is a vector is a layer norm, with
+    /// `epsilon`, of the layer before it.
+    pub fn network(
+        &mut self,
+        prefix: &str,
+        activation: Activation,
+        epsilon: f32,
+    ) -> Result<Network, PolicyError> {
         let number = |name: &str| -> Option<usize> {
             name.strip_prefix(prefix)?.strip_prefix('.')?.strip_suffix(".weight")?.parse().ok()
         };
@@ -88,9 +94,70 @@ impl<'a> Tensors<'a> {
         if numbers.len() > MOST_LAYERS {
             return Err(invalid(format!("{prefix} has {} layers; at most {MOST_LAYERS}", numbers.len())));
         }
-        let layers = numbers.into_iter().map(|number| self.layer(&format!("{prefix}.{number}")));
-        let layers: Vec<Affine> = layers.collect::<Result<_, _>>()?;
-        assemble(&layers, activation).map_err(|error| invalid(format!("{prefix}: {error}")))
+        let (mut layers, mut norms) = (Vec::new(), Vec::new());
+        for name in numbers.into_iter().map(|number| format!("{prefix}.{number}")) {
+            let vector =
+                self.file.tensor(&format!("{name}.weight")).is_ok_and(|weight| weight.shape().len() == 1);
+            if !vector {
+                layers.push(self.layer(&name)?);
+                continue;
+            }
+            if layers.is_empty() || norms.len() >= layers.len() {
+                return Err(invalid(format!(
+                    "tensor {}.weight is a vector, a layer norm, and does not follow a layer",
+                    shown(&name)
+                )));
+            }
+            norms.resize(layers.len() - 1, None);
+            norms.push(Some(self.norm(&name, epsilon)?));
+        }
+        assemble(&layers, activation, norms).map_err(|error| invalid(format!("{prefix}: {error}")))
+    }
+
+    /// The tensors of PyTorch's `nn.LSTM` or `nn.GRU`: `prefix.weight_ih_l0` and so on, layer after layer.
+    pub fn recurrent(&mut self, prefix: &str, cell: Cell) -> Result<Recurrent, PolicyError> {
+        let mut layers = Vec::new();
+        while layers.is_empty() || self.has(&format!("{prefix}.weight_ih_l{}", layers.len())) {
+            let number = layers.len();
+            if number == MOST_LAYERS {
+                return Err(invalid(format!("{prefix} has more than {MOST_LAYERS} layers")));
+            }
+            let mut matrix = |part: &str| -> Result<(usize, usize, Vec<f32>), PolicyError> {
+                let name = format!("{prefix}.{part}_l{number}");
+                let (shape, values) = self.numbers(&name)?;
+                let [wide, inputs] = shape[..] else {
+                    return Err(invalid(format!(
+                        "tensor {} has shape {shape:?}; a matrix is needed",
+                        shown(&name)
+                    )));
+                };
+                let values: Vec<f32> = values.into_iter().map(|x| x as f32).collect();
+                Ok((wide, inputs, transpose(&values, wide, inputs)))
+            };
+            let (wide, inputs, weight_ih) = matrix("weight_ih")?;
+            let (_, hidden, weight_hh) = matrix("weight_hh")?;
+            let mut bias = |part: &str| -> Result<Vec<f32>, PolicyError> {
+                let name = format!("{prefix}.{part}_l{number}");
+                if !self.has(&name) {
+                    return Ok(vec![0.0; wide]);
+                }
+                Ok(self.vector(&name)?.into_iter().map(|x| x as f32).collect())
+            };
+            let (bias_ih, bias_hh) = (bias("bias_ih")?, bias("bias_hh")?);
+            layers.push(RecurrentLayer { inputs, hidden, weight_ih, weight_hh, bias_ih, bias_hh });
+        }
+        let recurrent = Recurrent { cell, layers };
+        match recurrent.mistake() {
+            None => Ok(recurrent),
+            Some(mistake) => Err(invalid(format!("{prefix}: {mistake}"))),
+        }
+    }
+
+    fn norm(&mut self, name: &str, epsilon: f32) -> Result<LayerNorm, PolicyError> {
+        let mut part = |part: &str| -> Result<Vec<f32>, PolicyError> {
+            Ok(self.vector(&format!("{name}.{part}"))?.into_iter().map(|x| x as f32).collect())
+        };
+        Ok(LayerNorm { weight: part("weight")?, bias: part("bias")?, epsilon })
     }
 
     fn layer(&mut self, name: &str) -> Result<Affine, PolicyError> {

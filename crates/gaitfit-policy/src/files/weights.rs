@@ -10,12 +10,12 @@
 //!
 //! The metadata has one entry, `gaitfit`: a JSON object with format version, interface, activation, provenance.
 
-use super::layers::take_apart;
+use super::layers::{take_apart, transpose};
 use super::tensors::Tensors;
 use crate::Interface;
 use crate::error::invalid;
-use crate::network::{Activation, Network, Normaliser};
-use crate::{Policy, PolicyError, Provenance};
+use crate::network::{Activation, Cell, LayerNorm, Network, Normaliser};
+use crate::{Encoder, Front, Latent, Policy, PolicyError, Provenance};
 use safetensors::tensor::{Dtype, TensorView, serialize};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -33,7 +33,30 @@ struct Header {
     activation: Activation,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     critic_activation: Option<Activation>,
+    /// Function of the actor's output.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    output_activation: Option<Activation>,
+    /// What stands before the actor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    front: Option<FrontHeader>,
+    /// ε of all layer norms.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    layer_norm_epsilon: Option<f32>,
     provenance: Provenance,
+}
+
+/// What of a front is not in its tensors, `memory.…` or `encoder.…`.
+#[derive(Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum FrontHeader {
+    Memory(Cell),
+    Encoder {
+        activation: Activation,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        output_activation: Option<Activation>,
+        passed: Vec<usize>,
+        latent: Latent,
+    },
 }
 
 /// The bytes of a policy's file. The same policy gives the same bytes, and [`read`] gives the same policy, bit for
@@ -45,9 +68,8 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
     policy.check()?;
     let mut tensors: Vec<(String, Vec<usize>, Dtype, Vec<u8>)> = Vec::new();
     let mut network = |prefix: &str, network: &Network| {
+        let mut number = 0;
         for (index, layer) in take_apart(network).iter().enumerate() {
-            // nn.Sequential counts the activations too.
-            let number = 2 * index;
             let shape = vec![layer.outputs, layer.inputs];
             tensors.push((
                 format!("{prefix}.{number}.weight"),
@@ -61,11 +83,47 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
                 Dtype::F32,
                 single(&layer.bias),
             ));
+            if let Some(norm) = network.norms.get(index).and_then(Option::as_ref) {
+                number += 1;
+                for (part, values) in [("weight", &norm.weight), ("bias", &norm.bias)] {
+                    let name = format!("{prefix}.{number}.{part}");
+                    tensors.push((name, vec![values.len()], Dtype::F32, single(values)));
+                }
+            }
+            // nn.Sequential counts the activations too.
+            number += 2;
         }
     };
     network("actor", &policy.actor);
     if let Some(critic) = &policy.critic {
         network("critic", critic);
+    }
+    let front = match &policy.front {
+        Some(Front::Recurrent(recurrent)) => Some(FrontHeader::Memory(recurrent.cell)),
+        Some(Front::Encoder(Encoder { network: encoder, passed, latent })) => {
+            network("encoder", encoder);
+            Some(FrontHeader::Encoder {
+                activation: encoder.shape.activation,
+                output_activation: encoder.output,
+                passed: passed.clone(),
+                latent: *latent,
+            })
+        }
+        None => None,
+    };
+    if let Some(Front::Recurrent(recurrent)) = &policy.front {
+        for (number, layer) in recurrent.layers.iter().enumerate() {
+            let wide = layer.bias_ih.len();
+            for (part, inputs, values) in
+                [("weight_ih", layer.inputs, &layer.weight_ih), ("weight_hh", layer.hidden, &layer.weight_hh)]
+            {
+                let values = single(&transpose(values, inputs, wide));
+                tensors.push((format!("memory.{part}_l{number}"), vec![wide, inputs], Dtype::F32, values));
+            }
+            for (part, values) in [("bias_ih", &layer.bias_ih), ("bias_hh", &layer.bias_hh)] {
+                tensors.push((format!("memory.{part}_l{number}"), vec![wide], Dtype::F32, single(values)));
+            }
+        }
     }
     tensors.push(("log_std".into(), vec![policy.log_std.len()], Dtype::F32, single(&policy.log_std)));
     for (name, normaliser) in
@@ -84,6 +142,9 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
         interface: policy.interface.clone(),
         activation: policy.actor.shape.activation,
         critic_activation: policy.critic.as_ref().map(|critic| critic.shape.activation),
+        output_activation: policy.actor.output,
+        front,
+        layer_norm_epsilon: epsilon(policy)?,
         provenance: policy.provenance.clone(),
     };
     let header = serde_json::to_string(&header).map_err(|error| invalid(error.to_string()))?;
@@ -95,6 +156,24 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
         .map_err(|error| invalid(error.to_string()))
 }
 
+/// ε of a policy's layer norms; `None` without any.
+fn epsilon(policy: &Policy) -> Result<Option<f32>, PolicyError> {
+    let encoder = match &policy.front {
+        Some(Front::Encoder(encoder)) => Some(&encoder.network),
+        _ => None,
+    };
+    let networks = [Some(&policy.actor), policy.critic.as_ref(), encoder];
+    let mut all = networks.into_iter().flatten().flat_map(|network| network.norms.iter().flatten());
+    let first = all.next().map(|norm| norm.epsilon);
+    if all.any(|norm| Some(norm.epsilon) != first) {
+        return Err(invalid("its layer norms have different epsilons, which this format cannot say"));
+    }
+    if policy.critic.as_ref().is_some_and(|critic| critic.output.is_some()) {
+        return Err(invalid("its critic has a function of its output, which this format cannot say"));
+    }
+    Ok(first)
+}
+
 /// Reads a policy from its file's bytes.
 ///
 /// # Errors
@@ -103,9 +182,22 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
 pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
     let mut tensors = Tensors::parse(bytes)?;
     let header = header(bytes)?;
-    let actor = tensors.network("actor", header.activation)?;
-    let critic =
-        header.critic_activation.map(|activation| tensors.network("critic", activation)).transpose()?;
+    let epsilon = header.layer_norm_epsilon.unwrap_or(LayerNorm::EPSILON);
+    let mut actor = tensors.network("actor", header.activation, epsilon)?;
+    actor.output = header.output_activation;
+    let front = match header.front {
+        None => None,
+        Some(FrontHeader::Memory(cell)) => Some(Front::Recurrent(tensors.recurrent("memory", cell)?)),
+        Some(FrontHeader::Encoder { activation, output_activation, passed, latent }) => {
+            let mut network = tensors.network("encoder", activation, epsilon)?;
+            network.output = output_activation;
+            Some(Front::Encoder(Encoder { network, passed, latent }))
+        }
+    };
+    let critic = header
+        .critic_activation
+        .map(|activation| tensors.network("critic", activation, epsilon))
+        .transpose()?;
     let log_std = tensors.vector("log_std")?.into_iter().map(|value| value as f32).collect();
     let normaliser = normaliser(&mut tensors, "normaliser")?;
     let critic_normaliser = self::normaliser(&mut tensors, "critic_normaliser")?;
@@ -115,7 +207,7 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
     let Header { interface, provenance, .. } = header;
     let notes = Vec::new();
     let policy =
-        Policy { interface, actor, log_std, critic, normaliser, critic_normaliser, provenance, notes };
+        Policy { interface, front, actor, log_std, critic, normaliser, critic_normaliser, provenance, notes };
     policy.check()?;
     Ok(policy)
 }

@@ -1,6 +1,6 @@
 //! Forward pass over one tile of rows, keeping every layer's output for the backward pass.
 
-use super::{Activation, Layer, lanes, matmul, matmul::Matrix, scalar::Scalar};
+use super::{Activation, Layer, LayerNorm, lanes, matmul, matmul::Matrix, scalar::Scalar};
 
 /// Computes layer `index` of `layers`: `output[..rows × outputs]` from `input[..rows × inputs]`.
 pub(crate) fn layer<T: Scalar>(
@@ -28,4 +28,23 @@ pub(crate) fn layer<T: Scalar>(
     } else {
         lanes::add_bias_and_activate(output, bias, activation);
     }
+}
+
+/// A hidden layer whose sums are normalised before its activation; as [`layer`].
+pub(crate) fn normed_layer(
+    layer: &Layer,
+    norm: &LayerNorm,
+    activation: Activation,
+    parameters: &[f32],
+    rows: usize,
+    input: &[f32],
+    output: &mut [f32],
+) {
+    let output = &mut output[..rows * layer.outputs];
+    let x = Matrix::row_major(input, rows, layer.inputs);
+    let w = Matrix::row_major(&parameters[layer.weight.clone()], layer.inputs, layer.outputs);
+    matmul::multiply(output, x, w, false);
+    lanes::add_bias(output, &parameters[layer.bias.clone()]);
+    norm.apply(output);
+    lanes::add_bias_and_activate(output, &norm.bias, activation);
 }

@@ -2,7 +2,7 @@
 
 use gaitfit_isa::kernels;
 
-use super::{Activation, scalar::Scalar};
+use super::{Activation, activation::SELU, scalar::Scalar};
 
 /// Columns that are summed together, in registers.
 const COLUMNS: usize = 64;
@@ -34,6 +34,37 @@ fn multiply_and_sum<T: Scalar>(d: &mut [T], h: &[T], sums: &mut [T], slope: impl
             *sum += *d;
         }
     }
+}
+
+/// y = f(y + b) on every row of y.
+#[inline(always)]
+fn activate<T: Scalar>(y: &mut [T], bias: &[T], f: impl Fn(T) -> T) {
+    for row in y.chunks_exact_mut(bias.len()) {
+        for (y, &b) in row.iter_mut().zip(bias) {
+            *y = f(*y + b);
+        }
+    }
+}
+
+/// α (eˣ − 1) below 0, x above, all times λ.
+#[inline(always)]
+fn elu<T: Scalar, const FUSED: bool>(x: T, alpha: T, lambda: T) -> T {
+    let below = alpha * (x.exponential::<FUSED>() - T::ONE);
+    lambda * if x > T::ZERO { x } else { below }
+}
+
+/// x Φ(x), with erfc of Abramowitz and Stegun (1964), 7.1.26: within 1.5e-7.
+#[inline(always)]
+fn gelu<T: Scalar, const FUSED: bool>(x: T) -> T {
+    let number = T::from_f64;
+    let z = if x < T::ZERO { -x } else { x } * number(std::f64::consts::FRAC_1_SQRT_2);
+    let t = T::ONE / (T::ONE + number(0.327_591_1) * z);
+    let mut p = number(1.061_405_429);
+    for coefficient in [-1.453_152_027, 1.421_413_741, -0.284_496_736, 0.254_829_592] {
+        p = p * t + number(coefficient);
+    }
+    let half = number(0.5) * x * p * t * (-z * z).exponential::<FUSED>();
+    if x > T::ZERO { x - half } else { half }
 }
 
 /// Greatest width of a layer's output that leaves the vectors of matrix kernels half empty; [`multiply_narrow`] takes
@@ -125,16 +156,53 @@ kernels! {
                     }
                 }
             }
+            Activation::EluOf(alpha) => {
+                let alpha = T::from_f64(f64::from(alpha));
+                activate(y, bias, |x| elu::<T, FUSED>(x, alpha, T::ONE));
+            }
+            Activation::LeakyRelu(slope) => {
+                let slope = T::from_f64(f64::from(slope));
+                activate(y, bias, |x| if x > T::ZERO { x } else { slope * x });
+            }
+            Activation::Selu => {
+                let [alpha, lambda] = SELU.map(T::from_f64);
+                activate(y, bias, |x| elu::<T, FUSED>(x, alpha, lambda));
+            }
+            Activation::Silu => activate(y, bias, |x| x / (T::ONE + (-x).exponential::<FUSED>())),
+            Activation::Gelu => activate(y, bias, gelu::<T, FUSED>),
+            Activation::GeluTanh => {
+                let [root, cubic, half] = [0.797_884_560_802_865_4, 0.044_715, 0.5].map(T::from_f64);
+                activate(y, bias, |x| {
+                    let inner = root * (x + cubic * x * x * x);
+                    half * x * (T::ONE + inner.hyperbolic_tangent::<FUSED>())
+                });
+            }
         }
     }
 
     /// d *= f′ and sums += Σ over the rows of d; d and the layer's output h = f(x) are `rows × sums.len()`. By h,
-    /// ELU′ = h + 1 below 0 and tanh′ = 1 − h².
+    /// ELU′ = h + α below 0 and tanh′ = 1 − h².
     pub fn multiply_by_derivative<T: Scalar>(d: &mut [T], h: &[T], sums: &mut [T], activation: Activation) {
         match activation {
             Activation::Elu => multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { h + T::ONE }),
             Activation::Relu => multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { T::ZERO }),
             Activation::Tanh => multiply_and_sum(d, h, sums, |h| T::ONE - h * h),
+            Activation::EluOf(alpha) => {
+                let alpha = T::from_f64(f64::from(alpha));
+                multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { h + alpha });
+            }
+            Activation::LeakyRelu(slope) => {
+                let slope = T::from_f64(f64::from(slope));
+                multiply_and_sum(d, h, sums, |h| if h > T::ZERO { T::ONE } else { slope });
+            }
+            Activation::Selu => {
+                let [alpha, lambda] = SELU.map(T::from_f64);
+                multiply_and_sum(d, h, sums, |h| if h > T::ZERO { lambda } else { h + lambda * alpha });
+            }
+            // Learners refuse these; a NaN shows one that does not.
+            Activation::Silu | Activation::Gelu | Activation::GeluTanh => {
+                multiply_and_sum(d, h, sums, |_| T::from_f64(f64::NAN));
+            }
         }
     }
 

@@ -3,7 +3,7 @@
 use aligned_vec::{AVec, avec};
 use gaitfit_random::{Purpose, Stream};
 
-use super::{Normaliser, Shape, ShapeError, forward};
+use super::{Activation, LayerNorm, Normaliser, Shape, ShapeError, forward, lanes};
 
 /// Rows that pass through all layers together, so that their activations stay in the second-level cache.
 const TILE: usize = 256;
@@ -15,6 +15,11 @@ pub struct Network {
     pub shape: Shape,
     /// All weights and biases, [`Shape::parameters`] of them, from a cache line's beginning on.
     pub parameters: AVec<f32>,
+    /// What normalises the sums of each hidden layer before its activation; layers beyond the list have none. For
+    /// inference: trainings refuse it.
+    pub norms: Vec<Option<LayerNorm>>,
+    /// Function of the output; none is linear. For inference.
+    pub output: Option<Activation>,
 }
 
 /// Working memory of networks; one a thread, kept between calls. Any network may use it.
@@ -45,9 +50,23 @@ impl Network {
     /// # Errors
     /// [`ShapeError`] if a layer is empty or the parameters are not as many as the shape needs.
     pub fn new(shape: Shape, parameters: &[f32]) -> Result<Self, ShapeError> {
-        let network = Self { shape, parameters: AVec::from_slice(0, parameters) };
+        let parameters = AVec::from_slice(0, parameters);
+        let network = Self { shape, parameters, norms: Vec::new(), output: None };
         network.check()?;
         Ok(network)
+    }
+
+    /// Why it cannot be trained, in words; `None` for a network that can.
+    pub fn untrainable(&self) -> Option<String> {
+        if self.norms.iter().any(Option::is_some) {
+            return Some("layer norm".to_owned());
+        }
+        if let Some(output) = self.output {
+            return Some(format!("a function of its output, {output}"));
+        }
+        let activation = self.shape.activation;
+        (!activation.is_trainable() && !self.shape.hidden.is_empty())
+            .then(|| format!("the activation {activation}"))
     }
 
     /// Refuses what [`Network::new`] refuses.
@@ -57,10 +76,18 @@ impl Network {
     pub fn check(&self) -> Result<(), ShapeError> {
         self.shape.check()?;
         let (expected, found) = (self.shape.parameters(), self.parameters.len());
-        if found == expected {
-            return Ok(());
+        if found != expected {
+            return Err(ShapeError::Parameters { shape: self.shape.to_string(), expected, found });
         }
-        Err(ShapeError::Parameters { shape: self.shape.to_string(), expected, found })
+        for (number, norm) in self.norms.iter().enumerate() {
+            let Some(norm) = norm else { continue };
+            let (found, expected) = (norm.weight.len(), self.shape.hidden.get(number).copied().unwrap_or(0));
+            let positive = norm.epsilon > 0.0 && norm.epsilon.is_finite();
+            if found != expected || norm.bias.len() != found || !positive {
+                return Err(ShapeError::Norm { layer: number + 1, expected, found });
+            }
+        }
+        Ok(())
     }
 
     /// Random parameters, uniform in ±1/√inputs for weights and biases alike (the usual choice of PyTorch's
@@ -81,7 +108,7 @@ impl Network {
                 *parameter = (2.0 * stream.uniform_f32(draw as u32) - 1.0) * bound;
             }
         }
-        Ok(Self { shape, parameters })
+        Ok(Self { shape, parameters, norms: Vec::new(), output: None })
     }
 
     /// [`Network::forward`] of `input` as `normaliser`, if there is one, makes it.
@@ -127,7 +154,17 @@ impl Network {
                 let (from, to) = if index % 2 == 0 { (&*odd, &mut *even) } else { (&*even, &mut *odd) };
                 let from = if index == 0 { input } else { from };
                 let to = if index + 1 == layers.len() { &mut *output } else { to };
-                forward::layer(&layers, index, self.shape.activation, &self.parameters, rows, from, to);
+                let activation = self.shape.activation;
+                match self.norms.get(index).and_then(Option::as_ref) {
+                    Some(norm) => {
+                        let layer = &layers[index];
+                        forward::normed_layer(layer, norm, activation, &self.parameters, rows, from, to);
+                    }
+                    None => forward::layer(&layers, index, activation, &self.parameters, rows, from, to),
+                }
+            }
+            if let Some(activation) = self.output {
+                lanes::add_bias_and_activate(output, &vec![0.0; outputs], activation);
             }
         }
     }

@@ -10,7 +10,7 @@ use super::Activation;
 pub const MOST_PARAMETERS: usize = 16 << 20;
 
 /// Sizes of a fully connected network: inputs, hidden layers, outputs.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shape {
     /// Width of the input row.
@@ -50,6 +50,19 @@ pub enum ShapeError {
         /// What the shape needs.
         expected: usize,
         /// What there is.
+        found: usize,
+    },
+    /// A layer norm of another width, or without a positive ε.
+    #[error(
+        "the layer norm of hidden layer {layer} has {found} numbers and the layer {expected}: as many weights and biases \
+         and a positive epsilon are needed"
+    )]
+    Norm {
+        /// Number of the hidden layer, from 1.
+        layer: usize,
+        /// Its width.
+        expected: usize,
+        /// The norm's.
         found: usize,
     },
 }

@@ -31,6 +31,12 @@ pub enum WalkerError {
     /// The policy's interface.
     #[error(transparent)]
     Interface(#[from] InterfaceError),
+    /// Resets of a policy whose memory no log holds.
+    #[error(
+        "the policy is recurrent, and a cost with resets (matchs) starts in midst of a log, where no log says what the \
+         policy remembered: use wass or matcho"
+    )]
+    NoMemory,
     /// The simulator.
     #[error(transparent)]
     Sim(#[from] SimError),

@@ -85,6 +85,7 @@ pub fn policy(activation: Activation) -> Policy {
     };
     Policy {
         interface: interface(),
+        front: None,
         actor: Network::random(shape(45, 12), 1, 0, 1.0).unwrap(),
         log_std: numbers(12, 3),
         critic: Some(Network::random(shape(48, 1), 1, 1, 1.0).unwrap()),
@@ -105,7 +106,7 @@ pub fn policy(activation: Activation) -> Policy {
 
 /// Mean actions of `rows` rows.
 pub fn act(policy: &Policy, observation: &[f32]) -> Vec<f32> {
-    let rows = observation.len() / policy.actor.shape.inputs;
+    let rows = observation.len() / policy.interface.observation_width();
     let mut actions = vec![f32::NAN; rows * policy.actor.shape.outputs];
     policy.act(rows, observation, &mut actions, &mut Scratch::default());
     actions

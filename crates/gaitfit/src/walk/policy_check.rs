@@ -6,10 +6,12 @@
 //! actions are met almost exactly and another's are not.
 
 use super::imu_search::{Search, clipped};
-use super::observation::Given;
+use super::observation::{self, Given};
 use crate::Error;
 use gaitfit_log::Trajectory;
 use gaitfit_policy::Policy;
+use gaitfit_policy::network::Scratch;
+use gaitfit_policy::observation::{Layout, Past};
 use serde::Serialize;
 
 /// Most samples that are looked at, evenly over the logs.
@@ -24,6 +26,8 @@ const LEFT_OUT: f64 = 0.1;
 /// task 0.39–0.49, legs permuted 0.63–0.84, scaled by a half 0.63.
 const DOUBTFUL: f64 = 0.08;
 const ANOTHER: f64 = 0.33;
+/// Time at a log's beginning in which a recurrent policy's actions are not compared, s.
+const SETTLE_S: f64 = 0.4;
 /// Below this mismatch not even a shift is looked for.
 const NOTICED: f64 = 0.02;
 
@@ -87,6 +91,10 @@ impl Comparison {
         let mut seen = 0;
         for (number, log) in logs.iter().enumerate() {
             let Some(action) = &log.action else { continue };
+            if policy.is_recurrent() {
+                this.remembering(policy, log, number, action, shift, every, &mut seen);
+                continue;
+            }
             let row = |row: usize| -> Vec<f64> {
                 clipped(interface, action[row * joints..(row + 1) * joints].iter().copied())
             };
@@ -115,6 +123,46 @@ impl Comparison {
             }
         }
         this
+    }
+
+    /// Samples of a recurrent policy, which acts along the whole log. A log that lacks anything says nothing, nor does its
+    /// beginning, before which the policy may have seen more than the log holds.
+    fn remembering(
+        &mut self,
+        policy: &Policy,
+        log: &Trajectory,
+        number: usize,
+        action: &[f64],
+        shift: isize,
+        every: usize,
+        seen: &mut usize,
+    ) {
+        let interface = &policy.interface;
+        let joints = self.joints;
+        if !(0..log.len()).all(|sample| Given::of(log, sample).missing(interface).is_empty()) {
+            return;
+        }
+        let settled = (SETTLE_S / interface.control_dt).round() as usize;
+        let layout = Layout::new(interface, &interface.observation);
+        let (mut memory, mut past) = (policy.memory(1), Past::new(&layout, 1));
+        let (mut row, mut found) = (vec![0.0; layout.width()], vec![0.0; joints]);
+        let mut scratch = Scratch::default();
+        let mut last = vec![0.0; joints];
+        for sample in 0..log.len() {
+            let given = Given::of(log, sample);
+            observation::write(&layout, interface, log, sample, &last, &given, 0.0, past.row(0), &mut row);
+            policy.act_with(1, &row, &mut memory, &mut found, &mut scratch);
+            past.take(&row);
+            last.copy_from_slice(&action[sample * joints..(sample + 1) * joints]);
+            *seen += 1;
+            let at = sample.checked_add_signed(shift).filter(|&at| at >= 1 && at < log.len());
+            if let Some(at) = at.filter(|_| sample >= settled && seen.is_multiple_of(every)) {
+                let logged = &action[at * joints..(at + 1) * joints];
+                self.logged.extend(clipped(interface, logged.iter().copied()));
+                self.predicted.extend(clipped(interface, found.iter().map(|&x| f64::from(x))));
+                self.samples.push(number);
+            }
+        }
     }
 
     /// Relative RMS difference over the best samples, of one log or all; NaN for none.
@@ -353,6 +401,24 @@ mod tests {
         let whole = logs(&scene, &walked, true);
         let (found, verdict) = judged(&walked, &whole);
         assert!(found.exact && found.mismatch < 1e-4 && found.samples > 100, "{found:?}");
+        assert!(verdict.unwrap().is_empty());
+        assert!(judged(&other, &whole).1.is_err());
+        let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));
+        assert!(verdict.unwrap()[0].contains("cannot be told"));
+    }
+
+    #[test]
+    fn a_recurrent_policy_is_known_along_whole_logs() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-policy/tests/fixtures/policies/");
+        let read = |name: &str| gaitfit_policy::read((folder.to_owned() + name).as_ref()).unwrap();
+        let (walked, other) = (read("lstm.toml"), read("gru.toml"));
+        let settings = TaskSettings::default().calm();
+        let model = crate::robot::go2().unwrap();
+        let scene =
+            Task::with_interface(&model, &settings, walked.interface.clone(), Preset::Fast, 0.0).unwrap();
+        let whole = logs(&scene, &walked, true);
+        let (found, verdict) = judged(&walked, &whole);
+        assert!(found.mismatch < 1e-3 && found.samples > 40, "{found:?}");
         assert!(verdict.unwrap().is_empty());
         assert!(judged(&other, &whole).1.is_err());
         let (_, verdict) = judged(&walked, &logs(&scene, &walked, false));

@@ -22,13 +22,14 @@ const FALLEN: f64 = 50.0;
 const APART: usize = 10;
 
 /// Sample ranges in which the robot leans as one that fell, for a log without the base's orientation at the policy's
-/// rate. Right only if the log's actions are the policy's; none for policies that observe past frames. `spread`: of each joint's actions.
+/// rate. Right only if the log's actions are the policy's; none for policies that observe or remember the past. `spread`: of each joint's actions.
 pub fn falls(policy: &Policy, log: &Trajectory, spread: &[f64]) -> Vec<Range<usize>> {
     let interface = &policy.interface;
     let Some(action) = &log.action else { return Vec::new() };
     let known = Given::of(log, 0);
     let unknown = known.missing(interface);
-    if !unknown.contains(&Unknown::Gravity(0)) || interface.observation.iter().any(|term| term.history > 1) {
+    let remembers = policy.is_recurrent() || interface.observation.iter().any(|term| term.history > 1);
+    if !unknown.contains(&Unknown::Gravity(0)) || remembers {
         return Vec::new();
     }
     let joints = interface.joints.len();

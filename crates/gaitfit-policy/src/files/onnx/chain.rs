@@ -4,7 +4,7 @@ use super::constant::Constant;
 use crate::PolicyError;
 use crate::error::invalid;
 use crate::files::layers::{Affine, MOST_LAYERS, assemble};
-use crate::network::{Activation, Network, Normaliser};
+use crate::network::{Activation, Cell, LayerNorm, Network, Normaliser, Recurrent, RecurrentLayer};
 
 /// x ↦ x ∘ factor + offset; vectors of one number or of the width.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,25 +17,54 @@ struct Elementwise {
 #[derive(Clone, Debug, Default)]
 pub struct Chain {
     before: Option<Elementwise>,
+    /// Recurrent layers, which stand before all others.
+    memory: Option<Recurrent>,
     layers: Vec<Affine>,
+    /// Of the layers so far; layers beyond the list have none.
+    norms: Vec<Option<LayerNorm>>,
+    /// Of the hidden layers.
     activation: Option<Activation>,
-    after_activation: bool,
+    /// Of the last layer so far.
+    last: Option<Activation>,
 }
 
 impl Chain {
     /// The numbers a row has now; `None` before the first layer, when nothing said so.
     pub fn width(&self) -> Option<usize> {
-        self.layers.last().map(|layer| layer.outputs)
+        let memory = self.memory.as_ref().map(Recurrent::outputs);
+        self.layers.last().map(|layer| layer.outputs).or(memory)
+    }
+
+    /// Whether no layer stands behind what it may remember.
+    pub fn is_empty(&self) -> bool {
+        self.layers.is_empty()
+    }
+
+    /// How many recurrent layers there are.
+    pub fn remembering(&self) -> usize {
+        self.memory.as_ref().map_or(0, |memory| memory.layers.len())
+    }
+
+    /// One more recurrent layer.
+    pub fn recurrent(&mut self, cell: Cell, layer: RecurrentLayer) -> Result<(), String> {
+        if !self.layers.is_empty() {
+            return Err("it stands behind other layers; memories are read before them only".to_owned());
+        }
+        if self.remembering() == MOST_LAYERS {
+            return Err(format!("it is one layer more than {MOST_LAYERS}"));
+        }
+        let memory = self.memory.get_or_insert(Recurrent { cell, layers: Vec::new() });
+        if memory.cell != cell {
+            return Err(format!("the layer before it is a {}", memory.cell.name()));
+        }
+        memory.layers.push(layer);
+        memory.mistake().map_or(Ok(()), Err)
     }
 
     /// The numbers a row has at the beginning; `None` before the first layer.
     pub fn inputs(&self) -> Option<usize> {
-        self.layers.first().map(|layer| layer.inputs)
-    }
-
-    /// Whether the last operator was an activation.
-    pub fn ends_in_activation(&self) -> bool {
-        self.after_activation
+        let memory = self.memory.as_ref().map(Recurrent::inputs);
+        memory.or_else(|| self.layers.first().map(|layer| layer.inputs))
     }
 
     /// x ↦ x ∘ factor + offset.
@@ -44,10 +73,26 @@ impl Chain {
             constant.as_row().map(<[f64]>::to_vec).ok_or("its constant does not act alike on every row")
         };
         let (factor, offset) = (row(factor)?, row(offset)?);
-        if self.after_activation {
-            return Err("it stands between an activation and a layer".to_owned());
+        if self.last.is_some() {
+            return Err("it stands behind an activation".to_owned());
+        }
+        let normed = self.norms.len() == self.layers.len();
+        if let Some(Some(norm)) = self.norms.last_mut().filter(|_| normed) {
+            let width = norm.weight.len();
+            if [&factor, &offset].iter().any(|values| values.len() != 1 && values.len() != width) {
+                return Err(format!("its constant is not of the {width} numbers of the norm before it"));
+            }
+            let at = |values: &[f64], index: usize| values[if values.len() == 1 { 0 } else { index }];
+            for (index, (weight, bias)) in norm.weight.iter_mut().zip(&mut norm.bias).enumerate() {
+                *weight = (f64::from(*weight) * at(&factor, index)) as f32;
+                *bias = (f64::from(*bias) * at(&factor, index) + at(&offset, index)) as f32;
+            }
+            return Ok(());
         }
         let Some(layer) = self.layers.last_mut() else {
+            if self.memory.is_some() {
+                return Err("it stands between a memory and a layer".to_owned());
+            }
             let before = self.before.take().unwrap_or(Elementwise { factor: vec![1.0], offset: vec![0.0] });
             let sizes = [&before.factor, &before.offset, &factor, &offset].map(Vec::len);
             let width = sizes.into_iter().max().unwrap_or(1);
@@ -96,12 +141,20 @@ impl Chain {
             Some(width) if width != layer.inputs => {
                 return Err(format!("it takes {} numbers, the layer before it gives {width}", layer.inputs));
             }
-            Some(_) if !self.after_activation => {
+            Some(_) if self.last.is_none() && !self.layers.is_empty() => {
                 return Err("it follows another layer without an activation between them".to_owned());
             }
             _ => {}
         }
-        if let (true, Some(before)) = (self.layers.is_empty(), &self.before) {
+        if let (Some(last), Some(other)) = (self.last, self.activation)
+            && last != other
+        {
+            return Err(format!(
+                "the layer before it has {last}, others {other}; all hidden layers must use one activation"
+            ));
+        }
+        self.activation = self.last.take().or(self.activation);
+        if let (true, None, Some(before)) = (self.layers.is_empty(), &self.memory, &self.before) {
             let width = before.factor.len();
             if width != 1 && width != layer.inputs {
                 return Err(format!(
@@ -111,29 +164,56 @@ impl Chain {
             }
         }
         self.layers.push(layer);
-        self.after_activation = false;
         Ok(())
     }
 
-    /// The function between two layers; the same everywhere.
+    /// A layer norm of the last layer's output.
+    pub fn norm(&mut self, norm: LayerNorm) -> Result<(), String> {
+        let Some(width) = self.width().filter(|_| self.last.is_none() && !self.layers.is_empty()) else {
+            return Err("it does not follow a layer".to_owned());
+        };
+        if self.norms.len() == self.layers.len() {
+            return Err("it follows another layer norm".to_owned());
+        }
+        if norm.weight.len() != width || norm.bias.len() != width {
+            return Err(format!("its weights are not {width}, as the layer before it gives"));
+        }
+        self.norms.resize(self.layers.len() - 1, None);
+        self.norms.push(Some(norm));
+        Ok(())
+    }
+
+    /// The function behind a layer; the same behind all but the last.
     pub fn activate(&mut self, activation: Activation) -> Result<(), String> {
         if self.layers.is_empty() {
             return Err("it stands before the first layer".to_owned());
         }
-        if self.after_activation {
+        if self.last.is_some() {
             return Err("it follows another activation".to_owned());
         }
-        if let Some(other) = self.activation.filter(|&other| other != activation) {
-            return Err(format!("other layers use {}; all must use one activation", other.name()));
+        if !activation.is_sound() {
+            return Err(format!("its parameter is out of range ({activation})"));
         }
-        self.activation = Some(activation);
-        self.after_activation = true;
+        self.last = Some(activation);
         Ok(())
     }
 
-    /// The network. With `normaliser`, what stands before the first layer must be that normaliser; without, it
-    /// becomes part of the first layer.
-    pub fn network(mut self, normaliser: Option<&Normaliser>) -> Result<Network, PolicyError> {
+    /// The network of a graph without memory; see [`Chain::parts`].
+    pub fn network(self, normaliser: Option<&Normaliser>) -> Result<Network, PolicyError> {
+        match self.parts(normaliser)? {
+            (None, network) => Ok(network),
+            (Some(_), _) => {
+                Err(invalid("its graph is recurrent; describe it in a TOML file (docs/policies.md)"))
+            }
+        }
+    }
+
+    /// The memory, if there is one, and the network. With `normaliser`, what stands before the first layer must be that
+    /// normaliser; without, it becomes part of the first layer.
+    pub fn parts(
+        mut self,
+        normaliser: Option<&Normaliser>,
+    ) -> Result<(Option<Recurrent>, Network), PolicyError> {
         match (self.before.take(), normaliser) {
             (before, Some(normaliser)) => {
                 let expected: (Vec<f64>, Vec<f64>) = normaliser
@@ -148,17 +228,38 @@ impl Chain {
                 }
             }
             (Some(before), None) => {
-                if let Some(first) = self.layers.first_mut() {
-                    let spread = |values: Vec<f64>| match values[..] {
-                        [one] => vec![one; first.inputs],
-                        _ => values,
-                    };
-                    let (factor, offset) = (spread(before.factor), spread(before.offset));
+                let spread = |values: Vec<f64>, inputs: usize| match values[..] {
+                    [one] => vec![one; inputs],
+                    _ => values,
+                };
+                let memory = self.memory.as_mut().and_then(|memory| memory.layers.first_mut());
+                if let Some(first) = memory {
+                    let inputs = first.inputs;
+                    let (factor, offset) = (spread(before.factor, inputs), spread(before.offset, inputs));
+                    if factor.len() != inputs {
+                        return Err(invalid(format!(
+                            "its normaliser has {} numbers, its memory takes {inputs}",
+                            factor.len()
+                        )));
+                    }
+                    let (weight, bias) = (first.weight_ih.clone(), first.bias_ih.clone());
+                    let outputs = bias.len();
+                    let behind = Affine { inputs, outputs, weight, bias }.behind(&factor, &offset);
+                    (first.weight_ih, first.bias_ih) = (behind.weight, behind.bias);
+                } else if let Some(first) = self.layers.first_mut() {
+                    let inputs = first.inputs;
+                    let (factor, offset) = (spread(before.factor, inputs), spread(before.offset, inputs));
                     *first = first.behind(&factor, &offset);
                 }
             }
             (None, None) => {}
         }
-        assemble(&self.layers, self.activation.unwrap_or_default())
+        if self.norms.len() == self.layers.len() && self.norms.last().is_some_and(Option::is_some) {
+            return Err(invalid(
+                "a layer norm stands behind its last layer; only hidden layers may have one",
+            ));
+        }
+        let network = assemble(&self.layers, self.activation.unwrap_or_default(), self.norms)?;
+        Ok((self.memory, Network { output: self.last, ..network }))
     }
 }

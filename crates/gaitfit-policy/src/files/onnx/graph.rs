@@ -2,11 +2,13 @@
 
 use super::chain::Chain;
 use super::constant::Constant;
+use super::fuse::fuse;
 use super::proto::{Attribute, Dimension, FLOAT, Graph, Model, Node, Tensor, ValueInfo};
+use super::recurrent::{Remembered, is_recurrent};
 use crate::PolicyError;
 use crate::error::invalid;
 use crate::files::layers::{Affine, transpose};
-use crate::network::Activation;
+use crate::network::{Activation, LayerNorm, SELU};
 use gaitfit_model::shown;
 use prost::Message;
 use std::collections::HashMap;
@@ -17,8 +19,7 @@ const MOST_PARTS: usize = 1024;
 const MOST_NUMBERS: usize = 32 << 20;
 
 /// What the file's operators are called in the advice of errors.
-const UNDERSTOOD: &str =
-    "a multilayer perceptron of Gemm or MatMul, with Elu, Relu or Tanh between the layers";
+const UNDERSTOOD: &str = "a multilayer perceptron of Gemm or MatMul, with Elu, Relu, Tanh, LeakyRelu, Selu, SiLU or GELU between the layers";
 
 /// A model's parts.
 pub struct Decoded {
@@ -70,22 +71,34 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, PolicyError> {
 pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
     // Old files list the initializers among the inputs.
     let mut inputs = model.inputs.iter().filter(|input| !model.constants.contains_key(&input.name));
-    let (Some(input), None) = (inputs.next(), inputs.next()) else {
+    let remembers = model.nodes.iter().any(|node| is_recurrent(&node.op_type));
+    let Some(input) = inputs.next() else {
+        return Err(invalid("its graph has no input"));
+    };
+    let states: HashMap<String, Remembered> = inputs
+        .enumerate()
+        .map(|(origin, state)| (state.name.clone(), Remembered { origin, layer: None }))
+        .collect();
+    if !states.is_empty() && !remembers {
         return Err(invalid(
             "its graph does not have exactly one input: only policies of one observation are read",
         ));
-    };
-    let [output] = &model.outputs[..] else {
+    }
+    let (Some(output), true) = (model.outputs.first(), model.outputs.len() == 1 || remembers) else {
         return Err(invalid(format!("its graph has {} outputs; a policy has one", model.outputs.len())));
     };
     let mut walk = Walk {
         constants: model.constants.clone(),
         numbers: model.constants.values().map(|constant| constant.values.len()).sum(),
         head: input.name.clone(),
+        states,
+        steps: false,
         input_width: last_dimension(input)?,
         chain: Chain::default(),
     };
-    for node in &model.nodes {
+    let ends: Vec<String> = model.outputs.iter().map(|output| output.name.clone()).collect();
+    let nodes = fuse(model.nodes.clone(), &model.constants, &ends);
+    for node in &nodes {
         walk.node(node).map_err(|why| {
             let name =
                 if node.name.is_empty() { node.output.first().unwrap_or(&node.name) } else { &node.name };
@@ -98,11 +111,8 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
             shown(&output.name)
         )));
     }
-    if walk.chain.width().is_none() {
+    if walk.chain.is_empty() {
         return Err(invalid("its graph has no layers"));
-    }
-    if walk.chain.ends_in_activation() {
-        return Err(invalid("its last layer is followed by an activation; only linear outputs are read"));
     }
     Ok(walk.chain)
 }
@@ -114,15 +124,19 @@ fn last_dimension(value: &ValueInfo) -> Result<Option<usize>, PolicyError> {
     Ok(last.dim_value.and_then(|width| usize::try_from(width).ok()).filter(|&width| width > 0))
 }
 
-struct Walk {
-    constants: HashMap<String, Constant>,
+pub(super) struct Walk {
+    pub(super) constants: HashMap<String, Constant>,
     /// Numbers in `constants`.
     numbers: usize,
     /// Name of the value that the chain gives now.
-    head: String,
+    pub(super) head: String,
+    /// What the graph remembers from its last run, or will from this.
+    pub(super) states: HashMap<String, Remembered>,
+    /// Whether the chain's value has an axis of time steps before its rows.
+    pub(super) steps: bool,
     /// The observation's width, where the file states it.
     input_width: Option<usize>,
-    chain: Chain,
+    pub(super) chain: Chain,
 }
 
 impl Walk {
@@ -144,6 +158,12 @@ impl Walk {
         if node.op_type == "Constant" {
             return self.keep(output, attributes.constant()?);
         }
+        if is_recurrent(&node.op_type) {
+            return self.recurrent(node, &attributes);
+        }
+        if self.remembers(node) {
+            return Ok(());
+        }
         // Optional inputs that are left out have empty names.
         let inputs: Vec<&str> =
             node.input.iter().map(String::as_str).filter(|name| !name.is_empty()).collect();
@@ -162,7 +182,9 @@ impl Walk {
                 .ok_or_else(|| format!("it computes a constant; only {UNDERSTOOD} is read"))?;
             return self.keep(output, folded);
         }
-        self.apply(node, &inputs, &attributes)?;
+        if !self.changes_steps(node, &attributes) {
+            self.apply(node, &inputs, &attributes)?;
+        }
         self.head = output;
         Ok(())
     }
@@ -191,12 +213,42 @@ impl Walk {
                 let harmless = constant(1).is_some_and(|shape| keeps_rows(&shape.values, width));
                 if harmless { Ok(()) } else { Err("it reshapes rows; only [−1, width] is read".to_owned()) }
             }
-            ("Elu", true) => {
-                let alpha = attributes.number("alpha", 1.0);
-                if alpha != 1.0 {
-                    return Err(format!("its alpha is {alpha}; only 1 is read"));
+            ("Elu", true) => self.chain.activate(Activation::elu(attributes.number("alpha", 1.0))),
+            ("LeakyRelu", true) => {
+                self.chain.activate(Activation::LeakyRelu(attributes.number("alpha", 0.01)))
+            }
+            ("Selu", true) => {
+                let [alpha, gamma] = SELU.map(|value| value as f32);
+                let own = [attributes.number("alpha", alpha), attributes.number("gamma", gamma)];
+                if own != [alpha, gamma] {
+                    return Err(format!("its alpha and gamma are {own:?}; only SELU's own are read"));
                 }
-                self.chain.activate(Activation::Elu)
+                self.chain.activate(Activation::Selu)
+            }
+            ("Silu" | "Swish", true) if attributes.number("alpha", 1.0) == 1.0 => {
+                self.chain.activate(Activation::Silu)
+            }
+            ("GeluTanh", true) => self.chain.activate(Activation::GeluTanh),
+            ("Gelu", true) => self.chain.activate(match attributes.text("approximate") {
+                b"tanh" => Activation::GeluTanh,
+                _ => Activation::Gelu,
+            }),
+            ("LayerNormalization", true) if matches!(attributes.integer("axis", -1), -1 | 1) => {
+                let row = |constant: Option<&Constant>, other: f32| match constant {
+                    Some(constant) => constant
+                        .as_row()
+                        .map(|row| row.iter().map(|&x| x as f32).collect::<Vec<f32>>())
+                        .ok_or("its weight or bias does not act alike on every row"),
+                    None => Ok(vec![other; self.chain.width().unwrap_or(0)]),
+                };
+                if inputs.len() > 3 || inputs.len() > 1 && constant(1).is_none() {
+                    return Err("its weight is not a constant".to_owned());
+                }
+                self.chain.norm(LayerNorm {
+                    weight: row(constant(1), 1.0)?,
+                    bias: row(constant(2), 0.0)?,
+                    epsilon: attributes.number("epsilon", LayerNorm::EPSILON),
+                })
             }
             ("Relu", true) => self.chain.activate(Activation::Relu),
             ("Tanh", true) => self.chain.activate(Activation::Tanh),
@@ -274,10 +326,10 @@ fn keeps_rows(shape: &[f64], width: Option<usize>) -> bool {
 }
 
 /// A node's attributes.
-struct Attributes(Vec<Attribute>);
+pub(super) struct Attributes(Vec<Attribute>);
 
 impl Attributes {
-    fn decode(node: &Node) -> Result<Self, String> {
+    pub(super) fn decode(node: &Node) -> Result<Self, String> {
         let all = node.attribute.iter().map(|bytes| Attribute::decode(bytes.as_slice()));
         all.collect::<Result<_, _>>()
             .map(Self)
@@ -288,7 +340,29 @@ impl Attributes {
         self.0.iter().find(|attribute| attribute.name == name)
     }
 
-    fn integer(&self, name: &str, default: i64) -> i64 {
+    pub(super) fn text(&self, name: &str) -> &[u8] {
+        self.find(name).map_or(b"", |attribute| &attribute.s)
+    }
+
+    /// A list of whole numbers.
+    pub(super) fn list(&self, name: &str) -> Option<&[i64]> {
+        self.find(name).map(|attribute| &attribute.ints[..])
+    }
+
+    /// Whether there is an attribute of this name.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.find(name).is_some()
+    }
+
+    /// The one number of a list.
+    pub(super) fn one_of(&self, name: &str) -> Option<i64> {
+        match self.find(name)?.ints[..] {
+            [one] => Some(one),
+            _ => None,
+        }
+    }
+
+    pub(super) fn integer(&self, name: &str, default: i64) -> i64 {
         self.find(name).map_or(default, |attribute| attribute.i)
     }
 
@@ -297,7 +371,7 @@ impl Attributes {
     }
 
     /// The value of a `Constant` node.
-    fn constant(&self) -> Result<Constant, String> {
+    pub(super) fn constant(&self) -> Result<Constant, String> {
         let attribute = self.0.first().filter(|_| self.0.len() == 1).ok_or("it has no single value")?;
         match (attribute.name.as_str(), &attribute.t) {
             ("value", Some(tensor)) => Constant::read(tensor.clone()).map_err(|error| error.to_string()),

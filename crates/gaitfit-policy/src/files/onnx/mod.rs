@@ -4,9 +4,11 @@
 
 mod chain;
 mod constant;
+mod fuse;
 mod graph;
 mod metadata;
 mod proto;
+mod recurrent;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests;
@@ -36,6 +38,7 @@ pub(super) fn read_own(bytes: &[u8]) -> Result<Option<Policy>, PolicyError> {
     let chain = graph::walk(&model)?;
     let policy = Policy {
         interface: header.interface,
+        front: None,
         actor: chain.network(header.normaliser.as_ref())?,
         log_std: header.log_std,
         critic: None,

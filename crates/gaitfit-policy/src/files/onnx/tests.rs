@@ -39,6 +39,7 @@ fn constants() -> Vec<Tensor> {
         tensor("b", &[3], &[0.5, 0.0, -0.5]),
         tensor("v", &[3, 1], &[1.0, -1.0, 2.0]),
         tensor("two", &[], &[2.0]),
+        tensor("one", &[1, 1], &[1.0]),
         tensor("pair", &[1, 2], &[1.0, 3.0]),
         tensor("column", &[2, 1], &[1.0, 2.0]),
     ]
@@ -101,12 +102,11 @@ fn everything_else_is_refused_by_node_and_operator() {
     let cases: Vec<(Vec<Node>, &str)> = vec![
         (vec![node("Conv", &["x", "w"], "y")], "node the_y (Conv): it is not understood"),
         (vec![matmul.clone(), node("Softmax", &["h"], "y")], "node the_y (Softmax)"),
-        (vec![matmul.clone(), node("Elu", &["h"], "y")], "followed by an activation"),
         (vec![node("Relu", &["x"], "y")], "it stands before the first layer"),
         (vec![matmul.clone(), node("MatMul", &["h", "v"], "y")], "without an activation between"),
         (
             vec![matmul.clone(), relu.clone(), node("Mul", &["a", "two"], "b2"), last.clone()],
-            "between an activation and a layer",
+            "it stands behind an activation",
         ),
         (
             vec![matmul.clone(), relu.clone(), node("Add", &["a", "h"], "y")],
@@ -134,19 +134,31 @@ fn everything_else_is_refused_by_node_and_operator() {
         (vec![node("Tan", &["w"], "t")], "it computes a constant"),
         (vec![Node { domain: "com.example".into(), ..matmul.clone() }], "operator set `com.example`"),
         (
-            vec![matmul.clone(), relu, node("MatMul", &["a", "v"], "h2"), node("Tanh", &["h2"], "y")],
-            "other layers use relu",
+            vec![
+                matmul.clone(),
+                relu,
+                node("MatMul", &["a", "v"], "h2"),
+                node("Tanh", &["h2"], "a2"),
+                node("MatMul", &["a2", "one"], "y"),
+            ],
+            "the layer before it has tanh, others relu",
         ),
         (
             vec![
-                matmul,
+                matmul.clone(),
                 with(
                     node("Elu", &["h"], "a"),
-                    Attribute { name: "alpha".into(), f: 0.5, ..Attribute::default() },
+                    Attribute { name: "alpha".into(), f: -0.5, ..Attribute::default() },
                 ),
                 last,
             ],
-            "its alpha is 0.5",
+            "its parameter is out of range (elu(-0.5))",
+        ),
+        (vec![matmul.clone(), node("LayerNormalization", &["h", "pair"], "y")], "its weights are not 3"),
+        (vec![node("LayerNormalization", &["x", "pair"], "y")], "it does not follow a layer"),
+        (
+            vec![matmul, node("LayerNormalization", &["h", "b"], "y")],
+            "a layer norm stands behind its last layer",
         ),
     ];
     for (nodes, message) in cases {

@@ -5,8 +5,9 @@ use super::proto::{
     Attribute, Dimension, FLOAT, FLOAT_ATTRIBUTE, Graph, INT_ATTRIBUTE, Model, Node, OperatorSet, Tensor,
     TensorShape, TensorType, Type, ValueInfo,
 };
+use crate::error::invalid;
 use crate::files::layers::take_apart;
-use crate::network::Activation;
+use crate::network::{Activation, SELU};
 use crate::{Policy, PolicyError};
 use prost::Message;
 
@@ -26,6 +27,11 @@ const OUTPUT: &str = "actions";
 /// A policy whose parts do not fit ([`Policy::check`]).
 pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
     policy.check()?;
+    if policy.front.is_some() {
+        return Err(invalid(
+            "recurrent and two-part policies are not written as ONNX; use safetensors (gaitfit export --safetensors)",
+        ));
+    }
     let mut nodes: Vec<Node> = Vec::new();
     let mut constants: Vec<Vec<u8>> = Vec::new();
     let mut head = INPUT.to_owned();
@@ -45,13 +51,21 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
         constants.push(constant(&weight, &[layer.outputs, layer.inputs], &layer.transposed()));
         constants.push(constant(&bias, &[layer.outputs], &layer.bias));
         head = push(&mut nodes, "Gemm", &name, vec![head, weight, bias], vec![integer("transB", 1)]);
-        if index + 1 < layers.len() {
-            let (operator, attributes) = match policy.actor.shape.activation {
-                Activation::Elu => ("Elu", vec![float("alpha", 1.0)]),
-                Activation::Relu => ("Relu", Vec::new()),
-                Activation::Tanh => ("Tanh", Vec::new()),
-            };
-            head = push(&mut nodes, operator, &format!("actor.{}", 2 * index + 1), vec![head], attributes);
+        if let Some(norm) = policy.actor.norms.get(index).and_then(Option::as_ref) {
+            let name = format!("{name}.norm");
+            let parts = [("weight", &norm.weight), ("bias", &norm.bias)];
+            let names = parts.map(|(part, _)| format!("{name}.{part}"));
+            for ((_, values), name) in parts.into_iter().zip(&names) {
+                constants.push(constant(name, &[values.len()], values));
+            }
+            let inputs = [vec![head], names.to_vec()].concat();
+            let attributes = vec![integer("axis", -1), float("epsilon", norm.epsilon)];
+            head = push(&mut nodes, "LayerNormalization", &name, inputs, attributes);
+        }
+        let last = index + 1 == layers.len();
+        let function = if last { policy.actor.output } else { Some(policy.actor.shape.activation) };
+        if let Some(function) = function {
+            head = activate(&mut nodes, &mut constants, &format!("actor.{}", 2 * index + 1), head, function);
         }
     }
     if let Some(last) = nodes.last_mut() {
@@ -76,6 +90,67 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
         metadata_props: metadata::entries(policy)?.iter().map(Message::encode_to_vec).collect(),
     };
     Ok(model.encode_to_vec())
+}
+
+/// Adds a function's nodes and gives the name of their output. Functions without an operator of their own are written as
+/// PyTorch's exporter does.
+fn activate(
+    nodes: &mut Vec<Node>,
+    constants: &mut Vec<Vec<u8>>,
+    name: &str,
+    head: String,
+    function: Activation,
+) -> String {
+    let single = |operator: &str, nodes: &mut Vec<Node>, attributes: Vec<Attribute>| {
+        push(nodes, operator, name, vec![head.clone()], attributes)
+    };
+    let mut number = |part: &str, value: f32| {
+        let own = format!("{name}.{part}");
+        constants.push(constant(&own, &[], &[value]));
+        own
+    };
+    let step = |nodes: &mut Vec<Node>, operator: &str, part: &str, inputs: [String; 2]| {
+        push(nodes, operator, &format!("{name}.{part}"), inputs.to_vec(), Vec::new())
+    };
+    match function {
+        Activation::Elu => single("Elu", nodes, vec![float("alpha", 1.0)]),
+        Activation::EluOf(alpha) => single("Elu", nodes, vec![float("alpha", alpha)]),
+        Activation::Relu => single("Relu", nodes, Vec::new()),
+        Activation::Tanh => single("Tanh", nodes, Vec::new()),
+        Activation::LeakyRelu(slope) => single("LeakyRelu", nodes, vec![float("alpha", slope)]),
+        Activation::Selu => {
+            let [alpha, gamma] = SELU.map(|value| value as f32);
+            single("Selu", nodes, vec![float("alpha", alpha), float("gamma", gamma)])
+        }
+        Activation::Silu => {
+            let gate = push(nodes, "Sigmoid", &format!("{name}.gate"), vec![head.clone()], Vec::new());
+            step(nodes, "Mul", "product", [head.clone(), gate])
+        }
+        Activation::Gelu => {
+            let [root, one, half] = [("root", std::f32::consts::SQRT_2), ("one", 1.0), ("half", 0.5)]
+                .map(|(part, value)| number(part, value));
+            let scaled = step(nodes, "Div", "scaled", [head.clone(), root]);
+            let erf = push(nodes, "Erf", &format!("{name}.erf"), vec![scaled], Vec::new());
+            let sum = step(nodes, "Add", "sum", [erf, one]);
+            let product = step(nodes, "Mul", "product", [head.clone(), sum]);
+            step(nodes, "Mul", "halved", [product, half])
+        }
+        Activation::GeluTanh => {
+            let root = std::f32::consts::FRAC_2_PI.sqrt();
+            let [root, cubic, one, half] =
+                [("root", root), ("cubic", 0.044_715), ("one", 1.0), ("half", 0.5)]
+                    .map(|(part, value)| number(part, value));
+            let square = step(nodes, "Mul", "square", [head.clone(), head.clone()]);
+            let cube = step(nodes, "Mul", "cube", [head.clone(), square]);
+            let small = step(nodes, "Mul", "small", [cubic, cube]);
+            let inner = step(nodes, "Add", "inner", [head.clone(), small]);
+            let scaled = step(nodes, "Mul", "scaled", [root, inner]);
+            let tanh = push(nodes, "Tanh", &format!("{name}.tanh"), vec![scaled], Vec::new());
+            let sum = step(nodes, "Add", "sum", [one, tanh]);
+            let product = step(nodes, "Mul", "product", [head.clone(), sum]);
+            step(nodes, "Mul", "halved", [half, product])
+        }
+    }
 }
 
 /// Adds a node and gives the name of its output.

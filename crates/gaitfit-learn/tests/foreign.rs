@@ -1,0 +1,133 @@
+//! Policies of other programs at work on the Go2: mjlab's with its own metadata, and a recurrent one.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+use gaitfit_learn::collect::{CollectOptions, collect};
+use gaitfit_learn::evaluate::{Subject, run_trials};
+use gaitfit_learn::task::{Task, TaskSettings};
+use gaitfit_learn::{Training, ppo};
+use gaitfit_physics::Preset;
+use gaitfit_policy::follow::{Job, Script, Track, follow};
+use gaitfit_policy::network::Scratch;
+use gaitfit_policy::observation::Sensed;
+use gaitfit_policy::{Policy, read};
+use gaitfit_sim::{Candidate, Start};
+
+fn fixture(name: &str) -> PathBuf {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../gaitfit-policy/tests/fixtures/policies");
+    PathBuf::from(folder).join(name)
+}
+
+/// A policy of the fixtures on the Go2.
+fn at_work(name: &str) -> (Policy, Task) {
+    let policy = read(&fixture(name)).unwrap();
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2.xml");
+    let model = gaitfit_model::read(path.as_ref(), &Default::default()).unwrap();
+    let mut settings = TaskSettings::default().calm();
+    (settings.start.yaw, settings.start.tilt, settings.start.joint_position) = (0.0, 0.0, 0.0);
+    let interface = policy.interface.clone();
+    let task = Task::with_interface(&model, &settings, interface, Preset::Fast, 0.0).unwrap();
+    (policy, task)
+}
+
+#[test]
+fn mjlabs_and_unitrees_files_run_without_a_description() {
+    for name in ["mjlab.onnx", "unitree/exported/policy.onnx"] {
+        let (policy, task) = at_work(name);
+        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 1 };
+        let trials = run_trials(&subject, 3, 0.5, 1).unwrap();
+        assert!(trials.iter().all(|trial| trial.steps > 2 && !trial.diverged), "{name}: {trials:?}");
+        assert!(trials.iter().all(|trial| trial.action_rate > 0.0), "{name}");
+        // On from there it is trained, with a new critic for mjlab's actor.
+        let mut interface = policy.interface.clone();
+        interface.critic_observation = interface.observation.clone();
+        let settings = TaskSettings::default();
+        let task =
+            Task::with_interface(task.walker.model(), &settings, interface, Preset::Fast, 0.0).unwrap();
+        assert!(Training::learner_from(&task, &ppo::Settings::default(), &policy, 1).is_ok(), "{name}");
+    }
+}
+
+/// The log of a recurrent policy, its observations put together anew and run through the network, and followed.
+#[test]
+fn a_recurrent_policy_walks_is_followed_and_is_not_trained() {
+    for name in ["lstm.toml", "gru.toml"] {
+        let (policy, task) = at_work(name);
+        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: 5 };
+        let options = CollectOptions { count: 2, seconds: 0.5, shift: [0.0; 2], privileged: true };
+        let logs = collect(&subject, &options, 1).unwrap();
+        let walker = &task.walker;
+        let scripts: Vec<Script> = logs
+            .iter()
+            .map(|log| {
+                let log = &log.trajectory;
+                let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|&x| x as f32).collect() };
+                let command = log.command.as_ref().unwrap();
+                let base = log.base.as_ref().unwrap();
+                let model_order = |values: &[f64]| {
+                    let mut all = vec![0.0f32; 12];
+                    for (&joint, &value) in walker.joints.iter().zip(values) {
+                        all[joint] = value as f32;
+                    }
+                    all
+                };
+                fn row<const N: usize>(values: &Option<Vec<f64>>, row: usize) -> [f32; N] {
+                    std::array::from_fn(|k| values.as_ref().unwrap()[row * N + k] as f32)
+                }
+                let states: Vec<Start> = (0..log.len())
+                    .map(|sample| Start {
+                        base_position: row(&base.position, sample),
+                        base_quaternion: row(&base.quaternion, sample),
+                        base_linear: row(&base.linear_velocity, sample),
+                        base_angular: row(&base.angular_velocity, sample),
+                        joint_position: model_order(&log.position[12 * sample..12 * sample + 12]),
+                        joint_velocity: model_order(&log.velocity[12 * sample..12 * sample + 12]),
+                    })
+                    .collect();
+                let wide = |values: &[f32]| -> Vec<f64> { values.iter().map(|&x| f64::from(x)).collect() };
+                let start = walker
+                    .start_from_joints(&wide(&states[0].joint_position), &wide(&states[0].joint_velocity));
+                Script {
+                    commands: (0..log.len())
+                        .map(|sample| std::array::from_fn(|k| command[3 * sample + k] as f32))
+                        .collect(),
+                    start,
+                    states,
+                    actions: single(log.action.as_ref().unwrap()),
+                }
+            })
+            .collect();
+        // From the logged states alone the logged actions follow, to 1e-5.
+        let (mut memory, mut scratch) = (policy.memory(1), Scratch::default());
+        let (mut sensed, mut row) = (Sensed::new(12), vec![0.0; 45]);
+        let mut worst = 0.0f32;
+        for sample in 0..scripts[0].commands.len() {
+            walker.sense_state(&scripts[0].states[sample], &mut sensed);
+            sensed.command = scripts[0].commands[sample];
+            if sample > 0 {
+                sensed.last_action.copy_from_slice(&scripts[0].actions[12 * (sample - 1)..12 * sample]);
+            }
+            walker.observation.write(&sensed, None, |_, _| (), &mut row);
+            let mut action = vec![f32::NAN; 12];
+            policy.act_with(1, &row, &mut memory, &mut action, &mut scratch);
+            for (a, b) in action.iter().zip(&scripts[0].actions[12 * sample..12 * sample + 12]) {
+                worst = worst.max((a - b).abs());
+            }
+        }
+        assert!(worst < 1e-5, "{name}: {worst}");
+        let found = Mutex::new(vec![Track::default(); 2]);
+        let keep = |_: usize, script: usize, track: &Track| found.lock().unwrap()[script] = track.clone();
+        let job = Job { candidate: Candidate::nominal(walker.model()), reset_every: None, seed: 0 };
+        follow(walker, &policy, &scripts, std::slice::from_ref(&job), 2, &keep, &|| false).unwrap();
+        for (track, script) in found.lock().unwrap().iter().zip(&scripts) {
+            assert_eq!(track.action, script.actions, "{name}");
+        }
+        let reset = [Job { reset_every: Some(5), ..job }];
+        let refused = follow(walker, &policy, &scripts, &reset, 1, &keep, &|| false).unwrap_err();
+        assert!(refused.to_string().contains("recurrent"), "{refused}");
+        let refused = Training::learner_from(&task, &ppo::Settings::default(), &policy, 1).map(|_| ());
+        assert!(refused.unwrap_err().to_string().contains("a memory ("));
+    }
+}

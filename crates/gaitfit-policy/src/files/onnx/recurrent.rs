@@ -1,0 +1,161 @@
+//! `LSTM` and `GRU` nodes, and what exporters put around them: an axis for time steps, and states cut into layers.
+
+use super::constant::Constant;
+use super::graph::{Attributes, Walk};
+use super::proto::Node;
+use crate::files::layers::transpose;
+use crate::network::{Cell, RecurrentLayer};
+
+/// A state that goes into a graph or comes out of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Remembered {
+    /// Which of the graph's states, the first 0.
+    pub origin: usize,
+    /// The layer that it was cut out for.
+    pub layer: Option<usize>,
+}
+
+/// Whether nodes of this operator remember.
+pub(super) fn is_recurrent(operator: &str) -> bool {
+    matches!(operator, "LSTM" | "GRU")
+}
+
+impl Walk {
+    /// Whether the node only passes on what is remembered. Its outputs then are states too.
+    pub(super) fn remembers(&mut self, node: &Node) -> bool {
+        let passes =
+            ["Slice", "Gather", "Squeeze", "Unsqueeze", "Identity", "Concat", "Split", "Transpose", "Cast"];
+        let known = node.input.first().and_then(|name| self.states.get(name)).copied();
+        let Some(mut state) = known.filter(|_| passes.contains(&node.op_type.as_str())) else { return false };
+        let index = node.input.get(1).and_then(|name| self.constants.get(name)).and_then(Constant::as_scalar);
+        if matches!(node.op_type.as_str(), "Slice" | "Gather") {
+            state.layer = index.filter(|&index| index >= 0.0).map(|index| index as usize);
+        }
+        for (number, output) in node.output.iter().enumerate() {
+            if node.op_type == "Split" {
+                state.layer = Some(number);
+            }
+            self.states.insert(output.clone(), state);
+        }
+        true
+    }
+
+    /// Whether an `Unsqueeze` or `Squeeze` only gives rows an axis of one time step, or takes it away.
+    pub(super) fn changes_steps(&mut self, node: &Node, attributes: &Attributes) -> bool {
+        if node.input.first() != Some(&self.head) || !matches!(node.op_type.as_str(), "Unsqueeze" | "Squeeze")
+        {
+            return false;
+        }
+        let listed = attributes.list("axes").map(<[i64]>::to_vec);
+        let given = node.input.get(1).and_then(|name| self.constants.get(name));
+        let axes = listed.or_else(|| given.map(|axes| axes.values.iter().map(|&axis| axis as i64).collect()));
+        if node.op_type == "Unsqueeze" {
+            let first = !self.steps && self.chain.remembering() == 0 && axes == Some(vec![0]);
+            self.steps |= first;
+            return first;
+        }
+        self.chain.remembering() > 0
+            && self.chain.is_empty()
+            && axes.is_some_and(|axes| !axes.is_empty() && axes.iter().all(|axis| matches!(axis, 0 | 1)))
+    }
+
+    /// One layer with a memory.
+    pub(super) fn recurrent(&mut self, node: &Node, attributes: &Attributes) -> Result<(), String> {
+        let input =
+            |number: usize| node.input.get(number).map(String::as_str).filter(|name| !name.is_empty());
+        let cell = if node.op_type == "LSTM" { Cell::Lstm } else { Cell::Gru };
+        if input(0) != Some(&self.head) || !self.steps {
+            return Err("its input is not the observation as one time step".to_owned());
+        }
+        for name in ["activations", "clip", "activation_alpha", "activation_beta"] {
+            if attributes.has(name) {
+                return Err(format!("its attribute {name} is not read"));
+            }
+        }
+        let direction = attributes.text("direction");
+        if !(direction.is_empty() || direction == b"forward")
+            || attributes.integer("layout", 0) != 0
+            || attributes.integer("input_forget", 0) != 0
+            || cell == Cell::Gru && attributes.integer("linear_before_reset", 0) != 1
+        {
+            return Err("only forward layers as PyTorch exports them are read".to_owned());
+        }
+        if input(4).is_some() || input(7).is_some() {
+            return Err("sequence lengths and peepholes are not read".to_owned());
+        }
+        let number = self.chain.remembering();
+        let mut origins = Vec::new();
+        for place in [5, 6] {
+            let Some(name) = input(place) else { continue };
+            match self.states.get(name) {
+                Some(state) if state.layer.is_none_or(|layer| layer == number) => origins.push(state.origin),
+                Some(_) => return Err(format!("`{}` is another layer's state", gaitfit_model::shown(name))),
+                // Constant states would not be remembered.
+                None => return Err("its initial state is not an input of the graph".to_owned()),
+            }
+        }
+        let expected: Vec<usize> = (0..if cell == Cell::Lstm { 2 } else { 1 }).collect();
+        if origins != expected {
+            return Err(
+                "its states are not the graph's inputs in their order (h_in, and c_in of an LSTM)".to_owned()
+            );
+        }
+        let layer = self.layer_of(cell, input(1), input(2), input(3))?;
+        self.chain.recurrent(cell, layer)?;
+        for (origin, output) in node.output.iter().skip(1).enumerate() {
+            self.states.insert(output.clone(), Remembered { origin, layer: Some(number) });
+        }
+        self.head = node.output.first().cloned().unwrap_or_default();
+        Ok(())
+    }
+
+    /// Weights in PyTorch's order of gates.
+    fn layer_of(
+        &self,
+        cell: Cell,
+        w: Option<&str>,
+        r: Option<&str>,
+        b: Option<&str>,
+    ) -> Result<RecurrentLayer, String> {
+        let constant = |name: Option<&str>| name.and_then(|name| self.constants.get(name));
+        // ONNX has i, o, f, c and z, r, h.
+        let order: &[usize] = if cell == Cell::Lstm { &[0, 2, 3, 1] } else { &[1, 0, 2] };
+        let gates = cell.gates();
+        let matrix = |name: Option<&str>| -> Result<(usize, usize, Vec<f32>), String> {
+            let constant = constant(name).ok_or("its weight is not a constant")?;
+            let [1, wide, inputs] = constant.dims[..] else {
+                return Err(format!("its weight has shape {:?}; [1, gates, inputs] is read", constant.dims));
+            };
+            if wide == 0 || inputs == 0 || wide % gates != 0 {
+                return Err(format!(
+                    "its weight has shape {:?}, no multiple of {gates} gates",
+                    constant.dims
+                ));
+            }
+            let block = wide / gates * inputs;
+            let ordered: Vec<f32> = order
+                .iter()
+                .flat_map(|&gate| &constant.values[gate * block..(gate + 1) * block])
+                .map(|&x| x as f32)
+                .collect();
+            Ok((wide, inputs, transpose(&ordered, wide, inputs)))
+        };
+        let (wide, inputs, weight_ih) = matrix(w)?;
+        let (_, hidden, weight_hh) = matrix(r)?;
+        let biases = match (b, constant(b)) {
+            (None, _) => vec![0.0; 2 * wide],
+            (_, Some(constant)) if constant.values.len() == 2 * wide => constant.values.clone(),
+            _ => return Err("its bias is not a constant of both gates' biases".to_owned()),
+        };
+        let bias = |half: usize| -> Vec<f32> {
+            let units = wide / gates;
+            let from = |gate: usize| half * wide + gate * units;
+            order
+                .iter()
+                .flat_map(|&gate| &biases[from(gate)..from(gate) + units])
+                .map(|&x| x as f32)
+                .collect()
+        };
+        Ok(RecurrentLayer { inputs, hidden, weight_ih, weight_hh, bias_ih: bias(0), bias_hh: bias(1) })
+    }
+}

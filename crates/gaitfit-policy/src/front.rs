@@ -1,0 +1,99 @@
+//! What stands between a policy's observation and its actor: a memory, or an encoder.
+
+use crate::network::{Memory, Network, Recurrent, Scratch};
+use serde::{Deserialize, Serialize};
+
+/// What stands between the (normalised) observation and the actor. For inference: trainings refuse it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Front {
+    /// The actor sees the output of recurrent layers, which see the observation.
+    Recurrent(Recurrent),
+    /// The actor sees the observation, or its present frame, and what an encoder makes of the whole observation: two-part
+    /// policies such as RMA (Kumar et al. 2021) and walk-these-ways (Margolis, Agrawal 2022).
+    Encoder(Encoder),
+}
+
+/// The encoder of a two-part policy.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Encoder {
+    /// From the whole observation to the latent.
+    pub network: Network,
+    /// Which numbers of the observation the actor sees too, in their order.
+    pub passed: Vec<usize>,
+    /// Where the latent stands in the actor's input.
+    pub latent: Latent,
+}
+
+/// Where the latent stands in the actor's input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Latent {
+    /// Behind what is passed on of the observation.
+    #[default]
+    Last,
+    /// Before it.
+    First,
+}
+
+impl Front {
+    /// What it is called in messages.
+    pub(crate) fn name(&self) -> &'static str {
+        match self {
+            Self::Recurrent(_) => "memory",
+            Self::Encoder(_) => "encoder",
+        }
+    }
+
+    /// Width of the observation that it takes.
+    pub fn inputs(&self) -> usize {
+        match self {
+            Self::Recurrent(recurrent) => recurrent.inputs(),
+            Self::Encoder(encoder) => encoder.network.shape.inputs,
+        }
+    }
+
+    /// Width of what it gives the actor.
+    pub fn outputs(&self) -> usize {
+        match self {
+            Self::Recurrent(recurrent) => recurrent.outputs(),
+            Self::Encoder(encoder) => encoder.passed.len() + encoder.network.shape.outputs,
+        }
+    }
+
+    /// Nothing remembered, for `environments` robots.
+    pub fn memory(&self, environments: usize) -> Memory {
+        match self {
+            Self::Recurrent(recurrent) => recurrent.memory(environments),
+            Self::Encoder(_) => Memory::default(),
+        }
+    }
+
+    /// What the actor sees: `observation` is `rows × inputs`, `seen` becomes `rows × outputs`.
+    pub(crate) fn step(
+        &self,
+        rows: usize,
+        observation: &[f32],
+        memory: &mut Memory,
+        seen: &mut Vec<f32>,
+        scratch: &mut Scratch,
+    ) {
+        match self {
+            Self::Recurrent(recurrent) => recurrent.step(rows, observation, memory, seen),
+            Self::Encoder(Encoder { network, passed, latent }) => {
+                let (inputs, outputs) = (network.shape.inputs, network.shape.outputs);
+                let mut code = vec![0.0; rows * outputs];
+                network.forward(rows, observation, &mut code, scratch);
+                seen.clear();
+                for (row, code) in observation.chunks_exact(inputs).zip(code.chunks_exact(outputs)) {
+                    if *latent == Latent::First {
+                        seen.extend_from_slice(code);
+                    }
+                    seen.extend(passed.iter().map(|&place| row[place]));
+                    if *latent == Latent::Last {
+                        seen.extend_from_slice(code);
+                    }
+                }
+            }
+        }
+    }
+}

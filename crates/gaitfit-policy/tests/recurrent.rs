@@ -1,0 +1,170 @@
+//! Recurrent and two-part policies: fixtures of `tools/make_policy_fixtures.py`, values by hand, files.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{fixture, largest_difference, numbers, policy, rows};
+use gaitfit_policy::network::{Activation, Cell, Network, Recurrent, RecurrentLayer, Scratch, Shape};
+use gaitfit_policy::{Encoder, Front, Latent, Policy, onnx, read, weights};
+
+/// Actions along a sequence of rows of one robot.
+fn along(policy: &Policy, observation: &[f32]) -> Vec<f32> {
+    let (mut memory, mut scratch) = (policy.memory(1), Scratch::default());
+    let joints = policy.interface.joints.len();
+    let mut actions = Vec::new();
+    for row in observation.chunks_exact(policy.interface.observation_width()) {
+        let mut action = vec![f32::NAN; joints];
+        policy.act_with(1, row, &mut memory, &mut action, &mut scratch);
+        actions.extend(action);
+    }
+    actions
+}
+
+#[test]
+fn lstm_and_gru_of_rsl_rls_exporter_give_onnxruntimes_actions_along_a_sequence() {
+    for name in ["lstm", "gru"] {
+        let policy = read(&fixture(&format!("{name}.toml"))).unwrap();
+        let Some(Front::Recurrent(memory)) = &policy.front else { panic!("{name} is not recurrent") };
+        assert_eq!((memory.cell.name(), memory.layers.len(), memory.outputs()), (name, 2, 12));
+        let [observation, actions] = rows(&format!("{name}_rows.json"));
+        assert_eq!(actions.len(), 40 * 12);
+        let difference = largest_difference(&along(&policy, &observation), &actions);
+        assert!(difference < 1e-5, "{name}: {difference}");
+        // Without its memory it acts otherwise.
+        let mut forgetful = vec![0.0; actions.len()];
+        policy.act(40, &observation, &mut forgetful, &mut Scratch::default());
+        assert!(largest_difference(&forgetful, &actions) > 1e-2);
+        assert_eq!(weights::read(&weights::write(&policy).unwrap()).unwrap(), policy);
+        let refused = onnx::write(&policy).unwrap_err().to_string();
+        assert!(refused.contains("--safetensors"), "{refused}");
+    }
+}
+
+#[test]
+fn robots_side_by_side_remember_apart_and_begin_anew() {
+    let policy = read(&fixture("lstm.toml")).unwrap();
+    let [observation, _] = rows("lstm_rows.json");
+    let (mut memory, mut scratch) = (policy.memory(2), Scratch::default());
+    let row = |k: usize| &observation[45 * k..45 * (k + 1)];
+    let mut both = vec![0.0; 24];
+    for k in 0..10 {
+        if k == 5 {
+            memory.begin(1);
+        }
+        policy.act_with(2, &[row(k), row(k)].concat(), &mut memory, &mut both, &mut scratch);
+    }
+    let whole = along(&policy, &observation[..450]);
+    let late = along(&policy, &observation[225..450]);
+    assert!(largest_difference(&both[..12], &whole[9 * 12..]) < 1e-6);
+    assert!(largest_difference(&both[12..], &late[4 * 12..]) < 1e-6);
+    assert!(largest_difference(&both[..12], &both[12..]) > 1e-4);
+}
+
+/// One unit, one input, weights of 1 and biases of 0.
+fn unit(cell: Cell) -> Recurrent {
+    let gates = cell.gates();
+    let layer = RecurrentLayer {
+        inputs: 1,
+        hidden: 1,
+        weight_ih: vec![1.0; gates],
+        weight_hh: vec![1.0; gates],
+        bias_ih: vec![0.0; gates],
+        bias_hh: vec![0.0; gates],
+    };
+    Recurrent { cell, layers: vec![layer] }
+}
+
+#[test]
+fn one_unit_by_hand() {
+    let sigmoid = |x: f64| 1.0 / (1.0 + (-x).exp());
+    let run = |cell: Cell| {
+        let unit = unit(cell);
+        let (mut memory, mut output) = (unit.memory(1), Vec::new());
+        [0.5f32, -1.0].map(|x| {
+            unit.step(1, &[x], &mut memory, &mut output);
+            f64::from(output[0])
+        })
+    };
+    // All gates have the same sum s = x + h.
+    let (mut c, mut h) = (0.0, 0.0f64);
+    for (x, found) in [0.5, -1.0].into_iter().zip(run(Cell::Lstm)) {
+        let s = x + h;
+        c = sigmoid(s) * c + sigmoid(s) * s.tanh();
+        h = sigmoid(s) * f64::tanh(c);
+        assert!((h - found).abs() < 1e-6, "{h} {found}");
+    }
+    let mut h = 0.0f64;
+    for (x, found) in [0.5, -1.0].into_iter().zip(run(Cell::Gru)) {
+        let gate = sigmoid(x + h);
+        h = (1.0 - gate) * (x + gate * h).tanh() + gate * h;
+        assert!((h - found).abs() < 1e-6, "{h} {found}");
+    }
+}
+
+#[test]
+fn an_encoder_gives_its_latent_beside_what_is_passed_on() {
+    let plain = policy(Activation::Elu);
+    let encoder = Shape { inputs: 45, hidden: vec![8], outputs: 3, activation: Activation::Elu };
+    let network = Network::random(encoder, 5, 0, 1.0).unwrap();
+    let actor = Shape { inputs: 5, ..plain.actor.shape.clone() };
+    let front = |latent| Front::Encoder(Encoder { network: network.clone(), passed: vec![44, 0], latent });
+    let two = Policy {
+        actor: Network::random(actor, 6, 0, 1.0).unwrap(),
+        front: Some(front(Latent::First)),
+        normaliser: None,
+        ..plain
+    };
+    let observation = numbers(45, 4);
+    let mut code = [0.0; 3];
+    network.forward(1, &observation, &mut code, &mut Scratch::default());
+    let seen = [&code[..], &[observation[44], observation[0]]].concat();
+    let mut wanted = [0.0; 12];
+    two.actor.forward(1, &seen, &mut wanted, &mut Scratch::default());
+    assert_eq!(common::act(&two, &observation), wanted);
+    assert_eq!(weights::read(&weights::write(&two).unwrap()).unwrap(), two);
+    let last = Policy { front: Some(front(Latent::Last)), ..two.clone() };
+    assert_ne!(common::act(&last, &observation), wanted);
+    for (change, message) in [
+        (
+            Encoder { network: network.clone(), passed: vec![45, 0], latent: Latent::Last },
+            "number 45 of an observation",
+        ),
+        (
+            Encoder { network, passed: vec![0], latent: Latent::Last },
+            "the encoder gives 4 numbers, the actor takes 5",
+        ),
+    ] {
+        let wrong = Policy { front: Some(Front::Encoder(change)), ..two.clone() };
+        let found = weights::write(&wrong).unwrap_err().to_string();
+        assert!(found.contains(message), "`{message}` is not in `{found}`");
+    }
+}
+
+#[test]
+fn a_described_lstm_is_read_from_pytorchs_tensors() {
+    // The fixture's own file, its memory's tensors under PyTorch's names.
+    let policy = read(&fixture("lstm.toml")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let own = Policy { critic: None, critic_normaliser: None, ..policy.clone() };
+    std::fs::write(folder.path().join("own.safetensors"), weights::write(&own).unwrap()).unwrap();
+    let text = std::fs::read_to_string(fixture("lstm.toml")).unwrap();
+    let describe = |more: &str| {
+        let text = text.replace("file = \"lstm.onnx\"", &format!("file = \"own.safetensors\"\n{more}"));
+        let path = folder.path().join("described.toml");
+        std::fs::write(&path, text).unwrap();
+        read(&path).map_err(|error| error.to_string())
+    };
+    let memory = "memory = { cell = \"lstm\", tensors = \"memory\" }";
+    let described = describe(&format!("activation = \"elu\"\n{memory}")).unwrap();
+    assert_eq!((&described.front, &described.actor), (&policy.front, &policy.actor));
+    let wrong =
+        describe("activation = \"elu\"\nmemory = { cell = \"gru\", tensors = \"memory\" }").unwrap_err();
+    assert!(wrong.contains("gru layer 1"), "{wrong}");
+    let wrong =
+        describe("activation = \"elu\"\nmemory = { cell = \"lstm\", tensors = \"rnn\" }").unwrap_err();
+    assert!(wrong.contains("tensor rnn.weight_ih_l0 is missing"), "{wrong}");
+    // Two parts: the memory's output as a latent is not what the actor takes.
+    let two = "activation = \"elu\"\nencoder = { tensors = \"actor\", passes = \"present\" }";
+    let wrong = describe(two).unwrap_err();
+    assert!(wrong.contains("takes 12"), "{wrong}");
+}
