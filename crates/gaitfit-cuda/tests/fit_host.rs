@@ -16,9 +16,10 @@ use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_model::Model;
 use gaitfit_physics::trace::Input;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
-use gaitfit_policy::Policy;
 use gaitfit_policy::follow::{Job, Script, Track, follow};
+use gaitfit_policy::network::Activation;
 use gaitfit_policy::walker::TorqueNoise;
+use gaitfit_policy::{Encoder, Front, Latent, Policy};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, RobotState, Start};
 use host::{bytes, call, execute, floats, keep, take};
 
@@ -344,12 +345,27 @@ fn cxx_walks_with_networks_are_the_cpus() {
 }
 
 #[test]
-fn a_policy_that_sees_the_past_is_refused() {
+fn policies_that_the_kernels_do_not_know_are_refused() {
     let (task, policy) = walking(None, |policy| {
         policy.interface.observation[0].history = 3;
     });
     let error = Tables::walk(&task.walker, &policy, &[]).unwrap_err();
     assert!(error.to_string().contains("a policy that observes a history"), "{error}");
+    let (task, policy) = walking(None, |_| ());
+    let refused = |change: fn(&mut Policy)| {
+        let mut changed = policy.clone();
+        change(&mut changed);
+        Tables::walk(&task.walker, &changed, &[]).unwrap_err().to_string()
+    };
+    let leaky = refused(|policy| policy.actor.shape.activation = Activation::LeakyRelu(0.1));
+    assert!(leaky.contains("the activation leaky_relu(0.1)"), "{leaky}");
+    let bounded = refused(|policy| policy.actor.output = Some(Activation::Tanh));
+    assert!(bounded.contains("a function of its output, tanh"), "{bounded}");
+    let two = refused(|policy| {
+        let (network, passed) = (policy.actor.clone(), vec![]);
+        policy.front = Some(Front::Encoder(Encoder { network, passed, latent: Latent::Last }));
+    });
+    assert!(two.contains("a recurrent or two-part policy"), "{two}");
 }
 
 #[test]

@@ -172,6 +172,13 @@ fn cxx_warm_up_moves_the_critic_alone_and_then_starts_afresh() {
 }
 
 #[test]
+fn activations_that_the_kernels_do_not_know_are_refused() {
+    let (learner, _) = problem(&Settings { activation: Activation::Selu, ..settings() });
+    let error = Prepared::new(&learner, BATCH, Precision::F32, LIMITS).unwrap_err();
+    assert!(error.to_string().contains("the activation selu"), "{error}");
+}
+
+#[test]
 #[ignore = "needs g++"]
 fn cxx_tf32_is_near() {
     compare(settings(), 3, [0, 0], Precision::Tf32, 2e-2);

@@ -66,6 +66,7 @@ fn backward(network: &Network, all: &[Vec<f64>], mut derivative: Vec<f64>, gradi
                     }
                 }
                 Activation::Tanh => 1.0 - x * x,
+                other => panic!("{other}"),
             };
         }
         derivative = next;
