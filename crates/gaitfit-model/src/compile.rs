@@ -46,10 +46,11 @@ pub(crate) fn compile(
     let pairs = candidates(ctx, &spec, &welds, &member)?;
     let ignored = self_collisions(&spec, &welds, &member);
     if ignored > 0 {
+        // Word for word: runs are continued only where the robot, this list included, is the same.
         ctx.drop_quietly(
             At::default(),
             format!("self-collision ({ignored} geom pairs)"),
-            "contacts are computed between the robot and the ground only",
+            "contacts are computed between the robot and ground planes only",
         );
         if let Some(last) = ctx.dropped.last_mut() {
             (last.line, last.column) = (0, 0);
