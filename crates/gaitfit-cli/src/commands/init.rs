@@ -23,7 +23,7 @@ pub fn run(args: &Init) -> Result<(), Failure> {
     let model = robot::read(&args.robot, args.lenient, Hold::File)?;
     let out = args.out.clone().unwrap_or_else(|| file_for(&model.name));
     let asked = Output { path: &out, option: "--out", ending: Some("toml") };
-    files::check(&[asked], [args.robot.as_path()].into_iter())?;
+    files::check(&[asked], [args.robot.as_path()])?;
     if out.exists() && !args.force {
         return Err(Failure::usage(format!(
             "{} is there already; give another --out, or --force to write over it",

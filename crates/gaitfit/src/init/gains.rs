@@ -3,7 +3,7 @@
 use super::InitError;
 use super::anatomy::{Anatomy, path};
 use super::sizes::{Sizes, digits, tidy};
-use gaitfit_model::Model;
+use gaitfit_model::{Integrator, Model};
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{dot, sub};
 use gaitfit_physics::Robot;
@@ -16,12 +16,18 @@ const DAMPING: f64 = 0.02;
 const LIKELY: f64 = 2.5;
 /// Target change per unit action, rad.
 const SCALE: f64 = 0.25;
-/// Physics step of the task, s.
+/// Longest physics step, and the control period, s.
 const STEP: f64 = 0.005;
+const PERIOD: f64 = 0.02;
+/// Most physics steps in a control period.
+const MOST_SUBSTEPS: f64 = 20.0;
 /// Most of kp h²/I and of kd h/I, h the physics step and I the inertia that a joint feels in the air: beyond 4 and 2 a
 /// joint shakes in the simulation. The Go2's calves have 0.4 and 1.6.
 const STIFFEST: f64 = 1.0;
 const THICKEST: f64 = 1.6;
+/// The same of held joints, of which a limb has many.
+const HELD_STIFFEST: f64 = 0.1;
+const HELD_THICKEST: f64 = 0.2;
 /// How far a held joint sags under what hangs on it, rad.
 const SAG: f64 = 0.1;
 
@@ -34,6 +40,8 @@ pub struct Gains {
     pub kd: Vec<f64>,
     /// rad; only for joints that the policy moves.
     pub scale: Vec<f64>,
+    /// Physics steps in a control period.
+    pub substeps: usize,
     /// Where they are from.
     pub how: String,
     /// What is odd about them.
@@ -79,9 +87,11 @@ impl Gains {
         let mut bounded = Vec::new();
         for joint in 0..model.joints.len() {
             let moved = anatomy.moved.contains(&joint);
+            let [stiff, thick] =
+                if moved { [STIFFEST, THICKEST] } else { [HELD_STIFFEST, HELD_THICKEST] };
             let damping = model.joints[joint].damping;
             let (stiffest, thickest) =
-                (STIFFEST * inertia[joint] / (STEP * STEP), THICKEST * inertia[joint] / STEP);
+                (stiff * inertia[joint] / (STEP * STEP), thick * inertia[joint] / STEP);
             let [p, d] = match (moved, own[joint]) {
                 (true, Some([p, d])) if likely && d > 0.0 => [p, d],
                 (true, Some([p, _])) if likely => [p, (DAMPING * p - damping).max(0.0)],
@@ -125,8 +135,35 @@ impl Gains {
                 listed(&bounded)
             ));
         }
-        Ok(Self { kp, kd, scale, how, doubts })
+        let substeps = substeps(model, &kp, &kd, &inertia);
+        if substeps > 4 {
+            doubts.push(format!(
+                "{substeps} physics steps of {:?} s in a control period: gains and damping need short ones",
+                digits(PERIOD / substeps as f64, 3)
+            ));
+        }
+        Ok(Self { kp, kd, scale, substeps, how, doubts })
     }
+}
+
+/// Physics steps in a control period with which the joints do not shake. In a semi-implicit step of length h that takes
+/// damping from before, h d must be below 2 and h² k below 4, d and k the largest eigenvalues of M⁻¹ times the gains. Those
+/// of a limb are at most the sums over its joints.
+fn substeps(model: &Model, kp: &[f64], kd: &[f64], inertia: &[f64]) -> usize {
+    let explicit = model.options.integrator == Integrator::Euler && !model.options.eulerdamp;
+    let (mut most_d, mut most_k) = (0.0_f64, 0.0_f64);
+    for body in 0..model.bodies.len() {
+        let (mut d, mut k) = (0.0, 0.0);
+        for joint in path(model, body) {
+            let damping = if explicit { model.joints[joint].damping } else { 0.0 };
+            d += (kd[joint] + damping) / inertia[joint];
+            k += kp[joint] / inertia[joint];
+        }
+        (most_d, most_k) = (most_d.max(d), most_k.max(k));
+    }
+    let step = (2.0 / most_d).min((2.0 / most_k).sqrt()).min(STEP);
+    let steps = (PERIOD / step - 1e-9).ceil();
+    if steps.is_finite() { steps.clamp(PERIOD / STEP, MOST_SUBSTEPS) as usize } else { MOST_SUBSTEPS as usize }
 }
 
 /// Some names, and how many more there are.
