@@ -28,6 +28,8 @@ const THICKEST: f64 = 1.6;
 /// The same of held joints, of which a limb has many.
 const HELD_STIFFEST: f64 = 0.1;
 const HELD_THICKEST: f64 = 0.2;
+/// Rotor inertia of a motor over m l²: the Go2's 0.01 kg·m².
+const ROTOR: f64 = 0.0073;
 /// How far a held joint sags under what hangs on it, rad.
 const SAG: f64 = 0.1;
 
@@ -42,6 +44,8 @@ pub struct Gains {
     pub scale: Vec<f64>,
     /// Physics steps in a control period.
     pub substeps: usize,
+    /// Rotor inertia that robots get in training where the file has none: `[smallest, largest]`, kg·m².
+    pub armature: Option<[f64; 2]>,
     /// Where they are from.
     pub how: String,
     /// What is odd about them.
@@ -142,7 +146,18 @@ impl Gains {
                 digits(PERIOD / substeps as f64, 3)
             ));
         }
-        Ok(Self { kp, kd, scale, substeps, how, doubts })
+        let bare = anatomy.moved.iter().all(|&joint| model.joints[joint].armature == 0.0);
+        let armature = bare.then(|| {
+            let most = ROTOR * sizes.mass * sizes.leg * sizes.leg;
+            [tidy(most / 3.0), tidy(most)]
+        });
+        if let Some([least, most]) = armature {
+            doubts.push(format!(
+                "the file gives no rotor inertia (armature), without which light links shake; robots get {least:?} to \
+                 {most:?} kg·m² in training (a guess)"
+            ));
+        }
+        Ok(Self { kp, kd, scale, substeps, armature, how, doubts })
     }
 }
 

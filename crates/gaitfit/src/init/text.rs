@@ -120,6 +120,10 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     let mass = sizes.mass / super::sizes::GO2_MASS;
     line(&mut text, "base_mass", format!("[{:?}, {:?}]", tidy(-mass), tidy(3.0 * mass)), "kg added");
     line(&mut text, "base_com", float(tidy(0.02 * sizes.length())), "m, half range along each axis");
+    if let Some([least, most]) = gains.armature {
+        let comment = "kg·m² added: the file has no rotor inertia (a guess)";
+        line(&mut text, "armature", format!("[{least:?}, {most:?}]"), comment);
+    }
     let _ = writeln!(text, "\n[task.push]");
     line(&mut text, "velocity", float(tidy(0.5 * sizes.length().sqrt())), "m/s");
     rewards(&mut text, anatomy, sizes);
