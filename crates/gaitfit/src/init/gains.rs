@@ -3,9 +3,9 @@
 use super::InitError;
 use super::anatomy::{Anatomy, path};
 use super::sizes::{Sizes, digits, tidy};
-use gaitfit_model::{Integrator, Model};
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{dot, sub};
+use gaitfit_model::{Integrator, Model};
 use gaitfit_physics::Robot;
 
 /// kp over m g l: the Go2's built-in 25 N·m/rad.
@@ -91,8 +91,7 @@ impl Gains {
         let mut bounded = Vec::new();
         for joint in 0..model.joints.len() {
             let moved = anatomy.moved.contains(&joint);
-            let [stiff, thick] =
-                if moved { [STIFFEST, THICKEST] } else { [HELD_STIFFEST, HELD_THICKEST] };
+            let [stiff, thick] = if moved { [STIFFEST, THICKEST] } else { [HELD_STIFFEST, HELD_THICKEST] };
             let damping = model.joints[joint].damping;
             let (stiffest, thickest) =
                 (stiff * inertia[joint] / (STEP * STEP), thick * inertia[joint] / STEP);
@@ -178,7 +177,11 @@ fn substeps(model: &Model, kp: &[f64], kd: &[f64], inertia: &[f64]) -> usize {
     }
     let step = (2.0 / most_d).min((2.0 / most_k).sqrt()).min(STEP);
     let steps = (PERIOD / step - 1e-9).ceil();
-    if steps.is_finite() { steps.clamp(PERIOD / STEP, MOST_SUBSTEPS) as usize } else { MOST_SUBSTEPS as usize }
+    if steps.is_finite() {
+        steps.clamp(PERIOD / STEP, MOST_SUBSTEPS) as usize
+    } else {
+        MOST_SUBSTEPS as usize
+    }
 }
 
 /// Some names, and how many more there are.

@@ -52,7 +52,12 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     let _ = writeln!(text, "\n[task]");
     line(&mut text, "base", quoted("velocity"), "what is not here is as in this built-in task");
     if gains.substeps != 4 {
-        line(&mut text, "substeps", gains.substeps, "physics steps between actions: gains and damping need short ones");
+        line(
+            &mut text,
+            "substeps",
+            gains.substeps,
+            "physics steps between actions: gains and damping need short ones",
+        );
     }
     let feet = list(anatomy.legs.iter().map(|leg| quoted(&leg.foot)));
     line(&mut text, "feet", feet, &format!("{}; a geom, or a body with all its geoms", anatomy.how()));
