@@ -1,15 +1,14 @@
 //! One tile of robots at a task.
 
 use gaitfit_model::rotation::{self, quat_of, to_heading, vec_of};
-use gaitfit_policy::observation::{LastAction, Layout, Past, Sensed};
+use gaitfit_policy::observation::{LastAction, Past};
 use gaitfit_policy::walker::{TorqueNoise, touching};
-use gaitfit_random::{Purpose, Stream, fill_block_rows};
+use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::{Candidate, Motion, Tile};
 
 use super::command::{command, within};
 use super::error::refuse;
 use super::feet::Foot;
-use super::sensor_noise::{self, SensorNoise};
 use super::start::start;
 use super::{Moment, Task, TaskError};
 
@@ -44,10 +43,10 @@ pub struct Saved {
 /// Steps are numbered by the caller (one number a control period, never used twice): all draws are functions of
 /// the seed, the environment's number and the step's.
 pub struct Environment<'a> {
-    task: &'a Task,
-    seed: u64,
+    pub(super) task: &'a Task,
+    pub(super) seed: u64,
     /// Number of the tile's first environment.
-    first: u32,
+    pub(super) first: u32,
     pub(super) tile: Tile<'a>,
     pub(super) motion: Motion,
     pub(super) steps: Vec<u32>,
@@ -202,67 +201,8 @@ impl<'a> Environment<'a> {
         self.feet[index * feet..(index + 1) * feet].fill(Foot::default());
     }
 
-    fn clock(&self, index: usize) -> f32 {
+    pub(super) fn clock(&self, index: usize) -> f32 {
         self.task.walker.clock(self.steps[index])
-    }
-
-    /// Writes the actor's observations, with noise; one row an environment.
-    pub fn observe(&self, step: u32, rows: &mut [f32]) {
-        let Task { settings, walker, .. } = self.task;
-        let blocks =
-            sensor_noise::blocks(&settings.noise, &walker.interface.observation, walker.joints.len());
-        let mut words = vec![[0; 4]; self.count() * blocks.len()];
-        let stream = Stream::new(self.seed, Purpose::OBSERVATION_NOISE).step(step);
-        fill_block_rows(stream, self.first, &blocks, &mut words);
-        self.write_observations(&walker.observation, &self.past[0], Some((&words, blocks.len())), rows);
-    }
-
-    /// Writes the critic's observations, without noise; one row an environment.
-    pub fn observe_critic(&self, rows: &mut [f32]) {
-        self.write_observations(&self.task.walker.critic_observation, &self.past[1], None, rows);
-    }
-
-    /// Keeps the rows that were observed at `step`, for those of the next.
-    fn remember(&mut self, step: u32) {
-        let walker = &self.task.walker;
-        let [actor, critic] = [&self.past[0], &self.past[1]].map(Past::is_kept);
-        if actor {
-            let mut rows = vec![0.0; self.count() * walker.observation.width()];
-            self.observe(step, &mut rows);
-            self.past[0].take(&rows);
-        }
-        if critic {
-            let mut rows = vec![0.0; self.count() * walker.critic_observation.width()];
-            self.observe_critic(&mut rows);
-            self.past[1].take(&rows);
-        }
-    }
-
-    /// `noise`: the words of every environment's blocks, and how many blocks each has.
-    fn write_observations(
-        &self,
-        layout: &Layout,
-        past: &Past,
-        noise: Option<(&[[u32; 4]], usize)>,
-        rows: &mut [f32],
-    ) {
-        let Task { settings, walker, .. } = self.task;
-        let mut sensed = Sensed::new(walker.joints.len());
-        for (index, row) in rows.chunks_exact_mut(layout.width().max(1)).enumerate() {
-            walker.sense(&self.motion, index, &mut sensed);
-            sensed.command = self.command[index];
-            sensed.last_action.copy_from_slice(self.last_action.row(index));
-            sensed.clock = self.clock(index);
-            match noise {
-                Some((words, blocks)) => {
-                    let words = &words[index * blocks..(index + 1) * blocks];
-                    let mut noise = SensorNoise::new(&settings.noise, words);
-                    let corrupt = |quantity, values: &mut [f32]| noise.add(quantity, values);
-                    layout.write(&sensed, past.row(index), corrupt, row);
-                }
-                None => layout.write(&sensed, past.row(index), |_, _| (), row),
-            }
-        }
     }
 
     /// One control period under `actions` (`environments × joints`, policy order): writes what each environment

@@ -10,6 +10,7 @@ mod error;
 mod feet;
 mod joint_number;
 mod moment;
+mod observe;
 mod presets;
 mod randomise;
 pub mod reward;
