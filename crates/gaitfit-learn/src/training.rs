@@ -13,7 +13,7 @@ use crate::ppo::{
 use crate::rollout::{Divergence, Runner, Tally};
 use crate::task::{Environment, Task, TaskError};
 use gaitfit_policy::network::Network;
-use gaitfit_policy::{Front, Policy, Provenance};
+use gaitfit_policy::{Policy, Provenance};
 
 /// How much is trained.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -215,12 +215,8 @@ impl<'a> Training<'a> {
                 remedy: "the policy takes observations as they are, and a normaliser would change it: leave it false",
             })));
         }
-        if let Some(front) = &policy.front {
-            let why = match front {
-                Front::Recurrent(memory) => format!("a memory ({})", memory.cell.name()),
-                Front::Encoder(_) => "an encoder before it".to_owned(),
-            };
-            return Err(TrainingError::Learner(LearnerError::Untrainable { what: "actor", why }));
+        if let Some(why) = policy.untrainable() {
+            return Err(TrainingError::Learner(LearnerError::Untrainable { what: "policy", why }));
         }
         let widths = widths(task);
         let critic = match &policy.critic {

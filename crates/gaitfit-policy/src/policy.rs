@@ -96,6 +96,15 @@ impl Policy {
         self.actor.forward(rows, &seen, actions, scratch);
     }
 
+    /// Why it cannot be trained on, in words, for example "a memory (lstm)"; `None` for a policy that can.
+    pub fn untrainable(&self) -> Option<String> {
+        match &self.front {
+            Some(Front::Recurrent(memory)) => Some(format!("a memory ({})", memory.cell.name())),
+            Some(Front::Encoder(_)) => Some("an encoder before its actor".to_owned()),
+            None => self.actor.untrainable().or_else(|| self.critic.as_ref()?.untrainable()),
+        }
+    }
+
     /// Whether it remembers what it observed.
     pub fn is_recurrent(&self) -> bool {
         matches!(self.front, Some(Front::Recurrent(_)))

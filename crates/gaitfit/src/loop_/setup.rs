@@ -79,6 +79,13 @@ impl Setup {
             None => robot::go2()?,
         };
         doubts.extend(robot::remarks(&model));
+        if let Some(why) = policy.untrainable() {
+            // Said now, not after the fit.
+            return Err(Error::failed(format!(
+                "{}: the policy has {why}, which is not trained here, so a loop cannot go on from it",
+                policy_path.display()
+            )));
+        }
         doubts.extend(policy.notes.iter().cloned());
         doubts.extend(policy.interface.other_robot(&model));
         if let Some(known) = &known {
