@@ -57,12 +57,9 @@ def truth(robot):
         add("stiffness", "stiffness", stiffness, "N·m/rad", [spring["joint"]])
         add("spring_torque", "spring_torque", stiffness * spring["angle"], "N·m", [spring["joint"]])
     load = robot.get("payload", {})
-    mass, place = load.get("mass", 0.0), np.array([load.get(axis, 0.0) for axis in "xyz"])
-    base = model.body("base").id
-    shift = mass * (place - model.body_ipos[base]) / (model.body_mass[base] + mass)
-    add("base_mass", "base_mass", mass, "kg")
-    for axis, value in zip("xyz", shift):
-        add(f"base_com_{axis}", f"base_com_{axis}", value, "m")
+    add("payload_mass", "payload_mass", load.get("mass", 0.0), "kg")
+    for axis in "xyz":
+        add(f"payload_{axis}", f"payload_{axis}", load.get(axis, 0.0), "m")
     foot = model.geom("FL_foot").friction[0]
     add("floor_friction", "floor_friction", robot.get("friction", foot) / foot, "-")
     return text
@@ -105,11 +102,13 @@ upper = 0.04
 kind = "torque_scale"
 per = "all"
 [[adapt.number]]
-kind = "base_mass"
+kind = "payload_mass"
 [[adapt.number]]
-kind = "base_com_x"
+kind = "payload_x"
 [[adapt.number]]
-kind = "base_com_y"
+kind = "payload_y"
+[[adapt.number]]
+kind = "payload_z"
 [[adapt.number]]
 kind = "floor_friction"
 [adapt.simulation]

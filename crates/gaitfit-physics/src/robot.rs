@@ -26,6 +26,10 @@ macro_rules! define {
             pub base_mass: f64,
             /// Shift of the root body's centre of mass, m, body frame.
             pub base_com: [f64; 3],
+            /// Mass of a load fixed to the root body, a point, kg: it adds inertia as its place says.
+            pub payload_mass: f64,
+            /// Where the load is, m, body frame.
+            pub payload_position: [f64; 3],
             /// Factor on all contact friction coefficients.
             pub friction_scale: f64,
         }
@@ -39,6 +43,8 @@ macro_rules! define {
                     $($ffield: each($fnominal),)*
                     base_mass: 0.0,
                     base_com: [0.0; 3],
+                    payload_mass: 0.0,
+                    payload_position: [0.0; 3],
                     friction_scale: 1.0,
                 }
             }
@@ -94,6 +100,14 @@ impl Robot {
         if !(mass >= 0.0 || model.root == Root::Fixed) {
             return Err(base_mass_error(model, mass, "zero or positive"));
         }
+        if !(self.payload_mass >= 0.0 && self.payload_mass.is_finite()) {
+            return Err(PhysicsError::Value {
+                object: format!("body `{}`", model.bodies[0].name),
+                quantity: "the mass of its load",
+                value: self.payload_mass,
+                must: "zero or positive",
+            });
+        }
         Ok(())
     }
 
@@ -135,12 +149,10 @@ impl Robot {
             }
             let com = add(seat.position, rotate(&seat.rotation, ipos));
             let inertia = sym_rotate(&seat.rotation, &body_inertia(body));
-            let link = &mut links[seat.link];
-            link.mass += mass;
-            link.com = axpy(mass, com, link.com);
-            let about_origin = steiner(mass, com);
-            for k in 0..6 {
-                link.inertia[k] += inertia[k] + about_origin[k];
+            put(&mut links[seat.link], mass, com, &inertia);
+            if index == 0 && self.payload_mass != 0.0 {
+                let place = add(seat.position, rotate(&seat.rotation, self.payload_position));
+                put(&mut links[seat.link], self.payload_mass, place, &[0.0; 6]);
             }
         }
         for link in &mut links {
@@ -153,6 +165,16 @@ impl Robot {
             }
         }
         links
+    }
+}
+
+/// Adds a body to a link whose moments are about its origin: `mass` at `com`, `inertia` about `com`.
+fn put(link: &mut LinkInertia<f64>, mass: f64, com: V3<f64>, inertia: &Sym3<f64>) {
+    link.mass += mass;
+    link.com = axpy(mass, com, link.com);
+    let about_origin = steiner(mass, com);
+    for k in 0..6 {
+        link.inertia[k] += inertia[k] + about_origin[k];
     }
 }
 

@@ -373,7 +373,7 @@ fn line_search_does_not_flip_across_dry_friction() {
 
 /// A URDF often begins with a massless link to which the trunk is welded.
 #[test]
-fn a_massless_base_moves_as_the_trunk_welded_to_it() {
+fn a_massless_base_and_a_load_move_as_what_is_welded_together() {
     let leg = r#"<body name="leg" pos="0.1 0 -0.1"><joint name="hip" axis="0 1 0"/>
         <inertial pos="0 0 -0.1" mass="0.5" diaginertia="0.002 0.002 0.001"/></body>"#;
     let trunk = r#"<inertial pos="0.02 0 0.01" mass="4" diaginertia="0.05 0.06 0.07"/>"#;
@@ -393,6 +393,17 @@ fn a_massless_base_moves_as_the_trunk_welded_to_it() {
         let pairs = a.com.iter().chain(&a.inertia).zip(b.com.iter().chain(&b.inertia));
         pairs.for_each(|(x, y)| assert!((x - y).abs() < 1e-15, "{x} {y}"));
     }
+    let load = read(&format!(
+        r#"{trunk}{leg}<body pos="0.03 0.05 0.08"><inertial pos="0 0 0" mass="2" diaginertia="1e-14 1e-14 1e-14"/></body>"#
+    ));
+    let loaded = Robot { payload_mass: 2.0, payload_position: [0.03, 0.05, 0.08], ..Robot::nominal(&welded) };
+    let (one, other) = (loaded.params(&welded).unwrap(), robot(&load, 0.0).unwrap());
+    let (one, other) = (&one.links[0], &other.links[0]);
+    assert!((one.mass - 6.0).abs() < 1e-14 && (other.mass - 6.0).abs() < 1e-14);
+    let pairs = one.com.iter().chain(&one.inertia).zip(other.com.iter().chain(&other.inertia));
+    pairs.for_each(|(x, y)| assert!((x - y).abs() < 1e-13, "{x} {y}"));
+    let wrong = Robot { payload_mass: -0.1, ..Robot::nominal(&plain) }.params(&plain).unwrap_err().to_string();
+    assert!(wrong.contains("load") && wrong.contains("zero or positive"), "{wrong}");
     let refused = robot(&welded, -0.1).unwrap_err().to_string();
     assert!(refused.contains("body `base`") && refused.contains("zero or positive"), "{refused}");
     assert!(robot(&plain, -4.0).is_err(), "nothing is left of the base");

@@ -1,4 +1,4 @@
-//! Numbers of the robot as a whole: torque noise, mass and centre of mass of the base, friction of the floor.
+//! Numbers of the robot as a whole: torque noise, mass and centre of mass of the base, a load on it, friction of the floor.
 
 use super::{Defaults, Entry, Modification, ReadContext, SavedParameter, ThetaError, ThetaFileError};
 use gaitfit_sim::Candidate;
@@ -18,18 +18,30 @@ pub enum RobotNumber {
     BaseComY,
     /// Shift of the base's centre of mass upward, m, body frame.
     BaseComZ,
+    /// Mass of a load fixed to the base, a point, kg.
+    PayloadMass,
+    /// Where the load is, forward, m, body frame.
+    PayloadX,
+    /// Where the load is, to the left, m, body frame.
+    PayloadY,
+    /// Where the load is, upward, m, body frame.
+    PayloadZ,
     /// Sliding friction of the floor over the model's.
     FloorFriction,
 }
 
 impl RobotNumber {
     /// Every one.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 10] = [
         Self::TorqueNoise,
         Self::BaseMass,
         Self::BaseComX,
         Self::BaseComY,
         Self::BaseComZ,
+        Self::PayloadMass,
+        Self::PayloadX,
+        Self::PayloadY,
+        Self::PayloadZ,
         Self::FloorFriction,
     ];
 
@@ -41,6 +53,10 @@ impl RobotNumber {
             Self::BaseComX => "base_com_x",
             Self::BaseComY => "base_com_y",
             Self::BaseComZ => "base_com_z",
+            Self::PayloadMass => "payload_mass",
+            Self::PayloadX => "payload_x",
+            Self::PayloadY => "payload_y",
+            Self::PayloadZ => "payload_z",
             Self::FloorFriction => "floor_friction",
         }
     }
@@ -49,8 +65,9 @@ impl RobotNumber {
     pub fn unit(self) -> &'static str {
         match self {
             Self::TorqueNoise => "N·m",
-            Self::BaseMass => "kg",
+            Self::BaseMass | Self::PayloadMass => "kg",
             Self::BaseComX | Self::BaseComY | Self::BaseComZ => "m",
+            Self::PayloadX | Self::PayloadY | Self::PayloadZ => "m",
             Self::FloorFriction => "-",
         }
     }
@@ -62,6 +79,9 @@ impl RobotNumber {
             Self::TorqueNoise => (0.0, 10.0, 1.0, 0.5),
             Self::BaseMass => (-2.0, 5.0, 0.0, 0.5),
             Self::BaseComX | Self::BaseComY | Self::BaseComZ => (-0.1, 0.1, 0.0, 0.01),
+            // A load of nothing would have no place: the search begins with some.
+            Self::PayloadMass => (0.0, 10.0, 0.5, 0.5),
+            Self::PayloadX | Self::PayloadY | Self::PayloadZ => (-0.5, 0.5, 0.0, 0.05),
             Self::FloorFriction => (0.1, 3.0, 1.0, 0.1),
         };
         Defaults { lower, upper, start, deviation }
@@ -70,7 +90,7 @@ impl RobotNumber {
     /// Smallest value with a meaning.
     fn least(self) -> f64 {
         match self {
-            Self::TorqueNoise => 0.0,
+            Self::TorqueNoise | Self::PayloadMass => 0.0,
             // Contacts without any friction are another kind, which a fit cannot reach.
             Self::FloorFriction => 1e-3,
             _ => f64::NEG_INFINITY,
@@ -84,6 +104,10 @@ impl RobotNumber {
             Self::BaseComX => &mut candidate.robot.base_com[0],
             Self::BaseComY => &mut candidate.robot.base_com[1],
             Self::BaseComZ => &mut candidate.robot.base_com[2],
+            Self::PayloadMass => &mut candidate.robot.payload_mass,
+            Self::PayloadX => &mut candidate.robot.payload_position[0],
+            Self::PayloadY => &mut candidate.robot.payload_position[1],
+            Self::PayloadZ => &mut candidate.robot.payload_position[2],
             Self::FloorFriction => &mut candidate.robot.friction_scale,
         }
     }

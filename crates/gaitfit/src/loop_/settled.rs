@@ -32,11 +32,12 @@ pub fn without_draws(mut task: Table, kinds: &[String]) -> Table {
     let has = |kind: &str| kinds.iter().any(|one| one == kind);
     let (number, joint) = (RobotNumber::name, JointParameter::name);
     let strength = has(joint(JointParameter::TorqueScale));
+    let load = has(number(RobotNumber::PayloadMass));
     let pair = |value: f64| Value::Array(vec![Value::Float(value); 2]);
     let settled = [
-        (has(number(RobotNumber::BaseMass)), "base_mass", pair(0.0)),
+        (load || has(number(RobotNumber::BaseMass)), "base_mass", pair(0.0)),
         (
-            has(number(RobotNumber::BaseComX)) && has(number(RobotNumber::BaseComY)),
+            load || has(number(RobotNumber::BaseComX)) && has(number(RobotNumber::BaseComY)),
             "base_com",
             Value::Float(0.0),
         ),
@@ -69,6 +70,8 @@ mod tests {
         let got = without_draws(asked.clone(), &kinds);
         let want = "tracking_width = 0.2\n[randomisation]\nkd = [0.8, 1.2]\nbase_mass = [0.0, 0.0]\nkp = [1.0, 1.0]\n";
         assert_eq!(got, toml::from_str::<Table>(want).unwrap());
+        let load = without_draws(Table::new(), &["payload_mass".to_owned()]);
+        assert_eq!(load, toml::from_str::<Table>("[randomisation]\nbase_mass = [0.0, 0.0]\nbase_com = 0.0\n").unwrap());
         assert_eq!(without_draws(asked.clone(), &["frictionloss".to_owned(), "delay".to_owned()]), asked);
     }
 }
