@@ -164,8 +164,9 @@ class Robot:
         if world.payload:
             mass, *place = world.payload
             base = spec.worldbody.first_body()
-            # A point has no inertia of its own; MuJoCo wants a little.
-            base.add_body(name="payload", pos=place, mass=mass, inertia=[1e-6] * 3, explicitinertial=True)
+            # A point has no inertia of its own; MuJoCo wants a little. Without ipos it would lie twice as far away.
+            point = {"mass": mass, "ipos": [0, 0, 0], "inertia": [1e-6] * 3, "explicitinertial": True}
+            base.add_body(name="payload", pos=place, **point)
         if world.ground_only:
             # Geoms that touch nothing in the file stay so.
             for geom in spec.geoms:

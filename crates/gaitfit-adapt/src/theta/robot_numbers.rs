@@ -79,8 +79,8 @@ impl RobotNumber {
             Self::TorqueNoise => (0.0, 10.0, 1.0, 0.5),
             Self::BaseMass => (-2.0, 5.0, 0.0, 0.5),
             Self::BaseComX | Self::BaseComY | Self::BaseComZ => (-0.1, 0.1, 0.0, 0.01),
-            // A load of nothing would have no place: the search begins with some.
-            Self::PayloadMass => (0.0, 10.0, 0.5, 0.5),
+            // A load of nothing has no place, and least squares does not come away from it: the search begins with some.
+            Self::PayloadMass => (0.0, 10.0, 2.0, 0.5),
             Self::PayloadX | Self::PayloadY | Self::PayloadZ => (-0.5, 0.5, 0.0, 0.05),
             Self::FloorFriction => (0.1, 3.0, 1.0, 0.1),
         };
