@@ -9,7 +9,7 @@ use gaitfit_adapt::cost::{
     Cost, CostError, CostKind, MatchR, MatchS, Recorded, Reference, Signal, Wass, Weights,
 };
 use gaitfit_adapt::fit::{
-    FallPenalty, Fit, FitOptions, Job, Method, NoiseSource, Predicted, RandomNumbers, evaluate, identify,
+    Alternative, FallPenalty, Fit, FitOptions, Job, Method, NoiseSource, Predicted, RandomNumbers, evaluate, identify,
     simulate_one,
 };
 use gaitfit_adapt::{

@@ -7,23 +7,22 @@
 //! For a smooth cost with curvature H and a gradient of noise s the rise is ½Hδ² and its error sδ, so the interval is
 //! δ = 2 s/H: two standard errors of the estimate to either side.
 //!
-//! Other parameters stay where they are: two that make up for each other are both found identified. Their spread over
-//! seeds shows that.
+//! Here the other parameters stay where they are. What they can make up for, and what other simulators would have
+//! found, [`joint`] adds.
 
-use super::{FitError, Predicted};
-use crate::cost::{Cost, CostError};
+use super::joint::{Around, joint};
+use super::views::{View, jackknife, measure, without_groups};
+use super::{Alternative, FitError};
+use crate::cost::Cost;
 use crate::{Cancel, Entry, Rollout, Signals, Simulator, Theta};
 use gaitfit_sim::stats;
 use serde::{Deserialize, Serialize};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most entries of a θ that is scanned.
 pub const MOST_SCANNED: usize = 50;
 /// Steps of the scan, parts of the range; the bounds come on top.
 const STEPS: [f64; 6] = [1e-3, 3.16e-3, 1e-2, 3.16e-2, 1e-1, 3.16e-1];
-/// Groups of recordings.
-const GROUPS: usize = 8;
 /// Draws, where recordings are too few or the robot falls.
 const DRAWS: u64 = 8;
 /// Rises below this count as rounding of single-precision signals, in units where the robot's range is 2; and parts of
@@ -50,10 +49,11 @@ pub enum NoiseSource {
     Refits,
 }
 
-/// How well the data identify a parameter, all others held.
+/// How well the data identify a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Identification {
-    /// Lower end of the interval in which the cost rises less than its noise; a bound where it does so up to there.
+    /// Lower end of the interval: where the cost rises as much as its noise, or as far as all parameters together and
+    /// other simulators allow; a bound where it reaches so far.
     pub lower: f64,
     /// Upper end.
     pub upper: f64,
@@ -70,6 +70,13 @@ pub struct Identification {
 }
 
 impl Identification {
+    /// Extends the interval to `half` on both sides of `value`.
+    pub(super) fn widen(&mut self, entry: &Entry, value: f64, half: f64) {
+        self.lower = self.lower.min(value - half).max(entry.lower);
+        self.upper = self.upper.max(value + half).min(entry.upper);
+        self.identified = self.upper - self.lower < MOST * (entry.upper - entry.lower);
+    }
+
     /// Of an entry with the 95 % interval `interval` of refits.
     pub(super) fn of_refits(entry: &Entry, interval: [f64; 2]) -> Self {
         let [lower, upper] = interval.map(|end| end.clamp(entry.lower, entry.upper));
@@ -77,9 +84,6 @@ impl Identification {
         Self { lower, upper, rise: 0.0, noise: NoiseSource::Refits, identified, better: None }
     }
 }
-
-/// The costs of a rollout, one a view; `None` where it diverged.
-type Costs = Option<Vec<f64>>;
 
 /// A point of the scan.
 struct Point {
@@ -93,7 +97,7 @@ type Rise = Option<(f64, f64)>;
 /// Measures how flat `cost` is along each entry of `theta` around `values`, in one batch of the simulator after small
 /// ones for the values themselves. `draw` selects the random draws, the same for all; if robots of the values fall in
 /// it, one of the next few in which fewest do is taken, for a robot that by chance falls in one recording drowns all
-/// that the others say. What falls add beyond the samples they lose, and regularisation, are left out: this is about
+/// that the others say. `alternatives` could stand in for the simulator. What falls add beyond the samples they lose, and regularisation, are left out: this is about
 /// the data.
 ///
 /// # Errors
@@ -103,6 +107,7 @@ pub fn identify(
     theta: &Theta,
     cost: &dyn Cost,
     values: &[f64],
+    alternatives: &[Alternative<'_>],
     draw: u64,
     cancel: &Cancel<'_>,
 ) -> Result<Vec<Identification>, FitError> {
@@ -170,7 +175,10 @@ pub fn identify(
         };
         verdict(entry, values[at], &own, noise, charged)
     };
-    Ok(theta.entries().iter().enumerate().map(of_entry).collect())
+    let mut found: Vec<Identification> = theta.entries().iter().enumerate().map(of_entry).collect();
+    let around = Around { simulator, theta, values, views: &views, centre: &centre, draw, cancel };
+    joint(&around, alternatives, &mut found)?;
+    Ok(found)
 }
 
 /// The first of [`DRAWS`] draws from `first` with the fewest falls.
@@ -198,94 +206,6 @@ fn steadiest(
     let draws: Vec<u64> = (0..DRAWS).map(|next| first.wrapping_add(next)).collect();
     let fewest = draws.iter().zip(falls(&draws)?).min_by_key(|&(_, falls)| falls);
     Ok(fewest.map_or(first, |(&draw, _)| draw))
-}
-
-/// A cost and the numbers of the recordings it sees.
-struct View<'a> {
-    cost: &'a dyn Cost,
-    recordings: &'a [usize],
-}
-
-/// The cost without each group of recordings, with the numbers of those kept; none if there are fewer than two.
-fn without_groups(cost: &dyn Cost, recordings: usize) -> Vec<(Box<dyn Cost>, Vec<usize>)> {
-    let groups = recordings.min(GROUPS);
-    if groups < 2 {
-        return Vec::new();
-    }
-    let without = |group: usize| {
-        let kept: Vec<usize> = (0..recordings).filter(|recording| recording % groups != group).collect();
-        Some((cost.subset(&kept)?, kept))
-    };
-    (0..groups).map(without).collect::<Option<_>>().unwrap_or_default()
-}
-
-/// The costs of each rollout, one a view, `None` where it diverged; and the bytes of the first one's signals.
-fn measure(
-    simulator: &dyn Simulator,
-    theta: &Theta,
-    views: &[View<'_>],
-    rollouts: &[Rollout],
-    cancel: &Cancel<'_>,
-) -> Result<(Vec<Costs>, usize), FitError> {
-    struct Pending {
-        signals: Vec<Option<Predicted>>,
-        missing: usize,
-        bytes: usize,
-        costs: Option<Result<Vec<f64>, CostError>>,
-    }
-    let recordings = simulator.recordings();
-    let begin = |_: &Rollout| {
-        Mutex::new(Pending { signals: vec![None; recordings], missing: recordings, bytes: 0, costs: None })
-    };
-    let pending: Vec<Mutex<Pending>> = rollouts.iter().map(begin).collect();
-    let consume = |candidate: usize, recording: usize, signals: Signals<'_>| {
-        let Some(pending) = pending.get(candidate) else { return };
-        let mut pending = pending.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let Some(slot) = pending.signals.get_mut(recording).filter(|slot| slot.is_none()) else { return };
-        let predicted = Predicted::of(&signals);
-        let bytes = predicted.bytes();
-        *slot = Some(predicted);
-        pending.bytes += bytes;
-        pending.missing -= 1;
-        if pending.missing == 0 {
-            let signals = std::mem::take(&mut pending.signals);
-            pending.costs = Some(views.iter().map(|view| total(view, &signals)).collect());
-        }
-    };
-    simulator.simulate(theta, rollouts, &consume, cancel)?;
-    let mut costs = Vec::with_capacity(rollouts.len());
-    let mut bytes = 0;
-    for (number, pending) in pending.into_iter().enumerate() {
-        let pending = pending.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-        if number == 0 {
-            bytes = pending.bytes;
-        }
-        costs.push(match pending.costs {
-            Some(Ok(costs)) => costs.iter().all(|cost| cost.is_finite()).then_some(costs),
-            Some(Err(error)) if error.is_candidate_failure() => None,
-            Some(Err(error)) => return Err(FitError::Cost(error)),
-            None => return Err(FitError::Incomplete),
-        });
-    }
-    Ok((costs, bytes))
-}
-
-fn total(view: &View<'_>, signals: &[Option<Predicted>]) -> Result<f64, CostError> {
-    let mut accumulator = view.cost.begin();
-    for (number, &recording) in view.recordings.iter().enumerate() {
-        let signals = signals.get(recording).and_then(Option::as_ref);
-        accumulator.add(number, signals.ok_or(CostError::Missing(recording))?.signals())?;
-    }
-    Ok(accumulator.finish()?.total)
-}
-
-/// Jackknife standard error from the values without each group: √((g − 1)/g Σ (xᵢ − x̄)²).
-fn jackknife(without: &[f64]) -> f64 {
-    if without.is_empty() {
-        return 0.0;
-    }
-    let groups = without.len() as f64;
-    ((groups - 1.0) / groups * stats::squares(without)).sqrt()
 }
 
 /// The points of an entry: on each side outwards, ending at the bound.
@@ -352,13 +272,6 @@ fn end(side: &[(f64, Rise)]) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Leave-one-out means of 1, 2, 3, 4 have the standard error of the mean: √(5/3 / 4).
-    #[test]
-    fn the_jackknife_of_a_mean_is_its_standard_error() {
-        let without = [3.0, 8.0 / 3.0, 7.0 / 3.0, 2.0];
-        assert!((jackknife(&without) - (5.0_f64 / 12.0).sqrt()).abs() < 1e-15);
-    }
 
     #[test]
     fn the_interval_ends_where_the_rise_meets_the_noise() {

@@ -11,10 +11,12 @@ mod error;
 mod evaluate;
 mod falls;
 mod identify;
+mod joint;
 mod least_squares;
 mod outcome;
 mod predicted;
 mod run;
+mod views;
 
 pub use baseline::{TargetSignal, best_delay, delayed};
 pub use compare::{Agreement, compare};

@@ -107,7 +107,7 @@ impl CostOutcome {
     }
 
     /// Measures how well the data identify each parameter around the best run's values and notes it with them.
-    /// `cost` is the outcome's. False, and nothing noted, if θ has more than [`MOST_SCANNED`] entries.
+    /// `cost` is the outcome's; `alternatives` could stand in for the simulator. False, and nothing noted, if θ has more than [`MOST_SCANNED`] entries.
     ///
     /// # Errors
     /// As [`identify`].
@@ -116,13 +116,14 @@ impl CostOutcome {
         simulator: &dyn Simulator,
         theta: &Theta,
         cost: &dyn Cost,
+        alternatives: &[Alternative<'_>],
         draw: u64,
         cancel: &Cancel<'_>,
     ) -> Result<bool, FitError> {
         if theta.len() > MOST_SCANNED {
             return Ok(false);
         }
-        let found = identify(simulator, theta, cost, &self.values(), draw, cancel)?;
+        let found = identify(simulator, theta, cost, &self.values(), alternatives, draw, cancel)?;
         for (parameter, found) in self.parameters.iter_mut().zip(found) {
             parameter.identification = Some(found);
         }

@@ -11,7 +11,7 @@ fn what_the_data_cannot_tell_is_not_identified() {
     while fit.step(&never).unwrap().is_some() {}
     let mut outcomes = fit.outcomes();
     let outcome = &mut outcomes[0];
-    assert!(outcome.identify(&simulator, &theta, costs[0].as_ref(), 5, &never).unwrap());
+    assert!(outcome.identify(&simulator, &theta, costs[0].as_ref(), &[], 5, &never).unwrap());
     let found: Vec<_> =
         outcome.parameters.iter().map(|parameter| parameter.identification.clone().unwrap()).collect();
     assert!(found.iter().all(|one| one.noise == NoiseSource::Recordings));
@@ -33,18 +33,18 @@ fn identification_without_noise_and_away_from_the_minimum() {
     let simulator = Pendulum::new(2, 0.0);
     let theta = theta(&["a", "b"], 1.0);
     let cost = simulator.cost("matchs");
-    let found = identify(&simulator, &theta, cost.as_ref(), &TRUTH, 0, &never).unwrap();
+    let found = identify(&simulator, &theta, cost.as_ref(), &TRUTH, &[], 0, &never).unwrap();
     assert!(found.iter().all(|one| one.identified && one.upper - one.lower < 1e-3), "{found:?}");
     assert!(found.iter().all(|one| one.better.is_none()), "{found:?}");
-    let away = identify(&simulator, &theta, cost.as_ref(), &[0.7, TRUTH[1]], 0, &never).unwrap();
+    let away = identify(&simulator, &theta, cost.as_ref(), &[0.7, TRUTH[1]], &[], 0, &never).unwrap();
     assert!(away[0].better.is_some_and(|better| (better - TRUTH[0]).abs() < 0.1), "{away:?}");
     let one = Pendulum::new(1, 0.0);
     let cost = one.cost("matcho");
-    let assumed = identify(&one, &theta, cost.as_ref(), &[0.55, TRUTH[1]], 0, &never).unwrap();
+    let assumed = identify(&one, &theta, cost.as_ref(), &[0.55, TRUTH[1]], &[], 0, &never).unwrap();
     assert_eq!(assumed[0].noise, NoiseSource::Assumed);
     let noisy = Pendulum::new(1, 0.3);
     let cost = noisy.cost("matcho");
-    let drawn = identify(&noisy, &theta, cost.as_ref(), &TRUTH, 0, &never).unwrap();
+    let drawn = identify(&noisy, &theta, cost.as_ref(), &TRUTH, &[], 0, &never).unwrap();
     assert_eq!(drawn[0].noise, NoiseSource::Draws);
 }
 
@@ -61,9 +61,78 @@ fn identification_takes_a_draw_in_which_the_robot_stays_up() {
     simulator.reach = 0.5 * (heights[worst] + heights[worst + 1]);
     let theta = theta(&["a", "b"], 1.0);
     let cost = simulator.cost("wass");
-    let found = identify(&simulator, &theta, cost.as_ref(), &TRUTH, worst as u64, &never).unwrap();
+    let found = identify(&simulator, &theta, cost.as_ref(), &TRUTH, &[], worst as u64, &never).unwrap();
     assert_eq!(simulator.draws.lock().unwrap().last(), Some(&(worst as u64 + 1)));
     assert!(found[0].identified, "{found:?}");
+}
+
+/// The pendulum with other parameters: its damping is the mean of the first two values and `more`, the third one is b.
+struct Mean {
+    pendulum: Pendulum,
+    more: f64,
+}
+
+impl Simulator for Mean {
+    fn joints(&self) -> &[String] {
+        self.pendulum.joints()
+    }
+
+    fn recordings(&self) -> usize {
+        self.pendulum.recordings()
+    }
+
+    fn provides(&self, signal: Signal) -> bool {
+        self.pendulum.provides(signal)
+    }
+
+    fn simulate(
+        &self,
+        theta: &Theta,
+        candidates: &[Rollout],
+        consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<(), SimulatorError> {
+        let mean = |values: &[f64]| vec![0.5 * (values[0] + values[1]) + self.more, values[2]];
+        let of = |rollout: &Rollout| Rollout { values: mean(&rollout.values), ..rollout.clone() };
+        let candidates: Vec<Rollout> = candidates.iter().map(of).collect();
+        self.pendulum.simulate(theta, &candidates, consume, cancel)
+    }
+}
+
+/// Two parameters that make up for each other look well known one at a time.
+#[test]
+fn parameters_that_make_up_for_each_other_have_wide_intervals() {
+    let simulator = Mean { pendulum: Pendulum::new(8, 0.5), more: 0.0 };
+    let cost = simulator.pendulum.cost("matchs");
+    let values = [TRUTH[0], TRUTH[0], TRUTH[1]];
+    let both = theta(&["one", "other", "b"], 1.0);
+    let found = identify(&simulator, &both, cost.as_ref(), &values, &[], 0, &never).unwrap();
+    let one = theta(&["a", "b"], 1.0);
+    let alone = identify(&simulator.pendulum, &one, cost.as_ref(), &TRUTH, &[], 0, &never).unwrap();
+    let width = |one: &gaitfit_adapt::fit::Identification| one.upper - one.lower;
+    // Alone each would seem twice as uncertain as their mean.
+    for half in &found[..2] {
+        assert!(width(half) > 4.0 * width(&alone[0]), "{half:?} {:?}", alone[0]);
+    }
+    assert!(width(&found[2]) < 1.5 * width(&alone[1]), "{found:?} {alone:?}");
+}
+
+/// A simulator with more damping would find less: the interval reaches there.
+#[test]
+fn intervals_hold_what_other_simulators_would_find() {
+    let mean = |more| Mean { pendulum: Pendulum::new(8, 0.05), more };
+    let (simulator, damped) = (mean(0.0), mean(0.1));
+    let cost = simulator.pendulum.cost("matchs");
+    let theta = theta(&["one", "other", "b"], 1.0);
+    let values = [TRUTH[0], TRUTH[0], TRUTH[1]];
+    let found = |others: &[Alternative<'_>]| {
+        identify(&simulator, &theta, cost.as_ref(), &values, others, 0, &never).unwrap()
+    };
+    let other = Alternative { what: "more damping".to_owned(), simulator: &damped };
+    let (plain, held) = (found(&[]), found(&[other]));
+    let less = TRUTH[0] - 0.1;
+    assert!(plain[0].lower > less && held[0].lower < less, "{plain:?} {held:?}");
+    assert!(held[2].lower > TRUTH[1] - 0.1, "{held:?}");
 }
 
 /// One network with the last three angles and velocities: evaluated as documented, it learns tanh of the velocity.
@@ -144,7 +213,7 @@ fn networks_are_fitted_from_either_start_by_the_separable_form() {
         let best = fit.outcomes()[0].best_cost;
         assert!(best < 0.15 * first, "{start:?}: {first} {best}");
         assert!(
-            !fit.outcomes().remove(0).identify(&simulator, &theta, costs[0].as_ref(), 0, &never).unwrap()
+            !fit.outcomes().remove(0).identify(&simulator, &theta, costs[0].as_ref(), &[], 0, &never).unwrap()
         );
     }
 }

@@ -5,10 +5,11 @@ use crate::Error;
 use crate::log::Log;
 use crate::settings::{AdaptConfig, Preset};
 use gaitfit_adapt::Simulator;
-use gaitfit_adapt::fit::{Alternative, Method as Search};
+use gaitfit_adapt::fit::Alternative;
 use gaitfit_sim::Candidate;
 
 const HALF: &str = "half the step";
+const FEET: &str = "feet trusted fully";
 
 /// Other simulators of the same logs.
 pub type Alternatives = Vec<Other>;
@@ -26,14 +27,18 @@ impl Other {
         self.what == HALF
     }
 
+    /// Whether it differs in a walk without what sensors read.
+    pub fn walks(&self) -> bool {
+        self.what != FEET
+    }
+
     /// As a fit takes it.
     pub fn alternative(&self) -> Alternative<'_> {
         Alternative { what: self.what.clone(), simulator: self.simulator.as_ref() }
     }
 }
 
-/// Those of `logs` beside that of `method`. `of` makes the method of other settings. None for CMA-ES, which
-/// has no use for them, and where no cost takes short predictions: over whole walks two simulators drift apart, whatever their parameters.
+/// Those of `logs` beside that of `method`, for walking logs. `of` makes the method of other settings.
 pub fn alternatives(
     config: &AdaptConfig,
     method: &Method,
@@ -42,10 +47,6 @@ pub fn alternatives(
     logs: &[Log],
 ) -> Result<Alternatives, Error> {
     let Method::Walk(walking) = method else { return Ok(Vec::new()) };
-    let searched = config.optimizer.method != Search::CmaEs;
-    if !(searched && config.costs.iter().any(|cost| cost.needs_imu())) {
-        return Ok(Vec::new());
-    }
     let mut finer = config.clone();
     finer.simulation.timestep *= 0.5;
     let mut solver = config.clone();
@@ -53,12 +54,15 @@ pub fn alternatives(
         Preset::Fast => Preset::Accurate,
         Preset::Accurate | Preset::Converged => Preset::Fast,
     };
-    let feet = walking.simulator(base.clone(), logs).with_feet_trust(1.0);
     let other = |what: &str, simulator| Other { what: what.to_owned(), simulator };
     let preset = format!("preset {}", solver.simulation.preset.name());
-    Ok(vec![
+    let mut others = vec![
         other(HALF, of(&finer)?.simulator(base.clone(), logs)?),
         other(&preset, of(&solver)?.simulator(base.clone(), logs)?),
-        other("feet trusted fully", Box::new(feet)),
-    ])
+    ];
+    if config.costs.iter().any(|cost| cost.needs_imu()) {
+        let feet = walking.simulator(base.clone(), logs).with_feet_trust(1.0);
+        others.push(other(FEET, Box::new(feet)));
+    }
+    Ok(others)
 }

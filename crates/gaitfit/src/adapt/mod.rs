@@ -20,6 +20,7 @@ mod search;
 mod setup;
 mod signals;
 mod springs;
+mod trust;
 mod validate;
 
 pub use alternatives::Alternatives;

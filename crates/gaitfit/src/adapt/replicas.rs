@@ -1,6 +1,5 @@
 //! Fits of simulated logs, which show what a fit of the real ones is off by.
 
-use super::alternatives::Other;
 use super::setup::{LogSet, Setup};
 use crate::Error;
 use crate::log::Log;
@@ -9,7 +8,7 @@ use crate::walk::recorder::{Recorded, Recorder};
 use crate::walk::walking::Walking;
 use crate::watch::{Counting, Watch, Work};
 use gaitfit_adapt::cost::CostKind;
-use gaitfit_adapt::fit::{Alternative, CostOutcome, FitError, Problem, Replicate, World, sets};
+use gaitfit_adapt::fit::{CostOutcome, FitError, Problem, Replicate, World, sets};
 use gaitfit_adapt::{Entry, Theta};
 use gaitfit_model::Model;
 use gaitfit_policy::Policy;
@@ -66,26 +65,6 @@ impl Replicas {
         let world = Robots { replicas: self, setup, kind, watch, counting: &counting, made: Cell::new(0) };
         outcome.correct(problem, &world, each)
     }
-}
-
-/// Corrects what least squares found, where that can be, and measures its uncertainty. Returns why it does not correct, if
-/// it should.
-pub(super) fn trusted(
-    setup: &Setup,
-    cost: usize,
-    outcome: &mut CostOutcome,
-    problem: Problem<'_>,
-    watch: &Watch<'_>,
-) -> Result<Option<String>, FitError> {
-    let quiet = Problem { simulator: setup.fit.simulator.as_ref(), ..problem };
-    let replicas = setup.replicas.as_ref().filter(|_| setup.config.costs[cost].needs_imu());
-    let refused = replicas.map(|replicas| replicas.correct(setup, cost, outcome, quiet, watch));
-    let refused = refused.transpose()?.flatten();
-    let corrected = outcome.correction.is_some();
-    let others = setup.alternatives.iter().filter(|other| !(corrected && other.corrected()));
-    let others: Vec<Alternative<'_>> = others.map(Other::alternative).collect();
-    outcome.trust(problem, &others)?;
-    Ok(refused)
 }
 
 /// A fit's robot, simulated.

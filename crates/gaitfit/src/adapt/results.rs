@@ -4,11 +4,10 @@ use super::check::Check;
 use super::doubts;
 use super::held_out::{HeldOut, held_out};
 use super::odd::OddJoints;
-use super::replicas;
-use super::scan::Scan;
 use super::score::{Robot, Score, Validation, baselines, mean, score, validation};
 use super::setup::Setup;
 use super::springs::FoundSpring;
+use super::trust::identified;
 use crate::Error;
 use crate::run::RunFolder;
 use crate::settings::CheckConfig;
@@ -293,37 +292,6 @@ fn beside_others(setup: &Setup, robot: Robot<'_>) -> Result<Option<HeldOut>, Err
     let (theta, values): (Theta, &[f64]) = (Theta::default(), &[]);
     let before = Robot { theta: &theta, values };
     held_out(&setup.config, &setup.method, [(set, robot), (set, before)])
-}
-
-/// The outcome of cost number `cost`, corrected where that can be, with the interval of each parameter, where there are not
-/// too many; and why it is not corrected where it should be.
-fn identified(
-    setup: &Setup,
-    cost: usize,
-    mut outcome: CostOutcome,
-    folder: &RunFolder,
-    watch: &Watch<'_>,
-) -> Result<(CostOutcome, Option<String>), Error> {
-    let (number, cost) = (cost, setup.costs[cost].as_ref());
-    let scan = Scan::new(setup.fit.simulator.as_ref(), cost.name(), watch);
-    let stop = || watch.stop();
-    let measured = if setup.options.method.least_squares(cost, &setup.theta).map_err(Error::failed)? {
-        let (theta, draw) = (&setup.theta, outcome.draw());
-        let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
-        replicas::trusted(setup, number, &mut outcome, problem, watch)
-    } else {
-        outcome.identify(&scan, &setup.theta, cost, 0, &stop).map(|_| None)
-    };
-    match measured {
-        Ok(refused) => Ok((outcome, refused)),
-        Err(FitError::Cancelled) => {
-            let path = folder.path();
-            let message =
-                format!("interrupted after the search; {} has it, --resume continues", path.display());
-            Err(Error::interrupted(message, path))
-        }
-        Err(error) => Err(Error::failed(error)),
-    }
 }
 
 /// One evaluation of a robot by cost number `cost`, without a charge for falls.

@@ -1,0 +1,63 @@
+//! How far the values of a fit can be trusted: their correction and their intervals.
+
+use super::alternatives::Other;
+use super::scan::Scan;
+use super::setup::Setup;
+use crate::Error;
+use crate::run::RunFolder;
+use crate::watch::Watch;
+use gaitfit_adapt::Resets;
+use gaitfit_adapt::fit::{Alternative, CostOutcome, FitError, Problem};
+
+/// The outcome of cost number `cost`, corrected where that can be, with the interval of each parameter, where there are not
+/// too many; and why it is not corrected where it should be.
+pub(super) fn identified(
+    setup: &Setup,
+    cost: usize,
+    mut outcome: CostOutcome,
+    folder: &RunFolder,
+    watch: &Watch<'_>,
+) -> Result<(CostOutcome, Option<String>), Error> {
+    let (number, cost) = (cost, setup.costs[cost].as_ref());
+    let scan = Scan::new(setup.fit.simulator.as_ref(), cost.name(), watch);
+    let stop = || watch.stop();
+    let measured = if setup.options.method.least_squares(cost, &setup.theta).map_err(Error::failed)? {
+        let (theta, draw) = (&setup.theta, outcome.draw());
+        let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
+        trusted(setup, number, &mut outcome, problem, watch)
+    } else {
+        let others = setup.alternatives.iter().filter(|other| other.walks() || cost.resets() != Resets::Never);
+        let others: Vec<_> = others.map(Other::alternative).collect();
+        outcome.identify(&scan, &setup.theta, cost, &others, 0, &stop).map(|_| None)
+    };
+    match measured {
+        Ok(refused) => Ok((outcome, refused)),
+        Err(FitError::Cancelled) => {
+            let path = folder.path();
+            let message =
+                format!("interrupted after the search; {} has it, --resume continues", path.display());
+            Err(Error::interrupted(message, path))
+        }
+        Err(error) => Err(Error::failed(error)),
+    }
+}
+
+/// Corrects what least squares found, where that can be, and measures its uncertainty. Returns why it does not correct, if
+/// it should.
+fn trusted(
+    setup: &Setup,
+    cost: usize,
+    outcome: &mut CostOutcome,
+    problem: Problem<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<String>, FitError> {
+    let quiet = Problem { simulator: setup.fit.simulator.as_ref(), ..problem };
+    let replicas = setup.replicas.as_ref().filter(|_| setup.config.costs[cost].needs_imu());
+    let refused = replicas.map(|replicas| replicas.correct(setup, cost, outcome, quiet, watch));
+    let refused = refused.transpose()?.flatten();
+    let corrected = outcome.correction.is_some();
+    let others = setup.alternatives.iter().filter(|other| !(corrected && other.corrected()));
+    let others: Vec<Alternative<'_>> = others.map(Other::alternative).collect();
+    outcome.trust(problem, &others)?;
+    Ok(refused)
+}
