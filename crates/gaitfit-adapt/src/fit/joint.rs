@@ -1,8 +1,9 @@
 //! Intervals of all parameters together, for costs without residuals.
 //!
 //! [`super::identify`] moves one parameter at a time. Two that make up for each other would both look well known. Here
-//! the cost becomes a quadratic in all free parameters, from moves of one and of two of them at once, as far as the
-//! single intervals reach. One Newton step on it leads to where the minimum would be without a group of recordings (a
+//! the square of the cost becomes a quadratic in all free parameters, from moves of one and of two of them at once, as
+//! far as the single intervals reach. A cost is a distance: near its minimum a parabola, further away a cone; its square
+//! is a parabola throughout. One Newton step leads to where the minimum would be without a group of recordings (a
 //! jackknife of one-step estimates; its covariance is the sandwich of Huber 1967), and to where another simulator would
 //! have its minimum: each such shift counts as one standard deviation, for no number of recordings shows that the
 //! simulator is not the robot.
@@ -61,7 +62,7 @@ pub(super) fn joint(
     let all: Vec<Vec<f64>> = ones.iter().chain(&twos).map(|moved| around.moved(&free, moved)).collect();
     let Some(costs) = around.costs(around.simulator, views, &all)? else { return Ok(()) };
     let (single, double) = costs.split_at(ones.len());
-    let curvature = curvature(around.centre[0], single, double, free.len());
+    let curvature = curvature(around.centre[0].powi(2), single, double, free.len());
     let Some((inverse, flat)) = inverse(&curvature) else { return Ok(()) };
     let here = slope(single, 0);
 
@@ -106,7 +107,7 @@ impl Around<'_> {
         values
     }
 
-    /// The costs of moved values, one a view; `None` if one of them diverges.
+    /// Squares of the costs of moved values, one a view; `None` if one of them diverges.
     fn costs(
         &self,
         simulator: &dyn Simulator,
@@ -117,7 +118,8 @@ impl Around<'_> {
         let rollout = |values: &Vec<f64>| Rollout { values: values.clone(), resets, draw: self.draw };
         let rollouts: Vec<Rollout> = moved.iter().map(rollout).collect();
         let (costs, _) = measure(simulator, self.theta, views, &rollouts, self.cancel)?;
-        Ok(costs.into_iter().collect())
+        let squares = |costs: Vec<f64>| costs.iter().map(|cost| cost * cost).collect();
+        Ok(costs.into_iter().map(|costs| costs.map(squares)).collect())
     }
 }
 
@@ -150,13 +152,13 @@ fn pairs(count: usize) -> impl Iterator<Item = [usize; 2]> {
     (0..count).flat_map(move |a| (a + 1..count).map(move |b| [a, b]))
 }
 
-/// Half the difference of each parameter's costs up and down, of one view.
+/// Half the difference of each parameter's squared costs up and down, of one view.
 fn slope(single: &[Vec<f64>], view: usize) -> DVector<f64> {
     let differences = single.chunks_exact(2).map(|both| 0.5 * (both[0][view] - both[1][view]));
     DVector::from_iterator(single.len() / 2, differences)
 }
 
-/// Second differences of the whole cost, in units of the moves.
+/// Second differences of the square of the whole cost, in units of the moves.
 fn curvature(centre: f64, single: &[Vec<f64>], double: &[Vec<f64>], count: usize) -> DMatrix<f64> {
     let rise = |both: &[Vec<f64>]| both[0][0] + both[1][0] - 2.0 * centre;
     let mut curvature = DMatrix::zeros(count, count);
