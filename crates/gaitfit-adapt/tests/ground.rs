@@ -9,8 +9,8 @@ use gaitfit_adapt::cost::{
     Cost, CostError, CostKind, MatchR, MatchS, Recorded, Reference, Signal, Wass, Weights,
 };
 use gaitfit_adapt::fit::{
-    Alternative, FallPenalty, Fit, FitOptions, Job, Method, NoiseSource, Predicted, RandomNumbers, evaluate, identify,
-    simulate_one,
+    Alternative, FallPenalty, Fit, FitOptions, Job, Method, NoiseSource, Predicted, RandomNumbers, evaluate,
+    identify, simulate_one,
 };
 use gaitfit_adapt::{
     Cancel, Consume, Entry, Modification, NetworkName, NetworkRule, NetworkStart, Resets, Rollout, Signals,

@@ -402,7 +402,8 @@ fn a_massless_base_and_a_load_move_as_what_is_welded_together() {
     assert!((one.mass - 6.0).abs() < 1e-14 && (other.mass - 6.0).abs() < 1e-14);
     let pairs = one.com.iter().chain(&one.inertia).zip(other.com.iter().chain(&other.inertia));
     pairs.for_each(|(x, y)| assert!((x - y).abs() < 1e-13, "{x} {y}"));
-    let wrong = Robot { payload_mass: -0.1, ..Robot::nominal(&plain) }.params(&plain).unwrap_err().to_string();
+    let wrong =
+        Robot { payload_mass: -0.1, ..Robot::nominal(&plain) }.params(&plain).unwrap_err().to_string();
     assert!(wrong.contains("load") && wrong.contains("zero or positive"), "{wrong}");
     let refused = robot(&welded, -0.1).unwrap_err().to_string();
     assert!(refused.contains("body `base`") && refused.contains("zero or positive"), "{refused}");

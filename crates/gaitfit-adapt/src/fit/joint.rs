@@ -196,14 +196,18 @@ mod tests {
     fn the_curvature_of_a_quadratic_is_exact() {
         let h = [[2.0, 0.9], [0.9, 1.0]];
         let f = |u: &[f64]| {
-            (0..2).flat_map(|a| (0..2).map(move |b| (a, b))).map(|(a, b)| 0.5 * u[a] * h[a][b] * u[b]).sum::<f64>()
+            (0..2)
+                .flat_map(|a| (0..2).map(move |b| (a, b)))
+                .map(|(a, b)| 0.5 * u[a] * h[a][b] * u[b])
+                .sum::<f64>()
                 + 3.0
         };
         let free = [Free { entry: 0, size: 1.0 }, Free { entry: 1, size: 1.0 }];
         let of = |moves: Vec<Vec<f64>>| moves.iter().map(|u| vec![f(u)]).collect::<Vec<_>>();
         let (single, double) = (of(moves_of_one(&free)), of(moves_of_two(&free)));
         let found = curvature(3.0, &single, &double, 2);
-        let (back, flat) = inverse(&found).map(|(inverse, flat)| (inverse * &found, flat)).unwrap_or_default();
+        let (back, flat) =
+            inverse(&found).map(|(inverse, flat)| (inverse * &found, flat)).unwrap_or_default();
         assert!(flat.is_empty());
         for (a, row) in h.iter().enumerate() {
             for (b, value) in row.iter().enumerate() {

@@ -213,7 +213,10 @@ fn networks_are_fitted_from_either_start_by_the_separable_form() {
         let best = fit.outcomes()[0].best_cost;
         assert!(best < 0.15 * first, "{start:?}: {first} {best}");
         assert!(
-            !fit.outcomes().remove(0).identify(&simulator, &theta, costs[0].as_ref(), &[], 0, &never).unwrap()
+            !fit.outcomes()
+                .remove(0)
+                .identify(&simulator, &theta, costs[0].as_ref(), &[], 0, &never)
+                .unwrap()
         );
     }
 }

@@ -26,7 +26,8 @@ pub(super) fn identified(
         let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
         trusted(setup, number, &mut outcome, problem, watch)
     } else {
-        let others = setup.alternatives.iter().filter(|other| other.walks() || cost.resets() != Resets::Never);
+        let others =
+            setup.alternatives.iter().filter(|other| other.walks() || cost.resets() != Resets::Never);
         let others: Vec<_> = others.map(Other::alternative).collect();
         outcome.identify(&scan, &setup.theta, cost, &others, 0, &stop).map(|_| None)
     };

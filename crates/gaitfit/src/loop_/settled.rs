@@ -71,7 +71,10 @@ mod tests {
         let want = "tracking_width = 0.2\n[randomisation]\nkd = [0.8, 1.2]\nbase_mass = [0.0, 0.0]\nkp = [1.0, 1.0]\n";
         assert_eq!(got, toml::from_str::<Table>(want).unwrap());
         let load = without_draws(Table::new(), &["payload_mass".to_owned()]);
-        assert_eq!(load, toml::from_str::<Table>("[randomisation]\nbase_mass = [0.0, 0.0]\nbase_com = 0.0\n").unwrap());
+        assert_eq!(
+            load,
+            toml::from_str::<Table>("[randomisation]\nbase_mass = [0.0, 0.0]\nbase_com = 0.0\n").unwrap()
+        );
         assert_eq!(without_draws(asked.clone(), &["frictionloss".to_owned(), "delay".to_owned()]), asked);
     }
 }
