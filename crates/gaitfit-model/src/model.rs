@@ -4,7 +4,7 @@
 //! Bodies, joints and geoms keep the file's depth-first order, which is MuJoCo's order, so that arrays
 //! over `qpos`, `qvel` and `ctrl` mean the same in both engines.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::terrain::{Ground, Obstacle};
 
@@ -76,7 +76,7 @@ pub struct Options {
 }
 
 /// Friction cone of the contact model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Cone {
     /// Pyramid: two edges for each friction dimension.

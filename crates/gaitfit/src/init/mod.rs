@@ -12,7 +12,7 @@ mod text;
 
 use crate::settings::{Configuration, TrainConfig};
 use gaitfit_learn::task::TaskSettings;
-use gaitfit_model::{Model, Root, shown};
+use gaitfit_model::{Cone, Model, Root, shown};
 use serde::Serialize;
 
 use anatomy::Anatomy;
@@ -60,6 +60,9 @@ pub enum InitError {
     },
 }
 
+/// What a robot with elliptic cones trains with: in single precision and a few solver steps those diverge now and then.
+const CONE: &str = "cone = \"pyramidal\"              # the file's elliptic cones sometimes diverge in training\n";
+
 /// Something that was found or guessed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Guess {
@@ -76,6 +79,8 @@ pub struct Look {
     pub settings: TaskSettings,
     /// What was found or guessed, most important first.
     pub guesses: Vec<Guess>,
+    /// Whether the robot file has elliptic cones.
+    elliptic: bool,
     /// The tables `[train]`, `[ppo]` and `[task]` of a configuration, with comments.
     text: String,
 }
@@ -92,6 +97,9 @@ impl Look {
             text.push_str(
                 "lenient = true                  # drop what the engine does not honour in the robot file\n",
             );
+        }
+        if self.elliptic {
+            text.push_str(CONE);
         }
         text.push_str(&self.text);
         text
@@ -116,7 +124,8 @@ pub fn look(model: &Model) -> Result<Look, InitError> {
     let gains = Gains::of(model, &anatomy, &pose.angles, &sizes)?;
     let text = text::task(model, &anatomy, &pose, &sizes, &gains);
     let settings = read(&text).map_err(|why| InitError::Task { robot: robot(), why })?;
-    Ok(Look { settings, guesses: guesses(model, &anatomy, &pose, &sizes, &gains), text })
+    let elliptic = model.options.cone == Cone::Elliptic;
+    Ok(Look { settings, guesses: guesses(model, &anatomy, &pose, &sizes, &gains), elliptic, text })
 }
 
 /// The task of a configuration that names no robot: as another robot than the Go2 has it.
@@ -154,6 +163,9 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
         );
     }
     say("gains", gains.how.clone());
+    if model.options.cone == Cone::Elliptic {
+        say("contacts", "pyramidal friction cones, as the file's elliptic ones sometimes diverge in training".to_owned());
+    }
     for doubt in &gains.doubts {
         say("gains", doubt.clone());
     }

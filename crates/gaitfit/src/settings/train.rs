@@ -5,6 +5,7 @@ use super::load::Configuration;
 use super::task::{self, Task};
 use gaitfit_learn::TrainingSettings;
 use gaitfit_learn::ppo;
+use gaitfit_model::Cone;
 use serde::{Deserialize, Serialize};
 use toml::de::DeTable;
 
@@ -29,6 +30,9 @@ pub struct TrainConfig {
     /// Solver effort of the physics.
     #[serde(with = "super::preset")]
     pub preset: Preset,
+    /// Friction cones of the physics; those of the robot file when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cone: Option<Cone>,
     /// How much is trained.
     pub train: TrainingSettings,
     /// Networks and optimisation.
@@ -47,6 +51,7 @@ impl Default for TrainConfig {
             seeds: vec![1],
             checkpoint_seconds: 30.0,
             preset: Preset::Fast,
+            cone: None,
             train: TrainingSettings::default(),
             ppo: ppo::Settings::default(),
             task: Task::default(),

@@ -10,7 +10,7 @@ use crate::{paths, robot};
 use gaitfit_learn::ppo::{self, Learner};
 use gaitfit_learn::task::Task;
 use gaitfit_learn::{Origin, Training, TrainingError, TrainingSettings};
-use gaitfit_model::Model;
+use gaitfit_model::{Cone, Model};
 use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 use serde::Serialize;
@@ -103,10 +103,16 @@ pub fn setup(
         Some(named) => Some(paths::find(named, "robot", path.unwrap_or(Path::new("--set")))?),
         None => None,
     };
-    let model = match &robot_path {
+    let mut model = match &robot_path {
         Some(path) => robot::read(path, config.lenient, Hold::File)?,
         None => robot::go2()?,
     };
+    if let Some(cone) = config.cone {
+        model.options.cone = cone;
+        if cone == Cone::Pyramidal {
+            model.options.impratio = 1.0;
+        }
+    }
     let settled = config.task.settle(&model, config.robot.as_deref());
     settled.map_err(|wrong| Error::settings(advice(path, &wrong, printed_by)))?;
     plan.configuration = table(&config)?;
