@@ -95,7 +95,7 @@ fn a_robot_with_elliptic_cones_trains_with_pyramids() {
     let configuration = folder.path().join("robot.toml");
     let reward = |more: &[&str]| {
         let sets: Vec<&str> = TINY.iter().chain(more).copied().collect();
-        train(&configuration, folder.path(), &sets)["seeds"][0].to_string()
+        train(&configuration, folder.path(), &sets)["seeds"][0]["reward"].as_f64().unwrap()
     };
     assert_ne!(reward(&[]), reward(&["cone=elliptic"]), "the setting reaches the physics");
     let (plain, _) = init(&root().join("assets/go2.xml"), folder.path(), &[]);
