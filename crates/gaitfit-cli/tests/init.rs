@@ -87,8 +87,11 @@ fn a_robot_with_elliptic_cones_trains_with_pyramids() {
     let folder = tempfile::tempdir().unwrap();
     let text = std::fs::read_to_string(root().join("assets/go2.xml")).unwrap();
     let file = folder.path().join("elliptic.xml");
-    std::fs::write(&file, text.replace("cone=\"pyramidal\" impratio=\"1\"", "cone=\"elliptic\" impratio=\"100\""))
-        .unwrap();
+    std::fs::write(
+        &file,
+        text.replace("cone=\"pyramidal\" impratio=\"1\"", "cone=\"elliptic\" impratio=\"100\""),
+    )
+    .unwrap();
     let (found, printed) = init(&file, folder.path(), &[]);
     assert_eq!(found["cone"].as_str(), Some("pyramidal"));
     assert!(printed["guesses"].to_string().contains("pyramidal"), "{printed}");

@@ -61,7 +61,8 @@ pub enum InitError {
 }
 
 /// What a robot with elliptic cones trains with: in single precision and a few solver steps those diverge now and then.
-const CONE: &str = "cone = \"pyramidal\"              # the file's elliptic cones sometimes diverge in training\n";
+const CONE: &str =
+    "cone = \"pyramidal\"              # the file's elliptic cones sometimes diverge in training\n";
 
 /// Something that was found or guessed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -164,7 +165,10 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
     }
     say("gains", gains.how.clone());
     if model.options.cone == Cone::Elliptic {
-        say("contacts", "pyramidal friction cones, as the file's elliptic ones sometimes diverge in training".to_owned());
+        say(
+            "contacts",
+            "pyramidal friction cones, as the file's elliptic ones sometimes diverge in training".to_owned(),
+        );
     }
     for doubt in &gains.doubts {
         say("gains", doubt.clone());
