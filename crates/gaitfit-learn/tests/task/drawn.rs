@@ -259,7 +259,7 @@ fn bad_settings_are_refused_by_name() {
             "`walk`; known terms: track_linear",
         ),
         (|t| t.rewards["gait"] = f64::NAN, "task.rewards", "gives `gait` the weight NaN"),
-        (|t| t.feet = vec!["paw".to_owned()], "a tracked geom", "paw"),
+        (|t| t.feet = vec!["paw".to_owned()], "task.feet", "paw"),
         (|t| t.feet.clear(), "task.feet", "has 0 names"),
         (|t| t.gait[0][1] = "FR_paw".to_owned(), "task.gait", "`FR_paw`, which is not in task.feet"),
         (
