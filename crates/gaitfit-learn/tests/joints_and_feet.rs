@@ -124,10 +124,7 @@ fn feet_of(shape: Shape) -> Model {
 
 #[test]
 fn box_feet_stand_as_balls_do() {
-    let shapes = [
-        Shape::Box { half_size: [0.03, 0.02, 0.02] },
-        Shape::Sphere { radius: 0.022 },
-    ];
+    let shapes = [Shape::Box { half_size: [0.03, 0.02, 0.02] }, Shape::Sphere { radius: 0.022 }];
     for shape in shapes {
         let model = feet_of(shape);
         let task = Task::new(&model, &calm(), Preset::Fast).unwrap();
