@@ -1,6 +1,7 @@
 //! Fits of simulated logs, which show what a fit of the real ones is off by.
 
-use super::setup::{LogSet, Setup};
+use super::log_set::LogSet;
+use super::setup::Setup;
 use crate::Error;
 use crate::log::Log;
 use crate::settings::AdaptConfig;

@@ -1,6 +1,7 @@
 //! How well robots are predicted: costs and errors on the fitted logs and on others.
 
-use super::setup::{LogSet, Setup};
+use super::log_set::LogSet;
+use super::setup::Setup;
 use crate::Error;
 use crate::air::predictors;
 use gaitfit_adapt::cost::{Cost, CostKind, PositionRmse, position_rmse};

@@ -1,6 +1,6 @@
 //! Measured and simulated signals as pages show them.
 
-use super::setup::LogSet;
+use super::log_set::LogSet;
 use gaitfit_adapt::fit::Predicted;
 use gaitfit_log::Signal;
 use gaitfit_view::fit::{JointTrace, Signal as Shown, SignalDistribution};

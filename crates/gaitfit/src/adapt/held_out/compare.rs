@@ -1,8 +1,8 @@
 //! The comparison: blocks of logs and of simulated walks, and halves of them.
 
 use super::super::Method;
+use super::super::log_set::LogSet;
 use super::super::score::Robot;
-use super::super::setup::LogSet;
 use super::{Distance, Floor, HeldOut};
 use crate::Error;
 use crate::log::Log;
