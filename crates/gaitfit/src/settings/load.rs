@@ -121,6 +121,11 @@ pub fn merge<'a>(under: &mut DeTable<'a>, mut over: DeTable<'a>) {
                         merge(&mut inner, changes);
                         DeValue::Table(inner)
                     }
+                    (_, DeValue::Table(changes)) => {
+                        let mut inner = DeTable::new();
+                        merge(&mut inner, changes);
+                        DeValue::Table(inner)
+                    }
                     (_, value) => value,
                 };
                 *old = Spanned::new(span, merged);
