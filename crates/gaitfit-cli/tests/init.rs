@@ -105,6 +105,23 @@ fn a_robot_with_elliptic_cones_trains_with_pyramids() {
     assert!(plain.get("cone").is_none());
 }
 
+/// Names of joints are keys of the file, whatever is in them.
+#[test]
+fn names_with_quotes_are_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(root().join("assets/go2.xml")).unwrap();
+    let file = folder.path().join("quotes.xml");
+    std::fs::write(
+        &file,
+        text.replace("FL_hip_joint", "FL&quot;hip'\\joint").replace("model=\"go2\"", "model=\"q\""),
+    )
+    .unwrap();
+    let (found, _) = init(&file, folder.path(), &[]);
+    let pose = found["task"]["policy"]["default_pose"].as_table().unwrap();
+    assert!(pose.contains_key("FL\"hip'\\joint"), "{pose:?}");
+    train(&folder.path().join("robot.toml"), folder.path(), &TINY);
+}
+
 /// A robot whose only likeness to the Go2 is its shape: other names, no keyframe, no armature; box feet.
 fn stranger(folder: &Path) -> PathBuf {
     let text = std::fs::read_to_string(root().join("assets/go2.xml")).unwrap();
@@ -171,7 +188,10 @@ fn what_cannot_walk_is_said_and_nothing_is_overwritten() {
     let free = "<body><freejoint/><geom size=\".1\"/></body>";
     for (path, words) in [
         (
-            write("clamped.xml", "<geom type=\"plane\" size=\"1 1 1\"/><body><joint/><geom size=\".1\"/></body>"),
+            write(
+                "clamped.xml",
+                "<geom type=\"plane\" size=\"1 1 1\"/><body><joint/><geom size=\".1\"/></body>",
+            ),
             "fixed to the world",
         ),
         (

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::model::{Model, Root};
 use crate::shown::shown;
+use crate::summary::symmetric;
 
 /// Things of one kind that a file has and its model does not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -75,6 +76,9 @@ impl Model {
                  the joints an `actuatorfrcrange` (URDF: <limit effort=\"...\"/>)"
             ));
         }
+        if let Some(uneven) = self.uneven() {
+            found.push(uneven);
+        }
         if self.root == Root::Floating && self.pairs.is_empty() {
             let why = match (self.planes.is_empty() && self.obstacles.is_empty(), self.geoms.is_empty()) {
                 (true, _) => "the file has no floor",
@@ -86,16 +90,38 @@ impl Model {
         found
     }
 
+    /// Torque ranges that are not the same to both sides, in words: the simulation clamps alike.
+    fn uneven(&self) -> Option<String> {
+        let of_joint = |joint: usize| {
+            let clamp = self.joints[joint].actuatorfrcrange;
+            let own = self.actuators.iter().filter(|actuator| actuator.joint == joint);
+            let ranges = own.flat_map(|actuator| {
+                let motor = actuator.gain == 1.0 && actuator.bias == [0.0; 3];
+                [actuator.ctrlrange.filter(|_| motor), actuator.forcerange]
+            });
+            ranges.chain([clamp]).flatten().find(|[low, high]| -low != *high)
+        };
+        let (joint, [low, high]) = (0..self.joints.len()).find_map(|j| Some((j, of_joint(j)?)))?;
+        let bound = symmetric([low, high]);
+        Some(format!(
+            "the torque range of joint {} is {low} to {high} N·m: torques are clamped to both sides alike, here to ±{bound}",
+            shown(&self.joints[joint].name)
+        ))
+    }
+
     /// Which driven joints have no bound on their torque, in words; `None` if all have one.
     fn unbounded(&self) -> Option<String> {
+        // Without actuators the PD controller still drives every joint.
+        let all = self.actuators.is_empty();
         let driven: Vec<usize> =
-            (0..self.joints.len()).filter(|&j| self.actuators.iter().any(|a| a.joint == j)).collect();
+            (0..self.joints.len()).filter(|&j| all || self.actuators.iter().any(|a| a.joint == j)).collect();
         let free: Vec<usize> = driven.iter().copied().filter(|&j| self.effort(j).is_none()).collect();
         if free.is_empty() {
             return None;
         }
         if free.len() == driven.len() {
-            return Some("no actuator of the robot has an effort limit".to_string());
+            let what = if all { "joint" } else { "actuator" };
+            return Some(format!("no {what} of the robot has an effort limit"));
         }
         let names: Vec<String> = free.iter().take(MOST_NAMES).map(|&j| shown(&self.joints[j].name)).collect();
         let more = if free.len() > MOST_NAMES { ", ..." } else { "" };

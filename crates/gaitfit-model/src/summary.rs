@@ -121,6 +121,13 @@ pub struct GeomSummary {
     pub friction: Option<f64>,
 }
 
+/// The bound of a torque range in the simulation, which clamps to both sides alike: the smaller of the two, or the larger
+/// one if the other side gives nothing.
+pub fn symmetric([low, high]: [f64; 2]) -> f64 {
+    let (down, up) = (-low, high);
+    if down > 0.0 && up > 0.0 { down.min(up) } else { down.max(up).max(0.0) }
+}
+
 impl Model {
     /// Sum of all masses, kg.
     pub fn total_mass(&self) -> f64 {
@@ -138,17 +145,18 @@ impl Model {
         })
     }
 
-    /// Largest torque that the actuators of joint `index` can give, N·m; `None` when nothing bounds it.
+    /// Largest torque that the actuators of joint `index` can give in the simulation, N·m, see [`symmetric`]; `None` when
+    /// nothing bounds it.
     pub fn effort(&self, index: usize) -> Option<f64> {
         let joint = self.joints.get(index)?;
-        let clamp = joint.actuatorfrcrange.map(|[low, high]| low.abs().max(high.abs()));
+        let clamp = joint.actuatorfrcrange.map(symmetric);
         let mut sum = Some(0.0);
         for actuator in self.actuators.iter().filter(|a| a.joint == index) {
             let by_control = actuator
                 .ctrlrange
                 .filter(|_| actuator.bias == [0.0; 3])
-                .map(|[low, high]| actuator.gain.abs() * low.abs().max(high.abs()));
-            let by_force = actuator.forcerange.map(|[low, high]| low.abs().max(high.abs()));
+                .map(|range| actuator.gain.abs() * symmetric(range));
+            let by_force = actuator.forcerange.map(symmetric);
             let bound = match (by_control, by_force) {
                 (Some(a), Some(b)) => Some(a.min(b)),
                 (a, b) => a.or(b),

@@ -87,6 +87,21 @@ fn unbounded_torques_and_missing_ground_are_warned_of() {
     let seen = ("foot", " contype=\"0\" conaffinity=\"0\"");
     let warnings = said(&hopper(&[seen, ("motor", " ctrlrange=\"-5 5\"")]));
     assert!(warnings.len() == 1 && warnings[0].contains("no geom of it collides"), "{warnings:?}");
+    for (range, bound) in [("-10 30", 10.0), ("0 5", 5.0), ("-30 0", 30.0)] {
+        let text = hopper(&[("motor", &format!(" ctrlrange=\"{range}\""))]);
+        let warnings = said(&text);
+        let words = ["joint knee", "to both sides alike"];
+        assert!(warnings.len() == 1 && words.iter().all(|word| warnings[0].contains(word)), "{warnings:?}");
+        assert_eq!(
+            with_floor(&text).unwrap().effort(0),
+            Some(bound),
+            "{range}: what is shown is what is simulated"
+        );
+    }
+    let plain = hopper(&[]);
+    let driven = plain.find("<actuator>").unwrap()..plain.find("</actuator>").unwrap() + "</actuator>".len();
+    let warnings = said(&plain.replace(&plain[driven], ""));
+    assert!(warnings[0].starts_with("no joint of the robot has an effort limit"), "{warnings:?}");
     let written = read_mjcf_str(&hopper(&[]), &ReadOptions::default()).unwrap();
     assert!(written.warnings()[1].contains("the file has no floor"), "{:?}", written.warnings());
 }

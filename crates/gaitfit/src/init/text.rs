@@ -10,9 +10,9 @@ use std::fmt::Write as _;
 /// Iterations of a robot on two legs: it takes longer to learn.
 const BIPED_ITERATIONS: u32 = 1500;
 
-/// A string of TOML.
+/// A basic string of TOML, which may be a key too: its escapes are those of JSON.
 pub fn quoted(text: &str) -> String {
-    toml::Value::String(text.to_owned()).to_string()
+    serde_json::Value::String(text.to_owned()).to_string()
 }
 
 fn list(items: impl Iterator<Item = String>) -> String {
