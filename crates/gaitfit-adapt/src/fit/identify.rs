@@ -10,13 +10,13 @@
 //! Here the other parameters stay where they are. What they can make up for, and what other simulators would have
 //! found, [`joint`] adds.
 
+use super::identification::{Identification, NoiseSource, narrow};
 use super::joint::{Around, joint};
 use super::views::{View, jackknife, measure, without_groups};
 use super::{Alternative, FitError};
 use crate::cost::Cost;
 use crate::{Cancel, Entry, Rollout, Signals, Simulator, Theta};
 use gaitfit_sim::stats;
-use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most entries of a θ that is scanned.
@@ -30,60 +30,8 @@ const DRAWS: u64 = 8;
 const FLOOR: (f64, f64) = (1e-6, 1e-3);
 /// The part of the cost taken for its noise where it cannot be measured.
 const ASSUMED: f64 = 0.05;
-/// A parameter whose interval is this part of its bounds or more is not identified.
-const MOST: f64 = 0.5;
 /// Memory for signals waiting for the rest of their candidate's, bytes.
 const MEMORY: usize = 256 << 20;
-
-/// Where the noise of the cost is known from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum NoiseSource {
-    /// Jackknife over groups of recordings.
-    Recordings,
-    /// The cost's standard deviation over random draws of the simulation: there is one recording only.
-    Draws,
-    /// Not known: one recording, no randomness. Five percent of the cost are taken.
-    Assumed,
-    /// Joint: what fits of other logs and other simulators would have found ([`super::Uncertainty`]).
-    Refits,
-}
-
-/// How well the data identify a parameter.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Identification {
-    /// Lower end of the interval: where the cost rises as much as its noise, or as far as all parameters together and
-    /// other simulators allow; a bound where it reaches so far.
-    pub lower: f64,
-    /// Upper end.
-    pub upper: f64,
-    /// The rise at the ends that counts as noise; of the larger end. Costs are in units where the robot's range is 2.
-    /// 0 where refits give the interval.
-    pub rise: f64,
-    /// Where it is known from.
-    pub noise: NoiseSource,
-    /// Whether the interval is less than half as wide as the bounds.
-    pub identified: bool,
-    /// A value at which the cost is lower than at the best found by more than noise: the search had not ended.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub better: Option<f64>,
-}
-
-impl Identification {
-    /// Extends the interval to `half` on both sides of `value`.
-    pub(super) fn widen(&mut self, entry: &Entry, value: f64, half: f64) {
-        self.lower = self.lower.min(value - half).max(entry.lower);
-        self.upper = self.upper.max(value + half).min(entry.upper);
-        self.identified = self.upper - self.lower < MOST * (entry.upper - entry.lower);
-    }
-
-    /// Of an entry with the 95 % interval `interval` of refits.
-    pub(super) fn of_refits(entry: &Entry, interval: [f64; 2]) -> Self {
-        let [lower, upper] = interval.map(|end| end.clamp(entry.lower, entry.upper));
-        let identified = upper - lower < MOST * (entry.upper - entry.lower);
-        Self { lower, upper, rise: 0.0, noise: NoiseSource::Refits, identified, better: None }
-    }
-}
 
 /// A point of the scan.
 struct Point {
@@ -250,7 +198,7 @@ fn verdict(
         upper,
         rise: rise_down.max(rise_up),
         noise,
-        identified: upper - lower < MOST * (entry.upper - entry.lower),
+        identified: narrow(entry, lower, upper),
         better: lowest.filter(|(_, rise)| *rise < 0.0).map(|(at, _)| at),
     }
 }

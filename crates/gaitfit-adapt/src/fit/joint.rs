@@ -8,7 +8,7 @@
 //! have its minimum: each such shift counts as one standard deviation, for no number of recordings shows that the
 //! simulator is not the robot.
 
-use super::identify::Identification;
+use super::identification::Identification;
 use super::views::{View, jackknife, measure};
 use super::{Alternative, FitError};
 use crate::{Cancel, Rollout, Simulator, Theta};

@@ -10,6 +10,7 @@ mod driver;
 mod error;
 mod evaluate;
 mod falls;
+mod identification;
 mod identify;
 mod joint;
 mod least_squares;
@@ -25,7 +26,8 @@ pub use driver::{Fit, FitOptions, Generation, Method, RandomNumbers, RunGenerati
 pub use error::FitError;
 pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one};
 pub use falls::FallPenalty;
-pub use identify::{Identification, MOST_SCANNED, NoiseSource, identify};
+pub use identification::{Identification, NoiseSource};
+pub use identify::{MOST_SCANNED, identify};
 pub use least_squares::{
     Alternative, Correction, GaussNewton, Problem, Replicate, Round, Shift, Uncertainty, World, correct,
     sets, uncertainty,

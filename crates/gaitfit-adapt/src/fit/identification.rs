@@ -1,0 +1,62 @@
+//! How well the data identify a parameter.
+
+use crate::Entry;
+use serde::{Deserialize, Serialize};
+
+/// A parameter whose interval is this part of its bounds or more is not identified.
+const MOST: f64 = 0.5;
+
+/// Whether an interval says something of an entry.
+pub(super) fn narrow(entry: &Entry, lower: f64, upper: f64) -> bool {
+    upper - lower < MOST * (entry.upper - entry.lower)
+}
+
+/// Where the noise of the cost is known from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum NoiseSource {
+    /// Jackknife over groups of recordings.
+    Recordings,
+    /// The cost's standard deviation over random draws of the simulation: there is one recording only.
+    Draws,
+    /// Not known: one recording, no randomness. Five percent of the cost are taken.
+    Assumed,
+    /// Joint: what fits of other logs and other simulators would have found ([`super::Uncertainty`]).
+    Refits,
+}
+
+/// How well the data identify a parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Identification {
+    /// Lower end of the interval: where the cost rises as much as its noise, or as far as all parameters together and
+    /// other simulators allow; a bound where it reaches so far.
+    pub lower: f64,
+    /// Upper end.
+    pub upper: f64,
+    /// The rise at the ends that counts as noise; of the larger end. Costs are in units where the robot's range is 2.
+    /// 0 where refits give the interval.
+    pub rise: f64,
+    /// Where it is known from.
+    pub noise: NoiseSource,
+    /// Whether the interval is less than half as wide as the bounds.
+    pub identified: bool,
+    /// A value at which the cost is lower than at the best found by more than noise: the search had not ended.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub better: Option<f64>,
+}
+
+impl Identification {
+    /// Extends the interval to `half` on both sides of `value`.
+    pub(super) fn widen(&mut self, entry: &Entry, value: f64, half: f64) {
+        self.lower = self.lower.min(value - half).max(entry.lower);
+        self.upper = self.upper.max(value + half).min(entry.upper);
+        self.identified = narrow(entry, self.lower, self.upper);
+    }
+
+    /// Of an entry with the 95 % interval `interval` of refits.
+    pub(super) fn of_refits(entry: &Entry, interval: [f64; 2]) -> Self {
+        let [lower, upper] = interval.map(|end| end.clamp(entry.lower, entry.upper));
+        let identified = narrow(entry, lower, upper);
+        Self { lower, upper, rise: 0.0, noise: NoiseSource::Refits, identified, better: None }
+    }
+}
