@@ -96,8 +96,7 @@ impl Model {
             let clamp = self.joints[joint].actuatorfrcrange;
             let own = self.actuators.iter().filter(|actuator| actuator.joint == joint);
             let ranges = own.flat_map(|actuator| {
-                let motor = actuator.gain == 1.0 && actuator.bias == [0.0; 3];
-                [actuator.ctrlrange.filter(|_| motor), actuator.forcerange]
+                [actuator.ctrlrange.filter(|_| actuator.bias == [0.0; 3]), actuator.forcerange]
             });
             ranges.chain([clamp]).flatten().find(|[low, high]| -low != *high)
         };

@@ -123,7 +123,7 @@ pub struct GeomSummary {
 
 /// The bound of a torque range in the simulation, which clamps to both sides alike: the smaller of the two, or the larger
 /// one if the other side gives nothing.
-pub fn symmetric([low, high]: [f64; 2]) -> f64 {
+pub(crate) fn symmetric([low, high]: [f64; 2]) -> f64 {
     let (down, up) = (-low, high);
     if down > 0.0 && up > 0.0 { down.min(up) } else { down.max(up).max(0.0) }
 }
@@ -145,8 +145,8 @@ impl Model {
         })
     }
 
-    /// Largest torque that the actuators of joint `index` can give in the simulation, N·m, see [`symmetric`]; `None` when
-    /// nothing bounds it.
+    /// Largest torque that the actuators of joint `index` can give, N·m, which the simulation clamps to on both sides: of an
+    /// uneven range the smaller bound, or the larger one if the other side gives nothing. `None` when nothing bounds it.
     pub fn effort(&self, index: usize) -> Option<f64> {
         let joint = self.joints.get(index)?;
         let clamp = joint.actuatorfrcrange.map(symmetric);

@@ -1,7 +1,7 @@
 //! The one table of joint parameters. [`Robot`](crate::Robot), [`JointParams`](crate::JointParams) and what a fit may
 //! search are made from it: a new parameter is a row here, and its use in the step.
 
-use gaitfit_model::{Model, symmetric};
+use gaitfit_model::Model;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Hands the table to the macro `$then`. A row: documentation, variant, field; unit; smallest value with a meaning;
@@ -166,21 +166,9 @@ impl<'de> Deserialize<'de> for JointParameter {
     }
 }
 
-/// Torque limit of joint `j` from the joint and its actuators; infinite without any.
+/// Torque limit of joint `j`, what the joint and its actuators can give; infinite where nothing bounds it.
 pub(crate) fn torque_limit(model: &Model, j: usize) -> f64 {
-    let mut limit = model.joints[j].actuatorfrcrange.map_or(f64::INFINITY, symmetric);
-    for actuator in model.actuators.iter().filter(|actuator| actuator.joint == j) {
-        // A motor's control is its torque.
-        let motor = actuator.gain == 1.0 && actuator.bias == [0.0; 3];
-        let ranges = [if motor { actuator.ctrlrange } else { None }, actuator.forcerange];
-        for range in ranges.into_iter().flatten() {
-            let most = actuator.gear.abs() * symmetric(range);
-            if most > 0.0 {
-                limit = limit.min(most);
-            }
-        }
-    }
-    limit
+    model.effort(j).unwrap_or(f64::INFINITY)
 }
 
 #[cfg(test)]

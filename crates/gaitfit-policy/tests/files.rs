@@ -3,21 +3,9 @@
 
 mod common;
 
-use common::{act, largest_difference, numbers, policy, root};
+use common::{ACTIVATIONS, act, largest_difference, numbers, policy, root};
 use gaitfit_policy::network::{Activation, LayerNorm, Network, Shape};
 use gaitfit_policy::{FrameOrder, History, HistoryStart, Policy, onnx, read, weights};
-
-const ALL: [Activation; 9] = [
-    Activation::Elu,
-    Activation::Relu,
-    Activation::Tanh,
-    Activation::EluOf(0.5),
-    Activation::LeakyRelu(0.1),
-    Activation::Selu,
-    Activation::Silu,
-    Activation::Gelu,
-    Activation::GeluTanh,
-];
 
 fn bits(network: &Network) -> Vec<u32> {
     network.parameters.iter().map(|x| x.to_bits()).collect()
@@ -25,7 +13,7 @@ fn bits(network: &Network) -> Vec<u32> {
 
 #[test]
 fn safetensors_come_back_bit_for_bit() {
-    for activation in ALL {
+    for activation in ACTIVATIONS {
         let policy = policy(activation);
         let bytes = weights::write(&policy).unwrap();
         assert_eq!(bytes, weights::write(&policy).unwrap(), "the same policy gives the same bytes");
@@ -182,7 +170,7 @@ fn a_damaged_header_is_named() {
 #[test]
 fn onnx_comes_back_with_the_same_actor() {
     let observation: Vec<f32> = numbers(45 * 20, 9).into_iter().map(|x| 3.0 * x).collect();
-    for activation in ALL {
+    for activation in ACTIVATIONS {
         for normalised in [true, false] {
             let mut policy = policy(activation);
             if !normalised {

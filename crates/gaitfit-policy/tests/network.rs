@@ -1,6 +1,9 @@
 //! Inference: against scalar products in double precision, whatever the number of rows.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+mod common;
+
+use common::ACTIVATIONS;
 use gaitfit_policy::network::{Activation, LayerNorm, Network, Scratch, Shape, ShapeError};
 use gaitfit_random::{Purpose, Stream};
 
@@ -12,18 +15,6 @@ fn input(rows: usize) -> Vec<f32> {
     let stream = Stream::new(3, Purpose::BOOTSTRAP);
     (0..rows * 45).map(|draw| 2.0 * stream.normal(draw as u32) as f32).collect()
 }
-
-const ALL: [Activation; 9] = [
-    Activation::Elu,
-    Activation::Relu,
-    Activation::Tanh,
-    Activation::EluOf(0.5),
-    Activation::LeakyRelu(0.1),
-    Activation::Selu,
-    Activation::Silu,
-    Activation::Gelu,
-    Activation::GeluTanh,
-];
 
 /// The error function by its series.
 fn erf(x: f64) -> f64 {
@@ -75,7 +66,7 @@ fn reference(network: &Network, row: &[f32]) -> Vec<f64> {
 
 #[test]
 fn forward_is_the_network_in_double_precision() {
-    for activation in ALL {
+    for activation in ACTIVATIONS {
         let network = Network::random(shape(activation), 5, 0, 1.0).unwrap();
         let mut scratch = Scratch::new();
         for rows in [0, 1, 7, 9, 256, 261, 600] {
@@ -96,7 +87,7 @@ fn forward_is_the_network_in_double_precision() {
 
 #[test]
 fn a_nan_in_a_row_comes_out_of_that_row_alone() {
-    for activation in ALL {
+    for activation in ACTIVATIONS {
         let network = Network::random(shape(activation), 5, 0, 1.0).unwrap();
         let mut input = input(20);
         input[3 * 45 + 7] = f32::NAN;

@@ -76,13 +76,14 @@ pub(super) fn joint(
     let along = |at: usize| flat.iter().map(|one| 0.25 / FLATTEST * one[at] * one[at]).sum();
     let mut shifts: Vec<f64> = (0..free.len()).map(along).collect();
     for alternative in alternatives {
-        let moved: Vec<Vec<f64>> = ones.iter().map(|moved| around.moved(&free, moved)).collect();
-        let Some(costs) = around.costs(alternative.simulator, &views[..1], &moved)? else { continue };
+        let singles = &all[..ones.len()];
+        let Some(costs) = around.costs(alternative.simulator, &views[..1], singles)? else { continue };
         let step = -(&inverse * (slope(&costs, 0) - &here));
         shifts.iter_mut().zip(step.iter()).for_each(|(sum, step)| *sum += step * step);
     }
-    let degrees = (views.len() - 1).saturating_sub(1);
-    let quantile = stats::student_t_95(if degrees == 0 { usize::MAX } else { degrees });
+    // Of one recording there are no parts; its noise is then not estimated here.
+    let degrees = views.len().checked_sub(2).unwrap_or(usize::MAX);
+    let quantile = stats::student_t_95(degrees);
     for (at, free) in free.iter().enumerate() {
         // With one recording only the noise along each parameter is known, as two deviations of it alone.
         let sampling = match &without[at][..] {

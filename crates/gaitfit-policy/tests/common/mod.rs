@@ -7,6 +7,19 @@ use gaitfit_policy::{History, Interface, Quantity, Term};
 use gaitfit_policy::{Policy, Provenance};
 use std::path::{Path, PathBuf};
 
+/// Every activation, those with a number at one of them.
+pub const ACTIVATIONS: [Activation; 9] = [
+    Activation::Elu,
+    Activation::Relu,
+    Activation::Tanh,
+    Activation::EluOf(0.5),
+    Activation::LeakyRelu(0.1),
+    Activation::Selu,
+    Activation::Silu,
+    Activation::Gelu,
+    Activation::GeluTanh,
+];
+
 /// The repository root.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
