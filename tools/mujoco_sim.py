@@ -122,6 +122,18 @@ def by_joint(patterns, names, what):
     return found
 
 
+def name_geoms(spec):
+    """Gives geoms without a name the one that gaitfit gives them: their number in the file, bodies depth first."""
+    taken = {geom.name for geom in spec.geoms}
+    for number, geom in enumerate(spec.geoms):
+        if not geom.name:
+            name = f"geom{number}"
+            while name in taken:
+                name += "_"
+            taken.add(name)
+            geom.name = name
+
+
 def undecorate(spec):
     """Takes away what is only to be seen: its files need not be there."""
     seen = [g for g in spec.geoms if g.type == mujoco.mjtGeom.mjGEOM_MESH and not (g.contype or g.conaffinity)]
@@ -172,6 +184,7 @@ class Robot:
             for geom in spec.geoms:
                 ground = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
                 geom.contype, geom.conaffinity = (1, 0) if ground else (0, int(bool(geom.contype or geom.conaffinity)))
+        name_geoms(spec)
         undecorate(spec)
         self.model = model = spec.compile()
         model.opt.timestep = world.timestep
@@ -181,7 +194,7 @@ class Robot:
         self.substeps = whole(policy.dt, world.timestep, "the control period")
         self.delay = whole(world.delay, world.timestep, "the delay")
         self.floor = next(g for g in range(model.ngeom) if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_PLANE)
-        self.solid = [g for g in range(model.ngeom) if g != self.floor and model.geom_conaffinity[g]]
+        self.solid = self._touching()
         fall = policy.fall | world.fall
         self.posture = policy.posture
         self.lowest, self.upright = fall["height"], math.cos(math.radians(fall["tilt"]))
@@ -192,6 +205,16 @@ class Robot:
             if not found:
                 raise Refused(f"{world.model} has no geom {pattern}, whose contact is a fall")
             self.fall_geoms |= found
+
+    def _touching(self):
+        """Geoms that may touch the floor, by their bit masks or as a pair with it."""
+        model, floor = self.model, self.floor
+        pairs = {frozenset(pair) for pair in zip(model.pair_geom1.tolist(), model.pair_geom2.tolist())}
+        masks = (model.geom_contype & model.geom_conaffinity[floor]) | (model.geom_conaffinity & model.geom_contype[floor])
+        found = [g for g in range(model.ngeom) if g != floor and (masks[g] or frozenset((g, floor)) in pairs)]
+        if not found:
+            raise Refused("nothing of the robot touches the floor")
+        return found
 
     def _find_joints(self, policy, world):
         model = self.model
