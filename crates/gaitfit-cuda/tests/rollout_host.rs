@@ -434,6 +434,60 @@ fn cxx_steps_of_held_joints_and_other_feet_are_the_cpus() {
     compare("held", &task, &Candidate::nominal(&model));
 }
 
+/// Reward terms that are expressions, with every quantity and operator.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_with_written_rewards_are_the_cpus() {
+    let model = go2();
+    let mut settings = lively("velocity");
+    settings.policy.joints = vec!["*_thigh".to_owned(), "*_calf".to_owned()];
+    settings.policy.action_clip = Some(JointNumber::All(0.8));
+    settings.policy.gait_frequency = Some(2.0);
+    settings.fall.tilt = 12.0;
+    settings.rewards.clear();
+    for (name, text, weight) in [
+        (
+            "track",
+            r#"exp(-sum((velocity["x", "y"] - command["x", "y"])^2) / 0.25) - abs(velocity["z"])"#,
+            1.0,
+        ),
+        (
+            "base",
+            "norm(angular_velocity) - yaw_rate / 3 + gravity['z'] * uprightness + ln(1 + square(height))",
+            0.5,
+        ),
+        ("calves", r#"mean(abs(tau["*_calf"])) - min(tau["FL_*", "RR_hip"]) / (1 + max(tau))"#, 0.1),
+        (
+            "joints",
+            "sum(tanh(qacc / 100)) + max(qvel - mean(qvel)) * sin(sum(qpos)) * cos(default_pose['FL_calf'])",
+            0.1,
+        ),
+        ("targets", "sum(square(target - qpos)) + sum(target['FL_hip', 'FR_calf']) + 0.2^2.5", 0.1),
+        ("smooth", "-sqrt(sum(square(action - last_action)))", 0.1),
+        (
+            "feet",
+            "sum(contact * foot_speed + landed * last_air_time + select(air_time > 0.04 and not contact, foot_height, 0))",
+            0.3,
+        ),
+        (
+            "stance",
+            "sum(contact_time >= 0.06 or contact == 0) + (contact['FL_foot'] != contact['RR_foot'])",
+            0.01,
+        ),
+        (
+            "rest",
+            "walking * clock - 2 * fallen / dt + clamp(body_contacts, 0, 2) + (height <= 0.3) + (height < 0.2)",
+            0.02,
+        ),
+    ] {
+        settings.terms.insert(name.to_owned(), text.to_owned());
+        settings.rewards.insert(name.to_owned(), weight);
+    }
+    settings.rewards.insert("torque".to_owned(), -2e-4);
+    let task = Task::new(&model, &settings, Preset::Fast).unwrap();
+    compare("written", &task, &Candidate::nominal(&model));
+}
+
 #[test]
 fn what_a_gpu_does_not_do_is_refused() {
     let model = go2();
@@ -470,7 +524,10 @@ fn what_a_gpu_does_not_do_is_refused() {
 fn nvrtc_compiles_rollouts() {
     let model = go2();
     for name in ["velocity", "biped"] {
-        let task = Task::new(&model, &lively(name), Preset::Fast).unwrap();
+        let mut settings = lively(name);
+        settings.terms.insert("calves".to_owned(), r#"sum(abs(tau["*_calf"]))"#.to_owned());
+        settings.rewards.insert("calves".to_owned(), -1e-3);
+        let task = Task::new(&model, &settings, Preset::Fast).unwrap();
         let sizes = Sizes { steps: 24, environments: 4096, networks: 100_000, gamma: 0.99 };
         let period = Scene::period(&task, &[Candidate::nominal(&model)], 4096, PROCESSORS).unwrap();
         let plan = Plan::new(&Scene::new(&task, &period, sizes).unwrap());

@@ -55,12 +55,14 @@ impl Tally {
 }
 
 /// A robot's state stopped being a number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Divergence {
     /// Step in the rollout.
     pub step: usize,
     /// Environment in the tile.
     pub environment: usize,
+    /// The reward term that was not finite, if the state was.
+    pub term: Option<String>,
 }
 
 /// One tile with its samples and the buffers of its rollouts.
@@ -108,8 +110,9 @@ impl<'a> Runner<'a> {
             recorder.act(learner, step);
             let (action, reward) = recorder.exchange();
             environment.step(step, action, reward, ended);
-            if let Some(environment) = ended.iter().position(|&ended| ended == Ended::Diverged) {
-                return Err(Divergence { step: t, environment });
+            if let Some(diverged) = ended.iter().position(|&ended| ended == Ended::Diverged) {
+                let term = environment.broken_term(diverged).map(str::to_owned);
+                return Err(Divergence { step: t, environment: diverged, term });
             }
             for (index, reward) in reward.iter().enumerate() {
                 tally.step(*reward, environment.tracking_error(index));

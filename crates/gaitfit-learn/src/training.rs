@@ -3,6 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+use gaitfit_model::shown;
 use gaitfit_sim::{Candidate, pool};
 use serde::{Deserialize, Serialize};
 
@@ -88,8 +89,9 @@ pub enum TrainingError {
     /// A robot's state stopped being a number.
     #[error(
         "iteration {iteration}: the simulated robot {environment} diverged in step {step} of the rollout (its state \
-         or reward is not finite); the policy is as it was before it. Use smaller gains, more substeps or a smaller \
-         learning rate"
+         or reward is not finite{}); the policy is as it was before it. Use smaller gains, more substeps or a smaller \
+         learning rate",
+        of_term(term.as_deref())
     )]
     Diverged {
         /// Iteration.
@@ -98,6 +100,8 @@ pub enum TrainingError {
         environment: usize,
         /// Step in the rollout.
         step: usize,
+        /// The reward term that was not finite, if one was and the robot's state was.
+        term: Option<String>,
     },
     /// The update.
     #[error("iteration {iteration}: {error}")]
@@ -107,6 +111,10 @@ pub enum TrainingError {
         /// What was not finite.
         error: UpdateError,
     },
+}
+
+fn of_term(term: Option<&str>) -> String {
+    term.map_or_else(String::new, |term| format!(": the reward term `{}`", shown(term)))
 }
 
 /// What one iteration did.
@@ -320,6 +328,7 @@ impl<'a> Training<'a> {
                 iteration: number,
                 environment: tile * TILE + divergence.environment,
                 step: divergence.step,
+                term: divergence.term,
             });
         }
         let rollout_seconds = begin.elapsed().as_secs_f64();

@@ -1,6 +1,8 @@
 //! Every reward term by name, against a value worked out by hand.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
+#[path = "rewards/expressions.rs"]
+mod expressions;
 mod task_common;
 
 use gaitfit_learn::task::{Foot, Moment, Task, reward};
@@ -24,6 +26,7 @@ fn moment<'a>(scene: &'a Task, feet: &'a [Foot]) -> Moment<'a> {
         joint_velocity: &ZEROS,
         joint_acceleration: &ZEROS,
         torque: &ZEROS,
+        target: &ZEROS,
         action: &ZEROS,
         last_action: &ZEROS,
         feet,

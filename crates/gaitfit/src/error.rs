@@ -238,7 +238,10 @@ impl Error {
 
     /// Whether a setting of a task is wrong, without the place that it is from.
     pub(crate) fn is_of_task(&self) -> bool {
-        matches!(self, Self::Task(TaskError::Setting { .. } | TaskError::Policy(_)))
+        matches!(
+            self,
+            Self::Task(TaskError::Setting { .. } | TaskError::Expression { .. } | TaskError::Policy(_))
+        )
     }
 
     /// The setting that is wrong, such as `optimizer.seeds`, where one can be named.

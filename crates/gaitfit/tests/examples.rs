@@ -1,6 +1,9 @@
 //! The programs in `examples/` run and do what they say.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
+use gaitfit::device::Device;
+use gaitfit::settings::{TrainConfig, load};
+use gaitfit::watch::Watch;
 use std::path::{Path, PathBuf};
 
 #[path = "../examples/fit_clamped_logs.rs"]
@@ -73,4 +76,27 @@ fn an_own_reward_term_pays() {
     let paid = own_reward_term::train(16, 2).unwrap();
     // A weight of 2 pays at most 2 a second.
     assert!(paid > 0.0 && paid <= 2.0, "{paid}");
+}
+
+/// The example of docs/training.md, in a training.
+#[test]
+fn documented_rewards_are_paid() {
+    let text = std::fs::read_to_string(root().join("docs/training.md")).unwrap();
+    let (_, section) = text.split_once("## Rewards").unwrap();
+    let (_, example) = section.split_once("```toml").unwrap();
+    let (example, _) = example.split_once("```").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.toml");
+    std::fs::write(&path, format!("{example}\n[train]\nenvironments = 8\nsteps = 12\niterations = 2\n"))
+        .unwrap();
+    let runs = format!("runs={}", folder.path().display());
+    let config: TrainConfig = load(Some(&path), &[runs]).unwrap();
+    let setup = gaitfit::train::setup(&config, "own", None, 2, Device::Cpu).unwrap();
+    gaitfit::train::train(&setup, false, &Watch::silent()).unwrap();
+    let run = std::fs::read_to_string(folder.path().join("own/seed-1/metrics.jsonl")).unwrap();
+    for term in ["crouch", "calf_effort", "high_steps", "torque"] {
+        assert!(run.contains(&format!("\"{term}\":")), "{term} is not in {run}");
+    }
+    let policy = gaitfit_policy::read(&folder.path().join("own/seed-1/policy.safetensors")).unwrap();
+    assert!(policy.provenance.task.contains("calf_effort"), "the policy's file keeps its terms");
 }

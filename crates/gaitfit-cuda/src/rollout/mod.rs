@@ -4,11 +4,12 @@
 //! ([`crate::ppo::Learner::foresee`]), exploration with targets and pushes, the physics ([`crate::physics`]), and the rest:
 //! feet, rewards, ends of episodes, new commands, new episodes. The kernels' text is written for one task on one robot.
 //! All draws are those of the CPU's environment, by seed, environment and step: the same seed gives the same commands,
-//! starts and robots. A rollout is one CUDA graph, and its samples lie where the update reads them.
+//! starts and robots. Reward terms that are expressions are written into the text. A rollout is one CUDA graph, and its samples lie where the update reads them.
 //!
 //! [`Trainer`] takes over a training of the CPU ([`gaitfit_learn::Training`]) and gives it back, at any iteration.
 
 mod error;
+mod expression;
 mod packed;
 mod plan;
 mod run;

@@ -75,6 +75,11 @@ impl<'a> Rollout<'a> {
         Ok(rollout)
     }
 
+    /// The task.
+    pub(super) fn task(&self) -> &'a Task {
+        self.task
+    }
+
     fn scene(&self) -> Result<Scene<'_>, RolloutError> {
         Scene::new(self.task, &self.period, self.sizes)
     }

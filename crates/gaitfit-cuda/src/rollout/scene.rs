@@ -76,14 +76,16 @@ impl<'a> Scene<'a> {
     /// A task on the physics of [`Scene::period`].
     ///
     /// # Errors
-    /// [`RolloutError::Unsupported`] for reward terms of a library's user and past frames in observations.
+    /// [`RolloutError::Unsupported`] for reward terms that are functions of a library's user and past frames in observations.
     pub fn new(task: &'a Task, period: &'a Period, sizes: Sizes) -> Result<Self, RolloutError> {
         if task.walker.sees_past() {
             return Err(RolloutError::Unsupported("a history of observations".to_owned()));
         }
-        let known = |name: &str| reward::TERMS.iter().any(|term| term.name == name);
-        if let Some((own, _)) = task.reward_weights().find(|(name, _)| !known(name)) {
-            return Err(RolloutError::Unsupported(format!("the reward term `{own}`, which is not built in")));
+        let own = task.reward_values().find(|(_, value)| matches!(value, reward::Value::Own(_)));
+        if let Some((own, _)) = own {
+            let what =
+                format!("the reward term `{own}`, a function; write it as an expression in task.terms");
+            return Err(RolloutError::Unsupported(what));
         }
         Ok(Self {
             task,

@@ -2,9 +2,11 @@
 
 use std::fmt::Write;
 
+use gaitfit_learn::task::reward::Value;
 use gaitfit_model::kinematics::Reach;
 use gaitfit_policy::Term;
 
+use super::expression::Terms;
 use super::plan::THREADS;
 use super::scene::Scene;
 use crate::emit::Class;
@@ -29,11 +31,34 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
         include_str!("kernels/act.cu"),
         include_str!("kernels/episode.cu"),
         include_str!("kernels/rewards.cu"),
+        &written_terms(scene),
         include_str!("kernels/finish.cu"),
     ] {
         text.push_str(part);
     }
     Program::new("rollout", text).option("-fmad=false")
+}
+
+/// Functions of the reward terms that are expressions; nothing if there is none.
+fn written_terms(scene: &Scene<'_>) -> String {
+    let mut terms = Terms::default();
+    let mut any = false;
+    for (name, value) in scene.task.reward_values() {
+        if let Value::Expression(expression) = value {
+            terms.add(name, expression);
+            any = true;
+        }
+    }
+    if !any {
+        return String::new();
+    }
+    let walker = &scene.task.walker;
+    let action_of = |joint: usize| walker.joints.iter().position(|&own| own == joint);
+    let places = (0..walker.default_pose.len())
+        .map(|joint| action_of(joint).map_or("-1".to_owned(), |k| k.to_string()));
+    let mut words = Words { text: String::new() };
+    words.table("int", "ACTION_OF", places.collect());
+    words.text + include_str!("kernels/terms.cu") + &terms.text()
 }
 
 impl Words {

@@ -188,9 +188,18 @@ impl<'a> Trainer<'a> {
         let all = self.rollout.read_f64(self.learner.stream(), "tally")?;
         let steps = all[(self.terms + 7) * environments..].iter().enumerate();
         let diverged = steps.filter(|(_, step)| **step > 0.0);
-        let first =
+        let (environment, step) =
             diverged.min_by(|a, b| a.1.total_cmp(b.1)).map_or((0, 1), |(e, &step)| (e, step as usize));
-        Ok(TrainingError::Diverged { iteration: self.iteration, environment: first.0, step: first.1 - 1 })
+        // A number that is none stays in the sum of its term. In a robot that is no number itself all terms may be.
+        let sums = (0..self.terms).map(|term| all[(1 + term) * environments + environment]);
+        let broken: Vec<usize> =
+            sums.enumerate().filter(|(_, sum)| !sum.is_finite()).map(|(k, _)| k).collect();
+        let names = self.rollout.task().reward_names();
+        let term = match broken[..] {
+            [term] => names.get(term).map(|name| (*name).to_owned()),
+            _ => None,
+        };
+        Ok(TrainingError::Diverged { iteration: self.iteration, environment, step: step - 1, term })
     }
 
     /// Where the time of an iteration goes. The training's state is spoilt: it is for benchmarks.

@@ -61,6 +61,8 @@ pub struct Environment<'a> {
     terms: Vec<f64>,
     /// Terms of one environment and step.
     step_terms: Vec<f32>,
+    /// The first environment whose reward was not finite in the last step, and the term that was not.
+    broken_term: Option<(usize, usize)>,
     /// Commands set from outside are not redrawn.
     held_commands: bool,
     /// Deviation of each environment's torque noise, N·m.
@@ -128,6 +130,7 @@ impl<'a> Environment<'a> {
             feet: vec![Foot::default(); count * task.settings.feet.len()],
             terms: vec![0.0; task.rewards.len()],
             step_terms: Vec::with_capacity(task.rewards.len()),
+            broken_term: None,
             held_commands: false,
             deviations: deviations.collect(),
             noise: TorqueNoise::default(),
@@ -187,6 +190,13 @@ impl<'a> Environment<'a> {
         std::mem::replace(&mut self.terms, none)
     }
 
+    /// Name of the reward term that was not finite in the last step, if it is what made environment `index`, the first
+    /// that diverged, diverge.
+    pub fn broken_term(&self, index: usize) -> Option<&str> {
+        let (_, term) = self.broken_term.filter(|(environment, _)| *environment == index)?;
+        self.task.rewards.get(term).map(|term| term.name.as_str())
+    }
+
     /// Starts a new episode of environment `index` at `step`.
     fn restart(&mut self, index: usize, step: u32) {
         let number = self.first + index as u32;
@@ -211,6 +221,7 @@ impl<'a> Environment<'a> {
     pub fn step(&mut self, step: u32, actions: &[f32], reward: &mut [f32], ended: &mut [Ended]) {
         let task = self.task;
         let joints = task.walker.joints.len();
+        self.broken_term = None;
         self.remember(step);
         task.walker.targets(actions, &mut self.targets);
         self.push(step);
@@ -324,6 +335,7 @@ impl<'a> Environment<'a> {
             joint_velocity: &motion.joint_velocity[joints * index..joints * (index + 1)],
             joint_acceleration: &motion.joint_acceleration[joints * index..joints * (index + 1)],
             torque: &motion.torque[joints * index..joints * (index + 1)],
+            target: &self.targets[joints * index..joints * (index + 1)],
             action,
             last_action: self.last_action.row(index),
             feet: &self.feet[feet * index..feet * (index + 1)],
@@ -332,9 +344,11 @@ impl<'a> Environment<'a> {
             fallen,
         };
         self.step_terms.clear();
-        self.step_terms.extend(task.rewards.iter().map(|term| term.weight * (term.value)(&moment)));
+        self.step_terms.extend(task.rewards.iter().map(|term| term.weight * term.value.of(&moment)));
         let sum: f32 = self.step_terms.iter().sum();
         if !sum.is_finite() {
+            let term = self.step_terms.iter().position(|value| !value.is_finite());
+            self.broken_term = self.broken_term.or(term.map(|term| (index, term)));
             *paid = 0.0;
             return Ended::Diverged;
         }

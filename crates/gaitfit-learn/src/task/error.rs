@@ -5,6 +5,8 @@ use gaitfit_policy::InterfaceError;
 use gaitfit_policy::walker::WalkerError;
 use gaitfit_sim::SimError;
 
+use super::expression::ExpressionError;
+
 /// Why a task does not fit a robot or contradicts itself.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum TaskError {
@@ -15,6 +17,14 @@ pub enum TaskError {
         setting: String,
         /// What is wrong with it, and what to do.
         what: String,
+    },
+    /// An expression among the reward terms.
+    #[error("task.terms.{term}: {error}")]
+    Expression {
+        /// Name of the term.
+        term: String,
+        /// What is wrong with it, and where.
+        error: ExpressionError,
     },
     /// The interface that the settings give a new policy.
     #[error("task.policy: {0}")]

@@ -1,12 +1,14 @@
 //! Tasks: what the robot is asked to do and what it is paid for.
 //!
-//! A task is data ([`TaskSettings`]) and a table of small reward functions ([`reward::TERMS`]). A [`Task`] is
+//! A task is data ([`TaskSettings`]), a table of small reward functions ([`reward::TERMS`]) and the user's own
+//! ([`expression`]). A [`Task`] is
 //! both on a robot; an [`Environment`] is one tile of its robots, stepped as a batch.
 
 mod check;
 mod command;
 mod environment;
 mod error;
+pub mod expression;
 mod feet;
 mod joint_number;
 mod moment;

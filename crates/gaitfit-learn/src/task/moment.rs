@@ -31,6 +31,8 @@ pub struct Moment<'a> {
     pub joint_acceleration: &'a [f32],
     /// Motor torques, N·m.
     pub torque: &'a [f32],
+    /// Position targets of this period, rad.
+    pub target: &'a [f32],
     /// The action of this period.
     pub action: &'a [f32],
     /// The action before.

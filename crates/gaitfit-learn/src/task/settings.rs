@@ -59,6 +59,9 @@ pub struct TaskSettings {
     pub randomisation: RandomisationSettings,
     /// Pushes.
     pub push: PushSettings,
+    /// Reward terms of one's own: expressions, as [`crate::task::expression`] says.
+    #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
+    pub terms: IndexMap<String, String>,
     /// Weight of each reward term; a step pays the weight times the term times `control_dt`.
     pub rewards: IndexMap<String, f64>,
 }

@@ -10,18 +10,8 @@ use super::check::{check, check_terms};
 use super::error::refuse;
 use super::joint_number::by_joint;
 use super::randomise::randomised;
-use super::{JointNumber, Moment, TaskError, TaskSettings, reward};
-
-/// Value of a reward term at a robot's moment.
-pub(super) type Value = Box<dyn Fn(&Moment<'_>) -> f32 + Send + Sync>;
-
-/// A reward term of a task.
-pub(super) struct WeightedTerm {
-    pub(super) name: String,
-    /// Weight times the control step.
-    pub(super) weight: f32,
-    pub(super) value: Value,
-}
+use super::reward::{self, Value, WeightedTerm};
+use super::{JointNumber, Moment, TaskError, TaskSettings};
 
 /// A task on a robot: commands, rewards, randomisation, noise and episodes. Joint vectors are in the model's order.
 pub struct Task {
@@ -100,7 +90,6 @@ impl Task {
     ) -> Result<Self, TaskError> {
         check(settings)?;
         check_terms(&interface)?;
-        let control_dt = interface.control_dt;
         let options = WalkerOptions {
             substeps: settings.substeps,
             preset,
@@ -125,11 +114,11 @@ impl Task {
             .collect();
         Ok(Self {
             settings: settings.clone(),
+            rewards: reward::listed(settings, &walker)?,
             walker,
             start_pose,
             gait_group: gait_groups(settings)?,
             body_geoms,
-            rewards: rewards(settings, control_dt)?,
         })
     }
 
@@ -145,6 +134,7 @@ impl Task {
         value: impl Fn(&Moment<'_>) -> f32 + Send + Sync + 'static,
     ) -> Result<Self, TaskError> {
         let known = reward::TERMS.iter().map(|term| term.name);
+        let known = known.chain(self.settings.terms.keys().map(String::as_str));
         if known.chain(self.rewards.iter().map(|term| term.name.as_str())).any(|other| other == name) {
             return refuse("rewards", format!("has a term `{name}` already; give the new one another name"));
         }
@@ -152,7 +142,7 @@ impl Task {
             return refuse("rewards", format!("gives `{name}` the weight {weight}"));
         }
         let weight = (weight * self.walker.interface.control_dt) as f32;
-        self.rewards.push(WeightedTerm { name: name.to_owned(), weight, value: Box::new(value) });
+        self.rewards.push(WeightedTerm { name: name.to_owned(), weight, value: Value::Own(Box::new(value)) });
         Ok(self)
     }
 
@@ -164,6 +154,11 @@ impl Task {
     /// Reward terms of non-zero weight with what a step of value 1 pays, in [`Task::reward_names`] order.
     pub fn reward_weights(&self) -> impl Iterator<Item = (&str, f32)> {
         self.rewards.iter().map(|term| (term.name.as_str(), term.weight))
+    }
+
+    /// Reward terms of non-zero weight with what gives them their value, in [`Task::reward_names`] order.
+    pub fn reward_values(&self) -> impl Iterator<Item = (&str, &Value)> {
+        self.rewards.iter().map(|term| (term.name.as_str(), &term.value))
     }
 
     /// Places of each foot's geoms in `Motion::normal_force`.
@@ -238,23 +233,4 @@ fn gait_groups(settings: &TaskSettings) -> Result<Vec<Option<usize>>, TaskError>
         }
     }
     Ok(groups)
-}
-
-/// The settings' reward terms of non-zero weight.
-fn rewards(settings: &TaskSettings, control_dt: f64) -> Result<Vec<WeightedTerm>, TaskError> {
-    let mut rewards = Vec::new();
-    for (name, &weight) in &settings.rewards {
-        let Some(term) = reward::TERMS.iter().find(|term| term.name == name) else {
-            let known: Vec<_> = reward::TERMS.iter().map(|term| term.name).collect();
-            return refuse("rewards", format!("has `{name}`; known terms: {}", known.join(", ")));
-        };
-        if !weight.is_finite() {
-            return refuse("rewards", format!("gives `{name}` the weight {weight}"));
-        }
-        if weight != 0.0 {
-            let weight = (weight * control_dt) as f32;
-            rewards.push(WeightedTerm { name: name.clone(), weight, value: Box::new(term.value) });
-        }
-    }
-    Ok(rewards)
 }

@@ -69,6 +69,7 @@ DEVICE bool finish_step(
         m.command[k] = command[k * ENVIRONMENTS + e];
         squares += m.command[k] * m.command[k];
         m.angular[k] = base.angular[k];
+        m.gravity[k] = -up[k];
     }
     m.walking = squares > 0.1f * 0.1f;
     to_heading(base.quaternion, base.linear, m.velocity);

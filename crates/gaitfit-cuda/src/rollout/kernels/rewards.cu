@@ -9,7 +9,7 @@ struct Foot {
 };
 
 struct Moment {
-    float command[3], velocity[3], angular[3], yaw_rate, uprightness, height, clock;
+    float command[3], velocity[3], angular[3], gravity[3], yaw_rate, uprightness, height, clock;
     bool walking, fallen;
     int body_contacts;
     u32 e;

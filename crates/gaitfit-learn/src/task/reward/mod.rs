@@ -1,15 +1,20 @@
 //! Reward terms: small functions of one robot's moment, by name.
 //!
 //! A new term touches three files: its function in a file of this folder, its line in [`TERMS`], and its value worked
-//! out by hand in `tests/rewards.rs`. A task that does not list it gives it no weight. A term of a library's user needs
-//! none of them: [`super::Task::with_term`].
+//! out by hand in `tests/rewards.rs`. A task that does not list it gives it no weight. Terms of a user need none of them:
+//! they are expressions in the configuration ([`super::expression`]), or functions of a library's user
+//! ([`super::Task::with_term`]).
 
 mod biped;
 mod effort;
 mod gait;
+mod list;
 mod tracking;
 
 use super::Moment;
+
+pub use list::Value;
+pub(super) use list::{WeightedTerm, listed};
 
 /// A reward term.
 pub struct Term {

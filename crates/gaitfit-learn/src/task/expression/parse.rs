@@ -1,0 +1,333 @@
+//! From an expression's pieces to its tree.
+//!
+//! From loose to tight: `or`; `and`; `not`; comparisons; `+ -`; `* /`; a sign before; `^`.
+
+use super::error::{ExpressionError, Problem, elements_like, nearest};
+use super::operator::{FoldKind, Function, One, Two};
+use super::quantity::{Elements, Names, Quantity, covered};
+use super::token::{Token, tokens, wrong};
+use super::{Fold, MOST_FOLDS, Node};
+
+/// Deepest brackets and signs inside each other.
+const MOST_DEPTH: usize = 32;
+/// Most operators, functions, numbers and quantities.
+const MOST_NODES: usize = 256;
+
+/// A part, and how many numbers it has.
+struct Part {
+    node: Node,
+    width: usize,
+}
+
+type Read<T> = Result<T, ExpressionError>;
+
+/// The folds of an expression and what is made of them.
+pub(super) fn parse(text: &str, names: &Names<'_>) -> Read<(Vec<Fold>, Node)> {
+    let tokens = tokens(text)?;
+    let mut parser = Parser { text, tokens, next: 0, depth: 0, nodes: 0, names, folds: Vec::new() };
+    let whole = parser.either()?;
+    if *parser.token() != Token::End {
+        return parser.expected("an operator or the end");
+    }
+    if whole.width != 1 {
+        return wrong(text, 0, Problem::Row(whole.width));
+    }
+    Ok((parser.folds, whole.node))
+}
+
+struct Parser<'a> {
+    text: &'a str,
+    tokens: Vec<(usize, Token)>,
+    /// Number of the token that is read next; the last one is the end and is never passed.
+    next: usize,
+    depth: usize,
+    nodes: usize,
+    names: &'a Names<'a>,
+    folds: Vec<Fold>,
+}
+
+impl Parser<'_> {
+    fn token(&self) -> &Token {
+        self.tokens.get(self.next).map_or(&Token::End, |(_, token)| token)
+    }
+
+    /// Byte at which the next token begins.
+    fn at(&self) -> usize {
+        self.tokens.get(self.next).map_or(self.text.len(), |(at, _)| *at)
+    }
+
+    fn wrong<T>(&self, at: usize, problem: Problem) -> Read<T> {
+        wrong(self.text, at, problem)
+    }
+
+    fn expected<T>(&self, wanted: &str) -> Read<T> {
+        let (found, wanted) = (self.token().shown(), wanted.to_owned());
+        self.wrong(self.at(), Problem::Expected { found, wanted })
+    }
+
+    /// Takes a sign, if it is next.
+    fn take(&mut self, sign: &str) -> bool {
+        let found = matches!(self.token(), Token::Sign(own) if *own == sign);
+        self.next += usize::from(found);
+        found
+    }
+
+    /// Takes a word, if it is next.
+    fn take_word(&mut self, word: &str) -> bool {
+        let found = matches!(self.token(), Token::Word(own) if own == word);
+        self.next += usize::from(found);
+        found
+    }
+
+    fn expect(&mut self, sign: &str) -> Read<()> {
+        if self.take(sign) { Ok(()) } else { self.expected(&format!("`{sign}`")) }
+    }
+
+    fn deeper<T>(&mut self, inner: impl FnOnce(&mut Self) -> Read<T>) -> Read<T> {
+        self.depth += 1;
+        if self.depth > MOST_DEPTH {
+            let what = format!("more than {MOST_DEPTH} brackets and signs inside each other");
+            return self.wrong(self.at(), Problem::Size { what });
+        }
+        let read = inner(self)?;
+        self.depth -= 1;
+        Ok(read)
+    }
+
+    /// Counts a node that begins or is joined at `at`.
+    fn part(&mut self, at: usize, node: Node, width: usize) -> Read<Part> {
+        self.nodes += 1;
+        if self.nodes > MOST_NODES {
+            let what = format!("more than {MOST_NODES} operators, numbers and quantities");
+            return self.wrong(at, Problem::Size { what });
+        }
+        Ok(Part { node, width })
+    }
+
+    /// The length of rows that are taken together.
+    fn common(&self, at: usize, widths: &[usize]) -> Read<usize> {
+        let width = widths.iter().copied().max().unwrap_or(1);
+        match widths.iter().find(|&&other| other != 1 && other != width) {
+            Some(&other) => self.wrong(at, Problem::Lengths(other, width)),
+            None => Ok(width),
+        }
+    }
+
+    fn two(&mut self, at: usize, operator: Two, a: Part, b: Part) -> Read<Part> {
+        let width = self.common(at, &[a.width, b.width])?;
+        self.part(at, Node::Two(operator, Box::new([a.node, b.node])), width)
+    }
+
+    fn one(&mut self, at: usize, operator: One, of: Part) -> Read<Part> {
+        self.part(at, Node::One(operator, Box::new(of.node)), of.width)
+    }
+
+    fn fold(&mut self, at: usize, kind: FoldKind, row: Part) -> Read<Part> {
+        if self.folds.len() == MOST_FOLDS {
+            let what = format!("more than {MOST_FOLDS} sums, means, norms and extremes");
+            return self.wrong(at, Problem::Size { what });
+        }
+        self.folds.push(Fold { kind, width: row.width, row: row.node });
+        self.part(at, Node::Fold(self.folds.len() - 1), 1)
+    }
+
+    fn either(&mut self) -> Read<Part> {
+        let mut left = self.both()?;
+        loop {
+            let at = self.at();
+            if !self.take_word("or") {
+                return Ok(left);
+            }
+            let right = self.both()?;
+            left = self.two(at, Two::Or, left, right)?;
+        }
+    }
+
+    fn both(&mut self) -> Read<Part> {
+        let mut left = self.negated()?;
+        loop {
+            let at = self.at();
+            if !self.take_word("and") {
+                return Ok(left);
+            }
+            let right = self.negated()?;
+            left = self.two(at, Two::And, left, right)?;
+        }
+    }
+
+    fn negated(&mut self) -> Read<Part> {
+        let at = self.at();
+        if !self.take_word("not") {
+            return self.compared();
+        }
+        let of = self.deeper(Self::negated)?;
+        self.one(at, One::Not, of)
+    }
+
+    fn comparison(&mut self) -> Option<Two> {
+        let found = Two::COMPARISONS.iter().find(|(sign, _)| *self.token() == Token::Sign(sign));
+        found.map(|(_, operator)| *operator)
+    }
+
+    fn compared(&mut self) -> Read<Part> {
+        let left = self.sum()?;
+        let at = self.at();
+        let Some(operator) = self.comparison() else { return Ok(left) };
+        self.next += 1;
+        let right = self.sum()?;
+        if self.comparison().is_some() {
+            return self.wrong(self.at(), Problem::Chained);
+        }
+        self.two(at, operator, left, right)
+    }
+
+    fn sum(&mut self) -> Read<Part> {
+        let mut left = self.product()?;
+        loop {
+            let at = self.at();
+            let operator = match self.token() {
+                Token::Sign("+") => Two::Add,
+                Token::Sign("-") => Two::Subtract,
+                _ => return Ok(left),
+            };
+            self.next += 1;
+            let right = self.product()?;
+            left = self.two(at, operator, left, right)?;
+        }
+    }
+
+    fn product(&mut self) -> Read<Part> {
+        let mut left = self.signed()?;
+        loop {
+            let at = self.at();
+            let operator = match self.token() {
+                Token::Sign("*") => Two::Multiply,
+                Token::Sign("/") => Two::Divide,
+                _ => return Ok(left),
+            };
+            self.next += 1;
+            let right = self.signed()?;
+            left = self.two(at, operator, left, right)?;
+        }
+    }
+
+    fn signed(&mut self) -> Read<Part> {
+        let at = self.at();
+        if self.take("-") {
+            let of = self.deeper(Self::signed)?;
+            return self.one(at, One::Negate, of);
+        }
+        let base = self.atom()?;
+        let at = self.at();
+        if !self.take("^") {
+            return Ok(base);
+        }
+        let exponent = self.deeper(Self::signed)?;
+        if exponent.node == Node::Number(2.0) {
+            // A product is exact where a power is not.
+            return self.one(at, One::Square, base);
+        }
+        self.two(at, Two::Power, base, exponent)
+    }
+
+    fn atom(&mut self) -> Read<Part> {
+        let at = self.at();
+        if self.take("(") {
+            let inner = self.deeper(Self::either)?;
+            self.expect(")")?;
+            return Ok(inner);
+        }
+        match self.token().clone() {
+            Token::Number(number) => {
+                self.next += 1;
+                self.part(at, Node::Number(number), 1)
+            }
+            Token::Word(word) if !matches!(word.as_str(), "and" | "or" | "not") => {
+                self.next += 1;
+                match Quantity::ALL.iter().find(|quantity| quantity.name() == word) {
+                    Some(quantity) => self.quantity(at, *quantity),
+                    None => self.function(at, &word),
+                }
+            }
+            _ => self.expected("a number, a quantity, a function or a bracket"),
+        }
+    }
+
+    /// A quantity, after its name: all of it, or the elements that patterns in brackets pick.
+    fn quantity(&mut self, at: usize, quantity: Quantity) -> Read<Part> {
+        let names = quantity.elements().names(self.names);
+        let mut places: Vec<usize> = (0..names.len().max(1)).collect();
+        if quantity.elements() != Elements::None && names.is_empty() {
+            let problem = Problem::NoElement {
+                pattern: "*".to_owned(),
+                quantity: quantity.name(),
+                names: vec!["none".to_owned()],
+            };
+            return self.wrong(at, problem);
+        }
+        let bracket = self.at();
+        if self.take("[") {
+            if quantity.elements() == Elements::None {
+                return self.wrong(bracket, Problem::NoRow(quantity.name()));
+            }
+            let mut picked = vec![false; names.len()];
+            loop {
+                let at = self.at();
+                let Token::Text(pattern) = self.token().clone() else {
+                    return self.expected("a name or pattern in quotes");
+                };
+                self.next += 1;
+                match covered(&pattern, &names) {
+                    Ok(places) if places.is_empty() => {
+                        let (quantity, names) = (quantity.name(), elements_like(&pattern, &names));
+                        return self.wrong(at, Problem::NoElement { pattern, quantity, names });
+                    }
+                    Ok(places) => places.into_iter().for_each(|place| picked[place] = true),
+                    Err(error) => return self.wrong(at, Problem::Pattern(error.to_string())),
+                }
+                if !self.take(",") {
+                    break;
+                }
+            }
+            self.expect("]")?;
+            places.retain(|&place| picked[place]);
+        }
+        let width = places.len();
+        self.part(at, Node::Quantity(quantity, places), width)
+    }
+
+    /// A function, after its name.
+    fn function(&mut self, at: usize, word: &str) -> Read<Part> {
+        let Some((_, function)) = Function::all().find(|(name, _)| *name == word) else {
+            let (name, nearest) = (word.to_owned(), nearest(word));
+            return self.wrong(at, Problem::Unknown { name, nearest });
+        };
+        self.expect("(")?;
+        let mut arguments = vec![self.deeper(Self::either)?];
+        while self.take(",") {
+            let argument = self.deeper(Self::either)?;
+            arguments.push(argument);
+        }
+        self.expect(")")?;
+        let found = arguments.len();
+        let mut rest = arguments.into_iter();
+        match (function, rest.next(), rest.next(), rest.next(), rest.next()) {
+            (Function::One(one), Some(of), None, ..) => self.one(at, one, of),
+            (Function::Fold(kind), Some(row), None, ..) => self.fold(at, kind, row),
+            (Function::Fold(FoldKind::Min), Some(a), Some(b), None, _) => self.two(at, Two::Min, a, b),
+            (Function::Fold(FoldKind::Max), Some(a), Some(b), None, _) => self.two(at, Two::Max, a, b),
+            (Function::Clamp, Some(x), Some(low), Some(high), None) => {
+                let above = self.two(at, Two::Max, x, low)?;
+                self.two(at, Two::Min, above, high)
+            }
+            (Function::Select, Some(condition), Some(yes), Some(no), None) => {
+                let width = self.common(at, &[condition.width, yes.width, no.width])?;
+                self.part(at, Node::Select(Box::new([condition.node, yes.node, no.node])), width)
+            }
+            _ => {
+                let (function, wanted) = (word.to_owned(), function.takes());
+                self.wrong(at, Problem::Arguments { function, wanted, found })
+            }
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! What expressions may name.
+
+use gaitfit_model::patterns::{Pattern, PatternError};
+
+use super::operator::flag;
+use crate::task::{Foot, Moment};
+
+/// Names of the elements of rows.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Names<'a> {
+    /// The robot's joints, in its order.
+    pub joints: Vec<&'a str>,
+    /// The policy's joints, in its order.
+    pub actions: Vec<&'a str>,
+    /// The feet, as the task lists them.
+    pub feet: Vec<&'a str>,
+}
+
+/// What the numbers of a quantity are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Elements {
+    /// It is a single number.
+    None,
+    /// Axes `x`, `y`, `z`.
+    Axes,
+    /// Directions of a command: `x`, `y`, `yaw`.
+    Directions,
+    /// Joints of the robot.
+    Joints,
+    /// Joints of the policy.
+    Actions,
+    /// Feet.
+    Feet,
+}
+
+impl Elements {
+    /// Their names; a single number has none.
+    pub fn names<'a>(self, names: &Names<'a>) -> Vec<&'a str> {
+        match self {
+            Self::None => Vec::new(),
+            Self::Axes => vec!["x", "y", "z"],
+            Self::Directions => vec!["x", "y", "yaw"],
+            Self::Joints => names.joints.clone(),
+            Self::Actions => names.actions.clone(),
+            Self::Feet => names.feet.clone(),
+        }
+    }
+}
+
+/// Places of the `names` that a pattern covers: globs as for joints, or a name as it is.
+pub(super) fn covered(pattern: &str, names: &[&str]) -> Result<Vec<usize>, PatternError> {
+    let glob = Pattern::new(pattern)?;
+    Ok((0..names.len()).filter(|&k| names[k] == pattern || glob.covers(names[k])).collect())
+}
+
+macro_rules! quantities {
+    ($($(#[doc = $doc:literal])+ $variant:ident $name:literal $elements:ident = $value:expr;)*) => {
+        /// A quantity of a robot's moment.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Quantity { $($(#[doc = $doc])+ $variant,)* }
+
+        impl Quantity {
+            /// All, in the order of the documentation.
+            pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
+
+            /// Its name in expressions.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$variant => $name,)* }
+            }
+
+            /// What its numbers are of.
+            pub fn elements(self) -> Elements {
+                match self { $(Self::$variant => Elements::$elements,)* }
+            }
+
+            /// Number `place`; not a number where there is none.
+            pub(super) fn value(self, moment: &Moment<'_>, place: usize) -> f32 {
+                match self {
+                    $(Self::$variant => {
+                        let value: fn(&Moment<'_>, usize) -> f32 = $value;
+                        value(moment, place)
+                    })*
+                }
+            }
+        }
+    };
+}
+
+fn at(row: &[f32], place: usize) -> f32 {
+    row.get(place).copied().unwrap_or(f32::NAN)
+}
+
+fn foot(moment: &Moment<'_>, place: usize, value: fn(&Foot) -> f32) -> f32 {
+    moment.feet.get(place).map_or(f32::NAN, value)
+}
+
+quantities! {
+    /// Commanded velocity: forward, left, m/s; yaw rate, rad/s.
+    Command "command" Directions = |m, k| at(&m.command, k);
+    /// Velocity of the base: forward, left, up, m/s, heading frame.
+    Velocity "velocity" Axes = |m, k| at(&m.velocity, k);
+    /// Angular velocity of the base, rad/s, body frame.
+    AngularVelocity "angular_velocity" Axes = |m, k| at(&m.angular_velocity, k);
+    /// Angular velocity about the vertical, rad/s.
+    YawRate "yaw_rate" None = |m, _| m.yaw_rate;
+    /// Direction of gravity in the body frame, unit.
+    Gravity "gravity" Axes = |m, k| at(&m.gravity, k);
+    /// Cosine of the angle between actual and wanted posture.
+    Uprightness "uprightness" None = |m, _| m.uprightness;
+    /// Height of the base's origin, m.
+    Height "height" None = |m, _| m.height;
+    /// Joint positions, rad.
+    Qpos "qpos" Joints = |m, k| at(m.joint_position, k);
+    /// Joint positions of the default pose, rad.
+    DefaultPose "default_pose" Joints = |m, k| at(&m.task.walker.default_pose, k);
+    /// Joint velocities, rad/s.
+    Qvel "qvel" Joints = |m, k| at(m.joint_velocity, k);
+    /// Joint accelerations, rad/s².
+    Qacc "qacc" Joints = |m, k| at(m.joint_acceleration, k);
+    /// Motor torques, N·m.
+    Tau "tau" Joints = |m, k| at(m.torque, k);
+    /// Position targets of this period, rad.
+    Target "target" Joints = |m, k| at(m.target, k);
+    /// The action of this period.
+    Action "action" Actions = |m, k| at(m.action, k);
+    /// The action before.
+    LastAction "last_action" Actions = |m, k| at(m.last_action, k);
+    /// 1 for feet on the ground, else 0.
+    Contact "contact" Feet = |m, k| foot(m, k, |foot| flag(foot.touching));
+    /// 1 for feet that came down in this period, else 0.
+    Landed "landed" Feet = |m, k| foot(m, k, |foot| flag(foot.landed));
+    /// Height of a foot's centre, m.
+    FootHeight "foot_height" Feet = |m, k| foot(m, k, |foot| foot.height);
+    /// Horizontal speed of a foot, m/s.
+    FootSpeed "foot_speed" Feet = |m, k| foot(m, k, |foot| foot.speed);
+    /// Time since a foot left the ground, s; 0 on the ground.
+    AirTime "air_time" Feet = |m, k| foot(m, k, |foot| foot.air);
+    /// Time since a foot met the ground, s; 0 in the air.
+    ContactTime "contact_time" Feet = |m, k| foot(m, k, |foot| foot.contact);
+    /// Length of a foot's last flight, s.
+    LastAirTime "last_air_time" Feet = |m, k| foot(m, k, |foot| foot.last_air);
+    /// Geoms on the ground that are neither feet nor a fall.
+    BodyContacts "body_contacts" None = |m, _| m.body_contacts as f32;
+    /// 1 if the command asks for movement, else 0.
+    Walking "walking" None = |m, _| flag(m.walking);
+    /// 1 in the period of a fall, else 0.
+    Fallen "fallen" None = |m, _| flag(m.fallen);
+    /// Phase of the gait clock, 0 to 1; 0 without one.
+    Clock "clock" None = |m, _| m.clock;
+    /// Time between actions, s.
+    Dt "dt" None = |m, _| m.task.walker.interface.control_dt as f32;
+}

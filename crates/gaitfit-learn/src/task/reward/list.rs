@@ -1,0 +1,116 @@
+//! The reward terms of a task: built in, written as expressions, or a library user's functions.
+
+use gaitfit_model::shown;
+use gaitfit_policy::walker::Walker;
+
+use super::TERMS;
+use crate::task::error::refuse;
+use crate::task::expression::{Expression, Names};
+use crate::task::{Moment, TaskError, TaskSettings};
+
+/// Most terms of one's own.
+const MOST_OWN: usize = 64;
+/// Longest name of a term, bytes.
+const MOST_NAME: usize = 64;
+
+/// What gives a reward term its value.
+pub enum Value {
+    /// A term of [`TERMS`].
+    BuiltIn(fn(&Moment<'_>) -> f32),
+    /// An expression of the settings.
+    Expression(Expression),
+    /// A function of a library's user.
+    Own(Box<dyn Fn(&Moment<'_>) -> f32 + Send + Sync>),
+}
+
+impl Value {
+    /// At a robot's moment.
+    pub(in crate::task) fn of(&self, moment: &Moment<'_>) -> f32 {
+        match self {
+            Self::BuiltIn(value) => value(moment),
+            Self::Expression(expression) => expression.value(moment),
+            Self::Own(value) => value(moment),
+        }
+    }
+}
+
+/// A reward term of a task.
+pub(in crate::task) struct WeightedTerm {
+    pub(in crate::task) name: String,
+    /// Weight times the control step.
+    pub(in crate::task) weight: f32,
+    pub(in crate::task) value: Value,
+}
+
+/// The settings' reward terms of non-zero weight. Expressions of weight zero are read as well.
+pub(in crate::task) fn listed(
+    settings: &TaskSettings,
+    walker: &Walker,
+) -> Result<Vec<WeightedTerm>, TaskError> {
+    let mut own = expressions(settings, walker)?;
+    let mut terms = Vec::new();
+    for (name, &weight) in &settings.rewards {
+        let built_in = TERMS.iter().find(|term| term.name == name).map(|term| Value::BuiltIn(term.value));
+        let written = own.iter().position(|(other, _)| *other == name);
+        let written = written.map(|place| Value::Expression(own.swap_remove(place).1));
+        let Some(value) = built_in.or(written) else {
+            let known = TERMS.iter().map(|term| term.name).chain(settings.terms.keys().map(String::as_str));
+            let known: Vec<_> = known.collect();
+            let what = format!(
+                "has `{}`; known terms: {}. A term of your own is an expression in task.terms",
+                shown(name),
+                known.join(", ")
+            );
+            return refuse("rewards", what);
+        };
+        if !weight.is_finite() {
+            return refuse("rewards", format!("gives `{name}` the weight {weight}"));
+        }
+        if weight != 0.0 {
+            let weight = (weight * walker.interface.control_dt) as f32;
+            terms.push(WeightedTerm { name: name.clone(), weight, value });
+        }
+    }
+    match own.first() {
+        Some((name, _)) => refuse(
+            "terms",
+            format!("has `{name}`, which task.rewards gives no weight; give it one there (0 turns it off)"),
+        ),
+        None => Ok(terms),
+    }
+}
+
+/// The settings' own terms.
+fn expressions<'a>(
+    settings: &'a TaskSettings,
+    walker: &Walker,
+) -> Result<Vec<(&'a str, Expression)>, TaskError> {
+    if settings.terms.len() > MOST_OWN {
+        return refuse("terms", format!("has {} terms; at most {MOST_OWN}", settings.terms.len()));
+    }
+    let model = walker.model();
+    let names = Names {
+        joints: model.joints.iter().map(|joint| joint.name.as_str()).collect(),
+        actions: walker.interface.joints.iter().map(String::as_str).collect(),
+        feet: settings.feet.iter().map(String::as_str).collect(),
+    };
+    let mut expressions = Vec::new();
+    for (name, text) in &settings.terms {
+        let letters = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+        let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());
+        if !letters || !begins || name.len() > MOST_NAME {
+            let what = format!(
+                "has a term `{}`; a name begins with a letter and has letters, digits and _, at most {MOST_NAME}",
+                shown(name)
+            );
+            return refuse("terms", what);
+        }
+        if TERMS.iter().any(|term| term.name == name) {
+            return refuse("terms", format!("has `{name}`, which is built in; give it another name"));
+        }
+        let expression = Expression::new(text, &names)
+            .map_err(|error| TaskError::Expression { term: name.clone(), error })?;
+        expressions.push((name.as_str(), expression));
+    }
+    Ok(expressions)
+}
