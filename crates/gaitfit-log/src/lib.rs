@@ -57,6 +57,6 @@ pub use metadata::PerJoint;
 pub use ops::Signal;
 pub use read::{Hole, IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_report};
 pub use summary::{JointSummary, LogSummary, SignalSummary, summary, summary_with_report};
-pub use time_unit::{ConvertedTime, TimeUnit};
+pub use time_unit::{ConvertedTime, TimeUnit, recognise as recognise_time_unit};
 pub use trajectory::*;
 pub use write::write_csv;

@@ -21,8 +21,11 @@ pub enum PerJoint {
 }
 
 impl PerJoint {
-    /// One value for each of `joints`; the error says what does not fit.
-    pub(crate) fn resolve(&self, what: &str, joints: &[String]) -> Result<Vec<f64>, String> {
+    /// One value for each of `joints`; `what` names the quantity in the error, which says what does not fit.
+    ///
+    /// # Errors
+    /// A list of another length, a joint that no entry matches, a value that is negative or not finite.
+    pub fn resolve(&self, what: &str, joints: &[String]) -> Result<Vec<f64>, String> {
         let values = match self {
             PerJoint::All(value) => vec![*value; joints.len()],
             PerJoint::List(values) if values.len() == joints.len() => values.clone(),

@@ -80,7 +80,7 @@ const UNIX_S: (f64, f64) = (1e9, 5e9);
 ///
 /// # Errors
 /// In words: values that could be in several units, with the remedy.
-pub(crate) fn recognise(
+pub fn recognise(
     time: &[f64],
     rate_hz: Option<f64>,
     velocity_over_derivative: impl FnOnce() -> Option<f64>,

@@ -2,12 +2,14 @@
 
 mod bench;
 mod choices;
+mod logs;
 mod run;
 mod world;
 
 pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms};
 pub use choices::{Config, ConfigOf, Preset};
 pub use gaitfit::device::Device;
+pub use logs::Import;
 pub use run::{Adapt, Finetune, Loop, Reproduce, Train, Validate};
 pub use world::{Collect, Evaluate};
 
@@ -36,6 +38,8 @@ pub struct Cli {
 pub enum Command {
     /// Show what a robot file, a log, a folder of logs or a policy holds, and what is wrong with it
     Inspect(Inspect),
+    /// Read a recording of another program (MCAP, ROS 2 bag, npz, pickle, PyTorch, CSV) and write it as a log
+    Import(Import),
     /// Look at a robot and write a task for it, ready to train
     Init(Init),
     /// Fit the simulator's parameters to logs of a robot

@@ -9,6 +9,7 @@ pub mod evaluate;
 pub mod export;
 pub mod finetune;
 pub mod forward;
+pub mod import;
 pub mod init;
 pub mod inspect;
 pub mod loop_;

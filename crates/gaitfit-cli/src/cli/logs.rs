@@ -1,0 +1,36 @@
+//! Arguments of the commands about logs.
+
+use clap::Args;
+use std::path::PathBuf;
+
+/// Arguments of `import`.
+#[derive(Debug, Args)]
+pub struct Import {
+    /// A recording: a file, a ROS 2 bag's folder, or several files that were recorded together
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Log to write
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: PathBuf,
+    /// What the recording does not say: joints, units, columns (docs/logs.md)
+    #[arg(long, value_name = "FILE.toml")]
+    pub mapping: Option<PathBuf>,
+    /// Robot whose joints' order numbered joints have
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Robot: drop what the engine does not honour, instead of refusing the file
+    #[arg(long)]
+    pub lenient: bool,
+    /// Read only these topics or files, separated by commas
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub take: Vec<String>,
+    /// Add this to the times of what holds no joint positions, s [default: what the recorder's clock shows]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub clock_offset: Option<f64>,
+    /// Samples a second of a file without times
+    #[arg(long, value_name = "HZ")]
+    pub rate: Option<f64>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,139 @@
+//! Files of named arrays (npz, pickles, PyTorch): from arrays to a table.
+
+use crate::budget::Budget;
+use crate::known::{Role, role};
+use crate::mapping::{ColumnNames, Mapping, Names};
+use crate::table::{MOST_COLUMNS, Source, Table};
+use gaitfit_model::shown;
+use indexmap::IndexMap;
+
+/// An array, row-major.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Array {
+    /// Sizes; empty for one number.
+    pub shape: Vec<usize>,
+    /// Values; as many as the product of the sizes.
+    pub data: Vec<f64>,
+}
+
+impl Array {
+    /// Rows and columns: the first axis, and all others together.
+    fn rows_and_width(&self) -> (usize, usize) {
+        let rows = self.shape.first().copied().unwrap_or(1);
+        (rows, self.data.len().checked_div(rows).unwrap_or(0))
+    }
+}
+
+/// Named arrays and lists of words.
+#[derive(Debug, Default)]
+pub(crate) struct Arrays {
+    /// Numbers.
+    pub numbers: IndexMap<String, Array>,
+    /// Words, such as joint names.
+    pub words: IndexMap<String, Vec<String>>,
+}
+
+/// Number of values of a shape, if it is one.
+pub(crate) fn count(shape: &[usize]) -> Option<usize> {
+    shape.iter().try_fold(1usize, |product, size| product.checked_mul(*size))
+}
+
+/// What `name` holds by the mapping, or by its usual meaning where the mapping does not speak of that quantity.
+fn role_of(name: &str, mapping: &Mapping) -> Option<Role> {
+    if mapping.time.column.as_deref() == Some(name) {
+        return Some(Role::Time);
+    }
+    let said = named(&mapping.columns);
+    if let Some((role, _)) =
+        said.iter().find(|(_, names)| matches!(names, Some(Names::One(one)) if one == name))
+    {
+        return Some(*role);
+    }
+    let usual = role(name)?;
+    let is_said = said.iter().any(|(role, names)| *role == usual && names.is_some());
+    let other_time = usual == Role::Time && mapping.time.column.is_some();
+    (!is_said && !other_time).then_some(usual)
+}
+
+/// The mapping's columns with their roles.
+pub(crate) fn named(columns: &ColumnNames) -> [(Role, &Option<Names>); 8] {
+    [
+        (Role::Position, &columns.position),
+        (Role::Velocity, &columns.velocity),
+        (Role::Target, &columns.target),
+        (Role::Action, &columns.action),
+        (Role::Command, &columns.command),
+        (Role::Quaternion, &columns.quaternion),
+        (Role::RollPitchYaw, &columns.rpy),
+        (Role::AngularVelocity, &columns.angular_velocity),
+    ]
+}
+
+/// One table of all arrays that have a row a sample.
+pub(crate) fn source(
+    name: &str,
+    kind: &'static str,
+    arrays: Arrays,
+    mapping: &Mapping,
+    budget: &mut Budget,
+) -> Result<Source, String> {
+    let mut source = Source { kind, ..Source::default() };
+    let mut table = Table { name: name.to_owned(), clock: "the file's times", ..Table::default() };
+    let mut widest: IndexMap<usize, usize> = IndexMap::new();
+    for array in arrays.numbers.values().filter(|array| !array.shape.is_empty()) {
+        *widest.entry(array.shape[0]).or_default() += 1;
+    }
+    // The samples: as many as there are times, or positions, or as most arrays have rows.
+    let rows_of = |wanted: Role| {
+        let mut all = arrays.numbers.iter();
+        all.find(|(name, array)| role_of(name, mapping) == Some(wanted) && !array.shape.is_empty())
+            .map(|(_, array)| array.shape[0])
+    };
+    let rows = rows_of(Role::Time)
+        .or_else(|| rows_of(Role::Position))
+        .or_else(|| widest.iter().max_by_key(|(_, count)| **count).map(|(rows, _)| *rows))
+        .ok_or("no arrays of numbers; is this a log?")?;
+    let mut gains: [Option<Vec<f64>>; 2] = [None, None];
+    for (name, array) in &arrays.numbers {
+        let role = role_of(name, mapping);
+        let (found, width) = array.rows_and_width();
+        match role {
+            Some(Role::Kp) => gains[0] = Some(array.data.clone()),
+            Some(Role::Kd) => gains[1] = Some(array.data.clone()),
+            _ if found != rows || array.shape.is_empty() => {
+                source.left_out.push(format!("{}: shape {:?}, not {rows} rows", shown(name), array.shape));
+            }
+            Some(Role::Time) if width == 1 && table.time.is_empty() => {
+                table.time.clone_from(&array.data);
+                table.time_name = Some(name.rsplit('/').next().unwrap_or(name).to_owned());
+            }
+            _ => {
+                let columns = role.and_then(|role| role.columns(width)).unwrap_or_else(|| match width {
+                    1 => vec![name.clone()],
+                    _ => (0..width).map(|i| format!("{name}[{i}]")).collect(),
+                });
+                budget.take_values(rows.saturating_mul(columns.len()))?;
+                for (i, column) in columns.into_iter().enumerate() {
+                    if table.columns.len() >= MOST_COLUMNS {
+                        return Err(format!(
+                            "more than {MOST_COLUMNS} columns; save only the joints' arrays"
+                        ));
+                    }
+                    let values = array.data.iter().skip(i).step_by(width).copied().collect();
+                    table.columns.insert(column, values);
+                }
+            }
+        }
+    }
+    for (name, words) in arrays.words {
+        match role(&name) {
+            Some(Role::JointNames) => source.joints = Some(words),
+            _ => source.left_out.push(format!("{}: text", shown(&name))),
+        }
+    }
+    if let [Some(kp), Some(kd)] = gains {
+        source.gains = Some((kp, kd));
+    }
+    source.tables.push(table);
+    Ok(source)
+}

@@ -1,0 +1,180 @@
+//! From joined columns to a trajectory.
+
+use crate::ImportError;
+use crate::join::Joined;
+use crate::known::{COMMAND, QUATERNION, RATES, ROLL_PITCH_YAW};
+use crate::mapping::Mapping;
+use crate::table::Source;
+use gaitfit_log::{BaseState, Gains, Trajectory};
+use gaitfit_model::rotation::from_rpy;
+use indexmap::IndexMap;
+
+const BASE_POSITION: [&str; 3] = ["base_pos_x", "base_pos_y", "base_pos_z"];
+const BASE_VELOCITY: [&str; 3] = ["base_vel_x", "base_vel_y", "base_vel_z"];
+
+/// The trajectory of joined columns. Joints are those with positions; `assumed` and `left_out` gain what it took.
+pub(crate) fn trajectory(
+    joined: Joined,
+    sources: &[Source],
+    mapping: &Mapping,
+    assumed: &mut Vec<String>,
+    left_out: &mut Vec<String>,
+) -> Result<Trajectory, ImportError> {
+    let Joined { time: stamps, columns, .. } = joined;
+    let joints: Vec<String> =
+        columns.keys().filter_map(|name| name.strip_prefix("q_")).map(str::to_owned).collect();
+    let samples = stamps.len();
+    let start = stamps.first().copied().unwrap_or(0.0);
+    // A stream that begins elsewhere than at 0 begins at 0 here.
+    let time: Vec<f64> = stamps.iter().map(|time| time - start).collect();
+    let of_joints = |prefix: &str, left_out: &mut Vec<String>| {
+        let found: Vec<&Vec<f64>> =
+            joints.iter().filter_map(|joint| columns.get(&format!("{prefix}{joint}"))).collect();
+        if found.len() == joints.len() {
+            return Some(interleave(&found, samples));
+        }
+        if !found.is_empty() {
+            left_out.push(format!("{prefix}: only {} of {} joints have it", found.len(), joints.len()));
+        }
+        None
+    };
+    let position = of_joints("q_", left_out).unwrap_or_default();
+    let velocity = match of_joints("dq_", left_out) {
+        Some(velocity) => velocity,
+        None => {
+            assumed.push(
+                "velocities are not recorded; they are the central differences of the positions".into(),
+            );
+            derivative(&time, &position, joints.len())
+        }
+    };
+    let target = of_joints("qdes_", left_out);
+    let action = of_joints("act_", left_out);
+    let group = |names: &[&str]| -> Option<Vec<f64>> {
+        let found: Option<Vec<&Vec<f64>>> = names.iter().map(|name| columns.get(*name)).collect();
+        found.map(|found| interleave(&found, samples))
+    };
+    let quaternion = group(&QUATERNION).map(|mut values| {
+        // Blended quaternions are shorter.
+        for quaternion in values.chunks_exact_mut(4) {
+            let length = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
+            if length > 0.5 && length < 2.0 {
+                quaternion.iter_mut().for_each(|part| *part /= length);
+            }
+        }
+        values
+    });
+    let angles = || {
+        let angles = group(&ROLL_PITCH_YAW)?;
+        Some(angles.chunks_exact(3).flat_map(|rpy| from_rpy(rpy[0], rpy[1], rpy[2])).collect())
+    };
+    let base = BaseState {
+        position: group(&BASE_POSITION),
+        quaternion: quaternion.or_else(angles),
+        linear_velocity: group(&BASE_VELOCITY),
+        angular_velocity: group(&RATES),
+    };
+    let rate_hz = match mapping.rate_hz.or_else(|| measured_rate(&time)) {
+        Some(rate) => rate,
+        None => {
+            let problem = "one sample says no rate; give `rate_hz` in a mapping file".to_owned();
+            return Err(ImportError::Clock { stream: "the joined log".into(), problem });
+        }
+    };
+    let gains = gains(&joints, &columns, sources, mapping, assumed)?;
+    let trajectory = Trajectory {
+        source: None,
+        robot: mapping.robot.clone(),
+        joints,
+        time,
+        rate_hz,
+        position,
+        velocity,
+        target,
+        action,
+        command: group(&COMMAND),
+        base: (base != BaseState::default()).then_some(base),
+        gains,
+        fell: false,
+    };
+    trajectory.validate()?;
+    Ok(trajectory)
+}
+
+/// Columns side by side: one row a sample.
+fn interleave(columns: &[&Vec<f64>], samples: usize) -> Vec<f64> {
+    (0..samples).flat_map(|sample| columns.iter().map(move |column| column[sample])).collect()
+}
+
+/// Central differences, one-sided at the ends.
+fn derivative(time: &[f64], position: &[f64], width: usize) -> Vec<f64> {
+    let last = time.len().saturating_sub(1);
+    let mut out = Vec::with_capacity(position.len());
+    for sample in 0..time.len() {
+        let (before, after) = (sample.saturating_sub(1), (sample + 1).min(last));
+        let span = time[after] - time[before];
+        for joint in 0..width {
+            let change = position[after * width + joint] - position[before * width + joint];
+            out.push(if span > 0.0 { change / span } else { 0.0 });
+        }
+    }
+    out
+}
+
+/// 1 / middle interval, as a whole number of hertz where that is within 0.5 %.
+fn measured_rate(time: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let rate = 1.0 / crate::clock::typical(&mut steps)?;
+    let whole = rate.round();
+    Some(if (rate - whole).abs() <= 0.005 * whole { whole } else { rate })
+}
+
+/// Gains by the mapping, the files, or the commands to the motors.
+fn gains(
+    joints: &[String],
+    columns: &IndexMap<String, Vec<f64>>,
+    sources: &[Source],
+    mapping: &Mapping,
+    assumed: &mut Vec<String>,
+) -> Result<Option<Gains>, ImportError> {
+    let problem = |problem: String| ImportError::Mapping { problem };
+    match (&mapping.kp, &mapping.kd) {
+        (Some(kp), Some(kd)) => {
+            let kp = kp.resolve("kp", joints).map_err(problem)?;
+            let kd = kd.resolve("kd", joints).map_err(problem)?;
+            return Ok(Some(Gains { kp, kd }));
+        }
+        (None, None) => {}
+        _ => return Err(problem("kp and kd: give both or none".into())),
+    }
+    let usable = |gains: &Vec<f64>| gains.iter().all(|gain| gain.is_finite() && *gain >= 0.0);
+    for source in sources {
+        let Some((kp, kd)) = &source.gains else { continue };
+        let spread = |gains: &Vec<f64>| match gains.as_slice() {
+            [one] => Some(vec![*one; joints.len()]),
+            all => (all.len() == joints.len()).then(|| all.to_vec()),
+        };
+        if let (Some(kp), Some(kd)) = (spread(kp).filter(usable), spread(kd).filter(usable)) {
+            return Ok(Some(Gains { kp, kd }));
+        }
+    }
+    let mut changing = false;
+    let mut commanded = |prefix: &str| -> Option<Vec<f64>> {
+        let of = |joint: &String| {
+            let mut values = columns.get(&format!("{prefix}{joint}"))?.clone();
+            let middle = values.len() / 2;
+            let (_, value, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
+            let value = *value;
+            changing |= values.iter().any(|other| (other - value).abs() > 1e-6 * value.abs());
+            Some(value)
+        };
+        joints.iter().map(of).collect()
+    };
+    let (kp, kd) = (commanded("kp_"), commanded("kd_"));
+    if changing {
+        assumed.push(
+            "the commanded gains change; the middle ones are taken. Cut the log to one controller".into(),
+        );
+    }
+    Ok(kp.filter(usable).zip(kd.filter(usable)).map(|(kp, kd)| Gains { kp, kd }))
+}

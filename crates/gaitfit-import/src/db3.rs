@@ -1,0 +1,66 @@
+//! ROS 2 bags of the kind db3 (`rosbag2_storage_sqlite3`).
+
+use crate::budget::{Budget, unzstd};
+use crate::ros::{Channel, Messages};
+use crate::sqlite::{Database, needed};
+use std::collections::HashMap;
+
+/// The first bytes of a Zstandard frame: messages that were packed one by one.
+const ZSTD: &[u8] = &[0x28, 0xb5, 0x2f, 0xfd];
+
+/// Adds all messages of a bag. Bags before Iron do not hold the definitions of their types; those of ROS and Unitree are
+/// known here.
+pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budget) -> Result<(), String> {
+    let database = Database::open(bytes)?;
+    let mut definitions: HashMap<String, String> = HashMap::new();
+    if let Some(table) = database.table("message_definitions")?
+        && let (Some(kind), Some(encoding), Some(text)) =
+            (table.column("topic_type"), table.column("encoding"), table.column("encoded_message_definition"))
+    {
+        database.each(&table, &mut |cells| {
+            let word = |column: usize| cells.get(column).and_then(|cell| cell.text());
+            if let (Some(kind), Some("ros2msg"), Some(text)) = (word(kind), word(encoding), word(text)) {
+                budget.take_bytes(text.len())?;
+                definitions.insert(kind.to_owned(), text.to_owned());
+            }
+            Ok(())
+        })?;
+    }
+
+    let table = needed(&database, "topics")?;
+    let column = |table: &crate::sqlite::TableInfo, name: &str| {
+        table.column(name).ok_or_else(|| format!("its table has no column `{name}`: no ROS 2 bag"))
+    };
+    let (id, name, kind) = (column(&table, "id")?, column(&table, "name")?, column(&table, "type")?);
+    let format = table.column("serialization_format");
+    let mut topics: HashMap<i64, usize> = HashMap::new();
+    database.each(&table, &mut |cells| {
+        let word = |column: usize| cells.get(column).and_then(|cell| cell.text());
+        let number = cells.get(id).and_then(|cell| cell.integer());
+        if let (Some(number), Some(topic), Some(kind)) = (number, word(name), word(kind)) {
+            let definition = definitions.get(kind).cloned().unwrap_or_default();
+            budget.take_bytes(definition.len())?;
+            let encoding = format.and_then(word).unwrap_or("cdr").to_owned();
+            let channel = Channel { topic: topic.to_owned(), kind: kind.to_owned(), encoding, definition };
+            topics.insert(number, messages.channel(channel)?);
+        }
+        Ok(())
+    })?;
+
+    let table = needed(&database, "messages")?;
+    let (topic, time, data) =
+        (column(&table, "topic_id")?, column(&table, "timestamp")?, column(&table, "data")?);
+    database.each(&table, &mut |cells| {
+        let number = |column: usize| cells.get(column).and_then(|cell| cell.integer());
+        let (Some(topic), Some(time)) = (number(topic), number(time)) else { return Ok(()) };
+        let (Some(topic), Some(crate::sqlite::Cell::Blob(data))) = (topics.get(&topic), cells.get(data))
+        else {
+            return Ok(());
+        };
+        if data.starts_with(ZSTD) {
+            let unpacked = unzstd(data, budget)?;
+            return messages.message(*topic, time, &unpacked, budget);
+        }
+        messages.message(*topic, time, data, budget)
+    })
+}

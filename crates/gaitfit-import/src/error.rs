@@ -1,0 +1,134 @@
+//! What can go wrong with an import, each with its place and remedy.
+
+use gaitfit_log::LogError;
+use gaitfit_model::{escaped, shown, shown_number, shown_path};
+use std::path::PathBuf;
+
+/// Most characters of a sentence in a message.
+const SENTENCE: usize = 2000;
+
+/// Failure to import a log.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImportError {
+    /// The operating system refused.
+    #[error("{}: cannot {action}: {source}; check the path, its permissions and the free space", shown_path(.path))]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What was attempted.
+        action: &'static str,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A folder, pipe or device, or a folder that is no ROS 2 bag.
+    #[error("{}: not a regular file, and no folder with .mcap or .db3 files; name a log or a ROS 2 bag", shown_path(.path))]
+    NotAFile {
+        /// The path given.
+        path: PathBuf,
+    },
+    /// The file is larger than is taken into memory.
+    #[error("{}: larger than {limit} bytes; cut the recording, or raise `max_bytes` if there is memory for it", shown_path(.path))]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// `Options::max_bytes`.
+        limit: u64,
+    },
+    /// No kind of file that is read.
+    #[error(
+        "{}: the file's first bytes are of no kind that is read: MCAP, ROS 2 bag (.db3), npy, npz, pickle, PyTorch, \
+         Parquet, Arrow, CSV", shown_path(.path)
+    )]
+    UnknownKind {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A kind of file that is recognised and not read.
+    #[error("{}: {what} is not read here; {}", shown_path(.path), escaped(remedy, SENTENCE))]
+    Refused {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
+        /// How to convert it.
+        remedy: String,
+    },
+    /// The file's content does not fit its kind.
+    #[error("{}: {kind}: {}", shown_path(.path), escaped(problem, SENTENCE))]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// Its kind.
+        kind: &'static str,
+        /// What is wrong with it, and what to do.
+        problem: String,
+    },
+    /// The mapping says something that the file does not have, or that cannot be.
+    #[error("mapping: {}", escaped(problem, SENTENCE))]
+    Mapping {
+        /// What, and what to do.
+        problem: String,
+    },
+    /// Nothing in the files is a joint's position.
+    #[error(
+        "no joint positions were recognised; found {}; say which are positions with `[columns] position = ...` in a \
+         mapping file",
+        escaped(found, SENTENCE)
+    )]
+    NoPositions {
+        /// The streams and columns that there are.
+        found: String,
+    },
+    /// Joints are numbered and nobody says which number is which joint.
+    #[error(
+        "the file numbers its joints from 0 to {} and does not name them; give `joints = [...]` in that order in a mapping \
+         file", .count.saturating_sub(1)
+    )]
+    NoJointNames {
+        /// How many there are.
+        count: usize,
+    },
+    /// Two streams say the same quantity.
+    #[error(
+        "`{}` is in {} and in {}; name the one to take in `streams.take` of a mapping file",
+        shown(what),
+        shown(first),
+        shown(second)
+    )]
+    Ambiguous {
+        /// The column.
+        what: String,
+        /// One stream.
+        first: String,
+        /// The other.
+        second: String,
+    },
+    /// A stream's clock cannot be used.
+    #[error("{}: {}", shown(stream), escaped(problem, SENTENCE))]
+    Clock {
+        /// The stream.
+        stream: String,
+        /// What is wrong with its times, and what to do.
+        problem: String,
+    },
+    /// Two streams were recorded at different times.
+    #[error(
+        "{} has times from {} s to {} s and {} from {} s to {} s: they do not overlap; were they recorded together, and by \
+         one clock? `clock_offset_s` in a mapping file shifts the second", shown(first), shown_number(first_s[0]),
+        shown_number(first_s[1]), shown(second), shown_number(second_s[0]), shown_number(second_s[1])
+    )]
+    NoOverlap {
+        /// The stream with the positions.
+        first: String,
+        /// Its first and last time, s.
+        first_s: [f64; 2],
+        /// The other.
+        second: String,
+        /// Its first and last time, s.
+        second_s: [f64; 2],
+    },
+    /// The trajectory, or a CSV file of gaitfit's own, is refused by the log's reader.
+    #[error(transparent)]
+    Log(#[from] LogError),
+}

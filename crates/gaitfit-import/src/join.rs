@@ -1,0 +1,177 @@
+//! Streams at different rates, on the samples of the one with the positions.
+
+use crate::ImportError;
+use crate::clock::typical;
+use crate::known::COMMAND;
+use crate::table::Table;
+use indexmap::IndexMap;
+
+/// Joined columns.
+#[derive(Debug, Default)]
+pub(crate) struct Joined {
+    /// s
+    pub time: Vec<f64>,
+    /// One value a sample.
+    pub columns: IndexMap<String, Vec<f64>>,
+    /// What was assumed.
+    pub assumed: Vec<String>,
+    /// Samples left out at the beginning and at the end.
+    pub dropped: [usize; 2],
+}
+
+/// Times this close, s, are one time: recorders round.
+const SAME: f64 = 1e-9;
+
+/// Joins tables in the order of time. What a controller sets (targets, actions, commands) holds until its next sample; what
+/// is measured is blended between samples. Samples before the first target or action, or a period after the last, are
+/// left out.
+pub(crate) fn join(tables: Vec<Table>) -> Result<Joined, ImportError> {
+    let mut owner: IndexMap<&str, &str> = IndexMap::new();
+    for table in &tables {
+        for name in table.columns.keys() {
+            if let Some(first) = owner.insert(name, &table.name) {
+                let (first, second) = (first.to_owned(), table.name.clone());
+                return Err(ImportError::Ambiguous { what: name.clone(), first, second });
+            }
+        }
+    }
+    let positions = |table: &Table| table.columns.keys().filter(|name| name.starts_with("q_")).count();
+    let base = (0..tables.len()).max_by_key(|i| (positions(&tables[*i]), std::cmp::Reverse(*i)));
+    let Some(base) = base.filter(|i| positions(&tables[*i]) > 0) else {
+        let found: Vec<String> =
+            tables.iter().map(|table| format!("{} ({})", table.name, some_names(table))).collect();
+        let found = if found.is_empty() { "no column of a known name".to_owned() } else { found.join("; ") };
+        return Err(ImportError::NoPositions { found });
+    };
+    let state = &tables[base];
+    let mut from = f64::NEG_INFINITY;
+    let mut to = f64::INFINITY;
+    let mut joined = Joined::default();
+    for (i, table) in tables.iter().enumerate() {
+        let (Some(first), Some(last)) = (table.time.first(), table.time.last()) else { continue };
+        let bounds = |table: &Table| [table.time[0], table.time[table.time.len() - 1]];
+        if i == base {
+            continue;
+        }
+        let mut steps: Vec<f64> = table.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let period = typical(&mut steps).unwrap_or(0.0);
+        let [state_first, state_last] = bounds(state);
+        if *first > state_last || last + period < state_first {
+            return Err(ImportError::NoOverlap {
+                first: state.name.clone(),
+                first_s: [state_first, state_last],
+                second: table.name.clone(),
+                second_s: [*first, *last],
+            });
+        }
+        if table.columns.keys().all(|name| COMMAND.contains(&name.as_str())) {
+            if *first > state_first {
+                joined.assumed.push(format!("{}: the command before its first message is 0", table.name));
+            }
+            continue;
+        }
+        from = from.max(*first - table.slack);
+        let blended = table.columns.keys().any(|name| !is_held(name));
+        to = to.min(if blended { *last } else { last + period });
+    }
+    let begin = state.time.partition_point(|time| *time < from - SAME);
+    let end = state.time.partition_point(|time| *time <= to + SAME);
+    if begin >= end {
+        let problem =
+            "no sample lies between the first and the last of the other streams; check the clocks".into();
+        return Err(ImportError::Clock { stream: state.name.clone(), problem });
+    }
+    joined.dropped = [begin, state.time.len() - end];
+    joined.time = state.time[begin..end].to_vec();
+    for (name, values) in &state.columns {
+        joined.columns.insert(name.clone(), values[begin..end].to_vec());
+    }
+    for (i, table) in tables.iter().enumerate() {
+        if i == base {
+            continue;
+        }
+        // For each sample the row at or before it, if there is one.
+        let places: Vec<Option<usize>> = joined
+            .time
+            .iter()
+            .map(|at| table.time.partition_point(|time| *time <= at + SAME + table.slack).checked_sub(1))
+            .collect();
+        for (name, values) in &table.columns {
+            let at = |sample: usize| {
+                let Some(row) = places[sample] else { return 0.0 };
+                if is_held(name) {
+                    return values[row];
+                }
+                match (values.get(row + 1), table.time.get(row + 1)) {
+                    (Some(next), Some(later)) => {
+                        let fraction = ((joined.time[sample] - table.time[row]) / (later - table.time[row]))
+                            .clamp(0.0, 1.0);
+                        // Not 0 × next, which may be NaN.
+                        if fraction == 0.0 {
+                            values[row]
+                        } else {
+                            values[row] + fraction * (next - values[row])
+                        }
+                    }
+                    _ => values[row],
+                }
+            };
+            let column: Vec<f64> = (0..joined.time.len()).map(at).collect();
+            joined.columns.insert(name.clone(), column);
+        }
+    }
+    Ok(joined)
+}
+
+/// Whether a quantity is set by a controller and stays until it is set again.
+fn is_held(name: &str) -> bool {
+    ["qdes_", "act_", "kp_", "kd_"].iter().any(|prefix| name.starts_with(prefix)) || COMMAND.contains(&name)
+}
+
+fn some_names(table: &Table) -> String {
+    let mut names: Vec<&str> = table.columns.keys().take(6).map(String::as_str).collect();
+    if table.columns.len() > names.len() {
+        names.push("…");
+    }
+    names.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn table(name: &str, column: &str, time: &[f64], values: &[f64]) -> Table {
+        let columns = [(column.to_owned(), values.to_vec())].into_iter().collect();
+        Table { name: name.into(), time: time.to_vec(), columns, ..Table::default() }
+    }
+
+    #[test]
+    fn targets_hold_and_measurements_are_blended() -> Result<(), ImportError> {
+        let state = table("/s", "q_a", &[0.0, 1.0, 2.0, 3.0, 4.0], &[0.0, 10.0, 20.0, 30.0, 40.0]);
+        let target = table("/t", "qdes_a", &[0.5, 2.0, 3.5], &[5.0, 6.0, 7.0]);
+        let rate = table("/r", "dq_a", &[0.0, 2.0, 4.0], &[0.0, 2.0, 4.0]);
+        let command = table("/c", "vx_cmd", &[2.5], &[0.3]);
+        let joined = join(vec![state, target, rate, command])?;
+        assert_eq!(joined.time, [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(joined.columns["q_a"], [10.0, 20.0, 30.0, 40.0]);
+        assert_eq!(joined.columns["qdes_a"], [5.0, 6.0, 6.0, 7.0]);
+        assert_eq!(joined.columns["dq_a"], [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(joined.columns["vx_cmd"], [0.0, 0.0, 0.3, 0.3]);
+        assert_eq!(joined.dropped, [1, 0]);
+        Ok(())
+    }
+
+    #[test]
+    fn what_cannot_be_joined_is_refused() {
+        let state = || table("/s", "q_a", &[0.0, 1.0], &[0.0, 1.0]);
+        let text =
+            |tables| join(tables).map_or_else(|error| error.to_string(), |joined| format!("{joined:?}"));
+        assert!(
+            text(vec![state(), table("/t", "qdes_a", &[100.0, 101.0], &[0.0, 1.0])])
+                .contains("do not overlap")
+        );
+        assert!(text(vec![state(), table("/u", "q_a", &[0.0, 1.0], &[0.0, 1.0])]).contains("streams.take"));
+        assert!(text(vec![table("/t", "qdes_a", &[0.0], &[0.0])]).contains("/t (qdes_a)"));
+        assert!(text(Vec::new()).contains("no column of a known name"));
+    }
+}

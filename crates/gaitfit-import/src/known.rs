@@ -1,0 +1,266 @@
+//! Names that other programs give to a log's quantities, and what they are called here.
+//!
+//! Inside this crate a column is called as in gaitfit's CSV logs: `q_<joint>`, `dq_<joint>`, `qdes_<joint>`,
+//! `act_<joint>`, `vx_cmd`, `base_quat_w`, `roll`, `wx` and so on. A joint without a name is `#3` where the file numbers
+//! joints, and `#m3` where it numbers the motors of a Unitree robot.
+
+/// Motors of Unitree's Go2 and B2 (unitree_go) in the order of LowState and LowCmd.
+pub(crate) const UNITREE_GO: [&str; 12] = [
+    "FR_hip", "FR_thigh", "FR_calf", "FL_hip", "FL_thigh", "FL_calf", "RR_hip", "RR_thigh", "RR_calf",
+    "RL_hip", "RL_thigh", "RL_calf",
+];
+
+/// Motors of Unitree's G1 with 29 joints (unitree_hg) in the order of LowState and LowCmd.
+pub(crate) const UNITREE_HG: [&str; 29] = [
+    "left_hip_pitch",
+    "left_hip_roll",
+    "left_hip_yaw",
+    "left_knee",
+    "left_ankle_pitch",
+    "left_ankle_roll",
+    "right_hip_pitch",
+    "right_hip_roll",
+    "right_hip_yaw",
+    "right_knee",
+    "right_ankle_pitch",
+    "right_ankle_roll",
+    "waist_yaw",
+    "waist_roll",
+    "waist_pitch",
+    "left_shoulder_pitch",
+    "left_shoulder_roll",
+    "left_shoulder_yaw",
+    "left_elbow",
+    "left_wrist_roll",
+    "left_wrist_pitch",
+    "left_wrist_yaw",
+    "right_shoulder_pitch",
+    "right_shoulder_roll",
+    "right_shoulder_yaw",
+    "right_elbow",
+    "right_wrist_roll",
+    "right_wrist_pitch",
+    "right_wrist_yaw",
+];
+
+/// Joints of a walk-these-ways log in its order.
+pub(crate) const WALK_THESE_WAYS: [&str; 12] = [
+    "FL_hip", "FL_thigh", "FL_calf", "FR_hip", "FR_thigh", "FR_calf", "RL_hip", "RL_thigh", "RL_calf",
+    "RR_hip", "RR_thigh", "RR_calf",
+];
+
+/// What an array holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Role {
+    Time,
+    Position,
+    Velocity,
+    Target,
+    Action,
+    /// vx, vy, yaw rate.
+    Command,
+    /// vx, vy.
+    CommandXy,
+    /// Yaw rate, and more that is not taken.
+    CommandYaw,
+    Quaternion,
+    RollPitchYaw,
+    AngularVelocity,
+    JointNames,
+    Kp,
+    Kd,
+}
+
+impl Role {
+    /// Names of the columns of an array with this role and so many components; none if it has too few.
+    pub fn columns(self, width: usize) -> Option<Vec<String>> {
+        let joints = |prefix: &str| Some((0..width).map(|i| format!("{prefix}#{i}")).collect());
+        let fixed =
+            |names: &[&str]| (width >= names.len()).then(|| names.iter().map(|n| n.to_string()).collect());
+        match self {
+            Role::Position => joints("q_"),
+            Role::Velocity => joints("dq_"),
+            Role::Target => joints("qdes_"),
+            Role::Action => joints("act_"),
+            Role::Kp => joints("kp_"),
+            Role::Kd => joints("kd_"),
+            Role::Command => fixed(&COMMAND),
+            Role::CommandXy => fixed(&COMMAND[..2]),
+            Role::CommandYaw => fixed(&COMMAND[2..]),
+            Role::Quaternion if width == 4 => fixed(&QUATERNION),
+            Role::RollPitchYaw if width == 3 => fixed(&ROLL_PITCH_YAW),
+            Role::AngularVelocity if width == 3 => fixed(&RATES),
+            Role::Time | Role::JointNames | Role::Quaternion | Role::RollPitchYaw | Role::AngularVelocity => {
+                None
+            }
+        }
+    }
+
+    /// Prefix of a joint's column.
+    pub fn prefix(self) -> Option<&'static str> {
+        match self {
+            Role::Position => Some("q_"),
+            Role::Velocity => Some("dq_"),
+            Role::Target => Some("qdes_"),
+            Role::Action => Some("act_"),
+            _ => None,
+        }
+    }
+}
+
+pub(crate) const COMMAND: [&str; 3] = ["vx_cmd", "vy_cmd", "wz_cmd"];
+pub(crate) const QUATERNION: [&str; 4] = ["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z"];
+pub(crate) const ROLL_PITCH_YAW: [&str; 3] = ["roll", "pitch", "yaw"];
+pub(crate) const RATES: [&str; 3] = ["wx", "wy", "wz"];
+const BASE_POSITION: [&str; 3] = ["base_pos_x", "base_pos_y", "base_pos_z"];
+const BASE_VELOCITY: [&str; 3] = ["base_vel_x", "base_vel_y", "base_vel_z"];
+
+/// What an array called `name` holds, by the names that PACE, walk-these-ways, Isaac Lab, legged_gym and their like use.
+pub(crate) fn role(name: &str) -> Option<Role> {
+    let name = name.rsplit(['/', '.']).next().unwrap_or(name).to_lowercase();
+    Some(match name.as_str() {
+        "time" | "t" | "times" | "timestamp" | "timestamps" | "stamp" | "__time" | "time_s" | "time_ms"
+        | "time_us" | "time_ns" => Role::Time,
+        "q" | "position" | "positions" | "joint_pos" | "joint_position" | "joint_positions" | "dof_pos"
+        | "dof_positions" | "joint_q" | "actual_dof_pos" => Role::Position,
+        "dq" | "qd" | "velocity" | "velocities" | "joint_vel" | "joint_velocity" | "joint_velocities"
+        | "dof_vel" | "dof_velocities" | "joint_dq" => Role::Velocity,
+        "qdes" | "q_des" | "des_dof_pos" | "joint_pos_target" | "joint_pos_des" | "dof_pos_target"
+        | "target" | "targets" | "joint_target" | "joint_targets" | "target_dof_pos" | "q_target"
+        | "position_target" => Role::Target,
+        "action" | "actions" | "act" => Role::Action,
+        "command" | "commands" | "cmd" | "velocity_command" | "velocity_commands" => Role::Command,
+        "body_linear_vel_cmd" => Role::CommandXy,
+        "body_angular_vel_cmd" => Role::CommandYaw,
+        "base_quat" | "base_quat_wxyz" | "quat_wxyz" | "imu_quat_wxyz" => Role::Quaternion,
+        "rpy" | "roll_pitch_yaw" | "base_rpy" => Role::RollPitchYaw,
+        "body_angular_vel" | "base_ang_vel" | "gyro" | "gyroscope" | "imu_gyro" | "omega_body" => {
+            Role::AngularVelocity
+        }
+        "joint_names" | "joints" | "dof_names" | "joint_order" | "names" => Role::JointNames,
+        "kp" | "p_gains" | "stiffness" => Role::Kp,
+        "kd" | "d_gains" | "damping" => Role::Kd,
+        _ => return None,
+    })
+}
+
+/// What a column of numbers called `name` is called here, if it is known.
+pub(crate) fn canonical(name: &str) -> Option<String> {
+    if let Some(known) = own(name) {
+        return Some(known);
+    }
+    // a[3]/b, a.3.b and a/3/b are one notation.
+    let even: String =
+        name.chars().filter(|c| *c != ']').map(|c| if c == '[' || c == '.' { '/' } else { c }).collect();
+    let parts: Vec<&str> = even.split('/').filter(|part| !part.is_empty()).collect();
+    let number = |text: &str| text.parse::<usize>().ok().filter(|number| *number < 1024);
+    match parts.as_slice() {
+        [.., "motor_state", i, "q"] => number(i).map(|i| format!("q_#m{i}")),
+        [.., "motor_state", i, "dq"] => number(i).map(|i| format!("dq_#m{i}")),
+        [.., "motor_cmd", i, "q"] => number(i).map(|i| format!("qdes_#m{i}")),
+        [.., "motor_cmd", i, "kp"] => number(i).map(|i| format!("kp_#m{i}")),
+        [.., "motor_cmd", i, "kd"] => number(i).map(|i| format!("kd_#m{i}")),
+        [.., "imu_state", "quaternion", i] => QUATERNION.get(number(i)?).map(|n| n.to_string()),
+        [.., "imu_state", "gyroscope", i] => RATES.get(number(i)?).map(|n| n.to_string()),
+        [topic @ .., joint, "position"] if !topic.is_empty() && number(joint).is_none() => {
+            Some(format!("{}{joint}", if is_command(topic) { "qdes_" } else { "q_" }))
+        }
+        [topic @ .., joint, "velocity"] if !topic.is_empty() && number(joint).is_none() => {
+            (!is_command(topic)).then(|| format!("dq_{joint}"))
+        }
+        [topic @ .., "linear", axis @ ("x" | "y")] if is_velocity_command(topic) => {
+            Some(COMMAND[usize::from(*axis == "y")].to_owned())
+        }
+        [topic @ .., "angular", "z"] if is_velocity_command(topic) => Some(COMMAND[2].to_owned()),
+        [.., array, i] => Some(format!("{}#{}", role(array)?.prefix()?, number(i)?)),
+        [single] => {
+            // dof_pos_3
+            let (array, i) = single.rsplit_once('_')?;
+            Some(format!("{}#{}", role(array)?.prefix()?, number(i)?))
+        }
+        _ => None,
+    }
+}
+
+/// Names that are called so here already. A joint `q_3` is a number.
+fn own(name: &str) -> Option<String> {
+    let fixed = [&COMMAND[..], &QUATERNION, &ROLL_PITCH_YAW, &RATES, &BASE_POSITION, &BASE_VELOCITY];
+    if fixed.iter().any(|names| names.contains(&name)) {
+        return Some(name.to_owned());
+    }
+    if let Some(axis) = ["cmd_vx", "cmd_vy", "cmd_wz"].iter().position(|alias| *alias == name) {
+        return Some(COMMAND[axis].to_owned());
+    }
+    if name.starts_with("kp_#") || name.starts_with("kd_#") {
+        return Some(name.to_owned());
+    }
+    // `q_des_x` is a target, not a joint called des_x.
+    let (prefix, joint) = ["q_des_", "qdes_", "dq_", "act_", "q_"]
+        .iter()
+        .find_map(|prefix| Some((*prefix, name.strip_prefix(prefix)?)))
+        .filter(|(_, joint)| !joint.is_empty() && !joint.contains(['/', '[']))?;
+    let prefix = if prefix == "q_des_" { "qdes_" } else { prefix };
+    Some(match joint.parse::<u16>() {
+        Ok(number) => format!("{prefix}#{number}"),
+        Err(_) => format!("{prefix}{joint}"),
+    })
+}
+
+/// Whether a topic's name says that its joints are commanded.
+pub(crate) fn is_command(topic: &[&str]) -> bool {
+    topic.iter().any(|part| {
+        let part = part.to_lowercase();
+        ["cmd", "command", "target", "desired", "reference", "setpoint"]
+            .iter()
+            .any(|word| part.contains(word))
+    })
+}
+
+fn is_velocity_command(topic: &[&str]) -> bool {
+    topic.iter().any(|part| {
+        let part = part.to_lowercase();
+        ["cmd_vel", "command", "cmd"].iter().any(|word| part.contains(word))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_other_programs_are_known() {
+        for (name, want) in [
+            ("q_FL_hip", "q_FL_hip"),
+            ("q_3", "q_#3"),
+            ("q_des_FL_hip", "qdes_FL_hip"),
+            ("/joint_states/FL_hip_joint/position", "q_FL_hip_joint"),
+            ("/joint_states/FL_hip_joint/velocity", "dq_FL_hip_joint"),
+            ("/joint_commands/FL_hip_joint/position", "qdes_FL_hip_joint"),
+            ("/lowstate/motor_state[3]/q", "q_#m3"),
+            ("/lowstate/motor_state.3.dq", "dq_#m3"),
+            ("/lowcmd/motor_cmd[11]/q", "qdes_#m11"),
+            ("/lowstate/imu_state/quaternion[0]", "base_quat_w"),
+            ("/lowstate/imu_state/gyroscope[2]", "wz"),
+            ("/cmd_vel/linear/x", "vx_cmd"),
+            ("/cmd_vel/angular/z", "wz_cmd"),
+            ("dof_pos[4]", "q_#4"),
+            ("dof_pos_4", "q_#4"),
+            ("cmd_vy", "vy_cmd"),
+        ] {
+            assert_eq!(canonical(name).as_deref(), Some(want), "{name}");
+        }
+        for name in
+            ["temperature", "/odom/linear/x", "/lowstate/motor_state[3]/temperature", "q_", "torque_3"]
+        {
+            assert_eq!(canonical(name), None, "{name}");
+        }
+    }
+
+    #[test]
+    fn arrays_with_too_few_components_are_not_taken() {
+        assert_eq!(Role::Quaternion.columns(3), None);
+        assert_eq!(Role::Command.columns(2), None);
+        assert_eq!(Role::Command.columns(15).map(|names| names.len()), Some(3));
+        assert_eq!(Role::Position.columns(2), Some(vec!["q_#0".to_owned(), "q_#1".to_owned()]));
+    }
+}

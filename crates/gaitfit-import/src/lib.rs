@@ -1,0 +1,147 @@
+//! Logs of robots from other programs' files.
+//!
+//! [`import`] reads what a robot's recorders write and gives a [`Trajectory`]. Files are recognised by their content:
+//!
+//! | kind | what is read |
+//! | --- | --- |
+//! | MCAP; ROS 2 bags (`.mcap`, `.db3`, folders of them) | `sensor_msgs/JointState`, `Imu`; Unitree `LowState`, `LowCmd`; `control_msgs` controller and joint states; `trajectory_msgs`; `geometry_msgs/Twist` as commands. Messages are decoded by the definitions in the file; types of one's own with the same fields are read too |
+//! | npz, npy | named arrays, one row a sample |
+//! | PyTorch (`.pt`) | dictionaries of tensors, such as PACE's recordings |
+//! | pickle (`.pkl`) | dictionaries of arrays, lists of dictionaries; walk-these-ways' deployment logs. Nothing in a pickle is run |
+//! | CSV | PlotJuggler's and any other, by known names or a [`Mapping`] |
+//!
+//! Streams at different rates are joined by time. What was assumed is in the [`ImportReport`].
+//!
+//! Files are not trusted: sizes are bounded by [`Options`], and no input makes the readers panic.
+//!
+//! ```no_run
+//! use gaitfit_import::{Options, import};
+//!
+//! let imported = import(&["recording.mcap"], &Options::default())?;
+//! println!("{} samples at {} Hz", imported.trajectory.len(), imported.trajectory.rate_hz);
+//! for line in &imported.report.assumed {
+//!     println!("assumed: {line}");
+//! }
+//! # Ok::<(), gaitfit_import::ImportError>(())
+//! ```
+
+mod arrays;
+mod assemble;
+mod budget;
+mod clock;
+mod db3;
+mod dtype;
+mod error;
+mod join;
+mod kind;
+mod known;
+mod mapping;
+mod mcap;
+mod npz;
+mod open;
+mod pickle;
+mod resolve;
+mod ros;
+mod sqlite;
+mod table;
+mod text;
+mod torch;
+mod walk_these_ways;
+
+pub use clock::{ClockFinding, StreamReport};
+pub use error::ImportError;
+pub use mapping::{
+    AngleUnit, ColumnNames, MOST_MAPPING_BYTES, Mapping, Names, StreamNames, TimeColumn, UnitName,
+};
+
+use gaitfit_log::Trajectory;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// What the caller knows, and how much an import may take.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// What the files do not say.
+    pub mapping: Mapping,
+    /// Largest file, bytes; packed data may become four times as large.
+    pub max_bytes: u64,
+    /// Most numbers kept, of 8 bytes.
+    pub max_values: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { mapping: Mapping::default(), max_bytes: 1 << 30, max_values: 100_000_000 }
+    }
+}
+
+/// A log and how it came to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Imported {
+    /// The log. Its time begins at 0.
+    pub trajectory: Trajectory,
+    /// What was read, assumed and left out.
+    pub report: ImportReport,
+}
+
+/// What was read, assumed and left out.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ImportReport {
+    /// The files and their kinds.
+    pub files: Vec<(PathBuf, &'static str)>,
+    /// The streams that were joined.
+    pub streams: Vec<StreamReport>,
+    /// Assumptions, in sentences.
+    pub assumed: Vec<String>,
+    /// What was left out, with the reason.
+    pub left_out: Vec<String>,
+    /// Samples of the joints left out before the first and after the last of the other streams.
+    pub dropped: [usize; 2],
+}
+
+/// Reads one recording: a file, a ROS 2 bag's folder, or several files that were recorded together by one clock.
+///
+/// # Errors
+/// [`ImportError`]: files that cannot be read or are of no known kind, joints without positions or names, clocks that
+/// cannot be joined.
+pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported, ImportError> {
+    let mapping = &options.mapping;
+    let mut report = ImportReport::default();
+    let mut sources = Vec::new();
+    for path in paths {
+        let path = path.as_ref();
+        let mut source = open::source(path, options)?;
+        report.files.push((path.to_owned(), source.kind));
+        resolve::rename(&mut source, mapping)?;
+        resolve::name_joints(&mut source, mapping)?;
+        resolve::convert(&mut source, mapping)?;
+        sources.push(source);
+    }
+    // Files that say when they were recorded are put on one axis of time.
+    let first = sources.first().map_or(0, |source| source.origin_ns);
+    let mut tables = Vec::new();
+    for source in &mut sources {
+        let later = source.origin_ns.saturating_sub(first) as f64 / 1e9;
+        for mut table in std::mem::take(&mut source.tables) {
+            if source.origin_ns != 0 && first != 0 && later != 0.0 {
+                table.time.iter_mut().for_each(|time| *time += later);
+            }
+            let is_state = table.columns.keys().any(|name| name.starts_with("q_"));
+            if let Some(offset) = mapping.clock_offset_s.filter(|_| !is_state) {
+                table.time.iter_mut().for_each(|time| *time += offset);
+                report.assumed.push(format!("{}: its times are {offset} s later, as asked", table.name));
+            }
+            report.streams.push(clock::clean(&mut table)?);
+            tables.push(table);
+        }
+        report.assumed.append(&mut source.assumed);
+        report.left_out.append(&mut source.left_out);
+    }
+    let mut joined = join::join(tables)?;
+    report.assumed.append(&mut joined.assumed);
+    report.dropped = joined.dropped;
+    let (assumed, left_out) = (&mut report.assumed, &mut report.left_out);
+    let mut trajectory = assemble::trajectory(joined, &sources, mapping, assumed, left_out)?;
+    trajectory.source = paths.first().map(|path| path.as_ref().to_owned());
+    Ok(Imported { trajectory, report })
+}

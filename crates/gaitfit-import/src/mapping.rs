@@ -1,0 +1,191 @@
+//! What the user says about files that do not say it themselves.
+
+use crate::ImportError;
+use gaitfit_log::{PerJoint, TimeUnit};
+use serde::Deserialize;
+
+/// Largest mapping file, bytes.
+pub const MOST_MAPPING_BYTES: u64 = 1 << 20;
+
+/// What an import may know beyond the files, as a TOML file says it. Everything is optional.
+///
+/// ```toml
+/// joints = ["FR_hip", "FR_thigh", "FR_calf"]   # the order of numbered joints
+/// unit = "deg"                                 # of joint positions, velocities and targets; default rad
+/// rate_hz = 50                                 # where there is no time column
+/// clock_offset_s = 0.003                       # added to the times of what holds no positions
+/// kp = 20
+/// kd = 0.5
+///
+/// [time]
+/// column = "stamp"
+/// unit = "milliseconds"
+///
+/// [columns]
+/// position = "motor_{index}_angle"             # {index}: number from 0; {joint}: name; or the name of an array
+/// velocity = ["w0", "w1", "w2"]                # or one name a joint
+/// command = ["joy_x", "joy_y", "joy_yaw"]
+///
+/// [streams]
+/// take = ["/joint_states", "/joint_commands"]  # leave out all others
+/// target = ["/joint_commands"]                 # their positions are targets
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Mapping {
+    /// Names of numbered joints, number 0 first.
+    pub joints: Option<Vec<String>>,
+    /// Unit of joint positions, velocities and targets.
+    pub unit: AngleUnit,
+    /// Unit of the IMU's angles and rates.
+    pub imu_unit: AngleUnit,
+    /// Sample rate, Hz, of files without times.
+    pub rate_hz: Option<f64>,
+    /// The robot's name.
+    pub robot: Option<String>,
+    /// Position gains while recording, N·m/rad; stronger than what files say.
+    pub kp: Option<PerJoint>,
+    /// Velocity gains while recording, N·m·s/rad; stronger than what files say.
+    pub kd: Option<PerJoint>,
+    /// Added to the times of every stream without positions, s, instead of what the recorder's clock suggests.
+    pub clock_offset_s: Option<f64>,
+    /// The time column.
+    pub time: TimeColumn,
+    /// Which columns are what.
+    pub columns: ColumnNames,
+    /// Which streams are what.
+    pub streams: StreamNames,
+}
+
+/// Unit of angles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+pub enum AngleUnit {
+    /// rad, rad/s
+    #[default]
+    #[serde(rename = "rad")]
+    Radians,
+    /// °, °/s
+    #[serde(rename = "deg")]
+    Degrees,
+}
+
+impl AngleUnit {
+    /// rad in one unit.
+    pub(crate) fn radians(self) -> f64 {
+        match self {
+            AngleUnit::Radians => 1.0,
+            AngleUnit::Degrees => std::f64::consts::PI / 180.0,
+        }
+    }
+}
+
+/// The time column.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TimeColumn {
+    /// Its name, where it is not one of the usual.
+    pub column: Option<String>,
+    /// Its unit, where neither name nor values tell: seconds, milliseconds, microseconds, nanoseconds.
+    pub unit: Option<UnitName>,
+}
+
+/// Unit of a time column, by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum UnitName {
+    /// s
+    #[serde(alias = "s")]
+    Seconds,
+    /// ms
+    #[serde(alias = "ms")]
+    Milliseconds,
+    /// µs
+    #[serde(alias = "us")]
+    Microseconds,
+    /// ns
+    #[serde(alias = "ns")]
+    Nanoseconds,
+}
+
+impl From<UnitName> for TimeUnit {
+    fn from(name: UnitName) -> TimeUnit {
+        match name {
+            UnitName::Seconds => TimeUnit::Seconds,
+            UnitName::Milliseconds => TimeUnit::Milliseconds,
+            UnitName::Microseconds => TimeUnit::Microseconds,
+            UnitName::Nanoseconds => TimeUnit::Nanoseconds,
+        }
+    }
+}
+
+/// Which columns are what.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ColumnNames {
+    /// Joint positions.
+    pub position: Option<Names>,
+    /// Joint velocities.
+    pub velocity: Option<Names>,
+    /// Position targets.
+    pub target: Option<Names>,
+    /// Policy actions.
+    pub action: Option<Names>,
+    /// Commands: vx, vy, yaw rate.
+    pub command: Option<Names>,
+    /// Orientation of the base: w, x, y, z.
+    pub quaternion: Option<Names>,
+    /// Orientation of the base: roll, pitch, yaw.
+    pub rpy: Option<Names>,
+    /// Angular velocity of the base in its own frame: x, y, z.
+    pub angular_velocity: Option<Names>,
+}
+
+/// Names of columns.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Names {
+    /// A pattern with `{joint}` or `{index}`, or the name of an array.
+    One(String),
+    /// One name a joint or component.
+    Each(Vec<String>),
+}
+
+/// Which streams (topics, files) are what.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StreamNames {
+    /// If not empty, only these are read.
+    pub take: Vec<String>,
+    /// Their positions are targets.
+    pub target: Vec<String>,
+    /// Their positions are actions.
+    pub action: Vec<String>,
+}
+
+impl Mapping {
+    /// Reads a mapping's text.
+    ///
+    /// # Errors
+    /// What is not TOML, and keys or values that a mapping does not have.
+    pub fn parse(text: &str) -> Result<Mapping, ImportError> {
+        let mapping: Mapping =
+            toml::from_str(text).map_err(|error| ImportError::Mapping { problem: error.to_string() })?;
+        let refuse = |problem: String| Err(ImportError::Mapping { problem });
+        if let Some(rate) = mapping.rate_hz.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
+            return refuse(format!("rate_hz is {rate}; give a positive number of samples a second"));
+        }
+        if let Some(offset) = mapping.clock_offset_s.filter(|offset| !offset.is_finite()) {
+            return refuse(format!("clock_offset_s is {offset}; give seconds"));
+        }
+        if let Some(joints) = &mapping.joints {
+            for (i, joint) in joints.iter().enumerate() {
+                if joint.is_empty() || joints[..i].contains(joint) {
+                    return refuse(format!(
+                        "joints: `{joint}` is empty or there twice; name each joint once"
+                    ));
+                }
+            }
+        }
+        Ok(mapping)
+    }
+}

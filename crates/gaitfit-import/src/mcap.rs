@@ -1,0 +1,95 @@
+//! MCAP files. The crate `mcap` reads records; chunks are unpacked here, by decoders in Rust.
+
+use crate::budget::{Budget, unlz4, unzstd};
+use crate::ros::{Channel, Messages};
+use gaitfit_model::shown;
+use mcap::records::{Record, op};
+use std::collections::HashMap;
+
+/// The first bytes of a file.
+pub(crate) const MAGIC: &[u8] = b"\x89MCAP0\r\n";
+
+/// Schemas and channels seen so far.
+#[derive(Default)]
+struct Seen {
+    /// Name, encoding and text of schemas.
+    schemas: HashMap<u16, (String, String, String)>,
+    /// The number of each channel's topic.
+    channels: HashMap<u16, usize>,
+}
+
+/// Adds all messages of a file. A file that was cut off is read as far as it goes; returns whether it was.
+pub(crate) fn read(bytes: &[u8], messages: &mut Messages<'_>, budget: &mut Budget) -> Result<bool, String> {
+    let rest = bytes.strip_prefix(MAGIC).ok_or("it does not begin as MCAP files do")?;
+    let mut seen = Seen::default();
+    records(rest, &mut seen, messages, budget, true)
+}
+
+fn records(
+    mut rest: &[u8],
+    seen: &mut Seen,
+    messages: &mut Messages<'_>,
+    budget: &mut Budget,
+    outside: bool,
+) -> Result<bool, String> {
+    while let Some((head, after)) = rest.split_at_checked(9) {
+        let code = head[0];
+        let size = head[1..].iter().rev().fold(0u64, |sum, byte| (sum << 8) | u64::from(*byte));
+        let body = usize::try_from(size).ok().and_then(|size| after.split_at_checked(size));
+        let Some((body, next)) = body else { return Ok(true) };
+        rest = next;
+        match code {
+            op::DATA_END | op::FOOTER if outside => return Ok(false),
+            op::CHUNK if outside => {
+                let Record::Chunk { header, data } = parse(code, body)? else { continue };
+                let packed: &[u8] = &data;
+                let unpacked = match header.compression.as_str() {
+                    "" => None,
+                    "zstd" => Some(unzstd(packed, budget)?),
+                    "lz4" => Some(unlz4(packed, budget)?),
+                    other => {
+                        return Err(format!("chunks packed by `{}`; zstd and lz4 are read", shown(other)));
+                    }
+                };
+                records(unpacked.as_deref().unwrap_or(packed), seen, messages, budget, false)?;
+            }
+            op::SCHEMA => {
+                if let Record::Schema { header, data } = parse(code, body)? {
+                    budget.take_bytes(data.len())?;
+                    let text = String::from_utf8_lossy(&data).into_owned();
+                    seen.schemas.insert(header.id, (header.name, header.encoding, text));
+                }
+            }
+            op::CHANNEL => {
+                if let Record::Channel(channel) = parse(code, body)? {
+                    let (kind, encoding, text) =
+                        seen.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
+                    // Other languages of definitions are not read; types of ROS and Unitree are known without.
+                    let definition = if encoding == "ros2msg" { text } else { String::new() };
+                    let number = messages.channel(Channel {
+                        topic: channel.topic,
+                        kind,
+                        encoding: channel.message_encoding,
+                        definition,
+                    })?;
+                    seen.channels.insert(channel.id, number);
+                }
+            }
+            op::MESSAGE => {
+                if let Record::Message { header, data } = parse(code, body)?
+                    && let Some(number) = seen.channels.get(&header.channel_id)
+                {
+                    let time = i64::try_from(header.log_time).unwrap_or(i64::MAX);
+                    messages.message(*number, time, &data, budget)?;
+                }
+            }
+            // Indexes, statistics, attachments, metadata.
+            _ => {}
+        }
+    }
+    Ok(outside)
+}
+
+fn parse(code: u8, body: &[u8]) -> Result<Record<'_>, String> {
+    mcap::parse_record(code, body).map_err(|error| format!("a record is damaged: {error}"))
+}

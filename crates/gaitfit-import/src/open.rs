@@ -1,0 +1,221 @@
+//! From a path to tables.
+
+use crate::arrays::{self, Arrays};
+use crate::budget::{Budget, unzstd};
+use crate::kind::{Kind, kind};
+use crate::known::WALK_THESE_WAYS;
+use crate::mapping::Mapping;
+use crate::ros::Messages;
+use crate::table::Source;
+use crate::{ImportError, Options, db3, mcap, npz, pickle, text, torch, walk_these_ways};
+use gaitfit_log::{ReadOptions, read_csv_report};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Most files of a bag's folder.
+const MOST_FILES: usize = 1000;
+
+/// Reads a file or a bag's folder.
+pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportError> {
+    let most_bytes = usize::try_from(options.max_bytes.saturating_mul(4)).unwrap_or(usize::MAX);
+    let mut budget = Budget::new(options.max_values, most_bytes);
+    let mapping = &options.mapping;
+    if path.is_dir() {
+        return bag(path, options, &mut budget);
+    }
+    let mut bytes = read(path, options.max_bytes)?;
+    let mut kind = kind(&bytes).ok_or_else(|| ImportError::UnknownKind { path: path.to_owned() })?;
+    if kind == Kind::Zstd {
+        bytes = unzstd(&bytes, &mut budget).map_err(|problem| content(path, kind, problem))?;
+        kind = crate::kind::kind(&bytes).ok_or_else(|| ImportError::UnknownKind { path: path.to_owned() })?;
+    }
+    if kind == Kind::Text && mapping == &Mapping::default() && is_own(&bytes) {
+        return own(path, options);
+    }
+    let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let refused = |what, remedy: String| Err(ImportError::Refused { path: path.to_owned(), what, remedy });
+    let found = match kind {
+        Kind::Mcap => {
+            let mut messages = Messages::new(mapping);
+            mcap::read(&bytes, &mut messages, &mut budget).and_then(|cut| finish(messages, kind, cut))
+        }
+        Kind::Sqlite => {
+            let mut messages = Messages::new(mapping);
+            db3::read(&bytes, &mut messages, &mut budget).and_then(|()| finish(messages, kind, false))
+        }
+        Kind::Npz => npz::read_npz(&bytes, &mut budget)
+            .and_then(|arrays| arrays::source(&name, kind.name(), arrays, mapping, &mut budget)),
+        Kind::Npy => {
+            let mut arrays = Arrays::default();
+            npz::add("array", &bytes, &mut arrays, &mut budget)
+                .and_then(|()| arrays::source(&name, kind.name(), arrays, mapping, &mut budget))
+        }
+        Kind::Torch => torch::read(&bytes, &mut budget)
+            .and_then(|arrays| arrays::source(&name, kind.name(), arrays, mapping, &mut budget)),
+        Kind::Pickle => pickled(&name, &bytes, mapping, &mut budget),
+        Kind::Text => text::read(&name, &bytes, mapping, &mut budget),
+        Kind::Parquet | Kind::Arrow => {
+            return refused(
+                kind.name(),
+                "convert it: python -c \"import pandas; pandas.read_parquet('log.parquet').to_csv('log.csv')\"".into(),
+            );
+        }
+        Kind::Hdf5 => {
+            return refused(
+                kind.name(),
+                "convert it in Python: `import h5py, numpy; f = h5py.File('log.h5')` and `numpy.savez('log.npz', **{k: \
+                 f[k][()] for k in f})`"
+                    .into(),
+            );
+        }
+        Kind::Matlab => {
+            return refused(
+                kind.name(),
+                "convert it in Python: `import scipy.io, numpy; f = scipy.io.loadmat('log.mat')` and \
+                 `numpy.savez('log.npz', **{k: v for k, v in f.items() if k[0] != '_'})`"
+                    .into(),
+            );
+        }
+        Kind::TorchLegacy => {
+            return refused(
+                "a file of torch.save before version 1.6",
+                "save it again: torch.save(torch.load('log.pt', weights_only=True), 'new.pt')".into(),
+            );
+        }
+        Kind::Ros1 => {
+            return refused("a ROS 1 bag", "convert it: rosbags-convert --src log.bag --dst log".into());
+        }
+        Kind::Zstd => Err("packed twice".into()),
+    };
+    found.map_err(|problem| content(path, kind, problem))
+}
+
+fn content(path: &Path, kind: Kind, problem: String) -> ImportError {
+    ImportError::Content { path: path.to_owned(), kind: kind.name(), problem }
+}
+
+fn finish(messages: Messages<'_>, kind: Kind, cut: bool) -> Result<Source, String> {
+    let mut source = messages.finish(kind.name())?;
+    if cut {
+        source.assumed.push("the recording was cut off; it is read as far as it goes".into());
+    }
+    Ok(source)
+}
+
+/// Reads a regular file, at most `limit` bytes of it.
+fn read(path: &Path, limit: u64) -> Result<Vec<u8>, ImportError> {
+    let io = |action| move |source| ImportError::Io { path: path.to_owned(), action, source };
+    let metadata = std::fs::metadata(path).map_err(io("look at the file"))?;
+    if !metadata.is_file() {
+        return Err(ImportError::NotAFile { path: path.to_owned() });
+    }
+    let file = std::fs::File::open(path).map_err(io("open the file"))?;
+    let mut bytes = Vec::new();
+    file.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(io("read the file"))?;
+    if bytes.len() as u64 > limit {
+        return Err(ImportError::TooLarge { path: path.to_owned(), limit });
+    }
+    Ok(bytes)
+}
+
+/// A folder of MCAP or db3 files: one recording, split by size or time.
+fn bag(folder: &Path, options: &Options, budget: &mut Budget) -> Result<Source, ImportError> {
+    let io = |source| ImportError::Io { path: folder.to_owned(), action: "list the folder", source };
+    let mut files: Vec<PathBuf> = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(io)?.take(MOST_FILES) {
+        let path = entry.map_err(io)?.path();
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().to_lowercase());
+        if [".mcap", ".db3", ".mcap.zstd", ".db3.zstd"].iter().any(|ending| name.ends_with(ending)) {
+            files.push(path);
+        }
+    }
+    // bag_2 comes before bag_10.
+    files.sort_by_key(|path| (path.as_os_str().len(), path.clone()));
+    if files.is_empty() {
+        return Err(ImportError::NotAFile { path: folder.to_owned() });
+    }
+    let mut messages = Messages::new(&options.mapping);
+    let mut cut = false;
+    let mut found = Kind::Mcap;
+    for path in &files {
+        let mut bytes = read(path, options.max_bytes)?;
+        if kind(&bytes) == Some(Kind::Zstd) {
+            bytes = unzstd(&bytes, budget).map_err(|problem| content(path, Kind::Zstd, problem))?;
+        }
+        let read = match kind(&bytes) {
+            Some(Kind::Mcap) => mcap::read(&bytes, &mut messages, budget).map(|was| cut |= was),
+            Some(Kind::Sqlite) => {
+                found = Kind::Sqlite;
+                db3::read(&bytes, &mut messages, budget)
+            }
+            _ => return Err(ImportError::UnknownKind { path: path.clone() }),
+        };
+        read.map_err(|problem| content(path, found, problem))?;
+    }
+    finish(messages, found, cut).map_err(|problem| content(folder, found, problem))
+}
+
+fn pickled(name: &str, bytes: &[u8], mapping: &Mapping, budget: &mut Budget) -> Result<Source, String> {
+    let pickle = pickle::read(bytes, budget)?;
+    let mut none = |_: &str, _: &mut Budget| Err("a tensor whose numbers are in no file".to_owned());
+    let all = pickle::arrays(&pickle, &mut none, budget)?;
+    let Some(found) = walk_these_ways::deployment(&pickle, &all) else {
+        return arrays::source(name, Kind::Pickle.name(), all, mapping, budget);
+    };
+    let mut source = arrays::source(name, "walk-these-ways", found.arrays, mapping, budget)?;
+    source.usual_joints = Some(&WALK_THESE_WAYS);
+    source.gains = found.gains;
+    source.assumed.extend(found.assumed);
+    source.left_out.extend(found.left_out);
+    Ok(source)
+}
+
+/// Whether a CSV file has the header of gaitfit's own logs.
+fn is_own(bytes: &[u8]) -> bool {
+    let start = &bytes[..bytes.len().min(1 << 16)];
+    let text = String::from_utf8_lossy(start);
+    let header = text.lines().find(|line| !line.starts_with('#') && !line.trim().is_empty()).unwrap_or("");
+    let names: Vec<&str> = header.split(',').map(str::trim).collect();
+    let joint = names.iter().find_map(|name| name.strip_prefix("q_"));
+    let named = joint.is_some_and(|joint| {
+        joint.parse::<u16>().is_err() && names.contains(&format!("dq_{joint}").as_str())
+    });
+    named && names.iter().any(|name| *name == "time" || name.starts_with("time_"))
+}
+
+/// Reads a log of gaitfit's own as its reader does, with comments and sidecar files.
+fn own(path: &Path, options: &Options) -> Result<Source, ImportError> {
+    let read = ReadOptions { max_bytes: options.max_bytes, ..ReadOptions::default() };
+    let (log, report) = read_csv_report(path, &read)?;
+    let mut source = Source { kind: "CSV log of gaitfit", ..Source::default() };
+    source.left_out.extend(report.ignored.iter().map(|column| format!("{}: {}", column.name, column.reason)));
+    let mut table = crate::table::Table {
+        name: path.display().to_string(),
+        clock: "the time column",
+        time: log.time.clone(),
+        ..Default::default()
+    };
+    let mut add = |names: Vec<String>, values: Option<&Vec<f64>>| {
+        let width = names.len();
+        for (i, name) in names.into_iter().enumerate() {
+            if let Some(values) = values {
+                table.columns.insert(name, values.iter().skip(i).step_by(width).copied().collect());
+            }
+        }
+    };
+    let named = |prefix: &str| log.joints.iter().map(|joint| format!("{prefix}{joint}")).collect::<Vec<_>>();
+    let fixed = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+    add(named("q_"), Some(&log.position));
+    add(named("dq_"), Some(&log.velocity));
+    add(named("qdes_"), log.target.as_ref());
+    add(named("act_"), log.action.as_ref());
+    add(fixed(&["vx_cmd", "vy_cmd", "wz_cmd"]), log.command.as_ref());
+    let base = log.base.clone().unwrap_or_default();
+    add(fixed(&["base_pos_x", "base_pos_y", "base_pos_z"]), base.position.as_ref());
+    add(fixed(&["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z"]), base.quaternion.as_ref());
+    add(fixed(&["base_vel_x", "base_vel_y", "base_vel_z"]), base.linear_velocity.as_ref());
+    add(fixed(&["wx", "wy", "wz"]), base.angular_velocity.as_ref());
+    source.gains = log.gains.map(|gains| (gains.kp, gains.kd));
+    source.tables.push(table);
+    Ok(source)
+}

@@ -1,0 +1,244 @@
+//! The constructors that pickled logs use, as functions of data. What is not in this file is refused.
+
+use super::machine::{Id, Node};
+use crate::arrays::count;
+use crate::budget::Budget;
+use crate::dtype::DType;
+use gaitfit_model::escaped;
+use std::rc::Rc;
+
+/// A NumPy array as it was pickled.
+#[derive(Debug)]
+pub(crate) struct RawArray {
+    pub dtype: DType,
+    pub shape: Vec<usize>,
+    pub fortran: bool,
+    pub bytes: Rc<[u8]>,
+}
+
+/// A PyTorch tensor: a view of numbers in another file.
+#[derive(Debug)]
+pub(crate) struct Tensor {
+    pub key: Rc<str>,
+    pub dtype: DType,
+    pub offset: usize,
+    pub shape: Vec<usize>,
+    pub stride: Vec<usize>,
+}
+
+/// Most axes of an array.
+const MOST_AXES: usize = 16;
+
+/// What `function(*arguments)` gives.
+pub(crate) fn call(nodes: &[Node], function: Id, arguments: Id, budget: &mut Budget) -> Result<Node, String> {
+    let (Node::Global(name), Node::List(arguments)) = (&nodes[function], &nodes[arguments]) else {
+        return Err("it calls what is no function".into());
+    };
+    let argument = |i: usize| arguments.get(i).map(|id| &nodes[*id]);
+    let wrong = || format!("`{}` is called in a way that is not known", escaped(name, 200));
+    match short(name) {
+        "OrderedDict" => match arguments.as_slice() {
+            [] => Ok(Node::Dict(Vec::new())),
+            [items] => {
+                let Node::List(items) = &nodes[*items] else { return Err(wrong()) };
+                budget.take_values(2 * items.len())?;
+                let pair = |id: &Id| match &nodes[*id] {
+                    Node::List(pair) if pair.len() == 2 => Some((pair[0], pair[1])),
+                    _ => None,
+                };
+                items.iter().map(pair).collect::<Option<_>>().map(Node::Dict).ok_or_else(wrong)
+            }
+            _ => Err(wrong()),
+        },
+        "list" | "tuple" | "set" | "frozenset" => match argument(0) {
+            None => Ok(Node::List(Vec::new())),
+            Some(Node::List(items)) => {
+                budget.take_values(items.len())?;
+                Ok(Node::List(items.clone()))
+            }
+            Some(_) => Err(wrong()),
+        },
+        // Protocols below 3 write bytes as text of Latin-1.
+        "encode" => match (argument(0), argument(1)) {
+            (Some(Node::Text(text)), Some(Node::Text(code))) if matches!(&**code, "latin1" | "latin-1") => {
+                budget.take_bytes(text.len())?;
+                let bytes: Option<Vec<u8>> = text.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect();
+                bytes.map(|bytes| Node::Bytes(bytes.into())).ok_or_else(wrong)
+            }
+            _ => Err(wrong()),
+        },
+        "bytes" | "bytearray" => match argument(0) {
+            None => Ok(Node::Bytes(Rc::default())),
+            Some(Node::Bytes(bytes)) => Ok(Node::Bytes(bytes.clone())),
+            Some(_) => Err(wrong()),
+        },
+        "dtype" => match argument(0) {
+            Some(Node::Text(text)) => match DType::parse(text) {
+                Some(dtype) => Ok(Node::DType(dtype)),
+                None => Err(format!(
+                    "arrays of NumPy's type `{}` are not read; save numbers: np.asarray(x, dtype=float)",
+                    escaped(text, 60)
+                )),
+            },
+            _ => Err(wrong()),
+        },
+        // An empty array; its content follows as its state.
+        "_reconstruct" => Ok(Node::None),
+        "scalar" => match (argument(0), argument(1)) {
+            (Some(Node::DType(dtype)), Some(Node::Bytes(bytes))) if dtype.is_text() => {
+                dtype.text(bytes).map(|text| Node::Text(text.into())).ok_or_else(wrong)
+            }
+            (Some(Node::DType(dtype)), Some(Node::Bytes(bytes))) => {
+                dtype.number(bytes).map(Node::Number).ok_or_else(wrong)
+            }
+            _ => Err(wrong()),
+        },
+        "_frombuffer" => match (argument(0), argument(1), argument(2), argument(3)) {
+            (
+                Some(Node::Bytes(bytes)),
+                Some(Node::DType(dtype)),
+                Some(Node::List(shape)),
+                Some(Node::Text(order)),
+            ) => array(nodes, bytes, *dtype, shape, &**order == "F"),
+            _ => Err(wrong()),
+        },
+        "_rebuild_tensor_v2" => match (argument(0), argument(1), argument(2), argument(3)) {
+            (
+                Some(Node::Storage(key, dtype)),
+                Some(Node::Number(offset)),
+                Some(Node::List(shape)),
+                Some(Node::List(stride)),
+            ) => {
+                let (shape, stride) = (sizes(nodes, shape)?, sizes(nodes, stride)?);
+                if shape.len() != stride.len() {
+                    return Err(wrong());
+                }
+                let (key, dtype, offset) = (key.clone(), *dtype, size(*offset)?);
+                Ok(Node::Tensor(Rc::new(Tensor { key, dtype, offset, shape, stride })))
+            }
+            _ => Err(wrong()),
+        },
+        _ => Err(format!(
+            "it calls `{}`, which is no plain data. Nothing was run. Save plain arrays instead: np.savez(\"log.npz\", \
+             q=..., dq=...)",
+            escaped(name, 200)
+        )),
+    }
+}
+
+/// The last part of the names of allowed functions; other names as they are.
+fn short(name: &str) -> &str {
+    match name {
+        "collections.OrderedDict" => "OrderedDict",
+        "builtins.list" | "__builtin__.list" => "list",
+        "builtins.tuple" | "__builtin__.tuple" => "tuple",
+        "builtins.set" | "__builtin__.set" => "set",
+        "builtins.frozenset" | "__builtin__.frozenset" => "frozenset",
+        "builtins.bytes" | "__builtin__.bytes" => "bytes",
+        "builtins.bytearray" | "__builtin__.bytearray" => "bytearray",
+        "_codecs.encode" => "encode",
+        "numpy.dtype" => "dtype",
+        "numpy.core.multiarray._reconstruct" | "numpy._core.multiarray._reconstruct" => "_reconstruct",
+        "numpy.core.multiarray.scalar" | "numpy._core.multiarray.scalar" => "scalar",
+        "numpy.core.numeric._frombuffer" | "numpy._core.numeric._frombuffer" => "_frombuffer",
+        "torch._utils._rebuild_tensor_v2" => "_rebuild_tensor_v2",
+        other if other.contains('.') => other,
+        // A name without a module is none of the above.
+        _ => "",
+    }
+}
+
+/// What an object becomes with its state; `None`: what it is.
+pub(crate) fn build(nodes: &[Node], object: Id, state: Id) -> Result<Option<Node>, String> {
+    match (&nodes[object], &nodes[state]) {
+        // NumPy's array: version, shape, dtype, Fortran order, content.
+        (Node::None, Node::List(parts)) if parts.len() == 5 => {
+            let part = |i: usize| &nodes[parts[i]];
+            match (part(1), part(2), part(3), part(4)) {
+                (Node::List(shape), Node::DType(dtype), Node::Number(fortran), Node::Bytes(bytes)) => {
+                    array(nodes, bytes, *dtype, shape, *fortran != 0.0).map(Some)
+                }
+                _ => Err("a NumPy array of objects; save numbers: np.asarray(x, dtype=float)".into()),
+            }
+        }
+        // NumPy's dtype: version, byte order, and what structures have.
+        (Node::DType(dtype), Node::List(parts)) => match parts.get(1).map(|id| &nodes[*id]) {
+            Some(Node::Text(order)) => Ok(Some(Node::DType(dtype.ordered(order)))),
+            _ => Ok(None),
+        },
+        // Attributes of dictionaries (PyTorch's state_dict has some) are no data.
+        (Node::Dict(_), _) => Ok(None),
+        _ => {
+            Err("an object of a class that is no plain data. Nothing was run. Save plain arrays instead"
+                .into())
+        }
+    }
+}
+
+fn array(
+    nodes: &[Node],
+    bytes: &Rc<[u8]>,
+    dtype: DType,
+    shape: &[Id],
+    fortran: bool,
+) -> Result<Node, String> {
+    let shape = sizes(nodes, shape)?;
+    let fits =
+        count(&shape).and_then(|count| count.checked_mul(dtype.bytes())).is_some_and(|n| n == bytes.len());
+    if !fits {
+        return Err("a NumPy array's bytes do not fit its shape".into());
+    }
+    Ok(Node::Array(Rc::new(RawArray { dtype, shape, fortran, bytes: bytes.clone() })))
+}
+
+fn sizes(nodes: &[Node], ids: &[Id]) -> Result<Vec<usize>, String> {
+    if ids.len() > MOST_AXES {
+        return Err("an array of too many axes".into());
+    }
+    let one = |id: &Id| match &nodes[*id] {
+        Node::Number(number) => size(*number),
+        _ => Err("an array's shape is no numbers".into()),
+    };
+    ids.iter().map(one).collect()
+}
+
+fn size(number: f64) -> Result<usize, String> {
+    if number >= 0.0 && number.fract() == 0.0 && number < 1e15 {
+        Ok(number as usize)
+    } else {
+        Err("an array's shape or offset is no size".into())
+    }
+}
+
+/// What PyTorch's persistent id ("storage", type, key, device, count) names.
+pub(crate) fn storage(nodes: &[Node], id: Id) -> Result<Node, String> {
+    let wrong = || "a reference that PyTorch does not make".to_owned();
+    let Node::List(parts) = &nodes[id] else { return Err(wrong()) };
+    let part = |i: usize| parts.get(i).map(|id| &nodes[*id]);
+    let (Some(Node::Text(what)), Some(Node::Global(class)), Some(Node::Text(key))) =
+        (part(0), part(1), part(2))
+    else {
+        return Err(wrong());
+    };
+    if &**what != "storage" {
+        return Err(wrong());
+    }
+    let name = match &**class {
+        "torch.DoubleStorage" => "<f8",
+        "torch.FloatStorage" => "<f4",
+        "torch.HalfStorage" => "<f2",
+        "torch.LongStorage" => "<i8",
+        "torch.IntStorage" => "<i4",
+        "torch.ShortStorage" => "<i2",
+        "torch.CharStorage" => "|i1",
+        "torch.ByteStorage" => "|u1",
+        "torch.BoolStorage" => "|b1",
+        other => {
+            return Err(format!(
+                "numbers of `{}` are not read; save x.double() or x.float()",
+                escaped(other, 60)
+            ));
+        }
+    };
+    DType::parse(name).map(|dtype| Node::Storage(key.clone(), dtype)).ok_or_else(wrong)
+}

@@ -1,0 +1,227 @@
+//! From a pickle's objects to named arrays.
+
+use super::construct::{RawArray, Tensor};
+use super::machine::{Id, Node, Pickle};
+use crate::arrays::{Array, Arrays, count};
+use crate::budget::Budget;
+use crate::npz::numbers;
+use indexmap::IndexMap;
+use std::rc::Rc;
+
+/// Deepest dictionary in dictionaries.
+const DEEPEST: usize = 8;
+/// Most named arrays.
+const MOST_ARRAYS: usize = 10_000;
+/// Most objects looked at: objects that hold each other are seen more than once.
+const MOST_VISITS: usize = 1_000_000;
+
+/// Gives the bytes of a PyTorch storage.
+pub(crate) type Storages<'a> = dyn FnMut(&str, &mut Budget) -> Result<Rc<[u8]>, String> + 'a;
+
+/// Makes arrays of what a pickle holds.
+pub(crate) struct Numbers<'a, 'b> {
+    nodes: &'a [Node],
+    storages: &'a mut Storages<'b>,
+    budget: &'a mut Budget,
+    visits: usize,
+}
+
+/// The named arrays of `pickle`: dictionaries of arrays, tensors or lists of numbers, and lists of such dictionaries, one
+/// a sample. Names in dictionaries of dictionaries are joined by `/`.
+pub(crate) fn arrays(
+    pickle: &Pickle,
+    storages: &mut Storages<'_>,
+    budget: &mut Budget,
+) -> Result<Arrays, String> {
+    let mut out = Arrays::default();
+    let mut numbers = Numbers { nodes: &pickle.nodes, storages, budget, visits: 0 };
+    numbers.gather("", pickle.root, 0, &mut out)?;
+    if out.numbers.is_empty() {
+        return Err(
+            "it holds no dictionary of arrays of numbers; save {\"time\": ..., \"q\": ..., \"dq\": ...}"
+                .into(),
+        );
+    }
+    Ok(out)
+}
+
+impl Numbers<'_, '_> {
+    /// Adds what `id` holds under `name`.
+    fn gather(&mut self, name: &str, id: Id, depth: usize, out: &mut Arrays) -> Result<(), String> {
+        self.visits += 1;
+        if depth > DEEPEST || out.numbers.len() >= MOST_ARRAYS || self.visits > MOST_VISITS {
+            return Ok(());
+        }
+        let nodes = self.nodes;
+        match &nodes[id] {
+            Node::Dict(entries) => {
+                for (key, value) in entries {
+                    let key = match &nodes[*key] {
+                        Node::Text(text) => text.to_string(),
+                        Node::Number(number) => number.to_string(),
+                        _ => continue,
+                    };
+                    let name = if name.is_empty() { key } else { format!("{name}/{key}") };
+                    self.gather(&name, *value, depth + 1, out)?;
+                }
+            }
+            Node::List(items) => {
+                self.budget.take_values(items.len())?;
+                if let Some(words) = self.words(items) {
+                    out.words.insert(name.to_owned(), words);
+                } else if !items.is_empty() && items.iter().all(|item| matches!(nodes[*item], Node::Dict(_)))
+                {
+                    self.rows(name, items, out)?;
+                } else if let Some(array) = self.array(id)? {
+                    out.numbers.insert(name.to_owned(), array);
+                } else {
+                    // Such as [configuration, rows].
+                    for (i, item) in items.iter().enumerate().take(16) {
+                        if matches!(nodes[*item], Node::Dict(_) | Node::List(_)) {
+                            self.gather(&format!("{name}/{i}"), *item, depth + 1, out)?;
+                        }
+                    }
+                }
+            }
+            Node::Array(raw) if raw.dtype.is_text() => {
+                let words: Option<Vec<String>> = match raw.dtype.bytes() {
+                    0 => None,
+                    size => raw.bytes.chunks_exact(size).map(|word| raw.dtype.text(word)).collect(),
+                };
+                if let Some(words) = words {
+                    out.words.insert(name.to_owned(), words);
+                }
+            }
+            Node::Array(_) | Node::Tensor(_) | Node::Number(_) => {
+                if let Some(array) = self.array(id)? {
+                    out.numbers.insert(name.to_owned(), array);
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn words(&self, items: &[Id]) -> Option<Vec<String>> {
+        let word = |id: &Id| match &self.nodes[*id] {
+            Node::Text(text) => Some(text.to_string()),
+            _ => None,
+        };
+        if items.is_empty() { None } else { items.iter().map(word).collect() }
+    }
+
+    /// Stacks dictionaries, one a sample. What is not numbers of one shape in all rows is left out.
+    fn rows(&mut self, name: &str, items: &[Id], out: &mut Arrays) -> Result<(), String> {
+        let nodes = self.nodes;
+        let mut columns: IndexMap<Rc<str>, (Vec<usize>, Vec<f64>, usize)> = IndexMap::new();
+        for (row, item) in items.iter().enumerate() {
+            let Node::Dict(entries) = &nodes[*item] else { return Ok(()) };
+            self.budget.take_values(entries.len())?;
+            for (key, value) in entries {
+                let Node::Text(key) = &nodes[*key] else { continue };
+                if row > 0 && !columns.contains_key(key) {
+                    continue;
+                }
+                let Some(array) = self.array(*value)? else { continue };
+                let (shape, data, rows) =
+                    columns.entry(key.clone()).or_insert_with(|| (array.shape.clone(), Vec::new(), 0));
+                if *shape == array.shape && *rows == row {
+                    data.extend_from_slice(&array.data);
+                    *rows += 1;
+                }
+            }
+        }
+        for (key, (shape, data, rows)) in columns {
+            if rows == items.len() {
+                let name = if name.is_empty() { key.to_string() } else { format!("{name}/{key}") };
+                let shape = [&[rows], shape.as_slice()].concat();
+                out.numbers.insert(name, Array { shape, data });
+            }
+        }
+        Ok(())
+    }
+
+    /// The array that an object is, if it is one: numbers, lists of numbers or of arrays, arrays, tensors.
+    fn array(&mut self, id: Id) -> Result<Option<Array>, String> {
+        let nodes = self.nodes;
+        Ok(match &nodes[id] {
+            Node::Number(number) => {
+                self.budget.take_values(1)?;
+                Some(Array { shape: Vec::new(), data: vec![*number] })
+            }
+            Node::Array(raw) => self.raw(raw)?,
+            Node::Tensor(tensor) => Some(self.tensor(tensor)?),
+            Node::List(items) => {
+                self.budget.take_values(items.len())?;
+                let mut shape: Option<Vec<usize>> = None;
+                let mut data = Vec::new();
+                for item in items {
+                    let inner = match &nodes[*item] {
+                        Node::Number(number) => {
+                            self.budget.take_values(1)?;
+                            Array { shape: Vec::new(), data: vec![*number] }
+                        }
+                        Node::Array(raw) => match self.raw(raw)? {
+                            Some(array) => array,
+                            None => return Ok(None),
+                        },
+                        Node::Tensor(tensor) => self.tensor(tensor)?,
+                        Node::List(numbers) => {
+                            self.budget.take_values(numbers.len())?;
+                            let number = |id: &Id| match &nodes[*id] {
+                                Node::Number(number) => Some(*number),
+                                _ => None,
+                            };
+                            match numbers.iter().map(number).collect::<Option<Vec<f64>>>() {
+                                Some(data) => Array { shape: vec![data.len()], data },
+                                None => return Ok(None),
+                            }
+                        }
+                        _ => return Ok(None),
+                    };
+                    if shape.get_or_insert_with(|| inner.shape.clone()) != &inner.shape {
+                        return Ok(None);
+                    }
+                    data.extend(inner.data);
+                }
+                let Some(inner) = shape else { return Ok(None) };
+                Some(Array { shape: [&[items.len()], inner.as_slice()].concat(), data })
+            }
+            _ => None,
+        })
+    }
+
+    fn raw(&mut self, raw: &RawArray) -> Result<Option<Array>, String> {
+        let Some(elements) = count(&raw.shape).filter(|_| !raw.dtype.is_text()) else { return Ok(None) };
+        self.budget.take_values(elements)?;
+        let data = numbers(&raw.bytes, raw.dtype, &raw.shape, elements, raw.fortran);
+        Ok(data.map(|data| Array { shape: raw.shape.clone(), data }))
+    }
+
+    fn tensor(&mut self, tensor: &Tensor) -> Result<Array, String> {
+        let outside = || "a tensor reaches beyond its storage; the file is damaged".to_owned();
+        let elements = count(&tensor.shape).ok_or_else(outside)?;
+        self.budget.take_values(elements)?;
+        let bytes = (self.storages)(&tensor.key, self.budget)?;
+        let size = tensor.dtype.bytes();
+        let mut data = Vec::with_capacity(elements);
+        let mut place = vec![0usize; tensor.shape.len()];
+        for _ in 0..elements {
+            let at = place
+                .iter()
+                .zip(&tensor.stride)
+                .try_fold(tensor.offset, |at, (i, stride)| at.checked_add(i.checked_mul(*stride)?));
+            let start = at.and_then(|at| at.checked_mul(size)).ok_or_else(outside)?;
+            let number = bytes.get(start..).and_then(|bytes| tensor.dtype.number(bytes.get(..size)?));
+            data.push(number.ok_or_else(outside)?);
+            for axis in (0..tensor.shape.len()).rev() {
+                place[axis] += 1;
+                if place[axis] < tensor.shape[axis] {
+                    break;
+                }
+                place[axis] = 0;
+            }
+        }
+        Ok(Array { shape: tensor.shape.clone(), data })
+    }
+}

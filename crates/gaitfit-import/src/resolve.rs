@@ -1,0 +1,273 @@
+//! From a file's names to a log's: columns, joints, units, times.
+
+use crate::ImportError;
+use crate::arrays::named;
+use crate::known::{QUATERNION, RATES, ROLL_PITCH_YAW, Role, UNITREE_GO, UNITREE_HG, canonical};
+use crate::mapping::{Mapping, Names};
+use crate::table::{Source, Table};
+use gaitfit_log::{TimeUnit, recognise_time_unit};
+use gaitfit_model::shown;
+use indexmap::IndexMap;
+
+/// Gives every column of a source its name here. Columns without one are left out and listed.
+pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), ImportError> {
+    let said = said(&source.tables, mapping)?;
+    let take = &mapping.streams.take;
+    let mut unknown = Vec::new();
+    for table in &mut source.tables {
+        let mut columns: IndexMap<String, Vec<f64>> = IndexMap::new();
+        for (name, values) in std::mem::take(&mut table.columns) {
+            let taken = take.is_empty()
+                || take.iter().any(|wanted| {
+                    table.name.starts_with(wanted.as_str()) || name.starts_with(wanted.as_str())
+                });
+            let known = match said.get(&name) {
+                Some(known) => Some(known.clone()),
+                None => canonical(&name).filter(|known| !is_said(known, mapping)),
+            };
+            let Some(mut known) = known.filter(|_| taken) else {
+                unknown.push(name);
+                continue;
+            };
+            if let Some(joint) = known.strip_prefix("q_") {
+                let begins = |list: &[String]| list.iter().any(|stream| name.starts_with(stream.as_str()));
+                let named = |list: &[String]| list.contains(&table.name) || begins(list);
+                if named(&mapping.streams.target) {
+                    known = format!("qdes_{joint}");
+                } else if named(&mapping.streams.action) {
+                    known = format!("act_{joint}");
+                }
+            }
+            if columns.contains_key(&known) {
+                return Err(ImportError::Ambiguous {
+                    what: known,
+                    first: table.name.clone(),
+                    second: format!("column {name} of the same"),
+                });
+            }
+            columns.insert(known, values);
+        }
+        table.columns = columns;
+    }
+    if !unknown.is_empty() {
+        let some: Vec<String> = unknown.iter().take(12).map(|name| shown(name)).collect();
+        let more = unknown.len().saturating_sub(some.len());
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        source.left_out.push(format!("columns of no known name: {}{more}", some.join(", ")));
+    }
+    source.tables.retain(|table| !table.columns.is_empty());
+    Ok(())
+}
+
+/// Whether the mapping names other columns for the quantity of `known`.
+fn is_said(known: &str, mapping: &Mapping) -> bool {
+    named(&mapping.columns).into_iter().any(|(role, names)| {
+        names.is_some()
+            && match role.prefix() {
+                Some(prefix) => known.strip_prefix(prefix).is_some(),
+                None => role
+                    .columns(match role {
+                        Role::Quaternion => 4,
+                        _ => 3,
+                    })
+                    .is_some_and(|columns| columns.iter().any(|column| column == known)),
+            }
+    })
+}
+
+/// What the mapping's `[columns]` makes of the columns that there are.
+fn said(tables: &[Table], mapping: &Mapping) -> Result<IndexMap<String, String>, ImportError> {
+    let mut out = IndexMap::new();
+    let all: Vec<&String> = tables.iter().flat_map(|table| table.columns.keys()).collect();
+    let refuse = |problem: String| Err(ImportError::Mapping { problem });
+    for (role, names) in named(&mapping.columns) {
+        match names {
+            None => {}
+            Some(Names::Each(list)) => {
+                let Some(columns) = role.columns(list.len()).filter(|columns| columns.len() == list.len())
+                else {
+                    return refuse(format!("columns: {} names are not the right number of them", list.len()));
+                };
+                for (name, column) in list.iter().zip(columns) {
+                    if !all.contains(&name) {
+                        return refuse(format!("no column `{}` in the file", shown(name)));
+                    }
+                    if out.insert(name.clone(), column).is_some() {
+                        return refuse(format!("column `{}` is named for two quantities", shown(name)));
+                    }
+                }
+            }
+            Some(Names::One(pattern)) => {
+                let before = out.len();
+                for name in &all {
+                    if let Some(column) = by_pattern(pattern, name, role) {
+                        out.insert((*name).clone(), column);
+                    }
+                }
+                let is_array = all.iter().any(|name| canonical(name).is_some()) && role.prefix().is_some();
+                if out.len() == before && !is_array {
+                    return refuse(format!(
+                        "no column fits `{}`; the file has {}",
+                        shown(pattern),
+                        listed(&all)
+                    ));
+                }
+            }
+        }
+    }
+    Ok(out)
+}
+
+fn listed(names: &[&String]) -> String {
+    names.iter().take(30).map(|name| shown(name)).collect::<Vec<_>>().join(", ")
+}
+
+/// What column `name` is by a pattern with `{joint}` or `{index}`, or as an element of an array.
+fn by_pattern(pattern: &str, name: &str, role: Role) -> Option<String> {
+    let place = |number: usize| match role.prefix() {
+        Some(prefix) => Some(format!("{prefix}#{number}")),
+        None => role.columns(4.max(number + 1)).or_else(|| role.columns(3))?.get(number).cloned(),
+    };
+    let between = |(before, after): (&str, &str)| {
+        let inner = name.strip_prefix(before)?.strip_suffix(after)?;
+        (!inner.is_empty()).then(|| inner.to_owned())
+    };
+    if let Some(ends) = pattern.split_once("{index}") {
+        return place(between(ends)?.parse().ok()?);
+    }
+    if let Some(ends) = pattern.split_once("{joint}") {
+        return Some(format!("{}{}", role.prefix()?, between(ends)?));
+    }
+    let rest = name.strip_prefix(pattern)?;
+    if rest.is_empty() {
+        return place(0);
+    }
+    place(rest.strip_prefix('[')?.strip_suffix(']')?.parse().ok()?)
+}
+
+/// Joints by name instead of by number; without a final `_joint`, which says nothing.
+pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), ImportError> {
+    let number = |name: &str| -> Option<(bool, usize)> {
+        let (_, number) = name.split_once("_#")?;
+        match number.strip_prefix('m') {
+            Some(number) => Some((true, number.parse().ok()?)),
+            None => Some((false, number.parse().ok()?)),
+        }
+    };
+    let numbers: Vec<(bool, usize)> =
+        source.tables.iter().flat_map(|table| table.columns.keys()).filter_map(|name| number(name)).collect();
+    let most =
+        |motors: bool| numbers.iter().filter(|(is, _)| *is == motors).map(|(_, number)| number + 1).max();
+    let given: Option<Vec<String>> = mapping.joints.clone().or_else(|| source.joints.clone());
+    let usual = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+    let motors: Vec<String> = match (&given, most(true)) {
+        (_, None) => Vec::new(),
+        (Some(given), Some(_)) => given.clone(),
+        (None, Some(count)) => {
+            let names = source.usual_joints.unwrap_or(if count > 20 { &UNITREE_HG } else { &UNITREE_GO });
+            source.assumed.push(format!(
+                "motors are those of a Unitree {} in its order, {} to {}",
+                if names.len() == UNITREE_HG.len() { "G1" } else { "Go2" },
+                names[0],
+                names[names.len() - 1]
+            ));
+            usual(names)
+        }
+    };
+    let joints: Vec<String> = match (most(false), given) {
+        (None, _) => Vec::new(),
+        (Some(count), Some(given)) if given.len() == count => given,
+        (Some(count), Some(given)) => {
+            let problem = format!("{} joint names for {count} numbered joints; name each", given.len());
+            return Err(ImportError::Mapping { problem });
+        }
+        (Some(count), None) => match source.usual_joints.filter(|names| names.len() == count) {
+            Some(names) => usual(names),
+            None => return Err(ImportError::NoJointNames { count }),
+        },
+    };
+    let mut spare = 0;
+    for table in &mut source.tables {
+        let mut columns = IndexMap::with_capacity(table.columns.len());
+        for (name, values) in std::mem::take(&mut table.columns) {
+            let prefix = name.split_once('_').map_or("", |(prefix, _)| prefix).to_owned();
+            let name = match number(&name) {
+                None => name,
+                Some((motor, number)) => match (if motor { &motors } else { &joints }).get(number) {
+                    Some(joint) => format!("{prefix}_{joint}"),
+                    None => {
+                        spare = spare.max(number + 1);
+                        continue;
+                    }
+                },
+            };
+            let is_joint = ["q", "dq", "qdes", "act", "kp", "kd"].contains(&prefix.as_str());
+            let name = if is_joint { name.strip_suffix("_joint").unwrap_or(&name).to_owned() } else { name };
+            columns.insert(name, values);
+        }
+        table.columns = columns;
+    }
+    if spare > 0 {
+        source.left_out.push(format!("motors {} to {}: no joints", motors.len(), spare - 1));
+    }
+    Ok(())
+}
+
+/// Angles in rad, times in s.
+pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), ImportError> {
+    for table in &mut source.tables {
+        for (name, values) in &mut table.columns {
+            let is_imu = ROLL_PITCH_YAW.contains(&name.as_str()) || RATES.contains(&name.as_str());
+            let is_joint = ["q_", "dq_", "qdes_"].iter().any(|prefix| name.starts_with(prefix));
+            let factor = match (is_joint, is_imu) {
+                (true, _) => mapping.unit.radians(),
+                (_, true) => mapping.imu_unit.radians(),
+                _ => 1.0,
+            };
+            if factor != 1.0 && !QUATERNION.contains(&name.as_str()) {
+                values.iter_mut().for_each(|value| *value *= factor);
+            }
+        }
+        if table.time.is_empty() {
+            let rate = mapping.rate_hz.ok_or_else(|| ImportError::Clock {
+                stream: table.name.clone(),
+                problem: "it has no times; give `rate_hz` in a mapping file".into(),
+            })?;
+            table.time = (0..table.rows()).map(|row| row as f64 / rate).collect();
+            table.clock = "the stated rate";
+        } else if let Some(name) = &table.time_name {
+            let problem = |problem| ImportError::Clock { stream: table.name.clone(), problem };
+            if table.time.iter().any(|time| !time.is_finite()) {
+                return Err(problem("a sample without a time".into()));
+            }
+            let unit = match mapping.time.unit {
+                Some(unit) => TimeUnit::from(unit),
+                None => match TimeUnit::ALL.into_iter().find(|unit| name.ends_with(suffix(*unit))) {
+                    Some(unit) => unit,
+                    None => match recognise_time_unit(&table.time, mapping.rate_hz, || None)
+                        .map_err(problem)?
+                    {
+                        Some(found) => {
+                            source
+                                .assumed
+                                .push(format!("{}: times are {}: {}", table.name, found.unit, found.because));
+                            found.unit
+                        }
+                        None => TimeUnit::Seconds,
+                    },
+                },
+            };
+            table.time.iter_mut().for_each(|time| *time /= unit.per_second());
+        }
+    }
+    Ok(())
+}
+
+fn suffix(unit: TimeUnit) -> &'static str {
+    match unit {
+        TimeUnit::Seconds => "time_s",
+        TimeUnit::Milliseconds => "_ms",
+        TimeUnit::Microseconds => "_us",
+        TimeUnit::Nanoseconds => "_ns",
+    }
+}

@@ -1,0 +1,178 @@
+//! CDR, the encoding of ROS 2 messages (OMG DDS-XTypes 1.3, clause 7.4): plain CDR of version 1 and 2.
+
+use super::schema::{Base, Count, Schema};
+use super::value::Value;
+
+/// Deepest type in types.
+const DEEPEST: usize = 32;
+/// Sequences of bytes longer than this are pictures or point clouds and are passed over.
+const MOST_KEPT: usize = 1 << 16;
+
+struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    big: bool,
+    most_alignment: usize,
+    /// Elements that may still be read: types without content take no bytes.
+    fuel: usize,
+}
+
+/// Decodes one message.
+pub(crate) fn decode(schema: &Schema, message: &[u8]) -> Result<Value, String> {
+    let (head, bytes) = message.split_at_checked(4).ok_or("a message of less than four bytes")?;
+    let (big, most_alignment) = match [head[0], head[1]] {
+        [0, 0] => (true, 8),
+        [0, 1] => (false, 8),
+        [0, 6] => (true, 4),
+        [0, 7] => (false, 4),
+        _ => return Err(format!("encoding {:02x}{:02x} of a message; plain CDR is read", head[0], head[1])),
+    };
+    let fuel = bytes.len() * 8 + 10_000;
+    Reader { bytes, at: 0, big, most_alignment, fuel }.structure(schema, 0, 0)
+}
+
+impl<'a> Reader<'a> {
+    fn structure(&mut self, schema: &Schema, number: usize, depth: usize) -> Result<Value, String> {
+        if depth > DEEPEST {
+            return Err(format!("types in types, more than {DEEPEST} deep"));
+        }
+        let fields = schema.types.get(number).ok_or("a type that is not there")?;
+        let mut out = Vec::with_capacity(fields.len());
+        for field in fields {
+            let value = match field.count {
+                Count::One => self.one(schema, field.base, depth)?,
+                Count::Fixed(count) => self.many(schema, field.base, count, depth)?,
+                Count::Sequence => {
+                    let count = self.unsigned(4)? as usize;
+                    self.many(schema, field.base, count, depth)?
+                }
+            };
+            out.push((field.name.clone(), value));
+        }
+        Ok(Value::Struct(out))
+    }
+
+    fn one(&mut self, schema: &Schema, base: Base, depth: usize) -> Result<Value, String> {
+        self.fuel = self.fuel.checked_sub(1).ok_or("more elements than bytes")?;
+        Ok(match base {
+            Base::Type(number) => self.structure(schema, number, depth + 1)?,
+            Base::Text => {
+                let size = self.unsigned(4)? as usize;
+                let text = self.take(size)?;
+                let text = text.strip_suffix(&[0]).unwrap_or(text);
+                Value::Text(String::from_utf8_lossy(text).into_owned())
+            }
+            Base::WideText => {
+                let size = self.unsigned(4)? as usize;
+                self.take(size.saturating_mul(2))?;
+                Value::Text(String::new())
+            }
+            _ => Value::Number(self.number(base)?),
+        })
+    }
+
+    fn many(&mut self, schema: &Schema, base: Base, count: usize, depth: usize) -> Result<Value, String> {
+        // Every element takes a byte, or is without content.
+        if count > self.bytes.len() - self.at {
+            return Err("a sequence longer than its message".into());
+        }
+        if matches!(base, Base::Type(_) | Base::Text | Base::WideText) {
+            let mut items = Vec::new();
+            for _ in 0..count {
+                items.push(self.one(schema, base, depth)?);
+            }
+            return Ok(Value::List(items));
+        }
+        if matches!(base, Base::U8 | Base::I8 | Base::Bool) && count > MOST_KEPT {
+            self.take(count)?;
+            return Ok(Value::Numbers(Vec::new()));
+        }
+        self.fuel = self.fuel.checked_sub(count).ok_or("more elements than bytes")?;
+        let mut numbers = Vec::with_capacity(count);
+        for _ in 0..count {
+            numbers.push(self.number(base)?);
+        }
+        Ok(Value::Numbers(numbers))
+    }
+
+    fn number(&mut self, base: Base) -> Result<f64, String> {
+        Ok(match base {
+            Base::Bool | Base::U8 => self.unsigned(1)? as f64,
+            Base::I8 => f64::from(self.unsigned(1)? as u8 as i8),
+            Base::U16 => self.unsigned(2)? as f64,
+            Base::I16 => f64::from(self.unsigned(2)? as u16 as i16),
+            Base::U32 => self.unsigned(4)? as f64,
+            Base::I32 => f64::from(self.unsigned(4)? as u32 as i32),
+            Base::U64 => self.unsigned(8)? as f64,
+            Base::I64 => self.unsigned(8)? as i64 as f64,
+            Base::F32 => f64::from(f32::from_bits(self.unsigned(4)? as u32)),
+            Base::F64 => f64::from_bits(self.unsigned(8)?),
+            Base::Text | Base::WideText | Base::Type(_) => return Err("no number".into()),
+        })
+    }
+
+    /// A number of `size` bytes, aligned to its size.
+    fn unsigned(&mut self, size: usize) -> Result<u64, String> {
+        let alignment = size.min(self.most_alignment);
+        let padding = (alignment - self.at % alignment) % alignment;
+        self.take(padding)?;
+        let bytes = self.take(size)?;
+        let join = |sum: u64, byte: &u8| (sum << 8) | u64::from(*byte);
+        Ok(if self.big { bytes.iter().fold(0, join) } else { bytes.iter().rev().fold(0, join) })
+    }
+
+    fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
+        let end = self.at.checked_add(count).filter(|end| *end <= self.bytes.len());
+        let end = end.ok_or("a message that is cut short, or of another definition")?;
+        let taken = &self.bytes[self.at..end];
+        self.at = end;
+        Ok(taken)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::schema;
+    use super::*;
+
+    #[test]
+    fn numbers_are_aligned_and_of_either_byte_order() -> Result<(), String> {
+        let schema = schema::parse("p/T", "uint8 a\nfloat64 b\nint16[] c\nstring d\nuint8 e\nuint32 f")?;
+        let mut little = vec![0, 1, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0];
+        little.extend(1.5f64.to_le_bytes());
+        little.extend([2, 0, 0, 0, 0xff, 0xff, 3, 0]);
+        little.extend([3, 0, 0, 0, b'h', b'i', 0, 9]);
+        little.extend([5, 0, 0, 0]);
+        let value = decode(&schema, &little)?;
+        let number = |name: &str| value.get(&[name]).and_then(Value::number);
+        assert_eq!(
+            (number("a"), number("b"), number("e"), number("f")),
+            (Some(7.0), Some(1.5), Some(9.0), Some(5.0))
+        );
+        assert_eq!(value.get(&["c"]).and_then(Value::numbers), Some(vec![-1.0, 3.0]));
+        assert_eq!(value.get(&["d"]), Some(&Value::Text("hi".into())));
+        let mut big = vec![0, 0, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0];
+        big.extend(1.5f64.to_be_bytes());
+        big.extend([0; 20]);
+        assert_eq!(decode(&schema, &big)?.get(&["b"]).and_then(Value::number), Some(1.5));
+        // CDR version 2 aligns to four bytes at most.
+        let mut second = vec![0, 7, 0, 0, 7, 0, 0, 0];
+        second.extend(1.5f64.to_le_bytes());
+        second.extend([0; 16]);
+        assert_eq!(decode(&schema, &second)?.get(&["b"]).and_then(Value::number), Some(1.5));
+        for end in 0..little.len() {
+            assert!(decode(&schema, &little[..end]).is_err(), "{end}");
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn sequences_of_nothing_do_not_take_for_ever() -> Result<(), String> {
+        let text = "A[100000] a\n==========\nMSG: p/A\nB[100000] b\n==========\nMSG: p/B\nC[100000] c\n==========\nMSG: p/C\n";
+        let schema = schema::parse("p/T", text)?;
+        assert!(decode(&schema, &vec![0; 100_004]).is_err());
+        let circle = schema::parse("p/T", "T[1] t")?;
+        assert!(decode(&circle, &[0; 16]).is_err());
+        Ok(())
+    }
+}

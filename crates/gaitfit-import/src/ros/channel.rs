@@ -1,0 +1,269 @@
+//! The messages of a bag's topics: from bytes to tables, on one clock.
+
+use super::value::Value;
+use super::{cdr, message, schema};
+use crate::budget::Budget;
+use crate::known::{Role, UNITREE_GO, UNITREE_HG, is_command};
+use crate::mapping::Mapping;
+use crate::table::{MOST_COLUMNS, Source, Sparse, Table};
+use gaitfit_model::shown;
+use indexmap::IndexMap;
+
+/// Most topics of a bag.
+const MOST_TOPICS: usize = 10_000;
+
+/// A topic as a bag describes it.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Channel {
+    pub topic: String,
+    /// Type, such as `sensor_msgs/msg/JointState`.
+    pub kind: String,
+    /// `cdr` or `json`.
+    pub encoding: String,
+    /// Definition of the type, if the bag has it.
+    pub definition: String,
+}
+
+struct Stream {
+    channel: Channel,
+    schema: Result<schema::Schema, String>,
+    joints: Role,
+    /// Recorder's times, ns.
+    logged: Vec<i64>,
+    /// Times of the messages' headers, ns; as many as `logged`, or some messages have none.
+    stamped: Vec<i64>,
+    sparse: Sparse,
+    /// Messages that could not be decoded, and why the first could not.
+    damaged: (usize, String),
+    /// Messages whose fields are not known.
+    unknown: usize,
+}
+
+/// Collects the messages of a bag.
+pub(crate) struct Messages<'a> {
+    mapping: &'a Mapping,
+    streams: IndexMap<(String, String), Stream>,
+}
+
+impl<'a> Messages<'a> {
+    pub fn new(mapping: &'a Mapping) -> Self {
+        Messages { mapping, streams: IndexMap::new() }
+    }
+
+    /// The number to give with the topic's messages.
+    pub fn channel(&mut self, channel: Channel) -> Result<usize, String> {
+        let key = (channel.topic.clone(), channel.kind.clone());
+        if let Some(number) = self.streams.get_index_of(&key) {
+            return Ok(number);
+        }
+        if self.streams.len() >= MOST_TOPICS {
+            return Err(format!("more than {MOST_TOPICS} topics; is this a bag?"));
+        }
+        let parts: Vec<&str> = channel.topic.split('/').collect();
+        let streams = &self.mapping.streams;
+        let joints = if streams.action.contains(&channel.topic) {
+            Role::Action
+        } else if streams.target.contains(&channel.topic) || is_command(&parts) {
+            Role::Target
+        } else {
+            Role::Position
+        };
+        let schema = match channel.encoding.as_str() {
+            "json" => Ok(schema::Schema { types: Vec::new() }),
+            "cdr" | "" => schema::parse(&channel.kind, &channel.definition),
+            other => Err(format!("messages in encoding `{}`; cdr and json are read", shown(other))),
+        };
+        let stream = Stream {
+            channel,
+            schema,
+            joints,
+            logged: Vec::new(),
+            stamped: Vec::new(),
+            sparse: Sparse::default(),
+            damaged: (0, String::new()),
+            unknown: 0,
+        };
+        self.streams.insert(key, stream);
+        Ok(self.streams.len() - 1)
+    }
+
+    /// Whether a topic's messages are looked at.
+    fn wanted(&self, topic: &str) -> bool {
+        let take = &self.mapping.streams.take;
+        take.is_empty() || take.iter().any(|name| name == topic)
+    }
+
+    /// Adds a message of the topic with that number, received at `log_ns`.
+    pub fn message(
+        &mut self,
+        number: usize,
+        log_ns: i64,
+        bytes: &[u8],
+        budget: &mut Budget,
+    ) -> Result<(), String> {
+        let named = self.mapping.streams.take.len();
+        let Some((_, stream)) = self.streams.get_index(number) else { return Ok(()) };
+        if !self.wanted(&stream.channel.topic) {
+            return Ok(());
+        }
+        let Some((_, stream)) = self.streams.get_index_mut(number) else { return Ok(()) };
+        // What never could be read is not tried again for every message.
+        if stream.sparse.columns.is_empty() && stream.unknown + stream.damaged.0 >= 100 {
+            return Ok(());
+        }
+        let Ok(schema) = &stream.schema else { return Ok(()) };
+        let decoded = match stream.channel.encoding.as_str() {
+            "json" => {
+                serde_json::from_slice(bytes).map(|json| Value::from_json(&json)).map_err(|e| e.to_string())
+            }
+            _ => cdr::decode(schema, bytes),
+        };
+        let value = match decoded {
+            Ok(value) => value,
+            Err(problem) => {
+                if stream.damaged.0 == 0 {
+                    stream.damaged.1 = problem;
+                }
+                stream.damaged.0 += 1;
+                return Ok(());
+            }
+        };
+        let mut columns = message::columns(&value, stream.joints);
+        if columns.is_empty() && named > 0 {
+            columns = message::flat(&value);
+        }
+        if columns.is_empty() {
+            stream.unknown += 1;
+            return Ok(());
+        }
+        budget.take_values(columns.len() + columns.len() / 2 + 3)?;
+        let row =
+            u32::try_from(stream.logged.len()).map_err(|_| "too many messages; cut the bag".to_owned())?;
+        stream.logged.push(log_ns);
+        stream.stamped.extend(message::stamp_ns(&value));
+        for (name, number) in columns {
+            if stream.sparse.columns.len() >= MOST_COLUMNS && !stream.sparse.columns.contains_key(&name) {
+                return Err(format!("{}: more than {MOST_COLUMNS} columns", shown(&stream.channel.topic)));
+            }
+            let (rows, values) = stream.sparse.columns.entry(name).or_default();
+            // A name that is there twice counts once.
+            if rows.last() != Some(&row) {
+                rows.push(row);
+                values.push(number);
+            }
+        }
+        Ok(())
+    }
+
+    /// Tables of all topics on the clock of the joints' positions.
+    pub fn finish(self, kind: &'static str) -> Result<Source, String> {
+        let mut source = Source { kind, ..Source::default() };
+        let mut read: Vec<Stream> = Vec::new();
+        for ((topic, kind), stream) in self.streams {
+            let take = &self.mapping.streams.take;
+            let count = stream.logged.len();
+            let reason = match &stream.schema {
+                _ if !take.is_empty() && !take.contains(&topic) => "not named in streams.take".to_owned(),
+                Err(problem) => problem.clone(),
+                Ok(_) if count == 0 && stream.damaged.0 > 0 => stream.damaged.1.clone(),
+                Ok(_) if count == 0 => "nothing of a log in it".to_owned(),
+                Ok(_) => {
+                    if stream.damaged.0 + stream.unknown > 0 {
+                        let reason =
+                            if stream.damaged.0 > 0 { &stream.damaged.1 } else { "no joints in them" };
+                        let lost = stream.damaged.0 + stream.unknown;
+                        source.left_out.push(format!("{topic}: {lost} messages: {reason}"));
+                    }
+                    read.push(stream);
+                    continue;
+                }
+            };
+            source.left_out.push(format!("{} ({}): {reason}", shown(&topic), shown(&kind)));
+        }
+        if read.is_empty() {
+            let found = source.left_out.iter().take(20).cloned().collect::<Vec<_>>().join("; ");
+            return Err(format!("no messages with joints, commands or an IMU; found {found}"));
+        }
+        let unitree = |package: &str| {
+            read.iter().any(|stream| schema::short_name(&stream.channel.kind).starts_with(package))
+        };
+        source.usual_joints = match () {
+            () if unitree("unitree_hg/") => Some(&UNITREE_HG),
+            () if unitree("unitree_go/") => Some(&UNITREE_GO),
+            () => None,
+        };
+        let clocks: Vec<Clock> = read.iter().map(Clock::of).collect();
+        let state =
+            read.iter().position(|stream| stream.sparse.columns.keys().any(|name| name.starts_with("q_")));
+        let state = state.unwrap_or(0);
+        let origin = clocks[state].times(&read[state]).iter().copied().min().unwrap_or(0);
+        source.origin_ns = origin;
+        let half =
+            median(clocks[state].times(&read[state]).windows(2).map(|pair| pair[1].saturating_sub(pair[0])))
+                .unwrap_or(0)
+                / 2;
+        for (i, (mut stream, clock)) in read.into_iter().zip(&clocks).enumerate() {
+            // On the recorder's clock both streams are `behind` later than their stamps.
+            let behind = clock.behind.saturating_sub(clocks[state].behind);
+            let same = clock.stamped == clocks[state].stamped;
+            let shift = match self.mapping.clock_offset_s {
+                Some(_) => 0,
+                None if i == state || (same && behind.abs() <= half) => 0,
+                None => behind,
+            };
+            if shift != 0 {
+                source.assumed.push(format!(
+                    "{}: its clock is {:.3} ms ahead of that of {} by the recorder's times; corrected",
+                    stream.channel.topic,
+                    -(shift as f64) / 1e6,
+                    clocks[state].topic
+                ));
+            }
+            let seconds = |ns: &i64| ns.saturating_add(shift).saturating_sub(origin) as f64 / 1e9;
+            stream.sparse.time = clock.times(&stream).iter().map(seconds).collect();
+            let named = if clock.stamped { "header stamps" } else { "the recorder's times" };
+            let mut tables: Vec<Table> =
+                std::mem::take(&mut stream.sparse).split(&stream.channel.topic, named, None);
+            if shift != 0 {
+                // The middle of the recorder's delays is not exact.
+                tables.iter_mut().for_each(|table| table.slack = half as f64 / 2e9);
+            }
+            source.tables.extend(tables);
+        }
+        Ok(source)
+    }
+}
+
+/// Which times of a stream are taken.
+struct Clock {
+    topic: String,
+    /// Header stamps, not the recorder's times.
+    stamped: bool,
+    /// How much later the recorder's times are, ns; the middle one.
+    behind: i64,
+}
+
+impl Clock {
+    fn of(stream: &Stream) -> Clock {
+        let topic = stream.channel.topic.clone();
+        let whole = stream.stamped.len() == stream.logged.len();
+        let backward = stream.stamped.windows(2).filter(|pair| pair[1] <= pair[0]).count();
+        // Stamps that stand still or jump back are not measured times.
+        if !whole || backward * 10 > stream.stamped.len() {
+            return Clock { topic, stamped: false, behind: 0 };
+        }
+        let behind = stream.logged.iter().zip(&stream.stamped).map(|(log, stamp)| log.saturating_sub(*stamp));
+        Clock { topic, stamped: true, behind: median(behind).unwrap_or(0) }
+    }
+
+    fn times<'a>(&self, stream: &'a Stream) -> &'a [i64] {
+        if self.stamped { &stream.stamped } else { &stream.logged }
+    }
+}
+
+/// The middle value.
+fn median(values: impl Iterator<Item = i64>) -> Option<i64> {
+    let mut values: Vec<i64> = values.collect();
+    let middle = values.len() / 2;
+    if values.is_empty() { None } else { Some(*values.select_nth_unstable(middle).1) }
+}

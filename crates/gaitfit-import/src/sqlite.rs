@@ -1,0 +1,291 @@
+//! The tables of an SQLite file, read only ("Database File Format", sqlite.org/fileformat2.html). ROS 2's bags of the kind
+//! db3 are such files. This reads whole tables row by row, which is all that bags need; there is no SQL.
+
+use gaitfit_model::shown;
+
+/// The first bytes of a file.
+pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";
+/// Deepest tree.
+const DEEPEST: usize = 24;
+/// Largest row, bytes.
+const MOST_ROW: usize = 256 << 20;
+
+/// A cell.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Cell<'a> {
+    Null,
+    Integer(i64),
+    Real(f64),
+    Text(&'a str),
+    Blob(&'a [u8]),
+}
+
+impl<'a> Cell<'a> {
+    /// A whole number.
+    pub fn integer(&self) -> Option<i64> {
+        match self {
+            Cell::Integer(number) => Some(*number),
+            _ => None,
+        }
+    }
+
+    /// Words.
+    pub fn text(&self) -> Option<&'a str> {
+        match self {
+            Cell::Text(text) => Some(text),
+            _ => None,
+        }
+    }
+}
+
+/// An open file.
+pub(crate) struct Database<'a> {
+    bytes: &'a [u8],
+    page_size: usize,
+    /// Bytes of a page that hold rows.
+    usable: usize,
+}
+
+/// A table: where it begins and its columns' names.
+pub(crate) struct TableInfo {
+    root: u32,
+    columns: Vec<String>,
+}
+
+impl TableInfo {
+    /// Number of the column called `name`.
+    pub fn column(&self, name: &str) -> Option<usize> {
+        self.columns.iter().position(|column| column.eq_ignore_ascii_case(name))
+    }
+}
+
+/// Pages and bytes that a table may still have. One that is reached twice is in a circle.
+struct Left {
+    pages: usize,
+    bytes: usize,
+}
+
+fn damaged() -> String {
+    "the database is damaged or cut short; `ros2 bag reindex` may mend it".to_owned()
+}
+
+impl<'a> Database<'a> {
+    /// Looks at the file's header.
+    pub fn open(bytes: &'a [u8]) -> Result<Self, String> {
+        let header = bytes.get(..100).filter(|header| header.starts_with(MAGIC)).ok_or_else(damaged)?;
+        let page_size = match u16::from_be_bytes([header[16], header[17]]) {
+            1 => 65_536,
+            size => usize::from(size),
+        };
+        let usable = page_size.checked_sub(usize::from(header[20])).ok_or_else(damaged)?;
+        if !page_size.is_power_of_two() || page_size < 512 || usable < 480 {
+            return Err(damaged());
+        }
+        if u32::from_be_bytes([header[56], header[57], header[58], header[59]]) > 1 {
+            return Err("its text is UTF-16; bags have UTF-8".into());
+        }
+        Ok(Database { bytes, page_size, usable })
+    }
+
+    /// The table called `name`, if there is one.
+    pub fn table(&self, name: &str) -> Result<Option<TableInfo>, String> {
+        let mut found = None;
+        self.rows(1, &mut |cells| {
+            if let [kind, own, _, root, sql, ..] = cells
+                && kind.text() == Some("table")
+                && own.text() == Some(name)
+            {
+                let root = root.integer().and_then(|root| u32::try_from(root).ok());
+                found = root.zip(sql.text()).map(|(root, sql)| TableInfo { root, columns: columns(sql) });
+            }
+            Ok(())
+        })?;
+        Ok(found)
+    }
+
+    /// Calls `row` with the cells of every row of a table, in the order of their numbers. An integer primary key is NULL
+    /// among the cells: SQLite keeps it as the row's number, which is put there.
+    pub fn each(&self, table: &TableInfo, row: &mut RowVisitor<'_>) -> Result<(), String> {
+        self.rows(table.root, row)
+    }
+
+    fn rows(&self, root: u32, row: &mut RowVisitor<'_>) -> Result<(), String> {
+        let mut left = Left { pages: self.bytes.len() / self.page_size + 1, bytes: self.bytes.len() };
+        self.page(root, 0, &mut left, row)
+    }
+
+    fn page(
+        &self,
+        number: u32,
+        depth: usize,
+        left: &mut Left,
+        row: &mut RowVisitor<'_>,
+    ) -> Result<(), String> {
+        left.pages = left.pages.checked_sub(1).ok_or_else(damaged)?;
+        if depth > DEEPEST {
+            return Err(damaged());
+        }
+        let page = self.page_bytes(number)?;
+        let start = if number == 1 { 100 } else { 0 };
+        let kind = *page.get(start).ok_or_else(damaged)?;
+        let cells = usize::from(be16(page, start + 3)?);
+        let head = match kind {
+            5 => 12,
+            13 => 8,
+            _ => return Err(damaged()),
+        };
+        for cell in 0..cells {
+            let at = usize::from(be16(page, start + head + 2 * cell)?);
+            if kind == 5 {
+                self.page(be32(page, at)?, depth + 1, left, row)?;
+            } else {
+                self.cell(page, at, left, row)?;
+            }
+        }
+        if kind == 5 {
+            self.page(be32(page, start + 8)?, depth + 1, left, row)?;
+        }
+        Ok(())
+    }
+
+    /// A page without the bytes that are reserved at its end.
+    fn page_bytes(&self, number: u32) -> Result<&'a [u8], String> {
+        let start = (number as usize).checked_sub(1).and_then(|page| page.checked_mul(self.page_size));
+        let start = start.ok_or_else(damaged)?;
+        let end = start.checked_add(self.usable).ok_or_else(damaged)?;
+        self.bytes.get(start..end).ok_or_else(damaged)
+    }
+
+    /// A row in a leaf: its size, its number, its content, of which the end may lie in other pages.
+    fn cell(
+        &self,
+        page: &'a [u8],
+        mut at: usize,
+        left: &mut Left,
+        row: &mut RowVisitor<'_>,
+    ) -> Result<(), String> {
+        let size = usize::try_from(varint(page, &mut at)?).map_err(|_| damaged())?;
+        let id = varint(page, &mut at)?;
+        if size > MOST_ROW {
+            return Err(damaged());
+        }
+        left.bytes = left.bytes.checked_sub(size + 2).ok_or_else(damaged)?;
+        let (most, least) = (self.usable - 35, (self.usable - 12) * 32 / 255 - 23);
+        if size <= most {
+            let content = at.checked_add(size).and_then(|end| page.get(at..end)).ok_or_else(damaged)?;
+            return visit(content, id, row);
+        }
+        let here = least + (size - least) % (self.usable - 4);
+        let here = if here <= most { here } else { least };
+        let mut content = Vec::with_capacity(size);
+        content.extend_from_slice(page.get(at..at + here).ok_or_else(damaged)?);
+        let mut next = be32(page, at + here)?;
+        while content.len() < size {
+            left.pages = left.pages.checked_sub(1).ok_or_else(damaged)?;
+            let overflow = self.page_bytes(next)?;
+            next = be32(overflow, 0)?;
+            let part = overflow.get(4..).ok_or_else(damaged)?;
+            content.extend_from_slice(&part[..part.len().min(size - content.len())]);
+        }
+        visit(&content, id, row)
+    }
+}
+
+/// Takes the cells of a row.
+pub(crate) type RowVisitor<'a> = dyn FnMut(&[Cell<'_>]) -> Result<(), String> + 'a;
+
+/// Splits a row into cells.
+fn visit(content: &[u8], id: i64, row: &mut RowVisitor<'_>) -> Result<(), String> {
+    let mut at = 0;
+    let head = usize::try_from(varint(content, &mut at)?).ok().filter(|head| *head <= content.len());
+    let head = head.ok_or_else(damaged)?;
+    let mut body = head;
+    let mut cells = Vec::new();
+    while at < head {
+        let kind = varint(content, &mut at)?;
+        let mut take = |size: usize| {
+            let end = body.checked_add(size).filter(|end| *end <= content.len()).ok_or_else(damaged)?;
+            let taken = &content[body..end];
+            body = end;
+            Ok::<&[u8], String>(taken)
+        };
+        let integer = |bytes: &[u8]| {
+            let first = if bytes[0] & 0x80 == 0 { 0i64 } else { -1 };
+            bytes.iter().fold(first, |sum, byte| (sum << 8) | i64::from(*byte))
+        };
+        cells.push(match kind {
+            // The key: SQLite writes NULL for it.
+            0 if cells.is_empty() => Cell::Integer(id),
+            0 => Cell::Null,
+            1..=4 => Cell::Integer(integer(take(kind as usize)?)),
+            5 => Cell::Integer(integer(take(6)?)),
+            6 => Cell::Integer(integer(take(8)?)),
+            7 => Cell::Real(f64::from_bits(integer(take(8)?) as u64)),
+            8 | 9 => Cell::Integer(kind - 8),
+            12.. => {
+                let bytes = take(usize::try_from((kind - 12) / 2).map_err(|_| damaged())?)?;
+                match kind % 2 {
+                    0 => Cell::Blob(bytes),
+                    _ => Cell::Text(std::str::from_utf8(bytes).map_err(|_| damaged())?),
+                }
+            }
+            _ => return Err(damaged()),
+        });
+    }
+    row(&cells)
+}
+
+/// Columns of `CREATE TABLE name(a TYPE, b TYPE, ...)`: the first word of each part.
+fn columns(sql: &str) -> Vec<String> {
+    let Some(inside) = sql.split_once('(').and_then(|(_, rest)| rest.rsplit_once(')')) else {
+        return Vec::new();
+    };
+    let mut depth = 0;
+    let parts = inside.0.split(|c| {
+        match c {
+            '(' => depth += 1,
+            ')' => depth -= 1,
+            _ => {}
+        }
+        c == ',' && depth == 0
+    });
+    let name = |part: &str| {
+        let word = part.split_whitespace().next().unwrap_or("");
+        word.trim_matches(['"', '`', '[', ']', '\'']).to_owned()
+    };
+    parts.take(100).map(name).collect()
+}
+
+fn be16(bytes: &[u8], at: usize) -> Result<u16, String> {
+    let end = at.checked_add(2).ok_or_else(damaged)?;
+    bytes.get(at..end).map(|two| u16::from_be_bytes([two[0], two[1]])).ok_or_else(damaged)
+}
+
+fn be32(bytes: &[u8], at: usize) -> Result<u32, String> {
+    let end = at.checked_add(4).ok_or_else(damaged)?;
+    bytes.get(at..end).map(|b| u32::from_be_bytes([b[0], b[1], b[2], b[3]])).ok_or_else(damaged)
+}
+
+/// A number of one to nine bytes, seven bits in each but the ninth.
+fn varint(bytes: &[u8], at: &mut usize) -> Result<i64, String> {
+    let mut value = 0u64;
+    for place in 0..9 {
+        let byte = *bytes.get(*at).ok_or_else(damaged)?;
+        *at += 1;
+        if place == 8 {
+            return Ok(((value << 8) | u64::from(byte)) as i64);
+        }
+        value = (value << 7) | u64::from(byte & 0x7f);
+        if byte & 0x80 == 0 {
+            break;
+        }
+    }
+    Ok(value as i64)
+}
+
+/// A table that a bag must have.
+pub(crate) fn needed(database: &Database<'_>, name: &str) -> Result<TableInfo, String> {
+    database
+        .table(name)?
+        .ok_or_else(|| format!("no table `{}`: an SQLite file, but no ROS 2 bag", shown(name)))
+}

@@ -1,0 +1,139 @@
+//! CSV files of other programs, PlotJuggler's among them.
+
+use crate::budget::Budget;
+use crate::known::{Role, canonical, role};
+use crate::mapping::Mapping;
+use crate::table::{MOST_COLUMNS, Source, Sparse};
+use gaitfit_model::shown;
+use std::collections::HashSet;
+
+/// Longest line, bytes.
+const MOST_LINE: usize = 1 << 20;
+
+/// Reads a CSV file: a header and rows of numbers, separated by commas, semicolons (then with decimal commas, if there are
+/// some) or tabs. An empty cell is no sample of its column: columns with samples in the same rows are one stream.
+pub(crate) fn read(
+    name: &str,
+    bytes: &[u8],
+    mapping: &Mapping,
+    budget: &mut Budget,
+) -> Result<Source, String> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let text = std::str::from_utf8(bytes).map_err(|_| "not UTF-8 text; save the file as UTF-8".to_owned())?;
+    let header = text
+        .lines()
+        .find(|line| !line.trim().is_empty() && !line.starts_with('#'))
+        .ok_or("empty; a log has a header line")?;
+    if text.lines().take(100).any(|line| line.len() > MOST_LINE) {
+        return Err("lines longer than a megabyte; is this a CSV file?".into());
+    }
+    let count = |c: char| header.matches(c).count();
+    let separator = [',', ';', '\t'].into_iter().max_by_key(|c| (count(*c), *c == ',')).unwrap_or(',');
+    let decimal_comma = separator != ',';
+    let mut reader = csv::ReaderBuilder::new()
+        .delimiter(separator as u8)
+        .comment(Some(b'#'))
+        .trim(csv::Trim::All)
+        .flexible(true)
+        .from_reader(text.as_bytes());
+    let damaged = |error: csv::Error| format!("{error}");
+    let names: Vec<String> = reader.headers().map_err(damaged)?.iter().map(str::to_owned).collect();
+    if names.len() > MOST_COLUMNS {
+        return Err(format!("{} columns, more than {MOST_COLUMNS}; drop unused ones", names.len()));
+    }
+    if names.iter().all(|name| name.parse::<f64>().is_ok()) {
+        return Err(
+            "the first line holds numbers; put a header line with the columns' names before it".into()
+        );
+    }
+    let mut seen = HashSet::new();
+    if let Some(twice) = names.iter().find(|name| !seen.insert(name.as_str())) {
+        return Err(format!("column `{}` is there twice; rename one", shown(twice)));
+    }
+
+    let time = time_column(&names, mapping)?;
+    let mut sparse = Sparse::default();
+    let mut columns: Vec<(Vec<u32>, Vec<f64>)> = vec![Default::default(); names.len()];
+    let mut words = vec![false; names.len()];
+    let mut record = csv::StringRecord::new();
+    while reader.read_record(&mut record).map_err(damaged)? {
+        let line = record.position().map_or(0, csv::Position::line);
+        if record.len() != names.len() {
+            // PlotJuggler ends lines with a separator in some versions; a last line may be cut short.
+            let spare = record.len() == names.len() + 1 && record.get(names.len()).is_some_and(str::is_empty);
+            if !spare && reader.is_done() {
+                break;
+            }
+            if !spare {
+                return Err(format!(
+                    "line {line}: {} cells where the header names {}",
+                    record.len(),
+                    names.len()
+                ));
+            }
+        }
+        let row = u32::try_from(sparse.time.len()).map_err(|_| "too many rows; cut the log".to_owned())?;
+        let number = |cell: &str| match decimal_comma {
+            true => cell.replace(',', ".").parse::<f64>(),
+            false => cell.parse::<f64>(),
+        };
+        budget.take_values(names.len())?;
+        let at = match time {
+            Some(column) => {
+                let cell = record.get(column).unwrap_or("");
+                let at = number(cell).ok().filter(|at| at.is_finite());
+                at.ok_or_else(|| format!("line {line}: `{}` is no sample time", shown(cell)))?
+            }
+            None => f64::from(row),
+        };
+        sparse.time.push(at);
+        for (column, cell) in record.iter().enumerate().take(names.len()) {
+            if cell.is_empty() || Some(column) == time {
+                continue;
+            }
+            match number(cell) {
+                Ok(value) => {
+                    columns[column].0.push(row);
+                    columns[column].1.push(value);
+                }
+                Err(_) => words[column] = true,
+            }
+        }
+    }
+    let mut source = Source { kind: "CSV", ..Source::default() };
+    for (column, (name, filled)) in names.iter().zip(columns).enumerate() {
+        if Some(column) == time {
+            continue;
+        }
+        if words[column] {
+            source.left_out.push(format!("{}: cells that are no numbers", shown(name)));
+        } else {
+            sparse.columns.insert(name.clone(), filled);
+        }
+    }
+    let clock = if time.is_some() { "the time column" } else { "the rows' numbers" };
+    source.tables = sparse.split(name, clock, time.map(|column| names[column].as_str()));
+    if time.is_none() {
+        source.tables.iter_mut().for_each(|table| table.time.clear());
+    }
+    if source.tables.is_empty() {
+        return Err("a header but no numbers".into());
+    }
+    Ok(source)
+}
+
+fn time_column(names: &[String], mapping: &Mapping) -> Result<Option<usize>, String> {
+    if let Some(wanted) = &mapping.time.column {
+        let found = names.iter().position(|name| name == wanted);
+        return found
+            .map(Some)
+            .ok_or_else(|| format!("no column `{}`, which the mapping names as time", shown(wanted)));
+    }
+    let usual = names.iter().position(|name| canonical(name).is_none() && role(name) == Some(Role::Time));
+    if usual.is_none() && mapping.rate_hz.is_none() {
+        return Err(
+            "no time column; name it as `[time] column = ...`, or give `rate_hz`, in a mapping file".into()
+        );
+    }
+    Ok(usual)
+}

@@ -1,0 +1,55 @@
+//! PyTorch's files (`torch.save`), such as PACE's recordings: a zip archive of a pickle and raw numbers.
+
+use crate::arrays::Arrays;
+use crate::budget::{Budget, read_all};
+use crate::npz::MOST_ENTRIES;
+use crate::pickle;
+use std::collections::HashMap;
+use std::io::Cursor;
+use std::rc::Rc;
+use zip::ZipArchive;
+
+/// Largest pickle in the archive, bytes: it holds names and shapes, not numbers.
+const MOST_PICKLE: u64 = 64 << 20;
+
+/// Whether a zip archive is one of PyTorch.
+pub(crate) fn is_torch(bytes: &[u8]) -> bool {
+    let archive = ZipArchive::new(Cursor::new(bytes));
+    archive.is_ok_and(|archive| archive.len() <= MOST_ENTRIES && pickle_name(&archive).is_some())
+}
+
+fn pickle_name(archive: &ZipArchive<Cursor<&[u8]>>) -> Option<String> {
+    let mut names = archive.file_names().flatten();
+    names.find(|name| *name == "data.pkl" || name.ends_with("/data.pkl")).map(|name| name.into_owned())
+}
+
+/// The named arrays of the file.
+pub(crate) fn read(bytes: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
+    let damaged = |error| format!("zip: {error}");
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
+    let name = pickle_name(&archive).ok_or("it has no data.pkl")?;
+    let folder = name.strip_suffix("data.pkl").unwrap_or("").to_owned();
+    if let Ok(entry) = archive.by_name(&format!("{folder}byteorder")) {
+        let order = read_all(entry, budget, "zip")?;
+        if order != b"little" {
+            return Err("it was saved on a big-endian machine; save it again on this one".into());
+        }
+    }
+    let entry = archive.by_name(&name).map_err(damaged)?;
+    if entry.size() > MOST_PICKLE {
+        return Err(format!("its data.pkl is larger than {MOST_PICKLE} bytes; save plain tensors"));
+    }
+    let content = read_all(entry, budget, "zip")?;
+    let pickle = pickle::read(&content, budget)?;
+    let mut read: HashMap<String, Rc<[u8]>> = HashMap::new();
+    let mut storages = |key: &str, budget: &mut Budget| -> Result<Rc<[u8]>, String> {
+        if let Some(bytes) = read.get(key) {
+            return Ok(bytes.clone());
+        }
+        let entry = archive.by_name(&format!("{folder}data/{key}")).map_err(damaged)?;
+        let bytes: Rc<[u8]> = read_all(entry, budget, "zip")?.into();
+        read.insert(key.to_owned(), bytes.clone());
+        Ok(bytes)
+    };
+    pickle::arrays(&pickle, &mut storages, budget)
+}

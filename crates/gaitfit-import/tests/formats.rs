@@ -1,0 +1,217 @@
+//! One motion in every kind of file gives one trajectory. `tools/make_import_fixtures.py` wrote the files.
+
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{JOINTS, apart, fixture, read};
+use gaitfit_import::{ClockFinding, ImportError, Imported, Mapping, Options, import};
+use gaitfit_log::{ReadOptions, Trajectory, read_csv, write_csv};
+
+/// The reference, with joints in the order of `like`.
+fn reference(like: &Trajectory) -> Trajectory {
+    let log = read_csv(&fixture("motion.csv"), &ReadOptions::default()).unwrap();
+    log.select_joints(&like.joints).unwrap()
+}
+
+/// Checks positions, targets, times and gains against the reference; and velocities, if the file has them.
+fn same(imported: &Imported, velocities: bool, gains: bool, tolerance: f64) {
+    let log = &imported.trajectory;
+    let want = reference(log);
+    assert_eq!(log.joints.len(), 12);
+    assert_eq!(log.rate_hz, 200.0);
+    assert!(apart(&log.time, &want.time) < 1e-6, "{:?}", &log.time[..4]);
+    assert!(apart(&log.position, &want.position) <= tolerance);
+    assert!(apart(log.target.as_ref().unwrap(), want.target.as_ref().unwrap()) <= tolerance);
+    if velocities {
+        assert!(apart(&log.velocity, &want.velocity) <= 10.0 * tolerance);
+    }
+    if gains {
+        assert_eq!(log.gains, want.gains);
+    }
+}
+
+#[test]
+fn every_kind_of_file_gives_the_same_trajectory() {
+    for (name, mapping, gains, tolerance) in [
+        ("motion.csv", "", true, 0.0),
+        ("joint_states.mcap", "", false, 0.0),
+        ("controller.mcap", "", false, 0.0),
+        ("unitree_go.mcap", "", true, 0.0),
+        ("bag", "", false, 0.0),
+        ("bag/bag.db3", "", false, 0.0),
+        ("motion.npz", "", true, 0.0),
+        ("motion.pt", JOINTS, false, 0.0),
+        ("motion.pkl", "", false, 0.0),
+        ("walk_these_ways.pkl", "", true, 0.0),
+        // Degrees are rounded once more.
+        ("odd.csv", "odd.toml", true, 1e-14),
+    ] {
+        let mapping = match mapping.ends_with(".toml") {
+            true => std::fs::read_to_string(fixture(mapping)).unwrap(),
+            false => mapping.to_owned(),
+        };
+        let imported = read(name, &mapping).unwrap_or_else(|error| panic!("{name}: {error}"));
+        eprintln!("{name}: {:?} {:?}", imported.report.assumed, imported.report.left_out);
+        same(&imported, true, gains, tolerance);
+    }
+}
+
+#[test]
+fn pace_recordings_have_no_velocities_and_no_names() {
+    let error = read("pace.pt", "").unwrap_err();
+    assert!(matches!(error, ImportError::NoJointNames { count: 12 }), "{error}");
+    let imported = read("pace.pt", JOINTS).unwrap();
+    same(&imported, false, false, 0.0);
+    let log = &imported.trajectory;
+    assert!(imported.report.assumed.iter().any(|line| line.contains("central differences")));
+    let want = (log.position[2 * 12] - log.position[0]) / 0.01;
+    assert!((log.velocity[12] - want).abs() < 1e-9);
+}
+
+#[test]
+fn unitree_layouts_are_decoded_by_the_file_s_definitions() {
+    let imported = read("unitree_go.mcap", "").unwrap();
+    let base = imported.trajectory.base.as_ref().unwrap();
+    assert_eq!(base.quaternion.as_ref().unwrap()[..4], [1.0, 0.0, 0.0, 0.0]);
+    assert_eq!(base.angular_velocity.as_ref().unwrap()[..3], [0.125, -0.25, 0.5]);
+    assert!(imported.report.left_out.iter().any(|line| line.contains("motors 12 to 19")));
+
+    let log = read("unitree_hg.mcap", "").unwrap().trajectory;
+    assert_eq!((log.joints.len(), log.rate_hz), (29, 500.0));
+    assert_eq!((log.joints[0].as_str(), log.joints[28].as_str()), ("left_hip_pitch", "right_wrist_yaw"));
+    for (i, value) in log.position[29..58].iter().enumerate() {
+        let want = 0.01 * i as f64 + 0.001;
+        assert!((value - want).abs() < 1e-7, "motor {i}: {value}");
+    }
+}
+
+#[test]
+fn walk_these_ways_actions_belong_to_the_state_before() {
+    let imported = read("walk_these_ways.pkl", "").unwrap();
+    let log = imported.trajectory;
+    let target = log.target.as_ref().unwrap();
+    let action = log.action.as_ref().unwrap();
+    let scaled: Vec<f64> = target.iter().map(|target| f64::from((4.0 * target) as f32)).collect();
+    assert_eq!(action, &scaled);
+    assert_eq!(log.command.as_ref().unwrap()[..3], [0.5, 0.25, -0.75]);
+    assert_eq!(log.base.as_ref().unwrap().quaternion.as_ref().unwrap()[..4], [1.0, 0.0, 0.0, 0.0]);
+}
+
+#[test]
+fn plotjuggler_rows_of_several_topics_are_joined() {
+    let imported = read("plotjuggler.csv", "").unwrap();
+    // Commands were sent half a millisecond before the states.
+    same(&imported, true, false, 0.0);
+    assert_eq!(imported.report.streams.len(), 2);
+}
+
+#[test]
+fn streams_of_two_rates_and_clocks_are_joined_by_time() {
+    let imported = read("two_rates.mcap", "").unwrap();
+    let log = &imported.trajectory;
+    assert_eq!((log.rate_hz, log.len()), (500.0, 150));
+    let target = log.target.as_ref().unwrap();
+    for (sample, time) in log.time.iter().enumerate() {
+        assert!((log.position[2 * sample] - time).abs() < 1e-9);
+        // Action n is sent at 20 n ms, ten samples before the next.
+        assert_eq!(target[2 * sample], (sample / 10) as f64, "at {time} s");
+        assert_eq!(target[2 * sample + 1], -((sample / 10) as f64));
+    }
+    let line = imported.report.assumed.iter().find(|line| line.contains("ahead")).unwrap();
+    let ahead: f64 = line.split(" ms").next().unwrap().rsplit(' ').next().unwrap().parse().unwrap();
+    assert!((ahead - 3.0).abs() < 0.1, "{line}");
+    let mut rates: Vec<f64> = imported.report.streams.iter().map(|stream| stream.rate_hz.round()).collect();
+    rates.sort_by(f64::total_cmp);
+    assert_eq!(rates, [50.0, 500.0]);
+
+    // Without the correction the actions come a sample or two late.
+    let late = read("two_rates.mcap", "clock_offset_s = 0.0").unwrap().trajectory;
+    let held = late
+        .target
+        .as_ref()
+        .unwrap()
+        .chunks_exact(2)
+        .zip(&late.position.chunks_exact(2).collect::<Vec<_>>())
+        .filter(|(target, q)| target[0] != (q[0] / 0.02 + 1e-6).floor())
+        .count();
+    assert!(held >= 14, "{held}");
+    // And as stated by hand.
+    let stated = read("two_rates.mcap", "clock_offset_s = -0.003").unwrap().trajectory;
+    assert_eq!(stated.target, log.target);
+}
+
+#[test]
+fn two_files_of_one_recording_are_joined() {
+    let folder = tempfile::tempdir().unwrap();
+    let state = folder.path().join("state.csv");
+    let action = folder.path().join("action.csv");
+    let mut text = String::from("t,q_0,q_1,dq_0,dq_1\n");
+    (0..100).for_each(|i| text.push_str(&format!("{},{i},{},0,0\n", f64::from(i) * 0.002, 2 * i)));
+    std::fs::write(&state, text).unwrap();
+    let mut text = String::from("stamp,action_0,action_1\n");
+    (0..10).for_each(|i| text.push_str(&format!("{},{i},-{i}\n", f64::from(i) * 0.02 + 0.003)));
+    std::fs::write(&action, text).unwrap();
+    let mapping = Mapping::parse("joints = ['a', 'b']\nclock_offset_s = -0.003").unwrap();
+    let imported = import(&[&state, &action], &Options { mapping, ..Options::default() }).unwrap();
+    let log = imported.trajectory;
+    assert_eq!(log.len(), 100);
+    for (sample, row) in log.action.as_ref().unwrap().chunks_exact(2).enumerate() {
+        assert_eq!(row[0], (sample / 10) as f64);
+    }
+}
+
+#[test]
+fn what_was_imported_is_written_and_read_as_a_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.csv");
+    let imported = read("walk_these_ways.pkl", "").unwrap();
+    write_csv(&path, &imported.trajectory).unwrap();
+    let back = read_csv(&path, &ReadOptions::default()).unwrap();
+    assert_eq!(back, Trajectory { source: back.source.clone(), ..imported.trajectory });
+}
+
+#[test]
+fn what_is_not_understood_is_refused_with_a_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let cases: [(&str, &[u8], &str); 9] = [
+        ("a.h5", b"\x89HDF\r\n\x1a\n....", "numpy.savez"),
+        ("a.bag", b"#ROSBAG V2.0\n", "rosbags-convert"),
+        ("a.bin", b"\x00\x01\x02", "no kind that is read"),
+        ("a.csv", b"time,x,y\n0,1,2\n1,2,3\n", "no column of a known name"),
+        ("b.csv", b"q_a,dq_a\n0,1\n1,2\n", "rate_hz"),
+        ("c.csv", b"t,q_0,dq_0\n0,1,2\n0.01,2,3\n", "joints = [...]"),
+        ("d.csv", b"t,q_a,dq_a\n0,1,2\n0.01,2\n0.02,2,2\n", "line 3: 2 cells"),
+        ("e.csv", b"t,q_a,dq_a\n0.02,1,2\n0.01,2,3\n0.0,2,2\n", "no clock"),
+        ("a.db3", b"SQLite format 3\0", "damaged"),
+    ];
+    for (name, bytes, part) in cases {
+        let error = import(&[write(name, bytes)], &Options::default()).unwrap_err().to_string();
+        assert!(error.contains(part), "{name}: {error}");
+    }
+    for text in ["unit = 'grad'", "rate_hz = -1", "joints = ['a', 'a']", "colums = 1"] {
+        assert!(matches!(Mapping::parse(text), Err(ImportError::Mapping { .. })), "{text}");
+    }
+}
+
+#[test]
+fn clocks_are_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.csv");
+    let mut text = String::from("time_ms;q_a;dq_a\n");
+    (0..200).filter(|i| *i != 50).for_each(|i| text.push_str(&format!("{};{i},5;1\n", i * 5)));
+    std::fs::write(&path, text).unwrap();
+    let imported = import(&[&path], &Options::default()).unwrap();
+    assert_eq!(imported.trajectory.rate_hz, 200.0);
+    assert_eq!(imported.trajectory.position[1], 1.5);
+    let [ClockFinding::Gaps { gaps: 1, lost: 1, longest_s, at_s }] = imported.report.streams[0].findings[..]
+    else {
+        panic!("{:?}", imported.report.streams)
+    };
+    assert!((longest_s - 0.01).abs() < 1e-9 && (at_s - 0.245).abs() < 1e-9);
+}
