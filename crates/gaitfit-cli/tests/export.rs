@@ -66,3 +66,37 @@ fn bad_input_and_bad_names_are_told_apart() {
     assert!(errors(&output).contains("would replace a file that this command reads"), "{}", errors(&output));
     assert_eq!(std::fs::read(path(&weights)).unwrap(), before);
 }
+
+#[test]
+fn recordings_become_logs_and_logs_become_recordings() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (log, mcap, again) = (path("a.csv"), path("a.mcap"), path("b.csv"));
+    let fixtures = "crates/gaitfit-import/tests/fixtures";
+    let recording = format!("{fixtures}/unitree_go.mcap");
+    let text = String::from_utf8(run(&["import", &recording, "--out", &log]).stdout).unwrap();
+    for word in [
+        "/lowstate",
+        "/lowcmd",
+        "assumed: motors are those of a Unitree Go2",
+        "12 joints, 40 samples at 200 Hz",
+    ] {
+        assert!(text.contains(word), "`{word}` is not in:\n{text}");
+    }
+    assert!(run(&["export-log", &log, "--out", &mcap]).status.success());
+    let found = json(&run(&["import", &mcap, "--out", &again, "--json"]));
+    assert_eq!((&found["samples"], &found["rate_hz"]), (&40.into(), &200.0.into()));
+    let body = |path: &str| std::fs::read_to_string(path).unwrap();
+    assert_eq!(body(&log), body(&again));
+
+    let pace = format!("{fixtures}/pace.pt");
+    let output = run(&["import", &pace, "--out", &log]);
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    assert!(errors(&output).contains("joints = [...]"));
+    let found = json(&run(&["import", &pace, "--robot", "assets/go2.xml", "--out", &log, "--json"]));
+    assert_eq!(found["joints"].as_array().unwrap().len(), 12);
+    let odd = format!("{fixtures}/odd.csv");
+    let mapping = format!("{fixtures}/odd.toml");
+    assert!(run(&["import", &odd, "--mapping", &mapping, "--out", &log]).status.success());
+    assert!(body(&log).contains("# kp = [20.0"));
+}

@@ -84,7 +84,7 @@ pub(crate) fn trajectory(
     let gains = gains(&joints, &columns, sources, mapping, assumed)?;
     let trajectory = Trajectory {
         source: None,
-        robot: mapping.robot.clone(),
+        robot: mapping.robot.clone().or_else(|| sources.iter().find_map(|source| source.robot.clone())),
         joints,
         time,
         rate_hz,
@@ -95,7 +95,7 @@ pub(crate) fn trajectory(
         command: group(&COMMAND),
         base: (base != BaseState::default()).then_some(base),
         gains,
-        fell: false,
+        fell: sources.iter().any(|source| source.fell),
     };
     trajectory.validate()?;
     Ok(trajectory)

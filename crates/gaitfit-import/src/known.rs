@@ -216,6 +216,11 @@ pub(crate) fn is_command(topic: &[&str]) -> bool {
     })
 }
 
+/// Whether a topic's name says that its joints' values are a policy's actions.
+pub(crate) fn is_action(topic: &[&str]) -> bool {
+    topic.last().is_some_and(|part| part.to_lowercase().ends_with("actions"))
+}
+
 fn is_velocity_command(topic: &[&str]) -> bool {
     topic.iter().any(|part| {
         let part = part.to_lowercase();

@@ -1,4 +1,4 @@
-//! Logs of robots from other programs' files.
+//! Logs of robots from other programs' files, and as such a file ([`mcap_bytes`]).
 //!
 //! [`import`] reads what a robot's recorders write and gives a [`Trajectory`]. Files are recognised by their content:
 //!
@@ -37,6 +37,7 @@ mod kind;
 mod known;
 mod mapping;
 mod mcap;
+mod mcap_write;
 mod npz;
 mod open;
 mod pickle;
@@ -53,6 +54,7 @@ pub use error::ImportError;
 pub use mapping::{
     AngleUnit, ColumnNames, MOST_MAPPING_BYTES, Mapping, Names, StreamNames, TimeColumn, UnitName,
 };
+pub use mcap_write::mcap_bytes;
 
 use gaitfit_log::Trajectory;
 use serde::Serialize;

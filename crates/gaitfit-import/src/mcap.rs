@@ -1,6 +1,7 @@
 //! MCAP files. The crate `mcap` reads records; chunks are unpacked here, by decoders in Rust.
 
 use crate::budget::{Budget, unlz4, unzstd};
+use crate::mcap_write::METADATA;
 use crate::ros::{Channel, Messages};
 use gaitfit_model::shown;
 use mcap::records::{Record, op};
@@ -39,7 +40,7 @@ fn records(
         let Some((body, next)) = body else { return Ok(true) };
         rest = next;
         match code {
-            op::DATA_END | op::FOOTER if outside => return Ok(false),
+            op::FOOTER if outside => return Ok(false),
             op::CHUNK if outside => {
                 let Record::Chunk { header, data } = parse(code, body)? else { continue };
                 let packed: &[u8] = &data;
@@ -83,7 +84,14 @@ fn records(
                     messages.message(*number, time, &data, budget)?;
                 }
             }
-            // Indexes, statistics, attachments, metadata.
+            op::METADATA => {
+                if let Record::Metadata(found) = parse(code, body)?
+                    && found.name == METADATA
+                {
+                    messages.own(found.metadata);
+                }
+            }
+            // Indexes, statistics, attachments.
             _ => {}
         }
     }

@@ -44,6 +44,10 @@ pub(crate) struct Source {
     pub usual_joints: Option<&'static [&'static str]>,
     /// Position and velocity gains, one a joint, where the file says them.
     pub gains: Option<(Vec<f64>, Vec<f64>)>,
+    /// The robot's name, where the file says it.
+    pub robot: Option<String>,
+    /// The recording ends because the robot fell.
+    pub fell: bool,
     /// What was assumed, in sentences.
     pub assumed: Vec<String>,
     /// What was left out, with the reason.

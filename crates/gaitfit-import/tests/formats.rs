@@ -5,7 +5,7 @@
 mod common;
 
 use common::{JOINTS, apart, fixture, read};
-use gaitfit_import::{ClockFinding, ImportError, Imported, Mapping, Options, import};
+use gaitfit_import::{ClockFinding, ImportError, Imported, Mapping, Options, import, mcap_bytes};
 use gaitfit_log::{ReadOptions, Trajectory, read_csv, write_csv};
 
 /// The reference, with joints in the order of `like`.
@@ -214,4 +214,98 @@ fn clocks_are_reported() {
         panic!("{:?}", imported.report.streams)
     };
     assert!((longest_s - 0.01).abs() < 1e-9 && (at_s - 0.245).abs() < 1e-9);
+}
+
+/// A walking log of a second with all that an MCAP file holds.
+fn walk() -> Trajectory {
+    let mut log = read("walk_these_ways.pkl", "").unwrap().trajectory;
+    let samples = log.len();
+    log.source = None;
+    log.robot = Some("go2".into());
+    log.fell = true;
+    // Wilder numbers than a robot's: all bits must come back.
+    log.velocity.iter_mut().enumerate().for_each(|(i, value)| *value = (i as f64).exp().sin() / 3.0);
+    let angles = |sample: usize| 0.01 * sample as f64;
+    let quaternion = (0..samples).flat_map(|i| [angles(i).cos(), 0.0, angles(i).sin(), 0.0]).collect();
+    let rates = (0..3 * samples).map(|i| 0.1 * i as f64).collect();
+    log.base = Some(gaitfit_log::BaseState {
+        quaternion: Some(quaternion),
+        angular_velocity: Some(rates),
+        ..gaitfit_log::BaseState::default()
+    });
+    log
+}
+
+#[test]
+fn logs_written_as_mcap_are_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let log = walk();
+    let (bytes, left_out) = mcap_bytes(&log).unwrap();
+    assert_eq!(left_out, [""; 0]);
+    std::fs::write(&path, bytes).unwrap();
+    let mut back = import(&[&path], &Options::default()).unwrap().trajectory;
+    back.source = None;
+    assert!(apart(&back.time, &log.time) < 1e-9);
+    back.time.clone_from(&log.time);
+    let turned = apart(
+        back.base.as_ref().unwrap().quaternion.as_ref().unwrap(),
+        log.base.as_ref().unwrap().quaternion.as_ref().unwrap(),
+    );
+    assert!(turned < 1e-15);
+    back.base.clone_from(&log.base);
+    assert_eq!(back, log);
+}
+
+#[test]
+#[ignore = "needs the Python packages of tools/setup_venv.sh"]
+fn python_mcap_reads_what_is_written() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("log.mcap");
+    let log = walk();
+    std::fs::write(&path, mcap_bytes(&log).unwrap().0).unwrap();
+    let script = "
+import json, sys
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+out = {}
+with open(sys.argv[1], 'rb') as file:
+    reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+    assert reader.get_header().profile == 'ros2'
+    assert reader.get_summary().statistics.message_count == int(sys.argv[2])
+    for schema, channel, message, ros in reader.iter_decoded_messages():
+        rows = out.setdefault(channel.topic, [])
+        if schema.name == 'sensor_msgs/msg/JointState':
+            rows.append([list(ros.name), list(ros.position), list(ros.velocity)])
+        elif schema.name == 'sensor_msgs/msg/Imu':
+            q = ros.orientation
+            rows.append([q.w, q.x, q.y, q.z])
+        else:
+            rows.append([ros.twist.linear.x, ros.twist.linear.y, ros.twist.angular.z])
+        assert ros.header.stamp.sec * 10**9 + ros.header.stamp.nanosec == message.log_time
+print(json.dumps(out))
+";
+    let output = std::process::Command::new(root.join(".venv/bin/python"))
+        .args(["-c", script, &path.display().to_string(), &(5 * log.len()).to_string()])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    for sample in [0, 1, log.len() - 1] {
+        let row = |values: &[f64], width: usize| values[sample * width..(sample + 1) * width].to_vec();
+        let states = serde_json::json!([log.joints, row(&log.position, 12), row(&log.velocity, 12)]);
+        assert_eq!(found["/joint_states"][sample], states);
+        assert_eq!(
+            found["/joint_targets"][sample][1],
+            serde_json::json!(row(log.target.as_ref().unwrap(), 12))
+        );
+        assert_eq!(
+            found["/joint_actions"][sample][1],
+            serde_json::json!(row(log.action.as_ref().unwrap(), 12))
+        );
+        assert_eq!(found["/cmd_vel"][sample], serde_json::json!(row(log.command.as_ref().unwrap(), 3)));
+        let base = log.base.as_ref().unwrap();
+        assert_eq!(found["/imu"][sample], serde_json::json!(row(base.quaternion.as_ref().unwrap(), 4)));
+    }
 }

@@ -34,3 +34,16 @@ pub struct Import {
     #[arg(long)]
     pub json: bool,
 }
+
+/// Arguments of `export-log`.
+#[derive(Debug, Args)]
+pub struct ExportLog {
+    /// Log (.csv)
+    pub log: PathBuf,
+    /// MCAP file to write, of ROS 2 messages
+    #[arg(long, value_name = "FILE.mcap")]
+    pub out: PathBuf,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}

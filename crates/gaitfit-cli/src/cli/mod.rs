@@ -9,7 +9,7 @@ mod world;
 pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms};
 pub use choices::{Config, ConfigOf, Preset};
 pub use gaitfit::device::Device;
-pub use logs::Import;
+pub use logs::{ExportLog, Import};
 pub use run::{Adapt, Finetune, Loop, Reproduce, Train, Validate};
 pub use world::{Collect, Evaluate};
 
@@ -58,6 +58,8 @@ pub enum Command {
     Forward(Forward),
     /// Show a policy and write it as ONNX or safetensors
     Export(Export),
+    /// Write a log as MCAP, for Foxglove and PlotJuggler
+    ExportLog(ExportLog),
     /// Measure how well a policy walks in a simulator
     Evaluate(Evaluate),
     /// Run a policy in a simulator and write its logs

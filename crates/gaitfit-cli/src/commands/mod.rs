@@ -7,6 +7,7 @@ pub mod config;
 pub mod doctor;
 pub mod evaluate;
 pub mod export;
+pub mod export_log;
 pub mod finetune;
 pub mod forward;
 pub mod import;

@@ -3,11 +3,12 @@
 use super::value::Value;
 use super::{cdr, message, schema};
 use crate::budget::Budget;
-use crate::known::{Role, UNITREE_GO, UNITREE_HG, is_command};
+use crate::known::{Role, UNITREE_GO, UNITREE_HG, is_action, is_command};
 use crate::mapping::Mapping;
 use crate::table::{MOST_COLUMNS, Source, Sparse, Table};
 use gaitfit_model::shown;
 use indexmap::IndexMap;
+use std::collections::BTreeMap;
 
 /// Most topics of a bag.
 const MOST_TOPICS: usize = 10_000;
@@ -43,11 +44,18 @@ struct Stream {
 pub(crate) struct Messages<'a> {
     mapping: &'a Mapping,
     streams: IndexMap<(String, String), Stream>,
+    /// What a file that this program wrote says beside its messages.
+    own: BTreeMap<String, String>,
 }
 
 impl<'a> Messages<'a> {
     pub fn new(mapping: &'a Mapping) -> Self {
-        Messages { mapping, streams: IndexMap::new() }
+        Messages { mapping, streams: IndexMap::new(), own: BTreeMap::new() }
+    }
+
+    /// Takes the metadata of a file that this program wrote.
+    pub fn own(&mut self, entries: BTreeMap<String, String>) {
+        self.own = entries;
     }
 
     /// The number to give with the topic's messages.
@@ -65,6 +73,8 @@ impl<'a> Messages<'a> {
             Role::Action
         } else if streams.target.contains(&channel.topic) || is_command(&parts) {
             Role::Target
+        } else if is_action(&parts) {
+            Role::Action
         } else {
             Role::Position
         };
@@ -158,6 +168,10 @@ impl<'a> Messages<'a> {
     /// Tables of all topics on the clock of the joints' positions.
     pub fn finish(self, kind: &'static str) -> Result<Source, String> {
         let mut source = Source { kind, ..Source::default() };
+        let numbers = |name: &str| serde_json::from_str::<Vec<f64>>(self.own.get(name)?).ok();
+        source.gains = numbers("kp").zip(numbers("kd"));
+        source.robot = self.own.get("robot").cloned();
+        source.fell = self.own.get("fell").is_some_and(|text| text == "true");
         let mut read: Vec<Stream> = Vec::new();
         for ((topic, kind), stream) in self.streams {
             let take = &self.mapping.streams.take;
