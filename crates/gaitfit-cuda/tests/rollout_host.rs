@@ -12,7 +12,7 @@ use gaitfit_cuda::ppo::Id;
 use gaitfit_cuda::rollout::{Packed, Plan, RolloutError, Scene, Sizes};
 use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::ppo::Exploration;
-use gaitfit_learn::task::{Ended, Environment, JointNumber, Snapshot, Task, TaskSettings, preset, reward};
+use gaitfit_learn::task::{Ended, Environment, JointNumber, Snapshot, Task, TaskSettings, TerrainSettings, preset, reward};
 use gaitfit_model::{Model, Shape};
 use gaitfit_physics::{NetworkScales, Params, Preset};
 use gaitfit_policy::walker::TorqueNoise;
@@ -517,6 +517,11 @@ fn what_a_gpu_does_not_do_is_refused() {
     ] {
         assert!(error.to_string().contains("a history of observations"), "{error}");
     }
+    let mut settings = lively("velocity");
+    settings.terrain = Some(TerrainSettings { levels: 4, columns: 2, ..TerrainSettings::default() });
+    let task = Task::new(&model, &settings, Preset::Fast).unwrap();
+    let error = Scene::period(&task, &nominal, 8, PROCESSORS).map(|_| ()).unwrap_err();
+    assert!(matches!(&error, RolloutError::Unsupported(what) if what.contains("uneven ground")), "{error}");
 }
 
 #[test]

@@ -22,6 +22,8 @@ pub struct Tally {
     pub episode_steps: f64,
     /// Their summed rewards.
     pub episode_return: f64,
+    /// Levels of the ground that robots are on, over all control steps; 0 without levels.
+    pub levels: f64,
 }
 
 impl Tally {
@@ -51,6 +53,7 @@ impl Tally {
         self.falls += other.falls;
         self.episode_steps += other.episode_steps;
         self.episode_return += other.episode_return;
+        self.levels += other.levels;
     }
 }
 
@@ -116,6 +119,7 @@ impl<'a> Runner<'a> {
             }
             for (index, reward) in reward.iter().enumerate() {
                 tally.step(*reward, environment.tracking_error(index));
+                tally.levels += environment.cell(index).map_or(0.0, |cell| cell.level as f64);
                 let so_far = &mut returns[index];
                 so_far[0] += reward;
                 so_far[1] += 1.0;

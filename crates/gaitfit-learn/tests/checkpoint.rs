@@ -1,18 +1,22 @@
 //! Checkpoints: what is taken up again goes on with the same bits, and what does not fit is refused.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-use gaitfit_learn::task::{Task, TaskSettings};
-use gaitfit_learn::{CheckpointError, Origin, Training, TrainingSettings, ppo};
+use gaitfit_learn::task::{Kinds, Task, TaskSettings, TerrainKind, TerrainSettings};
+use gaitfit_learn::{CheckpointError, Origin, Tally, Training, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
 use gaitfit_policy::weights;
 
 const SETTINGS: TrainingSettings = TrainingSettings { environments: 270, steps: 6, iterations: 5 };
 
 fn scene() -> Task {
+    scene_on(None)
+}
+
+fn scene_on(terrain: Option<TerrainSettings>) -> Task {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2.xml");
     let model = gaitfit_model::read(path.as_ref(), &Default::default()).unwrap();
     // Episodes, commands and pushes shorter than the training, so that their clocks matter.
-    let mut task = TaskSettings { episode_seconds: 0.3, ..TaskSettings::default() };
+    let mut task = TaskSettings { episode_seconds: 0.3, terrain, ..TaskSettings::default() };
     task.command.seconds = 0.1;
     task.push.seconds = 0.2;
     Task::new(&model, &task, Preset::Fast).unwrap()
@@ -60,8 +64,26 @@ fn handed_over_robot_by_robot_it_ends_with_the_same_bits() {
 
 #[test]
 fn resumed_after_any_iteration_it_ends_with_the_same_bits() {
-    let scene = scene();
-    let mut whole = training(&scene);
+    resumes(&scene());
+}
+
+#[test]
+fn resumed_on_stairs_it_ends_with_the_same_bits() {
+    let terrain = TerrainSettings {
+        levels: 4,
+        columns: 2,
+        size: 4.0,
+        border: 1.0,
+        ..TerrainSettings::of(Kinds::One(TerrainKind::Stairs))
+    };
+    let tallies = resumes(&scene_on(Some(terrain)));
+    // Nobody walks yet: levels sink from their mean of 1.5, episode by episode.
+    let means: Vec<f64> = tallies.iter().map(|tally| tally.levels / tally.steps).collect();
+    assert!(means[0] > 1.0 && means[0] < 2.0 && means[4] < 0.7 * means[0], "{means:?}");
+}
+
+fn resumes(scene: &Task) -> Vec<Tally> {
+    let mut whole = training(scene);
     let mut saved = vec![whole.save(&origin(), 0.5).unwrap()];
     let mut tallies = Vec::new();
     assert!(!whole.policy_trained());
@@ -72,7 +94,7 @@ fn resumed_after_any_iteration_it_ends_with_the_same_bits() {
     assert!(whole.policy_trained());
     assert!(tallies.iter().any(|tally| tally.episodes > tally.falls), "no episode timed out");
     for (done, bytes) in saved.iter().enumerate() {
-        let mut resumed = training(&scene);
+        let mut resumed = training(scene);
         assert_eq!(resumed.restore(bytes, &origin()).unwrap(), 0.5);
         assert_eq!(resumed.iteration() as usize, done);
         assert!(resumed.save(&origin(), 0.5).unwrap() == *bytes, "saved again, it is another checkpoint");
@@ -82,6 +104,7 @@ fn resumed_after_any_iteration_it_ends_with_the_same_bits() {
         }
         assert!(policy(&resumed) == policy(&whole), "resumed after {done}");
     }
+    tallies
 }
 
 #[test]

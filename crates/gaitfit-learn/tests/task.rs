@@ -3,6 +3,8 @@
 
 #[path = "task/drawn.rs"]
 mod drawn;
+#[path = "task/ground.rs"]
+mod ground;
 mod task_common;
 
 use gaitfit_learn::task::{Ended, Environment, JointNumber, NoiseSettings, Task, TaskSettings};

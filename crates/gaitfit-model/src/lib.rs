@@ -57,7 +57,9 @@ mod shown;
 mod site;
 mod spec;
 mod summary;
+mod surface;
 mod terrain;
+mod uneven;
 mod urdf;
 mod xml;
 
@@ -67,4 +69,5 @@ pub use model::*;
 pub use read::{ReadOptions, read, read_mjcf_str, read_urdf_str};
 pub use shown::{escaped, shown, shown_number, shown_path};
 pub use summary::*;
+pub use surface::{LeaningField, Surface};
 pub use terrain::{Ground, HeightField, Obstacle, ObstacleShape};

@@ -2,7 +2,7 @@
 
 use gaitfit_model::{Geom, HeightField, Model, ObstacleShape, Shape};
 
-use crate::terrain::{Block, Field};
+use crate::terrain::{Block, Ceiling, Field};
 use crate::tree::Touched;
 use crate::vec3::*;
 use crate::{PhysicsError, Real};
@@ -48,6 +48,7 @@ impl<K> Obstacles<K> {
                         columns: T::constant(field.columns as f64),
                         top: T::constant(top),
                         heights: field.heights.iter().map(|&height| T::constant(height)).collect(),
+                        ceiling: ceiling::<T>(field),
                     });
                 }
             }
@@ -77,6 +78,42 @@ impl<K> Obstacles<K> {
             }
         }
         Ok(self.places[obstacle])
+    }
+}
+
+/// How far a ceiling looks, m, and over how many cells at most: the parts of a walking robot reach no further.
+const LOOK: f64 = 0.2;
+const MOST_CELLS: usize = 64;
+
+/// The greatest heights about each block of cells.
+fn ceiling<T: Real>(field: &HeightField) -> Ceiling<T::K> {
+    let steps = field.steps();
+    let cells = ((LOOK / steps[0].min(steps[1])).ceil() as usize).clamp(1, MOST_CELLS);
+    let blocks = [field.columns, field.rows].map(|vertices| (vertices - 1).div_ceil(cells));
+    // Vertices of a block, and of those on either side.
+    let range = |block: usize, vertices: usize| {
+        block.saturating_sub(1) * cells..((block + 2) * cells + 1).min(vertices)
+    };
+    let mut heights = Vec::with_capacity(blocks[0] * blocks[1]);
+    for row in 0..blocks[1] {
+        // First down the columns, then along the row.
+        let mut high = vec![f64::NEG_INFINITY; field.columns];
+        for line in range(row, field.rows) {
+            let line = &field.heights[line * field.columns..(line + 1) * field.columns];
+            high.iter_mut().zip(line).for_each(|(high, &height)| *high = high.max(height));
+        }
+        for column in 0..blocks[0] {
+            let part = &high[range(column, field.columns)];
+            heights.push(T::constant(part.iter().copied().fold(f64::NEG_INFINITY, f64::max)));
+        }
+    }
+    let edges = steps.map(|step| step * cells as f64);
+    Ceiling {
+        per_edge: edges.map(|edge| T::constant(1.0 / edge)),
+        edge: T::constant(edges[0].min(edges[1])),
+        last: blocks.map(|count| T::constant((count - 1) as f64)),
+        columns: T::constant(blocks[0] as f64),
+        heights,
     }
 }
 

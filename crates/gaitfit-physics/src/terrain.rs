@@ -40,6 +40,23 @@ pub(crate) struct Field<K> {
     pub top: K,
     /// Heights, m.
     pub heights: Vec<K>,
+    /// The greatest heights about each place.
+    pub ceiling: Ceiling<K>,
+}
+
+/// Greatest heights of a field by blocks of its cells, each block with those around it.
+#[derive(Clone, Debug)]
+pub(crate) struct Ceiling<K> {
+    /// Reciprocals of a block's edges, 1/m.
+    pub per_edge: [K; 2],
+    /// The shorter edge, m: what is nearer to a point of a block than this lies under its ceiling.
+    pub edge: K,
+    /// Numbers of the last column and row of blocks.
+    pub last: [K; 2],
+    /// Blocks of a row.
+    pub columns: K,
+    /// Heights, m.
+    pub heights: Vec<K>,
 }
 
 /// Where a surface is nearest to a point.
@@ -147,7 +164,15 @@ impl<K: Copy> Field<K> {
     /// A number that the distance of the world's point `x` does not fall below.
     #[inline(always)]
     pub fn at_least<T: Real<K = K>>(&self, x: V3<T>) -> T {
-        local::<T>(&self.rotation, &self.position, x)[2] - T::k(self.top)
+        let c = local::<T>(&self.rotation, &self.position, x);
+        let ceiling = &self.ceiling;
+        let half = T::lit(0.5);
+        let block = |k: usize| {
+            let along = (c[k] - T::k(self.corner[k])) * T::k(ceiling.per_edge[k]);
+            (along - half).round().clamp(T::zero(), T::k(ceiling.last[k]))
+        };
+        let above = c[2] - T::gather(&ceiling.heights, block(1).fma(T::k(ceiling.columns), block(0)));
+        above.min(T::k(ceiling.edge)).max(c[2] - T::k(self.top))
     }
 
     /// The point nearest to the world's point `x` among the four cells about the vertex nearest to `x`: any point of the

@@ -37,6 +37,10 @@ impl Purpose {
     pub const BOOTSTRAP: Self = Self(12);
     /// Pushes.
     pub const PUSH: Self = Self(13);
+    /// Generated ground.
+    pub const TERRAIN: Self = Self(14);
+    /// Where on the ground a robot starts.
+    pub const PLACE: Self = Self(15);
 }
 
 /// An address up to the draw: (seed, purpose, environment, step). Holds no state; copy it freely.

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use crate::Error;
 use gaitfit_cuda::rollout::RolloutError;
 use gaitfit_cuda::runtime::CudaError;
+use gaitfit_learn::task::Task;
 
 /// The processor or a GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,6 +56,20 @@ impl Device {
     /// As [`Device::open`].
     pub fn check(self) -> Result<(), Error> {
         self.open().map(drop)
+    }
+
+    /// Refuses a training on uneven ground on a GPU, before anything is written.
+    ///
+    /// # Errors
+    /// Settings, with the remedy.
+    pub fn check_ground(self, scene: &Task) -> Result<(), Error> {
+        match self {
+            Self::Cuda(_) if scene.walker.ground().is_some() => Err(Error::settings(
+                "a training on uneven ground ([task.terrain], or boxes and height fields of the robot file) does not run \
+                 on a GPU yet; use the CPU (--device cpu)",
+            )),
+            _ => Ok(()),
+        }
     }
 
     /// The GPU, opened; none of the processor.

@@ -1,8 +1,9 @@
 //! From a simulated robot and its record to what a 3-D replay draws.
 
 use gaitfit_learn::evaluate::GaitRecord;
-use gaitfit_model::{Model, Shape};
-use gaitfit_view::replay::{Body, Frame, Geom, Joint, ReplayRobot, Shape as Drawn};
+use gaitfit_model::{Model, Shape, Surface};
+use gaitfit_policy::walker::Walker;
+use gaitfit_view::replay::{Body, Frame, Geom, Ground, Joint, ReplayRobot, Shape as Drawn};
 
 /// The robot called `name`, moving as recorded.
 pub fn robot(name: &str, model: &Model, record: &GaitRecord) -> ReplayRobot {
@@ -50,8 +51,41 @@ pub fn robot(name: &str, model: &Model, record: &GaitRecord) -> ReplayRobot {
         geoms: geoms.collect(),
         bodies,
         feet: record.feet.iter().map(|foot| foot_name(foot).to_owned()).collect(),
+        ground: None,
         frames: (0..record.steps()).map(|step| frame(model, record, step)).collect(),
     }
+}
+
+/// The same on the ground of its simulator: where that is uneven, the part under the robot's way is drawn.
+pub fn robot_on(name: &str, walker: &Walker, record: &GaitRecord) -> ReplayRobot {
+    let ground = walker.ground().and_then(|ground| patch(ground, record));
+    ReplayRobot { ground, ..robot(name, walker.model(), record) }
+}
+
+/// How far the ground is drawn beside a robot's way, m.
+const BESIDE: f64 = 2.5;
+/// Distance of drawn heights, m, and most of them along an edge.
+const FINE: f64 = 0.05;
+const MOST: f64 = 400.0;
+
+/// The ground about a robot's way.
+fn patch(ground: &Surface, record: &GaitRecord) -> Option<Ground> {
+    let along = |k: usize| {
+        let places = record.base.iter().skip(k).step_by(7).filter(|x| x.is_finite());
+        places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &x| [low.min(x), high.max(x)])
+    };
+    let spans = [along(0), along(1)].map(|[low, high]| [low - BESIDE, high + BESIDE]);
+    let longest = spans.iter().map(|[low, high]| high - low).fold(0.0, f64::max);
+    if !longest.is_finite() || longest <= 0.0 {
+        return None;
+    }
+    let step = FINE.max(longest / MOST);
+    // Heights lie on whole steps of the world, where generated ground has its vertices.
+    let corner = spans.map(|[low, _]| (low / step).floor() * step);
+    let [columns, rows] = [0, 1].map(|k| ((spans[k][1] - corner[k]) / step).ceil() as usize + 1);
+    let heights = (0..rows * columns)
+        .map(|k| ground.height(corner[0] + (k % columns) as f64 * step, corner[1] + (k / columns) as f64 * step));
+    Some(Ground { corner, step, columns, heights: heights.collect() })
 }
 
 /// A foot's name as it is shown: `FL` of `FL_foot`.

@@ -8,7 +8,7 @@ use crate::spring::Spring;
 use crate::theta;
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_learn::task::{Task, TaskSettings, preset};
-use gaitfit_model::shown;
+use gaitfit_model::{Model, shown};
 use gaitfit_policy::Policy;
 use gaitfit_sim::Candidate;
 use std::path::{Path, PathBuf};
@@ -60,6 +60,8 @@ impl WorldSettings {
 pub struct World {
     /// The policy.
     pub policy: Policy,
+    /// The robot, springs included, on the ground of its file.
+    pub model: Model,
     /// Task and simulator.
     pub scene: Task,
     /// The robot, fitted parameters and noise included.
@@ -76,7 +78,9 @@ impl World {
     /// Reads everything the arguments name.
     pub fn open(args: &WorldSettings) -> Result<Self, Error> {
         let policy = gaitfit_policy::read(&args.policy)?;
-        let settings = task(args, &policy)?;
+        let mut settings = task(args, &policy)?;
+        // Uneven ground is measured on its own.
+        settings.terrain = None;
         let world = Self::with_task(args, policy, if args.randomised { settings } else { settings.calm() });
         world.map_err(|error| args.of_task(error))
     }
@@ -141,7 +145,7 @@ impl World {
         if let Some((path, file)) = theta {
             warnings.extend(theta::doubts(&file, path, &model, step));
         }
-        Ok(Self { policy, scene, candidate, drawn, changes, warnings })
+        Ok(Self { policy, model, scene, candidate, drawn, changes, warnings })
     }
 
     /// With robots that begin where a fit of their logs lets them begin: upright, facing along x (pyramidal friction

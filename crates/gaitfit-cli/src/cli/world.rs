@@ -85,10 +85,17 @@ pub struct Evaluate {
     /// Speeds of these: ahead and to the side, m/s, and turning, rad/s [default: half of the task's greatest commands]
     #[arg(long, value_name = "X,Y,YAW", value_delimiter = ',', num_args = 1)]
     pub drift_speeds: Vec<f64>,
+    /// Uneven ground to cross besides: kinds (flat, slopes, stairs, rough) with commas between, a .toml file with
+    /// [terrain], none, or own, the task's
+    #[arg(long, value_name = "GROUND", default_value = "own")]
+    pub terrain: String,
+    /// Robots on each cell of it
+    #[arg(long, value_name = "N", default_value_t = 32)]
+    pub terrain_robots: usize,
     /// Write a page with pictures
     #[arg(long, value_name = "FILE.html")]
     pub report: Option<PathBuf>,
-    /// Write a 3-D replay
+    /// Write a 3-D replay: on the uneven ground, if there is any
     #[arg(long, value_name = "FILE.html")]
     pub replay: Option<PathBuf>,
     /// Print one JSON document

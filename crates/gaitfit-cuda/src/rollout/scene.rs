@@ -46,7 +46,7 @@ impl<'a> Scene<'a> {
     /// The physics that a task's rollouts need. `processors`: the GPU's multiprocessors.
     ///
     /// # Errors
-    /// A robot that cannot be stepped; a candidate with networks; past frames in observations.
+    /// A robot that cannot be stepped; a candidate with networks; past frames in observations; uneven ground.
     pub fn period(
         task: &Task,
         candidates: &[Candidate],
@@ -59,6 +59,9 @@ impl<'a> Scene<'a> {
         }
         if task.walker.sees_past() {
             return unsupported("a history of observations");
+        }
+        if task.walker.ground().is_some() {
+            return unsupported("uneven ground ([terrain], or boxes and height fields of the robot file)");
         }
         let batch = &task.walker.batch;
         let options = PeriodOptions {

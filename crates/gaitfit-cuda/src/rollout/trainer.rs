@@ -179,6 +179,7 @@ impl<'a> Trainer<'a> {
             falls: rest[3],
             episode_steps: rest[4],
             episode_return: rest[5],
+            levels: 0.0,
         }
     }
 

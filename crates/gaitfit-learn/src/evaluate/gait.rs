@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Subject, power_spectrum};
 use crate::player::Player;
-use crate::task::{Ended, Environment, Foot, Task, TaskError};
+use crate::task::{Cell, Ended, Environment, Foot, Task, TaskError};
 
 /// What one robot did, a row a control period.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -64,9 +64,27 @@ pub struct GaitSummary {
 /// # Errors
 /// A robot that cannot be.
 pub fn record_gait(subject: &Subject<'_>, commands: &[(f64, [f64; 3])]) -> Result<GaitRecord, TaskError> {
+    record_gait_on(subject, None, commands)
+}
+
+/// The same on a cell of generated ground.
+///
+/// # Errors
+/// A robot that cannot be.
+pub fn record_gait_on(
+    subject: &Subject<'_>,
+    cell: Option<Cell>,
+    commands: &[(f64, [f64; 3])],
+) -> Result<GaitRecord, TaskError> {
     let Subject { task, policy, candidate, seed } = *subject;
-    let mut environment = Environment::new(task, candidate, seed, 0, 1)?;
+    // A robot's column is its number's.
+    let number = cell.map_or(0, |cell| cell.column as u32);
+    let mut environment = Environment::new(task, candidate, seed, number, 1)?;
     environment.hold_command(0, [0.0; 3]);
+    if let Some(cell) = cell {
+        environment.put_on_level(0, cell.level);
+        environment.refresh();
+    }
     let mut player = Player::new(task, policy, environment);
     let model = task.walker.batch.model();
     let mut record = GaitRecord {
@@ -119,7 +137,7 @@ impl Clearance {
         Self { geoms: task.foot_geoms().iter().map(geoms).collect(), angles: Vec::new() }
     }
 
-    /// Height of each foot's lowest point, m.
+    /// Height of each foot's lowest point above the ground under it, m.
     fn of_feet(&mut self, task: &Task, feet: &[Foot], motion: &Motion) -> Vec<f64> {
         let model = task.walker.model();
         let sphere = |geoms: &[usize]| match geoms {
@@ -142,7 +160,8 @@ impl Clearance {
                 let frames = frames.get_or_insert_with(|| body_frames(model, &base, &self.angles));
                 let lowest =
                     |&geom: &usize| lowest_point(&model.geoms[geom], &frames[model.geoms[geom].body]);
-                geoms.iter().map(lowest).fold(f64::INFINITY, f64::min)
+                let ground = f64::from(task.walker.ground_under(foot.place));
+                geoms.iter().map(lowest).fold(f64::INFINITY, f64::min) - ground
             }
         };
         self.geoms.iter().zip(feet).map(height).collect()

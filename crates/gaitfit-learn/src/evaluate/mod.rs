@@ -1,12 +1,15 @@
-//! How well a policy walks: trajectories with random commands, drift under constant ones, and its gait.
+//! How well a policy walks: trajectories with random commands, drift under constant ones, its gait, and crossings of
+//! uneven ground.
 
+mod crossings;
 mod drift;
 mod gait;
 mod spectrum;
 mod trajectories;
 
+pub use crossings::{Crossing, CrossingSummary, crossings, summarise_crossings};
 pub use drift::{DriftTrial, drift};
-pub use gait::{GaitRecord, GaitSummary, record_gait};
+pub use gait::{GaitRecord, GaitSummary, record_gait, record_gait_on};
 pub use spectrum::power_spectrum;
 pub use trajectories::{Trial, TrialSummary, run_trials, summarise};
 

@@ -157,6 +157,9 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
             format!("is {}; it must be from 0 to 1", shown_number(c.standing)),
         );
     }
+    if let Some(terrain) = &settings.terrain {
+        terrain.check()?;
+    }
     let norm = settings.posture.iter().map(|x| x * x).sum::<f64>().sqrt();
     if (norm - 1.0).abs() > 1e-3 || norm.is_nan() {
         return refuse("posture", "is not a direction of length 1".to_owned());

@@ -10,6 +10,7 @@ use super::command::{command, within};
 use super::error::refuse;
 use super::feet::Foot;
 use super::start::start;
+use super::terrain::Way;
 use super::{Moment, Task, TaskError};
 
 /// Below this norm (m/s, rad/s) a command means standing.
@@ -57,6 +58,8 @@ pub struct Environment<'a> {
     targets: Vec<f32>,
     /// `environments × feet`.
     pub(super) feet: Vec<Foot>,
+    /// One an environment on generated ground; else none.
+    pub(super) ways: Vec<Way>,
     /// Sum of each reward term since [`Environment::take_terms`].
     terms: Vec<f64>,
     /// Terms of one environment and step.
@@ -128,6 +131,7 @@ impl<'a> Environment<'a> {
             past: [&walker.observation, &walker.critic_observation].map(|layout| Past::new(layout, count)),
             targets: vec![0.0; count * walker.default_pose.len()],
             feet: vec![Foot::default(); count * task.settings.feet.len()],
+            ways: vec![Way::default(); if task.course.is_some() { count } else { 0 }],
             terms: vec![0.0; task.rewards.len()],
             step_terms: Vec::with_capacity(task.rewards.len()),
             broken_term: None,
@@ -136,6 +140,7 @@ impl<'a> Environment<'a> {
             noise: TorqueNoise::default(),
         };
         for index in 0..count {
+            environment.draw_level(index, 0);
             environment.restart(index, 0);
         }
         environment.tile.observe(&mut environment.motion);
@@ -198,9 +203,10 @@ impl<'a> Environment<'a> {
     }
 
     /// Starts a new episode of environment `index` at `step`.
-    fn restart(&mut self, index: usize, step: u32) {
+    pub(super) fn restart(&mut self, index: usize, step: u32) {
         let number = self.first + index as u32;
-        self.tile.place(index, &start(self.task, self.seed, number, step));
+        let place = self.start_place(index, step);
+        self.tile.place(index, &start(self.task, self.seed, number, step, place));
         self.steps[index] = 0;
         if !self.held_commands {
             self.command[index] = command(&self.task.settings.command, self.seed, number, step);
@@ -250,6 +256,7 @@ impl<'a> Environment<'a> {
         let mut any = false;
         for (index, ended) in ended.iter().enumerate() {
             if *ended != Ended::No {
+                self.move_on(index, step + 1, *ended);
                 self.restart(index, step + 1);
                 any = true;
             }
@@ -288,7 +295,7 @@ impl<'a> Environment<'a> {
             let at = 3 * (index * feet + k);
             let place = [self.motion.tracked[at], self.motion.tracked[at + 1], self.motion.tracked[at + 2]];
             let foot = &mut self.feet[index * feet + k];
-            foot.advance(force, place, dt);
+            foot.advance(force, place, task.walker.ground_under(place), dt);
             if self.steps[index] <= 1 {
                 // There was no place before the first step to move from.
                 foot.speed = 0.0;
@@ -311,7 +318,8 @@ impl<'a> Environment<'a> {
         let up = rotation::up(quat_of(quaternion));
         let gravity = up.map(|x| -x);
         let uprightness = task.walker.uprightness(up);
-        let height = motion.base_position[3 * index + 2];
+        let base = vec_of(&motion.base_position[3 * index..]);
+        let height = base[2] - task.walker.ground_under(base);
         let finite =
             linear.iter().chain(angular).chain(quaternion).all(|x| x.is_finite()) && height.is_finite();
         if !finite {
@@ -321,11 +329,15 @@ impl<'a> Environment<'a> {
         let fallen = task.walker.fallen(motion, index);
         let feet = task.settings.feet.len();
         let command = self.command[index];
+        let velocity = to_heading(quat_of(quaternion), vec_of(linear));
+        if let Some(way) = self.ways.get_mut(index) {
+            way.advance(command, velocity, task.walker.interface.control_dt as f32);
+        }
         let moment = Moment {
             task,
             command,
             walking: command.iter().map(|x| x * x).sum::<f32>() > STANDING * STANDING,
-            velocity: to_heading(quat_of(quaternion), vec_of(linear)),
+            velocity,
             angular_velocity: [angular[0], angular[1], angular[2]],
             yaw_rate: (0..3).map(|k| up[k] * angular[k]).sum(),
             gravity,
@@ -358,7 +370,7 @@ impl<'a> Environment<'a> {
         }
         if fallen {
             Ended::Fall
-        } else if self.steps[index] >= task.episode_steps() {
+        } else if self.steps[index] >= task.episode_steps() || task.is_outside(base) {
             Ended::TimeOut
         } else {
             Ended::No
@@ -387,6 +399,7 @@ impl<'a> Environment<'a> {
         numbers.extend(self.command.iter().flatten());
         numbers.extend(self.last_action.rows());
         numbers.extend(self.feet.iter().flat_map(Foot::numbers));
+        numbers.extend(self.ways.iter().flat_map(Way::numbers));
         numbers.extend(self.past.iter().flat_map(Past::numbers));
         Saved { numbers, steps: self.steps.clone() }
     }
@@ -397,7 +410,8 @@ impl<'a> Environment<'a> {
     /// A state of another task, robot or batch.
     pub fn restore(&mut self, saved: &Saved) -> Result<(), TaskError> {
         let past: usize = self.past.iter().map(Past::size).sum();
-        let own = 3 * self.command.len() + self.last_action.rows().len() + 8 * self.feet.len() + past;
+        let ways = 3 * self.ways.len();
+        let own = 3 * self.command.len() + self.last_action.rows().len() + 8 * self.feet.len() + ways + past;
         let foreign = TaskError::Setting {
             setting: "checkpoint".to_owned(),
             what: "is of another task, robot or number of environments".to_owned(),
@@ -415,12 +429,17 @@ impl<'a> Environment<'a> {
         }
         let (actions, rest) = rest.split_at(self.last_action.rows().len());
         self.last_action.take(actions);
-        let (feet, past) = rest.split_at(8 * self.feet.len());
+        let (feet, rest) = rest.split_at(8 * self.feet.len());
+        let (ways, past) = rest.split_at(ways);
+        if !self.restore_ways(ways) {
+            return Err(foreign);
+        }
         let (actor, critic) = past.split_at(self.past[0].size());
         self.past[0].restore(actor);
         self.past[1].restore(critic);
         for (foot, saved) in self.feet.iter_mut().zip(feet.as_chunks::<8>().0) {
             *foot = Foot::from_numbers(saved);
+            foot.height -= self.task.walker.ground_under(foot.place);
         }
         self.steps.copy_from_slice(&saved.steps);
         self.tile.observe(&mut self.motion);

@@ -22,6 +22,7 @@ mod snapshot;
 mod start;
 #[allow(clippy::module_inception, reason = "the file is the task")]
 mod task;
+mod terrain;
 
 pub use environment::{Ended, Environment, Saved};
 pub use error::TaskError;
@@ -32,3 +33,4 @@ pub use presets::preset;
 pub use settings::*;
 pub use snapshot::Snapshot;
 pub use task::Task;
+pub use terrain::{Cell, Course, Kinds, TerrainKind, TerrainSettings};

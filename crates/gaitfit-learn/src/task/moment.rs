@@ -21,7 +21,7 @@ pub struct Moment<'a> {
     pub gravity: [f32; 3],
     /// Cosine of the angle between actual and wanted posture.
     pub uprightness: f32,
-    /// Height of the base's origin, m.
+    /// Height of the base's origin above the ground under it, m.
     pub height: f32,
     /// Joint positions, rad.
     pub joint_position: &'a [f32],

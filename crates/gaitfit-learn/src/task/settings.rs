@@ -5,7 +5,7 @@ use gaitfit_policy::{History, Quantity};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
-use super::JointNumber;
+use super::{JointNumber, TerrainSettings};
 
 /// A number for each joint by pattern over joint names, for example `"*_hip_joint" = 0.1`, as
 /// [`gaitfit_model::patterns`] says: a plain name goes before patterns, of several patterns the last one counts.
@@ -34,9 +34,9 @@ pub struct TaskSettings {
     pub gait: Vec<Vec<String>>,
     /// Direction of gravity in the body frame in the wanted posture, unit: (0, 0, −1) on four legs.
     pub posture: [f64; 3],
-    /// Height of the base's origin that the rewards want, m.
+    /// Height of the base's origin above the ground that the rewards want, m.
     pub height: f64,
-    /// Height of a foot's centre in mid-swing that the rewards want, m.
+    /// Height of a foot's centre above the ground in mid-swing that the rewards want, m.
     pub swing_height: f64,
     /// Time a foot is off the ground in a step that the rewards want, s.
     pub swing_seconds: f64,
@@ -62,6 +62,9 @@ pub struct TaskSettings {
     /// Reward terms of one's own: expressions, as [`crate::task::expression`] says.
     #[serde(default, skip_serializing_if = "IndexMap::is_empty")]
     pub terms: IndexMap<String, String>,
+    /// Uneven ground in the place of the robot file's planes; absent: the robot file's ground.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terrain: Option<TerrainSettings>,
     /// Weight of each reward term; a step pays the weight times the term times `control_dt`.
     pub rewards: IndexMap<String, f64>,
 }
@@ -215,7 +218,8 @@ pub struct PushSettings {
 }
 
 impl TaskSettings {
-    /// The task as it is evaluated: one command, the nominal robot, no noise, no pushes, starts at rest.
+    /// The task as it is evaluated: one command, the nominal robot, no noise, no pushes, starts at rest, the robot file's
+    /// ground.
     pub fn calm(&self) -> Self {
         let mut calm = self.clone();
         calm.noise = NoiseSettings {
@@ -242,6 +246,7 @@ impl TaskSettings {
             ..self.start.clone()
         };
         calm.command.standing = 0.0;
+        calm.terrain = None;
         calm
     }
 }

@@ -58,6 +58,7 @@ impl Environment<'_> {
         let feet = &mut self.feet[index * count..(index + 1) * count];
         for (foot, numbers) in feet.iter_mut().zip(&snapshot.feet) {
             *foot = Foot::from_numbers(numbers);
+            foot.height -= self.task.walker.ground_under(foot.place);
         }
         Ok(())
     }

@@ -1,15 +1,14 @@
 //! How an episode starts.
 
 use gaitfit_model::rotation::{product, turn};
-use gaitfit_policy::walker::standing;
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::Start;
 
 use super::Task;
 use super::command::within;
 
-/// The start of an episode of `environment` that begins at `step`.
-pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32) -> Start {
+/// The start of an episode of `environment` that begins at `step` at `place` (x, y, m) of uneven ground.
+pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32, place: [f64; 2]) -> Start {
     let settings = &task.settings.start;
     let stream = Stream::new(seed, Purpose::RESET).environment(environment).step(step);
     let either = |draw: u32, half: f64| within(stream, draw, [-half, half]);
@@ -32,6 +31,6 @@ pub(super) fn start(task: &Task, seed: u64, environment: u32, step: u32) -> Star
         ],
         base_angular: std::array::from_fn(|k| either(5 + k as u32, settings.angular_velocity) as f32),
         joint_velocity: (0..joints).map(|j| either(8 + joints + j, settings.joint_velocity) as f32).collect(),
-        ..standing(model, quaternion, &angles)
+        ..task.walker.standing(place, quaternion, &angles)
     }
 }

@@ -1,6 +1,6 @@
 //! A task on a robot: names resolved to indices once, shared by all environments.
 
-use gaitfit_model::{Model, patterns, shown};
+use gaitfit_model::{Ground, Model, Shape, patterns, shown, shown_number};
 use gaitfit_physics::{Params, Preset, Robot};
 use gaitfit_policy::walker::{FootGeoms, Walker, WalkerOptions};
 use gaitfit_policy::{ActionClip, Held, Interface};
@@ -11,7 +11,7 @@ use super::error::refuse;
 use super::joint_number::by_joint;
 use super::randomise::randomised;
 use super::reward::{self, Value, WeightedTerm};
-use super::{JointNumber, Moment, TaskError, TaskSettings};
+use super::{Course, JointNumber, Moment, TaskError, TaskSettings, TerrainSettings};
 
 /// A task on a robot: commands, rewards, randomisation, noise and episodes. Joint vectors are in the model's order.
 pub struct Task {
@@ -21,6 +21,8 @@ pub struct Task {
     pub walker: Walker,
     /// Pose an episode starts in, rad.
     pub start_pose: Vec<f32>,
+    /// The cells of generated ground.
+    pub course: Option<Course>,
     /// Gait group of each foot; `None` for feet that stay out of the gait.
     pub gait_group: Vec<Option<usize>>,
     /// Places of geoms that are neither feet nor end an episode by touching the ground.
@@ -100,7 +102,11 @@ impl Task {
             start_pitch: settings.start.pitch,
             fall: settings.fall.clone(),
         };
-        let walker = Walker::new(model, interface, options)?;
+        let (course, uneven) = match &settings.terrain {
+            Some(terrain) => Some(on_terrain(model, settings, terrain)?).unzip(),
+            None => (None, None),
+        };
+        let walker = Walker::new(uneven.as_ref().unwrap_or(model), interface, options)?;
         let contacts = walker.batch.contact_geoms();
         let fall_geoms = walker.fall_geoms();
         let of_foot = |place: &usize| walker.feet.iter().any(|foot| foot.geoms.contains(place));
@@ -117,6 +123,7 @@ impl Task {
             rewards: reward::listed(settings, &walker)?,
             walker,
             start_pose,
+            course,
             gait_group: gait_groups(settings)?,
             body_geoms,
         })
@@ -204,6 +211,49 @@ impl Task {
     pub fn command_steps(&self) -> u32 {
         (self.settings.command.seconds / self.walker.interface.control_dt).round().max(1.0) as u32
     }
+}
+
+/// The robot on the ground that `terrain` describes, and its cells.
+fn on_terrain(
+    model: &Model,
+    settings: &TaskSettings,
+    terrain: &TerrainSettings,
+) -> Result<(Course, Model), TaskError> {
+    if let Some(obstacle) = model.obstacles.first() {
+        let what = format!(
+            "makes ground, and the robot file has its own (`{}`); leave out one of them",
+            shown(&obstacle.name)
+        );
+        return refuse("terrain", what);
+    }
+    let (course, field) = Course::new(terrain)?;
+    for pair in model.pairs.iter().filter(|pair| matches!(pair.ground, Ground::Plane(_))) {
+        let geom = &model.geoms[pair.geom];
+        let of_body = |foot: &String| *foot == geom.name || *foot == model.bodies[geom.body].name;
+        if !settings.feet.iter().any(of_body) {
+            continue;
+        }
+        let (foot, shape) = (shown(&geom.name), geom.shape.name());
+        match geom.shape {
+            Shape::Sphere { radius } | Shape::Capsule { radius, .. } if 2.0 * radius > terrain.cell => {
+                let what = format!(
+                    "is {} m, and the foot `{foot}` has a radius of {radius} m; it must be at least twice the radius",
+                    shown_number(terrain.cell)
+                );
+                return refuse("terrain.cell", what);
+            }
+            Shape::Sphere { .. } | Shape::Capsule { .. } => {}
+            _ => {
+                let what = format!(
+                    "makes uneven ground, and the foot `{foot}` is a {shape}: only spheres and the ends of capsules touch \
+                     it. Put spheres in the foot's corners in the robot file, or leave [terrain] out"
+                );
+                return refuse("terrain", what);
+            }
+        }
+    }
+    let uneven = model.on_field("terrain", field);
+    Ok((course, uneven))
 }
 
 /// The joints that the policy moves, by index in the model: those that a pattern covers, or all.

@@ -17,7 +17,7 @@ pub struct FallSettings {
     pub contacts: Vec<String>,
     /// Angle between wanted and actual posture, degrees.
     pub tilt: f64,
-    /// Lowest height of the base's origin, m.
+    /// Lowest height of the base's origin above the ground under it, m.
     pub height: f64,
 }
 
@@ -85,11 +85,12 @@ impl Fall {
         (0..3).map(|k| -up[k] * self.posture[k]).sum()
     }
 
-    pub(super) fn fallen(&self, motion: &Motion, index: usize) -> bool {
+    /// `ground`: height of the ground under the base, m.
+    pub(super) fn fallen(&self, motion: &Motion, index: usize, ground: f32) -> bool {
         let forces = &motion.normal_force[index * self.contacts..(index + 1) * self.contacts];
         let up = up(quat_of(&motion.base_quaternion[4 * index..]));
         touching(forces, &self.geoms) > 0
             || self.uprightness(up) < self.least_uprightness
-            || motion.base_position[3 * index + 2] < self.height
+            || motion.base_position[3 * index + 2] - ground < self.height
     }
 }

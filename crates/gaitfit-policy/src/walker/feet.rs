@@ -28,10 +28,14 @@ pub(super) struct NamedFoot {
 impl NamedFoot {
     /// In the order of a batch's contacts.
     pub fn places(&self, batch: &Batch) -> FootGeoms {
-        let place = |geom: usize| batch.contact_geoms().iter().position(|&other| other == geom);
+        // A geom has a place for each plane or obstacle that it may touch.
+        let places = |wanted: usize| {
+            let all = batch.contact_geoms().iter().enumerate();
+            all.filter(move |(_, geom)| **geom == wanted).map(|(place, _)| place)
+        };
         FootGeoms {
-            main: place(self.main).unwrap_or_default(),
-            geoms: self.geoms.iter().filter_map(|&geom| place(geom)).collect(),
+            main: places(self.main).next().unwrap_or_default(),
+            geoms: self.geoms.iter().flat_map(|&geom| places(geom)).collect(),
         }
     }
 }

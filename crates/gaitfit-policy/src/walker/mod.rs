@@ -7,7 +7,7 @@ mod noise;
 mod start;
 
 use gaitfit_model::rotation::{quat_of, rotate_back, up, vec_of};
-use gaitfit_model::{Model, Root};
+use gaitfit_model::{Model, Root, Surface};
 use gaitfit_physics::{Preset, Robot};
 use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Motion, Start};
 
@@ -19,7 +19,7 @@ pub use error::WalkerError;
 pub use fall::{FallSettings, touching};
 pub use feet::FootGeoms;
 pub use noise::TorqueNoise;
-pub use start::standing;
+pub use start::{standing, standing_on};
 
 /// How a policy's robot is simulated, and when it counts as fallen.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,6 +71,8 @@ pub struct Walker {
     held: Vec<usize>,
     start_pitch: f64,
     fall: Fall,
+    /// Heights of the ground; none where it is flat.
+    ground: Option<Surface>,
 }
 
 impl Walker {
@@ -105,6 +107,8 @@ impl Walker {
         let action_clip = (0..joints.len()).map(clip).collect();
         let other_joints = (0..model.joints.len()).filter(|joint| !joints.contains(joint)).collect();
         let held = interface.resolve_held(model, &joints)?;
+        let ground = Surface::of(model)
+            .map_err(|leaning| WalkerError::Option { option: "the ground", what: format!("is wrong: {leaning}") })?;
         Ok(Self {
             observation: Layout::new(&interface, &interface.observation),
             critic_observation: Layout::new(&interface, &interface.critic_observation),
@@ -120,6 +124,7 @@ impl Walker {
             held,
             start_pitch,
             fall,
+            ground,
         })
     }
 
@@ -234,13 +239,27 @@ impl Walker {
         (self.fall.least_uprightness, self.fall.height, self.fall.posture)
     }
 
+    /// The ground, where boxes or height fields make it uneven.
+    pub fn ground(&self) -> Option<&Surface> {
+        self.ground.as_ref()
+    }
+
+    /// Height of the ground under a point of the world (m), from which heights count: that of uneven ground there; 0 on
+    /// flat ground, wherever its plane lies.
+    pub fn ground_under(&self, point: [f32; 3]) -> f32 {
+        match &self.ground {
+            Some(ground) => ground.height(f64::from(point[0]), f64::from(point[1])) as f32,
+            None => 0.0,
+        }
+    }
+
     /// Whether environment `index` of `motion` has fallen: it touches the ground with what must not, leans too far, or
-    /// is too low.
+    /// its base is too low above the ground under it.
     ///
     /// # Panics
     /// If `motion` has no such environment: an error of the caller.
     pub fn fallen(&self, motion: &Motion, index: usize) -> bool {
-        self.fall.fallen(motion, index)
+        self.fall.fallen(motion, index, self.ground_under(vec_of(&motion.base_position[3 * index..])))
     }
 
     /// Places in [`Motion::normal_force`] of the geoms that must not touch the ground.

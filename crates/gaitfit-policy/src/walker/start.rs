@@ -1,7 +1,7 @@
 //! Where a robot starts.
 
-use gaitfit_model::Model;
-use gaitfit_model::kinematics::standing_height;
+use gaitfit_model::kinematics::{Frame, Reach, body_frames, standing_height};
+use gaitfit_model::{Model, Shape, Surface};
 use gaitfit_model::rotation::turn;
 use gaitfit_sim::Start;
 
@@ -22,14 +22,51 @@ pub fn standing(model: &Model, quaternion: [f64; 4], angles: &[f64]) -> Start {
     }
 }
 
+/// The same at `place` (x and y of the base's origin, m) on uneven ground: no geom is in it.
+pub fn standing_on(
+    model: &Model,
+    ground: &Surface,
+    place: [f64; 2],
+    quaternion: [f64; 4],
+    angles: &[f64],
+) -> Start {
+    let base = Frame { position: [place[0], place[1], 0.0], quaternion };
+    let frames = body_frames(model, &base, angles);
+    let mut height = f64::NEG_INFINITY;
+    for geom in model.pairs.iter().map(|pair| &model.geoms[pair.geom]) {
+        let frame = &frames[geom.body];
+        let reach = Reach::of(geom);
+        // Both ends of a capsule touch, the others' reach is as wide as it is high.
+        let (ends, radius) = match geom.shape {
+            Shape::Sphere { radius } => (vec![[0.0; 3]], radius),
+            Shape::Capsule { radius, .. } => (vec![reach.edges[0], reach.edges[0].map(|x| -x)], radius),
+            _ => (vec![[0.0; 3]], reach.drop(frame.quaternion)),
+        };
+        for end in ends {
+            let [x, y, z] = frame.point(std::array::from_fn(|k| geom.pos[k] + end[k]));
+            height = height.max(ground.highest_about(x, y, radius) + radius - z);
+        }
+    }
+    let height = if height.is_finite() { height } else { ground.height(place[0], place[1]) };
+    let flat = standing(model, quaternion, angles);
+    Start { base_position: [place[0] as f32, place[1] as f32, (height + GAP) as f32], ..flat }
+}
+
 impl Walker {
     /// The start that a robot's joint sensors suggest: what they say (rad, rad/s, model order), the base in the start's
     /// posture, at rest.
     pub fn start_from_joints(&self, angles: &[f64], velocities: &[f64]) -> Start {
         let posture = turn(1, self.start_pitch.to_radians());
-        Start {
-            joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
-            ..standing(self.model(), posture, angles)
+        let joint_velocity = velocities.iter().map(|&x| x as f32).collect();
+        Start { joint_velocity, ..self.standing([0.0; 2], posture, angles) }
+    }
+
+    /// At rest at `place` (x and y of the base's origin, m) in a posture (orientation of the base, wxyz, and `angles`, rad,
+    /// model order), just above the ground. Flat ground is everywhere the same, and the start at its origin.
+    pub fn standing(&self, place: [f64; 2], quaternion: [f64; 4], angles: &[f64]) -> Start {
+        match self.ground() {
+            Some(ground) => standing_on(self.model(), ground, place, quaternion, angles),
+            None => standing(self.model(), quaternion, angles),
         }
     }
 }

@@ -30,6 +30,8 @@ pub struct EvaluationReport {
     pub measures: Vec<Measure>,
     /// Constant-command trials, one a command.
     pub drift: Vec<Drift>,
+    /// Uneven ground, kind by kind, level by level.
+    pub ground: Vec<Ground>,
     /// The gait under one command.
     pub gait: Option<GaitPicture>,
     /// Which command the gait is of; may be empty.
@@ -100,6 +102,29 @@ pub struct Drift {
     pub intended: Vec<[f64; 2]>,
 }
 
+/// Robots that cross one level of one kind of uneven ground.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Ground {
+    /// Kind of ground.
+    pub name: String,
+    /// Level.
+    pub level: u32,
+    /// What makes it as hard as it is, as it is to be printed.
+    pub difficulty: String,
+    /// Robots.
+    pub robots: u32,
+    /// Share that crossed it without a fall, 0 to 1.
+    #[serde(with = "nullable::scalar")]
+    pub crossed: f64,
+    /// Share that fell, 0 to 1.
+    #[serde(with = "nullable::scalar")]
+    pub falls: f64,
+    /// Mean speed from where they started, m/s.
+    #[serde(with = "nullable::scalar")]
+    pub speed: f64,
+}
+
 impl Histogram {
     /// Counts `samples` in `bins` equal bins (at least one) from the smallest to the 99.5th percentile, so that a few
     /// falls do not squeeze the rest; what is not finite is not counted. Empty without samples.
@@ -129,6 +154,20 @@ impl Default for Measure {
             ci95: f64::NAN,
             limit: None,
             histogram: None,
+        }
+    }
+}
+
+impl Default for Ground {
+    fn default() -> Self {
+        Ground {
+            name: String::new(),
+            level: 0,
+            difficulty: String::new(),
+            robots: 0,
+            crossed: f64::NAN,
+            falls: f64::NAN,
+            speed: f64::NAN,
         }
     }
 }

@@ -5,7 +5,7 @@ pub(crate) mod drift;
 mod histogram;
 mod page;
 
-pub use data::{Drift, EvaluationReport, Histogram, Measure};
+pub use data::{Drift, EvaluationReport, Ground, Histogram, Measure};
 
 use crate::page::ReportError;
 

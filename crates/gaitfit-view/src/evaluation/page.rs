@@ -2,14 +2,18 @@
 
 use super::drift::{self, DriftTable};
 use super::histogram::histogram;
-use super::{EvaluationReport, Measure};
-use crate::format::{UNKNOWN, clean, clean_prose, duration, grouped, round_number, significant, with_spread};
+use super::{EvaluationReport, Ground, Measure};
+use crate::format::{
+    UNKNOWN, clean, clean_prose, duration, fixed, grouped, round_number, significant, with_spread,
+};
 use crate::gait;
 use crate::page::{self, Setting, ShownDoubt, ShownLink};
 use serde::Serialize;
 
 /// Measures shown at most.
 const MOST_MEASURES: usize = 40;
+/// Levels of uneven ground shown at most, over all kinds.
+const MOST_GROUND: usize = 400;
 
 /// The whole page.
 #[derive(Serialize)]
@@ -27,6 +31,9 @@ pub(super) struct Page {
     has_limits: bool,
     histograms: Vec<Card>,
     drift: Option<DriftTable>,
+    ground: Vec<GroundRow>,
+    /// Rows of ground that are not shown.
+    ground_left_out: usize,
     gait: String,
     gait_caption: String,
     links: Vec<ShownLink>,
@@ -44,6 +51,19 @@ struct Row {
     limit: String,
     /// Whether the mean keeps its limit; none without one.
     kept: Option<bool>,
+}
+
+#[derive(Serialize)]
+struct GroundRow {
+    name: String,
+    level: u32,
+    difficulty: String,
+    robots: u32,
+    crossed: String,
+    /// Width of the bar, 0 to 100.
+    bar: String,
+    falls: String,
+    speed: String,
 }
 
 #[derive(Serialize)]
@@ -70,6 +90,8 @@ impl Page {
             measures: rows,
             histograms: measures.iter().filter_map(card).collect(),
             drift: drift::build(&report.drift),
+            ground: report.ground.iter().take(MOST_GROUND).map(ground).collect(),
+            ground_left_out: report.ground.len().saturating_sub(MOST_GROUND),
             gait: report.gait.as_ref().map(gait::inline).unwrap_or_default(),
             gait_caption: clean_prose(&report.gait_caption),
             links: page::links(&report.links),
@@ -90,6 +112,20 @@ fn row(measure: &Measure) -> Row {
         unit: clean(&measure.unit),
         limit: limit.map_or(UNKNOWN.into(), round_number),
         kept: limit.filter(|_| measure.mean.is_finite()).map(|l| measure.mean <= l),
+    }
+}
+
+fn ground(row: &Ground) -> GroundRow {
+    let percent = |share: f64| if share.is_finite() { fixed(100.0 * share, 0) } else { UNKNOWN.into() };
+    GroundRow {
+        name: clean(&row.name),
+        level: row.level,
+        difficulty: clean(&row.difficulty),
+        robots: row.robots,
+        crossed: percent(row.crossed),
+        bar: fixed(if row.crossed.is_finite() { (100.0 * row.crossed).clamp(0.0, 100.0) } else { 0.0 }, 0),
+        falls: percent(row.falls),
+        speed: fixed(row.speed, 2),
     }
 }
 

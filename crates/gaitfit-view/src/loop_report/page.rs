@@ -101,6 +101,7 @@ fn player(replay: &Replay) -> Result<Player, ReplayError> {
             bodies: robot.bodies.clone(),
             geoms: robot.geoms.clone(),
             feet: robot.feet.clone(),
+            ground: robot.ground.clone(),
             frames,
         }
     });

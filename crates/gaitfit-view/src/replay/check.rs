@@ -8,6 +8,8 @@ const ROBOTS: usize = 8;
 const PARTS: usize = 1000;
 /// Frames of a robot at most: twenty minutes at 50 Hz.
 const FRAMES: usize = 60_000;
+/// Heights of the ground at most.
+const HEIGHTS: usize = 250_000;
 
 pub(super) fn check(replay: &Replay) -> Result<(), ReplayError> {
     if !(replay.dt.is_finite() && replay.dt > 0.0) {
@@ -18,7 +20,8 @@ pub(super) fn check(replay: &Replay) -> Result<(), ReplayError> {
     }
     for robot in &replay.robots {
         let fail = |what| ReplayError::Robot { robot: crate::format::clean(&robot.name), what };
-        tree(robot).and_then(|()| geoms(robot)).and_then(|()| frames(robot)).map_err(fail)?;
+        let all = tree(robot).and_then(|()| geoms(robot)).and_then(|()| frames(robot));
+        all.and_then(|()| ground(robot)).map_err(fail)?;
     }
     Ok(())
 }
@@ -99,6 +102,27 @@ fn frames(robot: &ReplayRobot) -> Result<(), String> {
         )),
         None => Ok(()),
     }
+}
+
+fn ground(robot: &ReplayRobot) -> Result<(), String> {
+    let Some(ground) = &robot.ground else { return Ok(()) };
+    let count = ground.heights.len();
+    if ground.columns < 2
+        || !count.is_multiple_of(ground.columns)
+        || count / ground.columns < 2
+        || count > HEIGHTS
+    {
+        let columns = ground.columns;
+        return Err(format!(
+            "has ground of {count} heights in rows of {columns}; give whole rows, two of two at least, and at most \
+             {HEIGHTS} heights"
+        ));
+    }
+    let numbers = ground.heights.iter().chain(&ground.corner).chain([&ground.step]);
+    if !numbers.into_iter().all(|x| x.is_finite()) || ground.step <= 0.0 {
+        return Err("has ground with a number that cannot be drawn".to_string());
+    }
+    Ok(())
 }
 
 fn length(v: &[f64]) -> f64 {

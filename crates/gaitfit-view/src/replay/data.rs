@@ -33,6 +33,22 @@ pub struct ReplayRobot {
     pub feet: Vec<String>,
     /// The motion; robots of one page may have different numbers of frames.
     pub frames: Vec<Frame>,
+    /// Uneven ground under it; without, the ground is flat at z = 0.
+    pub ground: Option<Ground>,
+}
+
+/// Heights over a grid, drawn as a surface.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Ground {
+    /// x and y of the first height, m.
+    pub corner: [f64; 2],
+    /// Distance of neighbouring heights, m.
+    pub step: f64,
+    /// Heights of a row along x.
+    pub columns: usize,
+    /// Heights, m: row by row from the lowest y, each from the lowest x.
+    pub heights: Vec<f64>,
 }
 
 /// A rigid body.

@@ -33,7 +33,7 @@ class FlatRenderer {
     ["box", "sphere", "cylinder", "cone"].forEach((mesh) => { this.outlines[mesh] = outline(mesh); });
   }
 
-  draw(list, view, box, colors) {
+  draw(list, view, box, colors, ground) {
     const pen = this.pen, [left, bottom, width, height] = box;
     const top = this.canvas.height - bottom - height;
     const css = (c, shade) => "rgb(" + c.map((x) => Math.round(255 * x * shade)).join(" ") + ")";
@@ -47,7 +47,11 @@ class FlatRenderer {
     pen.clip();
     pen.fillStyle = css(colors.paper, 1);
     pen.fillRect(left, top, width, height);
-    this.grid(view, pixel, css(colors.line, 1));
+    if (ground) {
+      this.surface(ground, view, pixel, css(colors.line, 1));
+    } else {
+      this.grid(view, pixel, css(colors.line, 1));
+    }
     const fill = (points, style) => {
       if (!points.every((p) => p[2] > 0.05)) { return; }
       pen.fillStyle = style;
@@ -57,12 +61,27 @@ class FlatRenderer {
     };
     const world = (s) => this.outlines[s.mesh].map((v) =>
       add(s.position, rotate(s.quaternion, v.map((x, i) => x * s.size[i]))));
-    list.filter((s) => s.caster).forEach((s) =>
+    list.filter((s) => s.caster && !ground).forEach((s) =>
       fill(world(s).map((p) => pixel([p[0] - 0.35 * p[2], p[1] + 0.45 * p[2], 0])), css(colors.line, 0.9)));
     list.map((s) => [s, pixel(s.position)[2]]).sort((a, b) => b[1] - a[1]).forEach(([s]) => {
       fill(world(s).map(pixel), css(s.color, 0.95));
     });
     pen.restore();
+  }
+
+  surface(ground, view, pixel, style) {
+    const pen = this.pen;
+    pen.strokeStyle = style;
+    pen.lineWidth = 1;
+    pen.beginPath();
+    ground.lines(view.target[0], view.target[1], 3).forEach((line) => {
+      let drawn = false;
+      line.map(pixel).forEach(([x, y, far]) => {
+        if (far > 0.05 && drawn) { pen.lineTo(x, y); } else { pen.moveTo(x, y); }
+        drawn = far > 0.05;
+      });
+    });
+    pen.stroke();
   }
 
   grid(view, pixel, style) {

@@ -4,7 +4,7 @@ mod check;
 mod data;
 mod pack;
 
-pub use data::{Body, Frame, Geom, Joint, Replay, ReplayRobot, Shape};
+pub use data::{Body, Frame, Geom, Ground, Joint, Replay, ReplayRobot, Shape};
 
 use crate::format::{clean, clean_prose};
 use crate::page::{self, ReportError};
@@ -66,6 +66,7 @@ impl Player {
             script: [
                 include_str!("maths.js"),
                 include_str!("motion.js"),
+                include_str!("ground.js"),
                 include_str!("webgl.js"),
                 include_str!("flat.js"),
                 include_str!("player.js"),

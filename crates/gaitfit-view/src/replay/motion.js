@@ -31,7 +31,8 @@ class Robot {
       }
     }
     this.stretches = this.feet.map((_, foot) => this.touching(foot));
-    this.follow = [0, 1].map((c) => this.smoothed(c, Math.round(0.4 / dt)));
+    this.follow = [0, 1, 2].map((c) => this.smoothed(c, Math.round(0.4 / dt)));
+    this.ground = data.ground ? new Ground(data.ground) : null;
   }
 
   get duration() { return (this.frames - 1) * this.dt; }

@@ -1,6 +1,6 @@
 //! A replay as the page's script reads it: JSON with the motion in sixteen bits a number.
 
-use super::{Frame, Geom, Replay, ReplayRobot, Shape};
+use super::{Frame, Geom, Ground, Replay, ReplayRobot, Shape};
 use crate::format::clean;
 use base64::{Engine, engine::general_purpose::STANDARD};
 use serde::Serialize;
@@ -31,6 +31,20 @@ struct PackedRobot {
     motion: String,
     /// One byte a foot and frame, base64: all feet of the first frame, then of the second, …
     contacts: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    ground: Option<PackedGround>,
+}
+
+#[derive(Serialize)]
+struct PackedGround {
+    corner: [f64; 2],
+    step: f64,
+    columns: usize,
+    /// A height is `offset + scale · code`.
+    offset: f64,
+    scale: f64,
+    /// Codes, little-endian, base64, as the heights lie.
+    heights: String,
 }
 
 #[derive(Serialize)]
@@ -99,6 +113,24 @@ fn robot(robot: &ReplayRobot) -> PackedRobot {
         scale,
         motion: STANDARD.encode(codes),
         contacts: STANDARD.encode(contacts),
+        ground: robot.ground.as_ref().map(ground),
+    }
+}
+
+fn ground(ground: &Ground) -> PackedGround {
+    let (low, high) = crate::chart::extent(ground.heights.iter().copied()).unwrap_or((0.0, 0.0));
+    let (low, high) = (low.max(-1e30), high.min(1e30));
+    let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+    let scale = if half > 0.0 { half / LARGEST } else { 1.0 };
+    let code = |height: &f64| (((height - middle) / scale).round() as i16).to_le_bytes();
+    let codes: Vec<u8> = ground.heights.iter().flat_map(code).collect();
+    PackedGround {
+        corner: ground.corner,
+        step: ground.step,
+        columns: ground.columns,
+        offset: middle,
+        scale,
+        heights: STANDARD.encode(codes),
     }
 }
 
@@ -167,6 +199,19 @@ mod tests {
         let at = 2 * (channel * packed.frames + frame);
         let code = i16::from_le_bytes([bytes[at], bytes[at + 1]]);
         packed.offset[channel] + packed.scale[channel] * f64::from(code)
+    }
+
+    #[test]
+    fn heights_come_back_to_sixteen_bits_of_their_range() {
+        let heights: Vec<f64> = (0..12).map(|k| 0.1 * f64::from(k) - 0.4).collect();
+        let packed = ground(&Ground { columns: 4, step: 0.05, corner: [1.0, 2.0], heights: heights.clone() });
+        let bytes = STANDARD.decode(&packed.heights).unwrap();
+        assert_eq!(bytes.len(), 24);
+        for (k, wanted) in heights.iter().enumerate() {
+            let code = i16::from_le_bytes([bytes[2 * k], bytes[2 * k + 1]]);
+            let found = packed.offset + packed.scale * f64::from(code);
+            assert!((found - wanted).abs() < 1.1 / 65534.0, "{k}: {found}, not {wanted}");
+        }
     }
 
     #[test]

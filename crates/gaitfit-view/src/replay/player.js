@@ -41,8 +41,9 @@ function boxes() {
   });
 }
 
-function viewOf(state, aspect) {
-  const target = [state.follow[0], state.follow[1], 0.27];
+function viewOf(state, aspect, ground) {
+  // On uneven ground the camera climbs with the robot.
+  const target = [state.follow[0], state.follow[1], ground ? state.follow[2] : 0.27];
   const { azimuth, elevation } = camera;
   // Narrow panes step back so that the robot's length still fits.
   const distance = camera.distance * Math.max(1, 1.25 / aspect);
@@ -51,7 +52,7 @@ function viewOf(state, aspect) {
     distance * Math.cos(elevation) * Math.sin(azimuth),
     distance * Math.sin(elevation),
   ]);
-  eye[2] = Math.max(eye[2], 0.03);
+  if (!ground) { eye[2] = Math.max(eye[2], 0.03); }
   return { eye, target, matrix: cameraMatrix(eye, target, 0.62, aspect, 0.05, 60) };
 }
 
@@ -68,7 +69,8 @@ function draw() {
   });
   boxes().forEach((box, i) => {
     const state = robots[i].at(time);
-    renderer.draw(shapes(robots[i], state, colors), viewOf(state, box[2] / Math.max(box[3], 1)), box, colors);
+    const { ground } = robots[i], view = viewOf(state, box[2] / Math.max(box[3], 1), ground);
+    renderer.draw(shapes(robots[i], state, colors), view, box, colors, ground);
     panes[i].querySelectorAll("tbody tr").forEach((row, k) => {
       row.cells[1].textContent = signed(state.command[k]);
       row.cells[2].textContent = signed(state.velocity[k]);

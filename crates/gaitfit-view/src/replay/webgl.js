@@ -49,12 +49,24 @@ void main() {
   at = centre + vertex.xy * 14.0;
   gl_Position = camera * vec4(at, 0.0, 1.0);
 }`;
-const GROUND_PIXEL = `#version 300 es
+const UNEVEN_SHADER = `#version 300 es
+layout(location = 0) in vec3 vertex;
+layout(location = 1) in vec3 normal;
+uniform mat4 camera;
+out vec2 at;
+flat out float light;
+void main() {
+  at = vertex.xy;
+  light = 0.55 + 0.45 * max(dot(normal, normalize(vec3(0.35, -0.45, 0.85))), 0.0);
+  gl_Position = camera * vec4(vertex, 1.0);
+}`;
+const GROUND_PIXEL = (light) => `#version 300 es
 precision highp float;
 in vec2 at;
 uniform vec2 centre;
 uniform vec3 paper;
 uniform vec3 line;
+${light ? "flat in float light;" : ""}
 out vec4 pixel;
 float grid(float spacing, float width) {
   vec2 cell = at / spacing, thin = fwidth(cell);
@@ -68,7 +80,7 @@ void main() {
   vec2 tile = mod(floor(at), 2.0);
   float checker = abs(tile.x - tile.y);
   float ink = max(0.85 * grid(1.0, 1.0), 0.32 * grid(0.25, 0.6)) + 0.13 * checker;
-  pixel = vec4(mix(paper, line, min(ink, 1.0) * fade), 1.0);
+  pixel = vec4(mix(paper, line, min(ink, 1.0) * fade)${light ? " * light" : ""}, 1.0);
 }`;
 
 /** Triangles as interleaved positions and normals, of unit half lengths about the origin. */
@@ -105,7 +117,10 @@ class WebGlRenderer {
     if (!gl) { throw new Error("no WebGL 2"); }
     this.gl = gl;
     this.shape = this.program(SHAPE_SHADER, SHAPE_PIXEL, ["camera", "eye", "shadowLight", "shadowDepth"]);
-    this.ground = this.program(GROUND_SHADER, GROUND_PIXEL, ["camera", "centre", "paper", "line"]);
+    const uniforms = ["camera", "centre", "paper", "line"];
+    this.ground = this.program(GROUND_SHADER, GROUND_PIXEL(false), uniforms);
+    this.uneven = this.program(UNEVEN_SHADER, GROUND_PIXEL(true), uniforms);
+    this.surfaces = new Map();
     this.instances = gl.createBuffer();
     this.meshes = {};
     Object.entries(meshes()).forEach(([name, triangles]) => {
@@ -169,27 +184,44 @@ class WebGlRenderer {
     gl.drawArraysInstanced(gl.TRIANGLES, 0, mesh.count, count);
   }
 
-  /** Draws one view into a rectangle (pixels from the lower left). */
-  draw(list, view, box, colors) {
+  /** The triangles of uneven ground, made once. */
+  surface(ground) {
+    if (!this.surfaces.has(ground)) {
+      const triangles = ground.triangles();
+      this.surfaces.set(ground, { array: this.vertexArray(triangles), count: triangles.length / 6 });
+    }
+    return this.surfaces.get(ground);
+  }
+
+  /** Draws one view into a rectangle (pixels from the lower left); `ground` where it is uneven. */
+  draw(list, view, box, colors, ground) {
     const gl = this.gl;
     gl.viewport(...box);
     gl.scissor(...box);
     gl.clearColor(...colors.paper, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
 
-    gl.useProgram(this.ground.program);
-    gl.uniformMatrix4fv(this.ground.at.camera, false, view.matrix);
-    gl.uniform2f(this.ground.at.centre, view.target[0], view.target[1]);
-    gl.uniform3f(this.ground.at.paper, ...colors.paper);
-    gl.uniform3f(this.ground.at.line, ...colors.line);
-    gl.depthMask(false);
-    gl.bindVertexArray(this.plane);
-    gl.drawArrays(gl.TRIANGLES, 0, 6);
+    const floor = ground ? this.uneven : this.ground;
+    gl.useProgram(floor.program);
+    gl.uniformMatrix4fv(floor.at.camera, false, view.matrix);
+    gl.uniform2f(floor.at.centre, view.target[0], view.target[1]);
+    gl.uniform3f(floor.at.paper, ...colors.paper);
+    gl.uniform3f(floor.at.line, ...colors.line);
+    if (ground) {
+      const { array, count } = this.surface(ground);
+      gl.bindVertexArray(array);
+      gl.drawArrays(gl.TRIANGLES, 0, count);
+    } else {
+      gl.depthMask(false);
+      gl.bindVertexArray(this.plane);
+      gl.drawArrays(gl.TRIANGLES, 0, 6);
+    }
 
     gl.useProgram(this.shape.program);
     gl.uniformMatrix4fv(this.shape.at.camera, false, view.matrix);
     gl.uniform3f(this.shape.at.eye, ...view.eye);
-    this.drawShadows(this.batches(list.filter((s) => s.caster)));
+    // Shadows fall on level ground only.
+    if (!ground) { this.drawShadows(this.batches(list.filter((s) => s.caster))); }
     gl.depthMask(true);
     gl.uniform3f(this.shape.at.shadowLight, 0, 0, 0);
     this.batches(list).forEach((batch) => this.drawBatch(batch));

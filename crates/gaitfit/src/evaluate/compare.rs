@@ -169,6 +169,7 @@ mod tests {
             diverged: 0,
             drift: Vec::new(),
             gait: None,
+            ground: Vec::new(),
             errors: if errors { rows } else { Vec::new() },
         }
     }

@@ -1,6 +1,6 @@
 //! How well a policy walks, as `gaitfit evaluate --json` prints it and other programs may.
 
-use super::TrajectoryErrors;
+use super::{GroundResult, TrajectoryErrors};
 use crate::Error;
 use crate::watch::Watch;
 use crate::world::World;
@@ -64,6 +64,9 @@ pub struct Evaluation {
     /// The gait ahead, where it walks.
     #[serde(default)]
     pub gait: Option<GaitSummary>,
+    /// Crossings of uneven ground, kind by kind, level by level.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ground: Vec<GroundResult>,
     /// One a trajectory, in their order, so that policies can be compared on the same ones.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<TrajectoryErrors>,
@@ -194,6 +197,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
             })
             .collect(),
         gait: walked.then(|| record.summary(&world.scene.gait_group)),
+        ground: Vec::new(),
         errors: trials.iter().map(errors).collect(),
     };
     Ok(Measured { evaluation, trials, gait: walked.then_some(record) })

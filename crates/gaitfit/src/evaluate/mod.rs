@@ -1,9 +1,11 @@
 //! How well a policy walks in a simulator.
 
 mod compare;
+mod ground;
 mod measure;
 
 pub use compare::{Better, Comparison, TrajectoryErrors, compare};
+pub use ground::{GroundChoice, GroundResult, OnGround};
 pub use measure::{DriftResult, Evaluation, Measured, Plan, measure};
 
 use crate::Error;
@@ -16,6 +18,8 @@ use std::time::Instant;
 /// Longest trajectory, s, and most control steps of one call.
 const LONGEST: f64 = 3600.0;
 const MOST_STEPS: f64 = 2e9;
+/// Most robots on a cell of uneven ground.
+const MOST_GROUND_ROBOTS: usize = 1000;
 
 /// What is evaluated.
 #[derive(Clone, Debug)]
@@ -30,6 +34,10 @@ pub struct EvaluateSettings {
     pub drift: usize,
     /// Speeds of these, m/s, m/s and rad/s; half of the task's greatest commands without them.
     pub drift_speeds: Option<[f64; 3]>,
+    /// Uneven ground that is crossed besides.
+    pub ground: GroundChoice,
+    /// Robots on each of its cells.
+    pub ground_robots: usize,
 }
 
 /// What came out.
@@ -38,12 +46,14 @@ pub struct Evaluated {
     pub measured: Measured,
     /// The policy and its simulator.
     pub world: World,
+    /// Uneven ground, if there was any.
+    pub ground: Option<OnGround>,
     /// How long it took, s.
     pub wall_seconds: f64,
 }
 
-/// Measures a policy in a simulator: trajectories with random commands, constant commands, and the gait ahead. What to
-/// know before trusting the result is told to `watch`.
+/// Measures a policy in a simulator: trajectories with random commands, constant commands, the gait ahead, and crossings
+/// of uneven ground. What to know before trusting the result is told to `watch`.
 ///
 /// # Errors
 /// Files that cannot be read or do not fit each other, settings out of range, or an interruption, which keeps nothing.
@@ -59,6 +69,13 @@ pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evalua
         )));
     }
     check_speeds("`drift_speeds` (--drift-speeds)", settings.drift_speeds)?;
+    if !(1..=MOST_GROUND_ROBOTS).contains(&settings.ground_robots) {
+        return Err(Error::settings(format!(
+            "`ground_robots` (--terrain-robots) is {}: give 1 to {MOST_GROUND_ROBOTS} robots a cell",
+            settings.ground_robots
+        )));
+    }
+    let uneven = ground::open(&settings.world, &settings.ground, &world.policy)?;
     let begun = Instant::now();
     let plan = Plan {
         trajectories,
@@ -68,8 +85,13 @@ pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evalua
         seed: settings.world.seed,
         threads: settings.world.threads(),
     };
-    let measured = measure(&world, &settings.world.policy.display().to_string(), &plan, watch)?;
-    Ok(Evaluated { measured, world, wall_seconds: begun.elapsed().as_secs_f64() })
+    let mut measured = measure(&world, &settings.world.policy.display().to_string(), &plan, watch)?;
+    let robots = settings.ground_robots;
+    let ground = uneven.map(|uneven| ground::measure(uneven, robots, plan.seed, plan.threads, watch)).transpose()?;
+    if let Some(ground) = &ground {
+        measured.evaluation.ground.clone_from(&ground.results);
+    }
+    Ok(Evaluated { measured, world, ground, wall_seconds: begun.elapsed().as_secs_f64() })
 }
 
 /// Fastest command of a drift trial, m/s and rad/s.

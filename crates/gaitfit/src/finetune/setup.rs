@@ -72,8 +72,9 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         if changed && error.is_of_task() { wrong(error.to_string()) } else { arguments.of_task(error) }
     };
     let world = World::among(&arguments, policy, settings, drawn.as_deref()).map_err(of_task)?;
+    device.check_ground(&world.scene)?;
     warnings.extend(world.warnings.iter().cloned());
-    let model = world.scene.walker.batch.model().clone();
+    let model = world.model.clone();
     let inputs = Inputs::new(files.all().chain(drawn.as_deref()), &model, &bound(&config))?;
     let parent = Parent {
         policy: files.policy.display().to_string(),

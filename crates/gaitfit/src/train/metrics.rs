@@ -29,6 +29,9 @@ pub struct Metric {
     pub linear_velocity_error: f64,
     /// Mean yaw-rate error, rad/s.
     pub angular_velocity_error: f64,
+    /// Mean level of the ground that robots are on, from 0; absent without levels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terrain_level: Option<f64>,
     /// Reward terms, weighted, a second.
     pub rewards: IndexMap<String, f64>,
     /// The update.
@@ -70,6 +73,7 @@ impl Metric {
             fall_rate: ended(tally.falls),
             linear_velocity_error: tally.tracking[0] / tally.steps,
             angular_velocity_error: tally.tracking[1] / tally.steps,
+            terrain_level: scene.course.is_some().then(|| tally.levels / tally.steps),
             rewards: terms.map(|(name, sum)| ((*name).to_owned(), sum / tally.steps / dt)).collect(),
             ppo: iteration.diagnostics,
             times: Times {
@@ -102,6 +106,9 @@ impl Metric {
         });
         add("train/linear_velocity_error".to_owned(), self.linear_velocity_error);
         add("train/angular_velocity_error".to_owned(), self.angular_velocity_error);
+        if let Some(level) = self.terrain_level {
+            add("train/terrain_level".to_owned(), level);
+        }
         self.rewards.iter().for_each(|(name, value)| add(format!("reward/{name}"), *value));
         for (name, value) in diagnostics(&self.ppo) {
             add(format!("ppo/{name}"), value);

@@ -66,7 +66,7 @@ pub fn curve(outcome: &SeedResult, metrics: &[Metric]) -> SeedCurve {
         values: metrics.iter().map(value).collect(),
         ..Series::default()
     };
-    let progress = vec![
+    let mut progress = vec![
         series("reward of a step", "", &|metric| metric.reward),
         series("episode return", "", &|metric| unknown(metric.episode_return)),
         series("linear velocity error", "m/s", &|metric| metric.linear_velocity_error),
@@ -74,6 +74,9 @@ pub fn curve(outcome: &SeedResult, metrics: &[Metric]) -> SeedCurve {
         series("episode length", "s", &|metric| unknown(metric.episode_seconds)),
         series("falls", "share of episodes", &|metric| unknown(metric.fall_rate)),
     ];
+    if metrics.iter().any(|metric| metric.terrain_level.is_some()) {
+        progress.push(series("mean level of the ground", "", &|metric| unknown(metric.terrain_level)));
+    }
     let names = metrics.first().map(|metric| metric.rewards.keys().cloned().collect::<Vec<_>>());
     let rewards = names.unwrap_or_default().into_iter().map(|name| {
         series(&name.replace('_', " "), "1/s", &|metric| unknown(metric.rewards.get(&name).copied()))

@@ -124,14 +124,8 @@ pub fn setup(
         return Err(Error::settings(advice(path, wrong, printed_by)));
     }
     let inputs = Inputs::new(robot_path.as_deref(), &model, &settings(&config))?;
-    let mut warnings = robot::remarks(&model);
-    if !model.obstacles.is_empty() {
-        warnings.push(
-            "the robot file has boxes or height fields as ground; heights in rewards, falls and starts count from its first \
-             plane, or z = 0"
-                .to_owned(),
-        );
-    }
+    let warnings = robot::remarks(&model);
+    device.check_ground(&scene)?;
     let setup = Setup {
         plan,
         model,

@@ -42,7 +42,7 @@ pub fn show(setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Error>
             policy.provenance.iteration
         ),
         dt: record.dt,
-        robots: vec![replay::robot(&setup.model.name, &setup.model, &record)],
+        robots: vec![replay::robot_on(&setup.model.name, &scene.walker, &record)],
     };
     Ok(Shown {
         html: replay_html(&page)?,

@@ -9,12 +9,13 @@ use crate::output;
 use crate::progress::Lines;
 use crate::watcher::watched;
 use gaitfit::EvaluateSettings;
-use gaitfit::evaluate::{Evaluated, Evaluation};
+use gaitfit::evaluate::{Evaluated, Evaluation, GroundChoice, OnGround};
 use gaitfit::files::{self, Output};
 use gaitfit::world::World;
 use gaitfit::{gait, replay};
-use gaitfit_learn::evaluate::record_gait;
+use gaitfit_learn::evaluate::{record_gait, record_gait_on};
 use serde::Serialize;
+use std::path::Path;
 
 /// Everything `--json` prints.
 #[derive(Serialize)]
@@ -30,7 +31,8 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     let output =
         |(path, option)| Some(Output { path: Option::as_deref(path)?, option, ending: Some("html") });
     let outputs: Vec<Output<'_>> = named.into_iter().filter_map(output).collect();
-    files::check(&outputs, args.world.files())?;
+    let ground_file = Some(Path::new(&args.terrain)).filter(|_| args.terrain.ends_with(".toml"));
+    files::check(&outputs, args.world.files().chain(ground_file))?;
     let drift_speeds = match args.drift_speeds.as_slice() {
         [] => None,
         &[x, y, yaw] => Some([x, y, yaw]),
@@ -45,9 +47,11 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         seconds: args.seconds,
         drift: args.drift,
         drift_speeds,
+        ground: GroundChoice::read(&args.terrain)?,
+        ground_robots: args.terrain_robots,
     };
     let found = watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
-    let Evaluated { measured, world, wall_seconds } = found;
+    let Evaluated { measured, world, ground, wall_seconds } = found;
     let evaluation = &measured.evaluation;
     if args.json {
         output::print_json(&Document { evaluation, wall_seconds })?;
@@ -60,7 +64,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         files::write(path, page.as_bytes())?;
     }
     if let Some(path) = &args.replay {
-        files::write(path, replay(args, &world)?.as_bytes())?;
+        files::write(path, replay(args, &world, ground.as_ref())?.as_bytes())?;
     }
     match evaluation.divergence() {
         Some(message) => Err(Failure { exit: Exit::Check, message }),
@@ -68,15 +72,28 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     }
 }
 
-/// A tour over the commands as a 3-D replay.
-fn replay(args: &cli::Evaluate, world: &World) -> Result<String, Failure> {
-    let commands = gait::tour(&world.scene.settings.command);
-    let record = record_gait(&world.subject(args.world.seed), &commands).map_err(Failure::failed)?;
+/// How long a robot of a replay walks over uneven ground, s.
+const ACROSS: f64 = 12.0;
+
+/// A tour over the commands, or straight over uneven ground, as a 3-D replay.
+fn replay(args: &cli::Evaluate, world: &World, ground: Option<&OnGround>) -> Result<String, Failure> {
+    let record = match ground {
+        None => {
+            let commands = gait::tour(&world.scene.settings.command);
+            record_gait(&world.subject(args.world.seed), &commands)
+        }
+        Some(ground) => {
+            let commands = [(0.5, [0.0; 3]), (ACROSS, [ground.speed, 0.0, 0.0])];
+            record_gait_on(&ground.world.subject(args.world.seed), Some(ground.cell()), &commands)
+        }
+    };
+    let record = record.map_err(Failure::failed)?;
+    let world = ground.map_or(world, |ground| &ground.world);
     let replay = gaitfit_view::Replay {
         title: args.world.policy.display().to_string(),
         note: world.description(),
         dt: record.dt,
-        robots: vec![replay::robot("", world.scene.walker.batch.model(), &record)],
+        robots: vec![replay::robot_on("", &world.scene.walker, &record)],
     };
     gaitfit_view::replay_html(&replay).map_err(Failure::failed)
 }

@@ -7,7 +7,7 @@ use gaitfit::gait;
 use gaitfit::machine;
 use gaitfit::world::World;
 use gaitfit_learn::evaluate::Trial;
-use gaitfit_view::evaluation::{Histogram, Measure};
+use gaitfit_view::evaluation::{Ground, Histogram, Measure};
 use gaitfit_view::loop_report::Estimate;
 use gaitfit_view::{Doubt, DoubtKind, EvaluationReport, Setting};
 
@@ -61,6 +61,19 @@ pub fn page(
             measure("action rate", "a step", summary.action_rate, Some(|t| t.action_rate)),
         ],
         drift: document.drift.iter().map(|trial| trial.drawn(args.drift)).collect(),
+        ground: document
+            .ground
+            .iter()
+            .map(|row| Ground {
+                name: row.ground.clone(),
+                level: row.level as u32,
+                difficulty: row.difficulty_text(),
+                robots: row.robots as u32,
+                crossed: row.crossed.mean,
+                falls: row.fall_rate.mean,
+                speed: row.speed.mean,
+            })
+            .collect(),
         gait: measured.gait.as_ref().map(gait::picture),
         gait_caption: "standing, then ahead at half the greatest command".to_owned(),
         settings: vec![

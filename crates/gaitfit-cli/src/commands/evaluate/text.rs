@@ -50,6 +50,26 @@ pub fn text(document: &Evaluation, wall_seconds: f64) -> String {
             "\nDrift: stand, command for 4 s, stand; where the robot ends against where it should\n{drift}"
         );
     }
+    if !document.ground.is_empty() {
+        let header = ["ground", "level", "", "robots", "crossed, %", "falls, %", "speed, m/s"];
+        let mut ground = table(&header, &[1, 3, 4, 5, 6]);
+        for row in &document.ground {
+            ground.add_row([
+                row.ground.clone(),
+                row.level.to_string(),
+                row.difficulty_text(),
+                row.robots.to_string(),
+                format!("{:.0}", 100.0 * row.crossed.mean),
+                format!("{:.0}", 100.0 * row.fall_rate.mean),
+                format!("{:.2}", row.speed.mean),
+            ]);
+        }
+        let _ = writeln!(
+            out,
+            "\nUneven ground: robots start in the middle of their cells and walk straight ahead; who leaves the cell without \
+             a fall has crossed it\n{ground}"
+        );
+    }
     if let Some(gait) = &document.gait {
         let _ = writeln!(
             out,

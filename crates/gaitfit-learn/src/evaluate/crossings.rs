@@ -1,0 +1,160 @@
+//! Whether robots get off their cell of generated ground: level by level, kind by kind.
+
+use gaitfit_sim::stats::Estimate;
+use serde::Serialize;
+
+use super::Subject;
+use crate::player::Player;
+use crate::task::{Cell, Course, Ended, Environment, TaskError, TerrainKind};
+use crate::tiles::in_tiles;
+
+/// Environments that one thread advances together.
+const TILE: usize = 64;
+
+/// How one robot fared on its cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Crossing {
+    /// Its cell.
+    pub cell: Cell,
+    /// Whether it left the cell without a fall.
+    pub crossed: bool,
+    /// Whether it fell, or its state stopped being a number, before it left the cell.
+    pub fell: bool,
+    /// How far it came from where it started, as the crow flies, m.
+    pub distance: f64,
+    /// How long that took: until it left, fell, or time was up, s.
+    pub seconds: f64,
+}
+
+/// Robots on one kind and level of ground.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CrossingSummary {
+    /// Kind of ground.
+    pub kind: TerrainKind,
+    /// `up` for slopes and stairs that lead up from the start, `down` for those that lead down, else empty.
+    pub direction: &'static str,
+    /// Level, from 0.
+    pub level: usize,
+    /// Height of a step (m), slope, or roughness (m).
+    pub difficulty: f64,
+    /// Robots.
+    pub robots: usize,
+    /// Share that left their cell without a fall.
+    pub crossed: Option<Estimate>,
+    /// Share that fell.
+    pub fell: Option<Estimate>,
+    /// Mean distance from the start over the time it took, m/s.
+    pub speed: Option<Estimate>,
+}
+
+/// Starts `robots` on every cell of the task's ground and tells each to walk straight ahead at `speed` (m/s), whichever way
+/// it faces, for three times as long as the way off the cell takes at that speed, and a second more. Results do not depend
+/// on the number of threads. Nothing on flat ground.
+///
+/// # Errors
+/// A robot that cannot be.
+pub fn crossings(
+    subject: &Subject<'_>,
+    robots: usize,
+    speed: f64,
+    threads: usize,
+) -> Result<Vec<Crossing>, TaskError> {
+    let Some(course) = &subject.task.course else { return Ok(Vec::new()) };
+    let settings = course.settings();
+    let count = settings.levels * settings.columns * robots;
+    let seconds = 3.0 * 0.5 * course.size() / speed + 1.0;
+    let steps = (seconds / subject.task.walker.interface.control_dt).ceil() as u32;
+    in_tiles(count, TILE, threads, |first, count| tile(subject, course, first, count, speed, steps))
+}
+
+fn tile(
+    subject: &Subject<'_>,
+    course: &Course,
+    first: u32,
+    count: usize,
+    speed: f64,
+    steps: u32,
+) -> Result<Vec<Crossing>, TaskError> {
+    let Subject { task, policy, candidate, seed } = *subject;
+    let mut environment = Environment::new(task, candidate, seed, first, count)?;
+    let settings = course.settings();
+    for index in 0..count {
+        // Robots of neighbouring numbers are on neighbouring columns.
+        let level = (first as usize + index) / settings.columns % settings.levels;
+        environment.hold_command(index, [speed as f32, 0.0, 0.0]);
+        environment.put_on_level(index, level);
+    }
+    environment.refresh();
+    let place = |environment: &Environment<'_>, index: usize| {
+        let place = &environment.motion().base_position[3 * index..];
+        [f64::from(place[0]), f64::from(place[1])]
+    };
+    let starts: Vec<[f64; 2]> = (0..count).map(|index| place(&environment, index)).collect();
+    let cells = (0..count).map(|index| environment.cell(index).unwrap_or_default());
+    let mut found: Vec<Crossing> = cells.map(|cell| Crossing { cell, ..Crossing::default() }).collect();
+    let mut player = Player::new(task, policy, environment);
+    let half = 0.5 * course.size();
+    for step in 1..=steps {
+        player.step(step);
+        for (index, crossing) in found.iter_mut().enumerate().filter(|(_, one)| !one.crossed && !one.fell) {
+            crossing.fell = matches!(player.ended[index], Ended::Fall | Ended::Diverged);
+            crossing.seconds = f64::from(step) * task.walker.interface.control_dt;
+            if player.ended[index] == Ended::Diverged {
+                continue;
+            }
+            let [x, y] = place(&player.environment, index);
+            let middle = course.middle(crossing.cell);
+            crossing.distance = (x - starts[index][0]).hypot(y - starts[index][1]);
+            crossing.crossed = !crossing.fell && (x - middle[0]).abs().max((y - middle[1]).abs()) > half;
+        }
+        if found.iter().all(|one| one.crossed || one.fell) {
+            break;
+        }
+    }
+    Ok(found)
+}
+
+/// Means by kind, direction and level, in the columns' order, easy ground first.
+pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<CrossingSummary> {
+    let settings = course.settings();
+    let mut kinds: Vec<(TerrainKind, &'static str)> = Vec::new();
+    let of = |cell: Cell| {
+        let kind = course.kind(cell);
+        let direction = match kind {
+            TerrainKind::Flat | TerrainKind::Rough => "",
+            _ if course.is_pit(cell) => "up",
+            _ => "down",
+        };
+        (kind, direction)
+    };
+    for column in 0..settings.columns {
+        let kind = of(Cell { level: 0, column });
+        if !kinds.contains(&kind) {
+            kinds.push(kind);
+        }
+    }
+    let mut all = Vec::new();
+    for (kind, direction) in kinds {
+        for level in 0..settings.levels {
+            let here = || {
+                crossings.iter().filter(move |one| one.cell.level == level && of(one.cell) == (kind, direction))
+            };
+            let robots = here().count();
+            let share = |wanted: fn(&&Crossing) -> bool| Estimate::share(here().filter(wanted).count(), robots);
+            let column = (0..settings.columns).find(|&column| of(Cell { level, column }) == (kind, direction));
+            let cell = Cell { level, column: column.unwrap_or_default() };
+            let speeds: Vec<f64> = here().map(|one| one.distance / one.seconds.max(1e-9)).collect();
+            all.push(CrossingSummary {
+                kind,
+                direction,
+                level,
+                difficulty: course.difficulty(cell),
+                robots,
+                crossed: share(|one| one.crossed),
+                fell: share(|one| one.fell),
+                speed: Estimate::of(&speeds),
+            });
+        }
+    }
+    all
+}
