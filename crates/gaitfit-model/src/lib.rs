@@ -13,10 +13,10 @@
 //! | MJCF | |
 //! | --- | --- |
 //! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `inertial`, `freejoint`, hinges, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `key`, the tuple `velocity_limit` |
-//! | read of `asset` | `hfield`: elevations, MuJoCo's binary files |
+//! | read of `asset` | `hfield`: elevations, MuJoCo's binary files, PNG pictures |
 //! | passed over | other assets, `visual`, `statistic`, `size`, other `custom` data, lights, cameras |
 //! | listed | visual geoms, sensors, self-collision |
-//! | refused | slide and ball joints, `equality`, `tendon`, plugins, colliding meshes, heights in pictures, obstacles of other shapes, boxes and cylinders that may touch obstacles, actuators with state, fluid, `replicate`, `composite`, `attach`, RK4 and `implicit` |
+//! | refused | slide and ball joints, `equality`, `tendon`, plugins, colliding meshes, obstacles of other shapes, boxes and cylinders that may touch obstacles, actuators with state, fluid, `replicate`, `composite`, `attach`, RK4 and `implicit` |
 //!
 //! | URDF | |
 //! | --- | --- |
@@ -49,6 +49,7 @@ mod options;
 mod orientation;
 mod pairs;
 pub mod patterns;
+mod picture;
 mod read;
 pub mod rotation;
 mod scan;

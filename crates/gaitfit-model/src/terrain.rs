@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
 use crate::options::Compiler;
+use crate::picture;
 use crate::shown::{shown, shown_path};
 use crate::xml::Element;
 
@@ -194,9 +195,7 @@ fn read_file(ctx: &Context, file: &str, compiler: &Compiler) -> Result<(usize, u
     let path = folder.join(&compiler.mesh_folder).join(file);
     let shown = shown_path(&path);
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
-        return Err(format!(
-            "{shown}: heights in pictures are not read; save them as MuJoCo's binary file, or as `elevation`"
-        ));
+        return picture::read(&path, MAX_VERTICES).map_err(|error| format!("{shown}: {error}"));
     }
     let most = 8 + 4 * MAX_VERTICES as u64;
     let size = std::fs::metadata(&path).map_err(|error| format!("{shown}: {error}"))?;

@@ -135,3 +135,58 @@ fn heights_come_from_mujocos_binary_files() {
         assert!(error.contains("MuJoCo's format"), "{error}");
     }
 }
+
+/// MuJoCo 4.0 gives these numbers for these pictures: the lowest line first, of 16 bits the upper ones, of colours the red.
+#[test]
+fn heights_come_from_pictures_as_mujoco_reads_them() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("data")).unwrap();
+    let asset = r#"<hfield name="f" file="hills.png" size="1 1 255 1"/>"#;
+    let path = folder.path().join("robot.xml");
+    std::fs::write(&path, text(asset, GROUND, "size=\"0.1\"")).unwrap();
+    let hills = folder.path().join("data/hills.png");
+    let grey: [u8; 12] = [0, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 255];
+    let wanted = [80.0, 90.0, 100.0, 255.0, 40.0, 50.0, 60.0, 70.0, 0.0, 10.0, 20.0, 30.0];
+    let write = |color: png::ColorType, depth: png::BitDepth, bytes: &[u8]| {
+        let mut encoder = png::Encoder::new(std::fs::File::create(&hills).unwrap(), 4, 3);
+        encoder.set_color(color);
+        encoder.set_depth(depth);
+        encoder.write_header().unwrap().write_image_data(bytes).unwrap();
+    };
+    let model = || read(&path, &ReadOptions::default());
+    for (color, depth, point) in [
+        (png::ColorType::Grayscale, png::BitDepth::Eight, (|z| vec![z]) as fn(u8) -> Vec<u8>),
+        (png::ColorType::Grayscale, png::BitDepth::Sixteen, |z| vec![z, 200]),
+        (png::ColorType::GrayscaleAlpha, png::BitDepth::Eight, |z| vec![z, 77]),
+        (png::ColorType::Rgb, png::BitDepth::Eight, |z| vec![z, 200, 40]),
+    ] {
+        let bytes: Vec<u8> = grey.iter().flat_map(|&z| point(z)).collect();
+        write(color, depth, &bytes);
+        let read = model().unwrap();
+        let ObstacleShape::Field(field) = &read.obstacles[0].shape else { panic!() };
+        assert_eq!((field.rows, field.columns), (3, 4));
+        let near = field.heights.iter().zip(wanted).all(|(found, wanted): (&f64, f64)| (found - wanted).abs() < 1e-4);
+        assert!(near, "{color:?}: {:?}", field.heights);
+    }
+    // A picture cut short, none at all, and one with more points than a field may have.
+    let whole = std::fs::read(&hills).unwrap();
+    for bytes in [&whole[..whole.len() / 2], b"not a picture", &[]] {
+        std::fs::write(&hills, bytes).unwrap();
+        let error = model().unwrap_err().to_string();
+        assert!(error.contains("hills.png"), "{error}");
+    }
+    let mut large = whole;
+    large[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]);
+    // The header's checksum, of 65,536 × 65,536 points.
+    let mut crc = 0xffff_ffff_u32;
+    for byte in &large[12..29] {
+        crc ^= u32::from(*byte);
+        for _ in 0..8 {
+            crc = if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 };
+        }
+    }
+    large[29..33].copy_from_slice(&(!crc).to_be_bytes());
+    std::fs::write(&hills, &large).unwrap();
+    let error = model().unwrap_err().to_string();
+    assert!(error.contains("65536 × 65536") || error.contains("large"), "{error}");
+}

@@ -114,3 +114,49 @@ fn what_is_not_computed_is_refused() {
         assert!(refused.to_string().contains("height field `ground`"), "{refused}");
     }
 }
+
+/// Guards look at the greatest heights by blocks of cells. Where blocks begin must not matter: the same hills on grids that
+/// begin elsewhere, with a tower far away, give the same motions.
+#[test]
+fn hills_are_the_same_wherever_their_grid_begins() {
+    let step = 0.1;
+    let height = |i: i64, j: i64| {
+        let tower = if (i, j) == (55, 55) { 5.0 } else { 0.0 };
+        tower + 0.3 * ((0.7 * i as f64).sin() * (0.9 * j as f64).cos()).max(0.0)
+    };
+    let on = |first: [i64; 2]| {
+        let mut model = hopper(r#"<geom type="hfield" hfield="level"/>"#);
+        for geom in &mut model.geoms {
+            geom.shape = Shape::Sphere { radius: 0.05 };
+        }
+        let (columns, rows) = (80, 90);
+        let heights = (0..rows).flat_map(|r| (0..columns).map(move |c| height(first[0] + c, first[1] + r)));
+        let half = [columns, rows].map(|count| 0.5 * step * (count - 1) as f64);
+        model.obstacles[0].pos = [step * first[0] as f64 + half[0], step * first[1] as f64 + half[1], 0.0];
+        model.obstacles[0].shape = ObstacleShape::Field(gaitfit_model::HeightField {
+            rows: rows as usize,
+            columns: columns as usize,
+            half_size: half,
+            heights: heights.collect(),
+        });
+        Forward::new(&model, &settings(&model)).unwrap()
+    };
+    let mut grids = [[-20, -20], [-19, -18], [-18, -17], [-21, -19]].map(on);
+    let mut touched = 0;
+    for k in 0..200 {
+        let (x, y) = (0.037 * f64::from(k) - 1.0, 0.9 * (0.31 * f64::from(k)).sin());
+        for z in [0.06, 0.2, 0.3, 0.34, 0.36, 0.5] {
+            let qpos = [x, y, z, 0.98, 0.1, -0.1, 0.13, 0.2];
+            let motions = grids.each_mut().map(|grid| {
+                grid.evaluate(&qpos, &[0.3, -0.4, -0.5, 0.2, 0.1, 0.3, -0.4], &[]).unwrap().qacc.clone()
+            });
+            touched += usize::from((motions[0][2] + 9.81).abs() > 2.0);
+            for other in &motions[1..] {
+                let worst = other.iter().zip(&motions[0]).map(|(a, b)| (a - b).abs() / b.abs().max(1.0));
+                let worst = worst.fold(0.0, f64::max);
+                assert!(worst < 1e-7, "at {x}, {y}, {z}: {worst}");
+            }
+        }
+    }
+    assert!((200..1000).contains(&touched), "{touched} of 1200");
+}

@@ -6,7 +6,7 @@ mod invented;
 #[path = "common/page.rs"]
 mod page;
 
-use gaitfit_view::evaluation::{Drift, EvaluationReport, Histogram, Measure};
+use gaitfit_view::evaluation::{Drift, EvaluationReport, Ground, Histogram, Measure};
 use gaitfit_view::gait::{FootTrack, GaitPicture, TorqueSpectrum, VelocityTrack};
 use gaitfit_view::training::{SeedCurve, SeedResult, Series, TrainingReport};
 use gaitfit_view::{Doubt, DoubtKind, Link, Setting, evaluation_html, training_report};
@@ -179,6 +179,24 @@ fn an_evaluation_names_means_limits_and_drift() {
     let rings =
         document.descendants().filter(|n| n.attribute("class").is_some_and(|c| c.starts_with("s ring")));
     assert_eq!(rings.count(), 7);
+}
+
+#[test]
+fn uneven_ground_is_a_table_level_by_level() {
+    let html = evaluation_html(&invented::evaluation(100)).unwrap();
+    assert!(hrefs(&html).contains(&"#ground".to_owned()), "{:?}", hrefs(&html));
+    let text = text(&parse(&html));
+    for part in ["Uneven ground", "stairs up", "steps of 20 cm", "100", "45"] {
+        assert!(text.contains(part), "{part}");
+    }
+    let hostile = Ground { name: HOSTILE.into(), ..Ground::default() };
+    let with = |title: &str, ground: Ground| {
+        let ground = vec![ground; 1000];
+        evaluation_html(&EvaluationReport { title: title.into(), ground, ..EvaluationReport::default() })
+    };
+    let html = with(HOSTILE, hostile).unwrap();
+    assert_harmless(&html, &with("p", Ground::default()).unwrap());
+    assert!(html.contains("600 more levels"));
 }
 
 #[test]

@@ -9,7 +9,7 @@ mod go2;
 #[allow(dead_code)]
 mod page;
 
-use gaitfit_view::replay::{Frame, Geom, Joint, Replay, ReplayError, Shape};
+use gaitfit_view::replay::{Frame, Geom, Ground, Joint, Replay, ReplayError, Shape};
 use gaitfit_view::replay_html;
 use page::{HOSTILE, assert_harmless, assert_offline, parse};
 use serde_json::Value;
@@ -104,7 +104,7 @@ type Spoil = fn(&mut Replay);
 
 #[test]
 fn what_does_not_fit_is_named() {
-    let broken: [(&str, Spoil); 12] = [
+    let broken: [(&str, Spoil); 14] = [
         ("time between frames", |r| r.dt = 0.0),
         ("time between frames", |r| r.dt = f64::NAN),
         ("1 to 8 robots, not 0", |r| r.robots.clear()),
@@ -125,6 +125,13 @@ fn what_does_not_fit_is_named() {
         ("frame 7 has 2 joint angles", |r| r.robots[0].frames[7].joints.truncate(2)),
         ("frame 2 has 12 joint angles and 0 contacts; expected 12 and 4", |r| {
             r.robots[0].frames[2].contacts = Vec::new();
+        }),
+        ("ground of 7 heights in rows of 3", |r| {
+            r.robots[0].ground = Some(Ground { step: 0.1, columns: 3, heights: vec![0.0; 7], ..Ground::default() });
+        }),
+        ("ground with a number that cannot be drawn", |r| {
+            let heights = vec![0.0, f64::NAN, 0.0, 0.0];
+            r.robots[0].ground = Some(Ground { step: 0.1, columns: 2, heights, ..Ground::default() });
         }),
     ];
     for (expected, spoil) in broken {

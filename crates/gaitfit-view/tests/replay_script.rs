@@ -8,7 +8,7 @@ mod go2;
 #[allow(dead_code)]
 mod page;
 
-use gaitfit_view::replay::{Replay, ReplayRobot};
+use gaitfit_view::replay::{Ground, Replay, ReplayRobot};
 use gaitfit_view::replay_html;
 use std::io::Write;
 use std::process::{Command, Stdio};
@@ -96,6 +96,13 @@ fn node_bodies_are_where_rotation_matrices_place_them() {
         joint.anchor = [0.03, -0.01 * i as f64, 0.05];
         joint.axis = [0.5, 2.0, 0.1 * i as f64];
     }
+    // Uneven ground: 3 × 4 heights on a plane that rises along x.
+    robot.ground = Some(Ground {
+        corner: [-1.0, 2.0],
+        step: 0.5,
+        columns: 4,
+        heights: (0..12).map(|k| 0.1 * f64::from(k % 4)).collect(),
+    });
     let html =
         replay_html(&Replay { dt: go2::DT, robots: vec![robot.clone()], ..Replay::default() }).unwrap();
     let document = page::parse(&html);
@@ -111,12 +118,23 @@ fn node_bodies_are_where_rotation_matrices_place_them() {
         for (const frame of [0, 37, 99]) {{
             const list = shapes(robot, robot.at(frame * data.dt), colors).filter((s) => s.caster);
             console.log(list.map((s) => s.position.join(' ')).join(';'));
-        }}",
+        }}
+        const numbers = robot.ground.triangles();
+        console.log([numbers.length, ...robot.ground.vertex(2, 1), ...numbers.slice(3, 6)].join(' '));
+        console.log(robot.ground.lines(0, 2.5, 0.6).length);",
         scripts[0]
     );
     let printed = run_node(&script);
     let lines: Vec<&str> = printed.lines().collect();
-    assert_eq!(lines.len(), 3);
+    assert_eq!(lines.len(), 5);
+    // Six cells of two triangles of three corners of six numbers; a vertex; the plane's normal.
+    let found: Vec<f64> = lines[3].split(' ').map(|x| x.parse().unwrap()).collect();
+    let slope = 0.2f64;
+    let norm = slope.hypot(1.0);
+    let wanted = [216.0, 0.0, 2.5, 0.2, -slope / norm, 0.0, 1.0 / norm];
+    assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-4), "{found:?}, not {wanted:?}");
+    // All three rows, and the columns at -0.5, 0 and 0.5.
+    assert_eq!(lines[4], "6");
     for (line, frame) in lines.iter().zip([0, 37, 99]) {
         let drawn: Vec<Vec<f64>> =
             line.split(';').map(|point| point.split(' ').map(|x| x.parse().unwrap()).collect()).collect();

@@ -3,7 +3,7 @@
 #[path = "go2.rs"]
 pub mod go2;
 
-use gaitfit_view::evaluation::{Drift, EvaluationReport, Histogram, Measure};
+use gaitfit_view::evaluation::{Drift, EvaluationReport, Ground, Histogram, Measure};
 use gaitfit_view::training::{SeedCurve, SeedResult, Series, TrainingReport};
 use gaitfit_view::{Link, Setting};
 
@@ -157,6 +157,17 @@ pub fn evaluation(count: usize) -> EvaluationReport {
             Measure { histogram: None, ..measure("fall rate", "", 0.0131, 50, Some(0.01)) },
         ],
         drift: drift.collect(),
+        ground: (0..10)
+            .map(|level| Ground {
+                name: "stairs up".into(),
+                level,
+                difficulty: format!("steps of {} cm", 2 * (level + 1)),
+                robots: 64,
+                crossed: 1.0 - 0.1 * f64::from(level),
+                falls: 0.05 * f64::from(level),
+                speed: if level < 9 { 0.5 } else { f64::NAN },
+            })
+            .collect(),
         gait: Some(go2::gait(200)),
         gait_caption: "Forward at 0.6 m/s, then turning.".into(),
         links: vec![Link { text: "Replay in 3-D".into(), path: "replay.html".into() }],
