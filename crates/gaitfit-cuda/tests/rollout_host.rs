@@ -12,7 +12,9 @@ use gaitfit_cuda::ppo::Id;
 use gaitfit_cuda::rollout::{Packed, Plan, RolloutError, Scene, Sizes};
 use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::ppo::Exploration;
-use gaitfit_learn::task::{Ended, Environment, JointNumber, Snapshot, Task, TaskSettings, TerrainSettings, preset, reward};
+use gaitfit_learn::task::{
+    Ended, Environment, JointNumber, Snapshot, Task, TaskSettings, TerrainSettings, preset, reward,
+};
 use gaitfit_model::{Model, Shape};
 use gaitfit_physics::{NetworkScales, Params, Preset};
 use gaitfit_policy::walker::TorqueNoise;

@@ -136,8 +136,8 @@ fn rim(far: f64, z: f64, radius: f64) -> Vec<Part> {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use crate::kinematics::lowest_point;
     use crate::kinematics::Frame;
+    use crate::kinematics::lowest_point;
     use crate::rotation::axis_angle;
 
     fn level(cell: f64) -> HeightField {

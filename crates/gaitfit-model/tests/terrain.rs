@@ -165,7 +165,11 @@ fn heights_come_from_pictures_as_mujoco_reads_them() {
         let read = model().unwrap();
         let ObstacleShape::Field(field) = &read.obstacles[0].shape else { panic!() };
         assert_eq!((field.rows, field.columns), (3, 4));
-        let near = field.heights.iter().zip(wanted).all(|(found, wanted): (&f64, f64)| (found - wanted).abs() < 1e-4);
+        let near = field
+            .heights
+            .iter()
+            .zip(wanted)
+            .all(|(found, wanted): (&f64, f64)| (found - wanted).abs() < 1e-4);
         assert!(near, "{color:?}: {:?}", field.heights);
     }
     // A picture cut short, none at all, and one with more points than a field may have.

@@ -127,7 +127,8 @@ fn what_does_not_fit_is_named() {
             r.robots[0].frames[2].contacts = Vec::new();
         }),
         ("ground of 7 heights in rows of 3", |r| {
-            r.robots[0].ground = Some(Ground { step: 0.1, columns: 3, heights: vec![0.0; 7], ..Ground::default() });
+            r.robots[0].ground =
+                Some(Ground { step: 0.1, columns: 3, heights: vec![0.0; 7], ..Ground::default() });
         }),
         ("ground with a number that cannot be drawn", |r| {
             let heights = vec![0.0, f64::NAN, 0.0, 0.0];

@@ -83,8 +83,9 @@ fn patch(ground: &Surface, record: &GaitRecord) -> Option<Ground> {
     // Heights lie on whole steps of the world, where generated ground has its vertices.
     let corner = spans.map(|[low, _]| (low / step).floor() * step);
     let [columns, rows] = [0, 1].map(|k| ((spans[k][1] - corner[k]) / step).ceil() as usize + 1);
-    let heights = (0..rows * columns)
-        .map(|k| ground.height(corner[0] + (k % columns) as f64 * step, corner[1] + (k / columns) as f64 * step));
+    let heights = (0..rows * columns).map(|k| {
+        ground.height(corner[0] + (k % columns) as f64 * step, corner[1] + (k / columns) as f64 * step)
+    });
     Some(Ground { corner, step, columns, heights: heights.collect() })
 }
 

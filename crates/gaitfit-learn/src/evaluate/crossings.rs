@@ -137,11 +137,15 @@ pub fn summarise_crossings(course: &Course, crossings: &[Crossing]) -> Vec<Cross
     for (kind, direction) in kinds {
         for level in 0..settings.levels {
             let here = || {
-                crossings.iter().filter(move |one| one.cell.level == level && of(one.cell) == (kind, direction))
+                crossings
+                    .iter()
+                    .filter(move |one| one.cell.level == level && of(one.cell) == (kind, direction))
             };
             let robots = here().count();
-            let share = |wanted: fn(&&Crossing) -> bool| Estimate::share(here().filter(wanted).count(), robots);
-            let column = (0..settings.columns).find(|&column| of(Cell { level, column }) == (kind, direction));
+            let share =
+                |wanted: fn(&&Crossing) -> bool| Estimate::share(here().filter(wanted).count(), robots);
+            let column =
+                (0..settings.columns).find(|&column| of(Cell { level, column }) == (kind, direction));
             let cell = Cell { level, column: column.unwrap_or_default() };
             let speeds: Vec<f64> = here().map(|one| one.distance / one.seconds.max(1e-9)).collect();
             all.push(CrossingSummary {

@@ -72,7 +72,8 @@ fn rough_ground_is_its_seeds_and_keeps_its_height() {
     for level in 0..3 {
         let cell = Cell { level, column: 0 };
         let [x, y] = course.middle(cell);
-        let heights = (-38..38).flat_map(|i| (-38..38).map(move |j| (0.05 * f64::from(i), 0.05 * f64::from(j))));
+        let heights =
+            (-38..38).flat_map(|i| (-38..38).map(move |j| (0.05 * f64::from(i), 0.05 * f64::from(j))));
         let heights: Vec<f64> = heights.map(|(dx, dy)| number(&field, x + dx, y + dy)).collect();
         let most = heights.iter().fold(0.0, |most: f64, height| most.max(height.abs()));
         let amplitude = course.difficulty(cell);
@@ -120,12 +121,18 @@ fn robots_start_and_stand_on_their_cells() {
             let base = &environment.motion().base_position[3 * index..];
             let off: Vec<f64> = (0..2).map(|k| f64::from(base[k]) - course.middle(cell)[k]).collect();
             assert!(off.iter().all(|off| off.abs() < 0.45), "{kind:?} {index}: {off:?}");
-            assert!(environment.feet(index).iter().filter(|foot| foot.touching).count() >= 3, "{kind:?} {index}");
+            assert!(
+                environment.feet(index).iter().filter(|foot| foot.touching).count() >= 3,
+                "{kind:?} {index}"
+            );
             for foot in environment.feet(index) {
                 let [x, y, z] = foot.place.map(f64::from);
                 let near = number(&field, x, y);
                 let slack = if kind == TerrainKind::Stairs { 2e-3 } else { 0.03 };
-                assert!((z - f64::from(foot.height) - near).abs() < slack, "{kind:?} {index}: {foot:?}, not {near}");
+                assert!(
+                    (z - f64::from(foot.height) - near).abs() < slack,
+                    "{kind:?} {index}: {foot:?}, not {near}"
+                );
                 // Feet of 22 mm sink in by up to 15 mm, as on a plane.
                 assert!((0.005..0.035).contains(&foot.height), "{kind:?} {index}: {foot:?}");
             }
@@ -160,7 +167,14 @@ fn falls_and_rewards_count_heights_from_the_ground_there() {
 
 #[test]
 fn an_episode_ends_at_the_edge_of_the_ground() {
-    let terrain = TerrainSettings { levels: 1, columns: 1, start_level: 0, size: 0.5, platform: 0.0, ..small(TerrainKind::Flat) };
+    let terrain = TerrainSettings {
+        levels: 1,
+        columns: 1,
+        start_level: 0,
+        size: 0.5,
+        platform: 0.0,
+        ..small(TerrainKind::Flat)
+    };
     let mut settings = on(terrain);
     settings.push = gaitfit_learn::task::PushSettings { seconds: 0.02, velocity: 3.0 };
     let scene = scene(&settings);
@@ -216,8 +230,20 @@ fn what_cannot_be_ground_is_refused_by_setting() {
         (TerrainSettings { step_depth: [0.0, 0.3], ..base() }, "task.terrain.step_depth"),
         (TerrainSettings { slope: [0.0, f64::INFINITY], ..base() }, "task.terrain.slope"),
         (TerrainSettings { border: 0.2, ..base() }, "task.terrain.border"),
-        (TerrainSettings { kind: Kinds::Shares([(TerrainKind::Flat, 0.0)].into_iter().collect()), ..base() }, "task.terrain.kind"),
-        (TerrainSettings { kind: Kinds::Shares([(TerrainKind::Flat, f64::NAN)].into_iter().collect()), ..base() }, "task.terrain.kind"),
+        (
+            TerrainSettings {
+                kind: Kinds::Shares([(TerrainKind::Flat, 0.0)].into_iter().collect()),
+                ..base()
+            },
+            "task.terrain.kind",
+        ),
+        (
+            TerrainSettings {
+                kind: Kinds::Shares([(TerrainKind::Flat, f64::NAN)].into_iter().collect()),
+                ..base()
+            },
+            "task.terrain.kind",
+        ),
         (TerrainSettings { levels: 200, columns: 200, ..base() }, "task.terrain.cell"),
         // A foot of the Go2 has a radius of 22 mm.
         (TerrainSettings { cell: 0.04, ..base() }, "task.terrain.cell"),

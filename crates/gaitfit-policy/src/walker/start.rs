@@ -1,8 +1,8 @@
 //! Where a robot starts.
 
 use gaitfit_model::kinematics::{Frame, Reach, body_frames, standing_height};
-use gaitfit_model::{Model, Shape, Surface};
 use gaitfit_model::rotation::turn;
+use gaitfit_model::{Model, Shape, Surface};
 use gaitfit_sim::Start;
 
 use super::Walker;

@@ -87,7 +87,8 @@ pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evalua
     };
     let mut measured = measure(&world, &settings.world.policy.display().to_string(), &plan, watch)?;
     let robots = settings.ground_robots;
-    let ground = uneven.map(|uneven| ground::measure(uneven, robots, plan.seed, plan.threads, watch)).transpose()?;
+    let ground =
+        uneven.map(|uneven| ground::measure(uneven, robots, plan.seed, plan.threads, watch)).transpose()?;
     if let Some(ground) = &ground {
         measured.evaluation.ground.clone_from(&ground.results);
     }

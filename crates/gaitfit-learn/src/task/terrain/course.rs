@@ -114,7 +114,8 @@ impl Course {
 
     /// The level of the first episode of `environment`, or of one that begins at `step` where there is no curriculum.
     pub(in crate::task) fn drawn_level(&self, seed: u64, environment: u32, step: u32) -> usize {
-        let levels = if self.settings.curriculum { self.settings.start_level + 1 } else { self.settings.levels };
+        let levels =
+            if self.settings.curriculum { self.settings.start_level + 1 } else { self.settings.levels };
         any(levels, seed, environment, step)
     }
 
@@ -137,7 +138,11 @@ impl Course {
         let far = (f64::from(end[0]) - x).hypot(f64::from(end[1]) - y);
         if far > 0.5 * self.size() {
             let next = way.level + 1;
-            return if next < self.settings.levels { next } else { any(self.settings.levels, seed, environment, step) };
+            return if next < self.settings.levels {
+                next
+            } else {
+                any(self.settings.levels, seed, environment, step)
+            };
         }
         if fell || way.walked < 0.5 * way.commanded { way.level.saturating_sub(1) } else { way.level }
     }
@@ -205,7 +210,15 @@ mod tests {
     }
 
     /// A robot of column 1 whose episode on `level` ended `far` from the middle of its cell.
-    fn next(course: &Course, level: usize, far: f32, walked: f32, commanded: f32, fell: bool, step: u32) -> usize {
+    fn next(
+        course: &Course,
+        level: usize,
+        far: f32,
+        walked: f32,
+        commanded: f32,
+        fell: bool,
+        step: u32,
+    ) -> usize {
         let [x, y] = course.middle(Cell { level, column: 1 });
         let end = [x as f32 + 0.6 * far, y as f32 - 0.8 * far];
         course.next_level(&Way { level, walked, commanded }, end, fell, 7, 1, step)
@@ -230,7 +243,10 @@ mod tests {
     fn levels_are_drawn_where_there_is_no_curriculum_and_at_first() {
         let (moving, drawn) = (course(true), course(false));
         let first: Vec<usize> = (0..40).map(|robot| moving.drawn_level(7, robot, 0)).collect();
-        assert!(first.contains(&0) && first.contains(&1) && first.iter().all(|level| *level < 2), "{first:?}");
+        assert!(
+            first.contains(&0) && first.contains(&1) && first.iter().all(|level| *level < 2),
+            "{first:?}"
+        );
         let found: Vec<usize> = (0..40).map(|step| next(&drawn, 0, 0.0, 0.0, 4.0, true, step)).collect();
         assert!((0..4).all(|level| found.contains(&level)), "{found:?}");
     }

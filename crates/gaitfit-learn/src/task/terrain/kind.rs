@@ -97,7 +97,9 @@ impl<'de> Visitor<'de> for Read {
     type Value = Kinds;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a kind of terrain, or a table of kinds and their shares such as { stairs = 2, rough = 1 }")
+        f.write_str(
+            "a kind of terrain, or a table of kinds and their shares such as { stairs = 2, rough = 1 }",
+        )
     }
 
     fn visit_str<E: Error>(self, text: &str) -> Result<Kinds, E> {

@@ -58,8 +58,9 @@ impl Environment<'_> {
     pub(in crate::task) fn restore_ways(&mut self, numbers: &[f32]) -> bool {
         let levels = self.task.course.as_ref().map_or(0, |course| course.settings().levels);
         let saved = numbers.as_chunks::<3>().0;
-        self.ways.iter_mut().zip(saved).all(|(way, numbers)| {
-            Way::from_numbers(numbers, levels).map(|found| *way = found).is_some()
-        })
+        self.ways
+            .iter_mut()
+            .zip(saved)
+            .all(|(way, numbers)| Way::from_numbers(numbers, levels).map(|found| *way = found).is_some())
     }
 }

@@ -133,7 +133,8 @@ impl TerrainSettings {
         let shares = self.kind.shares();
         let wrong = |share: f64| !(0.0..=1e6).contains(&share);
         if let Some((kind, share)) = shares.iter().find(|(_, share)| wrong(*share)) {
-            let what = format!("gives {} the share {}; give from 0 to 1e6", kind.name(), shown_number(*share));
+            let what =
+                format!("gives {} the share {}; give from 0 to 1e6", kind.name(), shown_number(*share));
             return refuse("terrain.kind", what);
         }
         if !shares.iter().any(|(_, share)| *share > 0.0) {
