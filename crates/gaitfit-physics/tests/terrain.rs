@@ -143,7 +143,7 @@ fn hills_are_the_same_wherever_their_grid_begins() {
     };
     let mut grids = [[-20, -20], [-19, -18], [-18, -17], [-21, -19]].map(on);
     let mut touched = 0;
-    for k in 0..200 {
+    for k in 0..150 {
         let (x, y) = (0.037 * f64::from(k) - 1.0, 0.9 * (0.31 * f64::from(k)).sin());
         for z in [0.06, 0.2, 0.3, 0.34, 0.36, 0.5] {
             let qpos = [x, y, z, 0.98, 0.1, -0.1, 0.13, 0.2];
@@ -158,5 +158,5 @@ fn hills_are_the_same_wherever_their_grid_begins() {
             }
         }
     }
-    assert!((200..1000).contains(&touched), "{touched} of 1200");
+    assert!((150..750).contains(&touched), "{touched} of 900");
 }
