@@ -99,6 +99,16 @@ pub(crate) fn input_spots(period: &Period, wanted: fn(&Input) -> bool) -> Vec<Sp
     inputs.filter(|(input, _)| wanted(input)).map(|(_, &place)| spot(layout, place)).collect()
 }
 
+/// The joint of each number that networks remember.
+pub(crate) fn memory_joints(period: &Period) -> Vec<usize> {
+    let joint = |input: &Input| match *input {
+        Input::Memory { owner: Owner::Joint(joint), .. } => Some(joint),
+        Input::Memory { .. } => Some(0),
+        _ => None,
+    };
+    period.graph.inputs.iter().filter_map(joint).collect()
+}
+
 /// Where a period keeps what it reports.
 pub(crate) fn report_spots(period: &Period) -> Vec<Spot> {
     let layout = period.layout();

@@ -342,6 +342,19 @@ fn cxx_walks_with_networks_are_the_cpus() {
         Job { candidate, reset_every, seed: 1 }
     };
     compare("networks", &walking, &[job(0.1, None), job(0.3, Some(5))], &[25, 30], [16, 16]);
+    let on = |joint: usize, whole: JointNetworks| JointNetworks {
+        joints: vec![joint],
+        rest: vec![0.1],
+        weights: whole.weights[..NETWORK_WEIGHTS].to_vec(),
+        ..whole
+    };
+    let job = |amount: f64, reset_every| {
+        let mut job = job(amount, reset_every);
+        let [delta, torque] = [0, 1].map(|k| job.candidate.networks[k].clone());
+        job.candidate.networks = vec![on(2, delta), on(11, torque)];
+        job
+    };
+    compare("one leg's", &walking, &[job(0.1, None), job(0.3, Some(5))], &[12, 9], [4, 4]);
 }
 
 #[test]

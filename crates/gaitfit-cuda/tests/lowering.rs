@@ -3,9 +3,12 @@
 
 mod common;
 
-use common::{difference, feet, recorded, robot, samples, shared};
+use common::{difference, feet, networks, recorded, robot, samples, samples_with, shared};
+use gaitfit_cuda::emit::{EmitOptions, PeriodProgram, Seating};
+use gaitfit_cuda::physics::Shared;
 use gaitfit_model::{Cone, Model};
-use gaitfit_physics::{Preset, Settings};
+use gaitfit_physics::trace::{Report, Traced, record_period_with};
+use gaitfit_physics::{Preset, Settings, compile};
 
 /// Holds the program of `lanes` threads against the step.
 fn compare(label: &str, model: &Model, preset: Preset, lanes: usize, least_guarded: usize, limit: f64) {
@@ -48,6 +51,44 @@ fn an_elliptic_quadruped_is_shared() {
     let mut go2 = robot("go2");
     go2.options.cone = Cone::Elliptic;
     compare("elliptic go2 feet", &feet(go2), Preset::Accurate, 4, 100, 1e-9);
+}
+
+/// Networks on joints of some legs alone: the threads of the others have them too, without weights.
+#[test]
+fn networks_of_one_limb_are_shared() {
+    let model = feet(robot("go2"));
+    let settings = Settings { timestep: 0.005, ..Settings::new(&model.options, Preset::Fast) };
+    let (taps, substeps) = (2, 3);
+    let (delta, torque) = (vec![2, 4], vec![11]);
+    let tree = compile::<Traced>(&model, &settings).unwrap();
+    let seating = Seating::shared(&tree.outline(), 4).unwrap();
+    let own = networks::<Traced>(&delta, &torque);
+    let whole = Shared::new(&own, &seating, tree.joints());
+    // Calves and thighs of all legs; calves.
+    let asked = |all: &[bool]| (all.len(), all.iter().filter(|&&asked| asked).count());
+    assert_eq!((asked(&whole.memory), asked(&whole.weights)), ((4 * 12, 4 * 3), (97 * 12, 97 * 3)));
+    let report = Report { disturbed: true, forces: true, tracked: (0..tree.model_pairs().len()).collect() };
+    let record = |networks: &[_]| record_period_with(&tree, taps, substeps, networks, &report).unwrap();
+    let emit = |networks: &[_]| PeriodProgram::new(&record(networks), &seating, EmitOptions::default());
+    assert!(emit(&own).is_err(), "legs with other networks cannot be shared");
+    let program = emit(&whole.modifications).unwrap();
+    let mut worst = 0.0f64;
+    let sampled = (true, networks::<f64>(&delta, &torque));
+    for sample in samples_with(&model, &settings, taps, substeps, sampled, false, 12) {
+        let (rest, own) = sample.inputs.split_at(sample.inputs.len() - 3 * (4 + 97));
+        let mut own = own.iter().copied();
+        let asked = whole.memory.iter().chain(&whole.weights);
+        let further = asked.map(|&asked| if asked { own.next().unwrap() } else { 0.0 });
+        let inputs: Vec<f64> = rest.iter().copied().chain(further).collect();
+        let mut found = program.evaluate(&inputs);
+        let states = 19 + 3 * tree.joints();
+        for (place, _) in whole.memory.iter().enumerate().rev().filter(|(_, asked)| !**asked) {
+            found.remove(states + place);
+        }
+        worst = worst.max(difference(&found, &sample.outputs));
+    }
+    println!("networks on one limb: off by {worst:.1e}");
+    assert!(worst <= 1e-11, "{worst}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ mod common;
 
 use std::sync::Arc;
 
-use common::{feet, modifications, robot};
+use common::{feet, modifications, networks, robot};
 use gaitfit_cuda::emit::EmitOptions;
 use gaitfit_cuda::physics::{Batch, DeviceError, Period, PeriodOptions};
 use gaitfit_cuda::runtime::{Device, Stream};
@@ -24,8 +24,7 @@ fn rounded(x: f64) -> f64 {
 }
 
 /// Weights of a candidate's networks as they are visited, times `factor`, in single precision.
-fn weights(joints: usize, factor: f64) -> (Vec<JointModification<f64>>, Vec<f64>) {
-    let mut networks = modifications::<f64>(joints);
+fn weights(mut networks: Vec<JointModification<f64>>, factor: f64) -> (Vec<JointModification<f64>>, Vec<f64>) {
     let mut list = Vec::new();
     for network in &mut networks {
         network.visit_weights_mut(|_, weight| {
@@ -38,17 +37,29 @@ fn weights(joints: usize, factor: f64) -> (Vec<JointModification<f64>>, Vec<f64>
 
 /// Delays, and two candidates with networks of their own: every robot's velocities after three control periods.
 fn check(device: &Device, label: &str, model: &Model, lanes: usize, limit: f64) {
+    let joints = model.joints.len();
+    let networks = (modifications::<Traced>(joints), modifications::<f64>(joints));
+    check_with(device, label, model, lanes, limit, networks);
+}
+
+fn check_with(
+    device: &Device,
+    label: &str,
+    model: &Model,
+    lanes: usize,
+    limit: f64,
+    (traced, plain): (Vec<JointModification<Known>>, Vec<JointModification<f64>>),
+) {
     let settings = Settings { timestep: 0.005, ..Settings::new(&model.options, Preset::Fast) };
     let joints = model.joints.len();
     let options = PeriodOptions { substeps: SUBSTEPS, taps: TAPS, lanes, emit: EmitOptions::default() };
-    let traced: Vec<JointModification<Known>> = modifications::<Traced>(joints);
     let period = Arc::new(Period::new(model, &settings, options, &traced).unwrap());
     assert_eq!(period.lanes(), lanes, "{label}");
     // No multiple of a block's environments.
     let environments = 138;
     let stream = Stream::new(device).unwrap();
     let mut batch = Batch::new(device, &period, environments, 2).unwrap();
-    let candidates = [weights(joints, 1.0), weights(joints, 0.3)];
+    let candidates = [weights(plain.clone(), 1.0), weights(plain, 0.3)];
     batch.write_weights(&stream, &[candidates[0].1.clone(), candidates[1].1.clone()]).unwrap();
     let mut random = common::Random(3);
     let tree = compile::<f64>(model, &settings).unwrap();
@@ -129,6 +140,8 @@ fn gpu_batches_have_delays_networks_and_candidates() {
         check(&device, "go2 feet", &feet(go2.clone()), lanes, 1e-3);
     }
     check(&device, "go2", &go2, 4, 1e-3);
+    let of_one = (networks::<Traced>(&[2, 4], &[11]), networks::<f64>(&[2, 4], &[11]));
+    check_with(&device, "go2 with networks on a leg", &go2, 4, 1e-3, of_one);
     check(&device, "biped", &robot("biped"), 2, 1e-2);
     check(&device, "humanoid", &robot("humanoid"), 2, 1e-2);
 }
@@ -163,4 +176,9 @@ fn long_programs_keep_four_threads() {
     assert_eq!((lanes(&feet, 4096), lanes(&feet, 65536)), (4, 2));
     assert_eq!((lanes(&go2, 4096), lanes(&go2, 65536)), (4, 4));
     assert_eq!(lanes(&robot("arm"), 65536), 1);
+    // Networks on one leg's joint do not take the others' threads away.
+    let settings = Settings::new(&feet.options, Preset::Fast);
+    let options = PeriodOptions { substeps: 4, taps: 1, lanes: 4, emit: EmitOptions::default() };
+    let networks = networks::<Traced>(&[2], &[11]);
+    assert_eq!(Period::new(&feet, &settings, options, &networks).unwrap().lanes(), 4);
 }

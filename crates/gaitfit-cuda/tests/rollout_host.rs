@@ -16,7 +16,7 @@ use gaitfit_learn::task::{
     Ended, Environment, JointNumber, Snapshot, Task, TaskSettings, TerrainSettings, preset, reward,
 };
 use gaitfit_model::{Model, Shape};
-use gaitfit_physics::{NetworkScales, Params, Preset};
+use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Params, Preset};
 use gaitfit_policy::walker::TorqueNoise;
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
@@ -175,13 +175,26 @@ fn apart(got: &[f32], want: &[f32]) -> f32 {
 fn flat(snapshot: &Snapshot) -> Vec<f32> {
     let robot = &snapshot.robot;
     let feet: Vec<f32> = snapshot.feet.iter().flatten().copied().collect();
-    [&robot.state, &robot.targets, &robot.normal_force, &robot.tracked, &robot.torque]
+    [&robot.state, &robot.targets, &robot.memory, &robot.normal_force, &robot.tracked, &robot.torque]
         .into_iter()
         .chain([&snapshot.command.to_vec(), &snapshot.last_action, &feet, &snapshot.returns.to_vec()])
         .flatten()
         .copied()
         .chain([snapshot.steps as f32, f32::from(u8::from(robot.fresh))])
         .collect()
+}
+
+/// What a robot's networks remember before a control period: where its joints are, if it is new.
+fn remembered(candidate: &Candidate, was: &Snapshot) -> Vec<f32> {
+    if !was.robot.fresh {
+        return was.robot.memory.clone();
+    }
+    let joints = candidate.networks.iter().flat_map(|one| one.joints.clone());
+    let motion = |joint: usize| {
+        let bias = candidate.robot.encoder_bias[joint] as f32;
+        [was.robot.state[13 + joint] + bias, was.robot.state[13 + 12 + joint]]
+    };
+    joints.flat_map(|joint| [motion(joint), motion(joint)].concat()).collect()
 }
 
 /// Holds every kernel of a rollout against the CPU.
@@ -214,6 +227,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
         ("robot_state", f(&start.state)),
         ("robot_targets", f(&start.targets)),
         ("robot_report", f(&start.report)),
+        ("robot_memory", f(&start.memory)),
         ("robot_params", f(&params(&period, &robots))),
         ("deviation", bytes(&[candidate.torque_noise; ENVIRONMENTS], f64::to_ne_bytes)),
         ("steps", w(&start.steps)),
@@ -233,6 +247,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
         "robot_state",
         "robot_targets",
         "robot_report",
+        "robot_memory",
         "steps",
         "fresh",
         "command",
@@ -245,6 +260,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
         let packed = Packed::new(&scene, &step.moved, tiles);
         files.insert(format!("robot_state.moved{t}"), f(&packed.state));
         files.insert(format!("robot_report.moved{t}"), f(&packed.report));
+        files.insert(format!("robot_memory.moved{t}"), f(&packed.memory));
         statements.push_str(&call(&plan.observe(t)));
         statements.push_str(&call(&plan.act(t)));
         if let Some(disturb) = plan.disturb(t, tiles) {
@@ -252,8 +268,10 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
             statements.push_str(&keep(arrays, "robot_disturbance", &format!("noise{t}")));
         }
         statements.push_str(&keep(arrays, "robot_state", &format!("pushed{t}")));
+        statements.push_str(&keep(arrays, "robot_memory", &format!("pushed{t}")));
         statements.push_str(&take(arrays, "robot_state", &format!("moved{t}")));
         statements.push_str(&take(arrays, "robot_report", &format!("moved{t}")));
+        statements.push_str(&take(arrays, "robot_memory", &format!("moved{t}")));
         statements.push_str(&call(&plan.finish(t)));
         for name in kept {
             statements.push_str(&keep(arrays, name, &format!("begun{t}")));
@@ -331,6 +349,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
             state: numbers("robot_state"),
             targets: numbers("robot_targets"),
             report: numbers("robot_report"),
+            memory: numbers("robot_memory"),
             steps: words("steps"),
             fresh: words("fresh"),
             command: numbers("command"),
@@ -342,7 +361,12 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
             check(&format!("environment {e}"), t, &flat(got), &flat(want), 3e-6);
         }
         // Pushes go into the base's linear velocity, numbers 7 and 8 of the state.
-        let pushed = Packed { state: floats(&read("robot_state", &format!("pushed{t}"))), ..before.clone() };
+        let numbers = |name: &str| floats(&read(name, &format!("pushed{t}")));
+        let pushed = Packed {
+            state: numbers("robot_state"),
+            memory: numbers("robot_memory"),
+            ..before.clone()
+        };
         for (e, (got, was)) in pushed.snapshots(&scene).iter().zip(before.snapshots(&scene)).enumerate() {
             let number = FIRST + t as u32;
             let due = (number + 7 * e as u32).is_multiple_of(6) && was.steps > 0;
@@ -352,6 +376,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
                 want[7 + k] += (0.7 * (2.0 * draws.uniform(k as u32) - 1.0)) as f32;
             }
             check("pushed robot", t, &got.robot.state, &want, 1e-6);
+            check("memory", t, &got.robot.memory, &remembered(candidate, &was), 1e-6);
         }
         before = found;
         if candidate.torque_noise > 0.0 {
@@ -403,6 +428,29 @@ fn cxx_steps_of_a_fitted_robot_are_the_cpus() {
         candidate.robot.encoder_bias[j] = 0.01 * j as f64 - 0.05;
     }
     compare("fitted", &task, &candidate);
+}
+
+fn networks(kind: NetworkKind, joints: &[usize], amount: f64) -> JointNetworks {
+    let weights = (0..joints.len() * NETWORK_WEIGHTS).map(|k| amount * (0.7 * k as f64).sin()).collect();
+    let scales = NetworkScales { position: 1.0, velocity: 0.05, output: 0.5 };
+    JointNetworks { kind, joints: joints.to_vec(), rest: vec![0.1; joints.len()], weights, scales }
+}
+
+/// Networks that correct all targets, and one that adds torques to the joint of one leg.
+fn with_networks() -> Candidate {
+    let all: Vec<usize> = (0..12).collect();
+    let mut candidate = Candidate::nominal(&go2());
+    candidate.networks =
+        vec![networks(NetworkKind::ActionDelta, &all, 0.3), networks(NetworkKind::ResidAct, &[11], 0.9)];
+    candidate.robot.encoder_bias = (0..12).map(|j| 0.01 * f64::from(j) - 0.05).collect();
+    candidate
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_with_networks_are_the_cpus() {
+    let task = Task::new(&go2(), &lively("velocity"), Preset::Fast).unwrap();
+    compare("networks", &task, &with_networks());
 }
 
 /// Feet of other shapes than balls, joints that the policy does not move, numbers joint by joint.
@@ -495,16 +543,16 @@ fn what_a_gpu_does_not_do_is_refused() {
     let model = go2();
     let settings = lively("velocity");
     let task = Task::new(&model, &settings, Preset::Fast).unwrap();
-    let networks = JointNetworks {
-        kind: NetworkKind::ResidAct,
-        joints: vec![0],
-        rest: vec![0.0],
-        weights: Vec::new(),
-        scales: NetworkScales { position: 1.0, velocity: 1.0, output: 1.0 },
-    };
-    let other = Candidate { networks: vec![networks], ..Candidate::nominal(&model) };
-    let error = Scene::period(&task, &[other], 8, PROCESSORS).map(|_| ()).unwrap_err();
-    assert!(error.to_string().contains("networks"), "{error}");
+    let one = networks(NetworkKind::ResidAct, &[0], 0.1);
+    let short = JointNetworks { weights: Vec::new(), ..one.clone() };
+    let with = |networks: Vec<JointNetworks>| Candidate { networks, ..Candidate::nominal(&model) };
+    for (candidates, what) in [
+        (vec![with(vec![one]), with(Vec::new())], "robots whose networks differ"),
+        (vec![with(vec![short])], "97 weights"),
+    ] {
+        let error = Scene::period(&task, &candidates, 8, PROCESSORS).map(|_| ()).unwrap_err();
+        assert!(error.to_string().contains(what), "{error}");
+    }
     let period = Scene::period(&task, &[Candidate::nominal(&model)], 8, PROCESSORS).unwrap();
     let task = task.with_term("own", 1.0, |_| 0.0).unwrap();
     let error = Scene::new(&task, &period, sizes()).map(|_| ()).unwrap_err();
@@ -530,24 +578,30 @@ fn what_a_gpu_does_not_do_is_refused() {
 #[ignore = "needs NVRTC: tools/setup_nvrtc.sh"]
 fn nvrtc_compiles_rollouts() {
     let model = go2();
-    for name in ["velocity", "biped"] {
+    let nominal = Candidate::nominal(&model);
+    for (label, name, candidate) in [
+        ("velocity", "velocity", nominal.clone()),
+        ("biped", "biped", nominal),
+        ("networks", "velocity", with_networks()),
+    ] {
         let mut settings = lively(name);
         settings.terms.insert("calves".to_owned(), r#"sum(abs(tau["*_calf"]))"#.to_owned());
         settings.rewards.insert("calves".to_owned(), -1e-3);
         let task = Task::new(&model, &settings, Preset::Fast).unwrap();
         let sizes = Sizes { steps: 24, environments: 4096, networks: 100_000, gamma: 0.99 };
-        let period = Scene::period(&task, &[Candidate::nominal(&model)], 4096, PROCESSORS).unwrap();
+        let period = Scene::period(&task, &[candidate], 4096, PROCESSORS).unwrap();
+        assert_eq!(period.lanes(), 4);
         let plan = Plan::new(&Scene::new(&task, &period, sizes).unwrap());
         assert_eq!(plan.array("tail").map(|Id(number)| plan.arrays[number].length > 0), Some(true));
         if let Some(folder) = std::env::var_os("GAITFIT_KEEP_TEXT") {
-            std::fs::write(Path::new(&folder).join(format!("rollout_{name}.cu")), &plan.program.text)
+            std::fs::write(Path::new(&folder).join(format!("rollout_{label}.cu")), &plan.program.text)
                 .unwrap();
         }
         for program in [plan.program, period.program()] {
             let program = program.option("--ptxas-options=-v");
             let start = std::time::Instant::now();
             let compiled = compile(Nvrtc::get().unwrap(), &program, (9, 0), None).unwrap();
-            println!("{name} {:.1} s\n{}", start.elapsed().as_secs_f64(), compiled.image.log);
+            println!("{label} {:.1} s\n{}", start.elapsed().as_secs_f64(), compiled.image.log);
         }
     }
 }

@@ -130,8 +130,7 @@ pub struct Finetune {
 pub struct Loop {
     /// Configuration (TOML); `gaitfit config loop` prints one with every default
     pub config: PathBuf,
-    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used); robots with
-    /// networks on their joints train on the CPU
+    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     pub device: super::Device,
     /// How it runs.

@@ -1,11 +1,11 @@
 //! What of candidates goes to the GPU.
 
-use gaitfit_physics::{JointModification, Modify};
 use gaitfit_policy::follow::Job;
 use gaitfit_sim::{SimError, pool};
 
 use super::FitError;
 use super::scene::Subject;
+use crate::physics;
 
 /// Numbers of some candidates, one after the other.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,10 +63,5 @@ fn robot(subject: Subject<'_>, job: &Job) -> Result<(Vec<f32>, Vec<f64>), FitErr
     };
     let mut params = Vec::new();
     robot.visit(|_, &number| params.push(number as f32));
-    let mut weights = Vec::new();
-    for networks in &candidate.networks {
-        let mut compiled: JointModification<f32> = networks.compile::<f32>(model)?;
-        compiled.visit_weights_mut(|_, weight| weights.push(f64::from(*weight)));
-    }
-    Ok((params, weights))
+    Ok((params, physics::weights(model, &candidate.networks)?))
 }

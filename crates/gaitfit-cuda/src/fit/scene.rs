@@ -1,16 +1,15 @@
 //! What is simulated, and where the physics keeps each number.
 
 use gaitfit_model::Model;
-use gaitfit_physics::JointModification;
-use gaitfit_physics::trace::{Input, Known, Report, Traced};
+use gaitfit_physics::trace::{Input, Report};
 use gaitfit_policy::Policy;
 use gaitfit_policy::walker::Walker;
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Replay};
 
 use super::FitError;
 use crate::emit::{Class, EmitOptions};
-use crate::physics::{Period, PeriodOptions};
-use crate::words::{Spot, input_spots, is_bias, report_spots};
+use crate::physics::{Period, PeriodOptions, traced};
+use crate::words::{Spot, input_spots, is_bias, memory_joints, report_spots};
 
 /// Threads of an environment. Always as many, so that signals do not depend on how many candidates there are; four, for
 /// a fit has few environments.
@@ -82,8 +81,7 @@ impl Subject<'_> {
         };
         let model = self.model();
         let options = PeriodOptions { substeps, taps, lanes: LANES, emit: EmitOptions::default() };
-        let networks: Vec<JointModification<Known>> =
-            networks.iter().map(|one| one.compile::<Traced>(model)).collect::<Result<_, _>>()?;
+        let networks = traced(model, networks)?;
         let forces = matches!(self, Self::Walk(..));
         let report = Report { disturbed: structure.disturbed, forces, tracked: Vec::new() };
         Ok(Period::reporting(model, settings, options, &networks, &report)?)
@@ -110,11 +108,6 @@ pub struct Scene<'a> {
 impl<'a> Scene<'a> {
     /// On the physics of [`Subject::period`].
     pub fn new(subject: Subject<'a>, period: &'a Period) -> Self {
-        let remembered = period.graph.inputs.iter().filter(|input| matches!(input, Input::Memory { .. }));
-        let joint = |input: &Input| match input.owner() {
-            gaitfit_physics::Owner::Joint(joint) => joint,
-            _ => 0,
-        };
         Self {
             subject,
             period,
@@ -123,7 +116,7 @@ impl<'a> Scene<'a> {
             bias: input_spots(period, is_bias),
             targets: input_spots(period, |input| matches!(input, Input::Target { .. })),
             memory: input_spots(period, |input| matches!(input, Input::Memory { .. })),
-            memory_of: remembered.map(joint).collect(),
+            memory_of: memory_joints(period),
             disturbance: input_spots(period, |input| matches!(input, Input::Disturbance { .. })),
             report: report_spots(period),
         }

@@ -174,14 +174,23 @@ impl Batch {
         self.write_listed(stream, Class::State, "states", names, &values)
     }
 
-    /// Writes what modifications remember, a list for each environment in turn.
+    /// Writes what modifications remember, a list for each environment in turn. Networks that were not asked for remember 0.
     ///
     /// # Errors
     /// No list, or one of another length; a failure of the GPU.
     pub fn write_memory(&mut self, stream: &Stream, values: &[Vec<f64>]) -> Result<(), DeviceError> {
-        let count = |input: &&Input| matches!(input, Input::Memory { .. });
-        let names = self.period.graph.inputs.iter().filter(count).count();
-        self.write_listed(stream, Class::Memory, "memory", names, values)
+        let own = self.period.memory.iter().filter(|&&asked| asked).count();
+        if let Some(found) = values.iter().map(Vec::len).find(|&found| found != own) {
+            let must = format!("lists of {own} numbers, one at least");
+            return Err(DeviceError::Count { what: "memory", must, found });
+        }
+        let whole = |numbers: &Vec<f64>| {
+            let mut numbers = numbers.iter().copied();
+            let number = |&asked: &bool| if asked { numbers.next().unwrap_or(0.0) } else { 0.0 };
+            self.period.memory.iter().map(number).collect()
+        };
+        let values: Vec<Vec<f64>> = values.iter().map(whole).collect();
+        self.write_listed(stream, Class::Memory, "memory", self.period.memory.len(), &values)
     }
 
     /// Writes sent targets, rad: `taps × joints`, newest first, for each environment in turn.
@@ -219,12 +228,12 @@ impl Batch {
     /// Another number of candidates or weights; a failure of the GPU.
     pub fn write_weights(&mut self, stream: &Stream, candidates: &[Vec<f64>]) -> Result<(), DeviceError> {
         let layout = &self.period.layout;
-        let first = layout.inputs.iter().position(|place| place.class == Class::Weights).unwrap_or(0);
-        let places: Vec<Place> =
-            layout.inputs.iter().copied().filter(|place| place.class == Class::Weights).collect();
+        let all = layout.inputs.iter().copied().filter(|place| place.class == Class::Weights);
+        let asked = all.zip(&self.period.weights).filter(|(_, asked)| **asked);
+        let places: Vec<Place> = asked.map(|(place, _)| place).collect();
         let count = self.environments / self.per_candidate;
         let lengths = candidates.iter().all(|own| own.len() == places.len());
-        if candidates.len() != count || !lengths || first + places.len() > layout.inputs.len() {
+        if candidates.len() != count || !lengths {
             let must = format!("{count} lists of {} numbers", places.len());
             return Err(DeviceError::Count { what: "weights", must, found: candidates.len() });
         }

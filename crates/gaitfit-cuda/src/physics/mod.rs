@@ -5,9 +5,12 @@
 
 mod batch;
 pub mod bench;
+mod networks;
 mod period;
 
 pub use batch::Batch;
+pub use networks::Shared;
+pub(crate) use networks::{traced, weights};
 pub use period::{Period, PeriodOptions};
 
 use crate::emit::EmitError;

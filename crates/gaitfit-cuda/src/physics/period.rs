@@ -4,7 +4,7 @@ use gaitfit_model::Model;
 use gaitfit_physics::trace::{Input, Known, PeriodGraph, Report, Traced, record_period_with};
 use gaitfit_physics::{JointModification, Settings, compile};
 
-use super::DeviceError;
+use super::{DeviceError, Shared};
 use crate::emit::{EmitOptions, KERNEL, Layout, PeriodProgram, Seating, cuda};
 use crate::runtime::Program;
 
@@ -36,6 +36,10 @@ pub struct Period {
     pub(crate) graph: PeriodGraph,
     pub(super) shared: PeriodProgram,
     pub(super) layout: Layout,
+    /// Of each number that networks remember, whether it is one of those asked for.
+    pub(crate) memory: Vec<bool>,
+    /// Of each weight of networks, likewise.
+    pub(super) weights: Vec<bool>,
     joints: usize,
     taps: usize,
     substeps: usize,
@@ -43,7 +47,8 @@ pub struct Period {
 }
 
 impl Period {
-    /// Writes the program. Where limbs cannot be shared among as many threads as asked for, fewer are taken.
+    /// Writes the program. Where limbs cannot be shared among as many threads as asked for, fewer are taken. Networks may
+    /// be on the joints of one limb alone.
     ///
     /// # Errors
     /// A robot that cannot be stepped.
@@ -68,16 +73,17 @@ impl Period {
         report: &Report,
     ) -> Result<Self, DeviceError> {
         let tree = compile::<Traced>(model, settings)?;
-        let graph = record_period_with(&tree, options.taps, options.substeps, modifications, report)?;
         let outline = tree.outline();
-        let shared = [4, 2]
-            .into_iter()
-            .filter(|&lanes| lanes <= options.lanes)
-            .filter_map(|lanes| Seating::shared(&outline, lanes))
-            .find_map(|seating| PeriodProgram::new(&graph, &seating, options.emit).ok());
-        let shared = match shared {
+        let alone = Seating::alone(&outline);
+        let lanes = [4, 2].into_iter().filter(|&lanes| lanes <= options.lanes);
+        let seatings: Vec<Seating> = lanes.filter_map(|lanes| Seating::shared(&outline, lanes)).collect();
+        let whole = Shared::new(modifications, seatings.first().unwrap_or(&alone), tree.joints());
+        let Shared { modifications, memory, weights } = whole;
+        let graph = record_period_with(&tree, options.taps, options.substeps, &modifications, report)?;
+        let program = |seating: &Seating| PeriodProgram::new(&graph, seating, options.emit);
+        let shared = match seatings.iter().find_map(|seating| program(seating).ok()) {
             Some(shared) => shared,
-            None => PeriodProgram::new(&graph, &Seating::alone(&outline), options.emit)?,
+            None => program(&alone)?,
         };
         let layout = Layout::new(&graph, &shared);
         let text = cuda(&shared, &layout, BLOCK);
@@ -85,6 +91,8 @@ impl Period {
             graph,
             shared,
             layout,
+            memory,
+            weights,
             joints: tree.joints(),
             taps: options.taps,
             substeps: options.substeps,

@@ -10,10 +10,12 @@ use crate::words::Spot;
 /// Environments as the kernels' arrays.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Packed {
-    /// Motion, sent targets and the last physics step's report: tiles of the physics.
+    /// Motion, sent targets, what networks remember, and the last physics step's report: tiles of the physics.
     pub state: Vec<f32>,
     /// As `state`.
     pub targets: Vec<f32>,
+    /// As `state`.
+    pub memory: Vec<f32>,
     /// As `state`.
     pub report: Vec<f32>,
     /// Steps since each episode began.
@@ -56,6 +58,7 @@ impl Packed {
         Self {
             state: class(Class::State, &scene.state, &|one, index| one.robot.state[index]),
             targets: class(Class::Targets, &scene.targets, &|one, index| one.robot.targets[index]),
+            memory: class(Class::Memory, &scene.remembered, &|one, index| one.robot.memory[index]),
             report: class(Class::Report, &scene.report, &shown),
             steps: snapshots.iter().map(|one| one.steps).collect(),
             fresh: snapshots.iter().map(|one| u32::from(one.robot.fresh)).collect(),
@@ -86,7 +89,7 @@ impl Packed {
                 robot: RobotState {
                     state: class(&self.state, Class::State, &scene.state, e),
                     targets: class(&self.targets, Class::Targets, &scene.targets, e),
-                    memory: Vec::new(),
+                    memory: class(&self.memory, Class::Memory, &scene.remembered, e),
                     normal_force: normal_force.to_vec(),
                     tracked: tracked.to_vec(),
                     torque: torque.to_vec(),

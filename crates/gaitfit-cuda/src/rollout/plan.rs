@@ -56,6 +56,7 @@ impl Plan {
             ("robot_state", Class::State),
             ("robot_params", Class::Params),
             ("robot_targets", Class::Targets),
+            ("robot_memory", Class::Memory),
             ("robot_report", Class::Report),
             ("robot_disturbance", Class::Disturbance),
         ] {
@@ -143,7 +144,9 @@ impl Plan {
             "steps",
             "fresh",
             "robot_state",
+            "robot_params",
             "robot_targets",
+            "robot_memory",
             "action",
             "log_probability",
         ];

@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use gaitfit_learn::task::{Snapshot, Task};
+use gaitfit_learn::task::{Snapshot, Task, TaskError};
 use gaitfit_sim::Candidate;
 
 use super::plan::{Home, Plan};
 use super::scene::{Scene, Sizes};
 use super::{Packed, RolloutError};
 use crate::emit::Class;
-use crate::physics::{Batch, Period};
+use crate::physics::{self, Batch, Period};
 use crate::ppo::{Id, Launch, Learner, Storage, Stored, Value};
 use crate::runtime::{Argument, CudaError, Device, Kernel, Stream};
 
@@ -57,6 +57,11 @@ impl<'a> Rollout<'a> {
             .collect::<Result<_, CudaError>>()?;
         let mut batch = Batch::new(device, &period, sizes.environments, 1)?;
         batch.write_params(stream, &task.robots(candidates, seed, 0, sizes.environments)?)?;
+        if let Some(candidate) = candidates.first().filter(|candidate| !candidate.networks.is_empty()) {
+            let weights =
+                physics::weights(task.walker.model(), &candidate.networks).map_err(TaskError::from)?;
+            batch.write_weights(stream, &[weights])?;
+        }
         let own = plan
             .arrays
             .iter()
@@ -137,6 +142,7 @@ impl<'a> Rollout<'a> {
         for (class, numbers) in [
             (Class::State, &packed.state),
             (Class::Targets, &packed.targets),
+            (Class::Memory, &packed.memory),
             (Class::Report, &packed.report),
         ] {
             self.batch.write_numbers(stream, class, numbers)?;
@@ -162,6 +168,7 @@ impl<'a> Rollout<'a> {
         let packed = Packed {
             state: self.batch.read_numbers(stream, Class::State)?,
             targets: self.batch.read_numbers(stream, Class::Targets)?,
+            memory: self.batch.read_numbers(stream, Class::Memory)?,
             report: self.batch.read_numbers(stream, Class::Report)?,
             steps: self.read(stream, "steps")?,
             fresh: self.read(stream, "fresh")?,

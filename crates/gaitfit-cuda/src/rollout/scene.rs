@@ -1,13 +1,13 @@
 //! A task on a robot as the kernels see it: sizes, and where the physics keeps each number.
 
-use gaitfit_learn::task::{Task, reward};
+use gaitfit_learn::task::{Task, TaskError, reward};
 use gaitfit_physics::trace::{Input, Report};
 use gaitfit_sim::Candidate;
 
 use super::RolloutError;
 use crate::emit::{Class, EmitOptions};
-use crate::physics::{Period, PeriodOptions};
-use crate::words::{Spot, input_spots, is_bias, report_spots};
+use crate::physics::{Period, PeriodOptions, traced};
+use crate::words::{Spot, input_spots, is_bias, memory_joints, report_spots};
 
 /// Sizes of a rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +36,11 @@ pub struct Scene<'a> {
     pub(super) bias: Vec<Spot>,
     /// Of the sent targets; `taps × joints`.
     pub(super) targets: Vec<Spot>,
+    /// Of what networks remember, and the joint of each number.
+    pub(super) memory: Vec<Spot>,
+    pub(super) memory_of: Vec<usize>,
+    /// Of that part of `memory` that the CPU has too: threads compute limbs alike, also where one alone has networks.
+    pub(super) remembered: Vec<Spot>,
     /// Of the disturbing torques; none without.
     pub(super) disturbance: Vec<Spot>,
     /// Of torques, normal forces and centres.
@@ -46,7 +51,7 @@ impl<'a> Scene<'a> {
     /// The physics that a task's rollouts need. `processors`: the GPU's multiprocessors.
     ///
     /// # Errors
-    /// A robot that cannot be stepped; a candidate with networks; past frames in observations; uneven ground.
+    /// A robot that cannot be stepped; candidates with different networks; past frames in observations; uneven ground.
     pub fn period(
         task: &Task,
         candidates: &[Candidate],
@@ -54,8 +59,9 @@ impl<'a> Scene<'a> {
         processors: usize,
     ) -> Result<Period, RolloutError> {
         let unsupported = |what: &str| Err(RolloutError::Unsupported(what.to_owned()));
-        if candidates.iter().any(|candidate| !candidate.networks.is_empty()) {
-            return unsupported("networks that act on the joints");
+        let networks = candidates.first().map_or(&[][..], |candidate| &candidate.networks);
+        if candidates.iter().any(|candidate| candidate.networks != networks) {
+            return unsupported("robots whose networks differ");
         }
         if task.walker.sees_past() {
             return unsupported("a history of observations");
@@ -73,7 +79,17 @@ impl<'a> Scene<'a> {
         let disturbed = candidates.iter().any(|candidate| candidate.torque_noise > 0.0);
         let report = Report { disturbed, forces: true, tracked: batch.tracked().to_vec() };
         let (model, settings) = (task.walker.model(), batch.settings());
-        Ok(Period::for_environments(model, settings, options, &[], &report, environments, processors)?)
+        let networks = traced(model, networks).map_err(TaskError::from)?;
+        let period = Period::for_environments(
+            model,
+            settings,
+            options,
+            &networks,
+            &report,
+            environments,
+            processors,
+        )?;
+        Ok(period)
     }
 
     /// A task on the physics of [`Scene::period`].
@@ -90,10 +106,15 @@ impl<'a> Scene<'a> {
                 format!("the reward term `{own}`, a function; write it as an expression in task.terms");
             return Err(RolloutError::Unsupported(what));
         }
+        let memory = input_spots(period, |input| matches!(input, Input::Memory { .. }));
+        let own = memory.iter().zip(&period.memory).filter(|(_, asked)| **asked);
         Ok(Self {
             task,
             period,
             sizes,
+            remembered: own.map(|(&spot, _)| spot).collect(),
+            memory,
+            memory_of: memory_joints(period),
             state: input_spots(period, |input| matches!(input, Input::State(_))),
             bias: input_spots(period, is_bias),
             targets: input_spots(period, |input| matches!(input, Input::Target { .. })),

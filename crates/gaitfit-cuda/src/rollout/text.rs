@@ -70,12 +70,14 @@ impl Words {
             ("STATE_SIZE", scene.size(Class::State)),
             ("PARAMS_SIZE", scene.size(Class::Params)),
             ("TARGETS_SIZE", scene.size(Class::Targets)),
+            ("MEMORY_SIZE", scene.size(Class::Memory)),
             ("REPORT_SIZE", scene.size(Class::Report)),
             ("DISTURBANCE_SIZE", scene.size(Class::Disturbance)),
             ("SUBSTEPS", scene.period.substeps()),
             ("JOINTS", task.walker.default_pose.len()),
             ("ACTIONS", scene.actions()),
             ("TAPS", scene.period.taps()),
+            ("MEMORY", scene.memory.len()),
             ("GEOMS", task.walker.batch.contact_geoms().len()),
             ("FEET", task.foot_geoms().len()),
             ("FALL_GEOMS", task.walker.fall_geoms().len()),
@@ -90,6 +92,8 @@ impl Words {
         self.spots("STATE_SPOTS", &scene.state);
         self.spots("BIAS_SPOTS", &scene.bias);
         self.spots("TARGET_SPOTS", &scene.targets);
+        self.spots("MEMORY_SPOTS", &scene.memory);
+        self.integers("MEMORY_OF", &scene.memory_of);
         self.spots("REPORT_SPOTS", &scene.report);
         self.spots("DISTURBANCE_SPOTS", &scene.disturbance);
         self.define("DISTURBED", scene.disturbance.len());

@@ -61,14 +61,20 @@ pub fn shared(
 
 /// One ActionDelta and one ResidAct on all joints, with weights that matter.
 pub fn modifications<T: Real>(joints: usize) -> Vec<JointModification<T::K>> {
+    let all: Vec<usize> = (0..joints).collect();
+    networks::<T>(&all, &all)
+}
+
+/// An ActionDelta on some joints and a ResidAct on some.
+pub fn networks<T: Real>(delta: &[usize], torque: &[usize]) -> Vec<JointModification<T::K>> {
     let network = |joint: usize, output: f64| {
         let weights = std::array::from_fn(|i| 0.8 * (1.3 * i as f64 + 5.0 * joint as f64 + output).sin());
         let scales = NetworkScales { position: 1.0, velocity: 0.05, output };
         JointNetwork::new::<T>(joint, &weights, scales, 0.1)
     };
     vec![
-        JointModification::ActionDelta(ActionDelta((0..joints).map(|joint| network(joint, 0.05)).collect())),
-        JointModification::ResidAct(ResidAct((0..joints).map(|joint| network(joint, 2.0)).collect())),
+        JointModification::ActionDelta(ActionDelta(delta.iter().map(|&joint| network(joint, 0.05)).collect())),
+        JointModification::ResidAct(ResidAct(torque.iter().map(|&joint| network(joint, 2.0)).collect())),
     ]
 }
 
@@ -116,11 +122,24 @@ pub fn samples(
     rounded: bool,
     count: usize,
 ) -> Vec<Sample> {
+    let networks = if extras { modifications::<f64>(model.joints.len()) } else { Vec::new() };
+    samples_with(model, settings, taps, substeps, (extras, networks), rounded, count)
+}
+
+/// As [`samples`], with these networks.
+pub fn samples_with(
+    model: &Model,
+    settings: &Settings,
+    taps: usize,
+    substeps: usize,
+    (extras, mut modifications): (bool, Vec<JointModification<f64>>),
+    rounded: bool,
+    count: usize,
+) -> Vec<Sample> {
     let tree = compile::<f64>(model, settings).unwrap();
     let joints = tree.joints();
     let mut random = Random(5);
     let round = |x: f64| if rounded { f64::from(x as f32) } else { x };
-    let mut modifications = if extras { modifications::<f64>(joints) } else { Vec::new() };
     let mut weights = Vec::new();
     for modification in &mut modifications {
         modification.visit_weights_mut(|_, weight| {

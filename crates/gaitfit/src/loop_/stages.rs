@@ -6,7 +6,6 @@ use super::results::Measurement;
 use super::settled;
 use super::setup::Setup;
 use crate::adapt::{self, AdaptResults};
-use crate::device::Device;
 use crate::evaluate::{Evaluation, Plan, measure};
 use crate::run::RunFolder;
 use crate::settings::{AdaptConfig, ControlsConfig, FinetuneConfig, TargetConfig, TruthConfig, changed};
@@ -262,13 +261,6 @@ impl<'a> Stages<'a> {
             threads: std::num::NonZeroUsize::new(self.setup.threads),
             device: self.setup.device,
         })?;
-        let on_joints = setup.candidate.as_ref().is_some_and(|candidate| !candidate.networks.is_empty());
-        let setup = if on_joints && setup.device != Device::Cpu {
-            self.watch.note("the robot has networks on its joints, so this training runs on the CPU");
-            train::Setup { device: Device::Cpu, ..setup }
-        } else {
-            setup
-        };
         self.announce(&format!(
             "{stage}: {} goes on training for {} iterations with {} robots",
             policy.name, config.train.iterations, config.train.environments

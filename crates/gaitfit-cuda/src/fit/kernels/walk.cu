@@ -131,10 +131,9 @@ KERNEL walk(
     }
     // What networks remember of a robot that has been as it is for long.
     for (int i = thread; i < rows * MEMORY; i += threads) {
-        int r = i / MEMORY, k = i % MEMORY, j = MEMORY_OF[k];
+        int r = i / MEMORY, k = i % MEMORY;
         u32 e = from + r;
-        if (placed[r])
-            at(memory, MEMORY_SIZE, MEMORY_SPOTS[k], e) = k % 2 ? STATE(QVEL + j) : STATE(QPOS + j) + BIAS(j);
+        if (placed[r]) REMEMBERED(k) = settled(state, params, e, k);
     }
 }
 

@@ -2,7 +2,7 @@
 
 KERNEL act(
     u32 step, const u32* control, const float* parameters, const float* mean, const u32* steps, u32* fresh, float* state,
-    float* targets, float* action, float* log_probability
+    const float* params, float* targets, float* memory, float* action, float* log_probability
 ) {
     u32 e = blockIdx.x * blockDim.x + threadIdx.x;
     if (e >= ENVIRONMENTS) return;
@@ -30,6 +30,7 @@ KERNEL act(
     }
     for (int k = 0; k < OTHER_JOINTS; k++)
         for (int tap = 0; tap < TAPS; tap++) TARGET(tap, OTHER_JOINT[k]) = DEFAULT_POSE[OTHER_JOINT[k]];
+    for (int k = 0; k < MEMORY && first; k++) REMEMBERED(k) = settled(state, params, e, k);
     log_probability[row] = -0.5f * squares - (logs + 0.5f * (float)ACTIONS * LOG_TAU);
     // Robots are pushed at different times.
     if (PUSH_PERIOD > 0 && (number + e * 7u) % PUSH_PERIOD == 0 && steps[e] > 0) {

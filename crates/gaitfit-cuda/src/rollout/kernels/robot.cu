@@ -90,6 +90,15 @@ DEVICE float joint_velocity(const float* state, u32 e, int j) {
 #endif
 }
 
+// What networks remember.
+#define REMEMBERED(k) at(memory, MEMORY_SIZE, MEMORY_SPOTS[k], e)
+
+// The number `k` of it of a robot that has been as it is for long: angles and velocities in turn.
+DEVICE float settled(const float* state, const float* params, u32 e, int k) {
+    int j = MEMORY_OF[k];
+    return k % 2 ? STATE(QVEL + j) : joint_position(state, params, e, j);
+}
+
 // Phase of the gait clock, 0 to 1.
 DEVICE float clock_of(u32 steps) {
 #if HAS_CLOCK
