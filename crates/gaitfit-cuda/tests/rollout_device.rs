@@ -8,8 +8,8 @@ use gaitfit_learn::ppo::Settings;
 use gaitfit_learn::task::{Snapshot, Task, TaskSettings, preset};
 use gaitfit_learn::{Origin, Training, TrainingSettings};
 use gaitfit_model::Model;
-use gaitfit_physics::Preset;
-use gaitfit_sim::Candidate;
+use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
+use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
 
 const SEED: u64 = 11;
 
@@ -44,6 +44,12 @@ fn state(training: &mut Training<'_>) -> (Vec<f32>, Vec<Snapshot>) {
     ([actor, critic, log_std, first, second].concat(), training.snapshots())
 }
 
+fn networks(kind: NetworkKind, joints: &[usize]) -> JointNetworks {
+    let weights = (0..joints.len() * NETWORK_WEIGHTS).map(|k| 0.3 * (0.7 * k as f64).sin()).collect();
+    let scales = NetworkScales { position: 1.0, velocity: 0.05, output: 0.3 };
+    JointNetworks { kind, joints: joints.to_vec(), rest: vec![0.1; joints.len()], weights, scales }
+}
+
 /// A few control steps from the same start: the same commands, and almost the same motion.
 #[test]
 #[ignore = "needs an NVIDIA GPU"]
@@ -52,10 +58,16 @@ fn gpu_rollouts_are_the_cpus() {
     let mut fitted = Candidate::nominal(&go2());
     fitted.torque_noise = 0.5;
     fitted.robot.frictionloss = vec![0.2; 12];
+    let mut with = Candidate::nominal(&go2());
+    with.networks = vec![networks(NetworkKind::ActionDelta, &[2, 4]), networks(NetworkKind::ResidAct, &[11])];
+    let mut everywhere = fitted.clone();
+    everywhere.networks = vec![networks(NetworkKind::ResidAct, &(0..12).collect::<Vec<_>>())];
     for (name, candidate) in [
         ("velocity", Candidate::nominal(&go2())),
         ("biped", Candidate::nominal(&go2())),
         ("velocity", fitted),
+        ("velocity", with),
+        ("velocity", everywhere),
     ] {
         let task = task(name);
         let mut cpu = around(&task, &candidate, 300, 3);
@@ -105,6 +117,9 @@ fn gpu_rollouts_are_the_cpus() {
 fn gpu_training_has_its_bits_again_and_goes_on_anywhere() {
     let device = Device::open(0).unwrap();
     let task = task("velocity");
+    let mut candidate = Candidate::nominal(&go2());
+    candidate.networks = vec![networks(NetworkKind::ResidAct, &[11])];
+    let training = |task, environments, steps| around(task, &candidate, environments, steps);
     let run = |host: &mut Training<'_>, iterations: usize| {
         let mut trainer = Trainer::new(&device, host, Precision::Tf32).unwrap();
         for _ in 0..iterations {

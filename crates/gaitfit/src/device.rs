@@ -42,6 +42,52 @@ impl fmt::Display for Device {
     }
 }
 
+/// One device or several GPUs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Devices(Vec<Device>);
+
+impl FromStr for Devices {
+    type Err = String;
+
+    /// What [`Device`] takes, and several GPUs: `cuda:0,1`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let Some((numbers, _)) = text.strip_prefix("cuda:").zip(text.split_once(',')) else {
+            return text.parse().map(|device| Self(vec![device])).map_err(|wrong: String| {
+                format!("{wrong}; several GPUs are, for example, cuda:0,1")
+            });
+        };
+        let mut all = Vec::new();
+        for number in numbers.split(',') {
+            let device = format!("cuda:{number}").parse()?;
+            if all.contains(&device) {
+                return Err(format!("it names the GPU {number} twice"));
+            }
+            all.push(device);
+        }
+        Ok(Self(all))
+    }
+}
+
+impl Devices {
+    /// All of them, one at least.
+    pub fn all(&self) -> &[Device] {
+        &self.0
+    }
+
+    /// The device of worker number `worker`: each in turn.
+    pub fn of(&self, worker: usize) -> Device {
+        self.0.get(worker % self.0.len().max(1)).copied().unwrap_or_default()
+    }
+
+    /// Whether all are there.
+    ///
+    /// # Errors
+    /// As [`Device::open`].
+    pub fn check(&self) -> Result<(), Error> {
+        self.0.iter().try_for_each(|device| device.check())
+    }
+}
+
 impl Device {
     /// The first GPU if driver, GPU and compiler are there, else the processor: what `auto` means.
     pub fn found() -> Self {
@@ -101,6 +147,7 @@ pub fn rollout_error(error: RolloutError) -> Error {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
 
@@ -113,6 +160,18 @@ mod tests {
         assert_eq!("auto".parse(), Ok(Device::found()));
         for wrong in ["gpu", "cuda:", "cuda:-1", "cuda:0,1", "cpu:0"] {
             assert!(wrong.parse::<Device>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn several_gpus_are_a_list() {
+        let two: Devices = "cuda:2,0".parse().unwrap();
+        assert_eq!([0, 1, 2].map(|worker| two.of(worker)), [2, 0, 2].map(Device::Cuda));
+        assert_eq!("cuda".parse::<Devices>().unwrap().all(), [Device::Cuda(0)]);
+        assert_eq!("cpu".parse::<Devices>().unwrap().of(3), Device::Cpu);
+        for (wrong, what) in [("cuda:0,0", "twice"), ("cuda:0,", "cuda:N"), ("cpu,cuda:0", "cuda:0,1")] {
+            let error = wrong.parse::<Devices>().unwrap_err();
+            assert!(error.contains(what), "{wrong}: {error}");
         }
     }
 }

@@ -161,9 +161,13 @@ pub struct Reproduce {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
-    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
+    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the cells), or auto (a
+    /// GPU if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
-    pub device: super::Device,
+    pub device: super::Devices,
+    /// Cells at a time; several keep a GPU busy, for a fit alone does not [default: one for each device]
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<std::num::NonZeroUsize>,
     /// Threads [default: one for each core]
     #[arg(long, value_name = "N")]
     pub threads: Option<std::num::NonZeroUsize>,

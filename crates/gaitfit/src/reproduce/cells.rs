@@ -1,10 +1,11 @@
 //! Running cells: each is one round of a loop in a folder of its own; cells of a scenario share the target's logs and
 //! the reference policies.
 
+use super::crew::together;
 use super::experiments::{self, Experiment};
 use super::paper::Kind;
 use super::results::{SeedFit, SeedResult, Walk};
-use crate::device::Device;
+use crate::device::{Device, Devices};
 use crate::loop_::files;
 use crate::loop_::results::{REFERENCE, policy_name};
 use crate::loop_::rounds::add_truth;
@@ -33,7 +34,9 @@ pub struct Run<'a> {
     /// Threads.
     pub threads: usize,
     /// What fits and trains.
-    pub device: Device,
+    pub devices: &'a Devices,
+    /// Cells at a time.
+    pub jobs: usize,
     /// Who is told, and may stop it.
     pub watch: &'a Watch<'a>,
 }
@@ -66,29 +69,48 @@ impl Run<'_> {
         let selected: Vec<&Experiment> = self.experiments.iter().filter(|one| one.selected).collect();
         for seed in 1..=self.seeds {
             let mut shared: IndexMap<&str, Shared> = IndexMap::new();
-            for (number, experiment) in selected.iter().enumerate() {
+            let of = if self.seeds > 1 { format!(", seed {seed} of {}", self.seeds) } else { String::new() };
+            for experiment in &selected {
                 let scenario = experiment.scenario.as_str();
-                let of =
-                    if self.seeds > 1 { format!(", seed {seed} of {}", self.seeds) } else { String::new() };
-                let stage = format!("\n[{}/{}] {}{of}", number + 1, selected.len(), experiment.paper.name);
-                self.watch.tell(Event::Stage(&stage));
-                let failed = |failure| self.explained(failure, &experiment.file);
-                if !shared.contains_key(scenario) {
-                    let made = self.shared(experiment, seed).map_err(failed)?;
-                    if let Some(first) = &made.first {
-                        outcome.first.entry(scenario.to_owned()).or_insert_with(|| first.clone());
-                    }
-                    let reference = made.reference.clone();
-                    outcome.reference.entry(scenario.to_owned()).or_default().extend(reference);
-                    let controls = outcome.controls.entry(scenario.to_owned()).or_default();
-                    for (name, control) in &made.controls {
-                        controls.entry(name.clone()).or_default().push(control.clone());
-                    }
-                    shared.insert(scenario, made);
+                if shared.contains_key(scenario) {
+                    continue;
                 }
-                let Some(with) = shared.get(scenario) else { continue };
-                let result = self.cell(experiment, seed, &with.logs).map_err(failed)?;
-                self.watch.tell(Event::Stage(&headline(&result)));
+                self.watch.tell(Event::Stage(&format!("\n{scenario}{of}")));
+                let made =
+                    self.shared(experiment, seed).map_err(|error| self.explained(error, &experiment.file))?;
+                if let Some(first) = &made.first {
+                    outcome.first.entry(scenario.to_owned()).or_insert_with(|| first.clone());
+                }
+                let reference = made.reference.clone();
+                outcome.reference.entry(scenario.to_owned()).or_default().extend(reference);
+                let controls = outcome.controls.entry(scenario.to_owned()).or_default();
+                for (name, control) in &made.controls {
+                    controls.entry(name.clone()).or_default().push(control.clone());
+                }
+                shared.insert(scenario, made);
+            }
+            let one = |number: usize, worker: usize, watch: &Watch<'_>| {
+                let experiment = selected[number];
+                let name = &experiment.paper.name;
+                watch.tell(Event::Stage(&format!("\n[{}/{}] {name}{of}", number + 1, selected.len())));
+                let failed = |failure| self.explained(failure, &experiment.file);
+                let Some(with) = shared.get(experiment.scenario.as_str()) else {
+                    return Err(Error::failed(format!("{name} has no logs")));
+                };
+                let device = self.devices.of(worker);
+                let result = self.cell(experiment, seed, &with.logs, device, watch).map_err(failed)?;
+                watch.tell(Event::Stage(&headline(&result)));
+                Ok(result)
+            };
+            let results = if self.jobs > 1 {
+                let names: Vec<&str> = selected.iter().map(|one| one.paper.name.as_str()).collect();
+                together(&names, self.jobs, self.watch, &one)?
+            } else {
+                (0..selected.len())
+                    .map(|number| one(number, 0, self.watch))
+                    .collect::<Result<Vec<SeedResult>, Error>>()?
+            };
+            for (experiment, result) in selected.iter().zip(results) {
                 outcome.cells.entry(experiment.paper.name.clone()).or_default().push(result);
             }
         }
@@ -102,7 +124,7 @@ impl Run<'_> {
             return Err(Error::failed(format!("the table has no cell of {scenario}")));
         };
         let mut setup = Setup::open(config, &experiment.file, self.threads)?;
-        setup.device = self.device;
+        setup.device = self.devices.of(0);
         let folder = self.open(&format!("shared/{scenario}"), seed, &setup)?;
         let Some(target) = setup.config.target.clone() else {
             return Err(Error::settings("an experiment needs a [target]"));
@@ -138,12 +160,19 @@ impl Run<'_> {
     }
 
     /// One seed of a cell: as it was finished, or made now.
-    fn cell(&self, experiment: &Experiment, seed: u64, logs: &Path) -> Result<SeedResult, Error> {
+    fn cell(
+        &self,
+        experiment: &Experiment,
+        seed: u64,
+        logs: &Path,
+        device: Device,
+        watch: &Watch<'_>,
+    ) -> Result<SeedResult, Error> {
         let mut setup = Setup::open(experiment.seeded(seed), &experiment.file, self.threads)?;
-        setup.device = self.device;
+        setup.device = device;
         let folder = self.open(&format!("cells/{}", experiment.paper.name), seed, &setup)?;
         if let Some(text) = folder.read(SEED)? {
-            self.watch.note("finished earlier");
+            watch.note("finished earlier");
             return serde_json::from_str(&text).map_err(|error| {
                 let file = folder.path().join(SEED);
                 Error::failed(format!(
@@ -152,7 +181,7 @@ impl Run<'_> {
                 ))
             });
         }
-        let mut stages = stages(&setup, &folder, self.watch)?;
+        let mut stages = stages(&setup, &folder, watch)?;
         let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
         let round = "round-1";
         let mut adapt =

@@ -164,6 +164,7 @@ mod tests {
     use super::*;
     use crate::settings::TargetConfig;
     use crate::{robot, target};
+    use gaitfit_adapt::cmaes::CovarianceKind;
     use gaitfit_adapt::{JointParameter, NetworkName};
     use std::collections::BTreeSet;
 
@@ -235,6 +236,9 @@ mod tests {
                         } else {
                             assert_eq!(count, if scenario == "spring" { 5 } else { 15 }, "{}", cell.name);
                         }
+                        // As many numbers squared are too many to be decomposed in every generation.
+                        let separable = config.adapt.optimizer.covariance == CovarianceKind::Separable;
+                        assert_eq!(separable, full && networks > 1, "{}", cell.name);
                         let small = if scenario == "spring" { 100 } else { 200 };
                         assert_eq!(generations, if full { 10_000 } else { small }, "{}", cell.name);
                     }

@@ -1,6 +1,7 @@
 //! The paper's tables from experiment files, with the paper's numbers beside.
 
 mod cells;
+mod crew;
 mod experiments;
 mod paper;
 mod plot;
@@ -10,10 +11,12 @@ pub use paper::{Kind, Paper, Table};
 pub use results::{PaperRow, Results, Row, Walk, shown};
 
 use crate::Error;
+use crate::device::Devices;
 use crate::run::RunFolder;
 use crate::watch::Watch;
 use cells::{Outcome, Run};
 use experiments::Experiment;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 /// What is asked of a table.
@@ -33,13 +36,15 @@ pub struct Request {
     pub experiments: PathBuf,
     /// Threads.
     pub threads: usize,
-    /// What fits and trains.
-    pub device: crate::device::Device,
+    /// What fits and trains; cells are shared among several.
+    pub devices: Devices,
+    /// Cells at a time; none for one a device.
+    pub jobs: Option<NonZeroUsize>,
 }
 
 /// Runs a table or continues it. Returns its results and its folder, which has all files but the printed table.
 pub fn run(request: &Request, watch: &Watch<'_>) -> Result<(Results, RunFolder), Error> {
-    request.device.check()?;
+    request.devices.check()?;
     let paper = Paper::read()?;
     let table = paper.table(&request.table)?;
     let only = request.only.as_deref();
@@ -54,7 +59,8 @@ pub fn run(request: &Request, watch: &Watch<'_>) -> Result<(Results, RunFolder),
         seeds: request.seeds,
         folder: &folder,
         threads: request.threads,
-        device: request.device,
+        devices: &request.devices,
+        jobs: request.jobs.map_or(request.devices.all().len(), NonZeroUsize::get),
         watch,
     };
     let outcome = run.run()?;

@@ -12,6 +12,8 @@ pub struct Paper {
     full: Vec<String>,
     /// Those that cells with networks need besides.
     full_networks: Vec<String>,
+    /// Those that cells with networks on every joint need besides.
+    full_every_joint: Vec<String>,
     /// True parameters of the model shift, N·m and kg·m².
     pub truth: IndexMap<String, f64>,
     /// The tables.
@@ -92,9 +94,12 @@ impl Paper {
 
     /// `--set` that bring a cell to the paper's scale.
     pub fn full(&self, cell: &PaperCell) -> Vec<String> {
-        let networks = cell.parts().is_some_and(|[_, modification, _]| modification != "fricarm");
-        let more = if networks { self.full_networks.as_slice() } else { &[] };
-        self.full.iter().chain(more).cloned().collect()
+        let parts = cell.parts();
+        let networks = parts.is_some_and(|[_, modification, _]| modification != "fricarm");
+        let everywhere = networks && parts.is_some_and(|[scenario, ..]| scenario != "spring");
+        let of = |wanted: bool, list: &'_ [String]| if wanted { list.to_vec() } else { Vec::new() };
+        let more = of(networks, &self.full_networks).into_iter().chain(of(everywhere, &self.full_every_joint));
+        self.full.iter().cloned().chain(more).collect()
     }
 
     /// The paper's error of each parameter, percent; empty where it printed none.

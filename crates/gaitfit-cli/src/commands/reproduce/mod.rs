@@ -28,7 +28,8 @@ pub fn run(args: &cli::Reproduce) -> Result<(), Failure> {
         set: args.set.clone(),
         experiments: args.experiments.clone(),
         threads: args.threads.map_or_else(machine::threads, std::num::NonZeroUsize::get),
-        device: args.device,
+        devices: args.device.clone(),
+        jobs: args.jobs,
     };
     interrupt::listen()?;
     let (results, folder) = watched(Lines::Seconds(5), |watch| reproduce::run(&request, watch))?;
