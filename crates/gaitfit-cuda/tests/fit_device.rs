@@ -164,7 +164,9 @@ fn gpu_candidates_walk_as_the_cpus() {
                 }
             }
         }
-        println!("networks on {joints:?}: {fell} falls; off by at most {worst:?} (each step, 10 steps, 5 steps)");
+        println!(
+            "networks on {joints:?}: {fell} falls; off by at most {worst:?} (each step, 10 steps, 5 steps)"
+        );
         assert!(fell > 0 && worst[0] < 1e-2 && worst[2] < 1e-2, "{worst:?}");
         println!("{:?}", candidates.resources().unwrap());
     }

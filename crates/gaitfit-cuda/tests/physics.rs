@@ -24,7 +24,10 @@ fn rounded(x: f64) -> f64 {
 }
 
 /// Weights of a candidate's networks as they are visited, times `factor`, in single precision.
-fn weights(mut networks: Vec<JointModification<f64>>, factor: f64) -> (Vec<JointModification<f64>>, Vec<f64>) {
+fn weights(
+    mut networks: Vec<JointModification<f64>>,
+    factor: f64,
+) -> (Vec<JointModification<f64>>, Vec<f64>) {
     let mut list = Vec::new();
     for network in &mut networks {
         network.visit_weights_mut(|_, weight| {

@@ -261,6 +261,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
         files.insert(format!("robot_state.moved{t}"), f(&packed.state));
         files.insert(format!("robot_report.moved{t}"), f(&packed.report));
         files.insert(format!("robot_memory.moved{t}"), f(&packed.memory));
+        files.insert(format!("robot_targets.moved{t}"), f(&packed.targets));
         statements.push_str(&call(&plan.observe(t)));
         statements.push_str(&call(&plan.act(t)));
         if let Some(disturb) = plan.disturb(t, tiles) {
@@ -269,9 +270,14 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
         }
         statements.push_str(&keep(arrays, "robot_state", &format!("pushed{t}")));
         statements.push_str(&keep(arrays, "robot_memory", &format!("pushed{t}")));
+        statements.push_str(&keep(arrays, "robot_targets", &format!("pushed{t}")));
         statements.push_str(&take(arrays, "robot_state", &format!("moved{t}")));
         statements.push_str(&take(arrays, "robot_report", &format!("moved{t}")));
         statements.push_str(&take(arrays, "robot_memory", &format!("moved{t}")));
+        // Networks correct targets in the physics.
+        if !candidate.networks.is_empty() {
+            statements.push_str(&take(arrays, "robot_targets", &format!("moved{t}")));
+        }
         statements.push_str(&call(&plan.finish(t)));
         for name in kept {
             statements.push_str(&keep(arrays, name, &format!("begun{t}")));
@@ -365,8 +371,11 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
         let pushed = Packed {
             state: numbers("robot_state"),
             memory: numbers("robot_memory"),
+            targets: numbers("robot_targets"),
             ..before.clone()
         };
+        let mut newest = vec![0.0; ENVIRONMENTS * 12];
+        task.walker.targets(&step.action, &mut newest);
         for (e, (got, was)) in pushed.snapshots(&scene).iter().zip(before.snapshots(&scene)).enumerate() {
             let number = FIRST + t as u32;
             let due = (number + 7 * e as u32).is_multiple_of(6) && was.steps > 0;
@@ -376,6 +385,13 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
                 want[7 + k] += (0.7 * (2.0 * draws.uniform(k as u32) - 1.0)) as f32;
             }
             check("pushed robot", t, &got.robot.state, &want, 1e-6);
+            let newest = &newest[12 * e..12 * (e + 1)];
+            let mut sent = newest.to_vec();
+            while sent.len() < got.robot.targets.len() {
+                let older = &was.robot.targets[sent.len() - 12..sent.len()];
+                sent.extend_from_slice(if was.robot.fresh { newest } else { older });
+            }
+            check("targets", t, &got.robot.targets, &sent, 1e-6);
             check("memory", t, &got.robot.memory, &remembered(candidate, &was), 1e-6);
         }
         before = found;

@@ -138,7 +138,7 @@ fn errors(case: &Case, classes: &BTreeMap<Class, Vec<f32>>, samples: &[Sample]) 
                 Output::Report(slot) if slot.name == "place" => other = other.max(error),
                 // Contacts are stiff: an error of the velocity over a step is a force.
                 Output::Report(_) => velocity = velocity.max(error / (1.0 + want.abs()) / 20.0),
-                Output::State(_) => other = other.max(error),
+                Output::State(_) | Output::Target { .. } => other = other.max(error),
             }
         }
     }

@@ -66,10 +66,11 @@ fn compare(model: &Model, preset: Preset, file: &str) -> BTreeSet<usize> {
         let inputs =
             [values(&state), param_values(&params), targets.clone(), memory.clone(), weights.clone()];
         let got = program.graph.evaluate(&inputs.concat());
+        let mut targets = targets;
         control_period(&mut Period {
             tree: &tree,
             params: &params,
-            targets: &mut targets.clone(),
+            targets: &mut targets,
             disturbance: &[],
             modifications: &modifications,
             memory: &mut memory,
@@ -78,7 +79,9 @@ fn compare(model: &Model, preset: Preset, file: &str) -> BTreeSet<usize> {
             work: &mut Work::new(&tree),
             drives: &mut vec![Drive::zero(); tree.joints()],
         });
-        let want = [values(&state), memory].concat();
+        // Of the targets those that were corrected.
+        targets.truncate(tree.joints());
+        let want = [values(&state), memory, targets].concat();
         assert_eq!(got.len(), want.len());
         for (got, want) in got.iter().zip(&want) {
             assert!(want.is_finite(), "state {index} diverges");

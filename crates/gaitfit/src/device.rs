@@ -52,9 +52,10 @@ impl FromStr for Devices {
     /// What [`Device`] takes, and several GPUs: `cuda:0,1`.
     fn from_str(text: &str) -> Result<Self, String> {
         let Some((numbers, _)) = text.strip_prefix("cuda:").zip(text.split_once(',')) else {
-            return text.parse().map(|device| Self(vec![device])).map_err(|wrong: String| {
-                format!("{wrong}; several GPUs are, for example, cuda:0,1")
-            });
+            return text
+                .parse()
+                .map(|device| Self(vec![device]))
+                .map_err(|wrong: String| format!("{wrong}; several GPUs are, for example, cuda:0,1"));
         };
         let mut all = Vec::new();
         for number in numbers.split(',') {

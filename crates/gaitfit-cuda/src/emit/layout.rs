@@ -20,7 +20,7 @@ pub enum Class {
     State,
     /// Parameters of the robots.
     Params,
-    /// Sent targets.
+    /// Sent targets: read, and the newest written where modifications correct it.
     Targets,
     /// What modifications remember: read and written.
     Memory,
@@ -122,6 +122,7 @@ impl Layout {
             let same = |input: &Input| match (output, input) {
                 (Output::State(a), Input::State(b)) => a == b,
                 (Output::Memory(a), Input::Memory { index, .. }) => a == index,
+                (Output::Target { joint: a }, Input::Target { tap: 0, joint }) => a == joint,
                 _ => false,
             };
             period.inputs.iter().position(same)

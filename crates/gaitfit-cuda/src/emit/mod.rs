@@ -20,8 +20,8 @@ mod text;
 
 use std::collections::HashMap;
 
-use gaitfit_physics::Slot;
 use gaitfit_physics::trace::{Input, Output, PeriodGraph};
+use gaitfit_physics::{Owner, Slot};
 
 pub use layout::{Class, Layout, Place, Slots, TILE};
 pub use op::{Node, Op};
@@ -189,9 +189,13 @@ fn seat(seating: &Seating, name: Name) -> (Option<usize>, Name) {
     }
 }
 
+fn target_name(tap: usize, owner: Owner) -> Name {
+    Name::Target(tap, Slot { owner, name: "target", index: 0, varies: true })
+}
+
 /// Names of what is remembered: the how-manieth number of its owner.
-fn memory_names(owners: impl Iterator<Item = gaitfit_physics::Owner>) -> Vec<Name> {
-    let mut counts: HashMap<gaitfit_physics::Owner, usize> = HashMap::new();
+fn memory_names(owners: impl Iterator<Item = Owner>) -> Vec<Name> {
+    let mut counts: HashMap<Owner, usize> = HashMap::new();
     owners
         .map(|owner| {
             let count = counts.entry(owner).or_default();
@@ -210,9 +214,7 @@ fn input_names(period: &PeriodGraph) -> Vec<Name> {
     let named = period.inputs.iter().map(|&input| match input {
         Input::State(slot) => Name::State(slot),
         Input::Params(slot) => Name::Params(slot),
-        Input::Target { tap, .. } => {
-            Name::Target(tap, Slot { owner: input.owner(), name: "target", index: 0, varies: true })
-        }
+        Input::Target { tap, .. } => target_name(tap, input.owner()),
         Input::Disturbance { .. } => {
             Name::Disturbance(Slot { owner: input.owner(), name: "disturbance", index: 0, varies: true })
         }
@@ -231,6 +233,7 @@ fn output_names(period: &PeriodGraph) -> Vec<Name> {
     let named = period.outputs.iter().map(|output| match *output {
         Output::State(slot) => Name::State(slot),
         Output::Memory(place) => memory[place],
+        Output::Target { joint } => target_name(0, Owner::Joint(joint)),
         Output::Report(slot) => Name::Report(slot),
     });
     named.collect()

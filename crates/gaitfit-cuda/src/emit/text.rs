@@ -71,7 +71,7 @@ impl<'a> Writer<'a> {
     /// Whether it is read from memory where it is used, not where it stands.
     fn read_late(&self, node: u32) -> bool {
         match self.program.nodes[node as usize].op {
-            Op::Input(number) => !matches!(self.places[number as usize].class, Class::State | Class::Memory),
+            Op::Input(number) => !self.written(self.places[number as usize].class),
             op => matches!(op, Op::Table(_)),
         }
     }
@@ -140,13 +140,18 @@ impl<'a> Writer<'a> {
         self.line(&format!("const R t{node} = {from};"));
     }
 
+    /// Whether the program writes numbers of a class.
+    fn written(&self, class: Class) -> bool {
+        self.layout.outputs.iter().any(|place| place.class == class)
+    }
+
     fn source(&self, place: Place) -> String {
         let who = if place.lane.is_some() { "OWN" } else { "ALL" };
         let (class, slot) = (place.class.letter(), place.slot);
         match place.class {
-            Class::State | Class::Memory | Class::Report => format!("HELD_{who}({class}, {slot})"),
-            Class::Params | Class::Targets | Class::Disturbance => format!("GIVEN_{who}({class}, {slot})"),
             Class::Weights => format!("WEIGHT_{who}({slot})"),
+            written if self.written(written) => format!("HELD_{who}({class}, {slot})"),
+            _ => format!("GIVEN_{who}({class}, {slot})"),
         }
     }
 
@@ -166,14 +171,15 @@ impl<'a> Writer<'a> {
         let _ = writeln!(self.text, "KERNEL({KERNEL}) {{");
         self.depth = 1;
         self.line("BEGIN");
-        for (class, base, kind) in [
-            (Class::State, "state", "float"),
-            (Class::Params, "params", "const float"),
-            (Class::Targets, "targets", "const float"),
-            (Class::Memory, "memory", "float"),
-            (Class::Report, "report", "float"),
-            (Class::Disturbance, "disturbance", "const float"),
+        for (class, base) in [
+            (Class::State, "state"),
+            (Class::Params, "params"),
+            (Class::Targets, "targets"),
+            (Class::Memory, "memory"),
+            (Class::Report, "report"),
+            (Class::Disturbance, "disturbance"),
         ] {
+            let kind = if self.written(class) { "float" } else { "const float" };
             let (own, size) = (self.layout.slots(class).own, self.layout.size(class));
             if size > 0 {
                 self.line(&format!("PLACE({kind}, {}, {base}, {own}, {size})", class.letter()));

@@ -89,7 +89,7 @@ template <int K> __device__ __forceinline__ void put(size_t at, float x) {
 #define ONCE _Pragma("unroll 1")
 #define KERNEL(name)                                                                               \
   extern "C" __global__ void __launch_bounds__(BLOCK, 1) name(                                        \
-      float* __restrict__ state, const float* __restrict__ params, const float* __restrict__ targets, \
+      float* __restrict__ state, const float* __restrict__ params, float* __restrict__ targets,       \
       float* __restrict__ memory, const float* __restrict__ weights, float* __restrict__ report,      \
       const float* __restrict__ disturbance, int per_candidate)
 #define BEGIN                                                                                      \

@@ -80,15 +80,8 @@ impl<'a> Scene<'a> {
         let report = Report { disturbed, forces: true, tracked: batch.tracked().to_vec() };
         let (model, settings) = (task.walker.model(), batch.settings());
         let networks = traced(model, networks).map_err(TaskError::from)?;
-        let period = Period::for_environments(
-            model,
-            settings,
-            options,
-            &networks,
-            &report,
-            environments,
-            processors,
-        )?;
+        let period =
+            Period::for_environments(model, settings, options, &networks, &report, environments, processors)?;
         Ok(period)
     }
 

@@ -46,7 +46,7 @@ static inline bool UNLESS(R a, R b) {
 #define ONCE
 #define __device__
 #define KERNEL(name)                                                                             \
-  extern "C" void name(float* state, const float* params, const float* targets, float* memory,   \
+  extern "C" void name(float* state, const float* params, float* targets, float* memory,         \
                        const float* weights, float* report, const float* disturbance, \
                        int per_candidate)
 #define BEGIN

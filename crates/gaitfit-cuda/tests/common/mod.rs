@@ -73,7 +73,9 @@ pub fn networks<T: Real>(delta: &[usize], torque: &[usize]) -> Vec<JointModifica
         JointNetwork::new::<T>(joint, &weights, scales, 0.1)
     };
     vec![
-        JointModification::ActionDelta(ActionDelta(delta.iter().map(|&joint| network(joint, 0.05)).collect())),
+        JointModification::ActionDelta(ActionDelta(
+            delta.iter().map(|&joint| network(joint, 0.05)).collect(),
+        )),
         JointModification::ResidAct(ResidAct(torque.iter().map(|&joint| network(joint, 2.0)).collect())),
     ]
 }
@@ -195,10 +197,11 @@ pub fn samples_with(
             let before =
                 [state_values(&state), param_values(&params), targets.clone(), first, memory.clone()];
             let (mut work, mut drives) = (Work::new(&tree), vec![Drive::zero(); joints]);
+            let mut corrected = targets;
             control_period(&mut Period {
                 tree: &tree,
                 params: &params,
-                targets: &mut targets.clone(),
+                targets: &mut corrected,
                 disturbance: &disturbance,
                 modifications: &modifications,
                 memory: &mut memory,
@@ -213,6 +216,10 @@ pub fn samples_with(
             if period == periods {
                 let inputs = [before.concat(), weights.clone()].concat();
                 let mut outputs = [state_values(&state), memory.clone()].concat();
+                let delta = |one: &JointModification<f64>| matches!(one, JointModification::ActionDelta(_));
+                if taps > 1 && modifications.iter().any(delta) {
+                    outputs.extend_from_slice(&corrected[..joints]);
+                }
                 if extras {
                     outputs.extend(shown(&tree, &state, &work, &drives));
                 }

@@ -59,6 +59,12 @@ pub enum Output {
     State(Slot),
     /// A number that the modifications remember.
     Memory(usize),
+    /// The newest target of a joint as modifications corrected it, rad: later periods, which it is an older one of, take
+    /// it so. Told where targets are corrected and older ones act.
+    Target {
+        /// The joint.
+        joint: usize,
+    },
     /// What a [`Report`] asks for: `torque` of a joint, `normal_force` of a compiled pair, `place` of one.
     Report(Slot),
 }
@@ -177,6 +183,10 @@ pub fn record_period_with(
         });
         outputs.extend((0..memory.len()).map(Output::Memory));
         all.extend(memory);
+        let corrected = modifications.iter().any(|one| matches!(one, JointModification::ActionDelta(_)));
+        let told = if corrected && taps > 1 { 0..joints } else { 0..0 };
+        outputs.extend(told.clone().map(|joint| Output::Target { joint }));
+        all.extend_from_slice(&targets[told]);
         outputs.extend(slots.into_iter().map(Output::Report));
         all.extend(shown);
         all

@@ -98,7 +98,8 @@ impl Paper {
         let networks = parts.is_some_and(|[_, modification, _]| modification != "fricarm");
         let everywhere = networks && parts.is_some_and(|[scenario, ..]| scenario != "spring");
         let of = |wanted: bool, list: &'_ [String]| if wanted { list.to_vec() } else { Vec::new() };
-        let more = of(networks, &self.full_networks).into_iter().chain(of(everywhere, &self.full_every_joint));
+        let more =
+            of(networks, &self.full_networks).into_iter().chain(of(everywhere, &self.full_every_joint));
         self.full.iter().cloned().chain(more).collect()
     }
 
