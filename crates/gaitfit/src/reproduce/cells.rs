@@ -75,7 +75,7 @@ impl Run<'_> {
                 if shared.contains_key(scenario) {
                     continue;
                 }
-                self.watch.tell(Event::Stage(&format!("\n{scenario}{of}")));
+                self.watch.tell(Event::Stage(&format!("\n{scenario}{of}: logs and references")));
                 let made =
                     self.shared(experiment, seed).map_err(|error| self.explained(error, &experiment.file))?;
                 if let Some(first) = &made.first {
@@ -92,7 +92,9 @@ impl Run<'_> {
             let one = |number: usize, worker: usize, watch: &Watch<'_>| {
                 let experiment = selected[number];
                 let name = &experiment.paper.name;
-                watch.tell(Event::Stage(&format!("\n[{}/{}] {name}{of}", number + 1, selected.len())));
+                // A blank line between cells that come one after the other.
+                let gap = if self.jobs > 1 { "" } else { "\n" };
+                watch.tell(Event::Stage(&format!("{gap}[{}/{}] {name}{of}", number + 1, selected.len())));
                 let failed = |failure| self.explained(failure, &experiment.file);
                 let Some(with) = shared.get(experiment.scenario.as_str()) else {
                     return Err(Error::failed(format!("{name} has no logs")));
