@@ -64,6 +64,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Forward(args) => commands::forward::run(args),
         Command::Export(args) => commands::export::run(args),
         Command::ExportLog(args) => commands::export_log::run(args),
+        Command::ExportTheta(args) => commands::export_theta::run(args),
         Command::Evaluate(args) => commands::evaluate::run(args),
         Command::Collect(args) => commands::collect::run(args),
         Command::Bench(args) => commands::bench::run(args),

@@ -100,3 +100,25 @@ fn recordings_become_logs_and_logs_become_recordings() {
     assert!(run(&["import", &odd, "--mapping", &mapping, "--out", &log]).status.success());
     assert!(body(&log).contains("# kp = [20.0"));
 }
+
+#[test]
+fn fitted_parameters_become_files_of_other_simulators() {
+    let folder = tempfile::tempdir().unwrap();
+    let theta = folder.path().join("theta.toml");
+    let text = "format = 2\nrobot = \"go2\"\n[[parameter]]\nname = \"delay\"\nkind = \"delay\"\njoints = [\"FL_hip\"]\n\
+                value = 0.01\nunit = \"s\"\n[[parameter]]\nname = \"armature\"\nkind = \"armature\"\njoints = \
+                [\"FL_hip_joint\"]\nvalue = 0.02\nunit = \"kg·m²\"\ninterval = [0.019, 0.021]\nidentified = true\n";
+    std::fs::write(&theta, text).unwrap();
+    let (theta, out) = (theta.display().to_string(), folder.path().join("out"));
+    let shown = out.display().to_string();
+    let output = run(&["export-theta", &theta, "--kp", "25", "--kd", "0.5", "--out", &shown]);
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    assert!(output.status.success(), "{}", errors(&output));
+    assert!(text.contains("0.01900 to 0.02100") && text.contains("theta.json and code"), "{text}");
+    let robot = std::fs::read_to_string(out.join("robot.xml")).unwrap();
+    assert!(robot.contains("armature=\"0.02\"") && robot.contains("gainprm=\"25.0\""), "{robot}");
+    assert!(std::fs::read_to_string(out.join("isaac_lab.py")).unwrap().contains("max_delay=2"));
+    assert!(run(&["inspect", &out.join("robot.xml").display().to_string()]).status.success());
+    let output = run(&["export-theta", &theta, "--kp", "25", "--out", &shown]);
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+}

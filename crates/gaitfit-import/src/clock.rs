@@ -138,7 +138,8 @@ pub(crate) fn clean(table: &mut Table) -> Result<StreamReport, ImportError> {
         if let Some(longest) = gaps.iter().copied().max_by(|a, b| steps[*a].total_cmp(&steps[*b])) {
             findings.push(ClockFinding::Gaps {
                 gaps: gaps.len(),
-                lost: gaps.iter().map(|i| (steps[*i] / step).round() as usize - 1).sum(),
+                // A cast saturates: a damaged time may lie centuries away.
+                lost: gaps.iter().map(|i| (steps[*i] / step).round() - 1.0).sum::<f64>() as usize,
                 longest_s: steps[longest],
                 at_s: table.time[longest],
             });
@@ -208,6 +209,17 @@ mod tests {
             matches!(report.findings[2], ClockFinding::Gaps { gaps: 2, lost: 6, .. }),
         ];
         assert_eq!(kinds, [true; 3], "{:?}", report.findings);
+        Ok(())
+    }
+
+    #[test]
+    fn gaps_of_centuries_are_counted() -> Result<(), ImportError> {
+        let report = clean(&mut table(&[0.0, 0.01, 0.02, 1e300, 1.5e300, 1.7e300]))?;
+        assert!(
+            matches!(report.findings[0], ClockFinding::Gaps { lost: usize::MAX, .. }),
+            "{:?}",
+            report.findings
+        );
         Ok(())
     }
 

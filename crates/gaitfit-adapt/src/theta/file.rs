@@ -61,6 +61,12 @@ pub struct SavedParameter {
     /// Whether the value rests on one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_bound: Option<bool>,
+    /// The values that fit as well: lower and upper end; absent where it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interval: Option<[f64; 2]>,
+    /// Whether the logs determine it; absent where it was not measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub identified: Option<bool>,
 }
 
 /// A joint's network.

@@ -67,6 +67,8 @@ pub trait Modification: Debug + Send + Sync {
             lower: Some(entry.lower),
             upper: Some(entry.upper),
             at_bound: Some(entry.at_bound(found.value)),
+            interval: None,
+            identified: None,
         }));
     }
 }

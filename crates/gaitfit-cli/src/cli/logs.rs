@@ -47,3 +47,31 @@ pub struct ExportLog {
     #[arg(long)]
     pub json: bool,
 }
+
+/// Arguments of `export-theta`.
+#[derive(Debug, Args)]
+pub struct ExportTheta {
+    /// Fitted parameters: the theta.toml of an `adapt` run
+    pub theta: PathBuf,
+    /// Folder for the files; it is made if it is not there
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Robot (.xml, .mjcf, .urdf) that was fitted [default: the built-in Go2]
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    #[arg(long)]
+    pub lenient: bool,
+    /// Position gain of the controller on every joint, N·m/rad
+    #[arg(long, value_name = "KP", requires = "kd")]
+    pub kp: Option<f64>,
+    /// Velocity gain of the controller on every joint, N·m·s/rad
+    #[arg(long, value_name = "KD", requires = "kp")]
+    pub kd: Option<f64>,
+    /// Policy whose gains the controller has
+    #[arg(long, value_name = "POLICY", conflicts_with_all = ["kp", "kd"])]
+    pub policy: Option<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}

@@ -9,7 +9,7 @@ mod world;
 pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms};
 pub use choices::{Config, ConfigOf, Preset};
 pub use gaitfit::device::{Device, Devices};
-pub use logs::{ExportLog, Import};
+pub use logs::{ExportLog, ExportTheta, Import};
 pub use run::{Adapt, Finetune, Loop, Reproduce, Train, Validate};
 pub use world::{Collect, Evaluate};
 
@@ -60,6 +60,8 @@ pub enum Command {
     Export(Export),
     /// Write a log as MCAP, for Foxglove and PlotJuggler
     ExportLog(ExportLog),
+    /// Write fitted parameters for other simulators: MuJoCo, Isaac Lab, mjlab
+    ExportTheta(ExportTheta),
     /// Measure how well a policy walks in a simulator
     Evaluate(Evaluate),
     /// Run a policy in a simulator and write its logs

@@ -8,6 +8,7 @@ pub mod doctor;
 pub mod evaluate;
 pub mod export;
 pub mod export_log;
+pub mod export_theta;
 pub mod finetune;
 pub mod forward;
 pub mod import;

@@ -83,8 +83,15 @@ fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {
     let found =
         |parameter: &Parameter| Found { value: parameter.found.value, spread: parameter.found.spread };
     let found: Vec<Found> = results.parameters.iter().map(found).collect();
-    ThetaFile {
+    let mut file = ThetaFile {
         physics_step: setup.method.physics_step(),
         ..ThetaFile::new(&setup.theta, &found, &results.robot, &results.cost_name, results.cost)
+    };
+    for saved in &mut file.parameter {
+        if let Some(known) = results.parameters.iter().find(|known| known.found.name == saved.name) {
+            saved.interval = known.interval.filter(|ends| ends.iter().all(|end| end.is_finite()));
+            saved.identified = known.identified;
+        }
     }
+    file
 }

@@ -1,0 +1,67 @@
+//! `gaitfit export-theta`: fitted parameters for other simulators.
+
+use super::folder;
+use crate::cli::ExportTheta;
+use crate::exit::Failure;
+use crate::output;
+use crate::table::table;
+use gaitfit::export_theta::{ExportSettings, Row};
+use gaitfit::files;
+use gaitfit_log::PerJoint;
+use gaitfit_model::shown;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// What was written, as `--json` prints it.
+#[derive(Serialize)]
+struct Document {
+    written: Vec<String>,
+    parameters: Vec<Row>,
+    notes: Vec<String>,
+}
+
+/// Writes the files and prints which of them says which parameter.
+pub fn run(args: &ExportTheta) -> Result<(), Failure> {
+    folder(&args.out, "the files go")?;
+    let settings = ExportSettings {
+        theta: args.theta.clone(),
+        robot: args.robot.clone(),
+        lenient: args.lenient,
+        kp: args.kp.map(PerJoint::All),
+        kd: args.kd.map(PerJoint::All),
+        policy: args.policy.clone(),
+    };
+    let exported = gaitfit::export_theta(&settings)?;
+    std::fs::create_dir_all(&args.out)
+        .map_err(|error| Failure::failed(format!("cannot make {}: {error}", args.out.display())))?;
+    let mut written = Vec::new();
+    for (name, text) in &exported.files {
+        let path = args.out.join(name);
+        files::write(&path, text.as_bytes())?;
+        written.push(path.display().to_string());
+    }
+    let document = Document { written, parameters: exported.rows, notes: exported.notes };
+    if args.json { output::print_json(&document) } else { output::print(&text(&document)) }
+}
+
+fn text(document: &Document) -> String {
+    let mut rows = table(&["parameter", "value", "unit", "interval", "identified", "said by"], &[1]);
+    for row in &document.parameters {
+        rows.add_row([
+            shown(&row.name),
+            format!("{:.5}", row.value),
+            row.unit.clone(),
+            row.interval.map_or("–".to_owned(), |[low, high]| format!("{low:.5} to {high:.5}")),
+            row.identified.map_or("–", |is| if is { "yes" } else { "no" }).to_owned(),
+            if row.in_robot_file { "the robot's file" } else { "theta.json and code" }.to_owned(),
+        ]);
+    }
+    let mut text = format!("{rows}\n\n");
+    for note in &document.notes {
+        let _ = writeln!(text, "note: {note}");
+    }
+    for path in &document.written {
+        let _ = writeln!(text, "{path}");
+    }
+    text
+}

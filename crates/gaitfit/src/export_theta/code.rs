@@ -1,0 +1,133 @@
+//! Python code that says what robot files cannot.
+
+use super::joint::JointNumbers;
+use gaitfit_sim::Candidate;
+use std::fmt::Write;
+
+/// Reads theta.json and puts it into a MuJoCo model (also MJX and MuJoCo Playground, before `put_model`).
+pub(super) const LOADER: &str = include_str!("load_theta.py");
+/// The PD controller with delay, bias, factors, noise and networks.
+pub(super) const DRIVE: &str = include_str!("drive.py");
+
+/// `{"a": 1.0, "b": 2.0}` of a number of each joint; one number where all are the same.
+fn table(joints: &[JointNumbers], of: impl Fn(&JointNumbers) -> f64) -> String {
+    let first = joints.first().map_or(0.0, &of);
+    if joints.iter().all(|joint| of(joint) == first) {
+        return format!("{first:?}");
+    }
+    let entries: Vec<String> =
+        joints.iter().map(|joint| format!("{:?}: {:?}", joint.name, of(joint))).collect();
+    format!("{{{}}}", entries.join(", "))
+}
+
+/// Physics steps of the longest delay.
+fn lag(joints: &[JointNumbers], step: f64) -> usize {
+    let longest = joints.iter().map(|joint| joint.delay).fold(0.0, f64::max);
+    if step > 0.0 { (longest / step).round() as usize } else { 0 }
+}
+
+/// Isaac Lab's actuators with the fitted numbers.
+pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candidate: &Candidate) -> String {
+    let names: Vec<String> = joints.iter().map(|joint| format!("{:?}", joint.name)).collect();
+    let lag = lag(joints, step);
+    let gain = |of: fn(&JointNumbers) -> f64| if gains { table(joints, of) } else { "None".to_owned() };
+    let limited: Vec<&JointNumbers> = joints.iter().filter(|joint| joint.torque_limit.is_finite()).collect();
+    let limits: Vec<String> =
+        limited.iter().map(|joint| format!("{:?}: {:?}", joint.name, joint.torque_limit)).collect();
+    let mut text = String::from(
+        "\"\"\"Actuators of an Isaac Lab articulation with fitted numbers: ArticulationCfg(..., actuators=ACTUATORS).\n\n\
+         Friction is an effort, N·m, in Isaac Sim 5 and later; in 4.5 it is a coefficient, and these numbers do not fit.\n\
+         None takes what the asset says.\n\"\"\"\n\nfrom isaaclab.actuators import DelayedPDActuatorCfg\n\n",
+    );
+    let _ = writeln!(text, "# Lags are in physics steps of this length, s.\nPHYSICS_STEP = {step:?}\n");
+    let _ = writeln!(text, "ACTUATORS = {{\n    \"joints\": DelayedPDActuatorCfg(");
+    let _ = writeln!(text, "        joint_names_expr=[{}],", names.join(", "));
+    let _ = writeln!(text, "        stiffness={},", gain(|joint| joint.kp));
+    let _ = writeln!(text, "        damping={},", gain(|joint| joint.kd));
+    if !limits.is_empty() {
+        let _ = writeln!(text, "        effort_limit={{{}}},", limits.join(", "));
+    }
+    let _ = writeln!(text, "        armature={},", table(joints, |joint| joint.armature));
+    let _ = writeln!(text, "        friction={},", table(joints, |joint| joint.frictionloss));
+    let _ = writeln!(text, "        dynamic_friction={},", table(joints, |joint| joint.frictionloss));
+    let _ = writeln!(text, "        viscous_friction={},", table(joints, |joint| joint.damping));
+    let _ = writeln!(text, "        min_delay={lag},\n        max_delay={lag},\n    ),\n}}");
+    let mut rest = Vec::new();
+    let mut say = |is: bool, what: &str| {
+        if is {
+            rest.push(what.to_owned());
+        }
+    };
+    say(
+        joints.iter().any(|joint| joint.encoder_bias != 0.0),
+        "encoder_bias: subtract it from position targets",
+    );
+    say(
+        joints.iter().any(|joint| joint.torque_offset != 0.0),
+        "torque_offset: add it as a joint effort target",
+    );
+    say(
+        joints.iter().any(|joint| joint.sprung),
+        "stiffness, spring_torque: add spring_torque - stiffness * q as an effort",
+    );
+    say(
+        candidate.torque_noise > 0.0,
+        "torque_noise: add normal numbers to the joint efforts at every physics step",
+    );
+    say(
+        candidate.robot.friction_scale != 1.0,
+        "friction_factor: multiply the friction of the ground's material",
+    );
+    say(
+        candidate.robot.base_mass != 0.0 || candidate.robot.payload_mass != 0.0,
+        "base: an event term randomize_rigid_body_mass with a constant",
+    );
+    say(!candidate.networks.is_empty(), "networks: drive.py evaluates them");
+    if !rest.is_empty() {
+        text.push_str("\n# Not among an actuator's settings; the numbers are in theta.json:\n");
+        rest.iter().for_each(|line| text.push_str(&format!("# - {line}\n")));
+    }
+    text
+}
+
+/// mjlab's robot: the exported MJCF and an actuator for each set of joints with the same numbers.
+pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64) -> String {
+    let lag = lag(joints, step);
+    let mut text = String::from(
+        "\"\"\"The fitted robot for mjlab: EntityCfg(spec_fn=spec, articulation=EntityArticulationInfoCfg(actuators=ACTUATORS)).\n\n\
+         Armature, damping, friction loss and springs are in robot.xml. Bias, offset, noise and networks: see drive.py.\n\"\"\"\n\n\
+         import pathlib\n\nimport mujoco\nfrom mjlab.actuator import BuiltinPositionActuatorCfg, DelayedActuatorCfg\n\n",
+    );
+    let _ = writeln!(
+        text,
+        "# Lags are in physics steps of this length, s.\nPHYSICS_STEP = {step:?}\nLAG = {lag}\n"
+    );
+    text.push_str(
+        "\ndef spec():\n    spec = mujoco.MjSpec.from_file(str(pathlib.Path(__file__).with_name(\"robot.xml\")))\n    \
+         for actuator in list(spec.actuators):  # mjlab makes its own\n        spec.delete(actuator)\n    return spec\n\n\n\
+         def servo(joints, kp, kd, limit):\n    servo = BuiltinPositionActuatorCfg(target_names_expr=joints, stiffness=kp, \
+         damping=kd, effort_limit=limit)\n    return DelayedActuatorCfg(base_cfg=servo, delay_min_lag=LAG, delay_max_lag=LAG) \
+         if LAG else servo\n\n\n",
+    );
+    if !gains {
+        text.push_str("# Write your gains: servo((\".*\",), kp=25.0, kd=0.5, limit=None)\nACTUATORS = ()\n");
+        return text;
+    }
+    text.push_str("ACTUATORS = (\n");
+    let mut done: Vec<[u64; 3]> = Vec::new();
+    for joint in joints {
+        let key = [joint.kp, joint.kd, joint.torque_limit].map(f64::to_bits);
+        if done.contains(&key) {
+            continue;
+        }
+        let same =
+            joints.iter().filter(|other| [other.kp, other.kd, other.torque_limit].map(f64::to_bits) == key);
+        let names: String = same.map(|other| format!("{:?}, ", other.name)).collect();
+        let limit =
+            if joint.torque_limit.is_finite() { format!("{:?}", joint.torque_limit) } else { "None".into() };
+        let _ = writeln!(text, "    servo(({names}), kp={:?}, kd={:?}, limit={limit}),", joint.kp, joint.kd);
+        done.push(key);
+    }
+    text.push_str(")\n");
+    text
+}

@@ -1,0 +1,63 @@
+//! theta.json: every number with its interval, and what they make of each joint.
+
+use super::joint::JointNumbers;
+use crate::Error;
+use gaitfit_adapt::ThetaFile;
+use gaitfit_sim::Candidate;
+use serde_json::{Map, Value, json};
+
+/// The document's text.
+pub(super) fn document(
+    file: &ThetaFile,
+    joints: &[JointNumbers],
+    candidate: &Candidate,
+) -> Result<String, Error> {
+    let parameters: Vec<Value> = file
+        .parameter
+        .iter()
+        .map(|parameter| {
+            json!({
+                "name": parameter.name, "kind": parameter.kind, "joints": parameter.joints, "value": parameter.value,
+                "unit": parameter.unit, "interval": parameter.interval, "identified": parameter.identified,
+                "at_bound": parameter.at_bound,
+            })
+        })
+        .collect();
+    let mut by_joint = Map::new();
+    for joint in joints {
+        let limit = joint.torque_limit.is_finite().then_some(joint.torque_limit);
+        by_joint.insert(
+            joint.name.clone(),
+            json!({
+                "armature": joint.armature, "damping": joint.damping, "frictionloss": joint.frictionloss,
+                "stiffness": joint.stiffness, "spring_torque": joint.spring_torque, "kp_factor": joint.kp_factor,
+                "kd_factor": joint.kd_factor, "encoder_bias": joint.encoder_bias, "torque_offset": joint.torque_offset,
+                "torque_limit": limit, "delay": joint.delay,
+            }),
+        );
+    }
+    let robot = &candidate.robot;
+    let networks: Vec<Value> = file
+        .network
+        .iter()
+        .map(|network| {
+            json!({
+                "name": network.name, "kind": network.kind, "joint": network.joint, "rest": network.rest,
+                "position_scale": network.position_scale, "velocity_scale": network.velocity_scale,
+                "output_scale": network.output_scale, "weights": network.weights,
+            })
+        })
+        .collect();
+    let whole = json!({
+        "robot": file.robot, "cost_name": file.cost_name, "cost": file.cost, "physics_step": file.physics_step,
+        "parameters": parameters, "joints": by_joint,
+        "base": {
+            "mass": robot.base_mass, "com": robot.base_com, "payload_mass": robot.payload_mass,
+            "payload_position": robot.payload_position,
+        },
+        "friction_factor": robot.friction_scale, "torque_noise": candidate.torque_noise, "networks": networks,
+    });
+    serde_json::to_string_pretty(&whole)
+        .map(|text| text + "\n")
+        .map_err(|error| Error::failed(format!("cannot write theta.json: {error}")))
+}

@@ -1,0 +1,76 @@
+"""Joint torques of a PD controller as the fit has it: delay, encoder bias, factors on gains, offset, limits, noise, networks.
+
+    drive = Drive(load(), kp=25.0, kd=0.5, step=model.opt.timestep)
+    drive.send(target, q, dq)           # at every control period; targets and angles in the order of drive.joints
+    data.ctrl[:] = drive.torque(q, dq)  # at every physics step, of motors without gains of their own
+"""
+
+import collections
+import math
+
+import numpy as np
+
+
+class Network:
+    """y = W3 tanh(W2 tanh(W1 x + b1) + b2) + b3, x = (q - rest, dq) of three samples, newest first, times their scales."""
+
+    def __init__(self, saved):
+        parts = np.split(np.array(saved["weights"]), np.cumsum([48, 8, 32, 4, 4]))
+        self.layers = [(parts[i].reshape(shape), parts[i + 1]) for i, shape in ((0, (6, 8)), (2, (8, 4)), (4, (4, 1)))]
+        self.scales = saved["position_scale"], saved["velocity_scale"], saved["output_scale"]
+        self.rest, self.past = saved["rest"], None
+
+    def __call__(self, q, dq):
+        now = (q - self.rest) * self.scales[0], dq * self.scales[1]
+        self.past = [now, *(self.past or [now, now])[:2]]
+        x = np.array(self.past).ravel()
+        for weights, bias in self.layers[:2]:
+            x = np.tanh(x @ weights + bias)
+        weights, bias = self.layers[2]
+        return float((x @ weights + bias)[0]) * self.scales[2]
+
+
+class Drive:
+    """One robot's controller. kp, kd: stated gains, one number or one a joint."""
+
+    def __init__(self, theta, kp, kd, step, seed=0):
+        self.joints, self.step, self.time = list(theta["joints"]), step, 0.0
+        column = lambda key: np.array([joint[key] for joint in theta["joints"].values()], dtype=float)
+        self.kp, self.kd = column("kp_factor") * kp, column("kd_factor") * kd
+        self.bias, self.offset, self.delay = column("encoder_bias"), column("torque_offset"), column("delay")
+        self.limit = np.nan_to_num(column("torque_limit"), nan=math.inf)
+        self.noise, self.random = theta["torque_noise"], np.random.default_rng(seed)
+        self.sent = collections.deque()
+        networks = [(saved["kind"], self._place(saved["joint"]), Network(saved)) for saved in theta["networks"]]
+        self.action_delta = [(j, network) for kind, j, network in networks if kind == "action_delta"]
+        self.resid_act = [(j, network) for kind, j, network in networks if kind == "resid_act"]
+
+    def _place(self, joint):
+        plain = lambda name: name.removesuffix("_joint")
+        return [plain(name) for name in self.joints].index(plain(joint))
+
+    def send(self, target, q, dq):
+        """Sends position targets, rad. q, dq: true angles and velocities."""
+        target = np.array(target, dtype=float)
+        for j, network in self.action_delta:
+            target[j] += network(q[j] + self.bias[j], dq[j])
+        self.sent.appendleft((self.time, target))
+        while len(self.sent) > 2 and self.sent[-2][0] + self.delay.max() < self.time:
+            self.sent.pop()
+
+    def torque(self, q, dq):
+        """Torques of the physics step that begins now, N·m: of the mean over the step of the target in force."""
+        q, dq = np.asarray(q, dtype=float), np.asarray(dq, dtype=float)
+        begin, end = self.time, self.time + self.step
+        target, until = np.zeros(len(self.joints)), np.full(len(self.joints), end)
+        for number, (time, sent) in enumerate(self.sent):
+            oldest = number + 1 == len(self.sent)
+            since = np.full_like(until, begin) if oldest else np.clip(time + self.delay, begin, end)
+            target += sent * np.clip(until - since, 0.0, None) / self.step
+            until = np.minimum(until, since)
+        reading = q + self.bias
+        torque = np.clip(self.kp * (target - reading) - self.kd * dq + self.offset, -self.limit, self.limit)
+        for j, network in self.resid_act:
+            torque[j] += network(reading[j], dq[j])
+        self.time = end
+        return torque + self.noise * self.random.standard_normal(len(torque))

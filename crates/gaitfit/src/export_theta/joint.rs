@@ -1,0 +1,82 @@
+//! A joint's numbers as other simulators take them.
+
+use gaitfit_model::Model;
+use gaitfit_sim::Candidate;
+
+/// Gains of the controller, one a joint of the model, before the fit's factors.
+#[derive(Clone, Debug)]
+pub(super) struct Gains {
+    /// N·m/rad
+    pub kp: Vec<f64>,
+    /// N·m·s/rad
+    pub kd: Vec<f64>,
+}
+
+/// A joint of the fitted robot.
+#[derive(Clone, Debug)]
+pub(super) struct JointNumbers {
+    pub name: String,
+    /// kg·m²
+    pub armature: f64,
+    /// N·m·s/rad
+    pub damping: f64,
+    /// N·m
+    pub frictionloss: f64,
+    /// Of all springs on the joint, N·m/rad.
+    pub stiffness: f64,
+    /// Their torque at angle 0, N·m.
+    pub spring_torque: f64,
+    /// Delivered gain, N·m/rad, with all factors of the fit; 0 without gains.
+    pub kp: f64,
+    /// Delivered gain, N·m·s/rad.
+    pub kd: f64,
+    /// Factors of the fit on stated gains.
+    pub kp_factor: f64,
+    pub kd_factor: f64,
+    /// Encoder reading minus angle, rad.
+    pub encoder_bias: f64,
+    /// N·m
+    pub torque_offset: f64,
+    /// N·m; infinite where nothing bounds it.
+    pub torque_limit: f64,
+    /// s
+    pub delay: f64,
+    /// Whether springs differ from the robot file's.
+    pub sprung: bool,
+}
+
+impl JointNumbers {
+    /// Angle at which the springs give no torque, rad; none without a stiffness.
+    pub fn springref(&self) -> Option<f64> {
+        (self.stiffness != 0.0).then(|| self.spring_torque / self.stiffness)
+    }
+}
+
+/// The joints of the fitted robot, in the model's order.
+pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains>) -> Vec<JointNumbers> {
+    let robot = &candidate.robot;
+    let of = |(j, joint): (usize, &gaitfit_model::Joint)| {
+        let (own, rest) = (joint.stiffness, joint.springref);
+        let scale = robot.torque_scale[j];
+        let (kp_factor, kd_factor) = (scale * robot.kp_scale[j], scale * robot.kd_scale[j]);
+        let (kp, kd) = gains.map_or((0.0, 0.0), |gains| (kp_factor * gains.kp[j], kd_factor * gains.kd[j]));
+        JointNumbers {
+            name: joint.name.clone(),
+            armature: robot.armature[j],
+            damping: robot.damping[j],
+            frictionloss: robot.frictionloss[j],
+            stiffness: own + robot.stiffness[j],
+            spring_torque: own * rest + robot.spring_torque[j],
+            kp,
+            kd,
+            kp_factor,
+            kd_factor,
+            encoder_bias: robot.encoder_bias[j],
+            torque_offset: robot.torque_offset[j],
+            torque_limit: robot.torque_limit[j],
+            delay: robot.delay[j],
+            sprung: robot.stiffness[j] != 0.0 || robot.spring_torque[j] != 0.0,
+        }
+    };
+    model.joints.iter().enumerate().map(of).collect()
+}

@@ -1,0 +1,34 @@
+"""theta.json as a dictionary, and its numbers in a MuJoCo model (for MJX and MuJoCo Playground: before put_model)."""
+
+import json
+import pathlib
+
+import mujoco
+
+# What a file may switch off, and theta.json has for every joint.
+FLAGS = ("mjDSBL_FRICTIONLOSS", "mjDSBL_SPRING", "mjDSBL_DAMPER", "mjDSBL_PASSIVE")
+SWITCHED = sum(int(getattr(mujoco.mjtDisableBit, flag, 0)) for flag in FLAGS)
+
+
+def load(path=pathlib.Path(__file__).with_name("theta.json")):
+    return json.loads(pathlib.Path(path).read_text(encoding="utf-8"))
+
+
+def apply(model, theta):
+    """Armature, damping, friction loss and springs of a model of the robot's original file; friction of all contacts."""
+    model.opt.disableflags &= ~SWITCHED
+    for name, joint in theta["joints"].items():
+        place, dof = model.joint(name).id, model.joint(name).dofadr[0]
+        model.dof_armature[dof], model.dof_frictionloss[dof] = joint["armature"], joint["frictionloss"]
+        # From MuJoCo 4 on these are polynomials; their first number is the linear one.
+        model.dof_damping.reshape(model.nv, -1)[dof, 0] = joint["damping"]
+        model.jnt_stiffness.reshape(model.njnt, -1)[place, 0] = joint["stiffness"]
+        if joint["stiffness"]:
+            model.qpos_spring[model.jnt_qposadr[place]] = joint["spring_torque"] / joint["stiffness"]
+    friction(model, theta)
+
+
+def friction(model, theta):
+    """Friction of all contacts, which no exported robot file says."""
+    model.geom_friction[:] *= theta["friction_factor"]
+    model.pair_friction[:] *= theta["friction_factor"]

@@ -1,0 +1,190 @@
+//! Fitted parameters for other simulators: files that hold a theta.toml's numbers as MuJoCo, Isaac Lab and mjlab name
+//! them. What a file cannot say, the Python code beside it does.
+
+mod code;
+mod document;
+mod joint;
+mod mjcf;
+mod urdf;
+mod xml;
+
+use crate::robot::{self, Hold};
+use crate::{Access, Error, files, theta};
+use document::document;
+use gaitfit_adapt::ThetaFile;
+use gaitfit_log::PerJoint;
+use gaitfit_model::{Model, builtin};
+use gaitfit_sim::Candidate;
+use joint::Gains;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Largest robot file, bytes.
+const MOST_BYTES: u64 = 64 << 20;
+
+/// What is exported, and for which robot and controller.
+#[derive(Clone, Debug)]
+pub struct ExportSettings {
+    /// Fitted parameters, a theta.toml.
+    pub theta: PathBuf,
+    /// Robot file; the built-in Go2 without one.
+    pub robot: Option<PathBuf>,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it.
+    pub lenient: bool,
+    /// Position gains of the controller, N·m/rad; with them the exported robot has its PD controllers.
+    pub kp: Option<PerJoint>,
+    /// Velocity gains, N·m·s/rad.
+    pub kd: Option<PerJoint>,
+    /// A policy whose gains these are, instead.
+    pub policy: Option<PathBuf>,
+}
+
+/// A parameter and where it is said.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Unit.
+    pub unit: String,
+    /// The values that fit as well.
+    pub interval: Option<[f64; 2]>,
+    /// Whether the logs determine it.
+    pub identified: Option<bool>,
+    /// Whether the robot file says it; else the code beside it does.
+    pub in_robot_file: bool,
+}
+
+/// Files for other simulators.
+#[derive(Clone, Debug)]
+pub struct Exported {
+    /// Names and contents.
+    pub files: Vec<(String, String)>,
+    /// The parameters.
+    pub rows: Vec<Row>,
+    /// What to know before trusting the files.
+    pub notes: Vec<String>,
+}
+
+/// Reads the parameters and the robot, and makes the files.
+///
+/// # Errors
+/// Files that cannot be read, parameters that do not fit the robot, gains that do not fit its joints, robot files that
+/// cannot be changed as text.
+pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
+    let file = theta::read(&settings.theta)?;
+    let (model, text, is_urdf) = match &settings.robot {
+        None => (robot::go2()?, builtin::GO2.to_owned(), false),
+        Some(path) => {
+            let model = robot::as_written(path, settings.lenient)
+                .or_else(|_| robot::read(path, settings.lenient, Hold::File))?;
+            let text = files::read_text(path, MOST_BYTES).map_err(|source| Error::File {
+                access: Access::Read,
+                path: path.clone(),
+                source,
+                remedy: String::new(),
+            })?;
+            let is_urdf = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("urdf"));
+            (model, text, is_urdf)
+        }
+    };
+    let candidate = theta::candidate(&file, &settings.theta, &model)?;
+    let gains = gains(settings, &model)?;
+    let mut exported = files_of(&file, &model, &text, is_urdf, &candidate, gains.as_ref())?;
+    exported.notes.extend(theta::doubts(&file, &settings.theta, &model, None));
+    Ok(exported)
+}
+
+/// The gains that the settings name, one a joint of the model.
+fn gains(settings: &ExportSettings, model: &Model) -> Result<Option<Gains>, Error> {
+    let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
+    match (&settings.kp, &settings.kd, &settings.policy) {
+        (None, None, None) => Ok(None),
+        (Some(kp), Some(kd), None) => {
+            let kp = kp.resolve("--kp", &names).map_err(Error::settings)?;
+            let kd = kd.resolve("--kd", &names).map_err(Error::settings)?;
+            Ok(Some(Gains { kp, kd }))
+        }
+        (None, None, Some(path)) => {
+            let policy = gaitfit_policy::read(path)?;
+            let interface = &policy.interface;
+            let mut gains = Gains { kp: vec![0.0; names.len()], kd: vec![0.0; names.len()] };
+            for (i, joint) in interface.joints.iter().enumerate() {
+                let place = model.find_joint(joint).ok_or_else(|| {
+                    Error::settings(format!("{}: the robot has no joint `{joint}`", path.display()))
+                })?;
+                gains.kp[place] = interface.kp.get(i).copied().unwrap_or_default();
+                gains.kd[place] = interface.kd.get(i).copied().unwrap_or_default();
+            }
+            Ok(Some(gains))
+        }
+        _ => Err(Error::settings(
+            "give `--kp` and `--kd`, or a `--policy` whose gains are taken, or none of them",
+        )),
+    }
+}
+
+/// The files for a robot as its file's text has it.
+fn files_of(
+    file: &ThetaFile,
+    model: &Model,
+    text: &str,
+    is_urdf: bool,
+    candidate: &Candidate,
+    gains: Option<&Gains>,
+) -> Result<Exported, Error> {
+    let joints = joint::numbers(model, candidate, gains);
+    let mut notes = Vec::new();
+    let (robot_name, robot_text, said) = match is_urdf {
+        true => ("robot.urdf", urdf::patched(text, model, &joints, candidate)?, urdf::said()),
+        false => {
+            let base = mjcf::says_base(text, model)?;
+            if text.contains("file=\"") {
+                notes.push(
+                    "robot.xml names other files as the original does: put it beside the original".to_owned(),
+                );
+            }
+            (
+                "robot.xml",
+                mjcf::patched(text, model, &joints, candidate, gains.is_some())?,
+                mjcf::said(gains.is_some(), base),
+            )
+        }
+    };
+    let rows = file.parameter.iter().map(|parameter| Row {
+        name: parameter.name.clone(),
+        value: parameter.value,
+        unit: parameter.unit.clone(),
+        interval: parameter.interval,
+        identified: parameter.identified,
+        in_robot_file: said.contains(&parameter.kind.as_str()),
+    });
+    let rows: Vec<Row> = rows.collect();
+    if gains.is_none() {
+        notes.push("without gains the robot file has no PD controllers, and Isaac Lab's are left to its asset; give --kp \
+                    and --kd, or --policy".to_owned());
+    }
+    if !file.network.is_empty() {
+        notes.push(format!(
+            "{} networks are in theta.json; drive.py evaluates them in NumPy",
+            file.network.len()
+        ));
+    }
+    let step = file.physics_step.unwrap_or(model.options.timestep);
+    let files = vec![
+        (robot_name.to_owned(), robot_text),
+        ("theta.json".to_owned(), document(file, &joints, candidate)?),
+        ("load_theta.py".to_owned(), code::LOADER.to_owned()),
+        ("drive.py".to_owned(), code::DRIVE.to_owned()),
+        ("isaac_lab.py".to_owned(), code::isaac_lab(&joints, gains.is_some(), step, candidate)),
+        ("mjlab_robot.py".to_owned(), code::mjlab(&joints, gains.is_some(), step)),
+    ];
+    Ok(Exported { files, rows, notes })
+}
+
+/// Names of the kinds of parameters that all simulators know of joints.
+const COMMON: [&str; 2] = ["frictionloss", "damping"];
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,214 @@
+//! What is exported is the fitted robot: read back here, and moved by official MuJoCo.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use super::*;
+use gaitfit_model::{ReadOptions, Root, read_mjcf_str, read_urdf_str};
+use gaitfit_physics::{JointParameter, Preset, Robot};
+use gaitfit_sim::{Cpu, Engine, Recording, Replay, ReplayOptions};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+const HUMANOID: &str = include_str!("../../../gaitfit-model/tests/robots/humanoid.xml");
+const ARM: &str = include_str!("../../../gaitfit-model/tests/robots/arm.xml");
+const GO2_URDF: &str = include_str!("../../../../assets/go2.urdf");
+
+/// A theta.toml with one of each kind, some on all joints and some on the second alone.
+fn theta_of(model: &Model, delay: f64) -> ThetaFile {
+    let all: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
+    let second = &all[1..2];
+    let mut text = format!("format = 2\nrobot = {:?}\n", model.name);
+    for (kind, joints, value) in [
+        ("armature", &all[..], 0.035),
+        ("damping", &all, 0.4),
+        ("frictionloss", &all, 0.25),
+        ("stiffness", second, 6.0),
+        ("spring_torque", second, 1.5),
+        ("encoder_bias", second, 0.03),
+        ("torque_scale", second, 0.8),
+        ("torque_offset", second, 0.5),
+        ("kp_scale", &all, 1.1),
+        ("kd_scale", &all, 0.9),
+        ("delay", &all, delay),
+    ] {
+        text.push_str(&format!(
+            "[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\njoints = {joints:?}\nvalue = {value:?}\nunit = \"x\"\n\
+             interval = [{:?}, {:?}]\nidentified = true\n",
+            value - 0.01,
+            value + 0.01
+        ));
+    }
+    for (kind, value) in [
+        ("base_mass", 0.7),
+        ("base_com_x", 0.02),
+        ("payload_mass", 1.5),
+        ("payload_z", 0.1),
+        ("floor_friction", 0.8),
+    ] {
+        text.push_str(&format!("[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\nvalue = {value:?}\n"));
+    }
+    ThetaFile::parse(&text).unwrap()
+}
+
+fn gains(model: &Model) -> Gains {
+    let joints = model.joints.len();
+    Gains { kp: vec![30.0; joints], kd: vec![1.0; joints] }
+}
+
+fn content<'a>(exported: &'a Exported, name: &str) -> &'a str {
+    exported.files.iter().find(|(file, _)| file == name).map(|(_, text)| text.as_str()).unwrap()
+}
+
+#[test]
+fn an_exported_mjcf_is_the_fitted_robot() {
+    for text in [builtin::GO2, HUMANOID, ARM] {
+        let model = read_mjcf_str(text, &ReadOptions::default()).unwrap();
+        let file = theta_of(&model, 0.0);
+        let candidate = file.candidate(&model).unwrap();
+        let gains = gains(&model);
+        let exported = files_of(&file, &model, text, false, &candidate, Some(&gains)).unwrap();
+        let again = read_mjcf_str(content(&exported, "robot.xml"), &ReadOptions::default()).unwrap();
+        let (own, want) = (Robot::nominal(&again), &candidate.robot);
+        assert_eq!(own.armature, want.armature, "{}", model.name);
+        assert_eq!((&own.damping, &own.frictionloss), (&want.damping, &want.frictionloss));
+        let (old, new) = (&model.joints[1], &again.joints[1]);
+        assert!((new.stiffness - (old.stiffness + 6.0)).abs() < 1e-12);
+        let torque = old.stiffness * old.springref + 1.5;
+        assert!((new.stiffness * new.springref - torque).abs() < 1e-12, "{}", model.name);
+        assert_eq!(again.joints[2].stiffness, model.joints[2].stiffness);
+        assert_eq!(again.actuators.len(), model.joints.len());
+        let pd = again.actuators.iter().find(|actuator| actuator.joint == 1).unwrap();
+        let kp = 30.0 * 1.1 * 0.8;
+        assert!((pd.gain - kp).abs() < 1e-12 && (pd.bias[0] - (0.5 - kp * 0.03)).abs() < 1e-12);
+        assert!((pd.bias[1] + kp).abs() < 1e-12 && (pd.bias[2] + 1.0 * 0.9 * 0.8).abs() < 1e-12);
+
+        let said: Vec<&str> =
+            exported.rows.iter().filter(|row| row.in_robot_file).map(|row| row.name.as_str()).collect();
+        assert!(
+            said.contains(&"torque_scale") && !said.contains(&"delay") && !said.contains(&"floor_friction")
+        );
+        // The humanoid's total mass is set, and the arm's inertias are from its shapes.
+        let plain = model.name == "go2";
+        assert_eq!(said.contains(&"base_mass"), plain);
+        if plain {
+            assert!((again.bodies[0].mass - model.bodies[0].mass - 0.7).abs() < 1e-12);
+            assert!((again.bodies[0].ipos[0] - model.bodies[0].ipos[0] - 0.02).abs() < 1e-12);
+            let load = again.bodies.iter().find(|body| body.name == "gaitfit_payload").unwrap();
+            assert_eq!((load.mass, load.pos), (1.5, [0.0, 0.0, 0.1]));
+        }
+        // All else of the file is as it was: comments, floors, keyframes.
+        assert_eq!((again.geoms.len(), again.planes.len()), (model.geoms.len(), model.planes.len()));
+        let document: serde_json::Value = serde_json::from_str(content(&exported, "theta.json")).unwrap();
+        assert_eq!(document["parameters"][0]["interval"], serde_json::json!([0.035 - 0.01, 0.035 + 0.01]));
+        assert_eq!(document["parameters"][0]["identified"], true);
+        assert_eq!(document["joints"][&model.joints[1].name]["torque_offset"], 0.5);
+    }
+}
+
+#[test]
+fn an_exported_urdf_has_friction_and_damping() {
+    let model = read_urdf_str(GO2_URDF, &ReadOptions::default()).unwrap();
+    let file = theta_of(&model, 0.0);
+    let candidate = file.candidate(&model).unwrap();
+    let exported = files_of(&file, &model, GO2_URDF, true, &candidate, None).unwrap();
+    let again = read_urdf_str(content(&exported, "robot.urdf"), &ReadOptions::default()).unwrap();
+    let own = Robot::nominal(&again);
+    assert_eq!((&own.damping, &own.frictionloss), (&candidate.robot.damping, &candidate.robot.frictionloss));
+    let armature = exported.rows.iter().find(|row| row.name == "armature").unwrap();
+    assert!(!armature.in_robot_file);
+    assert!(exported.notes.iter().any(|note| note.contains("--kp")));
+}
+
+#[test]
+fn robots_of_several_files_are_refused_with_a_remedy() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../gaitfit-model/tests/robots/biped.xml");
+    let model = robot::as_written(&path, false).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    let candidate = theta_of(&model, 0.0).candidate(&model).unwrap();
+    let error =
+        files_of(&theta_of(&model, 0.0), &model, &text, false, &candidate, None).unwrap_err().to_string();
+    assert!(error.contains("included file") && error.contains("to_xml()"), "{error}");
+}
+
+/// Position targets of a clamped robot: a slow wave on every joint about where it rests in the file.
+fn recording(model: &Model, gains: &Gains) -> Recording {
+    let joints = model.joints.len();
+    let rest: Vec<f64> = model
+        .joints
+        .iter()
+        .map(|joint| match joint.range {
+            Some([low, high]) if low > 0.0 || high < 0.0 => 0.5 * (low + high),
+            _ => joint.reference,
+        })
+        .collect();
+    let dt = 0.005;
+    let wave = |sample: usize, joint: usize| {
+        0.15 * (std::f64::consts::TAU * 1.5 * dt * sample as f64 + joint as f64).sin()
+    };
+    let target =
+        (0..300).flat_map(|sample| rest.iter().enumerate().map(move |(j, q)| q + wave(sample, j))).collect();
+    Recording {
+        dt,
+        q0: rest.clone(),
+        dq0: vec![0.0; joints],
+        target,
+        kp: gains.kp.clone(),
+        kd: gains.kd.clone(),
+    }
+}
+
+#[test]
+#[ignore = "needs the Python packages of tools/setup_venv.sh"]
+fn python_mujoco_moves_as_the_fitted_robot() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    // Without the table that stands in the arm: contacts are not compared here.
+    let table = ARM.find("<body name=\"table\"").unwrap()..ARM.find("</worldbody>").unwrap();
+    let arm = &format!("{}{}", &ARM[..table.start], &ARM[table.end..]);
+    for (name, text, delay) in [
+        ("go2", builtin::GO2, 0.0),
+        ("humanoid", HUMANOID, 0.0),
+        ("arm", arm, 0.0),
+        ("go2", builtin::GO2, 0.0073),
+        ("humanoid", HUMANOID, 0.0073),
+        ("arm", arm, 0.0073),
+    ] {
+        let clamped = ReadOptions { root: Some(Root::Fixed), ..ReadOptions::default() };
+        let model = read_mjcf_str(text, &clamped).unwrap();
+        let file = theta_of(&model, delay);
+        let candidate = file.candidate(&model).unwrap();
+        let gains = gains(&model);
+        let recording = recording(&model, &gains);
+        let options = ReplayOptions { substeps: 20, preset: Preset::Converged, max_delay: 0.01, isa: None };
+        let replay = Replay::new(&model, vec![recording.clone()], options).unwrap();
+        let found = Mutex::new(Vec::new());
+        let robot = candidate.robot.clone();
+        Cpu { threads: 1 }
+            .replay(
+                &replay,
+                &[robot],
+                &|_, _, signals| *found.lock().unwrap() = signals.position.clone(),
+                &|| false,
+            )
+            .unwrap();
+        let floating = read_mjcf_str(text, &ReadOptions::default()).unwrap();
+        let exported = files_of(&file, &floating, text, false, &candidate, Some(&gains)).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        for (name, text) in &exported.files {
+            std::fs::write(folder.path().join(name), text).unwrap();
+        }
+        std::fs::write(folder.path().join("original.xml"), text).unwrap();
+        let given = serde_json::json!({
+            "joints": model.joints.iter().map(|joint| &joint.name).collect::<Vec<_>>(), "target": recording.target,
+            "q0": recording.q0, "bias": candidate.robot.joints(JointParameter::EncoderBias),
+            "position": found.into_inner().unwrap(), "kp": 30.0, "kd": 1.0, "drive": delay > 0.0,
+        });
+        std::fs::write(folder.path().join("given.json"), given.to_string()).unwrap();
+        let output = std::process::Command::new(PathBuf::from(&root).join(".venv/bin/python"))
+            .arg(root.join("tools/check_export.py"))
+            .arg(folder.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success(), "{name}: {said}{}", String::from_utf8_lossy(&output.stderr));
+        eprintln!("{name}, {}: {said}", if delay > 0.0 { "drive.py" } else { "robot.xml" });
+    }
+}
