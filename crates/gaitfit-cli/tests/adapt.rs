@@ -64,7 +64,8 @@ fn the_document_and_the_run_folder_are_complete() {
         assert_eq!(saved["name"].as_str(), found["name"].as_str());
         assert_eq!(saved["value"].as_float(), found["value"].as_f64());
         assert_eq!(saved.get("identified").and_then(toml::Value::as_bool), found["identified"].as_bool());
-        let ends = |end: usize| saved.get("interval").and_then(|ends| ends.get(end)).and_then(toml::Value::as_float);
+        let ends =
+            |end: usize| saved.get("interval").and_then(|ends| ends.get(end)).and_then(toml::Value::as_float);
         assert_eq!(ends(1), found["interval"][1].as_f64());
     }
     let resolved: toml::Table = std::fs::read_to_string(folder.join("config.toml")).unwrap().parse().unwrap();
