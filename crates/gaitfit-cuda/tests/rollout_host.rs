@@ -9,11 +9,12 @@ use std::path::Path;
 use gaitfit_cuda::emit::Class;
 use gaitfit_cuda::physics::Period;
 use gaitfit_cuda::ppo::Id;
-use gaitfit_cuda::rollout::{Packed, Plan, RolloutError, Scene, Sizes};
+use gaitfit_cuda::rollout::{Packed, Plan, RolloutError, Scene, Sizes, control};
 use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::ppo::Exploration;
 use gaitfit_learn::task::{
-    Ended, Environment, JointNumber, Snapshot, Task, TaskSettings, TerrainSettings, preset, reward,
+    CurriculumSettings, Ended, Environment, JointNumber, Snapshot, Task, TaskSettings, TerrainSettings,
+    preset, reward,
 };
 use gaitfit_model::{Model, Shape};
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Params, Preset};
@@ -86,6 +87,7 @@ fn rollout(
     let mut exploration = Exploration::new(SEED, 0);
     let mut returns = vec![[0.0f32; 2]; ENVIRONMENTS];
     let mut sums = [0.0f64; 7];
+    let mut lost = 0.0;
     let mut steps = Vec::new();
     for t in 0..STEPS {
         let number = FIRST + t as u32;
@@ -114,6 +116,7 @@ fn rollout(
             let ended = f64::from(u8::from(step.ended[index] != Ended::No));
             let fell = f64::from(u8::from(step.ended[index] == Ended::Fall));
             let [sum, length] = so_far.map(f64::from);
+            lost += fell * f64::from(environment.steps_left(index));
             let added =
                 [f64::from(step.reward[index]), velocity, yaw, ended, fell, ended * length, ended * sum];
             sums.iter_mut().zip(added).for_each(|(sum, added)| *sum += added);
@@ -126,7 +129,7 @@ fn rollout(
         steps.push(step);
     }
     let [reward, rest @ ..] = sums;
-    (steps, [vec![reward], environment.take_terms(), rest.to_vec(), vec![0.0]].concat())
+    (steps, [vec![reward], environment.take_terms(), rest.to_vec(), vec![0.0, lost]].concat())
 }
 
 /// Parameters of all robots in the physics' tiles.
@@ -215,6 +218,10 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
 
     let mut environment = Environment::new(task, Some(candidate), SEED, 0, ENVIRONMENTS).unwrap();
     environment.stagger();
+    // Half way, where commands grow.
+    let ranges = task.settings.command.ranges(0.5);
+    environment.set_command_ranges(ranges);
+    environment.draw_commands();
     let tiles = ENVIRONMENTS.div_ceil(period.layout().environments());
     let start = Packed::new(&scene, &snapshots(&mut environment, &[[0.0; 2]; ENVIRONMENTS]), tiles);
     let (steps, sums) = rollout(&mut environment, task, &mean, &log_std);
@@ -238,7 +245,7 @@ fn compare(label: &str, task: &Task, candidate: &Candidate) {
         ("returns", f(&start.returns)),
         ("mean", f(&mean)),
         ("parameters", f(&[vec![f32::NAN; NETWORKS], log_std].concat())),
-        ("control", w(&[FIRST, SEED as u32, (SEED >> 32) as u32])),
+        ("control", w(&control(FIRST, SEED, ranges))),
         ("tail_value", f(&tail_value)),
     ] {
         files.insert(name.to_owned(), bytes);
@@ -553,6 +560,9 @@ fn cxx_steps_with_written_rewards_are_the_cpus() {
         settings.rewards.insert(name.to_owned(), weight);
     }
     settings.rewards.insert("torque".to_owned(), -2e-4);
+    let (x, yaw) = (Some([0.0, 0.1]), Some([-0.2, 0.3]));
+    settings.command.curriculum =
+        Some(CurriculumSettings { x, y: None, yaw, tracking: None, step: 0.1, iterations: Some(5) });
     let task = Task::new(&model, &settings, Preset::Fast).unwrap();
     compare("written", &task, &Candidate::nominal(&model));
 }

@@ -2,6 +2,7 @@
 
 use std::sync::PoisonError;
 
+use crate::curriculum::Growth;
 use crate::ppo::Learner;
 use crate::task::{Snapshot, TaskError};
 use crate::training::{TILE, Training};
@@ -34,12 +35,17 @@ impl Training<'_> {
         all
     }
 
-    /// Goes on from environments and an iteration that were reached elsewhere; the learner takes its state by
+    /// Goes on from environments, an iteration and commands' growth that were reached elsewhere; the learner takes its state by
     /// [`Training::learner_mut`].
     ///
     /// # Errors
     /// Snapshots of another robot or number.
-    pub fn set_snapshots(&mut self, iteration: u32, snapshots: &[Snapshot]) -> Result<(), TaskError> {
+    pub fn set_snapshots(
+        &mut self,
+        iteration: u32,
+        growth: Growth,
+        snapshots: &[Snapshot],
+    ) -> Result<(), TaskError> {
         let mut left = snapshots.iter();
         for runner in &mut self.runners {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
@@ -54,6 +60,7 @@ impl Training<'_> {
             runner.environment.refresh();
         }
         self.iteration = iteration;
+        self.growth = growth;
         Ok(())
     }
 

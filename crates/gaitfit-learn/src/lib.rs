@@ -5,6 +5,7 @@
 
 mod checkpoint;
 pub mod collect;
+mod curriculum;
 pub mod evaluate;
 mod exchange;
 mod player;
@@ -15,6 +16,7 @@ mod tiles;
 mod training;
 
 pub use checkpoint::{CheckpointError, Origin};
+pub use curriculum::{Commands, Growth};
 pub use player::Player;
 pub use rollout::{Divergence, Runner, Tally};
 pub use training::{Iteration, Training, TrainingError, TrainingSettings, widths};

@@ -24,6 +24,8 @@ pub struct Tally {
     pub episode_return: f64,
     /// Levels of the ground that robots are on, over all control steps; 0 without levels.
     pub levels: f64,
+    /// Control steps that were left of episodes that ended by a fall.
+    pub lost_steps: f64,
 }
 
 impl Tally {
@@ -54,6 +56,7 @@ impl Tally {
         self.episode_steps += other.episode_steps;
         self.episode_return += other.episode_return;
         self.levels += other.levels;
+        self.lost_steps += other.lost_steps;
     }
 }
 
@@ -129,7 +132,9 @@ impl<'a> Runner<'a> {
                     Ended::Fall | Ended::Diverged => End::Terminated,
                 };
                 if ends[index] != End::No {
-                    tally.episode(std::mem::take(so_far), ended[index] == Ended::Fall);
+                    let fell = ended[index] == Ended::Fall;
+                    tally.episode(std::mem::take(so_far), fell);
+                    tally.lost_steps += if fell { f64::from(environment.steps_left(index)) } else { 0.0 };
                 }
             }
             recorder.end(learner, ends, |rows| environment.observe_critic(rows));

@@ -7,6 +7,7 @@ use gaitfit_model::shown;
 use gaitfit_sim::{Candidate, pool};
 use serde::{Deserialize, Serialize};
 
+use crate::curriculum::{self, Commands, Growth};
 use crate::ppo::{
     self, Diagnostics, Exploration, Learner, LearnerError, Recorder, Samples, SettingsError, UpdateError,
     Widths,
@@ -126,6 +127,8 @@ pub struct Iteration {
     pub tally: Tally,
     /// The update.
     pub diagnostics: Diagnostics,
+    /// Its commands, if they grow.
+    pub commands: Option<Commands>,
     /// Wall-clock time of the rollout, s.
     pub rollout_seconds: f64,
     /// Wall-clock time of the update, s.
@@ -141,6 +144,7 @@ pub struct Training<'a> {
     pub(crate) learner: Learner,
     pub(crate) runners: Vec<Mutex<Runner<'a>>>,
     pub(crate) iteration: u32,
+    pub(crate) growth: Growth,
 }
 
 /// Widths of a task's rows.
@@ -181,18 +185,22 @@ impl<'a> Training<'a> {
         seed: u64,
     ) -> Result<Self, TrainingError> {
         settings.check()?;
+        curriculum::check(task)?;
+        let growth = Growth::default();
         let TrainingSettings { environments, steps, .. } = *settings;
         let mut runners = Vec::new();
         for first in (0..environments).step_by(TILE) {
             let count = TILE.min(environments - first);
             let mut environment = Environment::among(task, candidates, seed, first as u32, count)?;
             environment.stagger();
+            environment.set_command_ranges(growth.ranges(task, 0));
+            environment.draw_commands();
             let samples = Samples::new(steps, count, widths(task));
             let recorder = Recorder::new(samples, Exploration::new(seed, first as u32));
             runners.push(Mutex::new(Runner::new(environment, recorder)));
         }
         let (settings, candidates) = (settings.clone(), candidates.to_vec());
-        Ok(Self { task, settings, candidates, seed, learner, runners, iteration: 0 })
+        Ok(Self { task, settings, candidates, seed, learner, runners, iteration: 0, growth })
     }
 
     /// A learner with new networks for a task.
@@ -290,6 +298,11 @@ impl<'a> Training<'a> {
         self.iteration
     }
 
+    /// How far its commands have grown; the default without a curriculum.
+    pub fn growth(&self) -> Growth {
+        self.growth
+    }
+
     /// Whether the policy has learnt anything: in the first `critic_warmup` iterations only the critic does.
     pub fn policy_trained(&self) -> bool {
         self.iteration > self.learner.settings().critic_warmup.unwrap_or(0)
@@ -310,6 +323,7 @@ impl<'a> Training<'a> {
         let begin = Instant::now();
         // Step 0 is the start of the very first episodes.
         let first_step = number * self.settings.steps as u32 + 1;
+        let ranges = self.growth.ranges(self.task, number);
         let divergences: Mutex<Vec<(usize, Divergence)>> = Mutex::new(Vec::new());
         pool::for_each(
             self.runners.len(),
@@ -317,6 +331,7 @@ impl<'a> Training<'a> {
             || (),
             |(), tile| {
                 let mut runner = self.runners[tile].lock().unwrap_or_else(PoisonError::into_inner);
+                runner.environment.set_command_ranges(ranges);
                 if let Err(divergence) = runner.rollout(&self.learner, first_step) {
                     divergences.lock().unwrap_or_else(PoisonError::into_inner).push((tile, divergence));
                 }
@@ -347,7 +362,8 @@ impl<'a> Training<'a> {
         }
         let diagnostics = updated.map_err(|error| TrainingError::Update { iteration: number, error })?;
         self.iteration += 1;
+        let commands = self.growth.take(self.task, number, self.settings.steps, &tally);
         let update_seconds = begin.elapsed().as_secs_f64();
-        Ok(Iteration { number, tally, diagnostics, rollout_seconds, update_seconds })
+        Ok(Iteration { number, tally, diagnostics, commands, rollout_seconds, update_seconds })
     }
 }

@@ -1,6 +1,9 @@
 //! Checkpoints: what is taken up again goes on with the same bits, and what does not fit is refused.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
+#[path = "checkpoint/curriculum.rs"]
+mod curriculum;
+
 use gaitfit_learn::task::{Kinds, Task, TaskSettings, TerrainKind, TerrainSettings};
 use gaitfit_learn::{CheckpointError, Origin, Tally, Training, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
@@ -9,16 +12,21 @@ use gaitfit_policy::weights;
 const SETTINGS: TrainingSettings = TrainingSettings { environments: 270, steps: 6, iterations: 5 };
 
 fn scene() -> Task {
-    scene_on(None)
+    scene_with(|_| ())
 }
 
 fn scene_on(terrain: Option<TerrainSettings>) -> Task {
+    scene_with(|task| task.terrain = terrain.clone())
+}
+
+fn scene_with(change: impl Fn(&mut TaskSettings)) -> Task {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2.xml");
     let model = gaitfit_model::read(path.as_ref(), &Default::default()).unwrap();
     // Episodes, commands and pushes shorter than the training, so that their clocks matter.
-    let mut task = TaskSettings { episode_seconds: 0.3, terrain, ..TaskSettings::default() };
+    let mut task = TaskSettings { episode_seconds: 0.3, ..TaskSettings::default() };
     task.command.seconds = 0.1;
     task.push.seconds = 0.2;
+    change(&mut task);
     Task::new(&model, &task, Preset::Fast).unwrap()
 }
 
@@ -52,14 +60,16 @@ fn handed_over_robot_by_robot_it_ends_with_the_same_bits() {
     let snapshots = whole.snapshots();
     assert_eq!(snapshots.len(), SETTINGS.environments);
     assert!(snapshots.iter().any(|one| one.robot.fresh) && snapshots.iter().any(|one| one.returns[1] > 2.0));
-    assert!(other.set_snapshots(2, &snapshots[1..]).unwrap_err().to_string().contains("fewer"));
-    other.set_snapshots(2, &snapshots).unwrap();
+    assert!(
+        other.set_snapshots(2, whole.growth(), &snapshots[1..]).unwrap_err().to_string().contains("fewer")
+    );
+    other.set_snapshots(2, whole.growth(), &snapshots).unwrap();
     assert_eq!(other.snapshots(), snapshots);
     assert_eq!(other.iterate(1).unwrap().tally, whole.iterate(2).unwrap().tally);
     assert!(policy(&other) == policy(&whole));
     let mut foreign = snapshots;
     foreign[7].robot.torque.pop();
-    assert!(other.set_snapshots(2, &foreign).is_err());
+    assert!(other.set_snapshots(2, whole.growth(), &foreign).is_err());
 }
 
 #[test]

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use gaitfit::device::Device;
+use gaitfit::finetune;
 use gaitfit::settings::{TrainConfig, load};
 use gaitfit::watch::Watch;
 use std::path::{Path, PathBuf};
@@ -78,13 +79,19 @@ fn an_own_reward_term_pays() {
     assert!(paid > 0.0 && paid <= 2.0, "{paid}");
 }
 
-/// The example of docs/training.md, in a training.
+/// The first block of TOML in a text.
+fn toml_block(text: &str) -> &str {
+    let (_, block) = text.split_once("```toml").unwrap();
+    block.split_once("```").unwrap().0
+}
+
+/// The examples of docs/training.md, in a training.
 #[test]
-fn documented_rewards_are_paid() {
+fn documented_rewards_are_paid_and_documented_commands_grow() {
     let text = std::fs::read_to_string(root().join("docs/training.md")).unwrap();
     let (_, section) = text.split_once("## Rewards").unwrap();
-    let (_, example) = section.split_once("```toml").unwrap();
-    let (example, _) = example.split_once("```").unwrap();
+    let (_, growth) = section.split_once("## Commands that grow").unwrap();
+    let example: String = [section, growth].map(toml_block).concat();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("mine.toml");
     std::fs::write(&path, format!("{example}\n[train]\nenvironments = 8\nsteps = 12\niterations = 2\n"))
@@ -92,11 +99,34 @@ fn documented_rewards_are_paid() {
     let runs = format!("runs={}", folder.path().display());
     let config: TrainConfig = load(Some(&path), &[runs]).unwrap();
     let setup = gaitfit::train::setup(&config, "own", None, 2, Device::Cpu).unwrap();
-    gaitfit::train::train(&setup, false, &Watch::silent()).unwrap();
+    let results = gaitfit::train::train(&setup, false, &Watch::silent()).unwrap();
+    let warned = results.warnings.iter().any(|warning| warning.contains("grew 0 % of the way"));
+    assert!(warned, "two iterations are not enough: {:?}", results.warnings);
     let run = std::fs::read_to_string(folder.path().join("own/seed-1/metrics.jsonl")).unwrap();
-    for term in ["crouch", "calf_effort", "high_steps", "torque"] {
+    for term in ["crouch", "calf_effort", "high_steps", "torque", "command_level", "command_tracking"] {
         assert!(run.contains(&format!("\"{term}\":")), "{term} is not in {run}");
     }
-    let policy = gaitfit_policy::read(&folder.path().join("own/seed-1/policy.safetensors")).unwrap();
-    assert!(policy.provenance.task.contains("calf_effort"), "the policy's file keeps its terms");
+    let policy = folder.path().join("own/seed-1/policy.safetensors");
+    let task = gaitfit_policy::read(&policy).unwrap().provenance.task;
+    assert!(
+        task.contains("calf_effort") && task.contains("curriculum"),
+        "the policy's file keeps its task: {task}"
+    );
+    // A fine-tuning is paid the same, and begins with the final commands unless it says otherwise.
+    let finetuned = |sets: &[&str]| {
+        let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+        let request = finetune::Request {
+            config: load(None, &sets).unwrap(),
+            path: None,
+            name: "f".to_owned(),
+            files: finetune::Files { policy: Some(policy.clone()), ..Default::default() },
+            task: None,
+            threads: None,
+            device: Device::Cpu,
+        };
+        let settings = finetune::setup(request).unwrap().scene.settings;
+        (settings.terms.len(), settings.command.curriculum.map(|curriculum| curriculum.iterations))
+    };
+    assert_eq!(finetuned(&[]), (3, None));
+    assert_eq!(finetuned(&["task.command.curriculum.iterations=7"]), (3, Some(Some(7))));
 }

@@ -19,7 +19,7 @@ mod trainer;
 
 pub use error::RolloutError;
 pub use packed::Packed;
-pub use plan::{Home, Plan};
+pub use plan::{Home, Plan, control};
 pub use run::Rollout;
 pub use scene::{Scene, Sizes};
 pub use trainer::{Breakdown, Trainer};

@@ -5,6 +5,7 @@ use super::text::program;
 use crate::emit::Class;
 use crate::ppo::{Array, Id, Kind, Launch, Value};
 use crate::runtime::{Program, Shape};
+use gaitfit_learn::task::Interval;
 
 /// Who has an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,10 +18,18 @@ pub enum Home {
     Learner,
 }
 
-/// Numbers in `control`: number of the first step, low and high word of the seed.
-pub(super) const CONTROL: usize = 3;
+/// Numbers in `control`; see [`control`].
+const CONTROL: usize = 15;
 /// Threads of a block: few, so that few environments are spread over the GPU.
 pub(super) const THREADS: u32 = 32;
+
+/// What kernels are told before a rollout: number of the first step, the seed, and the ranges of commands (forward, left,
+/// yaw rate).
+pub fn control(first_step: u32, seed: u64, ranges: [Interval; 3]) -> Vec<u32> {
+    let words = |number: u64| [number as u32, (number >> 32) as u32];
+    let ends = ranges.iter().flatten().flat_map(|end| words(end.to_bits()));
+    [first_step].into_iter().chain(words(seed)).chain(ends).collect()
+}
 
 /// Arrays and kernels of a rollout.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use gaitfit_learn::task::{Snapshot, Task, TaskError};
+use gaitfit_learn::task::{Interval, Snapshot, Task, TaskError};
 use gaitfit_sim::Candidate;
 
-use super::plan::{Home, Plan};
+use super::plan::{Home, Plan, control};
 use super::scene::{Scene, Sizes};
 use super::{Packed, RolloutError};
 use crate::emit::Class;
@@ -180,12 +180,18 @@ impl<'a> Rollout<'a> {
         Ok(packed.snapshots(&self.scene()?))
     }
 
-    /// Numbers the steps of the next rollout from `first_step`.
+    /// Numbers the steps of the next rollout from `first_step`, and draws its commands from `ranges`.
     ///
     /// # Errors
     /// A failure of the GPU.
-    pub fn number(&mut self, stream: &Stream, first_step: u32, seed: u64) -> Result<(), CudaError> {
-        self.write(stream, "control", &[first_step, seed as u32, (seed >> 32) as u32])
+    pub fn number(
+        &mut self,
+        stream: &Stream,
+        first_step: u32,
+        seed: u64,
+        ranges: [Interval; 3],
+    ) -> Result<(), CudaError> {
+        self.write(stream, "control", &control(first_step, seed, ranges))
     }
 
     /// Starts a whole rollout under the learner's policy; its samples are the learner's. It can be recorded in a graph.

@@ -144,8 +144,6 @@ impl Words {
         ] {
             self.define(name, format!("{value}u"));
         }
-        let ranges = [settings.command.x, settings.command.y, settings.command.yaw];
-        self.table("double", "COMMAND_RANGES", ranges.iter().flatten().map(|&x| double(x)).collect());
         self.table("float", "POSTURE", posture.iter().map(|&x| single(x)).collect());
         let words = |numbers: &[usize]| numbers.iter().map(ToString::to_string).collect();
         let feet: Vec<usize> = task.foot_geoms().iter().flat_map(|foot| foot.geoms.clone()).collect();

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use gaitfit_learn::ppo::Diagnostics;
-use gaitfit_learn::{Iteration, Tally, Training, TrainingError, TrainingSettings};
+use gaitfit_learn::{Growth, Iteration, Tally, Training, TrainingError, TrainingSettings};
 
 use super::RolloutError;
 use super::run::Rollout;
@@ -22,6 +22,7 @@ pub struct Trainer<'a> {
     terms: usize,
     seed: u64,
     iteration: u32,
+    growth: Growth,
 }
 
 /// Where the time of an iteration goes, s: each part of a rollout alone, all its steps, then the whole rollout and the
@@ -71,6 +72,7 @@ impl<'a> Trainer<'a> {
             terms: task.reward_names().len(),
             seed,
             iteration: 0,
+            growth: Growth::default(),
         };
         own.load(training)?;
         Ok(own)
@@ -84,6 +86,7 @@ impl<'a> Trainer<'a> {
         self.learner.load(training.learner())?;
         self.rollout.load(self.learner.stream(), &training.snapshots())?;
         self.iteration = training.iteration();
+        self.growth = training.growth();
         Ok(())
     }
 
@@ -94,7 +97,7 @@ impl<'a> Trainer<'a> {
     pub fn store(&self, training: &mut Training<'_>) -> Result<(), RolloutError> {
         self.learner.store(training.learner_mut())?;
         let snapshots = self.rollout.snapshots(self.learner.stream())?;
-        training.set_snapshots(self.iteration, &snapshots)?;
+        training.set_snapshots(self.iteration, self.growth, &snapshots)?;
         Ok(())
     }
 
@@ -132,7 +135,8 @@ impl<'a> Trainer<'a> {
         let begin = Instant::now();
         // Step 0 is the start of the very first episodes.
         let first_step = number * self.settings.steps as u32 + 1;
-        self.rollout.number(self.learner.stream(), first_step, self.seed)?;
+        let ranges = self.growth.ranges(self.rollout.task(), number);
+        self.rollout.number(self.learner.stream(), first_step, self.seed, ranges)?;
         self.launch()?;
         let totals = self.rollout.read_f64(self.learner.stream(), "totals")?;
         let tally = self.tally(&totals);
@@ -143,8 +147,9 @@ impl<'a> Trainer<'a> {
         let begin = Instant::now();
         let diagnostics = self.update(number)?;
         self.iteration += 1;
+        let commands = self.growth.take(self.rollout.task(), number, self.settings.steps, &tally);
         let update_seconds = begin.elapsed().as_secs_f64();
-        Ok(Iteration { number, tally, diagnostics, rollout_seconds, update_seconds })
+        Ok(Iteration { number, tally, diagnostics, commands, rollout_seconds, update_seconds })
     }
 
     /// Starts the rollout's graph.
@@ -180,6 +185,7 @@ impl<'a> Trainer<'a> {
             episode_steps: rest[4],
             episode_return: rest[5],
             levels: 0.0,
+            lost_steps: rest[7],
         }
     }
 
@@ -187,7 +193,7 @@ impl<'a> Trainer<'a> {
     fn diverged(&self) -> Result<TrainingError, RolloutError> {
         let environments = self.settings.environments;
         let all = self.rollout.read_f64(self.learner.stream(), "tally")?;
-        let steps = all[(self.terms + 7) * environments..].iter().enumerate();
+        let steps = all[(self.terms + 7) * environments..].iter().take(environments).enumerate();
         let diverged = steps.filter(|(_, step)| **step > 0.0);
         let (environment, step) =
             diverged.min_by(|a, b| a.1.total_cmp(b.1)).map_or((0, 1), |(e, &step)| (e, step as usize));

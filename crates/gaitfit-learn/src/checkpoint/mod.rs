@@ -8,7 +8,7 @@
 //! | `tile.N.returns` | F32 `environments × 2`: reward and steps since each episode began |
 //!
 //! The metadata has one entry, `gaitfit-checkpoint`: a JSON object with the file's checksum, format version, origin,
-//! instruction set, iteration, wall time and the learner's scalars.
+//! instruction set, iteration, wall time, the learner's scalars and, where commands grow, how far they have.
 
 mod checksum;
 #[cfg(test)]
@@ -21,6 +21,7 @@ use std::sync::PoisonError;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use serde::{Deserialize, Serialize};
 
+use crate::curriculum::Growth;
 use crate::ppo::{Scalars, StateError};
 use crate::task::{Saved, TaskError};
 use crate::training::Training;
@@ -55,6 +56,9 @@ struct Header {
     iteration: u32,
     wall_seconds: f64,
     learner: Scalars,
+    /// Of trainings whose commands grow.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    growth: Option<Growth>,
 }
 
 /// Why a checkpoint cannot be taken up; no message names the file, the caller does.
@@ -134,6 +138,7 @@ impl Training<'_> {
             iteration: self.iteration,
             wall_seconds,
             learner: self.learner.scalars(),
+            growth: self.task.settings.command.curriculum.as_ref().map(|_| self.growth),
         };
         let header = serde_json::to_string(&header).map_err(damaged)?;
         let views = tensors.iter().map(|(name, shape, dtype, bytes)| {
@@ -200,6 +205,11 @@ impl Training<'_> {
             runner.returns.as_flattened_mut().copy_from_slice(&returns);
         }
         self.iteration = header.iteration;
+        self.growth = header.growth.unwrap_or_default();
+        if self.growth.last > self.iteration {
+            let last = self.growth.last;
+            return Err(damaged(format!("its commands grew in iteration {last}, which it has not done")));
+        }
         Ok(header.wall_seconds)
     }
 }

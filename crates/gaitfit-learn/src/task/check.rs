@@ -4,7 +4,7 @@ use gaitfit_model::{shown, shown_number};
 use gaitfit_policy::{Interface, Quantity};
 
 use super::error::refuse;
-use super::{JointNumber, TaskError, TaskSettings};
+use super::{CommandSettings, JointNumber, TaskError, TaskSettings};
 
 /// Most feet of a robot.
 const MAX_FEET: usize = 8;
@@ -58,6 +58,44 @@ fn check_joint_numbers(settings: &TaskSettings) -> Result<(), TaskError> {
         }
     }
     Ok(())
+}
+
+/// Refuses a growth of commands that contradicts itself.
+fn check_curriculum(command: &CommandSettings) -> Result<(), TaskError> {
+    let Some(curriculum) = &command.curriculum else { return Ok(()) };
+    let share = |setting: &str, value: f64| {
+        if value > 0.0 && value <= 1.0 {
+            return Ok(());
+        }
+        let setting = format!("command.curriculum.{setting}");
+        refuse(&setting, format!("is {}; it must be above 0 and at most 1", shown_number(value)))
+    };
+    let (first, last) = (command.ranges(0.0), command.ranges(1.0));
+    for (k, name) in ["x", "y", "yaw"].into_iter().enumerate() {
+        let ([low, high], [least, most]) = (first[k], last[k]);
+        if !(low >= least && low <= high && high <= most) {
+            let what = format!(
+                "is [{}, {}]; it must be [smallest, largest] inside task.command.{name}, [{}, {}]",
+                shown_number(low),
+                shown_number(high),
+                shown_number(least),
+                shown_number(most)
+            );
+            return refuse(&format!("command.curriculum.{name}"), what);
+        }
+    }
+    match (curriculum.tracking, curriculum.iterations) {
+        (Some(tracking), None) => share("tracking", tracking)?,
+        (None, Some(0)) => {
+            return refuse("command.curriculum.iterations", "is 0; it must be at least 1".to_owned());
+        }
+        (None, Some(_)) => {}
+        _ => {
+            let what = "must have one of `tracking` and `iterations`, which say when the ranges grow";
+            return refuse("command.curriculum", what.to_owned());
+        }
+    }
+    share("step", curriculum.step)
 }
 
 /// Refuses numbers out of range, by setting.
@@ -147,6 +185,7 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
             );
         }
     }
+    check_curriculum(c)?;
     if r.delay[1] > LONGEST_DELAY {
         let what = format!("reaches {} s; it may be at most {LONGEST_DELAY} s", shown_number(r.delay[1]));
         return refuse("randomisation.delay", what);

@@ -11,7 +11,7 @@ use super::error::refuse;
 use super::feet::Foot;
 use super::start::start;
 use super::terrain::Way;
-use super::{Moment, Task, TaskError};
+use super::{Interval, Moment, Task, TaskError};
 
 /// Below this norm (m/s, rad/s) a command means standing.
 const STANDING: f32 = 0.1;
@@ -30,15 +30,6 @@ pub enum Ended {
     Diverged,
 }
 
-/// A tile's state for a checkpoint.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Saved {
-    /// Everything that is a real number.
-    pub numbers: Vec<f32>,
-    /// Steps since each environment's episode began.
-    pub steps: Vec<u32>,
-}
-
 /// One tile of robots at a task; rows are environments.
 ///
 /// Steps are numbered by the caller (one number a control period, never used twice): all draws are functions of
@@ -52,6 +43,8 @@ pub struct Environment<'a> {
     pub(super) motion: Motion,
     pub(super) steps: Vec<u32>,
     pub(super) command: Vec<[f32; 3]>,
+    /// What commands are drawn from.
+    ranges: [Interval; 3],
     pub(super) last_action: LastAction,
     /// Rows of the step before, of actor and critic.
     pub(super) past: [Past; 2],
@@ -127,6 +120,7 @@ impl<'a> Environment<'a> {
             motion: walker.batch.motion(count),
             steps: vec![0; count],
             command: vec![[0.0; 3]; count],
+            ranges: task.settings.command.ranges(1.0),
             last_action: LastAction::new(count, joints),
             past: [&walker.observation, &walker.critic_observation].map(|layout| Past::new(layout, count)),
             targets: vec![0.0; count * walker.default_pose.len()],
@@ -179,6 +173,28 @@ impl<'a> Environment<'a> {
         self.held_commands = true;
     }
 
+    /// Sets what commands are drawn from: forward, left, yaw rate. Those that robots have stay.
+    pub fn set_command_ranges(&mut self, ranges: [Interval; 3]) {
+        self.ranges = ranges;
+    }
+
+    /// Draws the commands of all environments, as at their start.
+    pub fn draw_commands(&mut self) {
+        for index in 0..self.count() {
+            self.command[index] = self.drawn(self.first + index as u32, 0);
+        }
+    }
+
+    /// The command that an environment gets at `step`.
+    fn drawn(&self, environment: u32, step: u32) -> [f32; 3] {
+        command(&self.ranges, self.task.settings.command.standing, self.seed, environment, step)
+    }
+
+    /// Steps that are left of the episode of environment `index`.
+    pub fn steps_left(&self, index: usize) -> u32 {
+        self.task.episode_steps().saturating_sub(self.steps[index])
+    }
+
     /// Spreads the episodes' ages evenly, so that time-outs do not come in waves.
     pub fn stagger(&mut self) {
         let length = self.task.episode_steps();
@@ -209,7 +225,7 @@ impl<'a> Environment<'a> {
         self.tile.place(index, &start(self.task, self.seed, number, step, place));
         self.steps[index] = 0;
         if !self.held_commands {
-            self.command[index] = command(&self.task.settings.command, self.seed, number, step);
+            self.command[index] = self.drawn(number, step);
         }
         self.last_action.begin(index);
         self.past.iter_mut().for_each(|past| past.begin(index));
@@ -245,7 +261,7 @@ impl<'a> Environment<'a> {
             for index in 0..self.count() {
                 if self.steps[index].is_multiple_of(period) {
                     let number = self.first + index as u32;
-                    self.command[index] = command(&task.settings.command, self.seed, number, step + 1);
+                    self.command[index] = self.drawn(number, step + 1);
                 }
             }
         }
@@ -391,58 +407,5 @@ impl<'a> Environment<'a> {
         let error = [velocity[0] - command[0], velocity[1] - command[1]];
         let linear = (error[0] * error[0] + error[1] * error[1]).sqrt();
         [linear, (self.yaw_rate(index) - command[2]).abs()]
-    }
-
-    /// Everything that changes from step to step.
-    pub fn save(&mut self) -> Saved {
-        let mut numbers = self.tile.save();
-        numbers.extend(self.command.iter().flatten());
-        numbers.extend(self.last_action.rows());
-        numbers.extend(self.feet.iter().flat_map(Foot::numbers));
-        numbers.extend(self.ways.iter().flat_map(Way::numbers));
-        numbers.extend(self.past.iter().flat_map(Past::numbers));
-        Saved { numbers, steps: self.steps.clone() }
-    }
-
-    /// Takes up a saved state of the same tile.
-    ///
-    /// # Errors
-    /// A state of another task, robot or batch.
-    pub fn restore(&mut self, saved: &Saved) -> Result<(), TaskError> {
-        let past: usize = self.past.iter().map(Past::size).sum();
-        let ways = 3 * self.ways.len();
-        let own = 3 * self.command.len() + self.last_action.rows().len() + 8 * self.feet.len() + ways + past;
-        let foreign = TaskError::Setting {
-            setting: "checkpoint".to_owned(),
-            what: "is of another task, robot or number of environments".to_owned(),
-        };
-        let Some(split) = saved.numbers.len().checked_sub(own) else { return Err(foreign) };
-        let longest = self.task.episode_steps();
-        if saved.steps.len() != self.steps.len() || saved.steps.iter().any(|&steps| steps > longest) {
-            return Err(foreign);
-        }
-        let (tile, rest) = saved.numbers.split_at(split);
-        self.tile.restore(tile)?;
-        let (commands, rest) = rest.split_at(3 * self.command.len());
-        for (command, saved) in self.command.iter_mut().zip(commands.chunks_exact(3)) {
-            command.copy_from_slice(saved);
-        }
-        let (actions, rest) = rest.split_at(self.last_action.rows().len());
-        self.last_action.take(actions);
-        let (feet, rest) = rest.split_at(8 * self.feet.len());
-        let (ways, past) = rest.split_at(ways);
-        if !self.restore_ways(ways) {
-            return Err(foreign);
-        }
-        let (actor, critic) = past.split_at(self.past[0].size());
-        self.past[0].restore(actor);
-        self.past[1].restore(critic);
-        for (foot, saved) in self.feet.iter_mut().zip(feet.as_chunks::<8>().0) {
-            *foot = Foot::from_numbers(saved);
-            foot.height -= self.task.walker.ground_under(foot.place);
-        }
-        self.steps.copy_from_slice(&saved.steps);
-        self.tile.observe(&mut self.motion);
-        Ok(())
     }
 }

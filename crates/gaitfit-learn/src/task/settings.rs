@@ -119,6 +119,51 @@ pub struct CommandSettings {
     pub seconds: f64,
     /// Share of commands that are zero.
     pub standing: f64,
+    /// How the ranges grow in a training; without it they are the same from the start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub curriculum: Option<CurriculumSettings>,
+}
+
+/// Commands of a training that begin in smaller ranges and grow to those of [`CommandSettings`]. One of `tracking` and
+/// `iterations` says when.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CurriculumSettings {
+    /// Forward at first, m/s; without it the final range.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub x: Option<Interval>,
+    /// To the left at first, m/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub y: Option<Interval>,
+    /// Yaw rate at first, rad/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub yaw: Option<Interval>,
+    /// Ranges grow by a step when the tracking rewards pass this share of their greatest value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tracking: Option<f64>,
+    /// Such a step, as a share of the way from the first ranges to the final ones.
+    #[serde(default = "tenth")]
+    pub step: f64,
+    /// Ranges grow evenly over so many iterations.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub iterations: Option<u32>,
+}
+
+impl CommandSettings {
+    /// The ranges at a share of the way from a curriculum's first to the final ones: forward, left, yaw rate.
+    pub fn ranges(&self, level: f64) -> [Interval; 3] {
+        let last = [self.x, self.y, self.yaw];
+        let Some(curriculum) = self.curriculum.as_ref().filter(|_| level < 1.0) else { return last };
+        let first = [curriculum.x, curriculum.y, curriculum.yaw];
+        std::array::from_fn(|k| {
+            let first = first[k].unwrap_or(last[k]);
+            std::array::from_fn(|end| first[end] + level * (last[k][end] - first[end]))
+        })
+    }
+}
+
+fn tenth() -> f64 {
+    0.1
 }
 
 /// How an episode starts: at rest in a pose, plus uniform deviations.

@@ -252,6 +252,8 @@ fn task(arguments: &WorldSettings, policy: &Policy, changes: &mut Table) -> Resu
     let own = policy.interface.control_dt;
     let mut settings = world::task(arguments, policy).map_err(|error| error.to_string())?;
     settings.control_dt = own;
+    // The policy knows the final commands: it begins with them, unless [task] says otherwise.
+    settings.command.curriculum = None;
     let whole = Table::try_from(&settings).map_err(|error| error.to_string())?;
     let mut whole = changed(whole, changes);
     let settings: TaskSettings = whole

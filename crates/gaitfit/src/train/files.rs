@@ -88,6 +88,20 @@ pub struct Trained {
     pub shown: Shown,
 }
 
+/// Share of the way from the first commands to the final ones below which a warning says so.
+const NEARLY_ALL: f64 = 0.95;
+
+/// That a seed's commands did not grow to the end.
+fn small_commands(seed: &Trained) -> Option<String> {
+    let level = seed.metrics.last()?.command_level.filter(|level| *level < NEARLY_ALL)?;
+    Some(format!(
+        "seed {}: its commands grew {:.0} % of the way to task.command's ranges; it has not learnt the rest. Train \
+         longer, or let them grow sooner (task.command.curriculum)",
+        seed.result.seed,
+        100.0 * level
+    ))
+}
+
 /// Shows the policies and writes the page.
 pub fn results(folder: &RunFolder, setup: &Setup, watch: &Watch<'_>) -> Result<Results, Error> {
     let plan = &setup.plan;
@@ -97,7 +111,7 @@ pub fn results(folder: &RunFolder, setup: &Setup, watch: &Watch<'_>) -> Result<R
     }
     let results = Results {
         trained: plan.trains(),
-        warnings: plan.untrained().into_iter().collect(),
+        warnings: plan.untrained().into_iter().chain(trained.iter().filter_map(small_commands)).collect(),
         name: folder.name(),
         robot: setup.model.name.clone(),
         task: plan.task.clone(),

@@ -34,6 +34,12 @@ pub struct Metric {
     pub terrain_level: Option<f64>,
     /// Reward terms, weighted, a second.
     pub rewards: IndexMap<String, f64>,
+    /// Share of the way from the first ranges of commands to the final ones; absent unless they grow.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command_level: Option<f64>,
+    /// Share of their greatest value that the tracking rewards came to, of growing commands.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command_tracking: Option<f64>,
     /// The update.
     #[serde(flatten)]
     pub ppo: Diagnostics,
@@ -75,6 +81,8 @@ impl Metric {
             angular_velocity_error: tally.tracking[1] / tally.steps,
             terrain_level: scene.course.is_some().then(|| tally.levels / tally.steps),
             rewards: terms.map(|(name, sum)| ((*name).to_owned(), sum / tally.steps / dt)).collect(),
+            command_level: iteration.commands.map(|commands| commands.level),
+            command_tracking: iteration.commands.and_then(|commands| commands.tracking),
             ppo: iteration.diagnostics,
             times: Times {
                 rollout_seconds: iteration.rollout_seconds,
@@ -96,12 +104,14 @@ impl Metric {
     pub fn scalars(&self) -> Vec<(String, f64)> {
         let mut scalars = vec![("train/reward".to_owned(), self.reward)];
         let mut add = |tag: String, value: f64| scalars.push((tag, value));
-        let episodes = [
+        let known = [
             ("episode_return", self.episode_return),
             ("episode_seconds", self.episode_seconds),
             ("fall_rate", self.fall_rate),
+            ("command_level", self.command_level),
+            ("command_tracking", self.command_tracking),
         ];
-        episodes.iter().filter_map(|(name, value)| Some((name, (*value)?))).for_each(|(name, value)| {
+        known.iter().filter_map(|(name, value)| Some((name, (*value)?))).for_each(|(name, value)| {
             add(format!("train/{name}"), value);
         });
         add("train/linear_velocity_error".to_owned(), self.linear_velocity_error);

@@ -77,6 +77,11 @@ pub fn curve(outcome: &SeedResult, metrics: &[Metric]) -> SeedCurve {
     if metrics.iter().any(|metric| metric.terrain_level.is_some()) {
         progress.push(series("mean level of the ground", "", &|metric| unknown(metric.terrain_level)));
     }
+    if metrics.iter().any(|metric| metric.command_level.is_some()) {
+        progress.push(series("commands", "share of the way to the final ranges", &|metric| {
+            unknown(metric.command_level)
+        }));
+    }
     let names = metrics.first().map(|metric| metric.rewards.keys().cloned().collect::<Vec<_>>());
     let rewards = names.unwrap_or_default().into_iter().map(|name| {
         series(&name.replace('_', " "), "1/s", &|metric| unknown(metric.rewards.get(&name).copied()))

@@ -4,7 +4,8 @@
 enum { TORQUE_DRAWS = 3, COMMAND_DRAWS = 5, RESET_DRAWS = 6, NOISE_DRAWS = 8, EXPLORATION_DRAWS = 9, PUSH_DRAWS = 13 };
 
 // Numbers in `control`, which the host writes before a rollout.
-enum { FIRST_STEP, SEED_LOW, SEED_HIGH, CONTROL_SIZE };
+// COMMAND_RANGES: the ends of the commands' ranges as doubles, low words first.
+enum { FIRST_STEP, SEED_LOW, SEED_HIGH, COMMAND_RANGES, CONTROL_SIZE = COMMAND_RANGES + 12 };
 
 struct Draws {
     u32 seed_low, seed_high, purpose, environment, step;

@@ -1,11 +1,17 @@
 // How an episode starts: the command, and the robot at rest in a pose plus uniform deviations, on the ground.
 
+// An end of the commands' ranges: low and high of forward, left, yaw rate.
+DEVICE double command_end(const u32* control, int end) {
+    const u32* words = control + COMMAND_RANGES + 2 * end;
+    return double_of_bits(((u64)words[1] << 32) | words[0]);
+}
+
 DEVICE void draw_command(const u32* control, u32 e, u32 step, float* command) {
     Draws draws = draws_of(control, COMMAND_DRAWS, e, step);
     bool standing = uniform(draws, 3) < COMMAND_STANDING;
     for (int k = 0; k < 3; k++)
         command[k * ENVIRONMENTS + e] =
-            standing ? 0.0f : (float)within(draws, k, COMMAND_RANGES[2 * k], COMMAND_RANGES[2 * k + 1]);
+            standing ? 0.0f : (float)within(draws, k, command_end(control, 2 * k), command_end(control, 2 * k + 1));
 }
 
 struct Quat {

@@ -1,7 +1,7 @@
 // After a control period: feet, rewards, ends of episodes, new commands and new episodes.
 
 // Sums of a rollout, of each environment: reward, reward terms, then these.
-enum { VELOCITY_ERROR = 1 + REWARDS, YAW_ERROR, EPISODES, FALLS, EPISODE_STEPS, EPISODE_RETURN, DIVERGED, TALLIES };
+enum { VELOCITY_ERROR = 1 + REWARDS, YAW_ERROR, EPISODES, FALLS, EPISODE_STEPS, EPISODE_RETURN, DIVERGED, LOST_STEPS, TALLIES };
 #define TALLY(k) tally[(k) * ENVIRONMENTS + e]
 #define FOOT(k, number) feet[(FOOT_SIZE * (k) + (number)) * ENVIRONMENTS + e]
 
@@ -114,6 +114,7 @@ DEVICE bool finish_step(
     if (ended != GOES_ON) {
         TALLY(EPISODES) += 1.0;
         TALLY(FALLS) += ended == FALL ? 1.0 : 0.0;
+        if (ended == FALL && age < EPISODE_STEPS_MOST) TALLY(LOST_STEPS) += (double)(EPISODE_STEPS_MOST - age);
         TALLY(EPISODE_STEPS) += (double)length;
         TALLY(EPISODE_RETURN) += (double)sum;
         sum = length = 0.0f;

@@ -1,0 +1,71 @@
+//! A tile's state for checkpoints.
+
+use gaitfit_policy::observation::Past;
+
+use super::feet::Foot;
+use super::terrain::Way;
+use super::{Environment, TaskError};
+
+/// A tile's state for a checkpoint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Saved {
+    /// Everything that is a real number.
+    pub numbers: Vec<f32>,
+    /// Steps since each environment's episode began.
+    pub steps: Vec<u32>,
+}
+
+impl Environment<'_> {
+    /// Everything that changes from step to step.
+    pub fn save(&mut self) -> Saved {
+        let mut numbers = self.tile.save();
+        numbers.extend(self.command.iter().flatten());
+        numbers.extend(self.last_action.rows());
+        numbers.extend(self.feet.iter().flat_map(Foot::numbers));
+        numbers.extend(self.ways.iter().flat_map(Way::numbers));
+        numbers.extend(self.past.iter().flat_map(Past::numbers));
+        Saved { numbers, steps: self.steps.clone() }
+    }
+
+    /// Takes up a saved state of the same tile.
+    ///
+    /// # Errors
+    /// A state of another task, robot or batch.
+    pub fn restore(&mut self, saved: &Saved) -> Result<(), TaskError> {
+        let past: usize = self.past.iter().map(Past::size).sum();
+        let ways = 3 * self.ways.len();
+        let own = 3 * self.command.len() + self.last_action.rows().len() + 8 * self.feet.len() + ways + past;
+        let foreign = TaskError::Setting {
+            setting: "checkpoint".to_owned(),
+            what: "is of another task, robot or number of environments".to_owned(),
+        };
+        let Some(split) = saved.numbers.len().checked_sub(own) else { return Err(foreign) };
+        let longest = self.task.episode_steps();
+        if saved.steps.len() != self.steps.len() || saved.steps.iter().any(|&steps| steps > longest) {
+            return Err(foreign);
+        }
+        let (tile, rest) = saved.numbers.split_at(split);
+        self.tile.restore(tile)?;
+        let (commands, rest) = rest.split_at(3 * self.command.len());
+        for (command, saved) in self.command.iter_mut().zip(commands.chunks_exact(3)) {
+            command.copy_from_slice(saved);
+        }
+        let (actions, rest) = rest.split_at(self.last_action.rows().len());
+        self.last_action.take(actions);
+        let (feet, rest) = rest.split_at(8 * self.feet.len());
+        let (ways, past) = rest.split_at(ways);
+        if !self.restore_ways(ways) {
+            return Err(foreign);
+        }
+        let (actor, critic) = past.split_at(self.past[0].size());
+        self.past[0].restore(actor);
+        self.past[1].restore(critic);
+        for (foot, saved) in self.feet.iter_mut().zip(feet.as_chunks::<8>().0) {
+            *foot = Foot::from_numbers(saved);
+            foot.height -= self.task.walker.ground_under(foot.place);
+        }
+        self.steps.copy_from_slice(&saved.steps);
+        self.tile.observe(&mut self.motion);
+        Ok(())
+    }
+}
