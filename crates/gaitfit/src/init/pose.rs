@@ -10,6 +10,8 @@ const STANDING: [&str; 5] = ["home", "stand", "standing", "default", "knees_bent
 /// Share of the straight leg's length that is between hip and foot: bent legs of four, nearly straight ones of two.
 const BENT: f64 = 0.8;
 const NEARLY_STRAIGHT: f64 = 0.95;
+/// Sine of the angle at the knee from which a leg counts as bent as the file draws it.
+const DRAWN_BENT: f64 = 0.1;
 /// Steps of the search for a leg's angles.
 const STEPS: usize = 400;
 
@@ -71,7 +73,9 @@ pub fn standing(model: &Model, start: Pose, anatomy: &Anatomy) -> Pose {
     Pose { angles, keyframe: None }
 }
 
-/// Bends a leg in the vertical plane. Knees point backward on four legs and forward on two, where their range lets them.
+/// Bends a leg in the vertical plane. A leg that is bent as the file draws it is bent more, to the same side: so front and
+/// hind knees may point to each other. Other knees point backward on four legs and forward on two, where their range lets
+/// them.
 fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64]) {
     let rest = body_frames(model, &Frame::WORLD, angles);
     let axis = |joint: usize| {
@@ -117,6 +121,8 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
         let frames = body_frames(model, &Frame::WORLD, angles);
         anchor(pitch[1], &frames)[0] - anchor(hip, &frames)[0]
     };
+    let drawn = knee_forward(anchor(hip, &rest), anchor(pitch[1], &rest), target(&rest));
+    let forward = drawn.unwrap_or(forward);
     let mut best: Option<(f64, Vec<f64>)> = None;
     for sign in [1.0, -1.0] {
         let mut found = angles.to_vec();
@@ -134,6 +140,14 @@ fn bend(model: &Model, leg: &Leg, share: f64, forward: bool, angles: &mut [f64])
     if let Some((_, found)) = best {
         angles.copy_from_slice(&found);
     }
+}
+
+/// Whether the knee lies before the line from hip to foot; `None` if the leg is nearly straight. World axes, m.
+fn knee_forward(hip: [f64; 3], knee: [f64; 3], foot: [f64; 3]) -> Option<bool> {
+    let (thigh, shank) = (sub(knee, hip), sub(foot, knee));
+    let length = (dot(thigh, thigh) * dot(shank, shank)).sqrt();
+    let sine = (thigh[0] * shank[2] - thigh[2] * shank[0]) / length;
+    (sine.abs() > DRAWN_BENT).then_some(sine < 0.0)
 }
 
 /// Search along the joints, one after the other, with steps that grow where they help and shrink where they do not.
@@ -158,4 +172,19 @@ fn descend(model: &Model, joints: &[usize], angles: &mut [f64], cost: impl Fn(&[
         }
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn legs_bend_to_the_side_to_which_they_are_drawn() {
+        // Thigh straight down, shank turned by 0.25 rad: the foot ahead of the knee, behind it, and a straight leg.
+        let (hip, knee) = ([0.0, 0.0, 0.6], [0.0, 0.1, 0.3]);
+        assert_eq!(knee_forward(hip, knee, [0.08, 0.1, 0.0]), Some(false));
+        assert_eq!(knee_forward(hip, knee, [-0.08, 0.1, 0.0]), Some(true));
+        assert_eq!(knee_forward(hip, knee, [0.01, 0.1, 0.0]), None);
+        assert_eq!(knee_forward(hip, hip, hip), None);
+    }
 }
