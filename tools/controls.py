@@ -2,31 +2,41 @@
 is measured beside policies trained without logs and beside one trained with the robot's own numbers.
 
 A robot is a file of examples/go2-ground or experiments/robots; every seed records other logs, trains anew and measures with other
-commands. Each loop is kept; the same command goes on where it was stopped.
+commands. Each loop is kept; the same command goes on where it was stopped. Robots that are no Go2 get a task by `gaitfit init`,
+and a π₀ trained by `gaitfit train` as it comes.
 
 Usage: .venv/bin/python tools/controls.py [--robots demo,payload,late] [--seeds 5] [--out runs/controls] [--device cuda]
 """
 
 import argparse
+import collections
 import concurrent.futures
+import fnmatch
 import json
 import pathlib
 import subprocess
 import sys
+import threading
 import tomllib
 
 import mujoco
 import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-# A robot, and the policy that walks on it.
+UNITREE = {group: f"*_{group}_joint" for group in ("hip", "thigh", "calf")}
+SPOT = {"hip": "*_hx", "thigh": "*_hy", "calf": "*_kn"}
+# A robot, the policy of assets/ that walks on it or none, its joint groups, the friction loss, N·m, and armature, kg·m², that
+# fits may find, and those that randomised trainings add to the file's.
 ROBOTS = {
-    "demo": ("examples/go2-ground/robot.toml", "go2-walk"),
-    "payload": ("experiments/robots/payload.toml", "go2-walk"),
-    "late": ("experiments/robots/late.toml", "go2-walk"),
-    "biped": ("experiments/robots/biped.toml", "go2-biped"),
+    "demo": ("examples/go2-ground/robot.toml", "go2-walk", UNITREE, (0.5, 0.2), (0.4, 0.06)),
+    "payload": ("experiments/robots/payload.toml", "go2-walk", UNITREE, (0.5, 0.2), (0.4, 0.06)),
+    "late": ("experiments/robots/late.toml", "go2-walk", UNITREE, (0.5, 0.2), (0.4, 0.06)),
+    "biped": ("experiments/robots/biped.toml", "go2-biped", UNITREE, (0.5, 0.2), (0.4, 0.06)),
+    "go1": ("experiments/robots/go1.toml", None, UNITREE, (3.0, 0.2), (0.4, 0.06)),
+    "spot": ("experiments/robots/spot.toml", None, SPOT, (4.0, 0.5), (1.6, 0.15)),
 }
-LEGS, GROUPS = ("FL", "FR", "RL", "RR"), ("hip", "thigh", "calf")
+# One training at a time of each robot's first policy.
+TRAINING = collections.defaultdict(threading.Lock)
 STEP = 0.005  # s, of trainings
 BEFORE, AFTER = "π₀", "π₁"
 # Columns of the table.
@@ -36,22 +46,32 @@ POLICIES = {
 }  # fmt: skip
 
 
-def truth(robot):
+def model_of(name):
+    """The path of a robot's model file, and what its own file says."""
+    path = ROOT / ROBOTS[name][0]
+    robot = tomllib.loads(path.read_text(encoding="utf-8"))
+    return (path.parent / robot["model"]).resolve(), robot
+
+
+def truth(name):
     """The robot's numbers as a theta.toml: what of them a simulator with rigid links and PD motors has."""
-    model = mujoco.MjModel.from_xml_path(str(ROOT / "assets/go2.xml"))
-    text = 'format = 2\nrobot = "go2"\ncost_name = "truth"\ncost = 0.0\n'
+    path, robot = model_of(name)
+    spec = mujoco.MjSpec.from_file(str(path))
+    hinges = [joint.name for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_HINGE]
+    groups = {group: fnmatch.filter(hinges, pattern) for group, pattern in ROBOTS[name][2].items()}
+    text = f'format = 2\nrobot = "{spec.modelname}"\ncost_name = "truth"\ncost = 0.0\n'
 
     def add(name, kind, value, unit, joints=()):
         nonlocal text
         text += f'[[parameter]]\nname = "{name}"\nkind = "{kind}"\njoints = {json.dumps(list(joints))}\n'
         text += f'value = {float(value)!r}\nunit = "{unit}"\n'
 
-    named = lambda groups: [f"{leg}_{group}_joint" for leg in LEGS for group in groups]
     for kind, unit in (("frictionloss", "N·m"), ("armature", "kg·m²")):
-        for group in GROUPS:
-            add(f"{kind}_{group}", kind, robot.get(kind, {}).get(f"*_{group}_joint", 0.0), unit, named([group]))
-    add("delay", "delay", robot.get("delay", 0.0), "s", named(GROUPS))
-    add("torque_scale", "torque_scale", robot.get("strength", 1.0), "-", named(GROUPS))
+        for group, pattern in ROBOTS[name][2].items():
+            add(f"{kind}_{group}", kind, robot.get(kind, {}).get(pattern, 0.0), unit, groups[group])
+    every = sum(groups.values(), [])
+    add("delay", "delay", robot.get("delay", 0.0), "s", every)
+    add("torque_scale", "torque_scale", robot.get("strength", 1.0), "-", every)
     for spring in robot.get("spring", []):
         stiffness = spring["stiffness"]
         add("stiffness", "stiffness", stiffness, "N·m/rad", [spring["joint"]])
@@ -60,26 +80,49 @@ def truth(robot):
     add("payload_mass", "payload_mass", load.get("mass", 0.0), "kg")
     for axis in "xyz":
         add(f"payload_{axis}", f"payload_{axis}", load.get(axis, 0.0), "m")
-    foot = model.geom("FL_foot").friction[0]
-    add("floor_friction", "floor_friction", robot.get("friction", foot) / foot, "-")
+    ratio = robot["friction"] / spec.geom("FL_foot").friction[0] if "friction" in robot else 1.0
+    add("floor_friction", "floor_friction", ratio, "-")
     return text
 
 
+def first_policy(args, name):
+    """The policy that walks on the robot: one of assets/, or one trained on the robot's file as it is."""
+    if ROBOTS[name][1] is not None:
+        return ROOT / f"assets/{ROBOTS[name][1]}.safetensors"
+    with TRAINING[name]:
+        task, run = args.out / f"{name}-walk.toml", f"{name}-walk"
+        if not task.exists():
+            program(args, "init", model_of(name)[0], "--out", task)
+        if not (args.out / run / "report.html").exists():
+            more = ["--resume"] if (args.out / run).exists() else []
+            words = ["--name", run, "--device", args.device, "--set", f"runs={args.out}", "--threads", args.threads]
+            program(args, "train", task, *words, *more)
+    return args.out / run / "seed-1/policy.safetensors"
+
+
+def program(args, *words):
+    done = subprocess.run([str(word) for word in (args.gaitfit, *words)], cwd=ROOT, capture_output=True, text=True)
+    if done.returncode != 0:
+        sys.exit(f"{' '.join(map(str, words))}\n{done.stderr[-3000:]}")
+
+
 def config(args, name, seed):
-    file, policy = ROBOTS[name]
+    file, policy, groups, bounds, drawn = ROBOTS[name]
     path = ROOT / file
-    robot = tomllib.loads(path.read_text(encoding="utf-8"))
+    model, robot = model_of(name)
     numbers = args.out / f"{name}-truth.toml"
-    numbers.write_text(truth(robot), encoding="utf-8")
+    numbers.write_text(truth(name), encoding="utf-8")
     # Independent torques at every step of 1 ms act like smaller ones held for 5 ms.
     noise = robot.get("torque_noise", 0.0) * (robot.get("timestep", 0.001) / STEP) ** 0.5
     words = lambda verb, *more: json.dumps(
         [sys.executable, "tools/mujoco_robot.py", verb, "--policy", "{onnx}", "--robot", str(path), "--trajectories",
          "{trajectories}", "--seconds", "{seconds}", "--seed", "{seed}", "--processes", str(args.threads), *more]
     )  # fmt: skip
+    patterns = "".join(f'{group} = ["{pattern}"]\n' for group, pattern in groups.items())
     widths = "tracking_width = 0.25\nyaw_tracking_width = 0.25\n" if policy == "go2-walk" else ""
     return f"""
-policy = "assets/{policy}.safetensors"
+policy = {json.dumps(str(first_policy(args, name)))}
+robot = {json.dumps("" if policy else str(model))}
 runs = {json.dumps(str(args.out))}
 [target]
 kind = "command"
@@ -90,10 +133,13 @@ evaluate = {words("evaluate", "--json", "--drift", "{drift}", "--drift-speeds", 
 [adapt]
 costs = ["matchr1"]
 odd_joints = true
-[[adapt.parameter]]
+[adapt.groups]
+{patterns}[[adapt.parameter]]
 kind = "frictionloss"
+upper = {bounds[0]}
 [[adapt.parameter]]
 kind = "armature"
+upper = {bounds[1]}
 [[adapt.parameter]]
 kind = "delay"
 per = "all"
@@ -125,6 +171,8 @@ iterations = {args.iterations}
 {widths}[controls]
 nominal = true
 randomised = true
+frictionloss = [0.0, {drawn[0]}]
+armature = [0.0, {drawn[1]}]
 draws = true
 truth = {{ theta = {json.dumps(str(numbers))}, torque_noise = {noise} }}
 [evaluate]
@@ -186,7 +234,7 @@ def table(results):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--robots", default=",".join(ROBOTS), help="[all]: " + ", ".join(ROBOTS))
+    parser.add_argument("--robots", default="demo,payload,late,biped", help="[demo,payload,late,biped] of " + ", ".join(ROBOTS))
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--logs", type=int, default=64, help="logs of 4 s [64]")
     parser.add_argument("--iterations", type=int, default=160, help="of a training [160]")

@@ -122,6 +122,18 @@ def by_joint(patterns, names, what):
     return found
 
 
+def load(path):
+    """The model of a file; one without a plane gets a floor."""
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise Refused(f"{path}: {error}") from None
+    if not any(geom.type == mujoco.mjtGeom.mjGEOM_PLANE for geom in spec.geoms):
+        print(f"note: {path} has no floor; it gets the plane z = 0", file=sys.stderr)
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05])
+    return spec
+
+
 def name_geoms(spec):
     """Gives geoms without a name the one that gaitfit gives them: their number in the file, bodies depth first."""
     taken = {geom.name for geom in spec.geoms}
@@ -154,10 +166,8 @@ class Robot:
     """
 
     def __init__(self, world, policy):
-        try:
-            spec = mujoco.MjSpec.from_file(str(world.model))
-        except ValueError as error:
-            raise Refused(f"{world.model}: {error}") from None
+        spec = load(world.model)
+        name_geoms(spec)
         if spec.modelname != policy.interface["robot"]:
             print(f"note: the policy is for robot {policy.interface['robot']}, {world.model} is {spec.modelname}", file=sys.stderr)
         hinges = {joint.name: joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_HINGE}
@@ -184,10 +194,11 @@ class Robot:
             for geom in spec.geoms:
                 ground = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
                 geom.contype, geom.conaffinity = (1, 0) if ground else (0, int(bool(geom.contype or geom.conaffinity)))
-        name_geoms(spec)
         undecorate(spec)
         self.model = model = spec.compile()
         model.opt.timestep = world.timestep
+        # Files made for MJX ask for one step of the solver, which leaves friction far from what it should be.
+        model.opt.iterations, model.opt.ls_iterations, model.opt.tolerance = 100, 50, 1e-12
         if world.friction is not None:
             model.geom_friction[:, 0] = world.friction
         self._find_joints(policy, world)

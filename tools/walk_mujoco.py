@@ -15,14 +15,14 @@ import sys
 import mujoco
 import numpy as np
 
-from mujoco_sim import GO2, Policy, Refused, World, check, random_commands, show, trials
+from mujoco_sim import GO2, Policy, Refused, World, check, load, random_commands, show, trials
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policy", type=pathlib.Path, help="ONNX file written by gaitfit")
     parser.add_argument("--model", type=pathlib.Path, default=GO2)
-    parser.add_argument("--timestep", type=float, default=0.005, help="physics step, s [0.005]")
+    parser.add_argument("--timestep", type=float, help="physics step, s [the model file's, at most 0.005]")
     parser.add_argument("--trajectories", type=int, default=200)
     parser.add_argument("--seconds", type=float, default=4.0)
     parser.add_argument("--skip", type=float, default=0.0, help="seconds at the start that do not count [0]")
@@ -43,6 +43,8 @@ def main():
     args = parser.parse_args()
     if args.fixed and args.command is None:
         parser.error("--fixed needs --command")
+    if args.timestep is None:
+        args.timestep = min(load(args.model).option.timestep, 0.005)
     if min(args.trajectories, args.processes) < 1 or args.seconds <= 0:
         parser.error("--trajectories, --processes and --seconds must be positive")
 
