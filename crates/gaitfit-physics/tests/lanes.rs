@@ -21,6 +21,11 @@ macro_rules! each_isa {
     };
 }
 
+#[path = "lanes/derivatives.rs"]
+mod derivatives;
+#[path = "lanes/operations.rs"]
+mod operations;
+
 /// Environments of one test: states (as flat lists, already rounded to single precision), parameters, targets.
 struct Cases {
     states: Vec<Vec<f64>>,

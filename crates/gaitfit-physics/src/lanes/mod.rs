@@ -25,7 +25,7 @@ pub use portable::Portable;
 #[cfg(target_arch = "x86_64")]
 pub use sse2::F32x4 as Portable;
 
-use crate::{Params, Period, Real};
+use crate::{Dual, Params, Period, Real, control_period};
 
 /// Most lanes of any instruction set.
 pub const WIDEST: usize = 16;
@@ -40,6 +40,24 @@ pub trait Lanes: Real<K = f32, Guard = bool> + Send + Sync + 'static {
     fn store(self, x: &mut [f32]);
     /// [`crate::control_period`] compiled for the lanes' instruction set.
     fn control_period(period: &mut Period<'_, Self>);
+}
+
+/// Lanes with derivatives are compiled once, for what every machine has: a vector of them for each set would double the
+/// time that this crate takes to compile. Values are loaded and stored; a loaded number does not change along the
+/// direction.
+impl Lanes for Dual<Portable> {
+    const LANES: usize = Portable::LANES;
+    #[inline(always)]
+    fn load(x: &[f32]) -> Self {
+        Self { value: Portable::load(x), tangent: Portable::load(&[0.0; WIDEST]) }
+    }
+    #[inline(always)]
+    fn store(self, x: &mut [f32]) {
+        self.value.store(x);
+    }
+    fn control_period(period: &mut Period<'_, Self>) {
+        control_period(period);
+    }
 }
 
 impl<T: Lanes> Params<T> {
