@@ -17,5 +17,5 @@ pub use candidate::{Candidate, JointNetworks, NetworkKind};
 pub use engine::{Cpu, Engine};
 pub use error::SimError;
 pub use motion::{Motion, Start};
-pub use replay::{JointSignals, Recording, Replay, ReplayOptions};
+pub use replay::{Direction, JointSignals, Recording, Replay, ReplayOptions};
 pub use tile::{RobotState, Robots, Tile};

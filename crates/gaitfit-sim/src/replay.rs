@@ -2,7 +2,7 @@
 
 use gaitfit_isa::selected;
 use gaitfit_model::{Cone, Model};
-use gaitfit_physics::{Damping, Isa, Preset, Settings, Tree, compile, delay_taps};
+use gaitfit_physics::{Damping, Isa, Preset, Robot, Settings, Tree, compile, delay_taps};
 
 use crate::SimError;
 
@@ -50,6 +50,20 @@ pub struct JointSignals {
     pub position: Vec<f32>,
     /// Joint velocities, rad/s.
     pub velocity: Vec<f32>,
+}
+
+/// A robot and a direction in which it changes, given by two robots close to it: on its two sides, or it and one beside.
+/// Their numbers, not their simulations, are taken for the rate at which the robot changes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Direction {
+    /// The robot.
+    pub robot: Robot,
+    /// A robot further along.
+    pub ahead: Robot,
+    /// A robot before.
+    pub behind: Robot,
+    /// How far `ahead` is from `behind`, in the unit of the direction.
+    pub distance: f64,
 }
 
 /// Most samples of one recording.

@@ -8,6 +8,9 @@ use gaitfit_model::{Model, ReadOptions, Root, read};
 use gaitfit_physics::{Isa, Preset, Robot};
 use gaitfit_sim::{Cpu, Engine, JointSignals, Recording, Replay, ReplayOptions, SimError};
 
+#[path = "replay/along.rs"]
+mod along;
+
 /// One thread of the processor.
 const CPU: Cpu = Cpu { threads: 1 };
 

@@ -11,7 +11,7 @@ pub use cpu::Cpu;
 use crate::SimError;
 use crate::batch::Batch;
 use crate::candidate::JointNetworks;
-use crate::replay::{JointSignals, Replay};
+use crate::replay::{Direction, JointSignals, Replay};
 use crate::tile::Tile;
 
 /// Takes the signals of a candidate on a recording; called from any thread, in any order, once each.
@@ -37,6 +37,21 @@ pub trait Engine: Send + Sync {
         &self,
         replay: &Replay,
         candidates: &[Robot],
+        consume: &ConsumeSignals<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<(), SimError>;
+
+    /// The derivatives of each direction's robot's signals along the direction, on every recording: those of the
+    /// computation itself ([`gaitfit_physics::Dual`]), not differences of two simulations. Hands each to
+    /// `consume(direction, recording, derivatives)`. A delay has derivatives too: signals are continuous in it, with kinks;
+    /// at a kink the derivative is that of one side.
+    ///
+    /// # Errors
+    /// Those of [`Engine::replay`]; a distance that is not positive.
+    fn replay_along(
+        &self,
+        replay: &Replay,
+        directions: &[Direction],
         consume: &ConsumeSignals<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<(), SimError>;

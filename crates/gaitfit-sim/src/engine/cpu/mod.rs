@@ -1,5 +1,6 @@
 //! This machine's processor: blocks of lanes, of the instruction set of the replay or batch.
 
+mod along;
 mod replay;
 mod tile;
 
@@ -9,7 +10,7 @@ use super::{Cancel, ConsumeSignals, Engine};
 use crate::SimError;
 use crate::batch::Batch;
 use crate::candidate::JointNetworks;
-use crate::replay::Replay;
+use crate::replay::{Direction, Replay};
 use crate::tile::Tile;
 use tile::{LaneRobots, Parts};
 
@@ -33,6 +34,16 @@ impl Engine for Cpu {
         cancel: &Cancel<'_>,
     ) -> Result<(), SimError> {
         with_lanes!(replay.isa(), T => replay::run::<T>(replay, candidates, self.threads, consume, cancel))
+    }
+
+    fn replay_along(
+        &self,
+        replay: &Replay,
+        directions: &[Direction],
+        consume: &ConsumeSignals<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<(), SimError> {
+        along::run(replay, directions, self.threads, consume, cancel)
     }
 
     fn tile<'a>(

@@ -17,8 +17,38 @@ pub(super) fn run<T: Lanes>(
     consume: &(dyn Fn(usize, usize, &JointSignals) + Sync),
     cancel: &Cancel<'_>,
 ) -> Result<(), SimError> {
-    let mut params = Vec::with_capacity(candidates.len());
-    for candidate in candidates {
+    let params = params(replay, candidates)?;
+    let jobs = jobs(replay, candidates.len());
+    let blocks: Vec<&[(usize, usize)]> = jobs.chunks(T::LANES).collect();
+    pool::for_each(
+        blocks.len(),
+        threads,
+        || (Block::<T>::new(&replay.tree, replay.taps), Recorder::new(replay, T::LANES)),
+        |(block, recorder), index| {
+            let lane = |&(c, r): &(usize, usize)| Lane::new(replay, r, &candidates[c], &params[c]);
+            let lanes: Vec<Lane> = blocks[index].iter().map(lane).collect();
+            recorder.begin(replay, &lanes);
+            let packed = Params::<T>::in_lanes(&full(&lanes, T::LANES));
+            let record = |sample: usize, state: &State<T>| {
+                recorder.record(sample, |j| [state.qpos[j], state.qvel[j], state.qacc[j]]);
+            };
+            if !block.run(replay, &lanes, &packed, |_| {}, record, cancel) {
+                return;
+            }
+            for (signals, &(candidate, recording)) in recorder.signals.iter().zip(blocks[index]) {
+                consume(candidate, recording, signals);
+            }
+        },
+    );
+    Ok(())
+}
+
+/// The candidates' parameters.
+///
+/// # Errors
+/// Those that are not a robot, or whose delay is beyond the replay's.
+pub(super) fn params(replay: &Replay, candidates: &[Robot]) -> Result<Vec<Params<f64>>, SimError> {
+    let of = |candidate: &Robot| {
         let most = candidate.delay.iter().fold(0.0f64, |a, &b| a.max(b));
         if most > replay.options.max_delay {
             return Err(SimError::Option {
@@ -27,119 +57,128 @@ pub(super) fn run<T: Lanes>(
                 must: "at most the replay's max_delay",
             });
         }
-        params.push(candidate.params(&replay.model)?);
-    }
-    // Lanes of one block should end together: jobs by recording length, then in order.
+        Ok(candidate.params(&replay.model)?)
+    };
+    candidates.iter().map(of).collect()
+}
+
+/// Every one of `count` candidates on every recording. Lanes of one block should end together: by recording length,
+/// then in order.
+pub(super) fn jobs(replay: &Replay, count: usize) -> Vec<(usize, usize)> {
     let mut jobs: Vec<(usize, usize)> =
-        (0..replay.recordings.len()).flat_map(|r| (0..candidates.len()).map(move |c| (c, r))).collect();
+        (0..replay.recordings.len()).flat_map(|r| (0..count).map(move |c| (c, r))).collect();
     jobs.sort_by_key(|&(_, r)| std::cmp::Reverse(replay.recordings[r].target.len()));
-    let blocks: Vec<&[(usize, usize)]> = jobs.chunks(T::LANES).collect();
-    pool::for_each(
-        blocks.len(),
-        threads,
-        || Block::<T>::new(&replay.tree, replay.taps),
-        |block, index| {
-            if !block.run(replay, blocks[index], candidates, &params, cancel) {
-                return;
-            }
-            for (lane, &(candidate, recording)) in blocks[index].iter().enumerate() {
-                consume(candidate, recording, &block.signals[lane]);
-            }
-        },
-    );
-    Ok(())
+    jobs
+}
+
+/// What one lane simulates.
+pub(super) struct Lane {
+    recording: usize,
+    /// The robot, with the recording's gains.
+    params: Params<f64>,
+}
+
+impl Lane {
+    /// Recording number `recording` on the robot `candidate`, whose parameters are `params`.
+    pub fn new(replay: &Replay, recording: usize, candidate: &Robot, params: &Params<f64>) -> Self {
+        let mut params = params.clone();
+        let from = &replay.recordings[recording];
+        for (j, joint) in params.joints.iter_mut().enumerate() {
+            joint.kp = candidate.kp_scale[j] * from.kp[j];
+            joint.kd = candidate.kd_scale[j] * from.kd[j];
+        }
+        Self { recording, params }
+    }
+
+    /// The rate at which its numbers change from `behind` to `self`, which are `distance` apart.
+    pub fn rate(mut self, behind: &Self, distance: f64) -> Self {
+        let mut numbers = Vec::new();
+        behind.params.visit(|_, &number| numbers.push(number));
+        let mut numbers = numbers.into_iter();
+        self.params.visit_mut(|_, number| {
+            *number = numbers.next().map_or(0.0, |behind| (*number - behind) / distance);
+        });
+        self
+    }
+}
+
+/// One robot for each of `width` lanes; missing ones repeat the last.
+pub(super) fn full(lanes: &[Lane], width: usize) -> Vec<&Params<f64>> {
+    (0..width).map(|lane| &lanes[lane.min(lanes.len() - 1)].params).collect()
 }
 
 /// One block of lanes and everything it needs, reused from block to block of a thread.
-struct Block<T: Lanes> {
+pub(super) struct Block<T: Lanes> {
     state: State<T>,
     work: Work<T>,
     drives: Vec<Drive<T>>,
     history: Vec<T>,
-    signals: Vec<JointSignals>,
-    /// Half a physics step, s.
-    half_step: f32,
 }
 
 impl<T: Lanes> Block<T> {
-    fn new(tree: &Tree<f32>, taps: usize) -> Self {
+    pub fn new(tree: &Tree<f32>, taps: usize) -> Self {
         let n = tree.joints();
         Self {
             state: State::new(tree),
             work: Work::new(tree),
             drives: vec![Drive::zero(); n],
             history: vec![T::zero(); n * taps],
-            signals: vec![JointSignals::default(); T::LANES],
-            half_step: 0.5 * tree.settings().timestep as f32,
         }
     }
 
-    /// Runs the jobs (candidate, recording), one a lane; missing lanes repeat the last job. False if it gave up.
-    fn run(
+    /// Runs `lanes` with their parameters `params`; missing lanes repeat the last one. `seed` may change the first state,
+    /// `record` is called at every sample. False if it gave up.
+    pub fn run(
         &mut self,
         replay: &Replay,
-        jobs: &[(usize, usize)],
-        candidates: &[Robot],
-        params: &[Params<f64>],
+        lanes: &[Lane],
+        params: &Params<T>,
+        seed: impl FnOnce(&mut State<T>),
+        mut record: impl FnMut(usize, &State<T>),
         cancel: &Cancel<'_>,
     ) -> bool {
         let n = replay.model.joints.len();
-        let job = |lane: usize| jobs[lane.min(jobs.len() - 1)];
-        let gather = |value: &dyn Fn(usize, usize) -> f64| {
+        let recordings = &replay.recordings;
+        let lane = |lane: usize| &lanes[lane.min(lanes.len() - 1)];
+        let gather = |value: &dyn Fn(&Lane) -> f64| {
             let mut values = [0.0f32; WIDEST];
-            for (lane, slot) in values.iter_mut().enumerate().take(T::LANES) {
-                let (candidate, recording) = job(lane);
-                *slot = value(candidate, recording) as f32;
+            for (at, slot) in values.iter_mut().enumerate().take(T::LANES) {
+                *slot = value(lane(at)) as f32;
             }
             T::load(&values)
         };
-        let sets: Vec<&Params<f64>> = (0..T::LANES).map(|lane| &params[job(lane).0]).collect();
-        let mut block = Params::<T>::in_lanes(&sets);
-        let recordings = &replay.recordings;
         self.state = State::new(&replay.tree);
         for j in 0..n {
-            block.joints[j].kp = gather(&|c, r| candidates[c].kp_scale[j] * recordings[r].kp[j]);
-            block.joints[j].kd = gather(&|c, r| candidates[c].kd_scale[j] * recordings[r].kd[j]);
-            self.state.qpos[j] = gather(&|c, r| recordings[r].q0[j] - candidates[c].encoder_bias[j]);
-            self.state.qvel[j] = gather(&|_, r| recordings[r].dq0[j]);
+            let start = |lane: &Lane| recordings[lane.recording].q0[j] - lane.params.joints[j].encoder_bias;
+            self.state.qpos[j] = gather(&start);
+            self.state.qvel[j] = gather(&|lane| recordings[lane.recording].dq0[j]);
             // Before the log the robot is taken to have held its first target.
-            let first = gather(&|_, r| recordings[r].target[j]);
+            let first = gather(&|lane| recordings[lane.recording].target[j]);
             for row in self.history.chunks_exact_mut(n) {
                 row[j] = first;
             }
         }
-        let lengths: Vec<usize> =
-            (0..jobs.len()).map(|lane| recordings[job(lane).1].target.len() / n).collect();
-        for (signals, &length) in self.signals.iter_mut().zip(&lengths) {
-            signals.position.resize(length * n, 0.0);
-            signals.velocity.resize(length * n, 0.0);
-        }
-        let biases: Vec<f32> = (0..jobs.len())
-            .flat_map(|lane| candidates[job(lane).0].encoder_bias.iter().map(|&bias| bias as f32))
-            .collect();
-        let longest = lengths.iter().copied().max().unwrap_or(0);
+        seed(&mut self.state);
+        let longest = lanes.iter().map(|lane| recordings[lane.recording].target.len() / n).max().unwrap_or(0);
         for sample in 0..longest {
             if sample.is_multiple_of(ASK) && cancel() {
                 return false;
             }
-            self.record(sample, n, &lengths, &biases);
+            record(sample, &self.state);
             if sample + 1 == longest {
                 break;
             }
             let kept = self.history.len() - n;
             self.history.copy_within(..kept, n);
             for j in 0..n {
-                let mut values = [0.0f32; WIDEST];
-                for (lane, slot) in values.iter_mut().enumerate().take(T::LANES) {
-                    let target = &recordings[job(lane).1].target;
-                    let row = sample.min(target.len() / n - 1);
-                    *slot = target[row * n + j] as f32;
-                }
-                self.history[j] = T::load(&values);
+                self.history[j] = gather(&|lane| {
+                    let target = &recordings[lane.recording].target;
+                    target[sample.min(target.len() / n - 1) * n + j]
+                });
             }
             T::control_period(&mut Period {
                 tree: &replay.tree,
-                params: &block,
+                params,
                 targets: &mut self.history,
                 disturbance: &[],
                 modifications: &[],
@@ -152,18 +191,60 @@ impl<T: Lanes> Block<T> {
         }
         true
     }
+}
 
-    /// Writes the lanes' encoder positions and velocities of one sample.
-    fn record(&mut self, sample: usize, n: usize, lengths: &[usize], biases: &[f32]) {
+/// Writes what lanes' encoders show.
+pub(super) struct Recorder {
+    /// One a lane.
+    pub signals: Vec<JointSignals>,
+    joints: usize,
+    /// Samples of each lane.
+    lengths: Vec<usize>,
+    /// Encoder biases, `lanes × joints`.
+    biases: Vec<f32>,
+    /// Half a physics step, s.
+    half_step: f32,
+}
+
+impl Recorder {
+    /// For blocks of `width` lanes.
+    pub fn new(replay: &Replay, width: usize) -> Self {
+        Self {
+            signals: vec![JointSignals::default(); width],
+            joints: replay.model.joints.len(),
+            lengths: Vec::with_capacity(width),
+            biases: Vec::new(),
+            half_step: 0.5 * replay.tree.settings().timestep as f32,
+        }
+    }
+
+    /// Makes room for `lanes`.
+    pub fn begin(&mut self, replay: &Replay, lanes: &[Lane]) {
+        let n = self.joints;
+        self.lengths.clear();
+        self.biases.clear();
+        for (lane, signals) in lanes.iter().zip(&mut self.signals) {
+            let length = replay.recordings[lane.recording].target.len() / n;
+            self.lengths.push(length);
+            self.biases.extend(lane.params.joints.iter().map(|joint| joint.encoder_bias as f32));
+            signals.position.resize(length * n, 0.0);
+            signals.velocity.resize(length * n, 0.0);
+        }
+    }
+
+    /// Writes the encoder positions and velocities of one sample; `of` gives a joint's angle, velocity and acceleration.
+    pub fn record<T: Lanes>(&mut self, sample: usize, of: impl Fn(usize) -> [T; 3]) {
+        let n = self.joints;
         let (mut q, mut qd, mut qacc) = ([0.0f32; WIDEST], [0.0f32; WIDEST], [0.0f32; WIDEST]);
         for j in 0..n {
-            self.state.qpos[j].store(&mut q);
-            self.state.qvel[j].store(&mut qd);
-            self.state.qacc[j].store(&mut qacc);
-            for (lane, &length) in lengths.iter().enumerate() {
+            let numbers = of(j);
+            numbers[0].store(&mut q);
+            numbers[1].store(&mut qd);
+            numbers[2].store(&mut qacc);
+            for (lane, &length) in self.lengths.iter().enumerate() {
                 if sample < length {
                     let signals = &mut self.signals[lane];
-                    signals.position[sample * n + j] = q[lane] + biases[lane * n + j];
+                    signals.position[sample * n + j] = q[lane] + self.biases[lane * n + j];
                     // The integrator's velocity belongs to half a step before the position.
                     signals.velocity[sample * n + j] = qd[lane] + self.half_step * qacc[lane];
                 }

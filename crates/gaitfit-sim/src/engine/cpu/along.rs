@@ -1,0 +1,67 @@
+//! The derivatives of a replay, in blocks of lanes over threads: each lane takes a direction of its own.
+
+use gaitfit_physics::{Dual, Lanes, Params, Portable, Robot, State};
+
+use super::replay::{Block, Lane, Recorder, full, jobs, params};
+use crate::engine::{Cancel, ConsumeSignals};
+use crate::replay::{Direction, Replay};
+use crate::{SimError, pool};
+
+/// See [`crate::engine::Engine::replay_along`].
+pub(super) fn run(
+    replay: &Replay,
+    directions: &[Direction],
+    threads: usize,
+    consume: &ConsumeSignals<'_>,
+    cancel: &Cancel<'_>,
+) -> Result<(), SimError> {
+    if let Some(wrong) = directions.iter().find(|one| !(one.distance > 0.0 && one.distance.is_finite())) {
+        let value = wrong.distance.to_string();
+        return Err(SimError::Option { option: "a direction's distance", value, must: "positive" });
+    }
+    let robots: Vec<Robot> = directions.iter().map(|direction| direction.robot.clone()).collect();
+    let here = params(replay, &robots)?;
+    // What lies beside is not simulated, and may be beyond the longest delay.
+    let beside = |robot: &Robot| robot.params(&replay.model);
+    let ahead = directions.iter().map(|one| beside(&one.ahead)).collect::<Result<Vec<_>, _>>()?;
+    let behind = directions.iter().map(|one| beside(&one.behind)).collect::<Result<Vec<_>, _>>()?;
+    let jobs = jobs(replay, directions.len());
+    let width = Portable::LANES;
+    let blocks: Vec<&[(usize, usize)]> = jobs.chunks(width).collect();
+    pool::for_each(
+        blocks.len(),
+        threads,
+        || (Block::<Dual<Portable>>::new(&replay.tree, replay.taps), Recorder::new(replay, width)),
+        |(block, recorder), index| {
+            let (mut lanes, mut rates) = (Vec::new(), Vec::new());
+            for &(at, recording) in blocks[index] {
+                let direction = &directions[at];
+                let lane = |robot, params| Lane::new(replay, recording, robot, params);
+                let (up, down) = (lane(&direction.ahead, &ahead[at]), lane(&direction.behind, &behind[at]));
+                lanes.push(lane(&direction.robot, &here[at]));
+                rates.push(up.rate(&down, direction.distance));
+            }
+            recorder.begin(replay, &rates);
+            let rate = Params::<Portable>::in_lanes(&full(&rates, width));
+            let values = Params::<Portable>::in_lanes(&full(&lanes, width));
+            let packed = Params::along(&values, &rate);
+            // The angle at the start is what the encoder read, less its bias.
+            let seed = |state: &mut State<Dual<Portable>>| {
+                for (angle, joint) in state.qpos.iter_mut().zip(&rate.joints) {
+                    angle.tangent = -joint.encoder_bias;
+                }
+            };
+            let record = |sample: usize, state: &State<Dual<Portable>>| {
+                let of = |j: usize| [state.qpos[j], state.qvel[j], state.qacc[j]];
+                recorder.record(sample, |j| of(j).map(|number| number.tangent));
+            };
+            if !block.run(replay, &lanes, &packed, seed, record, cancel) {
+                return;
+            }
+            for (slopes, &(direction, recording)) in recorder.signals.iter().zip(blocks[index]) {
+                consume(direction, recording, slopes);
+            }
+        },
+    );
+    Ok(())
+}
