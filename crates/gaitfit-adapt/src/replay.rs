@@ -3,7 +3,11 @@
 use crate::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_model::Model;
 use gaitfit_physics::Robot;
-use gaitfit_sim::{Candidate, Cpu, Engine, JointSignals, Recording, Replay, ReplayOptions};
+use gaitfit_sim::{Candidate, Cpu, Direction, Engine, JointSignals, Recording, Replay, ReplayOptions};
+
+/// How far apart the robots are that say how a robot's numbers change with θ, in an entry's deviations. Most numbers
+/// change in proportion; what joints and bodies seem to weigh at a contact or limit does so nearly.
+const APART: f64 = 1e-5;
 
 /// Replays recordings on a [`gaitfit_sim::Engine`].
 pub struct ReplaySimulator {
@@ -56,6 +60,33 @@ impl ReplaySimulator {
         candidate
     }
 
+    /// The direction in which entry number `at` of θ changes the robot of `values`; `None` if its bounds leave no room.
+    fn direction(
+        &self,
+        theta: &Theta,
+        values: &[f64],
+        at: usize,
+    ) -> Result<Option<Direction>, SimulatorError> {
+        let entry = &theta.entries()[at];
+        let moved = |by: f64| {
+            let mut moved = values.to_vec();
+            moved[at] = (values[at] + by * entry.deviation).clamp(entry.lower, entry.upper);
+            moved
+        };
+        let (ahead, behind) = (moved(APART), moved(-APART));
+        let distance = ahead[at] - behind[at];
+        if distance.is_nan() || distance <= 0.0 {
+            return Ok(None);
+        }
+        let robot = |values: &[f64]| self.robot(theta, values);
+        Ok(Some(Direction {
+            robot: robot(values)?,
+            ahead: robot(&ahead)?,
+            behind: robot(&behind)?,
+            distance,
+        }))
+    }
+
     /// As [`Self::candidate`], refusing what a replay does not simulate.
     fn robot(&self, theta: &Theta, values: &[f64]) -> Result<Robot, SimulatorError> {
         let candidate = self.candidate(theta, values);
@@ -98,5 +129,30 @@ impl Simulator for ReplaySimulator {
         };
         self.engine.replay(&self.replay, &robots, &pass, cancel).map_err(SimulatorError::failed)?;
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
+    }
+
+    /// Legs in the air touch nothing that would make derivatives jump.
+    fn differentiate(
+        &self,
+        theta: &Theta,
+        candidate: &Rollout,
+        consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<bool, SimulatorError> {
+        if candidate.resets != Resets::Never || theta.is_empty() || candidate.values.len() != theta.len() {
+            return Ok(false);
+        }
+        let mut directions = Vec::with_capacity(theta.len());
+        for at in 0..theta.len() {
+            match self.direction(theta, &candidate.values, at)? {
+                Some(direction) => directions.push(direction),
+                None => return Ok(false),
+            }
+        }
+        let pass = |entry: usize, recording: usize, slopes: &JointSignals| {
+            consume(entry, recording, Signals::of_joints(&slopes.position, &slopes.velocity));
+        };
+        self.engine.replay_along(&self.replay, &directions, &pass, cancel).map_err(SimulatorError::failed)?;
+        if cancel() { Err(SimulatorError::Cancelled) } else { Ok(true) }
     }
 }

@@ -107,6 +107,22 @@ pub trait Simulator {
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError>;
 
+    /// The derivatives of the signals of `candidate` by every entry of θ, in a signal's unit over the entry's. Each goes to
+    /// `consume(entry, recording, derivatives)`. `false`, without a result, of a simulator that has none: then
+    /// differences of simulations stand in for them. By default there are none.
+    ///
+    /// # Errors
+    /// As [`Self::simulate`].
+    fn differentiate(
+        &self,
+        _theta: &Theta,
+        _candidate: &Rollout,
+        _consume: &Consume<'_>,
+        _cancel: &Cancel<'_>,
+    ) -> Result<bool, SimulatorError> {
+        Ok(false)
+    }
+
     /// What every job costs, in their order, before falls and regularisation are charged. By default the candidates
     /// are simulated and their signals compared here. A simulator that holds the recordings, on a GPU for example,
     /// may compute the costs itself; then no signals need come back.

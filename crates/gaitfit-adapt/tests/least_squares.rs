@@ -13,6 +13,9 @@ use gaitfit_random::{Purpose, Stream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+#[path = "least_squares/in_the_air.rs"]
+mod in_the_air;
+
 const TRUTH: [f64; 2] = [0.2, 0.07];
 const SAMPLES: u32 = 60;
 const RECORDINGS: usize = 32;

@@ -56,6 +56,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Import(args) => commands::import::run(args),
         Command::Init(args) => commands::init::run(args),
         Command::Adapt(args) => commands::adapt::run(args),
+        Command::Sensitivity(args) => commands::sensitivity::run(args),
         Command::Validate(args) => commands::validate::run(args),
         Command::Train(args) => commands::train::run(args),
         Command::Finetune(args) => commands::finetune::run(args),

@@ -126,3 +126,33 @@ fn walking_logs_are_validated_too() {
         "{found}"
     );
 }
+
+/// What the demo's log can tell of its parameters, which is known there.
+#[test]
+fn a_log_says_which_parameters_it_can_tell() {
+    let demo = ["sensitivity", "examples/go2-demo/adapt.toml"];
+    let coarse = ["--set", "simulation.timestep=0.005"];
+    let found = json(&run(&[&demo[..], &coarse, &["--json"]].concat()));
+    let parameters = found["parameters"].as_array().unwrap();
+    assert_eq!(parameters.len(), 10);
+    for one in parameters {
+        assert_eq!(one["told"], true, "{one}");
+        let (all, alone) = (one["deviation"].as_f64().unwrap(), one["alone"].as_f64().unwrap());
+        assert!(all >= alone && all < 0.1 * one["value"].as_f64().unwrap(), "{one}");
+    }
+    assert_eq!(parameters[0]["value"], 0.21, "the truth that the configuration states");
+    // Twice the difference, twice the deviations.
+    let difference = format!("{}", 2.0 * found["difference"].as_f64().unwrap());
+    let twice = json(&run(&[&demo[..], &coarse, &["--json", "--difference", &difference]].concat()));
+    let ratio =
+        twice["parameters"][3]["deviation"].as_f64().unwrap() / parameters[3]["deviation"].as_f64().unwrap();
+    assert!((ratio - 2.0).abs() < 1e-6, "{ratio}");
+    let output = run(&[&demo[..], &coarse].concat());
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    assert!(text.contains("armature_calf") && text.contains("told"), "{text}{}", errors(&output));
+    let output = run(&[&demo[..], &["--set", "costs=[\"wass\"]"]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    assert!(errors(&output).contains("`wass`"), "{}", errors(&output));
+    let output = run(&[&demo[..], &["--difference", "-1"]].concat());
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+}

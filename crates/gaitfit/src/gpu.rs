@@ -254,6 +254,17 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }
 
+    /// The CPU computes derivatives.
+    fn differentiate(
+        &self,
+        theta: &Theta,
+        candidate: &Rollout,
+        consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<bool, SimulatorError> {
+        self.host.differentiate(theta, candidate, consume, cancel)
+    }
+
     fn costs(
         &self,
         theta: &Theta,

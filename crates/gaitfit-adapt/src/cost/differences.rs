@@ -28,6 +28,25 @@ impl<'a> Differences<'a> {
     /// # Errors
     /// [`CostError::NotFinite`] if a sample is NaN or infinite; shapes that do not fit.
     pub fn of(&self, recording: usize, simulated: Signals<'_>) -> Result<Vec<f32>, CostError> {
+        self.numbers(recording, simulated, |found, measured| found - measured, LOST)
+    }
+
+    /// How they change where the simulated signals change by `slopes`: as [`Self::of`], of the change itself.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn slopes(&self, recording: usize, slopes: Signals<'_>) -> Result<Vec<f32>, CostError> {
+        self.numbers(recording, slopes, |found, _| found, 0.0)
+    }
+
+    /// Scaled and weighted numbers that `of` makes of a simulated and a recorded one; `lost` where a fall left none.
+    fn numbers(
+        &self,
+        recording: usize,
+        simulated: Signals<'_>,
+        of: impl Fn(f64, f64) -> f64,
+        lost: f64,
+    ) -> Result<Vec<f32>, CostError> {
         let reference = self.reference;
         let width = self.width();
         let rows = reference.samples(recording) - reference.skip();
@@ -54,8 +73,8 @@ impl<'a> Differences<'a> {
                 for (row, numbers) in all.chunks_exact_mut(width).enumerate() {
                     let at = row * joints + dimension;
                     numbers[column] = match counted.matrix.get(at) {
-                        Some(&found) => (factor * (f64::from(found) - measured[at])) as f32,
-                        None => (weight * LOST) as f32,
+                        Some(&found) => (factor * of(f64::from(found), measured[at])) as f32,
+                        None => (weight * lost) as f32,
                     };
                 }
                 column += 1;

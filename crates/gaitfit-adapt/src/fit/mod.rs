@@ -29,8 +29,8 @@ pub use falls::FallPenalty;
 pub use identification::{Identification, NoiseSource};
 pub use identify::{MOST_SCANNED, identify};
 pub use least_squares::{
-    Alternative, Correction, GaussNewton, Problem, Replicate, Round, Shift, Uncertainty, World, correct,
-    sets, uncertainty,
+    Alternative, Correction, GaussNewton, Problem, Replicate, Round, Sensitivity, Shift, Uncertainty, World,
+    correct, off_bounds, sensitivity, sets, uncertainty,
 };
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};
 pub use predicted::Predicted;

@@ -9,8 +9,8 @@ mod world;
 pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms};
 pub use choices::{Config, ConfigOf, Preset};
 pub use gaitfit::device::{Device, Devices};
-pub use logs::{ExportLog, ExportTheta, Import};
-pub use run::{Adapt, Finetune, Loop, Reproduce, Train, Validate};
+pub use logs::{ExportLog, Import};
+pub use run::{Adapt, Finetune, Loop, Reproduce, Sensitivity, Train, Validate};
 pub use world::{Collect, Evaluate};
 
 use clap::{Args, Parser, Subcommand};
@@ -44,6 +44,8 @@ pub enum Command {
     Init(Init),
     /// Fit the simulator's parameters to logs of a robot
     Adapt(Adapt),
+    /// Say how precisely logs can tell each parameter of a fit, without fitting
+    Sensitivity(Sensitivity),
     /// Check how well a finished fit predicts other logs, without fitting again
     Validate(Validate),
     /// Train a policy by PPO

@@ -45,6 +45,28 @@ pub struct Adapt {
     pub run: RunArgs,
 }
 
+/// Arguments of `sensitivity`.
+#[derive(Debug, Args)]
+pub struct Sensitivity {
+    /// Configuration (TOML) of a fit: its robot, logs, parameters and first cost are looked at
+    pub config: PathBuf,
+    /// Values to look around: the theta.toml of an `adapt` run [default: the configuration's truth, or the search's start]
+    #[arg(long, value_name = "FILE")]
+    pub theta: Option<PathBuf>,
+    /// How much the fitted simulator will differ from the logs, where a joint's range is 2 [default: as these values do]
+    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    pub difference: Option<f64>,
+    /// Change one setting, for example --set simulation.timestep=0.0025 (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+}
+
 /// Arguments of `validate`.
 #[derive(Debug, Args)]
 pub struct Validate {

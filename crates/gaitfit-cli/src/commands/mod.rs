@@ -17,6 +17,7 @@ pub mod inspect;
 pub mod loop_;
 mod policy;
 pub mod reproduce;
+pub mod sensitivity;
 pub mod shell;
 pub mod train;
 pub mod validate;

@@ -59,4 +59,14 @@ impl Simulator for Scan<'_> {
         };
         self.simulator.simulate(theta, candidates, &counted, cancel)
     }
+
+    fn differentiate(
+        &self,
+        theta: &Theta,
+        candidate: &Rollout,
+        consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<bool, SimulatorError> {
+        self.simulator.differentiate(theta, candidate, consume, cancel)
+    }
 }

@@ -1,12 +1,17 @@
 //! Least squares: Gauss and Newton's method with Marquardt's damping, for costs that sum differences of single samples.
 //!
 //! Where predictions are short the differences are smooth in θ, and a few steps along their derivatives find what
-//! CMA-ES needs hundreds of candidates for. Derivatives are central differences of the simulation. The loss is robust,
-//! see [`normal`]; the cost is reported as its own definition says.
+//! CMA-ES needs hundreds of candidates for. The loss is robust, see [`normal`]; the cost is reported as its own definition
+//! says.
+//!
+//! Derivatives are the simulator's own where it has them ([`Simulator::differentiate`](crate::Simulator::differentiate)):
+//! legs in the air. Elsewhere they are central differences of the simulation, wide ones: where feet touch the ground the
+//! derivative at a point says less than the change over half a deviation.
 
 mod indirect;
 mod normal;
 mod residuals;
+mod sensitivity;
 mod uncertainty;
 
 pub use indirect::{Correction, Replicate, Round, World, correct, sets};
@@ -20,6 +25,7 @@ use gaitfit_random::{Purpose, Stream};
 use normal::{Jacobian, Loss, Normal};
 pub use residuals::Problem;
 use residuals::Residuals;
+pub use sensitivity::{Sensitivity, sensitivity};
 use serde::{Deserialize, Serialize};
 
 /// Most entries that least squares takes.
@@ -55,6 +61,12 @@ pub struct GaussNewton {
     stop: Option<Stop>,
 }
 
+/// The value nearest to `value` that is a deviation off the bounds of `entry`, or in their middle.
+pub fn off_bounds(entry: &Entry, value: f64) -> f64 {
+    let room = (0.5 * (entry.upper - entry.lower)).min(entry.deviation);
+    value.clamp(entry.lower + room, entry.upper - room)
+}
+
 /// What one step did.
 pub(super) struct Stepped {
     /// Cost after the step.
@@ -78,9 +90,7 @@ impl GaussNewton {
             Stream::new(seed, Purpose::RESTART).fill_normals(0, &mut draws);
         }
         for ((value, entry), draw) in start.iter_mut().zip(theta.entries()).zip(draws) {
-            let away = draw * entry.deviation;
-            let room = (0.5 * (entry.upper - entry.lower)).min(entry.deviation);
-            *value = (*value + away).clamp(entry.lower + room, entry.upper - room);
+            *value = off_bounds(entry, *value + draw * entry.deviation);
         }
         Self { generation: 0, values: start, damping: FIRST_DAMPING, best: None, stop: None }
     }
@@ -187,7 +197,7 @@ struct Around {
     evaluations: usize,
 }
 
-/// Simulates `values` and its neighbours; `None` if one of them diverges.
+/// Simulates `values` with derivatives, or else with its neighbours; `None` if one of them diverges.
 fn around(problem: &Problem<'_>, values: &[f64]) -> Result<Option<Around>, FitError> {
     let theta = problem.theta;
     let mut candidates = vec![values.to_vec()];
@@ -207,6 +217,10 @@ fn around(problem: &Problem<'_>, values: &[f64]) -> Result<Option<Around>, FitEr
     let first = problem.residuals(&candidates[..1])?.pop().flatten();
     let Some(residuals) = first else { return Ok(None) };
     problem.check(numbers(&residuals), candidates.len())?;
+    if let Some(columns) = problem.derivatives(values)? {
+        let jacobian = Jacobian::exact(columns, problem.differences()?.width());
+        return Ok(Some(Around { residuals, jacobian, evaluations: 1 + theta.len() }));
+    }
     let neighbours: Option<Vec<Residuals>> = problem.residuals(&candidates[1..])?.into_iter().collect();
     let Some(neighbours) = neighbours else { return Ok(None) };
     let mut neighbours = neighbours.into_iter();

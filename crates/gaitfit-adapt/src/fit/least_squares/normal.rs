@@ -32,6 +32,11 @@ impl Loss {
         Self { elbow: (ELBOW * f64::from(median)).max(ROUNDING) }
     }
 
+    /// Of squares: every difference counts in full.
+    pub fn square() -> Self {
+        Self { elbow: f64::INFINITY }
+    }
+
     /// The squared median of the absolute differences for which [`Self::of`] makes it: few differences of any size do not
     /// change it.
     pub fn bulk(&self) -> f64 {
@@ -86,6 +91,11 @@ impl Jacobian {
             recordings
         };
         Self { columns: moved.into_iter().map(column).collect(), width }
+    }
+
+    /// From the simulator's own derivatives.
+    pub fn exact(columns: Vec<Vec<Vec<f32>>>, width: usize) -> Self {
+        Self { columns, width }
     }
 
     pub fn entries(&self) -> usize {

@@ -3,7 +3,7 @@
 use crate::cost::{Accumulator, Cost, CostError, Differences};
 use crate::fit::FitError;
 use crate::{Cancel, Rollout, Signals, Simulator, Theta};
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 /// Most memory for the differences of a batch, bytes.
 const MEMORY: usize = 4 << 30;
@@ -33,6 +33,9 @@ pub struct Problem<'a> {
     /// Asks whether to give up.
     pub cancel: &'a Cancel<'a>,
 }
+
+/// The derivative of every difference by an entry of θ, one vector a recording.
+pub(super) type Column = Vec<Vec<f32>>;
 
 struct Pending<'a> {
     accumulator: Box<dyn Accumulator + 'a>,
@@ -80,12 +83,7 @@ impl Problem<'_> {
                 Err(error) => pending.error = pending.error.take().or(Some(error)),
             }
         };
-        let rollout = |values: &Vec<f64>| Rollout {
-            values: values.clone(),
-            resets: self.cost.resets(),
-            draw: self.draw,
-        };
-        let rollouts: Vec<Rollout> = candidates.iter().map(rollout).collect();
+        let rollouts: Vec<Rollout> = candidates.iter().map(|values| self.rollout(values)).collect();
         self.simulator.simulate(self.theta, &rollouts, &consume, self.cancel)?;
         let finish = |pending: Mutex<Pending<'_>>| {
             let mut pending = pending.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -100,6 +98,45 @@ impl Problem<'_> {
             Ok(cost.is_finite().then_some(Residuals { recordings, cost, falls: pending.falls }))
         };
         pending.into_iter().map(finish).collect()
+    }
+
+    fn rollout(&self, values: &[f64]) -> Rollout {
+        Rollout { values: values.to_vec(), resets: self.cost.resets(), draw: self.draw }
+    }
+
+    /// The derivatives of what `values` differ by, one column an entry of θ, where the simulator has them and all are
+    /// finite.
+    ///
+    /// # Errors
+    /// As [`Self::residuals`].
+    pub(super) fn derivatives(&self, values: &[f64]) -> Result<Option<Vec<Column>>, FitError> {
+        let differences = self.differences()?;
+        let (count, entries) = (self.simulator.recordings(), self.theta.len());
+        let columns: Mutex<Vec<Vec<Option<Vec<f32>>>>> = Mutex::new(vec![vec![None; count]; entries]);
+        let failed = Mutex::new(None);
+        let consume = |entry: usize, recording: usize, slopes: Signals<'_>| match differences
+            .slopes(recording, slopes)
+        {
+            Ok(slopes) => {
+                let mut columns = columns.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some(slot) = columns.get_mut(entry).and_then(|own| own.get_mut(recording)) {
+                    *slot = Some(slopes);
+                }
+            }
+            Err(error) => *failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error),
+        };
+        if !self.simulator.differentiate(self.theta, &self.rollout(values), &consume, self.cancel)? {
+            return Ok(None);
+        }
+        match failed.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            Some(error) if error.is_candidate_failure() => return Ok(None),
+            Some(error) => return Err(FitError::Cost(error)),
+            None => {}
+        }
+        let columns = columns.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let whole = |column: Vec<Option<Vec<f32>>>| column.into_iter().collect::<Option<Column>>();
+        let columns = columns.into_iter().map(whole).collect::<Option<Vec<_>>>();
+        columns.map(Some).ok_or(FitError::Incomplete)
     }
 
     /// Refuses more candidates than memory has room for.

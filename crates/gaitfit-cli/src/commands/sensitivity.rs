@@ -1,0 +1,52 @@
+//! `gaitfit sensitivity`: how precisely logs can tell each parameter.
+
+use crate::cli;
+use crate::exit::Failure;
+use crate::output;
+use crate::table::table;
+use gaitfit::adapt::{SensitivityResults, Setup, Told, sensitivity};
+use gaitfit::settings::{self, AdaptConfig};
+use std::fmt::Write;
+use std::num::NonZeroUsize;
+
+/// Simulates the logs with derivatives and reports what they tell.
+pub fn run(args: &cli::Sensitivity) -> Result<(), Failure> {
+    let config: AdaptConfig = settings::load(Some(&args.config), &args.set)?;
+    let setup = Setup::open(&config, &args.config, args.threads.map(NonZeroUsize::get))?;
+    if let Some(bad) = args.difference.filter(|one| !(one.is_finite() && *one > 0.0)) {
+        return Err(Failure::usage(format!("--difference is {bad}; it must be positive")));
+    }
+    let results = sensitivity(&setup, args.theta.as_deref(), args.difference)?;
+    if args.json { output::print_json(&results) } else { output::print(&text(&results)) }
+}
+
+fn text(results: &SensitivityResults) -> String {
+    let mut text = format!(
+        "What {} of {} can tell by {}, if the fitted simulator differs from them by {:.2e} of half the joints' range, alike for \
+         {:.3} s at a time.\n\n",
+        if results.logs == 1 { "one log".to_owned() } else { format!("{} logs", results.logs) },
+        results.robot,
+        results.cost_name,
+        results.difference,
+        results.together_seconds,
+    );
+    let header = ["parameter", "at", "deviation", "if others known", "unit", "told", "goes with"];
+    let mut rows = table(&header, &[1, 2, 3]);
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2e}"));
+    for Told { name, unit, value, deviation, alone, told, like } in &results.parameters {
+        rows.add_row([
+            name.clone(),
+            format!("{value:.5}"),
+            number(*deviation),
+            number(*alone),
+            unit.clone(),
+            if *told { "yes" } else { "no" }.to_owned(),
+            like.as_ref().map_or_else(String::new, |(other, by)| format!("{other} ({by:+.2})")),
+        ]);
+    }
+    let _ = writeln!(text, "{rows}");
+    for warning in &results.warnings {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    text
+}

@@ -1,0 +1,108 @@
+//! How precisely logs can tell each parameter of a fit, before any fit is made.
+
+use super::setup::Setup;
+use crate::Error;
+use gaitfit_adapt::fit::{Problem, off_bounds, sensitivity as measured};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Correlations above this make two parameters hard to tell apart.
+const ALIKE: f64 = 0.8;
+/// A parameter whose 95 % interval covers this part of its bounds or more is not told.
+const MOST: f64 = 0.5;
+
+/// What logs can tell of the parameters.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct SensitivityResults {
+    /// Robot name.
+    pub robot: String,
+    /// Name of the cost whose differences are looked at: the configuration's first.
+    pub cost_name: String,
+    /// Logs.
+    pub logs: usize,
+    /// Root mean square of the differences that the deviations hold for, where the robot's range is 2.
+    pub difference: f64,
+    /// Time over which differences count as one, s.
+    pub together_seconds: f64,
+    /// The parameters.
+    pub parameters: Vec<Told>,
+    /// What to know before trusting the numbers.
+    pub warnings: Vec<String>,
+}
+
+/// What logs can tell of a parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Told {
+    /// Its name.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// The value at which it is looked at.
+    pub value: f64,
+    /// Standard deviation to expect of a fit; absent where the logs do not tell it.
+    pub deviation: Option<f64>,
+    /// The same if all other parameters were known.
+    pub alone: Option<f64>,
+    /// Whether a 95 % interval covers less than half of its bounds.
+    pub told: bool,
+    /// The parameter whose estimate goes most with this one's, and their correlation, where it is above 0.8.
+    pub like: Option<(String, f64)>,
+}
+
+/// Measures it on the logs of `setup` around the values of `theta`, a fit's theta.toml, or where it does not name them of the
+/// configuration's `[truth]`, or else the start of the search. `difference`: what the fitted simulator will differ by;
+/// without it, what these values do.
+///
+/// # Errors
+/// A file that cannot be read; a cost that compares distributions; a simulation that diverges.
+pub fn sensitivity(
+    setup: &Setup,
+    theta: Option<&Path>,
+    difference: Option<f64>,
+) -> Result<SensitivityResults, Error> {
+    let theta = theta.map(crate::theta::read).transpose()?;
+    let entries = setup.theta.entries();
+    let start = setup.theta.start(setup.config.optimizer.seed);
+    let value = |(entry, start): (&gaitfit_adapt::Entry, f64)| {
+        let saved = theta.as_ref().and_then(|file| file.parameter.iter().find(|one| one.name == entry.name));
+        let known = saved.map(|one| one.value).or_else(|| setup.config.truth.get(&entry.name).copied());
+        known.map_or_else(|| off_bounds(entry, start), |known| known.clamp(entry.lower, entry.upper))
+    };
+    let values: Vec<f64> = entries.iter().zip(start).map(value).collect();
+    let cost = setup.costs[0].as_ref();
+    let simulator = setup.fit.simulator.as_ref();
+    let problem = Problem { simulator, theta: &setup.theta, cost, draw: 0, cancel: &gaitfit_adapt::never };
+    let found = measured(problem, &values, difference).map_err(Error::failed)?.ok_or_else(|| {
+        Error::failed(
+            "the simulation of these values diverges: give others with --theta, or a smaller simulation.timestep",
+        )
+    })?;
+    let told = |at: usize| {
+        let entry = &entries[at];
+        let deviation = found.deviation[at];
+        let correlations =
+            found.correlation[at].iter().copied().enumerate().filter(|(other, _)| *other != at);
+        let like = correlations.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        Told {
+            name: entry.name.clone(),
+            unit: entry.unit.clone(),
+            value: values[at],
+            deviation,
+            alone: found.alone[at],
+            told: deviation.is_some_and(|one| 4.0 * one < MOST * (entry.upper - entry.lower)),
+            like: like
+                .filter(|(_, correlation)| correlation.abs() > ALIKE)
+                .map(|(other, correlation)| (entries[other].name.clone(), correlation)),
+        }
+    };
+    let dt = setup.fit.logs.first().map_or(0.0, |log| log.trajectory.dt());
+    Ok(SensitivityResults {
+        robot: setup.method.model().name.clone(),
+        cost_name: cost.name().to_owned(),
+        logs: setup.fit.logs.len(),
+        difference: found.difference,
+        together_seconds: found.together * dt,
+        parameters: (0..entries.len()).map(told).collect(),
+        warnings: setup.warnings.clone(),
+    })
+}
