@@ -2,7 +2,7 @@
 
 use crate::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_model::Model;
-use gaitfit_physics::Robot;
+use gaitfit_physics::{Preset, Robot};
 use gaitfit_sim::{Candidate, Cpu, Direction, Engine, JointSignals, Recording, Replay, ReplayOptions};
 
 /// How far apart the robots are that say how a robot's numbers change with θ, in an entry's deviations. Most numbers
@@ -131,7 +131,9 @@ impl Simulator for ReplaySimulator {
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
     }
 
-    /// Legs in the air touch nothing that would make derivatives jump.
+    /// Legs in the air touch nothing that would make derivatives jump. With the preset `converged` there are none: the
+    /// solver's line searches go on where steps are as small as rounding, and in single precision their derivatives are
+    /// noise.
     fn differentiate(
         &self,
         theta: &Theta,
@@ -139,7 +141,9 @@ impl Simulator for ReplaySimulator {
         consume: &Consume<'_>,
         cancel: &Cancel<'_>,
     ) -> Result<bool, SimulatorError> {
-        if candidate.resets != Resets::Never || theta.is_empty() || candidate.values.len() != theta.len() {
+        let exact = self.replay.options().preset != Preset::Converged;
+        let whole = candidate.values.len() == theta.len() && !theta.is_empty();
+        if candidate.resets != Resets::Never || !exact || !whole {
             return Ok(false);
         }
         let mut directions = Vec::with_capacity(theta.len());
