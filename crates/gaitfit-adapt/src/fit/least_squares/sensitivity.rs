@@ -86,7 +86,7 @@ fn inverse(curvature: &DMatrix<f64>) -> Vec<Vec<f64>> {
     let (mut told, mut total) = (vec![true; count], DMatrix::<f64>::zeros(count, count));
     for (value, vector) in found.eigenvalues.iter().zip(found.eigenvectors.column_iter()) {
         if *value > least {
-            total += &vector * vector.transpose() / *value;
+            total += vector * vector.transpose() / *value;
         } else {
             told.iter_mut().zip(vector.iter()).for_each(|(told, part)| *told &= part.abs() < SHARE);
         }
