@@ -9,7 +9,7 @@ mod world;
 pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms};
 pub use choices::{Config, ConfigOf, Preset};
 pub use gaitfit::device::{Device, Devices};
-pub use logs::{ExportLog, Import};
+pub use logs::{ExportLog, ExportTheta, Import};
 pub use run::{Adapt, Finetune, Loop, Reproduce, Sensitivity, Train, Validate};
 pub use world::{Collect, Evaluate};
 
