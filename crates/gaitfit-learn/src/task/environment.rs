@@ -311,8 +311,10 @@ impl<'a> Environment<'a> {
             let at = 3 * (index * feet + k);
             let place = [self.motion.tracked[at], self.motion.tracked[at + 1], self.motion.tracked[at + 2]];
             let foot = &mut self.feet[index * feet + k];
+            // Episodes may begin in their midst, and far from the origin.
+            let fresh = task.course.is_some() && *foot == Foot::default();
             foot.advance(force, place, task.walker.ground_under(place), dt);
-            if self.steps[index] <= 1 {
+            if self.steps[index] <= 1 || fresh {
                 // There was no place before the first step to move from.
                 foot.speed = 0.0;
             }

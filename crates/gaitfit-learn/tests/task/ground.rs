@@ -143,6 +143,18 @@ fn robots_start_and_stand_on_their_cells() {
     }
 }
 
+/// The first step of an episode that begins in its midst, far from the origin, is no leap of the feet.
+#[test]
+fn feet_do_not_come_from_the_origin() {
+    let scene = scene(&on(small(TerrainKind::Stairs)));
+    let mut environment = Environment::new(&scene, None, 3, 0, 12).unwrap();
+    environment.stagger();
+    step(&mut environment, 1, 0.0);
+    for index in 0..12 {
+        assert!(environment.feet(index).iter().all(|foot| foot.speed < 5.0), "{:?}", environment.feet(index));
+    }
+}
+
 #[test]
 fn falls_and_rewards_count_heights_from_the_ground_there() {
     let mut settings = on(small(TerrainKind::Stairs));
