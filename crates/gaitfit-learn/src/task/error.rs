@@ -24,7 +24,7 @@ pub enum TaskError {
         /// Name of the term.
         term: String,
         /// What is wrong with it, and where.
-        error: ExpressionError,
+        error: Box<ExpressionError>,
     },
     /// The interface that the settings give a new policy.
     #[error("task.policy: {0}")]

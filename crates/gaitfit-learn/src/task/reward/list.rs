@@ -109,7 +109,7 @@ fn expressions<'a>(
             return refuse("terms", format!("has `{name}`, which is built in; give it another name"));
         }
         let expression = Expression::new(text, &names)
-            .map_err(|error| TaskError::Expression { term: name.clone(), error })?;
+            .map_err(|error| TaskError::Expression { term: name.clone(), error: Box::new(error) })?;
         expressions.push((name.as_str(), expression));
     }
     Ok(expressions)

@@ -68,7 +68,7 @@ impl Course {
     /// Whether slopes or stairs lead up from the middle of the cell: every other column of a kind, from the first.
     pub fn is_pit(&self, cell: Cell) -> bool {
         let number = self.columns.get(cell.column).map_or(0, |(_, number)| *number);
-        matches!(self.kind(cell), TerrainKind::Slopes | TerrainKind::Stairs) && number % 2 == 0
+        matches!(self.kind(cell), TerrainKind::Slopes | TerrainKind::Stairs) && number.is_multiple_of(2)
     }
 
     /// How far along the levels a cell is, 0 to 1.
