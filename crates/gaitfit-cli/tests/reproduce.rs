@@ -99,12 +99,12 @@ fn a_cell_of_each_kind_is_run_and_resumed() {
 
     // Cells at the same time are the same cells.
     fs::remove_dir_all(made.join("cells")).unwrap();
-    let two = ["--only", "*-fricarm-{wass,matcho}", "--jobs", "2"];
+    let two = ["--only", "*-fricarm-{wass,matchs1}", "--jobs", "2"];
     let output = run(&args("parameters", folder.path(), &policy, &two));
     assert!(output.status.success(), "{}", errors(&output));
     assert_same(&json(&output), &first);
-    assert_eq!(json(&output)["rows"][1]["cell"], "model-shift-fricarm-matcho");
-    assert!(errors(&output).contains("model-shift-fricarm-matcho: [2/2] model-shift"), "{}", errors(&output));
+    assert_eq!(json(&output)["rows"][1]["cell"], "model-shift-fricarm-matchs1");
+    assert!(errors(&output).contains("model-shift-fricarm-matchs1: [2/2] model-shift"), "{}", errors(&output));
 
     // Other settings are refused by name.
     let changed = args("parameters", folder.path(), &policy, &["--set", "target.seconds=1.2"]);
