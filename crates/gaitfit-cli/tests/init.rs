@@ -185,6 +185,23 @@ fn what_cannot_walk_is_said_and_nothing_is_overwritten() {
         std::fs::write(&path, format!("<mujoco model=\"m\"><worldbody>{body}</worldbody></mujoco>")).unwrap();
         path
     };
+    // A box on straight legs with a hip and a knee each.
+    let legs = |count: usize, foot: &str, mass: f64| {
+        let leg = |k: usize| {
+            let (x, y) = (0.3 - 0.6 * (k / 2) as f64 / count as f64, if k % 2 == 0 { 0.2 } else { -0.2 });
+            format!(
+                "<body name=\"h{k}\" pos=\"{x} {y} 0\"><joint name=\"h{k}\" axis=\"0 1 0\"/>\
+                 <geom type=\"capsule\" fromto=\"0 0 0 0 0 -.3\" size=\".03\" contype=\"0\" conaffinity=\"0\"/>\
+                 <body name=\"l{k}\" pos=\"0 0 -.3\"><joint name=\"l{k}\" axis=\"0 1 0\"/>\
+                 <geom name=\"f{k}\" type=\"sphere\" pos=\"0 0 -.3\" size=\".03\" {foot}/></body></body>"
+            )
+        };
+        let legs: String = (0..count).map(leg).collect();
+        format!(
+            "<geom type=\"plane\" size=\"1 1 1\"/><body pos=\"0 0 1\"><freejoint/>\
+             <geom type=\"box\" size=\".3 .2 .1\" mass=\"{mass}\"/>{legs}</body>"
+        )
+    };
     let free = "<body><freejoint/><geom size=\".1\"/></body>";
     for (path, words) in [
         (
@@ -198,6 +215,12 @@ fn what_cannot_walk_is_said_and_nothing_is_overwritten() {
             write("ball.xml", &format!("<geom type=\"plane\" size=\"1 1 1\"/>{free}")),
             "no legs are found in m",
         ),
+        (
+            write("ghost.xml", &legs(4, "contype=\"0\" conaffinity=\"0\"", 1.0)),
+            "its last links (l0, l1, l2, l3) have no geom",
+        ),
+        (write("spider.xml", &legs(9, "", 1.0)), "m has 9 legs, and a task may have 8 feet"),
+        (write("heavy.xml", &legs(4, "", 1e5)), "task.policy.kp"),
     ] {
         let output = program().arg("init").arg(&path).current_dir(folder.path()).output().unwrap();
         assert_eq!(output.status.code(), Some(1));

@@ -50,7 +50,17 @@ fn gains_scales_and_clips_are_by_pattern() {
 #[test]
 fn wrong_numbers_of_joints_are_named() {
     type Change = fn(&mut TaskSettings);
-    let cases: [(Change, &str); 8] = [
+    let cases: [(Change, &str); 12] = [
+        (|t| t.gait[1][0] = "FL_foot".to_owned(), "task.gait names `FL_foot` twice; a foot is in one group"),
+        (|t| t.gait[0][1] = "FL_foot".to_owned(), "task.gait names `FL_foot` twice"),
+        (
+            |t| drop(t.policy.default_pose.insert("RR_calf".to_owned(), 1.5)),
+            "task.policy.default_pose puts `RR_calf_joint` at 1.5 rad, and its range is -2.7227 to -0.83776 rad",
+        ),
+        (
+            |t| t.policy.default_pose.retain(|name, _| !name.contains("calf")),
+            "puts `FL_calf_joint` at 0 rad, and its range is -2.7227 to -0.83776 rad; a joint that no pattern",
+        ),
         (|t| t.policy.kp = JointNumber::All(0.0), "task.policy.kp is 0; it must be above 0"),
         (
             |t| t.policy.kp = table(&[("*_calf", -1.0)]),
@@ -66,6 +76,25 @@ fn wrong_numbers_of_joints_are_named() {
     for (change, message) in cases {
         let error = wrong(change);
         assert!(error.contains(message), "{error}");
+    }
+}
+
+#[test]
+fn no_joints_are_not_all_joints() {
+    let text = toml::to_string(&calm()).unwrap().replace("[policy]\n", "[policy]\njoints = []\n");
+    let error = toml::from_str::<TaskSettings>(&text).unwrap_err().to_string();
+    assert!(error.contains("`joints` is empty") && error.contains("leave it out"), "{error}");
+}
+
+#[test]
+fn robots_fall_down() {
+    for (gravity, shown) in
+        [([0.0, -9.81, 0.0], "0 -9.81 0"), ([0.0, 0.0, 9.81], "0 0 9.81"), ([0.0; 3], "0 0 0")]
+    {
+        let mut model = go2();
+        model.options.gravity = gravity;
+        let error = Task::new(&model, &calm(), Preset::Fast).map(|_| ()).unwrap_err().to_string();
+        assert!(error.contains(&format!("gravity `{shown}`")) && error.contains("along -z"), "{error}");
     }
 }
 

@@ -151,6 +151,8 @@ const MOST_NUMBERS: usize = 1 << 16;
 const LONGEST_NAME: usize = 200;
 /// Largest magnitude of any number of an interface; beyond it lies no robot, and single precision overflows.
 const LARGEST: f64 = 1e6;
+/// Shortest and longest time between actions, s.
+const CONTROL_DT: [f64; 2] = [1e-3, 1.0];
 
 impl Interface {
     /// Numbers in the actor's observation.
@@ -224,7 +226,11 @@ impl Interface {
         if self.kp.iter().all(|&kp| kp == 0.0) {
             return Err(InterfaceError("kp is zero for every joint: no action would have an effect".into()));
         }
-        positive("control_dt", Some(self.control_dt))?;
+        let [least, most] = CONTROL_DT;
+        if !(least..=most).contains(&self.control_dt) {
+            let found = self.control_dt;
+            return Err(InterfaceError(format!("control_dt is {found} s; give {least} to {most} s")));
+        }
         if let Some(ActionClip::Each(clips)) = &self.action_clip
             && clips.len() != joints
         {

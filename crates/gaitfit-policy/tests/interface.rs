@@ -46,6 +46,7 @@ fn contradictions_are_named() {
         (|i| i.default_pose[2] = f64::NAN, "default_pose of FL_calf_joint is NaN"),
         (|i| i.action_scale[0] = 1e300, "action_scale of FL_hip_joint"),
         (|i| i.control_dt = 0.0, "control_dt is 0"),
+        (|i| i.control_dt = 1e-9, "control_dt is 0.000000001 s; give 0.001 to 1 s"),
         (|i| i.action_clip = Some(ActionClip::All(f64::INFINITY)), "action_clip is inf"),
         (
             |i| i.action_clip = Some(ActionClip::Each(vec![1.0; 11])),

@@ -1,6 +1,6 @@
 //! Which settings of a task are refused.
 
-use gaitfit_model::{shown, shown_number};
+use gaitfit_model::{Model, shown, shown_number};
 use gaitfit_policy::{Interface, Quantity};
 
 use super::error::refuse;
@@ -29,6 +29,37 @@ pub(super) fn check_terms(interface: &Interface) -> Result<(), TaskError> {
         }
     }
     Ok(())
+}
+
+/// How far outside its range a joint's default angle may be, rad: ranges and poses of files are rounded.
+const ROUNDED: f64 = 0.05;
+
+/// Refuses a default pose that a joint cannot be in.
+pub(super) fn check_pose(model: &Model, pose: &[f64]) -> Result<(), TaskError> {
+    for (joint, &angle) in model.joints.iter().zip(pose) {
+        if let Some([low, high]) = joint.range
+            && !(low - ROUNDED..=high + ROUNDED).contains(&angle)
+        {
+            let what = format!(
+                "puts `{}` at {} rad, and its range is {} to {} rad; a joint that no pattern covers is at 0",
+                shown(&joint.name),
+                shown_number(angle),
+                shown_number(low),
+                shown_number(high)
+            );
+            return refuse("policy.default_pose", what);
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a robot that does not fall down: postures, heights and feet are judged along z.
+pub(super) fn check_gravity(model: &Model) -> Result<(), TaskError> {
+    let [x, y, z] = model.options.gravity;
+    if z < 0.0 && x.abs().max(y.abs()) <= 1e-6 * z.abs() {
+        return Ok(());
+    }
+    Err(TaskError::Gravity { robot: shown(&model.name), gravity: [x, y, z].map(shown_number).join(" ") })
 }
 
 /// Shortest control period, s: replays and gaits take some seconds of them.

@@ -26,6 +26,17 @@ pub enum TaskError {
         /// What is wrong with it, and where.
         error: Box<ExpressionError>,
     },
+    /// The robot's gravity.
+    #[error(
+        "the robot {robot} has the gravity `{gravity}` (m/s²), and a walking task needs it along -z; mend it in the \
+         robot's file (in MJCF <option gravity=\"0 0 -9.81\"/>)"
+    )]
+    Gravity {
+        /// The robot.
+        robot: String,
+        /// Its gravity.
+        gravity: String,
+    },
     /// The interface that the settings give a new policy.
     #[error("task.policy: {0}")]
     Policy(InterfaceError),

@@ -3,7 +3,8 @@
 use gaitfit_policy::walker::FallSettings;
 use gaitfit_policy::{History, Quantity};
 use indexmap::IndexMap;
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::{JointNumber, TerrainSettings};
 
@@ -79,7 +80,7 @@ pub struct PolicySettings {
     pub critic_observation: Vec<gaitfit_policy::Term>,
     /// Patterns over the joints that the policy moves; all of them if there is none. The others are held in the default
     /// pose by their gains.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty", deserialize_with = "some_patterns")]
     pub joints: Vec<String>,
     /// How past frames lie in a row, where terms have a history.
     #[serde(default, skip_serializing_if = "is_usual")]
@@ -98,6 +99,17 @@ pub struct PolicySettings {
     /// Frequency of the gait clock, Hz, for policies that observe it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gait_frequency: Option<f64>,
+}
+
+/// A list that has something: an empty one would be taken for all joints.
+fn some_patterns<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    let patterns = Vec::<String>::deserialize(deserializer)?;
+    if patterns.is_empty() {
+        return Err(D::Error::custom(
+            "`joints` is empty, and a policy moves some joints; leave it out for all of them",
+        ));
+    }
+    Ok(patterns)
 }
 
 /// Whether policies' files need not say how past frames lie.

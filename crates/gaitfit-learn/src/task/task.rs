@@ -6,7 +6,7 @@ use gaitfit_policy::walker::{FootGeoms, Walker, WalkerOptions};
 use gaitfit_policy::{ActionClip, Held, Interface};
 use gaitfit_sim::Candidate;
 
-use super::check::{check, check_terms};
+use super::check::{check, check_gravity, check_pose, check_terms};
 use super::error::refuse;
 use super::joint_number::by_joint;
 use super::randomise::randomised;
@@ -41,6 +41,7 @@ impl Task {
         check(settings)?;
         let pose = by_joint(model, &policy.default_pose, "policy.default_pose")?;
         let pose: Vec<f64> = pose.iter().map(|angle| angle.unwrap_or(0.0)).collect();
+        check_pose(model, &pose)?;
         let name = |&joint: &usize| model.joints[joint].name.clone();
         let moved = moved(model, &policy.joints)?;
         let all: Vec<usize> = (0..model.joints.len()).collect();
@@ -92,6 +93,7 @@ impl Task {
     ) -> Result<Self, TaskError> {
         check(settings)?;
         check_terms(&interface)?;
+        check_gravity(model)?;
         let options = WalkerOptions {
             substeps: settings.substeps,
             preset,
@@ -272,6 +274,12 @@ fn gait_groups(settings: &TaskSettings) -> Result<Vec<Option<usize>>, TaskError>
     for (group, names) in settings.gait.iter().enumerate() {
         for wanted in names {
             match settings.feet.iter().position(|foot| foot == wanted) {
+                Some(foot) if groups[foot].is_some() => {
+                    return refuse(
+                        "gait",
+                        format!("names `{}` twice; a foot is in one group", shown(wanted)),
+                    );
+                }
                 Some(foot) => groups[foot] = Some(group),
                 None => {
                     let feet: Vec<String> = settings.feet.iter().map(|foot| shown(foot)).collect();

@@ -403,6 +403,10 @@ fn normalised(
 ) -> Result<Network, PolicyError> {
     let network = tensors.network(prefix, activation, epsilon)?;
     let Some(names) = normaliser else { return Ok(network) };
+    if !(0.0..=1e3).contains(&names.epsilon) {
+        let found = names.epsilon;
+        return Err(invalid(format!("epsilon of the normaliser is {found}; give 0 to 1000")));
+    }
     let (mean, std) = (tensors.vector(&names.mean)?, tensors.vector(&names.std)?);
     for (name, values) in [(&names.mean, &mean), (&names.std, &std)] {
         if values.len() != network.shape.inputs {
@@ -412,6 +416,12 @@ fn normalised(
                 network.shape.inputs
             )));
         }
+    }
+    if let Some(&found) = std.iter().find(|&&std| !(std >= 0.0 && std + names.epsilon > 0.0)) {
+        let name = &names.std;
+        return Err(invalid(format!(
+            "tensor {name} has a standard deviation of {found}; with epsilon it must be above 0"
+        )));
     }
     let factor: Vec<f64> = std.iter().map(|std| 1.0 / (std + names.epsilon)).collect();
     let offset: Vec<f64> = mean.iter().zip(&factor).map(|(mean, factor)| -mean * factor).collect();

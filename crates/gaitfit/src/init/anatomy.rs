@@ -71,8 +71,21 @@ impl Anatomy {
             let own: Vec<usize> = contacts.iter().copied().filter(|&geom| *path_of(geom) == path).collect();
             legs.push(leg(model, path, &own, lowest, SAME_FOOT * height, &frames));
         }
-        if legs.is_empty() || legs.len() > MOST_LEGS || !(height > 0.0 && height.is_finite()) {
-            return Err(InitError::NoLegs { robot: shown(&model.name) });
+        let robot = || shown(&model.name);
+        if legs.len() > MOST_LEGS {
+            return Err(InitError::ManyLegs { robot: robot(), legs: legs.len(), most: MOST_LEGS });
+        }
+        if legs.is_empty() {
+            // Last links without a geom that collides.
+            let ends = (0..model.bodies.len()).filter(|&body| last(&paths[body]));
+            let names: Vec<String> = ends.take(4).map(|body| shown(&model.bodies[body].name)).collect();
+            return Err(match names.is_empty() {
+                true => InitError::NoLegs { robot: robot() },
+                false => InitError::Ghosts { robot: robot(), links: names.join(", ") },
+            });
+        }
+        if !(height > 0.0 && height.is_finite()) {
+            return Err(InitError::NoLegs { robot: robot() });
         }
         let all: Vec<Vec<usize>> = legs.iter().map(|leg| leg.path.clone()).collect();
         for (index, leg) in legs.iter_mut().enumerate() {

@@ -11,8 +11,9 @@ mod sizes;
 mod text;
 
 use crate::settings::{Configuration, TrainConfig};
-use gaitfit_learn::task::TaskSettings;
+use gaitfit_learn::task::{Task, TaskSettings};
 use gaitfit_model::{Cone, Model, Root, shown};
+use gaitfit_physics::Preset;
 use serde::Serialize;
 
 use anatomy::Anatomy;
@@ -46,6 +47,29 @@ pub enum InitError {
     NoLegs {
         /// The robot.
         robot: String,
+    },
+    /// More legs than a task may have feet.
+    #[error(
+        "{robot} has {legs} legs, and a task may have {most} feet; write the task by hand for some of them"
+    )]
+    ManyLegs {
+        /// The robot.
+        robot: String,
+        /// How many there are.
+        legs: usize,
+        /// How many there may be.
+        most: usize,
+    },
+    /// What reaches lowest cannot touch the ground.
+    #[error(
+        "no legs are found in {robot}: its last links ({links}) have no geom that collides with the ground; give the feet \
+         spheres, capsules, boxes or cylinders that do (contype, conaffinity)"
+    )]
+    Ghosts {
+        /// The robot.
+        robot: String,
+        /// Some of its last links.
+        links: String,
     },
     /// The robot cannot be simulated.
     #[error("{0}")]
@@ -125,6 +149,9 @@ pub fn look(model: &Model) -> Result<Look, InitError> {
     let gains = Gains::of(model, &anatomy, &pose.angles, &sizes)?;
     let text = text::task(model, &anatomy, &pose, &sizes, &gains);
     let settings = read(&text).map_err(|why| InitError::Task { robot: robot(), why })?;
+    // What a training would refuse, in a robot of odd sizes, is said now.
+    let task = Task::new(model, &settings, Preset::Fast);
+    task.map_err(|error| InitError::Task { robot: robot(), why: error.to_string() })?;
     let elliptic = model.options.cone == Cone::Elliptic;
     Ok(Look { settings, guesses: guesses(model, &anatomy, &pose, &sizes, &gains), elliptic, text })
 }

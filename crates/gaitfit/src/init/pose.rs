@@ -48,7 +48,11 @@ pub fn start(model: &Model) -> Pose {
     let named = STANDING.iter().filter_map(|name| model.keyframe(name));
     let of_joints = named.chain(&model.keyframes).find(|key| stands(&key.qpos));
     match of_joints {
-        Some(key) => Pose { angles: key.qpos[first..].to_vec(), keyframe: Some(key.name.clone()) },
+        Some(key) => {
+            let angles =
+                model.joints.iter().zip(&key.qpos[first..]).map(|(joint, &angle)| within(joint, angle));
+            Pose { angles: angles.collect(), keyframe: Some(key.name.clone()) }
+        }
         None => {
             let angle = |joint: &gaitfit_model::Joint| within(joint, joint.reference);
             Pose { angles: model.joints.iter().map(angle).collect(), keyframe: None }
