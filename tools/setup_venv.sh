@@ -1,7 +1,7 @@
 #!/bin/sh
 # Makes .venv at the repository root with the pinned packages of tools/requirements.txt.
 # Usage: tools/setup_venv.sh [--torch] [PYTHON]      (PYTHON: an interpreter ≥ 3.11, default python3)
-# --torch adds PyTorch (large), which tools/bench_ppo_torch.py alone needs.
+# --torch adds PyTorch (large), which tools/bench_ppo_torch.py and tools/export_lstm_torch.py alone need.
 # Then:  .venv/bin/python tools/<script>.py --help
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)

@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{fixture, largest_difference, numbers, policy, rows};
+use common::{fixture, largest_difference, numbers, policy, root, rows};
 use gaitfit_policy::network::{Activation, Cell, Network, Recurrent, RecurrentLayer, Scratch, Shape};
 use gaitfit_policy::{Encoder, Front, Latent, Policy, onnx, read, weights};
 
@@ -37,6 +37,30 @@ fn lstm_and_gru_of_rsl_rls_exporter_give_onnxruntimes_actions_along_a_sequence()
         assert_eq!(weights::read(&weights::write(&policy).unwrap()).unwrap(), policy);
         let refused = onnx::write(&policy).unwrap_err().to_string();
         assert!(refused.contains("--safetensors"), "{refused}");
+    }
+}
+
+/// Graphs that PyTorch itself exported, with its Slices and Squeezes around every layer.
+#[test]
+#[ignore = "needs PyTorch: tools/setup_venv.sh --torch"]
+fn python_lstm_and_gru_that_pytorch_exports_give_onnxruntimes_actions() {
+    for (cell, layers) in [("lstm", "1"), ("lstm", "2"), ("gru", "1"), ("gru", "2")] {
+        let folder = tempfile::tempdir().unwrap();
+        let output = std::process::Command::new(root().join(".venv/bin/python"))
+            .arg(root().join("tools/export_lstm_torch.py"))
+            .args(["--cell", cell, "--layers", layers, "--out"])
+            .arg(folder.path())
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let policy = read(&folder.path().join(format!("{cell}.toml"))).unwrap();
+        let [observation, actions] = rows(folder.path().join(format!("{cell}_rows.json")).to_str().unwrap());
+        assert_eq!(actions.len(), 60 * 12);
+        assert!(actions.iter().any(|action| action.abs() > 0.1), "actions of zero would prove nothing");
+        let difference = largest_difference(&along(&policy, &observation), &actions);
+        assert!(difference < 1e-5, "{cell}: {difference}");
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        eprintln!("{cell}, {layers} layers: off by {difference:e}; {said}");
     }
 }
 
