@@ -30,6 +30,7 @@ pub mod reproduce;
 pub mod robot;
 pub mod run;
 pub mod settings;
+mod skeleton;
 mod spring;
 pub mod target;
 mod tensorboard;

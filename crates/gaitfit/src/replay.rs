@@ -1,5 +1,6 @@
 //! From a simulated robot and its record to what a 3-D replay draws.
 
+use crate::skeleton::bones;
 use gaitfit_learn::evaluate::GaitRecord;
 use gaitfit_model::{Model, Shape, Surface};
 use gaitfit_policy::walker::Walker;
@@ -48,7 +49,7 @@ pub fn robot(name: &str, model: &Model, record: &GaitRecord) -> ReplayRobot {
     });
     ReplayRobot {
         name: name.to_owned(),
-        geoms: geoms.collect(),
+        geoms: geoms.chain(bones(model, &carrier)).collect(),
         bodies,
         feet: record.feet.iter().map(|foot| foot_name(foot).to_owned()).collect(),
         ground: None,

@@ -130,3 +130,31 @@ fn documented_rewards_are_paid_and_documented_commands_grow() {
     assert_eq!(finetuned(&[]), (3, None));
     assert_eq!(finetuned(&["task.command.curriculum.iterations=7"]), (3, Some(Some(7))));
 }
+
+/// A replay of a robot whose legs have no geoms.
+#[test]
+fn links_without_geoms_are_drawn_as_bones() {
+    use gaitfit::replay::robot;
+    use gaitfit_learn::evaluate::GaitRecord;
+    use gaitfit_view::replay::Shape;
+    let mut model = gaitfit::robot::go2().unwrap();
+    let whole = robot("go2", &model, &GaitRecord::default());
+    assert_eq!(whole.geoms.len(), model.geoms.len(), "a robot with geoms everywhere gets no bones");
+    let legs: Vec<usize> =
+        (0..model.bodies.len()).filter(|&body| model.bodies[body].name.starts_with("FL_")).collect();
+    model.geoms.retain(|geom| !legs.contains(&geom.body));
+    let drawn = robot("go2", &model, &GaitRecord::default());
+    let bones = &drawn.geoms[model.geoms.len()..];
+    // Hip to thigh, thigh to calf, and the calf to its centre of mass.
+    assert_eq!(bones.len(), 3);
+    for (bone, wanted) in
+        bones.iter().zip([model.bodies[legs[1]].pos, model.bodies[legs[2]].pos, model.bodies[legs[2]].ipos])
+    {
+        let Shape::Capsule { half_length, .. } = bone.shape else { panic!("a bone is a capsule") };
+        let along = gaitfit_model::rotation::rotate(bone.quaternion, [0.0, 0.0, half_length]);
+        for k in 0..3 {
+            assert!((bone.position[k] - along[k]).abs() < 1e-9, "it begins at the joint");
+            assert!((bone.position[k] + along[k] - wanted[k]).abs() < 1e-9, "it ends at the next: {bone:?}");
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! Bones for robots, or parts of them, without geoms that could be drawn: from a body's origin to those of its children.
+
+use gaitfit_model::Model;
+use gaitfit_view::replay::{Geom, Shape};
+
+/// Radius of a bone as a share of its length, and at most, m.
+const THIN: f64 = 0.1;
+const THICKEST: f64 = 0.02;
+/// Bones shorter than this are not drawn, m.
+const SHORTEST: f64 = 1e-3;
+
+/// Bones of all bodies without a geom. A body at the end of a limb gets one to its centre of mass. `carrier`: the drawn
+/// body of each body of the model.
+pub(crate) fn bones(model: &Model, carrier: &[usize]) -> Vec<Geom> {
+    let bare = |body: usize| !model.geoms.iter().any(|geom| geom.body == body);
+    let mut bones = Vec::new();
+    for (index, body) in model.bodies.iter().enumerate() {
+        if let Some(parent) = body.parent.filter(|&parent| bare(parent)) {
+            bones.extend(bone(carrier[parent], body.pos));
+        }
+        let end = !model.bodies.iter().any(|other| other.parent == Some(index));
+        if end && bare(index) {
+            bones.extend(bone(carrier[index], body.ipos));
+        }
+    }
+    bones
+}
+
+/// A capsule from the origin of a drawn body to a point of it.
+fn bone(body: usize, end: [f64; 3]) -> Option<Geom> {
+    let length = end.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if !(length >= SHORTEST && length.is_finite()) {
+        return None;
+    }
+    let [x, y, z] = end.map(|x| x / length);
+    // The turn of z into the bone's direction; half a turn about x where that is opposite.
+    let quaternion = if z > -0.999_999 {
+        let norm = (2.0 * (1.0 + z)).sqrt();
+        [(1.0 + z) / norm, -y / norm, x / norm, 0.0]
+    } else {
+        [0.0, 1.0, 0.0, 0.0]
+    };
+    Some(Geom {
+        body,
+        shape: Shape::Capsule { radius: (THIN * length).min(THICKEST), half_length: 0.5 * length },
+        position: end.map(|x| 0.5 * x),
+        quaternion,
+        foot: None,
+    })
+}
