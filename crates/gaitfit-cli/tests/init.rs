@@ -188,7 +188,8 @@ fn what_cannot_walk_is_said_and_nothing_is_overwritten() {
     // A box on straight legs with a hip and a knee each.
     let legs = |count: usize, foot: &str, mass: f64| {
         let leg = |k: usize| {
-            let (x, y) = (0.3 - 0.6 * (k / 2) as f64 / count as f64, if k.is_multiple_of(2) { 0.2 } else { -0.2 });
+            let (x, y) =
+                (0.3 - 0.6 * (k / 2) as f64 / count as f64, if k.is_multiple_of(2) { 0.2 } else { -0.2 });
             format!(
                 "<body name=\"h{k}\" pos=\"{x} {y} 0\"><joint name=\"h{k}\" axis=\"0 1 0\"/>\
                  <geom type=\"capsule\" fromto=\"0 0 0 0 0 -.3\" size=\".03\" contype=\"0\" conaffinity=\"0\"/>\
@@ -220,7 +221,7 @@ fn what_cannot_walk_is_said_and_nothing_is_overwritten() {
             "its last links (l0, l1, l2, l3) have no geom",
         ),
         (write("spider.xml", &legs(9, "", 1.0)), "m has 9 legs, and a task may have 8 feet"),
-        (write("heavy.xml", &legs(4, "", 1e5)), "task.policy.kp"),
+        (write("heavy.xml", &legs(4, "", 1e5)), "task.randomisation.base_mass"),
     ] {
         let output = program().arg("init").arg(&path).current_dir(folder.path()).output().unwrap();
         assert_eq!(output.status.code(), Some(1));

@@ -104,7 +104,11 @@ fn a_cell_of_each_kind_is_run_and_resumed() {
     assert!(output.status.success(), "{}", errors(&output));
     assert_same(&json(&output), &first);
     assert_eq!(json(&output)["rows"][1]["cell"], "model-shift-fricarm-matchs1");
-    assert!(errors(&output).contains("model-shift-fricarm-matchs1: [2/2] model-shift"), "{}", errors(&output));
+    assert!(
+        errors(&output).contains("model-shift-fricarm-matchs1: [2/2] model-shift"),
+        "{}",
+        errors(&output)
+    );
 
     // Other settings are refused by name.
     let changed = args("parameters", folder.path(), &policy, &["--set", "target.seconds=1.2"]);

@@ -54,7 +54,9 @@ fn wrong_numbers_of_joints_are_named() {
         (|t| t.gait[1][0] = "FL_foot".to_owned(), "task.gait names `FL_foot` twice; a foot is in one group"),
         (|t| t.gait[0][1] = "FL_foot".to_owned(), "task.gait names `FL_foot` twice"),
         (
-            |t| drop(t.policy.default_pose.insert("RR_calf".to_owned(), 1.5)),
+            |t| {
+                t.policy.default_pose.insert("RR_calf".to_owned(), 1.5);
+            },
             "task.policy.default_pose puts `RR_calf_joint` at 1.5 rad, and its range is -2.7227 to -0.83776 rad",
         ),
         (
