@@ -43,7 +43,7 @@ fn lstm_and_gru_of_rsl_rls_exporter_give_onnxruntimes_actions_along_a_sequence()
 /// Graphs that PyTorch itself exported, with its Slices and Squeezes around every layer.
 #[test]
 #[ignore = "needs PyTorch: tools/setup_venv.sh --torch"]
-fn python_lstm_and_gru_that_pytorch_exports_give_onnxruntimes_actions() {
+fn torch_lstm_and_gru_that_pytorch_exports_give_onnxruntimes_actions() {
     for (cell, layers) in [("lstm", "1"), ("lstm", "2"), ("gru", "1"), ("gru", "2")] {
         let folder = tempfile::tempdir().unwrap();
         let output = std::process::Command::new(root().join(".venv/bin/python"))
