@@ -99,6 +99,15 @@ fn recordings_become_logs_and_logs_become_recordings() {
     let mapping = format!("{fixtures}/odd.toml");
     assert!(run(&["import", &odd, "--mapping", &mapping, "--out", &log]).status.success());
     assert!(body(&log).contains("# kp = [20.0"));
+
+    // A rate is for recordings without times; a log that cannot be used is no success.
+    let output = run(&["import", &recording, "--rate", "50", "--out", &log]);
+    assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
+    assert!(errors(&output).contains("200 samples a second, not 50"), "{}", errors(&output));
+    let gap = folder.path().join("gap.csv");
+    std::fs::write(&gap, "time,q_a,dq_a\n0,0,0\n0.01,0.1,0\n0.02,nan,0\n0.03,0.3,0\n").unwrap();
+    let output = run(&["import", &gap.display().to_string(), "--out", &log]);
+    assert_eq!(output.status.code(), Some(3), "{}", errors(&output));
 }
 
 #[test]
@@ -121,4 +130,14 @@ fn fitted_parameters_become_files_of_other_simulators() {
     assert!(run(&["inspect", &out.join("robot.xml").display().to_string()]).status.success());
     let output = run(&["export-theta", &theta, "--kp", "25", "--out", &shown]);
     assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+
+    // The robot's own file is not replaced, whatever its name.
+    let own = folder.path().join("robot.xml");
+    std::fs::copy(root().join("assets/go2.xml"), &own).unwrap();
+    let before = std::fs::read(&own).unwrap();
+    let (own_path, beside) = (own.display().to_string(), folder.path().display().to_string());
+    let output = run(&["export-theta", &theta, "--robot", &own_path, "--out", &beside]);
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    assert!(errors(&output).contains("would replace"), "{}", errors(&output));
+    assert_eq!(std::fs::read(&own).unwrap(), before);
 }

@@ -74,7 +74,17 @@ pub(crate) fn trajectory(
         linear_velocity: group(&BASE_VELOCITY),
         angular_velocity: group(&RATES),
     };
-    let rate_hz = match mapping.rate_hz.or_else(|| measured_rate(&time)) {
+    let measured = measured_rate(&time);
+    if let (Some(said), Some(measured)) = (mapping.rate_hz, measured)
+        && (said / measured - 1.0).abs() > 0.01
+    {
+        let problem = format!(
+            "its times say {measured:.6} samples a second, not {said}; a rate (`--rate`, `rate_hz`) is for recordings \
+             without times: leave it out"
+        );
+        return Err(ImportError::Clock { stream: "the joined log".into(), problem });
+    }
+    let rate_hz = match mapping.rate_hz.or(measured) {
         Some(rate) => rate,
         None => {
             let problem = "one sample says no rate; give `rate_hz` in a mapping file".to_owned();

@@ -98,6 +98,69 @@ fn records(
     Ok(outside)
 }
 
+/// Whether the lengths that a record gives its texts fit into it. The crate `mcap` takes the memory before it looks.
+fn lengths_fit(code: u8, mut body: &[u8]) -> bool {
+    // Bytes before the texts, and how many texts (or tables of texts, whose length comes first) follow.
+    let (fixed, texts) = match code {
+        op::CHUNK => (28, 1),
+        op::SCHEMA => (2, 3),
+        op::CHANNEL => (4, 3),
+        op::METADATA => (0, 2),
+        _ => return true,
+    };
+    let mut table = match body.split_at_checked(fixed) {
+        Some((_, rest)) => {
+            body = rest;
+            None
+        }
+        None => return false,
+    };
+    for number in 0..texts {
+        let Some((text, rest)) = text(body) else { return false };
+        if number + 1 == texts && matches!(code, op::CHANNEL | op::METADATA) {
+            table = Some(text);
+        }
+        body = rest;
+    }
+    let mut inside = table.unwrap_or_default();
+    while !inside.is_empty() {
+        let Some((_, rest)) = text(inside) else { return false };
+        inside = rest;
+    }
+    true
+}
+
+/// A text with its length before it, and what follows.
+fn text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<4>()?;
+    rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
+}
+
 fn parse(code: u8, body: &[u8]) -> Result<Record<'_>, String> {
+    if !lengths_fit(code, body) {
+        return Err("a record is damaged: a text in it is longer than the record".to_owned());
+    }
     mcap::parse_record(code, body).map_err(|error| format!("a record is damaged: {error}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_beyond_a_record_are_refused_before_memory_is_taken() {
+        let text = |text: &str| [&(text.len() as u32).to_le_bytes(), text.as_bytes()].concat();
+        let channel = |table: &[u8]| {
+            let length = (table.len() as u32).to_le_bytes();
+            [&[1, 0, 1, 0][..], &text("/joints"), &text("cdr"), &length, table].concat()
+        };
+        assert!(lengths_fit(op::CHANNEL, &channel(&[text("a"), text("b")].concat())));
+        assert!(lengths_fit(op::SCHEMA, &[&[1, 0][..], &text("n"), &text("ros2msg"), &text("x")].concat()));
+        let huge = u32::MAX.to_le_bytes();
+        assert!(!lengths_fit(op::CHANNEL, &channel(&huge)));
+        assert!(!lengths_fit(op::SCHEMA, &[&[1, 0][..], &huge, b"name"].concat()));
+        assert!(!lengths_fit(op::METADATA, &huge));
+        assert!(!lengths_fit(op::CHUNK, &[&[0; 28][..], &huge].concat()));
+        assert!(!lengths_fit(op::CHUNK, &[0; 20]));
+    }
 }

@@ -43,6 +43,10 @@ pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Bu
     if bytes[..header_end].iter().filter(|byte| matches!(byte, b'(' | b'[' | b'{')).count() > 64 {
         return refuse("a structured array; save plain arrays, one a quantity");
     }
+    // The header's parser multiplies the sizes without looking.
+    if !small_enough(&String::from_utf8_lossy(&bytes[..header_end])) {
+        return refuse("its shape is too large");
+    }
     let mut rest = bytes;
     let header =
         npyz::NpyHeader::from_reader(&mut rest).map_err(|error| format!("{}: {error}", shown(name)))?;
@@ -82,6 +86,17 @@ pub(crate) fn add(name: &str, bytes: &[u8], arrays: &mut Arrays, budget: &mut Bu
     Ok(())
 }
 
+/// Whether the sizes in a header's text have a product.
+fn small_enough(header: &str) -> bool {
+    let shape = header.split_once("'shape'").or_else(|| header.split_once("\"shape\""));
+    let sizes =
+        shape.and_then(|(_, after)| after.split_once('(')).and_then(|(_, after)| after.split_once(')'));
+    let Some((sizes, _)) = sizes else { return true };
+    let sizes =
+        sizes.split(',').map(|size| size.trim().trim_end_matches('L')).filter(|size| !size.is_empty());
+    sizes.map(str::parse::<u64>).try_fold(1u64, |product, size| product.checked_mul(size.ok()?)).is_some()
+}
+
 /// The numbers of an array in row-major order.
 pub(crate) fn numbers(
     bytes: &[u8],
@@ -116,4 +131,23 @@ pub(crate) fn numbers(
         }
     }
     Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shapes_without_a_product_are_refused() {
+        assert!(small_enough("{'descr': '<f8', 'shape': (40, 12), }"));
+        assert!(small_enough("{'descr': '<f8', 'shape': (), }"));
+        for shape in ["(4294967296, 4294967296)", "(99999999999999999999,)", "(-1, 2)"] {
+            assert!(!small_enough(&format!("{{'descr': '<f8', 'shape': {shape}, }}")), "{shape}");
+            let text = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}");
+            let length = u16::try_from(text.len()).unwrap().to_le_bytes();
+            let file = [b"\x93NUMPY\x01\x00".as_slice(), &length, text.as_bytes(), &[0; 96]].concat();
+            let found = add("q", &file, &mut Arrays::default(), &mut Budget::new(1000, 1000));
+            assert!(found.is_err(), "{shape}");
+        }
+    }
 }

@@ -6,11 +6,12 @@ use crate::exit::Failure;
 use crate::output;
 use crate::table::table;
 use gaitfit::export_theta::{ExportSettings, Row};
-use gaitfit::files;
+use gaitfit::files::{self, Output};
 use gaitfit_log::PerJoint;
 use gaitfit_model::shown;
 use serde::Serialize;
 use std::fmt::Write;
+use std::path::PathBuf;
 
 /// What was written, as `--json` prints it.
 #[derive(Serialize)]
@@ -32,12 +33,17 @@ pub fn run(args: &ExportTheta) -> Result<(), Failure> {
         policy: args.policy.clone(),
     };
     let exported = gaitfit::export_theta(&settings)?;
+    let paths: Vec<PathBuf> = exported.files.iter().map(|(name, _)| args.out.join(name)).collect();
+    let outputs: Vec<Output<'_>> =
+        paths.iter().map(|path| Output { path, option: "--out", ending: None }).collect();
+    let inputs = [Some(&args.theta), args.robot.as_ref(), args.policy.as_ref()];
     std::fs::create_dir_all(&args.out)
         .map_err(|error| Failure::failed(format!("cannot make {}: {error}", args.out.display())))?;
+    // A file of the robot's in the same folder may have a name of these.
+    files::check(&outputs, inputs.into_iter().flatten().map(PathBuf::as_path))?;
     let mut written = Vec::new();
-    for (name, text) in &exported.files {
-        let path = args.out.join(name);
-        files::write(&path, text.as_bytes())?;
+    for (path, (_, text)) in paths.iter().zip(&exported.files) {
+        files::write(path, text.as_bytes())?;
         written.push(path.display().to_string());
     }
     let document = Document { written, parameters: exported.rows, notes: exported.notes };

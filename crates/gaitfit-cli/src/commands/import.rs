@@ -1,13 +1,13 @@
 //! `gaitfit import`: any recording as a log.
 
 use crate::cli::Import;
-use crate::exit::Failure;
+use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::table::table;
 use gaitfit::files::{self, Output};
 use gaitfit::robot::{self, Hold};
 use gaitfit_import::{ImportError, ImportReport, MOST_MAPPING_BYTES, Mapping, Options};
-use gaitfit_log::{CheckSpec, Finding, check, write_csv};
+use gaitfit_log::{CheckSpec, Finding, Severity, check, write_csv};
 use gaitfit_model::{shown, shown_path};
 use serde::Serialize;
 use std::fmt::Write;
@@ -49,7 +49,13 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         report: imported.report,
         findings: check(log, &CheckSpec::default()),
     };
-    if args.json { output::print_json(&document) } else { output::print(&text(&document)) }
+    if args.json { output::print_json(&document) } else { output::print(&text(&document)) }?;
+    let errors = document.findings.iter().filter(|finding| finding.severity == Severity::Error).count();
+    if errors > 0 {
+        let message = format!("{} is written, and {errors} finding(s) forbid using it", document.written);
+        return Err(Failure { exit: Exit::Check, message });
+    }
+    Ok(())
 }
 
 /// The mapping of the file and what the command line says beside it.

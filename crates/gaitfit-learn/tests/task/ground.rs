@@ -237,7 +237,6 @@ fn what_cannot_be_ground_is_refused_by_setting() {
         (TerrainSettings { size: f64::NAN, ..base() }, "task.terrain.size"),
         (TerrainSettings { levels: 0, ..base() }, "task.terrain.levels"),
         (TerrainSettings { columns: 1_000_000, ..base() }, "task.terrain.columns"),
-        (TerrainSettings { start_level: 3, ..base() }, "task.terrain.start_level"),
         (TerrainSettings { step_height: [0.1, -0.1], ..base() }, "task.terrain.step_height"),
         (TerrainSettings { step_depth: [0.0, 0.3], ..base() }, "task.terrain.step_depth"),
         (TerrainSettings { slope: [0.0, f64::INFINITY], ..base() }, "task.terrain.slope"),

@@ -114,8 +114,11 @@ impl Course {
 
     /// The level of the first episode of `environment`, or of one that begins at `step` where there is no curriculum.
     pub(in crate::task) fn drawn_level(&self, seed: u64, environment: u32, step: u32) -> usize {
-        let levels =
-            if self.settings.curriculum { self.settings.start_level + 1 } else { self.settings.levels };
+        let levels = if self.settings.curriculum {
+            self.settings.start_level.saturating_add(1).min(self.settings.levels)
+        } else {
+            self.settings.levels
+        };
         any(levels, seed, environment, step)
     }
 

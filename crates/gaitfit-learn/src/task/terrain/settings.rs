@@ -43,7 +43,7 @@ pub struct TerrainSettings {
     /// as far as was commanded goes one down, one that passes the last level starts at any. Otherwise each episode
     /// starts at any level.
     pub curriculum: bool,
-    /// The highest level, from 0, that a robot of a curriculum begins at.
+    /// The highest level, from 0, that a robot of a curriculum begins at; the last one, if there are fewer.
     pub start_level: usize,
 }
 
@@ -125,10 +125,6 @@ impl TerrainSettings {
             if !(1..=MOST_CELLS).contains(&count) {
                 return refuse(setting, format!("is {count}; it must be from 1 to {MOST_CELLS}"));
             }
-        }
-        if self.start_level >= self.levels {
-            let what = format!("is {}; levels are 0 to {}", self.start_level, self.levels - 1);
-            return refuse("terrain.start_level", what);
         }
         let shares = self.kind.shares();
         let wrong = |share: f64| !(0.0..=1e6).contains(&share);
