@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{errors, json, run};
+use common::{errors, json, root, run};
 
 const FOREIGN: &str = "crates/gaitfit-policy/tests/fixtures/policies/foreign.toml";
 
