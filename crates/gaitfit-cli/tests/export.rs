@@ -103,7 +103,7 @@ fn recordings_become_logs_and_logs_become_recordings() {
     // A rate is for recordings without times; a log that cannot be used is no success.
     let output = run(&["import", &recording, "--rate", "50", "--out", &log]);
     assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
-    assert!(errors(&output).contains("200 samples a second, not 50"), "{}", errors(&output));
+    assert!(errors(&output).contains("200.0 samples a second, not 50"), "{}", errors(&output));
     let gap = folder.path().join("gap.csv");
     std::fs::write(&gap, "time,q_a,dq_a\n0,0,0\n0.01,0.1,0\n0.02,nan,0\n0.03,0.3,0\n").unwrap();
     let output = run(&["import", &gap.display().to_string(), "--out", &log]);

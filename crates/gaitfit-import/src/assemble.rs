@@ -79,7 +79,7 @@ pub(crate) fn trajectory(
         && (said / measured - 1.0).abs() > 0.01
     {
         let problem = format!(
-            "its times say {measured:.6} samples a second, not {said}; a rate (`--rate`, `rate_hz`) is for recordings \
+            "its times say {measured:.1} samples a second, not {said}; a rate (`--rate`, `rate_hz`) is for recordings \
              without times: leave it out"
         );
         return Err(ImportError::Clock { stream: "the joined log".into(), problem });
