@@ -5,7 +5,7 @@ use crate::join::Joined;
 use crate::known::{COMMAND, QUATERNION, RATES, ROLL_PITCH_YAW};
 use crate::mapping::Mapping;
 use crate::table::Source;
-use gaitfit_log::{BaseState, Gains, Trajectory};
+use gaitfit_log::{BaseState, Gains, Trajectory, measured_rate};
 use gaitfit_model::rotation::from_rpy;
 use indexmap::IndexMap;
 
@@ -129,14 +129,6 @@ fn derivative(time: &[f64], position: &[f64], width: usize) -> Vec<f64> {
         }
     }
     out
-}
-
-/// 1 / middle interval, as a whole number of hertz where that is within 0.5 %.
-fn measured_rate(time: &[f64]) -> Option<f64> {
-    let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let rate = 1.0 / crate::clock::typical(&mut steps)?;
-    let whole = rate.round();
-    Some(if (rate - whole).abs() <= 0.005 * whole { whole } else { rate })
 }
 
 /// Gains by the mapping, the files, or the commands to the motors.

@@ -148,9 +148,9 @@ fn lone_gain(place: &str, given: &str, lacking: &str) -> LogError {
     }
 }
 
-/// 1 / median sample interval, rounded to a whole number of hertz where that is within 0.5 %: recorders run
-/// at round rates and write rounded times. `None` when the median interval is not positive.
-fn measured_rate(time: &[f64]) -> Option<f64> {
+/// 1 / median sample interval of times in s, in Hz, rounded to a whole number where that is within 0.5 %: recorders run at
+/// round rates and write rounded times. `None` when there is no interval or the median is not positive.
+pub fn measured_rate(time: &[f64]) -> Option<f64> {
     let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     if steps.is_empty() {
         return None;

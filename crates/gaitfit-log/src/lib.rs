@@ -49,6 +49,7 @@ mod time_unit;
 mod trajectory;
 mod write;
 
+pub use assemble::measured_rate;
 pub use check::{CheckSpec, Fall, FallSign, Finding, FindingKind, Severity, Span, check, falls};
 pub use error::LogError;
 pub use files::{check_entry, csv_files};
