@@ -90,9 +90,9 @@ pub enum TrainingError {
     /// A robot's state stopped being a number.
     #[error(
         "iteration {iteration}: the simulated robot {environment} diverged in step {step} of the rollout (its state \
-         or reward is not finite{}); the policy is as it was before it. Use smaller gains, more substeps or a smaller \
-         learning rate",
-        of_term(term.as_deref())
+         or reward is not finite{}); the policy is as it was before it. {}",
+        of_term(term.as_deref()),
+        remedy(term.as_deref())
     )]
     Diverged {
         /// Iteration.
@@ -101,7 +101,7 @@ pub enum TrainingError {
         environment: usize,
         /// Step in the rollout.
         step: usize,
-        /// The reward term that was not finite, if one was and the robot's state was.
+        /// The reward term that was not finite, if the robot's state still was.
         term: Option<String>,
     },
     /// The update.
@@ -116,6 +116,15 @@ pub enum TrainingError {
 
 fn of_term(term: Option<&str>) -> String {
     term.map_or_else(String::new, |term| format!(": the reward term `{}`", shown(term)))
+}
+
+fn remedy(term: Option<&str>) -> &'static str {
+    match term {
+        Some(_) => {
+            "A term must be finite wherever a robot may get to: look for divisions, roots and logarithms in it"
+        }
+        None => "Use smaller gains, more substeps or a smaller learning rate",
+    }
 }
 
 /// What one iteration did.
