@@ -1,0 +1,26 @@
+//! What keeps a robot from being run.
+
+use crate::guard::Reason;
+use crate::unitree::MOTORS;
+
+/// Why a robot is not run.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RobotError {
+    /// A joint of the policy that the robot lacks, or one named twice.
+    #[error(
+        "joint `{joint}` is no joint of a Go2, or is named twice; they are FL, FR, RL, RR × hip, thigh, calf"
+    )]
+    Joint {
+        /// Its name.
+        joint: String,
+    },
+    /// Some motors have no joint.
+    #[error("the policy moves {count} joints, the Go2 has {MOTORS}; a policy for it must move them all")]
+    Joints {
+        /// Joints of the policy.
+        count: usize,
+    },
+    /// It may not be armed as it is.
+    #[error("not armed: {0}")]
+    NotArmed(Reason),
+}

@@ -1,0 +1,189 @@
+//! Limits of a robot's motors, and the command nearest to the wanted one that keeps them.
+
+use crate::command::{Command, MotorCommand};
+use crate::state::RobotState;
+use crate::unitree::MOTORS;
+
+/// What a robot's motors and joints bear, motor order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Least angle, rad.
+    pub lower: [f32; MOTORS],
+    /// Largest angle, rad.
+    pub upper: [f32; MOTORS],
+    /// Largest speed, rad/s.
+    pub speed: [f32; MOTORS],
+    /// Largest torque, N·m.
+    pub torque: [f32; MOTORS],
+    /// Largest position gain, N·m/rad.
+    pub kp: f32,
+    /// Largest velocity gain, N·m·s/rad.
+    pub kd: f32,
+}
+
+impl Limits {
+    /// Those of a Unitree Go2: ranges, efforts and speeds of the vendor's description (unitree_ros, `go2_description`;
+    /// the calf behind its knee gear of 1.917).
+    #[allow(clippy::approx_constant, reason = "the numbers of the vendor's file")]
+    pub fn go2() -> Self {
+        const HIP: [f32; 2] = [-1.0472, 1.0472];
+        const FRONT: [f32; 2] = [-1.5708, 3.4907];
+        const REAR: [f32; 2] = [-0.5236, 4.5379];
+        const CALF: [f32; 2] = [-2.7227, -0.83776];
+        let range = |motor: usize| match (motor % 3, motor / 3) {
+            (0, _) => HIP,
+            (1, 0 | 1) => FRONT,
+            (1, _) => REAR,
+            _ => CALF,
+        };
+        let kind = |hip_and_thigh: f32, calf: f32| {
+            std::array::from_fn(|motor| if motor % 3 == 2 { calf } else { hip_and_thigh })
+        };
+        Self {
+            lower: std::array::from_fn(|motor| range(motor)[0]),
+            upper: std::array::from_fn(|motor| range(motor)[1]),
+            speed: kind(30.1, 15.7),
+            torque: kind(23.7, 45.43),
+            kp: 100.0,
+            kd: 5.0,
+        }
+    }
+
+    /// The command nearest to `wanted` that is inside the limits for a robot in `state`: angles within the joints' range,
+    /// gains within theirs, and the torque that the motor board will make of it within the motor's. A joint that turns at
+    /// its largest speed is not driven further.
+    ///
+    /// The torque is that of the given state. Between two commands the joint moves; at 500 Hz it is off by
+    /// kp · speed · 2 ms.
+    ///
+    /// `None` where a number of `wanted` is not finite.
+    pub fn admit(&self, wanted: &Command, state: &RobotState) -> Option<Command> {
+        let mut command = *wanted;
+        for (motor, slot) in command.iter_mut().enumerate() {
+            if !slot.is_finite() {
+                return None;
+            }
+            *slot = self.admit_one(motor, slot, state.q[motor], state.dq[motor]);
+        }
+        Some(command)
+    }
+
+    fn admit_one(&self, motor: usize, wanted: &MotorCommand, q: f32, dq: f32) -> MotorCommand {
+        let (speed, torque) = (self.speed[motor], self.torque[motor]);
+        let mut command = MotorCommand {
+            q: wanted.q.clamp(self.lower[motor], self.upper[motor]),
+            dq: wanted.dq.clamp(-speed, speed),
+            tau: wanted.tau.clamp(-torque, torque),
+            kp: wanted.kp.clamp(0.0, self.kp),
+            kd: wanted.kd.clamp(0.0, self.kd),
+        };
+        let most = if dq >= speed { 0.0 } else { torque };
+        let least = if dq <= -speed { 0.0 } else { -torque };
+        let found = command.torque(q, dq);
+        if (least..=most).contains(&found) {
+            return command;
+        }
+        // First the target gives way, towards the angle where the torque is at its limit.
+        if command.kp > 0.0 {
+            let rest = found - command.kp * (command.q - q);
+            let angle = q + (found.clamp(least, most) - rest) / command.kp;
+            command.q = angle.clamp(self.lower[motor], self.upper[motor]);
+        }
+        // Where the target is at the end of its range, or there is none, the gains give way.
+        let found = command.torque(q, dq);
+        let factor = if found > most {
+            most / found
+        } else if found < least {
+            least / found
+        } else {
+            1.0
+        };
+        command.tau *= factor;
+        command.kp *= factor;
+        command.kd *= factor;
+        command
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::approx_constant, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::state::tests::standing;
+
+    fn admitted(motor: usize, wanted: MotorCommand, q: f32, dq: f32) -> MotorCommand {
+        let mut state = standing();
+        (state.q[motor], state.dq[motor]) = (q, dq);
+        let mut command = Command::default();
+        command[motor] = wanted;
+        Limits::go2().admit(&command, &state).unwrap()[motor]
+    }
+
+    #[test]
+    fn a_command_inside_the_limits_is_left_as_it_is() {
+        let wanted = MotorCommand { q: 0.9, kp: 25.0, kd: 0.5, ..MotorCommand::default() };
+        assert_eq!(admitted(1, wanted, 0.8, 2.0), wanted);
+    }
+
+    #[test]
+    fn a_far_target_is_brought_to_where_the_torque_is_at_its_limit() {
+        // 100 · (q* − 0.8) − 1 · 2 = 23.7.
+        let wanted = MotorCommand { q: 3.0, kp: 100.0, kd: 1.0, ..MotorCommand::default() };
+        let found = admitted(1, wanted, 0.8, 2.0);
+        let same = (found.kp - 100.0).abs() < 1e-3 && (found.kd - 1.0).abs() < 1e-5;
+        assert!((found.q - 1.057).abs() < 1e-5 && same, "{found:?}");
+        let found = admitted(1, MotorCommand { q: -1.5, ..wanted }, 0.8, 2.0);
+        assert!((found.q - 0.583).abs() < 1e-5, "{found:?}");
+    }
+
+    #[test]
+    fn a_target_outside_the_range_is_brought_into_it() {
+        let wanted = MotorCommand { q: -3.2, kp: 5.0, kd: 0.5, ..MotorCommand::default() };
+        assert_eq!(admitted(2, wanted, -2.6, 0.0).q, -2.7227);
+    }
+
+    #[test]
+    fn gains_give_way_where_the_target_cannot() {
+        // Beyond its range by 0.3 rad: 100 · 0.3 = 30 N·m would pull it back.
+        let wanted = MotorCommand { q: 1.0472, kp: 100.0, kd: 0.0, ..MotorCommand::default() };
+        let found = admitted(0, wanted, 1.3472, 0.0);
+        assert!(found.q == 1.0472 && (found.torque(1.3472, 0.0) + 23.7).abs() < 1e-3, "{found:?}");
+        // Damping of a fast joint.
+        let found = admitted(0, MotorCommand { kd: 5.0, ..MotorCommand::default() }, 0.0, 20.0);
+        assert!((found.torque(0.0, 20.0) + 23.7).abs() < 1e-3 && found.kp == 0.0, "{found:?}");
+    }
+
+    #[test]
+    fn a_joint_at_its_largest_speed_is_braked_and_not_driven() {
+        let wanted = MotorCommand { q: -0.9, kp: 25.0, kd: 0.5, ..MotorCommand::default() };
+        assert!(admitted(2, wanted, -1.5, 15.8).torque(-1.5, 15.8) <= 1e-4);
+        assert!(admitted(2, wanted, -1.5, 15.0).torque(-1.5, 15.0) > 1.0);
+        let down = MotorCommand { q: -2.7, ..wanted };
+        assert!(admitted(2, down, -1.5, -15.8).torque(-1.5, -15.8) >= -1e-4);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_no_command() {
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for field in 0..5 {
+                let mut numbers = [0.5; 5];
+                numbers[field] = bad;
+                let [q, dq, tau, kp, kd] = numbers;
+                let mut command = Command::default();
+                command[7] = MotorCommand { q, dq, tau, kp, kd };
+                assert_eq!(Limits::go2().admit(&command, &standing()), None);
+            }
+        }
+    }
+
+    #[test]
+    fn ranges_are_those_of_the_built_in_robot() {
+        let (model, limits) = (gaitfit_model::builtin::go2().unwrap(), Limits::go2());
+        for (motor, name) in crate::unitree::MOTOR_NAMES.iter().enumerate() {
+            let joint = &model.joints[model.find_joint(name).unwrap()];
+            let [low, high] = joint.range.unwrap();
+            assert!((f64::from(limits.lower[motor]) - low).abs() < 1e-4, "{name}");
+            assert!((f64::from(limits.upper[motor]) - high).abs() < 1e-4, "{name}");
+        }
+    }
+}

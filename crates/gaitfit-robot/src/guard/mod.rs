@@ -1,0 +1,9 @@
+//! What may be sent to the motors, and the reasons for sending damping instead.
+
+mod limits;
+mod reason;
+mod watch;
+
+pub use limits::Limits;
+pub use reason::Reason;
+pub use watch::{GuardSettings, Watch};

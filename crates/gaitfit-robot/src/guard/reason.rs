@@ -1,0 +1,95 @@
+//! Why a robot goes to damping, in words for the person beside it.
+
+use crate::unitree::MOTOR_NAMES;
+
+/// Why a robot goes to damping, or may not be armed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Reason {
+    /// Nothing was heard from the robot.
+    #[error(
+        "no state of the robot has arrived; check cable, network interface and domain, and whether the robot is switched on"
+    )]
+    NoState,
+    /// The last state is old.
+    #[error("the robot's last state is {0:.0} ms old; check the cable and how busy this computer is")]
+    StaleState(f64),
+    /// A state came damaged.
+    #[error("a state of the robot has a wrong checksum: it was damaged, or sent by another program")]
+    WrongChecksum,
+    /// A number of the state is not finite.
+    #[error("the robot's state has a number that is not finite ({0}); switch the robot off and on")]
+    StateNotFinite(&'static str),
+    /// The inertial unit's orientation is none.
+    #[error(
+        "the orientation of the robot's inertial unit is no unit quaternion; switch the robot off and on"
+    )]
+    NoOrientation,
+    /// A joint is where the robot's joints cannot be.
+    #[error("joint {} is at {angle:.2} rad, outside its range; look at the leg, or the joints are in another order", MOTOR_NAMES[*motor])]
+    OutOfRange {
+        /// The motor.
+        motor: usize,
+        /// Its angle, rad.
+        angle: f32,
+    },
+    /// A joint moved further than it can.
+    #[error("joint {} jumped by {angle:.2} rad from one state to the next: an encoder fails, or the joints changed order", MOTOR_NAMES[*motor])]
+    Jump {
+        /// The motor.
+        motor: usize,
+        /// By how much, rad.
+        angle: f32,
+    },
+    /// A joint is too fast.
+    #[error("joint {} turns at {speed:.1} rad/s, faster than its motor can", MOTOR_NAMES[*motor])]
+    TooFast {
+        /// The motor.
+        motor: usize,
+        /// Its velocity, rad/s.
+        speed: f32,
+    },
+    /// The robot leans.
+    #[error("the robot leans by {0:.0} degrees; it is falling, or was lifted")]
+    Tilt(f32),
+    /// A motor is hot.
+    #[error("motor {} is at {degrees} °C; let it cool", MOTOR_NAMES[*motor])]
+    Hot {
+        /// The motor.
+        motor: usize,
+        /// Its temperature, °C.
+        degrees: u8,
+    },
+    /// The battery is nearly empty.
+    #[error("the battery is at {0} %; charge it")]
+    Battery(u8),
+    /// The battery is not reported though it must be.
+    #[error("the robot reports no battery; a robot does, and simulators take a domain other than 0")]
+    NoBattery,
+    /// The policy's output is no number.
+    #[error("the policy's output is not finite; inspect the policy and run it in a simulator first")]
+    PolicyNotFinite,
+    /// The policy's output is late.
+    #[error("the policy's last output is {0:.0} ms old; this computer is too busy or too slow for it")]
+    LatePolicy(f64),
+    /// The loop that sends commands was late.
+    #[error("the loop that sends commands was {0:.0} ms late; this computer is too busy")]
+    LateLoop(f64),
+    /// Another program commands the robot.
+    #[error(
+        "another program sends commands to the robot's motors: stop it, and switch off the robot's own walking (motion service) \
+         in the vendor's app or with its SDK (MotionSwitcherClient.ReleaseMode)"
+    )]
+    SecondController,
+    /// The person beside it said so.
+    #[error("stopped by the operator")]
+    Operator,
+    /// The program was asked to end.
+    #[error("the program was asked to end (Ctrl-C or a signal)")]
+    Signal,
+    /// The terminal went away.
+    #[error("the terminal went away")]
+    TerminalLost,
+    /// The link broke.
+    #[error("the link to the robot broke: {0}")]
+    Link(String),
+}

@@ -1,0 +1,181 @@
+//! Whether a robot's states are such that it may be driven.
+
+use std::time::Duration;
+
+use gaitfit_model::rotation::up;
+
+use super::{Limits, Reason};
+use crate::state::{Reading, RobotState, Seal};
+use crate::unitree::MOTORS;
+
+/// When a robot goes to damping.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GuardSettings {
+    /// What its motors bear.
+    pub limits: Limits,
+    /// Oldest state to act on.
+    pub stale: Duration,
+    /// Longest time between two commands.
+    pub late: Duration,
+    /// Oldest output of the policy to act on.
+    pub late_policy: Duration,
+    /// Largest angle between the base's z axis and the world's, degrees.
+    pub tilt: f32,
+    /// Hottest motor, °C.
+    pub temperature: u8,
+    /// Least charge of the battery, %.
+    pub charge: u8,
+    /// How far a joint may be outside of its range, rad: encoders are off, and stops give way.
+    pub range_margin: f32,
+    /// Whether the sender is a simulator: it may leave checksum, counter and battery out.
+    pub simulator: bool,
+}
+
+impl GuardSettings {
+    /// For a Go2 whose policy acts every `control_dt`: states of 20 ms, 60 degrees, 80 °C, 15 %.
+    pub fn go2(control_dt: Duration) -> Self {
+        Self {
+            limits: Limits::go2(),
+            stale: Duration::from_millis(20),
+            late: Duration::from_millis(20),
+            late_policy: 2 * control_dt + Duration::from_millis(10),
+            tilt: 60.0,
+            temperature: 80,
+            charge: 15,
+            range_margin: 0.15,
+            simulator: false,
+        }
+    }
+}
+
+/// Factor on a joint's largest speed that no reading may exceed.
+const SPEED_FACTOR: f32 = 1.5;
+/// What a joint may seem to jump, beside its speed, rad: noise and delayed messages.
+const JUMP: f32 = 0.25;
+/// How far the length of the orientation's quaternion may be from 1.
+const OFF_UNIT: f32 = 0.05;
+
+/// Watches a robot's states.
+#[derive(Clone, Debug)]
+pub struct Watch {
+    settings: GuardSettings,
+    /// The last reading with news in it, and when it came.
+    last: Option<(Duration, RobotState)>,
+}
+
+impl Watch {
+    /// Nothing seen yet.
+    pub fn new(settings: GuardSettings) -> Self {
+        Self { settings, last: None }
+    }
+
+    /// When the robot goes to damping.
+    pub fn settings(&self) -> &GuardSettings {
+        &self.settings
+    }
+
+    /// The last state that was taken.
+    pub fn state(&self) -> Option<&RobotState> {
+        self.last.as_ref().map(|(_, state)| state)
+    }
+
+    /// Takes a reading that came at `now`. A state that fails a rule is not taken. One whose counter stands still holds no
+    /// news: it counts as none.
+    ///
+    /// # Errors
+    /// The first rule that it fails.
+    pub fn take(&mut self, now: Duration, reading: &Reading) -> Result<(), Reason> {
+        let sealed = match reading.seal {
+            Seal::Right => true,
+            Seal::Absent => self.settings.simulator,
+            Seal::Wrong => false,
+        };
+        if !sealed {
+            return Err(Reason::WrongChecksum);
+        }
+        let state = &reading.state;
+        if let Some((_, before)) = &self.last
+            && before.tick == state.tick
+            && !(self.settings.simulator && state.tick == 0)
+        {
+            return Ok(());
+        }
+        self.check_numbers(state)?;
+        self.check_joints(now, state)?;
+        self.check_body(state)?;
+        self.last = Some((now, *state));
+        Ok(())
+    }
+
+    /// Whether the last state is fresh at `now`.
+    ///
+    /// # Errors
+    /// None has come, or it is old.
+    pub fn fresh(&self, now: Duration) -> Result<&RobotState, Reason> {
+        let (came, state) = self.last.as_ref().ok_or(Reason::NoState)?;
+        let age = now.saturating_sub(*came);
+        if age > self.settings.stale {
+            return Err(Reason::StaleState(1e3 * age.as_secs_f64()));
+        }
+        Ok(state)
+    }
+
+    fn check_numbers(&self, state: &RobotState) -> Result<(), Reason> {
+        let parts: [(&'static str, &[f32]); 6] = [
+            ("a joint's angle", &state.q),
+            ("a joint's velocity", &state.dq),
+            ("a joint's torque", &state.torque),
+            ("the orientation", &state.quaternion),
+            ("the gyroscope", &state.gyroscope),
+            ("the accelerometer", &state.accelerometer),
+        ];
+        match parts.iter().find(|(_, numbers)| numbers.iter().any(|x| !x.is_finite())) {
+            Some((what, _)) => Err(Reason::StateNotFinite(what)),
+            None => Ok(()),
+        }
+    }
+
+    fn check_joints(&self, now: Duration, state: &RobotState) -> Result<(), Reason> {
+        let GuardSettings { limits, range_margin, temperature, .. } = &self.settings;
+        // Ranges of all first: joints in another order jump too.
+        for (motor, &angle) in state.q.iter().enumerate() {
+            if angle < limits.lower[motor] - range_margin || angle > limits.upper[motor] + range_margin {
+                return Err(Reason::OutOfRange { motor, angle });
+            }
+        }
+        for motor in 0..MOTORS {
+            let (angle, speed) = (state.q[motor], state.dq[motor]);
+            let fastest = SPEED_FACTOR * limits.speed[motor];
+            if speed.abs() > fastest {
+                return Err(Reason::TooFast { motor, speed });
+            }
+            if let Some((came, before)) = &self.last {
+                let jump = angle - before.q[motor];
+                if jump.abs() > JUMP + fastest * now.saturating_sub(*came).as_secs_f32() {
+                    return Err(Reason::Jump { motor, angle: jump });
+                }
+            }
+            if state.temperature[motor] > *temperature {
+                return Err(Reason::Hot { motor, degrees: state.temperature[motor] });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_body(&self, state: &RobotState) -> Result<(), Reason> {
+        let length = state.quaternion.iter().map(|x| x * x).sum::<f32>().sqrt();
+        if (length - 1.0).abs() > OFF_UNIT {
+            return Err(Reason::NoOrientation);
+        }
+        // The world's z axis in the body frame; its z is the cosine of the tilt.
+        let tilt = (up(state.quaternion)[2] / (length * length)).clamp(-1.0, 1.0).acos().to_degrees();
+        if tilt > self.settings.tilt {
+            return Err(Reason::Tilt(tilt));
+        }
+        match state.battery {
+            Some(battery) if battery.charge < self.settings.charge => Err(Reason::Battery(battery.charge)),
+            None if !self.settings.simulator => Err(Reason::NoBattery),
+            _ => Ok(()),
+        }
+    }
+}

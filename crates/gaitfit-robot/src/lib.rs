@@ -1,0 +1,19 @@
+//! A policy on a real legged robot.
+//!
+//! - [`unitree`]: the messages of a Unitree Go2, bit for bit.
+//! - [`guard`]: what may be sent to the motors, and the reasons for sending damping instead.
+//! - [`Supervisor`]: the states from idle over standing up and walking to lying down, with the guard before every command.
+//!
+//! Nothing here reads a clock: times are given, so that a test is the same each time.
+
+mod command;
+mod error;
+pub mod guard;
+mod state;
+mod supervisor;
+pub mod unitree;
+
+pub use command::{Command, DAMPING_KD, MotorCommand, damping};
+pub use error::RobotError;
+pub use state::{Battery, Reading, RobotState, Seal};
+pub use supervisor::{Phase, Postures, Supervisor, Times};

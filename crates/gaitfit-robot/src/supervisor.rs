@@ -1,0 +1,337 @@
+//! The states of a run, from idle to lying down, with the guard before every command. Pure: times are given.
+
+use std::time::Duration;
+
+use crate::RobotError;
+use crate::command::{Command, MotorCommand, damping};
+use crate::guard::{GuardSettings, Limits, Reason, Watch};
+use crate::state::{Reading, RobotState};
+use crate::unitree::MOTORS;
+
+/// What a robot is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Nothing is sent.
+    Idle,
+    /// To the lying posture, then up.
+    StandUp,
+    /// Stands with the policy's gains.
+    Stand,
+    /// Under the policy.
+    Walk,
+    /// Down to the lying posture.
+    LieDown,
+    /// The motors resist motion and hold nothing. It is never left.
+    Damping,
+}
+
+impl Phase {
+    /// Its name in files and messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Idle => "idle",
+            Self::StandUp => "stand up",
+            Self::Stand => "stand",
+            Self::Walk => "walk",
+            Self::LieDown => "lie down",
+            Self::Damping => "damping",
+        }
+    }
+}
+
+/// Postures and gains of a run, motor order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Postures {
+    /// Lying, legs folded, rad.
+    pub lying: [f32; MOTORS],
+    /// Standing: the policy's pose at action zero, rad.
+    pub standing: [f32; MOTORS],
+    /// Position and velocity gain of standing up and lying down, N·m/rad and N·m·s/rad.
+    pub gains: [f32; 2],
+    /// The policy's position gains, N·m/rad.
+    pub kp: [f32; MOTORS],
+    /// The policy's velocity gains, N·m·s/rad.
+    pub kd: [f32; MOTORS],
+}
+
+impl Postures {
+    /// A Go2 on its belly with folded legs (as the vendor's example of standing has it), rad.
+    pub const GO2_LYING: [f32; MOTORS] =
+        [0.0, 1.36, -2.65, 0.0, 1.36, -2.65, -0.2, 1.36, -2.65, 0.2, 1.36, -2.65];
+
+    /// Of a Go2 under a policy with this pose and these gains, motor order.
+    pub fn go2(standing: [f32; MOTORS], kp: [f32; MOTORS], kd: [f32; MOTORS]) -> Self {
+        Self { lying: Self::GO2_LYING, standing, gains: [50.0, 2.0], kp, kd }
+    }
+}
+
+/// How long each state lasts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Times {
+    /// To the lying posture, wherever the legs are.
+    pub fold: Duration,
+    /// From lying to standing.
+    pub rise: Duration,
+    /// From the gains of standing up to the policy's, standing.
+    pub settle: Duration,
+    /// From wherever the legs are to lying.
+    pub lie_down: Duration,
+    /// Damping before the last command.
+    pub damping: Duration,
+}
+
+impl Default for Times {
+    fn default() -> Self {
+        let seconds = Duration::from_secs_f32;
+        Self {
+            fold: seconds(1.5),
+            rise: seconds(1.5),
+            settle: seconds(0.5),
+            lie_down: seconds(2.0),
+            damping: seconds(2.0),
+        }
+    }
+}
+
+/// Share of the largest torque that damping may use.
+const DAMPING_ROOM: f32 = 0.9;
+
+/// The states of a run and the guard before every command.
+#[derive(Clone, Debug)]
+pub struct Supervisor {
+    watch: Watch,
+    postures: Postures,
+    times: Times,
+    phase: Phase,
+    /// When the phase began.
+    since: Duration,
+    /// Joint angles from which the phase's motion begins, rad.
+    from: [f32; MOTORS],
+    /// When the last command was asked for.
+    ticked: Option<Duration>,
+    /// The policy's last targets, rad, and when they came.
+    targets: Option<(Duration, [f32; MOTORS])>,
+    /// The last command.
+    sent: Command,
+    reason: Option<Reason>,
+    /// While idle: what is wrong with the last reading; it may be mended.
+    refused: Option<Reason>,
+}
+
+impl Supervisor {
+    /// Idle.
+    pub fn new(guard: GuardSettings, postures: Postures, times: Times) -> Self {
+        Self {
+            watch: Watch::new(guard),
+            postures,
+            times,
+            phase: Phase::Idle,
+            since: Duration::ZERO,
+            from: [0.0; MOTORS],
+            ticked: None,
+            targets: None,
+            sent: damping(),
+            reason: None,
+            refused: None,
+        }
+    }
+
+    /// What the robot is doing.
+    pub fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// Why it is in damping; `None` after an orderly end, and in other phases.
+    pub fn reason(&self) -> Option<&Reason> {
+        self.reason.as_ref()
+    }
+
+    /// The last good state.
+    pub fn state(&self) -> Option<&RobotState> {
+        self.watch.state()
+    }
+
+    /// Whether the run is over: it was in damping long enough.
+    pub fn is_over(&self, now: Duration) -> bool {
+        self.phase == Phase::Damping && now.saturating_sub(self.since) >= self.times.damping
+    }
+
+    /// Takes a message of the robot that came at `now`. A bad one is a reason for damping; while idle it only keeps the
+    /// robot from being armed.
+    pub fn read(&mut self, now: Duration, reading: &Reading) {
+        let taken = self.watch.take(now, reading);
+        if self.phase == Phase::Idle {
+            self.refused = taken.err();
+        } else if let Err(reason) = taken {
+            self.stop(now, reason);
+        }
+    }
+
+    /// Another program's command was seen.
+    pub fn second_controller(&mut self, now: Duration) {
+        self.stop(now, Reason::SecondController);
+    }
+
+    /// To damping, for `reason`. The first reason stays. While idle it keeps the robot from being armed.
+    pub fn stop(&mut self, now: Duration, reason: Reason) {
+        match self.phase {
+            Phase::Damping => {}
+            Phase::Idle => {
+                self.reason.get_or_insert(reason);
+            }
+            _ => {
+                self.reason = Some(reason);
+                (self.phase, self.since) = (Phase::Damping, now);
+            }
+        }
+    }
+
+    /// From idle to standing up.
+    ///
+    /// # Errors
+    /// A rule that the robot's state fails, or that it is not idle.
+    pub fn arm(&mut self, now: Duration) -> Result<(), RobotError> {
+        if let Some(reason) = self.reason.as_ref().or(self.refused.as_ref()) {
+            return Err(RobotError::NotArmed(reason.clone()));
+        }
+        let state = self.watch.fresh(now).map_err(RobotError::NotArmed)?;
+        if self.phase == Phase::Idle {
+            self.from = state.q;
+            (self.phase, self.since, self.ticked) = (Phase::StandUp, now, None);
+        }
+        Ok(())
+    }
+
+    /// Whether it stands and waits for the policy's first targets.
+    pub fn awaits_policy(&self, now: Duration) -> bool {
+        self.phase == Phase::Stand && now.saturating_sub(self.since) >= self.times.settle
+    }
+
+    /// The policy's targets, rad, motor order, of time `now`. What is not finite is a reason for damping.
+    pub fn aim(&mut self, now: Duration, targets: [f32; MOTORS]) {
+        if targets.iter().all(|angle| angle.is_finite()) {
+            self.targets = Some((now, targets));
+        } else {
+            self.stop(now, Reason::PolicyNotFinite);
+        }
+    }
+
+    /// The walk is over: to lying down, from wherever the robot is.
+    pub fn lie_down(&mut self, now: Duration) {
+        if !matches!(self.phase, Phase::StandUp | Phase::Stand | Phase::Walk) {
+            return;
+        }
+        if let Some(state) = self.watch.state() {
+            // Where the gains change, the torque stays: kp₁ (q₁ − q) = kp₀ (q₀ − q).
+            let [kp, _] = self.postures.gains;
+            self.from = std::array::from_fn(|motor| {
+                let (sent, q) = (&self.sent[motor], state.q[motor]);
+                q + sent.kp * (sent.q - q) / kp
+            });
+            (self.phase, self.since) = (Phase::LieDown, now);
+        }
+    }
+
+    /// What to send at `now`: nothing while idle, else a command inside the limits. To be asked for at a steady rate.
+    pub fn tick(&mut self, now: Duration) -> Option<Command> {
+        if self.phase == Phase::Idle {
+            return None;
+        }
+        let before = self.ticked.replace(now);
+        if let Some(gap) = before.map(|before| now.saturating_sub(before))
+            && gap > self.watch.settings().late
+        {
+            self.stop(now, Reason::LateLoop(1e3 * gap.as_secs_f64()));
+        }
+        if self.phase != Phase::Damping
+            && let Err(reason) = self.watch.fresh(now)
+        {
+            self.stop(now, reason);
+        }
+        self.advance(now);
+        let wanted = self.wanted(now);
+        self.sent = match (self.watch.state(), self.phase) {
+            (Some(state), Phase::Damping) => self.damped(state),
+            (Some(state), _) => match self.watch.settings().limits.admit(&wanted, state) {
+                Some(command) => command,
+                None => {
+                    self.stop(now, Reason::PolicyNotFinite);
+                    damping()
+                }
+            },
+            (None, _) => damping(),
+        };
+        Some(self.sent)
+    }
+
+    /// Damping of a robot that was last known to be in `state`. The state may be old, so the torque has room.
+    fn damped(&self, state: &RobotState) -> Command {
+        let limits = self.watch.settings().limits;
+        let limits = Limits { torque: limits.torque.map(|torque| DAMPING_ROOM * torque), ..limits };
+        limits.admit(&damping(), state).unwrap_or_else(damping)
+    }
+
+    /// To the next phase, where this one is over.
+    fn advance(&mut self, now: Duration) {
+        let elapsed = now.saturating_sub(self.since);
+        match self.phase {
+            Phase::StandUp if elapsed >= self.times.fold + self.times.rise => {
+                (self.phase, self.since) = (Phase::Stand, now);
+            }
+            Phase::Stand if elapsed >= self.times.settle => {
+                let fresh = |(came, _)| now.saturating_sub(came) <= self.watch.settings().late_policy;
+                if self.targets.is_some_and(fresh) {
+                    (self.phase, self.since) = (Phase::Walk, now);
+                }
+            }
+            Phase::Walk => {
+                let age = self.targets.map_or(elapsed, |(came, _)| now.saturating_sub(came));
+                if age > self.watch.settings().late_policy {
+                    self.stop(now, Reason::LatePolicy(1e3 * age.as_secs_f64()));
+                }
+            }
+            Phase::LieDown if elapsed >= self.times.lie_down => {
+                (self.phase, self.since) = (Phase::Damping, now);
+            }
+            _ => {}
+        }
+    }
+
+    /// The command of the phase, before the guard.
+    fn wanted(&self, now: Duration) -> Command {
+        let Postures { lying, standing, gains: [kp, kd], .. } = &self.postures;
+        let elapsed = now.saturating_sub(self.since);
+        let part = |of: Duration| (elapsed.as_secs_f32() / of.as_secs_f32().max(1e-6)).clamp(0.0, 1.0);
+        let between = |from: &[f32; MOTORS], to: &[f32; MOTORS], part: f32| {
+            std::array::from_fn(|motor| MotorCommand {
+                q: from[motor] + part * (to[motor] - from[motor]),
+                kp: *kp,
+                kd: *kd,
+                ..MotorCommand::default()
+            })
+        };
+        match self.phase {
+            Phase::StandUp if elapsed < self.times.fold => between(&self.from, lying, part(self.times.fold)),
+            Phase::StandUp => {
+                let risen =
+                    (elapsed - self.times.fold).as_secs_f32() / self.times.rise.as_secs_f32().max(1e-6);
+                between(lying, standing, risen.clamp(0.0, 1.0))
+            }
+            Phase::Stand => self.policy(standing, part(self.times.settle)),
+            Phase::Walk => self.policy(self.targets.as_ref().map_or(standing, |(_, targets)| targets), 1.0),
+            Phase::LieDown => between(&self.from, lying, part(self.times.lie_down)),
+            Phase::Idle | Phase::Damping => damping(),
+        }
+    }
+
+    /// Targets with gains that are, by `part`, the policy's.
+    fn policy(&self, targets: &[f32; MOTORS], part: f32) -> Command {
+        let Postures { gains: [kp, kd], kp: own_kp, kd: own_kd, .. } = &self.postures;
+        std::array::from_fn(|motor| MotorCommand {
+            q: targets[motor],
+            kp: kp + part * (own_kp[motor] - kp),
+            kd: kd + part * (own_kd[motor] - kd),
+            ..MotorCommand::default()
+        })
+    }
+}

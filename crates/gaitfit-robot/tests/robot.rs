@@ -1,0 +1,13 @@
+//! Tests of the robot's messages, of every rule of the guard, and of what a robot feels when something fails.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+#[path = "robot/faults.rs"]
+mod faults;
+#[path = "robot/limits.rs"]
+mod limits;
+#[path = "robot/messages.rs"]
+mod messages;
+#[path = "robot/rules.rs"]
+mod rules;
+#[path = "robot/toy.rs"]
+mod toy;
