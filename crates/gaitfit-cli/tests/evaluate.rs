@@ -151,3 +151,21 @@ fn what_cannot_be_evaluated_is_refused() {
     assert!(output.status.success(), "{}", errors(&output));
     assert!(errors(&output).contains("fitted to the robot `cat`, and this is `go2`"), "{}", errors(&output));
 }
+
+/// Ground that cannot be names the file that it is from.
+#[test]
+fn a_wrong_ground_names_its_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let policy = standing(folder.path());
+    let ground = folder.path().join("ground.toml");
+    let refused = |text: &str| {
+        std::fs::write(&ground, text).unwrap();
+        let output = run(&["evaluate", &policy, "--terrain", &ground.display().to_string()]);
+        assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+        errors(&output)
+    };
+    let error = refused("[terrain]\nkind = \"rough\"\ncell = 1.0\n");
+    assert!(error.contains("ground.toml") && error.contains("terrain.rough_distance"), "{error}");
+    let error = refused("[terrain]\nkind = \"lava\"\n");
+    assert!(error.contains("ground.toml") && error.contains("`lava`"), "{error}");
+}

@@ -100,6 +100,21 @@ fn recordings_become_logs_and_logs_become_recordings() {
     assert!(run(&["import", &odd, "--mapping", &mapping, "--out", &log]).status.success());
     assert!(body(&log).contains("# kp = [20.0"));
 
+    // The G1's motors are not the Go2's, though the first of them could be.
+    let humanoid = format!("{fixtures}/unitree_hg.mcap");
+    let output = run(&["import", &humanoid, "--robot", "assets/go2.xml", "--out", &path("g1.csv")]);
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    for part in ["motors 12 to 28 move", "only 12 are named", "go2", "--robot", "joints = [...]"] {
+        assert!(errors(&output).contains(part), "{part}: {}", errors(&output));
+    }
+    assert!(!folder.path().join("g1.csv").exists());
+    let output = run(&["import", &recording, "--take", "/lowstat", "--out", &log]);
+    assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
+    assert!(errors(&output).contains("`/lowstat`, which `--take`"), "{}", errors(&output));
+    let output = run(&["import", &pace, "--robot", "assets/go2.xml", "--clock-offset", "0.1", "--out", &log]);
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    assert!(errors(&output).contains("--clock-offset"), "{}", errors(&output));
+
     // A rate is for recordings without times; a log that cannot be used is no success.
     let output = run(&["import", &recording, "--rate", "50", "--out", &log]);
     assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
@@ -130,6 +145,27 @@ fn fitted_parameters_become_files_of_other_simulators() {
     assert!(run(&["inspect", &out.join("robot.xml").display().to_string()]).status.success());
     let output = run(&["export-theta", &theta, "--kp", "25", "--out", &shown]);
     assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+
+    // What another simulator would take for something else is refused, with the file and the parameter.
+    let text = std::fs::read_to_string(&theta).unwrap();
+    let odd = folder.path().join("odd.toml");
+    for (from, to, part) in [
+        ("[0.019, 0.021]", "[0.021, 0.019]", "`armature` has the interval [0.021, 0.019]"),
+        ("[0.019, 0.021]", "[nan, 0.021]", "lower end first"),
+        ("\"s\"", "\"ms\"", "`delay` is in `ms`, and delay is in `s`"),
+    ] {
+        std::fs::write(&odd, text.replace(from, to)).unwrap();
+        let output = run(&["export-theta", &odd.display().to_string(), "--out", &shown]);
+        let said = errors(&output);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains(part) && said.contains("odd.toml"), "{said}");
+    }
+    for (gain, part) in [("1e300", "from 0 to 1e6"), ("-1", "not negative"), ("nan", "finite")] {
+        let kp = format!("--kp={gain}");
+        let output = run(&["export-theta", &theta, &kp, "--kd", "0.5", "--out", &shown]);
+        assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+        assert!(errors(&output).contains("--kp") && errors(&output).contains(part), "{}", errors(&output));
+    }
 
     // The robot's own file is not replaced, whatever its name.
     let own = folder.path().join("robot.xml");

@@ -151,8 +151,17 @@ fn a_log_says_which_parameters_it_can_tell() {
     let text = String::from_utf8(output.stdout.clone()).unwrap();
     assert!(text.contains("armature_calf") && text.contains("told"), "{text}{}", errors(&output));
     let output = run(&[&demo[..], &["--set", "costs=[\"wass\"]"]].concat());
-    assert_eq!(output.status.code(), Some(1));
-    assert!(errors(&output).contains("`wass`"), "{}", errors(&output));
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    let said = errors(&output);
+    assert!(said.contains("`wass`") && said.contains("matcho") && !said.contains("CMA-ES"), "{said}");
+    // Values that no search could find are named, not moved to the next bound.
+    for value in ["7.5", "nan"] {
+        let set = format!("truth.frictionloss_hip={value}");
+        let output = run(&[&demo[..], &coarse, &["--set", &set]].concat());
+        assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+        let said = errors(&output).to_lowercase();
+        assert!(said.contains("`frictionloss_hip`") && said.contains(value) && said.contains("bounds"), "{said}");
+    }
     let output = run(&[&demo[..], &["--difference", "-1"]].concat());
     assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
 }

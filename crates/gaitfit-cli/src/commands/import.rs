@@ -33,9 +33,12 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     files::check(&[Output { path: &args.out, option: "--out", ending: Some("csv") }], inputs)?;
     let options = Options { mapping, ..Options::default() };
     let imported = gaitfit_import::import(&args.files, &options).map_err(|error| match error {
-        ImportError::Mapping { .. } | ImportError::NoJointNames { .. } | ImportError::Ambiguous { .. } => {
-            Failure::usage(error)
-        }
+        ImportError::Mapping { .. }
+        | ImportError::NoJointNames { .. }
+        | ImportError::MotorsBeyond { .. }
+        | ImportError::NoSuchStream { .. }
+        | ImportError::NothingToShift
+        | ImportError::Ambiguous { .. } => Failure::usage(error),
         error => Failure::failed(error),
     })?;
     let log = &imported.trajectory;

@@ -262,6 +262,11 @@ fn what_cannot_be_ground_is_refused_by_setting() {
         let error = refused(&model, terrain);
         assert!(error.starts_with(setting), "{setting}: {error}");
     }
+    // A flat field has no steps and no drawn heights, whose defaults are shorter than its cells.
+    let flat = || TerrainSettings { cell: 1.0, ..small(TerrainKind::Flat) };
+    assert!(Course::new(&flat()).is_ok() && Task::new(&model, &on(flat()), Preset::Fast).is_ok());
+    let error = refused(&model, TerrainSettings { cell: 1.0, ..small(TerrainKind::Rough) });
+    assert!(error.starts_with("task.terrain.rough_distance"), "{error}");
     let mut boots = model.clone();
     for geom in boots.geoms.iter_mut().filter(|geom| geom.name == "FL_foot") {
         geom.shape = Shape::Box { half_size: [0.03, 0.02, 0.02] };

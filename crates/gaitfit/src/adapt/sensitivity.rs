@@ -2,7 +2,10 @@
 
 use super::setup::Setup;
 use crate::Error;
+use crate::settings::Base;
+use gaitfit_adapt::Entry;
 use gaitfit_adapt::fit::{Problem, off_bounds, sensitivity as measured};
+use gaitfit_model::shown_number;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -49,6 +52,22 @@ pub struct Told {
     pub like: Option<(String, f64)>,
 }
 
+/// `value`, if the search of `entry` could find it; `place` says where it is written.
+fn within(entry: &Entry, value: f64, place: &str) -> Result<f64, Error> {
+    let slack = 1e-6 * (entry.upper - entry.lower);
+    if value >= entry.lower - slack && value <= entry.upper + slack {
+        return Ok(value.clamp(entry.lower, entry.upper));
+    }
+    Err(Error::settings(format!(
+        "{place} gives `{}` the value {}, and the search's bounds are {} to {}; correct the value, or widen `lower` and \
+         `upper` of its rule",
+        entry.name,
+        shown_number(value),
+        shown_number(entry.lower),
+        shown_number(entry.upper)
+    )))
+}
+
 /// Measures it on the logs of `setup` around the values of `theta`, a fit's theta.toml, or where it does not name them of the
 /// configuration's `[truth]`, or else the start of the search. `difference`: what the fitted simulator will differ by;
 /// without it, what these values do.
@@ -60,16 +79,28 @@ pub fn sensitivity(
     theta: Option<&Path>,
     difference: Option<f64>,
 ) -> Result<SensitivityResults, Error> {
-    let theta = theta.map(crate::theta::read).transpose()?;
+    let of_file = theta.map_or_else(String::new, |path| path.display().to_string());
+    let file = theta.map(crate::theta::read).transpose()?;
     let entries = setup.theta.entries();
     let start = setup.theta.start(setup.config.optimizer.seed);
-    let value = |(entry, start): (&gaitfit_adapt::Entry, f64)| {
-        let saved = theta.as_ref().and_then(|file| file.parameter.iter().find(|one| one.name == entry.name));
-        let known = saved.map(|one| one.value).or_else(|| setup.config.truth.get(&entry.name).copied());
-        known.map_or_else(|| off_bounds(entry, start), |known| known.clamp(entry.lower, entry.upper))
+    let value = |(entry, start): (&Entry, f64)| {
+        let saved = file.as_ref().and_then(|file| file.parameter.iter().find(|one| one.name == entry.name));
+        let stated = || setup.config.truth.get(&entry.name).map(|value| (*value, "[truth]".to_owned()));
+        match saved.map(|one| (one.value, of_file.clone())).or_else(stated) {
+            Some((known, place)) => within(entry, known, &place),
+            None => Ok(off_bounds(entry, start)),
+        }
     };
-    let values: Vec<f64> = entries.iter().zip(start).map(value).collect();
+    let values: Vec<f64> = entries.iter().zip(start).map(value).collect::<Result<_, _>>()?;
     let cost = setup.costs[0].as_ref();
+    if cost.differences().is_none() {
+        let comparing = if setup.config.base == Base::Free { "matchr" } else { "matcho" };
+        return Err(Error::settings(format!(
+            "sensitivity looks at differences sample by sample, and the configuration's first cost, `{}`, compares \
+             distributions; name one that compares samples first: --set 'costs=[\"{comparing}\"]'",
+            cost.name()
+        )));
+    }
     let simulator = setup.fit.simulator.as_ref();
     let problem = Problem { simulator, theta: &setup.theta, cost, draw: 0, cancel: &gaitfit_adapt::never };
     let found = measured(problem, &values, difference).map_err(Error::failed)?.ok_or_else(|| {

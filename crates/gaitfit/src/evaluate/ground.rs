@@ -22,7 +22,12 @@ pub enum GroundChoice {
     /// None.
     Flat,
     /// Other ground.
-    Of(Box<TerrainSettings>),
+    Of {
+        /// Its settings.
+        settings: Box<TerrainSettings>,
+        /// The file that they are from, for messages.
+        file: Option<String>,
+    },
 }
 
 /// Columns of each kind where kinds are named: as many pits as pyramids.
@@ -43,7 +48,8 @@ impl GroundChoice {
             _ => {}
         }
         if text.ends_with(".toml") {
-            return Self::file(Path::new(text)).map(|settings| Self::Of(Box::new(settings)));
+            let settings = Self::file(Path::new(text))?;
+            return Ok(Self::Of { settings: Box::new(settings), file: Some(text.to_owned()) });
         }
         let mut shares = IndexMap::new();
         for kind in text.split(',') {
@@ -56,7 +62,18 @@ impl GroundChoice {
         }
         let columns = COLUMNS * shares.len();
         let settings = TerrainSettings { columns, ..TerrainSettings::of(Kinds::Shares(shares)) };
-        Ok(Self::Of(Box::new(settings)))
+        Ok(Self::Of { settings: Box::new(settings), file: None })
+    }
+
+    /// An error about the task's terrain, with the file that the terrain is from.
+    fn named(&self, error: Error) -> Error {
+        match self {
+            Self::Of { file: Some(file), .. } if error.to_string().contains("terrain.") => {
+                let what = error.to_string().replace("task.terrain.", "terrain.");
+                Error::settings(format!("--terrain {}: {what}", shown(file)))
+            }
+            _ => error,
+        }
     }
 
     fn file(path: &Path) -> Result<TerrainSettings, Error> {
@@ -79,7 +96,7 @@ impl GroundChoice {
         match self {
             Self::Own => own,
             Self::Flat => None,
-            Self::Of(settings) => Some((**settings).clone()),
+            Self::Of { settings, .. } => Some((**settings).clone()),
         }
     }
 }
@@ -159,7 +176,7 @@ pub(super) fn open(
         settings = settings.calm();
     }
     settings.terrain = Some(terrain);
-    World::with_task(args, policy.clone(), settings).map(Some)
+    World::with_task(args, policy.clone(), settings).map(Some).map_err(|error| choice.named(error))
 }
 
 /// Sends `robots` robots a cell ahead, at half the task's greatest speed.

@@ -1,6 +1,7 @@
 //! Fitted parameters for other simulators: files that hold a theta.toml's numbers as MuJoCo, Isaac Lab and mjlab name
 //! them. What a file cannot say, the Python code beside it does.
 
+mod checks;
 mod code;
 mod document;
 mod joint;
@@ -89,6 +90,7 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
             (model, text, is_urdf)
         }
     };
+    checks::parameters(&file, &settings.theta)?;
     let candidate = theta::candidate(&file, &settings.theta, &model)?;
     let gains = gains(settings, &model)?;
     let mut exported = files_of(&file, &model, &text, is_urdf, &candidate, gains.as_ref())?;
@@ -104,6 +106,8 @@ fn gains(settings: &ExportSettings, model: &Model) -> Result<Option<Gains>, Erro
         (Some(kp), Some(kd), None) => {
             let kp = kp.resolve("--kp", &names).map_err(Error::settings)?;
             let kd = kd.resolve("--kd", &names).map_err(Error::settings)?;
+            checks::gains("--kp", &kp)?;
+            checks::gains("--kd", &kd)?;
             Ok(Some(Gains { kp, kd }))
         }
         (None, None, Some(path)) => {

@@ -31,7 +31,7 @@ fn theta_of(model: &Model, delay: f64) -> ThetaFile {
         ("delay", &all, delay),
     ] {
         text.push_str(&format!(
-            "[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\njoints = {joints:?}\nvalue = {value:?}\nunit = \"x\"\n\
+            "[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\njoints = {joints:?}\nvalue = {value:?}\n\
              interval = [{:?}, {:?}]\nidentified = true\n",
             value - 0.01,
             value + 0.01

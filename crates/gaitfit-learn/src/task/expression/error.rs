@@ -75,6 +75,9 @@ pub enum Problem {
     /// A comparison of comparisons.
     #[error("compare two at a time, and join comparisons with `and`")]
     Chained,
+    /// A clamp whose least is above its largest.
+    #[error("`clamp` goes from {0} to {1}, and its least must not be above its largest; exchange them")]
+    Clamp(String, String),
     /// A function with another number of arguments.
     #[error("`{function}` takes {wanted}, not {found}")]
     Arguments {

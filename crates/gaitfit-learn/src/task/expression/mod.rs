@@ -111,6 +111,16 @@ impl fmt::Display for Expression {
 }
 
 impl Node {
+    /// Its value where it is the same always.
+    fn constant(&self) -> Option<f32> {
+        Some(match self {
+            Self::Number(number) => *number,
+            Self::One(operator, node) => operator.value(node.constant()?),
+            Self::Two(operator, nodes) => operator.value(nodes[0].constant()?, nodes[1].constant()?),
+            Self::Quantity(..) | Self::Fold(_) | Self::Select(_) => return None,
+        })
+    }
+
     /// Element `place`; `folded`: what the folds before gave.
     fn value(&self, moment: &Moment<'_>, place: usize, folded: &[f32; MOST_FOLDS]) -> f32 {
         let of = |node: &Self| node.value(moment, place, folded);

@@ -317,6 +317,11 @@ impl Parser<'_> {
             (Function::Fold(FoldKind::Min), Some(a), Some(b), None, _) => self.two(at, Two::Min, a, b),
             (Function::Fold(FoldKind::Max), Some(a), Some(b), None, _) => self.two(at, Two::Max, a, b),
             (Function::Clamp, Some(x), Some(low), Some(high), None) => {
+                if let (Some(least), Some(most)) = (low.node.constant(), high.node.constant())
+                    && least > most
+                {
+                    return self.wrong(at, Problem::Clamp(least.to_string(), most.to_string()));
+                }
                 let above = self.two(at, Two::Max, x, low)?;
                 self.two(at, Two::Min, above, high)
             }

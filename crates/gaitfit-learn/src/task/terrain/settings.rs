@@ -95,25 +95,29 @@ impl TerrainSettings {
 
     /// Refuses numbers out of range, by setting.
     pub(in crate::task) fn check(&self) -> Result<(), TaskError> {
-        for (setting, value, [low, high]) in [
-            ("terrain.size", self.size, [0.5, 100.0]),
-            ("terrain.platform", self.platform, [0.0, 0.9 * self.size]),
-            ("terrain.cell", self.cell, [0.01, 1.0]),
-            ("terrain.rough_distance", self.rough_distance, [self.cell, self.size]),
-            ("terrain.border", self.border, [LEAST_BORDER, 100.0]),
+        // What only one kind uses may be anything where that kind is not: its default need not fit other settings.
+        let has = |kind| self.kind.shares().iter().any(|(own, share)| *own == kind && *share > 0.0);
+        let (rough, stairs) = (has(TerrainKind::Rough), has(TerrainKind::Stairs));
+        for (setting, value, [low, high], counts) in [
+            ("terrain.size", self.size, [0.5, 100.0], true),
+            ("terrain.platform", self.platform, [0.0, 0.9 * self.size], true),
+            ("terrain.cell", self.cell, [0.01, 1.0], true),
+            ("terrain.rough_distance", self.rough_distance, [self.cell, self.size], rough),
+            ("terrain.border", self.border, [LEAST_BORDER, 100.0], true),
         ] {
-            if !(low..=high).contains(&value) {
+            if counts && !(low..=high).contains(&value) {
                 let what = format!("is {}; it must be from {low} to {high} m", shown_number(value));
                 return refuse(setting, what);
             }
         }
-        for (setting, range, [low, high]) in [
-            ("terrain.step_height", self.step_height, [0.0, 1.0]),
-            ("terrain.step_depth", self.step_depth, [self.cell, self.size]),
-            ("terrain.slope", self.slope, [0.0, 2.0]),
-            ("terrain.roughness", self.roughness, [0.0, 1.0]),
+        for (setting, range, [low, high], counts) in [
+            ("terrain.step_height", self.step_height, [0.0, 1.0], true),
+            ("terrain.step_depth", self.step_depth, [self.cell, self.size], stairs),
+            ("terrain.slope", self.slope, [0.0, 2.0], true),
+            ("terrain.roughness", self.roughness, [0.0, 1.0], true),
         ] {
-            if let Some(value) = range.into_iter().find(|value| !(low..=high).contains(value)) {
+            let outside = |value: &f64| !(low..=high).contains(value);
+            if let Some(value) = range.into_iter().find(outside).filter(|_| counts) {
                 let what = format!(
                     "has {}; it must be [at the first level, at the last], from {low} to {high}",
                     shown_number(value)
