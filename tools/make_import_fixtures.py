@@ -1,16 +1,18 @@
 """Writes the files that crates/gaitfit-import is tested with: one motion in every kind of file that is read.
 
 The motion is that of 12 joints of a Go2 at 200 Hz, rounded to float32 so that all files can hold the same numbers.
-`motion.csv` is the reference. The writers are those of the formats' own projects: mcap, rosbags, NumPy, PyTorch, pyarrow.
+`motion.csv` is the reference. The writers are those of the formats' own projects: mcap, rosbags, NumPy, PyTorch, pyarrow, h5py.
 
 Usage: python tools/make_import_fixtures.py [--out FOLDER]      (packages: tools/requirements-import.txt)
 """
 
 import argparse
+import math
 import pathlib
 import pickle
 import shutil
 
+import h5py
 import numpy as np
 import pyarrow as pa
 import pyarrow.feather
@@ -193,11 +195,64 @@ def write_arrays(out, time, q, dq, target):
     with open(out / "motion.pkl", "wb") as file:
         pickle.dump({"time": list(time), "joint_pos": q, "joint_vel": [list(row) for row in dq],
                      "joint_pos_target": single(target), "joint_names": JOINTS}, file, protocol=5)
+
+
+def write_columns(out, time, q, dq, target):
+    """Parquet and Arrow: a column a joint, and a list in every row; all encodings, packings and kinds of pages."""
     table = {"time": time}
     for name, values in (("q", q), ("dq", dq), ("qdes", target)):
         table |= {f"{name}_{joint}": values[:, i] for i, joint in enumerate(JOINTS)}
-    pa.parquet.write_table(pa.table(table), out / "motion.parquet", compression="snappy")
-    pa.feather.write_feather(pa.table(table), out / "motion.arrow", compression="uncompressed")
+    columns = pa.table(table)
+    stamps = pa.array(START + np.round(time * 1e9).astype(np.int64), pa.timestamp("ns"))
+    lists = lambda values, kind: pa.array(values.tolist(), pa.list_(kind))
+    rows = pa.table({"stamp": stamps, "joint_pos": lists(q, pa.float64()), "joint_vel": lists(dq, pa.float64()),
+                     "joint_pos_target": lists(target, pa.float32()), "mode": pa.array(["walk"] * len(time))})
+    pa.parquet.write_table(columns, out / "motion.parquet", compression="snappy", row_group_size=16)
+    pa.feather.write_feather(columns, out / "motion.arrow", compression="uncompressed")
+    pa.parquet.write_table(rows, out / "lists.parquet", compression="zstd", data_page_version="2.0")
+    pa.feather.write_feather(rows, out / "lists.arrow", compression="lz4", chunksize=16)
+    # Numbers in hundredths, so that integers hold them: `kinds.csv` is the reference of `kinds.parquet`.
+    whole = np.round(100 * q[:, :3]).astype(np.int64)
+    kinds = {"time": pa.array(np.arange(SAMPLES) * 5000, pa.duration("us")), "q_a": pa.array(whole[:, 0]),
+             "q_b": pa.array(whole[:, 1], pa.int32()), "q_c": pa.array(0.01 * whole[:, 2]),
+             "dq_a": pa.array(np.round(dq[:, 0]).astype(np.int64)), "dq_b": pa.array(dq[:, 1].astype(np.float32)),
+             "dq_c": pa.array(np.arange(SAMPLES) % 3 == 0)}
+    kinds = pa.table(kinds)
+    pa.parquet.write_table(kinds, out / "kinds.parquet", compression="gzip", use_dictionary=["q_b"], column_encoding={
+        "q_a": "DELTA_BINARY_PACKED", "q_c": "BYTE_STREAM_SPLIT", "dq_a": "PLAIN", "dq_b": "BYTE_STREAM_SPLIT",
+        "dq_c": "RLE", "time": "DELTA_BINARY_PACKED"}, store_schema=False, data_page_version="2.0")
+    columns = [whole[:, 0], whole[:, 1], 0.01 * whole[:, 2], np.round(dq[:, 0]), dq[:, 1].astype(np.float32), np.arange(SAMPLES) % 3 == 0]
+    lines = ["time_us,q_a,q_b,q_c,dq_a,dq_b,dq_c"]
+    lines += [",".join([str(5000 * i), *(repr(float(c[i])) for c in columns)]) for i in range(SAMPLES)]
+    (out / "kinds.csv").write_text("\n".join(lines) + "\n")
+    with pa.OSFile(str(out / "stream.arrow"), "wb") as file:
+        options = pa.ipc.IpcWriteOptions(compression="zstd")
+        with pa.ipc.new_stream(file, pa.table(table).schema, options=options) as writer:
+            writer.write_table(pa.table(table), max_chunksize=16)
+
+
+def write_hdf5(out, time, q, dq, target):
+    """HDF5 as a plain log with packed chunks, and as Isaac Lab and robomimic record: a group for each of two episodes."""
+    with h5py.File(out / "motion.h5", "w", track_order=False) as file:
+        file["time"] = time
+        file.create_dataset("joint_pos", data=q, chunks=(16, 12), compression="gzip", shuffle=True)
+        file.create_dataset("joint_vel", data=dq, chunks=(16, 12), fletcher32=True)
+        file["joint_pos_target"] = target.astype(np.float32)
+        file["joint_names"] = np.array([joint.encode() for joint in JOINTS])
+        file["kp"], file["kd"] = KP, KD
+    with h5py.File(out / "episodes.h5", "w", libver="latest") as file:
+        for number, scale in enumerate((1.0, 0.5)):
+            group = file.create_group(f"data/demo_{number}")
+            group["actions"] = scale * target
+            group["obs/joint_pos"], group["obs/joint_vel"] = scale * q, scale * dq
+            group["obs/picture"] = np.zeros((SAMPLES, 2, 2, 3), np.uint8)
+
+
+def write_old_pickle(out):
+    """A pickle of protocol 0, which is text: 20 samples of two joints."""
+    table = {"time": [0.01 * i for i in range(20)], "joint_pos": [[math.sin(0.1 * i), 0.2] for i in range(20)],
+             "joint_names": ["a", "b"]}
+    (out / "protocol_0.pkl").write_bytes(pickle.dumps(table, protocol=0))
 
 
 def write_walk_these_ways(out, time, q, dq, target):
@@ -273,9 +328,10 @@ def main():
     out = parser.parse_args().out
     out.mkdir(parents=True, exist_ok=True)
     found = motion()
-    for write in (write_csv, write_mcap, write_unitree, write_controller, write_bag, write_arrays, write_walk_these_ways, write_text):
+    for write in (write_csv, write_mcap, write_unitree, write_controller, write_bag, write_arrays, write_columns, write_hdf5, write_walk_these_ways, write_text):
         write(out, *found)
     write_unitree_hg(out)
+    write_old_pickle(out)
     write_two_rates(out)
     for path in sorted(out.rglob("*")):
         print(f"{path.relative_to(out)}: {path.stat().st_size} bytes" if path.is_file() else path.name)

@@ -69,15 +69,71 @@ pub(crate) fn named(columns: &ColumnNames) -> [(Role, &Option<Names>); 8] {
     ]
 }
 
+/// Refuses two arrays of one quantity, such as those of several recordings in one file.
+fn one_each(arrays: &Arrays, mapping: &Mapping) -> Result<(), String> {
+    let mut seen: Vec<(Role, &str)> = Vec::new();
+    for (name, array) in &arrays.numbers {
+        let Some(role) = role_of(name, mapping).filter(|role| *role != Role::Time) else { continue };
+        let width = array.rows_and_width().1;
+        if array.shape.is_empty() || role.columns(width).is_none() {
+            continue;
+        }
+        if let Some((_, other)) = seen.iter().find(|(own, _)| *own == role) {
+            return Err(format!(
+                "`{}` and `{}` hold the same quantity; name what to read by `--take`, such as the beginning of a path",
+                shown(other),
+                shown(name)
+            ));
+        }
+        seen.push((role, name));
+    }
+    Ok(())
+}
+
+/// Refuses positions with another number of rows than there are times.
+fn differing(arrays: &Arrays, mapping: &Mapping, rows: usize) -> Result<(), String> {
+    let of = |wanted: Role| {
+        let found = arrays.numbers.iter().find(|(name, _)| role_of(name, mapping) == Some(wanted));
+        found.filter(|(_, array)| !array.shape.is_empty())
+    };
+    let (Some((time, _)), Some((position, array))) = (of(Role::Time), of(Role::Position)) else { return Ok(()) };
+    if array.shape[0] == rows {
+        return Ok(());
+    }
+    Err(format!(
+        "`{}` has {rows} rows and `{}` {}; save both with one row a sample",
+        shown(time),
+        shown(position),
+        array.shape[0]
+    ))
+}
+
 /// One table of all arrays that have a row a sample.
 pub(crate) fn source(
     name: &str,
     kind: &'static str,
-    arrays: Arrays,
+    mut arrays: Arrays,
     mapping: &Mapping,
     budget: &mut Budget,
 ) -> Result<Source, String> {
     let mut source = Source { kind, ..Source::default() };
+    let take = &mapping.streams.take;
+    if !take.is_empty() {
+        let begins = |array: &String, wanted: &String| array.starts_with(wanted.as_str());
+        source.takeable = arrays.numbers.keys().take(20).cloned().collect();
+        source.taken =
+            take.iter().filter(|wanted| arrays.numbers.keys().any(|array| begins(array, wanted))).cloned().collect();
+        let whole = take.iter().any(|wanted| begins(&name.to_owned(), wanted));
+        source.taken.extend(take.iter().filter(|wanted| begins(&name.to_owned(), wanted)).cloned());
+        if !whole && !source.taken.is_empty() {
+            arrays.numbers.retain(|array, _| take.iter().any(|wanted| begins(array, wanted)));
+            arrays.words.retain(|array, _| {
+                role(array) == Some(Role::JointNames) || take.iter().any(|wanted| begins(array, wanted))
+            });
+        }
+        source.chosen = true;
+    }
+    one_each(&arrays, mapping)?;
     let mut table = Table { name: name.to_owned(), clock: "the file's times", ..Table::default() };
     let mut widest: IndexMap<usize, usize> = IndexMap::new();
     for array in arrays.numbers.values().filter(|array| !array.shape.is_empty()) {
@@ -93,6 +149,13 @@ pub(crate) fn source(
         .or_else(|| rows_of(Role::Position))
         .or_else(|| widest.iter().max_by_key(|(_, count)| **count).map(|(rows, _)| *rows))
         .ok_or("no arrays of numbers; is this a log?")?;
+    if let Some(column) = &mapping.time.column
+        && !arrays.numbers.contains_key(column)
+    {
+        let names = arrays.numbers.keys().take(30).map(|name| shown(name)).collect::<Vec<_>>().join(", ");
+        return Err(format!("no array `{}`, which `[time] column` of the mapping names; it has {names}", shown(column)));
+    }
+    differing(&arrays, mapping, rows)?;
     let mut gains: [Option<Vec<f64>>; 2] = [None, None];
     for (name, array) in &arrays.numbers {
         let role = role_of(name, mapping);

@@ -7,6 +7,7 @@ use crate::mapping::Mapping;
 use crate::table::Source;
 use gaitfit_log::{BaseState, Gains, Trajectory, measured_rate};
 use gaitfit_model::rotation::from_rpy;
+use gaitfit_model::shown;
 use indexmap::IndexMap;
 
 const BASE_POSITION: [&str; 3] = ["base_pos_x", "base_pos_y", "base_pos_z"];
@@ -23,6 +24,7 @@ pub(crate) fn trajectory(
     let Joined { time: stamps, columns, .. } = joined;
     let joints: Vec<String> =
         columns.keys().filter_map(|name| name.strip_prefix("q_")).map(str::to_owned).collect();
+    without_position(&joints, &columns, sources, left_out)?;
     let samples = stamps.len();
     let start = stamps.first().copied().unwrap_or(0.0);
     // A stream that begins elsewhere than at 0 begins at 0 here.
@@ -109,6 +111,33 @@ pub(crate) fn trajectory(
     };
     trajectory.validate()?;
     Ok(trajectory)
+}
+
+/// Joints that have velocities, targets or actions but no positions: refused, or left out of a bag, whose topics may be of
+/// several devices.
+fn without_position(
+    joints: &[String],
+    columns: &IndexMap<String, Vec<f64>>,
+    sources: &[Source],
+    left_out: &mut Vec<String>,
+) -> Result<(), ImportError> {
+    let mut others: IndexMap<&str, &str> = IndexMap::new();
+    for name in columns.keys() {
+        for (prefix, what) in [("dq_", "a velocity"), ("qdes_", "a target"), ("act_", "an action")] {
+            if let Some(joint) = name.strip_prefix(prefix).filter(|joint| !joints.iter().any(|own| own == joint)) {
+                others.entry(joint).or_insert(what);
+            }
+        }
+    }
+    let Some((joint, what)) = others.first() else { return Ok(()) };
+    let is_bag = sources.iter().any(|source| source.messages);
+    if !is_bag {
+        let (joint, why) = (format!("joint {joint}"), format!("it has {what}"));
+        return Err(ImportError::JointMissing { have: joints.len(), joint, why });
+    }
+    let names = others.keys().take(12).map(|joint| shown(joint)).collect::<Vec<_>>().join(", ");
+    left_out.push(format!("{} joints without positions: {names}", others.len()));
+    Ok(())
 }
 
 /// Columns side by side: one row a sample.

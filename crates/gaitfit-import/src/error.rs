@@ -38,7 +38,7 @@ pub enum ImportError {
     /// No kind of file that is read.
     #[error(
         "{}: the file's first bytes are of no kind that is read: MCAP, ROS 2 bag (.db3), npy, npz, pickle, PyTorch, \
-         Parquet, Arrow, CSV", shown_path(.path)
+         Parquet, Arrow, HDF5, CSV", shown_path(.path)
     )]
     UnknownKind {
         /// The file.
@@ -89,9 +89,51 @@ pub enum ImportError {
         /// How many there are.
         count: usize,
     },
+    /// Motors that nobody names move.
+    #[error(
+        "motors {} move, and only {named} are named ({}): is it another robot's recording? Give that robot by `--robot`, or \
+         name all motors in `joints = [...]` of a mapping file, number 0 first", shown(motors), shown(names)
+    )]
+    MotorsBeyond {
+        /// Their numbers.
+        motors: String,
+        /// How many motors have names.
+        named: usize,
+        /// Where the names are from, and the first and last of them.
+        names: String,
+    },
+    /// Joints that have other quantities, or numbers among others that do, have no positions.
+    #[error(
+        "positions of {have} joints, and {} has none though {}; give all joints their positions, or leave {} out of the file",
+        shown(joint),
+        shown(why),
+        shown(joint)
+    )]
+    JointMissing {
+        /// How many joints have positions.
+        have: usize,
+        /// The first joint without one.
+        joint: String,
+        /// What says that there is such a joint.
+        why: String,
+    },
+    /// A stream that the caller asked for is not there.
+    #[error("nothing is called `{}`, which `--take` or `streams.take` names; there is {}", shown(wanted), escaped(found, SENTENCE))]
+    NoSuchStream {
+        /// The name asked for.
+        wanted: String,
+        /// The streams or columns that there are.
+        found: String,
+    },
+    /// A clock offset that shifts nothing.
+    #[error(
+        "the clock offset (`--clock-offset`, `clock_offset_s`) shifts streams against the one with the joints' positions, and \
+         there is no other; leave it out"
+    )]
+    NothingToShift,
     /// Two streams say the same quantity.
     #[error(
-        "`{}` is in {} and in {}; name the one to take in `streams.take` of a mapping file",
+        "`{}` is in {} and in {}; name the ones to take by `--take`, or by `streams.take` of a mapping file",
         shown(what),
         shown(first),
         shown(second)

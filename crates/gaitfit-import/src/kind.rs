@@ -1,6 +1,6 @@
 //! Which kind of file it is, by its first bytes.
 
-use crate::{mcap, sqlite, torch};
+use crate::{arrow, hdf5, mcap, parquet, sqlite, torch};
 
 /// A kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,6 +15,7 @@ pub(crate) enum Kind {
     Parquet,
     Arrow,
     Hdf5,
+    Feather1,
     Matlab,
     TorchLegacy,
     Ros1,
@@ -35,6 +36,7 @@ impl Kind {
             Kind::Parquet => "Parquet",
             Kind::Arrow => "Arrow",
             Kind::Hdf5 => "HDF5",
+            Kind::Feather1 => "Feather",
             Kind::Matlab => "MATLAB",
             Kind::Ros1 => "ROS 1 bag",
             Kind::Text => "CSV",
@@ -55,12 +57,14 @@ pub(crate) fn kind(bytes: &[u8]) -> Option<Kind> {
         Some(Kind::Npy)
     } else if starts(b"PK\x03\x04") || starts(b"PK\x05\x06") {
         Some(if torch::is_torch(bytes) { Kind::Torch } else { Kind::Npz })
-    } else if starts(b"PAR1") {
+    } else if starts(parquet::MAGIC) {
         Some(Kind::Parquet)
-    } else if starts(b"ARROW1") {
+    } else if starts(arrow::MAGIC) || starts(arrow::CONTINUED) {
         Some(Kind::Arrow)
-    } else if starts(b"\x89HDF\r\n\x1a\n") {
+    } else if starts(hdf5::MAGIC) {
         Some(Kind::Hdf5)
+    } else if starts(b"FEA1") {
+        Some(Kind::Feather1)
     } else if starts(b"MATLAB 5.0") {
         Some(Kind::Matlab)
     } else if starts(b"#ROSBAG V2.0") {
@@ -68,11 +72,23 @@ pub(crate) fn kind(bytes: &[u8]) -> Option<Kind> {
     } else if starts(b"\x80\x02\x8a\x0a\x6c\xfc\x9c\x46\xf9\x20\x6a\xa8\x50\x19") {
         // The magic number that torch.save wrote before its archives.
         Some(Kind::TorchLegacy)
-    } else if bytes.first() == Some(&0x80) && bytes.get(1).is_some_and(|protocol| *protocol <= 5) {
+    } else if is_pickle(bytes) || is_old_pickle(bytes) {
         Some(Kind::Pickle)
     } else if !bytes.iter().take(4096).any(|byte| *byte == 0) && !bytes.is_empty() {
         Some(Kind::Text)
     } else {
         None
     }
+}
+
+/// Whether the file begins as a pickle of protocol 2 to 5.
+fn is_pickle(bytes: &[u8]) -> bool {
+    bytes.first() == Some(&0x80) && bytes.get(1).is_some_and(|protocol| *protocol <= 5)
+}
+
+/// Whether the file is a pickle of protocol 0 or 1, which has no magic number: it begins with the container's opcodes, or a
+/// constructor's module, and ends with the opcode STOP.
+fn is_old_pickle(bytes: &[u8]) -> bool {
+    let begins = [b"(dp".as_slice(), b"(lp", b"(ip", b"(d.", b"(l.", b"}q", b"]q", b"(tp", b"ccopy_reg\n", b"cnumpy"];
+    begins.iter().any(|begin| bytes.starts_with(begin)) && bytes.trim_ascii_end().ends_with(b".")
 }

@@ -122,9 +122,9 @@ pub(crate) fn role(name: &str) -> Option<Role> {
         "time" | "t" | "times" | "timestamp" | "timestamps" | "stamp" | "__time" | "time_s" | "time_ms"
         | "time_us" | "time_ns" => Role::Time,
         "q" | "position" | "positions" | "joint_pos" | "joint_position" | "joint_positions" | "dof_pos"
-        | "dof_positions" | "joint_q" | "actual_dof_pos" => Role::Position,
+        | "dof_positions" | "joint_q" | "actual_dof_pos" | "robot0_joint_pos" => Role::Position,
         "dq" | "qd" | "velocity" | "velocities" | "joint_vel" | "joint_velocity" | "joint_velocities"
-        | "dof_vel" | "dof_velocities" | "joint_dq" => Role::Velocity,
+        | "dof_vel" | "dof_velocities" | "joint_dq" | "robot0_joint_vel" => Role::Velocity,
         "qdes" | "q_des" | "des_dof_pos" | "joint_pos_target" | "joint_pos_des" | "dof_pos_target"
         | "target" | "targets" | "joint_target" | "joint_targets" | "target_dof_pos" | "q_target"
         | "position_target" => Role::Target,

@@ -6,6 +6,8 @@
 //! | --- | --- |
 //! | MCAP; ROS 2 bags (`.mcap`, `.db3`, folders of them) | `sensor_msgs/JointState`, `Imu`; Unitree `LowState`, `LowCmd`; `control_msgs` controller and joint states; `trajectory_msgs`; `geometry_msgs/Twist` as commands. Messages are decoded by the definitions in the file; types of one's own with the same fields are read too |
 //! | npz, npy | named arrays, one row a sample |
+//! | Parquet, Arrow (Feather, IPC files and streams) | columns of numbers, as of a CSV file; columns of lists as arrays |
+//! | HDF5 | datasets of numbers as arrays, named by their paths |
 //! | PyTorch (`.pt`) | dictionaries of tensors, such as PACE's recordings |
 //! | pickle (`.pkl`) | dictionaries of arrays, lists of dictionaries; walk-these-ways' deployment logs. Nothing in a pickle is run |
 //! | CSV | PlotJuggler's and any other, by known names or a [`Mapping`] |
@@ -26,12 +28,15 @@
 //! ```
 
 mod arrays;
+mod arrow;
 mod assemble;
 mod budget;
 mod clock;
+mod columnar;
 mod db3;
 mod dtype;
 mod error;
+mod hdf5;
 mod join;
 mod kind;
 mod known;
@@ -40,6 +45,7 @@ mod mcap;
 mod mcap_write;
 mod npz;
 mod open;
+mod parquet;
 mod pickle;
 mod resolve;
 mod ros;
@@ -119,9 +125,11 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
         resolve::convert(&mut source, mapping)?;
         sources.push(source);
     }
+    resolve::all_taken(&sources, mapping)?;
     // Files that say when they were recorded are put on one axis of time.
     let first = sources.first().map_or(0, |source| source.origin_ns);
     let mut tables = Vec::new();
+    let mut shifted = 0;
     for source in &mut sources {
         let later = source.origin_ns.saturating_sub(first) as f64 / 1e9;
         for mut table in std::mem::take(&mut source.tables) {
@@ -131,6 +139,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
             let is_state = table.columns.keys().any(|name| name.starts_with("q_"));
             if let Some(offset) = mapping.clock_offset_s.filter(|_| !is_state) {
                 table.time.iter_mut().for_each(|time| *time += offset);
+                shifted += 1;
                 report.assumed.push(format!("{}: its times are {offset} s later, as asked", table.name));
             }
             report.streams.push(clock::clean(&mut table)?);
@@ -138,6 +147,10 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
         }
         report.assumed.append(&mut source.assumed);
         report.left_out.append(&mut source.left_out);
+    }
+    let has_positions = |table: &table::Table| table.columns.keys().any(|name| name.starts_with("q_"));
+    if mapping.clock_offset_s.is_some() && shifted == 0 && tables.iter().any(has_positions) {
+        return Err(ImportError::NothingToShift);
     }
     let mut joined = join::join(tables)?;
     report.assumed.append(&mut joined.assumed);

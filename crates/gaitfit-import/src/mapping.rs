@@ -169,7 +169,7 @@ impl Mapping {
     /// What is not TOML, and keys or values that a mapping does not have.
     pub fn parse(text: &str) -> Result<Mapping, ImportError> {
         let mapping: Mapping =
-            toml::from_str(text).map_err(|error| ImportError::Mapping { problem: error.to_string() })?;
+            toml::from_str(text).map_err(|error| ImportError::Mapping { problem: in_a_line(&error, text) })?;
         let refuse = |problem: String| Err(ImportError::Mapping { problem });
         if let Some(rate) = mapping.rate_hz.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
             return refuse(format!("rate_hz is {rate}; give a positive number of samples a second"));
@@ -188,4 +188,13 @@ impl Mapping {
         }
         Ok(mapping)
     }
+}
+
+/// A TOML error's message with its line and column, without the picture of several lines.
+fn in_a_line(error: &toml::de::Error, text: &str) -> String {
+    let message = error.message().trim_end().replace('\n', "; ");
+    let Some(before) = error.span().and_then(|span| text.get(..span.start)) else { return message };
+    let line = before.matches('\n').count() + 1;
+    let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+    format!("line {line}, column {column}: {message}")
 }

@@ -7,7 +7,9 @@ use crate::known::WALK_THESE_WAYS;
 use crate::mapping::Mapping;
 use crate::ros::Messages;
 use crate::table::Source;
-use crate::{ImportError, Options, db3, mcap, npz, pickle, text, torch, walk_these_ways};
+use crate::{
+    ImportError, Options, arrow, db3, hdf5, mcap, npz, parquet, pickle, text, torch, walk_these_ways,
+};
 use gaitfit_log::{ReadOptions, read_csv_report};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -54,17 +56,16 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
             .and_then(|arrays| arrays::source(&name, kind.name(), arrays, mapping, &mut budget)),
         Kind::Pickle => pickled(&name, &bytes, mapping, &mut budget),
         Kind::Text => text::read(&name, &bytes, mapping, &mut budget),
-        Kind::Parquet | Kind::Arrow => {
+        Kind::Parquet => parquet::read(&bytes, &mut budget)
+            .and_then(|frame| frame.source(&name, kind.name(), mapping, &mut budget)),
+        Kind::Arrow => arrow::read(&bytes, &mut budget)
+            .and_then(|frame| frame.source(&name, kind.name(), mapping, &mut budget)),
+        Kind::Hdf5 => hdf5::read(&bytes, &mut budget)
+            .and_then(|arrays| arrays::source(&name, kind.name(), arrays, mapping, &mut budget)),
+        Kind::Feather1 => {
             return refused(
-                kind.name(),
-                "convert it: python -c \"import pandas; pandas.read_parquet('log.parquet').to_csv('log.csv')\"".into(),
-            );
-        }
-        Kind::Hdf5 => {
-            return refused(
-                kind.name(),
-                "convert it in Python: `import h5py, numpy; f = h5py.File('log.h5')` and `numpy.savez('log.npz', **{k: \
-                 f[k][()] for k in f})`"
+                "a Feather file of the first version",
+                "write it again: python -c \"import pandas; pandas.read_feather('log.feather').to_parquet('log.parquet')\""
                     .into(),
             );
         }

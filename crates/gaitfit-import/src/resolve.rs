@@ -13,11 +13,13 @@ use indexmap::IndexMap;
 pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), ImportError> {
     let said = said(&source.tables, mapping)?;
     let take = &mapping.streams.take;
+    note_taken(source, mapping);
     let mut unknown = Vec::new();
     for table in &mut source.tables {
         let mut columns: IndexMap<String, Vec<f64>> = IndexMap::new();
         for (name, values) in std::mem::take(&mut table.columns) {
-            let taken = take.is_empty()
+            let taken = source.chosen
+                || take.is_empty()
                 || take.iter().any(|wanted| {
                     table.name.starts_with(wanted.as_str()) || name.starts_with(wanted.as_str())
                 });
@@ -57,6 +59,35 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
     }
     source.tables.retain(|table| !table.columns.is_empty());
     Ok(())
+}
+
+/// Most names of streams in a message.
+const MOST_SHOWN: usize = 20;
+
+/// Notes which names of `streams.take` the source has.
+fn note_taken(source: &mut Source, mapping: &Mapping) {
+    if source.chosen {
+        return;
+    }
+    let mut names: Vec<&String> = source.tables.iter().map(|table| &table.name).collect();
+    names.dedup();
+    let columns = source.tables.iter().flat_map(|table| table.columns.keys());
+    let all: Vec<&String> = names.iter().copied().chain(columns).collect();
+    let begins = |wanted: &&String| all.iter().any(|name| name.starts_with(wanted.as_str()));
+    let taken: Vec<String> = mapping.streams.take.iter().filter(begins).cloned().collect();
+    // Topics are named before their columns; a table's columns are all that it can be asked for by.
+    let shown: Vec<String> = all.iter().take(MOST_SHOWN).map(|name| (*name).clone()).collect();
+    source.taken.extend(taken);
+    source.takeable.extend(shown);
+}
+
+/// Refuses names of `streams.take` that no source has.
+pub(crate) fn all_taken(sources: &[Source], mapping: &Mapping) -> Result<(), ImportError> {
+    let missing = |wanted: &&String| !sources.iter().any(|source| source.taken.contains(wanted));
+    let Some(wanted) = mapping.streams.take.iter().find(missing) else { return Ok(()) };
+    let all = sources.iter().flat_map(|source| &source.takeable).take(MOST_SHOWN);
+    let found = all.map(|name| shown(name)).collect::<Vec<_>>().join(", ");
+    Err(ImportError::NoSuchStream { wanted: wanted.clone(), found })
 }
 
 /// Whether the mapping names other columns for the quantity of `known`.
@@ -186,7 +217,8 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
             None => return Err(ImportError::NoJointNames { count }),
         },
     };
-    let mut spare = 0;
+    let spare = spare_motors(source, &motors, mapping)?;
+    missing_number(source, &motors, &joints)?;
     for table in &mut source.tables {
         let mut columns = IndexMap::with_capacity(table.columns.len());
         for (name, values) in std::mem::take(&mut table.columns) {
@@ -195,10 +227,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
                 None => name,
                 Some((motor, number)) => match (if motor { &motors } else { &joints }).get(number) {
                     Some(joint) => format!("{prefix}_{joint}"),
-                    None => {
-                        spare = spare.max(number + 1);
-                        continue;
-                    }
+                    None => continue,
                 },
             };
             let is_joint = ["q", "dq", "qdes", "act", "kp", "kd"].contains(&prefix.as_str());
@@ -208,7 +237,59 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
         table.columns = columns;
     }
     if spare > 0 {
-        source.left_out.push(format!("motors {} to {}: no joints", motors.len(), spare - 1));
+        let still = "no joints of the robot; none of them moves";
+        source.left_out.push(format!("motors {} to {}: {still}", motors.len(), spare - 1));
+    }
+    Ok(())
+}
+
+/// A motor whose readings spread by more than this moves, rad: encoders of idle slots give one number.
+const MOVES: f64 = 1e-3;
+
+/// How many motors there are, where some have no name; refuses those that move.
+fn spare_motors(source: &Source, motors: &[String], mapping: &Mapping) -> Result<usize, ImportError> {
+    let mut count = 0;
+    let mut moving: Vec<usize> = Vec::new();
+    for (name, values) in source.tables.iter().flat_map(|table| &table.columns) {
+        let Some((prefix, number)) = name.split_once("_#m") else { continue };
+        let Ok(number) = number.parse::<usize>() else { continue };
+        if number < motors.len() {
+            continue;
+        }
+        count = count.max(number + 1);
+        let finite = || values.iter().copied().filter(|value| value.is_finite());
+        let span = finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min);
+        if prefix == "q" && span > MOVES {
+            moving.push(number);
+        }
+    }
+    moving.sort_unstable();
+    let (Some(first), Some(last)) = (moving.first(), moving.last()) else { return Ok(count) };
+    let numbers = if first == last { first.to_string() } else { format!("{first} to {last}") };
+    let from = match (&mapping.robot, motors.first(), motors.last()) {
+        (Some(robot), Some(a), Some(b)) => format!("those of {robot}, {a} to {b}"),
+        (None, Some(a), Some(b)) => format!("{a} to {b}"),
+        _ => "none".to_owned(),
+    };
+    Err(ImportError::MotorsBeyond { motors: numbers, named: motors.len(), names: from })
+}
+
+/// Refuses numbered positions among which a number is missing that other positions or other quantities have.
+fn missing_number(source: &Source, motors: &[String], joints: &[String]) -> Result<(), ImportError> {
+    for (mark, names) in [("q_#m", motors), ("q_#", joints)] {
+        let columns = || source.tables.iter().flat_map(|table| table.columns.keys());
+        let numbers = columns().filter_map(|name| name.strip_prefix(mark)?.parse::<usize>().ok());
+        let there: std::collections::HashSet<usize> = numbers.filter(|number| *number < names.len()).collect();
+        if there.is_empty() {
+            continue;
+        }
+        if let Some((number, name)) = names.iter().enumerate().find(|(number, _)| !there.contains(number)) {
+            return Err(ImportError::JointMissing {
+                have: there.len(),
+                joint: format!("joint {number}, {name},"),
+                why: format!("{} joints are named or have other quantities", names.len()),
+            });
+        }
     }
     Ok(())
 }

@@ -46,12 +46,20 @@ pub(crate) struct Source {
     pub gains: Option<(Vec<f64>, Vec<f64>)>,
     /// The robot's name, where the file says it.
     pub robot: Option<String>,
+    /// Whether it is of messages on topics.
+    pub messages: bool,
     /// The recording ends because the robot fell.
     pub fell: bool,
     /// What was assumed, in sentences.
     pub assumed: Vec<String>,
     /// What was left out, with the reason.
     pub left_out: Vec<String>,
+    /// Which names of `streams.take` are something of this file.
+    pub taken: Vec<String>,
+    /// What `streams.take` leaves out has been left out.
+    pub chosen: bool,
+    /// What `streams.take` could have named, some of it.
+    pub takeable: Vec<String>,
 }
 
 /// Columns that may be empty in some rows.

@@ -122,12 +122,13 @@ pub(crate) fn read(
     Ok(source)
 }
 
-fn time_column(names: &[String], mapping: &Mapping) -> Result<Option<usize>, String> {
+/// The place of the time column among `names`; `None`: the mapping gives a rate instead.
+pub(crate) fn time_column(names: &[String], mapping: &Mapping) -> Result<Option<usize>, String> {
     if let Some(wanted) = &mapping.time.column {
         let found = names.iter().position(|name| name == wanted);
         return found
             .map(Some)
-            .ok_or_else(|| format!("no column `{}`, which the mapping names as time", shown(wanted)));
+            .ok_or_else(|| format!("no column `{}`, which `[time] column` of the mapping names", shown(wanted)));
     }
     let usual = names.iter().position(|name| canonical(name).is_none() && role(name) == Some(Role::Time));
     if usual.is_none() && mapping.rate_hz.is_none() {

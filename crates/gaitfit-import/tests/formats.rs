@@ -41,6 +41,12 @@ fn every_kind_of_file_gives_the_same_trajectory() {
         ("bag", "", false, 0.0),
         ("bag/bag.db3", "", false, 0.0),
         ("motion.npz", "", true, 0.0),
+        ("motion.parquet", "", false, 0.0),
+        ("lists.parquet", JOINTS, false, 0.0),
+        ("motion.arrow", "", false, 0.0),
+        ("lists.arrow", JOINTS, false, 0.0),
+        ("stream.arrow", "", false, 0.0),
+        ("motion.h5", "", true, 0.0),
         ("motion.pt", JOINTS, false, 0.0),
         ("motion.pkl", "", false, 0.0),
         ("walk_these_ways.pkl", "", true, 0.0),
@@ -180,7 +186,7 @@ fn what_is_not_understood_is_refused_with_a_remedy() {
         path
     };
     let cases: [(&str, &[u8], &str); 9] = [
-        ("a.h5", b"\x89HDF\r\n\x1a\n....", "numpy.savez"),
+        ("a.h5", b"\x89HDF\r\n\x1a\n....", "HDF5"),
         ("a.bag", b"#ROSBAG V2.0\n", "rosbags-convert"),
         ("a.bin", b"\x00\x01\x02", "no kind that is read"),
         ("a.csv", b"time,x,y\n0,1,2\n1,2,3\n", "no column of a known name"),
@@ -308,4 +314,116 @@ print(json.dumps(out))
         let base = log.base.as_ref().unwrap();
         assert_eq!(found["/imu"][sample], serde_json::json!(row(base.quaternion.as_ref().unwrap(), 4)));
     }
+}
+
+#[test]
+fn joints_are_not_dropped_in_silence() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.csv");
+    let refused = |text: &str, mapping: &str| {
+        std::fs::write(&path, text).unwrap();
+        let mapping = Mapping::parse(mapping).unwrap();
+        import(&[&path], &Options { mapping, ..Options::default() }).unwrap_err().to_string()
+    };
+    let names = "joints = ['a', 'b', 'c']";
+    // Positions of two joints, velocities of three.
+    let error = refused("t,q_0,q_1,dq_0,dq_1,dq_2\n0,1,2,3,4,5\n0.01,1,2,3,4,5\n", names);
+    assert!(error.contains("positions of 2 joints") && error.contains("joint 2, c,"), "{error}");
+    // Number 1 is missing.
+    let error = refused("t,q_0,q_2,dq_0,dq_2\n0,1,2,3,4\n0.01,1,2,3,4\n", names);
+    assert!(error.contains("joint 1, b,"), "{error}");
+    let error = refused("t,q_a,dq_a,dq_b\n0,1,2,3\n0.01,1,2,3\n", "");
+    assert!(error.contains("joint b") && error.contains("leave"), "{error}");
+    let motors = "t,motor_state[0]/q,motor_state[2]/q\n0,1,2\n0.01,1,2\n";
+    assert!(refused(motors, names).contains("joint 1, b,"));
+    // More motors than joints: idle ones are left out and said, moving ones refused.
+    let motors = "t,motor_state[0]/q,motor_state[1]/q,motor_state[2]/q,motor_state[3]/q\n0,1,2,3,0\n0.01,1,2,3,VALUE\n";
+    let error = refused(&motors.replace("VALUE", "0.5"), names);
+    assert!(error.contains("motors 3 move") && error.contains("only 3 are named"), "{error}");
+    std::fs::write(&path, motors.replace("VALUE", "0")).unwrap();
+    let options = Options { mapping: Mapping::parse(names).unwrap(), ..Options::default() };
+    let imported = import(&[&path], &options).unwrap();
+    assert_eq!(imported.trajectory.joints, ["a", "b", "c"]);
+    assert!(imported.report.left_out.iter().any(|line| line.contains("motors 3 to 3")));
+}
+
+#[test]
+fn mistakes_of_the_caller_are_named() {
+    let error = Mapping::parse("unit = \"rad\"\njoints = 3\n").unwrap_err().to_string();
+    assert!(error.contains("line 2, column 10") && !error.contains("\\n") && !error.contains('\n'), "{error}");
+    let error = Mapping::parse("a = 1\nunit = [").unwrap_err().to_string();
+    assert!(!error.contains("\\n") && error.contains("line "), "{error}");
+    let error = read("motion.npz", "[time]\ncolumn = 'stamp'").unwrap_err().to_string();
+    assert!(error.contains("`stamp`") && error.contains("[time] column") && error.contains("joint_pos"), "{error}");
+    let error = read("motion.csv", "[time]\ncolumn = 'stamp'").unwrap_err().to_string();
+    assert!(error.contains("`stamp`") && error.contains("[time] column"), "{error}");
+    for (file, take) in [("motion.npz", "joint_po_"), ("motion.csv", "q_FX"), ("joint_states.mcap", "/joints")] {
+        let error = read(file, &format!("[streams]\ntake = ['{take}']")).unwrap_err().to_string();
+        assert!(error.contains(&format!("`{take}`")) && error.contains("--take"), "{file}: {error}");
+    }
+    assert!(matches!(read("motion.npz", "clock_offset_s = 0.1"), Err(ImportError::NothingToShift)));
+    assert!(read("plotjuggler.csv", "clock_offset_s = 0.0005").is_ok());
+}
+
+#[test]
+fn arrays_of_other_lengths_are_named_with_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.pkl");
+    // A pickle of protocol 0: times of three samples, positions of two.
+    let text = "(dp0\nVtime\np1\n(lp2\nF0.0\naF0.01\naF0.02\nasVjoint_pos\np3\n(lp4\n(lp5\nF1.0\naF2.0\naa(lp6\nF1.0\naF2.0\naas.";
+    std::fs::write(&path, text).unwrap();
+    let options = Options { mapping: Mapping::parse("joints = ['a', 'b']").unwrap(), ..Options::default() };
+    let error = import(&[&path], &options).unwrap_err().to_string();
+    assert!(error.contains("`time` has 3 rows and `joint_pos` 2") && error.contains("pickle"), "{error}");
+    let log = read("protocol_0.pkl", "").unwrap().trajectory;
+    assert_eq!((log.joints.len(), log.len()), (2, 20));
+    assert!((log.position[2] - 0.1f64.sin()).abs() < 1e-15);
+}
+
+/// Dictionaries, differences, split bytes, runs of bits, durations: all encodings of numbers give those of the CSV file.
+#[test]
+fn encodings_of_parquet_are_read() {
+    let read = |name: &str| read(name, "").unwrap().trajectory;
+    let (found, want) = (read("kinds.parquet"), read("kinds.csv"));
+    assert_eq!((&found.joints, found.rate_hz), (&want.joints, 200.0));
+    assert_eq!((&found.position, &found.velocity), (&want.position, &want.velocity));
+    assert!(apart(&found.time, &want.time) < 1e-12);
+    assert!(want.position.iter().any(|q| *q > 10.0) && want.velocity.iter().any(|v| *v == 1.0));
+}
+
+#[test]
+fn one_of_several_episodes_is_named() {
+    let rate = "rate_hz = 200\n";
+    let error = read("episodes.h5", &format!("{rate}{JOINTS}")).unwrap_err().to_string();
+    assert!(error.contains("data/demo_0/") && error.contains("data/demo_1/") && error.contains("--take"), "{error}");
+    for (episode, scale) in [("data/demo_0", 1.0), ("data/demo_1", 0.5)] {
+        let mapping = format!("{rate}{JOINTS}[streams]\ntake = ['{episode}']");
+        let log = read("episodes.h5", &mapping).unwrap().trajectory;
+        let want = reference(&log);
+        let scaled = |values: &[f64]| values.iter().map(|value| scale * value).collect::<Vec<_>>();
+        assert_eq!(log.position, scaled(&want.position), "{episode}");
+        assert_eq!(log.velocity, scaled(&want.velocity));
+        assert_eq!(log.action.unwrap(), scaled(want.target.as_ref().unwrap()));
+    }
+    let error = read("episodes.h5", JOINTS).unwrap_err().to_string();
+    assert!(error.contains("same quantity"), "{error}");
+    let error = read("episodes.h5", &format!("{JOINTS}[streams]\ntake = ['data/demo_0']")).unwrap_err().to_string();
+    assert!(error.contains("rate_hz"), "{error}");
+}
+
+/// Arrow's files are read as far as they go, Parquet's from their end.
+#[test]
+fn files_that_were_cut_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cut");
+    let half = |name: &str| {
+        let bytes = std::fs::read(fixture(name)).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
+        import(&[&path], &Options::default())
+    };
+    let imported = half("stream.arrow").unwrap();
+    assert_eq!(imported.trajectory.len(), 16);
+    assert!(imported.report.assumed.iter().any(|line| line.contains("cut off")));
+    let error = half("motion.parquet").unwrap_err().to_string();
+    assert!(error.contains("cut off") && error.contains("from their end"), "{error}");
 }

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 fn options(name: &str) -> Options {
     let mapping = match name {
         "odd.csv" => std::fs::read_to_string(fixture("odd.toml")).unwrap(),
+        "episodes.h5" => format!("rate_hz = 200\n{JOINTS}[streams]\ntake = ['data/demo_0']"),
         _ => JOINTS.to_owned(),
     };
     Options { mapping: Mapping::parse(&mapping).unwrap(), max_bytes: 4 << 20, max_values: 1_000_000 }
@@ -91,7 +92,7 @@ fn mutated(bytes: &[u8], draws: &mut Draws) -> Vec<u8> {
     out
 }
 
-const FILES: [&str; 12] = [
+const FILES: [&str; 20] = [
     "joint_states.mcap",
     "unitree_go.mcap",
     "two_rates.mcap",
@@ -104,6 +105,14 @@ const FILES: [&str; 12] = [
     "odd.csv",
     "plotjuggler.csv",
     "motion.csv",
+    "motion.parquet",
+    "lists.parquet",
+    "kinds.parquet",
+    "motion.arrow",
+    "lists.arrow",
+    "stream.arrow",
+    "motion.h5",
+    "episodes.h5",
 ];
 
 fn attack(each: usize) {

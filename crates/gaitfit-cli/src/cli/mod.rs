@@ -38,7 +38,7 @@ pub struct Cli {
 pub enum Command {
     /// Show what a robot file, a log, a folder of logs or a policy holds, and what is wrong with it
     Inspect(Inspect),
-    /// Read a recording of another program (MCAP, ROS 2 bag, npz, pickle, PyTorch, CSV) and write it as a log
+    /// Read a recording of another program (MCAP, ROS 2 bag, Parquet, Arrow, HDF5, npz, pickle, PyTorch, CSV) and write it as a log
     Import(Import),
     /// Look at a robot and write a task for it, ready to train
     Init(Init),

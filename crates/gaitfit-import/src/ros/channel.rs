@@ -167,7 +167,20 @@ impl<'a> Messages<'a> {
 
     /// Tables of all topics on the clock of the joints' positions.
     pub fn finish(self, kind: &'static str) -> Result<Source, String> {
-        let mut source = Source { kind, ..Source::default() };
+        let mut source = Source { kind, messages: true, ..Source::default() };
+        let topics = || self.streams.keys().map(|(topic, _)| topic);
+        let wanted = self.mapping.streams.take.iter();
+        source.taken = wanted.filter(|wanted| topics().any(|topic| topic == *wanted)).cloned().collect();
+        source.takeable = topics().take(20).cloned().collect();
+        if let Some(missing) = self.mapping.streams.take.iter().find(|wanted| !topics().any(|topic| topic == *wanted))
+            && source.taken.is_empty()
+        {
+            let found = source.takeable.iter().map(|topic| shown(topic)).collect::<Vec<_>>().join(", ");
+            return Err(format!(
+                "no topic is called `{}`, which `--take` or `streams.take` names; there is {found}",
+                shown(missing)
+            ));
+        }
         let numbers = |name: &str| serde_json::from_str::<Vec<f64>>(self.own.get(name)?).ok();
         source.gains = numbers("kp").zip(numbers("kd"));
         source.robot = self.own.get("robot").cloned();
@@ -177,7 +190,7 @@ impl<'a> Messages<'a> {
             let take = &self.mapping.streams.take;
             let count = stream.logged.len();
             let reason = match &stream.schema {
-                _ if !take.is_empty() && !take.contains(&topic) => "not named in streams.take".to_owned(),
+                _ if !take.is_empty() && !take.contains(&topic) => "not named by `--take` or `streams.take`".to_owned(),
                 Err(problem) => problem.clone(),
                 Ok(_) if count == 0 && stream.damaged.0 > 0 => stream.damaged.1.clone(),
                 Ok(_) if count == 0 => "nothing of a log in it".to_owned(),

@@ -1,0 +1,232 @@
+//! A batch of rows: its buffers in the order of the fields.
+
+use super::damaged;
+use super::fields::{Field, Layout, Physical};
+use crate::budget::{Budget, unlz4, unzstd};
+use crate::columnar::{Frame, Values};
+use crate::dtype::DType;
+use gaitfit_model::shown;
+use polars_arrow_format::ipc::planus::Vector;
+use polars_arrow_format::ipc::{BufferRef, CompressionType, FieldNodeRef, RecordBatchRef};
+use std::borrow::Cow;
+
+const CUT: &str = "a buffer is cut short; the file is damaged";
+
+/// Adds the rows of a batch to the columns of `frame`.
+pub(super) fn read(
+    header: RecordBatchRef<'_>,
+    body: &[u8],
+    fields: &[Field],
+    frame: &mut Frame,
+    budget: &mut Budget,
+) -> Result<(), String> {
+    let rows = usize::try_from(header.length().map_err(damaged)?).map_err(damaged)?;
+    let packed = match header.compression().map_err(damaged)? {
+        None => None,
+        Some(compression) => Some(compression.codec().map_err(damaged)?),
+    };
+    let views = header.variadic_buffer_counts().map_err(damaged)?;
+    let mut batch = Batch {
+        nodes: header.nodes().map_err(damaged)?.ok_or(CUT)?,
+        buffers: header.buffers().map_err(damaged)?.ok_or(CUT)?,
+        views: views.map(|all| all.iter().collect()).unwrap_or_default(),
+        body,
+        packed,
+        node: 0,
+        buffer: 0,
+        view: 0,
+        frame,
+        budget,
+    };
+    u32::try_from(batch.frame.rows.saturating_add(rows)).map_err(|_| "too many rows; cut the log".to_owned())?;
+    for field in fields {
+        batch.field(field, rows, None, None)?;
+    }
+    batch.frame.rows += rows;
+    Ok(())
+}
+
+struct Batch<'a, 'b> {
+    nodes: Vector<'a, FieldNodeRef<'a>>,
+    buffers: Vector<'a, BufferRef<'a>>,
+    /// Buffers of each column of views.
+    views: Vec<i64>,
+    body: &'a [u8],
+    packed: Option<CompressionType>,
+    /// Places of the next node, buffer and count of views.
+    node: usize,
+    buffer: usize,
+    view: usize,
+    frame: &'b mut Frame,
+    budget: &'b mut Budget,
+}
+
+impl<'a> Batch<'a, '_> {
+    /// Reads a field of `length` places. `valid`: which of them the groups above have; `lists`: the lengths of the lists that
+    /// its places are in.
+    fn field(
+        &mut self,
+        field: &Field,
+        length: usize,
+        valid: Option<&[bool]>,
+        lists: Option<&[u32]>,
+    ) -> Result<(), String> {
+        let node = self.nodes.get(self.node).ok_or(CUT)?;
+        self.node += 1;
+        // A field knows its own number of places, and a list's may have more than its lists cover.
+        let own = usize::try_from(node.length()).map_err(damaged)?;
+        if lists.is_none() && own != length || own < length {
+            return Err(format!("`{}` has {own} places where {length} are; the file is damaged", shown(&field.name)));
+        }
+        if field.layout == Layout::None {
+            return Ok(());
+        }
+        if field.refused.is_some() {
+            return self.skip(field, true);
+        }
+        self.budget.take_values(length / 4)?;
+        let validity = self.take()?;
+        let bit = |i: usize| validity.get(i / 8).is_some_and(|byte| byte >> (i % 8) & 1 == 1);
+        let all = node.null_count() == 0 || validity.is_empty();
+        let is_valid = |i: usize| (all || bit(i)) && valid.is_none_or(|valid| valid.get(i).copied().unwrap_or(false));
+        match field.layout {
+            Layout::Numbers(physical) => {
+                let data = self.take()?;
+                self.numbers(field, physical, &data, length, &is_valid, lists)
+            }
+            Layout::Children => {
+                let valid: Vec<bool> = (0..length).map(is_valid).collect();
+                field.children.iter().try_for_each(|child| self.field(child, length, Some(&valid), lists))
+            }
+            Layout::Lists(size) => {
+                let offsets = self.take()?;
+                let at = |i: usize| -> Result<usize, String> {
+                    let number = offsets.get(i * size..(i + 1) * size).ok_or(CUT)?;
+                    let mut word = [0u8; 8];
+                    word[..size].copy_from_slice(number);
+                    usize::try_from(u64::from_le_bytes(word)).map_err(damaged)
+                };
+                let mut lengths = Vec::new();
+                let first = if length == 0 { 0 } else { at(0)? };
+                let mut last = first;
+                for i in 0..length {
+                    let end = at(i + 1)?;
+                    let wide = end.checked_sub(last).ok_or("lists that end before they begin; the file is damaged")?;
+                    lengths.push(if is_valid(i) { u32::try_from(wide).map_err(damaged)? } else { 0 });
+                    if !is_valid(i) && wide > 0 {
+                        return Err(format!("`{}` has values where its list is missing", shown(&field.name)));
+                    }
+                    last = end;
+                }
+                self.list(field, first, last, &lengths)
+            }
+            Layout::FixedLists(size) => {
+                let values = length.checked_mul(size).ok_or(CUT)?;
+                if (0..length).any(|i| !is_valid(i)) {
+                    return Err(format!("`{}` has rows without a list; fill them", shown(&field.name)));
+                }
+                self.list(field, 0, values, &vec![u32::try_from(size).map_err(damaged)?; length])
+            }
+            Layout::None | Layout::Skipped(_) | Layout::Views => Err(CUT.to_owned()),
+        }
+    }
+
+    /// The inside of lists, whose values are those from `first` to `last`.
+    fn list(&mut self, field: &Field, first: usize, last: usize, lengths: &[u32]) -> Result<(), String> {
+        if first > 0 {
+            return Err(format!("`{}` is a part of a longer table; write it anew", shown(&field.name)));
+        }
+        field.children.iter().try_for_each(|child| self.field(child, last, None, Some(lengths)))
+    }
+
+    fn numbers(
+        &mut self,
+        field: &Field,
+        physical: Physical,
+        data: &[u8],
+        length: usize,
+        is_valid: &dyn Fn(usize) -> bool,
+        lists: Option<&[u32]>,
+    ) -> Result<(), String> {
+        self.budget.take_values(length.saturating_add(length / 2))?;
+        let values = values(physical, data, length)?;
+        let row = self.frame.rows;
+        let Some(column) = self.frame.columns.get_mut(&field.name) else { return Ok(()) };
+        if let (Some(own), Some(lists)) = (&mut column.lengths, lists) {
+            if (0..length).any(|i| !is_valid(i)) {
+                return Err(format!("`{}` has lists with empty places; fill them", shown(&field.name)));
+            }
+            own.extend(lists);
+            column.values.append(values);
+            return Ok(());
+        }
+        let places: Vec<usize> = (0..length).filter(|i| is_valid(*i)).collect();
+        column.rows.extend(places.iter().map(|place| (row + place) as u32));
+        column.values.append(match values {
+            all if places.len() == length => all,
+            Values::Integers(all) => Values::Integers(places.iter().map(|place| all[*place]).collect()),
+            Values::Reals(all) => Values::Reals(places.iter().map(|place| all[*place]).collect()),
+        });
+        Ok(())
+    }
+
+    /// Passes the buffers of a field that is not read; `begun`: its node has been taken.
+    fn skip(&mut self, field: &Field, begun: bool) -> Result<(), String> {
+        self.node += usize::from(!begun);
+        self.buffer += match field.layout {
+            Layout::None => 0,
+            Layout::Children | Layout::FixedLists(_) => 1,
+            Layout::Numbers(_) | Layout::Lists(_) => 2,
+            Layout::Skipped(buffers) => 1 + buffers,
+            Layout::Views => {
+                let count = self.views.get(self.view).copied().unwrap_or(0);
+                self.view += 1;
+                2 + usize::try_from(count).map_err(damaged)?
+            }
+        };
+        field.children.iter().try_for_each(|child| self.skip(child, false))
+    }
+
+    /// The next buffer, unpacked.
+    fn take(&mut self) -> Result<Cow<'a, [u8]>, String> {
+        let buffer = self.buffers.get(self.buffer).ok_or(CUT)?;
+        self.buffer += 1;
+        let begin = usize::try_from(buffer.offset()).map_err(damaged)?;
+        let length = usize::try_from(buffer.length()).map_err(damaged)?;
+        let bytes = begin.checked_add(length).and_then(|end| self.body.get(begin..end)).ok_or(CUT)?;
+        let Some(codec) = self.packed.filter(|_| !bytes.is_empty()) else { return Ok(Cow::Borrowed(bytes)) };
+        let (size, bytes) = bytes.split_first_chunk::<8>().ok_or(CUT)?;
+        if i64::from_le_bytes(*size) == -1 {
+            return Ok(Cow::Borrowed(bytes));
+        }
+        Ok(Cow::Owned(match codec {
+            CompressionType::Lz4Frame => unlz4(bytes, self.budget)?,
+            CompressionType::Zstd => unzstd(bytes, self.budget)?,
+        }))
+    }
+}
+
+/// `length` numbers of a buffer.
+fn values(physical: Physical, data: &[u8], length: usize) -> Result<Values, String> {
+    let numbers = |bytes: usize| length.checked_mul(bytes).and_then(|all| data.get(..all)).ok_or(CUT.to_owned());
+    Ok(match physical {
+        Physical::Bool => {
+            let data = data.get(..length.div_ceil(8)).ok_or(CUT)?;
+            Values::Integers((0..length).map(|i| i64::from(data[i / 8] >> (i % 8) & 1)).collect())
+        }
+        Physical::Int { bytes, signed } => {
+            let integer = |number: &[u8]| {
+                let negative = signed && number.last().is_some_and(|byte| byte & 0x80 != 0);
+                let mut word = [if negative { 0xff } else { 0 }; 8];
+                word[..bytes].copy_from_slice(number);
+                i64::from_le_bytes(word)
+            };
+            Values::Integers(numbers(bytes)?.chunks_exact(bytes).map(integer).collect())
+        }
+        Physical::Real { bytes } => {
+            let dtype = DType::parse(["<f2", "<f4", "<f8"][bytes.ilog2() as usize - 1]).ok_or(CUT)?;
+            let found = numbers(bytes)?.chunks_exact(bytes).map(|number| dtype.number(number));
+            Values::Reals(found.collect::<Option<_>>().ok_or(CUT)?)
+        }
+    })
+}

@@ -1,0 +1,120 @@
+//! HDF5 files, such as recordings of robomimic and Isaac Lab: datasets of numbers as arrays, named by their paths.
+//!
+//! The library that reads them is given the sizes that it may make: a dataset that states more is refused before it is read.
+
+use crate::arrays::{Array, Arrays, count};
+use crate::budget::Budget;
+use gaitfit_model::shown;
+use hdf5_pure::{DType, Dataset, File, Group, VlenStringReadOptions};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// First bytes.
+pub(crate) const MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
+/// Deepest groups inside each other: links may lead in a ring.
+const MOST_DEPTH: usize = 8;
+/// Most groups and datasets.
+const MOST_OBJECTS: usize = 10_000;
+/// Longest words of a dataset together, bytes.
+const MOST_WORDS: usize = 1 << 20;
+
+/// The arrays of the file.
+pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
+    // The library refuses what it does not understand. Should it panic over a damaged file instead, that is an error too.
+    catch_unwind(AssertUnwindSafe(|| whole(file, budget)))
+        .unwrap_or_else(|_| Err("its reader gave up; the file is damaged".into()))
+}
+
+fn whole(file: &[u8], budget: &mut Budget) -> Result<Arrays, String> {
+    budget.take_bytes(file.len())?;
+    let file = File::from_bytes(file.to_vec()).map_err(|error| error.to_string())?;
+    let mut reader = Reader { arrays: Arrays::default(), objects: 0, budget };
+    reader.group(&file.root(), "", 0)?;
+    Ok(reader.arrays)
+}
+
+struct Reader<'a> {
+    arrays: Arrays,
+    objects: usize,
+    budget: &'a mut Budget,
+}
+
+impl Reader<'_> {
+    fn count(&mut self) -> Result<(), String> {
+        self.objects += 1;
+        if self.objects > MOST_OBJECTS {
+            return Err(format!("more than {MOST_OBJECTS} groups and datasets; save one recording a file"));
+        }
+        Ok(())
+    }
+
+    fn group(&mut self, group: &Group, above: &str, depth: usize) -> Result<(), String> {
+        let damaged = |error: hdf5_pure::Error| format!("group `{}`: {error}", shown(above));
+        let path = |name: &str| if above.is_empty() { name.to_owned() } else { format!("{above}/{name}") };
+        for name in group.datasets().map_err(damaged)? {
+            self.count()?;
+            let path = path(&name);
+            let dataset = group.dataset(&name).map_err(|error| format!("`{}`: {error}", shown(&path)))?;
+            self.dataset(&dataset, &path).map_err(|problem| format!("`{}`: {problem}", shown(&path)))?;
+        }
+        if depth == MOST_DEPTH {
+            return Ok(());
+        }
+        for name in group.groups().map_err(damaged)? {
+            self.count()?;
+            let path = path(&name);
+            let inner = group.group(&name).map_err(|error| format!("`{}`: {error}", shown(&path)))?;
+            self.group(&inner, &path, depth + 1)?;
+        }
+        Ok(())
+    }
+
+    fn dataset(&mut self, dataset: &Dataset, path: &str) -> Result<(), String> {
+        let text = |error: hdf5_pure::Error| error.to_string();
+        let too_large = || "its shape is too large".to_owned();
+        let shape: Option<Vec<usize>> =
+            dataset.shape().map_err(text)?.into_iter().map(|size| usize::try_from(size).ok()).collect();
+        let shape = shape.filter(|shape| shape.len() <= 8).ok_or_else(too_large)?;
+        let elements = count(&shape).ok_or_else(too_large)?;
+        let kind = dataset.dtype().map_err(text)?;
+        let bytes = usize::try_from(dataset.element_size().map_err(text)?).map_err(|_| too_large())?;
+        // The raw bytes, and the parts of the file that they are unpacked from.
+        let raw = elements.checked_mul(bytes).and_then(|raw| raw.checked_mul(2)).ok_or_else(too_large)?;
+        let chunk = match dataset.chunk_shape().map_err(text)? {
+            None => 0,
+            Some(chunk) => {
+                let sizes: Option<Vec<usize>> = chunk.into_iter().map(|size| usize::try_from(size).ok()).collect();
+                let all = sizes.and_then(|sizes| count(&sizes)).and_then(|all| all.checked_mul(bytes));
+                all.ok_or_else(too_large)?
+            }
+        };
+        match kind {
+            DType::F32 | DType::F64 => {}
+            DType::I8 | DType::I16 | DType::I32 | DType::I64 => {}
+            DType::U8 | DType::U16 | DType::U32 | DType::U64 => {}
+            DType::String | DType::VariableLengthString if elements <= crate::table::MOST_COLUMNS => {
+                self.budget.take_bytes(raw.max(MOST_WORDS))?;
+                let words = match kind {
+                    DType::String => dataset.read_string().map_err(text)?,
+                    _ => {
+                        let options =
+                            VlenStringReadOptions::new().with_max_elements(elements).with_max_payload_bytes(MOST_WORDS);
+                        dataset.read_vlen_strings(options).map_err(text)?
+                    }
+                };
+                self.arrays.words.insert(path.to_owned(), words);
+                return Ok(());
+            }
+            // Pictures, structures, references.
+            _ => return Ok(()),
+        }
+        self.budget.take_values(elements)?;
+        self.budget.take_bytes(raw)?;
+        self.budget.take_bytes(chunk)?;
+        let data = dataset.read_f64().map_err(text)?;
+        if data.len() != elements {
+            return Err(format!("{} numbers where its shape says {elements}; the file is damaged", data.len()));
+        }
+        self.arrays.numbers.insert(path.to_owned(), Array { shape, data });
+        Ok(())
+    }
+}

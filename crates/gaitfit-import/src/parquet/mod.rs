@@ -1,0 +1,58 @@
+//! Parquet files: their thrift headers by a library that bounds what it makes, their pages here. A reader that unpacks
+//! pages itself would make as much memory as they state, and needs C for Zstandard.
+
+mod encodings;
+mod pages;
+mod schema;
+
+use crate::budget::Budget;
+use crate::columnar::{Column, Frame};
+use gaitfit_model::shown;
+use polars_parquet_format::FileMetaData;
+use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
+
+/// First and last bytes.
+pub(crate) const MAGIC: &[u8] = b"PAR1";
+/// Most bytes that the footer may make.
+const MOST_FOOTER: usize = 256 << 20;
+
+/// The columns of the file.
+pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
+    let cut = || "its end is missing; the file was cut off, and Parquet files are read from their end".to_owned();
+    let footer = file.strip_suffix(MAGIC).ok_or_else(cut)?;
+    let (footer, length) = footer.split_last_chunk::<4>().ok_or_else(cut)?;
+    let length = u32::from_le_bytes(*length) as usize;
+    let begin = footer.len().checked_sub(length).filter(|begin| *begin >= MAGIC.len()).ok_or_else(cut)?;
+    let mut protocol = TCompactInputProtocol::new(&footer[begin..], MOST_FOOTER);
+    let metadata = FileMetaData::read_from_in_protocol(&mut protocol)
+        .map_err(|error| format!("its footer: {error}; the file is damaged"))?;
+    let leaves = schema::leaves(&metadata.schema)?;
+    let mut frame = Frame::default();
+    for leaf in &leaves {
+        match leaf.refused {
+            Some(reason) => frame.left_out.push(format!("{}: {reason}", shown(&leaf.name))),
+            None => frame.add(leaf.name.clone(), Column::new(leaf.repeated > 0, leaf.per_second))?,
+        }
+    }
+    for group in &metadata.row_groups {
+        let rows = usize::try_from(group.num_rows).map_err(|_| cut())?;
+        if group.columns.len() != leaves.len() {
+            return Err("a part with other columns than the schema; the file is damaged".into());
+        }
+        for (leaf, chunk) in leaves.iter().zip(&group.columns) {
+            let Some(column) = frame.columns.get_mut(&leaf.name).filter(|_| leaf.refused.is_none()) else { continue };
+            if chunk.file_path.is_some() {
+                return Err("columns in other files; write it as one file".into());
+            }
+            let meta = chunk.meta_data.as_ref().ok_or("encrypted columns; write it again without encryption")?;
+            let found = pages::read(file, meta, leaf, frame.rows, column, budget)
+                .map_err(|problem| format!("column `{}`: {problem}", shown(&leaf.name)))?;
+            if found != rows {
+                let name = shown(&leaf.name);
+                return Err(format!("column `{name}`: {found} rows in a part of {rows}; the file is damaged"));
+            }
+        }
+        frame.rows += rows;
+    }
+    Ok(frame)
+}

@@ -1,0 +1,220 @@
+//! A column's pages: unpacked within the budget, whatever sizes they state.
+
+use super::encodings::{Physical, delta, dictionary, hybrid, plain, split};
+use super::schema::Leaf;
+use crate::budget::{Budget, read_all, unzstd};
+use crate::columnar::{Column, Values};
+use polars_parquet_format::thrift::protocol::TCompactInputProtocol;
+use polars_parquet_format::{ColumnMetaData, CompressionCodec, Encoding, PageHeader, PageType};
+use std::borrow::Cow;
+
+/// Most bytes that a page's header may make: it holds names and statistics.
+const MOST_HEADER: usize = 1 << 20;
+const CUT: &str = "a page is cut short; the file is damaged";
+
+/// Adds the column's values in one row group, which begins at row `first`, to `column`.
+pub(super) fn read(
+    file: &[u8],
+    chunk: &ColumnMetaData,
+    leaf: &Leaf,
+    first: usize,
+    column: &mut Column,
+    budget: &mut Budget,
+) -> Result<usize, String> {
+    let place = |offset: i64| usize::try_from(offset).ok().filter(|at| *at < file.len());
+    let begin = match chunk.dictionary_page_offset.filter(|offset| *offset > 0) {
+        Some(offset) => place(offset.min(chunk.data_page_offset)),
+        None => place(chunk.data_page_offset),
+    };
+    let mut rest = &file[begin.ok_or("a column begins outside the file; the file is damaged")?..];
+    let wanted = usize::try_from(chunk.num_values).map_err(|_| CUT)?;
+    let mut entries: Option<Values> = None;
+    let (mut values, mut row) = (0, first);
+    while values < wanted {
+        let header = {
+            let mut protocol = TCompactInputProtocol::new(&mut rest, MOST_HEADER);
+            PageHeader::read_from_in_protocol(&mut protocol)
+        };
+        let header = header.map_err(|error| format!("a page's header: {error}; the file is damaged"))?;
+        let size = usize::try_from(header.compressed_page_size).ok().filter(|size| *size <= rest.len());
+        let (page, after) = rest.split_at(size.ok_or(CUT)?);
+        rest = after;
+        let packed = Packed { codec: chunk.codec, size: header.uncompressed_page_size };
+        if header.type_ == PageType::DICTIONARY_PAGE {
+            let head = header.dictionary_page_header.ok_or(CUT)?;
+            let count = usize::try_from(head.num_values).map_err(|_| CUT)?;
+            let page = packed.open(page, budget)?;
+            budget.take_values(count)?;
+            entries = Some(plain(&page, leaf.physical, count)?);
+        } else if header.type_ == PageType::DATA_PAGE {
+            let head = header.data_page_header.ok_or(CUT)?;
+            let count = usize::try_from(head.num_values).map_err(|_| CUT)?;
+            budget.take_values(count)?;
+            let page = packed.open(page, budget)?;
+            let mut page: &[u8] = &page;
+            let repeated = levels(&mut page, head.repetition_level_encoding, leaf.repeated, count)?;
+            let defined = levels(&mut page, head.definition_level_encoding, leaf.defined, count)?;
+            let there = present(&defined, leaf, count);
+            let found = decode(page, head.encoding, leaf.physical, there, entries.as_ref())?;
+            row = place_values(column, leaf, row, count, &repeated, &defined, found)?;
+            values += count.max(1);
+        } else if header.type_ == PageType::DATA_PAGE_V2 {
+            let head = header.data_page_header_v2.ok_or(CUT)?;
+            let count = usize::try_from(head.num_values).map_err(|_| CUT)?;
+            budget.take_values(count)?;
+            let mut page = page;
+            let repeated = take(&mut page, head.repetition_levels_byte_length)?;
+            let defined = take(&mut page, head.definition_levels_byte_length)?;
+            let repeated = hybrid(repeated, width(leaf.repeated), count)?;
+            let defined = hybrid(defined, width(leaf.defined), count)?;
+            let levels = head.repetition_levels_byte_length.saturating_add(head.definition_levels_byte_length);
+            let packed = match head.is_compressed {
+                Some(false) => Packed { codec: CompressionCodec::UNCOMPRESSED, size: 0 },
+                _ => Packed { size: packed.size.saturating_sub(levels), ..packed },
+            };
+            let page = packed.open(page, budget)?;
+            let there = present(&defined, leaf, count);
+            let found = decode(&page, head.encoding, leaf.physical, there, entries.as_ref())?;
+            row = place_values(column, leaf, row, count, &repeated, &defined, found)?;
+            values += count.max(1);
+        }
+    }
+    Ok(row - first)
+}
+
+/// Takes `length` bytes from a page's beginning.
+fn take<'a>(page: &mut &'a [u8], length: i32) -> Result<&'a [u8], String> {
+    let length = usize::try_from(length).ok().filter(|length| *length <= page.len()).ok_or(CUT)?;
+    let (taken, rest) = page.split_at(length);
+    *page = rest;
+    Ok(taken)
+}
+
+/// Bits of levels up to `most`.
+fn width(most: u32) -> usize {
+    (u32::BITS - most.leading_zeros()) as usize
+}
+
+/// The levels at the beginning of a page of the first version: 4 bytes of length, then runs.
+fn levels(page: &mut &[u8], encoding: Encoding, most: u32, count: usize) -> Result<Vec<u32>, String> {
+    if most == 0 {
+        return Ok(Vec::new());
+    }
+    if encoding != Encoding::RLE {
+        return Err("levels in an encoding that is not read; write the file again with pyarrow".into());
+    }
+    let (length, rest) = page.split_first_chunk::<4>().ok_or(CUT)?;
+    let length = u32::from_le_bytes(*length) as usize;
+    let found = hybrid(rest.get(..length).ok_or(CUT)?, width(most), count)?;
+    *page = &rest[length..];
+    Ok(found)
+}
+
+/// How many of a page's places have a value.
+fn present(defined: &[u32], leaf: &Leaf, count: usize) -> usize {
+    match leaf.defined {
+        0 => count,
+        most => defined.iter().filter(|level| **level == most).count(),
+    }
+}
+
+fn decode(
+    page: &[u8],
+    encoding: Encoding,
+    physical: Physical,
+    count: usize,
+    entries: Option<&Values>,
+) -> Result<Values, String> {
+    match (encoding, physical) {
+        (Encoding::PLAIN, _) => plain(page, physical, count),
+        (Encoding::PLAIN_DICTIONARY | Encoding::RLE_DICTIONARY, _) => {
+            let entries = entries.ok_or("places of a dictionary that is not there; the file is damaged")?;
+            if count == 0 { Ok(Values::Integers(Vec::new())) } else { dictionary(page, entries, count) }
+        }
+        (Encoding::RLE, Physical::Bool) => {
+            let bits = hybrid(page.get(4..).ok_or(CUT)?, 1, count)?;
+            Ok(Values::Integers(bits.into_iter().map(i64::from).collect()))
+        }
+        (Encoding::DELTA_BINARY_PACKED, Physical::Int { .. }) => delta(page, physical, count),
+        (Encoding::BYTE_STREAM_SPLIT, _) if physical != Physical::Bool => split(page, physical, count),
+        _ => Err("numbers in an encoding that is not read; write the file again with pyarrow".into()),
+    }
+}
+
+/// Puts a page's values into their rows; gives the row after the last one that has begun.
+fn place_values(
+    column: &mut Column,
+    leaf: &Leaf,
+    mut row: usize,
+    count: usize,
+    repeated: &[u32],
+    defined: &[u32],
+    values: Values,
+) -> Result<usize, String> {
+    let many = || "too many rows; cut the log".to_owned();
+    let defined_at = |i: usize| defined.get(i).copied().unwrap_or(leaf.defined);
+    if let Some(lengths) = &mut column.lengths {
+        for i in 0..count {
+            if repeated.get(i).copied().unwrap_or(0) == 0 {
+                lengths.push(0);
+                row += 1;
+            }
+            let length = lengths.last_mut().ok_or("a list without a beginning; the file is damaged")?;
+            if defined_at(i) == leaf.defined {
+                *length += 1;
+            } else if defined_at(i) >= leaf.in_list {
+                return Err(format!("`{}` has lists with empty places; fill them", leaf.name));
+            }
+        }
+    } else {
+        for i in 0..count {
+            if defined_at(i) == leaf.defined {
+                column.rows.push(u32::try_from(row).map_err(|_| many())?);
+            }
+            row += 1;
+        }
+    }
+    column.values.append(values);
+    u32::try_from(row).map_err(|_| many())?;
+    Ok(row)
+}
+
+/// How a page is packed.
+#[derive(Clone, Copy)]
+struct Packed {
+    codec: CompressionCodec,
+    /// Bytes that it states to have when unpacked.
+    size: i32,
+}
+
+impl Packed {
+    fn open<'a>(self, page: &'a [u8], budget: &mut Budget) -> Result<Cow<'a, [u8]>, String> {
+        let size = usize::try_from(self.size).map_err(|_| CUT)?;
+        // An empty page is not packed.
+        if self.codec == CompressionCodec::UNCOMPRESSED || page.is_empty() {
+            return Ok(Cow::Borrowed(page));
+        }
+        Ok(Cow::Owned(match self.codec {
+            CompressionCodec::SNAPPY => {
+                let length = snap::raw::decompress_len(page).map_err(|error| format!("snappy: {error}"))?;
+                if length != size {
+                    return Err(CUT.to_owned());
+                }
+                budget.take_bytes(length)?;
+                snap::raw::Decoder::new().decompress_vec(page).map_err(|error| format!("snappy: {error}"))?
+            }
+            CompressionCodec::LZ4_RAW => {
+                budget.take_bytes(size)?;
+                lz4_flex::block::decompress(page, size).map_err(|error| format!("lz4: {error}"))?
+            }
+            CompressionCodec::GZIP => read_all(flate2::read::MultiGzDecoder::new(page), budget, "gzip")?,
+            CompressionCodec::ZSTD => unzstd(page, budget)?,
+            _ => {
+                return Err(
+                    "packed by a method that is not read; write the file again with compression='zstd' or 'snappy'"
+                        .into(),
+                );
+            }
+        }))
+    }
+}
