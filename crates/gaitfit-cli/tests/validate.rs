@@ -160,7 +160,10 @@ fn a_log_says_which_parameters_it_can_tell() {
         let output = run(&[&demo[..], &coarse, &["--set", &set]].concat());
         assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
         let said = errors(&output).to_lowercase();
-        assert!(said.contains("`frictionloss_hip`") && said.contains(value) && said.contains("bounds"), "{said}");
+        assert!(
+            said.contains("`frictionloss_hip`") && said.contains(value) && said.contains("bounds"),
+            "{said}"
+        );
     }
     let output = run(&[&demo[..], &["--difference", "-1"]].concat());
     assert_eq!(output.status.code(), Some(2), "{}", errors(&output));

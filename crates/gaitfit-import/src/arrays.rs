@@ -96,7 +96,9 @@ fn differing(arrays: &Arrays, mapping: &Mapping, rows: usize) -> Result<(), Stri
         let found = arrays.numbers.iter().find(|(name, _)| role_of(name, mapping) == Some(wanted));
         found.filter(|(_, array)| !array.shape.is_empty())
     };
-    let (Some((time, _)), Some((position, array))) = (of(Role::Time), of(Role::Position)) else { return Ok(()) };
+    let (Some((time, _)), Some((position, array))) = (of(Role::Time), of(Role::Position)) else {
+        return Ok(());
+    };
     if array.shape[0] == rows {
         return Ok(());
     }
@@ -121,8 +123,11 @@ pub(crate) fn source(
     if !take.is_empty() {
         let begins = |array: &String, wanted: &String| array.starts_with(wanted.as_str());
         source.takeable = arrays.numbers.keys().take(20).cloned().collect();
-        source.taken =
-            take.iter().filter(|wanted| arrays.numbers.keys().any(|array| begins(array, wanted))).cloned().collect();
+        source.taken = take
+            .iter()
+            .filter(|wanted| arrays.numbers.keys().any(|array| begins(array, wanted)))
+            .cloned()
+            .collect();
         let whole = take.iter().any(|wanted| begins(&name.to_owned(), wanted));
         source.taken.extend(take.iter().filter(|wanted| begins(&name.to_owned(), wanted)).cloned());
         if !whole && !source.taken.is_empty() {
@@ -153,7 +158,10 @@ pub(crate) fn source(
         && !arrays.numbers.contains_key(column)
     {
         let names = arrays.numbers.keys().take(30).map(|name| shown(name)).collect::<Vec<_>>().join(", ");
-        return Err(format!("no array `{}`, which `[time] column` of the mapping names; it has {names}", shown(column)));
+        return Err(format!(
+            "no array `{}`, which `[time] column` of the mapping names; it has {names}",
+            shown(column)
+        ));
     }
     differing(&arrays, mapping, rows)?;
     let mut gains: [Option<Vec<f64>>; 2] = [None, None];

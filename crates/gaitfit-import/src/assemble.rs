@@ -124,7 +124,9 @@ fn without_position(
     let mut others: IndexMap<&str, &str> = IndexMap::new();
     for name in columns.keys() {
         for (prefix, what) in [("dq_", "a velocity"), ("qdes_", "a target"), ("act_", "an action")] {
-            if let Some(joint) = name.strip_prefix(prefix).filter(|joint| !joints.iter().any(|own| own == joint)) {
+            if let Some(joint) =
+                name.strip_prefix(prefix).filter(|joint| !joints.iter().any(|own| own == joint))
+            {
                 others.entry(joint).or_insert(what);
             }
         }

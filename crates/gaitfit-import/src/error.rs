@@ -92,7 +92,9 @@ pub enum ImportError {
     /// Motors that nobody names move.
     #[error(
         "motors {} move, and only {named} are named ({}): is it another robot's recording? Give that robot by `--robot`, or \
-         name all motors in `joints = [...]` of a mapping file, number 0 first", shown(motors), shown(names)
+         name all motors in `joints = [...]` of a mapping file, number 0 first",
+        shown(motors),
+        shown(names)
     )]
     MotorsBeyond {
         /// Their numbers.
@@ -118,7 +120,11 @@ pub enum ImportError {
         why: String,
     },
     /// A stream that the caller asked for is not there.
-    #[error("nothing is called `{}`, which `--take` or `streams.take` names; there is {}", shown(wanted), escaped(found, SENTENCE))]
+    #[error(
+        "nothing is called `{}`, which `--take` or `streams.take` names; there is {}",
+        shown(wanted),
+        escaped(found, SENTENCE)
+    )]
     NoSuchStream {
         /// The name asked for.
         wanted: String,

@@ -82,7 +82,8 @@ impl Reader<'_> {
         let chunk = match dataset.chunk_shape().map_err(text)? {
             None => 0,
             Some(chunk) => {
-                let sizes: Option<Vec<usize>> = chunk.into_iter().map(|size| usize::try_from(size).ok()).collect();
+                let sizes: Option<Vec<usize>> =
+                    chunk.into_iter().map(|size| usize::try_from(size).ok()).collect();
                 let all = sizes.and_then(|sizes| count(&sizes)).and_then(|all| all.checked_mul(bytes));
                 all.ok_or_else(too_large)?
             }
@@ -96,8 +97,9 @@ impl Reader<'_> {
                 let words = match kind {
                     DType::String => dataset.read_string().map_err(text)?,
                     _ => {
-                        let options =
-                            VlenStringReadOptions::new().with_max_elements(elements).with_max_payload_bytes(MOST_WORDS);
+                        let options = VlenStringReadOptions::new()
+                            .with_max_elements(elements)
+                            .with_max_payload_bytes(MOST_WORDS);
                         dataset.read_vlen_strings(options).map_err(text)?
                     }
                 };
@@ -112,7 +114,10 @@ impl Reader<'_> {
         self.budget.take_bytes(chunk)?;
         let data = dataset.read_f64().map_err(text)?;
         if data.len() != elements {
-            return Err(format!("{} numbers where its shape says {elements}; the file is damaged", data.len()));
+            return Err(format!(
+                "{} numbers where its shape says {elements}; the file is damaged",
+                data.len()
+            ));
         }
         self.arrays.numbers.insert(path.to_owned(), Array { shape, data });
         Ok(())

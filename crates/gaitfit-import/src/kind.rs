@@ -89,6 +89,7 @@ fn is_pickle(bytes: &[u8]) -> bool {
 /// Whether the file is a pickle of protocol 0 or 1, which has no magic number: it begins with the container's opcodes, or a
 /// constructor's module, and ends with the opcode STOP.
 fn is_old_pickle(bytes: &[u8]) -> bool {
-    let begins = [b"(dp".as_slice(), b"(lp", b"(ip", b"(d.", b"(l.", b"}q", b"]q", b"(tp", b"ccopy_reg\n", b"cnumpy"];
+    let begins =
+        [b"(dp".as_slice(), b"(lp", b"(ip", b"(d.", b"(l.", b"}q", b"]q", b"(tp", b"ccopy_reg\n", b"cnumpy"];
     begins.iter().any(|begin| bytes.starts_with(begin)) && bytes.trim_ascii_end().ends_with(b".")
 }

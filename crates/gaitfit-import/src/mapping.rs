@@ -168,8 +168,8 @@ impl Mapping {
     /// # Errors
     /// What is not TOML, and keys or values that a mapping does not have.
     pub fn parse(text: &str) -> Result<Mapping, ImportError> {
-        let mapping: Mapping =
-            toml::from_str(text).map_err(|error| ImportError::Mapping { problem: in_a_line(&error, text) })?;
+        let mapping: Mapping = toml::from_str(text)
+            .map_err(|error| ImportError::Mapping { problem: in_a_line(&error, text) })?;
         let refuse = |problem: String| Err(ImportError::Mapping { problem });
         if let Some(rate) = mapping.rate_hz.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
             return refuse(format!("rate_hz is {rate}; give a positive number of samples a second"));

@@ -279,7 +279,8 @@ fn missing_number(source: &Source, motors: &[String], joints: &[String]) -> Resu
     for (mark, names) in [("q_#m", motors), ("q_#", joints)] {
         let columns = || source.tables.iter().flat_map(|table| table.columns.keys());
         let numbers = columns().filter_map(|name| name.strip_prefix(mark)?.parse::<usize>().ok());
-        let there: std::collections::HashSet<usize> = numbers.filter(|number| *number < names.len()).collect();
+        let there: std::collections::HashSet<usize> =
+            numbers.filter(|number| *number < names.len()).collect();
         if there.is_empty() {
             continue;
         }

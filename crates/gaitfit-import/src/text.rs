@@ -126,9 +126,9 @@ pub(crate) fn read(
 pub(crate) fn time_column(names: &[String], mapping: &Mapping) -> Result<Option<usize>, String> {
     if let Some(wanted) = &mapping.time.column {
         let found = names.iter().position(|name| name == wanted);
-        return found
-            .map(Some)
-            .ok_or_else(|| format!("no column `{}`, which `[time] column` of the mapping names", shown(wanted)));
+        return found.map(Some).ok_or_else(|| {
+            format!("no column `{}`, which `[time] column` of the mapping names", shown(wanted))
+        });
     }
     let usual = names.iter().position(|name| canonical(name).is_none() && role(name) == Some(Role::Time));
     if usual.is_none() && mapping.rate_hz.is_none() {

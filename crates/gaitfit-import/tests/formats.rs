@@ -350,14 +350,22 @@ fn joints_are_not_dropped_in_silence() {
 #[test]
 fn mistakes_of_the_caller_are_named() {
     let error = Mapping::parse("unit = \"rad\"\njoints = 3\n").unwrap_err().to_string();
-    assert!(error.contains("line 2, column 10") && !error.contains("\\n") && !error.contains('\n'), "{error}");
+    assert!(
+        error.contains("line 2, column 10") && !error.contains("\\n") && !error.contains('\n'),
+        "{error}"
+    );
     let error = Mapping::parse("a = 1\nunit = [").unwrap_err().to_string();
     assert!(!error.contains("\\n") && error.contains("line "), "{error}");
     let error = read("motion.npz", "[time]\ncolumn = 'stamp'").unwrap_err().to_string();
-    assert!(error.contains("`stamp`") && error.contains("[time] column") && error.contains("joint_pos"), "{error}");
+    assert!(
+        error.contains("`stamp`") && error.contains("[time] column") && error.contains("joint_pos"),
+        "{error}"
+    );
     let error = read("motion.csv", "[time]\ncolumn = 'stamp'").unwrap_err().to_string();
     assert!(error.contains("`stamp`") && error.contains("[time] column"), "{error}");
-    for (file, take) in [("motion.npz", "joint_po_"), ("motion.csv", "q_FX"), ("joint_states.mcap", "/joints")] {
+    for (file, take) in
+        [("motion.npz", "joint_po_"), ("motion.csv", "q_FX"), ("joint_states.mcap", "/joints")]
+    {
         let error = read(file, &format!("[streams]\ntake = ['{take}']")).unwrap_err().to_string();
         assert!(error.contains(&format!("`{take}`")) && error.contains("--take"), "{file}: {error}");
     }
@@ -395,7 +403,10 @@ fn encodings_of_parquet_are_read() {
 fn one_of_several_episodes_is_named() {
     let rate = "rate_hz = 200\n";
     let error = read("episodes.h5", &format!("{rate}{JOINTS}")).unwrap_err().to_string();
-    assert!(error.contains("data/demo_0/") && error.contains("data/demo_1/") && error.contains("--take"), "{error}");
+    assert!(
+        error.contains("data/demo_0/") && error.contains("data/demo_1/") && error.contains("--take"),
+        "{error}"
+    );
     for (episode, scale) in [("data/demo_0", 1.0), ("data/demo_1", 0.5)] {
         let mapping = format!("{rate}{JOINTS}[streams]\ntake = ['{episode}']");
         let log = read("episodes.h5", &mapping).unwrap().trajectory;
@@ -407,7 +418,8 @@ fn one_of_several_episodes_is_named() {
     }
     let error = read("episodes.h5", JOINTS).unwrap_err().to_string();
     assert!(error.contains("same quantity"), "{error}");
-    let error = read("episodes.h5", &format!("{JOINTS}[streams]\ntake = ['data/demo_0']")).unwrap_err().to_string();
+    let error =
+        read("episodes.h5", &format!("{JOINTS}[streams]\ntake = ['data/demo_0']")).unwrap_err().to_string();
     assert!(error.contains("rate_hz"), "{error}");
 }
 

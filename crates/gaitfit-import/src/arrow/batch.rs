@@ -38,7 +38,8 @@ pub(super) fn read(
         frame,
         budget,
     };
-    u32::try_from(batch.frame.rows.saturating_add(rows)).map_err(|_| "too many rows; cut the log".to_owned())?;
+    u32::try_from(batch.frame.rows.saturating_add(rows))
+        .map_err(|_| "too many rows; cut the log".to_owned())?;
     for field in fields {
         batch.field(field, rows, None, None)?;
     }
@@ -76,7 +77,10 @@ impl<'a> Batch<'a, '_> {
         // A field knows its own number of places, and a list's may have more than its lists cover.
         let own = usize::try_from(node.length()).map_err(damaged)?;
         if lists.is_none() && own != length || own < length {
-            return Err(format!("`{}` has {own} places where {length} are; the file is damaged", shown(&field.name)));
+            return Err(format!(
+                "`{}` has {own} places where {length} are; the file is damaged",
+                shown(&field.name)
+            ));
         }
         if field.layout == Layout::None {
             return Ok(());
@@ -88,7 +92,8 @@ impl<'a> Batch<'a, '_> {
         let validity = self.take()?;
         let bit = |i: usize| validity.get(i / 8).is_some_and(|byte| byte >> (i % 8) & 1 == 1);
         let all = node.null_count() == 0 || validity.is_empty();
-        let is_valid = |i: usize| (all || bit(i)) && valid.is_none_or(|valid| valid.get(i).copied().unwrap_or(false));
+        let is_valid =
+            |i: usize| (all || bit(i)) && valid.is_none_or(|valid| valid.get(i).copied().unwrap_or(false));
         match field.layout {
             Layout::Numbers(physical) => {
                 let data = self.take()?;
@@ -111,7 +116,9 @@ impl<'a> Batch<'a, '_> {
                 let mut last = first;
                 for i in 0..length {
                     let end = at(i + 1)?;
-                    let wide = end.checked_sub(last).ok_or("lists that end before they begin; the file is damaged")?;
+                    let wide = end
+                        .checked_sub(last)
+                        .ok_or("lists that end before they begin; the file is damaged")?;
                     lengths.push(if is_valid(i) { u32::try_from(wide).map_err(damaged)? } else { 0 });
                     if !is_valid(i) && wide > 0 {
                         return Err(format!("`{}` has values where its list is missing", shown(&field.name)));
@@ -208,7 +215,8 @@ impl<'a> Batch<'a, '_> {
 
 /// `length` numbers of a buffer.
 fn values(physical: Physical, data: &[u8], length: usize) -> Result<Values, String> {
-    let numbers = |bytes: usize| length.checked_mul(bytes).and_then(|all| data.get(..all)).ok_or(CUT.to_owned());
+    let numbers =
+        |bytes: usize| length.checked_mul(bytes).and_then(|all| data.get(..all)).ok_or(CUT.to_owned());
     Ok(match physical {
         Physical::Bool => {
             let data = data.get(..length.div_ceil(8)).ok_or(CUT)?;

@@ -121,9 +121,8 @@ fn layout(kind: &TypeRef<'_>) -> Result<(Layout, Option<&'static str>, Option<f6
         TimeUnit::Nanosecond => 1e9,
     };
     let numbers = |physical| (Layout::Numbers(physical), None, None);
-    let times = |bytes, unit| {
-        (Layout::Numbers(Physical::Int { bytes, signed: true }), None, Some(per_second(unit)))
-    };
+    let times =
+        |bytes, unit| (Layout::Numbers(Physical::Int { bytes, signed: true }), None, Some(per_second(unit)));
     let skipped = |buffers, reason| (Layout::Skipped(buffers), Some(reason), None);
     let below = |layout| (layout, None, None);
     Ok(match kind {
@@ -170,7 +169,10 @@ fn layout(kind: &TypeRef<'_>) -> Result<(Layout, Option<&'static str>, Option<f6
         | TypeRef::RunEndEncoded(_)
         | TypeRef::ListView(_)
         | TypeRef::LargeListView(_) => {
-            return Err("columns of a kind that is not read (maps, unions, views of lists); save plain columns".into());
+            return Err(
+                "columns of a kind that is not read (maps, unions, views of lists); save plain columns"
+                    .into(),
+            );
         }
     })
 }

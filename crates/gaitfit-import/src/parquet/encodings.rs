@@ -159,10 +159,18 @@ pub(super) fn dictionary(bytes: &[u8], entries: &Values, count: usize) -> Result
     let missing = || "a place beyond its dictionary; the file is damaged".to_owned();
     Ok(match entries {
         Values::Integers(all) => Values::Integers(
-            places.iter().map(|place| all.get(*place as usize).copied()).collect::<Option<_>>().ok_or_else(missing)?,
+            places
+                .iter()
+                .map(|place| all.get(*place as usize).copied())
+                .collect::<Option<_>>()
+                .ok_or_else(missing)?,
         ),
         Values::Reals(all) => Values::Reals(
-            places.iter().map(|place| all.get(*place as usize).copied()).collect::<Option<_>>().ok_or_else(missing)?,
+            places
+                .iter()
+                .map(|place| all.get(*place as usize).copied())
+                .collect::<Option<_>>()
+                .ok_or_else(missing)?,
         ),
     })
 }

@@ -18,7 +18,8 @@ const MOST_FOOTER: usize = 256 << 20;
 
 /// The columns of the file.
 pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
-    let cut = || "its end is missing; the file was cut off, and Parquet files are read from their end".to_owned();
+    let cut =
+        || "its end is missing; the file was cut off, and Parquet files are read from their end".to_owned();
     let footer = file.strip_suffix(MAGIC).ok_or_else(cut)?;
     let (footer, length) = footer.split_last_chunk::<4>().ok_or_else(cut)?;
     let length = u32::from_le_bytes(*length) as usize;
@@ -40,16 +41,21 @@ pub(crate) fn read(file: &[u8], budget: &mut Budget) -> Result<Frame, String> {
             return Err("a part with other columns than the schema; the file is damaged".into());
         }
         for (leaf, chunk) in leaves.iter().zip(&group.columns) {
-            let Some(column) = frame.columns.get_mut(&leaf.name).filter(|_| leaf.refused.is_none()) else { continue };
+            let Some(column) = frame.columns.get_mut(&leaf.name).filter(|_| leaf.refused.is_none()) else {
+                continue;
+            };
             if chunk.file_path.is_some() {
                 return Err("columns in other files; write it as one file".into());
             }
-            let meta = chunk.meta_data.as_ref().ok_or("encrypted columns; write it again without encryption")?;
+            let meta =
+                chunk.meta_data.as_ref().ok_or("encrypted columns; write it again without encryption")?;
             let found = pages::read(file, meta, leaf, frame.rows, column, budget)
                 .map_err(|problem| format!("column `{}`: {problem}", shown(&leaf.name)))?;
             if found != rows {
                 let name = shown(&leaf.name);
-                return Err(format!("column `{name}`: {found} rows in a part of {rows}; the file is damaged"));
+                return Err(format!(
+                    "column `{name}`: {found} rows in a part of {rows}; the file is damaged"
+                ));
             }
         }
         frame.rows += rows;

@@ -67,7 +67,8 @@ pub(super) fn read(
             let defined = take(&mut page, head.definition_levels_byte_length)?;
             let repeated = hybrid(repeated, width(leaf.repeated), count)?;
             let defined = hybrid(defined, width(leaf.defined), count)?;
-            let levels = head.repetition_levels_byte_length.saturating_add(head.definition_levels_byte_length);
+            let levels =
+                head.repetition_levels_byte_length.saturating_add(head.definition_levels_byte_length);
             let packed = match head.is_compressed {
                 Some(false) => Packed { codec: CompressionCodec::UNCOMPRESSED, size: 0 },
                 _ => Packed { size: packed.size.saturating_sub(levels), ..packed },

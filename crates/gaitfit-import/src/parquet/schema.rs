@@ -51,7 +51,12 @@ pub(super) fn leaves(schema: &[SchemaElement]) -> Result<Vec<Leaf>, String> {
     Ok(out)
 }
 
-fn walk(schema: &[SchemaElement], next: &mut usize, above: &Above, out: &mut Vec<Leaf>) -> Result<(), String> {
+fn walk(
+    schema: &[SchemaElement],
+    next: &mut usize,
+    above: &Above,
+    out: &mut Vec<Leaf>,
+) -> Result<(), String> {
     let damaged = "a schema that does not fit together; the file is damaged";
     let element = schema.get(*next).ok_or(damaged)?;
     *next += 1;
@@ -105,14 +110,16 @@ fn is_list(element: &SchemaElement) -> bool {
 
 /// How the numbers lie, or why they are not read.
 fn physical(element: &SchemaElement) -> (Physical, Option<&'static str>) {
-    let unsigned = [ConvertedType::UINT_8, ConvertedType::UINT_16, ConvertedType::UINT_32, ConvertedType::UINT_64];
+    let unsigned =
+        [ConvertedType::UINT_8, ConvertedType::UINT_16, ConvertedType::UINT_32, ConvertedType::UINT_64];
     let mut signed = element.converted_type.is_none_or(|kind| !unsigned.contains(&kind));
     if let Some(LogicalType::INTEGER(kind)) = &element.logical_type {
         signed = kind.is_signed;
     }
     let decimal = element.converted_type == Some(ConvertedType::DECIMAL)
         || matches!(element.logical_type, Some(LogicalType::DECIMAL(_)));
-    let int = |bytes| (Physical::Int { bytes, signed }, decimal.then_some("decimal numbers; save them as float"));
+    let int =
+        |bytes| (Physical::Int { bytes, signed }, decimal.then_some("decimal numbers; save them as float"));
     match element.type_ {
         Some(Type::BOOLEAN) => (Physical::Bool, None),
         Some(Type::INT32) => int(4),

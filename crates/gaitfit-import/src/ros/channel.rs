@@ -172,7 +172,8 @@ impl<'a> Messages<'a> {
         let wanted = self.mapping.streams.take.iter();
         source.taken = wanted.filter(|wanted| topics().any(|topic| topic == *wanted)).cloned().collect();
         source.takeable = topics().take(20).cloned().collect();
-        if let Some(missing) = self.mapping.streams.take.iter().find(|wanted| !topics().any(|topic| topic == *wanted))
+        if let Some(missing) =
+            self.mapping.streams.take.iter().find(|wanted| !topics().any(|topic| topic == *wanted))
             && source.taken.is_empty()
         {
             let found = source.takeable.iter().map(|topic| shown(topic)).collect::<Vec<_>>().join(", ");
@@ -190,7 +191,9 @@ impl<'a> Messages<'a> {
             let take = &self.mapping.streams.take;
             let count = stream.logged.len();
             let reason = match &stream.schema {
-                _ if !take.is_empty() && !take.contains(&topic) => "not named by `--take` or `streams.take`".to_owned(),
+                _ if !take.is_empty() && !take.contains(&topic) => {
+                    "not named by `--take` or `streams.take`".to_owned()
+                }
                 Err(problem) => problem.clone(),
                 Ok(_) if count == 0 && stream.damaged.0 > 0 => stream.damaged.1.clone(),
                 Ok(_) if count == 0 => "nothing of a log in it".to_owned(),

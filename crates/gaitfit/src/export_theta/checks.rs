@@ -20,7 +20,8 @@ pub(super) fn parameters(file: &ThetaFile, path: &Path) -> Result<(), Error> {
             && !(low.is_finite() && high.is_finite() && low <= high)
         {
             let (low, high) = (shown_number(low), shown_number(high));
-            let what = "has the interval [{low}, {high}]; give its lower end first, then its upper end, both finite";
+            let what =
+                "has the interval [{low}, {high}]; give its lower end first, then its upper end, both finite";
             return refuse(parameter, what.replace("{low}", &low).replace("{high}", &high));
         }
         let Some(unit) = unit(&parameter.kind) else { continue };
