@@ -17,6 +17,7 @@ mod seating;
 mod simplify;
 mod source;
 mod text;
+mod turns;
 
 use std::collections::HashMap;
 
@@ -28,6 +29,7 @@ pub use op::{Node, Op};
 pub use program::{Kind, Program, Region};
 pub use seating::Seating;
 pub use text::{KERNEL, WORDS, body, cuda, head};
+pub use turns::has_two_texts;
 
 use chain::Chains;
 use lanes::Lanes;

@@ -33,24 +33,26 @@ pub fn cuda(program: &PeriodProgram, layout: &Layout, block: usize) -> String {
     head(layout, block) + WORDS + &body(program, layout)
 }
 
-struct Writer<'a> {
-    program: &'a Program,
+pub(super) struct Writer<'a> {
+    pub(super) program: &'a Program,
     /// Place of each input of the recording.
-    places: &'a [Place],
-    layout: &'a Layout,
+    pub(super) places: &'a [Place],
+    pub(super) layout: &'a Layout,
     text: String,
-    depth: usize,
-    crossing: Crossing,
+    pub(super) depth: usize,
+    pub(super) crossing: Crossing,
     /// What has been read, of every open block, and whether the block begins afresh.
-    read: Vec<(bool, BTreeSet<u32>)>,
+    pub(super) read: Vec<(bool, BTreeSet<u32>)>,
     /// Open regions.
     open: Vec<u32>,
     /// Nodes declared already, before the region they are made in.
-    declared: BTreeSet<u32>,
+    pub(super) declared: BTreeSet<u32>,
+    /// In one of a loop's two texts: whether it is the one without guarded regions.
+    pub(super) lean: Option<bool>,
 }
 
 impl<'a> Writer<'a> {
-    fn new(period: &'a PeriodProgram, layout: &'a Layout) -> Self {
+    pub(super) fn new(period: &'a PeriodProgram, layout: &'a Layout) -> Self {
         Self {
             program: &period.program,
             places: &layout.inputs,
@@ -61,15 +63,16 @@ impl<'a> Writer<'a> {
             read: vec![(true, BTreeSet::new())],
             open: Vec::new(),
             declared: BTreeSet::new(),
+            lean: None,
         }
     }
 
-    fn bare(&self, node: u32) -> (u32, bool) {
+    pub(super) fn bare(&self, node: u32) -> (u32, bool) {
         self.program.bare(node)
     }
 
     /// Whether it is read from memory where it is used, not where it stands.
-    fn read_late(&self, node: u32) -> bool {
+    pub(super) fn read_late(&self, node: u32) -> bool {
         match self.program.nodes[node as usize].op {
             Op::Input(number) => !self.written(self.places[number as usize].class),
             op => matches!(op, Op::Table(_)),
@@ -81,13 +84,13 @@ impl<'a> Writer<'a> {
         !matches!(op, Op::Constant(_) | Op::Variable(..) | Op::Result(..) | Op::Neg) && !self.read_late(node)
     }
 
-    fn line(&mut self, text: &str) {
+    pub(super) fn line(&mut self, text: &str) {
         let indent = 2 * self.depth;
         let _ = writeln!(self.text, "{:indent$}{text}", "");
     }
 
     /// What stands for a node in an expression; what is read late is read before, unless it has been.
-    fn operand(&mut self, node: u32) -> String {
+    pub(super) fn operand(&mut self, node: u32) -> String {
         let (node, minus) = self.bare(node);
         if self.read_late(node) || self.room(node).is_some() {
             self.read(node);
@@ -117,7 +120,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn read(&mut self, node: u32) {
+    pub(super) fn read(&mut self, node: u32) {
         for (fresh, known) in self.read.iter().rev() {
             if known.contains(&node) {
                 return;
@@ -208,7 +211,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Nodes of a region, or of all.
-    fn block(&mut self, parent: Option<u32>, nodes: Range<u32>) {
+    pub(super) fn block(&mut self, parent: Option<u32>, nodes: Range<u32>) {
         let mut at = nodes.start;
         let program = self.program;
         for (index, region) in program.regions.iter().enumerate() {
@@ -228,6 +231,9 @@ impl<'a> Writer<'a> {
     }
 
     fn guarded(&mut self, index: u32, guard: u32, nodes: Range<u32>) {
+        if self.lean == Some(true) {
+            return self.left_out(index);
+        }
         let early = self.crossing.early.range(nodes.clone()).copied();
         let early: Vec<u32> =
             early.filter(|&node| self.has_statement(node) && !self.declared.contains(&node)).collect();
@@ -254,95 +260,6 @@ impl<'a> Writer<'a> {
         self.close();
     }
 
-    fn turns(
-        &mut self,
-        index: u32,
-        count: usize,
-        carried: &[(u32, u32)],
-        parent: Option<u32>,
-        nodes: Range<u32>,
-    ) {
-        let outer = !self
-            .program
-            .around(parent)
-            .any(|region| matches!(self.program.regions[region as usize].kind, Kind::Loop { .. }));
-        let held = |place: usize| (index, place as u32);
-        for (place, &(first, _)) in carried.iter().enumerate() {
-            if self.crossing.held.contains_key(&held(place)) {
-                continue;
-            }
-            let first = self.operand(first);
-            self.line(&format!("R v{index}_{place} = {first};"));
-        }
-        if !outer {
-            // An inner loop does not read the same numbers at every turn.
-            for node in nodes.clone().filter(|&node| self.program.home[node as usize] == Some(index)) {
-                for &operand in self.program.nodes[node as usize].operands() {
-                    let (operand, _) = self.bare(operand);
-                    if self.read_late(operand) {
-                        self.read(operand);
-                    }
-                }
-            }
-        }
-        self.line(&format!("ONCE for (int turn{index} = 0; turn{index} < {count}; ++turn{index}) {{"));
-        self.enter(index, outer);
-        if outer {
-            self.refresh(nodes.clone());
-        }
-        self.block(Some(index), nodes);
-        let mut assigned = Vec::new();
-        for (place, &(_, next)) in carried.iter().enumerate() {
-            if self.crossing.held.contains_key(&held(place)) {
-                continue;
-            }
-            let (bare, minus) = self.bare(next);
-            let value = self.operand(next);
-            let name = format!("v{index}_{place}");
-            match self.program.nodes[bare as usize].op {
-                Op::Variable(own, other) if own == index => {
-                    if minus || other != place as u32 {
-                        self.line(&format!("const R n{index}_{place} = {value};"));
-                        assigned.push(format!("{name} = n{index}_{place};"));
-                    }
-                }
-                _ => assigned.push(format!("{name} = {value};")),
-            }
-        }
-        for text in assigned {
-            self.line(&text);
-        }
-        let disturbed = self.layout.size(Class::Disturbance);
-        if outer && disturbed > 0 {
-            self.line(&format!("NEXT(d, {disturbed})"));
-        }
-        self.close();
-    }
-
-    /// Where the numbers lie that are read in a loop's turn is made to look new.
-    fn refresh(&mut self, nodes: Range<u32>) {
-        let mut pointers = BTreeSet::new();
-        for node in &self.program.nodes[nodes.start as usize..nodes.end as usize] {
-            for &operand in node.operands() {
-                let (operand, _) = self.bare(operand);
-                match self.program.nodes[operand as usize].op {
-                    Op::Input(number) if self.read_late(operand) => {
-                        let place = self.places[number as usize];
-                        let who = if place.lane.is_some() { "own" } else { "all" };
-                        pointers.insert(format!("FRESH({}_{who})", place.class.letter()));
-                    }
-                    Op::Table(_) => {
-                        pointers.insert("FRESH_TABLE".to_owned());
-                    }
-                    _ => {}
-                }
-            }
-        }
-        for pointer in pointers {
-            self.line(&pointer);
-        }
-    }
-
     /// Numbers of this region that a loop hands on to guarded regions.
     fn hold(&mut self, index: u32) {
         let held: Vec<((u32, u32), usize)> =
@@ -359,13 +276,13 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn enter(&mut self, region: u32, fresh: bool) {
+    pub(super) fn enter(&mut self, region: u32, fresh: bool) {
         self.depth += 1;
         self.open.push(region);
         self.read.push((fresh, BTreeSet::new()));
     }
 
-    fn close(&mut self) {
+    pub(super) fn close(&mut self) {
         self.read.pop();
         self.open.pop();
         self.depth -= 1;
@@ -387,6 +304,10 @@ impl<'a> Writer<'a> {
         let node = self.program.nodes[index as usize];
         if !self.has_statement(index) || self.crossing.merged.contains(&index) {
             return;
+        }
+        if node.op == Op::Merge && self.lean == Some(true) {
+            let before = self.operand(node.args[2]);
+            return self.line(&format!("const R t{index} = {before};"));
         }
         let a: Vec<String> = node.operands().iter().map(|&operand| self.operand(operand)).collect();
         if matches!(node.op, Op::Sin | Op::Cos) {

@@ -5,7 +5,7 @@ use gaitfit_physics::trace::{Input, Known, PeriodGraph, Report, Traced, record_p
 use gaitfit_physics::{JointModification, Settings, compile};
 
 use super::{DeviceError, Shared};
-use crate::emit::{EmitOptions, KERNEL, Layout, PeriodProgram, Seating, cuda};
+use crate::emit::{EmitOptions, KERNEL, Layout, PeriodProgram, Seating, cuda, has_two_texts};
 use crate::runtime::Program;
 
 /// Threads of a block. Two warps: the number makes no difference up to 128.
@@ -165,8 +165,9 @@ impl Period {
     }
 
     /// The program for the device's compiler. Numbers too small for single precision's full range count as zero, as
-    /// the fast reciprocals take them.
+    /// the fast reciprocals take them. Two texts of a loop must have the same bits: in them only what the text says is fused.
     pub fn program(&self) -> Program {
-        Program::new(KERNEL, self.text.clone()).option("-ftz=true")
+        let program = Program::new(KERNEL, self.text.clone()).option("-ftz=true");
+        if has_two_texts(&self.shared, &self.layout) { program.option("-fmad=false") } else { program }
     }
 }
