@@ -63,56 +63,102 @@ pub fn run_trials(
     seconds: f64,
     threads: usize,
 ) -> Result<Vec<Trial>, TaskError> {
-    let steps = (seconds / subject.task.walker.interface.control_dt).round().max(1.0) as u32;
+    let steps = trial_steps(subject, seconds);
     in_tiles(count, TILE, threads, |first, count| run_tile(subject, first, count, steps))
 }
 
-fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Result<Vec<Trial>, TaskError> {
-    let Subject { task, policy, candidate, seed } = *subject;
-    let mut environment = Environment::new(task, candidate, seed, first, count)?;
-    // The command that was drawn stays for the whole trajectory.
+/// Control steps of a trajectory of `seconds`.
+pub fn trial_steps(subject: &Subject<'_>, seconds: f64) -> u32 {
+    (seconds / subject.task.walker.interface.control_dt).round().max(1.0) as u32
+}
+
+/// `count` environments from number `first` on, in which each robot keeps the command that it has drawn.
+///
+/// # Errors
+/// A robot that cannot be.
+pub fn trial_environments<'a>(
+    subject: &Subject<'a>,
+    first: u32,
+    count: usize,
+) -> Result<Environment<'a>, TaskError> {
+    let mut environment = Environment::new(subject.task, subject.candidate, subject.seed, first, count)?;
     let commands = environment.commands().to_vec();
     for (index, &command) in commands.iter().enumerate() {
         environment.hold_command(index, command);
     }
-    let mut trials: Vec<Trial> =
-        commands.iter().map(|&command| Trial { command, ..Trial::default() }).collect();
-    let joints = task.walker.joints.len();
-    let mut last_action = LastAction::new(count, joints);
-    let mut player = Player::new(task, policy, environment);
+    Ok(environment)
+}
+
+fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Result<Vec<Trial>, TaskError> {
+    let environment = trial_environments(subject, first, count)?;
+    let mut trials = Trials::new(environment.commands(), subject.task.walker.joints.len());
+    let mut player = Player::new(subject.task, subject.policy, environment);
     for step in 1..=steps {
         player.step(step);
-        for (index, trial) in trials.iter_mut().enumerate() {
+        let state = |index: usize| {
+            (player.reward[index], player.ended[index], player.environment.tracking_error(index))
+        };
+        trials.take(step, &player.action, state);
+    }
+    Ok(trials.finish())
+}
+
+/// Trajectories side by side, step by step.
+pub struct Trials {
+    trials: Vec<Trial>,
+    joints: usize,
+    last_action: LastAction,
+}
+
+impl Trials {
+    /// One for each command, of robots with this many actions.
+    pub fn new(commands: &[[f32; 3]], joints: usize) -> Self {
+        let trial = |&command: &[f32; 3]| Trial { command, ..Trial::default() };
+        Self {
+            trials: commands.iter().map(trial).collect(),
+            joints,
+            last_action: LastAction::new(commands.len(), joints),
+        }
+    }
+
+    /// Adds step number `step`, from 1: all actions, and of each robot its reward, how its episode stands, and its errors,
+    /// m/s and rad/s. What a robot does after its fall does not count.
+    pub fn take(&mut self, step: u32, action: &[f32], state: impl Fn(usize) -> (f32, Ended, [f32; 2])) {
+        let joints = self.joints;
+        for (index, trial) in self.trials.iter_mut().enumerate() {
             if trial.fell {
                 continue;
             }
             trial.steps = step;
-            let [linear, angular] = player.environment.tracking_error(index);
-            let ended = player.ended[index];
+            let (reward, ended, [linear, angular]) = state(index);
             if ended == Ended::Diverged {
                 (trial.fell, trial.diverged) = (true, true);
                 continue;
             }
-            trial.reward += f64::from(player.reward[index]);
+            trial.reward += f64::from(reward);
             trial.linear_velocity_error += f64::from(linear);
             trial.angular_velocity_error += f64::from(angular);
-            let change: f32 = player.action[index * joints..(index + 1) * joints]
+            let change: f32 = action[index * joints..(index + 1) * joints]
                 .iter()
-                .zip(last_action.row(index))
+                .zip(self.last_action.row(index))
                 .map(|(now, before)| (now - before) * (now - before))
                 .sum();
             trial.action_rate += f64::from((change / joints as f32).sqrt());
             trial.fell = ended == Ended::Fall;
         }
-        last_action.take(&player.action);
+        self.last_action.take(action);
     }
-    for trial in &mut trials {
-        let steps = f64::from(trial.steps.max(1));
-        trial.linear_velocity_error /= steps;
-        trial.angular_velocity_error /= steps;
-        trial.action_rate /= steps;
+
+    /// The trajectories, with means over their steps.
+    pub fn finish(mut self) -> Vec<Trial> {
+        for trial in &mut self.trials {
+            let steps = f64::from(trial.steps.max(1));
+            trial.linear_velocity_error /= steps;
+            trial.angular_velocity_error /= steps;
+            trial.action_rate /= steps;
+        }
+        self.trials
     }
-    Ok(trials)
 }
 
 /// Means over trajectories.
