@@ -84,6 +84,8 @@ fn doctor_tells_the_machine() {
     let cuda = &found["cuda"];
     let complete = !cuda["gpus"].as_array().unwrap().is_empty() && cuda["nvrtc"].is_string();
     assert_eq!(complete, cuda["problems"].as_array().unwrap().is_empty(), "{found}");
+    // What commands take without --device.
+    assert_eq!(found["device"].as_str().unwrap() == "cpu", !complete, "{found}");
 }
 
 #[test]

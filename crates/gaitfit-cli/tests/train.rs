@@ -46,6 +46,10 @@ fn stopped_or_killed_and_resumed_it_ends_with_the_same_bits() {
         assert!(folders[0].path().join("t").join(file).exists(), "{file}");
     }
     assert_eq!(json(&output)["seeds"][0]["iterations"], 8);
+    let manifest = std::fs::read_to_string(folders[0].path().join("t/manifest.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+    let device = format!("device {}", manifest["device"].as_str().unwrap());
+    assert!(errors(&output).lines().any(|line| line.starts_with(&device)), "{}", errors(&output));
 
     // In two parts, on another number of threads.
     for (iterations, more) in [(3, &["--threads", "1"][..]), (8, &["--resume", "--threads", "1"])] {

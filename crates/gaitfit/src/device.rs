@@ -4,9 +4,15 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::Error;
+use crate::run::{latest_path, manifest};
+use gaitfit_cuda::fit::FitError;
+use gaitfit_cuda::ppo::PpoError;
 use gaitfit_cuda::rollout::RolloutError;
-use gaitfit_cuda::runtime::CudaError;
+use gaitfit_cuda::runtime::{CudaError, Found};
+use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::Task;
+use gaitfit_sim::Candidate;
+use std::path::Path;
 
 /// The processor or a GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -14,8 +20,10 @@ pub enum Device {
     /// The processor.
     #[default]
     Cpu,
-    /// The GPU of this number.
+    /// The GPU of this number, as it was asked for.
     Cuda(usize),
+    /// The GPU of this number, which `auto` found: what it does not do the processor does.
+    Found(usize),
 }
 
 impl FromStr for Device {
@@ -37,7 +45,7 @@ impl fmt::Display for Device {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Cpu => f.write_str("cpu"),
-            Self::Cuda(number) => write!(f, "cuda:{number}"),
+            Self::Cuda(number) | Self::Found(number) => write!(f, "cuda:{number}"),
         }
     }
 }
@@ -92,9 +100,50 @@ impl Devices {
 impl Device {
     /// The first GPU if driver, GPU and compiler are there, else the processor: what `auto` means.
     pub fn found() -> Self {
-        let found = gaitfit_cuda::runtime::find();
+        Self::among(&gaitfit_cuda::runtime::find())
+    }
+
+    /// The same of what a search has found.
+    pub fn among(found: &Found) -> Self {
         let usable = found.problems.is_empty() && found.nvrtc.is_some();
-        found.gpus.first().filter(|_| usable).map_or(Self::Cpu, |gpu| Self::Cuda(gpu.ordinal))
+        found.gpus.first().filter(|_| usable).map_or(Self::Cpu, |gpu| Self::Found(gpu.ordinal))
+    }
+
+    /// The number of the GPU; none of the processor.
+    pub fn gpu(self) -> Option<usize> {
+        match self {
+            Self::Cpu => None,
+            Self::Cuda(number) | Self::Found(number) => Some(number),
+        }
+    }
+
+    /// What a command computes on: what was asked for; else what the latest run of this name, which is continued, was on,
+    /// if it is there; else what is [found](Self::found).
+    pub fn of_run(asked: Option<Self>, continued: Option<(&Path, &str)>) -> Self {
+        asked.unwrap_or_else(|| {
+            match continued.and_then(|(runs, name)| manifest::device(&latest_path(runs, name)?)) {
+                Some(Self::Cpu) => Self::Cpu,
+                Some(Self::Cuda(number) | Self::Found(number))
+                    if gaitfit_cuda::runtime::Device::open(number).is_ok() =>
+                {
+                    Self::Found(number)
+                }
+                _ => Self::found(),
+            }
+        })
+    }
+
+    /// What computes, one line to begin with.
+    pub fn line(self) -> String {
+        let Some(number) = self.gpu() else { return "device cpu".to_owned() };
+        let name = gaitfit_cuda::runtime::find().gpus.into_iter().find(|gpu| gpu.ordinal == number);
+        format!("device {self}{}", name.map(|gpu| format!(", {}", gpu.name)).unwrap_or_default())
+    }
+
+    /// Why the processor computes instead, if `auto` found this device and it does not do what is asked.
+    pub fn instead(self, error: &Error) -> Option<String> {
+        let Self::Found(_) = self else { return None };
+        error.refusal().map(|reason| format!("the CPU computes, not {self}: {reason}"))
     }
 
     /// Whether it is there, before hours of work that come first.
@@ -105,17 +154,25 @@ impl Device {
         self.open().map(drop)
     }
 
-    /// Refuses a training on uneven ground on a GPU, before anything is written.
+    /// This device, if it trains what is asked for; the processor, and why, if `auto` found a GPU that does not.
     ///
     /// # Errors
-    /// Settings, with the remedy.
-    pub fn check_ground(self, scene: &Task) -> Result<(), Error> {
-        match self {
-            Self::Cuda(_) if scene.walker.ground().is_some() => Err(Error::settings(
-                "a training on uneven ground ([task.terrain], or boxes and height fields of the robot file) does not run \
-                 on a GPU yet; use the CPU (--device cpu)",
-            )),
-            _ => Ok(()),
+    /// Of a GPU that was asked for, what it does not do.
+    pub fn for_training(
+        self,
+        scene: &Task,
+        candidates: &[Candidate],
+        learner: &Learner,
+    ) -> Result<(Self, Option<String>), Error> {
+        if self == Self::Cpu {
+            return Ok((self, None));
+        }
+        match gaitfit_cuda::rollout::check(scene, candidates, learner).map_err(rollout_error) {
+            Ok(()) => Ok((self, None)),
+            Err(error) => match self.instead(&error) {
+                Some(note) => Ok((Self::Cpu, Some(note))),
+                None => Err(error),
+            },
         }
     }
 
@@ -124,12 +181,8 @@ impl Device {
     /// # Errors
     /// [`Error::Missing`] without the driver or the GPU.
     pub fn open(self) -> Result<Option<gaitfit_cuda::runtime::Device>, Error> {
-        match self {
-            Self::Cpu => Ok(None),
-            Self::Cuda(number) => {
-                gaitfit_cuda::runtime::Device::open(number).map(Some).map_err(|error| cuda_error(&error))
-            }
-        }
+        let open = |number| gaitfit_cuda::runtime::Device::open(number).map_err(|error| cuda_error(&error));
+        self.gpu().map(open).transpose()
     }
 }
 
@@ -142,7 +195,22 @@ pub fn cuda_error(error: &CudaError) -> Error {
 pub fn rollout_error(error: RolloutError) -> Error {
     match error {
         RolloutError::Cuda(error) => cuda_error(&error),
-        RolloutError::Unsupported(_) => Error::settings(error.to_string()),
+        RolloutError::Unsupported(_)
+        | RolloutError::Ppo(
+            PpoError::Unsupported(_)
+            | PpoError::TooWide(_)
+            | PpoError::TooOld { .. }
+            | PpoError::TooMany { .. },
+        ) => Error::Refused(error.to_string()),
+        error => Error::failed(error),
+    }
+}
+
+/// Why a fit on a GPU cannot be, or stopped.
+pub fn fit_error(error: FitError) -> Error {
+    match error {
+        FitError::Cuda(error) => cuda_error(&error),
+        FitError::Unsupported(_) | FitError::TooWide { .. } => Error::Refused(error.to_string()),
         error => Error::failed(error),
     }
 }
@@ -151,13 +219,61 @@ pub fn rollout_error(error: RolloutError) -> Error {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+    use gaitfit_learn::task::{TaskSettings, TerrainSettings};
+
+    #[test]
+    fn what_a_found_gpu_refuses_the_cpu_does() {
+        let refused = Error::Refused("a fit with wings does not run on a GPU yet".to_owned()).within("x.toml:");
+        let note = Device::Found(1).instead(&refused).unwrap();
+        assert!(note.contains("the CPU computes, not cuda:1") && note.contains("wings"), "{note}");
+        assert_eq!(Device::Cuda(1).instead(&refused), None);
+        assert_eq!(Device::Found(1).instead(&Error::failed("the GPU has burnt")), None);
+        assert_eq!(refused.kind(), crate::ErrorKind::Settings);
+    }
+
+    #[test]
+    fn a_gpu_that_was_found_leaves_uneven_ground_to_the_cpu() {
+        let terrain = TerrainSettings { levels: 4, columns: 2, ..TerrainSettings::default() };
+        let settings = TaskSettings { terrain: Some(terrain), ..TaskSettings::default() };
+        let model = crate::robot::go2().unwrap();
+        let scene = Task::new(&model, &settings, gaitfit_physics::Preset::Fast).unwrap();
+        let learner = gaitfit_learn::Training::fresh_learner(&scene, &Default::default(), 1).unwrap();
+        let (device, note) = Device::Found(0).for_training(&scene, &[], &learner).unwrap();
+        assert_eq!(device, Device::Cpu);
+        assert!(note.unwrap().contains("uneven ground"));
+        let error = Device::Cuda(0).for_training(&scene, &[], &learner).unwrap_err();
+        assert!(error.refusal().unwrap().contains("uneven ground"), "{error}");
+        let even = Task::new(&model, &Default::default(), gaitfit_physics::Preset::Fast).unwrap();
+        assert_eq!(Device::Found(0).for_training(&even, &[], &learner).unwrap(), (Device::Found(0), None));
+    }
+
+    #[test]
+    fn a_run_goes_on_on_its_device_unless_told_otherwise() {
+        let runs = tempfile::tempdir().unwrap();
+        let write = |folder: &str, device: &str| {
+            let folder = runs.path().join(folder);
+            std::fs::create_dir_all(&folder).unwrap();
+            std::fs::write(folder.join("manifest.json"), format!("{{\"device\": \"{device}\"}}")).unwrap();
+        };
+        write("walk", "cuda:0");
+        write("walk-2", "cpu");
+        let of = |asked, name| Device::of_run(asked, Some((runs.path(), name)));
+        assert_eq!(of(None, "walk"), Device::Cpu);
+        assert_eq!(of(Some(Device::Cuda(3)), "walk"), Device::Cuda(3));
+        // Not there: as if nothing was said.
+        write("walk-3", "cuda:4000");
+        assert_eq!(of(None, "walk"), Device::found());
+        assert_eq!(of(None, "trot"), Device::found());
+        assert_eq!(manifest::device(&runs.path().join("walk")), Some(Device::Cuda(0)));
+    }
 
     #[test]
     fn devices_have_names() {
         assert_eq!("cpu".parse(), Ok(Device::Cpu));
         assert_eq!("cuda".parse(), Ok(Device::Cuda(0)));
         assert_eq!("cuda:3".parse(), Ok(Device::Cuda(3)));
-        assert_eq!([Device::Cpu, Device::Cuda(2)].map(|device| device.to_string()), ["cpu", "cuda:2"]);
+        let all = [Device::Cpu, Device::Cuda(2), Device::Found(1)];
+        assert_eq!(all.map(|device| device.to_string()), ["cpu", "cuda:2", "cuda:1"]);
         assert_eq!("auto".parse(), Ok(Device::found()));
         for wrong in ["gpu", "cuda:", "cuda:-1", "cuda:0,1", "cpu:0"] {
             assert!(wrong.parse::<Device>().is_err(), "{wrong}");

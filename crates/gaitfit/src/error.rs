@@ -88,6 +88,9 @@ pub enum Error {
         /// How it failed.
         problem: String,
     },
+    /// A GPU does not do what is asked.
+    #[error("{0}")]
+    Refused(String),
     /// An error in a part of the settings, or in one of several inputs.
     #[error("{place} {source}")]
     In {
@@ -225,14 +228,25 @@ impl Error {
     /// Which kind of trouble it is.
     pub fn kind(&self) -> ErrorKind {
         match self {
-            Self::Settings { .. } | Self::Changed { .. } | Self::Outdated { .. } | Self::Spring(_) => {
-                ErrorKind::Settings
-            }
+            Self::Settings { .. }
+            | Self::Changed { .. }
+            | Self::Outdated { .. }
+            | Self::Refused(_)
+            | Self::Spring(_) => ErrorKind::Settings,
             Self::Task(_) if self.is_of_task() => ErrorKind::Settings,
             Self::Interrupted { .. } => ErrorKind::Interrupted,
             Self::Missing(_) => ErrorKind::Missing,
             Self::In { source, .. } | Self::Advised { source, .. } => source.kind(),
             _ => ErrorKind::Failed,
+        }
+    }
+
+    /// What a GPU does not do, if that is the error.
+    pub(crate) fn refusal(&self) -> Option<&str> {
+        match self {
+            Self::Refused(reason) => Some(reason),
+            Self::In { source, .. } | Self::Advised { source, .. } => source.refusal(),
+            _ => None,
         }
     }
 

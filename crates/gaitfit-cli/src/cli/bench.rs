@@ -25,7 +25,7 @@ pub struct BenchPhysics {
     #[arg(long, value_name = "N", default_value = "1")]
     pub threads: std::num::NonZeroUsize,
     /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
-    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
     pub device: Device,
     /// Robots at once (1024 on the processor, 4096 on a GPU)
     #[arg(long, value_name = "N")]
@@ -69,7 +69,7 @@ pub struct BenchTrain {
     #[arg(long, value_name = "N")]
     pub threads: Option<std::num::NonZeroUsize>,
     /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
-    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
     pub device: Device,
     /// GPU: compute matrix products about as exactly as f32
     #[arg(long)]

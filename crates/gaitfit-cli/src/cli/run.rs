@@ -2,7 +2,7 @@
 
 use clap::Args;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What all commands share that work in a run folder.
 #[derive(Debug, Args)]
@@ -25,6 +25,11 @@ pub struct RunArgs {
 }
 
 impl RunArgs {
+    /// What computes in the run `name` within `runs`.
+    pub fn device(&self, asked: Option<super::Device>, runs: &str, name: &str) -> super::Device {
+        super::Device::of_run(asked, self.resume.then_some((Path::new(runs), name)))
+    }
+
     /// Threads asked for, or one for each core.
     pub fn threads(&self) -> usize {
         self.threads.map_or_else(gaitfit::machine::threads, NonZeroUsize::get)
@@ -37,9 +42,9 @@ pub struct Adapt {
     /// Configuration (TOML); `gaitfit config` prints one with every default
     pub config: PathBuf,
     /// What simulates: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used); a run may go on on
-    /// another device
-    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
-    pub device: super::Device,
+    /// another device [default: auto; with --resume the run's]
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<super::Device>,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,
@@ -101,9 +106,9 @@ pub struct Train {
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
     /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used); a run may go on on
-    /// another device
-    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
-    pub device: super::Device,
+    /// another device [default: auto; with --resume the run's]
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<super::Device>,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,
@@ -139,9 +144,9 @@ pub struct Finetune {
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
     /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used); a run may go on on
-    /// another device
-    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
-    pub device: super::Device,
+    /// another device [default: auto; with --resume the run's]
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<super::Device>,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,
@@ -152,9 +157,10 @@ pub struct Finetune {
 pub struct Loop {
     /// Configuration (TOML); `gaitfit config loop` prints one with every default
     pub config: PathBuf,
-    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used)
-    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
-    pub device: super::Device,
+    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used) [default: auto; with
+    /// --resume the run's]
+    #[arg(long, value_name = "DEVICE")]
+    pub device: Option<super::Device>,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,
@@ -185,7 +191,7 @@ pub struct Reproduce {
     pub json: bool,
     /// What fits and trains: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the cells), or auto (a
     /// GPU if one can be used)
-    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
     pub device: super::Devices,
     /// Cells at a time; several keep a GPU busy, for a fit alone does not [default: one for each device]
     #[arg(long, value_name = "N")]

@@ -4,6 +4,7 @@ use serde::Serialize;
 
 use crate::exit::Failure;
 use crate::output;
+use gaitfit::device::Device;
 use gaitfit::machine::{Machine, machine};
 use gaitfit_cuda::runtime::{Found, bytes, find};
 
@@ -13,17 +14,20 @@ struct Report {
     #[serde(flatten)]
     machine: Machine,
     cuda: Found,
+    /// What `--device auto`, the default, takes.
+    device: String,
 }
 
 /// Prints version, processor, vector instructions, threads and GPUs.
 pub fn run(args: &crate::cli::Doctor) -> Result<(), Failure> {
     let (found, cuda) = (machine(), find());
+    let device = Device::among(&cuda).to_string();
     if args.json {
-        return output::print_json(&Report { machine: found, cuda });
+        return output::print_json(&Report { machine: found, cuda, device });
     }
     let named = |text: &str| if text.is_empty() { "unknown".to_owned() } else { text.to_owned() };
     output::print(&format!(
-        "gaitfit    {}\nplatform   {}\nprocessor  {}\nfeatures   {}\nengine     {}\nthreads    {}\n{}",
+        "gaitfit    {}\nplatform   {}\nprocessor  {}\nfeatures   {}\nengine     {}\nthreads    {}\n{}device     {device} (what commands take without --device)\n",
         found.gaitfit,
         found.platform,
         named(&found.processor),

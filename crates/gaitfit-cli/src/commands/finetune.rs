@@ -3,7 +3,7 @@
 use super::{run_name, train};
 use crate::cli;
 use crate::exit::Failure;
-use crate::interrupt;
+use crate::{interrupt, output};
 use crate::watcher::watched;
 use gaitfit::finetune::{Files, Request, setup};
 use gaitfit::settings::{self, FinetuneConfig};
@@ -23,15 +23,18 @@ pub fn run(args: &cli::Finetune) -> Result<(), Failure> {
     if let Some(noise) = args.torque_noise {
         config.torque_noise = noise;
     }
+    let name = name.unwrap_or_else(|| "finetune".to_owned());
+    let device = args.run.device(args.device, &config.runs, &name);
     let setup = setup(Request {
         config,
         path: args.config.clone(),
-        name: name.unwrap_or_else(|| "finetune".to_owned()),
+        name,
         files: Files { policy: args.policy.clone(), theta: args.theta.clone(), robot: args.robot.clone() },
         task: args.task.clone(),
         threads: args.run.threads,
-        device: args.device,
+        device,
     })?;
+    output::note(&setup.device.line());
     interrupt::listen()?;
     let results = watched(train::LINES, |watch| gaitfit::train::train(&setup, args.run.resume, watch))?;
     train::print(&results, args.run.json)

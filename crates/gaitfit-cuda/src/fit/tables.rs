@@ -37,6 +37,9 @@ impl Tables {
         if policy.front.is_some() {
             return Err(FitError::Unsupported("a recurrent or two-part policy".to_owned()));
         }
+        if walker.ground().is_some() {
+            return Err(FitError::Unsupported("uneven ground".to_owned()));
+        }
         let actor = &policy.actor;
         if let Some(what) = actor.untrainable().or_else(|| unknown(actor.shape.activation)) {
             return Err(FitError::Unsupported(format!("a policy whose actor has {what}")));

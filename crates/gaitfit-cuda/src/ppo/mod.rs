@@ -22,6 +22,7 @@ pub use launch::{Array, Batch, Id, Kind, Launch, Value};
 pub use layout::TooWide;
 pub use learner::Learner;
 pub use plan::Plan;
+pub(crate) use prepared::check_networks;
 pub use prepared::{Limits, Prepared};
 pub(crate) use storage::{Storage, Stored};
 pub use text::Precision;

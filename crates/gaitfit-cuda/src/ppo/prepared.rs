@@ -44,11 +44,7 @@ impl Prepared {
     ) -> Result<Self, PpoError> {
         let (settings, widths) = (learner.settings(), learner.widths());
         check_sizes(settings, widths, batch)?;
-        for network in [learner.actor(), learner.critic()] {
-            if let Some(what) = unknown(network.shape.activation) {
-                return Err(PpoError::Unsupported(what));
-            }
-        }
+        check_networks(learner)?;
         let shapes = [&learner.actor().shape, &learner.critic().shape];
         let text = Text::new(settings, widths, shapes, precision, limits.shared_memory)?;
         let normalised = [learner.normaliser().is_some(), learner.critic_normaliser().is_some()];
@@ -85,4 +81,14 @@ fn check_sizes(settings: &ppo::Settings, widths: ppo::Widths, batch: Batch) -> R
         }
     }
     Ok(())
+}
+
+/// Refuses networks that the kernels do not know.
+///
+/// # Errors
+/// [`PpoError::Unsupported`].
+pub(crate) fn check_networks(learner: &ppo::Learner) -> Result<(), PpoError> {
+    let mut networks = [learner.actor(), learner.critic()].into_iter();
+    let unknown = networks.find_map(|network| unknown(network.shape.activation));
+    unknown.map_or(Ok(()), |what| Err(PpoError::Unsupported(what)))
 }

@@ -21,5 +21,5 @@ pub use error::RolloutError;
 pub use packed::Packed;
 pub use plan::{Home, Plan, control};
 pub use run::Rollout;
-pub use scene::{Scene, Sizes};
+pub use scene::{Scene, Sizes, check};
 pub use trainer::{Breakdown, Trainer};

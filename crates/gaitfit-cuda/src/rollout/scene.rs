@@ -1,5 +1,6 @@
 //! A task on a robot as the kernels see it: sizes, and where the physics keeps each number.
 
+use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::{Task, TaskError, reward};
 use gaitfit_physics::trace::{Input, Report};
 use gaitfit_sim::Candidate;
@@ -7,6 +8,7 @@ use gaitfit_sim::Candidate;
 use super::RolloutError;
 use crate::emit::{Class, EmitOptions};
 use crate::physics::{Period, PeriodOptions, traced};
+use crate::ppo::check_networks;
 use crate::words::{Spot, input_spots, is_bias, memory_joints, report_spots};
 
 /// Sizes of a rollout.
@@ -47,6 +49,38 @@ pub struct Scene<'a> {
     pub(super) report: Vec<Spot>,
 }
 
+/// Refuses what a GPU does not train, without one.
+///
+/// # Errors
+/// [`RolloutError::Unsupported`], or [`PpoError::Unsupported`] of the learner's networks.
+pub fn check(task: &Task, candidates: &[Candidate], learner: &Learner) -> Result<(), RolloutError> {
+    check_robots(task, candidates)?;
+    check_rewards(task)?;
+    Ok(check_networks(learner)?)
+}
+
+fn check_robots(task: &Task, candidates: &[Candidate]) -> Result<(), RolloutError> {
+    let unsupported = |what: &str| Err(RolloutError::Unsupported(what.to_owned()));
+    let networks = candidates.first().map_or(&[][..], |candidate| &candidate.networks);
+    if candidates.iter().any(|candidate| candidate.networks != networks) {
+        return unsupported("robots whose networks differ");
+    }
+    if task.walker.sees_past() {
+        return unsupported("a history of observations");
+    }
+    if task.walker.ground().is_some() {
+        return unsupported("uneven ground ([terrain], or boxes and height fields of the robot file)");
+    }
+    Ok(())
+}
+
+fn check_rewards(task: &Task) -> Result<(), RolloutError> {
+    let own = task.reward_values().find(|(_, value)| matches!(value, reward::Value::Own(_)));
+    let Some((own, _)) = own else { return Ok(()) };
+    let what = format!("the reward term `{own}`, a function; write it as an expression in task.terms");
+    Err(RolloutError::Unsupported(what))
+}
+
 impl<'a> Scene<'a> {
     /// The physics that a task's rollouts need. `processors`: the GPU's multiprocessors.
     ///
@@ -58,17 +92,8 @@ impl<'a> Scene<'a> {
         environments: usize,
         processors: usize,
     ) -> Result<Period, RolloutError> {
-        let unsupported = |what: &str| Err(RolloutError::Unsupported(what.to_owned()));
+        check_robots(task, candidates)?;
         let networks = candidates.first().map_or(&[][..], |candidate| &candidate.networks);
-        if candidates.iter().any(|candidate| candidate.networks != networks) {
-            return unsupported("robots whose networks differ");
-        }
-        if task.walker.sees_past() {
-            return unsupported("a history of observations");
-        }
-        if task.walker.ground().is_some() {
-            return unsupported("uneven ground ([terrain], or boxes and height fields of the robot file)");
-        }
         let batch = &task.walker.batch;
         let options = PeriodOptions {
             substeps: batch.options().substeps,
@@ -90,15 +115,8 @@ impl<'a> Scene<'a> {
     /// # Errors
     /// [`RolloutError::Unsupported`] for reward terms that are functions of a library's user and past frames in observations.
     pub fn new(task: &'a Task, period: &'a Period, sizes: Sizes) -> Result<Self, RolloutError> {
-        if task.walker.sees_past() {
-            return Err(RolloutError::Unsupported("a history of observations".to_owned()));
-        }
-        let own = task.reward_values().find(|(_, value)| matches!(value, reward::Value::Own(_)));
-        if let Some((own, _)) = own {
-            let what =
-                format!("the reward term `{own}`, a function; write it as an expression in task.terms");
-            return Err(RolloutError::Unsupported(what));
-        }
+        check_robots(task, &[])?;
+        check_rewards(task)?;
         let memory = input_spots(period, |input| matches!(input, Input::Memory { .. }));
         let own = memory.iter().zip(&period.memory).filter(|(_, asked)| **asked);
         Ok(Self {

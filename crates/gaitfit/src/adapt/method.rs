@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::air::Clamped;
+use crate::device::fit_error;
 use crate::gpu::{GpuSimulator, OnGpu};
 use crate::log::Log;
 use crate::walk::walking::Walking;
@@ -17,7 +18,7 @@ fn on<S: OnGpu + 'static>(
     threads: usize,
 ) -> Result<Box<dyn Simulator>, Error> {
     Ok(match gpu {
-        Some(gpu) => Box::new(GpuSimulator::new(simulator, gpu, threads).map_err(Error::failed)?),
+        Some(gpu) => Box::new(GpuSimulator::new(simulator, gpu, threads).map_err(fit_error)?),
         None => Box::new(simulator),
     })
 }

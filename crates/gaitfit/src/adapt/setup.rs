@@ -63,11 +63,27 @@ impl Setup {
         Self::open_on(config, config_path, threads, Device::Cpu)
     }
 
-    /// As [`Setup::open`]; `device` simulates.
+    /// As [`Setup::open`]; `device` simulates, or the CPU what a GPU that `auto` found does not.
     ///
     /// # Errors
-    /// As there; a GPU that is not there.
+    /// As there; a GPU that is not there, or that does not do what is asked.
     pub fn open_on(
+        config: &AdaptConfig,
+        config_path: &Path,
+        threads: Option<usize>,
+        device: Device,
+    ) -> Result<Self, Error> {
+        let error = match Self::just_on(config, config_path, threads, device) {
+            Err(error) => error,
+            opened => return opened,
+        };
+        let Some(note) = device.instead(&error) else { return Err(error) };
+        let mut setup = Self::just_on(config, config_path, threads, Device::Cpu)?;
+        setup.warnings.insert(0, note);
+        Ok(setup)
+    }
+
+    fn just_on(
         config: &AdaptConfig,
         config_path: &Path,
         threads: Option<usize>,

@@ -72,7 +72,6 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         if changed && error.is_of_task() { wrong(error.to_string()) } else { arguments.of_task(error) }
     };
     let world = World::among(&arguments, policy, settings, drawn.as_deref()).map_err(of_task)?;
-    device.check_ground(&world.scene)?;
     warnings.extend(world.warnings.iter().cloned());
     let model = world.model.clone();
     let inputs = Inputs::new(files.all().chain(drawn.as_deref()), &model, &bound(&config))?;
@@ -84,7 +83,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         simulator: world.description(),
         new_critic,
     };
-    let setup = Setup {
+    let mut setup = Setup {
         plan,
         model,
         candidate: Some(world.candidate),
@@ -96,7 +95,8 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         device,
         warnings,
     };
-    setup.learner(0).map_err(|error| refused(path, &error, PRINTED_BY))?;
+    let learner = setup.learner(0).map_err(|error| refused(path, &error, PRINTED_BY))?;
+    setup.settle_device(&learner)?;
     Ok(setup)
 }
 

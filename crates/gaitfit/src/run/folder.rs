@@ -194,6 +194,13 @@ pub fn readable<'a, 'b, 'c>(builder: &'c mut tempfile::Builder<'a, 'b>) -> &'c m
     builder
 }
 
+/// Where the latest run of that name is, if there is one; nothing is locked.
+pub fn latest_path(runs: &Path, name: &str) -> Option<PathBuf> {
+    check_name(name).ok()?;
+    let number = latest(runs, name).ok().filter(|&number| number > 0)?;
+    Some(numbered(runs, name, number))
+}
+
 fn numbered(runs: &Path, name: &str, number: usize) -> PathBuf {
     if number == 1 { runs.join(name) } else { runs.join(format!("{name}-{number}")) }
 }

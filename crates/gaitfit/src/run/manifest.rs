@@ -4,8 +4,10 @@ use crate::Error;
 use crate::device::Device;
 use crate::machine::{Machine, machine};
 use crate::run::RunFolder;
+use crate::files;
 use crate::run::inputs::Inputs;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 const MANIFEST: &str = "manifest.json";
 
@@ -62,4 +64,14 @@ pub fn inputs(folder: &RunFolder) -> Result<Option<Inputs>, Error> {
         let problem = format!("{error}. Restore it, or start afresh without --resume.");
         Error::content(&folder.path().join(MANIFEST), problem)
     })
+}
+
+/// The device that the run in this folder was last on, if its manifest says one.
+pub fn device(folder: &Path) -> Option<Device> {
+    #[derive(Deserialize)]
+    struct Named {
+        device: String,
+    }
+    let text = files::read_text(&folder.join(MANIFEST), files::MOST_BYTES).ok()?;
+    serde_json::from_str::<Named>(&text).ok()?.device.parse().ok()
 }

@@ -8,6 +8,6 @@ pub mod manifest;
 pub mod protocol;
 
 pub use changes::bound;
-pub use folder::{RunFolder, readable};
+pub use folder::{RunFolder, latest_path, readable};
 pub use inputs::Inputs;
 pub use protocol::{Protocol, Whole};

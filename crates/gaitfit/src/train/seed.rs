@@ -3,7 +3,7 @@
 use super::metrics::{self, Metric};
 use super::setup::Setup;
 use crate::Error;
-use crate::device::{Device, cuda_error, rollout_error};
+use crate::device::rollout_error;
 use crate::run::RunFolder;
 use crate::tensorboard::EventFile;
 use crate::watch::{Watch, Work};
@@ -103,10 +103,15 @@ impl Session<'_> {
             }
             None => self.save()?,
         }
-        if let Device::Cuda(ordinal) = self.setup.device {
-            let device = gaitfit_cuda::runtime::Device::open(ordinal).map_err(|error| cuda_error(&error))?;
+        if let Some(device) = self.setup.device.open()? {
             let trainer = Trainer::new(&device, &mut self.training, Precision::default());
-            self.trainer = Some(trainer.map_err(rollout_error)?);
+            match trainer.map_err(rollout_error) {
+                Ok(trainer) => self.trainer = Some(trainer),
+                Err(error) => match self.setup.device.instead(&error) {
+                    Some(note) => self.watch.note(&note),
+                    None => return Err(error),
+                },
+            }
         }
         let kept = metrics::read(self.folder, &self.files.metrics, self.training.iteration())?;
         let mut lines = String::new();

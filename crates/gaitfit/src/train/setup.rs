@@ -125,8 +125,7 @@ pub fn setup(
     }
     let inputs = Inputs::new(robot_path.as_deref(), &model, &settings(&config))?;
     let warnings = robot::remarks(&model);
-    device.check_ground(&scene)?;
-    let setup = Setup {
+    let mut setup = Setup {
         plan,
         model,
         candidate: None,
@@ -138,7 +137,8 @@ pub fn setup(
         device,
         warnings,
     };
-    setup.learner(0).map_err(refused)?;
+    let learner = setup.learner(0).map_err(refused)?;
+    setup.settle_device(&learner)?;
     Ok(setup)
 }
 
@@ -170,6 +170,18 @@ impl Setup {
             settings: self.inputs.settings.clone(),
             seed,
         }
+    }
+
+    /// Takes the processor where `auto` found a GPU that does not train what is asked for.
+    ///
+    /// # Errors
+    /// A GPU that was asked for and does not.
+    pub(crate) fn settle_device(&mut self, learner: &Learner) -> Result<(), Error> {
+        let candidates = if self.drawn.is_empty() { self.candidate.as_slice() } else { &self.drawn };
+        let (device, note) = self.device.for_training(&self.scene, candidates, learner)?;
+        self.device = device;
+        self.warnings.splice(0..0, note);
+        Ok(())
     }
 
     /// The learner that `seed` begins with.

@@ -31,7 +31,7 @@ pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
         cli::Geoms::Feet => bench::Geoms::Feet,
         cli::Geoms::All => bench::Geoms::All,
     };
-    if let cli::Device::Cuda(ordinal) = args.device {
+    if let Some(ordinal) = args.device.gpu() {
         return super::physics_cuda::run(args, geoms, ordinal);
     }
     let model = gaitfit::robot::go2()?;

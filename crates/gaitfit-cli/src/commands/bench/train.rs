@@ -1,6 +1,6 @@
 //! `gaitfit bench train`: whole iterations of PPO on the default task.
 
-use crate::cli::{BenchTrain, Device};
+use crate::cli::BenchTrain;
 use crate::exit::Failure;
 use crate::output;
 use gaitfit::settings::TrainConfig;
@@ -41,7 +41,7 @@ pub fn run(args: &BenchTrain) -> Result<(), Failure> {
         iterations: args.iterations.get().saturating_add(WARM_UP),
     };
     settings.check().map_err(Failure::usage)?;
-    if let Device::Cuda(ordinal) = args.device {
+    if let Some(ordinal) = args.device.gpu() {
         return super::train_cuda::run(args, &settings, ordinal);
     }
     let model = robot::go2()?;

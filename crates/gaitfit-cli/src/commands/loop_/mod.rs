@@ -19,7 +19,9 @@ pub fn run(args: &cli::Loop) -> Result<(), Failure> {
     config.name = Some(name.clone());
     config.check(&args.config)?;
     let threads = args.run.threads();
-    let setup = Setup { device: args.device, ..Setup::open(config, &args.config, threads)? };
+    let device = args.run.device(args.device, &config.runs, &name);
+    output::note(&device.line());
+    let setup = Setup { device, ..Setup::open(config, &args.config, threads)? };
     interrupt::listen()?;
     let results = watched(Lines::Seconds(5), |watch| loop_::run(&setup, &name, args.run.resume, watch))?;
     if args.run.json {
