@@ -223,7 +223,8 @@ mod tests {
 
     #[test]
     fn what_a_found_gpu_refuses_the_cpu_does() {
-        let refused = Error::Refused("a fit with wings does not run on a GPU yet".to_owned()).within("x.toml:");
+        let refused =
+            Error::Refused("a fit with wings does not run on a GPU yet".to_owned()).within("x.toml:");
         let note = Device::Found(1).instead(&refused).unwrap();
         assert!(note.contains("the CPU computes, not cuda:1") && note.contains("wings"), "{note}");
         assert_eq!(Device::Cuda(1).instead(&refused), None);

@@ -3,8 +3,8 @@
 use super::{run_name, train};
 use crate::cli;
 use crate::exit::Failure;
-use crate::{interrupt, output};
 use crate::watcher::watched;
+use crate::{interrupt, output};
 use gaitfit::finetune::{Files, Request, setup};
 use gaitfit::settings::{self, FinetuneConfig};
 

@@ -91,7 +91,8 @@ impl Writer<'_> {
         };
         let guards: Vec<String> = guards.into_iter().map(|guard| self.operand(guard)).collect();
         let before = (self.declared.clone(), self.read.clone());
-        for (lean, begin) in [(false, format!("if ({}) {{", guards.join(" || "))), (true, "} else {".into())] {
+        for (lean, begin) in [(false, format!("if ({}) {{", guards.join(" || "))), (true, "} else {".into())]
+        {
             (self.declared, self.read) = before.clone();
             self.line(&begin);
             self.depth += 1;
@@ -126,7 +127,10 @@ impl Writer<'_> {
             }
             let (bare, minus) = self.bare(next);
             let home = self.program.home[bare as usize];
-            if self.lean == Some(true) && home != Some(index) && home.is_some_and(|home| self.is_guarded(home)) {
+            if self.lean == Some(true)
+                && home != Some(index)
+                && home.is_some_and(|home| self.is_guarded(home))
+            {
                 // Only regions that are left out look at it.
                 continue;
             }

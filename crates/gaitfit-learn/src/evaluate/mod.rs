@@ -11,9 +11,7 @@ pub use crossings::{Crossing, CrossingSummary, crossings, summarise_crossings};
 pub use drift::{DriftTrial, drift};
 pub use gait::{GaitRecord, GaitSummary, record_gait, record_gait_on};
 pub use spectrum::power_spectrum;
-pub use trajectories::{
-    Trial, TrialSummary, Trials, run_trials, summarise, trial_environments, trial_steps,
-};
+pub use trajectories::{Trial, TrialSummary, Trials, run_trials, summarise, trial_environments, trial_steps};
 
 use gaitfit_sim::Candidate;
 

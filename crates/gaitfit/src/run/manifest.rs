@@ -2,9 +2,9 @@
 
 use crate::Error;
 use crate::device::Device;
+use crate::files;
 use crate::machine::{Machine, machine};
 use crate::run::RunFolder;
-use crate::files;
 use crate::run::inputs::Inputs;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
