@@ -1,4 +1,4 @@
-"""Writes the physics fixtures: states and short rollouts of six robots, computed with MuJoCo in float64.
+"""Writes the physics fixtures: states and short rollouts of eight robots, computed with MuJoCo in float64.
 
 Reads the MJCF files beside the fixtures (crates/gaitfit-physics/tests/fixtures/*.xml) and writes one .npz per robot
 and option variant; README.md in that folder describes every array. The same MuJoCo version gives the same numbers.
@@ -64,6 +64,8 @@ VARIANTS = {
         Variant("pyr_imp1_fl_implicitfast", integrator=IMPLICITFAST),
         Variant("ell_imp1_nofl", ELLIPTIC, frictionloss=False),
     ],
+    "crab": [Variant("pyr_imp1_fl"), Variant("ell_imp10_nofl", ELLIPTIC, 10, frictionloss=False)],
+    "twins": [Variant("pyr_imp1_nofl_implicitfast", integrator=IMPLICITFAST, frictionloss=False), Variant("ell_imp1_fl", ELLIPTIC)],
     "terrain": [Variant("pyr_imp1_fl"), Variant("ell_imp10_nofl", ELLIPTIC, 10, frictionloss=False)],
     "go2": [
         Variant("pyr_imp1_fl"),
@@ -72,8 +74,10 @@ VARIANTS = {
         Variant("ell_imp100_fl", ELLIPTIC, 100),
     ],
 }
+# Robots whose own parts touch each other.
+OWN = ("crab", "twins")
 # The variant of each robot whose fall is recorded, and the steps recorded.
-ROLLOUTS = {"biped": "pyr_imp1_fl", "humanoid": "ell_imp1_fl", "arm": "pyr_imp1_fl_implicitfast", "go2": "pyr_imp1_fl"}
+ROLLOUTS = {"twins": "ell_imp1_fl", "biped": "pyr_imp1_fl", "humanoid": "ell_imp1_fl", "arm": "pyr_imp1_fl_implicitfast", "go2": "pyr_imp1_fl"}
 
 
 def load(robot, variant):
@@ -263,8 +267,11 @@ def end_distances(model, data, rod, box):
     return np.sort(out)
 
 
-def evaluate(model, data):
-    """Everything stored of one state, as a dict of arrays; also the worst residual on the way."""
+def evaluate(model, data, own):
+    """Everything stored of one state, as a dict of arrays; also the worst residual on the way.
+
+    `own`: also which contacts are between own parts.
+    """
     row = {"qpos": data.qpos.copy(), "qvel": data.qvel.copy(), "ctrl": data.ctrl.copy()}
     data.qacc_warmstart[:] = 0
     residual = converge(model, data)
@@ -279,6 +286,8 @@ def evaluate(model, data):
     robots = model.body_rootid[model.jnt_bodyid]
     static = int((~np.isin(model.body_rootid[model.geom_bodyid], robots)).sum())
     row["contact_geom"] = np.array([max(c.geom) - static for c in contacts], dtype=np.int32)
+    if own:
+        row["contact_own"] = np.array([min(c.geom) >= static for c in contacts], dtype=np.int32)
     row["contact_dim"] = np.array([c.dim for c in contacts], dtype=np.int32)
     for name in ("dist", "pos", "frame", "friction", "solref", "solimp", "includemargin"):
         row[f"contact_{name}"] = np.array([getattr(c, name) for c in contacts], dtype=float)
@@ -337,7 +346,7 @@ def write_states(robot, variant, out):
             data = random_state(model, KINDS[kind], rng)
         if i == len(KINDS) + 4:
             data.qvel[:] = 0
-        row, residual = evaluate(model, data)
+        row, residual = evaluate(model, data, robot in OWN)
         row["kind"] = np.int32(kind)
         rows.append(row)
         worst = max(worst, residual)

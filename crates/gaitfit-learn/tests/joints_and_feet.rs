@@ -5,7 +5,7 @@ mod task_common;
 
 use gaitfit_learn::evaluate::{Subject, record_gait};
 use gaitfit_learn::task::{Ended, Environment, JointNumber, Task, TaskSettings};
-use gaitfit_model::{Model, Shape};
+use gaitfit_model::{Model, SelfContact, Shape};
 use gaitfit_physics::Preset;
 use gaitfit_policy::ActionClip;
 use gaitfit_sim::Candidate;
@@ -235,4 +235,25 @@ fn wrong_feet_are_named_with_what_there_is() {
     let error = wrong(|task| task.fall.contacts = vec!["trnk".to_owned()]);
     assert!(error.contains("task.fall.contacts has `trnk`") && error.contains("are trunk,"), "{error}");
     assert!(!feet(&["\u{1b}[2J"]).contains('\u{1b}'));
+}
+
+#[test]
+fn own_parts_touch_where_the_task_says_so() {
+    let mut task = calm();
+    let off = toml::to_string(&task).unwrap();
+    assert!(!off.contains("self_contact"), "{off}");
+    task.self_contact = SelfContact::Pairs(vec![["*_foot".to_owned(), "*_foot".to_owned()]]);
+    let text = toml::to_string(&task).unwrap();
+    assert_eq!(toml::from_str::<TaskSettings>(&text).unwrap(), task);
+    let feet = scene(&task);
+    assert_eq!((feet.walker.model().self_pairs.len(), feet.remarks.len()), (6, 0));
+    assert!(feet.walker.touches_itself() && !scene(&calm()).walker.touches_itself());
+    task.self_contact = SelfContact::Limbs;
+    let limbs = scene(&task);
+    assert_eq!(limbs.walker.model().self_pairs.len(), 6);
+    assert!(limbs.remarks[0].contains("(cylinder)"), "{:?}", limbs.remarks);
+    let error = wrong(|task| {
+        task.self_contact = SelfContact::Pairs(vec![["FL_foto".to_owned(), "FR_foot".to_owned()]]);
+    });
+    assert!(error.starts_with("task.self_contact: `FL_foto`") && error.contains("FL_foot"), "{error}");
 }

@@ -7,6 +7,7 @@ use crate::keyframes::fill_keyframes;
 use crate::model::{Body, Geom, Model, Plane, Root, Shape};
 use crate::names::name_everything;
 use crate::orientation::compose;
+use crate::own::Parts;
 use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::scan::MAX_NAME;
 use crate::servo::resolve_damping_ratios;
@@ -70,6 +71,8 @@ pub(crate) fn compile(
         planes: Vec::new(),
         obstacles: Vec::new(),
         pairs: Vec::new(),
+        self_pairs: Vec::new(),
+        parts: Parts::new(&spec, &welds, &member),
         actuators: Vec::new(),
         keyframes: Vec::new(),
         sites: Vec::new(),

@@ -20,6 +20,11 @@ const MIN_FRICTION: f64 = 1e-5;
 /// Below this a `solmix` counts as zero (`mjMINVAL`).
 const MIN_SOLMIX: f64 = 1e-15;
 
+/// MuJoCo's floor for friction coefficients, applied.
+pub(crate) fn at_least(friction: f64) -> f64 {
+    friction.max(MIN_FRICTION)
+}
+
 /// A pair before geoms, planes and obstacles got their places in the model: numbers in file order.
 pub(crate) struct Candidate {
     /// File number of the geom.
@@ -129,7 +134,7 @@ fn computed(
 }
 
 /// Contact parameters of two surfaces, the plane's first (the order matters to the last bit only).
-fn mix(first: &Surface, second: &Surface) -> ContactPair {
+pub(crate) fn mix(first: &Surface, second: &Surface) -> ContactPair {
     let (condim, friction, solref, solimp) = if first.priority != second.priority {
         let s = if first.priority > second.priority { first } else { second };
         (s.condim, s.friction, s.solref, s.solimp)

@@ -15,7 +15,7 @@
 //! | read | `compiler`, `option` with `flag`, `default` classes, `include`, `body`, `frame`, `inertial`, `freejoint`, hinges, `geom` (sphere, capsule, cylinder, box, plane; ellipsoids for mass alone), `site`, `pair`, `exclude`, `motor`, `position`, `velocity`, `general` without dynamics, `key`, the tuple `velocity_limit` |
 //! | read of `asset` | `hfield`: elevations, MuJoCo's binary files, PNG pictures |
 //! | passed over | other assets, `visual`, `statistic`, `size`, other `custom` data, lights, cameras |
-//! | listed | visual geoms, sensors, self-collision |
+//! | listed | visual geoms, sensors, self-collision ([`Model::touching_itself`] chooses pairs of it) |
 //! | refused | slide and ball joints, `equality`, `tendon`, plugins, colliding meshes, obstacles of other shapes, boxes and cylinders that may touch obstacles, actuators with state, fluid, `replicate`, `composite`, `attach`, RK4 and `implicit` |
 //!
 //! | URDF | |
@@ -47,6 +47,7 @@ mod model;
 mod names;
 mod options;
 mod orientation;
+mod own;
 mod pairs;
 pub mod patterns;
 mod picture;
@@ -67,6 +68,7 @@ mod xml;
 pub use error::{ModelError, Place};
 pub use listing::LeftOut;
 pub use model::*;
+pub use own::{Parts, SelfContact, SelfContactError, SelfPair};
 pub use read::{ReadOptions, read, read_mjcf_str, read_urdf_str};
 pub use shown::{escaped, shown, shown_number, shown_path};
 pub use summary::*;

@@ -6,6 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::own::{Parts, SelfPair};
 use crate::terrain::{Ground, Obstacle};
 
 /// How the robot's first body hangs in the world.
@@ -41,6 +42,12 @@ pub struct Model {
     pub obstacles: Vec<Obstacle>,
     /// Pairs of a geom and a plane or an obstacle that may touch, with their mixed contact parameters, in MuJoCo's order.
     pub pairs: Vec<ContactPair>,
+    /// Pairs of own parts that may touch each other: none as a file is read, see [`Model::touching_itself`].
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub self_pairs: Vec<SelfPair>,
+    /// What the file says of its own parts.
+    #[serde(skip)]
+    pub parts: Parts,
     /// Actuators in file order: one scalar each of `ctrl`.
     pub actuators: Vec<Actuator>,
     /// Named states.

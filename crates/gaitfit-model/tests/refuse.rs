@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use gaitfit_model::{Model, ModelError, ReadOptions, read, read_mjcf_str};
+use gaitfit_model::{Model, ModelError, ReadOptions, SelfContact, SelfContactError, read, read_mjcf_str};
 
 /// A leg on a floating base over a floor; `{...}` marks where tests insert.
 const LEG: &str = r#"<mujoco model="leg">
@@ -241,6 +241,69 @@ fn self_collision_is_counted_once() {
     let neighbours =
         text.replace("<compiler angle=\"radian\"/>", "<option><flag filterparent=\"disable\"/></option>");
     assert!(strict(&neighbours).unwrap().dropped[0].what.contains("(3 geom pairs)"));
+}
+
+/// Two limbs beside the leg: an arm with a ball and a stick, and a tail with a box.
+fn limbs() -> Model {
+    let arm = r#"<body name="arm"><joint/><geom name="hand" size="0.05" condim="4" friction="2"/>
+        <geom name="elbow" size="0.05" contype="0" conaffinity="0"/></body>
+      <body name="tail"><joint/><geom name="end" type="box" size="0.1 0.1 0.1"/></body>"#;
+    let end = r#"<contact><pair geom1="elbow" geom2="shin" condim="1" margin="0.02"/>
+        <exclude body1="tail" body2="arm"/></contact></mujoco>"#;
+    strict(&with("base", arm).replace("</mujoco>", end)).unwrap()
+}
+
+fn names(model: &Model) -> Vec<[&str; 2]> {
+    model.self_pairs.iter().map(|pair| [pair.geoms[0].name.as_str(), pair.geoms[1].name.as_str()]).collect()
+}
+
+fn pairs(chosen: &[[&str; 2]]) -> SelfContact {
+    SelfContact::Pairs(chosen.iter().map(|pair| pair.map(str::to_owned)).collect())
+}
+
+#[test]
+fn own_parts_touch_as_the_file_or_a_setting_says() {
+    let model = limbs();
+    assert!(model.self_pairs.is_empty());
+    let (of_file, left_out) = model.touching_itself(&SelfContact::File).unwrap();
+    // The trunk carries all limbs; the explicit pair goes past the bits of an elbow that is only seen.
+    assert_eq!(names(&of_file), [["hand", "shin"], ["elbow", "shin"]]);
+    let [mixed, explicit] = &of_file.self_pairs[..] else { panic!() };
+    assert_eq!((mixed.condim, mixed.friction[0], mixed.margin), (4, 2.0, 0.0));
+    assert_eq!((explicit.condim, explicit.friction[0], explicit.margin), (1, 1.0, 0.02));
+    let [said] = &left_out[..] else { panic!("{left_out:?}") };
+    assert!(said.contains("1 pairs are left out (end (box) with shin (capsule))"), "{said}");
+    assert!(of_file.warnings().iter().any(|warning| warning.contains("end (box) with shin (capsule)")));
+    assert_eq!(model.self_contact_of_file(), (3, 2));
+
+    let (of_limbs, _) = model.touching_itself(&SelfContact::Limbs).unwrap();
+    assert_eq!(names(&of_limbs), [["hand", "shin"]]);
+    let (named, left_out) = model.touching_itself(&pairs(&[["arm", "s*"], ["elbow", "leg"]])).unwrap();
+    assert_eq!((names(&named), left_out.len()), (vec![["hand", "shin"], ["elbow", "shin"]], 0));
+    assert!(of_file.touching_itself(&SelfContact::Off).unwrap().0.self_pairs.is_empty());
+}
+
+#[test]
+fn own_parts_that_cannot_touch_are_named() {
+    let model = limbs();
+    let wrong = |chosen: &[[&str; 2]]| model.touching_itself(&pairs(chosen)).unwrap_err();
+    let unknown = wrong(&[["hnad", "shin"]]).to_string();
+    assert!(unknown.contains("`hnad`") && unknown.contains("nearest names are hand"), "{unknown}");
+    assert!(matches!(wrong(&[["[a", "shin"]]), SelfContactError::Syntax { .. }));
+    // One carries the other; excluded; the same part; a shape that is not computed.
+    for pair in [["trunk", "shin"], ["hand", "end"], ["hand", "elbow"], ["end", "shin"]] {
+        let error = wrong(&[pair]);
+        assert!(matches!(&error, SelfContactError::Nothing { .. }), "{error}");
+    }
+    for (text, meant) in [("\"limbs\"", SelfContact::Limbs), ("[[\"a*\", \"b\"]]", pairs(&[["a*", "b"]]))] {
+        let read: SelfContact = serde_json::from_str(text).unwrap();
+        assert_eq!(read, meant);
+        assert_eq!(serde_json::to_string(&read).unwrap().replace(',', ", "), text);
+    }
+    for text in ["\"feet\"", "3", "[\"a\", \"b\"]"] {
+        let error = serde_json::from_str::<SelfContact>(text).unwrap_err().to_string();
+        assert!(error.contains("\"file\", \"limbs\""), "{error}");
+    }
 }
 
 #[test]

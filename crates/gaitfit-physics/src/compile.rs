@@ -3,6 +3,7 @@
 use gaitfit_model::{ContactPair, Ground, Joint, Model, Root, Shape};
 
 use crate::obstacles::Obstacles;
+use crate::own;
 use crate::seat::{IDENTITY, Seat, mat_mul, seats, unit};
 use crate::tree::*;
 use crate::vec3::*;
@@ -15,7 +16,11 @@ const SLACK: f64 = 1e-3;
 /// Largest power of an impedance curve: beyond it single precision overflows.
 const MAX_POWER: f64 = 8.0;
 
-fn impedance<K>(solimp: &[f64; 5], k: impl Fn(f64) -> K, object: &str) -> Result<Impedance<K>, PhysicsError> {
+pub(crate) fn impedance<K>(
+    solimp: &[f64; 5],
+    k: impl Fn(f64) -> K,
+    object: &str,
+) -> Result<Impedance<K>, PhysicsError> {
     let clamp = |x: f64| x.clamp(IMPEDANCE[0], IMPEDANCE[1]);
     let (dmin, dmax, width) = (clamp(solimp[0]), clamp(solimp[1]), solimp[2].max(0.0));
     let (midpoint, power) = (clamp(solimp[3]), solimp[4].max(1.0));
@@ -56,7 +61,7 @@ fn impedance_at_zero(solimp: &[f64; 5]) -> f64 {
 
 /// A row's stiffness k and damping b, and the factor on its D. Where velocities act `lead` later than at the step's
 /// start, the residual J a + b v + k r becomes J a + b (v + lead · J a) + k r.
-fn reference(solref: &[f64; 2], dmax: f64, settings: &Settings) -> (f64, f64, f64) {
+pub(crate) fn reference(solref: &[f64; 2], dmax: f64, settings: &Settings) -> (f64, f64, f64) {
     let (k, b) = mujoco_reference(solref, dmax, settings.emulated_step.unwrap_or(settings.timestep));
     let gain = 1.0 + b * settings.lead();
     (k / gain, b / gain, gain)
@@ -164,6 +169,7 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
             }
         }
     }
+    let own = own::compile::<T>(model, settings, &seats, &mut links, &segments, &mut touching)?;
     Ok(Tree {
         floating,
         root_position: k3(if floating { [0.0; 3] } else { model.bodies[0].pos }),
@@ -184,6 +190,7 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
         points,
         spins,
         touching,
+        own,
         impratio: model.options.impratio,
         elliptic: settings.cone == gaitfit_model::Cone::Elliptic,
         settings: *settings,

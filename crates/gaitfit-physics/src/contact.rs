@@ -13,7 +13,7 @@ use crate::tree::{GroundPlane, Impedance, LinkShape, Pair, TINY, Touched, Tree};
 use crate::vec3::*;
 
 /// Smallest friction coefficient (`mjMINMU`).
-const MIN_FRICTION: f64 = 1e-5;
+pub(crate) const MIN_FRICTION: f64 = 1e-5;
 
 /// Impedance at violation `pos` (MuJoCo, "Solver parameters", the d(r) curve).
 #[inline(always)]
@@ -84,7 +84,7 @@ pub(crate) fn link_contacts<T: Real>(
         }
         let friction = work.pairs[index].friction[0];
         let weight = params.pairs[index].translation;
-        let inverse_scale = row_scale(tree, pair, friction, weight) * T::k(pair.reference.gain);
+        let inverse_scale = row_scale(tree, pair.condim, friction, weight) * T::k(pair.reference.gain);
         let points = &mut work.points[pair.points.clone()];
         match pair.touched {
             Touched::Plane(plane) => shape_points(pair, &tree.planes[plane], m, center, level, points),
@@ -119,8 +119,8 @@ pub(crate) fn link_contacts<T: Real>(
 /// Factor by which `impedance/(1 − impedance)` becomes D of the normal row (elliptic, frictionless) or of the
 /// edges (pyramidal): MuJoCo's `mj_diagApprox` and `mj_makeImpedance`.
 #[inline(always)]
-fn row_scale<T: Real>(tree: &Tree<T::K>, pair: &Pair<T::K>, friction: T, weight: T) -> T {
-    if tree.elliptic || pair.condim == 1 {
+pub(crate) fn row_scale<T: Real>(tree: &Tree<T::K>, condim: usize, friction: T, weight: T) -> T {
+    if tree.elliptic || condim == 1 {
         weight
     } else {
         let mu2 = friction * friction;
@@ -256,7 +256,7 @@ fn obstacle_points<T: Real>(
 /// Contact frame of a normal alone (MuJoCo's `mju_makeFrame`): the first tangent lies towards y, or towards z where the
 /// normal is near y.
 #[inline(always)]
-fn normal_frame<T: Real>(normal: V3<T>) -> M3<T> {
+pub(crate) fn normal_frame<T: Real>(normal: V3<T>) -> M3<T> {
     let (zero, one, half) = (T::zero(), T::lit(1.0), T::lit(0.5));
     let steep = normal[1].abs();
     let guess = [zero, T::select_lt(steep, half, one, zero), T::select_lt(steep, half, zero, one)];

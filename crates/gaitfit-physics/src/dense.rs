@@ -19,6 +19,8 @@ pub enum RowKind {
     Limit(usize),
     /// Contact of a geom–plane pair (index in `Model::pairs`, point of the pair).
     Contact(usize, usize),
+    /// Contact between own parts (index in `Model::self_pairs`, point of the pair).
+    Own(usize, usize),
 }
 
 /// One row of MuJoCo's constraint: cost s(J a − aref) with stiffness D.
@@ -139,7 +141,8 @@ pub fn bias(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -> Vec<f
     subspaces(tree, &bodies).iter().map(|(link, axis)| dot6(*axis, wrenches[*link])).collect()
 }
 
-/// All constraint rows of a state: friction loss, limits, contacts in the order of `Model::pairs`. Contacts have
+/// All constraint rows of a state: friction loss, limits, contacts in the order of `Model::pairs`, contacts between own
+/// parts. Contacts have
 /// MuJoCo's tangents, also where the step takes others with the same cone.
 pub fn constraint_rows(
     tree: &Tree<f64>,
@@ -198,7 +201,36 @@ pub fn constraint_rows(
             }
         }
     }
+    for (index, pair) in tree.own.pairs.iter().enumerate() {
+        let (active, mu) = &work.own.pairs[index];
+        for number in (0..pair.points.len()).filter(|_| *active) {
+            let point = &work.own.points[pair.points.start + number];
+            if point.d > 0.0 {
+                let joints = &tree.own.joints[pair.joints.clone()];
+                let start = pair.rows + number * pair.dims * joints.len();
+                let mut jacobian = vec![vec![0.0; n]; pair.dims];
+                for (k, row) in jacobian.iter_mut().enumerate() {
+                    for (place, joint) in joints.iter().enumerate() {
+                        row[first + joint.joint] = work.own.rows[start + k * joints.len() + place];
+                    }
+                }
+                let one =
+                    Contact { condim: pair.condim, mu, d: point.d, jacobian, residual: &point.residual };
+                one.rows(tree, RowKind::Own(index, number), &mut rows);
+            }
+        }
+    }
     rows
+}
+
+/// One contact point, with the rows of its components.
+struct Contact<'a> {
+    condim: usize,
+    mu: &'a [f64; 5],
+    d: f64,
+    jacobian: Vec<Vec<f64>>,
+    /// `−aref`.
+    residual: &'a [f64],
 }
 
 fn contact_rows(
@@ -226,24 +258,33 @@ fn contact_rows(
         }
     }
     let residual = [point.residual[0], point.residual[1]].concat();
-    let aref = |k: usize| -residual[k];
-    if pair.condim == 1 {
-        rows.push(Row { kind, jacobian: jacobian[0].clone(), aref: aref(0), d: point.d });
-        return;
-    }
-    for k in 0..pair.condim {
-        if tree.elliptic {
-            let scale = if k == 0 { 1.0 } else { tree.impratio * (mu[k - 1] / mu[0]).powi(2) };
-            rows.push(Row { kind, jacobian: jacobian[k].clone(), aref: aref(k), d: point.d * scale });
-        } else if k > 0 {
-            for sign in [1.0, -1.0] {
-                let m = sign * mu[k - 1];
-                rows.push(Row {
-                    kind,
-                    jacobian: (0..n).map(|c| jacobian[0][c] + m * jacobian[k][c]).collect(),
-                    aref: aref(0) + m * aref(k),
-                    d: point.d,
-                });
+    Contact { condim: pair.condim, mu: &mu, d: point.d, jacobian, residual: &residual }
+        .rows(tree, kind, rows);
+}
+
+impl Contact<'_> {
+    /// MuJoCo's rows of the contact.
+    fn rows(&self, tree: &Tree<f64>, kind: RowKind, rows: &mut Vec<Row>) {
+        let Self { condim, mu, d, ref jacobian, residual } = *self;
+        let aref = |k: usize| -residual[k];
+        if condim == 1 {
+            rows.push(Row { kind, jacobian: jacobian[0].clone(), aref: aref(0), d });
+            return;
+        }
+        for k in 0..condim {
+            if tree.elliptic {
+                let scale = if k == 0 { 1.0 } else { tree.impratio * (mu[k - 1] / mu[0]).powi(2) };
+                rows.push(Row { kind, jacobian: jacobian[k].clone(), aref: aref(k), d: d * scale });
+            } else if k > 0 {
+                for sign in [1.0, -1.0] {
+                    let m = sign * mu[k - 1];
+                    rows.push(Row {
+                        kind,
+                        jacobian: jacobian[0].iter().zip(&jacobian[k]).map(|(n, t)| n + m * t).collect(),
+                        aref: aref(0) + m * aref(k),
+                        d,
+                    });
+                }
             }
         }
     }

@@ -51,6 +51,16 @@ pub enum PhysicsError {
         /// The box or height field.
         obstacle: String,
     },
+    /// Own parts whose contact is not computed.
+    #[error(
+        "{geom} and {other} cannot touch each other: spheres touch spheres, capsules and boxes, and capsules touch capsules; leave the pair out"
+    )]
+    OwnShapes {
+        /// The first geom with its shape.
+        geom: String,
+        /// The second.
+        other: String,
+    },
     /// A ball larger than the cells of a height field allow.
     #[error(
         "geom `{geom}` has a radius of {radius} m and height field `{obstacle}` cells of {cell} m: cells must be at least twice the radius; take fewer rows and columns"

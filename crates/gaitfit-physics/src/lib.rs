@@ -7,8 +7,8 @@
 //! Conventions: SI units, radians, quaternions wxyz. The base's linear velocity is in world axes, its angular
 //! velocity in body axes, as in MuJoCo.
 //!
-//! Not simulated: contacts between the robot's own bodies, or with anything but planes and, for spheres and capsules,
-//! static boxes and height fields.
+//! Geoms touch planes; spheres and capsules also touch static boxes and height fields. Chosen pairs of the robot's own
+//! spheres, capsules and boxes touch each other. Nothing else touches.
 
 mod compile;
 mod cone;
@@ -24,6 +24,7 @@ mod lanes;
 mod modify;
 mod obstacles;
 mod outline;
+mod own;
 mod params;
 pub mod phase;
 mod real;

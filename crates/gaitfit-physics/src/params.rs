@@ -65,7 +65,7 @@ pub struct Params<T> {
     pub links: Vec<LinkInertia<T>>,
     /// One a joint.
     pub joints: Vec<JointParams<T>>,
-    /// One a compiled contact pair, in `Tree` order.
+    /// One a compiled contact pair, in `Tree` order; then one a pair of own parts, the sum of both bodies'.
     pub pairs: Vec<PairInvweight<T>>,
     /// Factor on all contact friction coefficients.
     pub friction_scale: T,

@@ -132,6 +132,11 @@ impl Robot {
                 }
             }
         }
+        for pair in &model.self_pairs {
+            let [first, second] = [0, 1].map(|side| weights.bodies[pair.geoms[side].body]);
+            let (translation, rotation) = (first[0] + second[0], first[1] + second[1]);
+            pairs.push(PairInvweight { translation, rotation });
+        }
         let joints =
             weights.joints.iter().enumerate().map(|(j, weight)| self.joint_params(j, 1.0 / weight)).collect();
         Ok(Params { links, joints, pairs, friction_scale: self.friction_scale })

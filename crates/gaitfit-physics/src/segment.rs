@@ -86,6 +86,9 @@ pub(crate) fn eliminate<T: Real, const N: usize>(
         let (curvature, row) = joint_terms(segment.first + k - 1, hessian, state, work);
         block.h[k] = block.h[k] + curvature;
         block.r[k] = block.r[k] + row;
+        if !tree.own.is_empty() {
+            block.r[k] = block.r[k] + work.own.torque[segment.first + k - 1];
+        }
     }
     if let Some(node) = segment.node {
         let (inertia, residual) = (work.nodes[node].inertia, work.nodes[node].residual);
@@ -140,7 +143,7 @@ fn times<T: Real>(s: T, v: V6<T>) -> V6<T> {
 
 /// Hessian and negative torque of joint `j`'s rows; without `hessian` the integrator's damping instead.
 #[inline(always)]
-fn joint_terms<T: Real>(j: usize, hessian: bool, state: &State<T>, work: &mut Work<T>) -> (T, T) {
+pub(crate) fn joint_terms<T: Real>(j: usize, hessian: bool, state: &State<T>, work: &mut Work<T>) -> (T, T) {
     let z = T::zero();
     let joint = &mut work.joints[j];
     let qacc = state.qacc[j];
@@ -214,27 +217,34 @@ fn segment_contacts<T: Real, const N: usize>(
 
 /// Joint steps of segment `index` from its node's step; unless this is all that is `wanted`, also those of its
 /// contacts and the change of its residuals. Returns the slope of its rows' cost along the step and the curvature
-/// pᵀMp of its part of the smooth cost.
+/// pᵀMp of its part of the smooth cost. Where the joint steps are `corrected` they are as they stand in `work`.
 #[inline(always)]
 pub(crate) fn back_substitute<T: Real, const N: usize>(
     tree: &Tree<T::K>,
     index: usize,
     wanted: Wanted,
+    corrected: bool,
     work: &mut Work<T>,
 ) -> (T, T) {
     let segment = &tree.segments[index];
     let own = &mut work.segments[index];
     let above = work.nodes[segment.parent].step;
     let mut step = [T::zero(); SEGMENT];
-    for k in (0..N).rev() {
-        let mut s = own.inverse[k].fnma(dot6(own.coupling[k], above), -own.solved[k]);
-        for i in k + 1..N {
-            s = own.lower[i + k - 1].fnma(step[i], s);
+    if corrected {
+        for k in 0..N {
+            step[k] = work.joints[segment.first + k - 1].step;
         }
-        step[k] = s;
-    }
-    for k in 0..N {
-        work.joints[segment.first + k - 1].step = step[k];
+    } else {
+        for k in (0..N).rev() {
+            let mut s = own.inverse[k].fnma(dot6(own.coupling[k], above), -own.solved[k]);
+            for i in k + 1..N {
+                s = own.lower[i + k - 1].fnma(step[i], s);
+            }
+            step[k] = s;
+        }
+        for k in 0..N {
+            work.joints[segment.first + k - 1].step = step[k];
+        }
     }
     if let Some(node) = segment.node {
         let mut a = above;

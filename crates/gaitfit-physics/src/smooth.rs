@@ -6,6 +6,7 @@
 
 use crate::contact::{impedance, link_contacts};
 use crate::drive::Drive;
+use crate::own::own_contacts;
 use crate::spatial::{Rigid, V6, add6, axpy6, dot6, dot6_add, zero6};
 use crate::state::{Motion, Pose, State, Work};
 use crate::tree::{Axis, Link, Tree};
@@ -51,9 +52,9 @@ pub(crate) fn smooth<T: Real>(
         let (rigid, wrench) = inertial(&params.links[0], &root);
         work.nodes[0].rigid = rigid;
         work.nodes[0].wrench = wrench;
-        if let Some(touching) = tree.links[0].touching {
-            work.touching[touching] = Pose { rotation: root.rotation, position: root.position };
-        }
+    }
+    if let Some(touching) = tree.links[0].touching {
+        work.touching[touching] = Pose { rotation: root.rotation, position: root.position };
     }
     work.nodes[0].motion = root;
     work.nodes[0].jacobian_acceleration = state.base_acceleration;
@@ -66,6 +67,9 @@ pub(crate) fn smooth<T: Real>(
     }
     for index in 0..tree.touching.len() {
         link_contacts(&pass, index, origin, origin_velocity, work);
+    }
+    if !tree.own.is_empty() {
+        own_contacts(&pass, work);
     }
 }
 

@@ -9,6 +9,7 @@ use core::ops::Range;
 
 use crate::cone::{Kinks, ellipse, ellipse_line, ellipse3, pyramid, pyramid_line, pyramid3, pyramid3_line};
 use crate::contact::components;
+use crate::own;
 use crate::segment::{Wanted, back_substitute, eliminate};
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6, zero6};
 use crate::state::{Point, State, Work};
@@ -60,6 +61,9 @@ fn direction<T: Real>(
     work: &mut Work<T>,
 ) -> (T, T) {
     contact_terms(tree, work);
+    if !tree.own.is_empty() {
+        own::terms(tree, work);
+    }
     for node in &mut work.nodes {
         node.inertia = Articulated::from_rigid(&node.rigid);
         node.residual = node.wrench;
@@ -82,21 +86,38 @@ fn direction<T: Real>(
         let root = &work.nodes[0];
         step = root.inertia.solve_neg(root.residual);
         slope = slope + dot6(root.residual, step);
-        if wanted == Wanted::Everything {
-            slope = slope - point_steps(tree, tree.links[0].pairs.clone(), step, work);
-            work.nodes[0].step_wrench = work.nodes[0].rigid.mul(step);
+    }
+    let corrected = hessian && !tree.own.is_empty() && T::enter(work.own.touching);
+    if corrected {
+        work.nodes[0].step = step;
+        for index in 0..tree.segments.len() {
+            match tree.segments[index].len {
+                1 => back_substitute::<T, 1>(tree, index, Wanted::Step, false, work),
+                2 => back_substitute::<T, 2>(tree, index, Wanted::Step, false, work),
+                _ => back_substitute::<T, 3>(tree, index, Wanted::Step, false, work),
+            };
         }
+        slope = slope + own::correct(tree, state, work);
+        step = work.nodes[0].step;
+        T::leave(work.own.touching);
+    }
+    if tree.floating && wanted == Wanted::Everything {
+        slope = slope - point_steps(tree, tree.links[0].pairs.clone(), step, work);
+        work.nodes[0].step_wrench = work.nodes[0].rigid.mul(step);
     }
     work.nodes[0].step = step;
     let mut curvature = T::zero();
     for index in 0..tree.segments.len() {
         let (rows, smooth) = match tree.segments[index].len {
-            1 => back_substitute::<T, 1>(tree, index, wanted, work),
-            2 => back_substitute::<T, 2>(tree, index, wanted, work),
-            _ => back_substitute::<T, 3>(tree, index, wanted, work),
+            1 => back_substitute::<T, 1>(tree, index, wanted, corrected, work),
+            2 => back_substitute::<T, 2>(tree, index, wanted, corrected, work),
+            _ => back_substitute::<T, 3>(tree, index, wanted, corrected, work),
         };
         slope = slope - rows;
         curvature = curvature + smooth;
+    }
+    if wanted == Wanted::Everything && !tree.own.is_empty() {
+        slope = slope - own::steps(tree, work);
     }
     for node in &work.nodes {
         curvature = dot6_add(node.step, node.step_wrench, curvature);
@@ -372,6 +393,9 @@ fn rows_along<T: Real>(
         g = (g.0.merge(active, before.0.0), g.1.merge(active, before.0.1));
         kinks.merge(active, &before.1);
     }
+    if !tree.own.is_empty() {
+        g = own::points_along(tree, alpha, work, g, kinks);
+    }
     g
 }
 
@@ -406,5 +430,8 @@ fn advance<T: Real>(tree: &Tree<T::K>, alpha: T, last: bool, state: &mut State<T
             }
         }
         T::leave(active);
+    }
+    if !tree.own.is_empty() {
+        own::advance(tree, alpha, work);
     }
 }

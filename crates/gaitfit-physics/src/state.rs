@@ -1,6 +1,7 @@
 //! State of one block of environments and the scratch of one step. Made once by the caller.
 
 use crate::Real;
+use crate::own::OwnWork;
 use crate::spatial::{Articulated, Rigid, V6, zero6};
 use crate::tree::{SEGMENT, Tree};
 use crate::vec3::*;
@@ -213,6 +214,8 @@ pub struct Work<T: Real> {
     pub(crate) spins: Vec<(V6<T>, Articulated<T>)>,
     /// Pose of each link with contact pairs.
     pub(crate) touching: Vec<Pose<T>>,
+    /// Contact between own parts. `visit` leaves it out: what is recorded has none.
+    pub(crate) own: OwnWork<T>,
 }
 
 macro_rules! work_numbers {
@@ -378,6 +381,7 @@ impl<T: Real> Work<T> {
             points: vec![point; tree.points],
             spins: vec![(zero6(), Articulated::zero()); tree.spins],
             touching: vec![pose; tree.touching.len()],
+            own: OwnWork::new(&tree.own, tree.links.len(), tree.floating),
         }
     }
 

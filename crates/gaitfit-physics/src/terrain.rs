@@ -10,7 +10,7 @@ use crate::Real;
 use crate::vec3::*;
 
 /// Below this a distance has no direction.
-const TINY: f64 = 1e-15;
+pub(crate) const TINY: f64 = 1e-15;
 
 /// A static box.
 #[derive(Clone, Debug)]
@@ -93,28 +93,32 @@ impl<K: Copy> Block<K> {
     /// The point nearest to the world's point `x`; inside, of the nearest side.
     #[inline(always)]
     pub fn nearest<T: Real<K = K>>(&self, x: V3<T>) -> Nearest<T> {
-        let (zero, one) = (T::zero(), T::lit(1.0));
         let c = local::<T>(&self.rotation, &self.position, x);
-        let half = k3::<T>(&self.half);
-        let d: V3<T> = each3!(i => c[i] - c[i].clamp(-half[i], half[i]));
-        let length2 = dot(d, d);
-        let tiny = T::lit(TINY * TINY);
-        let length = length2.max(tiny).sqrt();
-        let by = one.div(length);
-        // Inside: along the axis of the smallest gap.
-        let gap: V3<T> = each3!(i => half[i] - c[i].abs());
-        let smallest = gap[0].min(gap[1]).min(gap[2]);
-        let sign: V3<T> = each3!(i => T::select_lt(c[i], zero, -one, one));
-        let x_side = T::select_lt(smallest, gap[0], zero, one);
-        let y_side = T::select_lt(smallest, gap[1], zero, one - x_side);
-        let z_side = (one - x_side) - y_side;
-        let side = [x_side * sign[0], y_side * sign[1], z_side * sign[2]];
-        let normal: V3<T> = each3!(i => T::select_lt(length2, tiny, side[i], by * d[i]));
-        Nearest {
-            distance: T::select_lt(length2, tiny, -smallest, length),
-            normal: turned(&self.rotation, normal),
-        }
+        let (distance, normal) = nearest_of_box(c, k3::<T>(&self.half));
+        Nearest { distance, normal: turned(&self.rotation, normal) }
     }
+}
+
+/// Distance of the point `c` from a box with the half sizes `half`, and the unit vector from its surface to the point,
+/// in the box's frame; inside, of the nearest side.
+#[inline(always)]
+pub(crate) fn nearest_of_box<T: Real>(c: V3<T>, half: V3<T>) -> (T, V3<T>) {
+    let (zero, one) = (T::zero(), T::lit(1.0));
+    let d: V3<T> = each3!(i => c[i] - c[i].clamp(-half[i], half[i]));
+    let length2 = dot(d, d);
+    let tiny = T::lit(TINY * TINY);
+    let length = length2.max(tiny).sqrt();
+    let by = one.div(length);
+    // Inside: along the axis of the smallest gap.
+    let gap: V3<T> = each3!(i => half[i] - c[i].abs());
+    let smallest = gap[0].min(gap[1]).min(gap[2]);
+    let sign: V3<T> = each3!(i => T::select_lt(c[i], zero, -one, one));
+    let x_side = T::select_lt(smallest, gap[0], zero, one);
+    let y_side = T::select_lt(smallest, gap[1], zero, one - x_side);
+    let z_side = (one - x_side) - y_side;
+    let side = [x_side * sign[0], y_side * sign[1], z_side * sign[2]];
+    let normal = each3!(i => T::select_lt(length2, tiny, side[i], by * d[i]));
+    (T::select_lt(length2, tiny, -smallest, length), normal)
 }
 
 /// The nearest point so far: what leads from it to the point, and the square of that.

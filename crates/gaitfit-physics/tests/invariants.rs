@@ -286,7 +286,7 @@ fn imbalance(model: &Model, q: &[f64], v: &[f64], torques: &[f64], warm: &[f64])
         let pull = row.d * (along - row.aref);
         let force = match row.kind {
             RowKind::Friction(j) => -pull.clamp(-model.joints[j].frictionloss, model.joints[j].frictionloss),
-            RowKind::Limit(_) | RowKind::Contact(..) => -pull.min(0.0),
+            RowKind::Limit(_) | RowKind::Contact(..) | RowKind::Own(..) => -pull.min(0.0),
         };
         for (sum, j) in sum.iter_mut().zip(&row.jacobian) {
             *sum -= j * force;

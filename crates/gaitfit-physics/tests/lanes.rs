@@ -5,7 +5,7 @@ mod common;
 
 use common::batch::{networks, pack, pack_params, rounded, state_of, unpack, values};
 use common::random::Random;
-use common::{Arrays, Ledger, here, relative_1, robot};
+use common::{Arrays, Ledger, here, relative_1, robot, touching};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
     Drive, Isa, Lanes, Params, Period, Preset, Robot, Settings, Work, compile, control_period, memory_of,
@@ -170,6 +170,13 @@ fn uneven_ground_converges_to_f64() {
     each_isa!(against_f64(&model, "states_terrain_pyr_imp1_fl"));
 }
 
+/// Legs that touch each other, in a robot with and one without feet of rods.
+#[test]
+fn own_parts_converge_to_f64() {
+    each_isa!(against_f64(&touching("crab"), "states_crab_pyr_imp1_fl"));
+    each_isa!(against_f64(&touching("twins"), "states_twins_pyr_imp1_nofl_implicitfast"));
+}
+
 fn same_bits(a: &[f32], b: &[f32]) -> bool {
     a.iter().zip(b).all(|(x, y)| x.to_bits() == y.to_bits())
 }
@@ -203,8 +210,9 @@ fn lanes_do_not_see_each_other() {
         ("go2", "states_go2_pyr_imp1_fl"),
         ("humanoid", "states_humanoid_pyr_imp1_fl"),
         ("terrain", "states_terrain_pyr_imp1_fl"),
+        ("crab", "states_crab_pyr_imp1_fl"),
     ] {
-        let mut model = robot(name);
+        let mut model = if name == "crab" { touching(name) } else { robot(name) };
         each_isa!(independent(&model, file, Preset::Fast));
         each_isa!(independent(&model, file, Preset::Accurate));
         model.options.cone = Cone::Elliptic;
@@ -240,6 +248,7 @@ fn nan_stays_in_its_lane() {
     each_isa!(nan_stays(&model, "states_go2_pyr_imp1_fl"));
     let model = robot("terrain");
     each_isa!(nan_stays(&model, "states_terrain_pyr_imp1_fl"));
+    each_isa!(nan_stays(&touching("crab"), "states_crab_pyr_imp1_fl"));
 }
 
 fn sines<T: Lanes>(isa: &str) {

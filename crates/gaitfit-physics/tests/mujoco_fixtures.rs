@@ -6,7 +6,8 @@ mod common;
 use std::path::PathBuf;
 
 use common::compare::{self, Limits};
-use common::{Arrays, Ledger, converged, difference, here, robot, variant};
+use common::{Arrays, Ledger, converged, difference, here, robot, touching, variant};
+use gaitfit_model::Model;
 use gaitfit_physics::{Forward, state_from, state_to};
 
 /// Fixture files whose names start so, sorted.
@@ -27,10 +28,13 @@ fn compare_states(name: &str) {
 }
 
 fn compare_states_after(name: &str, next: &[(usize, &str)]) {
-    let base = robot(name);
+    compare_states_of(name, &robot(name), next);
+}
+
+fn compare_states_of(name: &str, base: &Model, next: &[(usize, &str)]) {
     for path in files(&format!("states_{name}_")) {
         let data = Arrays::open(&path);
-        let model = variant(&base, &data);
+        let model = variant(base, &data);
         let label = path.file_stem().unwrap().to_str().unwrap();
         let mut ledger = Ledger::default();
         let limits = Limits::promised(&model);
@@ -67,6 +71,21 @@ fn states_on_uneven_ground() {
     compare_states_after("terrain", &[(1, "next")]);
 }
 
+/// Spheres, capsules and a box of one robot against each other: four legs with spin and rolling, explicit pairs and
+/// excluded bodies; two legs whose feet are rods.
+#[test]
+fn states_of_robots_that_touch_themselves() {
+    for name in ["crab", "twins"] {
+        let model = touching(name);
+        for path in files(&format!("states_{name}_")) {
+            let data = Arrays::open(&path);
+            let own = data.all("contact_own").iter().filter(|&&own| own == 1.0).count();
+            assert!(own > 10, "{name}: own parts hardly touch");
+        }
+        compare_states_of(name, &model, &[(1, "next"), (5, "next5")]);
+    }
+}
+
 #[test]
 fn states_of_the_arm() {
     compare_states("arm");
@@ -79,7 +98,8 @@ fn rollouts() {
         let label = path.file_stem().unwrap().to_str().unwrap();
         let name = label.split('_').nth(1).unwrap();
         let data = Arrays::open(&path);
-        let model = variant(&robot(name), &data);
+        let base = if name == "twins" { touching(name) } else { robot(name) };
+        let model = variant(&base, &data);
         let mut forward = Forward::new(&model, &converged(&model)).unwrap();
         let mut state = state_from(forward.tree(), data.row("qpos", 0), data.row("qvel", 0)).unwrap();
         let mut ledger = Ledger::default();

@@ -1,9 +1,11 @@
 //! Boxes and height fields as ground: where they are planes, they are a plane's ground; what is not computed is refused.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-use gaitfit_model::{Model, ObstacleShape, ReadOptions, Shape, read_mjcf_str};
+use gaitfit_model::{Model, ObstacleShape, ReadOptions, SelfContact, Shape, read_mjcf_str};
 use gaitfit_physics::trace::{Known, TraceError, Traced, record_period};
-use gaitfit_physics::{Forward, PhysicsError, Preset, Settings, compile};
+use gaitfit_physics::{
+    Forward, PhysicsError, Preset, RowKind, Settings, Work, compile, constraint_rows, state_from,
+};
 
 /// A robot of two balls, one on a leg, over a ground.
 fn hopper(ground: &str) -> Model {
@@ -20,6 +22,12 @@ fn hopper(ground: &str) -> Model {
     );
     read_mjcf_str(&text, &ReadOptions::default()).unwrap()
 }
+
+/// Two arms on a wall, each with a ball.
+const TWO_ARMS: &str = r#"<mujoco><worldbody><body>
+    <body pos="0 0.1 0"><joint axis="1 0 0"/><geom size="0.05" pos="0 0 -0.3"/></body>
+    <body pos="0 -0.1 0"><joint axis="1 0 0"/><geom size="0.05" pos="0 0 -0.3"/></body>
+    </body></worldbody></mujoco>"#;
 
 fn settings(model: &Model) -> Settings {
     Settings::new(&model.options, Preset::Converged)
@@ -74,6 +82,29 @@ fn level_and_sloping_ground_is_a_plane() {
     }
 }
 
+/// Parallel rods touch in two points; accelerations of MuJoCo 4.0.0.
+#[test]
+fn parallel_rods_touch_twice() {
+    let text = r#"<mujoco><option timestep="0.005"/><worldbody><body pos="0 0 1">
+        <body pos="0 0.05 0"><joint axis="1 0 0" damping="0.1"/>
+          <geom type="capsule" size="0.03" fromto="-0.1 0 -0.3 0.1 0 -0.3"/></body>
+        <body pos="0.06 -0.05 0"><joint axis="1 0 0"/>
+          <geom type="capsule" size="0.03" fromto="-0.1 0 -0.3 0.1 0 -0.3"/></body>
+        </body></worldbody></mujoco>"#;
+    let model = read_mjcf_str(text, &ReadOptions::default()).unwrap();
+    let (model, _) = model.touching_itself(&SelfContact::File).unwrap();
+    let mut forward = Forward::new(&model, &settings(&model)).unwrap();
+    let state = state_from(forward.tree(), &[-0.07, 0.075], &[-0.3, 0.2]).unwrap();
+    let rows = constraint_rows(forward.tree(), forward.params(), &state, &mut Work::new(forward.tree()));
+    let points: std::collections::BTreeSet<usize> =
+        rows.iter().map(|row| if let RowKind::Own(0, point) = row.kind { point } else { panic!() }).collect();
+    assert_eq!(points.len(), 2);
+    let found = forward.evaluate(&[-0.07, 0.075], &[-0.3, 0.2], &[]).unwrap();
+    for (got, want) in found.qacc.iter().zip([44.68554897270969, -37.725605111583356]) {
+        assert!((got - want).abs() < 1e-10, "{got}, not {want}");
+    }
+}
+
 #[test]
 fn what_is_not_computed_is_refused() {
     let mut model = hopper(r#"<geom name="step" type="box" size="5 5 1" pos="0 0 -1"/>"#);
@@ -85,6 +116,13 @@ fn what_is_not_computed_is_refused() {
     let plane = hopper(r#"<geom type="plane" size="0 0 1"/>"#);
     let tree: gaitfit_physics::Tree<Known> = compile::<Traced>(&plane, &settings(&plane)).unwrap();
     assert!(record_period(&tree, 3, 2, &[]).is_ok());
+
+    let touching = read_mjcf_str(TWO_ARMS, &ReadOptions::default()).unwrap();
+    let (touching, _) = touching.touching_itself(&SelfContact::File).unwrap();
+    let tree = compile::<Traced>(&touching, &settings(&touching)).unwrap();
+    let refused = record_period(&tree, 3, 2, &[]).unwrap_err();
+    assert_eq!(refused, TraceError::SelfContact);
+    assert!(refused.to_string().contains("--device cpu"));
 
     model.geoms[0].shape = Shape::Box { half_size: [0.1; 3] };
     let refused = Forward::new(&model, &settings(&model)).err().unwrap();

@@ -5,7 +5,9 @@ mod common;
 
 use common::{fixture, largest_difference, numbers, policy, root, rows};
 use gaitfit_policy::network::{Activation, Cell, Network, Recurrent, RecurrentLayer, Scratch, Shape};
-use gaitfit_policy::{Encoder, Front, Latent, Policy, onnx, read, weights};
+use gaitfit_policy::{
+    Encoder, Front, Interface, Latent, Policy, Quantity, Term, files_of, onnx, read, weights,
+};
 
 /// Actions along a sequence of rows of one robot.
 fn along(policy: &Policy, observation: &[f32]) -> Vec<f32> {
@@ -191,4 +193,67 @@ fn a_described_lstm_is_read_from_pytorchs_tensors() {
     let two = "activation = \"elu\"\nencoder = { tensors = \"actor\", passes = \"present\" }";
     let wrong = describe(two).unwrap_err();
     assert!(wrong.contains("takes 12"), "{wrong}");
+}
+
+/// A network as an ONNX file, which its metadata says to be of a robot with as many joints as it has outputs.
+fn onnx_of(network: &Network) -> Vec<u8> {
+    let plain = policy(Activation::Elu);
+    let joints = network.shape.outputs;
+    let interface = Interface {
+        joints: (0..joints).map(|joint| format!("joint {joint}")).collect(),
+        default_pose: vec![0.0; joints],
+        action_scale: vec![1.0; joints],
+        kp: vec![1.0; joints],
+        kd: vec![1.0; joints],
+        observation: vec![Term::new(Quantity::Command).with_history(network.shape.inputs / 3)],
+        critic_observation: Vec::new(),
+        ..plain.interface
+    };
+    let actor = network.clone();
+    onnx::write(&Policy { interface, actor, critic: None, normaliser: None, log_std: vec![0.0; joints], ..plain }).unwrap()
+}
+
+#[test]
+fn a_two_part_policy_is_read_from_two_onnx_files() {
+    let network = |inputs, outputs, seed| {
+        let shape = Shape { inputs, hidden: vec![8], outputs, activation: Activation::Elu };
+        Network::random(shape, seed, 0, 1.0).unwrap()
+    };
+    // Two frames of 12 numbers, the present one of which the actor sees beside a latent of 3.
+    let (encoder, actor) = (network(24, 3, 1), network(15, 12, 2));
+    let folder = tempfile::tempdir().unwrap();
+    for (name, network) in [("encoder", &encoder), ("actor", &actor), ("narrow", &network(15, 3, 3))] {
+        std::fs::write(folder.path().join(format!("{name}.onnx")), onnx_of(network)).unwrap();
+    }
+    let joints: Vec<String> = policy(Activation::Elu).interface.joints;
+    let describe = |encoder: &str| {
+        let text = format!(
+            "file = \"actor.onnx\"\n{encoder}\njoints = {joints:?}\ndefault_pose = 0.0\naction_scale = 0.25\nkp = 20.0\n\
+             kd = 0.5\ncontrol_dt = 0.02\nobservation = [{{ quantity = \"joint_position\", history = 2 }}]\n"
+        );
+        let path = folder.path().join("two.toml");
+        std::fs::write(&path, text).unwrap();
+        read(&path).map_err(|error| error.to_string())
+    };
+    let two = describe("encoder = { file = \"encoder.onnx\", passes = \"present\" }").unwrap();
+    let observation = numbers(24, 4);
+    let mut code = [0.0; 3];
+    encoder.forward(1, &observation, &mut code, &mut Scratch::default());
+    // Frames lie from the oldest to the present one.
+    let seen = [&observation[12..], &code[..]].concat();
+    let mut wanted = [0.0; 12];
+    actor.forward(1, &seen, &mut wanted, &mut Scratch::default());
+    assert_eq!(common::act(&two, &observation), wanted);
+    let files = files_of(&folder.path().join("two.toml")).unwrap();
+    assert_eq!(files.len(), 3);
+    assert!(files.contains(&folder.path().join("encoder.onnx")));
+    for (encoder, message) in [
+        ("encoder = { file = \"narrow.onnx\" }", "the encoder takes 15 numbers, the observation has 24"),
+        ("encoder = { file = \"none.onnx\" }", "none.onnx"),
+        ("encoder = { tensors = \"encoder\" }", "needs `file`"),
+        ("encoder = { file = \"encoder.onnx\", activation = \"elu\" }", "`encoder.activation` is for safetensors"),
+    ] {
+        let wrong = describe(encoder).unwrap_err();
+        assert!(wrong.contains(message), "`{message}` is not in `{wrong}`");
+    }
 }

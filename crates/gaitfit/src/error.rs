@@ -254,7 +254,10 @@ impl Error {
     pub(crate) fn is_of_task(&self) -> bool {
         matches!(
             self,
-            Self::Task(TaskError::Setting { .. } | TaskError::Expression { .. } | TaskError::Policy(_))
+            Self::Task(TaskError::Setting { .. }
+                | TaskError::Expression { .. }
+                | TaskError::SelfContact(_)
+                | TaskError::Policy(_))
         )
     }
 

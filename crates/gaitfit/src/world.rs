@@ -140,6 +140,7 @@ impl World {
         let delay = drawn.iter().map(longest_delay).fold(longest_delay(&candidate), f64::max);
         let scene = Task::with_interface(&model, &settings, interface.clone(), args.preset, delay)?;
         let step = Some(scene.walker.physics_step());
+        warnings.extend(scene.remarks.iter().cloned());
         warnings.extend(policy.notes.iter().cloned());
         warnings.extend(policy.interface.other_robot(scene.walker.model()));
         if let Some((path, file)) = theta {

@@ -71,6 +71,9 @@ fn check_robots(task: &Task, candidates: &[Candidate]) -> Result<(), RolloutErro
     if task.walker.ground().is_some() {
         return unsupported("uneven ground ([terrain], or boxes and height fields of the robot file)");
     }
+    if task.walker.touches_itself() {
+        return unsupported("contact between the robot's own parts (self_contact)");
+    }
     Ok(())
 }
 

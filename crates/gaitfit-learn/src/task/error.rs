@@ -37,6 +37,9 @@ pub enum TaskError {
         /// Its gravity.
         gravity: String,
     },
+    /// Own parts of the robot that cannot touch each other as asked for.
+    #[error("task.{0}")]
+    SelfContact(#[from] gaitfit_model::SelfContactError),
     /// The interface that the settings give a new policy.
     #[error("task.policy: {0}")]
     Policy(InterfaceError),

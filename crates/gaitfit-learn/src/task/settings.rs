@@ -1,5 +1,6 @@
 //! The settings of a task; every one of them is in the configuration file.
 
+use gaitfit_model::SelfContact;
 use gaitfit_policy::walker::FallSettings;
 use gaitfit_policy::{History, Quantity};
 use indexmap::IndexMap;
@@ -33,6 +34,9 @@ pub struct TaskSettings {
     pub feet: Vec<String>,
     /// Feet that should move together in the gait, for example the diagonals of a trot; groups alternate.
     pub gait: Vec<Vec<String>>,
+    /// Which of the robot's own parts touch each other; absent: none.
+    #[serde(default, skip_serializing_if = "SelfContact::is_off")]
+    pub self_contact: SelfContact,
     /// Direction of gravity in the body frame in the wanted posture, unit: (0, 0, −1) on four legs.
     pub posture: [f64; 3],
     /// Height of the base's origin above the ground that the rewards want, m.

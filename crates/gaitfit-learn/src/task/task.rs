@@ -19,6 +19,8 @@ pub struct Task {
     pub settings: TaskSettings,
     /// The policy's side and the simulator.
     pub walker: Walker,
+    /// What of the settings the simulation leaves out, in words.
+    pub remarks: Vec<String>,
     /// Pose an episode starts in, rad.
     pub start_pose: Vec<f32>,
     /// The cells of generated ground.
@@ -108,7 +110,13 @@ impl Task {
             Some(terrain) => Some(on_terrain(model, settings, terrain)?).unzip(),
             None => (None, None),
         };
-        let walker = Walker::new(uneven.as_ref().unwrap_or(model), interface, options)?;
+        let mut model = uneven.unwrap_or_else(|| model.clone());
+        let mut remarks = Vec::new();
+        if !settings.self_contact.is_off() {
+            (model, remarks) = model.touching_itself(&settings.self_contact)?;
+        }
+        let model = &model;
+        let walker = Walker::new(model, interface, options)?;
         let contacts = walker.batch.contact_geoms();
         let fall_geoms = walker.fall_geoms();
         let of_foot = |place: &usize| walker.feet.iter().any(|foot| foot.geoms.contains(place));
@@ -124,6 +132,7 @@ impl Task {
             settings: settings.clone(),
             rewards: reward::listed(settings, &walker)?,
             walker,
+            remarks,
             start_pose,
             course,
             gait_group: gait_groups(settings)?,

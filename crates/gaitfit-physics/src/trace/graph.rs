@@ -143,6 +143,11 @@ pub enum TraceError {
         "boxes and height fields as ground cannot be recorded, so no GPU simulates them; use the processor (--device cpu), or a flat floor"
     )]
     Obstacles,
+    /// Own parts of a robot that touch each other.
+    #[error(
+        "contact between the robot's own parts cannot be recorded, so no GPU simulates it; use the processor (--device cpu), or leave `self_contact` out"
+    )]
+    SelfContact,
     /// Regions are not properly nested.
     #[error("a region ends that is not the one begun last; end inner regions first")]
     Nesting,

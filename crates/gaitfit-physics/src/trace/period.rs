@@ -119,6 +119,9 @@ pub fn record_period_with(
     if tree.has_obstacles() {
         return Err(TraceError::Obstacles);
     }
+    if tree.has_self_contact() {
+        return Err(TraceError::SelfContact);
+    }
     let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
     let mut modifications = modifications.to_vec();
     let graph = record(|| {

@@ -44,7 +44,7 @@ pub fn invweights(label: &str, model: &Model, forward: &Forward, data: &Arrays, 
     let links = body_links(model);
     let mut pairs: Vec<_> = model.pairs.iter().collect();
     pairs.sort_by_key(|pair| links[model.geoms[pair.geom].body]);
-    assert_eq!(pairs.len(), params.pairs.len());
+    assert_eq!(pairs.len() + model.self_pairs.len(), params.pairs.len());
     for (pair, got) in pairs.iter().zip(&params.pairs) {
         let want = data.row("body_invweight0", model.geoms[pair.geom].body + 1);
         let got = [got.translation, got.rotation];
@@ -146,13 +146,17 @@ fn compare_rows(
         at += 1;
     }
 
-    // Contacts in any order: each of MuJoCo's takes the nearest unused one of the same geom.
-    let mut groups: Vec<(usize, Vec<&Row>)> = Vec::new();
+    // Contacts in any order: each of MuJoCo's takes the nearest unused one of the same geom, or of own parts.
+    let mut groups: Vec<(Option<usize>, Vec<&Row>)> = Vec::new();
     let mut last = None;
     for row in &rows[at..] {
-        let RowKind::Contact(pair, _) = row.kind else { panic!("{:?} after the limits", row.kind) };
+        let geom = match row.kind {
+            RowKind::Contact(pair, _) => Some(model.pairs[pair].geom),
+            RowKind::Own(..) => None,
+            other => panic!("{other:?} after the limits"),
+        };
         if last != Some(row.kind) {
-            groups.push((model.pairs[pair].geom, Vec::new()));
+            groups.push((geom, Vec::new()));
             last = Some(row.kind);
         }
         groups.last_mut().unwrap().1.push(row);
@@ -162,8 +166,10 @@ fn compare_rows(
         let members: Vec<Reference> =
             (at..count).take_while(|&r| ids[r] == contact).map(&reference).collect();
         at += members.len();
-        let geom =
-            data.has("contact_geom").then(|| data.row("contact_geom", index)[contact as usize] as usize);
+        let own = data.has("contact_own") && data.row("contact_own", index)[contact as usize] == 1.0;
+        let geom = data
+            .has("contact_geom")
+            .then(|| (!own).then(|| data.row("contact_geom", index)[contact as usize] as usize));
         let distance = |group: &[&Row]| -> f64 {
             group.iter().zip(&members).map(|(row, want)| difference(&row.jacobian, want.jacobian)).sum()
         };

@@ -10,7 +10,7 @@ pub mod random;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use gaitfit_model::{Cone, Integrator, Model, ReadOptions, Root, read};
+use gaitfit_model::{Cone, Integrator, Model, ReadOptions, Root, SelfContact, read};
 use gaitfit_physics::{Preset, Settings};
 
 /// A path below this crate.
@@ -21,6 +21,13 @@ pub fn here(path: &str) -> PathBuf {
 /// A robot of the fixtures folder.
 pub fn robot(name: &str) -> Model {
     read(&here(&format!("tests/fixtures/{name}.xml")), &ReadOptions::default()).unwrap()
+}
+
+/// A robot of the fixtures folder whose own parts touch as its file says.
+pub fn touching(name: &str) -> Model {
+    let (model, left_out) = robot(name).touching_itself(&SelfContact::File).unwrap();
+    assert!(left_out.is_empty(), "{left_out:?}");
+    model
 }
 
 /// A robot of the fixtures folder, clamped.

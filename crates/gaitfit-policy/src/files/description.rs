@@ -3,11 +3,10 @@
 use super::layers::{assemble, take_apart};
 use super::read::{bytes, ending};
 use super::tensors::Tensors;
-use super::{onnx, weights};
+use super::{EncoderTensors, onnx, weights};
 use crate::error::invalid;
 use crate::network::{Activation, Cell, LayerNorm, Network};
-use crate::observation::Layout;
-use crate::{ActionClip, Encoder, Front, Held, History, Interface, InterfaceError, Latent, Quantity, Term};
+use crate::{ActionClip, Front, Held, History, Interface, InterfaceError, Quantity, Term};
 use crate::{Policy, PolicyError, Provenance};
 use serde::Deserialize;
 use std::path::Path;
@@ -32,7 +31,7 @@ pub struct Description {
     pub critic: Option<String>,
     /// Recurrent layers before the actor, in safetensors.
     pub memory: Option<MemoryTensors>,
-    /// Encoder of a two-part policy, in safetensors.
+    /// Encoder of a two-part policy: in the same safetensors, or in an ONNX file of its own.
     pub encoder: Option<EncoderTensors>,
     /// Normaliser of the actor's observation in safetensors; it becomes part of the actor's first layer.
     pub normaliser: Option<NormaliserTensors>,
@@ -113,35 +112,6 @@ pub struct MemoryTensors {
     pub cell: Cell,
     /// Prefix of the tensors: `memory_a.rnn` finds `memory_a.rnn.weight_ih_l0`.
     pub tensors: String,
-}
-
-/// Where safetensors hold an encoder, which sees the whole observation, and what the actor sees beside its latent.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct EncoderTensors {
-    /// Prefix of the tensors: `encoder` finds `encoder.0.weight`.
-    pub tensors: String,
-    /// Activation of its hidden layers; none is the actor's.
-    pub activation: Option<Activation>,
-    /// Function of its output.
-    pub output_activation: Option<Activation>,
-    /// What of the observation the actor sees.
-    #[serde(default)]
-    pub passes: Passes,
-    /// Where the latent stands in the actor's input.
-    #[serde(default)]
-    pub latent: Latent,
-}
-
-/// What of the observation an actor behind an encoder sees.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Passes {
-    /// All of it.
-    #[default]
-    All,
-    /// The present frame of each term.
-    Present,
 }
 
 /// Where safetensors hold a normaliser (x − mean) / (std + epsilon).
@@ -257,7 +227,18 @@ impl Description {
             }
         }
         let Loaded { front, actor, critic, log_std } = match ending.as_deref() {
-            Some("onnx") => self.onnx(&bytes(&path)?).map_err(inside)?,
+            Some("onnx") => {
+                let mut loaded = self.onnx(&bytes(&path)?).map_err(inside)?;
+                if let Some(encoder) = &self.encoder {
+                    if loaded.front.is_some() {
+                        return Err(inside(invalid(
+                            "it has recurrent layers, and `encoder` is given: a policy has one of them",
+                        )));
+                    }
+                    loaded.front = Some(encoder.beside(folder, &interface)?);
+                }
+                loaded
+            }
             Some("safetensors") => self.safetensors(&interface, &bytes(&path)?).map_err(inside)?,
             _ => return Err(inside(invalid("`file` must name an .onnx or .safetensors file"))),
         };
@@ -309,7 +290,6 @@ impl Description {
             ("layer_norm_epsilon", self.layer_norm_epsilon.is_some()),
             ("critic", self.critic.is_some()),
             ("memory", self.memory.is_some()),
-            ("encoder", self.encoder.is_some()),
             ("normaliser", self.normaliser.is_some()),
             ("critic_normaliser", self.critic_normaliser.is_some()),
         ];
@@ -371,17 +351,7 @@ impl Description {
             (Some(MemoryTensors { cell, tensors: prefix }), None) => {
                 Ok(Some(Front::Recurrent(tensors.recurrent(prefix, *cell)?)))
             }
-            (None, Some(own)) => {
-                let activation = own.activation.unwrap_or(activation);
-                let mut network = tensors.network(&own.tensors, activation, epsilon)?;
-                network.output = own.output_activation;
-                let layout = Layout::new(interface, &interface.observation);
-                let passed = match own.passes {
-                    Passes::All => (0..layout.width()).collect(),
-                    Passes::Present => layout.slots().iter().flat_map(|slot| slot.present.clone()).collect(),
-                };
-                Ok(Some(Front::Encoder(Encoder { network, passed, latent: own.latent })))
-            }
+            (None, Some(encoder)) => Ok(Some(encoder.among(tensors, interface, (activation, epsilon))?)),
         }
     }
 }

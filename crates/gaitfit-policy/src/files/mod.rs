@@ -3,6 +3,7 @@
 //! Everything here reads untrusted files: sizes are bounded, nothing panics, and errors name the mismatch.
 
 mod description;
+mod encoder;
 mod foreign;
 mod layers;
 pub mod onnx;
@@ -11,7 +12,6 @@ mod tensors;
 mod torch;
 pub mod weights;
 
-pub use description::{
-    DescribedTerm, Description, EncoderTensors, MemoryTensors, NormaliserTensors, Passes, PerJoint,
-};
+pub use description::{DescribedTerm, Description, MemoryTensors, NormaliserTensors, PerJoint};
+pub use encoder::{EncoderTensors, Passes};
 pub use read::{files_of, read};

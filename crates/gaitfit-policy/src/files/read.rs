@@ -41,9 +41,11 @@ pub fn read(path: &Path) -> Result<Policy, PolicyError> {
 pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
     let mut files = vec![path.to_owned()];
     if ending(path).as_deref() == Some("toml") {
-        files.push(folder(path).join(description(path)?.0.file));
+        let (description, _) = description(path)?;
+        files.push(folder(path).join(description.file));
+        files.extend(description.encoder.and_then(|encoder| encoder.file).map(|file| folder(path).join(file)));
     }
-    if let Some(beside) = files.last().filter(|file| ending(file).as_deref() == Some("onnx")) {
+    if let Some(beside) = files.iter().take(2).next_back().filter(|file| ending(file).as_deref() == Some("onnx")) {
         files.extend(foreign::unitree_file(beside));
     }
     Ok(files)

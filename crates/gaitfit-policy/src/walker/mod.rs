@@ -241,6 +241,11 @@ impl Walker {
         (self.fall.least_uprightness, self.fall.height, self.fall.posture)
     }
 
+    /// Whether own parts of the robot touch each other.
+    pub fn touches_itself(&self) -> bool {
+        !self.model().self_pairs.is_empty()
+    }
+
     /// The ground, where boxes or height fields make it uneven.
     pub fn ground(&self) -> Option<&Surface> {
         self.ground.as_ref()

@@ -246,6 +246,11 @@ impl Robot {
                 model
             }
         };
+        // Of a walking robot the task says it too; here it is said of a clamped one.
+        let model = match &config.simulation.self_contact {
+            Some(chosen) => model.touching_itself(chosen).map_err(Error::settings)?.0,
+            None => model,
+        };
         let mut read = |named: &String, what: &str| -> Result<PathBuf, Error> {
             let path = paths::find(named, what, config_path)?;
             files.push(path.clone());

@@ -63,6 +63,7 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     line(&mut text, "feet", feet, &format!("{}; a geom, or a body with all its geoms", anatomy.how()));
     let group = |group: &Vec<usize>| list(group.iter().map(|&leg| quoted(&anatomy.legs[leg].foot)));
     line(&mut text, "gait", list(anatomy.gait.iter().map(group)), "feet that move together; forward is x");
+    own_parts(&mut text, model);
     line(&mut text, "height", float(digits(sizes.height, 3)), "m, of the base in the default pose");
     let lift = if biped { 0.1 } else { 0.26 };
     let swing = format!("m, of a foot's centre in mid-swing: {lift} leg lengths above the ground");
@@ -133,6 +134,17 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     line(&mut text, "velocity", float(tidy(0.5 * sizes.length().sqrt())), "m/s");
     rewards(&mut text, anatomy, sizes);
     text
+}
+
+/// What the file lets touch of the robot itself, as a comment: it is off unless asked for.
+fn own_parts(text: &mut String, model: &Model) {
+    let (all, known) = model.self_contact_of_file();
+    if known > 0 {
+        let comment = format!(
+            "own parts that touch each other: {known} of the {all} pairs that the file lets touch can be simulated"
+        );
+        line(text, "# self_contact", quoted("file"), &comment);
+    }
 }
 
 fn float(value: f64) -> String {

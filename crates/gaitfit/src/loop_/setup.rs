@@ -212,6 +212,9 @@ impl Setup {
     pub fn adapted(&self, policy: &PolicyFiles, theta: PathBuf) -> Result<World, Error> {
         let mut task = self.task.calm();
         task.robot_timestep = self.config.adapt.simulation.robot_timestep.or(task.robot_timestep);
+        if let Some(chosen) = &self.config.adapt.simulation.self_contact {
+            task.self_contact = chosen.clone();
+        }
         World::with_task(&self.world_arguments(Some(theta)), policy.policy.clone(), task)
     }
 

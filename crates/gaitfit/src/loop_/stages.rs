@@ -230,6 +230,11 @@ impl<'a> Stages<'a> {
         if let Some(step) = self.setup.config.adapt.simulation.robot_timestep {
             task.entry("robot_timestep").or_insert(toml::Value::Float(step));
         }
+        if let Some(chosen) = &self.setup.config.adapt.simulation.self_contact {
+            let chosen = toml::Value::try_from(chosen)
+                .map_err(|error| Error::failed(format!("cannot write `self_contact`: {error}")))?;
+            task.entry("self_contact").or_insert(chosen);
+        }
         let config = FinetuneConfig {
             task,
             name: Some("finetune".to_owned()),

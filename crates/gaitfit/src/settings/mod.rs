@@ -29,6 +29,7 @@ use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::{Method, RandomNumbers};
 use gaitfit_adapt::{NetworkRule, ParameterRule, RobotRule, Rules};
 use gaitfit_log::PerJoint;
+use gaitfit_model::SelfContact;
 pub use gaitfit_physics::Preset;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -150,6 +151,9 @@ pub struct SimulationConfig {
     /// Absent: the fit's own step.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot_timestep: Option<f64>,
+    /// Which of the robot's own parts touch each other; absent: as the policy's task says, and none of a clamped robot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub self_contact: Option<SelfContact>,
     /// Solver effort.
     #[serde(with = "preset")]
     pub preset: Preset,
@@ -308,6 +312,7 @@ impl Default for SimulationConfig {
         Self {
             timestep: 0.005,
             robot_timestep: None,
+            self_contact: None,
             preset: Preset::Accurate,
             skip_seconds: None,
             horizon_seconds: 0.0,

@@ -124,7 +124,8 @@ pub fn setup(
         return Err(Error::settings(advice(path, wrong, printed_by)));
     }
     let inputs = Inputs::new(robot_path.as_deref(), &model, &settings(&config))?;
-    let warnings = robot::remarks(&model);
+    let mut warnings = robot::remarks(&model);
+    warnings.extend(scene.remarks.iter().cloned());
     let mut setup = Setup {
         plan,
         model,

@@ -110,6 +110,9 @@ fn settings(config: &AdaptConfig, policy: &Policy, model: &Model) -> Result<Task
     };
     settings.substeps = substeps(policy.interface.control_dt, config.simulation.timestep);
     settings.robot_timestep = config.simulation.robot_timestep.or(settings.robot_timestep);
+    if let Some(chosen) = &config.simulation.self_contact {
+        settings.self_contact = chosen.clone();
+    }
     Ok(settings)
 }
 

@@ -1,0 +1,404 @@
+//! Which of the robot's own parts may touch each other, and what a file says about it.
+//!
+//! MuJoCo's filters decide for the file's own list: contact bits, explicit pairs, excluded bodies, and no contact between
+//! a body and the one that carries it (MuJoCo documentation, Computation, "Selection").
+
+use std::collections::BTreeSet;
+
+use globset::{Glob, GlobMatcher};
+use serde::{Deserialize, Serialize};
+
+use crate::contact::{mix, numbered};
+use crate::model::{ContactPair, Dropped, Geom, Model, Shape};
+use crate::shown::shown;
+use crate::spec::{GeomKind, Spec, Surface};
+
+/// Most pairs of own parts of a robot.
+const MOST_PAIRS: usize = 512;
+/// Most words in a list of names.
+const MOST_NAMES: usize = 6;
+
+/// Which of the robot's own parts touch each other: a setting.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Written", into = "Written")]
+pub enum SelfContact {
+    /// None.
+    #[default]
+    Off,
+    /// Those that the robot file lets touch.
+    File,
+    /// The last moving part of every limb, with those of other limbs.
+    Limbs,
+    /// Pairs of names or patterns of geoms or bodies.
+    Pairs(Vec<[String; 2]>),
+}
+
+/// As a configuration has it.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(untagged)]
+enum Written {
+    Word(String),
+    Pairs(Vec<[String; 2]>),
+    #[serde(skip_serializing)]
+    Other(serde::de::IgnoredAny),
+}
+
+impl TryFrom<Written> for SelfContact {
+    type Error = String;
+
+    fn try_from(written: Written) -> Result<Self, String> {
+        Ok(match written {
+            Written::Word(word) if word == "off" => SelfContact::Off,
+            Written::Word(word) if word == "file" => SelfContact::File,
+            Written::Word(word) if word == "limbs" => SelfContact::Limbs,
+            Written::Pairs(pairs) => SelfContact::Pairs(pairs),
+            _ => {
+                let words =
+                    r#""off", "file", "limbs", or pairs of geoms or bodies such as [["*_foot", "*_foot"]]"#;
+                return Err(format!("`self_contact` is {words}"));
+            }
+        })
+    }
+}
+
+impl From<SelfContact> for Written {
+    fn from(chosen: SelfContact) -> Self {
+        match chosen {
+            SelfContact::Off => Written::Word("off".to_owned()),
+            SelfContact::File => Written::Word("file".to_owned()),
+            SelfContact::Limbs => Written::Word("limbs".to_owned()),
+            SelfContact::Pairs(pairs) => Written::Pairs(pairs),
+        }
+    }
+}
+
+impl SelfContact {
+    /// Whether no own parts touch each other.
+    pub fn is_off(&self) -> bool {
+        *self == SelfContact::Off
+    }
+}
+
+/// Two geoms of the robot that may touch each other, with MuJoCo's contact parameters.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SelfPair {
+    /// The geoms, in the order of MuJoCo's geom types.
+    pub geoms: [Geom; 2],
+    /// Contact dimension: 1, 3, 4 or 6.
+    pub condim: u8,
+    /// Friction: tangential ×2, torsional, rolling ×2.
+    pub friction: [f64; 5],
+    /// Reference.
+    pub solref: [f64; 2],
+    /// Reference of the friction dimensions (elliptic cones; zeros: same as `solref`).
+    pub solreffriction: [f64; 2],
+    /// Impedance.
+    pub solimp: [f64; 5],
+    /// Distance below which the contact's constraint is active, m.
+    pub margin: f64,
+}
+
+/// Why own parts cannot touch as asked for.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SelfContactError {
+    /// Not a pattern.
+    #[error(
+        "self_contact: `{}` is no pattern: {reason}; write a name with * for what may be anything",
+        shown(pattern)
+    )]
+    Syntax {
+        /// The pattern.
+        pattern: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// No geom or body of that name.
+    #[error(
+        "self_contact: `{}` is no geom or body of {} with a shape; the nearest names are {nearest}",
+        shown(name),
+        shown(robot)
+    )]
+    Unknown {
+        /// The name.
+        name: String,
+        /// The robot.
+        robot: String,
+        /// Names that are there, for the message.
+        nearest: String,
+    },
+    /// Nothing is left of what was asked for.
+    #[error("self_contact: nothing of {} can touch: {why}", shown(what))]
+    Nothing {
+        /// What was asked for.
+        what: String,
+        /// Why nothing is left.
+        why: String,
+    },
+    /// More pairs than are computed.
+    #[error(
+        "self_contact: more than {MOST_PAIRS} pairs of geoms; name fewer, for example only feet and shanks"
+    )]
+    TooMany,
+}
+
+/// What a file says about the robot's own shapes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Parts {
+    parts: Vec<Part>,
+    /// Explicit pairs, by part.
+    pairs: Vec<([usize; 2], ContactPair)>,
+    /// Pairs of bodies that never touch.
+    excluded: BTreeSet<(usize, usize)>,
+    /// Whether a body may touch the one that carries it.
+    neighbours: bool,
+    /// Whether the file switches contacts off.
+    off: bool,
+}
+
+/// One shape of the robot.
+#[derive(Clone, Debug, PartialEq)]
+struct Part {
+    geom: Geom,
+    /// A shape that does not collide here: its name.
+    other: Option<&'static str>,
+    body: String,
+    surface: Surface,
+    /// Topmost body that it moves with, the one that this hangs on, and whether that moves (in bodies of the file).
+    weld: usize,
+    parent: usize,
+    /// Whether nothing that moves hangs on it.
+    last: bool,
+}
+
+impl Parts {
+    /// The shapes of the robot whose bodies are `robot`; `welds[b]` is the body that body `b` moves with.
+    pub(crate) fn new(spec: &Spec, welds: &[usize], robot: &[bool]) -> Self {
+        let root = robot.iter().position(|member| *member).unwrap_or(0);
+        let mut numbers = Vec::new();
+        let mut parts = Vec::new();
+        let carrier = |weld: usize| welds[spec.bodies[weld].parent];
+        for (body, geom) in numbered(spec) {
+            let (shape, other) = match geom.kind {
+                GeomKind::Solid(shape) => (shape, None),
+                GeomKind::Other(kind) => (Shape::Sphere { radius: 0.0 }, Some(kind)),
+                _ => (Shape::Sphere { radius: 0.0 }, Some("plane")),
+            };
+            if !robot[body] || other == Some("plane") {
+                numbers.push(None);
+                continue;
+            }
+            numbers.push(Some(parts.len()));
+            let weld = welds[body];
+            let own = body - root;
+            parts.push(Part {
+                geom: Geom { name: geom.name.clone(), body: own, shape, pos: geom.pos, quat: geom.quat },
+                other,
+                body: spec.bodies[body].name.clone(),
+                surface: geom.surface,
+                weld,
+                parent: carrier(weld),
+                last: !(0..welds.len()).any(|b| welds[b] == b && b != weld && robot[b] && carrier(b) == weld),
+            });
+        }
+        let pairs = spec.pairs.iter().filter_map(|pair| {
+            let [a, b] = pair.geoms.map(|geom| numbers.get(geom).copied().flatten());
+            Some(([a?.min(b?), a?.max(b?)], pair.parameters.clone()))
+        });
+        let excluded = spec.excludes.iter().filter(|(a, b)| robot[*a] && robot[*b]);
+        Self {
+            pairs: pairs.collect(),
+            excluded: excluded.map(|(a, b)| (a - root, b - root)).collect(),
+            neighbours: spec.disabled.filterparent,
+            off: spec.disabled.contact,
+            parts,
+        }
+    }
+
+    /// Whether MuJoCo's filter of bodies lets two parts touch.
+    fn apart(&self, a: usize, b: usize) -> bool {
+        let (first, second) = (&self.parts[a], &self.parts[b]);
+        let carried = first.weld != 0
+            && second.weld != 0
+            && (first.parent == second.weld || second.parent == first.weld);
+        let bodies = (first.geom.body.min(second.geom.body), first.geom.body.max(second.geom.body));
+        first.weld != second.weld && (!carried || self.neighbours) && !self.excluded.contains(&bodies)
+    }
+
+    /// Pairs that the file lets touch.
+    fn of_file(&self) -> BTreeSet<[usize; 2]> {
+        let mut found = BTreeSet::new();
+        if self.off {
+            return found;
+        }
+        found.extend(self.pairs.iter().map(|(parts, _)| *parts));
+        for a in 0..self.parts.len() {
+            for b in a + 1..self.parts.len() {
+                if self.parts[a].surface.may_touch(&self.parts[b].surface) && self.apart(a, b) {
+                    found.insert([a, b]);
+                }
+            }
+        }
+        found
+    }
+
+    /// Pairs of the last moving parts of limbs.
+    fn of_limbs(&self) -> BTreeSet<[usize; 2]> {
+        let last = |&p: &usize| self.parts[p].last && !self.parts[p].surface.is_visual();
+        let last: Vec<usize> = (0..self.parts.len()).filter(last).collect();
+        let pairs = last.iter().enumerate().flat_map(|(k, &a)| last[k + 1..].iter().map(move |&b| [a, b]));
+        pairs.filter(|&[a, b]| self.apart(a, b)).collect()
+    }
+
+    /// Parts that a name or pattern covers: geoms, or the colliding geoms of bodies.
+    fn named(&self, name: &str, robot: &str) -> Result<Vec<usize>, SelfContactError> {
+        let glob = match Glob::new(name) {
+            Ok(glob) => glob.compile_matcher(),
+            Err(error) => {
+                let reason = error.kind().to_string();
+                return Err(SelfContactError::Syntax { pattern: name.to_owned(), reason });
+            }
+        };
+        let covers = |glob: &GlobMatcher, part: &Part| {
+            glob.is_match(&part.geom.name) || (glob.is_match(&part.body) && !part.surface.is_visual())
+        };
+        let found: Vec<usize> = (0..self.parts.len()).filter(|&p| covers(&glob, &self.parts[p])).collect();
+        if found.is_empty() {
+            return Err(self.unknown(name, robot));
+        }
+        Ok(found)
+    }
+
+    fn unknown(&self, name: &str, robot: &str) -> SelfContactError {
+        let names: BTreeSet<&str> =
+            self.parts.iter().flat_map(|part| [part.geom.name.as_str(), part.body.as_str()]).collect();
+        let mut scored: Vec<(f64, &str)> =
+            names.into_iter().map(|other| (strsim::sorensen_dice(name, other), other)).collect();
+        scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let nearest: Vec<String> = scored.iter().take(MOST_NAMES).map(|(_, name)| shown(name)).collect();
+        let (name, robot) = (name.to_owned(), robot.to_owned());
+        SelfContactError::Unknown { name, robot, nearest: nearest.join(", ") }
+    }
+
+    /// The pair of two parts with its contact parameters; else why it is not computed.
+    fn pair(&self, a: usize, b: usize) -> Result<SelfPair, String> {
+        let (first, second) = (&self.parts[a], &self.parts[b]);
+        let kind = |part: &Part| part.other.unwrap_or(part.geom.shape.name());
+        let order = |part: &Part| match part.geom.shape {
+            Shape::Sphere { .. } => 0,
+            Shape::Capsule { .. } => 1,
+            Shape::Cylinder { .. } => 2,
+            Shape::Box { .. } => 3,
+        };
+        let computed = first.other.is_none()
+            && second.other.is_none()
+            && computed(&first.geom.shape, &second.geom.shape);
+        if !computed {
+            let words = [first, second].map(|part| format!("{} ({})", shown(&part.geom.name), kind(part)));
+            return Err(words.join(" with "));
+        }
+        let explicit = self.pairs.iter().find(|(parts, _)| *parts == [a, b]);
+        let contact = match explicit {
+            Some((_, contact)) => contact.clone(),
+            None => mix(&first.surface, &second.surface),
+        };
+        let (first, second) = if order(first) <= order(second) { (first, second) } else { (second, first) };
+        Ok(SelfPair {
+            geoms: [first.geom.clone(), second.geom.clone()],
+            condim: contact.condim,
+            friction: contact.friction.map(crate::contact::at_least),
+            solref: contact.solref,
+            solreffriction: contact.solreffriction,
+            solimp: contact.solimp,
+            margin: contact.margin,
+        })
+    }
+}
+
+/// Whether the contact of two shapes is computed.
+fn computed(a: &Shape, b: &Shape) -> bool {
+    use Shape::{Box, Capsule, Sphere};
+    matches!(
+        (a, b),
+        (Sphere { .. }, Sphere { .. } | Capsule { .. } | Box { .. })
+            | (Capsule { .. } | Box { .. }, Sphere { .. })
+            | (Capsule { .. }, Capsule { .. })
+    )
+}
+
+impl Model {
+    /// The robot with own parts that touch each other, and in words what of it is left out.
+    ///
+    /// # Errors
+    /// Names of nothing, and nothing left of what is asked for.
+    pub fn touching_itself(&self, chosen: &SelfContact) -> Result<(Model, Vec<String>), SelfContactError> {
+        let parts = &self.parts;
+        let mut wanted = BTreeSet::new();
+        let mut left_out = Vec::new();
+        let what = match chosen {
+            SelfContact::Off => String::new(),
+            SelfContact::File => {
+                wanted = parts.of_file();
+                "what the robot file lets touch".to_owned()
+            }
+            SelfContact::Limbs => {
+                wanted = parts.of_limbs();
+                "the ends of limbs".to_owned()
+            }
+            SelfContact::Pairs(pairs) => {
+                for [one, other] in pairs {
+                    let (first, second) = (parts.named(one, &self.name)?, parts.named(other, &self.name)?);
+                    let all = first.iter().flat_map(|&a| second.iter().map(move |&b| [a.min(b), a.max(b)]));
+                    let found: BTreeSet<[usize; 2]> = all.filter(|&[a, b]| parts.apart(a, b)).collect();
+                    if found.is_empty() {
+                        let what = format!("{one} with {other}");
+                        let why = "they are one part, or one carries the other, or the file excludes them"
+                            .to_owned();
+                        return Err(SelfContactError::Nothing { what, why });
+                    }
+                    wanted.extend(found);
+                }
+                "the pairs".to_owned()
+            }
+        };
+        let mut model = self.clone();
+        model.self_pairs.clear();
+        let (mut others, mut count) = (Vec::new(), 0);
+        for [a, b] in wanted {
+            match parts.pair(a, b) {
+                Ok(pair) if model.self_pairs.len() < MOST_PAIRS => model.self_pairs.push(pair),
+                Ok(_) => return Err(SelfContactError::TooMany),
+                Err(words) => {
+                    count += 1;
+                    if others.len() < MOST_NAMES {
+                        others.push(words);
+                    }
+                }
+            }
+        }
+        if count > 0 {
+            let shapes = "spheres touch spheres, capsules and boxes, and capsules touch capsules";
+            let more = if count > MOST_NAMES { ", ..." } else { "" };
+            let words = others.join(", ");
+            left_out.push(format!("self_contact: {count} pairs are left out ({words}{more}): {shapes}"));
+            model.dropped.push(Dropped {
+                what: format!("the contact of {count} pairs of its own parts ({words}{more})"),
+                why: shapes.to_owned(),
+                line: 0,
+                column: 0,
+                harmless: false,
+            });
+        }
+        if model.self_pairs.is_empty() && !chosen.is_off() {
+            let why = left_out.pop().unwrap_or_else(|| "it lets none of its own parts touch".to_owned());
+            return Err(SelfContactError::Nothing { what, why });
+        }
+        Ok((model, left_out))
+    }
+
+    /// How many pairs of own parts the file lets touch, and of how many of them the contact is computed.
+    pub fn self_contact_of_file(&self) -> (usize, usize) {
+        let pairs = self.parts.of_file();
+        let known = pairs.iter().filter(|[a, b]| self.parts.pair(*a, *b).is_ok()).count();
+        (pairs.len(), known)
+    }
+}

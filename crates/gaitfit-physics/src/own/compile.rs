@@ -1,0 +1,164 @@
+//! From a model's pairs of own parts to those of a tree.
+
+use gaitfit_model::{Geom, Model, SelfPair, Shape};
+
+use crate::compile::{impedance, reference};
+use crate::own::{Form, MOST_POINTS, Own, OwnJoint, OwnPair, OwnShape};
+use crate::seat::{Seat, mat_mul};
+use crate::tree::{Link, Reference, Segment};
+use crate::vec3::*;
+use crate::{PhysicsError, Real, Settings};
+
+/// Share of a pair's reach for rounding.
+const SLACK: f64 = 1e-3;
+
+/// Compiles the pairs of own parts of `model`. `links` get their place among those that touch.
+///
+/// # Errors
+/// Names the geom whose numbers the step cannot honour.
+pub(crate) fn compile<T: Real>(
+    model: &Model,
+    settings: &Settings,
+    seats: &[Seat],
+    links: &mut [Link<T::K>],
+    segments: &[Segment],
+    touching: &mut Vec<(usize, Option<usize>)>,
+) -> Result<Own<T::K>, PhysicsError> {
+    let mut own = Own {
+        pairs: Vec::new(),
+        joints: Vec::new(),
+        homes: Vec::new(),
+        ground_links: Vec::new(),
+        points: 0,
+        rows: 0,
+        weights: 0,
+    };
+    if model.self_pairs.is_empty() {
+        return Ok(own);
+    }
+    let home = |link: usize| segments.iter().position(|s| (s.first..s.first + s.len).contains(&link));
+    for link in 1..links.len() {
+        let segment = home(link).unwrap_or(0);
+        own.homes.push((segment, link - segments[segment].first));
+    }
+    for (number, link) in links.iter().enumerate() {
+        own.ground_links.extend(link.pairs.clone().map(|_| number));
+    }
+    for pair in &model.self_pairs {
+        let found = [0, 1].map(|side| seats[pair.geoms[side].body]);
+        for seat in &found {
+            if links[seat.link].touching.is_none() {
+                links[seat.link].touching = Some(touching.len());
+                touching.push((seat.link, home(seat.link).filter(|_| seat.link > 0)));
+            }
+        }
+        let shapes = [0, 1].map(|side| {
+            let pose = links[found[side].link].touching.unwrap_or(0);
+            shape::<T>(&pair.geoms[side], &found[side], pose)
+        });
+        let moved = carriers(links, found.map(|seat| seat.link));
+        let pair = compile_pair::<T>(pair, settings, shapes, moved.len(), &own)?;
+        own.joints.extend(moved);
+        own.points = pair.points.end;
+        own.rows += pair.points.len() * pair.dims * pair.joints.len();
+        own.weights += pair.points.len() * pair.dims * pair.dims;
+        own.pairs.push(pair);
+    }
+    Ok(own)
+}
+
+/// Joints that carry one of two links alone, in rising order.
+fn carriers<K>(links: &[Link<K>], ends: [usize; 2]) -> Vec<OwnJoint> {
+    let chain = |mut link: usize| {
+        let mut chain = Vec::new();
+        while link > 0 {
+            chain.push(link);
+            link = links[link].parent;
+        }
+        chain
+    };
+    let [first, second] = ends.map(chain);
+    let alone = |link: &usize, other: &[usize]| !other.contains(link);
+    let ours = first
+        .iter()
+        .filter(|link| alone(link, &second))
+        .map(|link| OwnJoint { joint: link - 1, second: false });
+    let theirs = second
+        .iter()
+        .filter(|link| alone(link, &first))
+        .map(|link| OwnJoint { joint: link - 1, second: true });
+    let mut joints: Vec<OwnJoint> = ours.chain(theirs).collect();
+    joints.sort_by_key(|own| own.joint);
+    joints
+}
+
+fn shape<T: Real>(geom: &Geom, seat: &Seat, pose: usize) -> OwnShape<T::K> {
+    let k = |x: f64| T::constant(x);
+    let k3 = |v: V3<f64>| [k(v[0]), k(v[1]), k(v[2])];
+    let rotation = mat_mul(&seat.rotation, &quat_matrix(&geom.quat));
+    let column = |j: usize| [rotation[0][j], rotation[1][j], rotation[2][j]];
+    let (form, radius) = match geom.shape {
+        Shape::Sphere { radius } => (Form::Ball, radius),
+        Shape::Capsule { radius, half_length } => (Form::Rod(k3(scale(half_length, column(2)))), radius),
+        Shape::Cylinder { radius, .. } => (Form::Ball, radius),
+        Shape::Box { half_size } => {
+            (Form::Block([k3(column(0)), k3(column(1)), k3(column(2))], k3(half_size)), 0.0)
+        }
+    };
+    let center = k3(add(seat.position, rotate(&seat.rotation, geom.pos)));
+    OwnShape { pose, center, radius: k(radius), form }
+}
+
+/// Radius of the ball about a shape's centre that holds it, m.
+fn extent(shape: &Shape) -> f64 {
+    match shape {
+        Shape::Sphere { radius } => *radius,
+        Shape::Capsule { radius, half_length } => radius + half_length,
+        Shape::Cylinder { radius, half_length } => radius.hypot(*half_length),
+        Shape::Box { half_size: [a, b, c] } => (a * a + b * b + c * c).sqrt(),
+    }
+}
+
+fn compile_pair<T: Real>(
+    pair: &SelfPair,
+    settings: &Settings,
+    shapes: [OwnShape<T::K>; 2],
+    joints: usize,
+    own: &Own<T::K>,
+) -> Result<OwnPair<T::K>, PhysicsError> {
+    let k = |x: f64| T::constant(x);
+    let [first, second] = &pair.geoms;
+    let count = match (&first.shape, &second.shape) {
+        (Shape::Sphere { .. }, Shape::Sphere { .. } | Shape::Capsule { .. } | Shape::Box { .. }) => 1,
+        (Shape::Capsule { .. }, Shape::Capsule { .. }) => MOST_POINTS,
+        _ => {
+            let [geom, other] = [first, second].map(|geom| format!("{} `{}`", geom.shape.name(), geom.name));
+            return Err(PhysicsError::OwnShapes { geom, other });
+        }
+    };
+    if !matches!(pair.condim, 1 | 3 | 4 | 6) {
+        return Err(PhysicsError::ContactDimension { geom: first.name.clone(), condim: pair.condim });
+    }
+    let name = format!("contact of geoms `{}` and `{}`", first.name, second.name);
+    let dmax = pair.solimp[1];
+    let (stiffness, damping, gain) = reference(&pair.solref, dmax, settings);
+    let elliptic = settings.cone == gaitfit_model::Cone::Elliptic;
+    let separate = elliptic && pair.solreffriction != [0.0; 2];
+    let friction_ref = if separate { pair.solreffriction } else { pair.solref };
+    let reach = (extent(&first.shape) + extent(&second.shape) + pair.margin.max(0.0)) * (1.0 + SLACK);
+    Ok(OwnPair {
+        shapes,
+        reach2: k(reach * reach),
+        condim: usize::from(pair.condim),
+        friction: pair.friction.map(k),
+        margin: k(pair.margin),
+        impedance: impedance(&pair.solimp, k, &name)?,
+        reference: Reference { k: k(stiffness), b: k(damping), gain: k(1.0 / gain) },
+        friction_b: k(reference(&friction_ref, dmax, settings).1),
+        points: own.points..own.points + count,
+        dims: if pair.condim > 3 { 6 } else { 3 },
+        joints: own.joints.len()..own.joints.len() + joints,
+        rows: own.rows,
+        weights: own.weights,
+    })
+}

@@ -1,0 +1,157 @@
+//! Contact between the robot's own parts: spheres, capsules and boxes of different links, chosen pairs of them.
+//!
+//! A contact's rows are the difference of the velocities of two links at one point. The joints that carry both links
+//! cancel in it, and so does the base; what is left couples two limbs, which the tree's factorisation does not know.
+//! So a Newton step is solved along the tree first, with the contacts' forces but without their Hessian JᵀWJ. Where
+//! something touches, H s = H s₀ − JᵀWJ s₀ corrects it, with the whole Hessian as one dense matrix ([`solve`]). Where
+//! nothing does the correction is zero, and it is left out if that is so in all lanes.
+//!
+//! A robot without such pairs does none of this. A recording scalar refuses robots that have them.
+
+mod compile;
+mod narrow;
+mod rows;
+mod solve;
+
+use std::ops::Range;
+
+use crate::Real;
+use crate::spatial::Articulated;
+use crate::tree::{Impedance, Reference};
+
+pub(crate) use compile::compile;
+pub(crate) use rows::own_contacts;
+pub(crate) use solve::{advance, correct, points_along, steps, terms};
+
+/// A shape in its link's frame.
+#[derive(Clone, Debug)]
+pub(crate) struct OwnShape<K> {
+    /// Place of its link's pose among those of links that touch.
+    pub pose: usize,
+    pub center: [K; 3],
+    pub radius: K,
+    pub form: Form<K>,
+}
+
+/// What a shape is, beside its radius.
+#[derive(Clone, Debug)]
+pub(crate) enum Form<K> {
+    Ball,
+    /// The half axis, m.
+    Rod([K; 3]),
+    /// Unit axes, and half sizes, m.
+    Block([[K; 3]; 3], [K; 3]),
+}
+
+/// Two shapes that may touch, in the order of MuJoCo's geom types.
+#[derive(Clone, Debug)]
+pub(crate) struct OwnPair<K> {
+    pub shapes: [OwnShape<K>; 2],
+    /// Square of the distance of the centres beyond which they cannot touch, m².
+    pub reach2: K,
+    pub condim: usize,
+    pub friction: [K; 5],
+    pub margin: K,
+    pub impedance: Impedance<K>,
+    pub reference: Reference<K>,
+    /// Damping of the friction dimensions (elliptic cones).
+    pub friction_b: K,
+    pub points: Range<usize>,
+    /// Components that a point's rows have: 3, or 6 with spin.
+    pub dims: usize,
+    /// Of the joints that carry one of the two alone, in rising order.
+    pub joints: Range<usize>,
+    /// Places of the first point's rows and weights. A point has `dims × joints` and `dims × dims`.
+    pub rows: usize,
+    pub weights: usize,
+}
+
+/// A joint of a pair, and whether it moves the second shape.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OwnJoint {
+    pub joint: usize,
+    pub second: bool,
+}
+
+/// All pairs of own parts of a tree.
+#[derive(Clone, Debug)]
+pub(crate) struct Own<K> {
+    pub pairs: Vec<OwnPair<K>>,
+    pub joints: Vec<OwnJoint>,
+    /// Segment of each joint and its place there.
+    pub homes: Vec<(usize, usize)>,
+    /// Link of each pair with the ground.
+    pub ground_links: Vec<usize>,
+    /// Numbers of all points, rows and weights.
+    pub points: usize,
+    pub rows: usize,
+    pub weights: usize,
+}
+
+impl<K> Own<K> {
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.pairs.is_empty()
+    }
+}
+
+/// Most points of a pair.
+pub(crate) const MOST_POINTS: usize = 2;
+
+/// One contact point of own parts. Components are in the order normal, tangents, and the same of the rotation.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OwnPoint<T> {
+    /// D of the normal (elliptic) or of every edge (pyramidal); zero without contact.
+    pub d: T,
+    /// `J a − aref`.
+    pub residual: [T; 6],
+    /// `J` of the Newton step.
+    pub step: [T; 6],
+    /// Negative of the contact force.
+    pub force: [T; 6],
+}
+
+/// Scratch of the contacts between own parts; empty for robots without.
+#[derive(Clone, Debug)]
+pub(crate) struct OwnWork<T: Real> {
+    /// Guards and friction of the pairs.
+    pub pairs: Vec<(T::Guard, [T; 5])>,
+    pub points: Vec<OwnPoint<T>>,
+    /// Rows of the Jacobian over the pair's joints, and the Hessians of the cones.
+    pub rows: Vec<T>,
+    pub weights: Vec<T>,
+    /// Guards what is only needed where something touches.
+    pub touching: T::Guard,
+    /// Negative torque of the contacts on each joint, N·m.
+    pub torque: Vec<T>,
+    /// Lower triangle of the Hessian by rows: joints, then the base (angular, linear).
+    pub matrix: Vec<T>,
+    /// One row of it, and a right side.
+    pub row: Vec<T>,
+    pub change: Vec<T>,
+    /// Inertia that each link carries beyond its own segment, contacts with the ground included.
+    pub carried: Vec<Articulated<T>>,
+}
+
+impl<T: Real> OwnWork<T> {
+    /// Scratch for the pairs of a tree with so many links; `floating`: whether the base moves.
+    pub fn new<K>(own: &Own<K>, links: usize, floating: bool) -> Self {
+        let z = T::zero();
+        let some = |count: usize| if own.is_empty() { 0 } else { count };
+        let joints = links - 1;
+        let n = some(joints + if floating { 6 } else { 0 });
+        let point = OwnPoint { d: z, residual: [z; 6], step: [z; 6], force: [z; 6] };
+        Self {
+            pairs: vec![(T::never(), [z; 5]); own.pairs.len()],
+            points: vec![point; own.points],
+            rows: vec![z; own.rows],
+            weights: vec![z; own.weights],
+            touching: T::never(),
+            torque: vec![z; some(joints)],
+            matrix: vec![z; n * (n + 1) / 2],
+            row: vec![z; n],
+            change: vec![z; n],
+            carried: vec![Articulated::zero(); some(links)],
+        }
+    }
+}

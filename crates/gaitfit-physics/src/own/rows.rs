@@ -1,0 +1,91 @@
+//! The rows of contacts between own parts.
+
+use crate::Real;
+use crate::contact::{MIN_FRICTION, impedance, row_scale};
+use crate::own::narrow::{Spot, center, spots};
+use crate::own::{OwnPair, OwnPoint};
+use crate::smooth::Pass;
+use crate::state::Work;
+use crate::vec3::*;
+
+/// Contact points of all pairs of own parts.
+#[inline(always)]
+pub(crate) fn own_contacts<T: Real>(pass: &Pass<'_, T>, work: &mut Work<T>) {
+    let Pass { tree, params, .. } = *pass;
+    let own = &tree.own;
+    // How far the surfaces are from a contact, where they are nearest to one.
+    let mut gap = T::lit(1.0);
+    for index in 0..own.pairs.len() {
+        let pair = &own.pairs[index];
+        let [first, second] = &pair.shapes;
+        let poses = [&work.touching[first.pose], &work.touching[second.pose]];
+        let centers = [center(first, poses[0]), center(second, poses[1])];
+        let between = sub(centers[1], centers[0]);
+        let active = (dot(between, between) - T::k(pair.reach2)).unless_ge(T::zero());
+        work.own.pairs[index].0 = active;
+        if !T::enter(active) {
+            continue;
+        }
+        let found = spots(pair, poses, centers);
+        for k in 0..5 {
+            let mu = params.friction_scale * T::k(pair.friction[k]);
+            work.own.pairs[index].1[k] = mu.max(T::lit(MIN_FRICTION));
+        }
+        let friction = work.own.pairs[index].1[0];
+        let weight = params.pairs[tree.pairs.len() + index].translation;
+        let inverse_scale = row_scale(tree, pair.condim, friction, weight) * T::k(pair.reference.gain);
+        let before = gap;
+        for number in 0..pair.points.len() {
+            point(pass, pair, number, &found[number], inverse_scale, work);
+            gap = gap.min(found[number].distance - T::k(pair.margin));
+        }
+        T::leave(active);
+        gap = gap.merge(active, before);
+    }
+    work.own.touching = gap.unless_ge(T::zero());
+}
+
+/// Rows, D and residual `J a − aref` of one point.
+#[inline(always)]
+fn point<T: Real>(
+    pass: &Pass<'_, T>,
+    pair: &OwnPair<T::K>,
+    number: usize,
+    spot: &Spot<T>,
+    inverse_scale: T,
+    work: &mut Work<T>,
+) {
+    let Pass { tree, state, .. } = *pass;
+    let frame = spot.frame();
+    let joints = &tree.own.joints[pair.joints.clone()];
+    let count = joints.len();
+    let start = pair.rows + number * pair.dims * count;
+    let (mut v, mut a) = ([T::zero(); 6], [T::zero(); 6]);
+    for (place, own) in joints.iter().enumerate() {
+        let (segment, member) = tree.own.homes[own.joint];
+        let axis = work.segments[segment].axis[member];
+        let sign = T::lit(if own.second { 1.0 } else { -1.0 });
+        let linear = scale(sign, rotate(&frame, cross_add(axis[0], spot.x, axis[1])));
+        let angular = scale(sign, rotate(&frame, axis[0]));
+        let (qd, qacc) = (state.qvel[own.joint], state.qacc[own.joint]);
+        for k in 0..pair.dims {
+            let row = if k < 3 { linear[k] } else { angular[k - 3] };
+            work.own.rows[start + k * count + place] = row;
+            v[k] = qd.fma(row, v[k]);
+            a[k] = qacc.fma(row, a[k]);
+        }
+    }
+    let depth = spot.distance - T::k(pair.margin);
+    let imp = impedance(&pair.impedance, depth);
+    let d = imp * ((T::lit(1.0) - imp) * inverse_scale).recip();
+    let (b, bf) = (T::k(pair.reference.b), T::k(pair.friction_b));
+    let spring = T::k(pair.reference.k) * (imp * depth);
+    let z = T::zero();
+    let mut residual = [z; 6];
+    residual[0] = b.fma(v[0], a[0] + spring);
+    for k in 1..pair.dims {
+        residual[k] = bf.fma(v[k], a[k]);
+    }
+    work.own.points[pair.points.start + number] =
+        OwnPoint { d: T::select_lt(depth, z, d, z), residual, step: [z; 6], force: [z; 6] };
+}

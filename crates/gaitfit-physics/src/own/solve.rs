@@ -1,0 +1,375 @@
+//! Contacts between own parts in Newton's method: forces, the dense correction of a step, the line search.
+//!
+//! With H₀ the Hessian along the tree, C = JᵀWJ of these contacts and g the gradient, the tree gives s₀ = −H₀⁻¹ g.
+//! The step is s = −(H₀ + C)⁻¹ g = s₀ − (H₀ + C)⁻¹ C s₀. H₀ is put together as composite rigid bodies make a mass
+//! matrix (Featherstone 2008, table 6.2), with the Hessians of the ground's contacts among what a link carries.
+
+use crate::Real;
+use crate::cone::{Kinks, ellipse, ellipse_line, pyramid, pyramid_line};
+use crate::own::OwnPair;
+use crate::segment::joint_terms;
+use crate::spatial::{Articulated, V6, add6, dot6, dot6_add, zero6};
+use crate::state::{State, Work};
+use crate::tree::Tree;
+
+/// Forces and Hessians of the contacts at their residuals, and the torques of them on the joints.
+#[inline(always)]
+pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
+    let own = &mut work.own;
+    for torque in &mut own.torque {
+        *torque = T::zero();
+    }
+    if !T::enter(own.touching) {
+        return;
+    }
+    for index in 0..tree.own.pairs.len() {
+        let pair = &tree.own.pairs[index];
+        let (active, mu) = own.pairs[index];
+        if !T::enter(active) {
+            continue;
+        }
+        let joints = &tree.own.joints[pair.joints.clone()];
+        for number in 0..pair.points.len() {
+            let point = &mut own.points[pair.points.start + number];
+            let (force, weight) = cone(tree, pair, &mu, point.d, &point.residual);
+            point.force = force;
+            let start = pair.weights + number * pair.dims * pair.dims;
+            for k in 0..pair.dims {
+                for l in 0..pair.dims {
+                    own.weights[start + k * pair.dims + l] = weight[k][l];
+                }
+            }
+            let rows = pair.rows + number * pair.dims * joints.len();
+            for k in 0..pair.dims {
+                for (place, joint) in joints.iter().enumerate() {
+                    let row = own.rows[rows + k * joints.len() + place];
+                    own.torque[joint.joint] = row.fma(force[k], own.torque[joint.joint]);
+                }
+            }
+        }
+        T::leave(active);
+    }
+    T::leave(own.touching);
+}
+
+/// Negative force and Hessian of one point.
+#[inline(always)]
+fn cone<T: Real>(
+    tree: &Tree<T::K>,
+    pair: &OwnPair<T::K>,
+    mu: &[T; 5],
+    d: T,
+    j: &[T; 6],
+) -> ([T; 6], [[T; 6]; 6]) {
+    let z = T::zero();
+    if pair.condim == 1 {
+        let s = T::select_lt(j[0], z, d, z);
+        let (mut force, mut weight) = ([z; 6], [[z; 6]; 6]);
+        force[0] = s * j[0];
+        weight[0][0] = s;
+        (force, weight)
+    } else if tree.elliptic {
+        ellipse(pair.condim, mu, tree.impratio, d, j)
+    } else {
+        pyramid(pair.condim, mu, d, j)
+    }
+}
+
+/// Place of element (i, j), i ≥ j, of the matrix.
+#[inline(always)]
+fn at(i: usize, j: usize) -> usize {
+    i * (i + 1) / 2 + j
+}
+
+/// Corrects the step in `work` for the contacts' Hessian; returns what the slope along it changes by. Called where
+/// something touches.
+#[inline(always)]
+pub(crate) fn correct<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) -> T {
+    hessian(tree, state, work);
+    couple(tree, work);
+    solve(work);
+    let joints = tree.joints();
+    for j in 0..joints {
+        work.joints[j].step = work.joints[j].step + work.own.change[j];
+    }
+    if tree.floating {
+        let step = &mut work.nodes[0].step;
+        for k in 0..3 {
+            step[0][k] = step[0][k] + work.own.change[joints + k];
+            step[1][k] = step[1][k] + work.own.change[joints + 3 + k];
+        }
+    }
+    // gᵀ(s − s₀) = s₀ᵀ C s; the points' steps are still those of s₀.
+    let mut slope = T::zero();
+    for index in 0..tree.own.pairs.len() {
+        let pair = &tree.own.pairs[index];
+        let active = work.own.pairs[index].0;
+        if !T::enter(active) {
+            continue;
+        }
+        for number in 0..pair.points.len() {
+            let before = work.own.points[pair.points.start + number].step;
+            let after = point_step(tree, pair, number, work);
+            let start = pair.weights + number * pair.dims * pair.dims;
+            for k in 0..pair.dims {
+                for l in 0..pair.dims {
+                    let weight = work.own.weights[start + k * pair.dims + l];
+                    slope = (weight * before[k]).fma(after[l], slope);
+                }
+            }
+        }
+        T::leave(active);
+    }
+    slope
+}
+
+/// `J` of the joints' steps at one point.
+#[inline(always)]
+fn point_step<T: Real>(tree: &Tree<T::K>, pair: &OwnPair<T::K>, number: usize, work: &Work<T>) -> [T; 6] {
+    let joints = &tree.own.joints[pair.joints.clone()];
+    let start = pair.rows + number * pair.dims * joints.len();
+    let mut step = [T::zero(); 6];
+    for k in 0..pair.dims {
+        for (place, joint) in joints.iter().enumerate() {
+            let row = work.own.rows[start + k * joints.len() + place];
+            step[k] = row.fma(work.joints[joint.joint].step, step[k]);
+        }
+    }
+    step
+}
+
+/// The tree's Hessian, in `work.own.matrix`.
+#[inline(always)]
+fn hessian<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) {
+    let joints = tree.joints();
+    for number in &mut work.own.matrix {
+        *number = T::zero();
+    }
+    for carried in &mut work.own.carried {
+        *carried = Articulated::zero();
+    }
+    for (node, &link) in work.nodes.iter().zip(&tree.nodes) {
+        work.own.carried[link] = Articulated::from_rigid(&node.rigid);
+    }
+    for index in 0..tree.pairs.len() {
+        let pair = &tree.pairs[index];
+        let active = work.pairs[index].active;
+        if !T::enter(active) {
+            continue;
+        }
+        let link = tree.own.ground_links[index];
+        for (number, point) in work.points[pair.points.clone()].iter().enumerate() {
+            if pair.condim > 3 {
+                work.own.carried[link].add(&work.spins[pair.spin + number].1);
+            } else {
+                work.own.carried[link].add(&Articulated::point(point.x, &point.weight));
+            }
+        }
+        T::leave(active);
+    }
+    for link in (1..=joints).rev() {
+        let j = link - 1;
+        let (curvature, _) = joint_terms(j, true, state, work);
+        let (home, member) = tree.own.homes[j];
+        let segment = &work.segments[home];
+        let axis = segment.axis[member];
+        let carried = work.own.carried[link];
+        let force = carried.mul(axis);
+        work.own.matrix[at(j, j)] = dot6_add(axis, force, segment.mass[member] + curvature);
+        let first = tree.segments[home].first;
+        for i in 0..member {
+            let inner = dot6_add(segment.axis[i], force, segment.mass[2 + member + i]);
+            work.own.matrix[at(j, first + i - 1)] = inner;
+        }
+        let force = add6(force, segment.force[member]);
+        let mut outer = tree.links[first].parent;
+        while outer > 0 {
+            let (home, member) = tree.own.homes[outer - 1];
+            work.own.matrix[at(j, outer - 1)] = dot6(work.segments[home].axis[member], force);
+            outer = tree.links[outer].parent;
+        }
+        if tree.floating {
+            for k in 0..3 {
+                work.own.matrix[at(joints + k, j)] = force[0][k];
+                work.own.matrix[at(joints + 3 + k, j)] = force[1][k];
+            }
+        }
+        work.own.carried[tree.links[link].parent].add(&carried);
+    }
+    if tree.floating {
+        let root = work.own.carried[0];
+        for k in 0..6 {
+            let mut unit: V6<T> = zero6();
+            unit[k / 3][k % 3] = T::lit(1.0);
+            let force = root.mul(unit);
+            for i in k..6 {
+                work.own.matrix[at(joints + i, joints + k)] = force[i / 3][i % 3];
+            }
+        }
+    }
+}
+
+/// Adds the contacts' Hessian C to the matrix, and puts −C s₀ on the right side; keeps the points' steps at s₀.
+#[inline(always)]
+fn couple<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
+    for number in &mut work.own.change {
+        *number = T::zero();
+    }
+    for index in 0..tree.own.pairs.len() {
+        let pair = &tree.own.pairs[index];
+        let active = work.own.pairs[index].0;
+        if !T::enter(active) {
+            continue;
+        }
+        let joints = &tree.own.joints[pair.joints.clone()];
+        let count = joints.len();
+        for number in 0..pair.points.len() {
+            let step = point_step(tree, pair, number, work);
+            let own = &mut work.own;
+            own.points[pair.points.start + number].step = step;
+            let rows = pair.rows + number * pair.dims * count;
+            let weights = pair.weights + number * pair.dims * pair.dims;
+            for (place, joint) in joints.iter().enumerate() {
+                // The column W J of this joint.
+                let mut column = [T::zero(); 6];
+                for k in 0..pair.dims {
+                    for l in 0..pair.dims {
+                        let weight = own.weights[weights + k * pair.dims + l];
+                        column[k] = weight.fma(own.rows[rows + l * count + place], column[k]);
+                    }
+                }
+                let mut right = own.change[joint.joint];
+                for k in 0..pair.dims {
+                    right = column[k].fnma(step[k], right);
+                }
+                own.change[joint.joint] = right;
+                for other in place..count {
+                    let element = at(joints[other].joint, joint.joint);
+                    let mut sum = own.matrix[element];
+                    for k in 0..pair.dims {
+                        sum = own.rows[rows + k * count + other].fma(column[k], sum);
+                    }
+                    own.matrix[element] = sum;
+                }
+            }
+        }
+        T::leave(active);
+    }
+}
+
+/// Solves the matrix for the right side in `change`, by LDLᵀ.
+#[inline(always)]
+fn solve<T: Real>(work: &mut Work<T>) {
+    let own = &mut work.own;
+    let n = own.change.len();
+    // The diagonal becomes D⁻¹.
+    for i in 0..n {
+        let mut diagonal = own.matrix[at(i, i)];
+        let mut right = own.change[i];
+        for j in 0..i {
+            let mut element = own.matrix[at(i, j)];
+            for k in 0..j {
+                element = own.row[k].fnma(own.matrix[at(j, k)], element);
+            }
+            own.row[j] = element;
+            let lower = element * own.matrix[at(j, j)];
+            own.matrix[at(i, j)] = lower;
+            diagonal = lower.fnma(element, diagonal);
+            right = lower.fnma(own.change[j], right);
+        }
+        own.matrix[at(i, i)] = diagonal.recip();
+        own.change[i] = right;
+    }
+    for i in (0..n).rev() {
+        let mut x = own.matrix[at(i, i)] * own.change[i];
+        for k in i + 1..n {
+            x = own.matrix[at(k, i)].fnma(own.change[k], x);
+        }
+        own.change[i] = x;
+    }
+}
+
+/// Keeps the points' steps; returns the slope of their cost.
+#[inline(always)]
+pub(crate) fn steps<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) -> T {
+    let mut slope = T::zero();
+    if !T::enter(work.own.touching) {
+        return slope;
+    }
+    for index in 0..tree.own.pairs.len() {
+        let pair = &tree.own.pairs[index];
+        let active = work.own.pairs[index].0;
+        if !T::enter(active) {
+            continue;
+        }
+        for number in 0..pair.points.len() {
+            let step = point_step(tree, pair, number, work);
+            let point = &mut work.own.points[pair.points.start + number];
+            point.step = step;
+            for k in 0..pair.dims {
+                slope = point.force[k].fma(step[k], slope);
+            }
+        }
+        T::leave(active);
+    }
+    T::leave(work.own.touching);
+    slope
+}
+
+/// First and second derivative of the contacts' cost at `alpha` along the step, added to `g`.
+#[inline(always)]
+pub(crate) fn points_along<T: Real>(
+    tree: &Tree<T::K>,
+    alpha: T,
+    work: &Work<T>,
+    mut g: (T, T),
+    kinks: &mut Kinks<T>,
+) -> (T, T) {
+    if !T::enter(work.own.touching) {
+        return g;
+    }
+    for index in 0..tree.own.pairs.len() {
+        let pair = &tree.own.pairs[index];
+        let (active, mu) = work.own.pairs[index];
+        if !T::enter(active) {
+            continue;
+        }
+        for point in &work.own.points[pair.points.clone()] {
+            if pair.condim == 1 {
+                let j = alpha.fma(point.step[0], point.residual[0]);
+                let push = T::select_lt(j, T::zero(), point.d * point.step[0], T::zero());
+                g = (push.fma(j, g.0), push.fma(point.step[0], g.1));
+            } else if tree.elliptic {
+                let along = (&point.residual, &point.step);
+                g = ellipse_line(pair.condim, &mu, tree.impratio, point.d, along, alpha, g, kinks);
+            } else {
+                g = pyramid_line(pair.condim, &mu, point.d, (&point.residual, &point.step), alpha, g);
+            }
+        }
+        T::leave(active);
+    }
+    T::leave(work.own.touching);
+    g
+}
+
+/// Moves the residuals by `alpha` of the step.
+#[inline(always)]
+pub(crate) fn advance<T: Real>(tree: &Tree<T::K>, alpha: T, work: &mut Work<T>) {
+    if !T::enter(work.own.touching) {
+        return;
+    }
+    for index in 0..tree.own.pairs.len() {
+        let pair = &tree.own.pairs[index];
+        let active = work.own.pairs[index].0;
+        if !T::enter(active) {
+            continue;
+        }
+        for point in &mut work.own.points[pair.points.clone()] {
+            for k in 0..pair.dims {
+                point.residual[k] = alpha.fma(point.step[k], point.residual[k]);
+            }
+        }
+        T::leave(active);
+    }
+    T::leave(work.own.touching);
+}
