@@ -97,6 +97,10 @@ fn bench_prints_what_it_measured() {
     assert!(found["lanes"].as_u64().unwrap() >= 1);
     // Robots that fell over would measure another thing.
     assert!(found["base_height_m"].as_f64().unwrap() > 0.15, "{found}");
+    assert_eq!(found["own_pairs"], 0);
+    let found = json(&run(&["bench", "physics", "--self-contact", "limbs", "--json"]));
+    assert_eq!(found["own_pairs"], 6);
+    assert!(found["base_height_m"].as_f64().unwrap() > 0.15, "{found}");
 }
 
 #[test]

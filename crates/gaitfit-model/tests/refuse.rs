@@ -287,8 +287,8 @@ fn own_parts_touch_as_the_file_or_a_setting_says() {
 fn own_parts_that_cannot_touch_are_named() {
     let model = limbs();
     let wrong = |chosen: &[[&str; 2]]| model.touching_itself(&pairs(chosen)).unwrap_err();
-    let unknown = wrong(&[["hnad", "shin"]]).to_string();
-    assert!(unknown.contains("`hnad`") && unknown.contains("nearest names are hand"), "{unknown}");
+    let unknown = wrong(&[["hands", "shin"]]).to_string();
+    assert!(unknown.contains("`hands`") && unknown.contains("nearest names are hand"), "{unknown}");
     assert!(matches!(wrong(&[["[a", "shin"]]), SelfContactError::Syntax { .. }));
     // One carries the other; excluded; the same part; a shape that is not computed.
     for pair in [["trunk", "shin"], ["hand", "end"], ["hand", "elbow"], ["end", "shin"]] {

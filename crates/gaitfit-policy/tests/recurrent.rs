@@ -210,7 +210,15 @@ fn onnx_of(network: &Network) -> Vec<u8> {
         ..plain.interface
     };
     let actor = network.clone();
-    onnx::write(&Policy { interface, actor, critic: None, normaliser: None, log_std: vec![0.0; joints], ..plain }).unwrap()
+    onnx::write(&Policy {
+        interface,
+        actor,
+        critic: None,
+        normaliser: None,
+        log_std: vec![0.0; joints],
+        ..plain
+    })
+    .unwrap()
 }
 
 #[test]
@@ -251,7 +259,10 @@ fn a_two_part_policy_is_read_from_two_onnx_files() {
         ("encoder = { file = \"narrow.onnx\" }", "the encoder takes 15 numbers, the observation has 24"),
         ("encoder = { file = \"none.onnx\" }", "none.onnx"),
         ("encoder = { tensors = \"encoder\" }", "needs `file`"),
-        ("encoder = { file = \"encoder.onnx\", activation = \"elu\" }", "`encoder.activation` is for safetensors"),
+        (
+            "encoder = { file = \"encoder.onnx\", activation = \"elu\" }",
+            "`encoder.activation` is for safetensors",
+        ),
     ] {
         let wrong = describe(encoder).unwrap_err();
         assert!(wrong.contains(message), "`{message}` is not in `{wrong}`");

@@ -254,10 +254,12 @@ impl Error {
     pub(crate) fn is_of_task(&self) -> bool {
         matches!(
             self,
-            Self::Task(TaskError::Setting { .. }
-                | TaskError::Expression { .. }
-                | TaskError::SelfContact(_)
-                | TaskError::Policy(_))
+            Self::Task(
+                TaskError::Setting { .. }
+                    | TaskError::Expression { .. }
+                    | TaskError::SelfContact(_)
+                    | TaskError::Policy(_)
+            )
         )
     }
 

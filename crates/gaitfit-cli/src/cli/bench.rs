@@ -21,6 +21,9 @@ pub struct BenchPhysics {
     /// Which geoms may touch the ground
     #[arg(long, value_enum, default_value_t = Geoms::Feet)]
     pub geoms: Geoms,
+    /// Which of the robot's own parts may touch each other; on the processor
+    #[arg(long, value_enum, default_value_t = OwnParts::Off)]
+    pub self_contact: OwnParts,
     /// Threads
     #[arg(long, value_name = "N", default_value = "1")]
     pub threads: std::num::NonZeroUsize,
@@ -77,6 +80,17 @@ pub struct BenchTrain {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
+}
+
+/// Which own parts may touch each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum OwnParts {
+    /// None
+    Off,
+    /// Those that the robot file lets touch
+    File,
+    /// The ends of limbs
+    Limbs,
 }
 
 /// Which geoms may touch the ground.

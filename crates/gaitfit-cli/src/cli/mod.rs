@@ -6,7 +6,7 @@ mod logs;
 mod run;
 mod world;
 
-pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms};
+pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms, OwnParts};
 pub use choices::{Config, ConfigOf, Preset};
 pub use gaitfit::device::{Device, Devices};
 pub use logs::{ExportLog, ExportTheta, Import};

@@ -80,6 +80,10 @@ impl Subject<'_> {
             Self::Replay(replay) => (replay.settings(), replay.options().substeps, replay.taps()),
         };
         let model = self.model();
+        if !model.self_pairs.is_empty() {
+            let what = "contact between the robot's own parts (self_contact)";
+            return Err(FitError::Unsupported(what.to_owned()));
+        }
         let options = PeriodOptions { substeps, taps, lanes: LANES, emit: EmitOptions::default() };
         let networks = traced(model, networks)?;
         let forces = matches!(self, Self::Walk(..));

@@ -40,6 +40,10 @@ impl Tables {
         if walker.ground().is_some() {
             return Err(FitError::Unsupported("uneven ground".to_owned()));
         }
+        if walker.touches_itself() {
+            let what = "contact between the robot's own parts (self_contact)";
+            return Err(FitError::Unsupported(what.to_owned()));
+        }
         let actor = &policy.actor;
         if let Some(what) = actor.untrainable().or_else(|| unknown(actor.shape.activation)) {
             return Err(FitError::Unsupported(format!("a policy whose actor has {what}")));

@@ -79,9 +79,12 @@ impl EncoderTensors {
         }
         let path = folder.join(file);
         let inside = |source| PolicyError::In { path: path.clone(), source: Box::new(source) };
-        let (memory, network) = onnx::read_chain(&bytes(&path)?).and_then(|chain| chain.parts(None)).map_err(inside)?;
+        let (memory, network) =
+            onnx::read_chain(&bytes(&path)?).and_then(|chain| chain.parts(None)).map_err(inside)?;
         if memory.is_some() {
-            return Err(inside(invalid("an encoder with recurrent layers is not read; only multilayer perceptrons are")));
+            return Err(inside(invalid(
+                "an encoder with recurrent layers is not read; only multilayer perceptrons are",
+            )));
         }
         let observed = Layout::new(interface, &interface.observation).width();
         if network.shape.inputs != observed {

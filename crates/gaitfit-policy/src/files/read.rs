@@ -43,9 +43,12 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
     if ending(path).as_deref() == Some("toml") {
         let (description, _) = description(path)?;
         files.push(folder(path).join(description.file));
-        files.extend(description.encoder.and_then(|encoder| encoder.file).map(|file| folder(path).join(file)));
+        files
+            .extend(description.encoder.and_then(|encoder| encoder.file).map(|file| folder(path).join(file)));
     }
-    if let Some(beside) = files.iter().take(2).next_back().filter(|file| ending(file).as_deref() == Some("onnx")) {
+    if let Some(beside) =
+        files.iter().take(2).next_back().filter(|file| ending(file).as_deref() == Some("onnx"))
+    {
         files.extend(foreign::unitree_file(beside));
     }
     Ok(files)

@@ -246,7 +246,7 @@ mod tests {
     use crate::settings;
 
     #[test]
-    fn policies_are_measured_in_the_steps_that_the_robot_was_fitted_in() {
+    fn policies_are_measured_in_the_simulation_that_the_robot_was_fitted_in() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let folder = tempfile::tempdir().unwrap();
         let (config, theta) = (folder.path().join("l.toml"), folder.path().join("theta.toml"));
@@ -257,14 +257,18 @@ mod tests {
         )
         .unwrap();
         std::fs::write(&theta, "format = 2\n").unwrap();
-        let step = |sets: &[&str]| {
+        let fitted = |sets: &[&str]| {
             let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
             let setup = Setup::open(settings::load(Some(&config), &sets).unwrap(), &config, 1).unwrap();
             let [safetensors, onnx] = [PathBuf::new(), PathBuf::new()];
             let policy = PolicyFiles { name: String::new(), safetensors, onnx, policy: setup.policy.clone() };
-            setup.adapted(&policy, theta.clone()).unwrap().scene.settings.robot_timestep
+            setup.adapted(&policy, theta.clone()).unwrap().scene
         };
-        assert_eq!(step(&["adapt.simulation.robot_timestep=0.001"]), Some(0.001));
-        assert_eq!(step(&[]), None);
+        let scene = fitted(&["adapt.simulation.robot_timestep=0.001"]);
+        assert_eq!(scene.settings.robot_timestep, Some(0.001));
+        let scene = fitted(&["adapt.simulation.self_contact=[['*_foot', '*_foot']]"]);
+        assert_eq!(scene.walker.model().self_pairs.len(), 6);
+        let scene = fitted(&[]);
+        assert_eq!((scene.settings.robot_timestep, scene.walker.touches_itself()), (None, false));
     }
 }

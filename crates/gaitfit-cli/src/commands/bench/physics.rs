@@ -3,6 +3,7 @@
 use crate::cli;
 use crate::exit::Failure;
 use crate::output;
+use gaitfit_model::SelfContact;
 use gaitfit_sim::bench::{self, PhysicsBench};
 use serde::Serialize;
 
@@ -20,6 +21,7 @@ struct Document {
     isa: &'static str,
     preset: &'static str,
     geoms: &'static str,
+    own_pairs: usize,
     environments: usize,
     contacts: f64,
     base_height_m: f64,
@@ -31,10 +33,20 @@ pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
         cli::Geoms::Feet => bench::Geoms::Feet,
         cli::Geoms::All => bench::Geoms::All,
     };
-    if let Some(ordinal) = args.device.gpu() {
-        return super::physics_cuda::run(args, geoms, ordinal);
+    let own = match args.self_contact {
+        cli::OwnParts::Off => SelfContact::Off,
+        cli::OwnParts::File => SelfContact::File,
+        cli::OwnParts::Limbs => SelfContact::Limbs,
+    };
+    match (args.device.gpu(), args.device) {
+        (Some(ordinal), _) if own.is_off() => return super::physics_cuda::run(args, geoms, ordinal),
+        (_, cli::Device::Cuda(_)) => {
+            let why = "--self-contact is simulated on the processor only; leave --device out";
+            return Err(Failure::usage(why));
+        }
+        _ => {}
     }
-    let model = gaitfit::robot::go2()?;
+    let (model, _) = gaitfit::robot::go2()?.touching_itself(&own).map_err(Failure::failed)?;
     let preset: gaitfit_physics::Preset = args.preset.into();
     let threads = args.threads.get();
     let what = PhysicsBench {
@@ -54,6 +66,7 @@ pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
         isa: speed.isa.name(),
         preset: preset.name(),
         geoms: geoms.name(),
+        own_pairs: model.self_pairs.len(),
         environments: speed.environments,
         contacts: speed.contacts,
         base_height_m: speed.base_height,
@@ -63,7 +76,7 @@ pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
     }
     output::print(&format!(
         "{:.2} M substeps/s (median; best {:.2} M): {} preset, {} geoms, {} thread{}, {} lanes ({})\n\
-         {} trotting robots, {:.1} contacts each, base at {:.2} m\n",
+         {} trotting robots, {:.1} contacts each, {} pairs of own parts, base at {:.2} m\n",
         1e-6 * document.substeps_per_second,
         1e-6 * document.best_substeps_per_second,
         document.preset,
@@ -74,6 +87,7 @@ pub fn run(args: &cli::BenchPhysics) -> Result<(), Failure> {
         document.isa,
         document.environments,
         document.contacts,
+        document.own_pairs,
         document.base_height_m
     ))
 }
