@@ -26,10 +26,12 @@ fn wrong_usage_ends_with_2_and_help_with_0() {
 fn a_missing_gpu_is_a_clear_error() {
     let runs = tempfile::tempdir().unwrap();
     let folder = format!("runs={}", runs.path().display());
+    let policy = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
     for args in [
         &["bench", "physics", "--device", "cuda", "--json"][..],
         &["bench", "train", "--device", "cuda", "--environments", "64"],
         &["train", "--device", "cuda:0", "--set", "train.environments=64", "--set", &folder],
+        &["evaluate", policy, "--device", "cuda", "--trajectories", "8", "--drift", "0"],
     ] {
         let output = program().args(args).env("CUDA_VISIBLE_DEVICES", "-1").output().unwrap();
         assert_eq!(output.status.code(), Some(4), "{args:?}: {}", errors(&output));

@@ -2,8 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use gaitfit_cuda::ppo::Precision;
-use gaitfit_cuda::rollout::Trainer;
+use gaitfit_cuda::rollout::{Trainer, run_trials};
 use gaitfit_cuda::runtime::Device;
+use gaitfit_learn::evaluate::{self, Subject};
 use gaitfit_learn::ppo::Settings;
 use gaitfit_learn::task::{Snapshot, Task, TaskSettings, preset};
 use gaitfit_learn::{Origin, Training, TrainingSettings};
@@ -109,6 +110,45 @@ fn gpu_rollouts_are_the_cpus() {
             errors[errors.len() * 99 / 100]
         );
         assert!(errors.len() > 290 && errors[errors.len() / 2] < 5e-3 && errors[errors.len() * 9 / 10] < 0.1);
+    }
+}
+
+/// 10,000 trajectories: the same commands, and means that agree within their intervals.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_trajectories_agree_with_the_cpus() {
+    let device = Device::open(0).unwrap();
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
+    let policy = gaitfit_policy::read(file.as_ref()).unwrap();
+    let settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
+    for settings in [settings.clone().calm(), settings] {
+        let interface = policy.interface.clone();
+        let task = Task::with_interface(&go2(), &settings, interface, Preset::Fast, 0.02).unwrap();
+        let subject = Subject { task: &task, policy: &policy, candidate: None, seed: SEED };
+        let begin = std::time::Instant::now();
+        let found = run_trials(&device, &subject, 10_000, 4.0, &|| false).unwrap().unwrap();
+        let seconds = begin.elapsed().as_secs_f64();
+        assert!(run_trials(&device, &subject, 300, 4.0, &|| false).unwrap().unwrap().len() == 300);
+        let again = run_trials(&device, &subject, 10_000, 4.0, &|| false).unwrap().unwrap();
+        assert!(found == again, "other numbers the second time");
+        assert_eq!(run_trials(&device, &subject, 10_000, 4.0, &|| true).unwrap(), None);
+        let begin = std::time::Instant::now();
+        let wanted = evaluate::run_trials(&subject, 10_000, 4.0, 16).unwrap();
+        println!("{seconds:.2} s with the compilation, the CPU {:.2} s", begin.elapsed().as_secs_f64());
+        assert!(found.iter().zip(&wanted).all(|(got, want)| got.command == want.command));
+        let (got, want) = (evaluate::summarise(&found), evaluate::summarise(&wanted));
+        println!("{got:?}\n{want:?}");
+        for (got, want) in [
+            (got.reward, want.reward),
+            (got.linear_velocity_error, want.linear_velocity_error),
+            (got.angular_velocity_error, want.angular_velocity_error),
+            (got.fall_rate, want.fall_rate),
+            (got.action_rate, want.action_rate),
+        ] {
+            let (got, want) = (got.unwrap(), want.unwrap());
+            let apart = got.ci95.unwrap_or(0.0).hypot(want.ci95.unwrap_or(0.0));
+            assert!((got.mean - want.mean).abs() <= apart, "{got:?} {want:?}");
+        }
     }
 }
 

@@ -14,6 +14,9 @@ use gaitfit_learn::task::Task;
 use gaitfit_sim::Candidate;
 use std::path::Path;
 
+/// Fewer trajectories than this are simulated on the processor, unless a GPU is asked for.
+const FEW: usize = 1000;
+
 /// The processor or a GPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Device {
@@ -133,6 +136,16 @@ impl Device {
         })
     }
 
+    /// What simulates this many trajectories: of a GPU that `auto` found, the processor where they are few, for the programs'
+    /// compilation takes longer.
+    #[must_use]
+    pub fn for_trajectories(self, count: usize) -> Self {
+        match self {
+            Self::Found(_) if count < FEW => Self::Cpu,
+            device => device,
+        }
+    }
+
     /// What computes, one line to begin with.
     pub fn line(self) -> String {
         let Some(number) = self.gpu() else { return "device cpu".to_owned() };
@@ -196,6 +209,7 @@ pub fn rollout_error(error: RolloutError) -> Error {
     match error {
         RolloutError::Cuda(error) => cuda_error(&error),
         RolloutError::Unsupported(_)
+        | RolloutError::Trials(_)
         | RolloutError::Ppo(
             PpoError::Unsupported(_)
             | PpoError::TooWide(_)
@@ -273,6 +287,9 @@ mod tests {
         assert_eq!("cpu".parse(), Ok(Device::Cpu));
         assert_eq!("cuda".parse(), Ok(Device::Cuda(0)));
         assert_eq!("cuda:3".parse(), Ok(Device::Cuda(3)));
+        let few = [Device::Cpu, Device::Cuda(2), Device::Found(1)].map(|device| device.for_trajectories(99));
+        assert_eq!(few, [Device::Cpu, Device::Cuda(2), Device::Cpu]);
+        assert_eq!(Device::Found(1).for_trajectories(10_000), Device::Found(1));
         let all = [Device::Cpu, Device::Cuda(2), Device::Found(1)];
         assert_eq!(all.map(|device| device.to_string()), ["cpu", "cuda:2", "cuda:1"]);
         assert_eq!("auto".parse(), Ok(Device::found()));

@@ -92,6 +92,10 @@ pub struct Evaluate {
     /// Robots on each cell of it
     #[arg(long, value_name = "N", default_value_t = 32)]
     pub terrain_robots: usize,
+    /// What simulates the trajectories with random commands: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000
+    /// trajectories or more, if one can be used)
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    pub device: super::Device,
     /// Write a page with pictures
     #[arg(long, value_name = "FILE.html")]
     pub report: Option<PathBuf>,

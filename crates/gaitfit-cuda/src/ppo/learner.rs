@@ -15,6 +15,9 @@ use crate::runtime::{Argument, Buffer, CudaError, Device, Graph, Kernel, Stream}
 /// Least compute capability: the matrix units' TF32.
 const CAPABILITY: (i32, i32) = (8, 0);
 
+/// A logarithm of σ of which the exponential is 0.
+const NO_EXPLORATION: f32 = -1e4;
+
 /// Networks, optimiser and samples in a GPU's memory; see the module.
 pub struct Learner {
     plan: Plan,
@@ -114,6 +117,17 @@ impl Learner {
         self.plan.pack.iter().try_for_each(|launch| self.start(&self.stream, launch))?;
         self.stream.wait()?;
         Ok(())
+    }
+
+    /// Leaves exploration out: actions are the policy's means.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn quiet(&mut self) -> Result<(), PpoError> {
+        let mut parameters = self.read_f32("parameters")?;
+        let networks = self.sizes.iter().sum::<usize>();
+        parameters.iter_mut().skip(networks).for_each(|log_std| *log_std = NO_EXPLORATION);
+        Ok(self.write("parameters", &parameters)?)
     }
 
     /// Writes the state into the CPU's learner, which must be of the same settings and shapes.

@@ -25,6 +25,9 @@ pub enum RolloutError {
     /// What the CPU's training would have said too.
     #[error(transparent)]
     Training(#[from] TrainingError),
+    /// Trajectories that only the CPU simulates.
+    #[error("trajectories with {0} are not simulated on a GPU yet; use the CPU (--device cpu)")]
+    Trials(String),
     /// Something that only the CPU does.
     #[error("a training with {0} does not run on a GPU yet; use the CPU (--device cpu)")]
     Unsupported(String),

@@ -16,6 +16,7 @@ mod run;
 mod scene;
 mod text;
 mod trainer;
+mod trials;
 
 pub use error::RolloutError;
 pub use packed::Packed;
@@ -23,3 +24,4 @@ pub use plan::{Home, Plan, control};
 pub use run::Rollout;
 pub use scene::{Scene, Sizes, check};
 pub use trainer::{Breakdown, Trainer};
+pub use trials::run_trials;

@@ -19,16 +19,16 @@ pub enum Home {
 }
 
 /// Numbers in `control`; see [`control`].
-const CONTROL: usize = 15;
+const CONTROL: usize = 16;
 /// Threads of a block: few, so that few environments are spread over the GPU.
 pub(super) const THREADS: u32 = 32;
 
-/// What kernels are told before a rollout: number of the first step, the seed, and the ranges of commands (forward, left,
-/// yaw rate).
-pub fn control(first_step: u32, seed: u64, ranges: [Interval; 3]) -> Vec<u32> {
+/// What kernels are told before a rollout: number of the first step, the seed, the ranges of commands (forward, left, yaw
+/// rate), and the number of the first environment.
+pub fn control(first_step: u32, seed: u64, ranges: [Interval; 3], first_environment: u32) -> Vec<u32> {
     let words = |number: u64| [number as u32, (number >> 32) as u32];
     let ends = ranges.iter().flatten().flat_map(|end| words(end.to_bits()));
-    [first_step].into_iter().chain(words(seed)).chain(ends).collect()
+    [first_step].into_iter().chain(words(seed)).chain(ends).chain([first_environment]).collect()
 }
 
 /// Arrays and kernels of a rollout.
@@ -96,6 +96,7 @@ impl Plan {
             ("tail_value", own, Kind::F32, tails),
             ("tally", own, Kind::F64, scene.tallies() * environments),
             ("totals", own, Kind::F64, scene.tallies()),
+            ("errors", own, Kind::F32, if scene.sizes.trials { 2 * rows } else { 0 }),
         ] {
             arrays.push(Array { name, kind, length });
             homes.push(home);
@@ -190,6 +191,7 @@ impl Plan {
             "cut",
             "tail",
             "tally",
+            "errors",
         ];
         self.launch("finish", Some(step), &arrays)
     }

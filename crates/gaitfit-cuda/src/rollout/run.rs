@@ -56,7 +56,6 @@ impl<'a> Rollout<'a> {
             .map(|name| Ok((name, module.kernel(name)?)))
             .collect::<Result<_, CudaError>>()?;
         let mut batch = Batch::new(device, &period, sizes.environments, 1)?;
-        batch.write_params(stream, &task.robots(candidates, seed, 0, sizes.environments)?)?;
         if let Some(candidate) = candidates.first().filter(|candidate| !candidate.networks.is_empty()) {
             let weights =
                 physics::weights(task.walker.model(), &candidate.networks).map_err(TaskError::from)?;
@@ -72,12 +71,28 @@ impl<'a> Rollout<'a> {
             })
             .collect::<Result<_, CudaError>>()?;
         let mut rollout = Self { task, period, sizes, batch, plan, own, kernels };
+        rollout.randomise(stream, candidates, seed, 0)?;
         let deviation = |environment: usize| candidates[environment % candidates.len()].torque_noise;
         let deviations: Vec<f64> = (0..sizes.environments).map(deviation).collect();
         if let Some(Storage::F64(buffer)) = rollout.storage("deviation") {
             buffer.write(stream, &deviations)?;
         }
         Ok(rollout)
+    }
+
+    /// Gives the environments the robots that those from number `first` on have.
+    ///
+    /// # Errors
+    /// A randomisation that leaves no robot, or a failure of the GPU.
+    pub fn randomise(
+        &mut self,
+        stream: &Stream,
+        candidates: &[Candidate],
+        seed: u64,
+        first: u32,
+    ) -> Result<(), RolloutError> {
+        let robots = self.task.robots(candidates, seed, first, self.sizes.environments)?;
+        Ok(self.batch.write_params(stream, &robots)?)
     }
 
     /// The task.
@@ -133,6 +148,14 @@ impl<'a> Rollout<'a> {
         self.read(stream, name)
     }
 
+    /// Errors of velocity and yaw rate of every step and environment of trials, m/s and rad/s in turn.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn errors(&self, stream: &Stream) -> Result<Vec<f32>, CudaError> {
+        self.read(stream, "errors")
+    }
+
     /// Puts the environments where `snapshots` say.
     ///
     /// # Errors
@@ -180,7 +203,8 @@ impl<'a> Rollout<'a> {
         Ok(packed.snapshots(&self.scene()?))
     }
 
-    /// Numbers the steps of the next rollout from `first_step`, and draws its commands from `ranges`.
+    /// Numbers the steps of the next rollout from `first_step` and its environments from `first`, and draws its commands
+    /// from `ranges`.
     ///
     /// # Errors
     /// A failure of the GPU.
@@ -190,8 +214,9 @@ impl<'a> Rollout<'a> {
         first_step: u32,
         seed: u64,
         ranges: [Interval; 3],
+        first: u32,
     ) -> Result<(), CudaError> {
-        self.write(stream, "control", &control(first_step, seed, ranges))
+        self.write(stream, "control", &control(first_step, seed, ranges, first))
     }
 
     /// Starts a whole rollout under the learner's policy; its samples are the learner's. It can be recorded in a graph.

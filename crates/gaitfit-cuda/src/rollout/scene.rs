@@ -22,7 +22,13 @@ pub struct Sizes {
     pub networks: usize,
     /// Discount of PPO.
     pub gamma: f64,
+    /// Whether a policy is tried: robots keep their commands, episodes do not end by time, and the errors of every step are
+    /// kept.
+    pub trials: bool,
 }
+
+/// More steps than any trajectory has.
+const NEVER: u32 = 1 << 30;
 
 /// A task on a robot as the kernels see it.
 pub struct Scene<'a> {
@@ -144,7 +150,17 @@ impl<'a> Scene<'a> {
 
     /// Most episodes of an environment that a rollout cuts off.
     pub(super) fn cuts(&self) -> usize {
-        self.sizes.steps.div_ceil(self.task.episode_steps() as usize)
+        self.sizes.steps.div_ceil(self.episode_steps() as usize)
+    }
+
+    /// Steps of an episode at most.
+    pub(super) fn episode_steps(&self) -> u32 {
+        if self.sizes.trials { NEVER } else { self.task.episode_steps() }
+    }
+
+    /// Steps after which a command is drawn anew.
+    pub(super) fn command_steps(&self) -> u32 {
+        if self.sizes.trials { NEVER } else { self.task.command_steps() }
     }
 
     /// Numbers of an action.

@@ -86,6 +86,7 @@ impl Words {
             ("CUTS", scene.cuts()),
             ("THREADS", THREADS as usize),
             ("LOG_STD_AT", scene.sizes.networks),
+            ("TRIALS", usize::from(scene.sizes.trials)),
         ] {
             self.define(name, value);
         }
@@ -138,8 +139,8 @@ impl Words {
         for (name, value) in [
             ("HAS_LEAD", u32::from(lead != 0.0)),
             ("HAS_CLOCK", u32::from(interface.gait_frequency.is_some())),
-            ("EPISODE_STEPS_MOST", task.episode_steps()),
-            ("COMMAND_STEPS", task.command_steps()),
+            ("EPISODE_STEPS_MOST", scene.episode_steps()),
+            ("COMMAND_STEPS", scene.command_steps()),
             ("PUSH_PERIOD", (push / interface.control_dt).round() as u32),
         ] {
             self.define(name, format!("{value}u"));

@@ -60,7 +60,7 @@ impl<'a> Trainer<'a> {
         let batch = Batch { steps, environments, tile: Training::TILE };
         let host = training.learner();
         let networks = host.actor().parameters.len() + host.critic().parameters.len();
-        let sizes = Sizes { steps, environments, networks, gamma: host.settings().gamma };
+        let sizes = Sizes { steps, environments, networks, gamma: host.settings().gamma, trials: false };
         let learner = Learner::new(device, host, batch, precision)?;
         let rollout = Rollout::new(device, learner.stream(), task, training.candidates(), sizes, seed)?;
         let mut own = Self {
@@ -136,7 +136,7 @@ impl<'a> Trainer<'a> {
         // Step 0 is the start of the very first episodes.
         let first_step = number * self.settings.steps as u32 + 1;
         let ranges = self.growth.ranges(self.rollout.task(), number);
-        self.rollout.number(self.learner.stream(), first_step, self.seed, ranges)?;
+        self.rollout.number(self.learner.stream(), first_step, self.seed, ranges, 0)?;
         self.launch()?;
         let totals = self.rollout.read_f64(self.learner.stream(), "totals")?;
         let tally = self.tally(&totals);

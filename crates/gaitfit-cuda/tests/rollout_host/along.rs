@@ -42,7 +42,7 @@ pub fn lively(name: &str) -> TaskSettings {
 }
 
 pub fn sizes() -> Sizes {
-    Sizes { steps: STEPS, environments: ENVIRONMENTS, networks: NETWORKS, gamma: 0.97 }
+    Sizes { steps: STEPS, environments: ENVIRONMENTS, networks: NETWORKS, gamma: 0.97, trials: false }
 }
 
 /// What the CPU did in one step.
@@ -236,7 +236,7 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
         ("returns", f(&start.returns)),
         ("mean", f(&mean)),
         ("parameters", f(&[vec![f32::NAN; NETWORKS], log_std].concat())),
-        ("control", w(&control(FIRST, SEED, ranges))),
+        ("control", w(&control(FIRST, SEED, ranges, 0))),
         ("tail_value", f(&tail_value)),
     ] {
         files.insert(name.to_owned(), bytes);

@@ -2,9 +2,10 @@
 
 use super::{GroundResult, TrajectoryErrors};
 use crate::Error;
+use crate::device::{Device, rollout_error};
 use crate::watch::Watch;
 use crate::world::World;
-use gaitfit_learn::evaluate::{GaitRecord, GaitSummary, Trial, drift, record_gait, run_trials, summarise};
+use gaitfit_learn::evaluate::{GaitRecord, GaitSummary, Subject, Trial, drift, record_gait, run_trials, summarise};
 use gaitfit_view::evaluation::Drift;
 use gaitfit_view::loop_report::Estimate;
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,8 @@ pub struct Plan {
     pub seed: u64,
     /// Threads.
     pub threads: usize,
+    /// What simulates the trajectories with random commands; the CPU does the rest.
+    pub device: Device,
 }
 
 /// What was measured. Of a program's document only the errors and falls are needed; a number it lacks is NaN.
@@ -158,7 +161,7 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
         let message = "interrupted; nothing was kept of this evaluation".to_owned();
         if watch.stop() { Err(Error::Interrupted { message, kept: None }) } else { Ok(()) }
     };
-    let trials = run_trials(&subject, plan.trajectories, plan.seconds, plan.threads)?;
+    let trials = trials(&subject, plan, watch)?;
     go_on()?;
     let trials_of_drift =
         if plan.drift == 0 { Vec::new() } else { drift(&subject, plan.drift, plan.drift_speeds)? };
@@ -201,6 +204,23 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
         errors: trials.iter().map(errors).collect(),
     };
     Ok(Measured { evaluation, trials, gait: walked.then_some(record) })
+}
+
+/// The trajectories with random commands, on the plan's device, or on the CPU if `auto` found a GPU that does not do them.
+fn trials(subject: &Subject<'_>, plan: &Plan, watch: &Watch<'_>) -> Result<Vec<Trial>, Error> {
+    if let Some(gpu) = plan.device.open()? {
+        let found = gaitfit_cuda::rollout::run_trials(&gpu, subject, plan.trajectories, plan.seconds, &|| {
+            watch.stop()
+        });
+        match found.map_err(rollout_error) {
+            Ok(trials) => return Ok(trials.unwrap_or_default()),
+            Err(error) => match plan.device.instead(&error) {
+                Some(note) => watch.note(&note),
+                None => return Err(error),
+            },
+        }
+    }
+    Ok(run_trials(subject, plan.trajectories, plan.seconds, plan.threads)?)
 }
 
 /// What of a trajectory is compared with others.

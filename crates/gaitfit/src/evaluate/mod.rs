@@ -9,6 +9,7 @@ pub use ground::{GroundChoice, GroundResult, OnGround};
 pub use measure::{DriftResult, Evaluation, Measured, Plan, measure};
 
 use crate::Error;
+use crate::device::Device;
 use crate::settings::MOST_DRIFT;
 use crate::watch::Watch;
 use crate::world::{World, WorldSettings};
@@ -38,6 +39,8 @@ pub struct EvaluateSettings {
     pub ground: GroundChoice,
     /// Robots on each of its cells.
     pub ground_robots: usize,
+    /// What simulates the trajectories with random commands.
+    pub device: Device,
 }
 
 /// What came out.
@@ -84,6 +87,7 @@ pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evalua
         drift_speeds: settings.drift_speeds,
         seed: settings.world.seed,
         threads: settings.world.threads(),
+        device: settings.device,
     };
     let mut measured = measure(&world, &settings.world.policy.display().to_string(), &plan, watch)?;
     let robots = settings.ground_robots;

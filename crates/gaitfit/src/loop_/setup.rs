@@ -235,6 +235,8 @@ impl Setup {
             drift_speeds: evaluate.drift_speeds,
             seed: evaluate.seed,
             threads: self.threads,
+            // Policies are compared on the same numbers, wherever they were trained.
+            device: Device::Cpu,
         }
     }
 }

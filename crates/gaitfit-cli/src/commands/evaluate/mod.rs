@@ -49,7 +49,9 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
         drift_speeds,
         ground: GroundChoice::read(&args.terrain)?,
         ground_robots: args.terrain_robots,
+        device: args.device.for_trajectories(args.trajectories.get()),
     };
+    output::note(&settings.device.line());
     let found = watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
     let Evaluated { measured, world, ground, wall_seconds } = found;
     let evaluation = &measured.evaluation;

@@ -33,7 +33,7 @@ KERNEL act(
     for (int k = 0; k < MEMORY && first; k++) REMEMBERED(k) = settled(state, params, e, k);
     log_probability[row] = -0.5f * squares - (logs + 0.5f * (float)ACTIONS * LOG_TAU);
     // Robots are pushed at different times.
-    if (PUSH_PERIOD > 0 && (number + e * 7u) % PUSH_PERIOD == 0 && steps[e] > 0) {
+    if (PUSH_PERIOD > 0 && (number + (control[FIRST_ENVIRONMENT] + e) * 7u) % PUSH_PERIOD == 0 && steps[e] > 0) {
         Draws push = draws_of(control, PUSH_DRAWS, e, number);
         for (int k = 0; k < 2; k++) STATE(LINEAR + k) += (float)within(push, k, -PUSH_VELOCITY, PUSH_VELOCITY);
     }

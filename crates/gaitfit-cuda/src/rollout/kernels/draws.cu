@@ -4,15 +4,16 @@
 enum { TORQUE_DRAWS = 3, COMMAND_DRAWS = 5, RESET_DRAWS = 6, NOISE_DRAWS = 8, EXPLORATION_DRAWS = 9, PUSH_DRAWS = 13 };
 
 // Numbers in `control`, which the host writes before a rollout.
-// COMMAND_RANGES: the ends of the commands' ranges as doubles, low words first.
-enum { FIRST_STEP, SEED_LOW, SEED_HIGH, COMMAND_RANGES, CONTROL_SIZE = COMMAND_RANGES + 12 };
+// COMMAND_RANGES: the ends of the commands' ranges as doubles, low words first. FIRST_ENVIRONMENT: the number that draws of
+// environment 0 have.
+enum { FIRST_STEP, SEED_LOW, SEED_HIGH, COMMAND_RANGES, FIRST_ENVIRONMENT = COMMAND_RANGES + 12, CONTROL_SIZE };
 
 struct Draws {
     u32 seed_low, seed_high, purpose, environment, step;
 };
 
 DEVICE Draws draws_of(const u32* control, u32 purpose, u32 environment, u32 step) {
-    return {control[SEED_LOW], control[SEED_HIGH], purpose, environment, step};
+    return {control[SEED_LOW], control[SEED_HIGH], purpose, control[FIRST_ENVIRONMENT] + environment, step};
 }
 
 DEVICE void block_of(Draws d, u32 block, u32 words[4]) {

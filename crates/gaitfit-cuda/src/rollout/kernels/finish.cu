@@ -52,7 +52,7 @@ DEVICE bool has_fallen(const float* report, u32 e, float uprightness, float heig
 DEVICE bool finish_step(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
-    float* tail, double* tally, u32 e
+    float* tail, double* tally, float* errors, u32 e
 ) {
     u64 row = (u64)step * ENVIRONMENTS + e;
     u32 number = control[FIRST_STEP] + step, age = steps[e] + 1;
@@ -95,8 +95,12 @@ DEVICE bool finish_step(
     float ex = m.velocity[0] - command[e], ey = m.velocity[1] - command[ENVIRONMENTS + e];
     TALLY(0) += (double)paid;
     for (int k = 0; k < REWARDS; k++) TALLY(1 + k) += (double)terms[k];
-    TALLY(VELOCITY_ERROR) += (double)sqrtf(ex * ex + ey * ey);
-    TALLY(YAW_ERROR) += (double)fabsf(m.yaw_rate - command[2 * ENVIRONMENTS + e]);
+    float velocity_error = sqrtf(ex * ex + ey * ey), yaw_error = fabsf(m.yaw_rate - command[2 * ENVIRONMENTS + e]);
+    TALLY(VELOCITY_ERROR) += (double)velocity_error;
+    TALLY(YAW_ERROR) += (double)yaw_error;
+#if TRIALS
+    errors[2 * row] = velocity_error, errors[2 * row + 1] = yaw_error;
+#endif
     // The learner refuses a reward that is no number, and learns nothing from this rollout.
     reward[row] = broken ? (float)double_of_bits(0x7FF8000000000000ull) : paid;
     done[row] = ended == GOES_ON ? 0.0f : 1.0f;
@@ -132,7 +136,7 @@ DEVICE bool finish_step(
 KERNEL finish(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
-    float* tail, double* tally
+    float* tail, double* tally, float* errors
 ) {
     // Which environments of the block begin anew.
     __shared__ u32 begins[THREADS];
@@ -141,7 +145,7 @@ KERNEL finish(
     bool inside = e < ENVIRONMENTS;
     begins[threadIdx.x] = inside && finish_step(
         step, control, state, params, report, action, reward, done, steps, fresh, command, last_action, feet, returns, cut,
-        tail, tally, e) ? 1 : 0;
+        tail, tally, errors, e) ? 1 : 0;
     __syncthreads();
     for (u32 k = 0; k < THREADS; k++) {
         if (!begins[k]) continue;

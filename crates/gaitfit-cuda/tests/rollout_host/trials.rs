@@ -1,0 +1,142 @@
+//! Steps of a policy's trajectories by the kernels, as C++, and by the CPU's environment.
+
+use std::collections::HashMap;
+
+use crate::along::{ENVIRONMENTS, NETWORKS, PROCESSORS, SEED, apart, go2, lively, params};
+use crate::host::{bytes, call, execute, floats, keep, take};
+use gaitfit_cuda::rollout::{Packed, Plan, Scene, Sizes, control};
+use gaitfit_learn::evaluate::{Subject, Trials, trial_environments};
+use gaitfit_learn::task::{Ended, Snapshot, Task};
+use gaitfit_physics::Preset;
+use gaitfit_random::{Purpose, Stream};
+use gaitfit_sim::Candidate;
+
+const STEPS: usize = 30;
+/// No multiple of anything.
+const FIRST: u32 = 1037;
+
+/// What the CPU did in one step.
+struct Step {
+    moved: Vec<Snapshot>,
+    observation: Vec<f32>,
+    reward: Vec<f32>,
+    ended: Vec<Ended>,
+    errors: Vec<[f32; 2]>,
+}
+
+/// Environments that are not the first, commands that stay though the task draws new ones every four steps, episodes of
+/// fifteen steps that go on, noise and pushes; actions are the means.
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_of_trajectories_are_the_cpus() {
+    let mut settings = lively("velocity");
+    settings.fall.tilt = 12.0;
+    let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
+    let candidate = Candidate { torque_noise: 0.4, ..Candidate::nominal(&go2()) };
+    let policy = gaitfit_policy::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors").as_ref());
+    let subject = Subject { task: &task, policy: &policy.unwrap(), candidate: Some(&candidate), seed: SEED };
+    let candidates = std::slice::from_ref(&candidate);
+    let period = Scene::period(&task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
+    let sizes = Sizes { steps: STEPS, environments: ENVIRONMENTS, networks: NETWORKS, gamma: 1.0, trials: true };
+    let scene = Scene::new(&task, &period, sizes).unwrap();
+    let plan = Plan::new(&scene);
+    let actions = task.walker.joints.len();
+    let width = ENVIRONMENTS * actions;
+    let noise = Stream::new(5, Purpose::BOOTSTRAP);
+    let mean: Vec<f32> = (0..STEPS * width).map(|k| 0.5 * noise.normal(k as u32) as f32).collect();
+    let tiles = ENVIRONMENTS.div_ceil(period.layout().environments());
+
+    let mut environment = trial_environments(&subject, FIRST, ENVIRONMENTS).unwrap();
+    let all = |environment: &mut gaitfit_learn::task::Environment<'_>| -> Vec<Snapshot> {
+        (0..ENVIRONMENTS).map(|index| environment.snapshot(index)).collect()
+    };
+    let start = Packed::new(&scene, &all(&mut environment), tiles);
+    let mut wanted = Trials::new(environment.commands(), actions);
+    let mut steps = Vec::new();
+    for (t, means) in mean.chunks_exact(width).enumerate() {
+        let number = t as u32 + 1;
+        let mut observation = vec![0.0; ENVIRONMENTS * task.walker.interface.observation_width()];
+        let (mut reward, mut ended) = (vec![0.0; ENVIRONMENTS], vec![Ended::No; ENVIRONMENTS]);
+        environment.observe(number, &mut observation);
+        environment.step(number, means, &mut reward, &mut ended);
+        let errors = (0..ENVIRONMENTS).map(|index| environment.tracking_error(index)).collect();
+        let step = Step { moved: all(&mut environment), observation, reward, ended, errors };
+        wanted.take(number, means, |index| (step.reward[index], step.ended[index], step.errors[index]));
+        steps.push(step);
+    }
+    let wanted = wanted.finish();
+
+    let f = |numbers: &[f32]| bytes(numbers, f32::to_ne_bytes);
+    let w = |words: &[u32]| bytes(words, u32::to_ne_bytes);
+    let robots = task.robots(candidates, SEED, FIRST, ENVIRONMENTS).unwrap();
+    let quiet = [vec![f32::NAN; NETWORKS], vec![-1e4; actions]].concat();
+    let ranges = task.settings.command.ranges(1.0);
+    let mut files: HashMap<String, Vec<u8>> = HashMap::new();
+    for (name, bytes) in [
+        ("robot_state", f(&start.state)),
+        ("robot_targets", f(&start.targets)),
+        ("robot_report", f(&start.report)),
+        ("robot_memory", f(&start.memory)),
+        ("robot_params", f(&params(&period, &robots))),
+        ("deviation", bytes(&[candidate.torque_noise; ENVIRONMENTS], f64::to_ne_bytes)),
+        ("steps", w(&start.steps)),
+        ("fresh", w(&start.fresh)),
+        ("command", f(&start.command)),
+        ("last_action", f(&start.last_action)),
+        ("feet", f(&start.feet)),
+        ("returns", f(&start.returns)),
+        ("mean", f(&mean)),
+        ("parameters", f(&quiet)),
+        ("control", w(&control(1, SEED, ranges, FIRST))),
+    ] {
+        files.insert(name.to_owned(), bytes);
+    }
+    let mut statements = call(&plan.begin());
+    for (t, step) in steps.iter().enumerate() {
+        let packed = Packed::new(&scene, &step.moved, tiles);
+        files.insert(format!("robot_state.moved{t}"), f(&packed.state));
+        files.insert(format!("robot_report.moved{t}"), f(&packed.report));
+        statements.push_str(&call(&plan.observe(t)));
+        statements.push_str(&call(&plan.act(t)));
+        statements.push_str(&take(&plan.arrays, "robot_state", &format!("moved{t}")));
+        statements.push_str(&take(&plan.arrays, "robot_report", &format!("moved{t}")));
+        statements.push_str(&call(&plan.finish(t)));
+    }
+    for name in ["observation", "action", "reward", "done", "errors", "command"] {
+        statements.push_str(&keep(&plan.arrays, name, "out"));
+    }
+    let folder = execute(&plan.program.text, &plan.arrays, &files, &[], &statements);
+    let out = |name: &str| floats(&std::fs::read(folder.path().join(format!("{name}.out"))).unwrap());
+    let (action, reward, done, errors) = (out("action"), out("reward"), out("done"), out("errors"));
+    assert!(action == mean, "actions are not the means");
+    // Robots that have fallen begin anew here, which does not count.
+    let seen = out("observation");
+    let wide = task.walker.interface.observation_width();
+    let (mut found, mut fallen) = (Trials::new(&environment.commands().to_vec(), actions), vec![false; ENVIRONMENTS]);
+    for (t, step) in steps.iter().enumerate() {
+        for index in (0..ENVIRONMENTS).filter(|&index| !fallen[index]) {
+            let row = (t * ENVIRONMENTS + index) * wide;
+            let error = apart(&seen[row..row + wide], &step.observation[index * wide..(index + 1) * wide]);
+            assert!(error <= 1e-6, "step {t}, robot {index}: observations differ by {error:e}");
+        }
+        let state = |index: usize| {
+            let at = t * ENVIRONMENTS + index;
+            let ended = if done[at] != 0.0 { Ended::Fall } else { Ended::No };
+            (reward[at], ended, [errors[2 * at], errors[2 * at + 1]])
+        };
+        found.take(t as u32 + 1, &action[t * width..(t + 1) * width], state);
+        step.ended.iter().zip(&mut fallen).for_each(|(ended, fallen)| *fallen |= *ended == Ended::Fall);
+    }
+    let near = |got: f64, want: f64| assert!((got - want).abs() < 1e-5 * want.abs().max(1.0), "{got} {want}");
+    let mut falls = 0;
+    for (got, want) in found.finish().iter().zip(&wanted) {
+        assert_eq!((got.command, got.steps, got.fell), (want.command, want.steps, want.fell));
+        near(got.reward, want.reward);
+        near(got.linear_velocity_error, want.linear_velocity_error);
+        near(got.angular_velocity_error, want.angular_velocity_error);
+        assert_eq!(got.action_rate, want.action_rate);
+        falls += usize::from(got.fell);
+    }
+    println!("{falls} of {ENVIRONMENTS} robots fell");
+    assert!(falls > 2 && falls < ENVIRONMENTS, "{falls} falls");
+}
