@@ -96,6 +96,10 @@ impl Tables {
     /// # Errors
     /// A robot that cannot be stepped.
     pub fn replay(replay: &Replay) -> Result<Self, FitError> {
+        if !replay.model().self_pairs.is_empty() {
+            let what = "contact between the robot's own parts (self_contact)";
+            return Err(FitError::Unsupported(what.to_owned()));
+        }
         let joints = replay.model().joints.len();
         let recordings = replay.recordings();
         let lengths: Vec<usize> = recordings.iter().map(|one| one.target.len() / joints.max(1)).collect();

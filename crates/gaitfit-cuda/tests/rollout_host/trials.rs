@@ -33,11 +33,14 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
     settings.fall.tilt = 12.0;
     let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
     let candidate = Candidate { torque_noise: 0.4, ..Candidate::nominal(&go2()) };
-    let policy = gaitfit_policy::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors").as_ref());
+    let policy = gaitfit_policy::read(
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors").as_ref(),
+    );
     let subject = Subject { task: &task, policy: &policy.unwrap(), candidate: Some(&candidate), seed: SEED };
     let candidates = std::slice::from_ref(&candidate);
     let period = Scene::period(&task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
-    let sizes = Sizes { steps: STEPS, environments: ENVIRONMENTS, networks: NETWORKS, gamma: 1.0, trials: true };
+    let sizes =
+        Sizes { steps: STEPS, environments: ENVIRONMENTS, networks: NETWORKS, gamma: 1.0, trials: true };
     let scene = Scene::new(&task, &period, sizes).unwrap();
     let plan = Plan::new(&scene);
     let actions = task.walker.joints.len();
@@ -112,7 +115,7 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
     // Robots that have fallen begin anew here, which does not count.
     let seen = out("observation");
     let wide = task.walker.interface.observation_width();
-    let (mut found, mut fallen) = (Trials::new(&environment.commands().to_vec(), actions), vec![false; ENVIRONMENTS]);
+    let (mut found, mut fallen) = (Trials::new(environment.commands(), actions), vec![false; ENVIRONMENTS]);
     for (t, step) in steps.iter().enumerate() {
         for index in (0..ENVIRONMENTS).filter(|&index| !fallen[index]) {
             let row = (t * ENVIRONMENTS + index) * wide;

@@ -5,7 +5,9 @@ use crate::Error;
 use crate::device::{Device, rollout_error};
 use crate::watch::Watch;
 use crate::world::World;
-use gaitfit_learn::evaluate::{GaitRecord, GaitSummary, Subject, Trial, drift, record_gait, run_trials, summarise};
+use gaitfit_learn::evaluate::{
+    GaitRecord, GaitSummary, Subject, Trial, drift, record_gait, run_trials, summarise,
+};
 use gaitfit_view::evaluation::Drift;
 use gaitfit_view::loop_report::Estimate;
 use serde::{Deserialize, Serialize};
@@ -209,9 +211,10 @@ pub fn measure(world: &World, policy: &str, plan: &Plan, watch: &Watch<'_>) -> R
 /// The trajectories with random commands, on the plan's device, or on the CPU if `auto` found a GPU that does not do them.
 fn trials(subject: &Subject<'_>, plan: &Plan, watch: &Watch<'_>) -> Result<Vec<Trial>, Error> {
     if let Some(gpu) = plan.device.open()? {
-        let found = gaitfit_cuda::rollout::run_trials(&gpu, subject, plan.trajectories, plan.seconds, &|| {
-            watch.stop()
-        });
+        let found =
+            gaitfit_cuda::rollout::run_trials(&gpu, subject, plan.trajectories, plan.seconds, &|| {
+                watch.stop()
+            });
         match found.map_err(rollout_error) {
             Ok(trials) => return Ok(trials.unwrap_or_default()),
             Err(error) => match plan.device.instead(&error) {
