@@ -48,6 +48,9 @@ const TINY: [&str; 4] =
 fn of_the_go2_it_finds_about_the_built_in_task() {
     let folder = tempfile::tempdir().unwrap();
     let (found, printed) = init(&root().join("assets/go2.xml"), folder.path(), &[]);
+    // Its file lets own parts touch: that is a choice, and off.
+    let text = std::fs::read_to_string(folder.path().join("robot.toml")).unwrap();
+    assert!(text.contains("\n# self_contact = \"file\""), "{text}");
     let built_in: Table = {
         let output = run(&["config", "train"]);
         toml::from_str(std::str::from_utf8(&output.stdout).unwrap()).unwrap()
