@@ -7,6 +7,7 @@ mod interrupt;
 mod output;
 mod progress;
 mod table;
+mod viewer;
 mod watcher;
 
 use clap::Parser;

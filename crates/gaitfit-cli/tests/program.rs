@@ -151,3 +151,62 @@ fn vector_instructions_can_be_chosen() {
     assert_eq!(wrong.status.code(), Some(2));
     assert!(errors(&wrong).contains("avx512"), "{}", errors(&wrong));
 }
+
+/// A desktop whose opener notes what it is given, or fails.
+#[cfg(target_os = "linux")]
+fn desktop(folder: &std::path::Path, fails: bool) -> std::path::PathBuf {
+    use std::os::unix::fs::PermissionsExt;
+    let (bin, opened) = (folder.join("bin"), folder.join("opened"));
+    std::fs::create_dir_all(&bin).unwrap();
+    let script =
+        format!("#!/bin/sh\necho \"$1\" >> '{}'\nexit {}\n", opened.display(), if fails { 4 } else { 0 });
+    let path = bin.join("xdg-open");
+    std::fs::write(&path, script).unwrap();
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    opened
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn pages_are_opened_where_that_is_asked_and_a_desktop_that_cannot_is_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let opened = desktop(folder.path(), false);
+    let text = |name: &str| folder.path().join(name).display().to_string();
+    let started = |args: &[String]| {
+        let output = program().args(args).env("PATH", folder.path().join("bin")).output().unwrap();
+        assert!(output.status.success(), "{args:?}: {}", errors(&output));
+        errors(&output)
+    };
+    let words = |line: &[&str]| -> Vec<String> { line.iter().map(|&word| word.to_owned()).collect() };
+    let (page, replay, plot) = (text("page.html"), text("replay.html"), text("plot.svg"));
+    let policy = "assets/go2-walk.safetensors";
+    let evaluate = ["evaluate", policy, "--trajectories", "2", "--seconds", "0.2", "--drift", "0"];
+    let runs = format!("runs={}", folder.path().display());
+    let train = ["train", "--name", "t", "--set", &runs, "--set", "train.iterations=1", "--set"];
+    let small = ["train.environments=8", "--set", "train.steps=4"];
+    let commands = [
+        (words(&["inspect", "examples/go2-demo/fit.csv", "--plot", &plot]), plot.clone()),
+        (words(&[&evaluate[..], &["--report", &page, "--replay", &replay]].concat()), page.clone()),
+        (words(&[&evaluate[..], &["--replay", &replay]].concat()), replay.clone()),
+        (words(&[&train[..], &small[..]].concat()), text("t/report.html")),
+        (common::quick_demo(folder.path(), &["--name", "a"]), text("a/report.html")),
+        (common::loops::args(folder.path(), common::loops::SIMULATED, &[]), text("l/report.html")),
+    ];
+    let mut wanted = String::new();
+    for (command, file) in &commands {
+        started(&[command.as_slice(), &["--open".to_owned()]].concat());
+        wanted.push_str(file);
+        wanted.push('\n');
+        assert_eq!(std::fs::read_to_string(&opened).unwrap(), wanted, "{command:?}");
+    }
+    // Not asked, nothing is opened.
+    started(&commands[0].0);
+    assert_eq!(std::fs::read_to_string(&opened).unwrap(), wanted);
+
+    desktop(folder.path(), true);
+    let said = started(&[commands[0].0.as_slice(), &["--open".to_owned()]].concat());
+    assert!(said.contains("warning: cannot open") && said.contains("plot.svg"), "{said}");
+    let output = run(&["evaluate", policy, "--open"]);
+    assert_eq!(output.status.code(), Some(2), "there is nothing to open");
+    assert!(errors(&output).contains("--report"), "{}", errors(&output));
+}

@@ -66,6 +66,8 @@ fn full(joints: usize, generations: usize) -> FitReport {
         created: "2026-01-01".into(),
         wall_seconds: 41.0,
         doubts: Vec::new(),
+        converged: Some(true),
+        held_out: None,
         fit_logs: vec!["run_0.csv".into()],
         log: None,
         fits: vec![Fit {
@@ -277,7 +279,7 @@ fn doubts_come_before_anything_good() {
     // Without any, the result comes first.
     report.doubts.clear();
     let page = render(&report).unwrap();
-    assert!(result_text(&page).starts_with("0.0678") && page.contains(r#"class="verdicts""#));
+    assert!(result_text(&page).starts_with("The search converged") && page.contains(r#"class="verdicts""#));
 }
 
 #[test]

@@ -70,6 +70,27 @@ fn pages_without_data_are_whole() {
 }
 
 #[test]
+fn an_evaluation_begins_with_its_verdict_and_plays() {
+    let html = evaluation_html(&invented::evaluation(100)).unwrap();
+    let document = parse(&html);
+    let verdict = document.descendants().find(|n| n.attribute("class") == Some("state good")).unwrap();
+    assert!(verdict.text().unwrap().starts_with("Walks:"));
+    let large = document.descendants().filter(|n| n.attribute("class") == Some("big"));
+    let large: Vec<&str> = large.filter_map(|n| n.text()).map(str::trim).collect();
+    assert_eq!(large, ["0.1120", "0.1430", "1.31"], "as many decimals as the terminal, falls in percent");
+    for html in [html.as_str(), &training_report(&invented::training(1, 20)).unwrap()] {
+        let document = parse(html);
+        let player = document.descendants().find(|n| n.attribute("id") == Some("player")).unwrap();
+        assert_eq!(player.attribute("class"), Some("embedded"));
+        assert!(hrefs(html).contains(&"#motion".to_string()));
+    }
+    let stands = vec![Doubt::new(DoubtKind::NotLearnt, "Seed 1: 85 % of its last episodes end in a fall.")];
+    let report = TrainingReport { doubts: stands, ..invented::training(1, 20) };
+    let shown = text(&parse(&training_report(&report).unwrap()));
+    assert!(shown.find("Has not learnt to walk yet") < shown.find("mean linear-velocity error"), "{shown}");
+}
+
+#[test]
 fn doubts_come_first() {
     let doubts = vec![Doubt::new(DoubtKind::Diverged, "3 of 100 robots diverged; they count as falls.")];
     let report = EvaluationReport { doubts: doubts.clone(), ..invented::evaluation(100) };

@@ -94,6 +94,38 @@ fn the_page_holds_the_numbers_given() {
 }
 
 #[test]
+fn where_it_was_measured_comes_first() {
+    let mut report = invented_loop::two_rounds(1, 5, 5);
+    let shown = text(&parse(&loop_html(&report).unwrap()));
+    let place = shown.find("π₀ → π₂, measured on the robot (MuJoCo): 10000 trajectories of 4 s").unwrap();
+    assert!(place < shown.find("Linear-velocity error").unwrap());
+    report.doubts = vec![
+        Doubt::new(DoubtKind::WorseThanNominal, "worse"),
+        Doubt::new(DoubtKind::RobotAbsent, "They walked in the fitted simulator."),
+    ];
+    let html = loop_html(&report).unwrap();
+    let document = parse(&html);
+    let banner = document.descendants().find(|n| n.attribute("class") == Some("doubt")).unwrap();
+    assert!(banner.descendants().any(|n| n.text() == Some("Not measured on the robot")), "the first line");
+    assert!(!html.contains("class=\"good\""), "nothing is praised without the robot");
+}
+
+#[test]
+fn the_truth_stands_beside_what_was_found_and_settings_are_folded() {
+    let html = loop_html(&invented_loop::two_rounds(1, 5, 5)).unwrap();
+    let document = parse(&html);
+    let heads = document.descendants().filter(|n| n.has_tag_name("tr")).find_map(|row| {
+        let cells: Vec<_> = row.children().filter_map(|cell| cell.text()).collect();
+        cells.contains(&"Truth").then_some(cells)
+    });
+    assert_eq!(heads.unwrap()[..3], ["Parameter", "Value", "Truth"]);
+    assert!(text(&document).contains("true 0.2"), "also beside the picture");
+    let within = |n: &roxmltree::Node| n.ancestors().any(|a| a.has_tag_name("details"));
+    let setting = document.descendants().find(|n| n.text() == Some("collect.trajectories")).unwrap();
+    assert!(within(&setting));
+}
+
+#[test]
 fn the_replay_plays_within_the_page() {
     let html = loop_html(&invented_loop::two_rounds(1, 5, 40)).unwrap();
     let document = parse(&html);
@@ -120,7 +152,10 @@ fn every_section_may_be_missing() {
     let html = loop_html(&only).unwrap();
     assert_eq!(sections(&html), ["result", "tracking", "settings"]);
     let shown = text(&parse(&html));
-    assert!(shown.contains("π₀ on target.") && !shown.contains("% less"), "one policy has nothing beside it");
+    assert!(
+        shown.contains("π₀, measured on target") && !shown.contains("% less"),
+        "one policy has nothing beside it"
+    );
     let only = LoopReport { drift: full.drift.clone(), ..LoopReport::default() };
     assert_eq!(sections(&loop_html(&only).unwrap()), ["result", "drift", "settings"]);
 

@@ -49,6 +49,25 @@ pub(super) fn weights(last: &[f64; OUTPUT_WEIGHTS], position: f64, velocity: f64
     weights
 }
 
+/// What a weight of 1 of the last layer stands for, in their order, as a unit that the weight is read before: of torques,
+/// N·m, or of corrections of the target, rad, for this output scale.
+pub(super) fn units(output: f64, torque: bool) -> [String; OUTPUT_WEIGHTS] {
+    let written = |size: f64, unit: &str| {
+        // Three digits, without what products in binary leave.
+        let size: f64 = format!("{:.2e}", size * output).parse().unwrap_or(size * output);
+        if size == 1.0 { unit.to_owned() } else { format!("× {size} {unit}") }
+    };
+    let [friction, damping, stiffness] =
+        if torque { ["N·m", "N·m·s/rad", "N·m/rad"] } else { ["rad", "s", "rad/rad"] };
+    [
+        written(SMALL, friction),
+        written(DAMPING, damping),
+        format!("{} a sample", written(INERTIA, damping)),
+        written(STIFFNESS, stiffness),
+        written(SMALL, friction),
+    ]
+}
+
 /// Stiffness (N·m/rad) and torque at the rest angle (N·m) that a last layer stands for near the rest angle.
 pub(super) fn spring(last: &[f64], output: f64) -> (f64, f64) {
     let [.., stiffness, offset] = last else { return (0.0, 0.0) };
@@ -58,6 +77,13 @@ pub(super) fn spring(last: &[f64], output: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn units_are_what_a_weight_of_one_does() {
+        let wanted = ["× 0.6 N·m", "× 0.6 N·m·s/rad", "× 3 N·m·s/rad a sample", "× 30 N·m/rad", "× 0.6 N·m"];
+        assert_eq!(units(30.0, true), wanted);
+        assert_eq!(units(1.0, false)[3], "rad/rad");
+    }
 
     /// The network by its formula, for the physical inputs (Δq, q̇) of three samples.
     fn output(last: [f64; OUTPUT_WEIGHTS], motion: [f64; 6]) -> f64 {

@@ -77,6 +77,14 @@ impl NetworkStart {
             Self::Features => features::NAMES.map(str::to_owned).to_vec(),
         }
     }
+
+    /// Their units, where a single weight means something.
+    fn units(self, output: f64, torque: bool) -> Vec<String> {
+        match self {
+            Self::Zero | Self::Random => vec!["-".to_owned(); NETWORK_WEIGHTS],
+            Self::Features => features::units(output, torque).to_vec(),
+        }
+    }
 }
 
 /// A rule: networks (6 inputs, hidden 8 and 4, tanh, one output) of the joints it covers.
@@ -184,15 +192,16 @@ impl NetworkRule {
         }
         let shares = self.per.shares(kind, &self.joints, groups, joints)?;
         let searched = self.start.searched();
+        let units = self.start.units(self.output_scale, self.kind == NetworkName::ResidAct);
         let mut entries = Vec::with_capacity(shares.len() * searched.len());
         let mut networks = Vec::with_capacity(shares.len());
         for share in shares {
             let name = share.named(kind);
-            for weight in &searched {
+            for (weight, unit) in searched.iter().zip(&units) {
                 entries.push(Entry {
                     name: format!("{name}_{weight}"),
                     kind,
-                    unit: "-".to_owned(),
+                    unit: unit.clone(),
                     joints: share.joints.iter().map(|&joint| joint.clone()).collect(),
                     lower: self.lower,
                     upper: self.upper,

@@ -10,7 +10,7 @@ pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms, OwnParts};
 pub use choices::{Config, ConfigOf, Preset};
 pub use gaitfit::device::{Device, Devices};
 pub use logs::{ExportLog, ExportTheta, Import};
-pub use run::{Adapt, Finetune, Loop, Reproduce, Sensitivity, Train, Validate};
+pub use run::{Adapt, Finetune, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
 pub use world::{Collect, Evaluate};
 
 use clap::{Args, Parser, Subcommand};
@@ -98,6 +98,9 @@ pub struct Inspect {
     /// Log: write a picture of the joint signals
     #[arg(long, value_name = "FILE.svg")]
     pub plot: Option<PathBuf>,
+    /// Log: open the picture
+    #[arg(long, requires = "plot")]
+    pub open: bool,
 }
 
 /// Arguments of `init`.

@@ -16,6 +16,9 @@ pub struct RunArgs {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
+    /// Open the page when the run ends
+    #[arg(long)]
+    pub open: bool,
     /// Threads [default: one for each core]
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
@@ -189,6 +192,9 @@ pub struct Reproduce {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
+    /// Open the plot when the run ends
+    #[arg(long)]
+    pub open: bool,
     /// What fits and trains: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the cells), or auto (a
     /// GPU if one can be used)
     #[arg(long, value_name = "DEVICE", default_value = "auto")]

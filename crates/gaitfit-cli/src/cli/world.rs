@@ -102,6 +102,9 @@ pub struct Evaluate {
     /// Write a 3-D replay: on the uneven ground, if there is any
     #[arg(long, value_name = "FILE.html")]
     pub replay: Option<PathBuf>,
+    /// Open the page when it is written, or the replay if there is no page
+    #[arg(long)]
+    pub open: bool,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,

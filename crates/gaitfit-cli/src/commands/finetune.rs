@@ -37,5 +37,5 @@ pub fn run(args: &cli::Finetune) -> Result<(), Failure> {
     output::note(&setup.device.line());
     interrupt::listen()?;
     let results = watched(train::LINES, |watch| gaitfit::train::train(&setup, args.run.resume, watch))?;
-    train::print(&results, args.run.json)
+    train::print(&results, &args.run)
 }

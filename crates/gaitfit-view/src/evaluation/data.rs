@@ -4,6 +4,7 @@ use crate::chart::Scale;
 use crate::gait::GaitPicture;
 use crate::nullable;
 use crate::page::{Doubt, Link, Setting};
+use crate::replay::Replay;
 use serde::{Deserialize, Serialize};
 
 /// Everything the page shows of one evaluated policy.
@@ -21,6 +22,8 @@ pub struct EvaluationReport {
     pub wall_seconds: f64,
     /// Why the result must not be taken as it stands.
     pub doubts: Vec<Doubt>,
+    /// The result in a sentence; empty: the numbers alone, or a doubt, say it.
+    pub verdict: String,
     /// Trajectories with random commands.
     pub trajectories: u64,
     /// Length of each, s.
@@ -32,6 +35,9 @@ pub struct EvaluationReport {
     pub drift: Vec<Drift>,
     /// Uneven ground, kind by kind, level by level.
     pub ground: Vec<Ground>,
+    /// The robot at work; at most 6,000 frames are kept. One that cannot be drawn is left out with a warning that says
+    /// why.
+    pub replay: Option<Replay>,
     /// The gait under one command.
     pub gait: Option<GaitPicture>,
     /// Which command the gait is of; may be empty.
@@ -60,6 +66,10 @@ pub struct Measure {
     /// Half-width of the mean's 95 % confidence interval.
     #[serde(with = "nullable::scalar")]
     pub ci95: f64,
+    /// Decimals of both; none: as many as the interval says.
+    pub decimals: Option<usize>,
+    /// Whether it stands in large print.
+    pub headline: bool,
     /// The most it may be.
     pub limit: Option<f64>,
     /// How it is distributed over trajectories; none for rates.
@@ -152,6 +162,8 @@ impl Default for Measure {
             unit: String::new(),
             mean: f64::NAN,
             ci95: f64::NAN,
+            decimals: None,
+            headline: false,
             limit: None,
             histogram: None,
         }

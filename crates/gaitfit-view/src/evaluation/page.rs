@@ -7,7 +7,8 @@ use crate::format::{
     UNKNOWN, clean, clean_prose, duration, fixed, grouped, round_number, significant, with_spread,
 };
 use crate::gait;
-use crate::page::{self, Setting, ShownDoubt, ShownLink};
+use crate::page::{self, Number, Setting, ShownDoubt, ShownLink};
+use crate::replay::Motion;
 use serde::Serialize;
 
 /// Measures shown at most.
@@ -24,6 +25,8 @@ pub(super) struct Page {
     doubts: Vec<ShownDoubt>,
     /// Whether a doubt leaves nothing to praise.
     doubted: bool,
+    verdict: String,
+    headline: Vec<Number>,
     trajectories: String,
     seconds: String,
     wall_time: String,
@@ -34,6 +37,7 @@ pub(super) struct Page {
     ground: Vec<GroundRow>,
     /// Rows of ground that are not shown.
     ground_left_out: usize,
+    motion: Motion,
     gait: String,
     gait_caption: String,
     links: Vec<ShownLink>,
@@ -77,12 +81,15 @@ impl Page {
     pub fn new(report: &EvaluationReport) -> Page {
         let measures = &report.measures[..report.measures.len().min(MOST_MEASURES)];
         let rows: Vec<Row> = measures.iter().map(row).collect();
+        let (motion, problem) = Motion::new(report.replay.as_ref());
         Page {
             title: clean(&report.title),
             robot: clean(&report.robot),
             created: clean(&report.created),
             doubts: page::doubts(&report.doubts),
             doubted: page::is_severe(&report.doubts),
+            verdict: clean_prose(&report.verdict),
+            headline: measures.iter().filter(|m| m.headline).map(number).collect(),
             trajectories: grouped(report.trajectories),
             seconds: round_number(report.seconds),
             wall_time: duration(report.wall_seconds),
@@ -92,18 +99,33 @@ impl Page {
             drift: drift::build(&report.drift),
             ground: report.ground.iter().take(MOST_GROUND).map(ground).collect(),
             ground_left_out: report.ground.len().saturating_sub(MOST_GROUND),
+            motion,
             gait: report.gait.as_ref().map(gait::inline).unwrap_or_default(),
             gait_caption: clean_prose(&report.gait_caption),
             links: page::links(&report.links),
-            warnings: page::lines(&report.warnings),
+            warnings: page::lines(&report.warnings).into_iter().chain(problem).collect(),
             settings: page::settings(&report.settings),
             versions: page::settings(&report.versions),
         }
     }
 }
 
+/// A measure's mean and the half-width of its interval.
+fn written(measure: &Measure) -> (String, String) {
+    match measure.decimals {
+        Some(decimals) => (fixed(measure.mean, decimals), fixed(measure.ci95, decimals)),
+        None => with_spread(measure.mean, measure.ci95),
+    }
+}
+
+fn number(measure: &Measure) -> Number {
+    let (mean, ci95) = written(measure);
+    let interval = if ci95 == UNKNOWN { String::new() } else { format!(" ± {ci95}") };
+    Number { value: mean, unit: clean(&measure.unit), what: format!("{}{interval}", clean(&measure.name)) }
+}
+
 fn row(measure: &Measure) -> Row {
-    let (mean, ci95) = with_spread(measure.mean, measure.ci95);
+    let (mean, ci95) = written(measure);
     let limit = measure.limit.filter(|l| l.is_finite());
     Row {
         name: clean(&measure.name),

@@ -2,6 +2,7 @@
 
 use super::log::LogSummary;
 use super::signals::{JointTrace, SignalDistribution};
+use crate::loop_report::HeldOut;
 use crate::nullable;
 use crate::page::{Doubt, Setting};
 use serde::{Deserialize, Serialize};
@@ -23,6 +24,8 @@ pub struct FitReport {
     /// Why the result must not be taken as it stands. The page adds that a fit is worse than the nominal robot where
     /// its numbers say so.
     pub doubts: Vec<Doubt>,
+    /// Whether the first fit's search converged; none: unknown.
+    pub converged: Option<bool>,
     /// Names of the logs the fit used.
     pub fit_logs: Vec<String>,
     /// What the logs hold, of walking logs.
@@ -37,6 +40,8 @@ pub struct FitReport {
     pub baselines: Vec<Score>,
     /// Logs that the fit did not see.
     pub validation: Vec<Validation>,
+    /// The same of walking logs, by distributions.
+    pub held_out: Option<HeldOut>,
     /// Other fits of the same parameters beside the first one.
     pub comparisons: Vec<Comparison>,
     /// Measured and simulated positions over time, one a joint.

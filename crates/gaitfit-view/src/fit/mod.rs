@@ -12,6 +12,7 @@ mod runs;
 mod scores;
 pub(crate) mod sections;
 mod signals;
+mod standing;
 mod traces;
 mod validation;
 

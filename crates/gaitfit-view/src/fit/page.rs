@@ -9,6 +9,7 @@ use super::scores::{self, Scores};
 use super::sections::{self, FitView};
 use super::validation::{self, ValidationTable};
 use crate::format::{clean, duration};
+use crate::loop_report::held_out::{self, HeldOutView};
 use crate::page::{Doubt, DoubtKind, Setting, ShownDoubt, doubts, is_severe, lines, settings};
 use serde::Serialize;
 
@@ -34,6 +35,7 @@ pub(super) struct Page {
     distributions: Vec<DistributionGroup>,
     log: Option<LogView>,
     validation: Option<ValidationTable>,
+    held_out: Option<HeldOutView>,
     settings: Vec<Setting>,
     versions: Vec<Setting>,
 }
@@ -64,6 +66,7 @@ impl Page {
             distributions: distributions::build(&report.distributions),
             log: report.log.as_ref().map(log::view),
             validation: validation::build(&report.validation),
+            held_out: report.held_out.as_ref().map(held_out::view),
             settings: settings(&report.settings),
             versions: settings(&report.versions),
         }

@@ -39,6 +39,8 @@ struct Group {
 struct Picture {
     name: String,
     text: String,
+    /// Empty where it is not known.
+    truth: String,
     flagged: bool,
     svg: String,
 }
@@ -114,6 +116,7 @@ struct Entry {
     unit: String,
     name: String,
     text: String,
+    truth: String,
     flagged: bool,
     row: Row,
 }
@@ -141,7 +144,8 @@ fn entry(parameter: &Parameter) -> Entry {
     };
     let (value, spread) = with_spread(parameter.value, parameter.spread);
     let text = if spread == UNKNOWN { value } else { format!("{value} ± {spread}") };
-    Entry { unit: clean(&parameter.unit), name: clean(&parameter.name), text, flagged, row }
+    let truth = truth(parameter).map_or(String::new(), round_number);
+    Entry { unit: clean(&parameter.unit), name: clean(&parameter.name), text, truth, flagged, row }
 }
 
 /// The parameter's interval where both ends are known.
@@ -163,6 +167,11 @@ fn table_row(parameter: &Parameter) -> ParameterRow {
     }
     if parameter.identified == Some(false) {
         notes.push("not determined by these logs");
+    }
+    if let (Some(truth), Some((low, high))) = (truth(parameter), interval(parameter))
+        && !(low..=high).contains(&truth)
+    {
+        notes.push("truth outside the interval");
     }
     if let Some(range) = &parameter.published
         && (parameter.value < range.lower || parameter.value > range.upper)
@@ -202,6 +211,7 @@ fn group(entries: Vec<Entry>) -> Vec<Group> {
             svg: intervals::row(&e.row, &scale),
             name: e.name,
             text: e.text,
+            truth: e.truth,
             flagged: e.flagged,
         };
         Group { unit, rows: entries.into_iter().map(picture).collect(), axis: intervals::axis(&scale) }
@@ -229,7 +239,8 @@ pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
             };
             let row = Row { marks, ..Row::default() };
             let (unit, name) = (clean(&e.unit), clean(&e.name));
-            Entry { unit, name, text: text.to_string(), flagged: e.agrees == Some(false), row }
+            let (text, truth) = (text.to_string(), String::new());
+            Entry { unit, name, text, truth, flagged: e.agrees == Some(false), row }
         })
         .collect();
     let rows = entries

@@ -1,8 +1,9 @@
 //! The result in one line, and the fitted simulator beside everything it has to beat.
 
-use super::{FitReport, Score};
+use super::{FitReport, Score, standing};
 use crate::chart::{extent, strip};
 use crate::format::{UNKNOWN, clean, fixed, significant};
+use crate::page::DoubtKind;
 use serde::Serialize;
 
 /// Headline and score table.
@@ -13,7 +14,9 @@ pub(super) struct Scores {
     unit: &'static str,
     /// What the two numbers are.
     meaning: String,
-    /// Sentences that set the result against nominal and the best baseline.
+    /// What stands above the numbers: that the search converged, where it is known to have.
+    state: String,
+    /// Sentences that set the result against nominal, the best baseline, its bounds, and the robot itself.
     verdicts: Vec<Verdict>,
     rows: Vec<ScoreRow>,
     /// Heading of the bars: what they measure.
@@ -29,9 +32,9 @@ pub(super) struct Scores {
 }
 
 #[derive(Serialize)]
-struct Verdict {
-    text: String,
-    good: bool,
+pub(super) struct Verdict {
+    pub text: String,
+    pub good: bool,
 }
 
 #[derive(Serialize)]
@@ -156,7 +159,8 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
                 )
             }
         },
-        verdicts: verdicts(report, yardstick),
+        state: state(report),
+        verdicts: verdicts(report, yardstick).into_iter().chain(standing::verdicts(report)).collect(),
         rows,
         bars: match yardstick {
             Yardstick::ValidationRmse => "Position error on the validation logs (RMS, rad)".into(),
@@ -197,6 +201,12 @@ fn rows(report: &FitReport, yardstick: Yardstick) -> Vec<ScoreRow> {
     let mut rows: Vec<ScoreRow> = others.iter().map(|s| row(s, false)).collect();
     rows.push(row(&fitted, true));
     rows
+}
+
+/// Not converged is said by a doubt.
+fn state(report: &FitReport) -> String {
+    let doubted = report.doubts.iter().any(|doubt| doubt.kind == DoubtKind::NotConverged);
+    if report.converged == Some(true) && !doubted { "The search converged".into() } else { String::new() }
 }
 
 fn verdicts(report: &FitReport, yardstick: Yardstick) -> Vec<Verdict> {

@@ -103,7 +103,7 @@ fn on_ground(contact: &[bool], time: &[f64], shortest: f64) -> Vec<(f64, f64)> {
 
 fn heights(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64) -> f64 {
     let feet: Vec<&FootTrack> = gait.feet.iter().take(FEET).collect();
-    let Some((_, high)) = extent(feet.iter().flat_map(|f| f.height_m.iter().copied())) else {
+    let Some((low, high)) = extent(feet.iter().flat_map(|f| f.height_m.iter().copied())) else {
         return top;
     };
     // Diagonal feet swing together in a trot: dashes let one line show through the other.
@@ -114,7 +114,7 @@ fn heights(figure: &mut Figure, gait: &GaitPicture, times: (f64, f64), top: f64)
         x: Axis { range: Some(times), ticks: 0, ..Axis::default() },
         y: Axis {
             title: "foot height (m)",
-            range: Some((0.0, high.max(0.01))),
+            range: Some((low.min(0.0), high.max(0.01))),
             pad: 0.04,
             ticks: 3,
             ..Axis::default()

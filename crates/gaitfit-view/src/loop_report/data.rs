@@ -30,6 +30,9 @@ pub struct LoopReport {
     /// Name of the policy it ended with, e.g. `π₁`; empty: the last of [`LoopReport::tracking`]. All other policies
     /// are references, e.g. one fine-tuned on the truth.
     pub after: String,
+    /// Where the headline was measured and on how much, after "measured", e.g. `on the robot, 300 trajectories of 4 s`;
+    /// empty: on [`LoopReport::target`].
+    pub measured: String,
     /// Name of the simulator (or robot) that the headline speaks of, e.g. `target`; empty: the first.
     pub target: String,
     /// One a repetition, in order.
@@ -85,6 +88,8 @@ pub struct Round {
 pub struct HeldOut {
     /// The result in a sentence.
     pub sentence: String,
+    /// Whether the fit is as close to these logs as the robot is to itself; none: unknown.
+    pub explained: Option<bool>,
     /// Wasserstein-1 distances, one a joint and signal.
     pub distances: Vec<JointDistance>,
 }

@@ -3,7 +3,7 @@
 use super::policies::{Cast, printed};
 use super::tracking::COLUMNS;
 use super::{Difference, Estimate, LoopReport, drift};
-use crate::format::significant;
+use crate::format::{clean_prose, significant};
 use crate::page::is_severe;
 use serde::Serialize;
 
@@ -12,7 +12,7 @@ use serde::Serialize;
 pub(super) struct Headline {
     before: String,
     after: String,
-    target: String,
+    measured: String,
     numbers: Vec<Number>,
 }
 
@@ -63,7 +63,10 @@ pub(super) fn build(report: &LoopReport, cast: &Cast) -> Option<Headline> {
     (!numbers.is_empty()).then(|| Headline {
         before: printed(cast.before, "the first policy"),
         after: printed(cast.after, "the last policy"),
-        target: printed(cast.target, "the robot"),
+        measured: match clean_prose(&report.measured) {
+            text if text.is_empty() => format!("on {}", printed(cast.target, "the robot")),
+            text => text,
+        },
         numbers,
     })
 }

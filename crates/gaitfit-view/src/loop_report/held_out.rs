@@ -12,7 +12,7 @@ const SIGNALS: [(Signal, &str); 3] =
 
 /// What a page shows of held-out logs.
 #[derive(Serialize)]
-pub(super) struct HeldOutView {
+pub(crate) struct HeldOutView {
     sentence: String,
     /// Signals that any joint has, with their units.
     signals: Vec<String>,
@@ -34,7 +34,7 @@ struct Cell {
     first: bool,
 }
 
-pub(super) fn view(held: &HeldOut) -> HeldOutView {
+pub(crate) fn view(held: &HeldOut) -> HeldOutView {
     let of = |signal: Signal| held.distances.iter().filter(move |one| one.signal == signal);
     let known: Vec<(Signal, &str)> =
         SIGNALS.into_iter().filter(|(signal, _)| of(*signal).next().is_some()).collect();
@@ -86,6 +86,7 @@ mod tests {
         };
         let held = HeldOut {
             sentence: "as well".into(),
+            explained: Some(true),
             distances: vec![
                 distance("hip", Signal::Position, 0.02),
                 distance("calf", Signal::Velocity, f64::NAN),

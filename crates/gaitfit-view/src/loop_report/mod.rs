@@ -4,7 +4,7 @@
 mod data;
 mod drift;
 mod headline;
-mod held_out;
+pub(crate) mod held_out;
 mod page;
 mod policies;
 mod rounds;

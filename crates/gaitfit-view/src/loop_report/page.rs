@@ -8,12 +8,8 @@ use super::rounds::{self, RoundLine, RoundSection};
 use super::tracking::{self, TrackingSection};
 use crate::format::{clean, clean_prose};
 use crate::page::{self, Setting, ShownDoubt, ShownLink};
-use crate::replay::{Player, Replay, ReplayError};
+use crate::replay::Motion;
 use serde::Serialize;
-
-/// Robots and frames of the replay at most: two minutes at 50 Hz.
-const MOST_ROBOTS: usize = 4;
-const MOST_FRAMES: usize = 6000;
 
 /// The whole page.
 #[derive(Serialize)]
@@ -32,8 +28,7 @@ pub(super) struct Page {
     has: Has,
     tracking: Option<TrackingSection>,
     drift: Vec<DriftSection>,
-    player: Option<Player>,
-    motion_note: String,
+    motion: Motion,
     settings: Vec<Setting>,
     versions: Vec<Setting>,
 }
@@ -62,13 +57,9 @@ impl Page {
             log: any(RoundSection::has_log),
             learning: any(|r| !r.progress.is_empty()),
         };
-        let (player, problem) = match report.replay.as_ref().map(player) {
-            None => (None, None),
-            Some(Ok(player)) => (Some(player), None),
-            Some(Err(why)) => (None, Some(why.to_string())),
-        };
+        let (motion, problem) = Motion::new(report.replay.as_ref());
         let mut warnings = page::lines(&report.warnings);
-        warnings.extend(problem.map(|why: String| format!("The page has no replay: {}.", clean_prose(&why))));
+        warnings.extend(problem);
         Page {
             title: clean(&report.title),
             robot: clean(&report.robot),
@@ -84,26 +75,9 @@ impl Page {
             has,
             tracking: tracking::build(report, &cast),
             drift: drift::build(report, &cast),
-            motion_note: report.replay.as_ref().map_or(String::new(), |r| clean_prose(&r.note)),
-            player,
+            motion,
             settings: page::settings(&report.settings),
             versions: page::settings(&report.versions),
         }
     }
-}
-
-/// The replay cut to what a report holds.
-fn player(replay: &Replay) -> Result<Player, ReplayError> {
-    let robots = replay.robots.iter().take(MOST_ROBOTS).map(|robot| {
-        let frames = robot.frames.iter().take(MOST_FRAMES).cloned().collect();
-        crate::replay::ReplayRobot {
-            name: robot.name.clone(),
-            bodies: robot.bodies.clone(),
-            geoms: robot.geoms.clone(),
-            feet: robot.feet.clone(),
-            ground: robot.ground.clone(),
-            frames,
-        }
-    });
-    Player::new(&Replay { dt: replay.dt, robots: robots.collect(), ..Replay::default() }, true)
 }

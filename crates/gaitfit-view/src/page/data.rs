@@ -40,14 +40,20 @@ pub struct Doubt {
     pub text: String,
 }
 
-/// What can be wrong with a result, the worst first.
+/// What can be wrong with a result, in the order in which pages say it: what it was measured on, then the worst first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DoubtKind {
+    /// The robot was not there: what it was to be asked was asked of its fitted simulator.
+    RobotAbsent,
     /// Simulations did not come to their end.
     Diverged,
     /// The training left the policy as it was.
     Untrained,
+    /// The training did not yet teach the robot to walk.
+    NotLearnt,
+    /// The robot falls, or does not go where it is told.
+    NoWalk,
     /// The result is farther from the robot than what it began with.
     WorseThanNominal,
     /// The result is much farther from the robot than the robot is from itself.
@@ -69,8 +75,11 @@ impl DoubtKind {
     /// The doubt in a few words, as pages and tables print it.
     pub fn headline(self) -> &'static str {
         match self {
+            DoubtKind::RobotAbsent => "Not measured on the robot",
             DoubtKind::Diverged => "Diverged",
             DoubtKind::Untrained => "Not trained",
+            DoubtKind::NotLearnt => "Has not learnt to walk yet",
+            DoubtKind::NoWalk => "Does not walk",
             DoubtKind::WorseThanNominal => "Worse than the nominal robot",
             DoubtKind::Misfit => "Misfit",
             DoubtKind::NotConverged => "Not converged",
@@ -81,10 +90,15 @@ impl DoubtKind {
     /// What it means, for doubts that bring no evidence.
     pub fn meaning(self) -> &'static str {
         match self {
+            DoubtKind::RobotAbsent => {
+                "The robot was not there. The policies walked in the fitted simulator, which says little about the robot."
+            }
             DoubtKind::Diverged => {
                 "Some simulations did not come to their end. The numbers below leave them out or count them as falls."
             }
             DoubtKind::Untrained => "The policy is the one that the training began with.",
+            DoubtKind::NotLearnt => "The policy falls, or stands where it is to walk. Train longer.",
+            DoubtKind::NoWalk => "The robot falls, or stands where it is to walk.",
             DoubtKind::WorseThanNominal => {
                 "The robot file without any fit is closer to the logs. Do not use this fit."
             }

@@ -29,8 +29,17 @@ pub(crate) fn render(template: &str, page: impl Serialize) -> Result<String, Rep
     environment.add_template("macros.html", include_str!("macros.html"))?;
     environment.add_template("parts.html", include_str!("parts.html"))?;
     environment.add_template("player.html", include_str!("../replay/player.html"))?;
+    environment.add_template("motion.html", include_str!("../replay/motion.html"))?;
     environment.add_template("page.html", template)?;
     Ok(environment.get_template("page.html")?.render(Serde(page))?)
+}
+
+/// A number worth large print.
+#[derive(Serialize)]
+pub(crate) struct Number {
+    pub value: String,
+    pub unit: String,
+    pub what: String,
 }
 
 /// Sentences fit to print, not too many of them.

@@ -56,6 +56,16 @@
     panel.appendChild(cross);
   }
 
+  // A box that scrolls is reached by the keyboard.
+  var boxes = document.querySelectorAll(".scroll, pre.config");
+  function reach(box) {
+    var wide = Math.sign(box.scrollWidth - box.clientWidth - 1) === 1;
+    if (wide) { box.tabIndex = 0; box.setAttribute("role", "group"); box.setAttribute("aria-label", "scrolls sideways"); }
+    else { ["tabindex", "role", "aria-label"].forEach(function (name) { box.removeAttribute(name); }); }
+  }
+  var resized = new ResizeObserver(function (seen) { seen.forEach(function (one) { reach(one.target); }); });
+  boxes.forEach(function (box) { resized.observe(box); });
+
   document.querySelectorAll("svg[role=img]").forEach(function (svg) {
     if (svg.querySelector("[data-n]")) {
       svg.addEventListener("pointermove", move);

@@ -77,6 +77,46 @@ impl Player {
     }
 }
 
+/// Robots and frames of a replay within a report at most: two minutes at 50 Hz.
+const MOST_ROBOTS: usize = 4;
+const MOST_FRAMES: usize = 6000;
+
+/// A replay within a report, as the template sees it.
+#[derive(Serialize)]
+pub(crate) struct Motion {
+    pub player: Option<Player>,
+    note: String,
+}
+
+impl Motion {
+    /// The replay cut to what a report holds, and why it has none though it was to have one.
+    pub fn new(replay: Option<&Replay>) -> (Motion, Option<String>) {
+        let (player, problem) = match replay.map(embedded) {
+            None => (None, None),
+            Some(Ok(player)) => (Some(player), None),
+            Some(Err(why)) => {
+                (None, Some(format!("The page has no replay: {}.", clean_prose(&why.to_string()))))
+            }
+        };
+        (Motion { player, note: replay.map_or(String::new(), |r| clean_prose(&r.note)) }, problem)
+    }
+}
+
+fn embedded(replay: &Replay) -> Result<Player, ReplayError> {
+    let robots = replay.robots.iter().take(MOST_ROBOTS).map(|robot| {
+        let frames = robot.frames.iter().take(MOST_FRAMES).cloned().collect();
+        ReplayRobot {
+            name: robot.name.clone(),
+            bodies: robot.bodies.clone(),
+            geoms: robot.geoms.clone(),
+            feet: robot.feet.clone(),
+            ground: robot.ground.clone(),
+            frames,
+        }
+    });
+    Player::new(&Replay { dt: replay.dt, robots: robots.collect(), ..Replay::default() }, true)
+}
+
 #[derive(Serialize)]
 struct Page {
     title: String,

@@ -3,6 +3,7 @@
 use crate::gait::GaitPicture;
 use crate::nullable;
 use crate::page::{Doubt, Link, Setting};
+use crate::replay::Replay;
 use serde::{Deserialize, Serialize};
 
 /// Everything `report.html` shows of one training run, over one or several seeds.
@@ -29,6 +30,9 @@ pub struct TrainingReport {
     pub gait: Option<GaitPicture>,
     /// Which policy and command the gait is of; may be empty.
     pub gait_caption: String,
+    /// A policy at work, e.g. the first seed's; at most 6,000 frames are kept. One that cannot be drawn is left out with
+    /// a warning that says why.
+    pub replay: Option<Replay>,
     /// Files beside the report to look at.
     pub links: Vec<Link>,
     /// Short facts for the head of the page: environments, steps an iteration, action rate, …

@@ -4,7 +4,8 @@ use super::curves::{self, Card, LegendEntry, MOST_SEEDS};
 use super::{SeedResult, TrainingReport};
 use crate::format::{UNKNOWN, clean, clean_prose, duration, fixed, round_number, significant};
 use crate::gait;
-use crate::page::{self, Setting, ShownDoubt, ShownLink};
+use crate::page::{self, Number, Setting, ShownDoubt, ShownLink};
+use crate::replay::Motion;
 use serde::Serialize;
 
 /// Characters of the configuration shown at most.
@@ -18,7 +19,7 @@ pub(super) struct Page {
     created: String,
     measured_on: String,
     doubts: Vec<ShownDoubt>,
-    headline: Vec<Headline>,
+    headline: Vec<Number>,
     rows: Vec<Row>,
     total: Option<Row>,
     seeds_left_out: usize,
@@ -29,18 +30,11 @@ pub(super) struct Page {
     progress: Vec<Card>,
     rewards: Vec<Card>,
     diagnostics: Vec<Card>,
+    motion: Motion,
     gait: String,
     gait_caption: String,
     configuration: String,
     versions: Vec<Setting>,
-}
-
-/// A number worth large print.
-#[derive(Serialize)]
-struct Headline {
-    value: String,
-    unit: &'static str,
-    what: &'static str,
 }
 
 #[derive(Serialize)]
@@ -61,6 +55,7 @@ impl Page {
         let seeds = &report.seeds[..report.seeds.len().min(MOST_SEEDS)];
         let rows = seeds.iter().enumerate().map(|(i, s)| row(s.seed.to_string(), i % 8, &s.result)).collect();
         let results: Vec<&SeedResult> = report.seeds.iter().map(|s| &s.result).collect();
+        let (motion, problem) = Motion::new(report.replay.as_ref());
         Page {
             title: clean(&report.title),
             robot: clean(&report.robot),
@@ -72,12 +67,13 @@ impl Page {
             total: (results.len() > 1).then(|| mean_row(&results)),
             seeds_left_out: report.seeds.len() - seeds.len(),
             facts: page::facts(report.wall_seconds, &report.facts),
-            warnings: page::lines(&report.warnings),
+            warnings: page::lines(&report.warnings).into_iter().chain(problem).collect(),
             links: page::links(&report.links),
             legend: curves::legend(seeds),
             progress: curves::cards(&report.seeds, |s| &s.progress, (420.0, 240.0)),
             rewards: curves::cards(&report.seeds, |s| &s.rewards, (300.0, 170.0)),
             diagnostics: curves::cards(&report.seeds, |s| &s.diagnostics, (300.0, 170.0)),
+            motion,
             gait: report.gait.as_ref().map(gait::inline).unwrap_or_default(),
             gait_caption: clean_prose(&report.gait_caption),
             configuration: configuration(&report.configuration),
@@ -120,17 +116,17 @@ fn mean(results: &[&SeedResult], value: fn(&SeedResult) -> f64) -> f64 {
 }
 
 /// Means over seeds of what a reader asks first; unknown ones are left out.
-fn headline(results: &[&SeedResult]) -> Vec<Headline> {
+fn headline(results: &[&SeedResult]) -> Vec<Number> {
     let linear = mean(results, |r| r.linear_velocity_error);
     let angular = mean(results, |r| r.angular_velocity_error);
     let falls = mean(results, |r| r.fall_rate);
     [
-        Headline { value: fixed(linear, 3), unit: "m/s", what: "mean linear-velocity error" },
-        Headline { value: fixed(angular, 3), unit: "rad/s", what: "mean angular-velocity error" },
-        Headline {
+        Number { value: fixed(linear, 3), unit: "m/s".into(), what: "mean linear-velocity error".into() },
+        Number { value: fixed(angular, 3), unit: "rad/s".into(), what: "mean angular-velocity error".into() },
+        Number {
             value: percent(falls).replace("\u{a0}%", ""),
-            unit: "%",
-            what: "of trajectories end in a fall",
+            unit: "%".into(),
+            what: "of trajectories end in a fall".into(),
         },
     ]
     .into_iter()

@@ -46,37 +46,43 @@ pub fn stopped_by_bound(parameter: &Parameter) -> bool {
     found.at_bound && (upper || found.lower != 0.0)
 }
 
-/// What a reader must know of one fit besides its doubts.
+/// What a reader must know of one fit besides its doubts, the most important first.
 pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
     let of = if several { format!("{}: ", fit.cost_name) } else { String::new() };
     let mut warnings = Vec::new();
-    for parameter in &fit.parameters {
-        let found = &parameter.found;
-        if let Some(identification) = found.identification.as_ref().filter(|one| !one.identified) {
-            let unit = if found.unit == "-" { String::new() } else { format!(" {}", found.unit) };
-            warnings.push(format!(
-                "{of}the logs do not identify {}: anything from {:.3} to {:.3}{unit} fits as well",
-                found.name, identification.lower, identification.upper
-            ));
-        }
-        if stopped_by_bound(parameter) {
-            warnings
-                .push(format!("{of}{} rests on a bound of its search: widen it, or distrust it", found.name));
-        }
-    }
-    warnings.extend(corrected(fit).map(|text| format!("{of}{text}")));
-    warnings.extend(moved(fit).map(|text| format!("{of}{text}")));
     if fit.falls > 0 {
         warnings.push(format!(
             "{of}the fitted robot falls in {} of the logs: a simulator that falls can match a bad log",
             fit.falls
         ));
     }
+    for parameter in fit.parameters.iter().filter(|one| stopped_by_bound(one)) {
+        let name = &parameter.found.name;
+        warnings.push(format!("{of}{name} rests on a bound of its search: widen it, or distrust it"));
+    }
+    warnings.extend(unidentified(fit).map(|text| format!("{of}{text}")));
+    warnings.extend(moved(fit).map(|text| format!("{of}{text}")));
+    warnings.extend(corrected(fit).map(|text| format!("{of}{text}")));
     let diverged: usize = fit.runs.iter().map(|run| run.diverged).sum();
     if diverged > 0 {
         warnings.push(format!("{of}{diverged} candidates diverged and were ranked last"));
     }
     warnings
+}
+
+/// Which parameters the logs do not identify, and from where to where each fits as well.
+fn unidentified(fit: &CostFit) -> Option<String> {
+    let range = |parameter: &Parameter| {
+        let found = &parameter.found;
+        let identification = found.identification.as_ref().filter(|one| !one.identified)?;
+        let unit = if found.unit == "-" { String::new() } else { format!(" {}", found.unit) };
+        Some(format!(
+            "{} (anything from {:.3} to {:.3}{unit} fits as well)",
+            found.name, identification.lower, identification.upper
+        ))
+    };
+    let ranges: Vec<String> = fit.parameters.iter().filter_map(range).collect();
+    (!ranges.is_empty()).then(|| format!("the logs do not identify {}", ranges.join(", ")))
 }
 
 /// That the values of `outcome` are not corrected by simulated logs, and why.

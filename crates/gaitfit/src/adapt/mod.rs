@@ -31,7 +31,7 @@ pub use held_out::{Distance, Floor, HeldOut, Verdict};
 pub use log_set::LogSet;
 pub use method::Method;
 pub use odd::{JointSpring, OddJoints};
-pub use report::round;
+pub use report::{held_out_shown, round};
 pub use results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};
 pub use score::{Score, Validation};
 pub use search::{METRICS, metrics};

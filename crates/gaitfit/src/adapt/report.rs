@@ -1,5 +1,6 @@
 //! From results to the page's plain data.
 
+use super::held_out::{Distance, HeldOut, Verdict};
 use super::results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};
 use super::score::{self, Robot};
 use super::setup::Setup;
@@ -7,13 +8,14 @@ use super::signals;
 use crate::Error;
 use crate::machine::now;
 use crate::pieces;
+use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::fit::{Predicted, RunGeneration, RunOutcome};
 use gaitfit_adapt::{Resets, Theta};
 use gaitfit_view::fit::{
     Bound, Comparison, ComparisonEntry, Fit, LogSummary, OptimizerRun, Parameter as Shown, PublishedRange,
-    Score, Validation,
+    Score, Signal as ShownSignal, Validation,
 };
-use gaitfit_view::loop_report::Round;
+use gaitfit_view::loop_report::{HeldOut as ShownHeldOut, JointDistance, Round};
 use gaitfit_view::{FitReport, fit_html};
 
 /// Most commands of the logs that are drawn.
@@ -27,13 +29,14 @@ pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneratio
         "" => results.robot.clone(),
         file => format!("{} ({file})", results.robot),
     };
-    let first = results.fits.first();
     let report = FitReport {
         title: results.name.clone(),
         robot,
         created: now(),
         wall_seconds: results.wall_seconds,
-        doubts: first.map(|fit| fit.doubts.clone()).unwrap_or_default(),
+        doubts: results.doubts(),
+        converged: Some(results.converged),
+        held_out: results.held_out.as_ref().map(held_out_shown),
         fit_logs: setup.config.logs.clone(),
         log: log(setup, results),
         fits: fits(results, course),
@@ -49,7 +52,7 @@ pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneratio
             .collect(),
         traces: if setup.aligned() { signals::traces(shown, &fitted, &nominal) } else { Vec::new() },
         distributions: signals::distributions(shown, &fitted, &nominal),
-        warnings: warnings(results),
+        warnings: warnings(setup, results),
         settings: pieces::settings(&setup.config)?,
         versions: pieces::versions(),
     };
@@ -81,6 +84,30 @@ fn predicted(
     let nominal = Robot { theta: &Theta::default(), values: &[] }.simulate(simulator, Resets::Never)?;
     let fitted = Robot { theta: &setup.theta, values: &values }.simulate(simulator, Resets::Never)?;
     Ok((nominal, fitted))
+}
+
+/// Held-out logs as the page shows them.
+pub fn held_out_shown(found: &HeldOut) -> ShownHeldOut {
+    let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
+    let row = |one: &Distance| {
+        let signal = match one.signal {
+            Signal::Velocity => ShownSignal::Velocity,
+            Signal::Action => ShownSignal::Action,
+            _ => ShownSignal::Position,
+        };
+        let (nominal, fitted, floor) = (number(one.nominal), number(one.fitted), number(one.floor));
+        JointDistance { joint: one.joint.clone(), signal, nominal, fitted, floor }
+    };
+    let explained = (found.verdict() != Verdict::Unknown).then(|| found.verdict() == Verdict::Explained);
+    let distances = found.distances.iter().map(row).collect();
+    ShownHeldOut { sentence: sentence(&found.sentence()), explained, distances }
+}
+
+/// With a capital letter and a full stop.
+fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().map(|letter| letter.to_uppercase().to_string()).unwrap_or_default();
+    format!("{first}{}.", letters.as_str().trim_end_matches('.'))
 }
 
 fn unknown(value: Option<f64>) -> f64 {
@@ -198,17 +225,20 @@ fn comparison(first: &str, other: &CostFit) -> Comparison {
     }
 }
 
-/// Failed checks, the doubts of further costs, and what else to know.
-fn warnings(results: &AdaptResults) -> Vec<String> {
+/// Failed checks, the doubts of further costs, what to know of the fit, then of its inputs, and what it found besides.
+fn warnings(setup: &Setup, results: &AdaptResults) -> Vec<String> {
     let failed = results.checks.iter().filter(|check| !check.passed);
-    let mut found = results.springs_in_words();
-    found.extend(failed.map(|check| format!("a check failed: {}", check.text())));
+    let mut found: Vec<String> = failed.map(|check| format!("a check failed: {}", check.text())).collect();
     for fit in results.fits.iter().skip(1) {
         let doubts = fit.doubts.iter();
         found.extend(
             doubts.map(|doubt| format!("{}: {}: {}", fit.cost_name, doubt.kind.headline(), doubt.text)),
         );
     }
-    found.extend(results.warnings.iter().cloned());
+    for of_inputs in [false, true] {
+        let about = results.warnings.iter().filter(|one| setup.warnings.contains(one) == of_inputs);
+        found.extend(about.cloned());
+    }
+    found.extend(results.springs_in_words());
     found
 }

@@ -3,10 +3,12 @@
 mod compare;
 mod ground;
 mod measure;
+mod verdict;
 
 pub use compare::{Better, Comparison, TrajectoryErrors, compare};
 pub use ground::{GroundChoice, GroundResult, OnGround};
 pub use measure::{DriftResult, Evaluation, Measured, Plan, measure};
+pub use verdict::{MANY_FALLS, Verdict, goes_nowhere, standing_error, verdict};
 
 use crate::Error;
 use crate::device::Device;
@@ -47,6 +49,8 @@ pub struct EvaluateSettings {
 pub struct Evaluated {
     /// What was measured.
     pub measured: Measured,
+    /// Whether it walks, where that can be said.
+    pub verdict: Option<Verdict>,
     /// The policy and its simulator.
     pub world: World,
     /// Uneven ground, if there was any.
@@ -96,7 +100,8 @@ pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evalua
     if let Some(ground) = &ground {
         measured.evaluation.ground.clone_from(&ground.results);
     }
-    Ok(Evaluated { measured, world, ground, wall_seconds: begun.elapsed().as_secs_f64() })
+    let verdict = verdict(&measured.evaluation, &world.scene.settings.command);
+    Ok(Evaluated { measured, verdict, world, ground, wall_seconds: begun.elapsed().as_secs_f64() })
 }
 
 /// Fastest command of a drift trial, m/s and rad/s.

@@ -6,7 +6,7 @@ use super::rounds::Done;
 use super::setup::Setup;
 use crate::Error;
 use crate::adapt;
-use crate::evaluate::Comparison;
+use crate::evaluate::{Comparison, Evaluation};
 use crate::gait;
 use crate::machine::now;
 use crate::pieces;
@@ -14,9 +14,7 @@ use crate::replay;
 use crate::run::RunFolder;
 use crate::target::{PolicyFiles, Target};
 use crate::train;
-use gaitfit_adapt::cost::Signal;
-use gaitfit_view::fit::Signal as Shown;
-use gaitfit_view::loop_report::{Difference, DriftTrials, HeldOut, JointDistance, Round, Tracking};
+use gaitfit_view::loop_report::{Difference, DriftTrials, Round, Tracking};
 use gaitfit_view::{Doubt, DoubtKind, Link, LoopReport, Replay, Setting, loop_html};
 
 /// Writes the page.
@@ -28,7 +26,9 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         fact("Stopped because", results.stopped_because.clone()),
     ];
     facts.extend(results.target.iter().map(|target| fact("Target", target.clone())));
-    facts.extend(results.next.iter().map(|next| fact("Next", next.clone())));
+    // Without the robot it is said in large print.
+    let next = results.next.iter().filter(|_| results.absence().is_none());
+    facts.extend(next.map(|next| fact("Next", next.clone())));
     let page = LoopReport {
         title: results.name.clone(),
         robot: results.robot.clone(),
@@ -37,6 +37,7 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         doubts: divergence(results).into_iter().chain(results.doubts.clone()).chain(doubts(done)).collect(),
         before: results.before.clone(),
         after: results.after.clone(),
+        measured: measured(done),
         target: results.evaluations.first().map(|one| one.on.clone()).unwrap_or_default(),
         rounds: rounds(folder, done)?,
         tracking: tracking(results),
@@ -59,22 +60,27 @@ fn divergence(results: &Results) -> Option<Doubt> {
     results.divergence().map(|found| Doubt::new(DoubtKind::Diverged, format!("{found}.")))
 }
 
-/// Whether anything but this program's own simulator judged the policies.
+/// That the robot was not there, or that it is the program's own simulator.
 fn doubts(done: &Done) -> Vec<Doubt> {
-    let evaluations = &done.results.evaluations;
-    let text = match &done.target {
-        _ if evaluations.is_empty() => return Vec::new(),
-        Some(Target::Simulated(_)) => {
-            "The robot of this loop is the program's own simulator with other numbers. On another simulator or a \
-             robot the policies can do worse."
-        }
-        _ if evaluations.iter().any(|one| one.on == TARGET) => return Vec::new(),
-        _ => {
-            "The policies walked in the fitted simulator, in which the new one was trained. The robot itself was not \
-             there."
-        }
+    let own = matches!(done.target, Some(Target::Simulated(_))) && !done.results.evaluations.is_empty();
+    let text = "The robot of this loop is the program's own simulator with other numbers. On another simulator or a robot \
+                the policies can do worse.";
+    let own = own.then(|| Doubt::new(DoubtKind::OwnSimulatorOnly, text));
+    done.results.absence().into_iter().chain(own).collect()
+}
+
+/// Where the headline was measured, and on how much.
+fn measured(done: &Done) -> String {
+    let Some(first) = done.results.evaluations.first() else { return String::new() };
+    let place = match &done.target {
+        _ if first.on != TARGET => "in the fitted simulator, not on the robot".to_owned(),
+        Some(target @ Target::Simulated(_)) => format!("on the simulated target ({})", target.description()),
+        Some(target) => format!("on the robot ({})", target.description()),
+        None => format!("on the {TARGET}"),
     };
-    vec![Doubt::new(DoubtKind::OwnSimulatorOnly, text)]
+    let Evaluation { trajectories, seconds, .. } = &first.evaluation;
+    let length = if *seconds > 0.0 { format!(" of {seconds} s") } else { String::new() };
+    format!("{place}: {trajectories} trajectories{length}")
 }
 
 fn rounds(folder: &RunFolder, done: &Done) -> Result<Vec<Round>, Error> {
@@ -86,34 +92,12 @@ fn rounds(folder: &RunFolder, done: &Done) -> Result<Vec<Round>, Error> {
         rounds.push(Round {
             name: format!("Round {}: {} → {}", result.round, result.before, result.after),
             wall_seconds: result.adapt.wall_seconds + result.finetune.wall_seconds,
-            held_out: result.adapt.held_out.as_ref().map(held_out),
+            held_out: result.adapt.held_out.as_ref().map(adapt::held_out_shown),
             fine_tuning: train::curves(&RunFolder::only(&within, "finetune")?, &result.finetune)?,
             ..round
         });
     }
     Ok(rounds)
-}
-
-/// Held-out logs as the page shows them.
-fn held_out(found: &adapt::HeldOut) -> HeldOut {
-    let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
-    let row = |one: &adapt::Distance| {
-        let signal = match one.signal {
-            Signal::Velocity => Shown::Velocity,
-            Signal::Action => Shown::Action,
-            _ => Shown::Position,
-        };
-        let (nominal, fitted, floor) = (number(one.nominal), number(one.fitted), number(one.floor));
-        JointDistance { joint: one.joint.clone(), signal, nominal, fitted, floor }
-    };
-    HeldOut { sentence: sentence(&found.sentence()), distances: found.distances.iter().map(row).collect() }
-}
-
-/// With a capital letter and a full stop.
-fn sentence(text: &str) -> String {
-    let mut letters = text.chars();
-    let first = letters.next().map(|letter| letter.to_uppercase().to_string()).unwrap_or_default();
-    format!("{first}{}.", letters.as_str().trim_end_matches('.'))
 }
 
 fn tracking(results: &Results) -> Vec<Tracking> {
@@ -177,7 +161,7 @@ fn side_by_side(setup: &Setup, done: &Done) -> Result<Option<Replay>, Error> {
     let (first, second) = (record(before)?, record(after)?);
     Ok(Some(Replay {
         title: results.name.clone(),
-        note: format!("{} and {} under the same commands {on}", before.name, after.name),
+        note: format!("{} and {} under the same commands {on}.", before.name, after.name),
         dt: first.dt,
         robots: vec![
             replay::robot(&before.name, &setup.model, &first),

@@ -3,7 +3,7 @@
 use crate::adapt::AdaptResults;
 use crate::evaluate::{Comparison, Evaluation};
 use crate::train;
-use gaitfit_view::Doubt;
+use gaitfit_view::{Doubt, DoubtKind};
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 
@@ -119,6 +119,19 @@ impl Results {
     /// That robots diverged while a policy was measured, in sentences; none if none did.
     pub fn divergence(&self) -> Option<String> {
         divergence(&self.evaluations)
+    }
+
+    /// That the policies were measured, but not on the robot; none if they were.
+    pub fn absence(&self) -> Option<Doubt> {
+        if self.evaluations.is_empty() || self.evaluations.iter().any(|one| one.on == TARGET) {
+            return None;
+        }
+        let text = format!(
+            "The policies walked in the fitted simulator, in which {} was trained. {}",
+            self.after,
+            self.next.as_deref().unwrap_or_default()
+        );
+        Some(Doubt::new(DoubtKind::RobotAbsent, text.trim_end()))
     }
 
     /// What was measured of a policy in a simulator.

@@ -301,6 +301,8 @@ fn warnings(
         _ => format!("round {}: ", round.round),
     };
     for round in rounds {
+        let said = round.finetune.doubts.iter();
+        found.extend(said.map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text)));
         found.extend(round.finetune.warnings.iter().map(|warning| format!("{}{warning}", which(round))));
     }
     let last = rounds.last().map(|round| round.round);

@@ -7,10 +7,12 @@ use super::seed::Files;
 use super::setup::{Plan, Setup};
 use super::show::{self, Shown};
 use crate::Error;
+use crate::evaluate::{MANY_FALLS, goes_nowhere};
 use crate::run::protocol::CONFIG;
 use crate::run::{Protocol, RunFolder};
 use crate::watch::Watch;
 use gaitfit_policy::weights;
+use gaitfit_view::{Doubt, DoubtKind, replay_html};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
@@ -102,6 +104,30 @@ fn small_commands(seed: &Trained) -> Option<String> {
     ))
 }
 
+/// That seeds fall or stand where they are to walk.
+fn not_learnt(setup: &Setup, trained: &[Trained]) -> Option<Doubt> {
+    let command = &setup.scene.settings.command;
+    let why = |seed: &Trained| {
+        let result = &seed.result;
+        if let Some(falls) = result.fall_rate.filter(|falls| *falls > MANY_FALLS) {
+            return Some(format!("{:.0} % of its last episodes end in a fall", 100.0 * falls));
+        }
+        if let Some(time) = seed.shown.fell {
+            return Some(format!("It falls {time:.1} s into its replay"));
+        }
+        // While ranges grow, it is not known what a robot that stands still would have.
+        let error = Some(result.linear_velocity_error).filter(|_| command.curriculum.is_none());
+        error.and_then(|error| goes_nowhere(error, command))
+    };
+    let found: Vec<String> = trained
+        .iter()
+        .filter_map(|seed| Some(format!("Seed {}: {}.", seed.result.seed, why(seed)?)))
+        .collect();
+    (!found.is_empty()).then(|| {
+        Doubt::new(DoubtKind::NotLearnt, format!("{} Train longer (train.iterations).", found.join(" ")))
+    })
+}
+
 /// Shows the policies and writes the page.
 pub fn results(folder: &RunFolder, setup: &Setup, watch: &Watch<'_>) -> Result<Results, Error> {
     let plan = &setup.plan;
@@ -109,8 +135,13 @@ pub fn results(folder: &RunFolder, setup: &Setup, watch: &Watch<'_>) -> Result<R
     for &seed in &plan.seeds {
         trained.push(seed_results(folder, setup, seed, watch)?);
     }
+    let doubts = match plan.trains() {
+        true => not_learnt(setup, &trained).into_iter().collect(),
+        false => vec![Doubt::new(DoubtKind::Untrained, "")],
+    };
     let results = Results {
         trained: plan.trains(),
+        doubts,
         warnings: plan.untrained().into_iter().chain(trained.iter().filter_map(small_commands)).collect(),
         name: folder.name(),
         robot: setup.model.name.clone(),
@@ -144,7 +175,7 @@ fn seed_results(folder: &RunFolder, setup: &Setup, seed: u64, watch: &Watch<'_>)
         ));
     }
     let shown = show::show(setup, &policy, &format!("{}, seed {seed}", folder.name()))?;
-    folder.write(&files.replay, shown.html.as_bytes())?;
+    folder.write(&files.replay, replay_html(&shown.replay)?.as_bytes())?;
     let result = SeedResult::new(seed, &metrics, shown.summary.clone(), folder.path());
     Ok(Trained { result, metrics, shown })
 }

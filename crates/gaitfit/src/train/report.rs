@@ -9,7 +9,7 @@ use super::show::GAIT_CAPTION;
 use crate::Error;
 use crate::machine::{machine, now};
 use gaitfit_view::training::{SeedCurve, SeedResult as Shown, Series};
-use gaitfit_view::{Doubt, DoubtKind, Link, Setting, TrainingReport, training_report};
+use gaitfit_view::{Link, Setting, TrainingReport, training_report};
 
 /// The page of a finished run. `configuration`: the resolved one.
 pub fn page(
@@ -34,7 +34,8 @@ pub fn page(
             .unwrap_or_default(),
         links: trained.iter().flat_map(|seed| links(seed.result.seed)).collect(),
         facts: facts(setup, results),
-        doubts: if results.trained { Vec::new() } else { vec![Doubt::new(DoubtKind::Untrained, "")] },
+        doubts: results.doubts.clone(),
+        replay: first.map(|seed| seed.shown.replay.clone()),
         warnings: results.warnings.iter().cloned().chain(trained.iter().filter_map(warning)).collect(),
         configuration: configuration.to_owned(),
         versions: versions(results),

@@ -3,6 +3,7 @@
 use super::metrics::Metric;
 use super::seed::Files;
 use gaitfit_learn::evaluate::GaitSummary;
+use gaitfit_view::Doubt;
 use serde::{Deserialize, Serialize};
 
 /// Iterations at the end that results are means of.
@@ -14,6 +15,9 @@ pub struct Results {
     /// Whether the policy's actions were trained; false if all updates taught the critic alone.
     #[serde(default = "yes")]
     pub trained: bool,
+    /// Why the result must not be taken as it stands.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<Doubt>,
     /// What to know before trusting the result.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,

@@ -7,12 +7,12 @@ use crate::{gait, replay};
 use gaitfit_learn::evaluate::{GaitSummary, Subject, record_gait};
 use gaitfit_learn::task::Task;
 use gaitfit_policy::Policy;
-use gaitfit_view::{GaitPicture, Replay, replay_html};
+use gaitfit_view::{GaitPicture, Replay};
 
 /// A policy at work.
 pub struct Shown {
-    /// The page.
-    pub html: String,
+    /// What its page plays.
+    pub replay: Replay,
     /// Its gait.
     pub gait: GaitPicture,
     /// The gait in numbers.
@@ -35,7 +35,7 @@ pub fn show(setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Error>
     let record = record_gait(&subject, &gait::tour(&task.command))?;
     let fell = record.fell.then(|| record.steps() as f64 * record.dt);
     let ends = fell.map_or_else(String::new, |time| format!("; it fell after {time:.1} s"));
-    let page = Replay {
+    let replay = Replay {
         title: title.to_owned(),
         note: format!(
             "{} iterations; standing, ahead, left, turning, back, standing{ends}",
@@ -44,10 +44,5 @@ pub fn show(setup: &Setup, policy: &Policy, title: &str) -> Result<Shown, Error>
         dt: record.dt,
         robots: vec![replay::robot_on(&setup.model.name, &scene.walker, &record)],
     };
-    Ok(Shown {
-        html: replay_html(&page)?,
-        gait: gait::picture(&record),
-        summary: record.summary(&scene.gait_group),
-        fell,
-    })
+    Ok(Shown { replay, gait: gait::picture(&record), summary: record.summary(&scene.gait_group), fell })
 }

@@ -9,7 +9,7 @@ use crate::cli;
 use crate::exit::{Exit, Failure};
 use crate::progress::Lines;
 use crate::watcher::watched;
-use crate::{interrupt, output};
+use crate::{interrupt, output, viewer};
 use gaitfit::adapt::{self, Setup};
 use gaitfit::run::RunFolder;
 use gaitfit::settings::{self, AdaptConfig};
@@ -34,6 +34,7 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
         } else {
             output::print(&text::text(&results, &setup.warnings))?;
         }
+        viewer::report(args.run.open, &results.run_folder);
         checked(results.failed_check())
     })
 }

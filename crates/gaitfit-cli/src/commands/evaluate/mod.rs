@@ -5,15 +5,16 @@ mod text;
 
 use crate::cli;
 use crate::exit::{Exit, Failure};
-use crate::output;
 use crate::progress::Lines;
 use crate::watcher::watched;
+use crate::{output, viewer};
 use gaitfit::EvaluateSettings;
 use gaitfit::evaluate::{Evaluated, Evaluation, GroundChoice, OnGround};
 use gaitfit::files::{self, Output};
 use gaitfit::world::World;
 use gaitfit::{gait, replay};
 use gaitfit_learn::evaluate::{record_gait, record_gait_on};
+use gaitfit_view::Replay;
 use serde::Serialize;
 use std::path::Path;
 
@@ -22,11 +23,17 @@ use std::path::Path;
 struct Document<'a> {
     #[serde(flatten)]
     evaluation: &'a Evaluation,
+    /// Whether it walks, in a sentence.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verdict: Option<&'a str>,
     wall_seconds: f64,
 }
 
 /// Measures and prints.
 pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
+    if args.open && args.report.is_none() && args.replay.is_none() {
+        return Err(Failure::usage("--open opens what --report or --replay writes: give one of them"));
+    }
     let named = [(&args.report, "--report"), (&args.replay, "--replay")];
     let output =
         |(path, option)| Some(Output { path: Option::as_deref(path)?, option, ending: Some("html") });
@@ -53,20 +60,33 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
     };
     output::note(&settings.device.line());
     let found = watched(Lines::Seconds(5), |watch| gaitfit::evaluate(&settings, watch))?;
-    let Evaluated { measured, world, ground, wall_seconds } = found;
+    let Evaluated { measured, verdict, world, ground, wall_seconds } = found;
     let evaluation = &measured.evaluation;
+    let verdict = verdict.as_ref();
     if args.json {
-        output::print_json(&Document { evaluation, wall_seconds })?;
+        output::print_json(&Document {
+            evaluation,
+            verdict: verdict.map(|one| one.text.as_str()),
+            wall_seconds,
+        })?;
     } else {
-        output::print(&text::text(evaluation, wall_seconds))?;
+        output::print(&text::text(evaluation, verdict, wall_seconds))?;
     }
     // A page that cannot be written costs no numbers.
+    let replay = match (&args.report, &args.replay) {
+        (None, None) => None,
+        _ => Some(replay(args, &world, ground.as_ref())?),
+    };
     if let Some(path) = &args.report {
-        let page = page::page(args, &world, &measured, wall_seconds)?;
+        let page = page::page(args, &world, &measured, verdict, replay.clone(), wall_seconds)?;
         files::write(path, page.as_bytes())?;
     }
-    if let Some(path) = &args.replay {
-        files::write(path, replay(args, &world, ground.as_ref())?.as_bytes())?;
+    if let (Some(path), Some(replay)) = (&args.replay, &replay) {
+        let page = gaitfit_view::replay_html(replay).map_err(Failure::failed)?;
+        files::write(path, page.as_bytes())?;
+    }
+    if let Some(path) = args.report.as_ref().or(args.replay.as_ref()) {
+        viewer::show(args.open, path);
     }
     match evaluation.divergence() {
         Some(message) => Err(Failure { exit: Exit::Check, message }),
@@ -78,7 +98,7 @@ pub fn run(args: &cli::Evaluate) -> Result<(), Failure> {
 const ACROSS: f64 = 12.0;
 
 /// A tour over the commands, or straight over uneven ground, as a 3-D replay.
-fn replay(args: &cli::Evaluate, world: &World, ground: Option<&OnGround>) -> Result<String, Failure> {
+fn replay(args: &cli::Evaluate, world: &World, ground: Option<&OnGround>) -> Result<Replay, Failure> {
     let record = match ground {
         None => {
             let commands = gait::tour(&world.scene.settings.command);
@@ -91,11 +111,10 @@ fn replay(args: &cli::Evaluate, world: &World, ground: Option<&OnGround>) -> Res
     };
     let record = record.map_err(Failure::failed)?;
     let world = ground.map_or(world, |ground| &ground.world);
-    let replay = gaitfit_view::Replay {
+    Ok(Replay {
         title: args.world.policy.display().to_string(),
         note: world.description(),
         dt: record.dt,
         robots: vec![replay::robot_on("", &world.scene.walker, &record)],
-    };
-    gaitfit_view::replay_html(&replay).map_err(Failure::failed)
+    })
 }

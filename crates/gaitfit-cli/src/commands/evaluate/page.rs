@@ -1,65 +1,72 @@
 //! The result as a page.
 
+use super::text::rows;
 use crate::cli;
 use crate::exit::Failure;
-use gaitfit::evaluate::Measured;
+use gaitfit::evaluate::{Measured, Verdict};
 use gaitfit::gait;
 use gaitfit::machine;
 use gaitfit::world::World;
 use gaitfit_learn::evaluate::Trial;
 use gaitfit_view::evaluation::{Ground, Histogram, Measure};
 use gaitfit_view::loop_report::Estimate;
-use gaitfit_view::{Doubt, DoubtKind, EvaluationReport, Setting};
+use gaitfit_view::{Doubt, DoubtKind, EvaluationReport, Replay, Setting};
 
 /// Bars of a histogram.
 const BINS: usize = 40;
+
+/// What stands in large print.
+const HEADLINE: [&str; 3] = ["linear-velocity error", "angular-velocity error", "falls"];
+
+/// What of a trajectory a row is the mean of; none of rates.
+fn of_trial(name: &str) -> Option<fn(&Trial) -> f64> {
+    match name {
+        "summed reward" => Some(|trial| trial.reward),
+        "linear-velocity error" => Some(|trial| trial.linear_velocity_error),
+        "angular-velocity error" => Some(|trial| trial.angular_velocity_error),
+        "action rate" => Some(|trial| trial.action_rate),
+        _ => None,
+    }
+}
 
 /// `report.html`.
 pub fn page(
     args: &cli::Evaluate,
     world: &World,
     measured: &Measured,
+    verdict: Option<&Verdict>,
+    replay: Option<Replay>,
     wall_seconds: f64,
 ) -> Result<String, Failure> {
     let document = &measured.evaluation;
-    let summary = document;
-    let measure = |name: &str, unit: &str, estimate: Estimate, value: Option<fn(&Trial) -> f64>| Measure {
+    // Row by row as on the terminal.
+    let measure = |(name, estimate, digits, unit): (&str, Estimate, usize, &str)| Measure {
         name: name.to_owned(),
         unit: unit.to_owned(),
         mean: estimate.mean,
         ci95: estimate.ci95,
+        decimals: Some(digits),
+        headline: HEADLINE.contains(&name),
         limit: None,
-        histogram: value.map(|value| {
+        histogram: of_trial(name).map(|value| {
             let values: Vec<f64> = measured.trials.iter().map(value).collect();
             Histogram::from_samples(&values, BINS)
         }),
     };
     let setting = |name: &str, value: String| Setting { name: name.to_owned(), value };
+    let diverged = document.divergence().map(|text| Doubt::new(DoubtKind::Diverged, text));
+    let stands = verdict.filter(|one| !one.walks);
+    let stands = stands.map(|one| Doubt::new(DoubtKind::NoWalk, one.text.clone()));
     let report = EvaluationReport {
         title: document.policy.clone(),
         robot: document.simulator.clone(),
         created: machine::now(),
         wall_seconds,
-        doubts: document.divergence().map(|text| Doubt::new(DoubtKind::Diverged, text)).into_iter().collect(),
-        trajectories: summary.trajectories as u64,
+        doubts: diverged.into_iter().chain(stands).collect(),
+        verdict: verdict.filter(|one| one.walks).map(|one| one.text.clone()).unwrap_or_default(),
+        trajectories: document.trajectories as u64,
         seconds: document.seconds,
-        measures: vec![
-            measure("summed reward", "", summary.reward, Some(|t| t.reward)),
-            measure(
-                "linear-velocity error",
-                "m/s",
-                summary.linear_velocity_error,
-                Some(|t| t.linear_velocity_error),
-            ),
-            measure(
-                "angular-velocity error",
-                "rad/s",
-                summary.angular_velocity_error,
-                Some(|t| t.angular_velocity_error),
-            ),
-            measure("falls", "share", summary.fall_rate, None),
-            measure("action rate", "a step", summary.action_rate, Some(|t| t.action_rate)),
-        ],
+        measures: rows(document).map(measure).to_vec(),
         drift: document.drift.iter().map(|trial| trial.drawn(args.drift)).collect(),
         ground: document
             .ground
@@ -74,6 +81,7 @@ pub fn page(
                 speed: row.speed.mean,
             })
             .collect(),
+        replay,
         gait: measured.gait.as_ref().map(gait::picture),
         gait_caption: "standing, then ahead at half the greatest command".to_owned(),
         settings: vec![

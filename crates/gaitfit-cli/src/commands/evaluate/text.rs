@@ -1,7 +1,8 @@
 //! The result on a terminal.
 
 use crate::table::table;
-use gaitfit::evaluate::Evaluation;
+use gaitfit::evaluate::{Evaluation, Verdict};
+use gaitfit_view::DoubtKind;
 use gaitfit_view::loop_report::Estimate;
 use std::fmt::Write as _;
 
@@ -13,12 +14,29 @@ fn shown(estimate: Estimate, digits: usize) -> String {
     }
 }
 
-/// Tables of means, drift and gait.
-pub fn text(document: &Evaluation, wall_seconds: f64) -> String {
+/// What was measured: name, mean, digits and unit.
+pub fn rows(document: &Evaluation) -> [(&'static str, Estimate, usize, &'static str); 5] {
+    let falls = document.fall_rate;
+    let percent = Estimate { mean: 100.0 * falls.mean, ci95: 100.0 * falls.ci95 };
+    [
+        ("summed reward", document.reward, 3, ""),
+        ("linear-velocity error", document.linear_velocity_error, 4, "m/s"),
+        ("angular-velocity error", document.angular_velocity_error, 4, "rad/s"),
+        ("falls", percent, 2, "%"),
+        ("action rate", document.action_rate, 4, "a step"),
+    ]
+}
+
+/// What is wrong, then tables of means, drift and gait.
+pub fn text(document: &Evaluation, verdict: Option<&Verdict>, wall_seconds: f64) -> String {
     let summary = document;
-    let mut out = match document.divergence() {
-        Some(message) => format!("DIVERGED: {message}\n\n"),
-        None => String::new(),
+    let mut out = match (document.divergence(), verdict) {
+        (Some(message), _) => format!("DIVERGED: {message}\n\n"),
+        (None, Some(Verdict { walks: false, text })) => {
+            format!("{}: {text}\n\n", DoubtKind::NoWalk.headline().to_uppercase())
+        }
+        (None, Some(Verdict { walks: true, text })) => format!("{text}\n\n"),
+        (None, None) => String::new(),
     };
     let _ = write!(
         out,
@@ -26,15 +44,8 @@ pub fn text(document: &Evaluation, wall_seconds: f64) -> String {
         document.policy, document.simulator, summary.trajectories, document.seconds
     );
     let mut means = table(&["", "mean ± 95 %", "unit"], &[1]);
-    let percent = Estimate { mean: 100.0 * summary.fall_rate.mean, ci95: 100.0 * summary.fall_rate.ci95 };
-    for (name, value, unit) in [
-        ("summed reward", shown(summary.reward, 3), ""),
-        ("linear-velocity error", shown(summary.linear_velocity_error, 4), "m/s"),
-        ("angular-velocity error", shown(summary.angular_velocity_error, 4), "rad/s"),
-        ("falls", shown(percent, 2), "%"),
-        ("action rate", shown(summary.action_rate, 4), "a step"),
-    ] {
-        means.add_row([name, &value, unit]);
+    for (name, estimate, digits, unit) in rows(document) {
+        means.add_row([name, &shown(estimate, digits), unit]);
     }
     let _ = writeln!(out, "{means}");
     if !document.drift.is_empty() {

@@ -3,8 +3,8 @@
 use super::{number, plot};
 use crate::cli::Inspect;
 use crate::exit::{Exit, Failure};
-use crate::output;
 use crate::table::table;
+use crate::{output, viewer};
 use gaitfit::files::{self, Output};
 use gaitfit::robot;
 use gaitfit_log::{
@@ -45,6 +45,9 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         output::print_json(&Document { summary: &summary, findings: &findings })?;
     } else {
         output::print(&text(&log, &summary, &findings))?;
+    }
+    if let Some(path) = &args.plot {
+        viewer::show(args.open, path);
     }
     let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();
     if errors > 0 {

@@ -7,7 +7,7 @@ use crate::cli;
 use crate::exit::{Exit, Failure};
 use crate::progress::Lines;
 use crate::watcher::watched;
-use crate::{interrupt, output};
+use crate::{interrupt, output, viewer};
 use gaitfit::loop_::{self, Setup};
 use gaitfit::settings::{self, LoopConfig};
 
@@ -29,6 +29,7 @@ pub fn run(args: &cli::Loop) -> Result<(), Failure> {
     } else {
         output::print(&table::text(&results))?;
     }
+    viewer::report(args.run.open, &results.run_folder);
     match results.divergence() {
         Some(message) => Err(Failure { exit: Exit::Check, message }),
         None => Ok(()),

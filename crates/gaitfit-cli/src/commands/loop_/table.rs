@@ -9,6 +9,9 @@ use std::fmt::Write;
 /// Before and after, drift, what to know, and where the files are.
 pub fn text(results: &Results) -> String {
     let mut text = String::new();
+    if let Some(absent) = results.absence() {
+        let _ = writeln!(text, "{}: {}\n", absent.kind.headline().to_uppercase(), absent.text);
+    }
     let divergence = results.divergence();
     if let Some(found) = &divergence {
         let _ = writeln!(text, "DIVERGED: {found}.\n");
@@ -60,7 +63,8 @@ pub fn text(results: &Results) -> String {
     for warning in results.warnings.iter().filter(|warning| Some(*warning) != divergence.as_ref()) {
         let _ = writeln!(text, "note: {warning}");
     }
-    if let Some(next) = &results.next {
+    // Without the robot it was said first.
+    if let Some(next) = results.next.as_ref().filter(|_| results.absence().is_none()) {
         let _ = writeln!(text, "next: {next}");
     }
     let _ = writeln!(text, "policy: {}   {}", results.policy, results.onnx);

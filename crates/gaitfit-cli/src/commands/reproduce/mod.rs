@@ -6,7 +6,7 @@ use crate::cli;
 use crate::exit::Failure;
 use crate::progress::Lines;
 use crate::watcher::watched;
-use crate::{interrupt, output};
+use crate::{interrupt, output, viewer};
 use gaitfit::machine;
 use gaitfit::reproduce::{self, Paper, Request};
 
@@ -37,5 +37,11 @@ pub fn run(args: &cli::Reproduce) -> Result<(), Failure> {
     let shown = text::text(&results);
     folder.write("table.txt", shown.as_bytes())?;
     output::note("");
-    if args.json { output::print_json(&results) } else { output::print(&shown) }
+    if args.json {
+        output::print_json(&results)?;
+    } else {
+        output::print(&shown)?;
+    }
+    viewer::show(args.open, &folder.path().join("plot.svg"));
+    Ok(())
 }

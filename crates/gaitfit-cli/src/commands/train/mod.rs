@@ -7,7 +7,7 @@ use crate::cli;
 use crate::exit::Failure;
 use crate::progress::Lines;
 use crate::watcher::watched;
-use crate::{interrupt, output};
+use crate::{interrupt, output, viewer};
 use gaitfit::settings::{self, TrainConfig};
 use gaitfit::train::{self, Results};
 
@@ -31,10 +31,16 @@ pub fn run(args: &cli::Train) -> Result<(), Failure> {
     let setup = train::setup(&config, &name, args.config.as_deref(), threads, device)?;
     output::note(&setup.device.line());
     interrupt::listen()?;
-    print(&watched(LINES, |watch| train::train(&setup, args.run.resume, watch))?, args.run.json)
+    print(&watched(LINES, |watch| train::train(&setup, args.run.resume, watch))?, &args.run)
 }
 
-/// Prints what came out.
-pub fn print(results: &Results, json: bool) -> Result<(), Failure> {
-    if json { output::print_json(results) } else { output::print(&table::text(results)) }
+/// Prints what came out, and opens the page if that was asked.
+pub fn print(results: &Results, run: &cli::RunArgs) -> Result<(), Failure> {
+    if run.json {
+        output::print_json(results)?;
+    } else {
+        output::print(&table::text(results))?;
+    }
+    viewer::report(run.open, &results.run_folder);
+    Ok(())
 }

@@ -2,11 +2,15 @@
 
 use crate::table::table;
 use gaitfit::train::{LAST, Results};
+use gaitfit_view::DoubtKind;
 use std::fmt::Write;
 
 /// One row a seed, and where the files are.
 pub fn text(results: &Results) -> String {
     let mut text = String::new();
+    for doubt in results.doubts.iter().filter(|doubt| doubt.kind == DoubtKind::NotLearnt) {
+        let _ = writeln!(text, "{}: {}\n", doubt.kind.headline().to_uppercase(), doubt.text);
+    }
     for warning in &results.warnings {
         let _ = writeln!(text, "note: {warning}");
     }

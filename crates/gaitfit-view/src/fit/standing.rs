@@ -1,0 +1,105 @@
+//! How well founded the first fit's values are, in sentences: bounds, identification, and logs that were not fitted.
+
+use super::scores::Verdict;
+use super::{Bound, FitReport, Parameter};
+use crate::format::{clean, clean_prose};
+
+/// Parameters named in a sentence at most.
+const NAMED: usize = 5;
+
+/// The sentences, each with whether it speaks for the fit.
+pub(super) fn verdicts(report: &FitReport) -> Vec<Verdict> {
+    let parameters = report.fits.first().map_or(&[][..], |fit| &fit.parameters);
+    let mut verdicts = Vec::new();
+    if !parameters.is_empty() {
+        let total = parameters.len();
+        verdicts.push(match names(parameters, rests) {
+            None => good("no parameter rests on a bound of its search"),
+            Some((count, names)) => {
+                let rest = if count == 1 { "rests on a bound of its" } else { "rest on bounds of their" };
+                bad(format!("{count} of {total} parameters {rest} search: {names}"))
+            }
+        });
+        let judged = parameters.iter().filter(|p| p.identified.is_some()).count();
+        match names(parameters, |p| p.identified == Some(false)) {
+            Some((count, names)) => {
+                verdicts
+                    .push(bad(format!("the logs do not determine {count} of {total} parameters: {names}")));
+            }
+            None if judged == total => verdicts.push(good("the logs determine all parameters")),
+            None => {}
+        }
+    }
+    if let Some(held) = report.held_out.as_ref().filter(|held| !held.sentence.is_empty()) {
+        let text = clean_prose(&held.sentence);
+        verdicts.push(Verdict { text, good: held.explained != Some(false) });
+    }
+    verdicts
+}
+
+fn good(text: &str) -> Verdict {
+    Verdict { text: text.into(), good: true }
+}
+
+fn bad(text: String) -> Verdict {
+    Verdict { text, good: false }
+}
+
+/// Whether a value would have gone on but for a bound: 0 is an end of many quantities and no such bound.
+fn rests(parameter: &Parameter) -> bool {
+    match parameter.at_bound {
+        Some(Bound::Upper) => true,
+        Some(Bound::Lower) => parameter.lower != 0.0,
+        None => false,
+    }
+}
+
+/// How many parameters are so, and the first of their names; none if none is.
+fn names(parameters: &[Parameter], is_so: impl Fn(&Parameter) -> bool) -> Option<(usize, String)> {
+    let found: Vec<String> = parameters.iter().filter(|p| is_so(p)).map(|p| clean(&p.name)).collect();
+    let mut named = found[..found.len().min(NAMED)].join(", ");
+    if found.len() > NAMED {
+        named.push_str(&format!(" and {} more", found.len() - NAMED));
+    }
+    (!found.is_empty()).then_some((found.len(), named))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::Fit;
+    use crate::loop_report::HeldOut;
+
+    #[test]
+    fn what_speaks_against_a_fit_is_named() {
+        let parameter = |name: &str, lower, at_bound, identified| Parameter {
+            name: name.into(),
+            lower,
+            at_bound,
+            identified,
+            ..Parameter::default()
+        };
+        let of = |parameters: Vec<Parameter>, held_out| {
+            let fits = vec![Fit { parameters, ..Fit::default() }];
+            let said = verdicts(&FitReport { fits, held_out, ..FitReport::default() });
+            said.into_iter().map(|one| (one.text, one.good)).collect::<Vec<_>>()
+        };
+        let sound = of(vec![parameter("a", 0.0, Some(Bound::Lower), Some(true))], None);
+        let wanted = ["no parameter rests on a bound of its search", "the logs determine all parameters"];
+        assert_eq!(sound, wanted.map(|text| (text.to_string(), true)));
+        let floor = HeldOut { sentence: "Worse.".into(), explained: Some(false), ..HeldOut::default() };
+        let doubtful = of(
+            vec![
+                parameter("a", 1.0, Some(Bound::Lower), Some(false)),
+                parameter("b", 0.0, Some(Bound::Upper), None),
+            ],
+            Some(floor),
+        );
+        let wanted = [
+            "2 of 2 parameters rest on bounds of their search: a, b",
+            "the logs do not determine 1 of 2 parameters: a",
+            "Worse.",
+        ];
+        assert_eq!(doubtful, wanted.map(|text| (text.to_string(), false)));
+    }
+}

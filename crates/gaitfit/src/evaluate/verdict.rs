@@ -1,0 +1,105 @@
+//! Whether a policy walks, in words: it stays up, and follows commands better than a robot that stands still.
+
+use super::Evaluation;
+use gaitfit_learn::task::CommandSettings;
+
+/// Share of falls from which on a robot does not stay up.
+pub const MANY_FALLS: f64 = 0.5;
+/// Share of the error of a robot that stands still from which on it goes nowhere.
+const NOWHERE: f64 = 0.8;
+/// Cells of a side of the grid that means are taken over.
+const GRID: usize = 200;
+
+/// What a measurement says of a policy.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Verdict {
+    /// Whether it walks.
+    pub walks: bool,
+    /// The evidence, in a sentence.
+    pub text: String,
+}
+
+/// The verdict on a measurement under commands of these ranges; none where nothing can be said: robots that diverge, or
+/// a task that asks for no walking.
+pub fn verdict(found: &Evaluation, command: &CommandSettings) -> Option<Verdict> {
+    let (error, falls) = (found.linear_velocity_error.mean, found.fall_rate.mean);
+    if found.diverged > 0 || !falls.is_finite() {
+        return None;
+    }
+    let fallen = format!("{:.2} % of the trajectories end in a fall", 100.0 * falls);
+    if falls > MANY_FALLS {
+        return Some(Verdict { walks: false, text: format!("{fallen}.") });
+    }
+    let still = standing_error(command);
+    if still == 0.0 || !error.is_finite() {
+        return None;
+    }
+    Some(match goes_nowhere(error, command) {
+        Some(text) => Verdict { walks: false, text: format!("{text}.") },
+        None => Verdict {
+            walks: true,
+            text: format!(
+                "Walks: its velocity error is {:.0} % of that of a robot that stands still ({still:.2} m/s), and {fallen}",
+                100.0 * error / still
+            ),
+        },
+    })
+}
+
+/// That a mean velocity error, m/s, is nearly that of a robot that stands still; none if it is not.
+pub fn goes_nowhere(error: f64, command: &CommandSettings) -> Option<String> {
+    let still = standing_error(command);
+    (still > 0.0 && error >= NOWHERE * still).then(|| {
+        format!("Its velocity error is {error:.2} m/s, where a robot that stands still has {still:.2} m/s")
+    })
+}
+
+/// Mean velocity error of a robot that stands still, m/s: the mean of |c| over commands c = (x, y) as they are drawn.
+pub fn standing_error(command: &CommandSettings) -> f64 {
+    let at = |[low, high]: [f64; 2], cell: usize| low + (high - low) * (cell as f64 + 0.5) / GRID as f64;
+    let sum: f64 =
+        (0..GRID * GRID).map(|cell| at(command.x, cell / GRID).hypot(at(command.y, cell % GRID))).sum();
+    (1.0 - command.standing) * sum / (GRID * GRID) as f64
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_view::loop_report::Estimate;
+
+    fn command(x: [f64; 2], y: [f64; 2], standing: f64) -> CommandSettings {
+        CommandSettings { x, y, yaw: [-1.0, 1.0], seconds: 4.0, standing, curriculum: None }
+    }
+
+    #[test]
+    fn standing_still_is_off_by_the_mean_command() {
+        // Of the unit square's points the mean distance from a corner is (√2 + asinh 1) / 3.
+        let corner = (2f64.sqrt() + 1f64.asinh()) / 3.0;
+        assert!((standing_error(&command([-1.0, 1.0], [-1.0, 1.0], 0.0)) - corner).abs() < 1e-4);
+        assert!((standing_error(&command([0.0, 2.0], [0.0, 0.0], 0.25)) - 0.75).abs() < 1e-9);
+    }
+
+    #[test]
+    fn who_falls_or_stands_does_not_walk() {
+        let ranges = command([0.0, 2.0], [0.0, 0.0], 0.0);
+        let estimate = |mean| Estimate { mean, ci95: 0.01 };
+        let said = |error, falls, diverged| {
+            let document = r#"{"trajectories": 10, "linear_velocity_error": {"mean": 0.0, "ci95": 0.0},
+                "angular_velocity_error": {"mean": 0.0, "ci95": 0.0}, "fall_rate": {"mean": 0.0, "ci95": 0.0}}"#;
+            let mut found: Evaluation = serde_json::from_str(document).unwrap();
+            (found.linear_velocity_error, found.fall_rate) = (estimate(error), estimate(falls));
+            found.diverged = diverged;
+            verdict(&found, &ranges)
+        };
+        let walks = said(0.2, 0.125, 0).unwrap();
+        assert!(walks.walks && walks.text.contains("20 %") && walks.text.contains("12.50 %"), "{walks:?}");
+        assert!(!said(0.2, 0.6, 0).unwrap().walks);
+        let stands = said(0.9, 0.0, 0).unwrap();
+        assert!(
+            !stands.walks && stands.text.contains("0.90 m/s") && stands.text.contains("1.00 m/s"),
+            "{stands:?}"
+        );
+        assert_eq!(said(0.2, 0.0, 1), None);
+    }
+}
