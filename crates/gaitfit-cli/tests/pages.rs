@@ -156,8 +156,8 @@ fn looks(browser: &mut Browser, what: &str, width: u32, dark: bool) {
     let unnamed = "[...document.querySelectorAll('svg:not([aria-hidden]), canvas, input, select')].filter(e => \
                    !(e.getAttribute('aria-label') || (e.labels && e.labels.length))).length";
     assert_eq!(browser.value(unnamed), 0, "{what}: pictures or controls without a name");
-    let unreachable = "[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth + 1 && \
-                       e.tabIndex < 0 && !e.querySelector('a, button, input')).length";
+    let unreachable = "[...document.querySelectorAll('.scroll')].filter(e => e.checkVisibility() && \
+                       e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1 && e.tabIndex < 0 && !e.querySelector('a, button, input')).length";
     assert_eq!(browser.value(unreachable), 0, "{what}: boxes that the keyboard cannot scroll");
 }
 
@@ -254,8 +254,10 @@ fn shows_fit(rows: &Value, result: &Value) {
         let name = parameter["name"].as_str().unwrap();
         let cells = row(rows, &[name]);
         shows(cells[1], &parameter["value"], name);
+        // The truth stands beside it.
+        shows(cells[2], &parameter["truth"], name);
         if parameter["spread"].is_f64() {
-            shows(cells[2], &parameter["spread"], name);
+            shows(cells[3], &parameter["spread"], name);
         }
     }
     let fitted = row(rows, &["fitted simulator"]);
