@@ -173,15 +173,16 @@ fn plays(browser: &mut Browser, what: &str) {
     let halted = browser.value(TIME);
     std::thread::sleep(std::time::Duration::from_millis(200));
     assert_eq!(browser.value(TIME), halted, "{what}: it halts");
-    browser.value("document.querySelectorAll('.panes').forEach(e => { e.style.visibility = 'hidden'; })");
     let mut seek = |share: f64| {
-        let slider = "document.getElementById('time')";
-        let to = browser.value(&format!(
-            "(() => {{ const s = {slider}; s.value = s.max * {share}; s.dispatchEvent(new Event('input')); return s.value; }})()"
+        // What is drawn can be read in the frame in which it is drawn.
+        let sought = browser.value(&format!(
+            "new Promise(done => {{ const s = document.getElementById('time'); s.value = s.max * {share}; \
+             s.dispatchEvent(new Event('input')); \
+             requestAnimationFrame(() => done([s.value, document.getElementById('scene').toDataURL()])); }})"
         ));
-        let to: f64 = to.as_str().unwrap().parse().unwrap();
+        let to: f64 = sought[0].as_str().unwrap().parse().unwrap();
         browser.until(&format!("Math.abs({TIME} - {to}) < 0.011"));
-        (to, browser.picture(Some("stage")))
+        (to, sought[1].clone())
     };
     let (_, before) = seek(0.1);
     let (to, after) = seek(0.7);
@@ -193,7 +194,6 @@ fn plays(browser: &mut Browser, what: &str) {
     browser.until(&format!("{TIME} === 0"));
     browser.press(" ");
     browser.until(&format!("{TIME} > 0.05"));
-    browser.value("document.querySelectorAll('.panes').forEach(e => { e.style.visibility = ''; })");
     browser.value("scrollTo(0, 0)");
 }
 
@@ -201,7 +201,7 @@ fn plays(browser: &mut Browser, what: &str) {
 fn keep(browser: &mut Browser, name: &str, width: u32, dark: bool) {
     let Some(folder) = std::env::var_os(PICTURES) else { return };
     let name = format!("{name}-{width}-{}.png", if dark { "dark" } else { "light" });
-    let picture = BASE64_STANDARD.decode(browser.picture(None)).unwrap();
+    let picture = BASE64_STANDARD.decode(browser.picture()).unwrap();
     std::fs::write(Path::new(&folder).join(name), picture).unwrap();
 }
 

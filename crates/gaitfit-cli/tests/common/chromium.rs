@@ -141,18 +141,12 @@ impl Browser {
         }
     }
 
-    /// A picture of the whole page, PNG in base64; of an element's place alone if it is named.
-    pub fn picture(&mut self, element: Option<&str>) -> String {
-        let place = match element {
-            None => "(() => { const e = document.documentElement; \
-                 return { x: 0, y: 0, width: innerWidth, height: Math.min(e.scrollHeight, 12000), scale: 1 }; })()"
-                .to_owned(),
-            Some(id) => format!(
-                "(() => {{ const r = document.getElementById({id:?}).getBoundingClientRect(); \
-                 return {{ x: r.x + scrollX, y: r.y + scrollY, width: r.width, height: r.height, scale: 1 }}; }})()"
-            ),
-        };
-        let clip = self.value(&place);
+    /// A picture of the whole page, PNG in base64.
+    pub fn picture(&mut self) -> String {
+        let clip = self.value(
+            "({ x: 0, y: 0, width: innerWidth, scale: 1, \
+             height: Math.min(document.documentElement.scrollHeight, 12000) })",
+        );
         let taken =
             self.call("Page.captureScreenshot", json!({ "clip": clip, "captureBeyondViewport": true }));
         taken["data"].as_str().unwrap().to_owned()
