@@ -218,7 +218,8 @@ def write_columns(out, time, q, dq, target):
              "dq_a": pa.array(np.round(dq[:, 0]).astype(np.int64)), "dq_b": pa.array(dq[:, 1].astype(np.float32)),
              "dq_c": pa.array(np.arange(SAMPLES) % 3 == 0)}
     kinds = pa.table(kinds)
-    pa.parquet.write_table(kinds, out / "kinds.parquet", compression="gzip", use_dictionary=["q_b"], column_encoding={
+    pa.parquet.write_table(kinds, out / "kinds.parquet", compression={"time": "zstd", "q_a": "lz4", "q_b": "snappy", "q_c": "zstd",
+        "dq_a": "none", "dq_b": "gzip", "dq_c": "gzip"}, use_dictionary=["q_b"], column_encoding={
         "q_a": "DELTA_BINARY_PACKED", "q_c": "BYTE_STREAM_SPLIT", "dq_a": "PLAIN", "dq_b": "BYTE_STREAM_SPLIT",
         "dq_c": "RLE", "time": "DELTA_BINARY_PACKED"}, store_schema=False, data_page_version="2.0")
     columns = [whole[:, 0], whole[:, 1], 0.01 * whole[:, 2], np.round(dq[:, 0]), dq[:, 1].astype(np.float32), np.arange(SAMPLES) % 3 == 0]
@@ -246,6 +247,15 @@ def write_hdf5(out, time, q, dq, target):
             group["actions"] = scale * target
             group["obs/joint_pos"], group["obs/joint_vel"] = scale * q, scale * dq
             group["obs/picture"] = np.zeros((SAMPLES, 2, 2, 3), np.uint8)
+
+
+def write_huge(out):
+    """Small files of many numbers: 3e9 in HDF5 chunks that were never written, 6e6 in Parquet as runs of one number."""
+    with h5py.File(out / "huge.h5", "w") as file:
+        file.create_dataset("joint_pos", shape=(1 << 28, 12), chunks=(1 << 16, 12), compression="gzip", dtype="f8")
+    column = pa.array(np.zeros(3_000_000))
+    table = pa.table({"time": column, "q_a": column})
+    pa.parquet.write_table(table, out / "huge.parquet", compression="zstd", write_statistics=False, row_group_size=3_000_000)
 
 
 def write_old_pickle(out):
@@ -332,6 +342,7 @@ def main():
         write(out, *found)
     write_unitree_hg(out)
     write_old_pickle(out)
+    write_huge(out)
     write_two_rates(out)
     for path in sorted(out.rglob("*")):
         print(f"{path.relative_to(out)}: {path.stat().st_size} bytes" if path.is_file() else path.name)

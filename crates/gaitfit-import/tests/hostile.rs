@@ -239,6 +239,12 @@ fn sizes_that_files_state_are_not_believed() {
     }
     laughs.extend(b"q\xff}U\x01qh\xffs.");
     refused(&laughs);
+    // Three billion numbers in HDF5 chunks that were never written, six million in Parquet's runs.
+    let few = Options { max_values: 1_000_000, ..options("motion.csv") };
+    for name in ["huge.h5", "huge.parquet"] {
+        let error = import(&[fixture(name)], &few).unwrap_err().to_string();
+        assert!(error.contains("more than 1000000 numbers"), "{name}: {error}");
+    }
     let mut record = b"\x89MCAP0\r\n\x05".to_vec();
     record.extend(u64::MAX.to_le_bytes());
     assert!(refused(&record).contains("no messages"));

@@ -21,7 +21,7 @@ pub struct Import {
     /// Robot: drop what the engine does not honour, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
-    /// Read only these topics or files, separated by commas
+    /// Read only these topics, columns or arrays, by the beginning of their names, separated by commas
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub take: Vec<String>,
     /// Add this to the times of what holds no joint positions, s [default: what the recorder's clock shows]

@@ -95,8 +95,9 @@ pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64) -> String {
     let lag = lag(joints, step);
     let mut text = String::from(
         "\"\"\"The fitted robot for mjlab: EntityCfg(spec_fn=spec, articulation=EntityArticulationInfoCfg(actuators=ACTUATORS)).\n\n\
-         Armature, damping, friction loss and springs are in robot.xml. Bias, offset, noise and networks: see drive.py.\n\"\"\"\n\n\
-         import pathlib\n\nimport mujoco\nfrom mjlab.actuator import BuiltinPositionActuatorCfg, DelayedActuatorCfg\n\n",
+         Armature, damping, friction loss and springs are in robot.xml. Bias, offset, noise and networks: see drive.py.\n\
+         For mjlab 1.6, whose actuators have their delay themselves.\n\"\"\"\n\n\
+         import pathlib\n\nimport mujoco\nfrom mjlab.actuator import BuiltinPositionActuatorCfg\n\n",
     );
     let _ = writeln!(
         text,
@@ -105,9 +106,8 @@ pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64) -> String {
     text.push_str(
         "\ndef spec():\n    spec = mujoco.MjSpec.from_file(str(pathlib.Path(__file__).with_name(\"robot.xml\")))\n    \
          for actuator in list(spec.actuators):  # mjlab makes its own\n        spec.delete(actuator)\n    return spec\n\n\n\
-         def servo(joints, kp, kd, limit):\n    servo = BuiltinPositionActuatorCfg(target_names_expr=joints, stiffness=kp, \
-         damping=kd, effort_limit=limit)\n    return DelayedActuatorCfg(base_cfg=servo, delay_min_lag=LAG, delay_max_lag=LAG) \
-         if LAG else servo\n\n\n",
+         def servo(joints, kp, kd, limit):\n    return BuiltinPositionActuatorCfg(target_names_expr=joints, stiffness=kp, \
+         damping=kd,\n                                      effort_limit=limit, delay_min_lag=LAG, delay_max_lag=LAG)\n\n\n",
     );
     if !gains {
         text.push_str("# Write your gains: servo((\".*\",), kp=25.0, kd=0.5, limit=None)\nACTUATORS = ()\n");
