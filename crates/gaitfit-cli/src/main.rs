@@ -58,6 +58,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Init(args) => commands::init::run(args),
         Command::Adapt(args) => commands::adapt::run(args),
         Command::Sensitivity(args) => commands::sensitivity::run(args),
+        Command::Excite(args) => commands::excite::run(args),
         Command::Validate(args) => commands::validate::run(args),
         Command::Train(args) => commands::train::run(args),
         Command::Finetune(args) => commands::finetune::run(args),

@@ -133,3 +133,92 @@ fn logs_of_two_runs_are_not_mixed() {
     assert_eq!(output.status.code(), Some(2));
     assert!(errors(&output).contains("another folder"), "{}", errors(&output));
 }
+
+/// Arguments of a short chirp of the Go2 into `out`.
+fn chirp<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let short = ["--seconds", "3", "--ease", "0.5", "--rate", "100", "--threads", "1"];
+    [&["excite", "assets/go2.xml", "--out", out], &short[..], more].concat()
+}
+
+#[test]
+fn a_chirp_is_written_for_programs_and_fits() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("chirp").display().to_string();
+    let output = run(&chirp(&out, &["--joints", "F*", "--turns", "limbs"]));
+    assert!(output.status.success(), "{}", errors(&output));
+    let text = String::from_utf8(output.stdout).unwrap();
+    for words in ["7.0 s for go2", "FR_calf_joint", "armature_calf", "on 32 simulated robots", "play.py"] {
+        assert!(text.contains(words), "`{words}` is not in {text}");
+    }
+    assert!(!text.contains("RR_calf_joint "), "{text}");
+    let targets = std::fs::read_to_string(folder.path().join("chirp/chirp.csv")).unwrap();
+    assert_eq!(targets.lines().filter(|line| !line.starts_with('#')).count(), 701);
+    // What the robot of the file would measure, fitted as its log would be.
+    let expected = read_csv(&folder.path().join("chirp/expected.csv"), &ReadOptions::default()).unwrap();
+    assert_eq!((expected.len(), expected.gains.as_ref().unwrap().kp[0]), (700, 25.0));
+    std::fs::rename(folder.path().join("chirp/expected.csv"), folder.path().join("chirp/log.csv")).unwrap();
+    let found = json(&run(&["sensitivity", &format!("{out}/fit.toml"), "--json", "--threads", "1"]));
+    assert_eq!(found["parameters"].as_array().unwrap().len(), 10, "{found}");
+
+    let refused = run(&chirp(&out, &["--pose", "FL_hip"]));
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(errors(&refused).contains("JOINT=RAD"), "{}", errors(&refused));
+    let refused = run(&chirp(&out, &["--kp", "high", "--kd", "1"]));
+    assert!(errors(&refused).contains("*_hip"), "{}", errors(&refused));
+    let refused = run(&chirp(&out, &["--torque-limit", "0.5"]));
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(errors(&refused).contains("at rest uses"), "{}", errors(&refused));
+}
+
+#[test]
+#[ignore = "needs the Python packages of tools/setup_venv.sh"]
+fn python_the_script_plays_the_chirp_and_stops_at_limits() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("chirp").display().to_string();
+    let written = run(&chirp(&out, &["--amplitude", "0.6", "--frequency", "0.2", "8"]));
+    assert!(written.status.success(), "{}", errors(&written));
+    let play = |more: &[&str]| {
+        std::process::Command::new(common::root().join(".venv/bin/python"))
+            .arg(folder.path().join("chirp/play.py"))
+            .args(more)
+            .current_dir(common::root())
+            .output()
+            .unwrap()
+    };
+    let said = |output: &std::process::Output| {
+        String::from_utf8_lossy(&[output.stdout.clone(), output.stderr.clone()].concat()).into_owned()
+    };
+    let dry = play(&["--dry-run"]);
+    assert!(dry.status.success() && said(&dry).contains("12 of 12 joints move"), "{}", said(&dry));
+    let bare = play(&[]);
+    assert!(!bare.status.success() && said(&bare).contains("fill in the class Robot"), "{}", said(&bare));
+    // The limits hold in MuJoCo too, on robots at the ends of the bounds.
+    for (friction, armature) in [("0", "0.01"), ("0.5", "0.1"), ("0.1", "0.03")] {
+        let robot = ["--mujoco", "assets/go2.xml", "--frictionloss", friction, "--armature", armature];
+        let played = play(&robot);
+        assert!(played.status.success() && said(&played).contains("of a joint's limit"), "{}", said(&played));
+    }
+    let log = read_csv(&folder.path().join("chirp/log.csv"), &ReadOptions::default()).unwrap();
+    assert_eq!((log.len(), log.joints.len()), (400, 12));
+    let fitted = format!("{out}/fit.toml");
+    let runs = format!("runs={}", folder.path().display());
+    let sets =
+        ["--set", &runs, "--set", "optimizer.method=least-squares", "--set", "optimizer.seeds=1", "--json"];
+    let found = json(&run(&[&["adapt", &fitted, "--name", "chirp"], &sets[..]].concat()));
+    let parameter = |name: &str| {
+        let all = found["parameters"].as_array().unwrap();
+        all.iter().find(|one| one["name"] == name).unwrap()["value"].as_f64().unwrap()
+    };
+    for kind in ["hip", "thigh", "calf"] {
+        assert!((parameter(&format!("frictionloss_{kind}")) - 0.1).abs() < 0.02, "{found}");
+        assert!((parameter(&format!("armature_{kind}")) - 0.03).abs() < 0.002, "{found}");
+    }
+    // A robot that does not do as the simulated ones did is stopped.
+    let player = std::fs::read_to_string(folder.path().join("chirp/play.py")).unwrap();
+    let low = player.replace("\"speed\": [\n    30.1", "\"speed\": [\n    0.1");
+    assert!(low != player, "{}", &player[..2000]);
+    std::fs::write(folder.path().join("chirp/play.py"), low).unwrap();
+    let stopped = play(&["--mujoco", "assets/go2.xml"]);
+    assert_eq!(stopped.status.code(), Some(1));
+    assert!(said(&stopped).contains("its limit is 0.1"), "{}", said(&stopped));
+}

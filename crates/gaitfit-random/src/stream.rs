@@ -41,6 +41,8 @@ impl Purpose {
     pub const TERRAIN: Self = Self(14);
     /// Where on the ground a robot starts.
     pub const PLACE: Self = Self(15);
+    /// Phases of chirps, and the robots that they are tried on.
+    pub const EXCITATION: Self = Self(16);
 }
 
 /// An address up to the draw: (seed, purpose, environment, step). Holds no state; copy it freely.

@@ -12,6 +12,7 @@ pub mod device;
 mod draws;
 mod error;
 pub mod evaluate;
+pub mod excite;
 pub mod export_theta;
 pub mod files;
 pub mod finetune;

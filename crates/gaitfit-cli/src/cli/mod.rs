@@ -2,12 +2,14 @@
 
 mod bench;
 mod choices;
+mod excite;
 mod logs;
 mod run;
 mod world;
 
 pub use bench::{Bench, BenchPhysics, BenchTrain, Geoms, OwnParts};
 pub use choices::{Config, ConfigOf, Preset};
+pub use excite::Excite;
 pub use gaitfit::device::{Device, Devices};
 pub use logs::{ExportLog, ExportTheta, Import};
 pub use run::{Adapt, Finetune, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
@@ -46,6 +48,8 @@ pub enum Command {
     Adapt(Adapt),
     /// Say how precisely logs can tell each parameter of a fit, without fitting
     Sensitivity(Sensitivity),
+    /// Write a chirp for legs in the air that shows a fit what it looks for, within the robot's limits
+    Excite(Excite),
     /// Check how well a finished fit predicts other logs, without fitting again
     Validate(Validate),
     /// Train a policy by PPO

@@ -6,6 +6,7 @@ pub mod collect;
 pub mod config;
 pub mod doctor;
 pub mod evaluate;
+pub mod excite;
 pub mod export;
 pub mod export_log;
 pub mod export_theta;

@@ -4,8 +4,10 @@ use crate::cli;
 use crate::exit::Failure;
 use crate::output;
 use crate::table::table;
+use comfy_table::Table;
 use gaitfit::adapt::{SensitivityResults, Setup, Told, sensitivity};
 use gaitfit::settings::{self, AdaptConfig};
+
 use std::fmt::Write;
 use std::num::NonZeroUsize;
 
@@ -30,10 +32,19 @@ fn text(results: &SensitivityResults) -> String {
         results.difference,
         results.together_seconds,
     );
+    let _ = writeln!(text, "{}", parameters(&results.parameters));
+    for warning in &results.warnings {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    text
+}
+
+/// What logs can tell of each parameter, as a table.
+pub fn parameters(all: &[Told]) -> Table {
     let header = ["parameter", "at", "deviation", "if others known", "unit", "told", "goes with"];
     let mut rows = table(&header, &[1, 2, 3]);
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2e}"));
-    for Told { name, unit, value, deviation, alone, told, like } in &results.parameters {
+    for Told { name, unit, value, deviation, alone, told, like } in all {
         rows.add_row([
             name.clone(),
             format!("{value:.5}"),
@@ -44,9 +55,5 @@ fn text(results: &SensitivityResults) -> String {
             like.as_ref().map_or_else(String::new, |(other, by)| format!("{other} ({by:+.2})")),
         ]);
     }
-    let _ = writeln!(text, "{rows}");
-    for warning in &results.warnings {
-        let _ = writeln!(text, "note: {warning}");
-    }
-    text
+    rows
 }

@@ -35,6 +35,7 @@ pub use report::{held_out_shown, round};
 pub use results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};
 pub use score::{Score, Validation};
 pub use search::{METRICS, metrics};
+pub(crate) use sensitivity::tell;
 pub use sensitivity::{SensitivityResults, Told, sensitivity};
 pub use setup::Setup;
 pub use springs::FoundSpring;

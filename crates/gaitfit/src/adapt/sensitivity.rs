@@ -4,7 +4,7 @@ use super::setup::Setup;
 use crate::Error;
 use crate::settings::Base;
 use gaitfit_adapt::Entry;
-use gaitfit_adapt::fit::{Problem, off_bounds, sensitivity as measured};
+use gaitfit_adapt::fit::{Problem, Sensitivity, off_bounds, sensitivity as measured};
 use gaitfit_model::shown_number;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -103,11 +103,34 @@ pub fn sensitivity(
     }
     let simulator = setup.fit.simulator.as_ref();
     let problem = Problem { simulator, theta: &setup.theta, cost, draw: 0, cancel: &gaitfit_adapt::never };
-    let found = measured(problem, &values, difference).map_err(Error::failed)?.ok_or_else(|| {
+    let (found, parameters) = tell(problem, &values, difference)?.ok_or_else(|| {
         Error::failed(
             "the simulation of these values diverges: give others with --theta, or a smaller simulation.timestep",
         )
     })?;
+    let dt = setup.fit.logs.first().map_or(0.0, |log| log.trajectory.dt());
+    Ok(SensitivityResults {
+        robot: setup.method.model().name.clone(),
+        cost_name: cost.name().to_owned(),
+        logs: setup.fit.logs.len(),
+        difference: found.difference,
+        together_seconds: found.together * dt,
+        parameters,
+        warnings: setup.warnings.clone(),
+    })
+}
+
+/// What the logs of `problem` tell of every entry of θ around `values`; `None` if the simulation there diverges.
+///
+/// # Errors
+/// As [`sensitivity`].
+pub(crate) fn tell(
+    problem: Problem<'_>,
+    values: &[f64],
+    difference: Option<f64>,
+) -> Result<Option<(Sensitivity, Vec<Told>)>, Error> {
+    let entries = problem.theta.entries();
+    let Some(found) = measured(problem, values, difference).map_err(Error::failed)? else { return Ok(None) };
     let told = |at: usize| {
         let entry = &entries[at];
         let deviation = found.deviation[at];
@@ -126,14 +149,6 @@ pub fn sensitivity(
                 .map(|(other, correlation)| (entries[other].name.clone(), correlation)),
         }
     };
-    let dt = setup.fit.logs.first().map_or(0.0, |log| log.trajectory.dt());
-    Ok(SensitivityResults {
-        robot: setup.method.model().name.clone(),
-        cost_name: cost.name().to_owned(),
-        logs: setup.fit.logs.len(),
-        difference: found.difference,
-        together_seconds: found.together * dt,
-        parameters: (0..entries.len()).map(told).collect(),
-        warnings: setup.warnings.clone(),
-    })
+    let told = (0..entries.len()).map(told).collect();
+    Ok(Some((found, told)))
 }

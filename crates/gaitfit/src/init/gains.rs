@@ -53,7 +53,7 @@ pub struct Gains {
 }
 
 /// Gains of a position actuator, at the joint.
-fn servo(model: &Model, joint: usize) -> Option<[f64; 2]> {
+pub fn servo(model: &Model, joint: usize) -> Option<[f64; 2]> {
     let mut servos = model.actuators.iter().filter(|actuator| actuator.joint == joint);
     let (actuator, other) = (servos.next()?, servos.next());
     let gear = actuator.gear * actuator.gear;

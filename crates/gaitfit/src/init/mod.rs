@@ -18,6 +18,7 @@ use serde::Serialize;
 
 use anatomy::Anatomy;
 use gains::Gains;
+pub(crate) use gains::servo;
 use pose::Pose;
 use sizes::Sizes;
 

@@ -1,0 +1,154 @@
+//! Arguments of `excite`.
+
+use clap::{Args, ValueEnum};
+use gaitfit::excite::ChirpSettings;
+use gaitfit_log::PerJoint;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+/// Arguments of `excite`.
+#[derive(Debug, Args)]
+pub struct Excite {
+    /// Robot (.xml, .mjcf, .urdf)
+    pub robot: PathBuf,
+    /// Folder for the files; it is made if it is not there
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Joints that move, names or patterns, separated by commas [default: all]
+    #[arg(long, value_name = "PATTERNS", value_delimiter = ',')]
+    pub joints: Vec<String>,
+    /// Which joints move at a time
+    #[arg(long, value_enum, default_value_t = Turns::All)]
+    pub turns: Turns,
+    /// Length of a turn, s
+    #[arg(long, value_name = "S", default_value_t = 20.0, allow_negative_numbers = true)]
+    pub seconds: f64,
+    /// First and last frequency, Hz; a limit may lower the last one
+    #[arg(long, value_names = ["FROM", "TO"], num_args = 2, default_values_t = [0.1, 5.0], allow_negative_numbers = true)]
+    pub frequency: Vec<f64>,
+    /// Amplitude, rad; a limit may lower it
+    #[arg(long, value_name = "RAD", default_value_t = 0.3, allow_negative_numbers = true)]
+    pub amplitude: f64,
+    /// Targets a second
+    #[arg(long, value_name = "HZ", default_value_t = 200.0, allow_negative_numbers = true)]
+    pub rate: f64,
+    /// Time in which the amplitude rises at the beginning of a turn and falls at its end, s
+    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
+    pub ease: f64,
+    /// Position gains, N·m/rad: a number, or a table such as '{ "*_hip" = 20, "*" = 40 }' [default: the fit's, or those of
+    /// the robot's usual task]
+    #[arg(long, value_name = "KP", requires = "kd")]
+    pub kp: Option<Gain>,
+    /// Velocity gains, N·m·s/rad
+    #[arg(long, value_name = "KD", requires = "kp")]
+    pub kd: Option<Gain>,
+    /// Middle of the motion of joints, rad (repeatable) [default: the robot's usual pose, moved off its ranges' ends]
+    #[arg(long, value_name = "JOINT=RAD")]
+    pub pose: Vec<Angle>,
+    /// Part of every limit that stays free
+    #[arg(long, value_name = "PART", default_value_t = 0.1, allow_negative_numbers = true)]
+    pub margin: f64,
+    /// Speed limit of all joints, where the file has no lower one, rad/s [default: the file's, or 10]
+    #[arg(long, value_name = "RAD_S", allow_negative_numbers = true)]
+    pub velocity_limit: Option<f64>,
+    /// Torque limit of all joints, where the file has no lower one, N·m [default: the file's]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    pub torque_limit: Option<f64>,
+    /// Configuration of a fit of legs in the air: its parameters and their bounds are the robots that are tried, its gains
+    /// count [default: friction, armature, damping and delay]
+    #[arg(long, value_name = "FILE.toml")]
+    pub fit: Option<PathBuf>,
+    /// How much the fitted simulator will differ from the log, where a joint's range is 2
+    #[arg(long, value_name = "X", default_value_t = 2e-3, allow_negative_numbers = true)]
+    pub difference: f64,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    #[arg(long)]
+    pub lenient: bool,
+    /// Seed of the joints' phases and of the robots that are tried
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+    /// Threads [default: one for each core]
+    #[arg(long, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+}
+
+impl Excite {
+    /// As the library takes them.
+    pub fn chirp(&self) -> ChirpSettings {
+        let end = |at: usize| self.frequency.get(at).copied().unwrap_or(f64::NAN);
+        ChirpSettings {
+            robot: self.robot.clone(),
+            lenient: self.lenient,
+            fit: self.fit.clone(),
+            joints: self.joints.clone(),
+            turns: match self.turns {
+                Turns::All => gaitfit::excite::Turns::All,
+                Turns::Limbs => gaitfit::excite::Turns::Limbs,
+                Turns::Joints => gaitfit::excite::Turns::Joints,
+            },
+            seconds: self.seconds,
+            frequency: [end(0), end(1)],
+            amplitude: self.amplitude,
+            rate: self.rate,
+            ease: self.ease,
+            kp: self.kp.clone().map(|gain| gain.0),
+            kd: self.kd.clone().map(|gain| gain.0),
+            pose: self.pose.iter().map(|one| (one.0.clone(), one.1)).collect(),
+            margin: self.margin,
+            velocity_limit: self.velocity_limit,
+            torque_limit: self.torque_limit,
+            difference: self.difference,
+            seed: self.seed,
+            threads: self.threads,
+        }
+    }
+}
+
+/// Which joints move at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Turns {
+    /// All together
+    All,
+    /// Those of one limb, then those of the next
+    Limbs,
+    /// One after another
+    Joints,
+}
+
+/// Gains of the joints.
+#[derive(Clone, Debug)]
+pub struct Gain(pub PerJoint);
+
+impl std::str::FromStr for Gain {
+    type Err = String;
+
+    /// A number, or a TOML table by joint pattern.
+    fn from_str(text: &str) -> Result<Self, String> {
+        #[derive(serde::Deserialize)]
+        struct Holder {
+            gain: PerJoint,
+        }
+        toml::from_str::<Holder>(&format!("gain = {text}")).map(|holder| Self(holder.gain)).map_err(|_| {
+            "give a number for all joints, or a table such as '{ \"*_hip\" = 20, \"*\" = 40 }'".to_owned()
+        })
+    }
+}
+
+/// An angle of joints, by name or pattern.
+#[derive(Clone, Debug)]
+pub struct Angle(pub String, pub f64);
+
+impl std::str::FromStr for Angle {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text.split_once('=').map(|(joint, angle)| (joint.trim(), angle.trim().parse::<f64>()));
+        match parts {
+            Some((joint, Ok(angle))) if !joint.is_empty() => Ok(Self(joint.to_owned(), angle)),
+            _ => Err("give JOINT=RAD, for example '*_calf=-1.8'".to_owned()),
+        }
+    }
+}
