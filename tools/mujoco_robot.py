@@ -100,10 +100,31 @@ def draw_command(task, rng):
     return np.zeros(3) if rng.uniform() < task["standing"] else command
 
 
+def read_commands(path):
+    """Command sequences by number: rows of time, s, and command, m/s, m/s, rad/s, which holds until the next row's time."""
+    try:
+        rows = np.genfromtxt(path, delimiter=",", names=True, comments="#", ndmin=1)
+        table = np.stack([rows[name] for name in ("trajectory", "time", "vx_cmd", "vy_cmd", "wz_cmd")], axis=1)
+    except (OSError, ValueError, KeyError, IndexError) as error:
+        raise Refused(f"{path}: no file of commands (trajectory, time, vx_cmd, vy_cmd, wz_cmd): {error}") from None
+    if not np.isfinite(table).all():
+        raise Refused(f"{path}: a value is no number")
+    sequences = [table[table[:, 0] == number, 1:] for number in range(len(np.unique(table[:, 0])))]
+    for number, sequence in enumerate(sequences):
+        if not len(sequence) or sequence[0, 0] != 0 or (np.diff(sequence[:, 0]) <= 0).any():
+            raise Refused(f"{path}: sequence {number} must begin at time 0, and times must rise")
+    return sequences
+
+
+def now(sequence, seconds):
+    """The command of a sequence at a time; the last one holds to the end."""
+    return sequence[np.searchsorted(sequence[:, 0], seconds + 1e-9, side="right") - 1, 1:]
+
+
 def record(job):
     """Logs of some trajectories: {rows, fell}. A row holds position and velocity as the policy saw them, the command, and
     the target and action that followed."""
-    world, numbers, seconds, shift, base = job
+    world, numbers, seconds, shift, base, played = job
     group = Group(world, numbers)
     policy, robot = group.policy, group.robot
     steps, hold = round(seconds / policy.dt), max(1, round(policy.command["seconds"] / policy.dt))
@@ -112,7 +133,9 @@ def record(job):
     draws = [stream(world.seed, COMMAND, number) for number in numbers]
     commands, logs = np.zeros((len(numbers), 3)), [[] for _ in numbers]
     for step in range(steps + max(begins)):
-        if step % hold == 0:
+        if played is not None:
+            commands = np.stack([now(played[number], step * policy.dt) for number in numbers])
+        elif step % hold == 0:
             commands = np.stack([draw_command(policy.command, rng) for rng in draws])
         seen = [np.concatenate([data.qpos[robot.position], data.qvel[robot.velocity]]) for data in group.data]
         bases = [BASE[base][1](data) for data in group.data]
@@ -148,7 +171,9 @@ def collect(args, world):
         raise Refused(f"cannot make the folder {args.out}: {error.strerror}") from None
     if any(args.out.glob("*.csv")):
         raise Refused(f"{args.out} already holds logs; give an empty folder")
-    jobs = [(world, numbers, args.seconds, (low, high), args.base) for numbers in groups(args.trajectories)]
+    played = read_commands(args.commands) if args.commands else None
+    args.trajectories = len(played) if played else args.trajectories
+    jobs = [(world, numbers, args.seconds, (low, high), args.base, played) for numbers in groups(args.trajectories)]
     logs = parallel(record, jobs, args.processes, "logs")
     columns = [f"{prefix}_{joint}" for prefix in ("q", "dq", "qdes", "act") for joint in policy.joints]
     header = ",".join(["time", *columns, "vx_cmd", "vy_cmd", "wz_cmd", *BASE[args.base][0]])
@@ -277,6 +302,8 @@ def main():
         help="begin each log this long after the robot, drawn between two times [0]")  # fmt: skip
     commands.choices["collect"].add_argument("--base", choices=list(BASE), default="none",
         help="what the logs say of the base: nothing, what an IMU says, or all of its state [none]")  # fmt: skip
+    commands.choices["collect"].add_argument("--commands", type=pathlib.Path, metavar="FILE",
+        help="play these command sequences, one a trajectory: CSV with trajectory, time, vx_cmd, vy_cmd, wz_cmd")  # fmt: skip
     commands.choices["collect"].add_argument("--digits", type=int, default=7, choices=range(3, 18), metavar="N",
         help="significant digits of the numbers in the logs [7]")  # fmt: skip
     commands.choices["evaluate"].add_argument("--drift", type=int, default=16, help="robots a constant command, 0: none [16]")
