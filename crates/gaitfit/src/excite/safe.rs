@@ -66,6 +66,14 @@ impl Peak {
     }
 }
 
+/// What the robots did.
+struct Played {
+    /// The peaks of each joint of each robot, the file's last.
+    peaks: Vec<Vec<Peak>>,
+    /// Positions and velocities of the robot as its file says.
+    expected: [Vec<f64>; 2],
+}
+
 /// The simulated robots.
 pub(super) struct Trial<'a> {
     body: &'a Body,
@@ -183,9 +191,8 @@ impl<'a> Trial<'a> {
         format!("the robot with {}", words.join(", "))
     }
 
-    /// Plays `targets` on all robots: the peaks of each, the file's last, and what that one does. A robot whose simulation
-    /// diverges has peaks that are not finite.
-    fn play(&self, targets: &[f64], watch: &Watch<'_>) -> Result<(Vec<Vec<Peak>>, [Vec<f64>; 2]), Error> {
+    /// Plays `targets` on all robots. One whose simulation diverges has peaks that are not finite.
+    fn play(&self, targets: &[f64], watch: &Watch<'_>) -> Result<Played, Error> {
         let body = self.body;
         let options = ReplayOptions {
             substeps: (1.0 / (self.rate * STEP) - 1e-9).ceil().max(1.0) as usize,
@@ -228,10 +235,10 @@ impl<'a> Trial<'a> {
         if cancel() {
             return Err(stopped());
         }
-        Ok((
-            found.into_inner().unwrap_or_else(PoisonError::into_inner),
-            expected.into_inner().unwrap_or_else(PoisonError::into_inner),
-        ))
+        Ok(Played {
+            peaks: found.into_inner().unwrap_or_else(PoisonError::into_inner),
+            expected: expected.into_inner().unwrap_or_else(PoisonError::into_inner),
+        })
     }
 
     /// The peaks of `signals`. The controller's torque is looked at with every target that may be in force at a sample:
@@ -332,7 +339,7 @@ pub(super) fn shrink(
         )));
     }
     let still = sweep.at_rest();
-    let (peaks, _) = trial.play(&still.targets(), watch)?;
+    let peaks = trial.play(&still.targets(), watch)?.peaks;
     for (joint, (limit, used, robot)) in trial.worst(&peaks).into_iter().enumerate() {
         if used > 1.0 {
             return Err(Error::settings(format!(
@@ -350,7 +357,7 @@ pub(super) fn shrink(
     let mut last = None;
     for round in 1..=ROUNDS {
         let targets = sweep.targets();
-        let (peaks, expected) = trial.play(&targets, watch)?;
+        let Played { peaks, expected } = trial.play(&targets, watch)?;
         let worst = trial.worst(&peaks);
         if worst.iter().all(|(_, used, _)| *used <= 1.0) {
             let mut all: Vec<Peak> = body.centre.iter().map(|&centre| Peak::new(centre)).collect();
