@@ -77,7 +77,7 @@ fn an_evaluation_begins_with_its_verdict_and_plays() {
     assert!(verdict.text().unwrap().starts_with("Walks:"));
     let large = document.descendants().filter(|n| n.attribute("class") == Some("big"));
     let large: Vec<&str> = large.filter_map(|n| n.text()).map(str::trim).collect();
-    assert_eq!(large, ["0.1120", "0.1430", "1.31"], "as many decimals as the terminal, falls in percent");
+    assert_eq!(large, ["0.11200", "0.14300", "1.31"], "decimals as asked for, or as the interval says");
     for html in [html.as_str(), &training_report(&invented::training(1, 20)).unwrap()] {
         let document = parse(html);
         let player = document.descendants().find(|n| n.attribute("id") == Some("player")).unwrap();
