@@ -58,7 +58,7 @@ pub struct Scene<'a> {
 /// Refuses what a GPU does not train, without one.
 ///
 /// # Errors
-/// [`RolloutError::Unsupported`], or [`PpoError::Unsupported`] of the learner's networks.
+/// [`RolloutError::Unsupported`], or `PpoError::Unsupported` of the learner's networks.
 pub fn check(task: &Task, candidates: &[Candidate], learner: &Learner) -> Result<(), RolloutError> {
     check_robots(task, candidates)?;
     check_rewards(task)?;
