@@ -191,6 +191,27 @@ pub fn remembered(candidate: &Candidate, was: &Snapshot) -> Vec<f32> {
     joints.flat_map(|joint| [motion(joint), motion(joint)].concat()).collect()
 }
 
+/// The arrays of environments as they start, by their names on the device; `deviation` is of their torque noise, N·m.
+pub fn inputs(start: &Packed, params: &[f32], deviation: f64) -> HashMap<String, Vec<u8>> {
+    let f = |numbers: &[f32]| bytes(numbers, f32::to_ne_bytes);
+    let w = |words: &[u32]| bytes(words, u32::to_ne_bytes);
+    let files = [
+        ("robot_state", f(&start.state)),
+        ("robot_targets", f(&start.targets)),
+        ("robot_report", f(&start.report)),
+        ("robot_memory", f(&start.memory)),
+        ("robot_params", f(params)),
+        ("deviation", bytes(&[deviation; ENVIRONMENTS], f64::to_ne_bytes)),
+        ("steps", w(&start.steps)),
+        ("fresh", w(&start.fresh)),
+        ("command", f(&start.command)),
+        ("last_action", f(&start.last_action)),
+        ("feet", f(&start.feet)),
+        ("returns", f(&start.returns)),
+    ];
+    files.map(|(name, bytes)| (name.to_owned(), bytes)).into()
+}
+
 /// Holds every kernel of a rollout against the CPU.
 pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
     let period = Scene::period(task, std::slice::from_ref(candidate), ENVIRONMENTS, PROCESSORS).unwrap();
@@ -218,25 +239,12 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
     let (steps, sums) = rollout(&mut environment, task, &mean, &log_std);
 
     let f = |numbers: &[f32]| bytes(numbers, f32::to_ne_bytes);
-    let w = |words: &[u32]| bytes(words, u32::to_ne_bytes);
     let robots = task.robots(std::slice::from_ref(candidate), SEED, 0, ENVIRONMENTS).unwrap();
-    let mut files: HashMap<String, Vec<u8>> = HashMap::new();
+    let mut files = inputs(&start, &params(&period, &robots), candidate.torque_noise);
     for (name, bytes) in [
-        ("robot_state", f(&start.state)),
-        ("robot_targets", f(&start.targets)),
-        ("robot_report", f(&start.report)),
-        ("robot_memory", f(&start.memory)),
-        ("robot_params", f(&params(&period, &robots))),
-        ("deviation", bytes(&[candidate.torque_noise; ENVIRONMENTS], f64::to_ne_bytes)),
-        ("steps", w(&start.steps)),
-        ("fresh", w(&start.fresh)),
-        ("command", f(&start.command)),
-        ("last_action", f(&start.last_action)),
-        ("feet", f(&start.feet)),
-        ("returns", f(&start.returns)),
         ("mean", f(&mean)),
         ("parameters", f(&[vec![f32::NAN; NETWORKS], log_std].concat())),
-        ("control", w(&control(FIRST, SEED, ranges, 0))),
+        ("control", bytes(&control(FIRST, SEED, ranges, 0), u32::to_ne_bytes)),
         ("tail_value", f(&tail_value)),
     ] {
         files.insert(name.to_owned(), bytes);

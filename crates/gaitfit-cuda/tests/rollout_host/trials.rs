@@ -1,8 +1,6 @@
 //! Steps of a policy's trajectories by the kernels, as C++, and by the CPU's environment.
 
-use std::collections::HashMap;
-
-use crate::along::{ENVIRONMENTS, NETWORKS, PROCESSORS, SEED, apart, go2, lively, params};
+use crate::along::{ENVIRONMENTS, NETWORKS, PROCESSORS, SEED, apart, go2, inputs, lively, params};
 use crate::host::{bytes, call, execute, floats, keep, take};
 use gaitfit_cuda::rollout::{Packed, Plan, Scene, Sizes, control};
 use gaitfit_learn::evaluate::{Subject, Trials, trial_environments};
@@ -70,27 +68,14 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
     let wanted = wanted.finish();
 
     let f = |numbers: &[f32]| bytes(numbers, f32::to_ne_bytes);
-    let w = |words: &[u32]| bytes(words, u32::to_ne_bytes);
     let robots = task.robots(candidates, SEED, FIRST, ENVIRONMENTS).unwrap();
     let quiet = [vec![f32::NAN; NETWORKS], vec![-1e4; actions]].concat();
     let ranges = task.settings.command.ranges(1.0);
-    let mut files: HashMap<String, Vec<u8>> = HashMap::new();
+    let mut files = inputs(&start, &params(&period, &robots), candidate.torque_noise);
     for (name, bytes) in [
-        ("robot_state", f(&start.state)),
-        ("robot_targets", f(&start.targets)),
-        ("robot_report", f(&start.report)),
-        ("robot_memory", f(&start.memory)),
-        ("robot_params", f(&params(&period, &robots))),
-        ("deviation", bytes(&[candidate.torque_noise; ENVIRONMENTS], f64::to_ne_bytes)),
-        ("steps", w(&start.steps)),
-        ("fresh", w(&start.fresh)),
-        ("command", f(&start.command)),
-        ("last_action", f(&start.last_action)),
-        ("feet", f(&start.feet)),
-        ("returns", f(&start.returns)),
         ("mean", f(&mean)),
         ("parameters", f(&quiet)),
-        ("control", w(&control(1, SEED, ranges, FIRST))),
+        ("control", bytes(&control(1, SEED, ranges, FIRST), u32::to_ne_bytes)),
     ] {
         files.insert(name.to_owned(), bytes);
     }
