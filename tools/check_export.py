@@ -72,6 +72,7 @@ def main():
         for _ in range(SUBSTEPS):
             if given["drive"]:
                 data.qfrc_applied[speed] = controller.torque(data.qpos[place], data.qvel[speed])
+                load_theta.stribeck(model, data, theta)
             mujoco.mj_step(model, data)
         found.append(data.qpos[place] + bias)
     error = np.array(found) - wanted

@@ -15,6 +15,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 #[path = "least_squares/in_the_air.rs"]
 mod in_the_air;
+#[path = "least_squares/motors.rs"]
+mod motors;
 
 const TRUTH: [f64; 2] = [0.2, 0.07];
 const SAMPLES: u32 = 60;

@@ -2,7 +2,8 @@
 
 use gaitfit_model::Model;
 
-use crate::{Params, Real, Settings, State};
+use crate::robot::MOST_SPEED;
+use crate::{JointParams, Params, Real, Settings, State};
 
 /// What drives one joint during one physics step.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +35,7 @@ impl<T: Real> Drive<T> {
 /// With the settings' `centred` the mean is over the interval around the step's start instead.
 ///
 /// torque = clamp(torque_scale · (kp (target − reading) − kd q̇) + torque_offset, ± torque_limit),
-/// reading = q + encoder_bias.
+/// reading = q + encoder_bias. Where a joint has a no-load speed its limits are those of [`motor`].
 #[inline(always)]
 pub(crate) fn pd<T: Real>(
     settings: &Settings,
@@ -69,14 +70,52 @@ pub(crate) fn pd<T: Real>(
         }
         let error = target - (state.qpos[j] + p.encoder_bias);
         let torque = p.torque_scale.fma(p.kd.fnma(state.qvel[j], p.kp * error), p.torque_offset);
-        drives[j].torque = torque.clamp(-p.torque_limit, p.torque_limit);
+        let mut reach = [Reach { limit: p.torque_limit, fall: z }; 2];
+        let falling = p.no_load_speed.unless_ge(T::lit(MOST_SPEED));
+        if T::enter(falling) {
+            let [up, down] = [motor(p, state.qvel[j]), motor(p, -state.qvel[j])];
+            T::leave(falling);
+            reach = [up.merge(falling, reach[0]), down.merge(falling, reach[1])];
+        }
+        let [up, down] = reach;
+        drives[j].torque = torque.clamp(-down.limit, up.limit);
         drives[j].resistance = z;
-        // A saturated torque does not depend on velocity.
+        // A saturated torque does not depend on velocity, but for what its limit does.
         drives[j].damping = if settings.implicit_actuators {
-            T::select_lt(torque.abs(), p.torque_limit, p.torque_scale * p.kd, z)
+            let below = T::select_lt(-down.limit, torque, p.torque_scale * p.kd, down.fall);
+            T::select_lt(torque, up.limit, below, up.fall)
         } else {
             z
         };
+    }
+}
+
+/// Largest torque in one direction, N·m, and how much it falls with the velocity in that direction, N·m·s/rad.
+#[derive(Clone, Copy)]
+struct Reach<T> {
+    limit: T,
+    fall: T,
+}
+
+impl<T: Real> Reach<T> {
+    #[inline(always)]
+    fn merge(self, guard: T::Guard, before: Self) -> Self {
+        Self { limit: self.limit.merge(guard, before.limit), fall: self.fall.merge(guard, before.fall) }
+    }
+}
+
+/// Largest torque of a direct-current motor that turns at velocity `qd` in the torque's direction:
+/// clip(stall_torque · (1 − q̇ / no_load_speed), 0, torque_limit), as Isaac Lab's `DCMotor` has it.
+#[inline(always)]
+fn motor<T: Real>(p: &JointParams<T>, qd: T) -> Reach<T> {
+    let (z, most) = (T::zero(), T::lit(MOST_SPEED));
+    let fall = p.stall_torque.div(p.no_load_speed);
+    let line = fall.fma(-qd, p.stall_torque);
+    let slope = T::select_lt(line, p.torque_limit, T::select_lt(z, line, fall, z), z);
+    // Of a motor without a no-load speed in another lane nothing falls.
+    Reach {
+        limit: T::select_lt(p.no_load_speed, most, line.max(z).min(p.torque_limit), p.torque_limit),
+        fall: T::select_lt(p.no_load_speed, most, slope, z),
     }
 }
 

@@ -7,7 +7,8 @@
 //!
 //! Values are those of the plain scalar, bit for bit. Where a function has a kink the derivative is that of the side
 //! taken; a rounded number and a table's entry do not change. A guarded region is left out where the values need none of
-//! it. What is left out there is zero on the whole side of the bound, so its derivative is zero too.
+//! it. What is left out there is zero on the whole side of the bound, so its derivative is zero too; where a number of 0
+//! bounds nothing, a region is left out only if the number's derivative is 0 as well ([`Real::unless_zero`]).
 //!
 //! The solver stops after the steps that its settings say. Where it stops before its end, its result jumps a little here
 //! and there, which a derivative does not see and a wide difference does: on replays with the preset `accurate` the two are
@@ -149,6 +150,10 @@ impl<T: Real> Real for Dual<T> {
     #[inline(always)]
     fn unless_ge(self, b: Self) -> T::Guard {
         self.value.unless_ge(b.value)
+    }
+    #[inline(always)]
+    fn unless_zero(self) -> T::Guard {
+        (self.value.abs() + self.tangent.abs()).unless_zero()
     }
     #[inline(always)]
     fn enter(guard: T::Guard) -> bool {

@@ -6,7 +6,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Hands the table to the macro `$then`. A row: documentation, variant, field; unit; smallest value with a meaning;
 /// value of joint `j` as the model has it; what a search takes by default (lower, upper, start, deviation), if a fit
-/// may search it. Rows of `step` are fields of the step's parameters; rows of `factors` multiply one of these.
+/// may search it. Rows of `step` are fields of the step's parameters; rows of `factors` multiply one of these;
+/// rows of `links` change the link that the joint moves.
 /// Every parameter may differ from one environment to the next.
 macro_rules! joint_parameters {
     ($then:ident) => {
@@ -16,6 +17,14 @@ macro_rules! joint_parameters {
                 FrictionLoss frictionloss; "N·m"; 0.0; |model, j| model.joints[j].frictionloss;
                 // Friction loss and armature: Dao and Fern's FricArm.
                 Some((0.0, 0.5, 0.0, 0.1))
+
+                /// Dry friction at rest above that in motion (`frictionloss`), N·m.
+                Stiction stiction; "N·m"; 0.0; |_, _| 0.0;
+                Some((0.0, 0.5, 0.0, 0.1))
+
+                /// Velocity at which 1/e of `stiction` is left, rad/s (Stribeck velocity).
+                StribeckVelocity stribeck_velocity; "rad/s"; 1e-3; |_, _| 0.1;
+                Some((0.01, 1.0, 0.1, 0.05))
 
                 /// Reflected rotor inertia, kg·m².
                 Armature armature; "kg·m²"; 0.0; |model, j| model.joints[j].armature;
@@ -60,6 +69,15 @@ macro_rules! joint_parameters {
                 /// Largest torque magnitude, N·m.
                 TorqueLimit torque_limit; "N·m"; 0.0; crate::joint_parameter::torque_limit;
                 None
+
+                /// Speed at which the motor's largest torque has fallen to 0, rad/s; infinite if it does not fall.
+                NoLoadSpeed no_load_speed; "rad/s"; 1e-3; |_, _| f64::INFINITY;
+                Some((5.0, 100.0, 30.0, 5.0))
+
+                /// Largest torque at standstill on the line that falls to 0 at `no_load_speed`, N·m. It stands beside
+                /// `torque_limit`: the smaller of the two holds.
+                StallTorque stall_torque; "N·m"; 1e-3; crate::joint_parameter::torque_limit;
+                Some((1.0, 200.0, 40.0, 5.0))
             }
             factors {
                 /// True position gain over the stated one.
@@ -69,6 +87,25 @@ macro_rules! joint_parameters {
                 /// True velocity gain over the stated one.
                 KdScale kd_scale of kd; "-"; 0.0; |_, _| 1.0;
                 Some((0.5, 2.0, 1.0, 0.1))
+            }
+            links {
+                /// True mass and inertia of the link that the joint moves over the model's: the body with all that is
+                /// welded to it.
+                LinkMass link_mass; "-"; 1e-3; |_, _| 1.0;
+                Some((0.5, 2.0, 1.0, 0.1))
+
+                /// Shift of that link's centre of mass along x, m, axes of the joint's body.
+                LinkComX link_com_x; "m"; f64::NEG_INFINITY; |_, _| 0.0;
+                Some((-0.05, 0.05, 0.0, 0.01))
+
+                /// The same along y; with the other sign on joints to the right of the base, so that mirrored legs share
+                /// a value.
+                LinkComY link_com_y; "m"; f64::NEG_INFINITY; |_, _| 0.0;
+                Some((-0.05, 0.05, 0.0, 0.01))
+
+                /// The same along z.
+                LinkComZ link_com_z; "m"; f64::NEG_INFINITY; |_, _| 0.0;
+                Some((-0.05, 0.05, 0.0, 0.01))
             }
         }
     };
@@ -92,23 +129,29 @@ macro_rules! define {
     (
         step { $($(#[doc = $doc:literal])* $variant:ident $field:ident; $unit:expr; $least:expr; $nominal:expr; $search:expr)* }
         factors { $($(#[doc = $fdoc:literal])* $fvariant:ident $ffield:ident of $of:ident; $funit:expr; $fleast:expr; $fnominal:expr; $fsearch:expr)* }
+        links { $($(#[doc = $ldoc:literal])* $lvariant:ident $lfield:ident; $lunit:expr; $lleast:expr; $lnominal:expr; $lsearch:expr)* }
     ) => {
         /// A parameter of a joint or of the PD controller that drives it.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub enum JointParameter {
             $($(#[doc = $doc])* $variant,)*
             $($(#[doc = $fdoc])* $fvariant,)*
+            $($(#[doc = $ldoc])* $lvariant,)*
         }
 
         impl JointParameter {
             /// Every one.
-            pub const ALL: &[Self] = &[$(Self::$variant,)* $(Self::$fvariant),*];
+            pub const ALL: &[Self] = &[$(Self::$variant,)* $(Self::$fvariant,)* $(Self::$lvariant),*];
+
+            /// Those that change the link that a joint moves.
+            pub const LINKS: &[Self] = &[$(Self::$lvariant),*];
 
             /// Name in files, tables and code.
             pub fn name(self) -> &'static str {
                 match self {
                     $(Self::$variant => stringify!($field),)*
                     $(Self::$fvariant => stringify!($ffield),)*
+                    $(Self::$lvariant => stringify!($lfield),)*
                 }
             }
 
@@ -117,6 +160,7 @@ macro_rules! define {
                 match self {
                     $(Self::$variant => $unit,)*
                     $(Self::$fvariant => $funit,)*
+                    $(Self::$lvariant => $lunit,)*
                 }
             }
 
@@ -125,6 +169,7 @@ macro_rules! define {
                 match self {
                     $(Self::$variant => $least,)*
                     $(Self::$fvariant => $fleast,)*
+                    $(Self::$lvariant => $lleast,)*
                 }
             }
 
@@ -133,6 +178,7 @@ macro_rules! define {
                 let range: Option<(f64, f64, f64, f64)> = match self {
                     $(Self::$variant => $search,)*
                     $(Self::$fvariant => $fsearch,)*
+                    $(Self::$lvariant => $lsearch,)*
                 };
                 range.map(|(lower, upper, start, deviation)| SearchDefaults { lower, upper, start, deviation })
             }
@@ -180,11 +226,13 @@ mod tests {
         for &parameter in JointParameter::ALL {
             let name = parameter.name();
             assert_eq!(JointParameter::ALL.iter().filter(|other| other.name() == name).count(), 1, "{name}");
+            // Those that `Robot::params` has words for.
+            assert!([f64::NEG_INFINITY, 0.0, 1e-3].contains(&parameter.least()), "{name}");
             if let Some(SearchDefaults { lower, upper, start, deviation }) = parameter.search() {
                 assert!(parameter.least() <= lower && lower <= start && start <= upper, "{name}");
                 assert!(lower < upper && deviation > 0.0, "{name}");
             }
         }
-        assert_eq!(JointParameter::searched().count(), 11);
+        assert_eq!(JointParameter::searched().count(), 19);
     }
 }

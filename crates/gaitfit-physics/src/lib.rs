@@ -59,7 +59,7 @@ pub use modify::{
 pub use outline::LinkOutline;
 pub use params::{JointParams, LinkInertia, PairInvweight, Params};
 pub use real::Real;
-pub use robot::Robot;
+pub use robot::{BodyChange, Robot};
 pub use settings::{Damping, Preset, Settings};
 pub use state::{State, Work};
 pub use step::{Period, accelerate, control_period, step};

@@ -20,6 +20,7 @@ macro_rules! define {
     (
         step { $($(#[doc = $doc:literal])* $variant:ident $field:ident; $unit:expr; $least:expr; $nominal:expr; $search:expr)* }
         factors { $($factors:tt)* }
+        links { $($links:tt)* }
     ) => {
         /// Parameters of one joint and of the PD controller that drives it.
         #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,8 +75,7 @@ pub struct Params<T> {
 macro_rules! params_numbers {
     ($params:ident, $visit:ident, $numbers:ident, [$($reference:tt)+]) => {
         for (i, link) in ($($reference)+ $params.links).into_iter().enumerate() {
-            // A robot changes the root's mass and centre of mass alone.
-            let slot = Slot { varies: i == 0, ..Slot::of(Owner::Link(i), "mass") };
+            let slot = Slot::of(Owner::Link(i), "mass");
             $visit(slot, $($reference)+ link.mass);
             all(&mut $visit, Slot { name: "com", ..slot }, $($reference)+ link.com);
             all(&mut $visit, Slot { name: "inertia", ..slot }, $($reference)+ link.inertia);

@@ -64,6 +64,11 @@ pub trait Real:
     fn never() -> Self::Guard;
     /// The guard of a region that is needed unless every lane satisfies `self ≥ b`.
     fn unless_ge(self, b: Self) -> Self::Guard;
+    /// The guard of a region that is needed unless every lane is 0, and stays 0 along a derivative's direction.
+    #[inline(always)]
+    fn unless_zero(self) -> Self::Guard {
+        (-self.abs()).unless_ge(Self::zero())
+    }
     /// Begins a region; `false` says to leave it out.
     fn enter(guard: Self::Guard) -> bool;
     /// Ends a region that was begun.

@@ -4,17 +4,36 @@ use gaitfit_model::{Model, Root};
 
 use crate::joint_parameter::{JointParameter, joint_parameters};
 use crate::params::{JointParams, LinkInertia, PairInvweight};
-use crate::seat::{Seat, body_inertia, seats};
+use crate::seat::{Seat, body_inertia, seats, sides};
 use crate::vec3::*;
 use crate::{Params, PhysicsError, invweight};
 
 /// Largest torque limit, N·m: an infinite one would make NaN of nothing in single precision.
 const MOST_TORQUE: f64 = 1e30;
+/// No-load speed from which on a motor's largest torque does not fall with its speed, rad/s.
+pub(crate) const MOST_SPEED: f64 = 1e9;
+
+/// How a body differs from the model's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyChange {
+    /// Of mass and inertia.
+    pub factor: f64,
+    /// Of the centre of mass, m, body axes.
+    pub shift: [f64; 3],
+}
+
+impl BodyChange {
+    /// Whether it is one.
+    pub fn changed(&self) -> bool {
+        self.factor != 1.0 || self.shift != [0.0; 3]
+    }
+}
 
 macro_rules! define {
     (
         step { $($(#[doc = $doc:literal])* $variant:ident $field:ident; $unit:expr; $least:expr; $nominal:expr; $search:expr)* }
         factors { $($(#[doc = $fdoc:literal])* $fvariant:ident $ffield:ident of $of:ident; $funit:expr; $fleast:expr; $fnominal:expr; $fsearch:expr)* }
+        links { $($(#[doc = $ldoc:literal])* $lvariant:ident $lfield:ident; $lunit:expr; $lleast:expr; $lnominal:expr; $lsearch:expr)* }
     ) => {
         /// A robot as a person would describe it: the model's own numbers, changed joint by joint. Vectors hold one
         /// number a joint, in the model's order.
@@ -22,6 +41,7 @@ macro_rules! define {
         pub struct Robot {
             $($(#[doc = $doc])* pub $field: Vec<f64>,)*
             $($(#[doc = $fdoc])* pub $ffield: Vec<f64>,)*
+            $($(#[doc = $ldoc])* pub $lfield: Vec<f64>,)*
             /// Mass added to the root body, kg, at its centre of mass.
             pub base_mass: f64,
             /// Shift of the root body's centre of mass, m, body frame.
@@ -41,6 +61,7 @@ macro_rules! define {
                 Self {
                     $($field: each($nominal),)*
                     $($ffield: each($fnominal),)*
+                    $($lfield: each($lnominal),)*
                     base_mass: 0.0,
                     base_com: [0.0; 3],
                     payload_mass: 0.0,
@@ -54,6 +75,7 @@ macro_rules! define {
                 match parameter {
                     $(JointParameter::$variant => &self.$field,)*
                     $(JointParameter::$fvariant => &self.$ffield,)*
+                    $(JointParameter::$lvariant => &self.$lfield,)*
                 }
             }
 
@@ -62,6 +84,7 @@ macro_rules! define {
                 match parameter {
                     $(JointParameter::$variant => &mut self.$field,)*
                     $(JointParameter::$fvariant => &mut self.$ffield,)*
+                    $(JointParameter::$lvariant => &mut self.$lfield,)*
                 }
             }
 
@@ -70,6 +93,8 @@ macro_rules! define {
                 let mut params = JointParams { $($field: self.$field[j],)* weight };
                 $(params.$of *= self.$ffield[j];)*
                 params.torque_limit = params.torque_limit.min(MOST_TORQUE);
+                params.stall_torque = params.stall_torque.min(MOST_TORQUE);
+                params.no_load_speed = params.no_load_speed.min(MOST_SPEED);
                 params
             }
         }
@@ -91,9 +116,35 @@ impl Robot {
                         object: format!("joint `{}`", joint.name),
                         quantity: what,
                         value: *value,
-                        must: if least == 0.0 { "zero or positive" } else { "a number" },
+                        must: match least {
+                            0.0 => "zero or positive",
+                            least if least > 0.0 => "0.001 or more",
+                            _ => "a number",
+                        },
                     });
                 }
+            }
+        }
+        let motors = self.no_load_speed.iter().zip(&self.stall_torque);
+        for ((speed, torque), joint) in motors.zip(&model.joints) {
+            if *speed < MOST_SPEED && torque.is_infinite() {
+                return Err(PhysicsError::Value {
+                    object: format!("joint `{}`", joint.name),
+                    quantity: "stall_torque",
+                    value: *torque,
+                    must: "finite where there is a no-load speed: the robot's file has no torque limit to take instead",
+                });
+            }
+        }
+        for parameter in JointParameter::LINKS {
+            let all = self.joints(*parameter).iter().zip(&model.joints);
+            if let Some((value, joint)) = all.into_iter().find(|(value, _)| value.is_infinite()) {
+                return Err(PhysicsError::Value {
+                    object: format!("joint `{}`", joint.name),
+                    quantity: parameter.name(),
+                    value: *value,
+                    must: "finite",
+                });
             }
         }
         let mass = model.bodies[0].mass + self.base_mass;
@@ -142,18 +193,44 @@ impl Robot {
         Ok(Params { links, joints, pairs, friction_scale: self.friction_scale })
     }
 
+    /// How each body of the model differs from its file, by the link that it is part of. Whatever the numbers, a body is
+    /// one that there can be: a factor on mass and inertia together, and a shift of both, keep every inertia positive
+    /// definite and its triangle inequalities (Wensing, Kim and Slotine 2018).
+    pub fn body_changes(&self, model: &Model) -> Vec<BodyChange> {
+        let (seats, _) = seats(model);
+        let none = BodyChange { factor: 1.0, shift: [0.0; 3] };
+        let mut changes = vec![none; model.bodies.len()];
+        for (j, (joint, side)) in model.joints.iter().zip(sides(model)).enumerate() {
+            let factor = self.link_mass[j];
+            let shift = [self.link_com_x[j], side * self.link_com_y[j], self.link_com_z[j]];
+            let turned = rotate(&seats[joint.body].rotation, shift);
+            for (change, seat) in changes.iter_mut().zip(&seats).filter(|(_, seat)| seat.link == j + 1) {
+                change.factor *= factor;
+                if shift != [0.0; 3] {
+                    change.shift = rotate_back(&seat.rotation, turned);
+                }
+            }
+        }
+        changes
+    }
+
     /// Bodies welded into links: masses add, inertias add about the common centre of mass.
     fn link_inertias(&self, model: &Model, seats: &[Seat], count: usize) -> Vec<LinkInertia<f64>> {
         let mut links = vec![LinkInertia { mass: 0.0, com: [0.0; 3], inertia: [0.0; 6] }; count];
         // Second moments about the link origin, turned into central ones at the end.
-        for (index, (body, seat)) in model.bodies.iter().zip(seats).enumerate() {
-            let (mut mass, mut ipos) = (body.mass, body.ipos);
+        for (index, ((body, seat), change)) in
+            model.bodies.iter().zip(seats).zip(self.body_changes(model)).enumerate()
+        {
+            let (mut mass, mut ipos) = (change.factor * body.mass, body.ipos);
+            if change.shift != [0.0; 3] {
+                ipos = add(ipos, change.shift);
+            }
             if index == 0 {
                 mass += self.base_mass;
                 ipos = add(ipos, self.base_com);
             }
             let com = add(seat.position, rotate(&seat.rotation, ipos));
-            let inertia = sym_rotate(&seat.rotation, &body_inertia(body));
+            let inertia = sym_rotate(&seat.rotation, &body_inertia(body)).map(|one| change.factor * one);
             put(&mut links[seat.link], mass, com, &inertia);
             if index == 0 && self.payload_mass != 0.0 {
                 let place = add(seat.position, rotate(&seat.rotation, self.payload_position));

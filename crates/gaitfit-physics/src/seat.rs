@@ -89,3 +89,21 @@ pub(crate) fn body_inertia(body: &Body) -> Sym3<f64> {
     let diagonal = [body.inertia[0], body.inertia[1], body.inertia[2], 0.0, 0.0, 0.0];
     sym_rotate(&quat_matrix(&body.iquat), &diagonal)
 }
+
+/// −1 for joints to the right of the base's middle plane at the reference pose (y below −1 mm), else 1.
+pub(crate) fn sides(model: &Model) -> Vec<f64> {
+    let (_, hinges) = seats(model);
+    let mut poses = vec![([0.0; 3], IDENTITY)];
+    for (parent, anchor, turn, _) in &hinges {
+        let (position, rotation): (V3<f64>, M3<f64>) = poses[*parent];
+        poses.push((add(position, rotate(&rotation, *anchor)), mat_mul(&rotation, turn)));
+    }
+    // Of a fixed root the links are in the world's axes.
+    let base = &model.bodies[0];
+    let (place, axes) = match model.root {
+        Root::Floating => ([0.0; 3], IDENTITY),
+        Root::Fixed => (base.pos, quat_matrix(&base.quat)),
+    };
+    let left = |position: V3<f64>| rotate_back(&axes, sub(position, place))[1];
+    poses[1..].iter().map(|(position, _)| if left(*position) < -1e-3 { -1.0 } else { 1.0 }).collect()
+}

@@ -11,7 +11,7 @@ use crate::spatial::{Rigid, V6, add6, axpy6, dot6, dot6_add, zero6};
 use crate::state::{Motion, Pose, State, Work};
 use crate::tree::{Axis, Link, Tree};
 use crate::vec3::*;
-use crate::{Damping, LinkInertia, Params, Real};
+use crate::{Damping, JointParams, LinkInertia, Params, Real};
 
 /// What a pass over the tree reads, besides `work`.
 pub(crate) struct Pass<'a, T: Real> {
@@ -324,6 +324,12 @@ fn joint_rows<T: Real>(
     out.friction_d = p.weight * T::k(link.friction_weight);
     out.friction_bias = out.friction_d * (T::k(link.friction_b) * qd);
     out.frictionloss = p.frictionloss;
+    let sticky = p.stiction.unless_zero();
+    if T::enter(sticky) {
+        let bound = friction_bound(p, qd);
+        T::leave(sticky);
+        out.frictionloss = bound.merge(sticky, p.frictionloss);
+    }
     if let Some(limit) = &link.limit {
         let (low, high) = (q - T::k(limit.lower), T::k(limit.upper) - q);
         let sign = T::select_lt(high, low, -one, one);
@@ -339,4 +345,17 @@ fn joint_rows<T: Real>(
         out.limit_bias = T::k(limit.reference.b).fma(sign * qd, T::k(limit.reference.k) * (imp * depth));
         T::leave(work.limited[j]);
     }
+}
+
+/// Largest dry friction at velocity `qd`: frictionloss + stiction · exp(−(q̇/v)²), v the Stribeck velocity
+/// (Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, eq. 5, with their δ = 2). MuJoCo's bound is constant; here it is
+/// that of the velocity at the step's start.
+#[inline(always)]
+fn friction_bound<T: Real>(p: &JointParams<T>, qd: T) -> T {
+    let one = T::lit(1.0);
+    let x = qd.div(p.stribeck_velocity);
+    // exp(−2y) = (1 − tanh y)/(1 + tanh y): a scalar has a hyperbolic tangent and no exponential.
+    let y = (T::lit(0.5) * x * x).tanh();
+    let left = (one - y).max(T::zero()) * (one + y).recip();
+    p.stiction.fma(left, p.frictionloss)
 }

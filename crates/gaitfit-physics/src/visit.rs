@@ -25,14 +25,12 @@ pub struct Slot {
     pub name: &'static str,
     /// Its place, where several numbers have one name.
     pub index: usize,
-    /// Whether it may differ from one environment of a model to the next; otherwise the model alone gives it.
-    pub varies: bool,
 }
 
 impl Slot {
-    /// A single number that may vary.
+    /// A single number.
     pub(crate) fn of(owner: Owner, name: &'static str) -> Self {
-        Self { owner, name, index: 0, varies: true }
+        Self { owner, name, index: 0 }
     }
 }
 

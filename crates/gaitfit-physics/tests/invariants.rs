@@ -4,6 +4,10 @@
 mod common;
 #[path = "invariants/friction.rs"]
 mod friction;
+#[path = "invariants/links.rs"]
+mod links;
+#[path = "invariants/motor.rs"]
+mod motor;
 
 use std::collections::BTreeSet;
 

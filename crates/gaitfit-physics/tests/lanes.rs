@@ -50,6 +50,15 @@ fn cases(model: &Model, file: &str, count: usize) -> Cases {
         robot.friction_scale = random.uniform(0.6, 1.4);
         robot.frictionloss.iter_mut().for_each(|x| *x = random.uniform(0.0, 0.5));
         robot.delay = vec![random.uniform(0.0, 0.03); tree.joints()];
+        // Neighbours in a block differ in what their joints have at all.
+        if index % 3 == 1 {
+            robot.stiction.fill(0.2);
+            robot.stribeck_velocity.fill(0.5);
+        }
+        if index % 4 == 2 {
+            robot.no_load_speed.fill(12.0);
+            robot.stall_torque.fill(15.0);
+        }
         cases.params.push(robot.params(model).unwrap());
         // Three sent targets around the joint angles.
         let near = |random: &mut Random| -> Vec<f64> {

@@ -14,7 +14,7 @@ use gaitfit_physics::trace::{
     Id, Input, Loop, PeriodGraph, Region, RegionKind, TraceError, Traced, record, record_period,
 };
 use gaitfit_physics::{
-    Drive, Modify, Owner, Period, Preset, Real, Robot, RowKind, Settings, Work, compile, constraint_rows,
+    Drive, Modify, Owner, Period, Preset, Real, Robot, RowKind, Settings, Slot, Work, compile, constraint_rows,
     control_period, memory_of, settle, state_from,
 };
 
@@ -47,6 +47,10 @@ fn compare(model: &Model, preset: Preset, file: &str) -> BTreeSet<usize> {
         robot.delay = vec![random.uniform(0.0, 0.02); tree.joints()];
         robot.encoder_bias = random.signed(tree.joints(), 0.02);
         robot.base_mass = random.uniform(-1.0, 2.0);
+        if index % 2 == 1 {
+            robot.stiction.fill(0.3);
+            (robot.no_load_speed[1], robot.stall_torque[1]) = (9.0, 12.0);
+        }
         robot.friction_scale = random.uniform(0.5, 1.5);
         let params = robot.params(model).unwrap();
         let targets: Vec<f64> =
@@ -149,7 +153,8 @@ fn regions_are_kept() {
         .collect();
     let pairs = compile::<f64>(&model, &settings).unwrap().model_pairs().len();
     let limits = model.joints.iter().filter(|joint| joint.range.is_some()).count();
-    assert_eq!(guards.len(), pairs + limits);
+    // Of each joint also the friction at rest and the torque that falls with speed.
+    assert_eq!(guards.len(), pairs + limits + 2 * model.joints.len());
     assert_eq!(regions.iter().filter(|region| matches!(region.kind, RegionKind::Loop { .. })).count(), 2);
     let guarded = |region: &&Region| matches!(region.kind, RegionKind::Guarded(_));
     let inside: usize = regions.iter().filter(guarded).map(|region| region.nodes.len()).sum();
@@ -165,9 +170,9 @@ fn inputs_have_names() {
     let count = |wanted: fn(&Input) -> bool| program.inputs.iter().filter(|input| wanted(input)).count();
     let joints = model.joints.len();
     assert_eq!(count(|input| matches!(input, Input::Weight { .. })), 2 * 97 * joints);
-    assert_eq!(count(|input| matches!(input, Input::Params(slot) if slot.owner == Owner::Joint(3))), 13);
-    let fixed = count(|input| matches!(input, Input::Params(slot) if !slot.varies));
-    assert_eq!(fixed, 10 * joints, "mass, centre and inertia of each joint's link");
+    assert_eq!(count(|input| matches!(input, Input::Params(slot) if slot.owner == Owner::Joint(3))), 17);
+    let links = count(|input| matches!(input, Input::Params(Slot { owner: Owner::Link(_), .. })));
+    assert_eq!(links, 10 * (joints + 1), "mass, centre and inertia of each link");
 }
 
 #[test]

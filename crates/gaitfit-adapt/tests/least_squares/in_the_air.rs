@@ -10,16 +10,16 @@ use gaitfit_sim::{Recording, ReplayOptions};
 use std::path::Path;
 use std::sync::Mutex;
 
-const DT: f64 = 0.005;
-const POSE: [f64; 3] = [0.0, 0.9, -1.6];
+pub(super) const DT: f64 = 0.005;
+pub(super) const POSE: [f64; 3] = [0.0, 0.9, -1.6];
 
-fn go2() -> Model {
+pub(super) fn go2() -> Model {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/go2.xml");
     read(&path, &ReadOptions { root: Some(Root::Fixed), ..ReadOptions::default() }).unwrap()
 }
 
 /// Every joint swings at its own pace.
-fn recording(joints: usize, samples: usize) -> Recording {
+pub(super) fn recording(joints: usize, samples: usize) -> Recording {
     let at = |sample: usize, j: usize| {
         let pace = std::f64::consts::TAU * (0.5 + 0.23 * j as f64) * sample as f64 * DT;
         POSE[j % 3] + 0.3 * pace.sin() + 0.1 * (2.7 * pace).sin()

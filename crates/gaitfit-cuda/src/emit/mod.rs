@@ -192,7 +192,7 @@ fn seat(seating: &Seating, name: Name) -> (Option<usize>, Name) {
 }
 
 fn target_name(tap: usize, owner: Owner) -> Name {
-    Name::Target(tap, Slot { owner, name: "target", index: 0, varies: true })
+    Name::Target(tap, Slot { owner, name: "target", index: 0 })
 }
 
 /// Names of what is remembered: the how-manieth number of its owner.
@@ -202,7 +202,7 @@ fn memory_names(owners: impl Iterator<Item = Owner>) -> Vec<Name> {
         .map(|owner| {
             let count = counts.entry(owner).or_default();
             *count += 1;
-            Name::Memory(*count - 1, Slot { owner, name: "memory", index: 0, varies: true })
+            Name::Memory(*count - 1, Slot { owner, name: "memory", index: 0 })
         })
         .collect()
 }
@@ -218,12 +218,12 @@ fn input_names(period: &PeriodGraph) -> Vec<Name> {
         Input::Params(slot) => Name::Params(slot),
         Input::Target { tap, .. } => target_name(tap, input.owner()),
         Input::Disturbance { .. } => {
-            Name::Disturbance(Slot { owner: input.owner(), name: "disturbance", index: 0, varies: true })
+            Name::Disturbance(Slot { owner: input.owner(), name: "disturbance", index: 0 })
         }
         Input::Weight { modification, slot } => Name::Weight(modification, slot),
         // As many names as there are such inputs.
         Input::Memory { owner, .. } => {
-            memory.next().unwrap_or(Name::Memory(0, Slot { owner, name: "memory", index: 0, varies: true }))
+            memory.next().unwrap_or(Name::Memory(0, Slot { owner, name: "memory", index: 0 }))
         }
     });
     named.collect()

@@ -20,8 +20,12 @@ struct Direction {
     of_state: bool,
 }
 
-const DIRECTIONS: [(&str, bool); 15] = [
+const DIRECTIONS: [(&str, bool); 19] = [
     ("frictionloss", false),
+    ("stiction", false),
+    ("stribeck_velocity", false),
+    ("no_load_speed", false),
+    ("stall_torque", false),
     ("armature", false),
     ("damping", false),
     ("delay", false),
@@ -115,6 +119,14 @@ fn compare(model: &Model, file: &str, preset: Preset, centred: bool, lift: f64) 
         robot.frictionloss.iter_mut().for_each(|x| *x = random.uniform(0.1, 0.5));
         robot.delay = vec![random.uniform(0.001, 0.003); joints];
         robot.encoder_bias = random.signed(joints, 0.02);
+        // The others have none of it, and a derivative by it where it is a number.
+        for j in 0..joints {
+            if j % 2 == 0 {
+                (robot.stiction[j], robot.stribeck_velocity[j]) = (0.2, 0.7);
+            }
+            // With no speed at all a difference would go to and fro across where it begins.
+            (robot.no_load_speed[j], robot.stall_torque[j]) = if j % 2 == 0 { (6.0, 9.0) } else { (50.0, 1e3) };
+        }
         let targets = (0..TAPS).flat_map(|_| state.qpos.clone()).map(|q| q + random.uniform(-0.3, 0.3));
         let inputs = Inputs {
             targets: targets.collect(),

@@ -48,10 +48,13 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
         let _ = writeln!(text, "        effort_limit={{{}}},", limits.join(", "));
     }
     let _ = writeln!(text, "        armature={},", table(joints, |joint| joint.armature));
-    let _ = writeln!(text, "        friction={},", table(joints, |joint| joint.frictionloss));
+    let _ = writeln!(text, "        friction={},", table(joints, |joint| joint.frictionloss + joint.stiction));
     let _ = writeln!(text, "        dynamic_friction={},", table(joints, |joint| joint.frictionloss));
     let _ = writeln!(text, "        viscous_friction={},", table(joints, |joint| joint.damping));
     let _ = writeln!(text, "        min_delay={lag},\n        max_delay={lag},\n    ),\n}}");
+    let robot = &candidate.robot;
+    let linked = robot.link_mass.iter().any(|one| *one != 1.0)
+        || [&robot.link_com_x, &robot.link_com_y, &robot.link_com_z].into_iter().flatten().any(|one| *one != 0.0);
     let mut rest = Vec::new();
     let mut say = |is: bool, what: &str| {
         if is {
@@ -65,6 +68,14 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
     say(
         joints.iter().any(|joint| joint.torque_offset != 0.0),
         "torque_offset: add it as a joint effort target",
+    );
+    say(
+        joints.iter().any(|joint| joint.stiction != 0.0),
+        "stribeck_velocity: friction falls from `friction` to `dynamic_friction` there at once",
+    );
+    say(
+        joints.iter().any(|joint| joint.no_load_speed.is_finite()),
+        "no_load_speed, stall_torque: DCMotorCfg's velocity_limit and saturation_effort; it has no delay",
     );
     say(
         joints.iter().any(|joint| joint.sprung),
@@ -82,6 +93,7 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
         candidate.robot.base_mass != 0.0 || candidate.robot.payload_mass != 0.0,
         "base: an event term randomize_rigid_body_mass with a constant",
     );
+    say(linked, "links: scale mass and inertia of these bodies by mass_factor and shift their centres of mass");
     say(!candidate.networks.is_empty(), "networks: drive.py evaluates them");
     if !rest.is_empty() {
         text.push_str("\n# Not among an actuator's settings; the numbers are in theta.json:\n");
@@ -95,7 +107,8 @@ pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64) -> String {
     let lag = lag(joints, step);
     let mut text = String::from(
         "\"\"\"The fitted robot for mjlab: EntityCfg(spec_fn=spec, articulation=EntityArticulationInfoCfg(actuators=ACTUATORS)).\n\n\
-         Armature, damping, friction loss and springs are in robot.xml. Bias, offset, noise and networks: see drive.py.\n\
+         Armature, damping, friction loss and springs are in robot.xml. Bias, offset, noise, networks and torque \
+         that falls with speed: see drive.py. Friction at rest: load_theta.stribeck.\n\
          For mjlab 1.6, whose actuators have their delay themselves.\n\"\"\"\n\n\
          import pathlib\n\nimport mujoco\nfrom mjlab.actuator import BuiltinPositionActuatorCfg\n\n",
     );

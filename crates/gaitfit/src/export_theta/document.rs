@@ -3,6 +3,7 @@
 use super::joint::JointNumbers;
 use crate::Error;
 use gaitfit_adapt::ThetaFile;
+use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
 use serde_json::{Map, Value, json};
 
@@ -10,6 +11,7 @@ use serde_json::{Map, Value, json};
 pub(super) fn document(
     file: &ThetaFile,
     joints: &[JointNumbers],
+    model: &Model,
     candidate: &Candidate,
 ) -> Result<String, Error> {
     let parameters: Vec<Value> = file
@@ -25,18 +27,24 @@ pub(super) fn document(
         .collect();
     let mut by_joint = Map::new();
     for joint in joints {
-        let limit = joint.torque_limit.is_finite().then_some(joint.torque_limit);
+        let finite = |number: f64| number.is_finite().then_some(number);
         by_joint.insert(
             joint.name.clone(),
             json!({
                 "armature": joint.armature, "damping": joint.damping, "frictionloss": joint.frictionloss,
                 "stiffness": joint.stiffness, "spring_torque": joint.spring_torque, "kp_factor": joint.kp_factor,
                 "kd_factor": joint.kd_factor, "encoder_bias": joint.encoder_bias, "torque_offset": joint.torque_offset,
-                "torque_limit": limit, "delay": joint.delay,
+                "torque_limit": finite(joint.torque_limit), "delay": joint.delay, "stiction": joint.stiction,
+                "stribeck_velocity": joint.stribeck_velocity, "no_load_speed": finite(joint.no_load_speed),
+                "stall_torque": finite(joint.stall_torque),
             }),
         );
     }
     let robot = &candidate.robot;
+    let mut links = Map::new();
+    for (body, change) in model.bodies.iter().zip(robot.body_changes(model)).filter(|(_, change)| change.changed()) {
+        links.insert(body.name.clone(), json!({"mass_factor": change.factor, "com_shift": change.shift}));
+    }
     let networks: Vec<Value> = file
         .network
         .iter()
@@ -55,6 +63,7 @@ pub(super) fn document(
             "mass": robot.base_mass, "com": robot.base_com, "payload_mass": robot.payload_mass,
             "payload_position": robot.payload_position,
         },
+        "links": links,
         "friction_factor": robot.friction_scale, "torque_noise": candidate.torque_noise, "networks": networks,
     });
     serde_json::to_string_pretty(&whole)

@@ -1,4 +1,5 @@
-"""Joint torques of a PD controller as the fit has it: delay, encoder bias, factors on gains, offset, limits, noise, networks.
+"""Joint torques of a PD controller as the fit has it: delay, encoder bias, factors on gains, offset, limits that may fall with
+speed, noise, networks.
 
     drive = Drive(load(), kp=25.0, kd=0.5, step=model.opt.timestep)
     drive.send(target, q, dq)           # at every control period; targets and angles in the order of drive.joints
@@ -38,7 +39,8 @@ class Drive:
         column = lambda key: np.array([joint[key] for joint in theta["joints"].values()], dtype=float)
         self.kp, self.kd = column("kp_factor") * kp, column("kd_factor") * kd
         self.bias, self.offset, self.delay = column("encoder_bias"), column("torque_offset"), column("delay")
-        self.limit = np.nan_to_num(column("torque_limit"), nan=math.inf)
+        self.limit, self.stall, self.speed = (
+            np.nan_to_num(column(key), nan=math.inf) for key in ("torque_limit", "stall_torque", "no_load_speed"))
         self.noise, self.random = theta["torque_noise"], np.random.default_rng(seed)
         self.sent = collections.deque()
         networks = [(saved["kind"], self._place(saved["joint"]), Network(saved)) for saved in theta["networks"]]
@@ -48,6 +50,11 @@ class Drive:
     def _place(self, joint):
         plain = lambda name: name.removesuffix("_joint")
         return [plain(name) for name in self.joints].index(plain(joint))
+
+    def _reach(self, dq):
+        """Largest torque in the direction of dq: it falls with speed where a joint has a no-load speed."""
+        falling = np.clip(self.stall * (1.0 - dq / self.speed), 0.0, self.limit)
+        return np.where(np.isinf(self.speed), self.limit, falling)
 
     def send(self, target, q, dq):
         """Sends position targets, rad. q, dq: true angles and velocities."""
@@ -69,7 +76,7 @@ class Drive:
             target += sent * np.clip(until - since, 0.0, None) / self.step
             until = np.minimum(until, since)
         reading = q + self.bias
-        torque = np.clip(self.kp * (target - reading) - self.kd * dq + self.offset, -self.limit, self.limit)
+        torque = np.clip(self.kp * (target - reading) - self.kd * dq + self.offset, -self._reach(-dq), self._reach(dq))
         for j, network in self.resid_act:
             torque[j] += network(reading[j], dq[j])
         self.time = end

@@ -22,6 +22,10 @@ pub(super) struct JointNumbers {
     pub damping: f64,
     /// N·m
     pub frictionloss: f64,
+    /// Friction at rest above that, N·m.
+    pub stiction: f64,
+    /// rad/s
+    pub stribeck_velocity: f64,
     /// Of all springs on the joint, N·m/rad.
     pub stiffness: f64,
     /// Their torque at angle 0, N·m.
@@ -39,6 +43,10 @@ pub(super) struct JointNumbers {
     pub torque_offset: f64,
     /// N·m; infinite where nothing bounds it.
     pub torque_limit: f64,
+    /// rad/s; infinite where the torque does not fall with speed.
+    pub no_load_speed: f64,
+    /// N·m
+    pub stall_torque: f64,
     /// s
     pub delay: f64,
     /// Whether springs differ from the robot file's.
@@ -65,6 +73,8 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
             armature: robot.armature[j],
             damping: robot.damping[j],
             frictionloss: robot.frictionloss[j],
+            stiction: robot.stiction[j],
+            stribeck_velocity: robot.stribeck_velocity[j],
             stiffness: own + robot.stiffness[j],
             spring_torque: own * rest + robot.spring_torque[j],
             kp,
@@ -74,6 +84,8 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
             encoder_bias: robot.encoder_bias[j],
             torque_offset: robot.torque_offset[j],
             torque_limit: robot.torque_limit[j],
+            no_load_speed: robot.no_load_speed[j],
+            stall_torque: robot.stall_torque[j],
             delay: robot.delay[j],
             sprung: robot.stiffness[j] != 0.0 || robot.spring_torque[j] != 0.0,
         }

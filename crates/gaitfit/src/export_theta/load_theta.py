@@ -1,6 +1,7 @@
 """theta.json as a dictionary, and its numbers in a MuJoCo model (for MJX and MuJoCo Playground: before put_model)."""
 
 import json
+import math
 import pathlib
 
 import mujoco
@@ -15,7 +16,7 @@ def load(path=pathlib.Path(__file__).with_name("theta.json")):
 
 
 def apply(model, theta):
-    """Armature, damping, friction loss and springs of a model of the robot's original file; friction of all contacts."""
+    """Joints' numbers and masses of links of a model of the robot's original file; friction of all contacts."""
     model.opt.disableflags &= ~SWITCHED
     for name, joint in theta["joints"].items():
         place, dof = model.joint(name).id, model.joint(name).dofadr[0]
@@ -25,7 +26,23 @@ def apply(model, theta):
         model.jnt_stiffness.reshape(model.njnt, -1)[place, 0] = joint["stiffness"]
         if joint["stiffness"]:
             model.qpos_spring[model.jnt_qposadr[place]] = joint["spring_torque"] / joint["stiffness"]
+    for name, link in theta["links"].items():
+        body = model.body(name).id
+        model.body_mass[body] *= link["mass_factor"]
+        model.body_inertia[body] *= link["mass_factor"]
+        model.body_ipos[body] += link["com_shift"]
+    if theta["links"]:
+        mujoco.mj_setConst(model, mujoco.MjData(model))
     friction(model, theta)
+
+
+def stribeck(model, data, theta):
+    """Dry friction of joints with stiction at their present velocities: call it before every mj_step."""
+    for name, joint in theta["joints"].items():
+        if joint["stiction"]:
+            dof = model.joint(name).dofadr[0]
+            left = math.exp(-((data.qvel[dof] / joint["stribeck_velocity"]) ** 2))
+            model.dof_frictionloss[dof] = joint["frictionloss"] + joint["stiction"] * left
 
 
 def friction(model, theta):

@@ -1,6 +1,6 @@
 //! The robot's MJCF with the fitted numbers.
 
-use super::COMMON;
+use super::{COMMON, link_kinds};
 use super::joint::JointNumbers;
 use super::xml::{Edits, number, numbers, parse};
 use crate::Error;
@@ -9,11 +9,14 @@ use gaitfit_sim::Candidate;
 use roxmltree::{Document, Node};
 
 /// Kinds of parameters that the file says.
-pub(super) fn said(gains: bool, base: bool) -> Vec<&'static str> {
+pub(super) fn said(gains: bool, base: bool, links: bool) -> Vec<&'static str> {
     let mut said = COMMON.to_vec();
     said.extend(["armature", "stiffness", "spring_torque"]);
     if gains {
         said.extend(["encoder_bias", "torque_scale", "torque_offset", "kp_scale", "kd_scale"]);
+    }
+    if links {
+        said.extend(link_kinds());
     }
     if base {
         said.extend([
@@ -36,7 +39,20 @@ pub(super) fn says_base(text: &str, model: &Model) -> Result<bool, Error> {
     Ok(base_inertial(&document, model).is_some())
 }
 
+/// The same of every body whose link the fit changes.
+pub(super) fn says_links(text: &str, model: &Model, candidate: &Candidate) -> Result<bool, Error> {
+    let document = parse(text)?;
+    let changes = candidate.robot.body_changes(model);
+    let mut changed = model.bodies.iter().zip(&changes).filter(|(_, change)| change.changed());
+    Ok(changed.all(|(body, _)| inertial(&document, &body.name).is_some()))
+}
+
 fn base_inertial<'a, 'i>(document: &'a Document<'i>, model: &Model) -> Option<Node<'a, 'i>> {
+    inertial(document, &model.bodies.first()?.name)
+}
+
+/// A body's inertial that the compiler takes as it is.
+fn inertial<'a, 'i>(document: &'a Document<'i>, name: &str) -> Option<Node<'a, 'i>> {
     let changed = document.descendants().filter(|node| node.has_tag_name("compiler")).any(|compiler| {
         compiler.attribute("inertiafromgeom") == Some("true")
             || compiler
@@ -46,8 +62,7 @@ fn base_inertial<'a, 'i>(document: &'a Document<'i>, model: &Model) -> Option<No
     if changed {
         return None;
     }
-    let base = body(document, &model.bodies.first()?.name)?;
-    base.children().find(|node| node.has_tag_name("inertial"))
+    body(document, name)?.children().find(|node| node.has_tag_name("inertial"))
 }
 
 fn body<'a, 'i>(document: &'a Document<'i>, name: &str) -> Option<Node<'a, 'i>> {
@@ -114,6 +129,7 @@ pub(super) fn patched(
         }
     }
     base(text, &document, model, candidate, &mut edits);
+    links(text, &document, model, candidate, &mut edits);
     if gains {
         actuators(&document, model, joints, &mut edits);
     }
@@ -144,6 +160,28 @@ fn base(text: &str, document: &Document<'_>, model: &Model, candidate: &Candidat
             number(robot.payload_mass)
         );
         edits.insert(inertial.range().end, load);
+    }
+}
+
+/// Masses, inertias and centres of mass of links; all of them or none.
+fn links(text: &str, document: &Document<'_>, model: &Model, candidate: &Candidate, edits: &mut Edits) {
+    let changes = candidate.robot.body_changes(model);
+    let changed = model.bodies.iter().zip(&changes).filter(|(_, change)| change.changed());
+    let found: Option<Vec<_>> =
+        changed.map(|(body, change)| Some((inertial(document, &body.name)?, change))).collect();
+    for (inertial, change) in found.unwrap_or_default() {
+        for name in ["mass", "diaginertia", "fullinertia"] {
+            if let Some(numbers) = numbers(inertial, name).filter(|_| change.factor != 1.0) {
+                let scaled: Vec<String> = numbers.iter().map(|one| number(change.factor * one)).collect();
+                edits.set(text, inertial, name, &scaled.join(" "));
+            }
+        }
+        if change.shift != [0.0; 3] {
+            let place = numbers(inertial, "pos").unwrap_or_else(|| vec![0.0; 3]);
+            let place: Vec<String> =
+                place.iter().zip(change.shift).map(|(place, shift)| number(place + shift)).collect();
+            edits.set(text, inertial, "pos", &place.join(" "));
+        }
     }
 }
 

@@ -12,7 +12,7 @@ mod xml;
 use crate::robot::{self, Hold};
 use crate::{Access, Error, files, theta};
 use document::document;
-use gaitfit_adapt::ThetaFile;
+use gaitfit_adapt::{JointParameter, ThetaFile};
 use gaitfit_log::PerJoint;
 use gaitfit_model::{Model, builtin};
 use gaitfit_sim::Candidate;
@@ -152,7 +152,7 @@ fn files_of(
             (
                 "robot.xml",
                 mjcf::patched(text, model, &joints, candidate, gains.is_some())?,
-                mjcf::said(gains.is_some(), base),
+                mjcf::said(gains.is_some(), base, mjcf::says_links(text, model, candidate)?),
             )
         }
     };
@@ -178,7 +178,7 @@ fn files_of(
     let step = file.physics_step.unwrap_or(model.options.timestep);
     let files = vec![
         (robot_name.to_owned(), robot_text),
-        ("theta.json".to_owned(), document(file, &joints, candidate)?),
+        ("theta.json".to_owned(), document(file, &joints, model, candidate)?),
         ("load_theta.py".to_owned(), code::LOADER.to_owned()),
         ("drive.py".to_owned(), code::DRIVE.to_owned()),
         ("isaac_lab.py".to_owned(), code::isaac_lab(&joints, gains.is_some(), step, candidate)),
@@ -189,6 +189,11 @@ fn files_of(
 
 /// Names of the kinds of parameters that all simulators know of joints.
 const COMMON: [&str; 2] = ["frictionloss", "damping"];
+
+/// Names of the kinds of parameters that change links.
+fn link_kinds() -> impl Iterator<Item = &'static str> {
+    JointParameter::LINKS.iter().map(|kind| kind.name())
+}
 
 #[cfg(test)]
 mod tests;

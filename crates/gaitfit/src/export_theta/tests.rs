@@ -3,7 +3,7 @@
 
 use super::*;
 use gaitfit_model::{ReadOptions, Root, read_mjcf_str, read_urdf_str};
-use gaitfit_physics::{JointParameter, Preset, Robot};
+use gaitfit_physics::{Preset, Robot};
 use gaitfit_sim::{Cpu, Engine, Recording, Replay, ReplayOptions};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -11,6 +11,9 @@ use std::sync::Mutex;
 const HUMANOID: &str = include_str!("../../../gaitfit-model/tests/robots/humanoid.xml");
 const ARM: &str = include_str!("../../../gaitfit-model/tests/robots/arm.xml");
 const GO2_URDF: &str = include_str!("../../../../assets/go2.urdf");
+
+/// Kinds that a robot file has no words for.
+const BY_CODE: [&str; 4] = ["stiction", "stribeck_velocity", "no_load_speed", "stall_torque"];
 
 /// A theta.toml with one of each kind, some on all joints and some on the second alone.
 fn theta_of(model: &Model, delay: f64) -> ThetaFile {
@@ -29,7 +32,22 @@ fn theta_of(model: &Model, delay: f64) -> ThetaFile {
         ("kp_scale", &all, 1.1),
         ("kd_scale", &all, 0.9),
         ("delay", &all, delay),
+        ("stiction", &all, 0.3),
+        ("stribeck_velocity", second, 0.5),
+        ("no_load_speed", &all, 4.0),
+        ("stall_torque", &all, 6.0),
+        ("link_mass", second, 1.3),
+        ("link_com_y", &all, 0.01),
+        ("link_com_z", second, -0.02),
     ] {
+        // What only code says goes with the delay.
+        if delay == 0.0 && BY_CODE.contains(&kind) {
+            continue;
+        }
+        // So do links where the file's inertias are from its shapes.
+        if delay == 0.0 && model.name != "go2" && kind.starts_with("link_") {
+            continue;
+        }
         text.push_str(&format!(
             "[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\njoints = {joints:?}\nvalue = {value:?}\n\
              interval = [{:?}, {:?}]\nidentified = true\n",
@@ -95,6 +113,18 @@ fn an_exported_mjcf_is_the_fitted_robot() {
             let load = again.bodies.iter().find(|body| body.name == "gaitfit_payload").unwrap();
             assert_eq!((load.mass, load.pos), (1.5, [0.0, 0.0, 0.1]));
         }
+        assert_eq!(said.contains(&"link_mass"), plain);
+        if plain {
+            let changes = want.body_changes(&model);
+            assert!(changes.iter().filter(|change| change.changed()).count() >= 12);
+            for ((before, after), change) in model.bodies.iter().zip(&again.bodies).zip(changes).skip(1) {
+                assert!((after.mass - change.factor * before.mass).abs() < 1e-12, "{}", before.name);
+                for k in 0..3 {
+                    assert!((after.inertia[k] - change.factor * before.inertia[k]).abs() < 1e-12);
+                    assert!((after.ipos[k] - before.ipos[k] - change.shift[k]).abs() < 1e-12);
+                }
+            }
+        }
         // All else of the file is as it was: comments, floors, keyframes.
         assert_eq!((again.geoms.len(), again.planes.len()), (model.geoms.len(), model.planes.len()));
         let document: serde_json::Value = serde_json::from_str(content(&exported, "theta.json")).unwrap();
@@ -102,6 +132,29 @@ fn an_exported_mjcf_is_the_fitted_robot() {
         assert_eq!(document["parameters"][0]["identified"], true);
         assert_eq!(document["joints"][&model.joints[1].name]["torque_offset"], 0.5);
     }
+}
+
+#[test]
+fn friction_at_rest_and_falling_torque_are_said_by_code() {
+    let model = read_mjcf_str(builtin::GO2, &ReadOptions::default()).unwrap();
+    let file = theta_of(&model, 0.004);
+    let candidate = file.candidate(&model).unwrap();
+    let exported = files_of(&file, &model, builtin::GO2, false, &candidate, Some(&gains(&model))).unwrap();
+    assert!(BY_CODE.iter().all(|kind| exported.rows.iter().any(|row| row.name == *kind && !row.in_robot_file)));
+    let document: serde_json::Value = serde_json::from_str(content(&exported, "theta.json")).unwrap();
+    let [first, second] = [0, 1].map(|j: usize| &document["joints"][&model.joints[j].name]);
+    assert_eq!((&first["stiction"], &second["stribeck_velocity"]), (&0.3.into(), &0.5.into()));
+    assert_eq!((&second["no_load_speed"], &second["stall_torque"]), (&4.0.into(), &6.0.into()));
+    let isaac = content(&exported, "isaac_lab.py");
+    assert!(isaac.contains("friction=0.55,") && isaac.contains("dynamic_friction=0.25,"), "{isaac}");
+    assert!(isaac.contains("velocity_limit") && isaac.contains("stribeck_velocity"), "{isaac}");
+    // A robot whose torque does not fall says so by a null.
+    let plain = theta_of(&model, 0.0);
+    let candidate = plain.candidate(&model).unwrap();
+    let exported = files_of(&plain, &model, builtin::GO2, false, &candidate, None).unwrap();
+    let document: serde_json::Value = serde_json::from_str(content(&exported, "theta.json")).unwrap();
+    assert!(document["joints"][&model.joints[0].name]["no_load_speed"].is_null());
+    assert!(!content(&exported, "isaac_lab.py").contains("velocity_limit"));
 }
 
 #[test]
@@ -113,6 +166,14 @@ fn an_exported_urdf_has_friction_and_damping() {
     let again = read_urdf_str(content(&exported, "robot.urdf"), &ReadOptions::default()).unwrap();
     let own = Robot::nominal(&again);
     assert_eq!((&own.damping, &own.frictionloss), (&candidate.robot.damping, &candidate.robot.frictionloss));
+    let found = own.params(&again).unwrap().links;
+    let mut bare = candidate.robot.clone();
+    (bare.payload_mass, bare.armature) = (0.0, own.armature.clone());
+    for (found, wanted) in found.iter().zip(bare.params(&model).unwrap().links).skip(1) {
+        assert!((found.mass - wanted.mass).abs() < 1e-12);
+        assert!(found.com.iter().zip(wanted.com).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!(found.inertia.iter().zip(wanted.inertia).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
     let armature = exported.rows.iter().find(|row| row.name == "armature").unwrap();
     assert!(!armature.in_robot_file);
     assert!(exported.notes.iter().any(|note| note.contains("--kp")));

@@ -1,6 +1,6 @@
-//! The robot's URDF with the fitted numbers: friction and damping of joints, mass of the base. URDF has no more.
+//! The robot's URDF with the fitted numbers: friction and damping of joints, masses. URDF has no more.
 
-use super::COMMON;
+use super::{COMMON, link_kinds};
 use super::joint::JointNumbers;
 use super::xml::{Edits, number, numbers, parse};
 use crate::Error;
@@ -12,6 +12,7 @@ use roxmltree::Node;
 pub(super) fn said() -> Vec<&'static str> {
     let mut said = COMMON.to_vec();
     said.extend(["base_mass", "base_com_x", "base_com_y", "base_com_z"]);
+    said.extend(link_kinds());
     said
 }
 
@@ -64,6 +65,39 @@ pub(super) fn patched(
         {
             let [dx, dy, dz] = robot.base_com;
             edits.set(text, origin, "xyz", &[x + dx, y + dy, z + dz].map(number).join(" "));
+        }
+    }
+    for (body, change) in model.bodies.iter().zip(robot.body_changes(model)).filter(|(_, one)| one.changed()) {
+        let link = document
+            .descendants()
+            .find(|node| node.has_tag_name("link") && node.attribute("name") == Some(body.name.as_str()));
+        // A link without one has no mass that could change.
+        let Some(inertial) = link.and_then(|link| document.get_node(child(link, "inertial")?)) else { continue };
+        let within = |name: &str| child(inertial, name).and_then(|id| document.get_node(id));
+        for (name, attributes) in
+            [("mass", &["value"][..]), ("inertia", &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"])]
+        {
+            for attribute in attributes {
+                if let Some(node) = within(name).filter(|_| change.factor != 1.0)
+                    && let Some([value]) = numbers(node, attribute).as_deref()
+                {
+                    edits.set(text, node, attribute, &number(change.factor * value));
+                }
+            }
+        }
+        if change.shift != [0.0; 3] {
+            match within("origin") {
+                Some(origin) => {
+                    let place = numbers(origin, "xyz").unwrap_or_else(|| vec![0.0; 3]);
+                    let place: Vec<String> =
+                        place.iter().zip(change.shift).map(|(place, shift)| number(place + shift)).collect();
+                    edits.set(text, origin, "xyz", &place.join(" "));
+                }
+                None => {
+                    let at = inertial.range().end - "</inertial>".len();
+                    edits.insert(at, format!("<origin xyz=\"{}\"/>", change.shift.map(number).join(" ")));
+                }
+            }
         }
     }
     Ok(edits.apply(text))
