@@ -145,3 +145,28 @@ fn networks_at_another_physics_step_are_doubted() {
     let before = ThetaFile { physics_step: None, ..file };
     assert_eq!(before.step_doubt(0.0025), None, "files of earlier versions do not say");
 }
+
+/// A file written by hand says what is known of a robot's motors by pattern.
+#[test]
+fn joints_may_be_patterns() {
+    let model = model();
+    let text = |joints: &str| {
+        format!(
+            "format = 2\n[[parameter]]\nname = \"speed\"\nkind = \"no_load_speed\"\njoints = [{joints}]\nvalue = 30.0\n\
+             [[parameter]]\nname = \"torque\"\nkind = \"stall_torque\"\njoints = [\"left_hip_joint\"]\nvalue = 25.0\n"
+        )
+    };
+    let robot = |joints: &str| {
+        ThetaFile::parse(&text(joints)).unwrap().candidate(&model).map(|candidate| candidate.robot)
+    };
+    let found = robot("\"*_hip\"").unwrap();
+    assert_eq!(found.no_load_speed, [30.0, 30.0]);
+    assert_eq!(found.stall_torque[0], 25.0);
+    assert_eq!(robot("\"right*\"").unwrap().no_load_speed, [f64::INFINITY, 30.0]);
+    let error = robot("\"*_knee\"").unwrap_err();
+    assert!(matches!(error, ThetaFileError::Pattern { .. }), "{error}");
+    assert!(error.to_string().contains("*_knee") && error.to_string().contains("speed"), "{error}");
+    let twice = text("\"*_hip\"").replace("stall_torque", "no_load_speed");
+    let error = ThetaFile::parse(&twice).unwrap().candidate(&model).unwrap_err();
+    assert!(matches!(error, ThetaFileError::Twice { .. }), "{error}");
+}

@@ -144,3 +144,65 @@ fn logs_without_an_imu_and_settings_that_cannot_be_are_refused() {
         assert!(errors(&output).contains(wanted), "{set}: {}", errors(&output));
     }
 }
+
+/// The policy walks by encoders that are off, on legs that are heavier than the file says.
+#[test]
+fn offsets_of_encoders_and_masses_of_links_are_found_in_walks() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = folder.path().join("truth.toml");
+    let offsets = [("FL_thigh", 0.03), ("RR_calf", -0.04), ("FR_hip", 0.02)];
+    let mut text = "format = 2\n".to_owned();
+    let mut say = |kind: &str, joints: &str, value: f64| {
+        text.push_str(&format!(
+            "[[parameter]]\nname = \"{kind} {joints}\"\nkind = \"{kind}\"\njoints = [\"{joints}\"]\nvalue = {value:?}\n"
+        ));
+    };
+    say("frictionloss", "*", 0.15);
+    say("link_mass", "*_calf*", 1.4);
+    offsets.iter().for_each(|(joint, value)| say("encoder_bias", &format!("{joint}*"), *value));
+    std::fs::write(&truth, text).unwrap();
+    let logs = folder.path().join("logs");
+    let collected = run(&[
+        "collect",
+        "assets/go2-robust.safetensors",
+        "--theta",
+        truth.to_str().unwrap(),
+        "--out",
+        logs.to_str().unwrap(),
+        "--trajectories",
+        "8",
+        "--seconds",
+        "2",
+        "--privileged",
+    ]);
+    assert_eq!(collected.status.code(), Some(0), "{}", errors(&collected));
+    let path = folder.path().join("offsets.toml");
+    let text = format!(
+        "name = \"offsets\"\nbase = \"free\"\npolicy = \"assets/go2-robust.safetensors\"\nlogs = [{:?}]\n\
+         costs = [\"matchr1\"]\nruns = {:?}\n[[parameter]]\nkind = \"frictionloss\"\nper = \"all\"\n[[parameter]]\n\
+         kind = \"link_mass\"\njoints = [\"*_calf*\"]\n[[parameter]]\nkind = \"encoder_bias\"\nper = \"joint\"\n\
+         [optimizer]\nseeds = 1\n[simulation]\npreset = \"fast\"\n[truth]\nlink_mass_calf = 1.4\n",
+        logs.display(),
+        folder.path().display()
+    );
+    std::fs::write(&path, text).unwrap();
+    let output = run(&["adapt", path.to_str().unwrap(), "--json"]);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
+    let found = json(&output);
+    let parameters = found["parameters"].as_array().unwrap();
+    assert_eq!(parameters.len(), 14);
+    for one in parameters {
+        let (name, value) = (one["name"].as_str().unwrap(), one["value"].as_f64().unwrap());
+        let (wanted, within) = match name.strip_prefix("encoder_bias_") {
+            Some(joint) => (offsets.iter().find(|(own, _)| *own == joint).map_or(0.0, |one| one.1), 1e-3),
+            None if name == "link_mass_calf" => (1.4, 0.02),
+            None => (0.15, 0.01),
+        };
+        assert!((value - wanted).abs() < within, "{name}: {value} and not {wanted}");
+    }
+    let mass = parameters.iter().find(|one| one["name"] == "link_mass_calf").unwrap();
+    assert_eq!(mass["truth"], 1.4);
+    let told = run(&["sensitivity", path.to_str().unwrap(), "--json"]);
+    assert_eq!(told.status.code(), Some(0), "{}", errors(&told));
+    assert!(json(&told)["parameters"].as_array().unwrap().iter().all(|one| one["told"] == true));
+}

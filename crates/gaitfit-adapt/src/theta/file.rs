@@ -1,6 +1,7 @@
 //! `theta.toml`: what a fit found, for programs that use it.
 
 use super::{Found, NetworkName, Theta, joint_parameters, networks, robot_numbers};
+use gaitfit_model::patterns::{PatternError, covered};
 use gaitfit_model::{Model, shown, shown_number};
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
@@ -41,7 +42,7 @@ pub struct SavedParameter {
     pub name: String,
     /// What it changes.
     pub kind: String,
-    /// The joints it covers; empty for what is not a joint's.
+    /// The joints it covers, by name or, in a file written by hand, by pattern (`*_hip*`); empty for what is not a joint's.
     #[serde(default)]
     pub joints: Vec<String>,
     /// Value.
@@ -145,6 +146,14 @@ pub enum ThetaFileError {
         /// Parameter.
         name: String,
     },
+    /// A pattern that covers no joint of the robot.
+    #[error("`{}`: {source}", shown(name))]
+    Pattern {
+        /// Parameter.
+        name: String,
+        /// Which pattern, and why not.
+        source: PatternError,
+    },
     /// A joint that the robot lacks.
     #[error("{robot} has no joint `{}`; it has {joints}{}", shown(joint), of_another(fitted, robot))]
     NoJoint {
@@ -201,6 +210,18 @@ impl ReadContext<'_> {
             joint: name.to_owned(),
             joints: self.model.joints.iter().map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", "),
         })
+    }
+
+    /// The parameter with the joints' names instead of patterns.
+    fn named(&self, parameter: &SavedParameter) -> Result<SavedParameter, ThetaFileError> {
+        let mut named = parameter.clone();
+        if parameter.joints.iter().any(|joint| joint.contains('*')) {
+            let joints: Vec<&str> = self.model.joints.iter().map(|joint| joint.name.as_str()).collect();
+            let places = covered(&parameter.joints, &self.model.name, &joints)
+                .map_err(|source| ThetaFileError::Pattern { name: parameter.name.clone(), source })?;
+            named.joints = places.into_iter().map(|place| joints[place].to_owned()).collect();
+        }
+        Ok(named)
     }
 
     /// Whether the value has a meaning.
@@ -310,7 +331,9 @@ impl ThetaFile {
     pub fn apply(&self, model: &Model, mut candidate: Candidate) -> Result<Candidate, ThetaFileError> {
         let context = ReadContext { model, fitted: &self.robot };
         let mut seen = HashSet::new();
-        for parameter in &self.parameter {
+        let named: Vec<SavedParameter> =
+            self.parameter.iter().map(|one| context.named(one)).collect::<Result<_, _>>()?;
+        for parameter in &named {
             for joint in &parameter.joints {
                 if !seen.insert((parameter.kind.as_str(), context.joint(joint)?)) {
                     return Err(ThetaFileError::Twice { name: parameter.name.clone(), joint: joint.clone() });

@@ -21,7 +21,7 @@ mod turns;
 
 use std::collections::HashMap;
 
-use gaitfit_physics::trace::{Input, Output, PeriodGraph};
+use gaitfit_physics::trace::{Input, Node as Recorded, Output, PeriodGraph};
 use gaitfit_physics::{Owner, Slot};
 
 pub use layout::{Class, Layout, Place, Slots, TILE};
@@ -62,7 +62,8 @@ pub enum EmitError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EmitOptions {
     /// Guards of fewer operations than this are dissolved: their regions are always computed. For what all threads of
-    /// an environment compute alike a sixth of it counts: it is seldom a foot.
+    /// an environment compute alike a sixth of it counts: it is seldom a foot. Guards that follow from a robot's
+    /// parameters alone are kept.
     pub least_guarded: usize,
 }
 
@@ -117,7 +118,12 @@ impl PeriodProgram {
         let masks: Vec<u8> = seats.lane.iter().map(|lane| lane.map_or(0, |lane| 1 << lane)).collect();
         let whole = Source::new(&period.graph, |_| 0);
         let owned = Lanes::new(&whole, &Chains::new(&whole), &masks)?.mask;
+        let steady = of_parameters(period);
         let source = Source::new(&period.graph, |guard| {
+            // What a robot lacks it lacks all the time, and so do its neighbours: the branch is never taken apart.
+            if steady[guard as usize] {
+                return 0;
+            }
             let alike = seating.lanes() > 1 && owned[guard as usize] == 0;
             if alike { options.least_guarded / 6 } else { options.least_guarded }
         });
@@ -150,6 +156,19 @@ impl PeriodProgram {
         let inputs = seats.lane.into_iter().zip(seats.twin).collect();
         Ok(Self { program, inputs, outputs: seated })
     }
+}
+
+/// Of each node whether it follows from the robot's parameters alone.
+fn of_parameters(period: &PeriodGraph) -> Vec<bool> {
+    let mut steady: Vec<bool> = Vec::with_capacity(period.graph.nodes.len());
+    for node in &period.graph.nodes {
+        steady.push(match node {
+            Recorded::Input(number) => matches!(period.inputs.get(*number as usize), Some(Input::Params(_))),
+            Recorded::Variable(..) | Recorded::Result(..) => false,
+            other => other.operands().all(|id| steady[id.0 as usize]),
+        });
+    }
+    steady
 }
 
 /// A slot's lane, and the same slot of its owner's counterpart in lane 0.

@@ -159,6 +159,15 @@ pub fn samples_with(
         robot.encoder_bias = (0..joints).map(|_| random.uniform(-0.02, 0.02)).collect();
         robot.frictionloss = (0..joints).map(|_| random.uniform(0.1, 0.3)).collect();
         robot.armature = vec![0.01; joints];
+        // Every other robot has friction at rest, torque that falls with speed, and links of its own.
+        if all.len() % 2 == 1 {
+            robot.stiction.fill(0.2);
+            robot.stribeck_velocity.fill(0.5);
+            (0..joints).step_by(2).for_each(|j| robot.no_load_speed[j] = 6.0);
+            robot.stall_torque.fill(15.0);
+            robot.link_mass.fill(1.2);
+            robot.link_com_y.fill(0.01);
+        }
         robot.base_mass = random.uniform(-1.0, 2.0);
         robot.friction_scale = random.uniform(0.8, 1.2);
         let mut params = robot.params(model).unwrap();
