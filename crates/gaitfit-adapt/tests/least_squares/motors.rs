@@ -54,7 +54,7 @@ fn fitted(rules: &[ParameterRule], truth: &[f64]) -> (Theta, Vec<f64>, Vec<Optio
         Problem { simulator: &simulator, theta: &theta, cost: costs[0].as_ref(), draw: 0, cancel: &never };
     let told = sensitivity(problem, truth, Some(1e-3)).unwrap().unwrap();
     for (((entry, found), truth), deviation) in theta.entries().iter().zip(&found).zip(truth).zip(&told.deviation) {
-        println!("{}: {found:.5} {} ({truth}), deviation {deviation:.2e?}", entry.name, entry.unit);
+        println!("{}: {found:.5} {} ({truth}), deviation {deviation:?}", entry.name, entry.unit);
     }
     (theta, found, told.deviation)
 }
