@@ -13,7 +13,7 @@ use crate::seat::seats;
 use crate::state::{Motion, State};
 use crate::tree::TINY;
 use crate::vec3::*;
-use crate::{Params, PhysicsError, Preset, Settings};
+use crate::{BodyChange, Params, PhysicsError, Preset, Settings};
 
 /// Inverse inertias of one robot.
 pub(crate) struct Invweights {
@@ -23,10 +23,11 @@ pub(crate) struct Invweights {
     pub joints: Vec<f64>,
 }
 
-/// Inverse inertias with the given link inertias and armature.
+/// Inverse inertias with the given link inertias, changed bodies and armature.
 pub(crate) fn invweights(
     model: &Model,
     links: &[LinkInertia<f64>],
+    changes: &[BodyChange],
     armature: &[f64],
 ) -> Result<Invweights, PhysicsError> {
     let tree = compile::<f64>(model, &Settings::new(&model.options, Preset::Fast))?;
@@ -57,9 +58,11 @@ pub(crate) fn invweights(
         .bodies
         .iter()
         .zip(&seats)
-        .map(|(body, seat)| {
+        .zip(changes)
+        .map(|((body, seat), change)| {
             let Motion { rotation, position, .. } = &links[seat.link].motion;
-            let com = add(*position, rotate(rotation, add(seat.position, rotate(&seat.rotation, body.ipos))));
+            let ipos = change.moved(body.ipos);
+            let com = add(*position, rotate(rotation, add(seat.position, rotate(&seat.rotation, ipos))));
             let mut sums = [0.0; 2];
             for (part, sum) in sums.iter_mut().enumerate() {
                 for k in 0..3 {

@@ -27,6 +27,11 @@ impl BodyChange {
     pub fn changed(&self) -> bool {
         self.factor != 1.0 || self.shift != [0.0; 3]
     }
+
+    /// A place of the body that moves with its centre of mass.
+    pub(crate) fn moved(&self, place: [f64; 3]) -> [f64; 3] {
+        if self.shift == [0.0; 3] { place } else { add(place, self.shift) }
+    }
 }
 
 macro_rules! define {
@@ -166,13 +171,14 @@ impl Robot {
     pub fn params(&self, model: &Model) -> Result<Params<f64>, PhysicsError> {
         self.check(model)?;
         let (seats, hinges) = seats(model);
-        let links = self.link_inertias(model, &seats, hinges.len() + 1);
+        let changes = self.body_changes(model);
+        let links = self.link_inertias(model, &seats, &changes, hinges.len() + 1);
         let floating = model.root == Root::Floating;
         // The base itself may be massless, as in many URDF files: what is welded to it moves with it.
         if floating && (links[0].mass <= 0.0 || links[0].mass.is_nan()) {
             return Err(base_mass_error(model, links[0].mass, "positive"));
         }
-        let weights = invweight::invweights(model, &links, &self.armature)?;
+        let weights = invweight::invweights(model, &links, &changes, &self.armature)?;
         let mut pairs = Vec::new();
         for link in 0..=hinges.len() {
             for pair in &model.pairs {
@@ -215,16 +221,19 @@ impl Robot {
     }
 
     /// Bodies welded into links: masses add, inertias add about the common centre of mass.
-    fn link_inertias(&self, model: &Model, seats: &[Seat], count: usize) -> Vec<LinkInertia<f64>> {
+    fn link_inertias(
+        &self,
+        model: &Model,
+        seats: &[Seat],
+        changes: &[BodyChange],
+        count: usize,
+    ) -> Vec<LinkInertia<f64>> {
         let mut links = vec![LinkInertia { mass: 0.0, com: [0.0; 3], inertia: [0.0; 6] }; count];
         // Second moments about the link origin, turned into central ones at the end.
         for (index, ((body, seat), change)) in
-            model.bodies.iter().zip(seats).zip(self.body_changes(model)).enumerate()
+            model.bodies.iter().zip(seats).zip(changes).enumerate()
         {
-            let (mut mass, mut ipos) = (change.factor * body.mass, body.ipos);
-            if change.shift != [0.0; 3] {
-                ipos = add(ipos, change.shift);
-            }
+            let (mut mass, mut ipos) = (change.factor * body.mass, change.moved(body.ipos));
             if index == 0 {
                 mass += self.base_mass;
                 ipos = add(ipos, self.base_com);
