@@ -230,9 +230,7 @@ impl Robot {
     ) -> Vec<LinkInertia<f64>> {
         let mut links = vec![LinkInertia { mass: 0.0, com: [0.0; 3], inertia: [0.0; 6] }; count];
         // Second moments about the link origin, turned into central ones at the end.
-        for (index, ((body, seat), change)) in
-            model.bodies.iter().zip(seats).zip(changes).enumerate()
-        {
+        for (index, ((body, seat), change)) in model.bodies.iter().zip(seats).zip(changes).enumerate() {
             let (mut mass, mut ipos) = (change.factor * body.mass, change.moved(body.ipos));
             if index == 0 {
                 mass += self.base_mass;

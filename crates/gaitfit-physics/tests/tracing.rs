@@ -14,8 +14,8 @@ use gaitfit_physics::trace::{
     Id, Input, Loop, PeriodGraph, Region, RegionKind, TraceError, Traced, record, record_period,
 };
 use gaitfit_physics::{
-    Drive, Modify, Owner, Period, Preset, Real, Robot, RowKind, Settings, Slot, Work, compile, constraint_rows,
-    control_period, memory_of, settle, state_from,
+    Drive, Modify, Owner, Period, Preset, Real, Robot, RowKind, Settings, Slot, Work, compile,
+    constraint_rows, control_period, memory_of, settle, state_from,
 };
 
 const SUBSTEPS: usize = 2;

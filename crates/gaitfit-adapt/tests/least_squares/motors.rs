@@ -43,7 +43,11 @@ fn fitted(rules: &[ParameterRule], truth: &[f64]) -> (Theta, Vec<f64>, Vec<Optio
     let recorded: Vec<Recorded> = simulate_one(&simulator, &theta, truth, Resets::Never)
         .unwrap()
         .into_iter()
-        .map(|log| Recorded { position: wide(log.position), velocity: wide(log.velocity), ..Recorded::default() })
+        .map(|log| Recorded {
+            position: wide(log.position),
+            velocity: wide(log.velocity),
+            ..Recorded::default()
+        })
         .collect();
     let reference = Arc::new(Reference::new(simulator.joints().to_vec(), &recorded, 0).unwrap());
     let costs = vec!["matcho".parse::<CostKind>().unwrap().build(&reference, &simulator).unwrap()];
@@ -53,7 +57,9 @@ fn fitted(rules: &[ParameterRule], truth: &[f64]) -> (Theta, Vec<f64>, Vec<Optio
     let problem =
         Problem { simulator: &simulator, theta: &theta, cost: costs[0].as_ref(), draw: 0, cancel: &never };
     let told = sensitivity(problem, truth, Some(1e-3)).unwrap().unwrap();
-    for (((entry, found), truth), deviation) in theta.entries().iter().zip(&found).zip(truth).zip(&told.deviation) {
+    for (((entry, found), truth), deviation) in
+        theta.entries().iter().zip(&found).zip(truth).zip(&told.deviation)
+    {
         println!("{}: {found:.5} {} ({truth}), deviation {deviation:?}", entry.name, entry.unit);
     }
     (theta, found, told.deviation)

@@ -33,7 +33,8 @@ fn a_robot_with_other_links_is_that_of_a_file_with_other_bodies() {
             let flat = |params: &Params<f64>| {
                 let mut all = Vec::new();
                 params.visit(|slot, &number| {
-                    let of_joints = matches!(slot.owner, gaitfit_physics::Owner::Joint(_)) && slot.name != "weight";
+                    let of_joints =
+                        matches!(slot.owner, gaitfit_physics::Owner::Joint(_)) && slot.name != "weight";
                     all.extend((!of_joints).then_some(number));
                 });
                 all
@@ -45,7 +46,8 @@ fn a_robot_with_other_links_is_that_of_a_file_with_other_bodies() {
             // Of joint j's link, and no other.
             let mut one = Robot::nominal(&model);
             one.link_mass[1] = 1.5;
-            let (before, after) = (Robot::nominal(&model).params(&model).unwrap(), one.params(&model).unwrap());
+            let (before, after) =
+                (Robot::nominal(&model).params(&model).unwrap(), one.params(&model).unwrap());
             for (link, (before, after)) in before.links.iter().zip(&after.links).enumerate() {
                 let factor = if link == 2 { 1.5 } else { 1.0 };
                 assert!((after.mass - factor * before.mass).abs() < 1e-12 * before.mass);

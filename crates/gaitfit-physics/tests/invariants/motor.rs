@@ -51,20 +51,37 @@ fn a_motors_torque_falls_with_its_speed() {
     for _ in 0..40 {
         let row = |random: &mut Random| {
             let (target, velocity) = (random.uniform(-1.0, 1.0), random.uniform(-20.0, 20.0));
-            (target, velocity, random.uniform(5.0, 25.0), random.uniform(15.0, 45.0), random.uniform(10.0, 25.0))
+            (
+                target,
+                velocity,
+                random.uniform(5.0, 25.0),
+                random.uniform(15.0, 45.0),
+                random.uniform(10.0, 25.0),
+            )
         };
         let rows: Vec<_> = (0..12).map(|_| row(&mut random)).collect();
         let by = 1e-6;
-        let moved = |by: f64| drives(&rows.iter().map(|r| (r.0, r.1 + by, r.2, r.3, r.4)).collect::<Vec<_>>(), true);
+        let moved =
+            |by: f64| drives(&rows.iter().map(|r| (r.0, r.1 + by, r.2, r.3, r.4)).collect::<Vec<_>>(), true);
         let (found, up, down) = (drives(&rows, true), moved(by), moved(-by));
         for (j, &(target, velocity, speed, stall, limit)) in rows.iter().enumerate() {
             let effort = KP * target - KD * velocity;
             let wanted = dc_motor(effort, velocity, speed, stall, limit);
-            assert!((found[j].torque - wanted).abs() < 1e-12, "{:?}: {} and not {wanted}", rows[j], found[j].torque);
+            assert!(
+                (found[j].torque - wanted).abs() < 1e-12,
+                "{:?}: {} and not {wanted}",
+                rows[j],
+                found[j].torque
+            );
             assert_eq!(found[j].torque, drives(&rows, false)[j].torque);
             assert_eq!(drives(&rows, false)[j].damping, 0.0);
             let slope = -(up[j].torque - down[j].torque) / (2.0 * by);
-            assert!((found[j].damping - slope).abs() < 1e-6, "{:?}: {} and not {slope}", rows[j], found[j].damping);
+            assert!(
+                (found[j].damping - slope).abs() < 1e-6,
+                "{:?}: {} and not {slope}",
+                rows[j],
+                found[j].damping
+            );
             match wanted {
                 _ if wanted == effort => free += 1,
                 _ if wanted.abs() == limit => held += 1,

@@ -125,7 +125,8 @@ fn compare(model: &Model, file: &str, preset: Preset, centred: bool, lift: f64) 
                 (robot.stiction[j], robot.stribeck_velocity[j]) = (0.2, 0.7);
             }
             // With no speed at all a difference would go to and fro across where it begins.
-            (robot.no_load_speed[j], robot.stall_torque[j]) = if j % 2 == 0 { (6.0, 9.0) } else { (50.0, 1e3) };
+            (robot.no_load_speed[j], robot.stall_torque[j]) =
+                if j % 2 == 0 { (6.0, 9.0) } else { (50.0, 1e3) };
         }
         let targets = (0..TAPS).flat_map(|_| state.qpos.clone()).map(|q| q + random.uniform(-0.3, 0.3));
         let inputs = Inputs {

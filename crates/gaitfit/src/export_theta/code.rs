@@ -48,13 +48,17 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
         let _ = writeln!(text, "        effort_limit={{{}}},", limits.join(", "));
     }
     let _ = writeln!(text, "        armature={},", table(joints, |joint| joint.armature));
-    let _ = writeln!(text, "        friction={},", table(joints, |joint| joint.frictionloss + joint.stiction));
+    let _ =
+        writeln!(text, "        friction={},", table(joints, |joint| joint.frictionloss + joint.stiction));
     let _ = writeln!(text, "        dynamic_friction={},", table(joints, |joint| joint.frictionloss));
     let _ = writeln!(text, "        viscous_friction={},", table(joints, |joint| joint.damping));
     let _ = writeln!(text, "        min_delay={lag},\n        max_delay={lag},\n    ),\n}}");
     let robot = &candidate.robot;
     let linked = robot.link_mass.iter().any(|one| *one != 1.0)
-        || [&robot.link_com_x, &robot.link_com_y, &robot.link_com_z].into_iter().flatten().any(|one| *one != 0.0);
+        || [&robot.link_com_x, &robot.link_com_y, &robot.link_com_z]
+            .into_iter()
+            .flatten()
+            .any(|one| *one != 0.0);
     let mut rest = Vec::new();
     let mut say = |is: bool, what: &str| {
         if is {
@@ -93,7 +97,10 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
         candidate.robot.base_mass != 0.0 || candidate.robot.payload_mass != 0.0,
         "base: an event term randomize_rigid_body_mass with a constant",
     );
-    say(linked, "links: scale mass and inertia of these bodies by mass_factor and shift their centres of mass");
+    say(
+        linked,
+        "links: scale mass and inertia of these bodies by mass_factor and shift their centres of mass",
+    );
     say(!candidate.networks.is_empty(), "networks: drive.py evaluates them");
     if !rest.is_empty() {
         text.push_str("\n# Not among an actuator's settings; the numbers are in theta.json:\n");

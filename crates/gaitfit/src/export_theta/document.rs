@@ -42,7 +42,9 @@ pub(super) fn document(
     }
     let robot = &candidate.robot;
     let mut links = Map::new();
-    for (body, change) in model.bodies.iter().zip(robot.body_changes(model)).filter(|(_, change)| change.changed()) {
+    for (body, change) in
+        model.bodies.iter().zip(robot.body_changes(model)).filter(|(_, change)| change.changed())
+    {
         links.insert(body.name.clone(), json!({"mass_factor": change.factor, "com_shift": change.shift}));
     }
     let networks: Vec<Value> = file

@@ -1,8 +1,8 @@
 //! The robot's MJCF with the fitted numbers.
 
-use super::{COMMON, link_kinds};
 use super::joint::JointNumbers;
 use super::xml::{Edits, number, numbers, parse};
+use super::{COMMON, link_kinds};
 use crate::Error;
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;

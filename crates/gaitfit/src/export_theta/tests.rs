@@ -140,7 +140,9 @@ fn friction_at_rest_and_falling_torque_are_said_by_code() {
     let file = theta_of(&model, 0.004);
     let candidate = file.candidate(&model).unwrap();
     let exported = files_of(&file, &model, builtin::GO2, false, &candidate, Some(&gains(&model))).unwrap();
-    assert!(BY_CODE.iter().all(|kind| exported.rows.iter().any(|row| row.name == *kind && !row.in_robot_file)));
+    assert!(
+        BY_CODE.iter().all(|kind| exported.rows.iter().any(|row| row.name == *kind && !row.in_robot_file))
+    );
     let document: serde_json::Value = serde_json::from_str(content(&exported, "theta.json")).unwrap();
     let [first, second] = [0, 1].map(|j: usize| &document["joints"][&model.joints[j].name]);
     assert_eq!((&first["stiction"], &second["stribeck_velocity"]), (&0.3.into(), &0.5.into()));

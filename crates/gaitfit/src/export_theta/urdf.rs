@@ -1,8 +1,8 @@
 //! The robot's URDF with the fitted numbers: friction and damping of joints, masses. URDF has no more.
 
-use super::{COMMON, link_kinds};
 use super::joint::JointNumbers;
 use super::xml::{Edits, number, numbers, parse};
+use super::{COMMON, link_kinds};
 use crate::Error;
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
@@ -67,12 +67,15 @@ pub(super) fn patched(
             edits.set(text, origin, "xyz", &[x + dx, y + dy, z + dz].map(number).join(" "));
         }
     }
-    for (body, change) in model.bodies.iter().zip(robot.body_changes(model)).filter(|(_, one)| one.changed()) {
+    for (body, change) in model.bodies.iter().zip(robot.body_changes(model)).filter(|(_, one)| one.changed())
+    {
         let link = document
             .descendants()
             .find(|node| node.has_tag_name("link") && node.attribute("name") == Some(body.name.as_str()));
         // A link without one has no mass that could change.
-        let Some(inertial) = link.and_then(|link| document.get_node(child(link, "inertial")?)) else { continue };
+        let Some(inertial) = link.and_then(|link| document.get_node(child(link, "inertial")?)) else {
+            continue;
+        };
         let within = |name: &str| child(inertial, name).and_then(|id| document.get_node(id));
         for (name, attributes) in
             [("mass", &["value"][..]), ("inertia", &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"])]
