@@ -117,7 +117,8 @@ fn an_exported_mjcf_is_the_fitted_robot() {
         if plain {
             let changes = want.body_changes(&model);
             assert!(changes.iter().filter(|change| change.changed()).count() >= 12);
-            for ((before, after), change) in model.bodies.iter().zip(&again.bodies).zip(changes).skip(1) {
+            let own = again.bodies.iter().filter(|body| body.name != "gaitfit_payload");
+            for ((before, after), change) in model.bodies.iter().zip(own).zip(changes).skip(1) {
                 assert!((after.mass - change.factor * before.mass).abs() < 1e-12, "{}", before.name);
                 for k in 0..3 {
                     assert!((after.inertia[k] - change.factor * before.inertia[k]).abs() < 1e-12);
