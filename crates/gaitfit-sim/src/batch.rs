@@ -2,7 +2,7 @@
 
 use gaitfit_isa::selected;
 use gaitfit_model::Model;
-use gaitfit_physics::{Isa, Preset, Settings, Tree, compile, delay_taps};
+use gaitfit_physics::{Damping, Isa, Preset, Settings, Tree, compile, delay_taps};
 
 use crate::SimError;
 use crate::motion::Motion;
@@ -78,10 +78,16 @@ impl Batch {
         }
         let isa = options.isa.map_or_else(selected, Isa::checked)?;
         let plain = Settings::new(&model.options, options.preset);
+        // Forces that act later than this step's velocities depend on its accelerations, whatever the file says of its own.
+        let damping = match plain.damping {
+            Damping::Explicit if options.emulated_step.is_some() => Damping::Folded,
+            other => other,
+        };
         let settings = Settings {
             timestep: options.control_dt / options.substeps as f64,
             emulated_step: options.emulated_step,
             implicit_actuators: plain.implicit_actuators || options.emulated_step.is_some(),
+            damping,
             ..plain
         };
         let tree = compile::<f32>(model, &settings)?;
