@@ -42,8 +42,8 @@ pub fn run(args: &ExportTheta) -> Result<(), Failure> {
     // A file of the robot's in the same folder may have a name of these.
     files::check(&outputs, inputs.into_iter().flatten().map(PathBuf::as_path))?;
     let mut written = Vec::new();
-    for (path, (_, text)) in paths.iter().zip(&exported.files) {
-        files::write(path, text.as_bytes())?;
+    for (path, (_, bytes)) in paths.iter().zip(&exported.files) {
+        files::write(path, bytes)?;
         written.push(path.display().to_string());
     }
     let document = Document { written, parameters: exported.rows, notes: exported.notes };

@@ -6,6 +6,7 @@ mod code;
 mod document;
 mod joint;
 mod mjcf;
+mod networks;
 mod urdf;
 mod xml;
 
@@ -61,7 +62,7 @@ pub struct Row {
 #[derive(Clone, Debug)]
 pub struct Exported {
     /// Names and contents.
-    pub files: Vec<(String, String)>,
+    pub files: Vec<(String, Vec<u8>)>,
     /// The parameters.
     pub rows: Vec<Row>,
     /// What to know before trusting the files.
@@ -171,12 +172,13 @@ fn files_of(
     }
     if !file.network.is_empty() {
         notes.push(format!(
-            "{} networks are in theta.json; drive.py evaluates them in NumPy",
+            "{} networks: drive.py evaluates them with the controller, networks.py alone, both in NumPy; the ONNX files \
+             hold the same",
             file.network.len()
         ));
     }
     let step = file.physics_step.unwrap_or(model.options.timestep);
-    let files = vec![
+    let texts = [
         (robot_name.to_owned(), robot_text),
         ("theta.json".to_owned(), document(file, &joints, model, candidate)?),
         ("load_theta.py".to_owned(), code::LOADER.to_owned()),
@@ -184,6 +186,8 @@ fn files_of(
         ("isaac_lab.py".to_owned(), code::isaac_lab(&joints, gains.is_some(), step, candidate)),
         ("mjlab_robot.py".to_owned(), code::mjlab(&joints, gains.is_some(), step)),
     ];
+    let mut files: Vec<_> = texts.into_iter().map(|(name, text)| (name, text.into_bytes())).collect();
+    files.extend(networks::files(file)?);
     Ok(Exported { files, rows, notes })
 }
 

@@ -15,7 +15,7 @@ mod tests;
 mod write;
 
 pub(super) use chain::Chain;
-pub use write::write;
+pub use write::{write, write_network};
 
 use super::foreign::{self, Known};
 use crate::error::invalid;

@@ -5,7 +5,8 @@ use super::proto::{
     Attribute, DOUBLE, Dimension, FLOAT, Graph, INT64, Model, Node, Tensor, TensorShape, TensorType, Type,
     ValueInfo,
 };
-use crate::network::{Network, Scratch};
+use super::write_network;
+use crate::network::{Activation, Network, Scratch, Shape};
 use prost::Message;
 
 fn node(operator: &str, inputs: &[&str], output: &str) -> Node {
@@ -193,6 +194,24 @@ fn double_precision_is_rounded() {
     let bytes = model(&[node("MatMul", &["x", "w"], "y")], &[double]);
     let network = walk(&decode(&bytes).unwrap()).unwrap().network(None).unwrap();
     assert_eq!(network.parameters[..6], [0.1_f32; 6]);
+}
+
+#[test]
+fn a_network_alone_comes_back() {
+    let shape = Shape { inputs: 6, hidden: vec![8, 4], outputs: 1, activation: Activation::Tanh };
+    let network = Network::random(shape, 3, 0, 1.0).unwrap();
+    let scale: Vec<(f32, f32)> = (0..6).map(|i| (0.5 + 0.1 * i as f32, 0.2 - 0.3 * i as f32)).collect();
+    let bytes = write_network("resid", &network, &scale).unwrap();
+    let back = walk(&decode(&bytes).unwrap()).unwrap().network(None).unwrap();
+    let input: Vec<f32> = (0..6 * 20).map(|i| (0.37 * i as f32).sin()).collect();
+    let scaled: Vec<f32> =
+        input.iter().enumerate().map(|(i, x)| x * scale[i % 6].0 + scale[i % 6].1).collect();
+    let (mut found, mut want) = (vec![0.0; 20], vec![0.0; 20]);
+    back.forward(20, &input, &mut found, &mut Scratch::new());
+    network.forward(20, &scaled, &mut want, &mut Scratch::new());
+    assert!(found.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?} {want:?}");
+    assert!(want.iter().any(|y| y.abs() > 0.1));
+    assert!(write_network("resid", &network, &scale[1..]).is_err());
 }
 
 #[test]

@@ -2,12 +2,12 @@
 
 use super::metadata;
 use super::proto::{
-    Attribute, Dimension, FLOAT, FLOAT_ATTRIBUTE, Graph, INT_ATTRIBUTE, Model, Node, OperatorSet, Tensor,
+    Attribute, Dimension, Entry, FLOAT, FLOAT_ATTRIBUTE, Graph, INT_ATTRIBUTE, Model, Node, OperatorSet, Tensor,
     TensorShape, TensorType, Type, ValueInfo,
 };
 use crate::error::invalid;
 use crate::files::layers::take_apart;
-use crate::network::{Activation, SELU};
+use crate::network::{Activation, Network, SELU};
 use crate::{Policy, PolicyError};
 use prost::Message;
 
@@ -32,11 +32,33 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
             "recurrent and two-part policies are not written as ONNX; use safetensors (gaitfit export --safetensors)",
         ));
     }
+    let scale = policy.normaliser.as_ref().map(|normaliser| normaliser.scale());
+    // A graph must have a name, a policy need not know its robot.
+    let robot = &policy.interface.robot;
+    let name = if robot.is_empty() { "policy" } else { robot };
+    Ok(model(name, &policy.actor, scale, metadata::entries(policy)?))
+}
+
+/// The bytes of an ONNX model of a network alone: `obs` (F32, N × inputs) to `actions` (F32, N × outputs). Before its
+/// layers each input is multiplied by the first number of its pair in `scale` and then gains the second.
+///
+/// # Errors
+/// A network or scale whose parts do not fit together.
+pub fn write_network(name: &str, network: &Network, scale: &[(f32, f32)]) -> Result<Vec<u8>, PolicyError> {
+    network.check().map_err(|error| invalid(error.to_string()))?;
+    if scale.len() != network.shape.inputs {
+        return Err(invalid(format!("{} scales for {} inputs", scale.len(), network.shape.inputs)));
+    }
+    Ok(model(name, network, Some(scale.to_vec()), Vec::new()))
+}
+
+/// The model of a network behind its scale.
+fn model(name: &str, network: &Network, scale: Option<Vec<(f32, f32)>>, metadata: Vec<Entry>) -> Vec<u8> {
     let mut nodes: Vec<Node> = Vec::new();
     let mut constants: Vec<Vec<u8>> = Vec::new();
     let mut head = INPUT.to_owned();
-    if let Some(normaliser) = &policy.normaliser {
-        let (factor, offset): (Vec<f32>, Vec<f32>) = normaliser.scale().into_iter().unzip();
+    if let Some(scale) = scale {
+        let (factor, offset): (Vec<f32>, Vec<f32>) = scale.into_iter().unzip();
         for (operator, name, values) in
             [("Mul", "normaliser.factor", factor), ("Add", "normaliser.offset", offset)]
         {
@@ -44,14 +66,14 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
             head = push(&mut nodes, operator, name, [head, name.to_owned()].to_vec(), Vec::new());
         }
     }
-    let layers = take_apart(&policy.actor);
+    let layers = take_apart(network);
     for (index, layer) in layers.iter().enumerate() {
         let name = format!("actor.{}", 2 * index);
         let (weight, bias) = (format!("{name}.weight"), format!("{name}.bias"));
         constants.push(constant(&weight, &[layer.outputs, layer.inputs], &layer.transposed()));
         constants.push(constant(&bias, &[layer.outputs], &layer.bias));
         head = push(&mut nodes, "Gemm", &name, vec![head, weight, bias], vec![integer("transB", 1)]);
-        if let Some(norm) = policy.actor.norms.get(index).and_then(Option::as_ref) {
+        if let Some(norm) = network.norms.get(index).and_then(Option::as_ref) {
             let name = format!("{name}.norm");
             let parts = [("weight", &norm.weight), ("bias", &norm.bias)];
             let names = parts.map(|(part, _)| format!("{name}.{part}"));
@@ -63,7 +85,7 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
             head = push(&mut nodes, "LayerNormalization", &name, inputs, attributes);
         }
         let last = index + 1 == layers.len();
-        let function = if last { policy.actor.output } else { Some(policy.actor.shape.activation) };
+        let function = if last { network.output } else { Some(network.shape.activation) };
         if let Some(function) = function {
             head = activate(&mut nodes, &mut constants, &format!("actor.{}", 2 * index + 1), head, function);
         }
@@ -73,13 +95,10 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
     }
     let graph = Graph {
         node: nodes.iter().map(Message::encode_to_vec).collect(),
-        // A graph must have a name, a policy need not know its robot.
-        name: Some(&policy.interface.robot)
-            .filter(|name| !name.is_empty())
-            .map_or("policy".into(), Clone::clone),
+        name: name.to_owned(),
         initializer: constants,
-        input: vec![end(INPUT, policy.actor.shape.inputs)],
-        output: vec![end(OUTPUT, policy.actor.shape.outputs)],
+        input: vec![end(INPUT, network.shape.inputs)],
+        output: vec![end(OUTPUT, network.shape.outputs)],
     };
     let model = Model {
         ir_version: IR_VERSION,
@@ -87,9 +106,9 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
         producer_version: env!("CARGO_PKG_VERSION").to_owned(),
         graph: Some(graph.encode_to_vec()),
         opset_import: vec![OperatorSet { domain: String::new(), version: OPSET }.encode_to_vec()],
-        metadata_props: metadata::entries(policy)?.iter().map(Message::encode_to_vec).collect(),
+        metadata_props: metadata.iter().map(Message::encode_to_vec).collect(),
     };
-    Ok(model.encode_to_vec())
+    model.encode_to_vec()
 }
 
 /// Adds a function's nodes and gives the name of their output. Functions without an operator of their own are written as
