@@ -222,3 +222,66 @@ fn python_the_script_plays_the_chirp_and_stops_at_limits() {
     assert_eq!(stopped.status.code(), Some(1));
     assert!(said(&stopped).contains("its limit is 0.1"), "{}", said(&stopped));
 }
+
+#[test]
+fn commands_are_chosen_and_played() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let policy = "assets/go2-walk.safetensors";
+    std::fs::write(at("fit.toml"), "costs = [\"matchr1\"]\n[simulation]\ntimestep = 0.01\npreset = \"fast\"\n").unwrap();
+    let choose = |out: &str, more: &[&str]| {
+        let (config, out) = (at("fit.toml"), at(out));
+        let words = ["excite", &config, "--policy", policy, "--out", &out, "--trajectories", "2", "--pool", "12"];
+        run(&[&words[..], &["--seconds", "1.6", "--json"], more].concat())
+    };
+    let output = choose("commands.csv", &["--threads", "1"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    let found = json(&output);
+    assert!(found["ratio"].as_f64().unwrap() < 1.0, "{found}");
+    assert_eq!((found["parameters"].as_array().unwrap().len(), &found["pool"]), (6, &12.into()));
+    assert!(found["parameters"][0]["chosen"].as_f64().unwrap() > 0.0);
+    let text = std::fs::read_to_string(at("commands.csv")).unwrap();
+    // The same whatever the threads; others for friction alone and from another seed.
+    assert!(choose("again.csv", &["--threads", "2"]).status.success());
+    assert_eq!(std::fs::read_to_string(at("again.csv")).unwrap(), text);
+    assert!(choose("other.csv", &["--seed", "3", "--parameters", "frictionloss_*"]).status.success());
+    assert!(std::fs::read_to_string(at("other.csv")).unwrap() != text);
+
+    let (commands, out) = (at("commands.csv"), at("logs"));
+    let play = |out: &str, more: &[&str]| {
+        let words = ["collect", policy, "--out", out, "--commands", &commands, "--seconds", "1.2", "--json"];
+        run(&[&words[..], &["--log-shift", "0.2", "--privileged"], more].concat())
+    };
+    let output = play(&out, &[]);
+    assert!(output.status.success(), "{}", errors(&output));
+    assert_eq!(json(&output)["trajectories"], 2);
+    let rows: Vec<Vec<f64>> =
+        text.lines().skip(1).map(|line| line.split(',').map(|word| word.parse().unwrap()).collect()).collect();
+    for number in 0..2 {
+        let log = folder.path().join(format!("logs/trajectory_{number:02}.csv"));
+        let log = read_csv(&log, &ReadOptions::default()).unwrap();
+        assert_eq!((log.len(), log.time[0]), (60, 0.0));
+        let sent = log.command.as_ref().unwrap();
+        for sample in 0..60 {
+            let time = 0.2 + 0.02 * sample as f64 + 1e-6;
+            let mine = rows.iter().filter(|row| row[0] == number as f64 && row[1] <= time);
+            assert_eq!(sent[3 * sample..3 * sample + 3], mine.last().unwrap()[2..], "{number}, {sample}");
+        }
+        let base = log.base.as_ref().unwrap();
+        assert!(base.position.as_ref().unwrap()[2] > 0.2 && base.quaternion.is_some());
+    }
+
+    let refused = |output: std::process::Output, code: i32, words: &str| {
+        assert_eq!(output.status.code(), Some(code), "{}", errors(&output));
+        assert!(errors(&output).contains(words), "`{words}` is not in {}", errors(&output));
+    };
+    refused(choose("no.csv", &["--parameters", "tail"]), 2, "--parameters");
+    refused(choose("no.csv", &["--torque-noise", "NaN"]), 2, "--torque-noise");
+    refused(choose("no.csv", &["--amplitude", "0.1"]), 2, "--policy");
+    refused(choose("no.txt", &[]), 2, ".csv");
+    refused(choose("no.csv", &["--set", "costs=[\"wass\"]"]), 1, "wass");
+    refused(play(&at("none"), &["--randomised"]), 2, "--randomised");
+    std::fs::write(at("commands.csv"), "trajectory,time\n").unwrap();
+    refused(play(&at("none"), &[]), 1, "its header is");
+    assert!(!folder.path().join("none").exists() && !folder.path().join("no.csv").exists());
+}

@@ -3,11 +3,17 @@
 use crate::log_folder::write_logs;
 use crate::watch::Watch;
 use crate::world::{World, WorldSettings};
+use crate::excite::playlist::{self, Sequence};
+use crate::walk::recorder::Recorded;
+use crate::walk::simulator::script;
 use crate::{Access, Error};
-use gaitfit_learn::collect::CollectOptions;
-use gaitfit_log::csv_files;
+use gaitfit_learn::collect::{CollectOptions, Collected as Recording};
+use gaitfit_log::{BaseState, Gains, Trajectory, csv_files};
 use gaitfit_model::shown_number;
+use gaitfit_policy::follow;
+use gaitfit_random::{Purpose, Stream};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// Most rows of one call: a robot's take about a kilobyte each.
 const MOST_ROWS: f64 = 2e7;
@@ -27,6 +33,8 @@ pub struct CollectSettings {
     pub log_shift: [f64; 2],
     /// Whether logs have the base's pose and velocity too, which a robot does not measure.
     pub privileged: bool,
+    /// A file of commands to play, one sequence a trajectory, instead of drawing them.
+    pub commands: Option<PathBuf>,
 }
 
 /// What was recorded.
@@ -56,6 +64,13 @@ pub fn collect(settings: &CollectSettings, folder: &Path, watch: &Watch<'_>) -> 
             shown_number(high)
         )));
     }
+    let played = settings.commands.as_deref().map(|path| playlist::read(path)).transpose()?;
+    if settings.commands.is_some() && settings.world.randomised {
+        return Err(Error::settings(
+            "`commands` (--commands) are played by the robot as it is; leave `randomised` (--randomised) out",
+        ));
+    }
+    let count = played.as_ref().map_or(count, Vec::len);
     check_length("`seconds` (--seconds)", count, seconds, world.scene.walker.interface.control_dt)?;
     if folder.is_dir() && !csv_files(folder)?.is_empty() {
         return Err(Error::settings(format!(
@@ -71,7 +86,10 @@ pub fn collect(settings: &CollectSettings, folder: &Path, watch: &Watch<'_>) -> 
     })?;
     let options = CollectOptions { count, seconds, shift: [low, high], privileged };
     let threads = settings.world.threads();
-    let logs = gaitfit_learn::collect::collect(&world.subject(settings.world.seed), &options, threads)?;
+    let logs = match &played {
+        Some(sequences) => play(&world, &options, sequences, settings.world.seed, threads, watch)?,
+        None => gaitfit_learn::collect::collect(&world.subject(settings.world.seed), &options, threads)?,
+    };
     if watch.stop() {
         return Err(Error::Interrupted { message: "interrupted; no log was written".to_owned(), kept: None });
     }
@@ -80,6 +98,73 @@ pub fn collect(settings: &CollectSettings, folder: &Path, watch: &Watch<'_>) -> 
         watch.note(&format!("trajectory {number} fell before its log began; it has no file"));
     }
     Ok(Collected { simulator: world.description(), files: written.files, falls: written.falls })
+}
+
+/// Lets the policy walk under `sequences` and records it as `gaitfit_learn::collect` does.
+fn play(
+    world: &World,
+    options: &CollectOptions,
+    sequences: &[Sequence],
+    seed: u64,
+    threads: usize,
+    watch: &Watch<'_>,
+) -> Result<Vec<Recording>, Error> {
+    let walker = &world.scene.walker;
+    let interface = &walker.interface;
+    let dt = interface.control_dt;
+    let period = |seconds: f64| (seconds / dt).round() as usize;
+    let [low, high] = options.shift;
+    let shift = |number: usize| {
+        let draw = Stream::new(seed, Purpose::LOG_SHIFT).environment(number as u32).uniform(0);
+        period(low + (high - low) * draw)
+    };
+    let samples = period(options.seconds).max(1);
+    let template = |(number, sequence): (usize, &Sequence)| {
+        let all = shift(number) + samples;
+        Trajectory {
+            source: None,
+            robot: Some(walker.model().name.clone()),
+            joints: interface.joints.clone(),
+            time: (0..all).map(|sample| sample as f64 * dt).collect(),
+            rate_hz: 1.0 / dt,
+            position: interface.default_pose.repeat(all),
+            velocity: vec![0.0; all * interface.joints.len()],
+            target: None,
+            action: None,
+            command: Some((0..all).flat_map(|sample| sequence.at(sample as f64 * dt)).collect()),
+            base: None,
+            gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
+            fell: false,
+        }
+    };
+    let templates: Vec<Trajectory> = sequences.iter().enumerate().map(template).collect();
+    let scripts: Vec<_> = templates.iter().map(|one| script(walker, one)).collect();
+    let job = follow::Job { candidate: world.candidate.clone(), reset_every: None, seed };
+    let found = Mutex::new(vec![None; scripts.len()]);
+    let keep = |_: usize, number: usize, track: &follow::Track| {
+        let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect::<Vec<f64>>();
+        let made = Recorded::new(walker, &scripts[number], track);
+        let fell_at = made.fell_at;
+        let mut log = made.instead_of(&templates[number]);
+        log.base = log.base.filter(|_| options.privileged).map(|base| BaseState {
+            position: Some(wide(&track.base_position)),
+            linear_velocity: Some(wide(&track.base_velocity)),
+            ..base
+        });
+        found.lock().unwrap_or_else(PoisonError::into_inner)[number] = Some((log, fell_at));
+    };
+    follow::follow(walker, &world.policy, &scripts, &[job], threads, &keep, &|| watch.stop())?;
+    let found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let cut = |(number, one): (usize, Option<(Trajectory, Option<usize>)>)| {
+        // What is missing was not simulated: the watch stopped it.
+        let (log, fell_at) = one?;
+        let end = fell_at.unwrap_or(log.len()).max(shift(number));
+        let trajectory = log.slice(shift(number)..end).ok()?;
+        let time = (0..trajectory.len()).map(|sample| sample as f64 * dt).collect();
+        let fell = fell_at.is_some();
+        Some(Recording { trajectory: Trajectory { time, fell, ..trajectory }, fell })
+    };
+    Ok(found.into_iter().enumerate().filter_map(cut).collect())
 }
 
 /// Refuses logs without a row, or of more rows than memory holds. `key`: the setting; `period`: of control, s.

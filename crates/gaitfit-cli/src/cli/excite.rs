@@ -1,68 +1,93 @@
 //! Arguments of `excite`.
 
 use clap::{Args, ValueEnum};
-use gaitfit::excite::ChirpSettings;
+use gaitfit::excite::{ChirpSettings, CommandSettings};
 use gaitfit_log::PerJoint;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+/// Length of a chirp's turn, and of a command sequence, s.
+const CHIRP_SECONDS: f64 = 20.0;
+const COMMAND_SECONDS: f64 = 4.0;
 
 /// Arguments of `excite`.
 #[derive(Debug, Args)]
 pub struct Excite {
-    /// Robot (.xml, .mjcf, .urdf)
-    pub robot: PathBuf,
-    /// Folder for the files; it is made if it is not there
-    #[arg(long, value_name = "FOLDER")]
+    /// Robot (.xml, .mjcf, .urdf); with --policy the configuration (.toml) of a fit of walking logs
+    pub file: PathBuf,
+    /// Folder for the files, which is made if it is not there; with --policy the file of commands (.csv)
+    #[arg(long, value_name = "PATH")]
     pub out: PathBuf,
+    /// Choose commands for this walking policy instead: those under which its logs tell the fit's parameters best
+    #[arg(long, value_name = "POLICY")]
+    pub policy: Option<PathBuf>,
+    /// With --policy: sequences to choose
+    #[arg(long, value_name = "N", default_value_t = 8, requires = "policy")]
+    pub trajectories: usize,
+    /// With --policy: sequences to choose from
+    #[arg(long, value_name = "N", default_value_t = 128, requires = "policy")]
+    pub pool: usize,
+    /// With --policy: parameters whose spread is to be small, names or patterns, separated by commas [default: all]
+    #[arg(long, value_name = "PATTERNS", value_delimiter = ',', requires = "policy")]
+    pub parameters: Vec<String>,
+    /// With --policy: values of the parameters, a theta.toml [default: the configuration's truth, or the search's start]
+    #[arg(long, value_name = "FILE", requires = "policy")]
+    pub theta: Option<PathBuf>,
+    /// With --policy: standard deviation of random torques at every joint and physics step, N·m
+    #[arg(long, value_name = "NM", default_value_t = 1.0, requires = "policy", allow_negative_numbers = true)]
+    pub torque_noise: f64,
+    /// With --policy: change one setting of the configuration (repeatable)
+    #[arg(long = "set", value_name = "KEY=VALUE", requires = "policy")]
+    pub set: Vec<String>,
     /// Joints that move, names or patterns, separated by commas [default: all]
-    #[arg(long, value_name = "PATTERNS", value_delimiter = ',')]
+    #[arg(long, value_name = "PATTERNS", value_delimiter = ',', conflicts_with = "policy")]
     pub joints: Vec<String>,
     /// Which joints move at a time
-    #[arg(long, value_enum, default_value_t = Turns::All)]
+    #[arg(long, value_enum, default_value_t = Turns::All, conflicts_with = "policy")]
     pub turns: Turns,
-    /// Length of a turn, s
-    #[arg(long, value_name = "S", default_value_t = 20.0, allow_negative_numbers = true)]
-    pub seconds: f64,
+    /// Length of a turn, s [default: 20], or with --policy of a sequence [default: 4]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub seconds: Option<f64>,
     /// First and last frequency, Hz; a limit may lower the last one
-    #[arg(long, value_names = ["FROM", "TO"], num_args = 2, default_values_t = [0.1, 5.0], allow_negative_numbers = true)]
+    #[arg(long, value_names = ["FROM", "TO"], num_args = 2, default_values_t = [0.1, 5.0], allow_negative_numbers = true, conflicts_with = "policy")]
     pub frequency: Vec<f64>,
     /// Amplitude, rad; a limit may lower it
-    #[arg(long, value_name = "RAD", default_value_t = 0.3, allow_negative_numbers = true)]
+    #[arg(long, value_name = "RAD", default_value_t = 0.3, allow_negative_numbers = true, conflicts_with = "policy")]
     pub amplitude: f64,
     /// Targets a second
-    #[arg(long, value_name = "HZ", default_value_t = 200.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "HZ", default_value_t = 200.0, allow_negative_numbers = true, conflicts_with = "policy")]
     pub rate: f64,
     /// Time in which the amplitude rises at the beginning of a turn and falls at its end, s
-    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", default_value_t = 1.0, allow_negative_numbers = true, conflicts_with = "policy")]
     pub ease: f64,
     /// Position gains, N·m/rad: a number, or a table such as '{ "*_hip" = 20, "*" = 40 }' [default: the fit's, or those of
     /// the robot's usual task]
-    #[arg(long, value_name = "KP", requires = "kd")]
+    #[arg(long, value_name = "KP", requires = "kd", conflicts_with = "policy")]
     pub kp: Option<Gain>,
     /// Velocity gains, N·m·s/rad
-    #[arg(long, value_name = "KD", requires = "kp")]
+    #[arg(long, value_name = "KD", requires = "kp", conflicts_with = "policy")]
     pub kd: Option<Gain>,
     /// Middle of the motion of joints, rad (repeatable) [default: the robot's usual pose, moved off its ranges' ends]
-    #[arg(long, value_name = "JOINT=RAD")]
+    #[arg(long, value_name = "JOINT=RAD", conflicts_with = "policy")]
     pub pose: Vec<Angle>,
     /// Part of every limit that stays free
-    #[arg(long, value_name = "PART", default_value_t = 0.1, allow_negative_numbers = true)]
+    #[arg(long, value_name = "PART", default_value_t = 0.1, allow_negative_numbers = true, conflicts_with = "policy")]
     pub margin: f64,
     /// Speed limit of all joints, where the file has no lower one, rad/s [default: the file's, or 10]
-    #[arg(long, value_name = "RAD_S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "RAD_S", allow_negative_numbers = true, conflicts_with = "policy")]
     pub velocity_limit: Option<f64>,
     /// Torque limit of all joints, where the file has no lower one, N·m [default: the file's]
-    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "NM", allow_negative_numbers = true, conflicts_with = "policy")]
     pub torque_limit: Option<f64>,
     /// Configuration of a fit of legs in the air: its parameters and their bounds are the robots that are tried, its gains
     /// count [default: friction, armature, damping and delay]
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "policy")]
     pub fit: Option<PathBuf>,
     /// How much the fitted simulator will differ from the log, where a joint's range is 2
-    #[arg(long, value_name = "X", default_value_t = 2e-3, allow_negative_numbers = true)]
+    #[arg(long, value_name = "X", default_value_t = 2e-3, allow_negative_numbers = true, conflicts_with = "policy")]
     pub difference: f64,
     /// Drop what the engine does not honour in the robot file, instead of refusing it
-    #[arg(long)]
+    #[arg(long, conflicts_with = "policy")]
     pub lenient: bool,
     /// Seed of the joints' phases and of the robots that are tried
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -76,11 +101,28 @@ pub struct Excite {
 }
 
 impl Excite {
-    /// As the library takes them.
+    /// Commands for `policy`, as the library takes them.
+    pub fn commands(&self, policy: &Path) -> CommandSettings {
+        CommandSettings {
+            config: self.file.clone(),
+            set: self.set.clone(),
+            policy: policy.to_owned(),
+            theta: self.theta.clone(),
+            parameters: self.parameters.clone(),
+            trajectories: self.trajectories,
+            seconds: self.seconds.unwrap_or(COMMAND_SECONDS),
+            pool: self.pool,
+            torque_noise: self.torque_noise,
+            seed: self.seed,
+            threads: self.threads,
+        }
+    }
+
+    /// A chirp, as the library takes it.
     pub fn chirp(&self) -> ChirpSettings {
         let end = |at: usize| self.frequency.get(at).copied().unwrap_or(f64::NAN);
         ChirpSettings {
-            robot: self.robot.clone(),
+            robot: self.file.clone(),
             lenient: self.lenient,
             fit: self.fit.clone(),
             joints: self.joints.clone(),
@@ -89,7 +131,7 @@ impl Excite {
                 Turns::Limbs => gaitfit::excite::Turns::Limbs,
                 Turns::Joints => gaitfit::excite::Turns::Joints,
             },
-            seconds: self.seconds,
+            seconds: self.seconds.unwrap_or(CHIRP_SECONDS),
             frequency: [end(0), end(1)],
             amplitude: self.amplitude,
             rate: self.rate,

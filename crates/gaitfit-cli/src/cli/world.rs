@@ -122,6 +122,9 @@ pub struct Collect {
     /// Trajectories
     #[arg(long, value_name = "N", default_value = "64")]
     pub trajectories: std::num::NonZeroUsize,
+    /// Play these commands, one sequence a trajectory, instead of random ones: a file of `gaitfit excite --policy`
+    #[arg(long, value_name = "FILE.csv", conflicts_with = "trajectories")]
+    pub commands: Option<PathBuf>,
     /// Length of each, s
     #[arg(long, value_name = "S", default_value_t = 4.0)]
     pub seconds: f64,

@@ -29,6 +29,7 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         seconds: args.seconds,
         log_shift: [low, args.log_shift.last().copied().unwrap_or(low)],
         privileged: args.privileged,
+        commands: args.commands.clone(),
     };
     let found = watched(Lines::Seconds(5), |watch| gaitfit::collect(&settings, &args.out, watch))?;
     let document = Document {

@@ -7,10 +7,12 @@ use crate::output;
 use crate::progress::Lines;
 use crate::table::table;
 use crate::watcher::watched;
-use gaitfit::excite::{Chirp, Swept};
+use gaitfit::excite::{Chirp, Commands, Expected, Swept, playlist};
+use gaitfit::files::{self, Output};
 use gaitfit_model::shown;
 use serde::Serialize;
 use std::fmt::Write;
+use std::path::{Path, PathBuf};
 
 /// A chirp, as `--json` prints it.
 #[derive(Serialize)]
@@ -20,8 +22,57 @@ struct Document {
     written: Vec<String>,
 }
 
-/// Finds a chirp within the limits and writes it.
+/// Commands, as `--json` prints them.
+#[derive(Serialize)]
+struct Chosen<'a> {
+    #[serde(flatten)]
+    commands: &'a Commands,
+    written: &'a Path,
+}
+
+/// Finds a chirp within the limits, or commands for a policy, and writes it.
 pub fn run(args: &cli::Excite) -> Result<(), Failure> {
+    match &args.policy {
+        Some(policy) => choose(args, policy),
+        None => chirp(args),
+    }
+}
+
+fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
+    let output = Output { path: &args.out, option: "--out", ending: Some("csv") };
+    let inputs = [Some(&args.file), args.theta.as_ref()].into_iter().flatten().map(PathBuf::as_path);
+    files::check(&[output], inputs.chain([policy]))?;
+    let settings = args.commands(policy);
+    let found = watched(Lines::Seconds(2), |watch| gaitfit::excite::commands(&settings, watch))?;
+    files::write(&args.out, playlist::text(&found.sequences).as_bytes())?;
+    if args.json {
+        return output::print_json(&Chosen { commands: &found, written: &args.out });
+    }
+    let mut rows = table(&["parameter", "random", "chosen", "unit", "chosen over random"], &[1, 2, 4]);
+    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2e}"));
+    for Expected { name, unit, random, chosen, .. } in &found.parameters {
+        let ratio = random.zip(*chosen).map_or_else(|| "–".to_owned(), |(random, chosen)| format!("{:.2}", chosen / random));
+        rows.add_row([shown(name), number(*random), number(*chosen), unit.clone(), ratio]);
+    }
+    let mut text = format!(
+        "{} command sequences of {} s for {}, chosen from {} of which {} made it fall.\n\nExpected standard deviations of a \
+         fit, with as many random commands and with the chosen ones:\n\n{rows}\n\nTheir geometric mean, where they count, is \
+         {:.0} % of that with random commands.\n",
+        found.sequences.len(),
+        settings.seconds,
+        shown(&found.robot),
+        found.pool,
+        found.fell,
+        100.0 * found.ratio
+    );
+    for note in &found.notes {
+        let _ = writeln!(text, "note: {note}");
+    }
+    let _ = writeln!(text, "{}", args.out.display());
+    output::print(&text)
+}
+
+fn chirp(args: &cli::Excite) -> Result<(), Failure> {
     folder(&args.out, "the files go")?;
     let chirp = watched(Lines::Seconds(2), |watch| gaitfit::excite::chirp(&args.chirp(), watch))?;
     let written = chirp.write(&args.out)?;

@@ -216,7 +216,7 @@ pub(super) fn aligned(config: &AdaptConfig) -> bool {
 }
 
 /// The robot of a configuration.
-pub(super) struct Robot {
+pub(crate) struct Robot {
     /// Its model.
     pub model: Model,
     /// The policy that walked.
@@ -273,7 +273,7 @@ impl Robot {
 }
 
 /// How the configuration's logs are simulated.
-pub(super) fn method(
+pub(crate) fn method(
     config: &AdaptConfig,
     policy: Option<Policy>,
     model: Model,

@@ -1,14 +1,18 @@
 //! Motions that show a fit what it looks for: chirps for legs in the air, and commands for a walking policy.
 
 mod body;
+mod commands;
+mod design;
 mod files;
 mod forecast;
+pub mod playlist;
 mod safe;
 mod settings;
 mod sweep;
 #[cfg(test)]
 mod tests;
 
+pub use commands::{CommandSettings, Commands, Expected, commands};
 pub use settings::{ChirpSettings, Turns};
 
 use crate::Error;

@@ -85,7 +85,7 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    fn new(walker: &Walker, script: &Script, track: &Track) -> Self {
+    pub(crate) fn new(walker: &Walker, script: &Script, track: &Track) -> Self {
         let wide = |values: &[f32]| values.iter().map(|&value| f64::from(value)).collect();
         let joints = walker.default_pose.len();
         let mut targets = vec![0.0; script.commands.len() * joints];

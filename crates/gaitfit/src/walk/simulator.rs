@@ -181,7 +181,7 @@ pub(super) fn in_model(walker: &Walker, values: &[f64], others: &[f32]) -> Vec<f
 
 /// What the simulated robot follows: the log's commands, from the log's first joint angles and velocities. Where the
 /// base is at the start no robot knows: upright in the task's posture, feet on the ground, at rest.
-pub(super) fn script(walker: &Walker, log: &Trajectory) -> Script {
+pub(crate) fn script(walker: &Walker, log: &Trajectory) -> Script {
     let joints = walker.joints.len();
     let samples = log.len();
     let command = log.command.as_deref().unwrap_or_default();
