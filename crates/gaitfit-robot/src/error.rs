@@ -23,4 +23,24 @@ pub enum RobotError {
     /// It may not be armed as it is.
     #[error("not armed: {0}")]
     NotArmed(Reason),
+    /// The simulated robot cannot be.
+    #[error("the simulated robot: {0}")]
+    Simulation(String),
+    /// A policy that cannot run on a robot.
+    #[error("{0}")]
+    Policy(#[from] gaitfit_policy::InterfaceError),
+    /// Commands over time that are none.
+    #[error("commands: {0}")]
+    Script(String),
+    /// A file of the run cannot be written.
+    #[error("cannot write {}: {problem}", path.display())]
+    Write {
+        /// The file.
+        path: std::path::PathBuf,
+        /// What the system says.
+        problem: String,
+    },
+    /// The system gives no thread.
+    #[error("cannot start a thread: {0}")]
+    Thread(String),
 }

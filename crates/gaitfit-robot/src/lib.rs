@@ -3,12 +3,16 @@
 //! - [`unitree`]: the messages of a Unitree Go2, bit for bit.
 //! - [`guard`]: what may be sent to the motors, and the reasons for sending damping instead.
 //! - [`Supervisor`]: the states from idle over standing up and walking to lying down, with the guard before every command.
+//! - [`link`]: a Go2 in the project's own engine; a link to a robot is one trait.
+//! - [`run`]: the loops that send commands and run the policy, the logs, what was measured.
 //!
-//! Nothing here reads a clock: times are given, so that a test is the same each time.
+//! Only [`run::live`] reads a clock: to the rest times are given, so that a test is the same each time.
 
 mod command;
 mod error;
 pub mod guard;
+pub mod link;
+pub mod run;
 mod state;
 mod supervisor;
 pub mod unitree;

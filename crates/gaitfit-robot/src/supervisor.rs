@@ -113,6 +113,8 @@ pub struct Supervisor {
     targets: Option<(Duration, [f32; MOTORS])>,
     /// The last command.
     sent: Command,
+    /// Whether the guard changed what was wanted.
+    changed: bool,
     reason: Option<Reason>,
     /// While idle: what is wrong with the last reading; it may be mended.
     refused: Option<Reason>,
@@ -131,6 +133,7 @@ impl Supervisor {
             ticked: None,
             targets: None,
             sent: damping(),
+            changed: false,
             reason: None,
             refused: None,
         }
@@ -144,6 +147,16 @@ impl Supervisor {
     /// Why it is in damping; `None` after an orderly end, and in other phases.
     pub fn reason(&self) -> Option<&Reason> {
         self.reason.as_ref()
+    }
+
+    /// While idle: what is wrong with the last reading.
+    pub fn refused(&self) -> Option<&Reason> {
+        self.refused.as_ref().filter(|_| self.phase == Phase::Idle)
+    }
+
+    /// Whether the guard changed what was wanted last.
+    pub fn changed(&self) -> bool {
+        self.changed
     }
 
     /// The last good state.
@@ -261,6 +274,7 @@ impl Supervisor {
             },
             (None, _) => damping(),
         };
+        self.changed = self.sent != wanted;
         Some(self.sent)
     }
 

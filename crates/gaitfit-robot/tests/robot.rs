@@ -7,7 +7,11 @@ mod faults;
 mod limits;
 #[path = "robot/messages.rs"]
 mod messages;
+#[path = "robot/pilot.rs"]
+mod pilot;
 #[path = "robot/rules.rs"]
 mod rules;
+#[path = "robot/session.rs"]
+mod session;
 #[path = "robot/toy.rs"]
 mod toy;

@@ -1,5 +1,7 @@
 //! What one robot senses at one moment.
 
+use gaitfit_model::rotation::up;
+
 /// What one robot senses at one moment: everything that an observation can be made of. Joints are in the policy's
 /// order. Kept between calls, so that nothing is allocated for each row.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,5 +37,10 @@ impl Sensed {
             last_action: vec![0.0; joints],
             clock: 0.0,
         }
+    }
+
+    /// Sets where gravity is for a base with this orientation, wxyz, unit.
+    pub fn orient(&mut self, quaternion: [f32; 4]) {
+        self.projected_gravity = up(quaternion).map(|x| -x);
     }
 }

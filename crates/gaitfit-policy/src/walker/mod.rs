@@ -6,13 +6,14 @@ mod feet;
 mod noise;
 mod start;
 
-use gaitfit_model::rotation::{quat_of, rotate_back, up, vec_of};
+use gaitfit_model::rotation::{quat_of, rotate_back, vec_of};
 use gaitfit_model::{Model, Root, Surface};
 use gaitfit_physics::{Preset, Robot};
 use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Motion, Start};
 
 use crate::Interface;
 use crate::observation::{Layout, Sensed};
+use crate::pilot::{clock, target};
 use fall::Fall;
 
 pub use error::WalkerError;
@@ -164,7 +165,7 @@ impl Walker {
         let rows = targets.chunks_exact_mut(self.default_pose.len());
         for (row, actions) in rows.zip(actions.chunks_exact(self.joints.len())) {
             for ((&joint, &action), &clip) in self.joints.iter().zip(actions).zip(&self.action_clip) {
-                row[joint] = self.default_pose[joint] + self.action_scale[joint] * action.clamp(-clip, clip);
+                row[joint] = target(self.default_pose[joint], self.action_scale[joint], clip, action);
             }
             for &joint in &self.other_joints {
                 row[joint] = self.default_pose[joint];
@@ -174,8 +175,7 @@ impl Walker {
 
     /// Phase of the gait clock, 0 to 1, `steps` control periods after an episode's start; 0 without a clock.
     pub fn clock(&self, steps: u32) -> f32 {
-        let Some(frequency) = self.interface.gait_frequency else { return 0.0 };
-        (f64::from(steps) * self.interface.control_dt * frequency).fract() as f32
+        clock(&self.interface, steps)
     }
 
     /// What environment `index` of `motion` senses of its base and joints. Command, last action and clock of `sensed`
@@ -222,7 +222,7 @@ impl Walker {
         sensed: &mut Sensed,
     ) {
         sensed.base_angular_velocity = angular;
-        sensed.projected_gravity = up(quaternion).map(|x| -x);
+        sensed.orient(quaternion);
         sensed.base_linear_velocity = rotate_back(quaternion, linear);
         for (to, &joint) in self.joints.iter().enumerate() {
             sensed.joint_position[to] = position[joint];

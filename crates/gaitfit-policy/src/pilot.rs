@@ -1,0 +1,97 @@
+//! A policy at work on one robot, wherever that is: step by step, without a simulator.
+
+use crate::network::{Memory, Scratch};
+use crate::observation::{LastAction, Layout, Past, Sensed};
+use crate::{Interface, InterfaceError, Policy, Quantity};
+
+/// Position target of a joint, rad: `pose + scale · clamp(action, ± clip)`.
+pub(crate) fn target(pose: f32, scale: f32, clip: f32, action: f32) -> f32 {
+    pose + scale * action.clamp(-clip, clip)
+}
+
+/// A policy at work on one robot: everything that it remembers from step to step. What it observes is written by the code
+/// that trains it.
+pub struct Pilot<'a> {
+    policy: &'a Policy,
+    layout: Layout,
+    past: Past,
+    last_action: LastAction,
+    memory: Memory,
+    scratch: Scratch,
+    observation: Vec<f32>,
+    action: Vec<f32>,
+    targets: Vec<f32>,
+    /// Steps since the beginning.
+    steps: u32,
+}
+
+impl<'a> Pilot<'a> {
+    /// `policy`, which passes [`Policy::check`], at the beginning of an episode.
+    ///
+    /// # Errors
+    /// A policy that observes the base's linear velocity, which a robot does not measure.
+    pub fn new(policy: &'a Policy) -> Result<Self, InterfaceError> {
+        let interface = &policy.interface;
+        let unseen = |quantity| quantity == Quantity::BaseLinearVelocity;
+        if interface.observation.iter().any(|term| unseen(term.quantity)) {
+            return Err(InterfaceError(format!(
+                "the policy observes {}, which a robot does not measure; train one without it",
+                Quantity::BaseLinearVelocity.name()
+            )));
+        }
+        let layout = Layout::new(interface, &interface.observation);
+        let joints = interface.joints.len();
+        Ok(Self {
+            policy,
+            past: Past::new(&layout, 1),
+            last_action: LastAction::new(1, joints),
+            memory: policy.memory(1),
+            scratch: Scratch::default(),
+            observation: vec![0.0; layout.width()],
+            action: vec![0.0; joints],
+            targets: vec![0.0; joints],
+            steps: 0,
+            layout,
+        })
+    }
+
+    /// An episode begins.
+    pub fn begin(&mut self) {
+        self.past.begin(0);
+        self.last_action.begin(0);
+        self.memory = self.policy.memory(1);
+        self.steps = 0;
+    }
+
+    /// One control period: `sensed` needs base, joints and command; last action and gait clock are filled in here. Returns
+    /// action and position targets (rad), policy order.
+    ///
+    /// # Panics
+    /// If `sensed` is of another number of joints: an error of the caller.
+    pub fn step(&mut self, sensed: &mut Sensed) -> (&[f32], &[f32]) {
+        let interface = &self.policy.interface;
+        sensed.last_action.copy_from_slice(self.last_action.row(0));
+        sensed.clock = clock(interface, self.steps);
+        self.layout.write(sensed, self.past.row(0), |_, _| (), &mut self.observation);
+        self.past.take(&self.observation);
+        self.policy.act_with(1, &self.observation, &mut self.memory, &mut self.action, &mut self.scratch);
+        for (index, (to, &action)) in self.targets.iter_mut().zip(&self.action).enumerate() {
+            let clip = interface.clip(index).min(f64::from(f32::MAX)) as f32;
+            *to = target(
+                interface.default_pose[index] as f32,
+                interface.action_scale[index] as f32,
+                clip,
+                action,
+            );
+        }
+        self.last_action.take(&self.action);
+        self.steps += 1;
+        (&self.action, &self.targets)
+    }
+}
+
+/// Phase of the gait clock, 0 to 1, `steps` control periods after an episode's start; 0 without a clock.
+pub(crate) fn clock(interface: &Interface, steps: u32) -> f32 {
+    let Some(frequency) = interface.gait_frequency else { return 0.0 };
+    (f64::from(steps) * interface.control_dt * frequency).fract() as f32
+}

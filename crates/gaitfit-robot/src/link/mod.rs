@@ -1,0 +1,26 @@
+//! How states come from a robot and commands go to it.
+
+mod simulated;
+
+use std::time::Duration;
+
+use crate::command::Command;
+use crate::state::Reading;
+
+pub use simulated::{Simulated, simulation};
+
+/// A robot, real or simulated, at the other end.
+pub trait Link {
+    /// Hands over what has arrived since the last call, oldest first, each with how long ago it came. `now` is the time
+    /// since the run began. Returns how many commands of other programs were seen.
+    ///
+    /// # Errors
+    /// In words: the link broke.
+    fn receive(&mut self, now: Duration, each: &mut dyn FnMut(Duration, &Reading)) -> Result<u64, String>;
+
+    /// Sends a command.
+    ///
+    /// # Errors
+    /// In words: the link broke.
+    fn send(&mut self, command: &Command) -> Result<(), String>;
+}

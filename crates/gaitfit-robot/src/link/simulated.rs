@@ -1,0 +1,151 @@
+//! A Go2 in the project's own engine, at 1 kHz, with the PD controller of the motor boards.
+
+use std::time::Duration;
+
+use gaitfit_model::Model;
+use gaitfit_model::rotation::{IDENTITY, rotate_back};
+use gaitfit_physics::Preset;
+use gaitfit_policy::walker::standing;
+use gaitfit_sim::{Batch, BatchOptions, Candidate, Cpu, Engine, Motion, Tile};
+
+use super::Link;
+use crate::RobotError;
+use crate::command::Command;
+use crate::guard::Limits;
+use crate::state::{Battery, Reading, RobotState, Seal};
+use crate::supervisor::Postures;
+use crate::unitree::{MOTOR_NAMES, MOTORS};
+
+/// Physics step and time between two looks of the motors' controllers, s.
+const STEP: f64 = 0.001;
+/// Most physics steps to catch up with in one call; a caller that was away longer finds the robot where it was.
+const MOST_STEPS: u64 = 200;
+/// Gravity, m/s².
+const GRAVITY: f32 = 9.81;
+
+/// The engine for a [`Simulated`] Go2.
+///
+/// # Errors
+/// A model that the engine cannot step.
+pub fn simulation(model: &Model) -> Result<Batch, RobotError> {
+    let options = BatchOptions {
+        control_dt: STEP,
+        substeps: 1,
+        preset: Preset::Accurate,
+        emulated_step: None,
+        max_delay: 0.0,
+        tracked: Vec::new(),
+        isa: None,
+    };
+    Batch::new(model, options).map_err(|error| RobotError::Simulation(error.to_string()))
+}
+
+/// A simulated Go2, lying on the ground at first. It moves when it is asked for its state, up to the time of the question.
+pub struct Simulated<'a> {
+    tile: Tile<'a>,
+    motion: Motion,
+    /// For each motor, its joint in the model.
+    joints: [usize; MOTORS],
+    limits: Limits,
+    command: Option<Command>,
+    /// Milliseconds simulated.
+    ms: u64,
+    torque: [f32; MOTORS],
+    /// By joint: nothing, and the motors' torques.
+    nothing: Vec<f32>,
+    torques: Vec<f32>,
+}
+
+impl<'a> Simulated<'a> {
+    /// On its belly.
+    ///
+    /// # Errors
+    /// A robot without a Go2's joints.
+    pub fn new(batch: &'a Batch) -> Result<Self, RobotError> {
+        let model = batch.model();
+        let mut joints = [0; MOTORS];
+        let mut angles = vec![0.0; model.joints.len()];
+        for (motor, name) in MOTOR_NAMES.iter().enumerate() {
+            let joint =
+                model.find_joint(name).ok_or_else(|| RobotError::Joint { joint: (*name).to_owned() })?;
+            joints[motor] = joint;
+            angles[joint] = f64::from(Postures::GO2_LYING[motor]);
+        }
+        let limp = vec![0.0; model.joints.len()];
+        let failed = |error: String| RobotError::Simulation(error);
+        let robot = Candidate::nominal(model).robot(&limp, &limp);
+        let robot = robot.params(model).map_err(|error| failed(error.to_string()))?;
+        let engine = Cpu { threads: 1 };
+        let mut tile = engine.tile(batch, &[robot], &[]).map_err(|error| failed(error.to_string()))?;
+        tile.place(0, &standing(model, IDENTITY, &angles));
+        let mut motion = batch.motion(1);
+        tile.observe(&mut motion);
+        Ok(Self {
+            tile,
+            motion,
+            joints,
+            limits: Limits::go2(),
+            command: None,
+            ms: 0,
+            torque: [0.0; MOTORS],
+            nothing: vec![0.0; model.joints.len()],
+            torques: vec![0.0; model.joints.len()],
+        })
+    }
+
+    /// Where the base is, m, world frame.
+    pub fn position(&self) -> [f32; 3] {
+        std::array::from_fn(|k| self.motion.base_position[k])
+    }
+
+    /// One millisecond.
+    fn step(&mut self) {
+        for (motor, &joint) in self.joints.iter().enumerate() {
+            let (q, dq) = (self.motion.joint_position[joint], self.motion.joint_velocity[joint]);
+            let wanted = self.command.map_or(0.0, |command| command[motor].torque(q, dq));
+            let most = self.limits.torque[motor];
+            self.torque[motor] = wanted.clamp(-most, most);
+            self.torques[joint] = self.torque[motor];
+        }
+        self.tile.step(&self.nothing, &self.torques, &mut self.motion);
+        self.ms += 1;
+    }
+
+    fn reading(&self) -> Reading {
+        let quaternion = std::array::from_fn(|k| self.motion.base_quaternion[k]);
+        Reading {
+            state: RobotState {
+                q: self.joints.map(|joint| self.motion.joint_position[joint]),
+                dq: self.joints.map(|joint| self.motion.joint_velocity[joint]),
+                torque: self.torque,
+                temperature: [30; MOTORS],
+                quaternion,
+                gyroscope: std::array::from_fn(|k| self.motion.base_angular[k]),
+                accelerometer: rotate_back(quaternion, [0.0, 0.0, GRAVITY]),
+                battery: Some(Battery { charge: 100, volts: 30.0, amps: 0.0 }),
+                tick: self.ms as u32,
+            },
+            seal: Seal::Right,
+        }
+    }
+}
+
+impl Link for Simulated<'_> {
+    fn receive(&mut self, now: Duration, each: &mut dyn FnMut(Duration, &Reading)) -> Result<u64, String> {
+        let due = now.as_millis() as u64;
+        self.ms = self.ms.max(due.saturating_sub(MOST_STEPS));
+        while self.ms < due {
+            self.step();
+            // Every second millisecond, as a Go2.
+            if self.ms.is_multiple_of(2) {
+                each(Duration::from_millis(due - self.ms), &self.reading());
+            }
+        }
+        Ok(0)
+    }
+
+    fn send(&mut self, command: &Command) -> Result<(), String> {
+        self.command = Some(*command);
+        Ok(())
+    }
+}

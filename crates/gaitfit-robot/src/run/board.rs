@@ -1,0 +1,57 @@
+//! What the two loops of a run tell each other.
+
+use std::time::Duration;
+
+use crate::command::Command;
+use crate::guard::Reason;
+use crate::state::RobotState;
+use crate::supervisor::Phase;
+use crate::unitree::MOTORS;
+
+/// What the two loops of a run tell each other: the one that sends at a high rate, and the policy's.
+#[derive(Clone, Debug)]
+pub struct Board {
+    /// The last good state and when it came.
+    pub state: Option<(Duration, RobotState)>,
+    /// What the robot is doing.
+    pub phase: Phase,
+    /// It stands and waits for the policy.
+    pub awaits_policy: bool,
+    /// The last command was sent.
+    pub over: bool,
+    /// Why it is in damping, or may not be armed.
+    pub reason: Option<Reason>,
+    /// Why it was not armed when that was asked for.
+    pub refused: Option<Reason>,
+    /// What was sent last.
+    pub sent: Option<Command>,
+    /// Commands of other programs so far.
+    pub others: u64,
+    /// To the sender: leave idle.
+    pub arm: bool,
+    /// To the sender: the walk is over.
+    pub lie_down: bool,
+    /// To the sender: damping.
+    pub stop: Option<Reason>,
+    /// To the sender: the policy's targets, rad, motor order, and their time.
+    pub targets: Option<(Duration, [f32; MOTORS])>,
+}
+
+impl Default for Board {
+    fn default() -> Self {
+        Self {
+            state: None,
+            phase: Phase::Idle,
+            awaits_policy: false,
+            over: false,
+            reason: None,
+            refused: None,
+            sent: None,
+            others: 0,
+            arm: false,
+            lie_down: false,
+            stop: None,
+            targets: None,
+        }
+    }
+}

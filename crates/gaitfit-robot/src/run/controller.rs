@@ -1,0 +1,110 @@
+//! The policy's loop: what the robot senses in, targets out, and the logs.
+
+use std::time::Duration;
+
+use gaitfit_policy::observation::Sensed;
+use gaitfit_policy::{Pilot, Policy};
+
+use super::board::Board;
+use super::record::{Acted, Recorder};
+use super::script::Script;
+use crate::RobotError;
+use crate::state::RobotState;
+use crate::supervisor::{Phase, Postures};
+use crate::unitree::{MOTORS, motors_of};
+
+/// Runs a policy under a script's commands.
+pub struct Controller<'a> {
+    pilot: Pilot<'a>,
+    script: &'a Script,
+    recorder: Recorder,
+    /// For each of the policy's joints, its motor.
+    motors: [usize; MOTORS],
+    sensed: Sensed,
+    begun: Option<Duration>,
+    /// Age of the state at each output of the policy: sum and greatest, s.
+    pub ages: (f64, f64),
+    /// Outputs of the policy.
+    pub outputs: u64,
+}
+
+impl<'a> Controller<'a> {
+    /// `policy` under `script`; `recorder` keeps its logs.
+    ///
+    /// # Errors
+    /// A policy for other joints, or one that observes what a robot does not measure.
+    pub fn new(policy: &'a Policy, script: &'a Script, recorder: Recorder) -> Result<Self, RobotError> {
+        Ok(Self {
+            motors: motors_of(&policy.interface.joints)?,
+            pilot: Pilot::new(policy)?,
+            script,
+            recorder,
+            sensed: Sensed::new(MOTORS),
+            begun: None,
+            ages: (0.0, 0.0),
+            outputs: 0,
+        })
+    }
+
+    /// A Go2's postures under this policy.
+    ///
+    /// # Errors
+    /// A policy for other joints.
+    pub fn postures(policy: &Policy) -> Result<Postures, RobotError> {
+        let interface = &policy.interface;
+        let motors = motors_of(&interface.joints)?;
+        let mut rows = [[0.0; MOTORS]; 3];
+        for (row, values) in rows.iter_mut().zip([&interface.default_pose, &interface.kp, &interface.kd]) {
+            for (&motor, &value) in motors.iter().zip(values) {
+                row[motor] = value as f32;
+            }
+        }
+        let [pose, kp, kd] = rows;
+        Ok(Postures::go2(pose, kp, kd))
+    }
+
+    /// Its part of the work at `now`: a turn each control period.
+    ///
+    /// # Errors
+    /// Logs that cannot be written. The caller stops the robot.
+    pub fn cycle(&mut self, now: Duration, board: &mut Board) -> Result<(), RobotError> {
+        let Some((came, state)) = board.state else { return Ok(()) };
+        let age = now.saturating_sub(came).as_secs_f64();
+        if board.phase != Phase::Idle {
+            self.recorder.whole(now.as_secs_f64(), &state, age, board.phase, board.sent.as_ref())?;
+        }
+        if !(board.phase == Phase::Walk || board.awaits_policy) {
+            return Ok(());
+        }
+        let begun = *self.begun.get_or_insert_with(|| {
+            self.pilot.begin();
+            now
+        });
+        let time = (now - begun).as_secs_f64();
+        let Some(command) = self.script.at(time) else {
+            board.lie_down = true;
+            return Ok(());
+        };
+        self.sense(&state, command);
+        let (action, targets) = self.pilot.step(&mut self.sensed);
+        let mut of_motors = [0.0; MOTORS];
+        for (&motor, &target) in self.motors.iter().zip(targets) {
+            of_motors[motor] = target;
+        }
+        board.targets = Some((now, of_motors));
+        self.outputs += 1;
+        self.ages = (self.ages.0 + age, self.ages.1.max(age));
+        self.recorder.walk(&state, age, &Acted { time, command, action, targets })
+    }
+
+    fn sense(&mut self, state: &RobotState, command: [f32; 3]) {
+        let sensed = &mut self.sensed;
+        sensed.base_angular_velocity = state.gyroscope;
+        sensed.orient(state.quaternion);
+        sensed.command = command;
+        for (index, &motor) in self.motors.iter().enumerate() {
+            sensed.joint_position[index] = state.q[motor];
+            sensed.joint_velocity[index] = state.dq[motor];
+        }
+    }
+}

@@ -1,0 +1,22 @@
+//! A run: two loops, what they tell each other, the logs and the measurements.
+//!
+//! [`Sender`] takes states and sends commands, 500 times a second; [`Controller`] runs the policy at its own rate. Both do
+//! one turn for a time that is given, so that a test runs them without a clock; [`live`] runs them on the clock.
+
+mod board;
+mod controller;
+mod delay;
+mod jitter;
+mod live;
+mod record;
+mod script;
+mod sender;
+
+pub use board::Board;
+pub use controller::Controller;
+pub use delay::{Delay, Trace};
+pub use jitter::{Jitter, Lateness};
+pub use live::{Live, Summary, live, real_time};
+pub use record::{Acted, Recorder, WALK, WHOLE};
+pub use script::Script;
+pub use sender::Sender;

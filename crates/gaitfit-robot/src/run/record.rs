@@ -1,0 +1,155 @@
+//! Logs that are complete whenever the program ends: each row is written whole, when it is known.
+
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use gaitfit_policy::Interface;
+
+use crate::RobotError;
+use crate::command::Command;
+use crate::state::RobotState;
+use crate::supervisor::Phase;
+use crate::unitree::MOTORS;
+
+/// The name of the log of the walk, which fits read, and of that of everything.
+pub const WALK: &str = "walk.csv";
+/// See [`WALK`].
+pub const WHOLE: &str = "whole.csv";
+
+/// What the policy did in a control period.
+#[derive(Clone, Copy, Debug)]
+pub struct Acted<'a> {
+    /// Time since the walk's beginning, s.
+    pub time: f64,
+    /// Command: m/s, m/s, rad/s.
+    pub command: [f32; 3],
+    /// Action, policy order.
+    pub action: &'a [f32],
+    /// Position targets, rad, policy order.
+    pub targets: &'a [f32],
+}
+
+/// Two logs of a run: the walk as `gaitfit collect` writes it, and every control period of every phase with what was sent.
+pub struct Recorder {
+    walk: (PathBuf, File),
+    whole: (PathBuf, File),
+    /// For each of the policy's joints, its motor.
+    motors: [usize; MOTORS],
+    line: String,
+}
+
+impl Recorder {
+    /// New files in `folder`; `motors` has a motor for each of the policy's joints.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn new(folder: &Path, interface: &Interface, motors: [usize; MOTORS]) -> Result<Self, RobotError> {
+        let per_joint = |prefix: &str| -> String {
+            interface.joints.iter().fold(String::new(), |mut text, joint| {
+                let _ = write!(text, ",{prefix}{joint}");
+                text
+            })
+        };
+        let named = |prefixes: &[&str]| prefixes.iter().map(|prefix| per_joint(prefix)).collect::<String>();
+        let mut head = format!("# robot = \"go2\"\n# rate_hz = {:?}\n", 1.0 / interface.control_dt);
+        let body = "base_quat_w,base_quat_x,base_quat_y,base_quat_z,wx,wy,wz";
+        let more = format!("acc_x,acc_y,acc_z{},charge,volts,age_ms", named(&["tau_", "temp_"]));
+        let open = |name: &str, head: &str| -> Result<(PathBuf, File), RobotError> {
+            let path = folder.join(name);
+            let failed =
+                |error: std::io::Error| RobotError::Write { path: path.clone(), problem: error.to_string() };
+            let mut file = File::create(&path).map_err(failed)?;
+            file.write_all(head.as_bytes()).map_err(failed)?;
+            Ok((path, file))
+        };
+        let whole = format!(
+            "{head}time{},{body},{more},phase{}\n",
+            named(&["q_", "dq_"]),
+            named(&["sent_q_", "sent_kp_", "sent_kd_"])
+        );
+        let _ = writeln!(head, "# kp = {:?}\n# kd = {:?}", interface.kp, interface.kd);
+        let walk = format!(
+            "{head}time{},vx_cmd,vy_cmd,wz_cmd,{body},{more}\n",
+            named(&["q_", "dq_", "qdes_", "act_"])
+        );
+        Ok(Self { walk: open(WALK, &walk)?, whole: open(WHOLE, &whole)?, motors, line: String::new() })
+    }
+
+    /// A row of the walk: the state as the policy saw it `age` after it came (s), and what followed.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn walk(&mut self, state: &RobotState, age: f64, acted: &Acted<'_>) -> Result<(), RobotError> {
+        self.begin(acted.time, state);
+        self.numbers(acted.targets.iter());
+        self.numbers(acted.action.iter());
+        self.numbers(acted.command.iter());
+        self.rest(state, age);
+        Self::end(&mut self.walk, &mut self.line)
+    }
+
+    /// A row of everything: `now` since the run began, the phase, what was sent last.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn whole(
+        &mut self,
+        now: f64,
+        state: &RobotState,
+        age: f64,
+        phase: Phase,
+        sent: Option<&Command>,
+    ) -> Result<(), RobotError> {
+        self.begin(now, state);
+        self.rest(state, age);
+        let _ = write!(self.line, ",{}", phase.name());
+        for part in 0..3 {
+            for motor in self.motors {
+                // Nothing was sent: an empty cell.
+                let _ = match sent.map(|command| &command[motor]) {
+                    Some(one) => write!(self.line, ",{:?}", [one.q, one.kp, one.kd][part]),
+                    None => write!(self.line, ","),
+                };
+            }
+        }
+        Self::end(&mut self.whole, &mut self.line)
+    }
+
+    fn begin(&mut self, time: f64, state: &RobotState) {
+        self.line.clear();
+        let _ = write!(self.line, "{time:?}");
+        let motors = self.motors;
+        self.numbers(motors.iter().map(|&motor| &state.q[motor]));
+        self.numbers(motors.iter().map(|&motor| &state.dq[motor]));
+    }
+
+    fn rest(&mut self, state: &RobotState, age: f64) {
+        let motors = self.motors;
+        self.numbers(state.quaternion.iter().chain(&state.gyroscope).chain(&state.accelerometer));
+        self.numbers(motors.iter().map(|&motor| &state.torque[motor]));
+        for motor in motors {
+            let _ = write!(self.line, ",{}", state.temperature[motor]);
+        }
+        let _ = match state.battery {
+            Some(battery) => write!(self.line, ",{},{:?}", battery.charge, battery.volts),
+            None => write!(self.line, ",,"),
+        };
+        let _ = write!(self.line, ",{:.3}", 1e3 * age);
+    }
+
+    fn numbers<'n>(&mut self, numbers: impl Iterator<Item = &'n f32>) {
+        for number in numbers {
+            // The log's numbers are the doubles of single precision, as those of simulated logs.
+            let _ = write!(self.line, ",{:?}", f64::from(*number));
+        }
+    }
+
+    /// One write a row: a killed program leaves no half of one.
+    fn end((path, file): &mut (PathBuf, File), line: &mut String) -> Result<(), RobotError> {
+        line.push('\n');
+        file.write_all(line.as_bytes())
+            .map_err(|error| RobotError::Write { path: path.clone(), problem: error.to_string() })
+    }
+}

@@ -1,0 +1,145 @@
+//! Commands over time.
+
+use std::path::Path;
+
+use crate::RobotError;
+
+/// Most rows of a script.
+const MOST_ROWS: usize = 100_000;
+/// Longest walk, s.
+const LONGEST: f64 = 3600.0;
+/// Largest part of a command, m/s or rad/s.
+const LARGEST: f64 = 5.0;
+
+/// Commands over time: each holds until the next one's time, and the walk ends at the last one's.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Script {
+    /// Time since the walk's beginning (s) and command: forward, left (m/s), yaw rate (rad/s).
+    rows: Vec<(f64, [f32; 3])>,
+}
+
+impl Script {
+    /// Rows of time (s), forward, left (m/s), yaw rate (rad/s).
+    ///
+    /// # Errors
+    /// Fewer than two rows, times that do not begin at 0 and grow, numbers out of range.
+    pub fn new(rows: Vec<(f64, [f32; 3])>) -> Result<Self, RobotError> {
+        let refuse = |problem: String| Err(RobotError::Script(problem));
+        if rows.len() < 2 || rows.len() > MOST_ROWS {
+            return refuse(format!(
+                "{} rows; give 2 to {MOST_ROWS}, the last one says when the walk ends",
+                rows.len()
+            ));
+        }
+        if rows[0].0 != 0.0 {
+            return refuse(format!("the first time is {}; begin at 0", rows[0].0));
+        }
+        for (index, (time, command)) in rows.iter().enumerate() {
+            let line = index + 1;
+            if !(0.0..=LONGEST).contains(time) || index > 0 && *time <= rows[index - 1].0 {
+                return refuse(format!(
+                    "time {line} is {time}; give seconds up to {LONGEST}, each later than the one before"
+                ));
+            }
+            if let Some(bad) = command.iter().find(|x| x.is_nan() || f64::from(x.abs()) > LARGEST) {
+                return refuse(format!(
+                    "command {line} has {bad}; give numbers from −{LARGEST} to {LARGEST}"
+                ));
+            }
+        }
+        Ok(Self { rows })
+    }
+
+    /// A CSV file with the columns `t`, `vx`, `vy`, `wz`, in any order: s, m/s, m/s, rad/s.
+    ///
+    /// # Errors
+    /// A file that cannot be read or lacks a column, a cell that is no number, and what [`Script::new`] refuses.
+    pub fn read(path: &Path) -> Result<Self, RobotError> {
+        let refuse = |problem: String| RobotError::Script(format!("{}: {problem}", path.display()));
+        let mut reader = csv::ReaderBuilder::new()
+            .trim(csv::Trim::All)
+            .comment(Some(b'#'))
+            .from_path(path)
+            .map_err(|error| refuse(error.to_string()))?;
+        let header = reader.headers().map_err(|error| refuse(error.to_string()))?.clone();
+        let mut columns = [0; 4];
+        for (column, name) in columns.iter_mut().zip(["t", "vx", "vy", "wz"]) {
+            *column = header.iter().position(|cell| cell == name).ok_or_else(|| {
+                refuse(format!("no column `{name}`; the header is t,vx,vy,wz (s, m/s, m/s, rad/s)"))
+            })?;
+        }
+        let mut rows = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(|error| refuse(error.to_string()))?;
+            let mut numbers = [0.0f64; 4];
+            for (number, &column) in numbers.iter_mut().zip(&columns) {
+                let cell = record.get(column).unwrap_or("");
+                *number = cell.parse().map_err(|_| {
+                    let line = record.position().map_or(0, csv::Position::line);
+                    refuse(format!("line {line}: `{}` is no number", cell.escape_debug()))
+                })?;
+            }
+            let [time, vx, vy, wz] = numbers;
+            rows.push((time, [vx as f32, vy as f32, wz as f32]));
+            if rows.len() > MOST_ROWS {
+                break;
+            }
+        }
+        Self::new(rows).map_err(|error| match error {
+            RobotError::Script(problem) => refuse(problem),
+            other => other,
+        })
+    }
+
+    /// The command at `time`, s; `None` once the walk is over.
+    pub fn at(&self, time: f64) -> Option<[f32; 3]> {
+        let next = self.rows.partition_point(|(begin, _)| *begin <= time);
+        (next < self.rows.len()).then(|| self.rows[next.saturating_sub(1)].1)
+    }
+
+    /// Length of the walk, s.
+    pub fn seconds(&self) -> f64 {
+        self.rows.last().map_or(0.0, |(time, _)| *time)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Script, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("commands.csv");
+        std::fs::write(&path, text).unwrap();
+        Script::read(&path).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_command_holds_until_the_next() {
+        let script = read("vx, t, vy, wz\n0.5, 0, 0, 0.1\n# a pause\n0,2,0,0\n0,3,0,0\n").unwrap();
+        assert_eq!(script.at(0.0), Some([0.5, 0.0, 0.1]));
+        assert_eq!(script.at(1.999), Some([0.5, 0.0, 0.1]));
+        assert_eq!(script.at(2.0), Some([0.0; 3]));
+        assert_eq!((script.at(3.0), script.seconds()), (None, 3.0));
+    }
+
+    #[test]
+    fn what_is_no_script_is_refused_and_says_why() {
+        for (text, word) in [
+            ("t,vx,vy\n0,0,0\n1,0,0\n", "`wz`"),
+            ("t,vx,vy,wz\n0,0,0,0\n", "1 rows"),
+            ("t,vx,vy,wz\n1,0,0,0\n2,0,0,0\n", "begin at 0"),
+            ("t,vx,vy,wz\n0,0,0,0\n2,0,0,0\n2,0,0,0\n", "time 3"),
+            ("t,vx,vy,wz\n0,fast,0,0\n2,0,0,0\n", "line 2: `fast`"),
+            ("t,vx,vy,wz\n0,NaN,0,0\n2,0,0,0\n", "NaN"),
+            ("t,vx,vy,wz\n0,0,9,0\n2,0,0,0\n", "9"),
+            ("t,vx,vy,wz\n0,0,0,0\n1e9,0,0,0\n", "1000000000"),
+            ("t,vx,vy,wz\n0,0,0\n", ""),
+            ("", "`t`"),
+        ] {
+            let error = read(text).unwrap_err();
+            assert!(error.contains(word) && error.contains("commands.csv"), "{text}: {error}");
+        }
+    }
+}

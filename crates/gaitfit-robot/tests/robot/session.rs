@@ -1,0 +1,227 @@
+//! Whole runs on a simulated Go2, without a clock: the committed walk stands up, walks, lies down, and is recorded.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use gaitfit_log::{ReadOptions, read_csv};
+use gaitfit_policy::Policy;
+use gaitfit_random::{Purpose, Stream};
+use gaitfit_robot::guard::{GuardSettings, Limits, Reason};
+use gaitfit_robot::link::{Link, Simulated, simulation};
+use gaitfit_robot::run::{Board, Controller, Recorder, Script, Sender, WALK, WHOLE};
+use gaitfit_robot::unitree::motors_of;
+use gaitfit_robot::{Command, Phase, Reading, RobotState, Seal, Supervisor, Times};
+
+use crate::limits::violation;
+
+const TICK: Duration = Duration::from_millis(2);
+
+pub fn walk() -> Policy {
+    gaitfit_policy::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/go2-walk.safetensors"))
+        .unwrap()
+}
+
+/// What a test sees of the robot behind its link.
+#[derive(Clone, Default)]
+struct Seen {
+    place: Arc<Mutex<[f32; 3]>>,
+    state: Arc<Mutex<Option<RobotState>>>,
+    wrong: Arc<Mutex<Option<String>>>,
+    commands: Arc<Mutex<Vec<Command>>>,
+}
+
+/// A robot whose messages a fault may change from some time on; every command is checked against its true state.
+struct Watched<'a, F> {
+    robot: Simulated<'a>,
+    seen: Seen,
+    fault: F,
+}
+
+impl<F: FnMut(Duration, &Reading) -> Option<Reading> + Send> Link for Watched<'_, F> {
+    fn receive(&mut self, now: Duration, each: &mut dyn FnMut(Duration, &Reading)) -> Result<u64, String> {
+        let (fault, seen) = (&mut self.fault, &self.seen);
+        let others = self.robot.receive(now, &mut |age, reading| {
+            *seen.state.lock().unwrap() = Some(reading.state);
+            if let Some(reading) = fault(now, reading) {
+                each(age, &reading);
+            }
+        })?;
+        *self.seen.place.lock().unwrap() = self.robot.position();
+        Ok(others)
+    }
+
+    fn send(&mut self, command: &Command) -> Result<(), String> {
+        let state = self.seen.state.lock().unwrap().unwrap();
+        if let Some(wrong) = violation(command, &state) {
+            self.seen.wrong.lock().unwrap().get_or_insert(wrong);
+        }
+        self.seen.commands.lock().unwrap().push(*command);
+        self.robot.send(command)
+    }
+}
+
+/// A run to its end, or to `until`: the board, the sender's counts, and its lines.
+struct Session {
+    board: Board,
+    phases: Vec<(Duration, Phase)>,
+    seen: Seen,
+    commands: u64,
+    clamped: u64,
+    delay: Option<u64>,
+    places: Vec<[f32; 3]>,
+}
+
+fn session(
+    policy: &Policy,
+    rows: &[(f64, [f32; 3])],
+    folder: &Path,
+    dry: bool,
+    until: Duration,
+    fault: impl FnMut(Duration, &Reading) -> Option<Reading> + Send,
+) -> Session {
+    let batch = simulation(&gaitfit_model::builtin::go2().unwrap()).unwrap();
+    let seen = Seen::default();
+    let link = Watched { robot: Simulated::new(&batch).unwrap(), seen: seen.clone(), fault };
+    let control = Duration::from_secs_f64(policy.interface.control_dt);
+    let postures = Controller::postures(policy).unwrap();
+    let supervisor = Supervisor::new(GuardSettings::go2(control), postures, Times::default());
+    let mut sender = Sender::new(Box::new(link), supervisor, dry);
+    let script = Script::new(rows.to_vec()).unwrap();
+    let motors = motors_of(&policy.interface.joints).unwrap();
+    let recorder = Recorder::new(folder, &policy.interface, motors).unwrap();
+    let mut controller = Controller::new(policy, &script, recorder).unwrap();
+    let mut board = Board::default();
+    let (mut now, mut phases, mut places) = (Duration::ZERO, Vec::new(), Vec::new());
+    while !board.over && now < until {
+        now += TICK;
+        board.arm = now == Duration::from_millis(300);
+        sender.cycle(now, &mut board);
+        if now.as_millis().is_multiple_of(control.as_millis()) {
+            controller.cycle(now, &mut board).unwrap();
+        }
+        if phases.last().is_none_or(|(_, phase)| *phase != board.phase) {
+            phases.push((now, board.phase));
+            places.push(*seen.place.lock().unwrap());
+        }
+    }
+    let delay = sender.trace.delay(&Limits::go2()).map(|delay| delay.ms);
+    Session { board, phases, seen, commands: sender.commands, clamped: sender.clamped, delay, places }
+}
+
+#[test]
+fn the_committed_walk_stands_up_walks_and_lies_down_and_its_log_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let policy = walk();
+    let rows = [(0.0, [0.5, 0.0, 0.0]), (3.0, [0.0, 0.0, 0.8]), (4.5, [0.0; 3]), (5.0, [0.0; 3])];
+    let whole = session(&policy, &rows, folder.path(), false, Duration::from_secs(30), |_, r| Some(*r));
+    use Phase::{Damping, Idle, LieDown, Stand, StandUp, Walk};
+    let phases: Vec<Phase> = whole.phases.iter().map(|(_, phase)| *phase).collect();
+    assert_eq!(phases, [Idle, StandUp, Stand, Walk, LieDown, Damping], "{:?}", whole.board.reason);
+    assert_eq!((&whole.board.reason, &*whole.seen.wrong.lock().unwrap()), (&None, &None));
+    let [stand, walk, lie] = [2, 3, 4].map(|k| whole.places[k]);
+    // The gains of standing up, and the policy's softer ones.
+    assert!(stand[2] > 0.26 && walk[2] > 0.24, "it stood: {stand:?} {walk:?}");
+    let ahead = (lie[0] - walk[0]).hypot(lie[1] - walk[1]);
+    assert!((1.0..2.0).contains(&ahead), "0.5 m/s for 3 s: {ahead}");
+    let end = whole.seen.place.lock().unwrap()[2];
+    assert!(end < 0.16, "it lies: {end}");
+    assert!(whole.clamped * 50 < whole.commands, "{} of {}", whole.clamped, whole.commands);
+    assert!(whole.delay.is_some_and(|ms| ms <= 4), "{:?}", whole.delay);
+
+    let log = read_csv(&folder.path().join(WALK), &ReadOptions::default()).unwrap();
+    assert_eq!(
+        (log.joints.as_slice(), log.robot.as_deref()),
+        (policy.interface.joints.as_slice(), Some("go2"))
+    );
+    assert_eq!((log.len(), log.rate_hz), (250, 50.0));
+    assert_eq!(log.gains.as_ref().unwrap().kp, policy.interface.kp);
+    let commands = log.command.as_ref().unwrap();
+    assert_eq!(commands[..3], [0.5, 0.0, 0.0]);
+    assert!((commands[3 * 200 + 2] - 0.8).abs() < 1e-6);
+    // What the policy did is what it does again on what the log says.
+    let interface = &policy.interface;
+    let (actions, targets) = (log.action.as_ref().unwrap(), log.target.as_ref().unwrap());
+    for (k, (target, action)) in targets.iter().zip(actions).enumerate() {
+        let wanted = interface.default_pose[k % 12] + interface.action_scale[k % 12] * action;
+        assert!((target - wanted).abs() < 1e-5);
+    }
+    let base = log.base.as_ref().unwrap();
+    let (quaternions, rates) = (base.quaternion.as_ref().unwrap(), base.angular_velocity.as_ref().unwrap());
+    let mut pilot = gaitfit_policy::Pilot::new(&policy).unwrap();
+    let mut sensed = gaitfit_policy::observation::Sensed::new(12);
+    for sample in 0..log.len() {
+        sensed.orient(std::array::from_fn(|k| quaternions[4 * sample + k] as f32));
+        sensed.base_angular_velocity = std::array::from_fn(|k| rates[3 * sample + k] as f32);
+        sensed.command = std::array::from_fn(|k| commands[3 * sample + k] as f32);
+        for joint in 0..12 {
+            sensed.joint_position[joint] = log.position[12 * sample + joint] as f32;
+            sensed.joint_velocity[joint] = log.velocity[12 * sample + joint] as f32;
+        }
+        let (action, _) = pilot.step(&mut sensed);
+        assert!(
+            (0..12).all(|joint| f64::from(action[joint]) == actions[12 * sample + joint]),
+            "sample {sample}"
+        );
+    }
+    let everything = read_csv(&folder.path().join(WHOLE), &ReadOptions::default()).unwrap();
+    assert!(everything.len() > 550, "{}", everything.len());
+}
+
+#[test]
+fn a_dry_run_computes_and_sends_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let rows = [(0.0, [0.3, 0.0, 0.0]), (1.0, [0.0; 3])];
+    let dry = session(&walk(), &rows, folder.path(), true, Duration::from_secs(20), |_, r| Some(*r));
+    assert!(dry.board.over && dry.commands == 0 && dry.seen.commands.lock().unwrap().is_empty());
+    assert_eq!(dry.board.reason, None);
+    assert!(dry.seen.place.lock().unwrap()[2] < 0.16, "it never stood up");
+    let log = read_csv(&folder.path().join(WALK), &ReadOptions::default()).unwrap();
+    assert_eq!(log.len(), 50);
+}
+
+/// Faults in the messages of a robot that walks in the engine, drawn at random; what it was sent stays inside its limits.
+#[test]
+fn a_walking_robot_whose_messages_fail_is_damped_and_its_log_ends_with_the_last_good_row() {
+    let policy = walk();
+    for number in 0..8 {
+        let draws = Stream::new(21, Purpose::RESET).environment(number);
+        let at = Duration::from_millis(4000 + u64::from(draws.word(1) % 1500));
+        let folder = tempfile::tempdir().unwrap();
+        let rows = [(0.0, [0.4, 0.2, -0.3]), (4.0, [0.0; 3])];
+        let run = session(&policy, &rows, folder.path(), false, Duration::from_secs(12), |now, reading| {
+            let mut reading = *reading;
+            if now >= at {
+                match number {
+                    0 => return None,
+                    1 => reading.state.q[3] = f32::NAN,
+                    2 => reading.seal = Seal::Wrong,
+                    3 => reading.state.q.rotate_left(1),
+                    4 => reading.state.quaternion = [0.0, 1.0, 0.0, 0.0],
+                    5 => reading.state.temperature[5] = 120,
+                    6 if now < at + Duration::from_millis(100) => return None,
+                    7 => reading.state.tick = 1,
+                    _ => {}
+                }
+            }
+            Some(reading)
+        });
+        let reason = run.board.reason.as_ref();
+        let expected = match number {
+            0 | 6 | 7 => matches!(reason, Some(Reason::StaleState(_))),
+            1 => matches!(reason, Some(Reason::StateNotFinite(_))),
+            2 => reason == Some(&Reason::WrongChecksum),
+            3 => matches!(reason, Some(Reason::OutOfRange { .. })),
+            4 => matches!(reason, Some(Reason::Tilt(_))),
+            _ => matches!(reason, Some(Reason::Hot { motor: 5, degrees: 120 })),
+        };
+        assert!(expected, "{number}: {reason:?} at {at:?} {:?}", run.phases);
+        assert_eq!(*run.seen.wrong.lock().unwrap(), None, "{number}");
+        let last = *run.seen.commands.lock().unwrap().last().unwrap();
+        assert!(last.iter().all(|motor| motor.kp == 0.0 && motor.tau == 0.0));
+        let log = read_csv(&folder.path().join(WALK), &ReadOptions::default()).unwrap();
+        let (stopped, _) = run.phases.last().unwrap();
+        let walked = (*stopped - run.phases[3].0).as_millis() / 20;
+        assert!((walked..=walked + 2).contains(&(log.len() as u128)), "{number}: {} {walked}", log.len());
+    }
+}
