@@ -138,3 +138,21 @@ fn threads_change_no_bit_and_falls_end_logs() {
     assert!(fallen[0].fell && rows > 5 && rows < 100, "{rows} rows");
     assert_eq!(fallen[0].trajectory.target.as_ref().unwrap().len(), 12 * rows);
 }
+
+#[test]
+fn commands_for_a_robot_are_those_of_a_collected_log() {
+    let scene = reordered();
+    let policy = random_policy(&scene);
+    let options = CollectOptions { count: 1, seconds: 0.56, shift: [0.0; 2], privileged: false };
+    let log = &logs(&scene, &policy, &options, 1)[0];
+    let dt = scene.walker.interface.control_dt;
+    let rows = gaitfit_learn::task::commands(&scene.settings.command, dt, 5, 0.56);
+    assert_eq!(rows.len(), 7, "a command each 0.1 s, and the end");
+    let logged = log.command.as_ref().unwrap();
+    for sample in 0..log.len() {
+        let time = sample as f64 * dt;
+        let row = rows.iter().rev().find(|(begin, _)| *begin <= time + 1e-9).unwrap();
+        assert_eq!(row.1.map(f64::from), logged[3 * sample..3 * sample + 3], "sample {sample}");
+    }
+    assert!((rows[6].0 - 0.56).abs() < 1e-9);
+}

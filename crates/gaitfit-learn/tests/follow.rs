@@ -237,3 +237,45 @@ fn sensors_keep_the_true_robot_near_the_log() {
     unbiased.robot.encoder_bias[4] = 0.0;
     assert!(velocity(&tracks(&unbiased, 1, 2)) > 1.2 * near);
 }
+
+#[test]
+fn a_pilot_that_senses_what_a_log_says_repeats_its_actions_bit_for_bit() {
+    use gaitfit_policy::observation::Sensed;
+    let scene = scene();
+    let policy = policy(&scene);
+    let candidate = Candidate::nominal(scene.walker.model());
+    let log = logs(&scene, &policy, &candidate, 1).remove(0).trajectory;
+    let base = log.base.as_ref().unwrap();
+    let joints = log.joints.len();
+    let mut pilot = gaitfit_policy::Pilot::new(&policy).unwrap();
+    for _ in 0..2 {
+        pilot.begin();
+        let mut sensed = Sensed::new(joints);
+        for sample in 0..log.len() {
+            sensed.base_angular_velocity = row(&base.angular_velocity, sample);
+            sensed.orient(row(&base.quaternion, sample));
+            sensed.command = row(&log.command, sample);
+            for joint in 0..joints {
+                sensed.joint_position[joint] = log.position[sample * joints + joint] as f32;
+                sensed.joint_velocity[joint] = log.velocity[sample * joints + joint] as f32;
+            }
+            let (action, targets) = pilot.step(&mut sensed);
+            for (found, logged) in [(action, &log.action), (targets, &log.target)] {
+                let logged = &logged.as_ref().unwrap()[sample * joints..(sample + 1) * joints];
+                assert!(
+                    found.iter().zip(logged).all(|(x, y)| f64::from(*x) == *y),
+                    "{sample}: {found:?} {logged:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_policy_that_observes_what_robots_do_not_measure_gets_no_pilot() {
+    let scene = scene();
+    let mut policy = policy(&scene);
+    policy.interface.observation[0].quantity = gaitfit_policy::Quantity::BaseLinearVelocity;
+    let error = gaitfit_policy::Pilot::new(&policy).err().unwrap().to_string();
+    assert!(error.contains("base_linear_velocity"), "{error}");
+}

@@ -23,6 +23,34 @@ pub enum RobotError {
     /// It may not be armed as it is.
     #[error("not armed: {0}")]
     NotArmed(Reason),
+    /// A network interface that cannot be used.
+    #[error(
+        "network interface `{interface}` {}; those with an address are {}",
+        if *there { "has no IPv4 address" } else { "is not there" },
+        names.join(", ")
+    )]
+    Interface {
+        /// Its name.
+        interface: String,
+        /// Whether it is there.
+        there: bool,
+        /// Interfaces that can be used.
+        names: Vec<String>,
+    },
+    /// A domain that DDS does not have.
+    #[error("domain {domain} is beyond 232, the last that DDS has; robots are in domain 0, simulators in 1")]
+    Domain {
+        /// Its number.
+        domain: u16,
+    },
+    /// DDS refuses.
+    #[error("DDS cannot {what}: {problem}")]
+    Dds {
+        /// What was tried.
+        what: &'static str,
+        /// What it says.
+        problem: String,
+    },
     /// The simulated robot cannot be.
     #[error("the simulated robot: {0}")]
     Simulation(String),

@@ -3,10 +3,10 @@
 //! - [`unitree`]: the messages of a Unitree Go2, bit for bit.
 //! - [`guard`]: what may be sent to the motors, and the reasons for sending damping instead.
 //! - [`Supervisor`]: the states from idle over standing up and walking to lying down, with the guard before every command.
-//! - [`link`]: a Go2 in the project's own engine; a link to a robot is one trait.
+//! - [`link`]: a Go2 over DDS (with the feature `dds`), and one in the project's own engine.
 //! - [`run`]: the loops that send commands and run the policy, the logs, what was measured.
 //!
-//! Only [`run::live`] reads a clock: to the rest times are given, so that a test is the same each time.
+//! Only [`run::live`] and the link over DDS read a clock: to the rest times are given, so that a test is the same each time.
 
 mod command;
 mod error;

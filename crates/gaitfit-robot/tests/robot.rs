@@ -1,6 +1,9 @@
 //! Tests of the robot's messages, of every rule of the guard, and of what a robot feels when something fails.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
+#[cfg(all(feature = "dds", target_os = "linux"))]
+#[path = "robot/dds.rs"]
+mod dds;
 #[path = "robot/faults.rs"]
 mod faults;
 #[path = "robot/limits.rs"]
@@ -11,6 +14,9 @@ mod messages;
 mod pilot;
 #[path = "robot/rules.rs"]
 mod rules;
+#[cfg(all(feature = "dds", target_os = "linux"))]
+#[path = "robot/server.rs"]
+mod server;
 #[path = "robot/session.rs"]
 mod session;
 #[path = "robot/toy.rs"]

@@ -4,6 +4,7 @@ mod bench;
 mod choices;
 mod excite;
 mod logs;
+mod robot;
 mod run;
 mod world;
 
@@ -12,6 +13,7 @@ pub use choices::{Config, ConfigOf, Preset};
 pub use excite::Excite;
 pub use gaitfit::device::{Device, Devices};
 pub use logs::{ExportLog, ExportTheta, Import};
+pub use robot::{RobotKind, Run};
 pub use run::{Adapt, Finetune, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
 pub use world::{Collect, Evaluate};
 
@@ -72,6 +74,8 @@ pub enum Command {
     Evaluate(Evaluate),
     /// Run a policy in a simulator and write its logs
     Collect(Collect),
+    /// Run a policy on a robot: stand up, walk, lie down, with logs
+    Run(Run),
     /// Measure speed
     #[command(subcommand)]
     Bench(Bench),

@@ -18,6 +18,7 @@ pub mod inspect;
 pub mod loop_;
 mod policy;
 pub mod reproduce;
+pub mod run;
 pub mod sensitivity;
 pub mod shell;
 pub mod train;

@@ -25,6 +25,7 @@ mod start;
 mod task;
 mod terrain;
 
+pub use command::commands;
 pub use environment::{Ended, Environment};
 pub use error::TaskError;
 pub use feet::Foot;

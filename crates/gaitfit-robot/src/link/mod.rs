@@ -1,5 +1,7 @@
 //! How states come from a robot and commands go to it.
 
+#[cfg(feature = "dds")]
+mod dds;
 mod simulated;
 
 use std::time::Duration;
@@ -7,6 +9,8 @@ use std::time::Duration;
 use crate::command::Command;
 use crate::state::Reading;
 
+#[cfg(feature = "dds")]
+pub use dds::Dds;
 pub use simulated::{Simulated, simulation};
 
 /// A robot, real or simulated, at the other end.

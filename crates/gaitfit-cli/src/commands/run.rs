@@ -1,0 +1,259 @@
+//! `gaitfit run`: a policy on a robot.
+
+use super::folder;
+use crate::cli::{RobotKind, Run};
+use crate::exit::{Exit, Failure};
+use crate::output::{self, note};
+use gaitfit::world::WorldSettings;
+use gaitfit_policy::Policy;
+use gaitfit_robot::guard::{GuardSettings, Reason};
+use gaitfit_robot::link::{Link, Simulated, simulation};
+use gaitfit_robot::run::{Controller, Live, Recorder, Script, Sender, Summary, WALK, WHOLE, live, real_time};
+use gaitfit_robot::unitree::{MOTOR_NAMES, motors_of};
+use gaitfit_robot::{Phase, RobotError, RobotState, Supervisor, Times};
+use std::io::{BufRead, IsTerminal};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// What a person types to arm a robot.
+const WORD: &str = "walk";
+
+/// Set by Ctrl-C and signals. Once a robot may move they do not end the program by themselves: it must be told first.
+static ASKED: AtomicBool = AtomicBool::new(false);
+/// Whether the robot may move.
+static CONFIRMED: AtomicBool = AtomicBool::new(false);
+
+/// Stands the robot up, walks, lies it down.
+pub fn run(args: &Run) -> Result<(), Failure> {
+    let simulator = args.robot == RobotKind::Simulated || args.domain != 0;
+    if args.yes && !simulator {
+        return Err(Failure::usage(
+            "--yes: for simulators only, which are in another domain than 0 (--domain)",
+        ));
+    }
+    if args.patience != 20 && !simulator {
+        return Err(Failure::usage("--patience: for simulators only; a robot has 20 ms"));
+    }
+    if !args.yes && !args.dry_run && !std::io::stdin().is_terminal() {
+        return Err(Failure::usage(
+            "a person must type a word before the robot moves, and standard input is no terminal; with a simulator, in \
+             another domain than 0, use --yes",
+        ));
+    }
+    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
+    let script = script(args, &policy)?;
+    let control = Duration::from_secs_f64(policy.interface.control_dt);
+    let postures = Controller::postures(&policy).map_err(usage)?;
+    let patience = Duration::from_millis(args.patience.into());
+    let guard = GuardSettings { stale: patience, late: patience, simulator, ..GuardSettings::go2(control) };
+    let guard = GuardSettings { late_policy: guard.late_policy.max(2 * control + patience), ..guard };
+    new_folder(&args.out)?;
+    let motors = motors_of(&policy.interface.joints).map_err(usage)?;
+    let recorder = Recorder::new(&args.out, &policy.interface, motors).map_err(Failure::failed)?;
+    let controller = Controller::new(&policy, &script, recorder).map_err(usage)?;
+    let asked = || {
+        ASKED.store(true, Ordering::SeqCst);
+        if !CONFIRMED.load(Ordering::SeqCst) {
+            std::process::exit(Exit::Interrupted as i32);
+        }
+    };
+    ctrlc::set_handler(asked)
+        .map_err(|error| Failure::failed(format!("cannot listen for Ctrl-C: {error}")))?;
+
+    // The link's threads inherit it.
+    let real_time = real_time();
+    let batch;
+    let link: Box<dyn Link + Send + '_> = match (args.robot, &args.interface) {
+        (RobotKind::UnitreeGo2, Some(interface)) => over_dds(args, interface)?,
+        (RobotKind::UnitreeGo2, None) => {
+            return Err(Failure::usage("--interface: name the network interface"));
+        }
+        (RobotKind::Simulated, _) => {
+            let model = gaitfit_model::builtin::go2().map_err(Failure::failed)?;
+            batch = simulation(&model).map_err(Failure::failed)?;
+            Box::new(Simulated::new(&batch).map_err(Failure::failed)?)
+        }
+    };
+    let sender = Sender::new(link, Supervisor::new(guard, postures, Times::default()), args.dry_run);
+    let summary = live(
+        sender,
+        controller,
+        Live {
+            confirm: &mut |state| {
+                let confirmed = confirm(args, &script, state);
+                CONFIRMED.store(confirmed, Ordering::SeqCst);
+                confirmed && !ASKED.load(Ordering::SeqCst)
+            },
+            phase: &mut |phase: Phase| note(phase.name()),
+            stop: &|| ASKED.load(Ordering::SeqCst).then_some(Reason::Signal),
+            control,
+            real_time,
+            limits: guard.limits,
+        },
+    );
+    finish(args, summary)
+}
+
+/// The link to a Go2.
+#[cfg(feature = "dds")]
+fn over_dds(args: &Run, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
+    note(&format!("listening to a Go2 on {interface}, domain {}", args.domain));
+    let link = gaitfit_robot::link::Dds::open(interface, args.domain, args.dry_run).map_err(usage)?;
+    Ok(Box::new(link))
+}
+
+/// Says how to get one.
+#[cfg(not(feature = "dds"))]
+fn over_dds(_: &Run, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
+    Err(Failure {
+        exit: Exit::Missing,
+        message: format!(
+            "--interface {interface}: this program was built without DDS; build it with `cargo build --release --features \
+             dds`, or rehearse with --robot simulated"
+        ),
+    })
+}
+
+fn usage(error: RobotError) -> Failure {
+    match error {
+        RobotError::Write { .. } | RobotError::Dds { .. } => Failure::failed(error),
+        _ => Failure::usage(error),
+    }
+}
+
+/// The commands asked for.
+fn script(args: &Run, policy: &Policy) -> Result<Script, Failure> {
+    if let Some(path) = &args.commands {
+        return Script::read(path).map_err(usage);
+    }
+    let seconds = args.random.unwrap_or_default();
+    if !(seconds >= 1.0 && seconds <= 3600.0) {
+        return Err(Failure::usage(format!("--random: {seconds} s; give 1 to 3600")));
+    }
+    let world = WorldSettings {
+        policy: args.policy.clone(),
+        robot: None,
+        lenient: false,
+        task: None,
+        theta: None,
+        spring: Vec::new(),
+        torque_noise: 0.0,
+        randomised: false,
+        preset: gaitfit_physics::Preset::Fast,
+        seed: args.seed,
+        threads: None,
+    };
+    let task = gaitfit::world::task(&world, policy)?;
+    let dt = policy.interface.control_dt;
+    Script::new(gaitfit_learn::task::commands(&task.command, dt, args.seed, seconds)).map_err(usage)
+}
+
+/// A folder without a run in it.
+fn new_folder(path: &Path) -> Result<(), Failure> {
+    folder(path, "the logs go")?;
+    if path.join(WALK).exists() || path.join(WHOLE).exists() {
+        return Err(Failure::usage(format!(
+            "{}: holds a run already; name another folder, so that no log is lost",
+            path.display()
+        )));
+    }
+    std::fs::create_dir_all(path)
+        .map_err(|error| Failure::failed(format!("cannot make the folder {}: {error}", path.display())))
+}
+
+/// Shows the robot's state and asks for the word.
+fn confirm(args: &Run, script: &Script, state: &RobotState) -> bool {
+    let hottest = state.temperature.iter().enumerate().max_by_key(|(_, degrees)| **degrees);
+    let (motor, degrees) = hottest.map_or((0, 0), |(motor, degrees)| (motor, *degrees));
+    let battery = state.battery.map_or("not reported".to_owned(), |battery| format!("{} %", battery.charge));
+    note(&format!(
+        "the robot is heard: battery {battery}, hottest motor {} at {degrees} °C",
+        MOTOR_NAMES[motor]
+    ));
+    if args.dry_run {
+        note("a dry run: nothing is sent");
+        return true;
+    }
+    if args.yes {
+        return true;
+    }
+    note(&format!(
+        "It will stand up, walk for {:.0} s and lie down. Clear the ground, hold the robot's own switch ready. Ctrl-C \
+         stops it: the motors go limp and it sinks.\nType `{WORD}` and Enter to begin; anything else ends.",
+        script.seconds()
+    ));
+    let mut line = String::new();
+    std::io::stdin().lock().read_line(&mut line).is_ok() && line.trim() == WORD
+}
+
+/// Prints and saves what the run was.
+fn finish(args: &Run, summary: Result<Summary, RobotError>) -> Result<(), Failure> {
+    let summary = summary.map_err(|error| Failure {
+        exit: if matches!(error, RobotError::NotArmed(Reason::Signal)) {
+            Exit::Interrupted
+        } else {
+            Exit::Failed
+        },
+        message: error.to_string(),
+    })?;
+    let text = serde_json::to_vec_pretty(&summary)
+        .map_err(|error| Failure::failed(format!("cannot write the summary: {error}")))?;
+    gaitfit::files::write(&args.out.join("summary.json"), &text)?;
+    if args.json {
+        output::print_json(&summary)?;
+    } else {
+        output::print(&shown(args, &summary))?;
+    }
+    match &summary.reason {
+        _ if !summary.armed => {
+            Err(Failure { exit: Exit::Check, message: "not armed; nothing was sent".to_owned() })
+        }
+        Some(reason) if ASKED.load(Ordering::SeqCst) => {
+            Err(Failure { exit: Exit::Interrupted, message: format!("damped: {reason}") })
+        }
+        Some(reason) => Err(Failure::failed(format!("damped: {reason}"))),
+        None => Ok(()),
+    }
+}
+
+fn shown(args: &Run, summary: &Summary) -> String {
+    let late = |lateness: &gaitfit_robot::run::Lateness| {
+        format!("{} / {} / {} µs", lateness.p50, lateness.p99, lateness.max)
+    };
+    let delay = summary
+        .delay
+        .map_or("not measured: the walk is short, or no torques are reported".to_owned(), |found| {
+            format!("{} ms, {:.0} % of the torque unexplained", found.ms, 100.0 * found.residual)
+        });
+    let rows = [
+        (
+            "states received",
+            format!(
+                "{} at {:.0} Hz, longest gap {:.1} ms",
+                summary.states, summary.state_hz, summary.longest_gap_ms
+            ),
+        ),
+        (
+            "commands sent",
+            format!("{}, {} while walking changed by the guard", summary.commands, summary.clamped),
+        ),
+        (
+            "policy outputs",
+            format!(
+                "{}, on states {:.1} ms old, {:.1} at most",
+                summary.outputs, summary.state_age_ms, summary.oldest_state_ms
+            ),
+        ),
+        ("send loop late, p50 / p99 / max", late(&summary.send_late_us)),
+        ("policy loop late, p50 / p99 / max", late(&summary.control_late_us)),
+        (
+            "real-time priority",
+            if summary.real_time { "yes" } else { "no: the system did not give it" }.to_owned(),
+        ),
+        ("command to torque", delay),
+        ("logs", args.out.display().to_string()),
+    ];
+    let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
+    rows.iter().map(|(name, value)| format!("{name:width$}  {value}\n")).collect()
+}

@@ -1,0 +1,141 @@
+//! `gaitfit run`: a policy on a simulated robot, on the clock.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod common;
+
+use common::{errors, json, program, run};
+use gaitfit_log::{ReadOptions, Trajectory, read_csv};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const WALK: &str = "assets/go2-walk.safetensors";
+
+fn commands(folder: &Path, rows: &str) -> String {
+    let path = folder.join("commands.csv");
+    std::fs::write(&path, format!("t,vx,vy,wz\n{rows}")).unwrap();
+    path.display().to_string()
+}
+
+/// Arguments for the engine's robot; a busy machine is no reason to stop.
+fn simulated<'a>(commands: &'a str, out: &'a str) -> Vec<&'a str> {
+    let robot = ["--robot", "simulated", "--yes", "--patience", "1000"];
+    [&["run", WALK, "--commands", commands, "--out", out, "--json"][..], &robot].concat()
+}
+
+fn log(folder: &Path) -> Trajectory {
+    read_csv(&folder.join("walk.csv"), &ReadOptions::default()).unwrap()
+}
+
+/// Waits until the walk has been recorded for so many rows.
+fn wait_for_rows(folder: &Path, rows: usize, child: &mut Child) {
+    let begin = Instant::now();
+    loop {
+        let text = std::fs::read_to_string(folder.join("walk.csv")).unwrap_or_default();
+        if text.lines().count() > rows + 5 {
+            return;
+        }
+        assert!(child.try_wait().unwrap().is_none(), "it ended early");
+        assert!(begin.elapsed() < Duration::from_secs(60), "it does not walk");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn what_may_not_run_is_refused_before_anything_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = commands(folder.path(), "0,0.5,0,0\n1,0,0,0\n");
+    let out = folder.path().join("out").display().to_string();
+    let base = ["run", WALK, "--commands", &script, "--out", &out];
+    for (more, word) in [
+        (&["--robot", "unitree-go2", "--interface", "lo", "--yes"][..], "--yes: for simulators only"),
+        (&["--robot", "unitree-go2", "--interface", "lo"], "standard input is no terminal"),
+        (
+            &[
+                "--robot",
+                "unitree-go2",
+                "--interface",
+                "lo",
+                "--domain",
+                "0",
+                "--patience",
+                "100",
+                "--dry-run",
+            ],
+            "--patience",
+        ),
+        (&["--robot", "unitree-go2", "--domain", "1", "--yes"], "--interface"),
+        (&["--robot", "simulated", "--yes", "--random", "5"], "--random"),
+        (&["--robot", "spot", "--yes"], "spot"),
+    ] {
+        let output = program().args(base).args(more).stdin(Stdio::null()).output().unwrap();
+        assert_eq!(output.status.code(), Some(2), "{more:?}: {}", errors(&output));
+        assert!(errors(&output).contains(word), "{more:?}: {}", errors(&output));
+    }
+    let wrong = ["--robot", "unitree-go2", "--interface", "no-such-0", "--domain", "1", "--yes"];
+    let output = program().args(base).args(wrong).output().unwrap();
+    assert_eq!(output.status.code(), Some(if cfg!(feature = "dds") { 2 } else { 4 }), "{}", errors(&output));
+    assert!(errors(&output).contains("no-such-0"), "{}", errors(&output));
+    let out = folder.path().join("held").display().to_string();
+    std::fs::create_dir_all(&out).unwrap();
+    std::fs::write(folder.path().join("held/walk.csv"), "time\n").unwrap();
+    let output = run(&simulated(&script, &out));
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("holds a run already"), "{}", errors(&output));
+    let biped = folder.path().join("other.csv").display().to_string();
+    std::fs::write(&biped, "t,vx,vy\n0,0,0\n").unwrap();
+    let output = run(&simulated(&biped, &folder.path().join("none").display().to_string()));
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("no column `wz`"), "{}", errors(&output));
+}
+
+#[test]
+fn a_simulated_robot_stands_up_walks_and_lies_down_on_the_clock() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("a run");
+    let script = commands(folder.path(), "0,0.5,0,0\n2,0,0,0\n2.4,0,0,0\n");
+    let output = run(&simulated(&script, &out.display().to_string()));
+    assert!(output.status.success(), "{}", errors(&output));
+    let phases = errors(&output);
+    for phase in ["stand up", "stand", "walk", "lie down", "damping"] {
+        assert!(phases.lines().any(|line| line == phase), "{phase}: {phases}");
+    }
+    let summary = json(&output);
+    assert!(summary["reason"].is_null() && summary["armed"] == true);
+    let saved: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(saved, summary);
+    assert!(
+        summary["commands"].as_u64().unwrap() > 1000
+            && summary["send_late_us"]["turns"].as_u64().unwrap() > 1000
+    );
+    let log = log(&out);
+    // On a busy machine turns of the policy's loop are left out.
+    assert!(log.len() > 20 && log.len() <= 121, "{}", log.len());
+    assert_eq!(summary["outputs"].as_u64().unwrap() as usize, log.len());
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_damps_the_robot_and_a_kill_leaves_a_complete_log() {
+    for (signal, code) in [("-INT", Some(130)), ("-KILL", None)] {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        let random = ["run", WALK, "--random", "60", "--seed", "3", "--robot", "simulated", "--yes"];
+        let mut command = program();
+        command.args(random).args(["--patience", "1000", "--out"]).arg(&out);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        wait_for_rows(&out, 30, &mut child);
+        let kill = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+        assert!(kill.success());
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), code, "{}", errors(&output));
+        if code.is_some() {
+            assert!(errors(&output).contains("damped: the program was asked to end"), "{}", errors(&output));
+            let whole = std::fs::read_to_string(out.join("whole.csv")).unwrap();
+            assert!(whole.lines().last().unwrap().contains(",damping,"));
+        }
+        let log = log(&out);
+        assert!(log.len() >= 30 && log.command.unwrap()[0] != 0.0);
+    }
+}

@@ -1,0 +1,200 @@
+//! A Go2 over DDS: `rt/lowstate` in, `rt/lowcmd` out.
+
+use std::collections::VecDeque;
+use std::net::{IpAddr, Ipv4Addr};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use futures::StreamExt;
+use futures::future::{AbortHandle, Abortable};
+use rustdds::no_key::{DataReader, DataWriter};
+use rustdds::policy::{History, Reliability};
+use rustdds::{
+    CDRDeserializerAdapter, CDRSerializerAdapter, DomainParticipant, DomainParticipantBuilder, QosPolicies,
+    QosPolicyBuilder, RTPSEntity, Topic, TopicKind,
+};
+
+use super::Link;
+use crate::RobotError;
+use crate::command::Command;
+use crate::state::Reading;
+use crate::unitree::{LowCmd, LowState};
+
+const STATE: (&str, &str) = ("rt/lowstate", "unitree_go::msg::dds_::LowState_");
+const COMMAND: (&str, &str) = ("rt/lowcmd", "unitree_go::msg::dds_::LowCmd_");
+
+/// Messages that each end keeps; with fewer a writer loses some in its own queue.
+const DEPTH: i32 = 16;
+/// States that wait for the next call at most; older ones are let go.
+const WAITING: usize = 64;
+/// Largest domain that DDS has ports for.
+const MOST_DOMAIN: u16 = 232;
+
+/// What has arrived.
+#[derive(Default)]
+struct Inbox {
+    states: VecDeque<(Instant, Reading)>,
+    others: u64,
+    broken: Option<String>,
+}
+
+/// The link to a Go2, or to a simulator that speaks as one.
+pub struct Dds {
+    inbox: Arc<Mutex<Inbox>>,
+    writer: Option<DataWriter<LowCmd, CDRSerializerAdapter<LowCmd>>>,
+    listeners: Vec<AbortHandle>,
+    // Ends the protocol when it is dropped: last.
+    _participant: DomainParticipant,
+}
+
+impl Dds {
+    /// Joins `domain` on a network interface, for example `eth0`; robots are in domain 0. `silent`: it listens only.
+    ///
+    /// # Errors
+    /// An interface that is not there or has no IPv4 address; a domain beyond 232; DDS that cannot begin.
+    pub fn open(interface: &str, domain: u16, silent: bool) -> Result<Self, RobotError> {
+        if domain > MOST_DOMAIN {
+            return Err(RobotError::Domain { domain });
+        }
+        let address = address_of(interface)?;
+        let participant = DomainParticipantBuilder::new(domain)
+            .with_only_networks([IpAddr::V4(address)])
+            .same_host_loopback(address.is_loopback())
+            .build()
+            .map_err(failed("join the domain"))?;
+        let listening = qos(Reliability::BestEffort);
+        let sending = qos(Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) });
+        let topic = |(name, kind): (&str, &str), qos: &QosPolicies| -> Result<Topic, RobotError> {
+            participant
+                .create_topic(name.to_owned(), kind.to_owned(), qos, TopicKind::NoKey)
+                .map_err(failed("make a topic"))
+        };
+        let subscriber = participant.create_subscriber(&listening).map_err(failed("listen"))?;
+        let states = subscriber
+            .create_datareader_no_key_cdr::<LowState>(&topic(STATE, &listening)?, Some(listening.clone()))
+            .map_err(failed("listen to the robot's state"))?;
+        let commands = topic(COMMAND, &sending)?;
+        let others = subscriber
+            .create_datareader_no_key_cdr::<LowCmd>(&commands, Some(listening))
+            .map_err(failed("listen for other controllers"))?;
+        let writer = if silent {
+            None
+        } else {
+            let publisher = participant.create_publisher(&sending).map_err(failed("send"))?;
+            let writer = publisher
+                .create_datawriter_no_key_cdr::<LowCmd>(&commands, Some(sending))
+                .map_err(failed("send commands"))?;
+            Some(writer)
+        };
+        let inbox = Arc::new(Mutex::new(Inbox::default()));
+        let own = participant.guid().prefix;
+        let into = Arc::clone(&inbox);
+        let heard = listen(states, "states", Arc::clone(&inbox), move |state: LowState, _| {
+            let reading = Reading::from(&state);
+            let mut inbox = into.lock().unwrap_or_else(PoisonError::into_inner);
+            if inbox.states.len() == WAITING {
+                inbox.states.pop_front();
+            }
+            inbox.states.push_back((Instant::now(), reading));
+        })?;
+        let into = Arc::clone(&inbox);
+        let overheard = listen(others, "others", Arc::clone(&inbox), move |_: LowCmd, writer| {
+            if writer.prefix != own {
+                into.lock().unwrap_or_else(PoisonError::into_inner).others += 1;
+            }
+        })?;
+        Ok(Self { inbox, writer, listeners: vec![heard, overheard], _participant: participant })
+    }
+}
+
+impl Link for Dds {
+    fn receive(&mut self, _: Duration, each: &mut dyn FnMut(Duration, &Reading)) -> Result<u64, String> {
+        let (states, others) = {
+            let mut inbox = self.inbox.lock().unwrap_or_else(PoisonError::into_inner);
+            if let Some(problem) = inbox.broken.take() {
+                return Err(problem);
+            }
+            (std::mem::take(&mut inbox.states), std::mem::take(&mut inbox.others))
+        };
+        for (came, reading) in &states {
+            each(came.elapsed(), reading);
+        }
+        Ok(others)
+    }
+
+    fn send(&mut self, command: &Command) -> Result<(), String> {
+        let Some(writer) = &self.writer else { return Ok(()) };
+        writer.write(LowCmd::from(command), None).map_err(|error| format!("a command was not sent: {error}"))
+    }
+}
+
+impl Drop for Dds {
+    fn drop(&mut self) {
+        self.listeners.iter().for_each(AbortHandle::abort);
+    }
+}
+
+fn qos(reliability: Reliability) -> QosPolicies {
+    QosPolicyBuilder::new().reliability(reliability).history(History::KeepLast { depth: DEPTH }).build()
+}
+
+fn failed<E: std::fmt::Display>(what: &'static str) -> impl FnOnce(E) -> RobotError {
+    move |error| RobotError::Dds { what, problem: error.to_string() }
+}
+
+/// A thread that hands every message of `reader` to `take`, until it is aborted.
+fn listen<M: serde::de::DeserializeOwned + Send + 'static>(
+    reader: DataReader<M, CDRDeserializerAdapter<M>>,
+    name: &'static str,
+    inbox: Arc<Mutex<Inbox>>,
+    take: impl Fn(M, rustdds::GUID) + Send + 'static,
+) -> Result<AbortHandle, RobotError> {
+    let (handle, registration) = AbortHandle::new_pair();
+    let work = async move {
+        let mut stream = reader.async_sample_stream();
+        while let Some(message) = stream.next().await {
+            match message {
+                Ok(sample) => {
+                    let writer = sample.sample_info().writer_guid();
+                    take(sample.into_value(), writer);
+                }
+                // A message that cannot be read is not ours to answer for; its checksum would be wrong.
+                Err(error) => {
+                    let mut inbox = inbox.lock().unwrap_or_else(PoisonError::into_inner);
+                    inbox.broken.get_or_insert(format!("a message could not be read: {error}"));
+                }
+            }
+        }
+    };
+    std::thread::Builder::new()
+        .name(format!("dds {name}"))
+        .spawn(move || {
+            let _ = futures::executor::block_on(Abortable::new(work, registration));
+        })
+        .map_err(failed("start a thread"))?;
+    Ok(handle)
+}
+
+/// The IPv4 address of a network interface.
+fn address_of(interface: &str) -> Result<Ipv4Addr, RobotError> {
+    let all = netdev::get_interfaces();
+    let found = all.iter().find(|one| one.name == interface);
+    let address = found.and_then(|one| one.ipv4.first()).map(|network| network.addr());
+    address.ok_or_else(|| RobotError::Interface {
+        interface: interface.to_owned(),
+        there: found.is_some(),
+        names: all.iter().filter(|one| !one.ipv4.is_empty()).map(|one| one.name.clone()).collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interface_that_is_not_there_is_refused_with_those_that_are() {
+        let error = Dds::open("no-such-interface", 1, true).err().map(|error| error.to_string());
+        assert!(error.is_some_and(|error| error.contains("no-such-interface")));
+        assert!(matches!(Dds::open("lo", 233, true).err(), Some(RobotError::Domain { domain: 233 })));
+    }
+}

@@ -1,0 +1,85 @@
+//! The link over DDS on the loopback interface: a robot's side in the same process.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use gaitfit_robot::link::{Dds, Link};
+use gaitfit_robot::unitree::{LowCmd, LowState};
+use gaitfit_robot::{Seal, damping};
+use rustdds::policy::{History, Reliability};
+use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
+
+/// A domain that no robot or simulator uses.
+const DOMAIN: u16 = 77;
+
+#[test]
+fn states_and_commands_cross_the_loopback_interface_and_another_controller_is_seen() {
+    let done = Arc::new(AtomicBool::new(false));
+    let stop = Arc::clone(&done);
+    let robot = std::thread::spawn(move || {
+        let loopback: std::net::IpAddr = std::net::Ipv4Addr::LOCALHOST.into();
+        let participant =
+            DomainParticipantBuilder::new(DOMAIN).with_only_networks([loopback]).build().unwrap();
+        let reliable = Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
+        let history = History::KeepLast { depth: 16 };
+        let qos = QosPolicyBuilder::new().reliability(reliable).history(history).build();
+        let topic = |name: &str, kind: &str| {
+            participant.create_topic(name.to_owned(), kind.to_owned(), &qos, TopicKind::NoKey).unwrap()
+        };
+        let states = participant
+            .create_publisher(&qos)
+            .unwrap()
+            .create_datawriter_no_key_cdr::<LowState>(
+                &topic("rt/lowstate", "unitree_go::msg::dds_::LowState_"),
+                Some(qos.clone()),
+            )
+            .unwrap();
+        let mut commands = participant
+            .create_subscriber(&qos)
+            .unwrap()
+            .create_datareader_no_key_cdr::<LowCmd>(
+                &topic("rt/lowcmd", "unitree_go::msg::dds_::LowCmd_"),
+                Some(qos.clone()),
+            )
+            .unwrap();
+        let (mut tick, mut right, mut wrong) = (0, 0, 0);
+        while !stop.load(Ordering::SeqCst) {
+            tick += 2;
+            states.write(LowState { tick, ..LowState::default() }.sealed(), None).unwrap();
+            for command in commands.take(100, ReadCondition::any()).unwrap() {
+                let command = command.into_value();
+                *(if command.checksum() == command.crc { &mut right } else { &mut wrong }) += 1;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        (right, wrong)
+    });
+    let mut link = Dds::open("lo", DOMAIN, false).unwrap();
+    let begin = Instant::now();
+    let mut ticks = Vec::new();
+    let mut receive = |link: &mut Dds| {
+        let others = link.receive(begin.elapsed(), &mut |age, reading| {
+            assert!(reading.seal == Seal::Right && age < Duration::from_secs(5));
+            ticks.push(reading.state.tick);
+        });
+        std::thread::sleep(Duration::from_millis(2));
+        (others.unwrap(), ticks.len())
+    };
+    while receive(&mut link).1 < 500 {
+        link.send(&damping()).unwrap();
+        assert!(begin.elapsed() < Duration::from_secs(60), "no states over the loopback interface");
+    }
+    assert_eq!(receive(&mut link).0, 0, "its own commands are not another controller's");
+    let mut other = Dds::open("lo", DOMAIN, false).unwrap();
+    let mut seen = 0;
+    while seen == 0 {
+        other.send(&damping()).unwrap();
+        seen += receive(&mut link).0;
+        assert!(begin.elapsed() < Duration::from_secs(90), "the other controller is not seen");
+    }
+    done.store(true, Ordering::SeqCst);
+    let (right, wrong) = robot.join().unwrap();
+    assert!(right > 100 && wrong == 0, "{right} {wrong}");
+    assert!(ticks.windows(2).all(|pair| pair[0] < pair[1]));
+}
