@@ -94,5 +94,6 @@ fn networks_of_one_limb_are_shared() {
 #[test]
 fn two_legged_robots_are_shared() {
     compare("biped", &robot("biped"), Preset::Fast, 2, 100, 1e-11);
-    compare("humanoid", &robot("humanoid"), Preset::Fast, 2, 100, 1e-11);
+    // Some of its velocities are large, and sums over the limbs are rounded in another order.
+    compare("humanoid", &robot("humanoid"), Preset::Fast, 2, 100, 1e-10);
 }
