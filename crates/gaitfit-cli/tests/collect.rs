@@ -228,10 +228,15 @@ fn commands_are_chosen_and_played() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
     let policy = "assets/go2-walk.safetensors";
-    std::fs::write(at("fit.toml"), "costs = [\"matchr1\"]\n[simulation]\ntimestep = 0.01\npreset = \"fast\"\n").unwrap();
+    std::fs::write(
+        at("fit.toml"),
+        "costs = [\"matchr1\"]\n[simulation]\ntimestep = 0.01\npreset = \"fast\"\n",
+    )
+    .unwrap();
     let choose = |out: &str, more: &[&str]| {
         let (config, out) = (at("fit.toml"), at(out));
-        let words = ["excite", &config, "--policy", policy, "--out", &out, "--trajectories", "2", "--pool", "12"];
+        let words =
+            ["excite", &config, "--policy", policy, "--out", &out, "--trajectories", "2", "--pool", "12"];
         run(&[&words[..], &["--seconds", "1.6", "--json"], more].concat())
     };
     let output = choose("commands.csv", &["--threads", "1"]);
@@ -255,8 +260,11 @@ fn commands_are_chosen_and_played() {
     let output = play(&out, &[]);
     assert!(output.status.success(), "{}", errors(&output));
     assert_eq!(json(&output)["trajectories"], 2);
-    let rows: Vec<Vec<f64>> =
-        text.lines().skip(1).map(|line| line.split(',').map(|word| word.parse().unwrap()).collect()).collect();
+    let rows: Vec<Vec<f64>> = text
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').map(|word| word.parse().unwrap()).collect())
+        .collect();
     for number in 0..2 {
         let log = folder.path().join(format!("logs/trajectory_{number:02}.csv"));
         let log = read_csv(&log, &ReadOptions::default()).unwrap();

@@ -1,11 +1,11 @@
 //! Logs of a policy in a simulator.
 
-use crate::log_folder::write_logs;
-use crate::watch::Watch;
-use crate::world::{World, WorldSettings};
 use crate::excite::playlist::{self, Sequence};
+use crate::log_folder::write_logs;
 use crate::walk::recorder::Recorded;
 use crate::walk::simulator::script;
+use crate::watch::Watch;
+use crate::world::{World, WorldSettings};
 use crate::{Access, Error};
 use gaitfit_learn::collect::{CollectOptions, Collected as Recording};
 use gaitfit_log::{BaseState, Gains, Trajectory, csv_files};

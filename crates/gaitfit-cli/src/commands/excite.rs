@@ -51,7 +51,9 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
     let mut rows = table(&["parameter", "random", "chosen", "unit", "chosen over random"], &[1, 2, 4]);
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2e}"));
     for Expected { name, unit, random, chosen, .. } in &found.parameters {
-        let ratio = random.zip(*chosen).map_or_else(|| "–".to_owned(), |(random, chosen)| format!("{:.2}", chosen / random));
+        let ratio = random
+            .zip(*chosen)
+            .map_or_else(|| "–".to_owned(), |(random, chosen)| format!("{:.2}", chosen / random));
         rows.add_row([shown(name), number(*random), number(*chosen), unit.clone(), ratio]);
     }
     let mut text = format!(

@@ -36,9 +36,9 @@ pub use results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};
 pub use score::{Score, Validation};
 pub use search::{METRICS, metrics};
 pub(crate) use sensitivity::tell;
-pub(crate) use setup::{Robot, method as simulated};
 pub use sensitivity::{SensitivityResults, Told, sensitivity};
 pub use setup::Setup;
+pub(crate) use setup::{Robot, method as simulated};
 pub use springs::FoundSpring;
 pub use validate::{ValidateRequest, ValidateResults, validate};
 

@@ -136,7 +136,8 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let method = simulated(&config, Some(policy.clone()), model.clone(), &theta, &base, Some(threads))?;
     let robot = Arc::new(Walking::robot(&config, policy, &model, &theta, &base, threads)?);
     let pool = pool(settings, &robot.task);
-    let look = Look { settings, config: &config, method: &method, base: &base, theta: &theta, values: &values };
+    let look =
+        Look { settings, config: &config, method: &method, base: &base, theta: &theta, values: &values };
     let mut found = look.informations(&robot, &pool, watch)?;
     let fell = found.iter().filter(|one| one.is_none()).count();
     let usual = settings.pool.div_ceil(2);
@@ -215,7 +216,15 @@ fn pool(settings: &CommandSettings, task: &Task) -> Vec<Sequence> {
         let drawn = |step: u32| {
             let draw = |k: usize| stream.step(2 + step).uniform(k as u32);
             let within = |[low, high]: [f64; 2], part: f64| low + (high - low) * part;
-            let end = |part: f64| if part < 1.0 / 3.0 { 0.0 } else if part < 2.0 / 3.0 { 0.5 } else { 1.0 };
+            let end = |part: f64| {
+                if part < 1.0 / 3.0 {
+                    0.0
+                } else if part < 2.0 / 3.0 {
+                    0.5
+                } else {
+                    1.0
+                }
+            };
             let part = |k: usize| if ends { end(draw(k)) } else { draw(k) };
             let stands = !ends && draw(3) < command.standing;
             let value = std::array::from_fn(|k| if stands { 0.0 } else { within(ranges[k], part(k)) });
@@ -260,10 +269,12 @@ impl Look<'_> {
         watch: &Watch<'_>,
     ) -> Result<Vec<Option<DMatrix<f64>>>, Error> {
         let templates: Vec<Trajectory> = pool.iter().map(|one| self.template(&robot.task, one)).collect();
-        let recorder = Recorder::new(Arc::clone(robot), self.base.clone(), &templates.iter().collect::<Vec<_>>());
+        let recorder =
+            Recorder::new(Arc::clone(robot), self.base.clone(), &templates.iter().collect::<Vec<_>>());
         let seed = derive_seed(self.settings.seed, Purpose::TORQUE_NOISE, 0);
         let stop = || watch.stop();
-        let interrupted = || Error::Interrupted { message: "interrupted; nothing was written".to_owned(), kept: None };
+        let interrupted =
+            || Error::Interrupted { message: "interrupted; nothing was written".to_owned(), kept: None };
         let recorded =
             recorder.record(self.theta, self.values, self.settings.torque_noise, &[seed], &stop)?.pop();
         if watch.stop() {

@@ -19,11 +19,13 @@ pub(super) fn deviations(information: &DMatrix<f64>) -> Vec<f64> {
     let scale = information.diagonal().map(|own| if own > 0.0 { 1.0 / own.sqrt() } else { 0.0 });
     let scaled = DMatrix::from_fn(count, count, |i, j| {
         let same = if i == j { RIDGE } else { 0.0 };
-        information[(i, j)] * scale[i] * scale[j] + if scale[i] > 0.0 { same } else { f64::from(u8::from(i == j)) }
+        information[(i, j)] * scale[i] * scale[j]
+            + if scale[i] > 0.0 { same } else { f64::from(u8::from(i == j)) }
     });
     let Some(solved) = scaled.cholesky() else { return vec![f64::INFINITY; count] };
     let inverse = solved.inverse();
-    let of = |i: usize| if scale[i] > 0.0 { inverse[(i, i)].max(0.0).sqrt() * scale[i] } else { f64::INFINITY };
+    let of =
+        |i: usize| if scale[i] > 0.0 { inverse[(i, i)].max(0.0).sqrt() * scale[i] } else { f64::INFINITY };
     (0..count).map(of).collect()
 }
 

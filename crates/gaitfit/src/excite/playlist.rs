@@ -96,7 +96,10 @@ mod tests {
         let one = Sequence { steps: vec![(0.0, [0.5, -0.25, 1.0]), (1.5, [0.0; 3])] };
         let all = vec![one.clone(), Sequence { steps: vec![(0.0, [1.0; 3])] }];
         assert_eq!(parse(&text(&all)).unwrap(), all);
-        assert_eq!((one.at(0.0), one.at(1.49), one.at(1.5), one.at(99.0)), ([0.5, -0.25, 1.0], [0.5, -0.25, 1.0], [0.0; 3], [0.0; 3]));
+        assert_eq!(
+            (one.at(0.0), one.at(1.49), one.at(1.5), one.at(99.0)),
+            ([0.5, -0.25, 1.0], [0.5, -0.25, 1.0], [0.0; 3], [0.0; 3])
+        );
         let cases = [
             ("", "header"),
             ("time,vx\n", "header"),

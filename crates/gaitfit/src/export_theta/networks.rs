@@ -66,7 +66,8 @@ impl Parts {
         let mut rest = network.weights.as_slice();
         let mut layers = Vec::new();
         for (inputs, outputs) in LAYERS {
-            let wrong = || Error::failed(format!("network `{}` has {} weights", network.name, network.weights.len()));
+            let wrong =
+                || Error::failed(format!("network `{}` has {} weights", network.name, network.weights.len()));
             let (weights, after) = rest.split_at_checked(inputs * outputs).ok_or_else(wrong)?;
             let (biases, after) = after.split_at_checked(outputs).ok_or_else(wrong)?;
             layers.push((weights.to_vec(), biases.to_vec()));
@@ -88,8 +89,12 @@ impl Parts {
         let shape = Shape { inputs, hidden, outputs, activation: Activation::Tanh };
         let network = Network::new(shape, &parameters)
             .map_err(|error| Error::failed(format!("network `{name}`: {error}")))?;
-        let scale: Vec<(f32, f32)> =
-            self.factor.iter().zip(&self.offset).map(|(factor, offset)| (*factor as f32, *offset as f32)).collect();
+        let scale: Vec<(f32, f32)> = self
+            .factor
+            .iter()
+            .zip(&self.offset)
+            .map(|(factor, offset)| (*factor as f32, *offset as f32))
+            .collect();
         Ok(onnx::write_network(name, &network, &scale)?)
     }
 
@@ -111,7 +116,8 @@ impl Parts {
 fn npy(shape: &[u64], values: &[f64]) -> std::io::Result<Vec<u8>> {
     use npyz::WriterBuilder;
     let mut out = Vec::new();
-    let mut writer = npyz::WriteOptions::<f64>::new().default_dtype().shape(shape).writer(&mut out).begin_nd()?;
+    let mut writer =
+        npyz::WriteOptions::<f64>::new().default_dtype().shape(shape).writer(&mut out).begin_nd()?;
     writer.extend(values.iter().copied())?;
     writer.finish()?;
     Ok(out)

@@ -73,7 +73,12 @@ fn gains(model: &Model) -> Gains {
 }
 
 fn content<'a>(exported: &'a Exported, name: &str) -> &'a str {
-    exported.files.iter().find(|(file, _)| file == name).map(|(_, bytes)| std::str::from_utf8(bytes).unwrap()).unwrap()
+    exported
+        .files
+        .iter()
+        .find(|(file, _)| file == name)
+        .map(|(_, bytes)| std::str::from_utf8(bytes).unwrap())
+        .unwrap()
 }
 
 #[test]
@@ -308,7 +313,9 @@ fn output(weights: &[f64], motion: [[f64; 2]; 3]) -> f64 {
 /// A theta.toml of the Go2 with a network of each kind.
 fn with_networks() -> ThetaFile {
     let mut text = "format = 2\nrobot = \"go2\"\nphysics_step = 0.005\n".to_owned();
-    for (number, (kind, joint)) in [("action_delta", "FL_hip"), ("resid_act", "RR_calf")].into_iter().enumerate() {
+    for (number, (kind, joint)) in
+        [("action_delta", "FL_hip"), ("resid_act", "RR_calf")].into_iter().enumerate()
+    {
         text.push_str(&format!(
             "[[network]]\nname = \"{kind}_{joint}\"\nkind = \"{kind}\"\njoint = \"{joint}\"\nrest = {REST:?}\n\
              position_scale = {:?}\nvelocity_scale = {:?}\noutput_scale = {:?}\nweights = {:?}\n",

@@ -2,8 +2,8 @@
 
 use super::metadata;
 use super::proto::{
-    Attribute, Dimension, Entry, FLOAT, FLOAT_ATTRIBUTE, Graph, INT_ATTRIBUTE, Model, Node, OperatorSet, Tensor,
-    TensorShape, TensorType, Type, ValueInfo,
+    Attribute, Dimension, Entry, FLOAT, FLOAT_ATTRIBUTE, Graph, INT_ATTRIBUTE, Model, Node, OperatorSet,
+    Tensor, TensorShape, TensorType, Type, ValueInfo,
 };
 use crate::error::invalid;
 use crate::files::layers::take_apart;
