@@ -64,7 +64,7 @@ pub fn collect(settings: &CollectSettings, folder: &Path, watch: &Watch<'_>) -> 
             shown_number(high)
         )));
     }
-    let played = settings.commands.as_deref().map(|path| playlist::read(path)).transpose()?;
+    let played = settings.commands.as_deref().map(playlist::read).transpose()?;
     if settings.commands.is_some() && settings.world.randomised {
         return Err(Error::settings(
             "`commands` (--commands) are played by the robot as it is; leave `randomised` (--randomised) out",

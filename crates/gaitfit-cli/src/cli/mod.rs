@@ -75,7 +75,7 @@ pub enum Command {
     /// Run a policy in a simulator and write its logs
     Collect(Collect),
     /// Run a policy on a robot: stand up, walk, lie down, with logs
-    Run(Run),
+    Run(Box<Run>),
     /// Measure speed
     #[command(subcommand)]
     Bench(Bench),

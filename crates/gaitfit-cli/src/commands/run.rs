@@ -128,7 +128,7 @@ fn script(args: &Run, policy: &Policy) -> Result<Script, Failure> {
         return Script::read(path).map_err(usage);
     }
     let seconds = args.random.unwrap_or_default();
-    if !(seconds >= 1.0 && seconds <= 3600.0) {
+    if !(1.0..=3600.0).contains(&seconds) {
         return Err(Failure::usage(format!("--random: {seconds} s; give 1 to 3600")));
     }
     let world = WorldSettings {
