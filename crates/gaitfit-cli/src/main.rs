@@ -70,7 +70,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::ExportTheta(args) => commands::export_theta::run(args),
         Command::Evaluate(args) => commands::evaluate::run(args),
         Command::Collect(args) => commands::collect::run(args),
-        Command::Run(args) => commands::run::run(*args),
+        Command::Run(args) => commands::run::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Completions(args) => commands::shell::completions(args),
         Command::Man(args) => commands::shell::man(args),
