@@ -272,8 +272,12 @@ fn commands_are_chosen_and_played() {
         let sent = log.command.as_ref().unwrap();
         for sample in 0..60 {
             let time = 0.2 + 0.02 * sample as f64 + 1e-6;
-            let mine = rows.iter().filter(|row| row[0] == number as f64 && row[1] <= time);
-            assert_eq!(sent[3 * sample..3 * sample + 3], mine.last().unwrap()[2..], "{number}, {sample}");
+            let mut mine = rows.iter().filter(|row| row[0] == number as f64 && row[1] <= time);
+            assert_eq!(
+                sent[3 * sample..3 * sample + 3],
+                mine.next_back().unwrap()[2..],
+                "{number}, {sample}"
+            );
         }
         let base = log.base.as_ref().unwrap();
         assert!(base.position.as_ref().unwrap()[2] > 0.2 && base.quaternion.is_some());

@@ -51,7 +51,7 @@ pub enum Command {
     /// Say how precisely logs can tell each parameter of a fit, without fitting
     Sensitivity(Sensitivity),
     /// Write a chirp for legs in the air that shows a fit what it looks for, within the robot's limits
-    Excite(Excite),
+    Excite(Box<Excite>),
     /// Check how well a finished fit predicts other logs, without fitting again
     Validate(Validate),
     /// Train a policy by PPO
