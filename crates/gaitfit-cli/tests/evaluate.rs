@@ -152,6 +152,24 @@ fn what_cannot_be_evaluated_is_refused() {
     assert!(errors(&output).contains("fitted to the robot `cat`, and this is `go2`"), "{}", errors(&output));
 }
 
+/// A policy of another robot than the built-in one, without the robot's file.
+#[test]
+fn a_policy_of_another_robot_asks_for_the_robot() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(common::root().join(FOREIGN)).unwrap();
+    let network = common::root().join(FOREIGN).with_file_name("foreign.onnx");
+    let text = text.replace("foreign.onnx", &network.display().to_string()).replace("FL_hip_joint", "Waist");
+    let policy = folder.path().join("humanoid.toml");
+    std::fs::write(&policy, text).unwrap();
+    let output = run(&["evaluate", &policy.display().to_string(), "--drift", "0"]);
+    let error = errors(&output);
+    assert_eq!(output.status.code(), Some(1), "{error}");
+    assert!(
+        error.contains("has no joint `Waist`") && error.contains("name its file with --robot"),
+        "{error}"
+    );
+}
+
 /// Ground that cannot be names the file that it is from.
 #[test]
 fn a_wrong_ground_names_its_file() {

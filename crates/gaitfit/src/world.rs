@@ -107,7 +107,12 @@ impl World {
         };
         let mut warnings = robot::remarks(&model);
         let interface = &policy.interface;
-        let pose = interface.model_pose(&model)?;
+        let pose = interface.model_pose(&model).map_err(|error| match &args.robot {
+            Some(_) => error.into(),
+            None => Error::from(error).advised(
+                "this policy was trained on another robot than the built-in Go2: name its file with --robot",
+            ),
+        })?;
         for spring in &args.spring {
             let rest = spring.put_on(&mut model, |joint| pose.get(joint).copied())?;
             changes.push(format!("spring {} N·m/rad about {rest} rad on {}", spring.stiffness, spring.joint));
