@@ -1,0 +1,122 @@
+"""CMA-ES alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._gaitfit import Cma as _Cma
+
+
+class CMA:
+    """Minimises a black box by CMA-ES (Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv 1604.00772, 2016).
+
+    >>> search = CMA(start=[3.0, -2.0], deviation=[1.0, 0.1], seed=7)
+    >>> while search.stop is None:
+    ...     candidates = search.ask()                 # shape (population, n)
+    ...     search.tell(candidates[:, 0] ** 2 + 100 * candidates[:, 1] ** 2)
+    >>> search.best_cost < 1e-9
+    True
+
+    ``start`` and ``deviation`` have one number for each coordinate, in the problem's own units: the first mean and the
+    first standard deviation. ``lower`` and ``upper`` are bounds; ``bounds`` says what happens to draws outside them,
+    ``"resample"`` or ``"reflect"``. ``covariance`` is ``"full"`` or, for hundreds of coordinates, ``"separable"``.
+    ``population`` is 4 + ⌊3 ln n⌋ by default. The same seed gives the same candidates. ``state`` goes on where
+    :attr:`state` of an earlier search of the same arguments was taken.
+    """
+
+    def __init__(
+        self,
+        start: ArrayLike,
+        deviation: ArrayLike,
+        *,
+        seed: int = 1,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        population: int | None = None,
+        bounds: str = "resample",
+        covariance: str = "full",
+        state: str | None = None,
+    ) -> None:
+        if bounds not in ("resample", "reflect"):
+            raise ValueError(f"bounds is {bounds!r}; take 'resample' or 'reflect'")
+        if covariance not in ("full", "separable"):
+            raise ValueError(f"covariance is {covariance!r}; take 'full' or 'separable'")
+        self._arguments = (
+            _numbers(start),
+            _numbers(deviation),
+            seed,
+            None if lower is None else _numbers(lower),
+            None if upper is None else _numbers(upper),
+            population,
+            bounds == "reflect",
+            covariance == "separable",
+        )
+        self._search = _Cma(*self._arguments, state)
+
+    def __getstate__(self) -> tuple[Any, ...]:
+        return (*self._arguments, self.state)
+
+    def __setstate__(self, saved: tuple[Any, ...]) -> None:
+        self._arguments = saved[:-1]
+        self._search = _Cma(*saved)
+
+    def ask(self) -> NDArray[np.float64]:
+        """The candidates of this generation, shape ``(population, n)``: the same ones until :meth:`tell`."""
+        return self._search.ask()
+
+    def tell(self, costs: ArrayLike) -> None:
+        """What the candidates of :meth:`ask` cost, shape ``(population,)``; infinity for one that failed."""
+        self._search.tell(np.ascontiguousarray(costs, np.float64))
+
+    @property
+    def stop(self) -> str | None:
+        """Why the search has ended, or ``None`` while it goes on."""
+        return self._search.stop()
+
+    @property
+    def best(self) -> NDArray[np.float64] | None:
+        """The best candidate so far, shape ``(n,)``."""
+        best = self._search.best()
+        return None if best is None else best[0]
+
+    @property
+    def best_cost(self) -> float | None:
+        """What it cost."""
+        best = self._search.best()
+        return None if best is None else best[1]
+
+    @property
+    def mean(self) -> NDArray[np.float64]:
+        """The mean of the distribution, shape ``(n,)``."""
+        return self._search.mean()
+
+    @property
+    def deviations(self) -> NDArray[np.float64]:
+        """The standard deviation of each coordinate, shape ``(n,)``."""
+        return self._search.deviations()
+
+    @property
+    def generation(self) -> int:
+        """Generations told."""
+        return self._search.generation()
+
+    @property
+    def evaluations(self) -> int:
+        """Candidates told."""
+        return self._search.evaluations()
+
+    @property
+    def state(self) -> str:
+        """All that changes, as JSON: small, exact, and enough to go on later."""
+        return self._search.state()
+
+
+def _numbers(values: ArrayLike) -> Sequence[float]:
+    array = np.asarray(values, np.float64)
+    if array.ndim != 1:
+        raise ValueError(f"needed: one number for each coordinate; found an array of shape {array.shape}")
+    return array.tolist()

@@ -1,0 +1,178 @@
+"""Fits of a simulator of your own."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _gaitfit
+from ._logs import Log
+from ._progress import Progress, listener
+
+Signals = Mapping[str, ArrayLike]
+
+
+class Simulator(Protocol):
+    """What :func:`fit_simulator` calls: any function will do."""
+
+    def __call__(self, candidates: NDArray[np.float64], /) -> Sequence[Signals]:
+        """Simulates ``candidates``, shape ``(candidates, parameters)``, in the parameters' own units.
+
+        Returns one mapping for each log, in the logs' order, with ``position``, rad, ``velocity``, rad/s, and, if the
+        logs have it, ``action``: each of shape ``(candidates, samples, joints)``, the samples being those of the log.
+        A candidate that diverged has NaN.
+        """
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number to search: its bounds, and where the search begins (mean and standard deviation; by default the middle
+    and a quarter of the range), all in ``unit``."""
+
+    name: str
+    lower: float
+    upper: float
+    start: float | None = None
+    deviation: float | None = None
+    unit: str = "-"
+
+
+@dataclass(frozen=True)
+class FitOutcome:
+    """What :func:`fit_simulator` found.
+
+    ``values`` is the best candidate by name, ``cost`` its cost, ``spread`` the standard deviation of the seeds' best
+    values (``None`` with one seed), ``intervals`` the range in which the logs cannot tell a value from the best one,
+    where that was measured, ``at_bound`` the names of values that rest on a bound. ``document`` is all of it as plain
+    data, each seed's run too.
+    """
+
+    values: dict[str, float]
+    cost: float
+    spread: dict[str, float | None]
+    intervals: dict[str, tuple[float, float]] | None
+    at_bound: list[str]
+    document: dict[str, Any]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One flat row for each parameter, for ``pandas.DataFrame`` or ``polars.DataFrame``."""
+        keys = ("name", "value", "unit", "spread", "lower", "upper", "start", "at_bound")
+        rows = [{key: one[key] for key in keys} for one in self.document["parameters"]]
+        for row in rows if self.intervals else ():
+            row["interval_lower"], row["interval_upper"] = self.intervals[row["name"]]
+        return rows
+
+
+def fit_simulator(
+    simulate: Simulator,
+    logs: Log | Sequence[Log],
+    parameters: Sequence[Parameter],
+    *,
+    joints: Sequence[str] | None = None,
+    cost: str = "wass",
+    seeds: Sequence[int] = (1,),
+    generations: int = 200,
+    population: int = 0,
+    tolerance: float = 1e-4,
+    skip: int = 0,
+    checkpoint: str | os.PathLike[str] | None = None,
+    intervals: bool = False,
+    progress: bool | Progress = True,
+) -> FitOutcome:
+    """Searches the parameters with which a simulator of your own moves like the robot, by CMA-ES.
+
+    ``simulate`` is a :class:`Simulator`: it gets an array of shape ``(candidates, parameters)``, all seeds' candidates
+    together, and returns the signals of all of them on every log. It is called on the calling thread. ``joints`` are
+    the names of the signals' columns, by default those of the first log. ``cost`` is ``"wass"`` (distributions: no
+    common clock is needed) or ``"matcho"`` (sample by sample). The first ``skip`` samples of every log do not count.
+    ``population`` 0 takes 4 + ⌊3 ln n⌋; ``tolerance`` ends a run whose spread has shrunk to this share of its start.
+    With ``checkpoint``, a file, the state is saved after every generation, and a later call with the same arguments
+    goes on there, to the same bits. ``intervals`` measures at the end how well the logs tell each value, with further
+    simulations.
+
+    Raises ``ValueError`` for arrays of a wrong shape, :class:`GaitfitError` for a search that cannot go on, and
+    whatever ``simulate`` itself raises.
+    """
+    logs, seeds = [logs] if isinstance(logs, Log) else list(logs), list(seeds)
+    if joints is None:
+        joints = next((log.joints for log in logs if log.joints is not None), None)
+    if joints is None:
+        raise ValueError("the logs do not name their joints: give joints=[...], one name for each column")
+    if any(log.joints is not None and list(log.joints) != list(joints) for log in logs):
+        raise ValueError(f"the logs' joints differ in names or order; needed in all of them: {list(joints)}")
+    for what, number in (("generations", generations), ("seeds", len(seeds))):
+        if number < 1:
+            raise ValueError(f"{what}: there must be at least one")
+    entries = [
+        {
+            "name": one.name,
+            "unit": one.unit,
+            "lower": float(one.lower),
+            "upper": float(one.upper),
+            "start": float(0.5 * (one.lower + one.upper) if one.start is None else one.start),
+            "deviation": float(0.25 * (one.upper - one.lower) if one.deviation is None else one.deviation),
+        }
+        for one in parameters
+    ]
+    recorded = [
+        {name: _matrix(f"log {number}: {name}", getattr(log, name)) for name in ("position", "velocity", "action")}
+        for number, log in enumerate(logs)
+    ]
+
+    def simulated(candidates: NDArray[np.float64]) -> list[dict[str, Any]]:
+        return [_signals(number, signals) for number, signals in enumerate(simulate(candidates))]
+
+    search = {
+        "cost": cost,
+        "skip": skip,
+        "population": population,
+        "generations": generations,
+        "seeds": seeds,
+        "tolerance": tolerance,
+        "checkpoint": None if checkpoint is None else os.fspath(checkpoint),
+        "intervals": intervals,
+    }
+    found = _gaitfit.fit_simulator(simulated, list(joints), recorded, entries, search, listener(progress))
+    document = json.loads(found)
+    if document is None:
+        raise _gaitfit.GaitfitError("no candidate had a finite cost: every simulation diverged")
+    outcome = document["parameters"]
+    ranges = {one["name"]: one.get("identification") for one in outcome}
+    return FitOutcome(
+        values={one["name"]: one["value"] for one in outcome},
+        cost=document["best_cost"],
+        spread={one["name"]: one.get("spread") for one in outcome},
+        intervals={name: (one["lower"], one["upper"]) for name, one in ranges.items() if one} or None,
+        at_bound=[one["name"] for one in outcome if one["at_bound"]],
+        document=document,
+    )
+
+
+def _matrix(what: str, values: ArrayLike | None) -> NDArray[np.float64] | None:
+    if values is None:
+        return None
+    array = np.asarray(values, np.float64)
+    if array.ndim != 2:
+        raise ValueError(f"{what} has the shape {array.shape}; needed: samples × joints")
+    return array
+
+
+def _signals(number: int, signals: Signals) -> dict[str, Any]:
+    if not isinstance(signals, Mapping):
+        raise TypeError(f"simulate returned a {type(signals).__name__} for log {number}; needed: a dict of arrays")
+    found: dict[str, Any] = {}
+    for name in ("position", "velocity", "action"):
+        values = signals.get(name)
+        if values is None and name != "action":
+            raise ValueError(f"simulate: the signals of log {number} have no {name!r}")
+        found[name] = None if values is None else np.asarray(values, np.float32)
+        if values is not None and found[name].ndim != 3:
+            shape = found[name].shape
+            raise ValueError(f"simulate: {name} of log {number} has the shape {shape}; needed: candidates × samples × joints")
+    return found

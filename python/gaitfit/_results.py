@@ -1,0 +1,76 @@
+"""What a stage found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+
+class Results(Mapping[str, Any]):
+    """What a stage found: the document that the program prints with ``--json``, also by attribute.
+
+    ``results["headline"]`` and ``results.headline`` are the same. ``dict(results)`` is plain data.
+    """
+
+    def __init__(self, document: Mapping[str, Any]) -> None:
+        self._document = dict(document)
+
+    def __getitem__(self, key: str) -> Any:
+        return _wrapped(self._document[key])
+
+    def __getattr__(self, key: str) -> Any:
+        if key.startswith("_"):
+            raise AttributeError(key)
+        try:
+            return self[key]
+        except KeyError:
+            have = ", ".join(self._document)
+            raise AttributeError(f"there is no {key!r}; there are {have}") from None
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._document]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._document)
+
+    def __len__(self) -> int:
+        return len(self._document)
+
+    def __repr__(self) -> str:
+        headline = self._document.get("headline")
+        text = f": {headline}" if headline else ""
+        return f"Results({', '.join(self._document)}){text}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, as JSON has it."""
+        return dict(self._document)
+
+    @property
+    def report(self) -> Path | None:
+        """The page of the run, where there is one."""
+        folder = self._document.get("run_folder")
+        page = None if folder is None else Path(folder) / "report.html"
+        return page if page is not None and page.exists() else None
+
+    def rows(self, key: str) -> list[dict[str, Any]]:
+        """The list under ``key`` as flat rows, for ``pandas.DataFrame`` or ``polars.DataFrame``."""
+        return [_flat(row) for row in self._document[key]]
+
+
+def _wrapped(value: Any) -> Any:
+    if isinstance(value, dict):
+        return Results(value)
+    if isinstance(value, list):
+        return [_wrapped(one) for one in value]
+    return value
+
+
+def _flat(row: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in row.items():
+        if isinstance(value, dict):
+            flat.update(_flat(value, f"{before}{key}."))
+        else:
+            flat[before + key] = value
+    return flat

@@ -1,0 +1,73 @@
+"""Many robots as an environment of rsl_rl (3.0 or later). Needs ``torch``, ``tensordict`` and ``rsl-rl-lib``
+(``pip install "gaitfit[rsl-rl]"``)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from rsl_rl.env import VecEnv
+from tensordict import TensorDict
+
+from ._robots import Robots
+
+
+class RslRlVecEnv(VecEnv):
+    """Robots at a task as rsl_rl's ``VecEnv``. Arguments as of :class:`gaitfit.Robots`.
+
+    Observation groups are ``policy`` and, where the task has one, ``critic``. Tensors share the robots' memory on the
+    CPU; with another ``device`` they are copied there.
+    """
+
+    def __init__(
+        self,
+        config: str | os.PathLike[str] | None = None,
+        *,
+        num_envs: int = 1024,
+        robot: str | os.PathLike[str] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        seed: int = 0,
+        threads: int | None = None,
+        device: str = "cpu",
+    ) -> None:
+        self._robots = Robots(
+            config, num_envs=num_envs, robot=robot, settings=settings, seed=seed, threads=threads, stagger=True
+        )
+        self.num_envs = num_envs
+        self.num_actions = self._robots.num_actions
+        self.max_episode_length = self._robots.max_episode_length
+        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=device)
+        self.device = device
+        self.cfg = {"config": None if config is None else os.fspath(config), "settings": dict(settings or {})}
+        self._observation = torch.from_numpy(self._robots.observation)
+        self._critic = torch.from_numpy(self._robots.critic_observation)
+
+    def get_observations(self) -> TensorDict:
+        """What the robots observe now."""
+        groups = {"policy": self._on(self._observation)}
+        if self._critic.shape[1]:
+            groups["critic"] = self._on(self._critic)
+        return TensorDict(groups, batch_size=[self.num_envs], device=self.device)
+
+    def reset(self) -> tuple[TensorDict, dict[str, Any]]:
+        """New episodes."""
+        self._robots.reset()
+        self.episode_length_buf.zero_()
+        return self.get_observations(), {}
+
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
+        """One control period; episodes that end begin anew within it."""
+        robots = self._robots
+        robots.step(actions.detach().cpu().numpy())
+        reward = torch.from_numpy(robots.reward).to(self.device, copy=True)
+        ended = torch.from_numpy(robots.terminated | robots.truncated).to(self.device)
+        late = torch.from_numpy(robots.truncated).to(self.device, copy=True)
+        self.episode_length_buf += 1
+        self.episode_length_buf[ended] = 0
+        return self.get_observations(), reward, ended.to(torch.long), {"time_outs": late}
+
+    def _on(self, tensor: torch.Tensor) -> torch.Tensor:
+        # rsl_rl keeps what it is given until the update; the robots write over their own.
+        return tensor.to(self.device, copy=True)

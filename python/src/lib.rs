@@ -1,0 +1,38 @@
+//! What Python sees of gaitfit: the native half of the package `gaitfit`. The Python half gives it keyword arguments,
+//! results and plots.
+
+mod cma;
+mod costs;
+mod errors;
+mod logs;
+mod own_simulator;
+mod stages;
+mod vec_env;
+mod watch;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _gaitfit {
+    use super::*;
+
+    #[pymodule_export]
+    use super::cma::Cma;
+    #[pymodule_export]
+    use super::costs::wasserstein;
+    #[pymodule_export]
+    use super::errors::GaitfitError;
+    #[pymodule_export]
+    use super::logs::read_log;
+    #[pymodule_export]
+    use super::own_simulator::fit_simulator;
+    #[pymodule_export]
+    use super::stages::{adapt, collect, evaluate, finetune, run_loop, train, validate};
+    #[pymodule_export]
+    use super::vec_env::Robots;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,248 @@
+//! The stages of the method: files and settings in, one JSON document out.
+
+use crate::errors::{failed, of, value};
+use crate::watch::watched;
+use gaitfit::adapt::{Setup, ValidateRequest};
+use gaitfit::device::Device;
+use gaitfit::evaluate::GroundChoice;
+use gaitfit::finetune::{Files, Request};
+use gaitfit::run::RunFolder;
+use gaitfit::settings::{self, AdaptConfig, FinetuneConfig, LoopConfig, Preset, TrainConfig};
+use gaitfit::world::WorldSettings;
+use gaitfit::{CollectSettings, Error, EvaluateSettings, Spring, loop_, machine};
+use pyo3::prelude::*;
+use serde::Serialize;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+
+/// What every stage that keeps a run folder takes.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Run {
+    config: Option<PathBuf>,
+    sets: Vec<String>,
+    name: Option<String>,
+    resume: bool,
+    threads: Option<usize>,
+    device: String,
+}
+
+impl Run {
+    fn threads(&self) -> PyResult<Option<NonZeroUsize>> {
+        self.threads
+            .map(|threads| NonZeroUsize::new(threads).ok_or_else(|| value("threads must be at least 1")))
+            .transpose()
+    }
+
+    fn device(&self) -> PyResult<Device> {
+        device_of(&self.device)
+    }
+
+    /// The configuration's file as errors name it.
+    fn path(&self) -> &Path {
+        self.config.as_deref().unwrap_or(Path::new("settings"))
+    }
+
+    /// The name given, the configuration's own, or that of its file.
+    fn name(&self, own: Option<&String>, otherwise: &str) -> String {
+        let stem = || self.config.as_deref().and_then(Path::file_stem).map(|stem| stem.to_string_lossy().into_owned());
+        self.name.as_ref().or(own).cloned().or_else(stem).unwrap_or_else(|| otherwise.to_owned())
+    }
+}
+
+fn device_of(text: &str) -> PyResult<Device> {
+    text.parse().map_err(|wrong: String| value(format!("device: {wrong}")))
+}
+
+fn json<T: Serialize>(found: Result<T, Error>) -> PyResult<String> {
+    serde_json::to_string(&found.map_err(|error| of(&error))?).map_err(failed)
+}
+
+/// A fit to logs.
+#[pyfunction]
+pub fn adapt(py: Python<'_>, run: Run, progress: Option<Py<PyAny>>) -> PyResult<String> {
+    let mut config: AdaptConfig = settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+    let name = run.name(config.name.as_ref(), "fit");
+    config.name = Some(name.clone());
+    let (threads, device) = (run.threads()?.map(NonZeroUsize::get), run.device()?);
+    let path = run.path();
+    json(watched(py, progress.as_ref(), |watch| {
+        let mut setup = Setup::open_on(&config, path, threads, device)?;
+        let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resume)?;
+        setup.warnings.iter().for_each(|warning| watch.note(warning));
+        gaitfit::adapt::fit(&mut setup, &folder, watch)
+    })?)
+}
+
+/// A fit on other logs.
+#[pyfunction]
+pub fn validate(
+    py: Python<'_>,
+    theta: PathBuf,
+    logs: Vec<String>,
+    config: Option<PathBuf>,
+    sets: Vec<String>,
+    threads: Option<usize>,
+) -> PyResult<String> {
+    let request = ValidateRequest { theta, logs, config, set: sets, threads };
+    json(py.detach(|| gaitfit::adapt::validate(&request)))
+}
+
+/// A training from nothing.
+#[pyfunction]
+pub fn train(
+    py: Python<'_>,
+    run: Run,
+    robot: Option<String>,
+    seeds: Option<Vec<u64>>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let mut config: TrainConfig = settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+    let name = run.name(config.name.as_ref(), config.task.base.name());
+    config.name = Some(name.clone());
+    config.robot = robot.or(config.robot);
+    config.seeds = seeds.unwrap_or(config.seeds);
+    let threads = run.threads()?.map_or_else(machine::threads, NonZeroUsize::get);
+    let setup = gaitfit::train::setup(&config, &name, run.config.as_deref(), threads, run.device()?)
+        .map_err(|error| of(&error))?;
+    json(watched(py, progress.as_ref(), |watch| gaitfit::train::train(&setup, run.resume, watch))?)
+}
+
+/// A training that goes on from a policy.
+#[pyfunction]
+pub fn finetune(
+    py: Python<'_>,
+    run: Run,
+    world: World,
+    seeds: Option<Vec<u64>>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let mut config: FinetuneConfig = settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+    let name = run.name(config.name.as_ref(), "finetune");
+    config.lenient |= world.lenient;
+    config.seeds = seeds.unwrap_or(config.seeds);
+    let springs = world.springs()?;
+    if !springs.is_empty() {
+        config.spring = springs;
+    }
+    if world.torque_noise != 0.0 {
+        config.torque_noise = world.torque_noise;
+    }
+    let setup = gaitfit::finetune::setup(Request {
+        config,
+        path: run.config.clone(),
+        name,
+        files: Files { policy: Some(world.policy), theta: world.theta, robot: world.robot },
+        task: world.task,
+        threads: run.threads()?,
+        device: run.device()?,
+    })
+    .map_err(|error| of(&error))?;
+    json(watched(py, progress.as_ref(), |watch| gaitfit::train::train(&setup, run.resume, watch))?)
+}
+
+/// The loop.
+#[pyfunction]
+pub fn run_loop(py: Python<'_>, run: Run, progress: Option<Py<PyAny>>) -> PyResult<String> {
+    let mut config: LoopConfig = settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+    let name = run.name(config.name.as_ref(), "loop");
+    config.name = Some(name.clone());
+    let threads = run.threads()?.map_or_else(machine::threads, NonZeroUsize::get);
+    let opened = config.check(run.path()).and_then(|()| loop_::Setup::open(config, run.path(), threads));
+    let setup = loop_::Setup { device: run.device()?, ..opened.map_err(|error| of(&error))? };
+    json(watched(py, progress.as_ref(), |watch| loop_::run(&setup, &name, run.resume, watch))?)
+}
+
+/// A policy and the simulator it runs in.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct World {
+    policy: PathBuf,
+    robot: Option<PathBuf>,
+    lenient: bool,
+    task: Option<String>,
+    theta: Option<PathBuf>,
+    spring: Vec<String>,
+    torque_noise: f64,
+    randomised: bool,
+    preset: String,
+    seed: u64,
+    threads: Option<usize>,
+}
+
+impl World {
+    fn springs(&self) -> PyResult<Vec<Spring>> {
+        self.spring.iter().map(|text| text.parse().map_err(|error| value(format!("spring: {error}")))).collect()
+    }
+
+    fn settings(&self) -> PyResult<WorldSettings> {
+        let preset: Preset = self.preset.parse().map_err(|error| value(format!("preset: {error}")))?;
+        let threads = |count| NonZeroUsize::new(count).ok_or_else(|| value("threads must be at least 1"));
+        Ok(WorldSettings {
+            policy: self.policy.clone(),
+            robot: self.robot.clone(),
+            lenient: self.lenient,
+            task: self.task.clone(),
+            theta: self.theta.clone(),
+            spring: self.springs()?,
+            torque_noise: self.torque_noise,
+            randomised: self.randomised,
+            preset,
+            seed: self.seed,
+            threads: self.threads.map(threads).transpose()?,
+        })
+    }
+}
+
+/// How well a policy walks.
+#[pyfunction]
+pub fn evaluate(
+    py: Python<'_>,
+    world: World,
+    trajectories: usize,
+    seconds: f64,
+    drift: usize,
+    terrain: &str,
+    device: &str,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let settings = EvaluateSettings {
+        world: world.settings()?,
+        trajectories,
+        seconds,
+        drift,
+        drift_speeds: None,
+        ground: GroundChoice::read(terrain).map_err(|error| of(&error))?,
+        ground_robots: 32,
+        device: device_of(device)?,
+    };
+    let found = watched(py, progress.as_ref(), |watch| gaitfit::evaluate(&settings, watch))?;
+    let found = found.map_err(|error| of(&error))?;
+    let mut document = serde_json::to_value(&found.measured.evaluation).map_err(failed)?;
+    if let Some(fields) = document.as_object_mut() {
+        if let Some(verdict) = &found.verdict {
+            fields.insert("verdict".to_owned(), verdict.text.clone().into());
+        }
+        fields.insert("wall_seconds".to_owned(), found.wall_seconds.into());
+    }
+    serde_json::to_string(&document).map_err(failed)
+}
+
+/// Logs of a policy in a simulator: what simulated, the files, and how many robots fell.
+#[pyfunction]
+pub fn collect(
+    py: Python<'_>,
+    world: World,
+    out: PathBuf,
+    trajectories: usize,
+    seconds: f64,
+    log_shift: [f64; 2],
+    privileged: bool,
+    commands: Option<PathBuf>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(String, Vec<PathBuf>, usize)> {
+    let settings = CollectSettings { world: world.settings()?, trajectories, seconds, log_shift, privileged, commands };
+    let found = watched(py, progress.as_ref(), |watch| gaitfit::collect(&settings, &out, watch))?;
+    let found = found.map_err(|error| of(&error))?;
+    Ok((found.simulator, found.files, found.falls))
+}

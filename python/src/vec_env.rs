@@ -1,0 +1,285 @@
+//! Many robots at a task, stepped together: what a reinforcement learner of Python trains on.
+
+use crate::errors::{of, value};
+use gaitfit::settings::{self, TrainConfig};
+use gaitfit::train;
+use gaitfit_learn::task::{Ended, Environment, Task, TaskError};
+use gaitfit_sim::pool;
+use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+/// Robots that one thread steps at a time.
+const TILE: usize = 256;
+/// More robots than any machine has memory for.
+const MOST: usize = 1 << 20;
+
+/// The robots of a task in tiles.
+type Tiles<'a> = Vec<Mutex<Environment<'a>>>;
+
+self_cell::self_cell!(
+    struct Scene {
+        owner: Task,
+        #[not_covariant]
+        dependent: Tiles,
+    }
+);
+
+/// The arrays of one step, as one tile sees them.
+struct Rows<'a> {
+    actions: &'a [f32],
+    observation: &'a mut [f32],
+    critic: &'a mut [f32],
+    last: &'a mut [f32],
+    reward: &'a mut [f32],
+    terminated: &'a mut [bool],
+    truncated: &'a mut [bool],
+}
+
+/// Many robots at a task. The Python classes around it have the documentation.
+#[pyclass(module = "gaitfit._gaitfit")]
+pub struct Robots {
+    scene: Scene,
+    step: u32,
+    threads: usize,
+    #[pyo3(get)]
+    count: usize,
+    #[pyo3(get)]
+    observation_width: usize,
+    #[pyo3(get)]
+    critic_width: usize,
+    #[pyo3(get)]
+    action_width: usize,
+    #[pyo3(get)]
+    joints: Vec<String>,
+    #[pyo3(get)]
+    control_dt: f64,
+    #[pyo3(get)]
+    episode_steps: u32,
+    #[pyo3(get)]
+    rewards: Vec<String>,
+}
+
+#[pymethods]
+impl Robots {
+    /// The robots of a training's configuration.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        config: Option<PathBuf>,
+        sets: Vec<String>,
+        robot: Option<String>,
+        count: usize,
+        seed: u64,
+        threads: Option<usize>,
+        stagger: bool,
+    ) -> PyResult<Self> {
+        if count == 0 || count > MOST {
+            return Err(value(format!("num_envs is {count}; it must be from 1 to {MOST}")));
+        }
+        let mut settings: TrainConfig = settings::load(config.as_deref(), &sets).map_err(|error| of(&error))?;
+        settings.robot = robot.or(settings.robot);
+        let threads = threads.unwrap_or_else(gaitfit::machine::threads).max(1);
+        let setup = train::setup(&settings, "env", config.as_deref(), threads, gaitfit::device::Device::Cpu)
+            .map_err(|error| of(&error))?;
+        let task = setup.scene;
+        let walker = &task.walker;
+        let widths = gaitfit_learn::widths(&task);
+        let (joints, control_dt) = (walker.interface.joints.clone(), walker.interface.control_dt);
+        let episode_steps = task.episode_steps();
+        let rewards = task.reward_names().into_iter().map(str::to_owned).collect();
+        let scene = py.detach(|| {
+            Scene::try_new(task, |task| -> Result<Tiles<'_>, TaskError> {
+                let tile = |first: usize| {
+                    let mut tile = Environment::new(task, None, seed, first as u32, TILE.min(count - first))?;
+                    if stagger {
+                        tile.stagger();
+                    }
+                    Ok(Mutex::new(tile))
+                };
+                (0..count).step_by(TILE).map(tile).collect()
+            })
+        });
+        Ok(Self {
+            scene: scene.map_err(value)?,
+            step: 0,
+            threads,
+            count,
+            observation_width: widths.observation,
+            critic_width: widths.critic_observation,
+            action_width: widths.action,
+            joints,
+            control_dt,
+            episode_steps,
+            rewards,
+        })
+    }
+
+    /// Writes what the robots observe now.
+    fn observe(
+        &mut self,
+        py: Python<'_>,
+        mut observation: PyReadwriteArray2<'_, f32>,
+        mut critic: PyReadwriteArray2<'_, f32>,
+    ) -> PyResult<()> {
+        let observation = rows(&mut observation, "observation", self.count, self.observation_width)?;
+        let critic = rows(&mut critic, "critic", self.count, self.critic_width)?;
+        let (scene, step, threads) = (&self.scene, self.step, self.threads);
+        let [wide, critic_wide] = [self.observation_width, self.critic_width].map(|width| width.max(1) * TILE);
+        py.detach(|| {
+            scene.with_dependent(|_, tiles| {
+                let jobs = tiles.iter().zip(observation.chunks_mut(wide).zip(chunks(critic, critic_wide, tiles.len())));
+                pool::share(&mut vec![(); threads], jobs, |(), (tile, (observation, critic))| {
+                    let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                    tile.observe(step, observation);
+                    tile.observe_critic(critic);
+                });
+            });
+        });
+        Ok(())
+    }
+
+    /// One control period. Robots whose episode ended begin a new one at once; `last` has what they observed before. The
+    /// number of episodes that ended comes back.
+    fn step(
+        &mut self,
+        py: Python<'_>,
+        actions: PyReadonlyArray2<'_, f32>,
+        mut observation: PyReadwriteArray2<'_, f32>,
+        mut critic: PyReadwriteArray2<'_, f32>,
+        mut last: PyReadwriteArray2<'_, f32>,
+        mut reward: PyReadwriteArray1<'_, f32>,
+        mut terminated: PyReadwriteArray1<'_, bool>,
+        mut truncated: PyReadwriteArray1<'_, bool>,
+    ) -> PyResult<usize> {
+        let (count, width) = (self.count, self.action_width);
+        if actions.as_array().dim() != (count, width) {
+            let found = actions.as_array().dim();
+            return Err(value(format!("actions have the shape {found:?}; needed: {:?}", (count, width))));
+        }
+        let actions = actions.as_slice().map_err(|_| value("actions must be one block of memory, row by row"))?;
+        if let Some(at) = actions.iter().position(|action| !action.is_finite()) {
+            let (row, column) = (at / width.max(1), at % width.max(1));
+            return Err(value(format!("the action of environment {row} for {} is not finite", self.joints[column])));
+        }
+        let observation = rows(&mut observation, "observation", count, self.observation_width)?;
+        let critic = rows(&mut critic, "critic", count, self.critic_width)?;
+        let last = rows(&mut last, "last", count, self.observation_width)?;
+        let reward = row(&mut reward, "reward", count)?;
+        let terminated = row(&mut terminated, "terminated", count)?;
+        let truncated = row(&mut truncated, "truncated", count)?;
+        let (scene, step, threads) = (&self.scene, self.step, self.threads);
+        let [wide, critic_wide, action_wide] =
+            [self.observation_width, self.critic_width, width].map(|width| width.max(1) * TILE);
+        let diverged = Mutex::new(None);
+        let ended = Mutex::new(0);
+        py.detach(|| {
+            scene.with_dependent(|_, tiles| {
+                let mut parts = observation.chunks_mut(wide).zip(chunks(critic, critic_wide, tiles.len())).zip(
+                    last.chunks_mut(wide).zip(reward.chunks_mut(TILE)).zip(
+                        terminated.chunks_mut(TILE).zip(truncated.chunks_mut(TILE)).zip(actions.chunks(action_wide)),
+                    ),
+                );
+                let jobs = tiles.iter().enumerate().map_while(|(number, tile)| {
+                    let ((observation, critic), ((last, reward), ((terminated, truncated), actions))) = parts.next()?;
+                    Some((number, tile, Rows { actions, observation, critic, last, reward, terminated, truncated }))
+                });
+                pool::share(&mut vec![(); threads], jobs, |(), (number, tile, rows)| {
+                    let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                    let (ends, broken) = advance(&mut tile, step, rows);
+                    *ended.lock().unwrap_or_else(PoisonError::into_inner) += ends;
+                    if let Some(robot) = broken {
+                        *diverged.lock().unwrap_or_else(PoisonError::into_inner) = Some(number * TILE + robot);
+                    }
+                });
+            });
+        });
+        self.step = self.step.wrapping_add(1);
+        match diverged.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            Some(robot) => Err(crate::errors::failed(format!(
+                "environment {robot} diverged: its state or reward is not finite. Use smaller gains or actions, or more \
+                 substeps"
+            ))),
+            None => Ok(ended.into_inner().unwrap_or_else(PoisonError::into_inner)),
+        }
+    }
+
+    /// New episodes for all robots.
+    fn restart(&mut self, py: Python<'_>) {
+        let (scene, step) = (&self.scene, self.step);
+        py.detach(|| {
+            scene.with_dependent(|_, tiles| {
+                for tile in tiles {
+                    let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
+                    let all = vec![Ended::TimeOut; tile.count()];
+                    tile.begin_episodes(step, &all);
+                }
+            });
+        });
+        self.step = self.step.wrapping_add(1);
+    }
+
+    /// The commands that the robots follow: ahead and to the side, m/s, and turning, rad/s.
+    fn commands(&self) -> Vec<[f32; 3]> {
+        self.scene.with_dependent(|_, tiles| {
+            let of = |tile: &Mutex<Environment<'_>>| {
+                tile.lock().unwrap_or_else(PoisonError::into_inner).commands().to_vec()
+            };
+            tiles.iter().flat_map(of).collect()
+        })
+    }
+}
+
+/// Steps a tile; how many episodes ended, and the first robot that diverged.
+fn advance(tile: &mut Environment<'_>, step: u32, rows: Rows<'_>) -> (usize, Option<usize>) {
+    let mut ended = vec![Ended::No; tile.count()];
+    tile.step(step, rows.actions, rows.reward, &mut ended);
+    for (index, ended) in ended.iter().enumerate() {
+        rows.terminated[index] = matches!(ended, Ended::Fall | Ended::Diverged);
+        rows.truncated[index] = *ended == Ended::TimeOut;
+    }
+    let ends = ended.iter().filter(|&&ended| ended != Ended::No).count();
+    if ends > 0 {
+        tile.observe(step.wrapping_add(1), rows.last);
+        tile.begin_episodes(step, &ended);
+    }
+    tile.observe(step.wrapping_add(1), rows.observation);
+    tile.observe_critic(rows.critic);
+    (ends, ended.iter().position(|&ended| ended == Ended::Diverged))
+}
+
+/// The parts of `values` of `count` tiles; a task without a critic's observation has empty ones.
+fn chunks(values: &mut [f32], size: usize, count: usize) -> impl Iterator<Item = &mut [f32]> + Send {
+    let mut rest = Some(values);
+    (0..count).map_while(move |_| {
+        let values = rest.take()?;
+        let (first, others) = values.split_at_mut(size.min(values.len()));
+        rest = Some(others);
+        Some(first)
+    })
+}
+
+fn rows<'a>(
+    array: &'a mut PyReadwriteArray2<'_, f32>,
+    what: &str,
+    count: usize,
+    width: usize,
+) -> PyResult<&'a mut [f32]> {
+    let shape = array.as_array().dim();
+    if shape != (count, width) {
+        return Err(value(format!("{what} has the shape {shape:?}; needed: {:?}", (count, width))));
+    }
+    array.as_slice_mut().map_err(|_| value(format!("{what} must be one block of memory, row by row")))
+}
+
+fn row<'a, T: numpy::Element>(
+    array: &'a mut PyReadwriteArray1<'_, T>,
+    what: &str,
+    count: usize,
+) -> PyResult<&'a mut [T]> {
+    if array.as_array().len() != count {
+        return Err(value(format!("{what} has {} numbers; needed: {count}", array.as_array().len())));
+    }
+    array.as_slice_mut().map_err(|_| value(format!("{what} must be one block of memory")))
+}

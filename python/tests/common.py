@@ -1,0 +1,29 @@
+"""What the tests share."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+DEMO = ROOT / "examples" / "go2-demo"
+PROGRAM = Path(os.environ.get("GAITFIT_PROGRAM", ROOT / "target" / "debug" / "gaitfit"))
+
+
+class Case(unittest.TestCase):
+    """A test at the repository's root, where the examples' paths begin, with a folder of its own."""
+
+    def setUp(self) -> None:
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        self.addCleanup(os.chdir, os.getcwd())
+        os.chdir(ROOT)
+
+    def python(self, code: str, timeout: float = 100.0) -> subprocess.CompletedProcess[str]:
+        """Runs code in an interpreter of its own."""
+        return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=timeout, check=False)

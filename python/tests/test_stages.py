@@ -1,0 +1,124 @@
+"""The stages: the same numbers as the program's, progress, results, and wrong arguments."""
+
+import json
+import pickle
+import subprocess
+import unittest
+
+import numpy as np
+
+import gaitfit
+
+from .common import DEMO, PROGRAM, ROOT, Case
+
+SETTINGS = {"optimizer.generations": 8, "optimizer.seeds": 2}
+POLICY = "assets/go2-walk.safetensors"
+
+
+class Stages(Case):
+    def fit(self, **more: object) -> gaitfit.Results:
+        arguments = {"runs": self.folder, "settings": SETTINGS, "progress": False, "name": "fit", **more}
+        return gaitfit.fit(DEMO / "adapt.toml", **arguments)
+
+    def test_a_fit_has_the_programs_bits(self) -> None:
+        found = self.fit()
+        sets = [word for key, value in SETTINGS.items() for word in ("--set", f"{key}={value}")]
+        output = subprocess.run(
+            [PROGRAM, "adapt", DEMO / "adapt.toml", "--name", "program", "--json", "--device", "cpu"]
+            + [*sets, "--set", f"runs={json.dumps(str(self.folder))}"],
+            capture_output=True,
+            text=True,
+            cwd=ROOT,
+            check=False,
+        )
+        # A search that was cut short is exit code 3.
+        self.assertEqual(output.returncode, 3, output.stderr)
+        program = json.loads(output.stdout)
+        self.assertEqual(len(found["parameters"]), 10)
+        for ours, theirs in zip(found.to_dict()["parameters"], program["parameters"], strict=True):
+            self.assertEqual(ours, theirs)
+        self.assertEqual(found.cost, program["cost"])
+        ours, theirs = (next(self.folder.glob(f"{name}*/theta.toml")).read_text() for name in ("fit", "program"))
+        self.assertEqual(ours.replace('"fit"', '"program"'), theirs)
+
+    def test_results_are_plain_data_too(self) -> None:
+        found = self.fit()
+        self.assertEqual(found["headline"], found.headline)
+        self.assertEqual(found.report.name, "report.html")
+        self.assertEqual(json.loads(json.dumps(found.to_dict())), found.to_dict())
+        self.assertEqual(pickle.loads(pickle.dumps(found)).to_dict(), found.to_dict())
+        rows = found.rows("parameters")
+        self.assertEqual(rows[0]["name"], "frictionloss_hip")
+        self.assertIn("value", rows[0])
+        with self.assertRaisesRegex(AttributeError, "there are name, robot, headline"):
+            found.nothing  # noqa: B018
+        table = gaitfit.validate(found.run_folder + "/theta.toml", DEMO / "validate.csv")
+        self.assertGreater(table.rmse_rad, 0.0)
+
+    def test_progress_comes_as_it_happens_and_may_stop_the_fit(self) -> None:
+        events = []
+        self.fit(progress=lambda *event: events.append(event))
+        begun = next(event for event in events if event[0] == "begin")
+        self.assertEqual(begun[1:], ("generation", 0, 8))
+        generations = events[events.index(begun) + 1 : next(at for at, event in enumerate(events) if event[0] == "end")]
+        self.assertEqual([event[2] for event in generations if event[0] == "step"], list(range(1, 9)))
+
+        def stop(kind: str, _text: str, done: int, _total: int) -> None:
+            if kind == "step" and done == 3:
+                raise RuntimeError("enough")
+
+        with self.assertRaisesRegex(RuntimeError, "enough"):
+            self.fit(progress=stop, name="stopped")
+        resumed = self.fit(name="stopped", resume=True)
+        whole = self.fit(name="whole")
+        self.assertEqual(resumed.to_dict()["parameters"], whole.to_dict()["parameters"])
+
+    def test_wrong_arguments_have_the_programs_messages(self) -> None:
+        for arguments, error, words in (
+            ({"settings": {"optimizer.generation": 3}}, gaitfit.GaitfitError, "generation"),
+            ({"settings": {"optimizer.generations": "three"}}, gaitfit.GaitfitError, "generations"),
+            ({"settings": {"optimizer.generations": object()}}, TypeError, "a setting cannot be"),
+            ({"logs": ["nowhere.csv"]}, gaitfit.GaitfitError, "nowhere.csv"),
+            ({"robot": "nowhere.xml"}, gaitfit.GaitfitError, "nowhere.xml"),
+            ({"costs": "least"}, gaitfit.GaitfitError, "least"),
+            ({"device": "gpu"}, ValueError, "device: it must be cpu"),
+            ({"threads": 0}, ValueError, "at least 1"),
+            ({"name": "a/b"}, gaitfit.GaitfitError, "a/b"),
+            ({"progress": 3}, TypeError, "progress"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(error, words):
+                self.fit(**arguments)
+        with self.assertRaisesRegex(gaitfit.GaitfitError, "nothing.toml"):
+            gaitfit.fit("nothing.toml", progress=False)
+
+    def test_a_policy_is_evaluated_and_its_logs_collected(self) -> None:
+        found = gaitfit.evaluate(POLICY, trajectories=8, seconds=1.0, drift=0, progress=False)
+        self.assertIn("verdict", found)
+        logs = gaitfit.collect(POLICY, self.folder / "logs", trajectories=2, seconds=1.0, progress=False)
+        self.assertEqual((logs.trajectories, len(logs.files)), (2, 2))
+        log = gaitfit.read_log(logs.files[0])
+        self.assertEqual((log.position.shape, log.action.shape, log.command.shape[1]), ((50, 12), (50, 12), 3))
+        self.assertEqual(list(log.columns())[:2], ["time", "q_FL_hip_joint"])
+        with self.assertRaisesRegex(gaitfit.GaitfitError, "holds CSV files already"):
+            gaitfit.collect(POLICY, self.folder / "logs", trajectories=2, seconds=1.0, progress=False)
+        with self.assertRaisesRegex(ValueError, "at least 1"):
+            gaitfit.evaluate(POLICY, trajectories=0)
+        for wrong in ({"trajectories": -1}, {"seconds": float("nan")}, {"preset": "slow"}, {"spring": "x"}, {"terrain": "moon"}):
+            with self.subTest(str(wrong)), self.assertRaises((ValueError, OverflowError, gaitfit.GaitfitError)):
+                gaitfit.evaluate(POLICY, progress=False, **wrong)
+
+    def test_a_log_is_arrays(self) -> None:
+        log = gaitfit.read_log(DEMO / "fit.csv")
+        self.assertEqual((log.position.shape, log.target.shape, log.dt), ((1800, 12), (1800, 12), 0.005))
+        np.testing.assert_array_equal(log.kp, np.tile([20.0, 20.0, 40.0], 4))
+        self.assertIsNone(log.action)
+        cut = log[200:800]
+        self.assertEqual((cut.position.shape, cut.time[0]), ((600, 12), 1.0))
+        with self.assertRaisesRegex(gaitfit.GaitfitError, "nowhere"):
+            gaitfit.read_log("nowhere.csv")
+        with self.assertRaises(TypeError):
+            log[3]
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,13 @@
+#!/bin/sh
+# Builds the Python package in debug, as a link in its own folder, and runs its tests in .venv (tools/setup_venv.sh).
+# Usage: tools/test_python.sh [TEST...]      (for example tests.test_costs; default: all)
+# Tests of packages that .venv lacks (gymnasium, rsl_rl) are skipped, and said to be.
+set -eu
+cd "$(dirname "$0")/.."
+cargo build --locked -p gaitfit-python -p gaitfit-cli
+ln -sf ../../target/debug/lib_gaitfit.so python/gaitfit/_gaitfit.abi3.so
+cd python
+if [ $# -gt 0 ]; then
+    exec ../.venv/bin/python -m unittest -v "$@"
+fi
+exec ../.venv/bin/python -m unittest discover --top-level-directory . --start-directory tests -v
