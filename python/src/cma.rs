@@ -36,7 +36,8 @@ impl Cma {
         let run = match state {
             None => cmaes::Cma::new(settings),
             Some(text) => {
-                let state: State = serde_json::from_str(text).map_err(|error| value(format!("state: {error}")))?;
+                let state: State =
+                    serde_json::from_str(text).map_err(|error| value(format!("state: {error}")))?;
                 cmaes::Cma::resume(settings, state)
             }
         };

@@ -7,7 +7,11 @@ use pyo3::prelude::*;
 
 /// The 1-D Wasserstein-1 distance of `a` (f32) and `b` (f64), columns with the samples of one dimension each.
 #[pyfunction]
-pub fn wasserstein(py: Python<'_>, a: PyReadonlyArray2<'_, f32>, b: PyReadonlyArray2<'_, f64>) -> PyResult<Vec<f64>> {
+pub fn wasserstein(
+    py: Python<'_>,
+    a: PyReadonlyArray2<'_, f32>,
+    b: PyReadonlyArray2<'_, f64>,
+) -> PyResult<Vec<f64>> {
     let (a, b) = (a.as_array(), b.as_array());
     if a.ncols() != b.ncols() {
         return Err(value(format!("a has {} columns and b has {}", a.ncols(), b.ncols())));
@@ -20,7 +24,9 @@ pub fn wasserstein(py: Python<'_>, a: PyReadonlyArray2<'_, f32>, b: PyReadonlyAr
             .map(|column| {
                 let mut first: Vec<f32> = a.column(column).to_vec();
                 let mut second: Vec<f64> = b.column(column).to_vec();
-                if !(first.iter().all(|value| value.is_finite()) && second.iter().all(|value| value.is_finite())) {
+                if !(first.iter().all(|value| value.is_finite())
+                    && second.iter().all(|value| value.is_finite()))
+                {
                     return Err(value(format!("column {column} has values that are not finite")));
                 }
                 gaitfit_adapt::cost::sort_f32(&mut first);

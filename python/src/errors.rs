@@ -4,7 +4,12 @@ use gaitfit::Error;
 use pyo3::PyErr;
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt, PyValueError};
 
-pyo3::create_exception!(gaitfit, GaitfitError, PyException, "A stage of gaitfit could not go on; the text says why, and what to do.");
+pyo3::create_exception!(
+    gaitfit,
+    GaitfitError,
+    PyException,
+    "A stage of gaitfit could not go on; the text says why, and what to do."
+);
 
 /// An error of the library; one that stopped because it was asked to is Python's own `KeyboardInterrupt`.
 pub fn of(error: &Error) -> PyErr {

@@ -107,7 +107,9 @@ impl Own {
             let action = match (&simulated.action, self.actions) {
                 (Some(action), true) => Some(check("action", action)?),
                 (None, true) => {
-                    return Err(value(format!("simulate gave no action for log {recording}, and the logs have actions")));
+                    return Err(value(format!(
+                        "simulate gave no action for log {recording}, and the logs have actions"
+                    )));
                 }
                 _ => None,
             };
@@ -150,7 +152,9 @@ impl Simulator for Own {
         cancel: &Cancel<'_>,
     ) -> Result<(), SimulatorError> {
         if candidates.iter().any(|candidate| candidate.resets != Resets::Never) {
-            return Err(SimulatorError::failed("a simulator in Python cannot be reset on its way: take wass or matcho"));
+            return Err(SimulatorError::failed(
+                "a simulator in Python cannot be reset on its way: take wass or matcho",
+            ));
         }
         if cancel() {
             return Err(SimulatorError::Cancelled);
@@ -187,7 +191,9 @@ pub fn fit_simulator(
     for (number, log) in logs.iter().enumerate() {
         let shape = log.position.as_array().dim();
         let others = [Some(&log.velocity), log.action.as_ref()];
-        if shape.1 != joints.len() || others.into_iter().flatten().any(|array| array.as_array().dim() != shape) {
+        if shape.1 != joints.len()
+            || others.into_iter().flatten().any(|array| array.as_array().dim() != shape)
+        {
             return Err(value(format!(
                 "log {number}: position, velocity and action must be samples × joints, with {} joints, as position's \
                  {shape:?}",
@@ -225,7 +231,8 @@ pub fn fit_simulator(
         tolerance: search.tolerance,
         ..FitOptions::default()
     };
-    let outcome = in_place(py, progress.as_ref(), |watch| searched(&own, &theta, &costs, options, &search, watch))?;
+    let outcome =
+        in_place(py, progress.as_ref(), |watch| searched(&own, &theta, &costs, options, &search, watch))?;
     if let Some(raised) = own.raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
         return Err(raised);
     }
@@ -246,14 +253,18 @@ fn searched(
     let mut fit = match &search.checkpoint {
         Some(path) if path.exists() => {
             let text = std::fs::read(path).map_err(|error| failed(format!("{}: {error}", path.display())))?;
-            let checkpoint: Checkpoint =
-                serde_json::from_slice(&text).map_err(|error| failed(format!("{}: {error}", path.display())))?;
+            let checkpoint: Checkpoint = serde_json::from_slice(&text)
+                .map_err(|error| failed(format!("{}: {error}", path.display())))?;
             Fit::resume(own, theta, costs, options, checkpoint).map_err(wrong)?
         }
         _ => Fit::new(own, theta, costs, options).map_err(wrong)?,
     };
-    let counting =
-        watch.begin(Work { what: "generation", total: generations, first: fit.generation(), parts: "candidates" });
+    let counting = watch.begin(Work {
+        what: "generation",
+        total: generations,
+        first: fit.generation(),
+        parts: "candidates",
+    });
     let cancel = || watch.stop();
     while let Some(generation) = fit.step(&cancel).map_err(wrong)? {
         if let Some(path) = &search.checkpoint {

@@ -45,7 +45,9 @@ impl Run {
 
     /// The name given, the configuration's own, or that of its file.
     fn name(&self, own: Option<&String>, otherwise: &str) -> String {
-        let stem = || self.config.as_deref().and_then(Path::file_stem).map(|stem| stem.to_string_lossy().into_owned());
+        let stem = || {
+            self.config.as_deref().and_then(Path::file_stem).map(|stem| stem.to_string_lossy().into_owned())
+        };
         self.name.as_ref().or(own).cloned().or_else(stem).unwrap_or_else(|| otherwise.to_owned())
     }
 }
@@ -61,7 +63,8 @@ fn json<T: Serialize>(found: Result<T, Error>) -> PyResult<String> {
 /// A fit to logs.
 #[pyfunction]
 pub fn adapt(py: Python<'_>, run: Run, progress: Option<Py<PyAny>>) -> PyResult<String> {
-    let mut config: AdaptConfig = settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+    let mut config: AdaptConfig =
+        settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
     let name = run.name(config.name.as_ref(), "fit");
     config.name = Some(name.clone());
     let (threads, device) = (run.threads()?.map(NonZeroUsize::get), run.device()?);
@@ -97,7 +100,8 @@ pub fn train(
     seeds: Option<Vec<u64>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
-    let mut config: TrainConfig = settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+    let mut config: TrainConfig =
+        settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
     let name = run.name(config.name.as_ref(), config.task.base.name());
     config.name = Some(name.clone());
     config.robot = robot.or(config.robot);
@@ -117,7 +121,8 @@ pub fn finetune(
     seeds: Option<Vec<u64>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
-    let mut config: FinetuneConfig = settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+    let mut config: FinetuneConfig =
+        settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
     let name = run.name(config.name.as_ref(), "finetune");
     config.lenient |= world.lenient;
     config.seeds = seeds.unwrap_or(config.seeds);
@@ -144,7 +149,8 @@ pub fn finetune(
 /// The loop.
 #[pyfunction]
 pub fn run_loop(py: Python<'_>, run: Run, progress: Option<Py<PyAny>>) -> PyResult<String> {
-    let mut config: LoopConfig = settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+    let mut config: LoopConfig =
+        settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
     let name = run.name(config.name.as_ref(), "loop");
     config.name = Some(name.clone());
     let threads = run.threads()?.map_or_else(machine::threads, NonZeroUsize::get);
@@ -172,7 +178,10 @@ pub struct World {
 
 impl World {
     fn springs(&self) -> PyResult<Vec<Spring>> {
-        self.spring.iter().map(|text| text.parse().map_err(|error| value(format!("spring: {error}")))).collect()
+        self.spring
+            .iter()
+            .map(|text| text.parse().map_err(|error| value(format!("spring: {error}"))))
+            .collect()
     }
 
     fn settings(&self) -> PyResult<WorldSettings> {
@@ -241,7 +250,8 @@ pub fn collect(
     commands: Option<PathBuf>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Vec<PathBuf>, usize)> {
-    let settings = CollectSettings { world: world.settings()?, trajectories, seconds, log_shift, privileged, commands };
+    let settings =
+        CollectSettings { world: world.settings()?, trajectories, seconds, log_shift, privileged, commands };
     let found = watched(py, progress.as_ref(), |watch| gaitfit::collect(&settings, &out, watch))?;
     let found = found.map_err(|error| of(&error))?;
     Ok((found.simulator, found.files, found.falls))

@@ -78,7 +78,8 @@ impl Robots {
         if count == 0 || count > MOST {
             return Err(value(format!("num_envs is {count}; it must be from 1 to {MOST}")));
         }
-        let mut settings: TrainConfig = settings::load(config.as_deref(), &sets).map_err(|error| of(&error))?;
+        let mut settings: TrainConfig =
+            settings::load(config.as_deref(), &sets).map_err(|error| of(&error))?;
         settings.robot = robot.or(settings.robot);
         let threads = threads.unwrap_or_else(gaitfit::machine::threads).max(1);
         let setup = train::setup(&settings, "env", config.as_deref(), threads, gaitfit::device::Device::Cpu)
@@ -126,10 +127,15 @@ impl Robots {
         let observation = rows(&mut observation, "observation", self.count, self.observation_width)?;
         let critic = rows(&mut critic, "critic", self.count, self.critic_width)?;
         let (scene, step, threads) = (&self.scene, self.step, self.threads);
-        let [wide, critic_wide] = [self.observation_width, self.critic_width].map(|width| width.max(1) * TILE);
+        let [wide, critic_wide] =
+            [self.observation_width, self.critic_width].map(|width| width.max(1) * TILE);
         py.detach(|| {
             scene.with_dependent(|_, tiles| {
-                let jobs = tiles.iter().zip(observation.chunks_mut(wide).zip(chunks(critic, critic_wide, tiles.len())));
+                let jobs = tiles.iter().zip(observation.chunks_mut(wide).zip(chunks(
+                    critic,
+                    critic_wide,
+                    tiles.len(),
+                )));
                 pool::share(&mut vec![(); threads], jobs, |(), (tile, (observation, critic))| {
                     let tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
                     tile.observe(step, observation);
@@ -158,10 +164,14 @@ impl Robots {
             let found = actions.as_array().dim();
             return Err(value(format!("actions have the shape {found:?}; needed: {:?}", (count, width))));
         }
-        let actions = actions.as_slice().map_err(|_| value("actions must be one block of memory, row by row"))?;
+        let actions =
+            actions.as_slice().map_err(|_| value("actions must be one block of memory, row by row"))?;
         if let Some(at) = actions.iter().position(|action| !action.is_finite()) {
             let (row, column) = (at / width.max(1), at % width.max(1));
-            return Err(value(format!("the action of environment {row} for {} is not finite", self.joints[column])));
+            return Err(value(format!(
+                "the action of environment {row} for {} is not finite",
+                self.joints[column]
+            )));
         }
         let observation = rows(&mut observation, "observation", count, self.observation_width)?;
         let critic = rows(&mut critic, "critic", count, self.critic_width)?;
@@ -176,21 +186,31 @@ impl Robots {
         let ended = Mutex::new(0);
         py.detach(|| {
             scene.with_dependent(|_, tiles| {
-                let mut parts = observation.chunks_mut(wide).zip(chunks(critic, critic_wide, tiles.len())).zip(
-                    last.chunks_mut(wide).zip(reward.chunks_mut(TILE)).zip(
-                        terminated.chunks_mut(TILE).zip(truncated.chunks_mut(TILE)).zip(actions.chunks(action_wide)),
-                    ),
-                );
+                let mut parts =
+                    observation.chunks_mut(wide).zip(chunks(critic, critic_wide, tiles.len())).zip(
+                        last.chunks_mut(wide).zip(reward.chunks_mut(TILE)).zip(
+                            terminated
+                                .chunks_mut(TILE)
+                                .zip(truncated.chunks_mut(TILE))
+                                .zip(actions.chunks(action_wide)),
+                        ),
+                    );
                 let jobs = tiles.iter().enumerate().map_while(|(number, tile)| {
-                    let ((observation, critic), ((last, reward), ((terminated, truncated), actions))) = parts.next()?;
-                    Some((number, tile, Rows { actions, observation, critic, last, reward, terminated, truncated }))
+                    let ((observation, critic), ((last, reward), ((terminated, truncated), actions))) =
+                        parts.next()?;
+                    Some((
+                        number,
+                        tile,
+                        Rows { actions, observation, critic, last, reward, terminated, truncated },
+                    ))
                 });
                 pool::share(&mut vec![(); threads], jobs, |(), (number, tile, rows)| {
                     let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
                     let (ends, broken) = advance(&mut tile, step, rows);
                     *ended.lock().unwrap_or_else(PoisonError::into_inner) += ends;
                     if let Some(robot) = broken {
-                        *diverged.lock().unwrap_or_else(PoisonError::into_inner) = Some(number * TILE + robot);
+                        *diverged.lock().unwrap_or_else(PoisonError::into_inner) =
+                            Some(number * TILE + robot);
                     }
                 });
             });

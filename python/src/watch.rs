@@ -50,7 +50,11 @@ pub fn watched<T: Send>(
                         // Nobody listens any more only after an error, which is what the caller gets.
                         let _ = sender.lock().unwrap_or_else(PoisonError::into_inner).send(told);
                     }
-                    if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+                    if stop.load(Ordering::Relaxed) {
+                        ControlFlow::Break(())
+                    } else {
+                        ControlFlow::Continue(())
+                    }
                 };
                 stage(&Watch::new(&callback))
             });
