@@ -3,7 +3,7 @@
 The bridge (unitree_mujoco, simulate_python/unitree_sdk2py_bridge.py) imports modules `config` and `pygame`; this script
 puts small stand-ins there. The robot is the vendor's go2.xml without its meshes, on a level floor, lying at first. The
 server ends after SECONDS, when its standard input is closed, or when it is killed; its last line is a JSON object: states
-published, commands taken, commands whose checksum is not the SDK's, the base's path, how far it leaned.
+published, those between the first and the last command, commands taken, commands whose checksum is not the SDK's, the base's path, how far it leaned.
 
 Needs the packages cyclonedds (11.0.1), mujoco and numpy, and the vendor's software (both BSD-3).
 Usage: python tools/go2_server.py [--vendor FOLDER] [--domain 1] [--interface lo] [--dt 0.005] [--seconds 120]
@@ -67,10 +67,12 @@ def main():
 
     crc = CRC()
     counts = {"states": 0, "commands": 0, "wrong": 0}
+    at_commands = []
 
     class Counting(UnitreeSdk2Bridge):
         def LowCmdHandler(self, message):
             counts["commands"] += 1
+            at_commands[1:] = [counts["states"]]
             # A robot drops what its checksum refuses; the bridge does not look.
             if crc.Crc(message) != message.crc:
                 counts["wrong"] += 1
@@ -106,7 +108,8 @@ def main():
     assert bridge is not None
     print(
         json.dumps(
-            {**counts, "seconds": round(steps * arguments.dt, 3), "held_up": late, "highest": highest}
+            {**counts, "states_commanded": at_commands[-1] - at_commands[0] if at_commands else 0}
+            | {"seconds": round(steps * arguments.dt, 3), "held_up": late, "highest": highest}
             | {"least_up": least_up, "end": [float(x) for x in data.qpos[:3]], "path": path}
         ),
         flush=True,

@@ -4,6 +4,9 @@
 #[cfg(all(feature = "dds", target_os = "linux"))]
 #[path = "robot/dds.rs"]
 mod dds;
+#[cfg(all(feature = "dds", target_os = "linux"))]
+#[path = "robot/dds_faults.rs"]
+mod dds_faults;
 #[path = "robot/faults.rs"]
 mod faults;
 #[path = "robot/limits.rs"]

@@ -68,6 +68,8 @@ pub struct Summary {
     pub real_time: bool,
     /// Messages of the robot.
     pub states: u64,
+    /// Those while armed.
+    pub armed_states: u64,
     /// Its rate, Hz, from the first to the last.
     pub state_hz: f64,
     /// Longest time between two messages while armed, ms.
@@ -121,6 +123,7 @@ pub fn live(
             armed,
             real_time,
             states: sender.states,
+            armed_states: sender.armed_states,
             state_hz: sender.state_hz(),
             longest_gap_ms: 1e3 * sender.longest_gap.as_secs_f64(),
             commands: sender.commands,

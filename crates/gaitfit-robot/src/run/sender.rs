@@ -21,6 +21,8 @@ pub struct Sender<'a> {
     last_came: Option<Duration>,
     /// Messages of the robot so far.
     pub states: u64,
+    /// Those while armed.
+    pub armed_states: u64,
     /// Commands sent so far.
     pub commands: u64,
     /// Commands of the policy that the guard changed.
@@ -44,6 +46,7 @@ impl<'a> Sender<'a> {
             first_came: None,
             last_came: None,
             states: 0,
+            armed_states: 0,
             commands: 0,
             clamped: 0,
             longest_gap: Duration::ZERO,
@@ -54,13 +57,14 @@ impl<'a> Sender<'a> {
 
     /// Its part of the work at `now`.
     pub fn cycle(&mut self, now: Duration, board: &mut Board) {
-        let Self { link, supervisor, states, first_came, last_came, longest_gap, trace, .. } = self;
+        let Self { link, supervisor, states, armed_states, first_came, last_came, longest_gap, trace, .. } = self;
         let armed = supervisor.phase() != Phase::Idle;
         let mut newest = None;
         let heard = link.receive(now, &mut |age, reading| {
             let came = now.saturating_sub(age);
             supervisor.read(came, reading);
             *states += 1;
+            *armed_states += u64::from(armed);
             first_came.get_or_insert(came);
             if let Some(before) = last_came.replace(came)
                 && armed

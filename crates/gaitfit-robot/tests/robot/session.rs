@@ -121,13 +121,13 @@ fn the_committed_walk_stands_up_walks_and_lies_down_and_its_log_is_read() {
     assert_eq!((&whole.board.reason, &*whole.seen.wrong.lock().unwrap()), (&None, &None));
     let [stand, walk, lie] = [2, 3, 4].map(|k| whole.places[k]);
     // The gains of standing up, and the policy's softer ones.
-    assert!(stand[2] > 0.26 && walk[2] > 0.24, "it stood: {stand:?} {walk:?}");
+    assert!(stand[2] > 0.265 && walk[2] > 0.245, "it stood: {stand:?} {walk:?}");
     let ahead = (lie[0] - walk[0]).hypot(lie[1] - walk[1]);
-    assert!((1.0..2.0).contains(&ahead), "0.5 m/s for 3 s: {ahead}");
+    assert!((1.35..1.7).contains(&ahead), "0.5 m/s for 3 s and a turn: {ahead}");
     let end = whole.seen.place.lock().unwrap()[2];
-    assert!(end < 0.16, "it lies: {end}");
-    assert!(whole.clamped * 50 < whole.commands, "{} of {}", whole.clamped, whole.commands);
-    assert!(whole.delay.is_some_and(|ms| ms <= 4), "{:?}", whole.delay);
+    assert!(end < 0.1, "it lies: {end}");
+    assert!(whole.clamped * 70 < whole.commands, "{} of {}", whole.clamped, whole.commands);
+    assert!(whole.delay.is_some_and(|ms| ms <= 2), "{:?}", whole.delay);
 
     let log = read_csv(&folder.path().join(WALK), &ReadOptions::default()).unwrap();
     assert_eq!(
