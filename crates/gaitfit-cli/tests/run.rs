@@ -139,3 +139,37 @@ fn ctrl_c_damps_the_robot_and_a_kill_leaves_a_complete_log() {
         assert!(log.len() >= 30 && log.command.unwrap()[0] != 0.0);
     }
 }
+
+#[test]
+fn collect_on_a_robot_writes_a_log_a_trajectory_as_in_a_simulator() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("logs");
+    let shown = out.display().to_string();
+    let asked = ["collect", WALK, "--robot", "simulated", "--trajectories", "3", "--seconds", "1"];
+    let link = ["--pause", "0.5", "--yes", "--patience", "1000", "--seed", "5", "--out", &shown];
+    let refused = run(&[&asked[..], &link, &["--theta", "theta.toml"]].concat());
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(errors(&refused).contains("--theta is for simulators"), "{}", errors(&refused));
+    let output = run(&[&asked[..], &link].concat());
+    assert!(output.status.success(), "{}", errors(&output));
+    let mut first = Vec::new();
+    for number in 0..3 {
+        let log = read_csv(&out.join(format!("trajectory_0{number}.csv")), &ReadOptions::default()).unwrap();
+        // On a busy machine turns of the policy's loop are left out.
+        assert!((20..=51).contains(&log.len()) && log.time[0] < 0.1, "{number}: {} {}", log.len(), log.time[0]);
+        first.push(log.command.unwrap()[..3].to_vec());
+    }
+    assert!(first[0] != first[1] && first[1] != first[2], "{first:?}");
+    assert_eq!(gaitfit_log::csv_files(&out).unwrap().len(), 3);
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("run/summary.json")).unwrap()).unwrap();
+    assert!(summary["reason"].is_null() && summary["outputs"].as_u64().unwrap() > 100);
+    // Fits read the folder.
+    let inspected = run(&["inspect", &shown]);
+    assert!(inspected.status.success(), "{}", errors(&inspected));
+    let again = run(&[&asked[..], &link].concat());
+    assert!(errors(&again).contains("holds a run already"), "{}", errors(&again));
+    let simulator = run(&["collect", WALK, "--interface", "lo", "--out", &shown]);
+    assert_eq!(simulator.status.code(), Some(2));
+    assert!(errors(&simulator).contains("name it, --robot"), "{}", errors(&simulator));
+}

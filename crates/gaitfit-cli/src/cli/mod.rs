@@ -13,7 +13,7 @@ pub use choices::{Config, ConfigOf, Preset};
 pub use excite::Excite;
 pub use gaitfit::device::{Device, Devices};
 pub use logs::{ExportLog, ExportTheta, Import};
-pub use robot::{RobotKind, Run};
+pub use robot::{LinkArgs, RobotKind, Run};
 pub use run::{Adapt, Finetune, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
 pub use world::{Collect, Evaluate};
 

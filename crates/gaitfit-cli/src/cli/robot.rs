@@ -1,6 +1,7 @@
 //! Arguments of the command that runs a policy on a robot.
 
 use clap::{Args, ValueEnum};
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 /// A robot that a policy may run on.
@@ -12,32 +13,19 @@ pub enum RobotKind {
     Simulated,
 }
 
-/// Arguments of `run`.
-#[derive(Debug, Args)]
-pub struct Run {
-    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
-    pub policy: PathBuf,
-    /// The robot
-    #[arg(long, value_enum)]
-    pub robot: RobotKind,
+/// How a robot is reached and armed: of `run`, and of `collect` on a robot.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "On a robot")]
+pub struct LinkArgs {
     /// Network interface to the robot, for example eth0; lo for a simulator on this machine
     #[arg(long, value_name = "NAME", required_if_eq("robot", "unitree-go2"))]
     pub interface: Option<String>,
     /// DDS domain: robots are in 0, simulators in 1
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
     pub domain: u16,
-    /// Commands from a file with the columns t,vx,vy,wz (s, m/s, m/s, rad/s); the last row says when the walk ends
-    #[arg(long, value_name = "FILE.csv", required_unless_present = "random", conflicts_with = "random")]
-    pub commands: Option<PathBuf>,
-    /// Random commands for so long, s, drawn as `collect` draws them from the policy's own task
-    #[arg(long, value_name = "S")]
-    pub random: Option<f64>,
-    /// Seed of the random commands
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u64,
-    /// Folder for the logs and the summary; it must not hold a run already
-    #[arg(long, value_name = "FOLDER")]
-    pub out: PathBuf,
+    /// How long the robot stands under the policy between trajectories, s
+    #[arg(long, value_name = "S", default_value_t = 2.0)]
+    pub pause: f64,
     /// Compute everything and send nothing
     #[arg(long)]
     pub dry_run: bool,
@@ -47,7 +35,35 @@ pub struct Run {
     /// How old a state and how late a loop may be, ms; for simulators only, on busy machines. A robot has 20
     #[arg(long, value_name = "MS", default_value_t = 20, value_parser = clap::value_parser!(u16).range(20..=1000))]
     pub patience: u16,
+}
+
+/// Arguments of `run`.
+#[derive(Debug, Args)]
+pub struct Run {
+    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
+    pub policy: PathBuf,
+    /// The robot
+    #[arg(long, value_enum)]
+    pub robot: RobotKind,
+    /// Commands from a file with the columns t,vx,vy,wz (s, m/s, m/s, rad/s); the last row says when the walk ends
+    #[arg(long, value_name = "FILE.csv", required_unless_present = "random", conflicts_with = "random")]
+    pub commands: Option<PathBuf>,
+    /// Random commands for so long, s, drawn as `collect` draws them from the policy's own task
+    #[arg(long, value_name = "S")]
+    pub random: Option<f64>,
+    /// So many random walks, with pauses between, each in a log of its own
+    #[arg(long, value_name = "N", requires = "random")]
+    pub trajectories: Option<NonZeroUsize>,
+    /// Seed of the random commands
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Folder for the logs and the summary; it must not hold a run already
+    #[arg(long, value_name = "FOLDER")]
+    pub out: PathBuf,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
+    /// The link.
+    #[command(flatten)]
+    pub link: LinkArgs,
 }

@@ -1,7 +1,7 @@
 //! Arguments of the commands that run a policy in a simulator.
 
-use super::Preset;
-use clap::Args;
+use super::{LinkArgs, Preset, RobotKind};
+use clap::{Args, ValueEnum};
 use gaitfit::world::WorldSettings;
 use std::path::{Path, PathBuf};
 
@@ -137,4 +137,15 @@ pub struct Collect {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
+    /// The link to a robot.
+    #[command(flatten)]
+    pub link: LinkArgs,
+}
+
+impl Collect {
+    /// The robot that is asked for in the place of a robot file.
+    pub fn on_robot(&self) -> Option<RobotKind> {
+        let robot = self.world.robot.as_deref().filter(|path| !path.exists())?;
+        RobotKind::from_str(robot.to_str()?, false).ok()
+    }
 }

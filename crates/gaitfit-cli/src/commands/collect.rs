@@ -21,6 +21,15 @@ struct Document {
 
 /// Runs the policy and writes one log a trajectory.
 pub fn run(args: &cli::Collect) -> Result<(), Failure> {
+    if let Some(robot) = args.on_robot() {
+        return super::run::run(&on_robot(args, robot)?);
+    }
+    let link = &args.link;
+    if link.interface.is_some() || link.yes || link.dry_run || link.domain != 0 {
+        return Err(Failure::usage(
+            "--interface, --domain, --yes and --dry-run are for a robot: name it, --robot unitree-go2",
+        ));
+    }
     folder(&args.out, "the logs go")?;
     let low = args.log_shift.first().copied().unwrap_or(0.0);
     let settings = CollectSettings {
@@ -50,4 +59,39 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         document.falls,
         document.simulator
     ))
+}
+
+/// The same on a robot: what only a simulator can do is refused.
+fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Failure> {
+    let world = &args.world;
+    for (given, option) in [
+        (world.theta.is_some(), "--theta"),
+        (!world.spring.is_empty(), "--spring"),
+        (world.torque_noise != 0.0, "--torque-noise"),
+        (world.randomised, "--randomised"),
+        (world.lenient, "--lenient"),
+        (world.task.is_some(), "--task"),
+        (args.privileged, "--privileged"),
+        (args.log_shift.iter().any(|shift| *shift != 0.0), "--log-shift"),
+    ] {
+        if given {
+            return Err(Failure::usage(format!("{option} is for simulators; a robot is as it is")));
+        }
+    }
+    if args.commands.is_some() {
+        return Err(Failure::usage(
+            "--commands: a robot plays them one by one, with `gaitfit run --commands`",
+        ));
+    }
+    Ok(cli::Run {
+        policy: world.policy.clone(),
+        robot,
+        commands: None,
+        random: Some(args.seconds),
+        trajectories: Some(args.trajectories),
+        seed: world.seed,
+        out: args.out.clone(),
+        json: args.json,
+        link: args.link.clone(),
+    })
 }

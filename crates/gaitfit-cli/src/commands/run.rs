@@ -8,7 +8,7 @@ use gaitfit::world::WorldSettings;
 use gaitfit_policy::Policy;
 use gaitfit_robot::guard::{GuardSettings, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
-use gaitfit_robot::run::{Controller, Live, Recorder, Script, Sender, Summary, WALK, WHOLE, live, real_time};
+use gaitfit_robot::run::{Controller, Live, Recorder, Script, Sender, Summary, RUN, WHOLE, live, real_time};
 use gaitfit_robot::unitree::{MOTOR_NAMES, motors_of};
 use gaitfit_robot::{Phase, RobotError, RobotState, Supervisor, Times};
 use std::io::{BufRead, IsTerminal};
@@ -18,6 +18,8 @@ use std::time::Duration;
 
 /// What a person types to arm a robot.
 const WORD: &str = "walk";
+/// Most walks of a run: more do not fit into an hour.
+const MOST_WALKS: usize = 3600;
 
 /// Set by Ctrl-C and signals. Once a robot may move they do not end the program by themselves: it must be told first.
 static ASKED: AtomicBool = AtomicBool::new(false);
@@ -26,16 +28,16 @@ static CONFIRMED: AtomicBool = AtomicBool::new(false);
 
 /// Stands the robot up, walks, lies it down.
 pub fn run(args: &Run) -> Result<(), Failure> {
-    let simulator = args.robot == RobotKind::Simulated || args.domain != 0;
-    if args.yes && !simulator {
+    let simulator = args.robot == RobotKind::Simulated || args.link.domain != 0;
+    if args.link.yes && !simulator {
         return Err(Failure::usage(
             "--yes: for simulators only, which are in another domain than 0 (--domain)",
         ));
     }
-    if args.patience != 20 && !simulator {
+    if args.link.patience != 20 && !simulator {
         return Err(Failure::usage("--patience: for simulators only; a robot has 20 ms"));
     }
-    if !args.yes && !args.dry_run && !std::io::stdin().is_terminal() {
+    if !args.link.yes && !args.link.dry_run && !std::io::stdin().is_terminal() {
         return Err(Failure::usage(
             "a person must type a word before the robot moves, and standard input is no terminal; with a simulator, in \
              another domain than 0, use --yes",
@@ -45,12 +47,16 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let script = script(args, &policy)?;
     let control = Duration::from_secs_f64(policy.interface.control_dt);
     let postures = Controller::postures(&policy).map_err(usage)?;
-    let patience = Duration::from_millis(args.patience.into());
+    let patience = Duration::from_millis(args.link.patience.into());
     let guard = GuardSettings { stale: patience, late: patience, simulator, ..GuardSettings::go2(control) };
     let guard = GuardSettings { late_policy: guard.late_policy.max(2 * control + patience), ..guard };
     new_folder(&args.out)?;
     let motors = motors_of(&policy.interface.joints).map_err(usage)?;
-    let recorder = Recorder::new(&args.out, &policy.interface, motors).map_err(Failure::failed)?;
+    let recorder = match args.trajectories {
+        Some(count) => Recorder::of_walks(&args.out, count.get(), &policy.interface, motors),
+        None => Recorder::new(&args.out, &policy.interface, motors),
+    };
+    let recorder = recorder.map_err(Failure::failed)?;
     let controller = Controller::new(&policy, &script, recorder).map_err(usage)?;
     let asked = || {
         ASKED.store(true, Ordering::SeqCst);
@@ -64,7 +70,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     // The link's threads inherit it.
     let real_time = real_time();
     let batch;
-    let link: Box<dyn Link + Send + '_> = match (args.robot, &args.interface) {
+    let link: Box<dyn Link + Send + '_> = match (args.robot, &args.link.interface) {
         (RobotKind::UnitreeGo2, Some(interface)) => over_dds(args, interface)?,
         (RobotKind::UnitreeGo2, None) => {
             return Err(Failure::usage("--interface: name the network interface"));
@@ -75,7 +81,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
             Box::new(Simulated::new(&batch).map_err(Failure::failed)?)
         }
     };
-    let sender = Sender::new(link, Supervisor::new(guard, postures, Times::default()), args.dry_run);
+    let sender = Sender::new(link, Supervisor::new(guard, postures, Times::default()), args.link.dry_run);
     let summary = live(
         sender,
         controller,
@@ -98,8 +104,8 @@ pub fn run(args: &Run) -> Result<(), Failure> {
 /// The link to a Go2.
 #[cfg(feature = "dds")]
 fn over_dds(args: &Run, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
-    note(&format!("listening to a Go2 on {interface}, domain {}", args.domain));
-    let link = gaitfit_robot::link::Dds::open(interface, args.domain, args.dry_run).map_err(usage)?;
+    note(&format!("listening to a Go2 on {interface}, domain {}", args.link.domain));
+    let link = gaitfit_robot::link::Dds::open(interface, args.link.domain, args.link.dry_run).map_err(usage)?;
     Ok(Box::new(link))
 }
 
@@ -146,13 +152,22 @@ fn script(args: &Run, policy: &Policy) -> Result<Script, Failure> {
     };
     let task = gaitfit::world::task(&world, policy)?;
     let dt = policy.interface.control_dt;
-    Script::new(gaitfit_learn::task::commands(&task.command, dt, args.seed, seconds)).map_err(usage)
+    let walk = |seed: u64| gaitfit_learn::task::commands(&task.command, dt, seed, seconds);
+    let script = match args.trajectories {
+        Some(count) => {
+            let walks: Vec<_> = (0..count.get().min(MOST_WALKS) as u64).map(|k| walk(args.seed.wrapping_add(k))).collect();
+            Script::of_walks(&walks, args.link.pause)
+        }
+        None => Script::new(walk(args.seed)),
+    };
+    script.map_err(usage)
 }
 
 /// A folder without a run in it.
 fn new_folder(path: &Path) -> Result<(), Failure> {
     folder(path, "the logs go")?;
-    if path.join(WALK).exists() || path.join(WHOLE).exists() {
+    let logs = if path.is_dir() { gaitfit_log::csv_files(path).map_err(Failure::failed)? } else { Vec::new() };
+    if !logs.is_empty() || path.join(RUN).join(WHOLE).exists() {
         return Err(Failure::usage(format!(
             "{}: holds a run already; name another folder, so that no log is lost",
             path.display()
@@ -171,11 +186,11 @@ fn confirm(args: &Run, script: &Script, state: &RobotState) -> bool {
         "the robot is heard: battery {battery}, hottest motor {} at {degrees} °C",
         MOTOR_NAMES[motor]
     ));
-    if args.dry_run {
+    if args.link.dry_run {
         note("a dry run: nothing is sent");
         return true;
     }
-    if args.yes {
+    if args.link.yes {
         return true;
     }
     note(&format!(
@@ -199,7 +214,8 @@ fn finish(args: &Run, summary: Result<Summary, RobotError>) -> Result<(), Failur
     })?;
     let text = serde_json::to_vec_pretty(&summary)
         .map_err(|error| Failure::failed(format!("cannot write the summary: {error}")))?;
-    gaitfit::files::write(&args.out.join("summary.json"), &text)?;
+    let folder = if args.trajectories.is_some() { args.out.join(RUN) } else { args.out.clone() };
+    gaitfit::files::write(&folder.join("summary.json"), &text)?;
     if args.json {
         output::print_json(&summary)?;
     } else {

@@ -89,6 +89,9 @@ pub enum Reason {
     /// The terminal went away.
     #[error("the terminal went away")]
     TerminalLost,
+    /// The log cannot be kept.
+    #[error("the log cannot be kept: {0}")]
+    Log(String),
     /// The link broke.
     #[error("the link to the robot broke: {0}")]
     Link(String),

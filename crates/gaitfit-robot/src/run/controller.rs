@@ -22,6 +22,8 @@ pub struct Controller<'a> {
     motors: [usize; MOTORS],
     sensed: Sensed,
     begun: Option<Duration>,
+    /// The walk that is recorded.
+    walk: Option<usize>,
     /// Age of the state at each output of the policy: sum and greatest, s.
     pub ages: (f64, f64),
     /// Outputs of the policy.
@@ -41,6 +43,7 @@ impl<'a> Controller<'a> {
             recorder,
             sensed: Sensed::new(MOTORS),
             begun: None,
+            walk: None,
             ages: (0.0, 0.0),
             outputs: 0,
         })
@@ -76,15 +79,22 @@ impl<'a> Controller<'a> {
         if !(board.phase == Phase::Walk || board.awaits_policy) {
             return Ok(());
         }
-        let begun = *self.begun.get_or_insert_with(|| {
-            self.pilot.begin();
-            now
-        });
+        let begun = *self.begun.get_or_insert(now);
         let time = (now - begun).as_secs_f64();
         let Some(command) = self.script.at(time) else {
             board.lie_down = true;
             return Ok(());
         };
+        let walk = self.script.walk_at(time);
+        let number = walk.map(|(number, _)| number);
+        if number != self.walk {
+            self.walk = number;
+            if let Some(number) = number {
+                // As in simulated logs: a log begins with a policy that has done nothing yet.
+                self.pilot.begin();
+                self.recorder.begin(number)?;
+            }
+        }
         self.sense(&state, command);
         let (action, targets) = self.pilot.step(&mut self.sensed);
         let mut of_motors = [0.0; MOTORS];
@@ -94,7 +104,12 @@ impl<'a> Controller<'a> {
         board.targets = Some((now, of_motors));
         self.outputs += 1;
         self.ages = (self.ages.0 + age, self.ages.1.max(age));
-        self.recorder.walk(&state, age, &Acted { time, command, action, targets })
+        match walk {
+            Some((_, began)) => {
+                self.recorder.walk(&state, age, &Acted { time: time - began, command, action, targets })
+            }
+            None => Ok(()),
+        }
     }
 
     fn sense(&mut self, state: &RobotState, command: [f32; 3]) {

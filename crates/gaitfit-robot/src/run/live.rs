@@ -245,16 +245,21 @@ fn control(
     loop {
         let (due, now) = beat.next();
         jitter.take(due, now);
-        let mut board = lock(board);
+        // On a copy: a disk that lets the logs wait must not hold up the loop that sends.
+        let mut seen = lock(board).clone();
         turns += 1;
-        if board.refused.is_some() || board.phase == Phase::Idle && turns > 50 {
-            return refused(board.refused.clone().unwrap_or(Reason::NoState));
+        if seen.refused.is_some() || seen.phase == Phase::Idle && turns > 50 {
+            return refused(seen.refused.unwrap_or(Reason::NoState));
         }
-        if let Err(error) = controller.cycle(now, &mut board) {
-            board.stop = Some(Reason::Link(error.to_string()));
+        let done = controller.cycle(now, &mut seen);
+        let mut board = lock(board);
+        board.targets = seen.targets;
+        board.lie_down |= seen.lie_down;
+        if let Err(error) = done {
+            board.stop = Some(Reason::Log(error.to_string()));
         }
-        let (found, over) = (board.phase, board.over);
         drop(board);
+        let (found, over) = (seen.phase, seen.over);
         if found != phase {
             phase = found;
             (ask.phase)(phase);

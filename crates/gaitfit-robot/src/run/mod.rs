@@ -17,6 +17,6 @@ pub use controller::Controller;
 pub use delay::{Delay, Trace};
 pub use jitter::{Jitter, Lateness};
 pub use live::{Live, Summary, live, real_time};
-pub use record::{Acted, Recorder, WALK, WHOLE};
+pub use record::{Acted, RUN, Recorder, WALK, WHOLE};
 pub use script::Script;
 pub use sender::Sender;

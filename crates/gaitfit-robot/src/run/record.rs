@@ -17,6 +17,8 @@ use crate::unitree::MOTORS;
 pub const WALK: &str = "walk.csv";
 /// See [`WALK`].
 pub const WHOLE: &str = "whole.csv";
+/// Folder of [`WHOLE`] beside the logs of several walks: a fit reads all logs of their folder.
+pub const RUN: &str = "run";
 
 /// What the policy did in a control period.
 #[derive(Clone, Copy, Debug)]
@@ -31,9 +33,14 @@ pub struct Acted<'a> {
     pub targets: &'a [f32],
 }
 
-/// Two logs of a run: the walk as `gaitfit collect` writes it, and every control period of every phase with what was sent.
+/// Logs of a run: each walk as `gaitfit collect` writes it, and every control period of every phase with what was sent.
 pub struct Recorder {
-    walk: (PathBuf, File),
+    folder: PathBuf,
+    /// Comments and header of a walk's log.
+    head: String,
+    /// Digits of the walks' numbers in their files' names; `None`: one walk.
+    digits: Option<usize>,
+    walk: Option<(PathBuf, File)>,
     whole: (PathBuf, File),
     /// For each of the policy's joints, its motor.
     motors: [usize; MOTORS],
@@ -41,11 +48,36 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// New files in `folder`; `motors` has a motor for each of the policy's joints.
+    /// For one walk: [`WALK`] and [`WHOLE`] in `folder`; `motors` has a motor for each of the policy's joints.
     ///
     /// # Errors
     /// Files that cannot be written.
     pub fn new(folder: &Path, interface: &Interface, motors: [usize; MOTORS]) -> Result<Self, RobotError> {
+        let mut recorder = Self::open(folder, None, interface, motors)?;
+        recorder.walk = Some(recorder.create(WALK)?);
+        Ok(recorder)
+    }
+
+    /// For `count` walks: `trajectory_00.csv`, … in `folder`, as `gaitfit collect` names them, and [`WHOLE`] in [`RUN`].
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn of_walks(
+        folder: &Path,
+        count: usize,
+        interface: &Interface,
+        motors: [usize; MOTORS],
+    ) -> Result<Self, RobotError> {
+        let digits = count.saturating_sub(1).to_string().len().max(2);
+        Self::open(folder, Some(digits), interface, motors)
+    }
+
+    fn open(
+        folder: &Path,
+        digits: Option<usize>,
+        interface: &Interface,
+        motors: [usize; MOTORS],
+    ) -> Result<Self, RobotError> {
         let per_joint = |prefix: &str| -> String {
             interface.joints.iter().fold(String::new(), |mut text, joint| {
                 let _ = write!(text, ",{prefix}{joint}");
@@ -56,25 +88,41 @@ impl Recorder {
         let mut head = format!("# robot = \"go2\"\n# rate_hz = {:?}\n", 1.0 / interface.control_dt);
         let body = "base_quat_w,base_quat_x,base_quat_y,base_quat_z,wx,wy,wz";
         let more = format!("acc_x,acc_y,acc_z{},charge,volts,age_ms", named(&["tau_", "temp_"]));
-        let open = |name: &str, head: &str| -> Result<(PathBuf, File), RobotError> {
-            let path = folder.join(name);
-            let failed =
-                |error: std::io::Error| RobotError::Write { path: path.clone(), problem: error.to_string() };
-            let mut file = File::create(&path).map_err(failed)?;
-            file.write_all(head.as_bytes()).map_err(failed)?;
-            Ok((path, file))
-        };
         let whole = format!(
             "{head}time{},{body},{more},phase{}\n",
             named(&["q_", "dq_"]),
             named(&["sent_q_", "sent_kp_", "sent_kd_"])
         );
         let _ = writeln!(head, "# kp = {:?}\n# kd = {:?}", interface.kp, interface.kd);
-        let walk = format!(
+        let head = format!(
             "{head}time{},vx_cmd,vy_cmd,wz_cmd,{body},{more}\n",
             named(&["q_", "dq_", "qdes_", "act_"])
         );
-        Ok(Self { walk: open(WALK, &walk)?, whole: open(WHOLE, &whole)?, motors, line: String::new() })
+        let whole_path = if digits.is_some() { folder.join(RUN).join(WHOLE) } else { folder.join(WHOLE) };
+        Ok(Self {
+            folder: folder.to_owned(),
+            head,
+            digits,
+            walk: None,
+            whole: created(whole_path, &whole)?,
+            motors,
+            line: String::new(),
+        })
+    }
+
+    fn create(&self, name: &str) -> Result<(PathBuf, File), RobotError> {
+        created(self.folder.join(name), &self.head)
+    }
+
+    /// The walk of this number begins.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn begin(&mut self, number: usize) -> Result<(), RobotError> {
+        if let Some(digits) = self.digits {
+            self.walk = Some(self.create(&format!("trajectory_{number:0digits$}.csv"))?);
+        }
+        Ok(())
     }
 
     /// A row of the walk: the state as the policy saw it `age` after it came (s), and what followed.
@@ -82,12 +130,15 @@ impl Recorder {
     /// # Errors
     /// A file that cannot be written.
     pub fn walk(&mut self, state: &RobotState, age: f64, acted: &Acted<'_>) -> Result<(), RobotError> {
-        self.begin(acted.time, state);
+        self.row(acted.time, state);
         self.numbers(acted.targets.iter());
         self.numbers(acted.action.iter());
         self.numbers(acted.command.iter());
         self.rest(state, age);
-        Self::end(&mut self.walk, &mut self.line)
+        match &mut self.walk {
+            Some(walk) => Self::end(walk, &mut self.line),
+            None => Ok(()),
+        }
     }
 
     /// A row of everything: `now` since the run began, the phase, what was sent last.
@@ -102,7 +153,7 @@ impl Recorder {
         phase: Phase,
         sent: Option<&Command>,
     ) -> Result<(), RobotError> {
-        self.begin(now, state);
+        self.row(now, state);
         self.rest(state, age);
         let _ = write!(self.line, ",{}", phase.name());
         for part in 0..3 {
@@ -117,7 +168,7 @@ impl Recorder {
         Self::end(&mut self.whole, &mut self.line)
     }
 
-    fn begin(&mut self, time: f64, state: &RobotState) {
+    fn row(&mut self, time: f64, state: &RobotState) {
         self.line.clear();
         let _ = write!(self.line, "{time:?}");
         let motors = self.motors;
@@ -152,4 +203,19 @@ impl Recorder {
         file.write_all(line.as_bytes())
             .map_err(|error| RobotError::Write { path: path.clone(), problem: error.to_string() })
     }
+}
+
+/// A new file with its first lines.
+fn created(path: PathBuf, head: &str) -> Result<(PathBuf, File), RobotError> {
+    let written = || -> std::io::Result<File> {
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder)?;
+        }
+        let mut file = File::create(&path)?;
+        file.write_all(head.as_bytes())?;
+        Ok(file)
+    };
+    let file =
+        written().map_err(|error| RobotError::Write { path: path.clone(), problem: error.to_string() })?;
+    Ok((path, file))
 }

@@ -16,6 +16,8 @@ const LARGEST: f64 = 5.0;
 pub struct Script {
     /// Time since the walk's beginning (s) and command: forward, left (m/s), yaw rate (rad/s).
     rows: Vec<(f64, [f32; 3])>,
+    /// From when to when each walk is recorded, s.
+    walks: Vec<[f64; 2]>,
 }
 
 impl Script {
@@ -47,7 +49,31 @@ impl Script {
                 ));
             }
         }
-        Ok(Self { rows })
+        let walks = vec![[0.0, rows[rows.len() - 1].0]];
+        Ok(Self { rows, walks })
+    }
+
+    /// Several walks, one after another, each recorded by itself; between them the robot stands for `pause`, s, under the
+    /// policy. Each walk has rows as [`Script::new`] takes them.
+    ///
+    /// # Errors
+    /// What [`Script::new`] refuses of a walk or of all of them, no walk, and a pause that is not from 0.5 to 60 s.
+    pub fn of_walks(of: &[Vec<(f64, [f32; 3])>], pause: f64) -> Result<Self, RobotError> {
+        if !(0.5..=60.0).contains(&pause) {
+            return Err(RobotError::Script(format!("a pause of {pause} s; give 0.5 to 60")));
+        }
+        let (mut rows, mut walks) = (Vec::new(), Vec::new());
+        let mut begin = 0.0;
+        for walk in of {
+            let walk = Self::new(walk.clone())?;
+            let end = begin + walk.seconds();
+            let commands = walk.rows.len() - 1;
+            rows.extend(walk.rows[..commands].iter().map(|(time, command)| (begin + time, *command)));
+            rows.push((end, [0.0; 3]));
+            walks.push([begin, end]);
+            begin = end + pause;
+        }
+        Ok(Self { walks, ..Self::new(rows)? })
     }
 
     /// A CSV file with the columns `t`, `vx`, `vy`, `wz`, in any order: s, m/s, m/s, rad/s.
@@ -97,7 +123,19 @@ impl Script {
         (next < self.rows.len()).then(|| self.rows[next.saturating_sub(1)].1)
     }
 
-    /// Length of the walk, s.
+    /// The walk that is recorded at `time`, s, and when it began; `None` in a pause.
+    pub fn walk_at(&self, time: f64) -> Option<(usize, f64)> {
+        let number = self.walks.partition_point(|[begin, _]| *begin <= time).checked_sub(1)?;
+        let [begin, end] = self.walks[number];
+        (time < end).then_some((number, begin))
+    }
+
+    /// How many walks are recorded.
+    pub fn walks(&self) -> usize {
+        self.walks.len()
+    }
+
+    /// Length of all of it, s.
     pub fn seconds(&self) -> f64 {
         self.rows.last().map_or(0.0, |(time, _)| *time)
     }
@@ -122,6 +160,33 @@ mod tests {
         assert_eq!(script.at(1.999), Some([0.5, 0.0, 0.1]));
         assert_eq!(script.at(2.0), Some([0.0; 3]));
         assert_eq!((script.at(3.0), script.seconds()), (None, 3.0));
+    }
+
+    #[test]
+    fn walks_follow_each_other_with_pauses_between() {
+        let walk = |speed: f32| vec![(0.0, [speed, 0.0, 0.0]), (1.0, [0.0, speed, 0.0]), (4.0, [9.0; 3])];
+        let mut last = walk(0.7);
+        last[2].1 = [0.0; 3];
+        assert!(Script::of_walks(&[walk(0.5)], 2.0).is_err(), "a command of 9");
+        let first = vec![(0.0, [0.5, 0.0, 0.0]), (4.0, [0.0; 3])];
+        let script = Script::of_walks(&[first, last.clone()], 2.0).unwrap();
+        assert_eq!((script.walks(), script.seconds()), (2, 10.0));
+        for (time, walk, command) in [
+            (0.0, Some((0, 0.0)), Some([0.5, 0.0, 0.0])),
+            (3.99, Some((0, 0.0)), Some([0.5, 0.0, 0.0])),
+            (4.0, None, Some([0.0; 3])),
+            (5.99, None, Some([0.0; 3])),
+            (6.0, Some((1, 6.0)), Some([0.7, 0.0, 0.0])),
+            (9.5, Some((1, 6.0)), Some([0.0, 0.7, 0.0])),
+            (10.0, None, None),
+        ] {
+            assert_eq!((script.walk_at(time), script.at(time)), (walk, command), "{time}");
+        }
+        for pause in [0.0, -1.0, f64::NAN, 1e9] {
+            assert!(Script::of_walks(&[last.clone(), last.clone()], pause).is_err());
+        }
+        assert!(Script::of_walks(&[], 2.0).is_err());
+        assert!(Script::of_walks(&vec![last; 700], 2.0).is_err(), "longer than an hour");
     }
 
     #[test]

@@ -24,13 +24,13 @@ struct Server {
 
 impl Server {
     /// In a domain of its own; `None` where the vendor's software or its needs are missing.
-    fn start(domain: u16) -> Option<Self> {
+    fn start(domain: u16, seconds: f64) -> Option<Self> {
         // A robot's own computer has nothing else to do: where the system allows it the server goes first, as the run does.
         real_time();
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let mut child = Command::new(sdk_python(&root)?)
             .arg(root.join("tools/go2_server.py"))
-            .args(["--domain", &domain.to_string()])
+            .args(["--domain", &domain.to_string(), "--seconds", &(seconds + 60.0).to_string()])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
@@ -88,9 +88,9 @@ fn run_on(
 #[test]
 #[ignore = "needs ../shared with the vendor's simulator, and cyclonedds and mujoco in .venv"]
 fn shared_the_vendors_server_is_walked() {
-    let Some(server) = Server::start(41) else { return };
-    let folder = tempfile::tempdir().unwrap();
     let seconds = std::env::var("GAITFIT_SERVER_SECONDS").ok().and_then(|s| s.parse().ok()).unwrap_or(10.0);
+    let Some(server) = Server::start(41, seconds) else { return };
+    let folder = tempfile::tempdir().unwrap();
     let directions =
         [[0.5, 0.0, 0.0], [-0.4, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, -0.3, 0.0], [0.0, 0.0, 0.6], [0.0; 3]];
     let mut rows: Vec<(f64, [f32; 3])> =
@@ -131,7 +131,7 @@ fn shared_a_server_that_is_killed_or_held_up_and_a_second_controller_are_noticed
     let rows = || vec![(0.0, [0.3, 0.0, 0.0]), (20.0, [0.0; 3])];
     let folder = tempfile::tempdir().unwrap();
     for (domain, signal) in [(42, "-KILL"), (43, "-STOP")] {
-        let Some(server) = Server::start(domain) else { return };
+        let Some(server) = Server::start(domain, 60.0) else { return };
         let mut told = |phase| {
             if phase == Phase::Walk {
                 server.signal(signal);
@@ -144,7 +144,7 @@ fn shared_a_server_that_is_killed_or_held_up_and_a_second_controller_are_noticed
         }
         server.end();
     }
-    let Some(server) = Server::start(44) else { return };
+    let Some(server) = Server::start(44, 60.0) else { return };
     let other = Mutex::new(Dds::open("lo", 44, false).unwrap());
     let begin = Instant::now();
     // Heard before it is armed.
