@@ -156,7 +156,12 @@ fn collect_on_a_robot_writes_a_log_a_trajectory_as_in_a_simulator() {
     for number in 0..3 {
         let log = read_csv(&out.join(format!("trajectory_0{number}.csv")), &ReadOptions::default()).unwrap();
         // On a busy machine turns of the policy's loop are left out.
-        assert!((20..=51).contains(&log.len()) && log.time[0] < 0.1, "{number}: {} {}", log.len(), log.time[0]);
+        assert!(
+            (20..=51).contains(&log.len()) && log.time[0] < 0.1,
+            "{number}: {} {}",
+            log.len(),
+            log.time[0]
+        );
         first.push(log.command.unwrap()[..3].to_vec());
     }
     assert!(first[0] != first[1] && first[1] != first[2], "{first:?}");

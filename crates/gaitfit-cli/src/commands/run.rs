@@ -8,7 +8,7 @@ use gaitfit::world::WorldSettings;
 use gaitfit_policy::Policy;
 use gaitfit_robot::guard::{GuardSettings, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
-use gaitfit_robot::run::{Controller, Live, Recorder, Script, Sender, Summary, RUN, WHOLE, live, real_time};
+use gaitfit_robot::run::{Controller, Live, RUN, Recorder, Script, Sender, Summary, WHOLE, live, real_time};
 use gaitfit_robot::unitree::{MOTOR_NAMES, motors_of};
 use gaitfit_robot::{Phase, RobotError, RobotState, Supervisor, Times};
 use std::io::{BufRead, IsTerminal};
@@ -105,7 +105,8 @@ pub fn run(args: &Run) -> Result<(), Failure> {
 #[cfg(feature = "dds")]
 fn over_dds(args: &Run, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
     note(&format!("listening to a Go2 on {interface}, domain {}", args.link.domain));
-    let link = gaitfit_robot::link::Dds::open(interface, args.link.domain, args.link.dry_run).map_err(usage)?;
+    let link =
+        gaitfit_robot::link::Dds::open(interface, args.link.domain, args.link.dry_run).map_err(usage)?;
     Ok(Box::new(link))
 }
 
@@ -155,7 +156,8 @@ fn script(args: &Run, policy: &Policy) -> Result<Script, Failure> {
     let walk = |seed: u64| gaitfit_learn::task::commands(&task.command, dt, seed, seconds);
     let script = match args.trajectories {
         Some(count) => {
-            let walks: Vec<_> = (0..count.get().min(MOST_WALKS) as u64).map(|k| walk(args.seed.wrapping_add(k))).collect();
+            let walks: Vec<_> =
+                (0..count.get().min(MOST_WALKS) as u64).map(|k| walk(args.seed.wrapping_add(k))).collect();
             Script::of_walks(&walks, args.link.pause)
         }
         None => Script::new(walk(args.seed)),
@@ -166,7 +168,8 @@ fn script(args: &Run, policy: &Policy) -> Result<Script, Failure> {
 /// A folder without a run in it.
 fn new_folder(path: &Path) -> Result<(), Failure> {
     folder(path, "the logs go")?;
-    let logs = if path.is_dir() { gaitfit_log::csv_files(path).map_err(Failure::failed)? } else { Vec::new() };
+    let logs =
+        if path.is_dir() { gaitfit_log::csv_files(path).map_err(Failure::failed)? } else { Vec::new() };
     if !logs.is_empty() || path.join(RUN).join(WHOLE).exists() {
         return Err(Failure::usage(format!(
             "{}: holds a run already; name another folder, so that no log is lost",

@@ -57,7 +57,9 @@ impl<'a> Sender<'a> {
 
     /// Its part of the work at `now`.
     pub fn cycle(&mut self, now: Duration, board: &mut Board) {
-        let Self { link, supervisor, states, armed_states, first_came, last_came, longest_gap, trace, .. } = self;
+        let Self {
+            link, supervisor, states, armed_states, first_came, last_came, longest_gap, trace, ..
+        } = self;
         let armed = supervisor.phase() != Phase::Idle;
         let mut newest = None;
         let heard = link.receive(now, &mut |age, reading| {

@@ -10,7 +10,9 @@ use gaitfit_robot::guard::GuardSettings;
 use gaitfit_robot::link::{Dds, Link, Simulated, simulation};
 use gaitfit_robot::run::{Controller, Live, Recorder, Script, Sender, Summary, live, real_time};
 use gaitfit_robot::unitree::{LowCmd, LowState, MOTORS, motors_of};
-use gaitfit_robot::{Command, MotorCommand, Phase, Reading, RobotError, RobotState, Supervisor, Times, damping};
+use gaitfit_robot::{
+    Command, MotorCommand, Phase, Reading, RobotError, RobotState, Supervisor, Times, damping,
+};
 use rustdds::policy::{History, Reliability};
 use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
 
@@ -81,8 +83,7 @@ fn robot(domain: u16, fault: Fault, after: Duration, pause: Duration, done: &Ato
     let loopback: std::net::IpAddr = std::net::Ipv4Addr::LOCALHOST.into();
     let participant = DomainParticipantBuilder::new(domain).with_only_networks([loopback]).build().unwrap();
     let reliable = Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
-    let qos =
-        QosPolicyBuilder::new().reliability(reliable).history(History::KeepLast { depth: 16 }).build();
+    let qos = QosPolicyBuilder::new().reliability(reliable).history(History::KeepLast { depth: 16 }).build();
     let topic = |name: &str, kind: &str| {
         participant.create_topic(name.to_owned(), kind.to_owned(), &qos, TopicKind::NoKey).unwrap()
     };
@@ -222,13 +223,19 @@ fn a_robot_over_dds_whose_messages_fail_is_damped_inside_its_limits() {
             (summary.unwrap(), robot.join().unwrap())
         });
         let reason = summary.reason.clone().unwrap_or_default();
-        eprintln!("{number} {fault:?} after {after:?}: {} commands, damped {:?} later", felt.commands, felt.answered);
+        eprintln!(
+            "{number} {fault:?} after {after:?}: {} commands, damped {:?} later",
+            felt.commands, felt.answered
+        );
         assert!(reason.contains(words), "{number} {fault:?} after {after:?}: {summary:?}");
         assert!(felt.commands > 20 && felt.checksums == 0 && felt.fault_at.is_some(), "{fault:?}: {felt:?}");
         assert_eq!(felt.outside, None, "{number} {fault:?} after {after:?}");
         let last = felt.last.unwrap();
         if fault != Fault::Killed {
-            assert!(last.iter().all(|motor| motor.kp == 0.0 && motor.tau == 0.0 && motor.kd > 0.0), "{last:?}");
+            assert!(
+                last.iter().all(|motor| motor.kp == 0.0 && motor.tau == 0.0 && motor.kd > 0.0),
+                "{last:?}"
+            );
         }
     }
 }
