@@ -52,6 +52,9 @@ class Robots:
         self.truncated: NDArray[np.bool_] = np.zeros(count, np.bool_)
         self._robots.observe(self.observation, self.critic_observation)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError("robots cannot be pickled: their state is the engine's own. Make them anew in each process")
+
     def reset(self) -> NDArray[np.float32]:
         """New episodes for all; what the robots observe, shape ``(num_envs, observation)``."""
         self._robots.restart()

@@ -65,7 +65,7 @@ class GaitfitVecEnv(VectorEnv):
             self._begin(seed)
         elif not self._fresh:
             self._robots.reset()
-        self._fresh = seed is not None
+        self._fresh = False
         return self._out(self._robots.observation), {}
 
     def step(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import tempfile
 import unittest
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent.parent
+PACKAGE = ROOT / "python"
 DEMO = ROOT / "examples" / "go2-demo"
 PROGRAM = Path(os.environ.get("GAITFIT_PROGRAM", ROOT / "target" / "debug" / "gaitfit"))
 
@@ -23,7 +22,3 @@ class Case(unittest.TestCase):
         self.folder = Path(folder.name)
         self.addCleanup(os.chdir, os.getcwd())
         os.chdir(ROOT)
-
-    def python(self, code: str, timeout: float = 100.0) -> subprocess.CompletedProcess[str]:
-        """Runs code in an interpreter of its own."""
-        return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=timeout, check=False)

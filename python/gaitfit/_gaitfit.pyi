@@ -1,0 +1,119 @@
+"""The native half. The package's own functions are the interface; this one may change."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__version__: str
+
+class GaitfitError(Exception): ...
+
+class Cma:
+    def __init__(
+        self,
+        start: Sequence[float],
+        deviation: Sequence[float],
+        seed: int,
+        lower: Sequence[float] | None,
+        upper: Sequence[float] | None,
+        population: int | None,
+        reflect: bool,
+        separable: bool,
+        state: str | None,
+    ) -> None: ...
+    def ask(self) -> NDArray[np.float64]: ...
+    def tell(self, costs: NDArray[np.float64]) -> None: ...
+    def stop(self) -> str | None: ...
+    def best(self) -> tuple[NDArray[np.float64], float] | None: ...
+    def mean(self) -> NDArray[np.float64]: ...
+    def deviations(self) -> NDArray[np.float64]: ...
+    def sigma(self) -> float: ...
+    def generation(self) -> int: ...
+    def evaluations(self) -> int: ...
+    def state(self) -> str: ...
+
+class Robots:
+    count: int
+    observation_width: int
+    critic_width: int
+    action_width: int
+    joints: list[str]
+    control_dt: float
+    episode_steps: int
+    rewards: list[str]
+    def __init__(
+        self,
+        config: str | None,
+        sets: Sequence[str],
+        robot: str | None,
+        count: int,
+        seed: int,
+        threads: int | None,
+        stagger: bool,
+    ) -> None: ...
+    def observe(self, observation: NDArray[np.float32], critic: NDArray[np.float32]) -> None: ...
+    def step(
+        self,
+        actions: NDArray[np.float32],
+        observation: NDArray[np.float32],
+        critic: NDArray[np.float32],
+        last: NDArray[np.float32],
+        reward: NDArray[np.float32],
+        terminated: NDArray[np.bool_],
+        truncated: NDArray[np.bool_],
+    ) -> int: ...
+    def restart(self) -> None: ...
+    def commands(self) -> list[list[float]]: ...
+
+def wasserstein(a: NDArray[np.float32], b: NDArray[np.float64]) -> list[float]: ...
+def read_log(path: str) -> dict[str, Any]: ...
+def fit_simulator(
+    simulate: Callable[[NDArray[np.float64]], Sequence[Mapping[str, Any]]],
+    joints: Sequence[str],
+    logs: Sequence[Mapping[str, Any]],
+    parameters: Sequence[Mapping[str, Any]],
+    search: Mapping[str, Any],
+    progress: Callable[[str, str, int, int], object] | None,
+) -> str: ...
+def adapt(run: Mapping[str, Any], progress: Callable[[str, str, int, int], object] | None) -> str: ...
+def validate(
+    theta: str,
+    logs: Sequence[str],
+    config: str | None,
+    sets: Sequence[str],
+    threads: int | None,
+) -> str: ...
+def train(
+    run: Mapping[str, Any],
+    robot: str | None,
+    seeds: Sequence[int] | None,
+    progress: Callable[[str, str, int, int], object] | None,
+) -> str: ...
+def finetune(
+    run: Mapping[str, Any],
+    world: Mapping[str, Any],
+    seeds: Sequence[int] | None,
+    progress: Callable[[str, str, int, int], object] | None,
+) -> str: ...
+def run_loop(run: Mapping[str, Any], progress: Callable[[str, str, int, int], object] | None) -> str: ...
+def evaluate(
+    world: Mapping[str, Any],
+    trajectories: int,
+    seconds: float,
+    drift: int,
+    terrain: str,
+    device: str,
+    progress: Callable[[str, str, int, int], object] | None,
+) -> str: ...
+def collect(
+    world: Mapping[str, Any],
+    out: str,
+    trajectories: int,
+    seconds: float,
+    log_shift: Sequence[float],
+    privileged: bool,
+    commands: str | None,
+    progress: Callable[[str, str, int, int], object] | None,
+) -> tuple[str, list[str], int]: ...

@@ -1,0 +1,134 @@
+"""Ctrl-C, threads, fork, pickles, and the time of the import."""
+
+import multiprocessing
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+import unittest
+
+import numpy as np
+
+import gaitfit
+
+from .common import DEMO, PACKAGE, Case
+
+LONG = {"optimizer.generations": 100_000, "optimizer.tolerance": 1e-300, "optimizer.seeds": 1}
+
+
+def interrupt_after(seconds: float) -> list[float]:
+    """Presses Ctrl-C on this process; the list has when."""
+    pressed: list[float] = []
+
+    def press() -> None:
+        time.sleep(seconds)
+        pressed.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=press, daemon=True).start()
+    return pressed
+
+
+def work() -> float:
+    search = gaitfit.CMA([1.0, 2.0], [1.0, 1.0], seed=1)
+    while search.stop is None:
+        search.tell(np.sum(search.ask() ** 2, axis=1))
+    robots = gaitfit.Robots(num_envs=8, threads=2)
+    robots.step(np.zeros((8, 12)))
+    return search.best_cost + float(robots.reward.sum())
+
+
+class Interrupts(Case):
+    def stopped(self, stage, seconds: float = 2.0) -> None:
+        pressed = interrupt_after(seconds)
+        with self.assertRaises(KeyboardInterrupt):
+            stage()
+        took = time.monotonic() - pressed[0]
+        print(f"Ctrl-C took {took:.2f} s")
+        self.assertLess(took, 1.0)
+
+    def test_a_fit_stops_within_a_second_and_goes_on(self) -> None:
+        def fit(generations: int, **more: object) -> gaitfit.Results:
+            settings = {**LONG, "optimizer.generations": generations}
+            return gaitfit.fit(DEMO / "adapt.toml", runs=self.folder, settings=settings, progress=False, **more)
+
+        self.stopped(lambda: fit(40, name="a"), 1.0)
+        self.assertTrue(list(self.folder.glob("a*/")), "the run folder is kept")
+        resumed, whole = fit(40, name="a", resume=True), fit(40, name="b")
+        self.assertEqual(resumed.to_dict()["parameters"], whole.to_dict()["parameters"])
+
+    def test_a_training_stops_within_a_second(self) -> None:
+        settings = {"train.environments": 64}
+        self.stopped(lambda: gaitfit.train(runs=self.folder, name="t", settings=settings, progress=False))
+
+    def test_a_simulator_of_ones_own_is_interrupted_itself(self) -> None:
+        log = gaitfit.Log(np.eye(10)[:, :1], np.eye(10)[:, :1], joints=["a"])
+        self.stopped(
+            lambda: gaitfit.fit_simulator(lambda _: time.sleep(60), log, [gaitfit.Parameter("p", 0.0, 1.0)], progress=False)
+        )
+
+
+class Processes(Case):
+    def test_forks_and_new_processes_work(self) -> None:
+        expected = work()
+        for method in ("fork", "spawn"):
+            with self.subTest(method), multiprocessing.get_context(method).Pool(2) as pool:
+                self.assertEqual(pool.starmap_async(work, [()] * 4).get(120), [expected] * 4)
+
+    def test_threads_work_side_by_side(self) -> None:
+        expected, found = work(), []
+        threads = [threading.Thread(target=lambda: found.append(work())) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertEqual(found, [expected] * 4)
+
+    def test_one_object_in_two_threads_is_an_exception_or_right(self) -> None:
+        robots = gaitfit.Robots(num_envs=512, threads=1)
+        errors: list[BaseException] = []
+
+        def step() -> None:
+            for _ in range(20):
+                try:
+                    robots.step(np.zeros((512, 12)))
+                except BaseException as error:  # noqa: BLE001
+                    errors.append(error)
+
+        threads = [threading.Thread(target=step) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertTrue(all(isinstance(error, RuntimeError) for error in errors), errors[:3])
+        self.assertTrue(np.isfinite(robots.reward).all())
+
+    def test_robots_are_not_pickled_and_say_so(self) -> None:
+        with self.assertRaisesRegex(TypeError, "robots cannot be pickled"):
+            pickle.dumps(gaitfit.Robots(num_envs=2))
+        error = gaitfit.GaitfitError("why")
+        self.assertEqual(pickle.loads(pickle.dumps(error)).args, ("why",))
+
+
+class Import(Case):
+    def test_the_import_is_fast(self) -> None:
+        code = (
+            "from time import perf_counter as now; t = now(); import numpy; n = now(); import gaitfit; "
+            "print(n - t, now() - n)"
+        )
+        runs = [
+            [float(word) for word in subprocess.run(
+                [sys.executable, "-c", code], cwd=PACKAGE, capture_output=True, text=True, check=True
+            ).stdout.split()]
+            for _ in range(5)
+        ]
+        numpy, own = map(min, zip(*runs))
+        print(f"import: {own:.3f} s after NumPy's {numpy:.3f} s")
+        self.assertLess(own, 0.15)
+
+
+if __name__ == "__main__":
+    unittest.main()

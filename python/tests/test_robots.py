@@ -1,0 +1,134 @@
+"""Many robots at a task: the environment alone, for Gymnasium and for rsl_rl."""
+
+import unittest
+import warnings
+
+import numpy as np
+
+import gaitfit
+
+from .common import Case
+
+COUNT = 300
+
+
+class Many(Case):
+    def test_steps_depend_on_the_seed_alone(self) -> None:
+        robots = [gaitfit.Robots(num_envs=COUNT, seed=4, threads=threads) for threads in (1, 3)]
+        other = gaitfit.Robots(num_envs=COUNT, seed=5)
+        first = robots[0]
+        self.assertEqual(first.observation.shape[0], COUNT)
+        self.assertEqual((first.num_actions, len(first.joints), first.control_dt), (12, 12, 0.02))
+        self.assertFalse(np.array_equal(first.observation, other.observation))
+        rng = np.random.default_rng(0)
+        ends = 0
+        for _ in range(60):
+            actions = rng.normal(0.0, 2.0, size=(COUNT, 12)).astype(np.float32)
+            ended = {one.step(actions) for one in robots}
+            self.assertEqual(len(ended), 1)
+            ends += ended.pop()
+            for name in ("observation", "critic_observation", "reward", "terminated", "truncated", "commands"):
+                np.testing.assert_array_equal(*(getattr(one, name) for one in robots), err_msg=name)
+        # Robots that flail fall.
+        self.assertGreater(ends, COUNT // 10)
+        self.assertTrue(np.isfinite(first.observation).all() and np.isfinite(first.reward).all())
+        self.assertEqual(first.commands.shape, (COUNT, 3))
+
+    def test_a_robot_that_fell_begins_anew(self) -> None:
+        robots = gaitfit.Robots(num_envs=64, seed=1)
+        for _ in range(200):
+            if robots.step(np.full((64, 12), 8.0)):
+                break
+        self.assertTrue(robots.terminated.any())
+        fallen = np.flatnonzero(robots.terminated)
+        self.assertFalse(np.array_equal(robots.last_observation[fallen], robots.observation[fallen]))
+        held = robots.observation
+        self.assertIs(robots.reset(), held)
+
+    def test_wrong_arguments_are_refused(self) -> None:
+        for arguments, error in (
+            ({"num_envs": 0}, ValueError),
+            ({"num_envs": -1}, OverflowError),
+            ({"num_envs": 1 << 40}, ValueError),
+            ({"config": "nowhere.toml"}, gaitfit.GaitfitError),
+            ({"robot": "nowhere.xml"}, gaitfit.GaitfitError),
+            ({"settings": {"task.nothing": 1}}, gaitfit.GaitfitError),
+            ({"seed": "one"}, TypeError),
+        ):
+            with self.subTest(str(arguments)), self.assertRaises(error):
+                gaitfit.Robots(**{"num_envs": 4, **arguments})
+        robots = gaitfit.Robots(num_envs=4)
+        for actions, words in (
+            (np.zeros((4, 11)), r"\(4, 11\); needed: \(4, 12\)"),
+            (np.zeros((5, 12)), "needed"),
+            (np.zeros(48), "needed"),
+            (np.full((4, 12), np.nan), "environment 0 for FL_hip_joint is not finite"),
+            ([["a"] * 12] * 4, "."),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(ValueError, words):
+                robots.step(actions)
+        robots.reward = np.zeros(3, np.float32)
+        with self.assertRaisesRegex(ValueError, "reward has 3 numbers; needed: 4"):
+            robots.step(np.zeros((4, 12)))
+        robots.reward = np.zeros(4, np.float32)
+        robots.observation.flags.writeable = False
+        with self.assertRaises((ValueError, TypeError, RuntimeError)):
+            robots.step(np.zeros((4, 12)))
+
+
+class ForLearners(Case):
+    def test_gymnasium(self) -> None:
+        try:
+            from gymnasium.vector import AutoresetMode, VectorEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        from gaitfit.gym import GaitfitVecEnv
+
+        env = GaitfitVecEnv(num_envs=32)
+        self.assertIsInstance(env, VectorEnv)
+        self.assertEqual(env.metadata["autoreset_mode"], AutoresetMode.SAME_STEP)
+        first, infos = env.reset(seed=3)
+        self.assertEqual((first.shape, first.dtype, infos), (env.observation_space.shape, np.float32, {}))
+        self.assertTrue(env.observation_space.contains(first))
+        env.action_space.seed(0)
+        kept = first.copy()
+        ends = 0
+        for _ in range(150):
+            found = env.step(env.action_space.sample() / 20.0)
+            observation, reward, terminated, truncated, infos = found
+            self.assertTrue(env.observation_space.contains(observation))
+            self.assertEqual((reward.shape, terminated.dtype, truncated.shape), ((32,), np.bool_, (32,)))
+            if (terminated | truncated).any():
+                ends += 1
+                np.testing.assert_array_equal(infos["_final_obs"], terminated | truncated)
+                self.assertEqual([one is not None for one in infos["final_obs"]], (terminated | truncated).tolist())
+        self.assertGreater(ends, 0)
+        np.testing.assert_array_equal(first, kept)
+        np.testing.assert_array_equal(env.reset(seed=3)[0], first)
+        self.assertFalse(np.array_equal(env.reset()[0], first))
+
+    def test_rsl_rl(self) -> None:
+        try:
+            from gaitfit.rsl_rl import RslRlVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        import torch
+        from rsl_rl.env import VecEnv
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            env = RslRlVecEnv(num_envs=32)
+        self.assertIsInstance(env, VecEnv)
+        observations = env.get_observations()
+        kept = observations["policy"].clone()
+        self.assertEqual(observations.batch_size[0], 32)
+        ages = env.episode_length_buf.clone()
+        found, reward, dones, extras = env.step(torch.zeros(32, env.num_actions))
+        self.assertEqual((found["policy"].shape, reward.shape, dones.dtype), (kept.shape, (32,), torch.long))
+        self.assertEqual(extras["time_outs"].shape, (32,))
+        self.assertTrue(torch.equal(observations["policy"], kept), "what was handed out is not written over")
+        self.assertTrue(torch.equal(env.episode_length_buf[dones == 0], ages[dones == 0] + 1))
+
+
+if __name__ == "__main__":
+    unittest.main()
