@@ -129,6 +129,35 @@ class ForLearners(Case):
         self.assertTrue(torch.equal(observations["policy"], kept), "what was handed out is not written over")
         self.assertTrue(torch.equal(env.episode_length_buf[dones == 0], ages[dones == 0] + 1))
 
+    def test_rsl_rls_ppo_trains_through_it(self) -> None:
+        try:
+            from rsl_rl.runners import OnPolicyRunner
+
+            from gaitfit.rsl_rl import RslRlVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        import torch
+
+        torch.manual_seed(1)
+        network = {"class_name": "MLPModel", "hidden_dims": [64, 64], "activation": "elu"}
+        noise = {"class_name": "GaussianDistribution", "init_std": 0.5}
+        runner = OnPolicyRunner(
+            RslRlVecEnv(num_envs=64),
+            {
+                "num_steps_per_env": 8,
+                "save_interval": 1000,
+                "obs_groups": {"actor": ["policy"], "critic": ["critic"]},
+                "actor": {**network, "distribution_cfg": noise},
+                "critic": network,
+                "algorithm": {"class_name": "PPO", "num_learning_epochs": 2},
+            },
+        )
+        before = [value.clone() for value in runner.alg.actor.parameters()]
+        runner.learn(num_learning_iterations=3)
+        after = list(runner.alg.actor.parameters())
+        self.assertTrue(all(torch.isfinite(value).all() for value in after))
+        self.assertFalse(any(torch.equal(*pair) for pair in zip(before, after)))
+
 
 if __name__ == "__main__":
     unittest.main()
