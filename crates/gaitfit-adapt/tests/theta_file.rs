@@ -163,6 +163,11 @@ fn joints_may_be_patterns() {
     assert_eq!(found.no_load_speed, [30.0, 30.0]);
     assert_eq!(found.stall_torque[0], 25.0);
     assert_eq!(robot("\"right*\"").unwrap().no_load_speed, [f64::INFINITY, 30.0]);
+    // All that a pattern may have, names beside it, and patterns that overlap.
+    let all = ["\"{left,right}_hip\"", "\"lef?_hip\", \"[r]ight_hip\"", "\"left_hip\", \"*\", \"*_hip*\""];
+    assert!(all.iter().all(|joints| robot(joints).unwrap().no_load_speed == [30.0, 30.0]));
+    assert!(matches!(robot("\"[\"").unwrap_err(), ThetaFileError::Pattern { .. }));
+    assert!(matches!(robot("\"left_hip\", \"left_hip\"").unwrap_err(), ThetaFileError::Twice { .. }));
     let error = robot("\"*_knee\"").unwrap_err();
     assert!(matches!(error, ThetaFileError::Pattern { .. }), "{error}");
     assert!(error.to_string().contains("*_knee") && error.to_string().contains("speed"), "{error}");

@@ -290,6 +290,23 @@ fn commands_are_chosen_and_played() {
     refused(choose("no.csv", &["--parameters", "tail"]), 2, "--parameters");
     refused(choose("no.csv", &["--torque-noise", "NaN"]), 2, "--torque-noise");
     refused(choose("no.csv", &["--amplitude", "0.1"]), 2, "--policy");
+    let (config, none) = (at("fit.toml"), at("no.csv"));
+    let long = ["--policy", policy, "--pool", "10000", "--seconds", "600"];
+    refused(run(&[&["excite", &config, "--out", &none], &long[..]].concat()), 2, "--pool");
+    let other =
+        "format = 2\n[[parameter]]\nname = \"other\"\nkind = \"damping\"\njoints = [\"*\"]\nvalue = 0.1\n";
+    std::fs::write(at("theta.toml"), other).unwrap();
+    refused(choose("no.csv", &["--theta", &at("theta.toml")]), 2, "none of the fit's parameters");
+    std::fs::write(at("theta.toml"), other.replace("other", "frictionloss_hip").replace("0.1", "77.0"))
+        .unwrap();
+    refused(choose("no.csv", &["--theta", &at("theta.toml")]), 2, "the search's bounds");
+    // Without a no-load speed no torque falls with speed.
+    let stall = "{kind = \"stall_torque\", per = \"all\"}";
+    refused(choose("no.csv", &["--set", &format!("parameter = [{stall}]")]), 1, "tells stall_torque");
+    let part =
+        json(&choose("part.csv", &["--set", &format!("parameter = [{stall}, {{kind = \"armature\"}}]")]));
+    assert!(part["ratio"].as_f64().unwrap() < 1.5 && part["parameters"][0]["chosen"].is_null(), "{part}");
+    assert!(part["notes"][0].as_str().unwrap().contains("`stall_torque` is not in the mean"), "{part}");
     refused(choose("no.txt", &[]), 2, ".csv");
     refused(choose("no.csv", &["--set", "costs=[\"wass\"]"]), 1, "wass");
     refused(play(&at("none"), &["--randomised"]), 2, "--randomised");

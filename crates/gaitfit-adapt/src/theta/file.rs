@@ -42,7 +42,7 @@ pub struct SavedParameter {
     pub name: String,
     /// What it changes.
     pub kind: String,
-    /// The joints it covers, by name or, in a file written by hand, by pattern (`*_hip*`); empty for what is not a joint's.
+    /// The joints it covers, by name or, in a file written by hand, by pattern (`*_hip*`, `{FL,FR}_*`); empty for what is not a joint's.
     #[serde(default)]
     pub joints: Vec<String>,
     /// Value.
@@ -214,12 +214,25 @@ impl ReadContext<'_> {
 
     /// The parameter with the joints' names instead of patterns.
     fn named(&self, parameter: &SavedParameter) -> Result<SavedParameter, ThetaFileError> {
-        let mut named = parameter.clone();
-        if parameter.joints.iter().any(|joint| joint.contains('*')) {
-            let joints: Vec<&str> = self.model.joints.iter().map(|joint| joint.name.as_str()).collect();
-            let places = covered(&parameter.joints, &self.model.name, &joints)
+        let joints: Vec<&str> = self.model.joints.iter().map(|joint| joint.name.as_str()).collect();
+        // A joint may be called as a pattern is written: it is that joint.
+        let patterned =
+            |name: &str| name.contains(['*', '?', '[', '{']) && self.model.find_joint(name).is_none();
+        let mut named = SavedParameter { joints: Vec::new(), ..parameter.clone() };
+        for name in &parameter.joints {
+            if !patterned(name) {
+                named.joints.push(name.clone());
+                continue;
+            }
+            let places = covered(&[name], &self.model.name, &joints)
                 .map_err(|source| ThetaFileError::Pattern { name: parameter.name.clone(), source })?;
-            named.joints = places.into_iter().map(|place| joints[place].to_owned()).collect();
+            // Patterns of one parameter may overlap.
+            for joint in places.into_iter().map(|place| joints[place]) {
+                if !named.joints.iter().any(|own| self.model.find_joint(own) == self.model.find_joint(joint))
+                {
+                    named.joints.push(joint.to_owned());
+                }
+            }
         }
         Ok(named)
     }
@@ -230,7 +243,7 @@ impl ReadContext<'_> {
         if value.is_finite() && *value >= least && value.abs() <= MOST {
             return Ok(());
         }
-        Err(ThetaFileError::Value { name: name.clone(), value: *value, least })
+        Err(ThetaFileError::Value { name: name.clone(), value: *value, least: least.max(-MOST) })
     }
 }
 

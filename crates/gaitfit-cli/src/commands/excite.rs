@@ -58,15 +58,20 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
     }
     let mut text = format!(
         "{} command sequences of {} s for {}, chosen from {} of which {} made it fall.\n\nExpected standard deviations of a \
-         fit, with as many random commands and with the chosen ones:\n\n{rows}\n\nTheir geometric mean, where they count, is \
-         {:.0} % of that with random commands.\n",
+         fit, with as many random commands and with the chosen ones:\n\n{rows}\n\n",
         found.sequences.len(),
         settings.seconds,
         shown(&found.robot),
         found.pool,
         found.fell,
-        100.0 * found.ratio
     );
+    if let Some(ratio) = found.ratio {
+        let percent = 100.0 * ratio;
+        let _ = writeln!(
+            text,
+            "Their geometric mean, where they count, is {percent:.0} % of that with random commands."
+        );
+    }
     for note in &found.notes {
         let _ = writeln!(text, "note: {note}");
     }

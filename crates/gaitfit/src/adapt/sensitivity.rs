@@ -2,9 +2,9 @@
 
 use super::setup::Setup;
 use crate::Error;
-use crate::settings::Base;
-use gaitfit_adapt::Entry;
+use crate::settings::{AdaptConfig, Base};
 use gaitfit_adapt::fit::{Problem, Sensitivity, off_bounds, sensitivity as measured};
+use gaitfit_adapt::{Entry, SavedParameter, Theta};
 use gaitfit_model::shown_number;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -68,6 +68,38 @@ fn within(entry: &Entry, value: f64, place: &str) -> Result<f64, Error> {
     )))
 }
 
+/// Values of every entry of θ: those of `path`, a fit's theta.toml, or where it does not name them of the configuration's
+/// `[truth]`, or else the start of the search.
+///
+/// # Errors
+/// A file that cannot be read or names none of them; values beyond the search's bounds.
+pub(crate) fn known_values(
+    config: &AdaptConfig,
+    theta: &Theta,
+    path: Option<&Path>,
+) -> Result<Vec<f64>, Error> {
+    let of_file = path.map_or_else(String::new, |path| path.display().to_string());
+    let file = path.map(crate::theta::read).transpose()?;
+    let saved: &[SavedParameter] = file.as_ref().map_or(&[], |file| &file.parameter);
+    let entries = theta.entries();
+    let named = |entry: &Entry| saved.iter().find(|one| one.name == entry.name).map(|one| one.value);
+    if !saved.is_empty() && !entries.iter().any(|entry| named(entry).is_some()) {
+        let names: Vec<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
+        return Err(Error::settings(format!(
+            "{of_file} names none of the fit's parameters ({}); give the theta.toml of this fit",
+            names.join(", ")
+        )));
+    }
+    let value = |(entry, start): (&Entry, f64)| {
+        let stated = || config.truth.get(&entry.name).map(|value| (*value, "[truth]".to_owned()));
+        match named(entry).map(|value| (value, of_file.clone())).or_else(stated) {
+            Some((known, place)) => within(entry, known, &place),
+            None => Ok(off_bounds(entry, start)),
+        }
+    };
+    entries.iter().zip(theta.start(config.optimizer.seed)).map(value).collect()
+}
+
 /// Measures it on the logs of `setup` around the values of `theta`, a fit's theta.toml, or where it does not name them of the
 /// configuration's `[truth]`, or else the start of the search. `difference`: what the fitted simulator will differ by;
 /// without it, what these values do.
@@ -79,19 +111,7 @@ pub fn sensitivity(
     theta: Option<&Path>,
     difference: Option<f64>,
 ) -> Result<SensitivityResults, Error> {
-    let of_file = theta.map_or_else(String::new, |path| path.display().to_string());
-    let file = theta.map(crate::theta::read).transpose()?;
-    let entries = setup.theta.entries();
-    let start = setup.theta.start(setup.config.optimizer.seed);
-    let value = |(entry, start): (&Entry, f64)| {
-        let saved = file.as_ref().and_then(|file| file.parameter.iter().find(|one| one.name == entry.name));
-        let stated = || setup.config.truth.get(&entry.name).map(|value| (*value, "[truth]".to_owned()));
-        match saved.map(|one| (one.value, of_file.clone())).or_else(stated) {
-            Some((known, place)) => within(entry, known, &place),
-            None => Ok(off_bounds(entry, start)),
-        }
-    };
-    let values: Vec<f64> = entries.iter().zip(start).map(value).collect::<Result<_, _>>()?;
+    let values = known_values(&setup.config, &setup.theta, theta)?;
     let cost = setup.costs[0].as_ref();
     if cost.differences().is_none() {
         let comparing = if setup.config.base == Base::Free { "matchr" } else { "matcho" };

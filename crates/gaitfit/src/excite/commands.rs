@@ -1,16 +1,16 @@
 //! Commands for a walking policy, chosen by what their logs can tell.
 
-use super::design::{choose, criterion, deviations};
+use super::design::{choose, deviations};
 use super::playlist::Sequence;
-use crate::adapt::{LogSet, Method, Robot, simulated};
+use crate::adapt::{LogSet, Method, Robot, known_values, simulated};
 use crate::log::Log;
 use crate::settings::{self, AdaptConfig, Base};
 use crate::walk::recorder::Recorder;
 use crate::walk::walking::Walking;
 use crate::watch::{Watch, Work};
-use crate::{Error, machine, theta};
+use crate::{Error, machine};
 use gaitfit_adapt::Theta;
-use gaitfit_adapt::fit::{Problem, Sensitivity, off_bounds, sensitivity};
+use gaitfit_adapt::fit::{Problem, Sensitivity, sensitivity};
 use gaitfit_learn::task::Task;
 use gaitfit_log::{Gains, Trajectory};
 use gaitfit_model::patterns::covered;
@@ -25,6 +25,8 @@ use std::sync::Arc;
 
 /// Fewest and most candidates.
 const POOL: std::ops::RangeInclusive<usize> = 8..=10_000;
+/// Most samples of all candidates together: a robot takes about a kilobyte each.
+const MOST_ROWS: f64 = 2e6;
 /// Sets of random sequences that the chosen ones are compared with.
 const RANDOM_SETS: u32 = 200;
 /// Times after which commands change: of the task, and shorter ones.
@@ -68,8 +70,8 @@ pub struct Commands {
     pub fell: usize,
     /// Expected standard deviations, one a parameter.
     pub parameters: Vec<Expected>,
-    /// Geometric mean of the deviations that count, chosen over random.
-    pub ratio: f64,
+    /// Geometric mean of the deviations that count, chosen over random, where both tell them; none where there is no such.
+    pub ratio: Option<f64>,
     /// Things to know.
     pub notes: Vec<String>,
     /// The sequences.
@@ -131,10 +133,17 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
     let rest = crate::walk::walking::rest_angles(&policy, &model)?;
     let theta = config.rules().theta(&config.groups(), &names, &rest).map_err(Error::settings)?;
-    let values = values(settings, &config, &theta)?;
+    let values = known_values(&config, &theta, settings.theta.as_deref())?;
     let of = counted(&settings.parameters, &theta)?;
     let method = simulated(&config, Some(policy.clone()), model.clone(), &theta, &base, Some(threads))?;
     let robot = Arc::new(Walking::robot(&config, policy, &model, &theta, &base, threads)?);
+    let rows = settings.pool as f64 * settings.seconds / robot.task.walker.interface.control_dt;
+    if rows > MOST_ROWS {
+        return Err(Error::settings(format!(
+            "`pool` (--pool) sequences of `seconds` (--seconds) have {rows:.0} samples together; at most {MOST_ROWS:.0} are \
+             simulated: give fewer or shorter ones"
+        )));
+    }
     let pool = pool(settings, &robot.task);
     let look =
         Look { settings, config: &config, method: &method, base: &base, theta: &theta, values: &values };
@@ -151,13 +160,37 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
             settings.pool
         )));
     }
-    let chosen = choose(&stood, settings.trajectories, &of);
-    let mut sum = DMatrix::zeros(theta.len(), theta.len());
-    chosen.iter().for_each(|&one| sum += &stood[one]);
+    let together = |places: &mut dyn Iterator<Item = usize>| {
+        places.fold(DMatrix::zeros(theta.len(), theta.len()), |sum, one| sum + &stood[one])
+    };
+    let told = deviations(&together(&mut (0..stood.len())));
+    if !of.iter().any(|&entry| told[entry].is_finite()) {
+        let names: Vec<&str> = of.iter().map(|&entry| theta.entries()[entry].name.as_str()).collect();
+        return Err(Error::failed(format!(
+            "no command sequence tells {}: the simulated walks are the same whatever the values; look at what they act on \
+             (docs/loop.md), and give values near the robot's (--theta)",
+            names.join(", ")
+        )));
+    }
+    let chosen = choose(&stood, settings.trajectories, &of, &|| watch.stop());
+    if watch.stop() {
+        return Err(interrupted());
+    }
+    let deviation = deviations(&together(&mut chosen.iter().copied()));
     let usual = usual_spread(settings, &random, theta.len());
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
-    let deviation = deviations(&sum);
-    let mean: f64 = of.iter().map(|&entry| usual[entry].ln()).sum::<f64>() / of.len() as f64;
+    let both = |entry: &usize| usual[*entry].is_finite() && deviation[*entry].is_finite();
+    let (compared, apart): (Vec<usize>, Vec<usize>) = of.iter().partition(|entry| both(entry));
+    let mut notes = crate::robot::remarks(&model);
+    notes.extend(apart.into_iter().map(|entry| {
+        let which = match (usual[entry].is_finite(), deviation[entry].is_finite()) {
+            (_, true) => "random commands may not tell it",
+            (true, _) => "the chosen commands do not tell it",
+            (false, false) => "no commands tell it here",
+        };
+        format!("`{}` is not in the mean: {which}", theta.entries()[entry].name)
+    }));
+    let logs: f64 = compared.iter().map(|&entry| (deviation[entry] / usual[entry]).ln()).sum();
     let parameters = theta.entries().iter().enumerate().map(|(at, entry)| Expected {
         name: entry.name.clone(),
         unit: entry.unit.clone(),
@@ -170,22 +203,10 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
         pool: settings.pool,
         fell,
         parameters: parameters.collect(),
-        ratio: (criterion(&sum, &of) - mean).exp(),
-        notes: crate::robot::remarks(&model),
+        ratio: (!compared.is_empty()).then(|| (logs / compared.len() as f64).exp()),
+        notes,
         sequences: chosen.into_iter().map(|one| pool[places[one]].clone()).collect(),
     })
-}
-
-/// The values around which is looked.
-fn values(settings: &CommandSettings, config: &AdaptConfig, theta: &Theta) -> Result<Vec<f64>, Error> {
-    let file = settings.theta.as_deref().map(theta::read).transpose()?;
-    let start = theta.start(config.optimizer.seed);
-    let value = |(entry, start): (&gaitfit_adapt::Entry, f64)| {
-        let saved = file.as_ref().and_then(|file| file.parameter.iter().find(|one| one.name == entry.name));
-        let known = saved.map(|one| one.value).or_else(|| config.truth.get(&entry.name).copied());
-        known.map_or_else(|| off_bounds(entry, start), |known| known.clamp(entry.lower, entry.upper))
-    };
-    Ok(theta.entries().iter().zip(start).map(value).collect())
 }
 
 /// Entries whose spread is to be small.
@@ -235,6 +256,11 @@ fn pool(settings: &CommandSettings, task: &Task) -> Vec<Sequence> {
     (0..settings.pool).map(one).collect()
 }
 
+/// That the watch stopped it.
+fn interrupted() -> Error {
+    Error::Interrupted { message: "interrupted; nothing was written".to_owned(), kept: None }
+}
+
 /// Geometric mean of each parameter's deviation over random sets of the usual sequences.
 fn usual_spread(settings: &CommandSettings, random: &[DMatrix<f64>], entries: usize) -> Vec<f64> {
     let mut logs = vec![0.0; entries];
@@ -273,8 +299,6 @@ impl Look<'_> {
             Recorder::new(Arc::clone(robot), self.base.clone(), &templates.iter().collect::<Vec<_>>());
         let seed = derive_seed(self.settings.seed, Purpose::TORQUE_NOISE, 0);
         let stop = || watch.stop();
-        let interrupted =
-            || Error::Interrupted { message: "interrupted; nothing was written".to_owned(), kept: None };
         let recorded =
             recorder.record(self.theta, self.values, self.settings.torque_noise, &[seed], &stop)?.pop();
         if watch.stop() {

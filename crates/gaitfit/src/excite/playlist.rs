@@ -50,8 +50,10 @@ pub fn read(path: &Path) -> Result<Vec<Sequence>, Error> {
 }
 
 fn parse(text: &str) -> Result<Vec<Sequence>, String> {
+    // Spreadsheets begin their files with a byte order mark.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    if lines.next().is_none_or(|(_, header)| header.trim() != COLUMNS) {
+    if lines.next().is_none_or(|(_, header)| !header.split(',').map(str::trim).eq(COLUMNS.split(','))) {
         return Err(format!("no file of commands; its header is {COLUMNS}"));
     }
     let mut found: Vec<Sequence> = Vec::new();
@@ -65,14 +67,14 @@ fn parse(text: &str) -> Result<Vec<Sequence>, String> {
             return wrong("five numbers are needed, with commas between");
         };
         if !command.iter().all(|value| value.abs() <= MOST_COMMAND) {
-            return wrong("a command is at most 100 m/s or rad/s");
+            return wrong("a command is a number of at most 100 m/s or rad/s");
         }
         if *trajectory == found.len() as f64 && found.len() < MOST_SEQUENCES {
             found.push(Sequence::default());
         }
         let last = found.len() as f64 - 1.0;
         let Some(sequence) = found.last_mut().filter(|_| *trajectory == last) else {
-            return wrong("trajectories are numbered 0, 1, 2, one after another");
+            return wrong("trajectories are numbered 0, 1, 2, one after another, and are at most 100000");
         };
         let rises = match sequence.steps.last() {
             Some((before, _)) => time > before,
@@ -96,6 +98,9 @@ mod tests {
         let one = Sequence { steps: vec![(0.0, [0.5, -0.25, 1.0]), (1.5, [0.0; 3])] };
         let all = vec![one.clone(), Sequence { steps: vec![(0.0, [1.0; 3])] }];
         assert_eq!(parse(&text(&all)).unwrap(), all);
+        // As a spreadsheet writes it.
+        let spaced = format!("\u{feff}{}", text(&all).replace(',', ", ").replace('\n', "\r\n"));
+        assert_eq!(parse(&spaced).unwrap(), all);
         assert_eq!(
             (one.at(0.0), one.at(1.49), one.at(1.5), one.at(99.0)),
             ([0.5, -0.25, 1.0], [0.5, -0.25, 1.0], [0.0; 3], [0.0; 3])

@@ -1,5 +1,6 @@
 //! What a theta.toml or a command line may not say, lest other simulators take it.
 
+use super::joint::JointNumbers;
 use crate::Error;
 use gaitfit_adapt::{RobotNumber, SavedParameter, ThetaFile};
 use gaitfit_model::{shown, shown_number};
@@ -38,6 +39,18 @@ pub(super) fn parameters(file: &ThetaFile, path: &Path) -> Result<(), Error> {
 fn unit(kind: &str) -> Option<&'static str> {
     let joints = JointParameter::ALL.iter().find(|one| one.name() == kind).map(|one| one.unit());
     joints.or_else(|| RobotNumber::ALL.iter().find(|one| one.name() == kind).map(|one| one.unit()))
+}
+
+/// Refuses motors whose torque falls with speed from none: no simulator has such.
+pub(super) fn motors(joints: &[JointNumbers]) -> Result<(), Error> {
+    let wrong =
+        joints.iter().find(|joint| joint.no_load_speed.is_finite() && joint.stall_torque.is_infinite());
+    let Some(JointNumbers { name, .. }) = wrong else { return Ok(()) };
+    Err(Error::failed(format!(
+        "joint `{}` has a no_load_speed and no stall_torque, and the robot's file has no torque limit to take instead: give \
+         the parameters a stall_torque of this joint, or the file the limit",
+        shown(name)
+    )))
 }
 
 /// Refuses gains that no controller has.

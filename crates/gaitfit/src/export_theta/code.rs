@@ -94,8 +94,12 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
         "friction_factor: multiply the friction of the ground's material",
     );
     say(
-        candidate.robot.base_mass != 0.0 || candidate.robot.payload_mass != 0.0,
+        robot.base_mass != 0.0 || robot.payload_mass != 0.0,
         "base: an event term randomize_rigid_body_mass with a constant",
+    );
+    say(
+        robot.base_com != [0.0; 3],
+        "base: shift the centre of mass of the base by com, an event term randomize_rigid_body_com with a constant",
     );
     say(
         linked,

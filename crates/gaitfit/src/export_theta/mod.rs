@@ -140,9 +140,10 @@ fn files_of(
     gains: Option<&Gains>,
 ) -> Result<Exported, Error> {
     let joints = joint::numbers(model, candidate, gains);
+    checks::motors(&joints)?;
     let mut notes = Vec::new();
     let (robot_name, robot_text, said) = match is_urdf {
-        true => ("robot.urdf", urdf::patched(text, model, &joints, candidate)?, urdf::said()),
+        true => ("robot.urdf", urdf::patched(text, model, &joints, candidate)?, urdf::said(text, model)?),
         false => {
             let base = mjcf::says_base(text, model)?;
             if text.contains("file=\"") {

@@ -156,6 +156,30 @@ fn friction_at_rest_and_falling_torque_are_said_by_code() {
     let isaac = content(&exported, "isaac_lab.py");
     assert!(isaac.contains("friction=0.55,") && isaac.contains("dynamic_friction=0.25,"), "{isaac}");
     assert!(isaac.contains("velocity_limit") && isaac.contains("stribeck_velocity"), "{isaac}");
+    assert!(isaac.contains("randomize_rigid_body_com"), "{isaac}");
+    // A motor's torque falls from some limit.
+    let bare = GO2_URDF.replace(" effort=", " was_effort=");
+    let model = read_urdf_str(&bare, &ReadOptions { lenient: true, ..ReadOptions::default() }).unwrap();
+    let falling =
+        "format = 2\n[[parameter]]\nname = \"n\"\nkind = \"no_load_speed\"\njoints = [\"*\"]\nvalue = 20.0\n";
+    let motor = |more: &str| {
+        let file =
+            ThetaFile::parse(&format!("{falling}{}", more.replace("no_load_speed", "stall_torque"))).unwrap();
+        files_of(&file, &model, &bare, true, &file.candidate(&model).unwrap(), None).map(|_| ())
+    };
+    let error = motor("").unwrap_err().to_string();
+    assert!(error.contains(&model.joints[0].name) && error.contains("stall_torque"), "{error}");
+    motor(&falling["format = 2\n".len()..]).unwrap();
+    // A file that switches dry friction off has it where there is only stiction.
+    let off = builtin::GO2.replacen("<option", "<option><flag frictionloss=\"disable\"/></option><option", 1);
+    assert!(off != builtin::GO2);
+    let model = read_mjcf_str(&off, &ReadOptions::default()).unwrap();
+    let text =
+        "format = 2\n[[parameter]]\nname = \"s\"\nkind = \"stiction\"\njoints = [\"*\"]\nvalue = 0.3\n";
+    let file = ThetaFile::parse(text).unwrap();
+    let candidate = file.candidate(&model).unwrap();
+    let sticky = files_of(&file, &model, &off, false, &candidate, None).unwrap();
+    assert!(content(&sticky, "robot.xml").contains("frictionloss=\"enable\""));
     // A robot whose torque does not fall says so by a null.
     let plain = theta_of(&model, 0.0);
     let candidate = plain.candidate(&model).unwrap();
@@ -185,6 +209,61 @@ fn an_exported_urdf_has_friction_and_damping() {
     let armature = exported.rows.iter().find(|row| row.name == "armature").unwrap();
     assert!(!armature.in_robot_file);
     assert!(exported.notes.iter().any(|note| note.contains("--kp")));
+}
+
+/// What tools write that MuJoCo and URDF readers take too: white space in closing tags, elements without content, no origin.
+#[test]
+fn an_exported_urdf_is_whole_whatever_its_layout() {
+    let link = |name: &str, inertial: &str| format!("<link name=\"{name}\">{inertial}</link>");
+    let heavy = |more: &str| {
+        format!(
+            "<inertial><mass value=\"2\"/><inertia ixx=\"0.1\" iyy=\"0.1\" izz=\"0.1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/>{more}\
+             </inertial  >"
+        )
+    };
+    let text = format!(
+        "<robot name=\"two\">{}{}{}<joint name=\"swing\" type=\"revolute\"><parent link=\"base\"/><child link=\"arm\"/>\
+         <axis xyz=\"0 1 0\"/><limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"5\"/></joint\n><joint name=\"weld\" \
+         type=\"fixed\"><parent link=\"base\"/><child link=\"trunk\"/></joint></robot>",
+        link("base", ""),
+        link("trunk", &heavy("<origin xyz=\"0 0 0.1\"/>")),
+        link("arm", &heavy(""))
+    );
+    let model = read_urdf_str(&text, &ReadOptions::default()).unwrap();
+    let mut said = "format = 2\n".to_owned();
+    for (kind, joints, value) in [
+        ("damping", "[\"swing\"]", 0.3),
+        ("link_com_x", "[\"swing\"]", 0.02),
+        ("link_mass", "[\"swing\"]", 1.5),
+        ("base_mass", "[]", 0.7),
+    ] {
+        said.push_str(&format!(
+            "[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\njoints = {joints}\nvalue = {value:?}\n"
+        ));
+    }
+    let file = ThetaFile::parse(&said).unwrap();
+    let candidate = file.candidate(&model).unwrap();
+    let exported = files_of(&file, &model, &text, true, &candidate, None).unwrap();
+    let again = read_urdf_str(content(&exported, "robot.urdf"), &ReadOptions::default()).unwrap();
+    assert_eq!(again.joints[0].damping, 0.3);
+    let arm = again.bodies.iter().find(|body| body.name == "arm").unwrap();
+    assert_eq!((arm.mass, arm.ipos), (3.0, [0.02, 0.0, 0.0]));
+    // The base link has no mass that the file could change, and the table says so.
+    let row = |name: &str| exported.rows.iter().find(|row| row.name == name).unwrap().in_robot_file;
+    assert!(row("link_mass") && !row("base_mass"));
+    assert!(content(&exported, "theta.json").contains("\"mass\": 0.7"));
+
+    let edited = |text: &str, tag: &str| {
+        let document = xml::parse(text).unwrap();
+        let node = document.descendants().find(|node| node.has_tag_name(tag)).unwrap();
+        let mut edits = xml::Edits::default();
+        edits.append(text, node, "<b/>".to_owned());
+        edits.apply(text)
+    };
+    assert_eq!(edited("<r><a/></r>", "a"), "<r><a><b/></a></r>");
+    assert_eq!(edited("<r><a x='1' /></r>", "a"), "<r><a x='1' ><b/></a></r>");
+    assert_eq!(edited("<r><a>1</a ></r>", "a"), "<r><a>1<b/></a ></r>");
+    assert_eq!(edited("<r><a><c/></a></r>", "a"), "<r><a><c/><b/></a></r>");
 }
 
 #[test]
@@ -352,6 +431,19 @@ fn networks_are_files_of_their_own() {
     assert_eq!(archive.len(), 2 * 8);
     let factor = npyz::NpyFile::new(archive.by_name("resid_act_RR_calf/factor.npy").unwrap()).unwrap();
     assert_eq!(factor.into_vec::<f64>().unwrap(), [1.5, 0.1, 1.5, 0.1, 1.5, 0.1]);
+    // Names that are the same once they are names of files.
+    let mut alike = with_networks();
+    (alike.network[0].name, alike.network[1].name) = ("a_2".to_owned(), "a".to_owned());
+    let third = gaitfit_adapt::SavedNetwork {
+        name: "a".to_owned(),
+        joint: "FL_calf".to_owned(),
+        ..alike.network[1].clone()
+    };
+    alike.network.insert(1, third);
+    let names: Vec<String> = written(&alike).0.files.into_iter().map(|(name, _)| name).collect();
+    let onnx: std::collections::HashSet<&String> =
+        names.iter().filter(|name| name.ends_with(".onnx")).collect();
+    assert_eq!(onnx.len(), 3, "{names:?}");
     // The same fit gives the same bytes, and a fit without networks none of these files.
     assert_eq!(written(&with_networks()).0.files, exported.files);
     let model = read_mjcf_str(builtin::GO2, &ReadOptions::default()).unwrap();

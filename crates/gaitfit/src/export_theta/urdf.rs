@@ -6,14 +6,25 @@ use super::{COMMON, link_kinds};
 use crate::Error;
 use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
-use roxmltree::Node;
+use roxmltree::{Document, Node};
 
 /// Kinds of parameters that the file says.
-pub(super) fn said() -> Vec<&'static str> {
+pub(super) fn said(text: &str, model: &Model) -> Result<Vec<&'static str>, Error> {
     let mut said = COMMON.to_vec();
-    said.extend(["base_mass", "base_com_x", "base_com_y", "base_com_z"]);
+    let document = parse(text)?;
+    // Base links without mass of their own are common.
+    let base = model.bodies.first().and_then(|body| inertial(&document, &body.name));
+    if base.is_some_and(|inertial| inertial.children().any(|child| child.has_tag_name("mass"))) {
+        said.extend(["base_mass", "base_com_x", "base_com_y", "base_com_z"]);
+    }
     said.extend(link_kinds());
-    said
+    Ok(said)
+}
+
+/// The inertial of a link.
+fn inertial<'a, 'i>(document: &'a Document<'i>, link: &str) -> Option<Node<'a, 'i>> {
+    let named = |node: &Node<'_, '_>| node.has_tag_name("link") && node.attribute("name") == Some(link);
+    document.descendants().find(named)?.children().find(|child| child.has_tag_name("inertial"))
 }
 
 /// The file's text with the fitted numbers.
@@ -43,39 +54,28 @@ pub(super) fn patched(
                 edits.set(text, dynamics, "friction", &friction);
             }
             None => {
-                let at = node.range().end - "</joint>".len();
-                edits.insert(at, format!("  <dynamics damping=\"{damping}\" friction=\"{friction}\"/>\n  "));
+                let dynamics = format!("  <dynamics damping=\"{damping}\" friction=\"{friction}\"/>\n  ");
+                edits.append(text, node, dynamics);
             }
         }
     }
     let robot = &candidate.robot;
     let base = model.bodies.first().map_or("", |body| body.name.as_str());
-    let link =
-        document.descendants().find(|node| node.has_tag_name("link") && node.attribute("name") == Some(base));
-    if let Some(inertial) = link.and_then(|link| document.get_node(child(link, "inertial")?)) {
+    if let Some(inertial) = inertial(&document, base) {
         if robot.base_mass != 0.0
             && let Some(mass) = child(inertial, "mass").and_then(|id| document.get_node(id))
             && let Some([value]) = numbers(mass, "value").as_deref()
         {
             edits.set(text, mass, "value", &number(value + robot.base_mass));
         }
-        if robot.base_com != [0.0; 3]
-            && let Some(origin) = child(inertial, "origin").and_then(|id| document.get_node(id))
-            && let Some([x, y, z]) = numbers(origin, "xyz").as_deref()
-        {
-            let [dx, dy, dz] = robot.base_com;
-            edits.set(text, origin, "xyz", &[x + dx, y + dy, z + dz].map(number).join(" "));
+        if robot.base_com != [0.0; 3] {
+            shift(text, inertial, robot.base_com, &mut edits);
         }
     }
     for (body, change) in model.bodies.iter().zip(robot.body_changes(model)).filter(|(_, one)| one.changed())
     {
-        let link = document
-            .descendants()
-            .find(|node| node.has_tag_name("link") && node.attribute("name") == Some(body.name.as_str()));
         // A link without one has no mass that could change.
-        let Some(inertial) = link.and_then(|link| document.get_node(child(link, "inertial")?)) else {
-            continue;
-        };
+        let Some(inertial) = inertial(&document, &body.name) else { continue };
         let within = |name: &str| child(inertial, name).and_then(|id| document.get_node(id));
         for (name, attributes) in
             [("mass", &["value"][..]), ("inertia", &["ixx", "ixy", "ixz", "iyy", "iyz", "izz"])]
@@ -89,19 +89,20 @@ pub(super) fn patched(
             }
         }
         if change.shift != [0.0; 3] {
-            match within("origin") {
-                Some(origin) => {
-                    let place = numbers(origin, "xyz").unwrap_or_else(|| vec![0.0; 3]);
-                    let place: Vec<String> =
-                        place.iter().zip(change.shift).map(|(place, shift)| number(place + shift)).collect();
-                    edits.set(text, origin, "xyz", &place.join(" "));
-                }
-                None => {
-                    let at = inertial.range().end - "</inertial>".len();
-                    edits.insert(at, format!("<origin xyz=\"{}\"/>", change.shift.map(number).join(" ")));
-                }
-            }
+            shift(text, inertial, change.shift, &mut edits);
         }
     }
     Ok(edits.apply(text))
+}
+
+/// Moves the centre of mass of an inertial by `by`, m, axes of the link.
+fn shift(text: &str, inertial: Node<'_, '_>, by: [f64; 3], edits: &mut Edits) {
+    match inertial.children().find(|child| child.has_tag_name("origin")) {
+        Some(origin) => {
+            let place = numbers(origin, "xyz").unwrap_or_else(|| vec![0.0; 3]);
+            let place: Vec<String> = place.iter().zip(by).map(|(place, by)| number(place + by)).collect();
+            edits.set(text, origin, "xyz", &place.join(" "));
+        }
+        None => edits.append(text, inertial, format!("<origin xyz=\"{}\"/>", by.map(number).join(" "))),
+    }
 }

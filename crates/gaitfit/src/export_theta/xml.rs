@@ -24,6 +24,19 @@ impl Edits {
         self.edits.push((start + name_end..start + name_end, format!(" {name}=\"{value}\"")));
     }
 
+    /// Puts a text at the end of an element, which may have nothing in it yet.
+    pub fn append(&mut self, text: &str, node: Node<'_, '_>, inner: String) {
+        let Range { start, end } = node.range();
+        match text[start..end].rfind("</") {
+            Some(close) if !text[start..end].ends_with("/>") => self.insert(start + close, inner),
+            // `<tag ... />`
+            _ => {
+                let name = node.tag_name().name();
+                self.edits.push((end - "/>".len()..end, format!(">{inner}</{name}>")));
+            }
+        }
+    }
+
     /// Puts a text at a place.
     pub fn insert(&mut self, at: usize, text: String) {
         self.edits.push((at..at, text));
