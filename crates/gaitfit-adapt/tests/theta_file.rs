@@ -164,7 +164,7 @@ fn joints_may_be_patterns() {
     assert_eq!(found.stall_torque[0], 25.0);
     assert_eq!(robot("\"right*\"").unwrap().no_load_speed, [f64::INFINITY, 30.0]);
     // All that a pattern may have, names beside it, and patterns that overlap.
-    let all = ["\"{left,right}_hip\"", "\"lef?_hip\", \"[r]ight_hip\"", "\"left_hip\", \"*\", \"*_hip*\""];
+    let all = ["\"{left,right}_hip\"", "\"lef?_hip\", \"[r]ight_hip\"", "\"*\", \"left_hip\", \"*_hip*\""];
     assert!(all.iter().all(|joints| robot(joints).unwrap().no_load_speed == [30.0, 30.0]));
     assert!(matches!(robot("\"[\"").unwrap_err(), ThetaFileError::Pattern { .. }));
     assert!(matches!(robot("\"left_hip\", \"left_hip\"").unwrap_err(), ThetaFileError::Twice { .. }));

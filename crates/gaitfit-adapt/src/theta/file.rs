@@ -218,22 +218,15 @@ impl ReadContext<'_> {
         // A joint may be called as a pattern is written: it is that joint.
         let patterned =
             |name: &str| name.contains(['*', '?', '[', '{']) && self.model.find_joint(name).is_none();
-        let mut named = SavedParameter { joints: Vec::new(), ..parameter.clone() };
-        for name in &parameter.joints {
-            if !patterned(name) {
-                named.joints.push(name.clone());
-                continue;
-            }
-            let places = covered(&[name], &self.model.name, &joints)
-                .map_err(|source| ThetaFileError::Pattern { name: parameter.name.clone(), source })?;
-            // Patterns of one parameter may overlap.
-            for joint in places.into_iter().map(|place| joints[place]) {
-                if !named.joints.iter().any(|own| self.model.find_joint(own) == self.model.find_joint(joint))
-                {
-                    named.joints.push(joint.to_owned());
-                }
-            }
-        }
+        let (patterns, names): (Vec<&String>, Vec<&String>) =
+            parameter.joints.iter().partition(|name| patterned(name));
+        let places = covered(&patterns, &self.model.name, &joints)
+            .map_err(|source| ThetaFileError::Pattern { name: parameter.name.clone(), source })?;
+        let mut named = SavedParameter { joints: names.into_iter().cloned().collect(), ..parameter.clone() };
+        // What is named already a pattern may cover too.
+        let own: Vec<Option<usize>> = named.joints.iter().map(|name| self.model.find_joint(name)).collect();
+        let more = places.into_iter().filter(|place| !own.contains(&Some(*place)));
+        named.joints.extend(more.map(|place| joints[place].to_owned()));
         Ok(named)
     }
 
