@@ -7,6 +7,7 @@ published, those between the first and the last command, commands taken, command
 
 Needs the packages cyclonedds (11.0.1), mujoco and numpy, and the vendor's software (both BSD-3).
 Usage: python tools/go2_server.py [--vendor FOLDER] [--domain 1] [--interface lo] [--dt 0.005] [--seconds 120]
+       [--frictionloss 0] [--armature 0] [--payload 0]
 """
 
 import argparse
@@ -40,6 +41,9 @@ def main():
     parser.add_argument("--domain", type=int, default=1)
     parser.add_argument("--interface", default="lo")
     parser.add_argument("--dt", type=float, default=0.005, help="physics step and time between states, s; the vendor's is 0.005")
+    parser.add_argument("--frictionloss", type=float, default=0.0, help="added to every joint, N·m")
+    parser.add_argument("--armature", type=float, default=0.0, help="added to every joint, kg·m²")
+    parser.add_argument("--payload", type=float, default=0.0, help="added to the mass of the base, kg")
     parser.add_argument("--seconds", type=float, default=120.0)
     arguments = parser.parse_args()
     sys.path.insert(0, str(arguments.vendor / "unitree_sdk2_python"))
@@ -58,6 +62,9 @@ def main():
         model_text(arguments.vendor / "unitree_mujoco/unitree_robots/go2/go2.xml")
     )
     model.opt.timestep = arguments.dt
+    model.dof_frictionloss[6:] += arguments.frictionloss
+    model.dof_armature[6:] += arguments.armature
+    model.body_mass[1] += arguments.payload
     data = mujoco.MjData(model)
     for joint in range(1, model.njnt):
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint)

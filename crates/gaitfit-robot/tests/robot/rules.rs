@@ -158,6 +158,23 @@ fn joints_out_of_range_too_fast_or_jumping_stop() {
     assert_eq!(found, Reason::TooFast { motor: 7, speed: 50.0 });
     let found = after(|reading| reading.state.q[1] += 0.5);
     assert!(matches!(found, Reason::Jump { motor: 1, .. }), "{found:?}");
+
+    // Messages that were held up come in a heap: by the robot's counter they are further apart.
+    let mut run = Run::armed();
+    run.until(Phase::Walk);
+    let far = |ticks: u32| {
+        move |mut reading: Reading| {
+            reading.state.q[1] += 0.5;
+            reading.state.tick += ticks;
+            Some(reading)
+        }
+    };
+    run.tick_with(far(18), march);
+    assert_eq!(run.supervisor.reason(), None);
+    let mut run = Run::armed();
+    run.until(Phase::Walk);
+    run.tick_with(far(0), march);
+    assert!(matches!(run.supervisor.reason(), Some(Reason::Jump { motor: 1, .. })));
 }
 
 #[test]
@@ -295,7 +312,11 @@ fn a_simulators_message_without_checksum_counter_and_battery_is_taken_from_simul
     simulated.arm(Duration::from_millis(30)).unwrap();
     run.supervisor.read(Duration::ZERO, &bare);
     assert!(run.supervisor.arm(Duration::ZERO).is_err());
-    bare.seal = Seal::Wrong;
+    // Nothing but torque limits a simulator's motors.
+    bare.state.dq[2] = 30.0;
     simulated.read(Duration::from_millis(31), &bare);
+    assert_eq!(simulated.reason(), None);
+    bare.seal = Seal::Wrong;
+    simulated.read(Duration::from_millis(32), &bare);
     assert_eq!(simulated.reason(), Some(&Reason::WrongChecksum));
 }
