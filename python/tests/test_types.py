@@ -82,7 +82,7 @@ class Documentation(Case):
         import doctest
         import gaitfit._cma
 
-        found = doctest.testmod(gaitfit._cma)
+        found = doctest.testmod(gaitfit._cma, verbose=False)
         self.assertEqual((found.failed, found.attempted > 2), (0, True))
 
 
