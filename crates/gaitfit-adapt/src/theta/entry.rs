@@ -1,5 +1,6 @@
 //! One number that a fit changes.
 
+use super::file::MOST;
 use super::{NetworkName, ThetaError};
 use serde::Serialize;
 
@@ -34,6 +35,9 @@ impl Entry {
         }
         if lower < least {
             return Err(ThetaError::Meaningless { name: self.name.clone(), kind: self.kind, least, lower });
+        }
+        if lower < -MOST || upper > MOST {
+            return Err(ThetaError::Wide { name: self.name.clone(), lower, upper, most: MOST });
         }
         Ok(())
     }

@@ -92,7 +92,7 @@ pub struct SavedNetwork {
 }
 
 /// Largest value of any number: beyond it no robot is meant, and single precision may overflow.
-const MOST: f64 = 1e6;
+pub(super) const MOST: f64 = 1e6;
 
 /// Why a file of found values cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

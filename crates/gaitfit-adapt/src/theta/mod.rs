@@ -71,6 +71,20 @@ pub enum ThetaError {
         /// The lower bound asked for.
         lower: f64,
     },
+    /// Bounds reach beyond what a theta.toml can say.
+    #[error(
+        "parameter `{name}`: its bounds {lower:e} to {upper:e} reach beyond {most:e}; bring them nearer to what it can be"
+    )]
+    Wide {
+        /// Entry.
+        name: String,
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+        /// Largest number of a theta.toml.
+        most: f64,
+    },
     /// Patterns do not fit the robot's joints.
     #[error("parameter {kind}: {source}")]
     Joints {

@@ -91,6 +91,11 @@ fn a_bound_below_its_start_is_refused_by_name() {
     negative.lower = Some(-0.1);
     let error = Theta::from_rules(&[negative], &groups(), &joints()).unwrap_err();
     assert!(matches!(error, ThetaError::Meaningless { .. }), "{error}");
+    // What is found there no theta.toml could say.
+    let mut wide = rule(JointParameter::NoLoadSpeed, Sharing::All, &["*"]);
+    wide.upper = Some(1e300);
+    let error = Theta::from_rules(&[wide], &groups(), &joints()).unwrap_err();
+    assert!(matches!(error, ThetaError::Wide { .. }) && error.to_string().contains("1e300"), "{error}");
 }
 
 #[test]
