@@ -68,6 +68,65 @@ fn bad_input_and_bad_names_are_told_apart() {
 }
 
 #[test]
+fn a_policy_becomes_a_bundle_and_cpp_and_nothing_is_replaced_silently() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (bundle, cpp) = (path("new/bundle"), path("cpp"));
+    let walk = "assets/go2-walk.safetensors";
+    let found = json(&run(&["export", walk, "--bundle", &bundle, "--cpp", &cpp, "--json"]));
+    let names = ["exported/policy.onnx", "controller.yaml", "params/deploy.yaml"]
+        .map(|name| format!("{bundle}/{name}"));
+    let written: Vec<String> = serde_json::from_value(found["written"].clone()).unwrap();
+    assert_eq!(written, [&names[..], &[format!("{cpp}/policy.hpp"), format!("{cpp}/example.cpp")]].concat());
+    // The built-in Go2 gives its effort limits to its own policy.
+    let yaml = std::fs::read_to_string(&names[1]).unwrap();
+    assert!(yaml.contains("effort_limit: [23.7, 23.7, 45.43,"), "{yaml}");
+    let not_said: Vec<String> = serde_json::from_value(found["not_said"].clone()).unwrap();
+    assert!(not_said.iter().any(|line| line.contains("Unitree's SDK")), "{not_said:?}");
+    let again = json(&run(&["export", &names[0], "--json"]));
+    for key in ["observation", "joints", "control_dt"] {
+        assert_eq!(again[key], found[key], "{key}");
+    }
+    // What is there stays, and says so.
+    std::fs::write(&names[2], "mine").unwrap();
+    let output = run(&["export", walk, "--bundle", &bundle]);
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    assert!(
+        errors(&output).contains("is there already; give another --bundle, or --force"),
+        "{}",
+        errors(&output)
+    );
+    assert_eq!(std::fs::read_to_string(&names[2]).unwrap(), "mine");
+    let output = run(&["export", walk, "--bundle", &bundle, "--force"]);
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    assert!(output.status.success() && text.contains("not said: "), "{text}{}", errors(&output));
+    assert_ne!(std::fs::read_to_string(&names[2]).unwrap(), "mine");
+    // Not even --force replaces the policy that is read.
+    let output = run(&["export", &names[0], "--bundle", &bundle, "--force"]);
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    assert!(errors(&output).contains("would replace a file that this command reads"), "{}", errors(&output));
+
+    let lstm = "crates/gaitfit-policy/tests/fixtures/policies/lstm.toml";
+    let (fresh, text_file) = (path("fresh"), path("a.txt"));
+    for (args, code, message) in [
+        (vec!["export", walk, "--cpp", "README.md"], 2, "is a file; name the folder"),
+        (vec!["export", walk, "--force"], 2, "--force is for --bundle and --cpp"),
+        (vec!["export", walk, "--cpp", &fresh, "--robot", "assets/go2.xml"], 2, "--bundle"),
+        (vec!["export", walk, "--bundle", &fresh, "--lenient"], 2, "--robot"),
+        (vec!["export", walk, "--bundle", &fresh, "--robot", "none.xml"], 1, "none.xml"),
+        (vec!["export", walk, "--bundle", "/dev/null/bundle"], 1, "cannot make"),
+        (vec!["export", lstm, "--bundle", &fresh], 1, "`--cpp` writes them as C++"),
+        (vec!["export", walk, "--onnx", &text_file, "--bundle", &fresh], 2, "ends in .onnx"),
+    ] {
+        let output = run(&args);
+        let error = errors(&output);
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {error}");
+        assert!(error.contains(message), "`{message}` is not in `{error}`");
+        assert!(!folder.path().join("fresh").exists(), "{args:?}");
+    }
+}
+
+#[test]
 fn recordings_become_logs_and_logs_become_recordings() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();

@@ -20,8 +20,8 @@ pub mod walker;
 
 pub use error::PolicyError;
 pub use files::{
-    DescribedTerm, Description, EncoderTensors, MemoryTensors, NormaliserTensors, Passes, PerJoint, files_of,
-    onnx, read, weights,
+    DescribedTerm, Description, EncoderTensors, MemoryTensors, NormaliserTensors, Passes, PerJoint, deploy,
+    files_of, onnx, read, weights,
 };
 pub use front::{Encoder, Front, Latent};
 pub use held::{ActionClip, Held};

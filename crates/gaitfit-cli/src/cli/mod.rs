@@ -158,6 +158,22 @@ pub struct Export {
     /// Write the whole policy in the project's own format
     #[arg(long, value_name = "FILE.safetensors")]
     pub safetensors: Option<PathBuf>,
+    /// Write a folder for programs that run the policy without gaitfit: ONNX, controller.yaml for ROS 2, and
+    /// deploy.yaml of unitree_rl_lab
+    #[arg(long, value_name = "FOLDER")]
+    pub bundle: Option<PathBuf>,
+    /// Write the policy as C++17, the network inside: policy.hpp, and example.cpp that uses it
+    #[arg(long, value_name = "FOLDER")]
+    pub cpp: Option<PathBuf>,
+    /// Robot (.xml, .mjcf, .urdf) whose effort limits the bundle has [default: the built-in Go2, for its policies]
+    #[arg(long, value_name = "FILE", requires = "bundle")]
+    pub robot: Option<PathBuf>,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    #[arg(long, requires = "robot")]
+    pub lenient: bool,
+    /// Write over files of an earlier bundle or C++ folder
+    #[arg(long)]
+    pub force: bool,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,

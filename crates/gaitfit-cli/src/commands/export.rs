@@ -1,34 +1,113 @@
 //! `gaitfit export`: a policy in other programs' formats, and at a glance.
 
+use super::folder;
 use super::policy::{document, text};
 use crate::cli::Export;
 use crate::exit::Failure;
 use crate::output;
 use gaitfit::files::{self, Output};
-use gaitfit_policy::{Policy, PolicyError, onnx, weights};
-use std::path::PathBuf;
+use gaitfit::robot::{self, Hold};
+use gaitfit_model::{Model, builtin};
+use gaitfit_policy::{Policy, PolicyError, deploy, onnx, weights};
+use std::path::{Path, PathBuf};
+
+/// A file to write.
+struct File {
+    path: PathBuf,
+    option: &'static str,
+    ending: Option<&'static str>,
+    bytes: Vec<u8>,
+}
 
 /// Reads the policy, writes what is asked for, prints what it is.
 pub fn run(args: &Export) -> Result<(), Failure> {
+    let folders = [(&args.bundle, "--bundle"), (&args.cpp, "--cpp")];
+    for path in folders.iter().filter_map(|(path, _)| path.as_ref()) {
+        folder(path, "the files go")?;
+    }
+    if args.force && folders.iter().all(|(path, _)| path.is_none()) {
+        return Err(Failure::usage(
+            "--force is for --bundle and --cpp; --onnx and --safetensors replace the file that they name"
+                .to_owned(),
+        ));
+    }
+    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
+    let read = gaitfit_policy::files_of(&args.policy).map_err(Failure::failed)?;
+    let (files, unsaid) = made(args, &policy)?;
+    if let Some(file) = files.iter().find(|file| file.ending.is_none() && !args.force && file.path.exists()) {
+        return Err(Failure::usage(format!(
+            "{} is there already; give another {}, or --force to write over it",
+            file.path.display(),
+            file.option
+        )));
+    }
+    for file in files.iter().filter(|file| file.ending.is_none()) {
+        let folder = file.path.parent().unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder)
+            .map_err(|error| Failure::failed(format!("cannot make {}: {error}", folder.display())))?;
+    }
+    let outputs: Vec<Output<'_>> = files
+        .iter()
+        .map(|file| Output { path: &file.path, option: file.option, ending: file.ending })
+        .collect();
+    let inputs = read.iter().map(PathBuf::as_path).chain(args.robot.as_deref());
+    files::check(&outputs, inputs)?;
+    let mut written = Vec::new();
+    for file in &files {
+        files::write(&file.path, &file.bytes)?;
+        written.push(file.path.display().to_string());
+    }
+    let document = document(&policy, written).without(unsaid);
+    if args.json { output::print_json(&document) } else { output::print(&text(&document)) }
+}
+
+/// All files that are asked for, and what they do not say.
+fn made(args: &Export, policy: &Policy) -> Result<(Vec<File>, Vec<String>), Failure> {
     type Writer = fn(&Policy) -> Result<Vec<u8>, PolicyError>;
-    let named: [(&Option<PathBuf>, &str, &str, Writer); 2] = [
+    let failed = |error| Failure::failed(format!("{}: {error}", args.policy.display()));
+    let single: [(&Option<PathBuf>, _, _, Writer); 2] = [
         (&args.onnx, "--onnx", "onnx", onnx::write),
         (&args.safetensors, "--safetensors", "safetensors", weights::write),
     ];
-    let asked = named.into_iter().filter_map(|(path, option, ending, writer)| {
-        Some((Output { path: path.as_deref()?, option, ending: Some(ending) }, writer))
-    });
-    let (outputs, writers): (Vec<Output<'_>>, Vec<Writer>) = asked.unzip();
-    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
-    let read = gaitfit_policy::files_of(&args.policy).map_err(Failure::failed)?;
-    files::check(&outputs, read.iter().map(PathBuf::as_path))?;
-    let mut written = Vec::new();
-    for (output, writer) in outputs.iter().zip(writers) {
-        let bytes = writer(&policy)
-            .map_err(|error| Failure::failed(format!("{}: {error}", args.policy.display())))?;
-        files::write(output.path, &bytes)?;
-        written.push(output.path.display().to_string());
+    let (mut files, mut unsaid) = (Vec::new(), Vec::new());
+    for (path, option, ending, writer) in single {
+        let Some(path) = path.clone() else { continue };
+        files.push((path, option, ending, writer));
     }
-    let document = document(&policy, written);
-    if args.json { output::print_json(&document) } else { output::print(&text(&document)) }
+    // Names are checked before anything is made.
+    let asked: Vec<Output<'_>> = files
+        .iter()
+        .map(|(path, option, ending, _)| Output { path, option, ending: Some(*ending) })
+        .collect();
+    files::check(&asked, [])?;
+    let mut made = Vec::new();
+    for (path, option, ending, writer) in files {
+        made.push(File { path, option, ending: Some(ending), bytes: writer(policy).map_err(failed)? });
+    }
+    let mut add = |folder: &Path, option, deployment: deploy::Deployment| {
+        for (name, bytes) in deployment.files {
+            made.push(File { path: folder.join(name), option, ending: None, bytes });
+        }
+        unsaid.extend(deployment.unsaid);
+    };
+    if let Some(folder) = &args.bundle {
+        let model = model(args, policy)?;
+        add(folder, "--bundle", deploy::bundle(policy, model.as_ref()).map_err(failed)?);
+    }
+    if let Some(folder) = &args.cpp {
+        add(folder, "--cpp", deploy::cxx(policy).map_err(failed)?);
+    }
+    Ok((made, unsaid))
+}
+
+/// The robot whose effort limits are written: the one named, or the built-in Go2 for a policy that names it.
+fn model(args: &Export, policy: &Policy) -> Result<Option<Model>, Failure> {
+    if let Some(path) = &args.robot {
+        return Ok(Some(robot::read(path, args.lenient, Hold::File)?));
+    }
+    let go2 = builtin::go2().map_err(Failure::failed)?;
+    let interface = &policy.interface;
+    let own = interface.robot == go2.name
+        && interface.resolve(&go2).and_then(|joints| interface.resolve_held(&go2, &joints)).is_ok();
+    Ok(own.then_some(go2))
 }

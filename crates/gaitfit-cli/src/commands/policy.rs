@@ -28,6 +28,16 @@ pub struct Document {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     notes: Vec<String>,
     written: Vec<String>,
+    /// What the written files do not say.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    not_said: Vec<String>,
+}
+
+impl Document {
+    /// With what its files do not say.
+    pub fn without(self, not_said: Vec<String>) -> Self {
+        Self { not_said, ..self }
+    }
 }
 
 #[derive(Serialize)]
@@ -119,6 +129,7 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
         provenance: policy.provenance.clone(),
         notes: policy.notes.clone(),
         written,
+        not_said: Vec::new(),
     }
 }
 
@@ -204,6 +215,9 @@ pub fn text(document: &Document) -> String {
     }
     for path in &document.written {
         let _ = writeln!(text, "wrote {path}");
+    }
+    for what in &document.not_said {
+        let _ = writeln!(text, "not said: {what}");
     }
     text
 }

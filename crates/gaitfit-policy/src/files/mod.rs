@@ -1,7 +1,9 @@
-//! Policies as files: the project's own (safetensors), ONNX out and in, and policies trained elsewhere.
+//! Policies as files: the project's own (safetensors), ONNX out and in, policies trained elsewhere, and what other programs
+//! need to run a policy.
 //!
 //! Everything here reads untrusted files: sizes are bounded, nothing panics, and errors name the mismatch.
 
+pub mod deploy;
 mod description;
 mod encoder;
 mod foreign;

@@ -1,7 +1,8 @@
 //! What other programs write about a policy, beside its network.
 
 mod mjlab;
-mod terms;
+pub(super) mod sdk;
+pub(super) mod terms;
 mod unitree;
 
 pub(super) use mjlab::read as mjlab;

@@ -24,3 +24,17 @@ pub(super) fn unknown(name: &str) -> String {
         gaitfit_model::shown(name)
     )
 }
+
+/// The name of a quantity in unitree_rl_lab's deployment, where it is registered.
+pub(in crate::files) fn name(quantity: Quantity) -> &'static str {
+    match quantity {
+        Quantity::BaseLinearVelocity => "base_lin_vel",
+        Quantity::BaseAngularVelocity => "base_ang_vel",
+        Quantity::ProjectedGravity => "projected_gravity",
+        Quantity::JointPosition => "joint_pos_rel",
+        Quantity::JointVelocity => "joint_vel_rel",
+        Quantity::LastAction => "last_action",
+        Quantity::Command => "velocity_commands",
+        Quantity::GaitPhase => "gait_phase",
+    }
+}

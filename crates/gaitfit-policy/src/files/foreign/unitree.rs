@@ -3,7 +3,7 @@
 //! Joints have no names in it: `joint_ids_map` gives each of the policy's joints its place in Unitree's SDK, whose lists
 //! are known here for each robot by their length. Gains are in the SDK's order, everything else in the policy's.
 
-use super::{Known, names, numbers, terms};
+use super::{Known, names, numbers, sdk, terms};
 use crate::PolicyError;
 use crate::error::invalid;
 use indexmap::IndexMap;
@@ -87,7 +87,7 @@ pub(in crate::files) fn read(text: &str) -> Result<Known, PolicyError> {
             deploy.observations.len()
         )));
     }
-    let Some((robot, sdk)) = sdk(slots) else {
+    let Some((robot, sdk)) = sdk::with_places(slots) else {
         return Err(invalid(format!(
             "it has gains of {slots} joints, and no robot of unitree_rl_lab is known with as many: describe the policy in \
              a TOML file with `joints` (docs/policies.md)"
@@ -171,90 +171,4 @@ pub(in crate::files) fn read(text: &str) -> Result<Known, PolicyError> {
          Unitree's SDK"
     )];
     Ok(Known { table, notes })
-}
-
-/// The robot with `slots` places in Unitree's SDK, and their joints; places without a motor have none.
-fn sdk(slots: usize) -> Option<(&'static str, Vec<&'static str>)> {
-    const LEGS: [&str; 12] = [
-        "FR_hip_joint",
-        "FR_thigh_joint",
-        "FR_calf_joint",
-        "FL_hip_joint",
-        "FL_thigh_joint",
-        "FL_calf_joint",
-        "RR_hip_joint",
-        "RR_thigh_joint",
-        "RR_calf_joint",
-        "RL_hip_joint",
-        "RL_thigh_joint",
-        "RL_calf_joint",
-    ];
-    const H1: [&str; 20] = [
-        "right_hip_roll_joint",
-        "right_hip_pitch_joint",
-        "right_knee_joint",
-        "left_hip_roll_joint",
-        "left_hip_pitch_joint",
-        "left_knee_joint",
-        "torso_joint",
-        "left_hip_yaw_joint",
-        "right_hip_yaw_joint",
-        "",
-        "left_ankle_joint",
-        "right_ankle_joint",
-        "right_shoulder_pitch_joint",
-        "right_shoulder_roll_joint",
-        "right_shoulder_yaw_joint",
-        "right_elbow_joint",
-        "left_shoulder_pitch_joint",
-        "left_shoulder_roll_joint",
-        "left_shoulder_yaw_joint",
-        "left_elbow_joint",
-    ];
-    const G1: [&str; 29] = [
-        "left_hip_pitch_joint",
-        "left_hip_roll_joint",
-        "left_hip_yaw_joint",
-        "left_knee_joint",
-        "left_ankle_pitch_joint",
-        "left_ankle_roll_joint",
-        "right_hip_pitch_joint",
-        "right_hip_roll_joint",
-        "right_hip_yaw_joint",
-        "right_knee_joint",
-        "right_ankle_pitch_joint",
-        "right_ankle_roll_joint",
-        "waist_yaw_joint",
-        "waist_roll_joint",
-        "waist_pitch_joint",
-        "left_shoulder_pitch_joint",
-        "left_shoulder_roll_joint",
-        "left_shoulder_yaw_joint",
-        "left_elbow_joint",
-        "left_wrist_roll_joint",
-        "left_wrist_pitch_joint",
-        "left_wrist_yaw_joint",
-        "right_shoulder_pitch_joint",
-        "right_shoulder_roll_joint",
-        "right_shoulder_yaw_joint",
-        "right_elbow_joint",
-        "right_wrist_roll_joint",
-        "right_wrist_pitch_joint",
-        "right_wrist_yaw_joint",
-    ];
-    // The G1 with 23 joints keeps the places of waist and wrists up to the right wrist's roll.
-    let small: Vec<&str> = G1[..27]
-        .iter()
-        .map(|&name| {
-            let missing = ["waist_roll", "waist_pitch", "left_wrist_pitch", "left_wrist_yaw"];
-            if missing.iter().any(|part| name.starts_with(part)) { "" } else { name }
-        })
-        .collect();
-    match slots {
-        12 => Some(("Go2 (or B2, Go1, A1)", LEGS.to_vec())),
-        20 => Some(("H1", H1.to_vec())),
-        27 => Some(("G1 with 23 joints", small)),
-        29 => Some(("G1", G1.to_vec())),
-        _ => None,
-    }
 }

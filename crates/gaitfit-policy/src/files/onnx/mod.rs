@@ -15,7 +15,7 @@ mod tests;
 mod write;
 
 pub(super) use chain::Chain;
-pub use write::{write, write_network};
+pub use write::{write, write_network, write_single};
 
 use super::foreign::{self, Known};
 use crate::error::invalid;

@@ -26,6 +26,19 @@ const OUTPUT: &str = "actions";
 /// # Errors
 /// A policy whose parts do not fit ([`Policy::check`]).
 pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
+    whole(policy, None)
+}
+
+/// As [`write()`], for one row at a time: the end points are 1 × width. Programs that make their input by the shape that
+/// the file says, such as unitree_rl_lab's, cannot take N rows.
+///
+/// # Errors
+/// As there.
+pub fn write_single(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
+    whole(policy, Some(1))
+}
+
+fn whole(policy: &Policy, rows: Option<i64>) -> Result<Vec<u8>, PolicyError> {
     policy.check()?;
     if policy.front.is_some() {
         return Err(invalid(
@@ -36,7 +49,7 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
     // A graph must have a name, a policy need not know its robot.
     let robot = &policy.interface.robot;
     let name = if robot.is_empty() { "policy" } else { robot };
-    Ok(model(name, &policy.actor, scale, metadata::entries(policy)?))
+    Ok(model(name, &policy.actor, scale, metadata::entries(policy)?, rows))
 }
 
 /// The bytes of an ONNX model of a network alone: `obs` (F32, N × inputs) to `actions` (F32, N × outputs). Before its
@@ -49,11 +62,17 @@ pub fn write_network(name: &str, network: &Network, scale: &[(f32, f32)]) -> Res
     if scale.len() != network.shape.inputs {
         return Err(invalid(format!("{} scales for {} inputs", scale.len(), network.shape.inputs)));
     }
-    Ok(model(name, network, Some(scale.to_vec()), Vec::new()))
+    Ok(model(name, network, Some(scale.to_vec()), Vec::new(), None))
 }
 
-/// The model of a network behind its scale.
-fn model(name: &str, network: &Network, scale: Option<Vec<(f32, f32)>>, metadata: Vec<Entry>) -> Vec<u8> {
+/// The model of a network behind its scale, for so many rows at a time; for any number of them without one.
+fn model(
+    name: &str,
+    network: &Network,
+    scale: Option<Vec<(f32, f32)>>,
+    metadata: Vec<Entry>,
+    rows: Option<i64>,
+) -> Vec<u8> {
     let mut nodes: Vec<Node> = Vec::new();
     let mut constants: Vec<Vec<u8>> = Vec::new();
     let mut head = INPUT.to_owned();
@@ -97,8 +116,8 @@ fn model(name: &str, network: &Network, scale: Option<Vec<(f32, f32)>>, metadata
         node: nodes.iter().map(Message::encode_to_vec).collect(),
         name: name.to_owned(),
         initializer: constants,
-        input: vec![end(INPUT, network.shape.inputs)],
-        output: vec![end(OUTPUT, network.shape.outputs)],
+        input: vec![end(INPUT, network.shape.inputs, rows)],
+        output: vec![end(OUTPUT, network.shape.outputs, rows)],
     };
     let model = Model {
         ir_version: IR_VERSION,
@@ -211,9 +230,10 @@ fn constant(name: &str, dims: &[usize], values: &[f32]) -> Vec<u8> {
     .encode_to_vec()
 }
 
-/// An end point of N rows of `width` numbers.
-fn end(name: &str, width: usize) -> Vec<u8> {
-    let rows = Dimension { dim_value: None, dim_param: Some("N".to_owned()) };
+/// An end point of `rows` rows, N without a number, of `width` numbers.
+fn end(name: &str, width: usize, rows: Option<i64>) -> Vec<u8> {
+    let any = rows.is_none().then(|| "N".to_owned());
+    let rows = Dimension { dim_value: rows, dim_param: any };
     let width = Dimension { dim_value: Some(width as i64), dim_param: None };
     let shape = TensorShape { dim: vec![rows.encode_to_vec(), width.encode_to_vec()] };
     let tensor = TensorType { elem_type: FLOAT, shape: Some(shape) };

@@ -1,0 +1,135 @@
+//! The interface of a policy as parameters of a ROS 2 node, in the manner of ros2_control's controllers.
+
+use super::{NETWORK, list, number, numbers, quoted, render, scale_of, unmeasured};
+use crate::observation::Layout;
+use crate::{FrameOrder, HistoryStart, Policy, PolicyError};
+use gaitfit_model::Model;
+use serde::Serialize;
+
+/// What the template names; lists and strings are YAML already.
+#[derive(Serialize)]
+struct Page {
+    version: &'static str,
+    robot: String,
+    network: String,
+    control_rate: String,
+    joints: String,
+    default_position: String,
+    action_scale: String,
+    action_clip: Option<String>,
+    kp: String,
+    kd: String,
+    effort_limit: Option<String>,
+    held: Option<Held>,
+    width: usize,
+    terms: String,
+    widths: String,
+    first: String,
+    history: String,
+    scale: String,
+    order: &'static str,
+    start: &'static str,
+    gait_frequency: Option<String>,
+}
+
+#[derive(Serialize)]
+struct Held {
+    joints: String,
+    position: String,
+    kp: String,
+    kd: String,
+    effort_limit: Option<String>,
+}
+
+/// The text of `controller.yaml`.
+///
+/// # Errors
+/// A robot that lacks a joint of the policy.
+pub(super) fn write(
+    policy: &Policy,
+    model: Option<&Model>,
+    unsaid: &mut Vec<String>,
+) -> Result<String, PolicyError> {
+    let interface = &policy.interface;
+    let layout = Layout::new(interface, &interface.observation);
+    let (moved, held) = efforts(policy, model, unsaid)?;
+    let terms = &interface.observation;
+    let joints = interface.joints.len();
+    unsaid.extend(unmeasured(interface).map(|why| format!("controller.yaml: {why}")));
+    unsaid.push(
+        "controller.yaml: no controller type and no update_rate of the controller_manager, as ros2_control has no \
+         controller that plays a network"
+            .to_owned(),
+    );
+    let names = |of: &mut dyn Iterator<Item = &String>| list(of.map(|name| quoted(name)));
+    let of_held = &interface.held;
+    render(
+        include_str!("controller.yaml.jinja"),
+        Page {
+            version: env!("CARGO_PKG_VERSION"),
+            robot: quoted(&interface.robot),
+            network: quoted(NETWORK),
+            control_rate: number(1.0 / interface.control_dt),
+            joints: names(&mut interface.joints.iter()),
+            default_position: numbers(&interface.default_pose),
+            action_scale: numbers(&interface.action_scale),
+            action_clip: interface
+                .action_clip
+                .as_ref()
+                .map(|clip| numbers((0..joints).map(|joint| clip.of(joint)))),
+            kp: numbers(&interface.kp),
+            kd: numbers(&interface.kd),
+            effort_limit: moved,
+            held: (!of_held.is_empty()).then(|| Held {
+                joints: names(&mut of_held.iter().map(|held| &held.joint)),
+                position: numbers(of_held.iter().map(|held| held.position)),
+                kp: numbers(of_held.iter().map(|held| held.kp)),
+                kd: numbers(of_held.iter().map(|held| held.kd)),
+                effort_limit: held,
+            }),
+            width: layout.width(),
+            terms: list(terms.iter().map(|term| quoted(term.quantity.name()))),
+            widths: list(terms.iter().map(|term| term.quantity.width(joints))),
+            first: list(layout.slots().iter().map(|slot| slot.present.start)),
+            history: list(terms.iter().map(|term| term.history)),
+            scale: numbers(terms.iter().flat_map(|term| scale_of(policy, term))),
+            order: match interface.history.order {
+                FrameOrder::Terms => "terms",
+                FrameOrder::Frames => "frames",
+                FrameOrder::NewestFirst => "newest_first",
+            },
+            start: match interface.history.start {
+                HistoryStart::First => "first",
+                HistoryStart::Zeros => "zeros",
+            },
+            gait_frequency: interface.gait_frequency.map(number),
+        },
+    )
+}
+
+/// Effort limits of the joints that are moved and of those that are held, N·m; none where one of them is not known.
+fn efforts(
+    policy: &Policy,
+    model: Option<&Model>,
+    unsaid: &mut Vec<String>,
+) -> Result<(Option<String>, Option<String>), PolicyError> {
+    let Some(model) = model else {
+        unsaid.push("controller.yaml: effort limits; give the robot with --robot".to_owned());
+        return Ok((None, None));
+    };
+    let interface = &policy.interface;
+    let joints = interface.resolve(model)?;
+    let held = interface.resolve_held(model, &joints)?;
+    let mut limits = |joints: &[usize]| {
+        let found: Option<Vec<f64>> =
+            joints.iter().map(|&joint| model.effort(joint).filter(|limit| limit.is_finite())).collect();
+        if found.is_none() {
+            unsaid.push(format!(
+                "controller.yaml: effort limits, as robot `{}` does not limit each of these joints",
+                gaitfit_model::shown(&model.name)
+            ));
+        }
+        found.map(numbers)
+    };
+    Ok((limits(&joints), if held.is_empty() { None } else { limits(&held) }))
+}

@@ -1,0 +1,184 @@
+//! A C++17 header that holds a policy: networks, normaliser, observation and targets, with everything that it remembers.
+
+use super::layers::{Perceptron, Remembering, array, literal, perceptron, remembering};
+use super::{number, render};
+use crate::error::invalid;
+use crate::observation::{Layout, Slot};
+use crate::{Front, HistoryStart, Latent, Policy, PolicyError, Quantity};
+use serde::Serialize;
+
+/// Most numbers of all networks: compilers take minutes and gigabytes for more.
+const MOST_NUMBERS: usize = 2 << 20;
+
+/// What the template names; lists, strings and numbers are C++ already.
+#[derive(Serialize)]
+struct Page {
+    version: &'static str,
+    robot: String,
+    joints: usize,
+    names: Vec<String>,
+    width: usize,
+    control_dt: String,
+    gait_frequency: Option<String>,
+    pose: String,
+    action_scale: String,
+    action_clip: String,
+    kp: String,
+    kd: String,
+    held: Vec<Held>,
+    slots: Vec<Seen>,
+    scale: String,
+    has_past: bool,
+    zeros: bool,
+    sees_velocity: bool,
+    normaliser: Option<[String; 2]>,
+    cell: Option<&'static str>,
+    memory: Vec<Remembering>,
+    encoder: Option<TwoPart>,
+    actor: Perceptron,
+}
+
+#[derive(Serialize)]
+struct Held {
+    joint: String,
+    numbers: String,
+}
+
+/// A term of the observation.
+#[derive(Serialize)]
+struct Seen {
+    quantity: &'static str,
+    present: usize,
+    width: usize,
+    count: usize,
+    frames: String,
+    /// What its number `i` is, before the scale.
+    value: &'static str,
+}
+
+#[derive(Serialize)]
+struct TwoPart {
+    network: Perceptron,
+    passed: String,
+    count: usize,
+    /// Where code and passed numbers begin in what the actor sees, and how many that are.
+    code_at: usize,
+    passed_at: usize,
+    seen: usize,
+}
+
+/// The text of the header, of a policy that passes [`Policy::check`].
+pub(super) fn header(policy: &Policy) -> Result<String, PolicyError> {
+    let count = numbers_of(policy);
+    if count > MOST_NUMBERS {
+        return Err(invalid(format!(
+            "its networks have {count} numbers, and compilers take long for more than {MOST_NUMBERS} in one file; use the \
+             ONNX file"
+        )));
+    }
+    let interface = &policy.interface;
+    let joints = interface.joints.len();
+    let layout = Layout::new(interface, &interface.observation);
+    let single = |values: &[f64]| array(&values.iter().map(|&value| value as f32).collect::<Vec<_>>());
+    let clip = |joint| interface.clip(joint).min(f64::from(f32::MAX)) as f32;
+    let held = |held: &crate::Held| Held {
+        joint: string(&held.joint),
+        numbers: [held.position, held.kp, held.kd].map(|value| literal(value as f32)).join(", "),
+    };
+    let (cell, memory) = match &policy.front {
+        Some(Front::Recurrent(recurrent)) => {
+            let gates = recurrent.cell.gates();
+            let layers = recurrent.layers.iter().map(|layer| remembering(layer, gates));
+            (Some(recurrent.cell.name()), layers.collect())
+        }
+        _ => (None, Vec::new()),
+    };
+    let page = Page {
+        version: env!("CARGO_PKG_VERSION"),
+        robot: string(&interface.robot),
+        joints,
+        names: interface.joints.iter().map(|name| string(name)).collect(),
+        width: layout.width(),
+        control_dt: number(interface.control_dt),
+        gait_frequency: interface.gait_frequency.map(number),
+        pose: single(&interface.default_pose),
+        action_scale: single(&interface.action_scale),
+        action_clip: array(&(0..joints).map(clip).collect::<Vec<_>>()),
+        kp: single(&interface.kp),
+        kd: single(&interface.kd),
+        held: interface.held.iter().map(held).collect(),
+        slots: layout.slots().iter().map(seen).collect(),
+        scale: array(&layout.scales()),
+        has_past: layout.frames() > 1,
+        zeros: interface.history.start == HistoryStart::Zeros,
+        sees_velocity: layout.slots().iter().any(|slot| slot.quantity == Quantity::BaseLinearVelocity),
+        normaliser: policy.normaliser.as_ref().map(|normaliser| {
+            let (factor, offset): (Vec<f32>, Vec<f32>) = normaliser.scale().into_iter().unzip();
+            [factor, offset].map(|values| array(&values))
+        }),
+        cell,
+        memory,
+        encoder: two_part(policy),
+        actor: perceptron("actor", &policy.actor),
+    };
+    render(include_str!("policy.hpp.jinja"), page)
+}
+
+/// Numbers of all networks that act.
+fn numbers_of(policy: &Policy) -> usize {
+    let front = match &policy.front {
+        None => 0,
+        Some(Front::Recurrent(recurrent)) => recurrent.parameters().map(<[f32]>::len).sum(),
+        Some(Front::Encoder(encoder)) => encoder.network.parameters.len() + encoder.passed.len(),
+    };
+    front + policy.actor.parameters.len()
+}
+
+fn two_part(policy: &Policy) -> Option<TwoPart> {
+    let Some(Front::Encoder(encoder)) = &policy.front else { return None };
+    let (count, code) = (encoder.passed.len(), encoder.network.shape.outputs);
+    let [code_at, passed_at] = match encoder.latent {
+        Latent::First => [0, code],
+        Latent::Last => [count, 0],
+    };
+    let passed: Vec<String> = encoder.passed.iter().map(usize::to_string).collect();
+    Some(TwoPart {
+        network: perceptron("encoder", &encoder.network),
+        passed: passed.join(", "),
+        count,
+        code_at,
+        passed_at,
+        seen: count + code,
+    })
+}
+
+fn seen(slot: &Slot) -> Seen {
+    let frames: Vec<String> = slot.frames.iter().map(usize::to_string).collect();
+    Seen {
+        quantity: slot.quantity.name(),
+        present: slot.present.start,
+        width: slot.present.len(),
+        count: frames.len(),
+        frames: frames.join(", "),
+        value: match slot.quantity {
+            Quantity::BaseAngularVelocity => "sensed.base_angular_velocity[i]",
+            Quantity::ProjectedGravity => "sensed.projected_gravity[i]",
+            Quantity::Command => "sensed.command[i]",
+            Quantity::JointPosition => "sensed.joint_position[i] - kDefaultPose[i]",
+            Quantity::JointVelocity => "sensed.joint_velocity[i]",
+            Quantity::LastAction => "action_[i]",
+            Quantity::BaseLinearVelocity => "sensed.base_linear_velocity[i]",
+            Quantity::GaitPhase => "i == 0 ? std::sin(clock) : std::cos(clock)",
+        },
+    }
+}
+
+/// A string literal. All but plain letters, digits and signs are octal, so that no name ends the literal or means more.
+fn string(text: &str) -> String {
+    let byte = |byte: u8| match byte {
+        b'"' | b'\\' | b'?' => format!("\\{byte:03o}"),
+        b' '..=b'~' => char::from(byte).to_string(),
+        _ => format!("\\{byte:03o}"),
+    };
+    format!("\"{}\"", text.bytes().map(byte).collect::<String>())
+}
