@@ -8,6 +8,8 @@ mod friction;
 mod links;
 #[path = "invariants/motor.rs"]
 mod motor;
+#[path = "invariants/parameters.rs"]
+mod parameters;
 
 use std::collections::BTreeSet;
 

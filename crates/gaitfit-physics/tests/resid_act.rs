@@ -81,3 +81,38 @@ fn a_torque_against_changes_of_velocity_is_an_inertia_under_every_setting() {
         assert!(off < 0.1 * matters, "{damping:?}: {off} of {matters} rad");
     }
 }
+
+/// The layers' formula, computed plainly, and a difference of its outputs.
+#[test]
+fn the_output_is_the_formulas() {
+    let weights: [f64; NETWORK_WEIGHTS] = std::array::from_fn(|i| (0.7 * i as f64).sin());
+    let scales = NetworkScales { position: 2.0, velocity: 0.1, output: 3.0 };
+    let network = JointNetwork::new::<f64>(0, &weights, scales, -1.5);
+    let motion = [-1.2, 4.0, -1.3, 3.0, -1.45, 1.0];
+    let mut x: Vec<f64> = motion.to_vec();
+    for pair in x.chunks_exact_mut(2) {
+        pair[0] = 2.0 * (pair[0] + 1.5);
+        pair[1] *= 0.1;
+    }
+    let mut at = 0;
+    for (inputs, outputs) in [(6, 8), (8, 4), (4, 1)] {
+        let y: Vec<f64> = (0..outputs)
+            .map(|o| {
+                let sum: f64 = (0..inputs).map(|i| x[i] * weights[at + i * outputs + o]).sum();
+                sum + weights[at + inputs * outputs + o]
+            })
+            .collect();
+        at += (inputs + 1) * outputs;
+        x = if outputs > 1 { y.iter().map(|y| y.tanh()).collect() } else { y };
+    }
+    assert_eq!(at, NETWORK_WEIGHTS);
+    let (output, slope) = network.evaluate_with_slope(&motion);
+    assert!((output - 3.0 * x[0]).abs() < 1e-12);
+    let at = |velocity: f64| {
+        let mut moved = motion;
+        moved[1] = velocity;
+        network.evaluate_with_slope(&moved).0
+    };
+    let difference = (at(4.0 + 1e-5) - at(4.0 - 1e-5)) / 2e-5;
+    assert!((slope - difference).abs() < 1e-9 && slope.abs() > 1e-3, "{slope} {difference}");
+}
