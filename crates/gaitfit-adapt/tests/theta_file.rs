@@ -146,6 +146,26 @@ fn networks_at_another_physics_step_are_doubted() {
     assert_eq!(before.step_doubt(0.0025), None, "files of earlier versions do not say");
 }
 
+#[test]
+fn values_that_do_nothing_or_cannot_be_are_doubted() {
+    let file = |rows: &[(&str, f64)]| {
+        let rows = rows.iter().map(|(kind, value)| {
+            format!(
+                "[[parameter]]\nname = \"{kind}\"\nkind = \"{kind}\"\njoints = [\"*\"]\nvalue = {value:?}\n"
+            )
+        });
+        ThetaFile::parse(&format!("format = 2\n{}", rows.collect::<String>())).unwrap()
+    };
+    let whole =
+        [("stall_torque", 30.0), ("no_load_speed", 20.0), ("encoder_bias", 0.02), ("link_com_y", -0.03)];
+    assert!(file(&whole).value_doubts().is_empty());
+    let doubts = file(&[("stall_torque", 30.0), ("stribeck_velocity", 0.1)]).value_doubts();
+    assert!(doubts[0].contains("only together with no_load_speed"), "{doubts:?}");
+    assert!(doubts[1].contains("only together with stiction") && doubts.len() == 2, "{doubts:?}");
+    let doubts = file(&[("encoder_bias", 50.0), ("link_com_y", -100.0)]).value_doubts();
+    assert!(doubts[0].contains("50 rad") && doubts[1].contains("-100 m") && doubts.len() == 2, "{doubts:?}");
+}
+
 /// A file written by hand says what is known of a robot's motors by pattern.
 #[test]
 fn joints_may_be_patterns() {

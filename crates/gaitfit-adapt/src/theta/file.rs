@@ -289,6 +289,29 @@ impl ThetaFile {
         })
     }
 
+    /// Doubts, in words, about single values: parameters that do nothing without another one, and lengths and angles that
+    /// no robot has.
+    pub fn value_doubts(&self) -> Vec<String> {
+        let has = |kind: &str| self.parameter.iter().any(|parameter| parameter.kind == kind);
+        let alone = [("stall_torque", "no_load_speed"), ("stribeck_velocity", "stiction")]
+            .into_iter()
+            .filter(|(kind, with)| has(kind) && !has(with))
+            .map(|(kind, with)| {
+                format!("its {kind} acts only together with {with}, which the file does not have")
+            });
+        let far = self.parameter.iter().filter_map(|parameter| {
+            let (most, unit) = match parameter.kind.as_str() {
+                "link_com_x" | "link_com_y" | "link_com_z" => (1.0, "m"),
+                "encoder_bias" => (std::f64::consts::PI, "rad"),
+                _ => return None,
+            };
+            (parameter.value.abs() > most).then(|| {
+                format!("`{}` is {} {unit}, which no robot has", shown(&parameter.name), parameter.value)
+            })
+        });
+        alone.chain(far).collect()
+    }
+
     /// A doubt, in words, about using the file on the robot of `model`, whose joints may have the same names.
     pub fn robot_doubt(&self, model: &Model) -> Option<String> {
         (!self.robot.is_empty() && self.robot != model.name).then(|| {
