@@ -1,10 +1,7 @@
 //! The quick presets on a walk with elliptic friction cones: MuJoCo's own steps, one after the other, each begun from
 //! MuJoCo's state with the warm start of the step before (fixtures by tools/make_walk_fixtures.py).
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod common;
-
-use common::{Arrays, here};
+use crate::common::{Arrays, here};
 use gaitfit_model::{Cone, Model, ReadOptions, read};
 use gaitfit_physics::{Forward, Preset, Settings, state_from, state_to};
 

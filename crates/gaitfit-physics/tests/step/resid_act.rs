@@ -1,9 +1,6 @@
 //! A network that resists changes of velocity stands for rotor inertia, also for more than the joint's own.
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod common;
-
-use common::clamped;
+use crate::common::clamped;
 use gaitfit_physics::{
     Damping, Drive, JointModification, JointNetwork, NETWORK_WEIGHTS, NetworkScales, Period, Preset,
     ResidAct, Robot, Settings, State, Work, compile, control_period, memory_of, settle,

@@ -1,5 +1,4 @@
 //! Boxes and height fields as ground: where they are planes, they are a plane's ground; what is not computed is refused.
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use gaitfit_model::{Model, ObstacleShape, ReadOptions, SelfContact, Shape, read_mjcf_str};
 use gaitfit_physics::trace::{Known, TraceError, Traced, record_period};

@@ -1,14 +1,11 @@
 //! A scalar that records instead of computing runs a control period; the recorded graph, evaluated on any state,
 //! equals the `f64` step, also where guarded regions are left out. So a code generator can follow the step.
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
-
-mod common;
 
 use std::collections::BTreeSet;
 
-use common::batch::{networks, param_values, values};
-use common::random::Random;
-use common::{Arrays, here, robot};
+use crate::common::batch::{networks, param_values, values};
+use crate::common::random::Random;
+use crate::common::{Arrays, here, robot};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::trace::{
     Id, Input, Loop, PeriodGraph, Region, RegionKind, TraceError, Traced, record, record_period,

@@ -1,21 +1,15 @@
 //! What holds whatever the numbers: energy, momentum, mirror symmetry, the equation of motion written out.
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod common;
-#[path = "invariants/friction.rs"]
 mod friction;
-#[path = "invariants/links.rs"]
 mod links;
-#[path = "invariants/motor.rs"]
 mod motor;
-#[path = "invariants/parameters.rs"]
 mod parameters;
 
 use std::collections::BTreeSet;
 
-use common::kinematics::{center, kinetic, mass, momentum, potential, sub};
-use common::random::{Random, qpos};
-use common::{Arrays, Ledger, clamped, converged, difference, here, largest, relative, robot};
+use crate::common::kinematics::{center, kinetic, mass, momentum, potential, sub};
+use crate::common::random::{Random, qpos};
+use crate::common::{Arrays, Ledger, clamped, converged, difference, here, largest, relative, robot};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
     Drive, Forward, Params, Preset, Robot, RowKind, Settings, Slot, State, Tree, Work, acceleration, bias,
@@ -209,7 +203,7 @@ fn moved(qpos: &[f64], qvel: &[f64], qacc: &[f64], t: f64) -> (Vec<f64>, Vec<f64
     let angle = half.iter().map(|x| x * x).sum::<f64>().sqrt();
     let s = if angle > 0.0 { angle.sin() / angle } else { 1.0 };
     let turn = [angle.cos(), s * half[0], s * half[1], s * half[2]];
-    let turned = common::kinematics::product([qpos[3], qpos[4], qpos[5], qpos[6]], turn);
+    let turned = crate::common::kinematics::product([qpos[3], qpos[4], qpos[5], qpos[6]], turn);
     q[3..7].copy_from_slice(&turned);
     for j in 7..q.len() {
         q[j] += rate(j - 1);

@@ -1,11 +1,8 @@
 //! Vectors of `f32` lanes against `f64`, and lanes against each other.
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod common;
-
-use common::batch::{networks, pack, pack_params, rounded, state_of, unpack, values};
-use common::random::Random;
-use common::{Arrays, Ledger, here, relative_1, robot, touching};
+use crate::common::batch::{networks, pack, pack_params, rounded, state_of, unpack, values};
+use crate::common::random::Random;
+use crate::common::{Arrays, Ledger, here, relative_1, robot, touching};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
     Drive, Isa, Lanes, Params, Period, Preset, Robot, Settings, Work, compile, control_period, memory_of,
@@ -21,9 +18,7 @@ macro_rules! each_isa {
     };
 }
 
-#[path = "lanes/derivatives.rs"]
 mod derivatives;
-#[path = "lanes/operations.rs"]
 mod operations;
 
 /// Environments of one test: states (as flat lists, already rounded to single precision), parameters, targets.

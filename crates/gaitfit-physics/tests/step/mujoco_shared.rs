@@ -1,13 +1,10 @@
 //! The engine against MuJoCo 4.0.0 on a Go2 with feet only, 200 states a file and falls and trots at 1 kHz.
 //! The numbers lie beside the repository, not in it; so the tests are run on demand.
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
-
-mod common;
 
 use std::path::PathBuf;
 
-use common::compare::{self, Limits};
-use common::{Arrays, Ledger, converged, difference, here};
+use crate::common::compare::{self, Limits};
+use crate::common::{Arrays, Ledger, converged, difference, here};
 use gaitfit_model::{Cone, Model, ReadOptions, read};
 use gaitfit_physics::{Forward, state_from, state_to};
 

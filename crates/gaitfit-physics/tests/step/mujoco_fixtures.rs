@@ -1,12 +1,9 @@
 //! The engine against MuJoCo 4.0.0 on five robots (fixtures by tools/make_physics_fixtures.py).
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
-
-mod common;
 
 use std::path::PathBuf;
 
-use common::compare::{self, Limits};
-use common::{Arrays, Ledger, converged, difference, here, robot, touching, variant};
+use crate::common::compare::{self, Limits};
+use crate::common::{Arrays, Ledger, converged, difference, here, robot, touching, variant};
 use gaitfit_model::Model;
 use gaitfit_physics::{Forward, state_from, state_to};
 

@@ -132,7 +132,7 @@ fn compare(model: &Model, file: &str, preset: Preset, centred: bool, lift: f64) 
         let inputs = Inputs {
             targets: targets.collect(),
             state: values(&state),
-            params: common::batch::param_values(&robot.params(model).unwrap()),
+            params: crate::common::batch::param_values(&robot.params(model).unwrap()),
         };
         for (name, of_state) in DIRECTIONS {
             let slopes = slopes(model, &settings, &Direction { name, of_state });
@@ -153,18 +153,18 @@ fn compare(model: &Model, file: &str, preset: Preset, centred: bool, lift: f64) 
                 plain(h).iter().zip(plain(-h)).map(|(up, down)| (up - down) / (2.0 * h)).collect()
             };
             let (wide, narrow) = (difference(width), difference(0.5 * width));
-            let scale = common::largest(&narrow).max(1e-3);
+            let scale = crate::common::largest(&narrow).max(1e-3);
             // Differences err by the square of their width: this takes that part away.
             let wanted: Vec<f64> = narrow.iter().zip(&wide).map(|(n, w)| n + (n - w) / 3.0).collect();
             // How far two differences are apart says how far either may be off.
-            let apart = common::difference(&narrow, &wide) / scale;
+            let apart = crate::common::difference(&narrow, &wide) / scale;
             if apart > 1e-5 {
                 kinks += 1;
                 continue;
             }
             checked += 1;
             let tangent: Vec<f64> = found.iter().map(|one| one.tangent).collect();
-            let error = common::difference(&tangent, &wanted) / scale - apart;
+            let error = crate::common::difference(&tangent, &wanted) / scale - apart;
             if error > 1e-6 && elliptic {
                 println!("{name} of state {index} is off by {error:.1e}");
                 ties += 1;
