@@ -97,7 +97,7 @@ fn a_simulated_robot_stands_up_walks_and_lies_down_on_the_clock() {
     let output = run(&simulated(&script, &out.display().to_string()));
     assert!(output.status.success(), "{}", errors(&output));
     let phases = errors(&output);
-    for phase in ["stand up", "stand", "walk", "lie down", "damping"] {
+    for phase in ["stand up", "stand", "walk", "stop", "lie down", "damping"] {
         assert!(phases.lines().any(|line| line == phase), "{phase}: {phases}");
     }
     let summary = json(&output);
@@ -112,32 +112,54 @@ fn a_simulated_robot_stands_up_walks_and_lies_down_on_the_clock() {
     let log = log(&out);
     // On a busy machine turns of the policy's loop are left out.
     assert!(log.len() > 20 && log.len() <= 121, "{}", log.len());
-    assert_eq!(summary["outputs"].as_u64().unwrap() as usize, log.len());
+    // The last second, in which it comes to rest, is not in the log.
+    let more = summary["outputs"].as_u64().unwrap() as usize - log.len();
+    assert!((1..=51).contains(&more), "{more}");
+    assert!(log.command.unwrap().iter().take(3).any(|part| *part == 0.5));
 }
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_damps_the_robot_and_a_kill_leaves_a_complete_log() {
-    for (signal, code) in [("-INT", Some(130)), ("-KILL", None)] {
-        let folder = tempfile::tempdir().unwrap();
-        let out = folder.path().join("out");
-        let random = ["run", WALK, "--random", "60", "--seed", "3", "--robot", "simulated", "--yes"];
-        let mut command = program();
-        command.args(random).args(["--patience", "1000", "--out"]).arg(&out);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        wait_for_rows(&out, 30, &mut child);
-        let kill = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
-        assert!(kill.success());
-        let output = child.wait_with_output().unwrap();
-        assert_eq!(output.status.code(), code, "{}", errors(&output));
-        if code.is_some() {
-            assert!(errors(&output).contains("damped: the program was asked to end"), "{}", errors(&output));
-            let whole = std::fs::read_to_string(out.join("whole.csv")).unwrap();
-            assert!(whole.lines().last().unwrap().contains(",damping,"));
-        }
-        let log = log(&out);
-        assert!(log.len() >= 30 && log.command.unwrap()[0] != 0.0);
+fn signals_damp_the_robot_and_a_kill_leaves_a_complete_log() {
+    let stopped = Some(130);
+    let signals = [
+        ("-INT", stopped),
+        ("-QUIT", stopped),
+        ("-TSTP", stopped),
+        ("-USR1", stopped),
+        ("-USR2", stopped),
+        ("-ALRM", stopped),
+        ("-KILL", None),
+    ];
+    std::thread::scope(|scope| {
+        let runs = signals.map(|(signal, code)| scope.spawn(move || ends_by(signal, code)));
+        runs.into_iter().for_each(|run| run.join().unwrap());
+    });
+}
+
+/// A robot that walks is sent a signal.
+#[cfg(unix)]
+fn ends_by(signal: &str, code: Option<i32>) {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let random = ["run", WALK, "--random", "60", "--seed", "3", "--robot", "simulated", "--yes"];
+    let mut command = program();
+    command.args(random).args(["--patience", "1000", "--out"]).arg(&out);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    wait_for_rows(&out, 30, &mut child);
+    let kill = Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(kill.success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), code, "{}", errors(&output));
+    if code.is_some() {
+        assert!(errors(&output).contains("damped: the program was asked to end"), "{}", errors(&output));
+        let name = format!("(SIG{})", &signal[1..]);
+        assert_eq!(errors(&output).contains(&name), signal != "-INT", "{}", errors(&output));
+        let whole = std::fs::read_to_string(out.join("whole.csv")).unwrap();
+        assert!(whole.lines().last().unwrap().contains(",damping,"));
     }
+    let log = log(&out);
+    assert!(log.len() >= 30 && log.command.unwrap()[0] != 0.0);
 }
 
 #[test]
@@ -177,4 +199,115 @@ fn collect_on_a_robot_writes_a_log_a_trajectory_as_in_a_simulator() {
     let simulator = run(&["collect", WALK, "--interface", "lo", "--out", &shown]);
     assert_eq!(simulator.status.code(), Some(2));
     assert!(errors(&simulator).contains("name it, --robot"), "{}", errors(&simulator));
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_without_a_meaning_do_not_end_a_run_and_a_file_beyond_its_limit_damps() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let random = ["--random", "60", "--robot", "simulated", "--yes", "--patience", "1000", "--out"];
+    let mut child = program()
+        .args(["run", WALK])
+        .args(random)
+        .arg(&out)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    wait_for_rows(&out, 10, &mut child);
+    for signal in ["-XFSZ", "-TTOU", "-TTIN"] {
+        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+    }
+    let rows = std::fs::read_to_string(out.join("walk.csv")).unwrap().lines().count();
+    wait_for_rows(&out, rows + 20, &mut child);
+    // The folder goes away under the run: the reason and the table are told all the same.
+    std::fs::remove_dir_all(&out).unwrap();
+    std::fs::write(&out, "a file").unwrap();
+    assert!(Command::new("kill").args(["-USR1", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", errors(&output));
+    let said = errors(&output);
+    assert!(
+        said.contains("summary.json") && said.contains("damped: the program was asked to end (SIGUSR1)"),
+        "{said}"
+    );
+    assert!(String::from_utf8_lossy(&output.stdout).contains("states received"), "no table");
+}
+
+/// A simulated robot that is interrupted while it is listened to, for a second.
+#[cfg(unix)]
+#[test]
+fn a_run_that_never_moves_says_so_leaves_no_log_and_may_be_repeated() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let script = commands(folder.path(), "0,0.5,0,0\n1,0,0,0\n");
+    let mut command = program();
+    command.args(simulated(&script, &out.display().to_string()));
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let begin = Instant::now();
+    while !out.exists() && begin.elapsed() < Duration::from_secs(30) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", errors(&output));
+    assert!(errors(&output).contains("interrupted; nothing was sent"), "{}", errors(&output));
+    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 0, "logs of nothing");
+    assert!(output.stdout.is_empty(), "a table of zeros");
+    let shown = out.display().to_string();
+    let dry = [&simulated(&script, &shown)[..], &["--dry-run"]].concat();
+    let output = run(&dry);
+    assert!(output.status.success(), "the folder is free: {}", errors(&output));
+    let summary = json(&output);
+    assert!(
+        summary["dry_run"] == true && summary["clamped"].is_null() && summary["commands"] == 0,
+        "{summary}"
+    );
+    assert!(gaitfit_log::csv_files(&out).unwrap().is_empty(), "a fit would read the logs of a dry run");
+    let walk = std::fs::read_to_string(out.join("dry-run/walk.csv")).unwrap();
+    assert!(walk.starts_with("# dry run: nothing was sent\n"), "{walk:.200}");
+}
+
+#[test]
+fn policies_and_commands_that_a_robot_may_not_be_given_are_refused_by_the_names_of_the_options() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out").display().to_string();
+    let fast = commands(folder.path(), "0,5,0,0\n1,0,0,0\n");
+    let stiff = folder.path().join("stiff.toml").display().to_string();
+    let weights =
+        std::fs::canonicalize(Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(WALK)).unwrap();
+    std::fs::write(&stiff, format!("file = {:?}\nkp = 150.0\n", weights.display().to_string())).unwrap();
+    let other = folder.path().join("playlist.csv").display().to_string();
+    std::fs::write(&other, "trajectory,time,vx_cmd,vy_cmd,wz_cmd\n0,0,0.5,0,0\n").unwrap();
+    let random = ["--random", "2"];
+    for (first, more, words) in [
+        (["run", WALK], &["--commands", &fast][..], ["vx = 5 is beyond", "--beyond-training"]),
+        (["run", "assets/go2-biped.safetensors"], &random, ["does not walk on four legs", "posture"]),
+        (["run", &stiff], &random, ["kp = 150", "0 to 100"]),
+        (["run", WALK], &["--commands", &other], ["trajectory,time,vx_cmd", "t,vx,vy,wz"]),
+        (["run", WALK], &["--random", "0"], ["--random: 0 s", "1 to 3600"]),
+        (["collect", WALK], &["--seconds", "0"], ["--seconds: 0 s", "1 to 3600"]),
+        (
+            ["collect", WALK],
+            &["--trajectories", "99999999999", "--seconds", "4"],
+            ["--trajectories: 99999999999 of 4 s (--seconds)", "at most 600"],
+        ),
+        (["collect", WALK], &["--pause", "0.1"], ["--pause: 0.1 s", "0.5 to 60"]),
+        (["collect", WALK], &["--commands", &other], ["gaitfit run --commands", "t,vx,vy,wz"]),
+    ] {
+        let robot = ["--robot", "simulated", "--yes", "--out", &out];
+        let output = run(&[&first[..], more, &robot].concat());
+        assert_eq!(output.status.code(), Some(2), "{first:?} {more:?}: {}", errors(&output));
+        let said = errors(&output);
+        assert!(words.iter().all(|word| said.contains(word)), "{first:?} {more:?}: {said}");
+    }
+    assert!(!Path::new(&out).exists(), "it is refused before anything is made");
+    let held = folder.path().join("held");
+    std::fs::create_dir_all(&held).unwrap();
+    std::fs::write(held.join("walk.csv"), "time\n").unwrap();
+    let allowed = ["run", WALK, "--commands", &fast, "--beyond-training", "--robot", "simulated", "--yes"];
+    let output = run(&[&allowed[..], &["--out", &held.display().to_string()]].concat());
+    // What comes after the commands is looked at.
+    assert!(errors(&output).contains("holds a run already"), "{}", errors(&output));
 }

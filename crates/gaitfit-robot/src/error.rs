@@ -57,6 +57,14 @@ pub enum RobotError {
     /// A policy that cannot run on a robot.
     #[error("{0}")]
     Policy(#[from] gaitfit_policy::InterfaceError),
+    /// A policy that a Go2 may not be given.
+    #[error("the policy {problem}; {remedy}")]
+    Unfit {
+        /// What is the matter with it.
+        problem: String,
+        /// What to do.
+        remedy: &'static str,
+    },
     /// Commands over time that are none.
     #[error("commands: {0}")]
     Script(String),

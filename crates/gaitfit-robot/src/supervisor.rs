@@ -19,6 +19,8 @@ pub enum Phase {
     Stand,
     /// Under the policy.
     Walk,
+    /// Under the policy with the command 0: the robot comes to rest before it lies down.
+    Stop,
     /// Down to the lying posture.
     LieDown,
     /// The motors resist motion and hold nothing. It is never left.
@@ -33,6 +35,7 @@ impl Phase {
             Self::StandUp => "stand up",
             Self::Stand => "stand",
             Self::Walk => "walk",
+            Self::Stop => "stop",
             Self::LieDown => "lie down",
             Self::Damping => "damping",
         }
@@ -74,7 +77,9 @@ pub struct Times {
     pub rise: Duration,
     /// From the gains of standing up to the policy's, standing.
     pub settle: Duration,
-    /// From wherever the legs are to lying.
+    /// From wherever a stride left the legs to standing, before they fold: a robot with two feet in the air tips over.
+    pub gather: Duration,
+    /// To lying.
     pub lie_down: Duration,
     /// Damping before the last command.
     pub damping: Duration,
@@ -87,6 +92,7 @@ impl Default for Times {
             fold: seconds(1.5),
             rise: seconds(1.5),
             settle: seconds(0.5),
+            gather: seconds(0.25),
             lie_down: seconds(2.0),
             damping: seconds(2.0),
         }
@@ -107,6 +113,8 @@ pub struct Supervisor {
     since: Duration,
     /// Joint angles from which the phase's motion begins, rad.
     from: [f32; MOTORS],
+    /// How long the legs take to standing before they fold.
+    gather: Duration,
     /// When the last command was asked for.
     ticked: Option<Duration>,
     /// The policy's last targets, rad, and when they came.
@@ -130,6 +138,7 @@ impl Supervisor {
             phase: Phase::Idle,
             since: Duration::ZERO,
             from: [0.0; MOTORS],
+            gather: Duration::ZERO,
             ticked: None,
             targets: None,
             sent: damping(),
@@ -229,9 +238,16 @@ impl Supervisor {
         }
     }
 
+    /// The commands are over: the policy's targets are from now on those of the command 0.
+    pub fn slow_down(&mut self, now: Duration) {
+        if self.phase == Phase::Walk {
+            (self.phase, self.since) = (Phase::Stop, now);
+        }
+    }
+
     /// The walk is over: to lying down, from wherever the robot is.
     pub fn lie_down(&mut self, now: Duration) {
-        if !matches!(self.phase, Phase::StandUp | Phase::Stand | Phase::Walk) {
+        if !matches!(self.phase, Phase::StandUp | Phase::Stand | Phase::Walk | Phase::Stop) {
             return;
         }
         if let Some(state) = self.watch.state() {
@@ -241,6 +257,8 @@ impl Supervisor {
                 let (sent, q) = (&self.sent[motor], state.q[motor]);
                 q + sent.kp * (sent.q - q) / kp
             });
+            // Legs that are not up yet fold at once.
+            self.gather = if self.phase == Phase::StandUp { Duration::ZERO } else { self.times.gather };
             (self.phase, self.since) = (Phase::LieDown, now);
         }
     }
@@ -298,13 +316,13 @@ impl Supervisor {
                     (self.phase, self.since) = (Phase::Walk, now);
                 }
             }
-            Phase::Walk => {
+            Phase::Walk | Phase::Stop => {
                 let age = self.targets.map_or(elapsed, |(came, _)| now.saturating_sub(came));
                 if age > self.watch.settings().late_policy {
                     self.stop(now, Reason::LatePolicy(1e3 * age.as_secs_f64()));
                 }
             }
-            Phase::LieDown if elapsed >= self.times.lie_down => {
+            Phase::LieDown if elapsed >= self.gather + self.times.lie_down => {
                 (self.phase, self.since) = (Phase::Damping, now);
             }
             _ => {}
@@ -332,8 +350,16 @@ impl Supervisor {
                 between(lying, standing, risen.clamp(0.0, 1.0))
             }
             Phase::Stand => self.policy(standing, part(self.times.settle)),
-            Phase::Walk => self.policy(self.targets.as_ref().map_or(standing, |(_, targets)| targets), 1.0),
-            Phase::LieDown => between(&self.from, lying, part(self.times.lie_down)),
+            Phase::Walk | Phase::Stop => {
+                self.policy(self.targets.as_ref().map_or(standing, |(_, targets)| targets), 1.0)
+            }
+            Phase::LieDown if elapsed < self.gather => between(&self.from, standing, part(self.gather)),
+            Phase::LieDown => {
+                let from = if self.gather.is_zero() { &self.from } else { standing };
+                let folded =
+                    (elapsed - self.gather).as_secs_f32() / self.times.lie_down.as_secs_f32().max(1e-6);
+                between(from, lying, folded.clamp(0.0, 1.0))
+            }
             Phase::Idle | Phase::Damping => damping(),
         }
     }

@@ -26,7 +26,7 @@ pub struct LinkArgs {
     /// How long the robot stands under the policy between trajectories, s
     #[arg(long, value_name = "S", default_value_t = 2.0)]
     pub pause: f64,
-    /// Compute everything and send nothing
+    /// Compute everything and send nothing; its logs go into the folder dry-run within --out
     #[arg(long)]
     pub dry_run: bool,
     /// Do not ask before the robot moves; for simulators only, which are in another domain than 0
@@ -63,6 +63,12 @@ pub struct Run {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
+    /// Play commands that are beyond what the policy was trained for
+    #[arg(long, requires = "commands")]
+    pub beyond_training: bool,
+    /// Whether `collect` asks: its options have other names.
+    #[arg(skip)]
+    pub of_collect: bool,
     /// The link.
     #[command(flatten)]
     pub link: LinkArgs,

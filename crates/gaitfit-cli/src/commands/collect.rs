@@ -80,7 +80,8 @@ fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Fail
     }
     if args.commands.is_some() {
         return Err(Failure::usage(
-            "--commands: a robot plays them one by one, with `gaitfit run --commands`",
+            "--commands: a robot plays one walk at a time, with `gaitfit run --commands` and a file of its own: the rows of one \
+             trajectory with the columns t,vx,vy,wz",
         ));
     }
     Ok(cli::Run {
@@ -89,6 +90,8 @@ fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Fail
         commands: None,
         random: Some(args.seconds),
         trajectories: Some(args.trajectories),
+        beyond_training: false,
+        of_collect: true,
         seed: world.seed,
         out: args.out.clone(),
         json: args.json,

@@ -23,6 +23,7 @@ pub mod sensitivity;
 pub mod shell;
 pub mod train;
 pub mod validate;
+mod walks;
 
 use crate::exit::Failure;
 use std::path::Path;

@@ -1,30 +1,25 @@
 //! `gaitfit run`: a policy on a robot.
 
-use super::folder;
+use super::{folder, walks};
 use crate::cli::{RobotKind, Run};
 use crate::exit::{Exit, Failure};
 use crate::output::{self, note};
-use gaitfit::world::WorldSettings;
-use gaitfit_policy::Policy;
+use crate::signals;
 use gaitfit_robot::guard::{GuardSettings, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
-use gaitfit_robot::run::{Controller, Live, RUN, Recorder, Script, Sender, Summary, WHOLE, live, real_time};
+use gaitfit_robot::run::{
+    Controller, Live, RUN, Recorder, Script, Sender, Summary, WHOLE, live, real_time, suits,
+};
 use gaitfit_robot::unitree::{MOTOR_NAMES, motors_of};
 use gaitfit_robot::{Phase, RobotError, RobotState, Supervisor, Times};
 use std::io::{BufRead, IsTerminal};
-use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// What a person types to arm a robot.
 const WORD: &str = "walk";
-/// Most walks of a run: more do not fit into an hour.
-const MOST_WALKS: usize = 3600;
-
-/// Set by Ctrl-C and signals. Once a robot may move they do not end the program by themselves: it must be told first.
-static ASKED: AtomicBool = AtomicBool::new(false);
-/// Whether the robot may move.
-static CONFIRMED: AtomicBool = AtomicBool::new(false);
+/// Folder of a dry run's logs within the one for logs: no fit reads them, and the walk itself may go beside.
+const DRY: &str = "dry-run";
 
 /// Stands the robot up, walks, lies it down.
 pub fn run(args: &Run) -> Result<(), Failure> {
@@ -43,30 +38,25 @@ pub fn run(args: &Run) -> Result<(), Failure> {
              another domain than 0, use --yes",
         ));
     }
+    signals::listen()?;
     let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
-    let script = script(args, &policy)?;
+    suits(&policy, &GuardSettings::go2(Duration::ZERO).limits)
+        .map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
+    let script = walks::script(args, &policy)?;
     let control = Duration::from_secs_f64(policy.interface.control_dt);
     let postures = Controller::postures(&policy).map_err(usage)?;
     let patience = Duration::from_millis(args.link.patience.into());
     let guard = GuardSettings { stale: patience, late: patience, simulator, ..GuardSettings::go2(control) };
     let guard = GuardSettings { late_policy: guard.late_policy.max(2 * control + patience), ..guard };
-    new_folder(&args.out)?;
+    let out = logs_of(args);
+    new_folder(&out)?;
     let motors = motors_of(&policy.interface.joints).map_err(usage)?;
     let recorder = match args.trajectories {
-        Some(count) => Recorder::of_walks(&args.out, count.get(), &policy.interface, motors),
-        None => Recorder::new(&args.out, &policy.interface, motors),
+        Some(count) => Recorder::of_walks(&out, count.get(), &policy.interface, motors),
+        None => Recorder::new(&out, &policy.interface, motors),
     };
-    let recorder = recorder.map_err(Failure::failed)?;
+    let recorder = if args.link.dry_run { recorder.dry() } else { recorder };
     let controller = Controller::new(&policy, &script, recorder).map_err(usage)?;
-    let asked = || {
-        ASKED.store(true, Ordering::SeqCst);
-        if !CONFIRMED.load(Ordering::SeqCst) {
-            std::process::exit(Exit::Interrupted as i32);
-        }
-    };
-    ctrlc::set_handler(asked)
-        .map_err(|error| Failure::failed(format!("cannot listen for Ctrl-C: {error}")))?;
-
     // The link's threads inherit it.
     let real_time = real_time();
     let batch;
@@ -86,13 +76,9 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         sender,
         controller,
         Live {
-            confirm: &mut |state| {
-                let confirmed = confirm(args, &script, state);
-                CONFIRMED.store(confirmed, Ordering::SeqCst);
-                confirmed && !ASKED.load(Ordering::SeqCst)
-            },
+            confirm: &mut |state| signals::confirm(confirm(args, &script, state)),
             phase: &mut |phase: Phase| note(phase.name()),
-            stop: &|| ASKED.load(Ordering::SeqCst).then_some(Reason::Signal),
+            stop: &signals::asked,
             control,
             real_time,
             limits: guard.limits,
@@ -129,40 +115,9 @@ fn usage(error: RobotError) -> Failure {
     }
 }
 
-/// The commands asked for.
-fn script(args: &Run, policy: &Policy) -> Result<Script, Failure> {
-    if let Some(path) = &args.commands {
-        return Script::read(path).map_err(usage);
-    }
-    let seconds = args.random.unwrap_or_default();
-    if !(1.0..=3600.0).contains(&seconds) {
-        return Err(Failure::usage(format!("--random: {seconds} s; give 1 to 3600")));
-    }
-    let world = WorldSettings {
-        policy: args.policy.clone(),
-        robot: None,
-        lenient: false,
-        task: None,
-        theta: None,
-        spring: Vec::new(),
-        torque_noise: 0.0,
-        randomised: false,
-        preset: gaitfit_physics::Preset::Fast,
-        seed: args.seed,
-        threads: None,
-    };
-    let task = gaitfit::world::task(&world, policy)?;
-    let dt = policy.interface.control_dt;
-    let walk = |seed: u64| gaitfit_learn::task::commands(&task.command, dt, seed, seconds);
-    let script = match args.trajectories {
-        Some(count) => {
-            let walks: Vec<_> =
-                (0..count.get().min(MOST_WALKS) as u64).map(|k| walk(args.seed.wrapping_add(k))).collect();
-            Script::of_walks(&walks, args.link.pause)
-        }
-        None => Script::new(walk(args.seed)),
-    };
-    script.map_err(usage)
+/// Where the logs go.
+fn logs_of(args: &Run) -> PathBuf {
+    if args.link.dry_run { args.out.join(DRY) } else { args.out.clone() }
 }
 
 /// A folder without a run in it.
@@ -197,7 +152,7 @@ fn confirm(args: &Run, script: &Script, state: &RobotState) -> bool {
         return true;
     }
     note(&format!(
-        "It will stand up, walk for {:.0} s and lie down. Clear the ground, hold the robot's own switch ready. Ctrl-C \
+        "It will stand up, walk for {:.0} s, stop and lie down. Clear the ground, hold the robot's own switch ready. Ctrl-C \
          stops it: the motors go limp and it sinks.\nType `{WORD}` and Enter to begin; anything else ends.",
         script.seconds()
     ));
@@ -205,35 +160,46 @@ fn confirm(args: &Run, script: &Script, state: &RobotState) -> bool {
     std::io::stdin().lock().read_line(&mut line).is_ok() && line.trim() == WORD
 }
 
-/// Prints and saves what the run was.
+/// Prints and saves what the run was; the reason of a stop is the last thing said.
 fn finish(args: &Run, summary: Result<Summary, RobotError>) -> Result<(), Failure> {
     let summary = summary.map_err(|error| Failure {
-        exit: if matches!(error, RobotError::NotArmed(Reason::Signal)) {
+        exit: if matches!(error, RobotError::NotArmed(Reason::Signal | Reason::Named(_))) {
             Exit::Interrupted
         } else {
             Exit::Failed
         },
         message: error.to_string(),
     })?;
-    let text = serde_json::to_vec_pretty(&summary)
+    // What a person must know comes before files, which a full disk or a folder that is gone may keep from being written.
+    let printed = match args.json {
+        true => output::print_json(&summary),
+        false if summary.armed => output::print(&shown(args, &summary)),
+        false => Ok(()),
+    };
+    if !summary.armed {
+        return match signals::asked() {
+            Some(_) => {
+                Err(Failure { exit: Exit::Interrupted, message: "interrupted; nothing was sent".to_owned() })
+            }
+            None => Err(Failure { exit: Exit::Check, message: "not armed; nothing was sent".to_owned() }),
+        };
+    }
+    let kept = printed.and_then(|()| save(args, &summary));
+    let Some(reason) = &summary.reason else { return kept };
+    if let Err(problem) = kept {
+        note(&problem.message);
+    }
+    let exit = if signals::asked().is_some() { Exit::Interrupted } else { Exit::Failed };
+    Err(Failure { exit, message: format!("damped: {reason}") })
+}
+
+/// Writes the summary beside the logs.
+fn save(args: &Run, summary: &Summary) -> Result<(), Failure> {
+    let text = serde_json::to_vec_pretty(summary)
         .map_err(|error| Failure::failed(format!("cannot write the summary: {error}")))?;
-    let folder = if args.trajectories.is_some() { args.out.join(RUN) } else { args.out.clone() };
-    gaitfit::files::write(&folder.join("summary.json"), &text)?;
-    if args.json {
-        output::print_json(&summary)?;
-    } else {
-        output::print(&shown(args, &summary))?;
-    }
-    match &summary.reason {
-        _ if !summary.armed => {
-            Err(Failure { exit: Exit::Check, message: "not armed; nothing was sent".to_owned() })
-        }
-        Some(reason) if ASKED.load(Ordering::SeqCst) => {
-            Err(Failure { exit: Exit::Interrupted, message: format!("damped: {reason}") })
-        }
-        Some(reason) => Err(Failure::failed(format!("damped: {reason}"))),
-        None => Ok(()),
-    }
+    let out = logs_of(args);
+    let folder = if args.trajectories.is_some() { out.join(RUN) } else { out };
+    Ok(gaitfit::files::write(&folder.join("summary.json"), &text)?)
 }
 
 fn shown(args: &Run, summary: &Summary) -> String {
@@ -255,7 +221,9 @@ fn shown(args: &Run, summary: &Summary) -> String {
         ),
         (
             "commands sent",
-            format!("{}, {} while walking changed by the guard", summary.commands, summary.clamped),
+            summary.clamped.map_or("none: a dry run".to_owned(), |clamped| {
+                format!("{}, {clamped} while walking changed by the guard", summary.commands)
+            }),
         ),
         (
             "policy outputs",
@@ -271,7 +239,7 @@ fn shown(args: &Run, summary: &Summary) -> String {
             if summary.real_time { "yes" } else { "no: the system did not give it" }.to_owned(),
         ),
         ("command to torque", delay),
-        ("logs", args.out.display().to_string()),
+        ("logs", logs_of(args).display().to_string()),
     ];
     let width = rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0);
     rows.iter().map(|(name, value)| format!("{name:width$}  {value}\n")).collect()

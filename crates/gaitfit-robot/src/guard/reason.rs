@@ -86,6 +86,9 @@ pub enum Reason {
     /// The program was asked to end.
     #[error("the program was asked to end (Ctrl-C or a signal)")]
     Signal,
+    /// A signal of this name came.
+    #[error("the program was asked to end ({0})")]
+    Named(&'static str),
     /// The terminal went away.
     #[error("the terminal went away")]
     TerminalLost,

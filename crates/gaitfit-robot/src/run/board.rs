@@ -29,6 +29,8 @@ pub struct Board {
     pub others: u64,
     /// To the sender: leave idle.
     pub arm: bool,
+    /// To the sender: the commands are over, the robot comes to rest.
+    pub slow_down: bool,
     /// To the sender: the walk is over.
     pub lie_down: bool,
     /// To the sender: damping.
@@ -49,6 +51,7 @@ impl Default for Board {
             sent: None,
             others: 0,
             arm: false,
+            slow_down: false,
             lie_down: false,
             stop: None,
             targets: None,

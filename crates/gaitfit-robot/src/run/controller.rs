@@ -13,6 +13,9 @@ use crate::state::RobotState;
 use crate::supervisor::{Phase, Postures};
 use crate::unitree::{MOTORS, motors_of};
 
+/// How long the robot walks under the command 0 before it lies down, s.
+const STOP: f64 = 1.0;
+
 /// Runs a policy under a script's commands.
 pub struct Controller<'a> {
     pilot: Pilot<'a>,
@@ -66,6 +69,19 @@ impl<'a> Controller<'a> {
         Ok(Postures::go2(pose, kp, kd))
     }
 
+    /// Makes the files of the logs; without it they are made at their first rows.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn open_logs(&mut self) -> Result<(), RobotError> {
+        self.recorder.open()
+    }
+
+    /// Removes logs that have no row, of a robot that was not armed after all.
+    pub fn remove_logs(&mut self) {
+        self.recorder.remove_empty();
+    }
+
     /// Its part of the work at `now`: a turn each control period.
     ///
     /// # Errors
@@ -76,14 +92,22 @@ impl<'a> Controller<'a> {
         if board.phase != Phase::Idle {
             self.recorder.whole(now.as_secs_f64(), &state, age, board.phase, board.sent.as_ref())?;
         }
-        if !(board.phase == Phase::Walk || board.awaits_policy) {
+        if !(matches!(board.phase, Phase::Walk | Phase::Stop) || board.awaits_policy) {
             return Ok(());
         }
         let begun = *self.begun.get_or_insert(now);
         let time = (now - begun).as_secs_f64();
-        let Some(command) = self.script.at(time) else {
-            board.lie_down = true;
-            return Ok(());
+        let command = match self.script.at(time) {
+            Some(command) => command,
+            // A robot that lies down at speed falls. Logs do not have this part: their walk is over.
+            None if time < self.script.seconds() + STOP => {
+                board.slow_down = true;
+                [0.0; 3]
+            }
+            None => {
+                board.lie_down = true;
+                return Ok(());
+            }
         };
         let walk = self.script.walk_at(time);
         let number = walk.map(|(number, _)| number);

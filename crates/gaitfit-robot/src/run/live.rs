@@ -78,8 +78,10 @@ pub struct Summary {
     pub commands: u64,
     /// Outputs of the policy.
     pub outputs: u64,
-    /// Commands while walking that the guard changed.
-    pub clamped: u64,
+    /// Whether it was a dry run: everything was computed and nothing sent.
+    pub dry_run: bool,
+    /// Commands while walking that the guard changed; none of a dry run, whose robot does not do what it is told.
+    pub clamped: Option<u64>,
     /// Age of the state at the policy's outputs: mean, ms.
     pub state_age_ms: f64,
     /// The greatest, ms.
@@ -128,7 +130,8 @@ pub fn live(
             longest_gap_ms: 1e3 * sender.longest_gap.as_secs_f64(),
             commands: sender.commands,
             outputs: controller.outputs,
-            clamped: sender.clamped,
+            dry_run: sender.is_dry(),
+            clamped: (!sender.is_dry()).then_some(sender.clamped),
             state_age_ms: 1e3 * controller.ages.0 / count,
             oldest_state_ms: 1e3 * controller.ages.1,
             send_late_us: sender.jitter.lateness(),
@@ -238,6 +241,8 @@ fn control(
     if !(ask.confirm)(&state) {
         return Ok((false, jitter, ask.limits));
     }
+    // What cannot be written is found before the robot moves.
+    controller.open_logs()?;
     lock(board).arm = true;
     let mut beat = Beat::new(begin, ask.control);
     let mut phase = Phase::Idle;
@@ -249,11 +254,13 @@ fn control(
         let mut seen = lock(board).clone();
         turns += 1;
         if seen.refused.is_some() || seen.phase == Phase::Idle && turns > 50 {
+            controller.remove_logs();
             return refused(seen.refused.unwrap_or(Reason::NoState));
         }
         let done = controller.cycle(now, &mut seen);
         let mut board = lock(board);
         board.targets = seen.targets;
+        board.slow_down |= seen.slow_down;
         board.lie_down |= seen.lie_down;
         if let Err(error) = done {
             board.stop = Some(Reason::Log(error.to_string()));

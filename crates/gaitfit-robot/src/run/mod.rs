@@ -11,6 +11,7 @@ mod live;
 mod record;
 mod script;
 mod sender;
+mod suits;
 
 pub use board::Board;
 pub use controller::Controller;
@@ -20,3 +21,4 @@ pub use live::{Live, Summary, live, real_time};
 pub use record::{Acted, RUN, Recorder, WALK, WHOLE};
 pub use script::Script;
 pub use sender::Sender;
+pub use suits::suits;

@@ -33,6 +33,15 @@ pub struct Acted<'a> {
     pub targets: &'a [f32],
 }
 
+/// A log that is open.
+struct Log {
+    path: PathBuf,
+    file: File,
+    /// Bytes of the rows that were written whole.
+    whole: u64,
+    rows: u64,
+}
+
 /// Logs of a run: each walk as `gaitfit collect` writes it, and every control period of every phase with what was sent.
 pub struct Recorder {
     folder: PathBuf,
@@ -40,44 +49,30 @@ pub struct Recorder {
     head: String,
     /// Digits of the walks' numbers in their files' names; `None`: one walk.
     digits: Option<usize>,
-    walk: Option<(PathBuf, File)>,
-    whole: (PathBuf, File),
+    walk: Option<Log>,
+    whole: Option<Log>,
+    whole_path: PathBuf,
+    whole_head: String,
     /// For each of the policy's joints, its motor.
     motors: [usize; MOTORS],
     line: String,
 }
 
 impl Recorder {
-    /// For one walk: [`WALK`] and [`WHOLE`] in `folder`; `motors` has a motor for each of the policy's joints.
-    ///
-    /// # Errors
-    /// Files that cannot be written.
-    pub fn new(folder: &Path, interface: &Interface, motors: [usize; MOTORS]) -> Result<Self, RobotError> {
-        let mut recorder = Self::open(folder, None, interface, motors)?;
-        recorder.walk = Some(recorder.create(WALK)?);
-        Ok(recorder)
+    /// For one walk: [`WALK`] and [`WHOLE`] in `folder`; `motors` has a motor for each of the policy's joints. No file is
+    /// made before [`Recorder::open`] or the first row.
+    pub fn new(folder: &Path, interface: &Interface, motors: [usize; MOTORS]) -> Self {
+        Self::within(folder, None, interface, motors)
     }
 
     /// For `count` walks: `trajectory_00.csv`, … in `folder`, as `gaitfit collect` names them, and [`WHOLE`] in [`RUN`].
-    ///
-    /// # Errors
-    /// Files that cannot be written.
-    pub fn of_walks(
-        folder: &Path,
-        count: usize,
-        interface: &Interface,
-        motors: [usize; MOTORS],
-    ) -> Result<Self, RobotError> {
+    /// No file is made before [`Recorder::open`] or the first row.
+    pub fn of_walks(folder: &Path, count: usize, interface: &Interface, motors: [usize; MOTORS]) -> Self {
         let digits = count.saturating_sub(1).to_string().len().max(2);
-        Self::open(folder, Some(digits), interface, motors)
+        Self::within(folder, Some(digits), interface, motors)
     }
 
-    fn open(
-        folder: &Path,
-        digits: Option<usize>,
-        interface: &Interface,
-        motors: [usize; MOTORS],
-    ) -> Result<Self, RobotError> {
+    fn within(folder: &Path, digits: Option<usize>, interface: &Interface, motors: [usize; MOTORS]) -> Self {
         let per_joint = |prefix: &str| -> String {
             interface.joints.iter().fold(String::new(), |mut text, joint| {
                 let _ = write!(text, ",{prefix}{joint}");
@@ -99,19 +94,54 @@ impl Recorder {
             named(&["q_", "dq_", "qdes_", "act_"])
         );
         let whole_path = if digits.is_some() { folder.join(RUN).join(WHOLE) } else { folder.join(WHOLE) };
-        Ok(Self {
+        Self {
             folder: folder.to_owned(),
             head,
             digits,
             walk: None,
-            whole: created(whole_path, &whole)?,
+            whole: None,
+            whole_path,
+            whole_head: whole,
             motors,
             line: String::new(),
-        })
+        }
     }
 
-    fn create(&self, name: &str) -> Result<(PathBuf, File), RobotError> {
-        created(self.folder.join(name), &self.head)
+    /// Says in the logs' first line that they are of a dry run, in which nothing was sent.
+    #[must_use]
+    pub fn dry(mut self) -> Self {
+        for head in [&mut self.head, &mut self.whole_head] {
+            head.insert_str(0, "# dry run: nothing was sent\n");
+        }
+        self
+    }
+
+    /// Makes the files, so that what cannot be written is known before the robot moves.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn open(&mut self) -> Result<(), RobotError> {
+        if self.whole.is_none() {
+            self.whole = Some(Log::new(self.whole_path.clone(), &self.whole_head)?);
+        }
+        if self.walk.is_none() && self.digits.is_none() {
+            self.walk = Some(self.create(WALK)?);
+        }
+        Ok(())
+    }
+
+    /// Removes the logs that have no row yet.
+    pub fn remove_empty(&mut self) {
+        for slot in [&mut self.walk, &mut self.whole] {
+            if let Some(log) = slot.take_if(|log| log.rows == 0) {
+                // What stays keeps a later run from its folder, and is seen there.
+                let _ = std::fs::remove_file(&log.path);
+            }
+        }
+    }
+
+    fn create(&self, name: &str) -> Result<Log, RobotError> {
+        Log::new(self.folder.join(name), &self.head)
     }
 
     /// The walk of this number begins.
@@ -130,13 +160,14 @@ impl Recorder {
     /// # Errors
     /// A file that cannot be written.
     pub fn walk(&mut self, state: &RobotState, age: f64, acted: &Acted<'_>) -> Result<(), RobotError> {
+        self.open()?;
         self.row(acted.time, state);
         self.numbers(acted.targets.iter());
         self.numbers(acted.action.iter());
         self.numbers(acted.command.iter());
         self.rest(state, age);
         match &mut self.walk {
-            Some(walk) => Self::end(walk, &mut self.line),
+            Some(walk) => walk.end(&mut self.line),
             None => Ok(()),
         }
     }
@@ -153,6 +184,7 @@ impl Recorder {
         phase: Phase,
         sent: Option<&Command>,
     ) -> Result<(), RobotError> {
+        self.open()?;
         self.row(now, state);
         self.rest(state, age);
         let _ = write!(self.line, ",{}", phase.name());
@@ -165,7 +197,10 @@ impl Recorder {
                 };
             }
         }
-        Self::end(&mut self.whole, &mut self.line)
+        match &mut self.whole {
+            Some(whole) => whole.end(&mut self.line),
+            None => Ok(()),
+        }
     }
 
     fn row(&mut self, time: f64, state: &RobotState) {
@@ -196,26 +231,39 @@ impl Recorder {
             let _ = write!(self.line, ",{:?}", f64::from(*number));
         }
     }
-
-    /// One write a row: a killed program leaves no half of one.
-    fn end((path, file): &mut (PathBuf, File), line: &mut String) -> Result<(), RobotError> {
-        line.push('\n');
-        file.write_all(line.as_bytes())
-            .map_err(|error| RobotError::Write { path: path.clone(), problem: error.to_string() })
-    }
 }
 
-/// A new file with its first lines.
-fn created(path: PathBuf, head: &str) -> Result<(PathBuf, File), RobotError> {
-    let written = || -> std::io::Result<File> {
-        if let Some(folder) = path.parent() {
-            std::fs::create_dir_all(folder)?;
+impl Log {
+    /// A new file with its first lines.
+    fn new(path: PathBuf, head: &str) -> Result<Self, RobotError> {
+        let written = || -> std::io::Result<File> {
+            if let Some(folder) = path.parent() {
+                std::fs::create_dir_all(folder)?;
+            }
+            let mut file = File::create(&path)?;
+            file.write_all(head.as_bytes())?;
+            Ok(file)
+        };
+        match written() {
+            Ok(file) => Ok(Self { path, file, whole: head.len() as u64, rows: 0 }),
+            Err(error) => Err(RobotError::Write { path, problem: error.to_string() }),
         }
-        let mut file = File::create(&path)?;
-        file.write_all(head.as_bytes())?;
-        Ok(file)
-    };
-    let file =
-        written().map_err(|error| RobotError::Write { path: path.clone(), problem: error.to_string() })?;
-    Ok((path, file))
+    }
+
+    /// One write a row: a killed program leaves no half of one, and what a full disk took of a row is cut off.
+    fn end(&mut self, line: &mut String) -> Result<(), RobotError> {
+        line.push('\n');
+        match self.file.write_all(line.as_bytes()) {
+            Ok(()) => {
+                self.whole += line.len() as u64;
+                self.rows += 1;
+                Ok(())
+            }
+            Err(error) => {
+                // The error that is told is the first one.
+                let _ = self.file.set_len(self.whole);
+                Err(RobotError::Write { path: self.path.clone(), problem: error.to_string() })
+            }
+        }
+    }
 }

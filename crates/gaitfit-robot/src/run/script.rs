@@ -88,6 +88,9 @@ impl Script {
             .from_path(path)
             .map_err(|error| refuse(error.to_string()))?;
         let header = reader.headers().map_err(|error| refuse(error.to_string()))?.clone();
+        if header.iter().any(|cell| cell == "vx_cmd") {
+            return refuse_foreign(path);
+        }
         let mut columns = [0; 4];
         for (column, name) in columns.iter_mut().zip(["t", "vx", "vy", "wz"]) {
             *column = header.iter().position(|cell| cell == name).ok_or_else(|| {
@@ -130,6 +133,19 @@ impl Script {
         (time < end).then_some((number, begin))
     }
 
+    /// The least and the largest of each part of the commands that are walked under: forward, left (m/s), yaw rate (rad/s).
+    pub fn extremes(&self) -> [[f64; 2]; 3] {
+        let walked = &self.rows[..self.rows.len().saturating_sub(1)];
+        std::array::from_fn(|part| {
+            walked
+                .iter()
+                .map(|(_, command)| f64::from(command[part]))
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], speed| {
+                    [low.min(speed), high.max(speed)]
+                })
+        })
+    }
+
     /// How many walks are recorded.
     pub fn walks(&self) -> usize {
         self.walks.len()
@@ -139,6 +155,16 @@ impl Script {
     pub fn seconds(&self) -> f64 {
         self.rows.last().map_or(0.0, |(time, _)| *time)
     }
+}
+
+/// The commands of `gaitfit collect --commands` are of another form.
+fn refuse_foreign(path: &Path) -> Result<Script, RobotError> {
+    Err(RobotError::Script(format!(
+        "{}: these are commands of simulated walks (trajectory,time,vx_cmd,vy_cmd,wz_cmd), and a robot is given one walk: \
+         the columns t,vx,vy,wz (s, m/s, m/s, rad/s); take the rows of one trajectory, leave its number out, name the \
+         columns so, and let the last row say when the walk ends",
+        path.display()
+    )))
 }
 
 #[cfg(test)]
@@ -160,6 +186,7 @@ mod tests {
         assert_eq!(script.at(1.999), Some([0.5, 0.0, 0.1]));
         assert_eq!(script.at(2.0), Some([0.0; 3]));
         assert_eq!((script.at(3.0), script.seconds()), (None, 3.0));
+        assert_eq!(script.extremes()[0], [0.0, 0.5]);
     }
 
     #[test]
@@ -193,6 +220,7 @@ mod tests {
     fn what_is_no_script_is_refused_and_says_why() {
         for (text, word) in [
             ("t,vx,vy\n0,0,0\n1,0,0\n", "`wz`"),
+            ("trajectory,time,vx_cmd,vy_cmd,wz_cmd\n0,0,0,0,0\n", "take the rows of one trajectory"),
             ("t,vx,vy,wz\n0,0,0,0\n", "1 rows"),
             ("t,vx,vy,wz\n1,0,0,0\n2,0,0,0\n", "begin at 0"),
             ("t,vx,vy,wz\n0,0,0,0\n2,0,0,0\n2,0,0,0\n", "time 3"),

@@ -91,6 +91,9 @@ impl<'a> Sender<'a> {
         {
             board.refused = Some(reason);
         }
+        if std::mem::take(&mut board.slow_down) {
+            supervisor.slow_down(now);
+        }
         if std::mem::take(&mut board.lie_down) {
             supervisor.lie_down(now);
         }
@@ -119,6 +122,11 @@ impl<'a> Sender<'a> {
         board.over = supervisor.is_over(now);
         board.reason = supervisor.reason().or(supervisor.refused()).cloned();
         board.sent = if self.dry { None } else { command };
+    }
+
+    /// Whether it computes and sends nothing.
+    pub fn is_dry(&self) -> bool {
+        self.dry
     }
 
     /// Rate of the robot's messages from the first to the last, Hz; 0 for fewer than two.

@@ -185,7 +185,7 @@ fn run(domain: u16, patience: Duration, real_time: bool) -> Result<Summary, Robo
     let guard = GuardSettings { stale: patience, late: patience, ..GuardSettings::go2(control) };
     let guard = GuardSettings { late_policy: guard.late_policy.max(2 * control + patience), ..guard };
     let motors = motors_of(&policy.interface.joints).unwrap();
-    let recorder = Recorder::new(folder.path(), &policy.interface, motors).unwrap();
+    let recorder = Recorder::new(folder.path(), &policy.interface, motors);
     let controller = Controller::new(&policy, &script, recorder).unwrap();
     let link = Box::new(Dds::open("lo", domain, false).unwrap());
     let short = Duration::from_millis(700);

@@ -7,7 +7,7 @@ use gaitfit_robot::unitree::{LowCmd, MOTORS};
 use gaitfit_robot::{Battery, DAMPING_KD, Phase, Reading, RobotError, Seal, damping};
 
 use crate::limits::violation;
-use crate::toy::{Run, STANDING, march};
+use crate::toy::{Run, STANDING, Toy, march};
 
 /// A walking run that hears one changed message; the reason it gives.
 fn after(change: impl Fn(&mut Reading)) -> Reason {
@@ -319,4 +319,28 @@ fn a_simulators_message_without_checksum_counter_and_battery_is_taken_from_simul
     bare.seal = Seal::Wrong;
     simulated.read(Duration::from_millis(32), &bare);
     assert_eq!(simulated.reason(), Some(&Reason::WrongChecksum));
+}
+
+#[test]
+fn a_robot_that_comes_to_rest_is_guarded_as_one_that_walks_and_lies_down_from_there() {
+    let mut run = Run::armed();
+    run.supervisor.slow_down(run.now);
+    assert_eq!(run.supervisor.phase(), Phase::StandUp, "it does not walk yet");
+    run.until(Phase::Walk);
+    run.supervisor.slow_down(run.now);
+    run.for_ms(400);
+    assert_eq!((run.supervisor.phase(), run.supervisor.reason()), (Phase::Stop, None));
+    let mut late = Run { supervisor: run.supervisor.clone(), toy: Toy { state: run.toy.state }, ..run };
+    for _ in 0..100 {
+        late.tick_with(Some, |_| None);
+    }
+    assert!(
+        matches!(late.supervisor.reason(), Some(Reason::LatePolicy(_))),
+        "{:?}",
+        late.supervisor.reason()
+    );
+    run.supervisor.lie_down(run.now);
+    assert_eq!(run.supervisor.phase(), Phase::LieDown);
+    run.until(Phase::Damping);
+    assert_eq!(run.supervisor.reason(), None);
 }

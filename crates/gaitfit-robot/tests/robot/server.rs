@@ -74,7 +74,7 @@ fn run_on(
         GuardSettings { stale: patience, late: patience, simulator: true, ..GuardSettings::go2(control) };
     let guard = GuardSettings { late_policy: patience, ..guard };
     let motors = motors_of(&policy.interface.joints).unwrap();
-    let recorder = Recorder::new(folder, &policy.interface, motors).unwrap();
+    let recorder = Recorder::new(folder, &policy.interface, motors);
     let controller = Controller::new(&policy, &script, recorder).unwrap();
     let real_time = real_time();
     let link = Box::new(Dds::open("lo", domain, false).unwrap());
@@ -111,8 +111,8 @@ fn shared_the_vendors_server_is_walked() {
         felt["highest"]
     );
     assert_eq!(summary.reason, None);
-    use Phase::{Damping, LieDown, Stand, StandUp, Walk};
-    assert_eq!(phases, [StandUp, Stand, Walk, LieDown, Damping]);
+    use Phase::{Damping, LieDown, Stand, StandUp, Stop, Walk};
+    assert_eq!(phases, [StandUp, Stand, Walk, Stop, LieDown, Damping]);
     assert_eq!(felt["wrong"], 0, "checksums that the SDK refuses");
     let taken = felt["commands"].as_f64().unwrap();
     assert!(taken > 0.9 * summary.commands as f64, "{taken} of {} commands", summary.commands);
@@ -124,7 +124,8 @@ fn shared_the_vendors_server_is_walked() {
     assert!(way > 0.6 * 1.5 * seconds / 6.0, "{way} m");
     assert!(path.last().unwrap()[2] < 0.18, "it lies: {:?}", path.last());
     let log = read_csv(&folder.path().join(WALK), &ReadOptions::default()).unwrap();
-    assert_eq!(log.len() as u64, summary.outputs);
+    // The last second, in which it stops, is not in the log.
+    assert!((20..=51).contains(&(summary.outputs - log.len() as u64)), "{} {}", log.len(), summary.outputs);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use gaitfit_policy::Policy;
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_robot::guard::{GuardSettings, Limits, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
-use gaitfit_robot::run::{Board, Controller, Recorder, Script, Sender, WALK, WHOLE};
+use gaitfit_robot::run::{Board, Controller, Recorder, Script, Sender, WALK, WHOLE, suits};
 use gaitfit_robot::unitree::motors_of;
 use gaitfit_robot::{Command, Phase, Reading, RobotState, Seal, Supervisor, Times};
 
@@ -89,7 +89,7 @@ fn session(
     let mut sender = Sender::new(Box::new(link), supervisor, dry);
     let script = Script::new(rows.to_vec()).unwrap();
     let motors = motors_of(&policy.interface.joints).unwrap();
-    let recorder = Recorder::new(folder, &policy.interface, motors).unwrap();
+    let recorder = Recorder::new(folder, &policy.interface, motors);
     let mut controller = Controller::new(policy, &script, recorder).unwrap();
     let mut board = Board::default();
     let (mut now, mut phases, mut places) = (Duration::ZERO, Vec::new(), Vec::new());
@@ -115,11 +115,11 @@ fn the_committed_walk_stands_up_walks_and_lies_down_and_its_log_is_read() {
     let policy = walk();
     let rows = [(0.0, [0.5, 0.0, 0.0]), (3.0, [0.0, 0.0, 0.8]), (4.5, [0.0; 3]), (5.0, [0.0; 3])];
     let whole = session(&policy, &rows, folder.path(), false, Duration::from_secs(30), |_, r| Some(*r));
-    use Phase::{Damping, Idle, LieDown, Stand, StandUp, Walk};
+    use Phase::{Damping, Idle, LieDown, Stand, StandUp, Stop, Walk};
     let phases: Vec<Phase> = whole.phases.iter().map(|(_, phase)| *phase).collect();
-    assert_eq!(phases, [Idle, StandUp, Stand, Walk, LieDown, Damping], "{:?}", whole.board.reason);
+    assert_eq!(phases, [Idle, StandUp, Stand, Walk, Stop, LieDown, Damping], "{:?}", whole.board.reason);
     assert_eq!((&whole.board.reason, &*whole.seen.wrong.lock().unwrap()), (&None, &None));
-    let [stand, walk, lie] = [2, 3, 4].map(|k| whole.places[k]);
+    let [stand, walk, lie] = [2, 3, 5].map(|k| whole.places[k]);
     // The gains of standing up, and the policy's softer ones.
     assert!(stand[2] > 0.265 && walk[2] > 0.245, "it stood: {stand:?} {walk:?}");
     let ahead = (lie[0] - walk[0]).hypot(lie[1] - walk[1]);
@@ -166,6 +166,91 @@ fn the_committed_walk_stands_up_walks_and_lies_down_and_its_log_is_read() {
     }
     let everything = read_csv(&folder.path().join(WHOLE), &ReadOptions::default()).unwrap();
     assert!(everything.len() > 550, "{}", everything.len());
+}
+
+/// At speed, whatever the direction: commands that end so, as random ones do. Lying down from there, a robot falls.
+#[test]
+fn a_robot_at_full_speed_comes_to_rest_and_lies_down() {
+    let policy = walk();
+    let speeds = [
+        [1.0, 0.0, 0.0],
+        [-0.5, 0.0, 0.0],
+        [0.8, 0.4, 0.8],
+        [-0.4, -0.4, 0.8],
+        [0.9, -0.3, -0.8],
+        [0.2, 0.4, -1.0],
+    ];
+    for (number, speed) in speeds.into_iter().enumerate() {
+        let folder = tempfile::tempdir().unwrap();
+        // Other lengths: the legs are at another point of their step.
+        let seconds = 2.0 + 0.08 * number as f64;
+        let rows = [(0.0, speed), (seconds, [0.0; 3])];
+        let run = session(&policy, &rows, folder.path(), false, Duration::from_secs(20), |_, r| Some(*r));
+        assert_eq!(run.board.reason, None, "{speed:?}");
+        let stop = run.phases.iter().position(|(_, phase)| *phase == Phase::Stop).unwrap();
+        let lasted = run.phases[stop + 1].0 - run.phases[stop].0;
+        assert!((900..=1100).contains(&lasted.as_millis()), "{lasted:?}");
+        assert!(run.seen.place.lock().unwrap()[2] < 0.1, "it lies: {speed:?}");
+        // The log is that of the commands.
+        let log = read_csv(&folder.path().join(WALK), &ReadOptions::default()).unwrap();
+        assert_eq!(log.len(), (seconds * 50.0).round() as usize, "{speed:?}");
+        let last = &log.command.as_ref().unwrap()[3 * (log.len() - 1)..];
+        assert!(last.iter().zip(speed).all(|(found, wanted)| (*found as f32 - wanted).abs() < 1e-6));
+    }
+}
+
+#[test]
+fn logs_are_made_when_the_robot_is_armed_and_go_when_it_is_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let interface = walk().interface;
+    let motors = motors_of(&interface.joints).unwrap();
+    let files = || std::fs::read_dir(folder.path()).unwrap().count();
+    let mut recorder = Recorder::new(folder.path(), &interface, motors).dry();
+    assert_eq!(files(), 0, "before it is armed");
+    recorder.open().unwrap();
+    assert_eq!(files(), 2);
+    let text = std::fs::read_to_string(folder.path().join(WALK)).unwrap();
+    assert!(text.starts_with("# dry run"), "{text}");
+    recorder.remove_empty();
+    assert_eq!(files(), 0);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_an_error_that_names_the_file_before_the_robot_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let interface = walk().interface;
+    let motors = motors_of(&interface.joints).unwrap();
+    std::os::unix::fs::symlink("/dev/full", folder.path().join(WHOLE)).unwrap();
+    let error = Recorder::new(folder.path(), &interface, motors).open().unwrap_err().to_string();
+    assert!(error.contains("whole.csv") && error.contains("space"), "{error}");
+}
+
+#[test]
+fn a_policy_that_a_go2_may_not_be_given_is_refused_with_what_is_the_matter() {
+    let limits = Limits::go2();
+    assert_eq!(suits(&walk(), &limits), Ok(()));
+    let refused = |change: &dyn Fn(&mut gaitfit_policy::Interface)| {
+        let mut policy = walk();
+        change(&mut policy.interface);
+        suits(&policy, &limits).unwrap_err().to_string()
+    };
+    for (error, words) in [
+        (refused(&|it| it.kp[3] = 120.0), ["kp = 120", "0 to 100"]),
+        (refused(&|it| it.kd[0] = 6.0), ["kd = 6", "0 to 5"]),
+        (refused(&|it| it.kd[0] = -1.0), ["kd = -1", "0 to 5"]),
+        (refused(&|it| it.robot = "a1".to_owned()), ["`a1`", "robot = \"go2\""]),
+        (refused(&|it| it.default_pose[2] = 1.5), ["1.5 rad", "outside its range"]),
+        (refused(&|it| it.control_dt = 0.2), ["every 0.2 s", "control_dt"]),
+        (refused(&|it| it.joints[0] = "tail".to_owned()), ["`tail`", "no joint"]),
+    ] {
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    }
+    let mut policy = walk();
+    policy.interface.robot = "Unitree_Go2".to_owned();
+    assert_eq!(suits(&policy, &limits), Ok(()));
+    policy.interface.robot.clear();
+    assert_eq!(suits(&policy, &limits), Ok(()));
 }
 
 #[test]

@@ -101,7 +101,8 @@ impl Run {
             self.supervisor.read(self.now, &reading);
         }
         let acts = self.now.as_millis().is_multiple_of(CONTROL.as_millis());
-        let wanted = self.supervisor.phase() == Phase::Walk || self.supervisor.awaits_policy(self.now);
+        let walks = matches!(self.supervisor.phase(), Phase::Walk | Phase::Stop);
+        let wanted = walks || self.supervisor.awaits_policy(self.now);
         if acts
             && wanted
             && let Some(targets) = policy(self.now)
