@@ -7,42 +7,38 @@ use std::time::{Duration, Instant};
 use gaitfit_robot::link::{Dds, Link};
 use gaitfit_robot::unitree::{LowCmd, LowState};
 use gaitfit_robot::{Seal, damping};
+use rustdds::no_key::{DataReaderCdr, DataWriterCdr};
 use rustdds::policy::{History, Reliability};
-use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
+use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
 
 /// A domain that no robot or simulator uses.
 const DOMAIN: u16 = 77;
+
+/// A robot's side of the link on the loopback interface: its states and the commands to it. Both live as long as the
+/// participant.
+pub fn robot_side(domain: u16) -> (DomainParticipant, DataWriterCdr<LowState>, DataReaderCdr<LowCmd>) {
+    let loopback: std::net::IpAddr = std::net::Ipv4Addr::LOCALHOST.into();
+    let participant = DomainParticipantBuilder::new(domain).with_only_networks([loopback]).build().unwrap();
+    let reliable = Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
+    let qos = QosPolicyBuilder::new().reliability(reliable).history(History::KeepLast { depth: 16 }).build();
+    let topic = |name: &str, kind: &str| {
+        participant.create_topic(name.to_owned(), kind.to_owned(), &qos, TopicKind::NoKey).unwrap()
+    };
+    let lowstate = topic("rt/lowstate", "unitree_go::msg::dds_::LowState_");
+    let lowcmd = topic("rt/lowcmd", "unitree_go::msg::dds_::LowCmd_");
+    let states = participant.create_publisher(&qos).unwrap();
+    let states = states.create_datawriter_no_key_cdr(&lowstate, Some(qos.clone())).unwrap();
+    let commands = participant.create_subscriber(&qos).unwrap();
+    let commands = commands.create_datareader_no_key_cdr(&lowcmd, Some(qos.clone())).unwrap();
+    (participant, states, commands)
+}
 
 #[test]
 fn states_and_commands_cross_the_loopback_interface_and_another_controller_is_seen() {
     let done = Arc::new(AtomicBool::new(false));
     let stop = Arc::clone(&done);
     let robot = std::thread::spawn(move || {
-        let loopback: std::net::IpAddr = std::net::Ipv4Addr::LOCALHOST.into();
-        let participant =
-            DomainParticipantBuilder::new(DOMAIN).with_only_networks([loopback]).build().unwrap();
-        let reliable = Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
-        let history = History::KeepLast { depth: 16 };
-        let qos = QosPolicyBuilder::new().reliability(reliable).history(history).build();
-        let topic = |name: &str, kind: &str| {
-            participant.create_topic(name.to_owned(), kind.to_owned(), &qos, TopicKind::NoKey).unwrap()
-        };
-        let states = participant
-            .create_publisher(&qos)
-            .unwrap()
-            .create_datawriter_no_key_cdr::<LowState>(
-                &topic("rt/lowstate", "unitree_go::msg::dds_::LowState_"),
-                Some(qos.clone()),
-            )
-            .unwrap();
-        let mut commands = participant
-            .create_subscriber(&qos)
-            .unwrap()
-            .create_datareader_no_key_cdr::<LowCmd>(
-                &topic("rt/lowcmd", "unitree_go::msg::dds_::LowCmd_"),
-                Some(qos.clone()),
-            )
-            .unwrap();
+        let (_participant, states, mut commands) = robot_side(DOMAIN);
         let (mut tick, mut right, mut wrong) = (0, 0, 0);
         while !stop.load(Ordering::SeqCst) {
             tick += 2;

@@ -13,9 +13,9 @@ use gaitfit_robot::unitree::{LowCmd, LowState, MOTORS, motors_of};
 use gaitfit_robot::{
     Command, MotorCommand, Phase, Reading, RobotError, RobotState, Supervisor, Times, damping,
 };
-use rustdds::policy::{History, Reliability};
-use rustdds::{DomainParticipantBuilder, QosPolicyBuilder, ReadCondition, TopicKind};
+use rustdds::ReadCondition;
 
+use crate::dds::robot_side;
 use crate::limits::violation;
 use crate::session::walk;
 
@@ -80,29 +80,7 @@ fn felt(message: &LowCmd) -> Command {
 
 /// The robot's side until `done`; `fault` begins `after` the first command.
 fn robot(domain: u16, fault: Fault, after: Duration, pause: Duration, done: &AtomicBool) -> Felt {
-    let loopback: std::net::IpAddr = std::net::Ipv4Addr::LOCALHOST.into();
-    let participant = DomainParticipantBuilder::new(domain).with_only_networks([loopback]).build().unwrap();
-    let reliable = Reliability::Reliable { max_blocking_time: rustdds::Duration::from_millis(100) };
-    let qos = QosPolicyBuilder::new().reliability(reliable).history(History::KeepLast { depth: 16 }).build();
-    let topic = |name: &str, kind: &str| {
-        participant.create_topic(name.to_owned(), kind.to_owned(), &qos, TopicKind::NoKey).unwrap()
-    };
-    let states = participant
-        .create_publisher(&qos)
-        .unwrap()
-        .create_datawriter_no_key_cdr::<LowState>(
-            &topic("rt/lowstate", "unitree_go::msg::dds_::LowState_"),
-            Some(qos.clone()),
-        )
-        .unwrap();
-    let mut commands = participant
-        .create_subscriber(&qos)
-        .unwrap()
-        .create_datareader_no_key_cdr::<LowCmd>(
-            &topic("rt/lowcmd", "unitree_go::msg::dds_::LowCmd_"),
-            Some(qos.clone()),
-        )
-        .unwrap();
+    let (_participant, states, mut commands) = robot_side(domain);
     let batch = simulation(&gaitfit_model::builtin::go2().unwrap()).unwrap();
     let mut body = Simulated::new(&batch).unwrap();
     let begin = Instant::now();
