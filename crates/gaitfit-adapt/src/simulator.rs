@@ -2,12 +2,13 @@
 
 use crate::Theta;
 use crate::cost::{Cost, Signal};
-use crate::fit::{Evaluation, FitError, Job, accumulate};
+use crate::fit::{Costs, Evaluation, FitError, Job, Views, accumulate, measure};
+use serde::{Deserialize, Serialize};
 
 /// What of the recording a simulated robot is given on its way. At the sample of a reset the signals hold the state that
 /// the simulation reached; the reset follows. With every sample given, each from the second on is a one-sample
 /// prediction.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Resets {
     /// Nothing: it starts as the recording's joints suggest and runs freely, under its policy if it has one.
     #[default]
@@ -20,7 +21,7 @@ pub enum Resets {
 }
 
 /// One candidate to simulate on every recording.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rollout {
     /// One value an entry of θ; with an empty θ the robot is as its file says.
     pub values: Vec<f64>,
@@ -137,6 +138,23 @@ pub trait Simulator {
         cancel: &Cancel<'_>,
     ) -> Result<Vec<Evaluation>, FitError> {
         accumulate(self, theta, costs, jobs, cancel)
+    }
+
+    /// What rollouts cost in each view, falls and regularisation left out, and how many bytes of memory one of them took,
+    /// 0 if that does not matter. `told` is called for each that is done, from any thread. By default as
+    /// [`Self::costs`]: the signals are compared here.
+    ///
+    /// # Errors
+    /// As [`Self::costs`].
+    fn views(
+        &self,
+        theta: &Theta,
+        views: &Views<'_>,
+        rollouts: &[Rollout],
+        told: &(dyn Fn() + Sync),
+        cancel: &Cancel<'_>,
+    ) -> Result<(Vec<Costs>, usize), FitError> {
+        measure(self, theta, views, rollouts, told, cancel)
     }
 }
 

@@ -1,10 +1,10 @@
 //! Reading robot files.
 
-use crate::Error;
+use crate::{Error, files};
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_model::patterns::plain;
 use gaitfit_model::{Model, ReadOptions, Root};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The built-in Go2.
 pub fn go2() -> Result<Model, Error> {
@@ -62,4 +62,65 @@ pub fn as_written(path: &Path, lenient: bool) -> Result<Model, Error> {
 pub fn remarks(model: &Model) -> Vec<String> {
     let changed = model.changed.iter().map(|change| format!("{} {}", change.what, change.how));
     changed.chain(model.warnings()).collect()
+}
+
+/// The files that a robot's file names, and those that they name: what it includes, and its height fields. What is
+/// missing, or is not read, is not looked for.
+pub fn parts(robot: &Path) -> Vec<PathBuf> {
+    let home = robot.parent().unwrap_or(Path::new(""));
+    let mut folders = vec![home.to_owned()];
+    let (mut found, mut open) = (Vec::<PathBuf>::new(), vec![robot.to_owned()]);
+    while let Some(path) = open.pop() {
+        let Ok(text) = files::read_text(&path, files::MOST_BYTES) else { continue };
+        let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
+        let Ok(document) = roxmltree::Document::parse_with_options(&text, options) else { continue };
+        let elements = || document.descendants().filter(roxmltree::Node::is_element);
+        for compiler in elements().filter(|one| one.has_tag_name("compiler")) {
+            let named = ["assetdir", "meshdir"].into_iter().filter_map(|name| compiler.attribute(name));
+            folders.extend(named.map(|folder| home.join(folder)));
+        }
+        for element in elements() {
+            let includes = element.has_tag_name("include");
+            let Some(file) = element.attribute("file").filter(|_| includes || element.has_tag_name("hfield"))
+            else {
+                continue;
+            };
+            let places = folders.iter().map(|folder| folder.join(file)).filter(|path| path.is_file());
+            for path in places.collect::<Vec<_>>() {
+                if !found.contains(&path) {
+                    found.push(path.clone());
+                    open.extend(includes.then_some(path));
+                }
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_robots_parts_are_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let robot = write(
+            "robots/a.xml",
+            r#"<mujoco><compiler meshdir="heights"/><include file="../b.xml"/><asset><mesh file="m.stl"/></asset></mujoco>"#,
+        );
+        write("b.xml", r#"<mujoco><asset><hfield file="h.png"/></asset><include file="a.xml"/></mujoco>"#);
+        write("robots/heights/h.png", "x");
+        write("robots/heights/m.stl", "x");
+        let mut found: Vec<PathBuf> = parts(&robot).iter().map(|path| path.canonicalize().unwrap()).collect();
+        found.sort();
+        let root = folder.path().canonicalize().unwrap();
+        assert_eq!(found, ["b.xml", "robots/a.xml", "robots/heights/h.png"].map(|name| root.join(name)));
+    }
 }

@@ -3,10 +3,11 @@
 use super::{FallPenalty, FitError, Predicted};
 use crate::cost::{Accumulator, Cost, CostError};
 use crate::{Cancel, Resets, Rollout, Signals, Simulator, Theta, never};
+use serde::{Deserialize, Serialize};
 use std::sync::Mutex;
 
 /// One candidate to evaluate.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Job {
     /// Index into the costs.
     pub cost: usize,
@@ -17,7 +18,7 @@ pub struct Job {
 }
 
 /// What a candidate was found to cost.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// The cost, with what falls and the modifications' regularisation add; `None` if the simulation diverged.
     pub cost: Option<f64>,

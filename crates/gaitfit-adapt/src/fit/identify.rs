@@ -12,7 +12,7 @@
 
 use super::identification::{Identification, NoiseSource, narrow};
 use super::joint::{Around, joint};
-use super::views::{View, jackknife, measure, without_groups};
+use super::views::{Views, jackknife};
 use super::{Alternative, FitError};
 use crate::cost::Cost;
 use crate::{Cancel, Entry, Rollout, Signals, Simulator, Theta};
@@ -67,21 +67,18 @@ pub fn identify(
         )));
     }
     let recordings = simulator.recordings();
-    let all: Vec<usize> = (0..recordings).collect();
-    let without = without_groups(cost, recordings);
-    let mut views = vec![View { cost, recordings: &all }];
-    views.extend(without.iter().map(|(cost, kept)| View { cost: cost.as_ref(), recordings: kept }));
+    let views = Views::new(cost, recordings);
     let rollout = |values: Vec<f64>, draw: u64| Rollout { values, resets: cost.resets(), draw };
     let draw = steadiest(simulator, theta, draw, |draw| rollout(values.to_vec(), draw), cancel)?;
-    let more = if views.len() > 1 { 0 } else { DRAWS };
+    let more = if views.count() > 1 { 0 } else { DRAWS };
     let best: Vec<Rollout> =
         (0..=more).map(|next| rollout(values.to_vec(), draw.wrapping_add(next))).collect();
-    let (best, bytes) = measure(simulator, theta, &views, &best, cancel)?;
+    let (best, bytes) = simulator.views(theta, &views, &best, &|| (), cancel)?;
     let diverged = || FitError::Scan("the simulation of the best values diverges".to_owned());
     let centre = best.first().cloned().flatten().ok_or_else(diverged)?;
 
     let floor = FLOOR.0 + FLOOR.1 * centre[0].abs();
-    let (noise, fixed) = if views.len() > 1 {
+    let (noise, fixed) = if views.count() > 1 {
         (NoiseSource::Recordings, 0.0)
     } else {
         let draws: Vec<f64> = best[1..].iter().flatten().map(|costs| costs[0]).collect();
@@ -106,7 +103,7 @@ pub fn identify(
             rollout(values, draw)
         };
         let rollouts: Vec<Rollout> = points.iter().map(moved).collect();
-        let (costs, _) = measure(simulator, theta, &views, &rollouts, cancel)?;
+        let (costs, _) = simulator.views(theta, &views, &rollouts, &|| (), cancel)?;
         rises.extend(costs.iter().map(|costs| costs.as_ref().map(rise)));
     }
     let of_entry = |(at, entry): (usize, &Entry)| {

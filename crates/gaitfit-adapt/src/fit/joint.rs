@@ -9,7 +9,7 @@
 //! simulator is not the robot.
 
 use super::identification::Identification;
-use super::views::{View, jackknife, measure};
+use super::views::{Views, jackknife};
 use super::{Alternative, FitError};
 use crate::{Cancel, Rollout, Simulator, Theta};
 use gaitfit_sim::stats;
@@ -28,7 +28,7 @@ pub(super) struct Around<'a> {
     pub(super) theta: &'a Theta,
     pub(super) values: &'a [f64],
     /// All recordings, then each part of them.
-    pub(super) views: &'a [View<'a>],
+    pub(super) views: &'a Views<'a>,
     /// The costs at the values, one a view.
     pub(super) centre: &'a [f64],
     pub(super) draw: u64,
@@ -67,7 +67,7 @@ pub(super) fn joint(
     let here = slope(single, 0);
 
     let mut without = vec![Vec::new(); free.len()];
-    for view in 1..views.len() {
+    for view in 1..views.count() {
         let step = -(&inverse * (slope(single, view) - &here));
         without.iter_mut().zip(step.iter()).for_each(|(steps, step)| steps.push(*step));
     }
@@ -75,14 +75,15 @@ pub(super) fn joint(
     // from the least rise alone, as two deviations.
     let along = |at: usize| flat.iter().map(|one| 0.25 / FLATTEST * one[at] * one[at]).sum();
     let mut shifts: Vec<f64> = (0..free.len()).map(along).collect();
+    let whole = Views::whole(views.cost(), around.simulator.recordings());
     for alternative in alternatives {
         let singles = &all[..ones.len()];
-        let Some(costs) = around.costs(alternative.simulator, &views[..1], singles)? else { continue };
+        let Some(costs) = around.costs(alternative.simulator, &whole, singles)? else { continue };
         let step = -(&inverse * (slope(&costs, 0) - &here));
         shifts.iter_mut().zip(step.iter()).for_each(|(sum, step)| *sum += step * step);
     }
     // Of one recording there are no parts; its noise is then not estimated here.
-    let degrees = views.len().checked_sub(2).unwrap_or(usize::MAX);
+    let degrees = views.count().checked_sub(2).unwrap_or(usize::MAX);
     let quantile = stats::student_t_95(degrees);
     for (at, free) in free.iter().enumerate() {
         // With one recording only the noise along each parameter is known, as two deviations of it alone.
@@ -112,13 +113,13 @@ impl Around<'_> {
     fn costs(
         &self,
         simulator: &dyn Simulator,
-        views: &[View<'_>],
+        views: &Views<'_>,
         moved: &[Vec<f64>],
     ) -> Result<Option<Vec<Vec<f64>>>, FitError> {
-        let resets = views.first().map(|view| view.cost.resets()).unwrap_or_default();
+        let resets = views.cost().resets();
         let rollout = |values: &Vec<f64>| Rollout { values: values.clone(), resets, draw: self.draw };
         let rollouts: Vec<Rollout> = moved.iter().map(rollout).collect();
-        let (costs, _) = measure(simulator, self.theta, views, &rollouts, self.cancel)?;
+        let (costs, _) = simulator.views(self.theta, views, &rollouts, &|| (), self.cancel)?;
         let squares = |costs: Vec<f64>| costs.iter().map(|cost| cost * cost).collect();
         Ok(costs.into_iter().map(|costs| costs.map(squares)).collect())
     }

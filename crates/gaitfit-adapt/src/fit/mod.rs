@@ -29,9 +29,11 @@ pub use falls::FallPenalty;
 pub use identification::{Identification, NoiseSource};
 pub use identify::{MOST_SCANNED, identify};
 pub use least_squares::{
-    Alternative, Correction, GaussNewton, Problem, Replicate, Round, Sensitivity, Shift, Uncertainty, World,
-    correct, off_bounds, sensitivity, sets, uncertainty,
+    Alternative, Comparison, Correction, Failure, GaussNewton, Problem, Question, Replicate, Round,
+    Sensitivity, Shift, Slope, Uncertainty, World, answers, correct, off_bounds, sensitivity, sets,
+    uncertainty,
 };
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};
 pub use predicted::Predicted;
 pub use run::{Checkpoint, SavedRun, SavedSearch, Stop};
+pub use views::{Costs, Views, measure};

@@ -10,33 +10,62 @@ use std::sync::Mutex;
 const GROUPS: usize = 8;
 
 /// The costs of a rollout, one a view; `None` where it diverged.
-pub(super) type Costs = Option<Vec<f64>>;
+pub type Costs = Option<Vec<f64>>;
 
-/// A cost and the numbers of the recordings it sees.
-pub(super) struct View<'a> {
-    pub(super) cost: &'a dyn Cost,
-    pub(super) recordings: &'a [usize],
+/// What a cost sees: all recordings first, then all but one group of them, for each group.
+pub struct Views<'a> {
+    cost: &'a dyn Cost,
+    recordings: usize,
+    without: Vec<(Box<dyn Cost>, Vec<usize>)>,
 }
 
-/// The cost without each group of recordings, with the numbers of those kept; none if there are fewer than two.
-pub(super) fn without_groups(cost: &dyn Cost, recordings: usize) -> Vec<(Box<dyn Cost>, Vec<usize>)> {
-    let groups = recordings.min(GROUPS);
-    if groups < 2 {
-        return Vec::new();
+impl<'a> Views<'a> {
+    /// All `recordings`, and all but a group, if there are at least two and the cost can be had of fewer.
+    pub fn new(cost: &'a dyn Cost, recordings: usize) -> Self {
+        let groups = recordings.min(GROUPS);
+        let without = |group: usize| {
+            let kept: Vec<usize> = (0..recordings).filter(|recording| recording % groups != group).collect();
+            Some((cost.subset(&kept)?, kept))
+        };
+        let all = if groups < 2 { None } else { (0..groups).map(without).collect::<Option<_>>() };
+        Self { cost, recordings, without: all.unwrap_or_default() }
     }
-    let without = |group: usize| {
-        let kept: Vec<usize> = (0..recordings).filter(|recording| recording % groups != group).collect();
-        Some((cost.subset(&kept)?, kept))
-    };
-    (0..groups).map(without).collect::<Option<_>>().unwrap_or_default()
+
+    /// All recordings alone.
+    pub fn whole(cost: &'a dyn Cost, recordings: usize) -> Self {
+        Self { cost, recordings, without: Vec::new() }
+    }
+
+    /// The cost, of all recordings.
+    pub fn cost(&self) -> &'a dyn Cost {
+        self.cost
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        1 + self.without.len()
+    }
+
+    /// The costs of all views.
+    fn totals(&self, signals: &[Option<Predicted>]) -> Result<Vec<f64>, CostError> {
+        let whole = total(self.cost, 0..self.recordings, signals);
+        let parts = self.without.iter();
+        let parts = parts.map(|(cost, kept)| total(cost.as_ref(), kept.iter().copied(), signals));
+        std::iter::once(whole).chain(parts).collect()
+    }
 }
 
-/// The costs of each rollout, one a view, `None` where it diverged; and the bytes of the first one's signals.
-pub(super) fn measure(
-    simulator: &dyn Simulator,
+/// The costs of each rollout, and the bytes of the first one's signals, which were in memory together: what
+/// [`Simulator::views`] does by default. `told` is called for each rollout that is done.
+///
+/// # Errors
+/// As [`Simulator::views`].
+pub fn measure<S: Simulator + ?Sized>(
+    simulator: &S,
     theta: &Theta,
-    views: &[View<'_>],
+    views: &Views<'_>,
     rollouts: &[Rollout],
+    told: &(dyn Fn() + Sync),
     cancel: &Cancel<'_>,
 ) -> Result<(Vec<Costs>, usize), FitError> {
     struct Pending {
@@ -61,7 +90,8 @@ pub(super) fn measure(
         pending.missing -= 1;
         if pending.missing == 0 {
             let signals = std::mem::take(&mut pending.signals);
-            pending.costs = Some(views.iter().map(|view| total(view, &signals)).collect());
+            pending.costs = Some(views.totals(&signals));
+            told();
         }
     };
     simulator.simulate(theta, rollouts, &consume, cancel)?;
@@ -82,9 +112,14 @@ pub(super) fn measure(
     Ok((costs, bytes))
 }
 
-fn total(view: &View<'_>, signals: &[Option<Predicted>]) -> Result<f64, CostError> {
-    let mut accumulator = view.cost.begin();
-    for (number, &recording) in view.recordings.iter().enumerate() {
+/// The cost of some recordings, which it numbers anew.
+fn total(
+    cost: &dyn Cost,
+    recordings: impl Iterator<Item = usize>,
+    signals: &[Option<Predicted>],
+) -> Result<f64, CostError> {
+    let mut accumulator = cost.begin();
+    for (number, recording) in recordings.enumerate() {
         let signals = signals.get(recording).and_then(Option::as_ref);
         accumulator.add(number, signals.ok_or(CostError::Missing(recording))?.signals())?;
     }

@@ -32,6 +32,11 @@ impl Other {
         self.what != FEET
     }
 
+    /// The same with what `share` makes of its simulator.
+    pub(super) fn with(self, share: impl FnOnce(Box<dyn Simulator>) -> Box<dyn Simulator>) -> Self {
+        Self { simulator: share(self.simulator), ..self }
+    }
+
     /// As a fit takes it.
     pub fn alternative(&self) -> Alternative<'_> {
         Alternative { what: self.what.clone(), simulator: self.simulator.as_ref() }

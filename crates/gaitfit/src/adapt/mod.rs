@@ -20,6 +20,7 @@ mod score;
 mod search;
 mod sensitivity;
 mod setup;
+mod share;
 mod signals;
 mod springs;
 mod trust;
@@ -39,6 +40,7 @@ pub use sensitivity::{SensitivityResults, Told, sensitivity};
 pub(crate) use sensitivity::{known_values, tell};
 pub use setup::Setup;
 pub(crate) use setup::{Robot, method as simulated};
+pub use share::{Crew, Done, Helper, Shares};
 pub use springs::FoundSpring;
 pub use validate::{ValidateRequest, ValidateResults, validate};
 

@@ -7,15 +7,17 @@ use crate::log::Log;
 use crate::settings::AdaptConfig;
 use crate::walk::recorder::{Recorded, Recorder};
 use crate::walk::walking::Walking;
-use crate::watch::{Counting, Watch, Work};
-use gaitfit_adapt::cost::CostKind;
-use gaitfit_adapt::fit::{CostOutcome, FitError, Problem, Replicate, World, sets};
+use crate::watch::{Counting, Event, Watch, Work};
+use gaitfit_adapt::fit::{
+    Comparison, CostOutcome, Failure, FitError, Problem, Question, Replicate, World, answers, sets,
+};
 use gaitfit_adapt::{Entry, Theta};
 use gaitfit_model::Model;
 use gaitfit_policy::Policy;
 use gaitfit_random::{Purpose, derive_seed};
 use gaitfit_sim::Candidate;
 use std::cell::Cell;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 /// Least share of the logs that a simulated robot must walk without a fall.
@@ -62,9 +64,31 @@ impl Replicas {
         let each = setup.config.optimizer.replicates;
         let what = format!("{}: correction, set of simulated logs", outcome.cost);
         let counting = watch.begin(Work { what: &what, total: sets(each), first: 0, parts: "sets" });
-        let kind = setup.config.costs[cost];
-        let world = Robots { replicas: self, setup, kind, watch, counting: &counting, made: Cell::new(0) };
+        let world = Robots { replicas: self, setup, cost, watch, counting: &counting, made: Cell::new(0) };
         outcome.correct(problem, &world, each)
+    }
+
+    /// What one set of simulated logs says, for another process; see [`World::ask`].
+    ///
+    /// # Errors
+    /// As there.
+    pub(super) fn answer(
+        &self,
+        setup: &Setup,
+        cost: usize,
+        problem: Problem<'_>,
+        question: &Question,
+        number: u32,
+    ) -> Result<Comparison, Failure> {
+        let callback = |_: Event<'_>| match (problem.cancel)() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        let watch = Watch::new(&callback);
+        let counting = watch.begin(Work { what: "set", total: 1, first: 0, parts: "sets" });
+        let (watch, counting, made) = (&watch, &counting, Cell::new(0));
+        let world = Robots { replicas: self, setup, cost, watch, counting, made };
+        answers(&world, problem, question, &[number])?.pop().ok_or(Failure::Fit(FitError::Incomplete))
     }
 }
 
@@ -72,7 +96,8 @@ impl Replicas {
 struct Robots<'a> {
     replicas: &'a Replicas,
     setup: &'a Setup,
-    kind: CostKind,
+    /// Number of the cost that compares.
+    cost: usize,
     watch: &'a Watch<'a>,
     counting: &'a Counting<'a>,
     made: Cell<usize>,
@@ -97,15 +122,32 @@ impl World for Robots<'_> {
         }
         let sets = recorded.into_iter().map(|set| {
             let replicate = self.replicate(set)?;
-            self.made.set(self.made.get() + 1);
-            self.counting.step(self.made.get(), 1, "");
+            self.told();
             Ok(replicate)
         });
         sets.collect()
     }
+
+    fn ask(
+        &self,
+        problem: Problem<'_>,
+        question: &Question,
+        numbers: &[u32],
+    ) -> Result<Vec<Comparison>, Failure> {
+        match &self.setup.shares {
+            Some(shares) => shares.ask(self.cost, problem, question, numbers, &|| self.told()),
+            None => answers(self, problem, question, numbers),
+        }
+    }
 }
 
 impl Robots<'_> {
+    /// One set more is done.
+    fn told(&self) {
+        self.made.set(self.made.get() + 1);
+        self.counting.step(self.made.get(), 1, "");
+    }
+
     /// What a simulated robot recorded, as the fit compares it.
     fn replicate(&self, recorded: Vec<Recorded>) -> Result<Replicate, String> {
         let Setup { config, method, fit, .. } = self.setup;
@@ -130,7 +172,7 @@ impl Robots<'_> {
         }
         let base = &self.replicas.base;
         let set = LogSet::new(config, method, base, logs).map_err(|error| error.to_string())?.scaled_as(fit);
-        let cost = self.kind.build(&set.reference, set.simulator.as_ref());
+        let cost = config.costs[self.cost].build(&set.reference, set.simulator.as_ref());
         Ok(Replicate { cost: cost.map_err(|error| format!("{error}."))?, simulator: set.simulator })
     }
 }

@@ -1,7 +1,8 @@
 //! The simulations after a search, which measure how well the logs identify each parameter, shown as they go on.
 
-use crate::watch::{Watch, Work};
+use crate::watch::{Counting, Watch, Work};
 use gaitfit_adapt::cost::Signal;
+use gaitfit_adapt::fit::{Costs, FitError, Views};
 use gaitfit_adapt::{Cancel, Consume, Rollout, Signals, Simulator, SimulatorError, Theta};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -19,6 +20,11 @@ impl<'a> Scan<'a> {
     /// `cost`: whose parameters are measured, for the progress bar.
     pub fn new(simulator: &'a dyn Simulator, cost: &str, watch: &'a Watch<'a>) -> Self {
         Self { simulator, cost: cost.to_owned(), watch }
+    }
+
+    fn counting(&self, candidates: usize) -> Counting<'_> {
+        let what = format!("{}: interval, candidate", self.cost);
+        self.watch.begin(Work { what: &what, total: candidates, first: 0, parts: "candidates" })
     }
 }
 
@@ -45,9 +51,7 @@ impl Simulator for Scan<'_> {
         if candidates.len() <= FEW {
             return self.simulator.simulate(theta, candidates, consume, cancel);
         }
-        let what = format!("{}: interval, candidate", self.cost);
-        let work = Work { what: &what, total: candidates.len(), first: 0, parts: "candidates" };
-        let counting = self.watch.begin(work);
+        let counting = self.counting(candidates.len());
         let recordings = self.recordings().max(1);
         let simulated = AtomicUsize::new(0);
         let counted = |candidate: usize, recording: usize, signals: Signals<'_>| {
@@ -58,6 +62,26 @@ impl Simulator for Scan<'_> {
             }
         };
         self.simulator.simulate(theta, candidates, &counted, cancel)
+    }
+
+    fn views(
+        &self,
+        theta: &Theta,
+        views: &Views<'_>,
+        rollouts: &[Rollout],
+        told: &(dyn Fn() + Sync),
+        cancel: &Cancel<'_>,
+    ) -> Result<(Vec<Costs>, usize), FitError> {
+        if rollouts.len() <= FEW {
+            return self.simulator.views(theta, views, rollouts, told, cancel);
+        }
+        let counting = self.counting(rollouts.len());
+        let done = AtomicUsize::new(0);
+        let told = || {
+            counting.step(done.fetch_add(1, Ordering::Relaxed) + 1, 1, "");
+            told();
+        };
+        self.simulator.views(theta, views, rollouts, &told, cancel)
     }
 
     fn differentiate(

@@ -5,6 +5,7 @@ use super::ignored::ignored;
 use super::log_set::LogSet;
 use super::method::Method;
 use super::replicas::Replicas;
+use super::share::Shares;
 use crate::air::{Clamped, logs as air_logs};
 use crate::device::Device;
 use crate::log::Log;
@@ -52,6 +53,10 @@ pub struct Setup {
     pub warnings: Vec<String>,
     /// What simulates.
     pub device: Device,
+    /// Where the settings were read, which relative paths may start from.
+    pub config_path: PathBuf,
+    /// Who simulates besides this process, if anyone does.
+    pub shares: Option<Shares>,
 }
 
 impl Setup {
@@ -156,6 +161,8 @@ impl Setup {
             files,
             warnings,
             device,
+            config_path: config_path.to_owned(),
+            shares: None,
         };
         setup.warnings.extend(ignored(&setup));
         if setup.config.odd_joints {

@@ -4,6 +4,7 @@
 use super::crew::together;
 use super::experiments::{self, Experiment};
 use super::paper::Kind;
+use super::parts::{CELLS, Part, PartKind, SHARED};
 use super::results::{SeedFit, SeedResult, Walk};
 use crate::device::{Device, Devices};
 use crate::loop_::files;
@@ -19,7 +20,10 @@ use indexmap::IndexMap;
 use std::path::{Path, PathBuf};
 
 /// Written last: a folder that has it is finished.
-const SEED: &str = "seed.json";
+pub(super) const SEED: &str = "seed.json";
+
+/// The logs of a scenario, in the folder of what its cells share.
+pub(super) const LOGS: &str = "logs";
 
 /// A table being run.
 pub struct Run<'a> {
@@ -119,6 +123,29 @@ impl Run<'_> {
         Ok(outcome)
     }
 
+    /// Makes one part alone, in the table's folder; a cell's scenario was made before.
+    ///
+    /// # Errors
+    /// A part that the table does not have; as [`Self::run`].
+    pub fn part(&self, part: &Part) -> Result<(), Error> {
+        let Part { kind, name, seed, .. } = part;
+        let of = |one: &&Experiment| match kind {
+            PartKind::Shared => one.scenario == *name,
+            PartKind::Cell => one.paper.name == *name,
+        };
+        let Some(experiment) = self.experiments.iter().find(of) else {
+            return Err(Error::settings(format!("the table has no {name}")));
+        };
+        let made = match kind {
+            PartKind::Shared => self.shared(experiment, *seed).map(|_| ()),
+            PartKind::Cell => {
+                let logs = self.folder.path().join(part.needs()).join(LOGS);
+                self.cell(experiment, *seed, &logs, self.devices.of(0), self.watch).map(|_| ())
+            }
+        };
+        made.map_err(|error| self.explained(error, &experiment.file))
+    }
+
     /// The logs of a scenario's target and, for fine-tuning, both references.
     fn shared(&self, experiment: &Experiment, seed: u64) -> Result<Shared, Error> {
         let scenario = &experiment.scenario;
@@ -127,13 +154,13 @@ impl Run<'_> {
         };
         let mut setup = Setup::open(config, &experiment.file, self.threads)?;
         setup.device = self.devices.of(0);
-        let folder = self.open(&format!("shared/{scenario}"), seed, &setup)?;
+        let folder = self.open(&format!("{SHARED}/{scenario}"), seed, &setup)?;
         let Some(target) = setup.config.target.clone() else {
             return Err(Error::settings("an experiment needs a [target]"));
         };
         let mut stages = stages(&setup, &folder, self.watch)?;
         let first = stages.keep(&policy_name(0), "policy-0", &setup.policy_bytes)?;
-        let logs = stages.collect("logs", &first, target.seed)?;
+        let logs = stages.collect(LOGS, &first, target.seed)?;
         if self.kind == Kind::Identification {
             return Ok(Shared { logs, first: None, reference: None, controls: Vec::new() });
         }
@@ -172,7 +199,7 @@ impl Run<'_> {
     ) -> Result<SeedResult, Error> {
         let mut setup = Setup::open(experiment.seeded(seed), &experiment.file, self.threads)?;
         setup.device = device;
-        let folder = self.open(&format!("cells/{}", experiment.paper.name), seed, &setup)?;
+        let folder = self.open(&format!("{CELLS}/{}", experiment.paper.name), seed, &setup)?;
         if let Some(text) = folder.read(SEED)? {
             watch.note("finished earlier");
             return serde_json::from_str(&text).map_err(|error| {

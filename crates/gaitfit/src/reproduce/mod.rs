@@ -4,10 +4,12 @@ mod cells;
 mod crew;
 mod experiments;
 mod paper;
+mod parts;
 mod plot;
 mod results;
 
 pub use paper::{Kind, Paper, Table};
+pub use parts::{Part, PartKind, Plan, make, plan};
 pub use results::{PaperRow, Results, Row, Walk, shown};
 
 use crate::Error;
@@ -42,34 +44,55 @@ pub struct Request {
     pub jobs: Option<NonZeroUsize>,
 }
 
+/// A table, read and checked, with its folder.
+struct Opened {
+    paper: Paper,
+    title: String,
+    kind: Kind,
+    experiments: Vec<Experiment>,
+    folder: RunFolder,
+}
+
+impl Opened {
+    fn new(request: &Request) -> Result<Self, Error> {
+        request.devices.check()?;
+        let paper = Paper::read()?;
+        let table = paper.table(&request.table)?;
+        let only = request.only.as_deref();
+        let experiments =
+            experiments::read(&paper, table, &request.experiments, request.full, &request.set, only)?;
+        let runs = experiments.first().map_or("runs", |one| one.config.runs.as_str());
+        let scale = if request.full { "-full" } else { "" };
+        let folder = RunFolder::only(Path::new(runs), &format!("reproduce-{}{scale}", table.name))?;
+        let (title, kind) = (table.title.clone(), table.kind);
+        Ok(Self { paper, title, kind, experiments, folder })
+    }
+
+    fn run<'a>(&'a self, request: &'a Request, watch: &'a Watch<'a>) -> Run<'a> {
+        Run {
+            experiments: &self.experiments,
+            kind: self.kind,
+            seeds: request.seeds,
+            folder: &self.folder,
+            threads: request.threads,
+            devices: &request.devices,
+            jobs: request.jobs.map_or(request.devices.all().len(), NonZeroUsize::get),
+            watch,
+        }
+    }
+}
+
 /// Runs a table or continues it. Returns its results and its folder, which has all files but the printed table.
 pub fn run(request: &Request, watch: &Watch<'_>) -> Result<(Results, RunFolder), Error> {
-    request.devices.check()?;
-    let paper = Paper::read()?;
-    let table = paper.table(&request.table)?;
-    let only = request.only.as_deref();
-    let experiments =
-        experiments::read(&paper, table, &request.experiments, request.full, &request.set, only)?;
-    let runs = experiments.first().map_or("runs", |one| one.config.runs.as_str());
-    let scale = if request.full { "-full" } else { "" };
-    let folder = RunFolder::only(Path::new(runs), &format!("reproduce-{}{scale}", table.name))?;
-    let run = Run {
-        experiments: &experiments,
-        kind: table.kind,
-        seeds: request.seeds,
-        folder: &folder,
-        threads: request.threads,
-        devices: &request.devices,
-        jobs: request.jobs.map_or(request.devices.all().len(), NonZeroUsize::get),
-        watch,
-    };
-    let outcome = run.run()?;
+    let opened = Opened::new(request)?;
+    let outcome = opened.run(request, watch).run()?;
+    let Opened { paper, title, kind, experiments, folder } = opened;
     let results = Results {
-        table: table.name.clone(),
-        title: table.title.clone(),
-        kind: table.kind,
+        table: request.table.clone(),
+        title,
+        kind,
         full: request.full,
-        rows: rows(&paper, table, &experiments, outcome),
+        rows: rows(&paper, kind, &experiments, outcome),
         run_folder: folder.path().display().to_string(),
     };
     folder.write("plot.svg", plot::svg(&results).as_bytes())?;
@@ -78,9 +101,9 @@ pub fn run(request: &Request, watch: &Watch<'_>) -> Result<(Results, RunFolder),
 }
 
 /// A row for each reference of each scenario, then one for each cell that was run.
-fn rows(paper: &Paper, table: &Table, experiments: &[Experiment], mut outcome: Outcome) -> Vec<Row> {
+fn rows(paper: &Paper, kind: Kind, experiments: &[Experiment], mut outcome: Outcome) -> Vec<Row> {
     let mut rows = Vec::new();
-    if table.kind == Kind::Finetuning {
+    if kind == Kind::Finetuning {
         for (scenario, first) in outcome.first {
             let none = PaperRow::default;
             rows.push(Row::new(format!("{scenario}-pi0"), scenario.clone(), None, vec![first], none()));

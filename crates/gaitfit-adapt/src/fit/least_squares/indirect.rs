@@ -15,13 +15,11 @@
 //! and does not count what happens in few samples, legs that hit each other for one.
 
 use super::normal::{Loss, Normal};
+use super::question::{Comparison, Failure, Question, Slope, World};
 use super::residuals::Problem;
 use super::uncertainty::{RIDGE, silent};
 use super::{Around, around, size};
-use crate::cost::Cost;
 use crate::fit::FitError;
-use crate::{Entry, Simulator};
-use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
 /// Rounds of simulated logs: in each the values are moved by what the last one missed.
@@ -53,26 +51,6 @@ const SHARE: f64 = 0.2;
 /// Sets of logs that a correction simulates, with `replicates` a round.
 pub fn sets(replicates: u32) -> usize {
     ROUNDS * replicates as usize + (MEASURED + 1) * TRIALS
-}
-
-/// Simulated logs, and what compares them with predictions.
-pub struct Replicate {
-    /// Simulates predictions of the logs, as the fit does of the real ones.
-    pub simulator: Box<dyn Simulator>,
-    /// The fit's cost, against the simulated logs in the scaling of the real ones.
-    pub cost: Box<dyn Cost>,
-}
-
-/// The robot, simulated as it makes logs.
-pub trait World {
-    /// Whether a value of `entry` means to the robot what it means to the fit. One that does not is left as it is.
-    fn shares(&self, _entry: &Entry) -> bool {
-        true
-    }
-
-    /// A set of logs for each of `numbers`, which select random draws: logs of the robot with `values` of θ, whose joints
-    /// are disturbed by normal torques of the deviation `noise`, N·m. `Err`: why there are none, in a sentence.
-    fn replicates(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, String>;
 }
 
 /// What simulated logs say of a fit.
@@ -164,7 +142,7 @@ fn further(
 ) -> Result<Option<(Vec<f64>, Comparison)>, FitError> {
     let compared = |here: &Around| {
         let step = Normal::whole(&here.jacobian, &here.residuals, loss).step(RIDGE, moving)?;
-        Some(Comparison { left: Loss::of(&here.residuals).bulk(), step })
+        Some(Comparison { left: Loss::of(&here.residuals).bulk(), step: step.as_slice().to_vec() })
     };
     let Some(mut own) = compared(&here) else { return Ok(None) };
     let most = loss.mean(&here.residuals) * (1.0 + RISE);
@@ -185,25 +163,6 @@ fn further(
         (at, own) = (next, there);
     }
     Ok(Some((at, own)))
-}
-
-enum Failure {
-    Fit(FitError),
-    Said(String),
-}
-
-impl From<FitError> for Failure {
-    fn from(error: FitError) -> Self {
-        Self::Fit(error)
-    }
-}
-
-/// What logs say of the values found.
-struct Comparison {
-    /// The squared median of the differences that they leave.
-    left: f64,
-    /// The step that they ask for.
-    step: DVector<f64>,
 }
 
 struct Inference<'a> {
@@ -303,25 +262,22 @@ impl Inference<'_> {
         self.values.iter().zip(steps).map(|(value, (step, own))| value + step - own).collect()
     }
 
-    fn logs(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, Failure> {
-        self.world.replicates(values, noise, numbers).map_err(Failure::Said)
-    }
-
-    fn problem<'b>(&'b self, logs: &'b Replicate) -> Problem<'b> {
-        Problem { simulator: logs.simulator.as_ref(), cost: logs.cost.as_ref(), ..self.problem }
-    }
-
     /// What some sets of logs of the robot `simulated` say of the values found.
+    fn ask(
+        &self,
+        simulated: &[f64],
+        noise: f64,
+        step: Option<Slope>,
+        numbers: &[u32],
+    ) -> Result<Vec<Comparison>, Failure> {
+        let (simulated, values) = (simulated.to_vec(), self.values.to_vec());
+        self.world.ask(self.problem, &Question { simulated, noise, values, step }, numbers)
+    }
+
+    /// As [`Self::ask`], with the step that each set asks for.
     fn compared(&self, simulated: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Comparison>, Failure> {
-        let compare = |logs: Replicate| {
-            let diverged = || Failure::Said("A prediction of simulated logs diverged.".to_owned());
-            let here = around(&self.problem(&logs), self.values)?.ok_or_else(diverged)?;
-            let normal = Normal::whole(&here.jacobian, &here.residuals, self.loss);
-            let flat = || Failure::Said("Simulated logs do not say which way values could move.".to_owned());
-            let step = normal.step(RIDGE, &self.moving).ok_or_else(flat)?;
-            Ok(Comparison { left: Loss::of(&here.residuals).bulk(), step })
-        };
-        self.logs(simulated, noise, numbers)?.into_iter().map(compare).collect()
+        let slope = Slope { loss: self.loss, moving: self.moving.clone() };
+        self.ask(simulated, noise, Some(slope), numbers)
     }
 
     /// The squared median of the differences that the values found leave of logs of the robot `simulated`, mean over some
@@ -333,14 +289,8 @@ impl Inference<'_> {
         numbers: &mut impl Iterator<Item = u32>,
     ) -> Result<f64, Failure> {
         let drawn: Vec<u32> = numbers.take(TRIALS).collect();
-        let one = |logs: Replicate| {
-            let found = self.problem(&logs).residuals(&[self.values.to_vec()])?.pop().flatten();
-            let diverged = || Failure::Said("A prediction of simulated logs diverged.".to_owned());
-            found.map(|residuals| Loss::of(&residuals).bulk()).ok_or_else(diverged)
-        };
-        let left: Vec<f64> =
-            self.logs(simulated, noise, &drawn)?.into_iter().map(one).collect::<Result<_, Failure>>()?;
-        Ok(mean(left.into_iter()))
+        let said = self.ask(simulated, noise, None, &drawn)?;
+        Ok(mean(said.into_iter().map(|one| one.left)))
     }
 }
 

@@ -10,11 +10,12 @@
 
 mod indirect;
 mod normal;
+mod question;
 mod residuals;
 mod sensitivity;
 mod uncertainty;
 
-pub use indirect::{Correction, Replicate, Round, World, correct, sets};
+pub use indirect::{Correction, Round, correct, sets};
 pub use uncertainty::{Alternative, Shift, Uncertainty, uncertainty};
 
 use super::FitError;
@@ -23,6 +24,7 @@ use crate::cmaes::Best;
 use crate::{Entry, Theta};
 use gaitfit_random::{Purpose, Stream};
 use normal::{Jacobian, Loss, Normal};
+pub use question::{Comparison, Failure, Question, Replicate, Slope, World, answers};
 pub use residuals::Problem;
 use residuals::Residuals;
 pub use sensitivity::{Sensitivity, sensitivity};

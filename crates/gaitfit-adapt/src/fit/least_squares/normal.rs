@@ -9,6 +9,7 @@
 
 use super::residuals::Residuals;
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// Where the loss turns linear, in medians of the absolute differences: two deviations of normal ones.
@@ -19,7 +20,7 @@ const ROUNDING: f64 = 1e-7;
 const LIMITED: f64 = 0.9;
 
 /// Huber's loss of a difference.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Loss {
     elbow: f64,
 }

@@ -1,0 +1,119 @@
+//! What simulated logs are asked for a correction, and what they answer. Each set of logs answers by itself, so that any
+//! process with the same robot can be asked.
+
+use super::around;
+use super::normal::{Loss, Normal};
+use super::residuals::Problem;
+use super::uncertainty::RIDGE;
+use crate::cost::Cost;
+use crate::fit::FitError;
+use crate::{Entry, Simulator};
+use serde::{Deserialize, Serialize};
+
+/// Simulated logs, and what compares them with predictions.
+pub struct Replicate {
+    /// Simulates predictions of the logs, as the fit does of the real ones.
+    pub simulator: Box<dyn Simulator>,
+    /// The fit's cost, against the simulated logs in the scaling of the real ones.
+    pub cost: Box<dyn Cost>,
+}
+
+/// The robot, simulated as it makes logs.
+pub trait World {
+    /// Whether a value of `entry` means to the robot what it means to the fit. One that does not is left as it is.
+    fn shares(&self, _entry: &Entry) -> bool {
+        true
+    }
+
+    /// A set of logs for each of `numbers`, which select random draws: logs of the robot with `values` of θ, whose joints
+    /// are disturbed by normal torques of the deviation `noise`, N·m. `Err`: why there are none, in a sentence.
+    fn replicates(&self, values: &[f64], noise: f64, numbers: &[u32]) -> Result<Vec<Replicate>, String>;
+
+    /// What the set of logs of each of `numbers` says, in their order. By default they are made and compared here.
+    ///
+    /// # Errors
+    /// As [`answers`].
+    fn ask(
+        &self,
+        problem: Problem<'_>,
+        question: &Question,
+        numbers: &[u32],
+    ) -> Result<Vec<Comparison>, Failure> {
+        answers(self, problem, question, numbers)
+    }
+}
+
+/// What is asked of simulated logs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Question {
+    /// The values of the simulated robot.
+    pub simulated: Vec<f64>,
+    /// Its torque noise, N·m.
+    pub noise: f64,
+    /// The values whose predictions are compared with its logs.
+    pub values: Vec<f64>,
+    /// Whose step is asked for; none if only the size of the differences is.
+    pub step: Option<Slope>,
+}
+
+/// How a step follows from differences.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Slope {
+    /// Of the differences.
+    pub(super) loss: Loss,
+    /// Entries that may move.
+    pub(super) moving: Vec<bool>,
+}
+
+/// What logs say of the values found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Comparison {
+    /// The squared median of the differences that they leave.
+    pub(super) left: f64,
+    /// The step that they ask for; empty if none was asked for.
+    pub(super) step: Vec<f64>,
+}
+
+/// Why there is no answer.
+#[derive(Debug)]
+pub enum Failure {
+    /// A simulation failed, or was asked to give up.
+    Fit(FitError),
+    /// Anything else, in a sentence.
+    Said(String),
+}
+
+impl From<FitError> for Failure {
+    fn from(error: FitError) -> Self {
+        Self::Fit(error)
+    }
+}
+
+/// Makes a set of logs for each of `numbers` and compares them as `question` asks: what [`World::ask`] does by default. Of
+/// `problem` the simulator and the cost are not looked at.
+///
+/// # Errors
+/// Logs that cannot be made or compared.
+pub fn answers<W: World + ?Sized>(
+    world: &W,
+    problem: Problem<'_>,
+    question: &Question,
+    numbers: &[u32],
+) -> Result<Vec<Comparison>, Failure> {
+    let diverged = || Failure::Said("A prediction of simulated logs diverged.".to_owned());
+    let answer = |logs: Replicate| {
+        let problem = Problem { simulator: logs.simulator.as_ref(), cost: logs.cost.as_ref(), ..problem };
+        let Some(Slope { loss, moving }) = &question.step else {
+            let found = problem.residuals(std::slice::from_ref(&question.values))?.pop().flatten();
+            let left = found.map(|residuals| Loss::of(&residuals).bulk()).ok_or_else(diverged)?;
+            return Ok(Comparison { left, step: Vec::new() });
+        };
+        let here = around(&problem, &question.values)?.ok_or_else(diverged)?;
+        let normal = Normal::whole(&here.jacobian, &here.residuals, *loss);
+        let flat = || Failure::Said("Simulated logs do not say which way values could move.".to_owned());
+        let step = normal.step(RIDGE, moving).ok_or_else(flat)?;
+        Ok(Comparison { left: Loss::of(&here.residuals).bulk(), step: step.as_slice().to_vec() })
+    };
+    let logs = world.replicates(&question.simulated, question.noise, numbers).map_err(Failure::Said)?;
+    logs.into_iter().map(answer).collect()
+}

@@ -1,0 +1,192 @@
+//! A fit's simulator, which others compute.
+
+use super::Shares;
+use super::signals;
+use super::task::{Task, Values, Work, read};
+use gaitfit_adapt::cost::{Cost, Signal};
+use gaitfit_adapt::fit::{Costs, Evaluation, FitError, Job, Views};
+use gaitfit_adapt::{Cancel, Consume, Rollout, Simulator, SimulatorError, Theta};
+use std::ops::Range;
+
+/// Robots that are simulated together: fewer in a task would leave lanes empty.
+const TOGETHER: usize = 16;
+/// Tasks for each place of a crew: places that are slower, or lost, leave theirs to others.
+const EACH: usize = 3;
+
+/// The simulator that `own` is, elsewhere.
+pub(super) struct Shared {
+    pub own: Box<dyn Simulator>,
+    /// As tasks name it.
+    pub number: usize,
+    pub shares: Shares,
+}
+
+impl Shared {
+    /// How `count` candidates are cut.
+    fn pieces(&self, count: usize) -> Vec<Range<usize>> {
+        pieces(count, self.own.recordings(), self.shares.crew.places())
+    }
+
+    /// Whether work of so many pieces is done here.
+    fn stays(&self, pieces: usize) -> bool {
+        pieces < 2 && self.shares.crew.alike()
+    }
+
+    /// The number of a cost of the setup; `None` of others, which only this process knows.
+    fn cost(&self, cost: &dyn Cost) -> Option<usize> {
+        self.shares.costs.iter().position(|name| name == cost.name())
+    }
+
+    /// Has `work` of every piece done; `take` gets the first candidate's number and the answer.
+    fn done(
+        &self,
+        theta: &Theta,
+        pieces: &[Range<usize>],
+        work: impl Fn(Range<usize>) -> Work,
+        mut take: impl FnMut(Range<usize>, &[u8]) -> Result<(), SimulatorError>,
+        cancel: &Cancel<'_>,
+    ) -> Result<(), SimulatorError> {
+        let values = Values::of(theta, &self.shares.entries);
+        let task = |piece: &Range<usize>| {
+            Task { simulator: self.number, values: values.clone(), work: work(piece.clone()) }.bytes()
+        };
+        let tasks: Vec<Vec<u8>> = pieces.iter().map(task).collect::<Result<_, _>>()?;
+        let mut done = |number: usize, answer: &[u8]| take(pieces[number].clone(), answer);
+        self.shares.crew.work(&tasks, &mut done, cancel)?;
+        if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
+    }
+}
+
+/// `count` candidates in pieces of about one size.
+fn pieces(count: usize, recordings: usize, places: usize) -> Vec<Range<usize>> {
+    let least = TOGETHER.div_ceil(recordings.max(1));
+    let pieces = places.saturating_mul(EACH).clamp(1, count.div_ceil(least).max(1));
+    (0..pieces).map(|piece| piece * count / pieces..(piece + 1) * count / pieces).collect()
+}
+
+/// Puts the answers for a piece where they belong.
+fn put<T>(into: &mut [Option<T>], piece: Range<usize>, answers: Vec<T>) -> Result<(), SimulatorError> {
+    if answers.len() != piece.len() {
+        let (found, needed) = (answers.len(), piece.len());
+        return Err(SimulatorError::failed(format!("{found} answers came for {needed} candidates")));
+    }
+    into[piece].iter_mut().zip(answers).for_each(|(slot, answer)| *slot = Some(answer));
+    Ok(())
+}
+
+fn all<T>(found: Vec<Option<T>>) -> Result<Vec<T>, FitError> {
+    found.into_iter().collect::<Option<_>>().ok_or(FitError::Incomplete)
+}
+
+impl Simulator for Shared {
+    fn joints(&self) -> &[String] {
+        self.own.joints()
+    }
+
+    fn recordings(&self) -> usize {
+        self.own.recordings()
+    }
+
+    fn provides(&self, signal: Signal) -> bool {
+        self.own.provides(signal)
+    }
+
+    fn simulate(
+        &self,
+        theta: &Theta,
+        candidates: &[Rollout],
+        consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<(), SimulatorError> {
+        let pieces = self.pieces(candidates.len());
+        if self.stays(pieces.len()) {
+            return self.own.simulate(theta, candidates, consume, cancel);
+        }
+        let take = |piece: Range<usize>, answer: &[u8]| {
+            signals::read(answer, piece.len(), self.recordings(), |rollout, recording, found| {
+                consume(piece.start + rollout, recording, found.signals());
+            })
+        };
+        self.done(theta, &pieces, |piece| Work::Signals(candidates[piece].to_vec()), take, cancel)
+    }
+
+    /// All at once, so that sharing has nothing to gain.
+    fn differentiate(
+        &self,
+        theta: &Theta,
+        candidate: &Rollout,
+        consume: &Consume<'_>,
+        cancel: &Cancel<'_>,
+    ) -> Result<bool, SimulatorError> {
+        self.own.differentiate(theta, candidate, consume, cancel)
+    }
+
+    fn costs(
+        &self,
+        theta: &Theta,
+        costs: &[Box<dyn Cost>],
+        jobs: &[Job],
+        cancel: &Cancel<'_>,
+    ) -> Result<Vec<Evaluation>, FitError> {
+        let numbers: Option<Vec<usize>> = costs.iter().map(|cost| self.cost(cost.as_ref())).collect();
+        let pieces = self.pieces(jobs.len());
+        let Some(numbers) = numbers.filter(|_| !self.stays(pieces.len())) else {
+            return self.own.costs(theta, costs, jobs, cancel);
+        };
+        let named = |job: &Job| Job { cost: numbers[job.cost], ..job.clone() };
+        let mut found: Vec<Option<Evaluation>> = vec![None; jobs.len()];
+        let take = |piece, answer: &[u8]| put(&mut found, piece, read(answer)?);
+        let work = |piece: Range<usize>| Work::Costs(jobs[piece].iter().map(named).collect());
+        self.done(theta, &pieces, work, take, cancel)?;
+        all(found)
+    }
+
+    fn views(
+        &self,
+        theta: &Theta,
+        views: &Views<'_>,
+        rollouts: &[Rollout],
+        told: &(dyn Fn() + Sync),
+        cancel: &Cancel<'_>,
+    ) -> Result<(Vec<Costs>, usize), FitError> {
+        let pieces = self.pieces(rollouts.len());
+        let Some(cost) = self.cost(views.cost()).filter(|_| !self.stays(pieces.len())) else {
+            return self.own.views(theta, views, rollouts, told, cancel);
+        };
+        let whole = views.count() == 1;
+        let mut found: Vec<Option<Costs>> = vec![None; rollouts.len()];
+        let take = |piece: Range<usize>, answer: &[u8]| {
+            piece.clone().for_each(|_| told());
+            put(&mut found, piece, read(answer)?)
+        };
+        let work = |piece: Range<usize>| Work::Views { cost, whole, rollouts: rollouts[piece].to_vec() };
+        self.done(theta, &pieces, work, take, cancel)?;
+        // Signals stay where they were simulated.
+        Ok((all(found)?, 0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_cover_all_candidates_and_fill_lanes() {
+        for (count, recordings, places, expected) in [
+            (48, 64, 2, 6),
+            (48, 1, 2, 3),
+            (5, 64, 100, 5),
+            (1, 64, 100, 1),
+            (15, 1, 8, 1),
+            (1000, 8, 3, 9),
+            (0, 4, 2, 1),
+        ] {
+            let found = pieces(count, recordings, places);
+            assert_eq!(found.len(), expected, "{count} candidates, {recordings} logs, {places} places");
+            assert_eq!((found[0].start, found[expected - 1].end), (0, count));
+            assert!(found.windows(2).all(|pair| pair[0].end == pair[1].start));
+            let sizes = found.iter().map(ExactSizeIterator::len);
+            assert!(sizes.clone().max().unwrap_or(0) - sizes.min().unwrap_or(0) <= 1);
+        }
+    }
+}

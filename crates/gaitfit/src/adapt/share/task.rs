@@ -1,0 +1,86 @@
+//! What helpers are asked, and what they answer, as JSON: numbers keep their bits.
+
+use gaitfit_adapt::fit::{Comparison, Job, Question};
+use gaitfit_adapt::{Rollout, SimulatorError, Theta};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+/// A task.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Task {
+    /// 0 for the fit's simulator, and from 1 for those that could stand in for it.
+    pub simulator: usize,
+    /// What the values of candidates are.
+    pub values: Values,
+    /// What is to be done.
+    pub work: Work,
+}
+
+/// What a candidate's values are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) enum Values {
+    /// There are none: the robot is as before the fit.
+    None,
+    /// Those of the fit's θ, with springs on these joints besides.
+    Fitted { springs: Vec<String> },
+}
+
+/// What is to be done.
+#[derive(Serialize, Deserialize)]
+pub(super) enum Work {
+    /// Costs of jobs, whose costs are numbers of the setup's: answered by [`gaitfit_adapt::fit::Evaluation`]s.
+    Costs(Vec<Job>),
+    /// Costs of rollouts in all views of cost number `cost`, or of all logs alone: answered by
+    /// [`gaitfit_adapt::fit::Costs`].
+    Views { cost: usize, whole: bool, rollouts: Vec<Rollout> },
+    /// Signals, see [`super::signals`].
+    Signals(Vec<Rollout>),
+    /// What the set of simulated logs of `number` says: answered by [`Answered`].
+    Ask { cost: usize, draw: u64, question: Question, number: u32 },
+}
+
+/// What a set of simulated logs says.
+#[derive(Clone, Serialize, Deserialize)]
+pub(super) enum Answered {
+    /// The comparison.
+    Compared(Comparison),
+    /// Why there is none.
+    Said(String),
+}
+
+impl Task {
+    /// As it is sent.
+    pub fn bytes(&self) -> Result<Vec<u8>, SimulatorError> {
+        bytes(self)
+    }
+}
+
+impl Values {
+    /// What `theta` has besides `entries`, those of the fit's own.
+    pub fn of(theta: &Theta, entries: &[String]) -> Self {
+        if theta.is_empty() {
+            return Self::None;
+        }
+        let mut springs: Vec<String> = Vec::new();
+        for entry in theta.entries().iter().filter(|entry| !entries.contains(&entry.name)) {
+            springs.extend(
+                entry.joints.iter().filter(|joint| !springs.contains(joint)).cloned().collect::<Vec<_>>(),
+            );
+        }
+        Self::Fitted { springs }
+    }
+}
+
+/// What is sent.
+pub(super) fn bytes<T: Serialize>(value: &T) -> Result<Vec<u8>, SimulatorError> {
+    serde_json::to_vec(value).map_err(|error| SimulatorError::failed(format!("cannot be sent: {error}")))
+}
+
+/// What was sent.
+pub(super) fn read<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, SimulatorError> {
+    serde_json::from_slice(bytes).map_err(|error| {
+        SimulatorError::failed(format!(
+            "what another process sent cannot be read, as if it were of another version: {error}"
+        ))
+    })
+}
