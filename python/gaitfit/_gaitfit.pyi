@@ -34,6 +34,11 @@ class Cma:
     def evaluations(self) -> int: ...
     def state(self) -> str: ...
 
+class Helper:
+    mark: str
+    def __init__(self, parcel: bytes, threads: int, device: str) -> None: ...
+    def work(self, task: bytes) -> bytes: ...
+
 class Robots:
     count: int
     observation_width: int
@@ -77,7 +82,11 @@ def fit_simulator(
     search: Mapping[str, Any],
     progress: Callable[[str, str, int, int], object] | None,
 ) -> str: ...
-def adapt(run: Mapping[str, Any], progress: Callable[[str, str, int, int], object] | None) -> str: ...
+def adapt(
+    run: Mapping[str, Any],
+    progress: Callable[[str, str, int, int], object] | None,
+    crew: Any | None,
+) -> str: ...
 def validate(
     theta: str,
     logs: Sequence[str],
@@ -91,6 +100,11 @@ def train(
     seeds: Sequence[int] | None,
     progress: Callable[[str, str, int, int], object] | None,
 ) -> str: ...
+def train_plan(
+    run: Mapping[str, Any],
+    robot: str | None,
+    seeds: Sequence[int] | None,
+) -> tuple[str, str, list[int], list[str]]: ...
 def finetune(
     run: Mapping[str, Any],
     world: Mapping[str, Any],
@@ -117,3 +131,10 @@ def collect(
     commands: str | None,
     progress: Callable[[str, str, int, int], object] | None,
 ) -> tuple[str, list[str], int]: ...
+def reproduce(table: Mapping[str, Any], progress: Callable[[str, str, int, int], object] | None) -> str: ...
+def reproduce_plan(table: Mapping[str, Any]) -> str: ...
+def reproduce_part(
+    table: Mapping[str, Any],
+    part: str,
+    progress: Callable[[str, str, int, int], object] | None,
+) -> None: ...

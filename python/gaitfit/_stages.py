@@ -41,16 +41,9 @@ def fit(
 
     Raises :class:`GaitfitError` with the program's own message.
     """
-    given = {
-        "logs": None if logs is None else _paths(logs),
-        "robot": robot,
-        "policy": policy,
-        "base": None if policy is None else "free",
-        "costs": [costs] if isinstance(costs, str) else costs,
-        "runs": runs,
-    }
-    run = _run(config, {**given, **dict(settings or {})}, name, resume, threads, device)
-    return _results(_gaitfit.adapt(run, listener(progress)))
+    settings = _fit_settings(logs, robot, policy, costs, settings, runs)
+    run = _run(config, settings, name, resume, threads, device)
+    return _results(_gaitfit.adapt(run, listener(progress), None))
 
 
 def validate(
@@ -181,6 +174,25 @@ def collect(
     )
     files = [str(file) for file in files]
     return Results({"simulator": simulator, "trajectories": len(files), "seconds": seconds, "falls": falls, "files": files})
+
+
+def _fit_settings(
+    logs: PathLike | Sequence[PathLike] | None,
+    robot: PathLike | None,
+    policy: PathLike | None,
+    costs: str | Sequence[str] | None,
+    settings: Settings | None,
+    runs: PathLike | None,
+) -> dict[str, Any]:
+    given = {
+        "logs": None if logs is None else _paths(logs),
+        "robot": robot,
+        "policy": policy,
+        "base": None if policy is None else "free",
+        "costs": [costs] if isinstance(costs, str) else costs,
+        "runs": runs,
+    }
+    return {**given, **dict(settings or {})}
 
 
 def _run(

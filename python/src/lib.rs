@@ -6,7 +6,9 @@ mod costs;
 mod errors;
 mod logs;
 mod own_simulator;
+mod share;
 mod stages;
+mod tables;
 mod vec_env;
 mod watch;
 
@@ -27,7 +29,11 @@ mod _gaitfit {
     #[pymodule_export]
     use super::own_simulator::fit_simulator;
     #[pymodule_export]
-    use super::stages::{adapt, collect, evaluate, finetune, run_loop, train, validate};
+    use super::share::Helper;
+    #[pymodule_export]
+    use super::stages::{adapt, collect, evaluate, finetune, run_loop, train, train_plan, validate};
+    #[pymodule_export]
+    use super::tables::{reproduce, reproduce_part, reproduce_plan};
     #[pymodule_export]
     use super::vec_env::Robots;
 

@@ -1,6 +1,7 @@
 //! The stages of the method: files and settings in, one JSON document out.
 
 use crate::errors::{failed, of, value};
+use crate::share::OwnCrew;
 use crate::watch::watched;
 use gaitfit::adapt::{Setup, ValidateRequest};
 use gaitfit::device::Device;
@@ -14,6 +15,7 @@ use pyo3::prelude::*;
 use serde::Serialize;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// What every stage that keeps a run folder takes.
 #[derive(FromPyObject)]
@@ -60,21 +62,36 @@ fn json<T: Serialize>(found: Result<T, Error>) -> PyResult<String> {
     serde_json::to_string(&found.map_err(|error| of(&error))?).map_err(failed)
 }
 
-/// A fit to logs.
+/// A fit to logs; `crew` simulates, if there is one.
 #[pyfunction]
-pub fn adapt(py: Python<'_>, run: Run, progress: Option<Py<PyAny>>) -> PyResult<String> {
+pub fn adapt(
+    py: Python<'_>,
+    run: Run,
+    progress: Option<Py<PyAny>>,
+    crew: Option<Py<PyAny>>,
+) -> PyResult<String> {
     let mut config: AdaptConfig =
         settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
     let name = run.name(config.name.as_ref(), "fit");
     config.name = Some(name.clone());
     let (threads, device) = (run.threads()?.map(NonZeroUsize::get), run.device()?);
     let path = run.path();
-    json(watched(py, progress.as_ref(), |watch| {
+    let crew = crew.map(|crew| Arc::new(OwnCrew::new(crew)));
+    let found = watched(py, progress.as_ref(), |watch| {
         let mut setup = Setup::open_on(&config, path, threads, device)?;
         let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resume)?;
         setup.warnings.iter().for_each(|warning| watch.note(warning));
+        if let Some(crew) = &crew {
+            crew.open(&setup)?;
+            setup = setup.shared(crew.clone());
+        }
         gaitfit::adapt::fit(&mut setup, &folder, watch)
-    })?)
+    })?;
+    match crew.and_then(|crew| crew.raised()) {
+        // What the crew raised says more than that the fit failed.
+        Some(raised) if found.is_err() => Err(raised),
+        _ => json(found),
+    }
 }
 
 /// A fit on other logs.
@@ -91,6 +108,19 @@ pub fn validate(
     json(py.detach(|| gaitfit::adapt::validate(&request)))
 }
 
+/// A training from nothing, read and checked.
+fn training(run: &Run, robot: Option<String>, seeds: Option<Vec<u64>>) -> PyResult<gaitfit::train::Setup> {
+    let mut config: TrainConfig =
+        settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
+    let name = run.name(config.name.as_ref(), config.task.base.name());
+    config.name = Some(name.clone());
+    config.robot = robot.or(config.robot);
+    config.seeds = seeds.unwrap_or(config.seeds);
+    let threads = run.threads()?.map_or_else(machine::threads, NonZeroUsize::get);
+    gaitfit::train::setup(&config, &name, run.config.as_deref(), threads, run.device()?)
+        .map_err(|error| of(&error))
+}
+
 /// A training from nothing.
 #[pyfunction]
 pub fn train(
@@ -100,16 +130,26 @@ pub fn train(
     seeds: Option<Vec<u64>>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<String> {
-    let mut config: TrainConfig =
-        settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
-    let name = run.name(config.name.as_ref(), config.task.base.name());
-    config.name = Some(name.clone());
-    config.robot = robot.or(config.robot);
-    config.seeds = seeds.unwrap_or(config.seeds);
-    let threads = run.threads()?.map_or_else(machine::threads, NonZeroUsize::get);
-    let setup = gaitfit::train::setup(&config, &name, run.config.as_deref(), threads, run.device()?)
-        .map_err(|error| of(&error))?;
+    let setup = training(&run, robot, seeds)?;
     json(watched(py, progress.as_ref(), |watch| gaitfit::train::train(&setup, run.resume, watch))?)
+}
+
+/// What a training from nothing needs to be made in parts: its name, its run folder, which is begun, its seeds, and the
+/// files that it reads.
+#[pyfunction]
+pub fn train_plan(
+    run: Run,
+    robot: Option<String>,
+    seeds: Option<Vec<u64>>,
+) -> PyResult<(String, PathBuf, Vec<u64>, Vec<PathBuf>)> {
+    let setup = training(&run, robot, seeds)?;
+    let plan = &setup.plan;
+    let folder =
+        RunFolder::begin(Path::new(&plan.runs), &plan.name, run.resume).map_err(|error| of(&error))?;
+    let robots: Vec<PathBuf> = setup.inputs.files.keys().map(PathBuf::from).collect();
+    let parts = robots.iter().flat_map(|robot| gaitfit::robot::parts(robot));
+    let files = run.config.iter().cloned().chain(parts).chain(robots.iter().cloned()).collect();
+    Ok((plan.name.clone(), folder.path().to_owned(), plan.seeds.clone(), files))
 }
 
 /// A training that goes on from a policy.

@@ -1,0 +1,200 @@
+"""The cluster: connecting to it, and what tasks need of it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from .. import _gaitfit
+
+#: How long to wait for an answer before saying that nothing happened, s.
+PATIENCE = 0.1
+#: How long what the cluster has is taken as known, s.
+KNOWN = 2.0
+
+
+def library() -> Any:
+    """The package ``ray``."""
+    try:
+        import ray
+    except ImportError as error:
+        raise ImportError('gaitfit.ray needs Ray, which is not installed: pip install "gaitfit[ray]"') from error
+    return ray
+
+
+@dataclass(frozen=True)
+class Place:
+    """What a task takes of a node: CPUs and GPUs, as Ray counts them, and how often it runs again after a node is lost."""
+
+    num_cpus: float
+    num_gpus: float
+    retries: int
+
+    def __post_init__(self) -> None:
+        for name in ("num_cpus", "num_gpus"):
+            value = getattr(self, name)
+            if not (isinstance(value, (int, float)) and math.isfinite(value) and value >= 0):
+                raise ValueError(f"{name} is {value!r}; it must be a number of at least 0")
+        if self.num_cpus == 0 and self.num_gpus == 0:
+            raise ValueError("num_cpus and num_gpus are both 0; a task needs one of them")
+        if not isinstance(self.retries, int) or self.retries < 0:
+            raise ValueError(f"retries is {self.retries!r}; it must be a whole number of at least 0")
+
+    @property
+    def threads(self) -> int:
+        return max(1, int(self.num_cpus))
+
+    @property
+    def device(self) -> str:
+        return "cuda" if self.num_gpus > 0 else "cpu"
+
+    def count(self, resources: dict[str, float]) -> int:
+        """How many tasks fit into such resources at the same time."""
+        needed = {"CPU": self.num_cpus, "GPU": self.num_gpus}
+        return min(int(resources.get(name, 0.0) / each + 1e-9) for name, each in needed.items() if each > 0)
+
+
+class Cluster:
+    """A Ray cluster, of which every node has gaitfit."""
+
+    def __init__(self, address: str | None, place: Place) -> None:
+        self._ray = ray = library()
+        self.place = place
+        if not ray.is_initialized():
+            ray.init(address=address, logging_level="warning", log_to_driver=False)
+        elif address not in (None, "auto", "local", ray.get_runtime_context().gcs_address):
+            here = ray.get_runtime_context().gcs_address
+            raise ValueError(f"Ray is connected to {here} already, not to {address}: call ray.shutdown() first")
+        self._known = (-math.inf, 0)
+        if self.places() < 1:
+            have = ", ".join(f"{value:g} {name}" for name, value in self._resources().items() if name in ("CPU", "GPU"))
+            raise _gaitfit.GaitfitError(
+                f"no node of the Ray cluster has {place.num_cpus:g} CPUs and {place.num_gpus:g} GPUs for a task; the nodes have "
+                f"{have or 'nothing'} in all. Lower num_cpus or num_gpus."
+            )
+
+    def _resources(self) -> dict[str, float]:
+        return self._ray.cluster_resources()
+
+    def places(self) -> int:
+        """Tasks that fit into the nodes at the same time."""
+        at, count = self._known
+        if time.monotonic() - at > KNOWN:
+            nodes = [node["Resources"] for node in self._ray.nodes() if node["Alive"]]
+            count = sum(self.place.count(node) for node in nodes)
+            self._known = (time.monotonic(), count)
+        return count
+
+    def put(self, value: Any) -> Any:
+        """Puts a value into the object store; a list with its reference, so that tasks fetch it only if they need it."""
+        return [self._ray.put(value)]
+
+    def remote(self, name: str, *, streams: bool = False, **options: Any) -> Callable[..., Any]:
+        """The function ``name`` of :mod:`gaitfit.ray._worker` as a task; one that ``streams`` gives many answers."""
+        place = self.place
+        wanted = {"num_cpus": place.num_cpus, "num_gpus": place.num_gpus, "max_retries": place.retries, **options}
+        if streams:
+            wanted["num_returns"] = "streaming"
+        begin = self._ray.remote(**wanted)(_entry(streams)).remote
+        return lambda *arguments: begin(_gaitfit.__version__, name, *arguments)
+
+    def answers(self, begin: Sequence[Callable[[], Any]]) -> Iterator[tuple[int, Any] | None]:
+        """Begins all tasks; answers with their numbers as they come, and ``None`` where nothing came for a moment.
+
+        Who closes the iterator gives up the tasks that are left.
+        """
+        ray = self._ray
+        tasks = {one(): number for number, one in enumerate(begin)}
+        try:
+            while tasks:
+                ready, _ = ray.wait(list(tasks), num_returns=1, timeout=PATIENCE)
+                if not ready:
+                    yield None
+                for reference in ready:
+                    answer = self._get(reference)
+                    yield tasks.pop(reference), answer
+        finally:
+            for reference in tasks:
+                self.give_up(reference)
+            self._forget(list(tasks))
+
+    def _forget(self, tasks: Sequence[Any]) -> None:
+        """Takes the errors of tasks that nobody waits for, which Ray would print."""
+        ready, _ = self._ray.wait(list(tasks), num_returns=len(tasks), timeout=PATIENCE) if tasks else ([], [])
+        for reference in ready:
+            try:
+                self._ray.get(reference)
+            except self._ray.exceptions.RayError:
+                pass
+
+    def ready(self, streams: Sequence[Any]) -> Sequence[Any]:
+        """Streams of which the next answer, or the end, is there; none where nothing came for a moment."""
+        ready, _ = self._ray.wait(list(streams), num_returns=1, timeout=PATIENCE)
+        return ready
+
+    def next(self, stream: Any) -> Any | None:
+        """The next answer of a stream; ``None`` at its end."""
+        try:
+            return self._get(next(stream))
+        except StopIteration:
+            return None
+
+    def give_up(self, task: Any) -> None:
+        """Does not wait for a task any more."""
+        self._ray.cancel(task, force=False)
+
+    @property
+    def lost(self) -> tuple[type[Exception], ...]:
+        """Errors of a node or a worker that is gone."""
+        found = self._ray.exceptions
+        return (Lost, found.ObjectLostError)
+
+    def _get(self, reference: Any) -> Any:
+        ray = self._ray
+        try:
+            return ray.get(reference)
+        except ray.exceptions.RayTaskError as error:
+            # What the task raised, as it raised it.
+            cause = getattr(error, "cause", None)
+            if isinstance(cause, Exception):
+                raise cause from None
+            raise _gaitfit.GaitfitError(str(error)) from None
+        except (ray.exceptions.WorkerCrashedError, ray.exceptions.NodeDiedError, ray.exceptions.OutOfMemoryError) as error:
+            raise Lost(
+                f"a task's worker was lost more than {self.place.retries} times, which is more than chance: {error}. What is "
+                "done is in the run folder; resume=True goes on with it."
+            ) from None
+
+
+class Lost(_gaitfit.GaitfitError):
+    """A node or a worker is gone, and with it what it did."""
+
+
+def _entry(streams: bool) -> Callable[..., Any]:
+    # A function within a function is sent by its text: a node with another gaitfit, or none, can say so.
+    def run(version: str, name: str, *arguments: Any) -> Any:
+        import platform
+
+        try:
+            import gaitfit
+        except ImportError as error:
+            raise RuntimeError(
+                f"the node {platform.node()} cannot import gaitfit ({error}): install the same version there, or send it with "
+                "ray.init(runtime_env={'pip': [...]})"
+            ) from None
+        if gaitfit.__version__ != version:
+            raise gaitfit.GaitfitError(
+                f"the node {platform.node()} has gaitfit {gaitfit.__version__}, and the driver has {version}: install the "
+                "same version"
+            )
+        from gaitfit.ray import _worker
+
+        return getattr(_worker, name)(*arguments)
+
+    def stream(version: str, name: str, *arguments: Any) -> Iterator[Any]:
+        yield from run(version, name, *arguments)
+
+    return stream if streams else run

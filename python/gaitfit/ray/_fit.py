@@ -1,0 +1,85 @@
+"""Fits whose candidates are shared among workers."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from .. import _gaitfit
+from .._progress import Progress, listener
+from .._results import Results
+from .._stages import PathLike, Settings, _fit_settings, _results, _run
+from ._cluster import Cluster, Place
+
+
+def fit(
+    config: PathLike | None = None,
+    *,
+    logs: PathLike | Sequence[PathLike] | None = None,
+    robot: PathLike | None = None,
+    policy: PathLike | None = None,
+    costs: str | Sequence[str] | None = None,
+    settings: Settings | None = None,
+    name: str | None = None,
+    runs: PathLike | None = None,
+    resume: bool = False,
+    threads: int | None = None,
+    progress: bool | Progress = True,
+    address: str | None = None,
+    num_cpus: float = 1,
+    num_gpus: float = 0,
+    retries: int = 10,
+) -> Results:
+    """Fits as :func:`gaitfit.fit`, to the same bits; the workers of a Ray cluster simulate the candidates.
+
+    The candidates of all costs and seeds are shared. Each task takes ``num_cpus`` CPUs, and as many threads; with
+    ``num_gpus`` the candidates are simulated on GPUs. Robot, policy and logs are sent once to each node. The task of a
+    lost worker runs again, up to ``retries`` times. This process keeps the run folder: if it is killed, ``resume=True``
+    goes on where its checkpoint was.
+
+    ``address`` is the cluster's, as :func:`ray.init` takes it. Nodes need the same version of gaitfit. A worker that
+    computes other bits than this process is refused; with ``num_gpus`` than the first worker.
+    """
+    place = Place(num_cpus, num_gpus, retries)
+    listen = listener(progress)
+    run = _run(config, _fit_settings(logs, robot, policy, costs, settings, runs), name, resume, threads, "cpu")
+    return _results(_gaitfit.adapt(run, listen, Crew(Cluster(address, place))))
+
+
+class Crew:
+    """The workers of a fit; the native half calls it."""
+
+    def __init__(self, cluster: Cluster) -> None:
+        self._cluster = cluster
+        #: Whether this process computes as the workers do.
+        self.alike = cluster.place.num_gpus == 0
+
+    def open(self, parcel: bytes, mark: str) -> None:
+        """Takes what workers need, and what they are to find."""
+        self._mark = mark if self.alike else None
+        self._key = hashlib.sha256(parcel).hexdigest()
+        self._parcel = self._cluster.put(parcel)
+        self._simulate = self._cluster.remote("simulated")
+
+    def places(self) -> int:
+        return self._cluster.places()
+
+    def work(self, tasks: Sequence[bytes]) -> Iterator[tuple[int, bytes] | None]:
+        place = self._cluster.place
+
+        def begin(task: bytes) -> Callable[[], Any]:
+            return lambda: self._simulate(self._key, self._parcel, place.threads, place.device, task)
+
+        for answer in self._cluster.answers([begin(task) for task in tasks]):
+            if answer is None:
+                yield None
+                continue
+            number, (where, mark, found) = answer
+            self._mark = self._mark or mark
+            if mark != self._mark:
+                raise _gaitfit.GaitfitError(
+                    f"the worker {where} computes other bits: where the search begins it finds {mark}, and needed is "
+                    f"{self._mark}. Give all nodes the same build of gaitfit and processors with AVX2; GPUs must be alike."
+                )
+            yield number, found

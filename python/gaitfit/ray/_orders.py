@@ -1,0 +1,90 @@
+"""Parts that workers make, each in a folder that comes back."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .. import _gaitfit
+from .._progress import Progress
+from ._cluster import Cluster
+from ._parts import read, write
+
+
+class Order:
+    """A part: its name, its folder, folders that it needs, and how it is made."""
+
+    def __init__(self, name: str, folder: str, needs: Sequence[str], how: Mapping[str, Any]) -> None:
+        if os.path.isabs(folder):
+            raise ValueError(f"{folder} is an absolute path, which workers do not share: give `runs` as seen from here")
+        self.name, self.folder, self.needs, self.how = name, folder, needs, how
+
+
+class Orders:
+    """Makes parts on workers, and keeps what they write."""
+
+    def __init__(
+        self, cluster: Cluster, sources: Mapping[str, bytes], retries: int, every: float, listen: Progress
+    ) -> None:
+        self._cluster, self._retries, self._every, self._listen = cluster, retries, every, listen
+        self._sources = cluster.put(sources)
+        self._needs: dict[str, Any] = {}
+        # A part that is lost is begun here again, from what came of it.
+        self._begin = cluster.remote("made", streams=True, max_retries=0)
+
+    def make(self, orders: Sequence[Order]) -> None:
+        """Makes all of them; the first failure ends it, after what came was kept."""
+        lost = {order.name: 0 for order in orders}
+        done = 0
+        if not orders:
+            return
+        self._listen("begin", "part", 0, len(orders))
+        open_ = {self._start(order): order for order in orders}
+        try:
+            while open_:
+                for stream in self._cluster.ready(list(open_)):
+                    order = open_[stream]
+                    try:
+                        files = self._cluster.next(stream)
+                    except self._cluster.lost as error:
+                        open_.pop(stream)
+                        lost[order.name] += 1
+                        if lost[order.name] > self._retries:
+                            raise _gaitfit.GaitfitError(
+                                f"{order.name}: its worker was lost {lost[order.name]} times, which is more than chance: {error}. "
+                                "What is done is in the run folder; the same call continues."
+                            ) from None
+                        self._listen("note", f"{order.name}: its worker was lost; it goes on on another", 0, 0)
+                        open_[self._start(order)] = order
+                        continue
+                    if files is None:
+                        open_.pop(stream)
+                        done += 1
+                        self._listen("step", order.name, done, 0)
+                    else:
+                        write(Path(order.folder), files)
+        finally:
+            for stream in open_:
+                self._cluster.give_up(stream)
+            self._listen("end", "", 0, 0)
+
+    def _start(self, order: Order) -> Any:
+        for needed in order.needs:
+            if needed not in self._needs:
+                self._needs[needed] = self._cluster.put(read(Path(needed)))
+        own = self._cluster.put(read(Path(order.folder)))
+        needs = {needed: self._needs[needed] for needed in order.needs}
+        return self._begin(
+            os.getcwd(), self._sources, {**needs, order.folder: own}, order.folder, order.how, self._every
+        )
+
+
+def silent(_kind: str, _text: str, _done: int, _total: int) -> None:
+    """A listener that says nothing."""
+
+
+def sources(files: Sequence[str]) -> dict[str, bytes]:
+    """The files whose paths are relative; others must be there on every node."""
+    return {name: Path(name).read_bytes() for name in files if not os.path.isabs(name)}

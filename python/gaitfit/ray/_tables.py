@@ -1,0 +1,80 @@
+"""The paper's tables, whose cells workers make."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from .. import _gaitfit
+from .._progress import Progress, listener
+from .._results import Results
+from .._stages import PathLike, Settings, _results, _sets
+from ._cluster import Cluster, Place
+from ._orders import Order, Orders, silent, sources
+
+
+def reproduce(
+    table: str,
+    *,
+    full: bool = False,
+    seeds: int = 1,
+    only: str | None = None,
+    settings: Settings | None = None,
+    experiments: PathLike = "experiments",
+    runs: PathLike | None = None,
+    threads: int | None = None,
+    progress: bool | Progress = True,
+    address: str | None = None,
+    num_cpus: float = 1,
+    num_gpus: float = 0,
+    retries: int = 10,
+    every: float = 20.0,
+) -> Results:
+    """Runs a table of the paper or continues it, as ``gaitfit reproduce``, its cells and seeds on a Ray cluster.
+
+    ``table`` is one of those that ``gaitfit reproduce list`` prints; arguments as of that command, and of
+    :func:`gaitfit.ray.fit`. What cells of a scenario share is made first. Workers send what they write every so many
+    seconds (``every``), and it is kept in the table's folder: a lost worker's cell goes on from there on another node, and
+    the same call continues after the driver was killed. Paths in experiment files are seen from the current folder, or
+    from the file's; absolute ones must lead to the same file on every node.
+    """
+    cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
+    listen = listener(progress) or silent
+    given = dict(settings or {})
+    if runs is not None or "runs" in given:
+        # Workers have an image of this folder, in which only relative paths are the same.
+        given["runs"] = os.path.relpath(os.fspath(given["runs"] if runs is None else runs))
+    request = {
+        "table": table,
+        "full": full,
+        "seeds": seeds,
+        "only": only,
+        "sets": _sets(given),
+        "experiments": os.path.relpath(os.fspath(experiments)),
+        "threads": threads,
+        "device": "cpu",
+    }
+    plan = json.loads(_gaitfit.reproduce_plan(request))
+    folder = plan["run_folder"]
+    theirs = {**request, "threads": cluster.place.threads, "device": cluster.place.device}
+    parts = [part for part in plan["parts"] if not part["finished"]]
+    orders = Orders(cluster, sources(plan["files"]), retries, every, listen)
+    shared = [part for part in parts if part["kind"] == "shared"]
+    cells = [part for part in parts if part["kind"] == "cell"]
+
+    def order(part: Mapping[str, Any]) -> Order:
+        needs = [] if part["kind"] == "shared" else [f"shared/{part['scenario']}/seed-{part['seed']}/logs"]
+        where = f"{folder}/{part['folder']}"
+        return Order(
+            f"{part['name']}, seed {part['seed']}",
+            where,
+            [f"{folder}/{name}" for name in needs],
+            {"what": "cell", "request": theirs, "part": json.dumps(part)},
+        )
+
+    wanted = {(part["scenario"], part["seed"]) for part in cells}
+    orders.make([order(part) for part in shared if (part["scenario"], part["seed"]) in wanted or not cells])
+    orders.make([order(part) for part in cells])
+    return _results(_gaitfit.reproduce(request, listen))

@@ -1,0 +1,71 @@
+"""What workers do, and what they keep from task to task."""
+
+from __future__ import annotations
+
+import os
+import platform
+import tempfile
+import threading
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from .. import _gaitfit
+from ._parts import done, image, write
+
+#: The fits that this process has open, the last one last.
+_open: dict[tuple[str, int, str], _gaitfit.Helper] = {}
+#: Most fits that are kept open.
+MOST = 2
+
+
+def helper(key: str, parcel: list[Any], threads: int, device: str) -> _gaitfit.Helper:
+    """What simulates the fit ``key``; ``parcel`` holds the reference of what it needs."""
+    import ray
+
+    which = (key, threads, device)
+    found = _open.pop(which, None)
+    if found is None:
+        while len(_open) >= MOST:
+            _open.pop(next(iter(_open)))
+        found = _gaitfit.Helper(ray.get(parcel[0]), threads, device)
+    _open[which] = found
+    return found
+
+
+def simulated(key: str, parcel: list[Any], threads: int, device: str, task: bytes) -> tuple[str, str, bytes]:
+    """Does a task of a fit: who did it, what its robot costs where the search begins, and the answer."""
+    found = helper(key, parcel, threads, device)
+    return f"{platform.node()} (process {os.getpid()})", found.mark, found.work(task)
+
+
+def made(
+    here: str,
+    sources: list[Any],
+    folders: Mapping[str, list[Any]],
+    folder: str,
+    how: Mapping[str, Any],
+    every: float,
+) -> Iterator[dict[str, bytes]]:
+    """Makes a part in an image of the driver's folder ``here``; what it writes in ``folder``, as it goes on."""
+    import ray
+
+    with tempfile.TemporaryDirectory(prefix="gaitfit-") as root:
+        home = image(root, here, ".")
+        home.mkdir(parents=True)
+        write(home, ray.get(sources[0]))
+        for name, files in folders.items():
+            image(root, here, name).mkdir(parents=True, exist_ok=True)
+            write(image(root, here, name), ray.get(files[0]))
+        before = os.getcwd()
+        os.chdir(home)
+        try:
+            yield from done(lambda progress: _work(how, progress), image(root, here, folder), every, threading.Event())
+        finally:
+            os.chdir(before)
+
+
+def _work(how: Mapping[str, Any], progress: Any) -> None:
+    if how["what"] == "cell":
+        _gaitfit.reproduce_part(how["request"], how["part"], progress)
+    else:
+        _gaitfit.train(how["run"], how["robot"], how["seeds"], progress)

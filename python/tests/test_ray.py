@@ -1,0 +1,368 @@
+"""Ray: the bits of one machine on a cluster of three nodes, whoever is lost on the way."""
+
+import importlib.util
+import json
+import os
+import pickle
+import random
+import signal
+import subprocess
+import sys
+import threading
+import time
+import unittest
+from pathlib import Path
+from unittest import mock
+
+import gaitfit
+from gaitfit._stages import _fit_settings, _run
+
+from .common import DEMO, PACKAGE, ROOT, Case
+
+RAY = importlib.util.find_spec("ray") is not None
+SETTINGS = {"optimizer.generations": 10, "optimizer.seeds": 2, "costs": ["matcho", "wass"], "checkpoint_seconds": 0.0}
+
+
+def found(results: gaitfit.Results) -> object:
+    """What a fit found, without times and places."""
+    document = results.to_dict()
+    return [document["parameters"], document["cost"], [[fit["cost"], fit["parameters"]] for fit in document["fits"]]]
+
+
+class OwnCrew:
+    """Workers in this process, who answer in another order than they were asked in."""
+
+    def __init__(self, places: int, alike: bool) -> None:
+        self._places, self.alike, self.done = places, alike, 0
+
+    def open(self, parcel: bytes, mark: str) -> None:
+        self.helper, self.mark = gaitfit._gaitfit.Helper(parcel, 1, "cpu"), mark
+
+    def places(self) -> int:
+        return self._places
+
+    def work(self, tasks: list[bytes]) -> object:
+        for number in reversed(range(len(tasks))):
+            yield None
+            yield number, self.helper.work(tasks[number])
+            self.done += 1
+
+
+class Shared(Case):
+    """What is shared, without Ray: the same bits however candidates are cut."""
+
+    def fit(self, config: object, crew: object, **more: object) -> gaitfit.Results:
+        given = {name: more.pop(name, None) for name in ("logs", "robot", "policy", "costs")}
+        settings = _fit_settings(*given.values(), more.pop("settings"), self.folder)
+        run = _run(config, settings, "own", False, None, "cpu")
+        return gaitfit.Results(json.loads(gaitfit._gaitfit.adapt(run, None, crew)))
+
+    def test_a_fit_has_the_same_bits_however_it_is_cut(self) -> None:
+        alone = self.fit(DEMO / "adapt.toml", None, settings=SETTINGS)
+        for places, alike in ((1, True), (2, False), (64, True)):
+            crew = OwnCrew(places, alike)
+            shared = self.fit(DEMO / "adapt.toml", crew, settings=SETTINGS)
+            self.assertEqual(found(shared), found(alone))
+            self.assertEqual(crew.helper.mark, crew.mark)
+            self.assertGreater(crew.done, 10)
+        with self.assertRaisesRegex(TypeError, "cannot be pickled"):
+            pickle.dumps(crew.helper)
+        for wrong in (b"", b"{}", b'{"simulator":9,"values":"None","work":{"Costs":[]}}', b'{"simulator":0,"values":"None","work":{"Costs":[{"cost":7,"values":[],"draw":0}]}}'):
+            with self.assertRaises(gaitfit.GaitfitError):
+                crew.helper.work(wrong)
+
+    def test_walking_logs_corrections_and_odd_joints_have_the_same_bits(self) -> None:
+        policy, logs = ROOT / "assets" / "go2-walk.safetensors", self.folder / "logs"
+        gaitfit.collect(policy, logs, trajectories=8, seconds=2.5, privileged=True, torque_noise=1.0, progress=False)
+        short = {"optimizer.seeds": 1, "optimizer.generations": 2}
+        for settings in (
+            # Least squares, its correction by simulated logs and its intervals.
+            {"costs": ["matchr1"], "optimizer.replicates": 1, **short},
+            {"costs": ["matchr1"], "optimizer.replicates": 0, "odd_joints": True, **short},
+            {"costs": ["wass"], **short},
+        ):
+            with self.subTest(settings=settings):
+                crew = OwnCrew(3, True)
+                both = [self.fit(None, one, logs=logs, policy=policy, settings=settings) for one in (None, crew)]
+                self.assertEqual(found(both[1]), found(both[0]))
+                kept = [one.to_dict() for one in both]
+                self.assertEqual(kept[1]["fits"], kept[0]["fits"])
+                self.assertGreater(crew.done, 10)
+
+    def test_what_a_crew_raises_comes_back(self) -> None:
+        class Broken(OwnCrew):
+            def work(self, tasks: list[bytes]) -> object:
+                yield 0, self.helper.work(tasks[0])
+                raise ZeroDivisionError("mine")
+
+        class Idle(OwnCrew):
+            def work(self, tasks: list[bytes]) -> object:
+                yield 0, self.helper.work(tasks[0])
+
+        for crew, error, words in (
+            (Broken(4, True), ZeroDivisionError, "mine"),
+            (Idle(4, True), gaitfit.GaitfitError, "left undone"),
+            (object(), AttributeError, "open"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(error, words):
+                self.fit(DEMO / "adapt.toml", crew, settings=SETTINGS)
+
+
+class Absent(Case):
+    def test_without_ray_the_message_has_the_command(self) -> None:
+        import gaitfit.ray
+
+        with mock.patch.dict(sys.modules, {"ray": None}):
+            for call in (lambda: gaitfit.ray.fit(DEMO / "adapt.toml"), lambda: gaitfit.ray.reproduce("parameters")):
+                with self.assertRaisesRegex(ImportError, r'pip install "gaitfit\[ray\]"'):
+                    call()
+
+    def test_wrong_arguments_are_told_before_anything_begins(self) -> None:
+        import gaitfit.ray
+
+        for arguments, words in (
+            ({"num_cpus": -1}, "num_cpus is -1"),
+            ({"num_cpus": float("nan")}, "num_cpus is nan"),
+            ({"num_cpus": 0}, "both 0"),
+            ({"retries": -2}, "retries is -2"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(ValueError, words):
+                gaitfit.ray.fit(DEMO / "adapt.toml", **arguments)
+
+
+@unittest.skipUnless(RAY, "Ray is not installed: tools/setup_venv.sh --ray")
+class Ray(Case):
+    """A cluster of three nodes: the driver's own, without a place for tasks, and two with one each."""
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        import ray
+        from ray.cluster_utils import Cluster
+
+        paths = [str(PACKAGE), *filter(None, [os.environ.get("PYTHONPATH")])]
+        os.environ["PYTHONPATH"] = os.pathsep.join(paths)
+        os.environ["RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO"] = "0"
+        cls.cluster = Cluster(
+            initialize_head=True,
+            head_node_args={
+                "num_cpus": 0,
+                "object_store_memory": 10**8,
+                "include_dashboard": False,
+                # A node that is gone is noticed within seconds.
+                "_system_config": {"health_check_period_ms": 500, "health_check_failure_threshold": 4},
+            },
+        )
+        cls.nodes = [cls.add() for _ in range(2)]
+        ray.init(address=cls.cluster.address, logging_level="error", log_to_driver=False)
+        cls.cluster.wait_for_nodes()
+
+    @classmethod
+    def add(cls) -> object:
+        return cls.cluster.add_node(num_cpus=1, object_store_memory=10**8)
+
+    @classmethod
+    def tearDownClass(cls) -> None:
+        import ray
+
+        ray.shutdown()
+        cls.cluster.shutdown()
+
+    def fit(self, fit: object, name: str, settings: dict | None = None, **more: object) -> gaitfit.Results:
+        settings = {**SETTINGS, **(settings or {})}
+        return fit(DEMO / "adapt.toml", runs=self.folder, name=name, settings=settings, progress=False, **more)
+
+
+class Fits(Ray):
+    def test_a_fit_has_the_bits_of_one_machine(self) -> None:
+        import gaitfit.ray
+
+        alone = self.fit(gaitfit.fit, "alone")
+        shared = self.fit(gaitfit.ray.fit, "shared")
+        self.assertEqual(found(shared), found(alone))
+        read = [(self.folder / name / "metrics.jsonl").read_text().splitlines() for name in ("alone", "shared")]
+        for one, other in zip(*read, strict=True):
+            one, other = json.loads(one), json.loads(other)
+            self.assertEqual({**one, "wall_seconds": 0}, {**other, "wall_seconds": 0})
+        # A finished run is taken as it is, also by one machine.
+        self.assertEqual(found(self.fit(gaitfit.fit, "shared", resume=True)), found(alone))
+
+    def test_a_node_lost_in_a_generation_changes_nothing(self) -> None:
+        import gaitfit.ray
+
+        alone = self.fit(gaitfit.fit, "alone")
+        lost = []
+
+        def progress(kind: str, _text: str, done: int, _total: int) -> None:
+            if kind == "step" and done == 4 and not lost:
+                # In the midst of the next generation.
+                lost.append(threading.Timer(0.02, lambda: self.cluster.remove_node(self.nodes.pop(), allow_graceful=False)))
+                lost[0].start()
+
+        shared = self.fit_with(progress)
+        lost[0].join()
+        self.assertEqual(len(self.nodes), 1)
+        self.nodes.append(self.add())
+        self.cluster.wait_for_nodes()
+        self.assertEqual(found(shared), found(alone))
+
+    def fit_with(self, progress: object) -> gaitfit.Results:
+        import gaitfit.ray
+
+        return gaitfit.ray.fit(DEMO / "adapt.toml", runs=self.folder, name="lost", settings=SETTINGS, progress=progress)
+
+    def test_a_killed_driver_goes_on(self) -> None:
+        import gaitfit.ray
+
+        alone = self.fit(gaitfit.fit, "alone")
+        code = (
+            "import sys, json, gaitfit.ray\n"
+            "arguments = json.loads(sys.argv[1])\n"
+            "gaitfit.ray.fit(**arguments, progress=lambda *event: print(*event, flush=True))\n"
+        )
+        arguments = {
+            "config": str(DEMO / "adapt.toml"),
+            "runs": str(self.folder),
+            "name": "killed",
+            "settings": SETTINGS,
+            "address": self.cluster.address,
+        }
+        at = random.SystemRandom().randrange(1, 10)
+        driver = subprocess.Popen(
+            [sys.executable, "-c", code, json.dumps(arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        steps = 0
+        for line in driver.stdout:
+            steps += line.startswith("step")
+            if steps == at:
+                time.sleep(random.SystemRandom().uniform(0.0, 0.1))
+                driver.send_signal(signal.SIGKILL)
+                break
+        errors = driver.communicate()[1]
+        self.assertEqual(driver.returncode, -signal.SIGKILL, errors)
+        self.assertFalse((self.folder / "killed" / "result.json").exists())
+        resumed = self.fit(gaitfit.ray.fit, "killed", resume=True)
+        self.assertEqual(found(resumed), found(alone), f"killed after generation {at}")
+
+    def test_what_goes_wrong_is_told(self) -> None:
+        import gaitfit.ray
+        import ray
+
+        with self.assertRaisesRegex(gaitfit.GaitfitError, "has 99 CPUs"):
+            self.fit(gaitfit.ray.fit, "large", num_cpus=99)
+        with self.assertRaisesRegex(gaitfit.GaitfitError, "nowhere.csv"):
+            self.fit(gaitfit.ray.fit, "absent", logs="nowhere.csv")
+        with mock.patch("gaitfit._gaitfit.__version__", "0.0.9"):
+            with self.assertRaisesRegex(gaitfit.GaitfitError, "and the driver has 0.0.9"):
+                self.fit(gaitfit.ray.fit, "other")
+        from gaitfit.ray._fit import Crew
+
+        honest = Crew.open
+        with mock.patch.object(Crew, "open", lambda crew, parcel, mark: honest(crew, parcel, "matcho 0")):
+            with self.assertRaisesRegex(gaitfit.GaitfitError, "computes other bits"):
+                self.fit(gaitfit.ray.fit, "bits")
+        with mock.patch.object(Crew, "open", lambda crew, parcel, mark: honest(crew, b"no parcel", mark)):
+            with self.assertRaisesRegex(gaitfit.GaitfitError, "parcel cannot be unpacked"):
+                self.fit(gaitfit.ray.fit, "parcel")
+        with self.assertRaisesRegex(ValueError, "is connected to"):
+            self.fit(gaitfit.ray.fit, "elsewhere", address="10.0.0.1:6379")
+        self.assertTrue(ray.is_initialized())
+
+    def test_ctrl_c_stops_a_shared_fit_within_a_second(self) -> None:
+        import gaitfit.ray
+
+        pressed = []
+
+        def press() -> None:
+            pressed.append(time.monotonic())
+            os.kill(os.getpid(), signal.SIGINT)
+
+        long = {"optimizer.generations": 100_000, "optimizer.tolerance": 1e-300}
+        timer = threading.Timer(4.0, press)
+        timer.start()
+        with self.assertRaises(KeyboardInterrupt):
+            self.fit(gaitfit.ray.fit, "stopped", settings=long)
+        self.assertLess(time.monotonic() - pressed[0], 1.0)
+
+
+class Tables(Ray):
+    SMALL = {
+        "target.trajectories": 8,
+        "target.seconds": 2.0,
+        "adapt.optimizer.generations": 4,
+        "adapt.optimizer.population": 4,
+        "adapt.simulation.skip_seconds": 0.2,
+    }
+
+    def table(self, **more: object) -> dict:
+        import gaitfit.ray
+
+        arguments = {"only": "*-matchs*", "seeds": 2, "settings": self.SMALL, "runs": self.folder, "progress": False, **more}
+        return gaitfit.ray.reproduce("parameters", **arguments).to_dict()
+
+    def alone(self) -> dict:
+        request = {
+            "table": "parameters",
+            "full": False,
+            "seeds": 2,
+            "only": "*-matchs*",
+            "sets": gaitfit._stages._sets({**self.SMALL, "runs": str(self.folder / "alone")}),
+            "experiments": "experiments",
+            "threads": None,
+            "device": "cpu",
+        }
+        return json.loads(gaitfit._gaitfit.reproduce(request, None))
+
+    def numbers(self, results: dict) -> object:
+        return [
+            [row["cell"], row["cost_value"], row["errors_percent"], [seed["fit"]["values"] for seed in row["seeds"]]]
+            for row in results["rows"]
+        ]
+
+    def test_a_table_is_the_programs_and_a_lost_cell_goes_on(self) -> None:
+        lost = []
+
+        def remove() -> None:
+            self.cluster.remove_node(self.nodes.pop(), allow_graceful=False)
+
+        notes = []
+
+        def progress(kind: str, text: str, _done: int, total: int) -> None:
+            if kind == "begin" and total == 4 and not lost:
+                # In the midst of the first cells.
+                lost.append(threading.Timer(1.0, remove))
+                lost[0].start()
+            if kind == "note":
+                notes.append(text)
+
+        shared = self.table(progress=progress, every=0.3)
+        lost[0].join()
+        self.assertTrue(any("its worker was lost" in note for note in notes), notes)
+        self.nodes.append(self.add())
+        self.assertEqual(self.numbers(shared), self.numbers(self.alone()))
+        cell = self.folder / "reproduce-parameters" / "cells" / "model-shift-fricarm-matchs1" / "seed-2"
+        seed = json.loads((cell / "seed.json").read_text())
+        self.assertEqual(Path(seed["run_folder"]).resolve(), cell.resolve())
+        self.assertTrue((cell / "round-1" / "adapt" / "report.html").exists())
+        begun = time.monotonic()
+        self.assertEqual(self.numbers(self.table()), self.numbers(shared))
+        print(f"a finished table again: {time.monotonic() - begun:.1f} s")
+
+
+class Trainings(Ray):
+    def test_seeds_are_those_of_one_machine(self) -> None:
+        import gaitfit.ray
+
+        settings = {"train.environments": 64, "train.iterations": 3}
+        arguments = {"seeds": [1, 2], "settings": settings, "runs": self.folder, "progress": False}
+        alone = gaitfit.train(name="alone", **arguments).to_dict()
+        shared = gaitfit.ray.train(name="shared", **arguments).to_dict()
+        for seed in (1, 2):
+            policies = [(self.folder / name / f"seed-{seed}" / "policy.safetensors").read_bytes() for name in ("alone", "shared")]
+            self.assertEqual(*policies)
+        self.assertEqual(len(shared["seeds"]), len(alone["seeds"]))
+        again = gaitfit.ray.train(name="shared", resume=True, **arguments).to_dict()
+        self.assertEqual(again["seeds"], shared["seeds"])
+
+
+if __name__ == "__main__":
+    unittest.main()
