@@ -1,7 +1,7 @@
 #!/bin/sh
 # Builds the Python package in debug, as a link in its own folder, and runs its tests in .venv (tools/setup_venv.sh).
 # Usage: tools/test_python.sh [TEST...]      (for example tests.test_costs; default: all)
-# Tests of packages that .venv lacks (gymnasium, rsl_rl) are skipped, and said to be.
+# Tests of packages that .venv lacks (gymnasium, rsl_rl, Ray) are skipped, and said to be.
 set -eu
 cd "$(dirname "$0")/.."
 cargo build --locked -p gaitfit-python -p gaitfit-cli
