@@ -4,6 +4,7 @@ mod cli;
 mod commands;
 mod exit;
 mod interrupt;
+mod keyboard;
 mod output;
 mod progress;
 mod signals;
@@ -72,6 +73,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Evaluate(args) => commands::evaluate::run(args),
         Command::Collect(args) => commands::collect::run(args),
         Command::Run(args) => commands::run::run(args),
+        Command::Drift(args) => commands::drift::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Completions(args) => commands::shell::completions(args),
         Command::Man(args) => commands::shell::man(args),

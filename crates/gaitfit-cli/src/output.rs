@@ -4,6 +4,7 @@ use crate::exit::Failure;
 use serde::Serialize;
 use std::borrow::Cow;
 use std::io::{ErrorKind, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Prints text for people. Control characters, which names in files may hold, are shown escaped.
 pub fn print(text: &str) -> Result<(), Failure> {
@@ -32,7 +33,20 @@ pub fn print_json<T: Serialize>(document: &T) -> Result<(), Failure> {
 
 /// Prints a line of progress or advice on standard error; a closed standard error is ignored.
 pub fn note(text: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{}", harmless(text));
+    let text = harmless(text);
+    // A terminal whose keys are read one by one does not go back to the line's start by itself.
+    let _ = match RAW.load(Ordering::SeqCst) {
+        true => write!(std::io::stderr().lock(), "{}\r\n", text.replace('\n', "\r\n")),
+        false => writeln!(std::io::stderr().lock(), "{text}"),
+    };
+}
+
+/// Whether the terminal's keys are read one by one.
+static RAW: AtomicBool = AtomicBool::new(false);
+
+/// From now on the terminal's keys are read one by one, or no longer.
+pub fn raw(raw: bool) {
+    RAW.store(raw, Ordering::SeqCst);
 }
 
 /// The text without characters that steer a terminal: those are shown escaped.

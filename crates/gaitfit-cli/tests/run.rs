@@ -159,7 +159,17 @@ fn ends_by(signal: &str, code: Option<i32>) {
         assert!(whole.lines().last().unwrap().contains(",damping,"));
     }
     let log = log(&out);
-    assert!(log.len() >= 30 && log.command.unwrap()[0] != 0.0);
+    assert!(log.len() >= 30 && log.command.as_ref().unwrap()[0] != 0.0);
+    // Whatever ended it, viewers and other programs get the whole of it as MCAP.
+    let mcap = folder.path().join("walk.mcap").display().to_string();
+    let written = run(&["export-log", &out.join("walk.csv").display().to_string(), "--out", &mcap, "--json"]);
+    assert!(written.status.success(), "{}", errors(&written));
+    assert_eq!(json(&written)["samples"].as_u64(), Some(log.len() as u64));
+    let back = folder.path().join("back.csv").display().to_string();
+    let read = run(&["import", &mcap, "--out", &back]);
+    assert!(read.status.success(), "{}", errors(&read));
+    let back = read_csv(Path::new(&back), &ReadOptions::default()).unwrap();
+    assert_eq!((back.len(), &back.position), (log.len(), &log.position));
 }
 
 #[test]
@@ -279,13 +289,23 @@ fn policies_and_commands_that_a_robot_may_not_be_given_are_refused_by_the_names_
         std::fs::canonicalize(Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(WALK)).unwrap();
     std::fs::write(&stiff, format!("file = {:?}\nkp = 150.0\n", weights.display().to_string())).unwrap();
     let other = folder.path().join("playlist.csv").display().to_string();
-    std::fs::write(&other, "trajectory,time,vx_cmd,vy_cmd,wz_cmd\n0,0,0.5,0,0\n").unwrap();
+    std::fs::write(&other, "trajectory,time,vx_cmd,vy_cmd,wz_cmd\n0,0,5,0,0\n").unwrap();
     let random = ["--random", "2"];
     for (first, more, words) in [
         (["run", WALK], &["--commands", &fast][..], ["vx = 5 is beyond", "--beyond-training"]),
         (["run", "assets/go2-biped.safetensors"], &random, ["does not walk on four legs", "posture"]),
         (["run", &stiff], &random, ["kp = 150", "0 to 100"]),
-        (["run", WALK], &["--commands", &other], ["trajectory,time,vx_cmd", "t,vx,vy,wz"]),
+        (["run", WALK], &["--commands", &other], ["vx = 5 is beyond", "--beyond-training"]),
+        (["run", WALK], &["--commands", &other, "--seconds", "0.5"], ["--seconds: 0.5 s", "1 to 3600"]),
+        (
+            ["run", WALK],
+            &["--drift", "1", "--drift-speeds", "2,0,0"],
+            ["--drift-speeds: vx = -2 is beyond", "slower"],
+        ),
+        (["run", WALK], &["--drift", "99"], ["--drift: ", "give 1 to 50"]),
+        (["run", WALK], &["--keyboard"], ["--keyboard", "no terminal"]),
+        (["run", WALK], &["--remote", "--random", "2"], ["--remote", "--random"]),
+        (["run", WALK], &[], ["--commands", "--keyboard"]),
         (["run", WALK], &["--random", "0"], ["--random: 0 s", "1 to 3600"]),
         (["collect", WALK], &["--seconds", "0"], ["--seconds: 0 s", "1 to 3600"]),
         (
@@ -294,7 +314,7 @@ fn policies_and_commands_that_a_robot_may_not_be_given_are_refused_by_the_names_
             ["--trajectories: 99999999999 of 4 s (--seconds)", "at most 600"],
         ),
         (["collect", WALK], &["--pause", "0.1"], ["--pause: 0.1 s", "0.5 to 60"]),
-        (["collect", WALK], &["--commands", &other], ["gaitfit run --commands", "t,vx,vy,wz"]),
+        (["collect", WALK], &["--commands", &other], ["vx = 5 is beyond", "within that"]),
     ] {
         let robot = ["--robot", "simulated", "--yes", "--out", &out];
         let output = run(&[&first[..], more, &robot].concat());
@@ -310,4 +330,71 @@ fn policies_and_commands_that_a_robot_may_not_be_given_are_refused_by_the_names_
     let output = run(&[&allowed[..], &["--out", &held.display().to_string()]].concat());
     // What comes after the commands is looked at.
     assert!(errors(&output).contains("holds a run already"), "{}", errors(&output));
+}
+
+/// Four trials of a robot that begins each after the pause; what a person would have measured then makes the table.
+#[test]
+fn drift_trials_leave_a_form_whose_numbers_make_the_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("trials");
+    let shown = out.display().to_string();
+    let trials = ["--drift", "1", "--drift-speeds", "0.5,0,0"];
+    let robot = ["--robot", "simulated", "--yes", "--pause", "0.5", "--patience", "1000", "--json"];
+    let output = run(&[&["run", WALK, "--out", &shown][..], &trials, &robot].concat());
+    assert!(output.status.success(), "{}", errors(&output));
+    let said = errors(&output);
+    assert!(said.contains("trial 2 of 2: -x (-0.5 m/s") && said.contains("gaitfit drift"), "{said}");
+    let logs = gaitfit_log::csv_files(&out).unwrap();
+    assert_eq!(logs.len(), 2);
+    let command = read_csv(&logs[1], &ReadOptions::default()).unwrap().command.unwrap();
+    let walked = command.chunks_exact(3).filter(|row| row[0] == -0.5).count();
+    assert!(command[0] == 0.0 && (100..=203).contains(&walked), "{walked}");
+    let path = out.join("run/drift.csv");
+    let form = std::fs::read_to_string(&path).unwrap();
+    assert!(form.contains("# policy = \"assets/go2-walk.safetensors\""), "{form}");
+    let path = path.display().to_string();
+    let empty = run(&["drift", &path]);
+    assert_eq!(empty.status.code(), Some(1));
+    assert!(errors(&empty).contains("no row is filled in"), "{}", errors(&empty));
+    std::fs::write(&path, form.replacen(",,,,,", ",1.7,-0.4,10,,", 1)).unwrap();
+    let other = folder.path().join("other.csv").display().to_string();
+    let both =
+        form.replacen(",,,,,", ",2.1,0,0,,", 1).replacen(",,,,,", ",,,,yes,", 1).replace("go2-walk", "new");
+    std::fs::write(&other, &both).unwrap();
+    let output = run(&["drift", &path, &other]);
+    assert!(output.status.success(), "{}", errors(&output));
+    assert!(errors(&output).contains("1 rows are not filled in"), "{}", errors(&output));
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let row = |words: [&str; 2]| {
+        let found = text.lines().find(|line| words.iter().all(|word| line.contains(word)));
+        found.unwrap_or_else(|| panic!("{words:?}: {text}")).to_owned()
+    };
+    let first = row(["+x", "go2-walk"]);
+    assert!(["-0.300", "-0.400", "+0.175", "0.500"].iter().all(|cell| first.contains(cell)), "{first}");
+    assert!(row(["-x", "new"]).contains('–'), "{text}");
+    let document = json(&run(&["drift", &path, &other, "--json"]));
+    assert_eq!((document[1]["fell"].as_u64(), document[0]["not_made"].as_u64()), (Some(1), Some(1)));
+    std::fs::write(&other, both.replace("2.1,0,0", "2.1,,0")).unwrap();
+    let wrong = run(&["drift", &other]);
+    assert!(errors(&wrong).contains("other.csv: line 7: y_m is empty"), "{}", errors(&wrong));
+}
+
+#[test]
+fn files_of_several_trajectories_are_walked_one_after_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let playlist = folder.path().join("list.csv").display().to_string();
+    let rows = "trajectory,time,vx_cmd,vy_cmd,wz_cmd\n0,0,0.5,0,0\n0,0.6,0,0,0.4\n1,0,-0.3,0,0\n1,9,1,0,0\n";
+    std::fs::write(&playlist, rows).unwrap();
+    let out = folder.path().join("logs");
+    let shown = out.display().to_string();
+    let asked = ["collect", WALK, "--robot", "simulated", "--commands", &playlist, "--seconds", "1"];
+    let output =
+        run(&[&asked[..], &["--pause", "0.5", "--yes", "--patience", "1000", "--out", &shown]].concat());
+    assert!(output.status.success(), "{}", errors(&output));
+    let logs = gaitfit_log::csv_files(&out).unwrap();
+    let commands: Vec<Vec<f64>> =
+        logs.iter().map(|log| read_csv(log, &ReadOptions::default()).unwrap().command.unwrap()).collect();
+    assert_eq!(commands.len(), 2);
+    assert!(commands[0][0] == 0.5 && commands[0].last().is_some_and(|turn| (turn - 0.4).abs() < 1e-6));
+    assert!((commands[1][0] + 0.3).abs() < 1e-6 && commands[1].len() <= 3 * 51, "{}", commands[1].len());
 }

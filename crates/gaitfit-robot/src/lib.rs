@@ -4,11 +4,13 @@
 //! - [`guard`]: what may be sent to the motors, and the reasons for sending damping instead.
 //! - [`Supervisor`]: the states from idle over standing up and walking to lying down, with the guard before every command.
 //! - [`link`]: a Go2 over DDS (with the feature `dds`), and one in the project's own engine.
-//! - [`run`]: the loops that send commands and run the policy, the logs, what was measured.
+//! - [`run`]: the loops that send commands and run the policy, who commands, the logs, what was measured.
+//! - [`drift`]: the form of drift trials, and what it says once it is filled in.
 //!
 //! Only [`run::live`] and the link over DDS read a clock: to the rest times are given, so that a test is the same each time.
 
 mod command;
+pub mod drift;
 mod error;
 pub mod guard;
 pub mod link;

@@ -1,6 +1,6 @@
 //! What a robot reports, in SI units and motor order.
 
-use crate::unitree::{LowState, MOTORS};
+use crate::unitree::{LowState, MOTORS, Remote};
 
 /// State of a robot's motors and body at one moment; joints in motor order (see [`crate::unitree::MOTOR_NAMES`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +23,8 @@ pub struct RobotState {
     pub battery: Option<Battery>,
     /// Counter of the main board, ms; 0 throughout where it does not count, as simulators do.
     pub tick: u32,
+    /// Its remote.
+    pub remote: Remote,
 }
 
 /// State of a robot's battery.
@@ -65,6 +67,8 @@ impl From<&LowState> for Reading {
             0 => Seal::Absent,
             _ => Seal::Wrong,
         };
+        let mut remote = [0; 40];
+        remote.copy_from_slice(message.wireless_remote.as_flattened());
         Self {
             state: RobotState {
                 q: std::array::from_fn(|k| motors[k].q),
@@ -80,6 +84,7 @@ impl From<&LowState> for Reading {
                     amps: message.power_a,
                 }),
                 tick: message.tick,
+                remote: Remote::read(&remote),
             },
             seal,
         }
@@ -102,6 +107,7 @@ pub(crate) mod tests {
             accelerometer: [0.0, 0.0, 9.81],
             battery: Some(Battery { charge: 80, volts: 29.0, amps: 2.0 }),
             tick: 1,
+            remote: Remote::default(),
         }
     }
 

@@ -13,6 +13,9 @@ mod faults;
 mod limits;
 #[path = "robot/messages.rs"]
 mod messages;
+#[cfg(all(feature = "dds", target_os = "linux"))]
+#[path = "robot/motion.rs"]
+mod motion;
 #[path = "robot/pilot.rs"]
 mod pilot;
 #[path = "robot/rules.rs"]

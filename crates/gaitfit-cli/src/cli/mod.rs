@@ -13,7 +13,7 @@ pub use choices::{Config, ConfigOf, Preset};
 pub use excite::Excite;
 pub use gaitfit::device::{Device, Devices};
 pub use logs::{ExportLog, ExportTheta, Import};
-pub use robot::{LinkArgs, RobotKind, Run};
+pub use robot::{Drift, LinkArgs, RobotKind, Run};
 pub use run::{Adapt, Finetune, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
 pub use world::{Collect, Evaluate};
 
@@ -76,6 +76,8 @@ pub enum Command {
     Collect(Collect),
     /// Run a policy on a robot: stand up, walk, lie down, with logs
     Run(Box<Run>),
+    /// Read the filled forms of drift trials (`run --drift`) and print their table
+    Drift(Drift),
     /// Measure speed
     #[command(subcommand)]
     Bench(Bench),

@@ -39,18 +39,37 @@ pub struct LinkArgs {
 
 /// Arguments of `run`.
 #[derive(Debug, Args)]
+#[command(group = clap::ArgGroup::new("who").required(true).args(["commands", "random", "remote", "keyboard", "drift"]))]
 pub struct Run {
     /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
     pub policy: PathBuf,
     /// The robot
     #[arg(long, value_enum)]
     pub robot: RobotKind,
-    /// Commands from a file with the columns t,vx,vy,wz (s, m/s, m/s, rad/s); the last row says when the walk ends
-    #[arg(long, value_name = "FILE.csv", required_unless_present = "random", conflicts_with = "random")]
+    /// Commands from a file with the columns t,vx,vy,wz (s, m/s, m/s, rad/s), whose last row says when the walk ends; or
+    /// from one of `excite --policy` with several trajectories, each a walk of --seconds with a log of its own
+    #[arg(long, value_name = "FILE.csv")]
     pub commands: Option<PathBuf>,
     /// Random commands for so long, s, drawn as `collect` draws them from the policy's own task
     #[arg(long, value_name = "S")]
     pub random: Option<f64>,
+    /// Length of each trajectory of such a file, s
+    #[arg(long, value_name = "S", default_value_t = 4.0)]
+    pub seconds: f64,
+    /// Commands from the robot's own remote: the left stick walks, the right one turns, A lies it down, B damps
+    #[arg(long)]
+    pub remote: bool,
+    /// Commands from this terminal's keys: W A S D or arrows, J and L aside, Space stands, Q lies down, Esc damps
+    #[arg(long)]
+    pub keyboard: bool,
+    /// Drift trials, so many of each direction: stand, a constant command for 4 s, stand. Between two the robot waits for
+    /// Enter; a form for what a tape measure says is written into --out, for `gaitfit drift`
+    #[arg(long, value_name = "N")]
+    pub drift: Option<usize>,
+    /// Speeds of the drift trials: ahead and aside, m/s, and turning, rad/s; 0 leaves a direction out [default: the
+    /// paper's, 1,1,0.3925]
+    #[arg(long, value_name = "X,Y,YAW", requires = "drift", value_delimiter = ',', num_args = 1)]
+    pub drift_speeds: Vec<f32>,
     /// So many random walks, with pauses between, each in a log of its own
     #[arg(long, value_name = "N", requires = "random")]
     pub trajectories: Option<NonZeroUsize>,
@@ -64,7 +83,7 @@ pub struct Run {
     #[arg(long)]
     pub json: bool,
     /// Play commands that are beyond what the policy was trained for
-    #[arg(long, requires = "commands")]
+    #[arg(long)]
     pub beyond_training: bool,
     /// Whether `collect` asks: its options have other names.
     #[arg(skip)]
@@ -72,4 +91,15 @@ pub struct Run {
     /// The link.
     #[command(flatten)]
     pub link: LinkArgs,
+}
+
+/// Arguments of `drift`.
+#[derive(Debug, Args)]
+pub struct Drift {
+    /// Forms, filled in: one a policy, to see them side by side
+    #[arg(required = true, value_name = "FORM.csv")]
+    pub forms: Vec<PathBuf>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
 }

@@ -78,18 +78,17 @@ fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Fail
             return Err(Failure::usage(format!("{option} is for simulators; a robot is as it is")));
         }
     }
-    if args.commands.is_some() {
-        return Err(Failure::usage(
-            "--commands: a robot plays one walk at a time, with `gaitfit run --commands` and a file of its own: the rows of one \
-             trajectory with the columns t,vx,vy,wz",
-        ));
-    }
     Ok(cli::Run {
         policy: world.policy.clone(),
         robot,
-        commands: None,
-        random: Some(args.seconds),
-        trajectories: Some(args.trajectories),
+        commands: args.commands.clone(),
+        seconds: args.seconds,
+        random: args.commands.is_none().then_some(args.seconds),
+        remote: false,
+        keyboard: false,
+        drift: None,
+        drift_speeds: Vec::new(),
+        trajectories: args.commands.is_none().then_some(args.trajectories),
         beyond_training: false,
         of_collect: true,
         seed: world.seed,

@@ -5,6 +5,7 @@ pub mod bench;
 pub mod collect;
 pub mod config;
 pub mod doctor;
+pub mod drift;
 pub mod evaluate;
 pub mod excite;
 pub mod export;
@@ -16,12 +17,15 @@ pub mod import;
 pub mod init;
 pub mod inspect;
 pub mod loop_;
+#[cfg(feature = "dds")]
+mod motion;
 mod policy;
 pub mod reproduce;
 pub mod run;
 pub mod sensitivity;
 pub mod shell;
 pub mod train;
+mod trial;
 pub mod validate;
 mod walks;
 

@@ -1,14 +1,16 @@
 //! `gaitfit run`: a policy on a robot.
 
-use super::{folder, walks};
+use super::walks::Who;
+use super::{folder, trial, walks};
 use crate::cli::{RobotKind, Run};
 use crate::exit::{Exit, Failure};
+use crate::keyboard::{self, Keyboard};
 use crate::output::{self, note};
 use crate::signals;
 use gaitfit_robot::guard::{GuardSettings, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
 use gaitfit_robot::run::{
-    Controller, Live, RUN, Recorder, Script, Sender, Summary, WHOLE, live, real_time, suits,
+    ByRemote, Controller, Live, RUN, Recorder, Sender, Summary, Trials, WHOLE, live, real_time, suits,
 };
 use gaitfit_robot::unitree::{MOTOR_NAMES, motors_of};
 use gaitfit_robot::{Phase, RobotError, RobotState, Supervisor, Times};
@@ -38,11 +40,14 @@ pub fn run(args: &Run) -> Result<(), Failure> {
              another domain than 0, use --yes",
         ));
     }
+    if args.keyboard && !std::io::stdin().is_terminal() {
+        return Err(Failure::usage("--keyboard: standard input is no terminal, so no key can be read"));
+    }
     signals::listen()?;
     let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
     suits(&policy, &GuardSettings::go2(Duration::ZERO).limits)
         .map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
-    let script = walks::script(args, &policy)?;
+    let who = walks::who(args, &policy)?;
     let control = Duration::from_secs_f64(policy.interface.control_dt);
     let postures = Controller::postures(&policy).map_err(usage)?;
     let patience = Duration::from_millis(args.link.patience.into());
@@ -51,12 +56,20 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let out = logs_of(args);
     new_folder(&out)?;
     let motors = motors_of(&policy.interface.joints).map_err(usage)?;
-    let recorder = match args.trajectories {
-        Some(count) => Recorder::of_walks(&out, count.get(), &policy.interface, motors),
+    let recorder = match who.logs() {
+        Some(count) => Recorder::of_walks(&out, count, &policy.interface, motors),
         None => Recorder::new(&out, &policy.interface, motors),
     };
     let recorder = if args.link.dry_run { recorder.dry() } else { recorder };
-    let controller = Controller::new(&policy, &script, recorder).map_err(usage)?;
+    let controller = match &who {
+        Who::Script(script) => Controller::new(&policy, script, recorder),
+        Who::Remote(ranges) => Controller::new(&policy, ByRemote(*ranges), recorder),
+        Who::Keys(steering) => Controller::new(&policy, steering.clone(), recorder),
+        Who::Trials(trials) => {
+            Controller::new(&policy, Trials::new(trials, trial::next(args, trials)), recorder)
+        }
+    };
+    let controller = controller.map_err(usage)?;
     // The link's threads inherit it.
     let real_time = real_time();
     let batch;
@@ -72,43 +85,80 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         }
     };
     let sender = Sender::new(link, Supervisor::new(guard, postures, Times::default()), args.link.dry_run);
+    // Dropped when the run is over, whatever ends it: the terminal is then as it was.
+    let mut keys = None;
     let summary = live(
         sender,
         controller,
         Live {
-            confirm: &mut |state| signals::confirm(confirm(args, &script, state)),
+            confirm: &mut |state| {
+                let armed = signals::confirm(confirm(args, &who, state));
+                match &who {
+                    Who::Trials(trials) if armed && !args.link.dry_run => {
+                        trial::write_form(args, trials).map_err(|failure| note(&failure.message)).is_ok()
+                    }
+                    Who::Keys(steering) if armed => {
+                        keys =
+                            Keyboard::listen(steering.clone()).map_err(|failure| note(&failure.message)).ok();
+                        keys.is_some()
+                    }
+                    _ => armed,
+                }
+            },
             phase: &mut |phase: Phase| note(phase.name()),
-            stop: &signals::asked,
+            stop: &|| signals::asked().or_else(keyboard::stopped),
             control,
             real_time,
             limits: guard.limits,
         },
     );
-    finish(args, summary)
+    drop(keys);
+    finish(args, &who, summary)
 }
 
 /// The link to a Go2.
 #[cfg(feature = "dds")]
 fn over_dds(args: &Run, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
     note(&format!("listening to a Go2 on {interface}, domain {}", args.link.domain));
+    if !args.link.dry_run {
+        super::motion::released(interface, &args.link)?;
+    }
     let link =
         gaitfit_robot::link::Dds::open(interface, args.link.domain, args.link.dry_run).map_err(usage)?;
     Ok(Box::new(link))
 }
 
-/// Says how to get one.
+/// Refuses a link that there cannot be, without opening it.
+#[cfg(feature = "dds")]
+pub fn check_link(interface: &str, domain: u16) -> Result<(), Failure> {
+    gaitfit_robot::link::Dds::check(interface, domain).map(|_| ()).map_err(usage)
+}
+
 #[cfg(not(feature = "dds"))]
 fn over_dds(_: &Run, interface: &str) -> Result<Box<dyn Link + Send>, Failure> {
-    Err(Failure {
+    Err(without_dds(interface))
+}
+
+/// There is none.
+#[cfg(not(feature = "dds"))]
+pub fn check_link(interface: &str, _: u16) -> Result<(), Failure> {
+    Err(without_dds(interface))
+}
+
+/// Says how to get one.
+#[cfg(not(feature = "dds"))]
+fn without_dds(interface: &str) -> Failure {
+    Failure {
         exit: Exit::Missing,
         message: format!(
             "--interface {interface}: this program was built without DDS; build it with `cargo build --release --features \
              dds`, or rehearse with --robot simulated"
         ),
-    })
+    }
 }
 
-fn usage(error: RobotError) -> Failure {
+/// Errors of what was asked for, and those of the machine.
+pub fn usage(error: RobotError) -> Failure {
     match error {
         RobotError::Write { .. } | RobotError::Dds { .. } => Failure::failed(error),
         _ => Failure::usage(error),
@@ -136,7 +186,7 @@ fn new_folder(path: &Path) -> Result<(), Failure> {
 }
 
 /// Shows the robot's state and asks for the word.
-fn confirm(args: &Run, script: &Script, state: &RobotState) -> bool {
+fn confirm(args: &Run, who: &Who, state: &RobotState) -> bool {
     let hottest = state.temperature.iter().enumerate().max_by_key(|(_, degrees)| **degrees);
     let (motor, degrees) = hottest.map_or((0, 0), |(motor, degrees)| (motor, *degrees));
     let battery = state.battery.map_or("not reported".to_owned(), |battery| format!("{} %", battery.charge));
@@ -152,16 +202,16 @@ fn confirm(args: &Run, script: &Script, state: &RobotState) -> bool {
         return true;
     }
     note(&format!(
-        "It will stand up, walk for {:.0} s, stop and lie down. Clear the ground, hold the robot's own switch ready. Ctrl-C \
-         stops it: the motors go limp and it sinks.\nType `{WORD}` and Enter to begin; anything else ends.",
-        script.seconds()
+        "It will stand up, {}; then stop and lie down. Clear the ground, hold the robot's own switch ready. Ctrl-C stops it, \
+         and so does B on its remote: the motors go limp and it sinks.\nType `{WORD}` and Enter to begin; anything else ends.",
+        who.length()
     ));
     let mut line = String::new();
     std::io::stdin().lock().read_line(&mut line).is_ok() && line.trim() == WORD
 }
 
 /// Prints and saves what the run was; the reason of a stop is the last thing said.
-fn finish(args: &Run, summary: Result<Summary, RobotError>) -> Result<(), Failure> {
+fn finish(args: &Run, who: &Who, summary: Result<Summary, RobotError>) -> Result<(), Failure> {
     let summary = summary.map_err(|error| Failure {
         exit: if matches!(error, RobotError::NotArmed(Reason::Signal | Reason::Named(_))) {
             Exit::Interrupted
@@ -184,21 +234,25 @@ fn finish(args: &Run, summary: Result<Summary, RobotError>) -> Result<(), Failur
             None => Err(Failure { exit: Exit::Check, message: "not armed; nothing was sent".to_owned() }),
         };
     }
-    let kept = printed.and_then(|()| save(args, &summary));
+    let kept = printed.and_then(|()| save(args, who, &summary));
+    if let (Who::Trials(_), false) = (who, args.link.dry_run) {
+        note(&format!("fill in {0}, then: gaitfit drift {0}", trial::form_path(args).display()));
+    }
     let Some(reason) = &summary.reason else { return kept };
     if let Err(problem) = kept {
         note(&problem.message);
     }
-    let exit = if signals::asked().is_some() { Exit::Interrupted } else { Exit::Failed };
+    let interrupted = signals::asked().is_some() || keyboard::stopped() == Some(Reason::Signal);
+    let exit = if interrupted { Exit::Interrupted } else { Exit::Failed };
     Err(Failure { exit, message: format!("damped: {reason}") })
 }
 
 /// Writes the summary beside the logs.
-fn save(args: &Run, summary: &Summary) -> Result<(), Failure> {
+fn save(args: &Run, who: &Who, summary: &Summary) -> Result<(), Failure> {
     let text = serde_json::to_vec_pretty(summary)
         .map_err(|error| Failure::failed(format!("cannot write the summary: {error}")))?;
     let out = logs_of(args);
-    let folder = if args.trajectories.is_some() { out.join(RUN) } else { out };
+    let folder = if who.logs().is_some() { out.join(RUN) } else { out };
     Ok(gaitfit::files::write(&folder.join("summary.json"), &text)?)
 }
 

@@ -2,23 +2,61 @@
 
 use crate::cli::Run;
 use crate::exit::Failure;
+use crate::keyboard::KEYS;
+use crate::output::note;
+use gaitfit::excite::playlist;
 use gaitfit::world::WorldSettings;
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_policy::Policy;
-use gaitfit_robot::RobotError;
-use gaitfit_robot::run::Script;
+use gaitfit_robot::run::{Ranges, SPEEDS, Script, Steering, Trial, trials};
+use std::path::Path;
 
 /// Longest run, s.
 const LONGEST: f64 = 3600.0;
+/// Most bytes of a file of commands.
+const MOST_BYTES: u64 = 64 << 20;
 /// Room for the rounding of decimal numbers, m/s or rad/s.
 const ROUNDING: f64 = 1e-6;
+
+/// Who commands the robot.
+pub enum Who {
+    /// Rows that were written or drawn before.
+    Script(Script),
+    /// The robot's remote, within ranges.
+    Remote(Ranges),
+    /// The keyboard.
+    Keys(Steering),
+    /// Drift trials.
+    Trials(Vec<Trial>),
+}
+
+impl Who {
+    /// How many logs there will be, if more than that of one walk.
+    pub fn logs(&self) -> Option<usize> {
+        match self {
+            Self::Script(script) => script.of_many().then(|| script.walks()),
+            Self::Trials(trials) => Some(trials.len()),
+            Self::Remote(_) | Self::Keys(_) => None,
+        }
+    }
+
+    /// How long it walks, in words.
+    pub fn length(&self) -> String {
+        match self {
+            Self::Script(script) => format!("walk for {:.0} s", script.seconds()),
+            Self::Remote(_) => "walk as its remote says until A is pressed there (B damps)".to_owned(),
+            Self::Keys(_) => format!("walk as the keys say until Q. {KEYS}"),
+            Self::Trials(trials) => format!("make {} drift trials", trials.len()),
+        }
+    }
+}
 
 /// The commands asked for.
 ///
 /// # Errors
 /// A policy that does not walk on four legs; commands beyond its training, where that is not allowed; times out of range,
 /// by the name of the option that says them.
-pub fn script(args: &Run, policy: &Policy) -> Result<Script, Failure> {
+pub fn who(args: &Run, policy: &Policy) -> Result<Who, Failure> {
     let task = task(args, policy)?;
     // Gravity of a robot on four legs is along −z.
     if task.posture[2] > -0.9 {
@@ -29,28 +67,130 @@ pub fn script(args: &Run, policy: &Policy) -> Result<Script, Failure> {
             task.posture
         )));
     }
-    let Some(path) = &args.commands else { return random(args, policy, &task) };
-    let script = Script::read(path).map_err(Failure::usage)?;
-    // Of a policy trained elsewhere the ranges are not known; the script's own limit holds.
-    if !policy.provenance.task.is_empty() && !args.beyond_training {
-        let names = ["vx", "vy", "wz"];
-        for (part, range) in task.command.ranges(1.0).iter().enumerate() {
-            let [low, high] = *range;
-            let found = script.extremes()[part];
-            if let Some(beyond) =
-                found.into_iter().find(|speed| *speed < low - ROUNDING || *speed > high + ROUNDING)
-            {
-                return Err(Failure::usage(format!(
-                    "{}: {} = {} is beyond what the policy was trained for, {low} to {high}; give commands within \
-                     that, or try the file with --robot simulated and take --beyond-training",
-                    path.display(),
-                    names[part],
-                    beyond as f32
-                )));
-            }
+    if args.remote {
+        return Ok(Who::Remote(ranges(policy, &task)));
+    }
+    if args.keyboard {
+        return Ok(Who::Keys(Steering::new(ranges(policy, &task))));
+    }
+    if let Some(repeats) = args.drift {
+        return drift(args, repeats, policy, &task);
+    }
+    let Some(path) = &args.commands else { return random(args, policy, &task).map(Who::Script) };
+    let script = if args.of_collect || is_playlist(path) {
+        played(args, path)?
+    } else {
+        Script::read(path).map_err(Failure::usage)?
+    };
+    let remedy =
+        "give commands within that, or try the file with --robot simulated and take --beyond-training";
+    check_ranges(args, policy, &task, script.extremes(), &path.display().to_string(), remedy)?;
+    Ok(Who::Script(script))
+}
+
+/// Refuses speeds beyond what the policy was trained for.
+fn check_ranges(
+    args: &Run,
+    policy: &Policy,
+    task: &TaskSettings,
+    extremes: [[f64; 2]; 3],
+    named: &str,
+    remedy: &str,
+) -> Result<(), Failure> {
+    // Of a policy trained elsewhere the ranges are not known; the commands' own limit holds.
+    if policy.provenance.task.is_empty() || args.beyond_training {
+        return Ok(());
+    }
+    let parts = ["vx", "vy", "wz"].into_iter().zip(task.command.ranges(1.0)).zip(extremes);
+    for ((name, [low, high]), found) in parts {
+        let beyond = found.into_iter().find(|speed| *speed < low - ROUNDING || *speed > high + ROUNDING);
+        if let Some(beyond) = beyond {
+            return Err(Failure::usage(format!(
+                "{named}: {name} = {} is beyond what the policy was trained for, {low} to {high}; {remedy}",
+                beyond as f32
+            )));
         }
     }
-    Ok(script)
+    Ok(())
+}
+
+/// Whether a file has commands of several trajectories, as `gaitfit excite --policy` writes them.
+fn is_playlist(path: &Path) -> bool {
+    let header = |text: String| {
+        let rows = text
+            .trim_start_matches('\u{feff}')
+            .lines()
+            .filter(|line| !line.starts_with('#'))
+            .map(str::to_owned);
+        rows.take(1).any(|header| header.split(',').any(|cell| cell.trim() == "trajectory"))
+    };
+    // What cannot be read is said by the reader.
+    gaitfit::files::read_text(path, MOST_BYTES).is_ok_and(header)
+}
+
+/// The walks of such a file, each of `--seconds`.
+fn played(args: &Run, path: &Path) -> Result<Script, Failure> {
+    let sequences = playlist::read(path)?;
+    let seconds = args.seconds;
+    check_length("--seconds", seconds)?;
+    check_count(
+        args,
+        sequences.len(),
+        seconds,
+        &format!("{}: {} trajectories", path.display(), sequences.len()),
+    )?;
+    let walks = sequences.iter().map(|sequence| {
+        let within = sequence.steps.iter().filter(|(time, _)| *time < seconds);
+        let rows = within.map(|(time, command)| (*time, command.map(|part| part as f32)));
+        rows.chain([(seconds, [0.0; 3])]).collect()
+    });
+    Script::of_walks(&walks.collect::<Vec<_>>(), args.link.pause).map_err(Failure::usage)
+}
+
+fn check_length(option: &str, seconds: f64) -> Result<(), Failure> {
+    if (1.0..=LONGEST).contains(&seconds) {
+        return Ok(());
+    }
+    Err(Failure::usage(format!("{option}: {seconds} s; give 1 to {LONGEST}")))
+}
+
+/// Refuses walks that take longer than an hour; `named`: how many there are, and where that is said.
+fn check_count(args: &Run, count: usize, seconds: f64, named: &str) -> Result<(), Failure> {
+    let pause = args.link.pause;
+    if !(0.5..=60.0).contains(&pause) {
+        return Err(Failure::usage(format!("--pause: {pause} s; give 0.5 to 60")));
+    }
+    let most = ((LONGEST + pause) / (seconds + pause)).floor();
+    if count as f64 > most {
+        return Err(Failure::usage(format!(
+            "{named} of {seconds} s ({}) with pauses of {pause} s (--pause) take longer than an hour; give at most {most}",
+            if args.of_collect || args.trajectories.is_none() { "--seconds" } else { "--random" }
+        )));
+    }
+    Ok(())
+}
+
+/// Drift trials.
+fn drift(args: &Run, repeats: usize, policy: &Policy, task: &TaskSettings) -> Result<Who, Failure> {
+    let [x, y, yaw] = match args.drift_speeds[..] {
+        [] => SPEEDS,
+        [x, y, yaw] => [x, y, yaw],
+        _ => return Err(Failure::usage("--drift-speeds: give three numbers, X,Y,YAW")),
+    };
+    let trials = trials(repeats, [x, y, yaw]).map_err(|error| Failure::usage(format!("--drift: {error}")))?;
+    let extremes = [x, y, yaw].map(|speed| [-f64::from(speed), f64::from(speed)]);
+    let remedy = "give slower --drift-speeds, or try it with --robot simulated and take --beyond-training";
+    check_ranges(args, policy, task, extremes, "--drift-speeds", remedy)?;
+    Ok(Who::Trials(trials))
+}
+
+/// What a hand may command: all that the policy was trained for, or little where that is not known.
+fn ranges(policy: &Policy, task: &TaskSettings) -> Ranges {
+    if policy.provenance.task.is_empty() {
+        note("the policy's training is not known: commands go to 0.5 m/s ahead, 0.3 m/s aside and 0.5 rad/s");
+        return [[-0.5, 0.5], [-0.3, 0.3], [-0.5, 0.5]];
+    }
+    task.command.ranges(1.0).map(|range| range.map(|end| end as f32))
 }
 
 /// The policy's task.
@@ -74,29 +214,16 @@ fn task(args: &Run, policy: &Policy) -> Result<TaskSettings, Failure> {
 /// Random commands, drawn from the task.
 fn random(args: &Run, policy: &Policy, task: &TaskSettings) -> Result<Script, Failure> {
     let seconds = args.random.unwrap_or_default();
-    let option = if args.of_collect { "--seconds" } else { "--random" };
-    if !(1.0..=LONGEST).contains(&seconds) {
-        return Err(Failure::usage(format!("{option}: {seconds} s; give 1 to {LONGEST}")));
-    }
+    check_length(if args.of_collect { "--seconds" } else { "--random" }, seconds)?;
     let dt = policy.interface.control_dt;
     let walk = |seed: u64| gaitfit_learn::task::commands(&task.command, dt, seed, seconds);
     let script = match args.trajectories {
         Some(count) => {
-            let pause = args.link.pause;
-            if !(0.5..=60.0).contains(&pause) {
-                return Err(Failure::usage(format!("--pause: {pause} s; give 0.5 to 60")));
-            }
-            let most = ((LONGEST + pause) / (seconds + pause)).floor();
-            if count.get() as f64 > most {
-                return Err(Failure::usage(format!(
-                    "--trajectories: {count} of {seconds} s ({option}) with pauses of {pause} s (--pause) take longer than an \
-                     hour; give at most {most}"
-                )));
-            }
+            check_count(args, count.get(), seconds, &format!("--trajectories: {count}"))?;
             let walks: Vec<_> = (0..count.get() as u64).map(|k| walk(args.seed.wrapping_add(k))).collect();
-            Script::of_walks(&walks, pause)
+            Script::of_walks(&walks, args.link.pause)
         }
         None => Script::new(walk(args.seed)),
     };
-    script.map_err(|error: RobotError| Failure::usage(error))
+    script.map_err(Failure::usage)
 }

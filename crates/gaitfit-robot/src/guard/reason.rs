@@ -81,7 +81,7 @@ pub enum Reason {
     )]
     SecondController,
     /// The person beside it said so.
-    #[error("stopped by the operator")]
+    #[error("stopped by hand: B on the robot's remote, or Esc on the keyboard")]
     Operator,
     /// The program was asked to end.
     #[error("the program was asked to end (Ctrl-C or a signal)")]

@@ -48,15 +48,23 @@ pub struct Dds {
 }
 
 impl Dds {
+    /// The address to join `domain` from on a network interface. Nothing is joined.
+    ///
+    /// # Errors
+    /// An interface that is not there or has no IPv4 address; a domain beyond 232.
+    pub fn check(interface: &str, domain: u16) -> Result<Ipv4Addr, RobotError> {
+        if domain > MOST_DOMAIN {
+            return Err(RobotError::Domain { domain });
+        }
+        address_of(interface)
+    }
+
     /// Joins `domain` on a network interface, for example `eth0`; robots are in domain 0. `silent`: it listens only.
     ///
     /// # Errors
     /// An interface that is not there or has no IPv4 address; a domain beyond 232; DDS that cannot begin.
     pub fn open(interface: &str, domain: u16, silent: bool) -> Result<Self, RobotError> {
-        if domain > MOST_DOMAIN {
-            return Err(RobotError::Domain { domain });
-        }
-        let address = address_of(interface)?;
+        let address = Self::check(interface, domain)?;
         let participant = DomainParticipantBuilder::new(domain)
             .with_only_networks([IpAddr::V4(address)])
             .same_host_loopback(address.is_loopback())
@@ -134,11 +142,11 @@ impl Drop for Dds {
     }
 }
 
-fn qos(reliability: Reliability) -> QosPolicies {
+pub(super) fn qos(reliability: Reliability) -> QosPolicies {
     QosPolicyBuilder::new().reliability(reliability).history(History::KeepLast { depth: DEPTH }).build()
 }
 
-fn failed<E: std::fmt::Display>(what: &'static str) -> impl FnOnce(E) -> RobotError {
+pub(super) fn failed<E: std::fmt::Display>(what: &'static str) -> impl FnOnce(E) -> RobotError {
     move |error| RobotError::Dds { what, problem: error.to_string() }
 }
 

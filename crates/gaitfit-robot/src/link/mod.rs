@@ -2,6 +2,8 @@
 
 #[cfg(feature = "dds")]
 mod dds;
+#[cfg(feature = "dds")]
+mod motion;
 mod simulated;
 
 use std::time::Duration;
@@ -11,6 +13,8 @@ use crate::state::Reading;
 
 #[cfg(feature = "dds")]
 pub use dds::Dds;
+#[cfg(feature = "dds")]
+pub use motion::{MotionMode, MotionSwitcher};
 pub use simulated::{Simulated, simulation};
 
 /// A robot, real or simulated, at the other end.

@@ -14,7 +14,7 @@ use crate::command::Command;
 use crate::guard::Limits;
 use crate::state::{Battery, Reading, RobotState, Seal};
 use crate::supervisor::Postures;
-use crate::unitree::{MOTOR_NAMES, MOTORS};
+use crate::unitree::{MOTOR_NAMES, MOTORS, Remote};
 
 /// Physics step and time between two looks of the motors' controllers, s.
 const STEP: f64 = 0.001;
@@ -124,6 +124,7 @@ impl<'a> Simulated<'a> {
                 accelerometer: rotate_back(quaternion, [0.0, 0.0, GRAVITY]),
                 battery: Some(Battery { charge: 100, volts: 30.0, amps: 0.0 }),
                 tick: self.ms as u32,
+                remote: Remote::default(),
             },
             seal: Seal::Right,
         }

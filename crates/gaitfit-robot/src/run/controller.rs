@@ -6,8 +6,8 @@ use gaitfit_policy::observation::Sensed;
 use gaitfit_policy::{Pilot, Policy};
 
 use super::board::Board;
+use super::commands::{Commands, Order};
 use super::record::{Acted, Recorder};
-use super::script::Script;
 use crate::RobotError;
 use crate::state::RobotState;
 use crate::supervisor::{Phase, Postures};
@@ -16,15 +16,17 @@ use crate::unitree::{MOTORS, motors_of};
 /// How long the robot walks under the command 0 before it lies down, s.
 const STOP: f64 = 1.0;
 
-/// Runs a policy under a script's commands.
+/// Runs a policy under commands.
 pub struct Controller<'a> {
     pilot: Pilot<'a>,
-    script: &'a Script,
+    commands: Box<dyn Commands + 'a>,
     recorder: Recorder,
     /// For each of the policy's joints, its motor.
     motors: [usize; MOTORS],
     sensed: Sensed,
     begun: Option<Duration>,
+    /// When the commands were over, s after it began.
+    ended: Option<f64>,
     /// The walk that is recorded.
     walk: Option<usize>,
     /// Age of the state at each output of the policy: sum and greatest, s.
@@ -34,18 +36,23 @@ pub struct Controller<'a> {
 }
 
 impl<'a> Controller<'a> {
-    /// `policy` under `script`; `recorder` keeps its logs.
+    /// `policy` under `commands`; `recorder` keeps its logs.
     ///
     /// # Errors
     /// A policy for other joints, or one that observes what a robot does not measure.
-    pub fn new(policy: &'a Policy, script: &'a Script, recorder: Recorder) -> Result<Self, RobotError> {
+    pub fn new(
+        policy: &'a Policy,
+        commands: impl Commands + 'a,
+        recorder: Recorder,
+    ) -> Result<Self, RobotError> {
         Ok(Self {
             motors: motors_of(&policy.interface.joints)?,
             pilot: Pilot::new(policy)?,
-            script,
+            commands: Box::new(commands),
             recorder,
             sensed: Sensed::new(MOTORS),
             begun: None,
+            ended: None,
             walk: None,
             ages: (0.0, 0.0),
             outputs: 0,
@@ -97,19 +104,19 @@ impl<'a> Controller<'a> {
         }
         let begun = *self.begun.get_or_insert(now);
         let time = (now - begun).as_secs_f64();
-        let command = match self.script.at(time) {
-            Some(command) => command,
+        let order = if self.ended.is_some() { None } else { self.commands.at(time, &state) };
+        let Order { command, walk } = match order {
+            Some(order) => order,
             // A robot that lies down at speed falls. Logs do not have this part: their walk is over.
-            None if time < self.script.seconds() + STOP => {
+            None if time < *self.ended.get_or_insert(time) + STOP => {
                 board.slow_down = true;
-                [0.0; 3]
+                Order { command: [0.0; 3], walk: None }
             }
             None => {
                 board.lie_down = true;
                 return Ok(());
             }
         };
-        let walk = self.script.walk_at(time);
         let number = walk.map(|(number, _)| number);
         if number != self.walk {
             self.walk = number;

@@ -4,6 +4,7 @@
 //! one turn for a time that is given, so that a test runs them without a clock; [`live`] runs them on the clock.
 
 mod board;
+mod commands;
 mod controller;
 mod delay;
 mod jitter;
@@ -12,8 +13,10 @@ mod record;
 mod script;
 mod sender;
 mod suits;
+mod trials;
 
 pub use board::Board;
+pub use commands::{ByRemote, Commands, Key, Order, Ranges, Steering};
 pub use controller::Controller;
 pub use delay::{Delay, Trace};
 pub use jitter::{Jitter, Lateness};
@@ -22,3 +25,4 @@ pub use record::{Acted, RUN, Recorder, WALK, WHOLE};
 pub use script::Script;
 pub use sender::Sender;
 pub use suits::suits;
+pub use trials::{COMMAND, Next, SPEEDS, Trial, Trials, trials};

@@ -18,6 +18,8 @@ pub struct Script {
     rows: Vec<(f64, [f32; 3])>,
     /// From when to when each walk is recorded, s.
     walks: Vec<[f64; 2]>,
+    /// Whether it is made of walks that each have a log of their own.
+    many: bool,
 }
 
 impl Script {
@@ -50,7 +52,7 @@ impl Script {
             }
         }
         let walks = vec![[0.0, rows[rows.len() - 1].0]];
-        Ok(Self { rows, walks })
+        Ok(Self { rows, walks, many: false })
     }
 
     /// Several walks, one after another, each recorded by itself; between them the robot stands for `pause`, s, under the
@@ -73,7 +75,7 @@ impl Script {
             walks.push([begin, end]);
             begin = end + pause;
         }
-        Ok(Self { walks, ..Self::new(rows)? })
+        Ok(Self { walks, many: true, ..Self::new(rows)? })
     }
 
     /// A CSV file with the columns `t`, `vx`, `vy`, `wz`, in any order: s, m/s, m/s, rad/s.
@@ -88,9 +90,6 @@ impl Script {
             .from_path(path)
             .map_err(|error| refuse(error.to_string()))?;
         let header = reader.headers().map_err(|error| refuse(error.to_string()))?.clone();
-        if header.iter().any(|cell| cell == "vx_cmd") {
-            return refuse_foreign(path);
-        }
         let mut columns = [0; 4];
         for (column, name) in columns.iter_mut().zip(["t", "vx", "vy", "wz"]) {
             *column = header.iter().position(|cell| cell == name).ok_or_else(|| {
@@ -146,6 +145,11 @@ impl Script {
         })
     }
 
+    /// Whether it was made of walks that each have a log of their own, if only of one.
+    pub fn of_many(&self) -> bool {
+        self.many
+    }
+
     /// How many walks are recorded.
     pub fn walks(&self) -> usize {
         self.walks.len()
@@ -155,16 +159,6 @@ impl Script {
     pub fn seconds(&self) -> f64 {
         self.rows.last().map_or(0.0, |(time, _)| *time)
     }
-}
-
-/// The commands of `gaitfit collect --commands` are of another form.
-fn refuse_foreign(path: &Path) -> Result<Script, RobotError> {
-    Err(RobotError::Script(format!(
-        "{}: these are commands of simulated walks (trajectory,time,vx_cmd,vy_cmd,wz_cmd), and a robot is given one walk: \
-         the columns t,vx,vy,wz (s, m/s, m/s, rad/s); take the rows of one trajectory, leave its number out, name the \
-         columns so, and let the last row say when the walk ends",
-        path.display()
-    )))
 }
 
 #[cfg(test)]
@@ -220,7 +214,6 @@ mod tests {
     fn what_is_no_script_is_refused_and_says_why() {
         for (text, word) in [
             ("t,vx,vy\n0,0,0\n1,0,0\n", "`wz`"),
-            ("trajectory,time,vx_cmd,vy_cmd,wz_cmd\n0,0,0,0,0\n", "take the rows of one trajectory"),
             ("t,vx,vy,wz\n0,0,0,0\n", "1 rows"),
             ("t,vx,vy,wz\n1,0,0,0\n2,0,0,0\n", "begin at 0"),
             ("t,vx,vy,wz\n0,0,0,0\n2,0,0,0\n2,0,0,0\n", "time 3"),

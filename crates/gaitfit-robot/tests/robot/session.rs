@@ -9,8 +9,10 @@ use gaitfit_policy::Policy;
 use gaitfit_random::{Purpose, Stream};
 use gaitfit_robot::guard::{GuardSettings, Limits, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
-use gaitfit_robot::run::{Board, Controller, Recorder, Script, Sender, WALK, WHOLE, suits};
-use gaitfit_robot::unitree::motors_of;
+use gaitfit_robot::run::{
+    Board, ByRemote, Commands, Controller, Recorder, Script, Sender, WALK, WHOLE, suits,
+};
+use gaitfit_robot::unitree::{Remote, motors_of};
 use gaitfit_robot::{Command, Phase, Reading, RobotState, Seal, Supervisor, Times};
 
 use crate::limits::violation;
@@ -80,6 +82,19 @@ fn session(
     until: Duration,
     fault: impl FnMut(Duration, &Reading) -> Option<Reading> + Send,
 ) -> Session {
+    let script = Script::new(rows.to_vec()).unwrap();
+    session_under(policy, &script, folder, dry, until, fault)
+}
+
+/// The same under any commands.
+fn session_under(
+    policy: &Policy,
+    commands: impl Commands,
+    folder: &Path,
+    dry: bool,
+    until: Duration,
+    fault: impl FnMut(Duration, &Reading) -> Option<Reading> + Send,
+) -> Session {
     let batch = simulation(&gaitfit_model::builtin::go2().unwrap()).unwrap();
     let seen = Seen::default();
     let link = Watched { robot: Simulated::new(&batch).unwrap(), seen: seen.clone(), fault };
@@ -87,10 +102,9 @@ fn session(
     let postures = Controller::postures(policy).unwrap();
     let supervisor = Supervisor::new(GuardSettings::go2(control), postures, Times::default());
     let mut sender = Sender::new(Box::new(link), supervisor, dry);
-    let script = Script::new(rows.to_vec()).unwrap();
     let motors = motors_of(&policy.interface.joints).unwrap();
     let recorder = Recorder::new(folder, &policy.interface, motors);
-    let mut controller = Controller::new(policy, &script, recorder).unwrap();
+    let mut controller = Controller::new(policy, commands, recorder).unwrap();
     let mut board = Board::default();
     let (mut now, mut phases, mut places) = (Duration::ZERO, Vec::new(), Vec::new());
     while !board.over && now < until {
@@ -309,4 +323,43 @@ fn a_walking_robot_whose_messages_fail_is_damped_and_its_log_ends_with_the_last_
         let walked = (*stopped - run.phases[3].0).as_millis() / 20;
         assert!((walked..=walked + 2).contains(&(log.len() as u128)), "{number}: {} {walked}", log.len());
     }
+}
+
+/// A robot whose remote is what is given for a time; it is walked by it.
+fn by_remote(remote: impl Fn(f64) -> Remote + Sync, folder: &Path) -> Session {
+    let ranges = [[-1.0, 1.0], [-0.5, 0.5], [-1.0, 1.0]];
+    let held = |now: Duration, reading: &Reading| {
+        let state = RobotState { remote: remote(now.as_secs_f64()), ..reading.state };
+        Some(Reading { state, ..*reading })
+    };
+    session_under(&walk(), ByRemote(ranges), folder, false, Duration::from_secs(30), held)
+}
+
+#[test]
+fn the_robots_remote_walks_it_lies_it_down_and_damps_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let half = Remote { left: [0.0, 0.55], ..Remote::default() };
+    let a = Remote { a: true, ..Remote::default() };
+    // It walks from 3.8 s on.
+    let whole = by_remote(|time| if time < 7.0 { half } else { a }, folder.path());
+    use Phase::{Damping, Idle, LieDown, Stand, StandUp, Stop, Walk};
+    let phases: Vec<Phase> = whole.phases.iter().map(|(_, phase)| *phase).collect();
+    assert_eq!(phases, [Idle, StandUp, Stand, Walk, Stop, LieDown, Damping], "{:?}", whole.board.reason);
+    assert_eq!((&whole.board.reason, &*whole.seen.wrong.lock().unwrap()), (&None, &None));
+    let ahead = (whole.places[5][0] - whole.places[3][0]).hypot(whole.places[5][1] - whole.places[3][1]);
+    assert!((1.0..2.0).contains(&ahead), "half of 1 m/s for 3.2 s: {ahead}");
+    let log = read_csv(&folder.path().join(WALK), &ReadOptions::default()).unwrap();
+    let command = log.command.unwrap();
+    assert!((command[0] - 0.5).abs() < 1e-6 && command[1..3] == [0.0, 0.0], "{:?}", &command[..3]);
+
+    let b = Remote { b: true, left: [0.0, 1.0], ..Remote::default() };
+    let stopped = by_remote(|time| if time < 5.0 { half } else { b }, folder.path());
+    assert_eq!(stopped.board.reason, Some(Reason::Operator));
+    let (at, phase) = *stopped.phases.last().unwrap();
+    assert!(phase == Damping && at >= Duration::from_secs(5) && at <= Duration::from_millis(5004), "{at:?}");
+    assert_eq!(*stopped.seen.wrong.lock().unwrap(), None);
+    // Held from the beginning it keeps the robot from being armed.
+    let held = by_remote(|_| b, folder.path());
+    assert_eq!((held.board.phase, &held.board.refused), (Idle, &Some(Reason::Operator)));
+    assert_eq!(held.commands, 0);
 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use gaitfit_robot::guard::GuardSettings;
-use gaitfit_robot::unitree::MOTORS;
+use gaitfit_robot::unitree::{MOTORS, Remote};
 use gaitfit_robot::{Battery, Command, Phase, Postures, Reading, RobotState, Seal, Supervisor, Times};
 
 /// Time between commands.
@@ -36,6 +36,7 @@ impl Toy {
                 accelerometer: [0.0, 0.0, 9.81],
                 battery: Some(Battery { charge: 90, volts: 29.5, amps: 1.0 }),
                 tick: 1,
+                remote: Remote::default(),
             },
         }
     }

@@ -93,6 +93,12 @@ fn independent(policy: &Evaluation, against: &Evaluation) -> Comparison {
     }
 }
 
+/// Mean and half the 95 % confidence interval of a few independent values; what is unknown is NaN.
+pub fn of_few(values: &[f64]) -> Estimate {
+    let found = stats::Estimate::of_few(values);
+    found.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
+}
+
 fn estimate(values: &[f64]) -> Estimate {
     let found = stats::Estimate::of(values);
     found.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })

@@ -5,7 +5,7 @@ mod ground;
 mod measure;
 mod verdict;
 
-pub use compare::{Better, Comparison, TrajectoryErrors, compare};
+pub use compare::{Better, Comparison, TrajectoryErrors, compare, of_few};
 pub use ground::{GroundChoice, GroundResult, OnGround};
 pub use measure::{DriftResult, Evaluation, Measured, Plan, measure};
 pub use verdict::{MANY_FALLS, Verdict, goes_nowhere, standing_error, verdict};

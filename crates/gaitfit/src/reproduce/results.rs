@@ -2,7 +2,7 @@
 
 use super::paper::Kind;
 use crate::adapt::CostFit;
-use crate::evaluate::{DriftResult, Evaluation};
+use crate::evaluate::{DriftResult, Evaluation, of_few};
 use gaitfit_view::loop_report::Estimate;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
@@ -192,10 +192,10 @@ impl Row {
             .into_iter()
             .map(|name| {
                 let errors = over(&|fit| fit.errors_percent.get(&name).copied());
-                (name, estimate(&errors))
+                (name, of_few(&errors))
             })
             .collect();
-        let some = |values: Vec<f64>| (!values.is_empty()).then(|| estimate(&values));
+        let some = |values: Vec<f64>| (!values.is_empty()).then(|| of_few(&values));
         let mean_error_percent = some(over(&|fit| fit.mean_error_percent));
         let cost_value = some(over(&|fit| Some(fit.cost)));
         let walks: Vec<Walk> = seeds.iter().filter_map(|seed| seed.walk).collect();
@@ -219,7 +219,7 @@ impl Row {
 fn walk(walks: &[Walk]) -> Option<Walk> {
     let of = |which: fn(&Walk) -> Estimate| match walks {
         [one] => which(one),
-        _ => estimate(&walks.iter().map(|walk| which(walk).mean).collect::<Vec<_>>()),
+        _ => of_few(&walks.iter().map(|walk| which(walk).mean).collect::<Vec<_>>()),
     };
     (!walks.is_empty()).then(|| Walk {
         reward: of(|walk| walk.reward),
@@ -232,15 +232,9 @@ fn walk(walks: &[Walk]) -> Option<Walk> {
                 .iter()
                 .map(|walk| Some(walk.drift?.mean))
                 .collect::<Option<Vec<f64>>>()
-                .map(|all| estimate(&all)),
+                .map(|all| of_few(&all)),
         },
     })
-}
-
-/// Mean and half the 95 % confidence interval of independent values; what is unknown is NaN.
-fn estimate(values: &[f64]) -> Estimate {
-    let found = gaitfit_sim::stats::Estimate::of_few(values);
-    found.map_or_else(Estimate::default, |of| Estimate { mean: of.mean, ci95: of.ci95.unwrap_or(f64::NAN) })
 }
 
 impl Row {
@@ -274,9 +268,9 @@ mod tests {
     #[test]
     fn an_interval_over_seeds_is_students() {
         // Deviation 1, three values: 4.303 / √3.
-        let found = estimate(&[1.0, 2.0, 3.0]);
+        let found = of_few(&[1.0, 2.0, 3.0]);
         assert!((found.mean - 2.0).abs() < 1e-12 && (found.ci95 - 2.4843).abs() < 1e-3, "{found:?}");
-        assert!(estimate(&[2.0]).ci95.is_nan());
+        assert!(of_few(&[2.0]).ci95.is_nan());
     }
 
     #[test]

@@ -1,0 +1,142 @@
+//! `gaitfit drift`: the table of drift trials from their filled forms, policies side by side.
+
+use crate::cli;
+use crate::exit::Failure;
+use crate::output::{self, note};
+use crate::table::table;
+use gaitfit::evaluate::of_few;
+use gaitfit_robot::drift::{Form, Measured};
+use gaitfit_view::loop_report::Estimate;
+use serde::Serialize;
+
+/// What was measured of a policy, as `--json` prints it.
+#[derive(Serialize)]
+struct Policy {
+    policy: String,
+    form: String,
+    directions: Vec<Direction>,
+    /// Over all trials that did not fall: m, and size of the heading's error, rad.
+    distance: Estimate,
+    heading: Estimate,
+    fell: usize,
+    not_made: usize,
+}
+
+/// A direction's trials: where the robot ended minus where it should have, m, m, rad, and how far off that is, m.
+#[derive(Serialize)]
+struct Direction {
+    direction: String,
+    trials: usize,
+    fell: usize,
+    x: Estimate,
+    y: Estimate,
+    heading: Estimate,
+    distance: Estimate,
+}
+
+/// Reads the forms and prints the table.
+pub fn run(args: &cli::Drift) -> Result<(), Failure> {
+    let mut policies = Vec::new();
+    for path in &args.forms {
+        let form = Form::read(path).map_err(Failure::failed)?;
+        if form.empty > 0 {
+            note(&format!("{}: {} rows are not filled in; they do not count", path.display(), form.empty));
+        }
+        policies.push(policy(form, path.display().to_string()));
+    }
+    if args.json {
+        return output::print_json(&policies);
+    }
+    output::print(&text(&policies))
+}
+
+fn policy(form: Form, path: String) -> Policy {
+    let mut names: Vec<&str> = Vec::new();
+    for trial in &form.trials {
+        if !names.contains(&trial.direction.as_str()) {
+            names.push(&trial.direction);
+        }
+    }
+    let directions = names.iter().map(|name| {
+        let of: Vec<&Measured> = form.trials.iter().filter(|trial| trial.direction == *name).collect();
+        let part = |part: usize| estimate(of.iter().filter_map(|trial| trial.error.map(|error| error[part])));
+        Direction {
+            direction: (*name).to_owned(),
+            trials: of.len(),
+            fell: of.iter().filter(|trial| trial.error.is_none()).count(),
+            x: part(0),
+            y: part(1),
+            heading: part(2),
+            distance: estimate(of.iter().filter_map(|trial| trial.distance())),
+        }
+    });
+    let directions: Vec<Direction> = directions.collect();
+    let trials = || form.trials.iter();
+    Policy {
+        form: path,
+        directions,
+        distance: estimate(trials().filter_map(Measured::distance)),
+        heading: estimate(trials().filter_map(|trial| trial.error.map(|error| error[2].abs()))),
+        fell: trials().filter(|trial| trial.error.is_none()).count(),
+        not_made: form.empty,
+        policy: form.policy,
+    }
+}
+
+fn estimate(numbers: impl Iterator<Item = f64>) -> Estimate {
+    of_few(&numbers.collect::<Vec<_>>())
+}
+
+fn text(policies: &[Policy]) -> String {
+    let header = ["command", "policy", "trials", "fell", "x, m", "y, m", "heading, rad", "distance, m"];
+    let mut rows = table(&header, &[2, 3, 4, 5, 6, 7]);
+    let mut directions: Vec<&str> = Vec::new();
+    for one in policies.iter().flat_map(|policy| &policy.directions) {
+        if !directions.contains(&one.direction.as_str()) {
+            directions.push(&one.direction);
+        }
+    }
+    for direction in directions {
+        for policy in policies {
+            let Some(one) = policy.directions.iter().find(|one| one.direction == direction) else { continue };
+            rows.add_row([
+                direction.to_owned(),
+                policy.policy.clone(),
+                one.trials.to_string(),
+                one.fell.to_string(),
+                shown(one.x, true),
+                shown(one.y, true),
+                shown(one.heading, true),
+                shown(one.distance, false),
+            ]);
+        }
+    }
+    for policy in policies {
+        rows.add_row([
+            "all".to_owned(),
+            policy.policy.clone(),
+            policy.directions.iter().map(|one| one.trials).sum::<usize>().to_string(),
+            policy.fell.to_string(),
+            String::new(),
+            String::new(),
+            shown(policy.heading, false),
+            shown(policy.distance, false),
+        ]);
+    }
+    format!(
+        "Drift: stand, command for 4 s, stand; where the robot ended minus where it should have, mean ± 95 %\n{rows}\n\
+         x ahead, y and heading to the left of where the command began; in the last rows the heading's size. Trials that fell \
+         count as falls alone.\n"
+    )
+}
+
+fn shown(estimate: Estimate, signed: bool) -> String {
+    let Estimate { mean, ci95 } = estimate;
+    let mean = match (mean.is_nan(), signed) {
+        (true, _) => return "–".to_owned(),
+        (_, true) => format!("{mean:+.3}"),
+        (_, false) => format!("{mean:.3}"),
+    };
+    // One trial says nothing of how far others differ.
+    if ci95.is_finite() { format!("{mean} ± {ci95:.3}") } else { mean }
+}

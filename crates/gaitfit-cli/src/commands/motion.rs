@@ -1,0 +1,72 @@
+//! Before a run on a robot: its own walking, the motion service, must leave the motors to others.
+
+use crate::cli::LinkArgs;
+use crate::exit::{Exit, Failure};
+use crate::output::note;
+use gaitfit_robot::link::{MotionMode, MotionSwitcher};
+use std::io::BufRead;
+use std::time::Duration;
+
+/// How long the service has to be found and to answer (found it was in 2.5 s on a busy machine), and to let go of the motors.
+const ANSWER: Duration = Duration::from_secs(6);
+const RELEASE: Duration = Duration::from_secs(15);
+/// What a person types to have it released.
+const WORD: &str = "release";
+/// What to do where it cannot be had released from here.
+const BY_HAND: &str = "switch it off in the vendor's app, or with its SDK (MotionSwitcherClient.ReleaseMode), and run again; \
+                       nothing was sent to the motors";
+
+/// Has the motion service of the robot on `interface` released, or finds that it is.
+pub fn released(interface: &str, link: &LinkArgs) -> Result<(), Failure> {
+    let mut switcher = MotionSwitcher::open(interface, link.domain).map_err(super::run::usage)?;
+    let name = match switcher.check(ANSWER).map_err(Failure::failed)? {
+        MotionMode::Released => {
+            note("the robot's motion service is released");
+            return Ok(());
+        }
+        MotionMode::Silent => {
+            note(&format!(
+                "no motion service answered within {} s; the run goes on unless another program's commands to the motors \
+                 are heard",
+                ANSWER.as_secs()
+            ));
+            return Ok(());
+        }
+        MotionMode::Error(code) => {
+            return Err(Failure::failed(format!(
+                "the robot's motion service answers with error {code}, so it may still move the motors: {BY_HAND}"
+            )));
+        }
+        MotionMode::Active(name) => name,
+    };
+    note(&format!(
+        "The robot's motion service is active (mode `{name}`). It must be released before a policy may walk the robot, and \
+         then nothing holds the robot up: it must lie on its belly, or hang. Lay it down with its remote or the app first."
+    ));
+    if !link.yes {
+        note(&format!("Type `{WORD}` and Enter once it lies; anything else ends."));
+        let mut line = String::new();
+        if std::io::stdin().lock().read_line(&mut line).is_err() || line.trim() != WORD {
+            return Err(Failure {
+                exit: Exit::Check,
+                message: "not released; nothing was sent to the motors".to_owned(),
+            });
+        }
+    }
+    match switcher.release(RELEASE).map_err(Failure::failed)? {
+        MotionMode::Released => {
+            note("the motion service is released");
+            Ok(())
+        }
+        MotionMode::Active(name) => Err(Failure::failed(format!(
+            "the motion service stays active (mode `{name}`) {} s after it was asked to let go: {BY_HAND}",
+            RELEASE.as_secs()
+        ))),
+        MotionMode::Silent => Err(Failure::failed(format!(
+            "the motion service stopped answering as it was released: {BY_HAND}"
+        ))),
+        MotionMode::Error(code) => Err(Failure::failed(format!(
+            "the motion service answers its release with error {code}: {BY_HAND}"
+        ))),
+    }
+}

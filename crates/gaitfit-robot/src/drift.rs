@@ -1,0 +1,293 @@
+//! The form of drift trials: a row a trial, with empty cells for what a tape measure or a tag says, and what the filled form
+//! says of the policy.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use crate::run::{COMMAND, Trial};
+
+/// Furthest that a robot may have come, m: what is beyond is likely centimetres.
+const FURTHEST: f64 = 30.0;
+/// Furthest that it may have turned, rad: what is beyond is likely degrees.
+const MOST_TURNED: f64 = 7.0;
+/// Columns that a form must have, and those that say where the robot ended, with their factor to m and rad.
+const NEEDED: [&str; 6] = ["trial", "direction", "vx", "vy", "wz", "seconds"];
+const ENDS: [[(&str, f64); 2]; 3] = [
+    [("x_m", 1.0), ("x_cm", 0.01)],
+    [("y_m", 1.0), ("y_cm", 0.01)],
+    [("heading_deg", std::f64::consts::PI / 180.0), ("heading_rad", 1.0)],
+];
+const OTHERS: [&str; 2] = ["fell", "note"];
+
+/// Why a form cannot be read: one line, with file and line.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}: {problem}", path.display())]
+pub struct FormError {
+    /// The form.
+    pub path: PathBuf,
+    /// What is wrong, and what to do.
+    pub problem: String,
+}
+
+/// A filled form.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Form {
+    /// The policy that walked.
+    pub policy: String,
+    /// Trials that were measured, or fell.
+    pub trials: Vec<Measured>,
+    /// Rows that nobody filled.
+    pub empty: usize,
+}
+
+/// A trial that was made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// Where it went, for example `+x`.
+    pub direction: String,
+    /// Where it ended minus where it should have: ahead and to the left of where the command began, m, and heading, rad, to
+    /// the left. None if it fell.
+    pub error: Option<[f64; 3]>,
+}
+
+impl Measured {
+    /// How far from where it should it ended, m.
+    pub fn distance(&self) -> Option<f64> {
+        self.error.map(|[x, y, _]| x.hypot(y))
+    }
+}
+
+/// The empty form of trials with a policy.
+pub fn form(policy: &str, trials: &[Trial]) -> String {
+    let mut text = format!(
+        "# policy = {policy:?}\n\
+         # Mark where the robot stands, and its heading, before each trial. When it stands again, measure from the mark:\n\
+         # x_m: metres ahead along the heading that it had; y_m: metres to its left (to the right: negative);\n\
+         # heading_deg: degrees that it turned to the left (to the right: negative). fell: yes if it fell; leave the rest empty.\n\
+         # Rows of trials that were not made stay empty. Then: gaitfit drift FORM.csv\n\
+         {},x_m,y_m,heading_deg,fell,note\n",
+        NEEDED.join(",")
+    );
+    for (number, Trial { direction, command: [vx, vy, wz] }) in trials.iter().enumerate() {
+        let _ = writeln!(text, "{},{direction},{vx},{vy},{wz},{COMMAND},,,,,", number + 1);
+    }
+    text
+}
+
+impl Form {
+    /// Reads a filled form.
+    ///
+    /// # Errors
+    /// A file that is none, rows that are half filled, cells that are no numbers or have another unit, no filled row.
+    pub fn read(path: &Path) -> Result<Self, FormError> {
+        let refuse = |problem: String| FormError { path: path.to_owned(), problem };
+        let text = std::fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
+        Self::parse(&text, path).map_err(refuse)
+    }
+
+    fn parse(text: &str, path: &Path) -> Result<Self, String> {
+        let named = text.lines().find_map(|line| line.strip_prefix("# policy = "));
+        let policy = named.map(|name| name.trim().trim_matches('"').to_owned());
+        let policy =
+            policy.unwrap_or_else(|| path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+        let mut reader = csv::ReaderBuilder::new()
+            .trim(csv::Trim::All)
+            .comment(Some(b'#'))
+            .from_reader(text.trim_start_matches('\u{feff}').as_bytes());
+        let header = reader.headers().map_err(|error| error.to_string())?.clone();
+        let columns = Columns::of(&header)?;
+        let mut found = Self { policy, trials: Vec::new(), empty: 0 };
+        for record in reader.records() {
+            let record = record
+                .map_err(|error| format!("{error}. Does a number have a comma? Write a point, as in 0.35"))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let trial = columns.trial(&record).map_err(|problem| format!("line {line}: {problem}"))?;
+            match trial {
+                Some(trial) => found.trials.push(trial),
+                None => found.empty += 1,
+            }
+        }
+        if found.trials.is_empty() {
+            return Err(
+                "no row is filled in: write where the robot ended into x_m, y_m and heading_deg".to_owned()
+            );
+        }
+        Ok(found)
+    }
+}
+
+/// Where the cells are.
+struct Columns {
+    needed: [usize; 6],
+    /// Column, its name, and the factor to m or rad.
+    ends: [(usize, &'static str, f64); 3],
+    fell: Option<usize>,
+}
+
+impl Columns {
+    fn of(header: &csv::StringRecord) -> Result<Self, String> {
+        let at = |name: &str| header.iter().position(|cell| cell == name);
+        let names = ENDS.iter().flatten().map(|(name, _)| *name);
+        let known: Vec<&str> = NEEDED.into_iter().chain(names).chain(OTHERS).collect();
+        if let Some(unknown) = header.iter().find(|cell| !known.contains(cell)) {
+            return Err(format!(
+                "column `{}` is none of a form: {}. Units are part of the names",
+                unknown.escape_debug(),
+                known.join(", ")
+            ));
+        }
+        let mut needed = [0; 6];
+        for (column, name) in needed.iter_mut().zip(NEEDED) {
+            *column = at(name)
+                .ok_or_else(|| format!("no column `{name}`; `gaitfit run --drift` writes the form"))?;
+        }
+        let mut ends = [(0, "", 1.0); 3];
+        for (end, [first, second]) in ends.iter_mut().zip(ENDS) {
+            *end = match (at(first.0), at(second.0)) {
+                (Some(column), None) => (column, first.0, first.1),
+                (None, Some(column)) => (column, second.0, second.1),
+                (None, None) => return Err(format!("no column `{}` or `{}`", first.0, second.0)),
+                (Some(_), Some(_)) => {
+                    return Err(format!(
+                        "columns `{}` and `{}`; keep the one that is filled in",
+                        first.0, second.0
+                    ));
+                }
+            };
+        }
+        Ok(Self { needed, ends, fell: at("fell") })
+    }
+
+    /// A row; `None` if nobody filled it.
+    fn trial(&self, record: &csv::StringRecord) -> Result<Option<Measured>, String> {
+        let cell = |column: usize| record.get(column).unwrap_or("");
+        let number = |column: usize, name: &str| -> Result<f64, String> {
+            let text = cell(column);
+            let number = text.parse::<f64>().ok().filter(|number| number.is_finite());
+            number.ok_or_else(|| {
+                format!(
+                    "{name} is `{}`; write a number alone, with a point and without its unit, as in 0.35",
+                    text.escape_debug()
+                )
+            })
+        };
+        let [_, direction, parts @ .., seconds] = self.needed;
+        let seconds = number(seconds, "seconds")?;
+        let mut wanted = [0.0; 3];
+        for ((wanted, column), name) in wanted.iter_mut().zip(parts).zip(["vx", "vy", "wz"]) {
+            *wanted = number(column, name)? * seconds;
+        }
+        let direction = cell(direction).to_owned();
+        let fell = match self.fell.map_or("", cell).to_lowercase().as_str() {
+            "" | "no" => false,
+            "yes" => true,
+            other => {
+                return Err(format!(
+                    "fell is `{}`; write yes or no, or leave it empty",
+                    other.escape_debug()
+                ));
+            }
+        };
+        let filled = self.ends.iter().filter(|(column, _, _)| !cell(*column).is_empty()).count();
+        match (filled, fell) {
+            (0, false) => return Ok(None),
+            (_, true) => return Ok(Some(Measured { direction, error: None })),
+            (3, false) => {}
+            _ => {
+                let missing: Vec<&str> = self
+                    .ends
+                    .iter()
+                    .filter(|(column, _, _)| cell(*column).is_empty())
+                    .map(|(_, name, _)| *name)
+                    .collect();
+                return Err(format!("{} is empty: fill it in, or empty the whole row", missing.join(", ")));
+            }
+        }
+        let mut error = [0.0; 3];
+        for (part, (column, name, factor)) in self.ends.into_iter().enumerate() {
+            let end = factor * number(column, name)?;
+            let most = if part < 2 { FURTHEST } else { MOST_TURNED };
+            if end.abs() > most {
+                let other =
+                    ENDS[part].iter().find(|(other, _)| *other != name).map_or("", |(other, _)| other);
+                return Err(format!(
+                    "{name} is {}, which is further than a robot comes in {seconds} s; is it {other}? Then name the \
+                     column so",
+                    cell(column)
+                ));
+            }
+            error[part] = end - wanted[part];
+        }
+        // A heading is the same a turn further.
+        error[2] -= std::f64::consts::TAU * (error[2] / std::f64::consts::TAU).round();
+        Ok(Some(Measured { direction, error: Some(error) }))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::run::trials;
+
+    fn parse(text: &str) -> Result<Form, String> {
+        Form::parse(text, Path::new("walks/first.csv"))
+    }
+
+    fn filled(rows: &[(usize, &str)]) -> String {
+        let empty = form("go2 \"walk\".safetensors", &trials(1, [1.0, 0.5, 0.3925]).unwrap());
+        let line = |(number, line): (usize, &str)| {
+            let row = rows.iter().find(|(row, _)| line.starts_with(&format!("{row},")) && number > 4);
+            row.map_or(line.to_owned(), |(_, cells)| line.replace(",,,,,", &format!(",{cells}")))
+        };
+        empty.lines().enumerate().map(line).collect::<Vec<_>>().join("\n")
+    }
+
+    #[test]
+    fn what_was_measured_is_compared_with_what_was_commanded() {
+        let found =
+            parse(&filled(&[(1, "3.7,-0.2,-10,,"), (2, ",,,yes,"), (5, "0.1,0,100,no,slippery")])).unwrap();
+        assert_eq!((found.trials.len(), found.empty), (3, 3));
+        assert!(found.policy.contains("walk"), "{}", found.policy);
+        let [x, y, heading] = found.trials[0].error.unwrap();
+        assert!((x + 0.3).abs() < 1e-9 && (y + 0.2).abs() < 1e-9 && (heading + 0.174_533).abs() < 1e-5);
+        assert_eq!(found.trials[1], Measured { direction: "-x".to_owned(), error: None });
+        let turned = found.trials[2].error.unwrap()[2];
+        assert!((turned - (100.0f64.to_radians() - 1.57)).abs() < 1e-9, "{turned}");
+        let centimetres =
+            filled(&[(1, "370,-20,-0.1745,,")]).replace("x_m,y_m,heading_deg", "x_cm,y_cm,heading_rad");
+        let other = parse(&centimetres).unwrap().trials[0].error.unwrap();
+        assert!((other[0] + 0.3).abs() < 1e-9 && (other[2] + 0.1745).abs() < 1e-9, "{other:?}");
+        // A spreadsheet's own way to write it.
+        assert_eq!(
+            parse(&format!("\u{feff}{}", filled(&[(1, "3.7,-0.2,-10,,")]).replace('\n', "\r\n")))
+                .unwrap()
+                .empty,
+            5
+        );
+    }
+
+    #[test]
+    fn a_form_that_is_half_filled_or_has_other_units_says_where_and_what() {
+        for (text, words) in [
+            (filled(&[]), ["no row is filled in", "x_m"]),
+            (filled(&[(1, "3.7,,-10,,")]), ["line 7: y_m is empty", "the whole row"]),
+            (filled(&[(2, "3.7,0.1 m,-10,,")]), ["line 8: y_m is `0.1 m`", "without its unit"]),
+            (filled(&[(1, "370,0,1,,")]), ["line 7: x_m is 370", "x_cm"]),
+            (filled(&[(1, "3,0,4000,,")]), ["heading_deg is 4000", "heading_rad"]),
+            (filled(&[(1, "3,0,1,perhaps,")]), ["fell is `perhaps`", "yes or no"]),
+            (filled(&[(1, "3,70,0,1,,")]), ["comma", "0.35"]),
+            (filled(&[(1, "NaN,0,0,,")]), ["x_m is `NaN`", "a number"]),
+            (filled(&[(1, "3,0,1,,")]).replace("x_m", "x"), ["column `x`", "x_cm"]),
+            (filled(&[(1, "3,0,1,,")]).replace(",note", ",x_cm"), ["`x_m` and `x_cm`", "keep"]),
+            (
+                filled(&[(1, "3,0,1,,")]).replace(",seconds", ",note").replace("fell,note", "fell,fell"),
+                ["`seconds`", "--drift"],
+            ),
+            (String::new(), ["no column", "trial"]),
+        ] {
+            let error = parse(&text).unwrap_err();
+            assert!(words.iter().all(|word| error.contains(word)), "{words:?}: {error}\n{text}");
+        }
+    }
+}
