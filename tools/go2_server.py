@@ -3,15 +3,18 @@
 The bridge (unitree_mujoco, simulate_python/unitree_sdk2py_bridge.py) imports modules `config` and `pygame`; this script
 puts small stand-ins there. The robot is the vendor's go2.xml without its meshes, on a level floor, lying at first. The
 server ends after SECONDS, when its standard input is closed, or when it is killed; its last line is a JSON object: states
-published, those between the first and the last command, commands taken, commands whose checksum is not the SDK's, the base's path, how far it leaned.
+published, those between the first and the last command, commands taken, commands whose checksum is not the SDK's, the
+base's path, how far it leaned. A row of the path, ten a second: x, y, z, m, heading, rad, and when, s since 1970.
 
 Needs the packages cyclonedds (11.0.1), mujoco and numpy, and the vendor's software (both BSD-3).
 Usage: python tools/go2_server.py [--vendor FOLDER] [--domain 1] [--interface lo] [--dt 0.005] [--seconds 120]
-       [--frictionloss 0] [--armature 0] [--payload 0]
+       [--frictionloss 0] [--armature 0] [--payload 0] [--real-time]
 """
 
 import argparse
 import json
+import math
+import os
 import pathlib
 import select
 import sys
@@ -45,7 +48,13 @@ def main():
     parser.add_argument("--armature", type=float, default=0.0, help="added to every joint, kg·m²")
     parser.add_argument("--payload", type=float, default=0.0, help="added to the mass of the base, kg")
     parser.add_argument("--seconds", type=float, default=120.0)
+    parser.add_argument("--real-time", action="store_true", help="ask for real-time priority, as on a robot's own computer")
     arguments = parser.parse_args()
+    if arguments.real_time:
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(40))
+        except (AttributeError, PermissionError) as refused:
+            print(f"no real-time priority: {refused}", file=sys.stderr)
     sys.path.insert(0, str(arguments.vendor / "unitree_sdk2_python"))
     sys.path.insert(0, str(arguments.vendor / "unitree_mujoco/simulate_python"))
     config = types.ModuleType("config")
@@ -103,7 +112,9 @@ def main():
         mujoco.mj_step(model, data)
         steps += 1
         if steps % int(0.1 / arguments.dt) == 0:
-            path.append([round(float(x), 4) for x in data.qpos[:3]])
+            w, x, y, z = data.qpos[3:7]
+            heading = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+            path.append([round(float(x), 4) for x in (*data.qpos[:3], heading, time.time())])
         highest = max(highest, float(data.qpos[2]))
         least_up = min(least_up, float(1 - 2 * (data.qpos[4] ** 2 + data.qpos[5] ** 2)))
         wait = steps * arguments.dt - (time.perf_counter() - begin)

@@ -182,3 +182,94 @@ fn a_robots_program_ends_with_the_loop_however_that_ends() {
     let folders: Vec<&str> = folders.lines().collect();
     assert!(folders.len() == 2 && folders[0] != folders[1], "attempts share a folder: {folders:?}");
 }
+
+/// A Go2 in the project's engine, walked on the clock; the training leaves the policy as it is.
+const ON_THE_CLOCK: &str = r#"
+[target]
+kind = "simulated-go2"
+trajectories = 3
+seconds = 5.0
+pause = 0.5
+patience = 1000
+yes = true
+"#;
+const WALKS: [&str; 4] =
+    ["--set", "policy=assets/go2-walk.safetensors", "--set", "finetune.ppo.critic_warmup=5"];
+
+#[test]
+fn a_robot_walks_for_a_loop_once_for_each_log_and_the_new_policy_walks_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let run_folder = folder.path().join("l");
+    let session = |number: u32| run_folder.join(format!("round-1/sessions/{number}"));
+    let mut child = program()
+        .args(args(folder.path(), ON_THE_CLOCK, &WALKS))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // It is stopped within its first walk, which is long enough to count.
+    let first = session(1).join("trajectory_00.csv");
+    let begun = std::time::Instant::now();
+    while fs::read_to_string(&first).unwrap_or_default().lines().count() < 65 {
+        assert!(child.try_wait().unwrap().is_none() && begun.elapsed() < Duration::from_secs(120));
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let kill = std::process::Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+    assert!(kill.success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", errors(&output));
+    assert!(errors(&output).contains("1 of 3 walks are in"), "{}", errors(&output));
+    let whole = fs::read_to_string(session(1).join("run/whole.csv")).unwrap();
+    assert!(whole.lines().last().unwrap().contains(",damping,"), "the robot was left standing");
+
+    let more = [&WALKS[..], &["--resume"]].concat();
+    let output = run(&args(folder.path(), ON_THE_CLOCK, &more));
+    assert!(output.status.success(), "{}", errors(&output));
+    assert!(errors(&output).contains("1 of 3 walks are made already"), "{}", errors(&output));
+    let logs = |round: u32| gaitfit_log::csv_files(&run_folder.join(format!("round-{round}/logs"))).unwrap();
+    assert_eq!((logs(1).len(), logs(2).len()), (3, 3));
+    assert_eq!(gaitfit_log::csv_files(&session(2)).unwrap().len(), 2, "what was made was made again");
+    // The new policy walked under the same commands.
+    let command = |log: &Path| {
+        let log = gaitfit_log::read_csv(log, &gaitfit_log::ReadOptions::default()).unwrap();
+        log.command.unwrap()[..3].to_vec()
+    };
+    for (first, last) in logs(1).iter().zip(&logs(2)) {
+        assert_eq!(command(first), command(last));
+    }
+    let result = json(&output);
+    let walked = result["walked"].as_array().unwrap();
+    assert_eq!((walked[0]["policy"].as_str(), walked[1]["policy"].as_str()), (Some("π₀"), Some("π₁")));
+    assert_eq!((walked[0]["walks"].as_u64(), walked[0]["stopped"].as_u64()), (Some(3), Some(1)));
+    assert!(walked[1]["yaw_rate_error"]["mean"].as_f64().unwrap() < 0.5, "{walked:?}");
+    assert!(result["next"].as_str().unwrap().contains("was not measured"), "{result}");
+    let places: Vec<_> = result["evaluations"].as_array().unwrap().iter().map(|one| &one["on"]).collect();
+    assert!(places.iter().all(|on| *on == "adapted"), "{places:?}");
+}
+
+#[test]
+fn a_robot_without_a_person_or_with_a_wrong_link_is_refused_before_anything_is_made() {
+    let real = ON_THE_CLOCK.replace("simulated-go2", "unitree-go2");
+    for (target, words) in [
+        (ON_THE_CLOCK.replace("yes = true", ""), ["a person types a word", "no terminal"]),
+        (real.clone(), ["`target.interface`", "eth0"]),
+        (real.replace("yes", "interface = \"lo\"\nyes"), ["`target.yes`", "simulators only"]),
+        (format!("{ON_THE_CLOCK}domain = 1\n"), ["`target.domain`", "unitree-go2"]),
+        (format!("{ON_THE_CLOCK}collect = [\"x\"]\n"), ["`target.collect`", "command"]),
+        (ON_THE_CLOCK.replace("pause = 0.5", "pause = 0.1"), ["`target.pause`", "0.5 to 60"]),
+        (ON_THE_CLOCK.replace("trajectories = 3", "trajectories = 3000"), ["longer than an hour", "fewer"]),
+        (format!("{}yes = true\n", common::loops::COMMAND), ["`yes`", "unitree-go2"]),
+        (
+            format!("{real}interface = \"no-such-0\"\ndomain = 1\n"),
+            ["[target]", if cfg!(feature = "dds") { "no-such-0" } else { "without DDS" }],
+        ),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut command = program();
+        let output = command.args(args(folder.path(), &target, &[])).stdin(Stdio::null()).output().unwrap();
+        let code = if errors(&output).contains("without DDS") { 4 } else { 2 };
+        assert_eq!(output.status.code(), Some(code), "{target}: {}", errors(&output));
+        assert!(words.iter().all(|word| errors(&output).contains(word)), "{target}: {}", errors(&output));
+        assert!(!folder.path().join("l").exists(), "{target}");
+    }
+}

@@ -4,6 +4,7 @@ use super::controls;
 use super::results::{REFERENCE, Results, TARGET};
 use super::rounds::Done;
 use super::setup::Setup;
+use super::walked;
 use crate::Error;
 use crate::adapt;
 use crate::evaluate::{Comparison, Evaluation};
@@ -26,6 +27,7 @@ pub fn write(setup: &Setup, folder: &RunFolder, done: &Done) -> Result<(), Error
         fact("Stopped because", results.stopped_because.clone()),
     ];
     facts.extend(results.target.iter().map(|target| fact("Target", target.clone())));
+    facts.extend(walked::sentences(&results.walked).into_iter().map(|said| fact("On the robot", said)));
     // Without the robot it is said in large print.
     let next = results.next.iter().filter(|_| results.absence().is_none());
     facts.extend(next.map(|next| fact("Next", next.clone())));

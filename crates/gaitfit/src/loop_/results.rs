@@ -1,5 +1,6 @@
 //! What a loop came to, as the one document that `--json` prints, `result.json` keeps, and table and report show.
 
+use super::walked::Walked;
 use crate::adapt::AdaptResults;
 use crate::evaluate::{Comparison, Evaluation};
 use crate::train;
@@ -23,6 +24,9 @@ pub struct Results {
     /// The best policy beside the others, where all were measured: on the target, or else in the last adapted simulator.
     #[serde(default)]
     pub comparisons: Vec<Comparison>,
+    /// What the robot's own sensors say of the policies that walked on it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub walked: Vec<Walked>,
     /// What the fit bought over training without logs, in a sentence; absent without such policies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bought: Option<String>,

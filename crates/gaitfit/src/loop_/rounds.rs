@@ -11,6 +11,7 @@ use super::results::{self, Measurement, REFERENCE, Results, RoundResult, TARGET,
 use super::settled;
 use super::setup::Setup;
 use super::stages::{Stages, TrainingRobot, measurement};
+use super::walked::{NOT_MEASURED, Walked};
 use crate::Error;
 use crate::adapt;
 use crate::evaluate::{Better, Comparison, Evaluation, compare};
@@ -70,6 +71,7 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
             break;
         }
     }
+    last_walk(&mut stages, &policies)?;
     reference(&mut stages, &policies, &mut evaluations)?;
     let number = best(&policies, if choices.is_empty() { &evaluations } else { &choices });
     let after = &policies[number];
@@ -84,7 +86,8 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         policy: after.safetensors.display().to_string(),
         onnx: after.onnx.display().to_string(),
         stopped_because,
-        next: next(stages.target.is_some(), absent.as_deref(), after),
+        walked: walked(&stages, &policies)?,
+        next: next(stages.target.as_ref(), absent.as_deref(), after),
         doubts: rounds.last().map(|round| round.adapt.doubts()).unwrap_or_default(),
         warnings: warnings(&rounds, &fits, &evaluations, &comparisons),
         bought: controls::bought(&comparisons, &evaluations),
@@ -106,7 +109,7 @@ fn count(setup: &Setup, rounds: u32, target: Option<&Target>) -> usize {
     let round = 5 + measured;
     let reference = if has_reference(setup) { 1 + measured } else { 0 };
     let chosen = if rounds > 1 { measured * (rounds as usize + 1) } else { 0 };
-    let controls = controls::count(setup, target);
+    let controls = controls::count(setup, target) + usize::from(walks_last(setup));
     rounds as usize * round - usize::from(!setup.logs.is_empty()) + measured + reference + chosen + controls
 }
 
@@ -125,8 +128,7 @@ fn one_round(
     let logs = if number == 1 && !setup.logs.is_empty() {
         setup.logs.clone()
     } else {
-        let seed = setup.config.target.as_ref().map_or(0, |target| target.seed);
-        vec![stages.collect(&format!("{round}/logs"), before, seed.saturating_add(u64::from(number - 1)))?]
+        vec![stages.collect(&logs_of(number), before, seed(setup, number))?]
     };
     let (logs, held) = split(logs, setup.config.held_out)?;
     let shown = |logs: &[PathBuf]| logs.iter().map(|path| path.display().to_string()).collect();
@@ -153,6 +155,42 @@ fn one_round(
     };
     policies.push(after);
     Ok((result, fit))
+}
+
+/// Where the logs of a round's robot are.
+fn logs_of(round: u32) -> String {
+    format!("round-{round}/logs")
+}
+
+/// Seed of a round's commands: that of the round, or on a robot always the same, so that its policies can be compared.
+fn seed(setup: &Setup, round: u32) -> u64 {
+    let Some(target) = &setup.config.target else { return 0 };
+    let more = if target.kind.is_robot() { 0 } else { u64::from(round - 1) };
+    target.seed.saturating_add(more)
+}
+
+/// Whether the last policy walks though nothing is fitted to it.
+fn walks_last(setup: &Setup) -> bool {
+    setup.config.target.as_ref().is_some_and(|target| target.kind.is_robot() && target.last_walk)
+}
+
+/// The last policy walks on the robot; a further round finds its logs made.
+fn last_walk(stages: &mut Stages<'_>, policies: &[PolicyFiles]) -> Result<(), Error> {
+    if let (true, [.., last]) = (walks_last(stages.setup), policies) {
+        let round = policies.len() as u32;
+        stages.collect(&logs_of(round), last, seed(stages.setup, round))?;
+    }
+    Ok(())
+}
+
+/// What a robot's sensors say of the policies that walked on it.
+fn walked(stages: &Stages<'_>, policies: &[PolicyFiles]) -> Result<Vec<Walked>, Error> {
+    let Some(target) = stages.setup.config.target.as_ref().filter(|target| target.kind.is_robot()) else {
+        return Ok(Vec::new());
+    };
+    let logs = (1..).map(|round| stages.path(&logs_of(round)));
+    let walked = policies.iter().zip(logs).filter(|(_, logs)| logs.is_dir());
+    walked.map(|(policy, logs)| Walked::read(&policy.name, &logs, target.seconds)).collect()
 }
 
 /// The logs to fit, and those that show how well the fit predicts: one of every `every`, the last of them. Of fewer than
@@ -259,14 +297,15 @@ fn best(policies: &[PolicyFiles], evaluations: &[Measurement]) -> usize {
 }
 
 /// What only the user can do.
-fn next(target: bool, absent: Option<&str>, after: &PolicyFiles) -> Option<String> {
+fn next(target: Option<&Target>, absent: Option<&str>, after: &PolicyFiles) -> Option<String> {
     match (target, absent) {
-        (true, _) => None,
-        (false, Some(why)) => Some(format!(
+        (Some(Target::Robot(_)), _) => Some(NOT_MEASURED.to_owned()),
+        (Some(_), _) => None,
+        (None, Some(why)) => Some(format!(
             "The robot was not there ({why}), so what the policies do on it is not known. Once it is, start this loop \
              afresh to measure them on it."
         )),
-        (false, None) => Some(format!(
+        (None, None) => Some(format!(
             "Run {} (or {}) on the robot under commands over its whole range, record joint positions, velocities, \
              actions and commands, and give these logs and this policy to the next loop.",
             after.onnx.display(),

@@ -6,7 +6,7 @@ use crate::evaluate::{self, Plan};
 use crate::robot::Hold;
 use crate::run::{Inputs, bound};
 use crate::settings::{LOOP_FREE, LoopConfig, MOST_SEED, TargetConfig, TargetKind};
-use crate::target::{self, Command, PolicyFiles, Simulated, Target};
+use crate::target::{self, Command, PolicyFiles, Robot, Simulated, Target};
 use crate::walk::log_files;
 use crate::world::{self, World, WorldSettings};
 use crate::{collect, finetune, paths, robot, theta};
@@ -40,6 +40,8 @@ pub struct Setup {
     pub known: Option<PathBuf>,
     /// What the result depends on.
     pub inputs: Inputs,
+    /// The program `gaitfit`, which runs robots.
+    pub program: PathBuf,
     /// What fits and trains.
     pub device: Device,
     /// Threads.
@@ -118,6 +120,7 @@ impl Setup {
             known,
             inputs,
             threads,
+            program: PathBuf::from("gaitfit"),
             device: Device::Cpu,
             warnings: doubts,
         };
@@ -129,12 +132,16 @@ impl Setup {
         setup.check_fit()?;
         if let Some(target) = &setup.config.target {
             // A spring on no joint, a place to fill in that there is not: found now, not after an hour.
-            if let Target::Simulated(mut target) = setup.target(target, PathBuf::new(), None)? {
-                target.arguments.theta = None;
-                let policy = setup.policy.clone();
-                let [safetensors, onnx] = [PathBuf::new(), PathBuf::new()];
-                let world = target.world(&PolicyFiles { name: String::new(), safetensors, onnx, policy });
-                world.map_err(|error| error.within(format!("{}: [target]", config_path.display())))?;
+            match setup.target(target, PathBuf::new(), None)? {
+                Target::Simulated(mut target) => {
+                    target.arguments.theta = None;
+                    let policy = setup.policy.clone();
+                    let [safetensors, onnx] = [PathBuf::new(), PathBuf::new()];
+                    let world = target.world(&PolicyFiles { name: String::new(), safetensors, onnx, policy });
+                    world.map_err(|error| error.within(format!("{}: [target]", config_path.display())))?;
+                }
+                Target::Robot(robot) => robot.check_person()?,
+                Target::Command(_) => {}
             }
         }
         Ok(setup)
@@ -188,6 +195,9 @@ impl Setup {
             TargetKind::Command => Command::new(target, python)
                 .map(Target::Command)
                 .map_err(|wrong| Error::settings(format!("{}: {wrong}", self.config_path.display()))),
+            TargetKind::UnitreeGo2 | TargetKind::SimulatedGo2 => {
+                Ok(Target::Robot(Robot::new(target, &self.program)))
+            }
         }
     }
 

@@ -97,7 +97,16 @@ pub struct EvaluateConfig {
 pub const MOST_SEED: u64 = i64::MAX as u64;
 
 /// Settings that do not change what a stage does.
-pub const FREE: [&str; 5] = ["name", "runs", "rounds", "checkpoint_seconds", "target.timeout_seconds"];
+pub const FREE: [&str; 8] = [
+    "name",
+    "runs",
+    "rounds",
+    "checkpoint_seconds",
+    "target.timeout_seconds",
+    "target.interface",
+    "target.patience",
+    "target.yes",
+];
 
 /// Settings of `[adapt]` and `[finetune]` that the loop decides.
 const DECIDED: [(&str, &[&str]); 2] = [

@@ -49,6 +49,24 @@ pub struct TargetConfig {
     /// Command: the program that measures, and its arguments.
     #[serde(default)]
     pub evaluate: Vec<String>,
+    /// Robot: network interface to it, for example `eth0`.
+    #[serde(default)]
+    pub interface: String,
+    /// Robot: DDS domain; robots are in 0, simulators in others.
+    #[serde(default)]
+    pub domain: u16,
+    /// Robot: how long it stands between trajectories, s.
+    #[serde(default = "pause")]
+    pub pause: f64,
+    /// Robot: how old a state and how late a loop may be, ms; a real one has 20.
+    #[serde(default = "patience")]
+    pub patience: u16,
+    /// Robot: nobody is asked before it moves; for simulators only.
+    #[serde(default)]
+    pub yes: bool,
+    /// Robot: whether the last policy walks too, under the commands of the first round.
+    #[serde(default = "yes")]
+    pub last_walk: bool,
     /// Simulated: true values of joints.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameter: Vec<TrueParameter>,
@@ -65,6 +83,19 @@ pub enum TargetKind {
     Simulated,
     /// By another program.
     Command,
+    /// A Unitree Go2, or a simulator that speaks as one, over DDS.
+    #[serde(rename = "unitree-go2")]
+    UnitreeGo2,
+    /// A Go2 in this engine, run on the clock as the real one is: a rehearsal.
+    #[serde(rename = "simulated-go2")]
+    SimulatedGo2,
+}
+
+impl TargetKind {
+    /// Whether it is run as `gaitfit collect --robot` runs it.
+    pub fn is_robot(self) -> bool {
+        matches!(self, Self::UnitreeGo2 | Self::SimulatedGo2)
+    }
 }
 
 /// A value of some joints of a simulated target.
@@ -106,6 +137,21 @@ fn first_seed() -> u64 {
     1
 }
 
+fn pause() -> f64 {
+    2.0
+}
+
+/// What a real robot has, ms.
+const PATIENCE: u16 = 20;
+
+fn patience() -> u16 {
+    PATIENCE
+}
+
+fn yes() -> bool {
+    true
+}
+
 fn accurate() -> Preset {
     Preset::Accurate
 }
@@ -122,7 +168,7 @@ impl TargetConfig {
 
     /// What is wrong with it, in words.
     pub fn wrong(&self) -> Option<String> {
-        let simulated = self.kind == TargetKind::Simulated;
+        let (simulated, command) = (self.kind == TargetKind::Simulated, self.kind == TargetKind::Command);
         let [low, high] = self.log_shift;
         if let Err(wrong) = check_torque_noise("target.torque_noise", self.torque_noise) {
             return Some(wrong);
@@ -133,8 +179,7 @@ impl TargetConfig {
             "`target.seconds` must be above 0 and at most 3600"
         } else if !(self.timeout_seconds > 0.0 && self.timeout_seconds.is_finite()) {
             "`target.timeout_seconds` must be above 0"
-        } else if simulated && !(self.probe.is_empty() && self.collect.is_empty() && self.evaluate.is_empty())
-        {
+        } else if !(command || self.probe.is_empty() && self.collect.is_empty() && self.evaluate.is_empty()) {
             "`target.probe`, `target.collect` and `target.evaluate` are for kind = \"command\""
         } else if !(0.0 <= low && low <= high && high <= 10.0) {
             "`target.log_shift` takes two times from 0 to 10 s, the shorter first"
@@ -145,9 +190,57 @@ impl TargetConfig {
                 || high != 0.0)
         {
             "`target.theta`, `spring`, `torque_noise`, `log_shift`, [[target.parameter]] and [[target.number]] are for \
-             kind = \"simulated\"; a command's arguments say what its robot is"
-        } else if !simulated && self.collect.is_empty() {
+             kind = \"simulated\"; another robot is what it is, and a command's arguments say which"
+        } else if !self.kind.is_robot() && self.has_link() {
+            "`target.interface`, `domain`, `pause`, `patience`, `yes` and `last_walk` are for kind = \"unitree-go2\""
+        } else if self.kind.is_robot()
+            && let Some(wrong) = self.wrong_link()
+        {
+            return Some(wrong);
+        } else if command && self.collect.is_empty() {
             "`target.collect` names no program; give a list such as [\"python\", \"robot.py\", \"{onnx}\", \"{folder}\"]"
+        } else {
+            return None;
+        };
+        Some(wrong.to_owned())
+    }
+}
+
+impl TargetConfig {
+    /// Whether anything is set that only a robot has.
+    fn has_link(&self) -> bool {
+        !self.interface.is_empty()
+            || self.domain != 0
+            || self.pause != pause()
+            || self.patience != PATIENCE
+            || self.yes
+            || !self.last_walk
+    }
+
+    /// What is wrong with a robot's link and walks, in words.
+    fn wrong_link(&self) -> Option<String> {
+        let real = self.kind == TargetKind::UnitreeGo2;
+        let length = self.trajectories as f64 * (self.seconds + self.pause) - self.pause;
+        let wrong = if real && self.interface.is_empty() {
+            "`target.interface` is missing: the network interface to the robot, for example \"eth0\"; \"lo\" for a \
+             simulator on this machine"
+        } else if !(real || self.interface.is_empty() && self.domain == 0) {
+            "`target.interface` and `target.domain` are for kind = \"unitree-go2\""
+        } else if self.domain > 232 {
+            "`target.domain` must be 0 to 232; robots are in 0, simulators in 1"
+        } else if real && self.domain == 0 && self.yes {
+            "`target.yes` is for simulators only, which are in another domain than 0: before a robot moves a person types a \
+             word"
+        } else if real && self.domain == 0 && self.patience != PATIENCE {
+            "`target.patience` is for simulators only, which are in another domain than 0: a robot has 20 ms"
+        } else if !(20..=1000).contains(&self.patience) {
+            "`target.patience` must be 20 to 1000 ms"
+        } else if !(0.5..=60.0).contains(&self.pause) {
+            "`target.pause` must be 0.5 to 60 s"
+        } else if self.seconds < 1.0 {
+            "`target.seconds` must be at least 1 on a robot"
+        } else if length > 3600.0 {
+            "`target.trajectories` with their pauses take longer than an hour; take fewer or shorter ones"
         } else {
             return None;
         };

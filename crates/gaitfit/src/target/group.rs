@@ -9,23 +9,25 @@ pub use other::Group;
 
 #[cfg(unix)]
 mod unix {
-    use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
+    use rustix::process::{
+        Pid, Signal, kill_process, kill_process_group, test_kill_process, test_kill_process_group,
+    };
     use std::io::Write;
     use std::os::unix::process::CommandExt;
     use std::process::{Child, Command, ExitStatus, Stdio};
     use std::time::{Duration, Instant};
 
-    /// Waits for the end of the process that holds the other side of its standard input, then ends the group whose
-    /// number it was told, politely at first. A second line says that the group has ended.
+    /// Waits for the end of the process that holds the other side of its standard input, then ends the group or process
+    /// that it was told, politely at first. A second line says that it has ended.
     const GUARD: &str = "trap '' HUP INT QUIT TERM
-read -r group || exit 0
+read -r told || exit 0
 read -r ended && exit 0
-kill -TERM -$group 2>/dev/null || exit 0
+kill -TERM $told 2>/dev/null || exit 0
 for second in 1 2 3 4 5; do
   sleep 1
-  kill -0 -$group 2>/dev/null || exit 0
+  kill -0 $told 2>/dev/null || exit 0
 done
-kill -KILL -$group 2>/dev/null";
+kill -KILL $told 2>/dev/null";
 
     /// How often it is looked whether a group has ended.
     const LOOK: Duration = Duration::from_millis(20);
@@ -35,6 +37,8 @@ kill -KILL -$group 2>/dev/null";
         /// The program itself.
         pub child: Child,
         id: Pid,
+        /// Whether it is in this program's own group: it is signalled by itself.
+        alone: bool,
         guard: Child,
         ended: Option<ExitStatus>,
     }
@@ -45,16 +49,30 @@ kill -KILL -$group 2>/dev/null";
         /// # Errors
         /// A program that cannot be started, or no `sh` to guard it.
         pub fn start(command: &mut Command) -> std::io::Result<Self> {
+            Self::start_in(command.process_group(0), false)
+        }
+
+        /// Starts a program that asks the person at this program's terminal: only this program's group may read from it.
+        /// What the program starts is its own to end.
+        ///
+        /// # Errors
+        /// As [`Group::start`].
+        pub fn start_at_terminal(command: &mut Command) -> std::io::Result<Self> {
+            Self::start_in(command, true)
+        }
+
+        fn start_in(command: &mut Command, alone: bool) -> std::io::Result<Self> {
             let null = Stdio::null;
             let mut guard = Command::new("sh");
             // In a group of its own too: a Ctrl-C at the terminal must not end the guard before the program.
             guard.args(["-c", GUARD]).stdin(Stdio::piped()).stdout(null()).stderr(null()).process_group(0);
             let mut guard = guard.spawn()?;
-            match command.process_group(0).spawn() {
+            match command.spawn() {
                 Ok(child) => {
                     let id = Pid::from_child(&child);
-                    let mut group = Self { child, id, guard, ended: None };
-                    group.tell(&format!("{}\n", id.as_raw_nonzero()))?;
+                    let mut group = Self { child, id, alone, guard, ended: None };
+                    let sign = if alone { "" } else { "-" };
+                    group.tell(&format!("{sign}{}\n", id.as_raw_nonzero()))?;
                     Ok(group)
                 }
                 Err(error) => {
@@ -86,15 +104,23 @@ kill -KILL -$group 2>/dev/null";
             let mut there = |group: &mut Self| {
                 let _ = group.ended();
                 meanwhile();
-                test_kill_process_group(group.id).is_ok()
+                match group.alone {
+                    // Once it has been waited for, its number may be another's.
+                    true => group.ended.is_none() && test_kill_process(group.id).is_ok(),
+                    false => test_kill_process_group(group.id).is_ok(),
+                }
+            };
+            let signal = |group: &Self, signal: Signal| match group.alone {
+                true => kill_process(group.id, signal),
+                false => kill_process_group(group.id, signal),
             };
             if there(self) {
-                let _ = kill_process_group(self.id, Signal::TERM);
+                let _ = signal(self, Signal::TERM);
             }
             let begun = Instant::now();
             while there(self) {
                 if begun.elapsed() >= patience {
-                    let _ = kill_process_group(self.id, Signal::KILL);
+                    let _ = signal(self, Signal::KILL);
                     break;
                 }
                 std::thread::sleep(LOOK);
@@ -133,6 +159,14 @@ mod other {
         /// A program that cannot be started.
         pub fn start(command: &mut Command) -> std::io::Result<Self> {
             command.spawn().map(|child| Self { child })
+        }
+
+        /// The same.
+        ///
+        /// # Errors
+        /// A program that cannot be started.
+        pub fn start_at_terminal(command: &mut Command) -> std::io::Result<Self> {
+            Self::start(command)
         }
 
         /// How the program ended, if it has.

@@ -4,11 +4,13 @@ mod command;
 mod group;
 mod probe;
 mod process;
+mod robot;
 mod simulated;
 
 pub use command::Command;
 pub use probe::{Presence, asks_for_python, probe};
 pub use process::{Output, ProcessError, Program};
+pub use robot::Robot;
 pub use simulated::{Simulated, truth};
 
 use crate::Error;
@@ -36,6 +38,8 @@ pub enum Target {
     Simulated(Box<Simulated>),
     /// By another program.
     Command(Command),
+    /// A Go2, beside which a person stands.
+    Robot(Robot),
 }
 
 impl Target {
@@ -47,13 +51,16 @@ impl Target {
         into: &Path,
         watch: &Watch<'_>,
     ) -> Result<(), Error> {
-        write_whole(into, |folder| match self {
-            Self::Simulated(target) => target.collect(policy, seed, folder, watch),
-            Self::Command(target) => target.collect(policy, seed, folder, watch),
-        })
+        match self {
+            Self::Simulated(target) => {
+                write_whole(into, |folder| target.collect(policy, seed, folder, watch))
+            }
+            Self::Command(target) => write_whole(into, |folder| target.collect(policy, seed, folder, watch)),
+            Self::Robot(target) => target.collect(policy, seed, into, watch),
+        }
     }
 
-    /// Measures the policy; none where a command says nothing of it.
+    /// Measures the policy; none where a command says nothing of it, and on a robot, which does not know how fast it is.
     pub fn evaluate(
         &self,
         policy: &PolicyFiles,
@@ -63,6 +70,7 @@ impl Target {
         match self {
             Self::Simulated(target) => Ok(Some(target.evaluate(policy, plan, watch)?)),
             Self::Command(target) => target.evaluate(policy, plan, watch),
+            Self::Robot(_) => Ok(None),
         }
     }
 
@@ -71,6 +79,7 @@ impl Target {
         match self {
             Self::Simulated(_) => true,
             Self::Command(target) => target.measures(),
+            Self::Robot(_) => false,
         }
     }
 
@@ -79,6 +88,7 @@ impl Target {
         match self {
             Self::Simulated(target) => target.description(),
             Self::Command(target) => target.description(),
+            Self::Robot(target) => target.description(),
         }
     }
 }

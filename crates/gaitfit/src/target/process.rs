@@ -118,6 +118,28 @@ impl Program<'_> {
         Ok(Output { status, last: said.last(), out: said.out })
     }
 
+    /// Runs it to its end at this program's own terminal, where a person answers it: what it reads and says there is not
+    /// seen here. What it prints is let go, and it may take as long as it wants.
+    ///
+    /// # Errors
+    /// A program that cannot be run, or an interruption.
+    pub fn attended(&self, watch: &Watch<'_>) -> Result<ExitStatus, ProcessError> {
+        let (program, arguments) = self.words.split_first().ok_or(ProcessError::Empty)?;
+        let mut command = Command::new(program);
+        command.args(arguments).stdout(Stdio::null());
+        let mut group = Group::start_at_terminal(&mut command).map_err(ProcessError::Start)?;
+        loop {
+            std::thread::sleep(LOOK);
+            if watch.stop() {
+                group.end(PATIENCE, || ());
+                return Err(ProcessError::Interrupted);
+            }
+            if let Some(status) = group.ended().map_err(ProcessError::Wait)? {
+                return Ok(status);
+            }
+        }
+    }
+
     /// Waits for the program itself, or stops it with all it started.
     fn wait(&self, group: &mut Group, said: &mut Said<'_>) -> Result<ExitStatus, ProcessError> {
         let begun = Instant::now();

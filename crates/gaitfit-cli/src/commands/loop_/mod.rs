@@ -2,6 +2,7 @@
 
 mod table;
 
+use super::run::check_link;
 use super::run_name;
 use crate::cli;
 use crate::exit::{Exit, Failure};
@@ -9,7 +10,7 @@ use crate::progress::Lines;
 use crate::watcher::watched;
 use crate::{interrupt, output, viewer};
 use gaitfit::loop_::{self, Setup};
-use gaitfit::settings::{self, LoopConfig};
+use gaitfit::settings::{self, LoopConfig, TargetKind};
 
 /// Runs or continues a loop and reports what came out.
 pub fn run(args: &cli::Loop) -> Result<(), Failure> {
@@ -21,7 +22,12 @@ pub fn run(args: &cli::Loop) -> Result<(), Failure> {
     let threads = args.run.threads();
     let device = args.run.device(args.device, &config.runs, &name);
     output::note(&device.line());
-    let setup = Setup { device, ..Setup::open(config, &args.config, threads)? };
+    if let Some(target) = config.target.as_ref().filter(|target| target.kind == TargetKind::UnitreeGo2) {
+        check_link(&target.interface, target.domain)
+            .map_err(|failure| Failure { message: format!("[target] {failure}"), ..failure })?;
+    }
+    let program = std::env::current_exe().unwrap_or_else(|_| "gaitfit".into());
+    let setup = Setup { device, program, ..Setup::open(config, &args.config, threads)? };
     interrupt::listen()?;
     let results = watched(Lines::Seconds(5), |watch| loop_::run(&setup, &name, args.run.resume, watch))?;
     if args.run.json {

@@ -3,6 +3,7 @@
 use crate::table::table;
 use gaitfit::evaluate::{DriftResult, Evaluation};
 use gaitfit::loop_::results::{Measurement, ONE_TRAINING, RANDOMISED, REFERENCE, Results, TARGET};
+use gaitfit::loop_::walked;
 use gaitfit_view::loop_report::Estimate;
 use std::fmt::Write;
 
@@ -45,6 +46,9 @@ pub fn text(results: &Results) -> String {
     let _ = writeln!(text, "\nTracking of random commands, mean ± 95 %\n{}", tracking(results));
     for place in places(results).into_iter().filter_map(|name| place(results, name)) {
         let _ = writeln!(text, "{place}");
+    }
+    if !results.walked.is_empty() {
+        let _ = writeln!(text, "\nOn the robot\n{}", walked::sentences(&results.walked).join("\n"));
     }
     if !results.comparisons.is_empty() {
         let _ = writeln!(text, "\n{}", comparisons(results));
