@@ -1,9 +1,9 @@
 """Fits a legged robot's simulator to logs of the real robot, and trains its policy there.
 
 Stages: :func:`fit`, :func:`validate`, :func:`train`, :func:`finetune`, :func:`evaluate`, :func:`collect`, :func:`loop`.
-Parts: :func:`read_log`, :mod:`gaitfit.costs`, :class:`CMA`, :func:`fit_simulator` (a simulator of your own) and
-:mod:`gaitfit.mujoco` (official MuJoCo as one), :class:`Robots` (many robots at a task), :mod:`gaitfit.gym` and
-:mod:`gaitfit.rsl_rl` (the same as other libraries take them).
+Parts: :func:`read_log`, :mod:`gaitfit.costs`, :class:`CMA`, :class:`Policy` (a policy of your own),
+:func:`fit_simulator` (a simulator of your own) and :mod:`gaitfit.mujoco` (official MuJoCo as one), :class:`Robots` (many
+robots at a task), :mod:`gaitfit.gym` and :mod:`gaitfit.rsl_rl` (the same as other libraries take them).
 """
 
 from . import costs
@@ -11,6 +11,7 @@ from ._cma import CMA
 from ._gaitfit import GaitfitError, __version__
 from ._logs import Log, read_log
 from ._own_simulator import FitOutcome, Parameter, Simulator, fit_simulator
+from ._policy import Interface, Policy, Term
 from ._results import Results
 from ._robots import Robots
 from ._stages import collect, evaluate, finetune, fit, loop, train, validate
@@ -19,11 +20,14 @@ __all__ = [
     "CMA",
     "FitOutcome",
     "GaitfitError",
+    "Interface",
     "Log",
     "Parameter",
+    "Policy",
     "Results",
     "Robots",
     "Simulator",
+    "Term",
     "__version__",
     "collect",
     "costs",

@@ -48,6 +48,8 @@ class Robots:
     control_dt: float
     episode_steps: int
     rewards: list[str]
+    interface: str
+    task: str
     def __init__(
         self,
         config: str | None,
@@ -82,8 +84,11 @@ def fit_simulator(
     search: Mapping[str, Any],
     progress: Callable[[str, str, int, int], object] | None,
 ) -> str: ...
+def interface_of(path: str) -> tuple[str, str]: ...
+def observation_width(interface: str) -> int: ...
 def adapt(
     run: Mapping[str, Any],
+    policy: Mapping[str, Any] | None,
     progress: Callable[[str, str, int, int], object] | None,
     crew: Any | None,
 ) -> str: ...
@@ -93,6 +98,7 @@ def validate(
     config: str | None,
     sets: Sequence[str],
     threads: int | None,
+    policy: Mapping[str, Any] | None,
 ) -> str: ...
 def train(
     run: Mapping[str, Any],

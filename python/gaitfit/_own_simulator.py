@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from . import _gaitfit
 from ._logs import Log
 from ._progress import Progress, listener
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Signals = Mapping[str, ArrayLike]
 
@@ -67,6 +70,12 @@ class FitOutcome:
         for row in rows if self.intervals else ():
             row["interval_lower"], row["interval_upper"] = self.intervals[row["name"]]
         return rows
+
+    def plot(self) -> Figure:
+        """Each parameter between its bounds (:func:`gaitfit.plots.parameters`), for notebooks. Needs ``matplotlib``."""
+        from .plots import parameters
+
+        return parameters(self)
 
 
 def fit_simulator(

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Results(Mapping[str, Any]):
     """What a stage found: the document that the program prints with ``--json``, also by attribute.
 
-    ``results["headline"]`` and ``results.headline`` are the same. ``dict(results)`` is plain data.
+    ``results["headline"]`` and ``results.headline`` are the same. ``dict(results)`` is plain data. Notebooks show the
+    run's page.
     """
 
     def __init__(self, document: Mapping[str, Any]) -> None:
@@ -53,9 +58,29 @@ class Results(Mapping[str, Any]):
         page = None if folder is None else Path(folder) / "report.html"
         return page if page is not None and page.exists() else None
 
+    def plot(self) -> Figure:
+        """The chart of these results (:func:`gaitfit.plots.plot`), for notebooks. Needs ``matplotlib``."""
+        from .plots import plot
+
+        return plot(self.to_dict())
+
+    def _repr_html_(self) -> str:
+        """In a notebook: the headline, and the run's page in a frame."""
+        headline = self._document.get("headline") or self._document.get("verdict") or ", ".join(self._document)
+        page = self.report
+        frame = "" if page is None else framed(page)
+        return f"<p>{html.escape(str(headline))}</p>{frame}"
+
     def rows(self, key: str) -> list[dict[str, Any]]:
         """The list under ``key`` as flat rows, for ``pandas.DataFrame`` or ``polars.DataFrame``."""
         return [_flat(row) for row in self._document[key]]
+
+
+def framed(page: Path, height: int = 600) -> str:
+    """A page as an HTML frame that needs no other file."""
+    text = html.escape(page.read_text(encoding="utf-8"), quote=True)
+    # Scripts draw the page's charts; they reach nothing outside it.
+    return f'<iframe srcdoc="{text}" sandbox="allow-scripts" width="100%" height="{height}" style="border:0"></iframe>'
 
 
 def _wrapped(value: Any) -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
+from ._policy import Interface, interface_of
 from ._stages import _maybe, _sets
 
 
@@ -21,7 +22,7 @@ class Robots:
     ``{"task.noise.joint_position": 0.0}``. Draws depend on ``seed`` and an environment's number alone, not on
     ``threads``. ``stagger`` spreads the first episodes' ages, so that time-outs do not come in waves.
 
-    The arrays that :meth:`step` returns are the same ones at every call: copy what must last.
+    ``interface`` and ``task`` are what a :class:`gaitfit.Policy` trained on them needs. The arrays that :meth:`step` returns are the same ones at every call: copy what must last.
     """
 
     def __init__(
@@ -44,6 +45,8 @@ class Robots:
         self.control_dt: float = self._robots.control_dt
         self.max_episode_length: int = self._robots.episode_steps
         self.reward_names: list[str] = self._robots.rewards
+        self.interface: Interface = interface_of(self._robots.interface)
+        self.task: str = self._robots.task
         self.observation: NDArray[np.float32] = np.zeros((count, self._robots.observation_width), np.float32)
         self.critic_observation: NDArray[np.float32] = np.zeros((count, self._robots.critic_width), np.float32)
         self.last_observation: NDArray[np.float32] = np.zeros_like(self.observation)

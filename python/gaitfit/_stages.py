@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
-import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from . import _gaitfit
+from ._policy import Policy
 from ._progress import Progress, listener
 from ._results import Results
+from ._toml import toml
 
 PathLike = str | os.PathLike[str]
 Settings = Mapping[str, Any]
@@ -21,7 +23,7 @@ def fit(
     *,
     logs: PathLike | Sequence[PathLike] | None = None,
     robot: PathLike | None = None,
-    policy: PathLike | None = None,
+    policy: PathLike | Policy | None = None,
     costs: str | Sequence[str] | None = None,
     settings: Settings | None = None,
     name: str | None = None,
@@ -34,16 +36,16 @@ def fit(
     """Fits the simulator's parameters to logs of a robot, as ``gaitfit adapt``.
 
     ``config`` is a TOML file (``gaitfit config`` prints one with all defaults); the arguments win over it. ``settings``
-    has any other setting by its name in the file, for example ``{"optimizer.generations": 50}``. With a ``policy`` the
-    logs are of a robot that walks by it, without one of a clamped robot. ``progress`` is ``True``, ``False``, or a
+    has any other setting by its name in the file, for example ``{"optimizer.generations": 50}``. With a ``policy`` (a
+    file, or a :class:`Policy` of your own) the logs are of a robot that walks by it, without one of a clamped robot. ``progress`` is ``True``, ``False``, or a
     function of ``(kind, text, done, total)``. Ctrl-C keeps what is done; ``resume=True`` goes on with it, to the same
     bits.
 
     Raises :class:`GaitfitError` with the program's own message.
     """
-    settings = _fit_settings(logs, robot, policy, costs, settings, runs)
+    settings = _fit_settings(logs, robot, _named(policy), costs, settings, runs)
     run = _run(config, settings, name, resume, threads, device)
-    return _results(_gaitfit.adapt(run, listener(progress), None))
+    return _results(_gaitfit.adapt(run, _own(policy), listener(progress), None))
 
 
 def validate(
@@ -53,10 +55,12 @@ def validate(
     config: PathLike | None = None,
     settings: Settings | None = None,
     threads: int | None = None,
+    policy: Policy | None = None,
 ) -> Results:
-    """How well the fit in the ``theta.toml`` predicts other logs, as ``gaitfit validate``."""
+    """How well the fit in the ``theta.toml`` predicts other logs, as ``gaitfit validate``. A fit with a :class:`Policy` of
+    your own needs it here too."""
     sets = _sets(settings or {})
-    return _results(_gaitfit.validate(_path(theta), _paths(logs), _maybe(config), sets, threads))
+    return _results(_gaitfit.validate(_path(theta), _paths(logs), _maybe(config), sets, threads, _own(policy)))
 
 
 def train(
@@ -97,6 +101,8 @@ def finetune(
     progress: bool | Progress = True,
 ) -> Results:
     """Goes on training ``policy`` in the simulator that ``theta`` (a ``theta.toml``) makes, as ``gaitfit finetune``."""
+    if isinstance(policy, Policy):
+        raise TypeError(f"the policy {policy.name} is a function: its networks cannot be trained on here; give a file")
     run = _run(config, {"runs": runs, **dict(settings or {})}, name, resume, threads, device)
     world = _world(policy, robot, lenient, task, theta, spring, torque_noise)
     return _results(_gaitfit.finetune(run, world, _list(seeds), listener(progress)))
@@ -119,7 +125,7 @@ def loop(
 
 
 def evaluate(
-    policy: PathLike,
+    policy: PathLike | Policy,
     *,
     robot: PathLike | None = None,
     theta: PathLike | None = None,
@@ -138,14 +144,15 @@ def evaluate(
     threads: int | None = None,
     progress: bool | Progress = True,
 ) -> Results:
-    """How well ``policy`` walks in a simulator, as ``gaitfit evaluate``: errors in m/s and rad/s, falls as a share."""
+    """How well ``policy`` (a file, or a :class:`Policy` of your own) walks in a simulator, as ``gaitfit evaluate``: errors
+    in m/s and rad/s, falls as a share."""
     world = _world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
     _at_least_one("trajectories", trajectories)
     return _results(_gaitfit.evaluate(world, trajectories, seconds, drift, terrain, device, listener(progress)))
 
 
 def collect(
-    policy: PathLike,
+    policy: PathLike | Policy,
     out: PathLike,
     *,
     robot: PathLike | None = None,
@@ -165,7 +172,7 @@ def collect(
     threads: int | None = None,
     progress: bool | Progress = True,
 ) -> Results:
-    """Writes logs of ``policy`` in a simulator into the folder ``out``, as ``gaitfit collect``."""
+    """Writes logs of ``policy`` (a file, or a :class:`Policy` of your own) in a simulator into the folder ``out``, as ``gaitfit collect``."""
     world = _world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
     _at_least_one("trajectories", trajectories)
     low, high = log_shift
@@ -214,7 +221,7 @@ def _run(
 
 
 def _world(
-    policy: PathLike,
+    policy: PathLike | Policy,
     robot: PathLike | None,
     lenient: bool,
     task: str | None,
@@ -227,7 +234,7 @@ def _world(
     threads: int | None = None,
 ) -> dict[str, Any]:
     return {
-        "policy": _path(policy),
+        "policy": _own(policy) or _path(policy),
         "robot": _maybe(robot),
         "lenient": lenient,
         "task": task,
@@ -249,6 +256,18 @@ def _path(path: PathLike) -> str:
     return os.fspath(path)
 
 
+def _own(policy: PathLike | Policy | None) -> dict[str, Any] | None:
+    return policy.native() if isinstance(policy, Policy) else None
+
+
+def _named(policy: PathLike | Policy | None) -> PathLike | None:
+    """The policy as a run's settings keep it: of a function its name and a hash of its interface."""
+    if not isinstance(policy, Policy):
+        return policy
+    digest = hashlib.sha256(f"{policy.interface.to_json()}{policy.task}".encode()).hexdigest()
+    return f"the function {policy.name}, interface {digest[:12]}"
+
+
 def _maybe(path: PathLike | None) -> str | None:
     return None if path is None else _path(path)
 
@@ -268,22 +287,4 @@ def _at_least_one(name: str, value: int) -> None:
 
 def _sets(settings: Settings) -> list[str]:
     """Settings as the program's ``--set`` has them: ``key=value``, the value as TOML writes it."""
-    return [f"{key}={_toml(value)}" for key, value in settings.items() if value is not None]
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (str, os.PathLike)):
-        return json.dumps(os.fspath(value), ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_toml(str(key))} = {_toml(one)}" for key, one in value.items()) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_toml(one) for one in value) + "]"
-    if hasattr(value, "item"):
-        return _toml(value.item())
-    if isinstance(value, float):
-        return repr(value) if math.isfinite(value) else {math.inf: "inf", -math.inf: "-inf"}.get(value, "nan")
-    if isinstance(value, int):
-        return str(value)
-    raise TypeError(f"a setting cannot be a {type(value).__name__}: give a number, a text, a list or a dict")
+    return [f"{key}={toml(value)}" for key, value in settings.items() if value is not None]

@@ -1,4 +1,8 @@
-"""Many robots as a Gymnasium vector environment. Needs ``gymnasium`` (``pip install "gaitfit[gym]"``)."""
+"""Robots as Gymnasium environments: many as a vector environment, or one. Needs ``gymnasium``
+(``pip install "gaitfit[gym]"``).
+
+``gymnasium.make("gaitfit.gym:gaitfit/Go2-v0")`` is one built-in Go2 at its task, and ``gymnasium.make_vec`` many.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
+import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -18,12 +23,20 @@ from ._robots import Robots
 _MOST_ACTION = 100.0
 
 
+def _spaces(robots: Robots) -> tuple[spaces.Box, spaces.Box]:
+    """Of one robot: what it observes, and its actions."""
+    return (
+        spaces.Box(-np.inf, np.inf, (robots.observation.shape[1],), np.float32),
+        spaces.Box(-_MOST_ACTION, _MOST_ACTION, (robots.num_actions,), np.float32),
+    )
+
+
 class GaitfitVecEnv(VectorEnv):
     """Robots at a task as a ``gymnasium.vector.VectorEnv``. Arguments as of :class:`gaitfit.Robots`.
 
     Episodes that end begin anew within the same step (``AutoresetMode.SAME_STEP``): ``infos["final_obs"]`` has what
     those robots observed before, ``infos["_final_obs"]`` which they are.
-    ``copy=False`` hands out the environment's own arrays, which the next step writes over.
+    ``copy=False`` hands out the environment's own arrays, without copies; the next step writes over them.
     """
 
     def __init__(
@@ -41,9 +54,7 @@ class GaitfitVecEnv(VectorEnv):
         self._copy = copy
         self._begin(seed)
         self.num_envs = num_envs
-        width = self._robots.observation.shape[1]
-        self.single_observation_space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
-        self.single_action_space = spaces.Box(-_MOST_ACTION, _MOST_ACTION, (self._robots.num_actions,), np.float32)
+        self.single_observation_space, self.single_action_space = _spaces(self._robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
@@ -90,3 +101,64 @@ class GaitfitVecEnv(VectorEnv):
 
     def _out(self, array: NDArray[Any]) -> NDArray[Any]:
         return array.copy() if self._copy else array
+
+
+class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """One robot at a task as a ``gymnasium.Env``. Arguments as of :class:`gaitfit.Robots`. For trying things out: the
+    engine steps hundreds of robots in the time of some ten.
+
+    Observations have the shape ``(observation,)``, actions ``(joints,)``, unitless.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}
+
+    def __init__(
+        self,
+        config: str | os.PathLike[str] | None = None,
+        *,
+        robot: str | os.PathLike[str] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        seed: int = 0,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode is not None:
+            raise ValueError(f"render_mode is {render_mode!r}; this environment draws nothing: give None")
+        self._arguments = {"config": config, "robot": robot, "settings": settings, "num_envs": 1, "threads": 1}
+        self._begin(seed)
+        self.observation_space, self.action_space = _spaces(self._robots)
+        self.render_mode = None
+
+    def _begin(self, seed: int) -> None:
+        # What the robots begin with is an episode already.
+        self._seed, self._fresh = seed, True
+        self._robots = Robots(**self._arguments, seed=seed)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """A new episode; with a ``seed`` the same one every time."""
+        super().reset(seed=seed)
+        if seed is not None and not (self._fresh and seed == self._seed):
+            self._begin(seed)
+        elif not self._fresh:
+            self._robots.reset()
+        self._fresh = False
+        return self._robots.observation[0].copy(), {}
+
+    def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """One control period."""
+        robots = self._robots
+        action = np.asarray(action, np.float32)
+        if action.shape != self.action_space.shape:
+            raise ValueError(f"the action has the shape {action.shape}; needed: {self.action_space.shape}")
+        ended = robots.step(action[None, :])
+        # The robots are in their next episode by then.
+        if ended:
+            self._seed, self._fresh = -1, True
+        observation = (robots.last_observation if ended else robots.observation)[0].copy()
+        return observation, float(robots.reward[0]), bool(robots.terminated[0]), bool(robots.truncated[0]), {}
+
+
+gymnasium.register(
+    "gaitfit/Go2-v0", entry_point="gaitfit.gym:GaitfitEnv", vector_entry_point="gaitfit.gym:GaitfitVecEnv"
+)

@@ -17,8 +17,8 @@ from ._robots import Robots
 class RslRlVecEnv(VecEnv):
     """Robots at a task as rsl_rl's ``VecEnv``. Arguments as of :class:`gaitfit.Robots`.
 
-    Observation groups are ``policy`` and, where the task has one, ``critic``. Tensors share the robots' memory on the
-    CPU; with another ``device`` they are copied there.
+    Observation groups are ``policy`` and, where the task has one, ``critic``. Robots step on the processor; tensors are
+    copies on ``device``, since rsl_rl keeps them until its update.
     """
 
     def __init__(
@@ -43,6 +43,11 @@ class RslRlVecEnv(VecEnv):
         self.cfg = {"config": None if config is None else os.fspath(config), "settings": dict(settings or {})}
         self._observation = torch.from_numpy(self._robots.observation)
         self._critic = torch.from_numpy(self._robots.critic_observation)
+
+    @property
+    def robots(self) -> Robots:
+        """The robots themselves, with the interface and task that a :class:`gaitfit.Policy` needs."""
+        return self._robots
 
     def get_observations(self) -> TensorDict:
         """What the robots observe now."""

@@ -5,6 +5,7 @@ mod cma;
 mod costs;
 mod errors;
 mod logs;
+mod own_policy;
 mod own_simulator;
 mod share;
 mod stages;
@@ -26,6 +27,8 @@ mod _gaitfit {
     use super::errors::GaitfitError;
     #[pymodule_export]
     use super::logs::read_log;
+    #[pymodule_export]
+    use super::own_policy::{interface_of, observation_width};
     #[pymodule_export]
     use super::own_simulator::fit_simulator;
     #[pymodule_export]

@@ -1,15 +1,16 @@
 //! The stages of the method: files and settings in, one JSON document out.
 
 use crate::errors::{failed, of, value};
+use crate::own_policy::Source;
 use crate::share::OwnCrew;
-use crate::watch::watched;
+use crate::watch::{Caller, watched, watched_acting};
 use gaitfit::adapt::{Setup, ValidateRequest};
 use gaitfit::device::Device;
 use gaitfit::evaluate::GroundChoice;
 use gaitfit::finetune::{Files, Request};
 use gaitfit::run::RunFolder;
 use gaitfit::settings::{self, AdaptConfig, FinetuneConfig, LoopConfig, Preset, TrainConfig};
-use gaitfit::world::WorldSettings;
+use gaitfit::world::{World as Open, WorldSettings};
 use gaitfit::{CollectSettings, Error, EvaluateSettings, Spring, loop_, machine};
 use pyo3::prelude::*;
 use serde::Serialize;
@@ -62,11 +63,13 @@ fn json<T: Serialize>(found: Result<T, Error>) -> PyResult<String> {
     serde_json::to_string(&found.map_err(|error| of(&error))?).map_err(failed)
 }
 
-/// A fit to logs; `crew` simulates, if there is one.
+/// A fit to logs; `policy`: a function that walked, in the place of the configuration's file; `crew` simulates, if there is
+/// one.
 #[pyfunction]
 pub fn adapt(
     py: Python<'_>,
     run: Run,
+    policy: Option<Source>,
     progress: Option<Py<PyAny>>,
     crew: Option<Py<PyAny>>,
 ) -> PyResult<String> {
@@ -77,8 +80,10 @@ pub fn adapt(
     let (threads, device) = (run.threads()?.map(NonZeroUsize::get), run.device()?);
     let path = run.path();
     let crew = crew.map(|crew| Arc::new(OwnCrew::new(crew)));
-    let found = watched(py, progress.as_ref(), |watch| {
-        let mut setup = Setup::open_on(&config, path, threads, device)?;
+    let act = policy.as_ref().and_then(Source::act);
+    let found = watched_acting(py, progress.as_ref(), act, |watch, caller| {
+        let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller))?;
+        let mut setup = Setup::open_policy(&config, path, threads, device, policy.as_ref())?;
         let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resume)?;
         setup.warnings.iter().for_each(|warning| watch.note(warning));
         if let Some(crew) = &crew {
@@ -103,9 +108,13 @@ pub fn validate(
     config: Option<PathBuf>,
     sets: Vec<String>,
     threads: Option<usize>,
+    policy: Option<Source>,
 ) -> PyResult<String> {
-    let request = ValidateRequest { theta, logs, config, set: sets, threads };
-    json(py.detach(|| gaitfit::adapt::validate(&request)))
+    let act = policy.as_ref().and_then(Source::act);
+    json(watched_acting(py, None, act, |_, caller| {
+        let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller))?;
+        gaitfit::adapt::validate(&ValidateRequest { theta, logs, config, set: sets, threads, policy })
+    })?)
 }
 
 /// A training from nothing, read and checked.
@@ -177,7 +186,7 @@ pub fn finetune(
         config,
         path: run.config.clone(),
         name,
-        files: Files { policy: Some(world.policy), theta: world.theta, robot: world.robot },
+        files: Files { policy: Some(world.policy.name()), theta: world.theta, robot: world.robot },
         task: world.task,
         threads: run.threads()?,
         device: run.device()?,
@@ -203,7 +212,7 @@ pub fn run_loop(py: Python<'_>, run: Run, progress: Option<Py<PyAny>>) -> PyResu
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct World {
-    policy: PathBuf,
+    policy: Source,
     robot: Option<PathBuf>,
     lenient: bool,
     task: Option<String>,
@@ -228,7 +237,7 @@ impl World {
         let preset: Preset = self.preset.parse().map_err(|error| value(format!("preset: {error}")))?;
         let threads = |count| NonZeroUsize::new(count).ok_or_else(|| value("threads must be at least 1"));
         Ok(WorldSettings {
-            policy: self.policy.clone(),
+            policy: self.policy.name(),
             robot: self.robot.clone(),
             lenient: self.lenient,
             task: self.task.clone(),
@@ -240,6 +249,16 @@ impl World {
             seed: self.seed,
             threads: self.threads.map(threads).transpose()?,
         })
+    }
+}
+
+impl World {
+    /// The policy, a file's or one that `caller` asks for actions, in its simulator.
+    fn open(&self, settings: &WorldSettings, caller: Caller) -> Result<Open, Error> {
+        match self.policy.policy(caller)? {
+            Some(policy) => Open::of(settings, policy),
+            None => Open::open(settings),
+        }
     }
 }
 
@@ -265,7 +284,9 @@ pub fn evaluate(
         ground_robots: 32,
         device: device_of(device)?,
     };
-    let found = watched(py, progress.as_ref(), |watch| gaitfit::evaluate(&settings, watch))?;
+    let found = watched_acting(py, progress.as_ref(), world.policy.act(), |watch, caller| {
+        gaitfit::evaluate_in(world.open(&settings.world, caller)?, &settings, watch)
+    })?;
     let found = found.map_err(|error| of(&error))?;
     let mut document = serde_json::to_value(&found.measured.evaluation).map_err(failed)?;
     if let Some(fields) = document.as_object_mut() {
@@ -292,7 +313,9 @@ pub fn collect(
 ) -> PyResult<(String, Vec<PathBuf>, usize)> {
     let settings =
         CollectSettings { world: world.settings()?, trajectories, seconds, log_shift, privileged, commands };
-    let found = watched(py, progress.as_ref(), |watch| gaitfit::collect(&settings, &out, watch))?;
+    let found = watched_acting(py, progress.as_ref(), world.policy.act(), |watch, caller| {
+        gaitfit::collect_in(world.open(&settings.world, caller)?, &settings, &out, watch)
+    })?;
     let found = found.map_err(|error| of(&error))?;
     Ok((found.simulator, found.files, found.falls))
 }

@@ -1,6 +1,6 @@
 //! Many robots at a task, stepped together: what a reinforcement learner of Python trains on.
 
-use crate::errors::{of, value};
+use crate::errors::{failed, of, value};
 use gaitfit::settings::{self, TrainConfig};
 use gaitfit::train;
 use gaitfit_learn::task::{Ended, Environment, Task, TaskError};
@@ -59,6 +59,12 @@ pub struct Robots {
     episode_steps: u32,
     #[pyo3(get)]
     rewards: Vec<String>,
+    /// What a policy for them sees and does, as JSON.
+    #[pyo3(get)]
+    interface: String,
+    /// Settings of their task, as TOML.
+    #[pyo3(get)]
+    task: String,
 }
 
 #[pymethods]
@@ -90,6 +96,8 @@ impl Robots {
         let (joints, control_dt) = (walker.interface.joints.clone(), walker.interface.control_dt);
         let episode_steps = task.episode_steps();
         let rewards = task.reward_names().into_iter().map(str::to_owned).collect();
+        let interface = serde_json::to_string(&walker.interface).map_err(failed)?;
+        let own = toml::to_string(&task.settings).map_err(failed)?;
         let scene = py.detach(|| {
             Scene::try_new(task, |task| -> Result<Tiles<'_>, TaskError> {
                 let tile = |first: usize| {
@@ -114,6 +122,8 @@ impl Robots {
             control_dt,
             episode_steps,
             rewards,
+            interface,
+            task: own,
         })
     }
 
@@ -217,7 +227,7 @@ impl Robots {
         });
         self.step = self.step.wrapping_add(1);
         match diverged.into_inner().unwrap_or_else(PoisonError::into_inner) {
-            Some(robot) => Err(crate::errors::failed(format!(
+            Some(robot) => Err(failed(format!(
                 "environment {robot} diverged: its state or reward is not finite. Use smaller gains or actions, or more \
                  substeps"
             ))),

@@ -1,16 +1,18 @@
 //! Runs a stage without the interpreter's lock: events go to a Python function, and Ctrl-C stops the stage.
 //!
 //! A stage of the library runs on a thread of its own ([`watched`]), so that the calling thread can look for signals all the
-//! time. One that calls a function of the user runs on the calling thread ([`in_place`]): Ctrl-C reaches that function as
-//! it would anywhere else, and libraries that want one thread have one.
+//! time. Functions of the user are called on the calling thread, so that Ctrl-C reaches them as it would anywhere else,
+//! and libraries that want one thread have one: a policy is asked through a [`Caller`]; with a simulator the whole stage
+//! runs there ([`in_place`]).
 
 use gaitfit::watch::{Event, Watch};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender, SyncSender};
 use std::time::Duration;
 
 /// How often signals are looked for, also while nothing happens.
@@ -31,6 +33,62 @@ fn told(event: Event<'_>) -> Option<Told> {
     })
 }
 
+/// What the stage's threads have for the calling one.
+enum Message {
+    /// It happened.
+    Told(Told),
+    /// A policy is to act.
+    Asked(Asked),
+    /// The stage has ended.
+    Done,
+}
+
+/// Observations, `rows × width`, and where their actions go.
+struct Asked {
+    rows: usize,
+    observation: Vec<f32>,
+    reply: SyncSender<Vec<f32>>,
+}
+
+/// Has the calling thread call the user's policy. It may outlive the stage; nobody answers then.
+#[derive(Clone)]
+pub struct Caller(Sender<Message>);
+
+impl Caller {
+    /// Fills `actions` with those for `observation`, `rows × width`; false if the function raised, now or before.
+    pub fn act(&self, rows: usize, observation: &[f32], actions: &mut [f32]) -> bool {
+        let (reply, answer) = mpsc::sync_channel(1);
+        let asked = Asked { rows, observation: observation.to_vec(), reply };
+        let answer = self.0.send(Message::Asked(asked)).ok().and_then(|()| answer.recv().ok());
+        match answer {
+            Some(found) if found.len() == actions.len() => {
+                actions.copy_from_slice(&found);
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Says that the stage has ended, however it does.
+struct Ending(Sender<Message>);
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        // Nobody listens any more only after an error, which is what the caller gets.
+        let _ = self.0.send(Message::Done);
+    }
+}
+
+/// Calls the user's policy.
+fn acted(py: Python<'_>, act: &Py<PyAny>, asked: &mut Asked) -> PyResult<Vec<f32>> {
+    let observation = std::mem::take(&mut asked.observation);
+    let width = observation.len() / asked.rows.max(1);
+    let observation = PyArray1::from_vec(py, observation).reshape([asked.rows, width])?;
+    let actions: PyReadonlyArray2<'_, f32> = act.call1(py, (observation,))?.extract(py)?;
+    Ok(actions.as_array().iter().copied().collect())
+}
+
 /// Runs `stage` on a thread of its own. `progress(kind, text, done, total)` is called on the calling thread. When it raises, or
 /// a signal asks to, the stage stops, and that exception comes back.
 pub fn watched<T: Send>(
@@ -38,45 +96,66 @@ pub fn watched<T: Send>(
     progress: Option<&Py<PyAny>>,
     stage: impl FnOnce(&Watch<'_>) -> T + Send,
 ) -> PyResult<T> {
+    watched_acting(py, progress, None, |watch, _| stage(watch))
+}
+
+/// As [`watched`]; the stage may have the calling thread call `act`, a policy. When that raises, the stage stops, and that
+/// exception comes back.
+pub fn watched_acting<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Py<PyAny>>,
+    act: Option<&Py<PyAny>>,
+    stage: impl FnOnce(&Watch<'_>, Caller) -> T + Send,
+) -> PyResult<T> {
     let stop = AtomicBool::new(false);
-    let (sender, events) = mpsc::channel::<Told>();
+    let (sender, messages) = mpsc::channel::<Message>();
     let (result, raised) = py.detach(move || {
         std::thread::scope(|scope| {
             let stop = &stop;
             let worker = scope.spawn(move || {
-                let sender = Mutex::new(sender);
+                let ending = Ending(sender);
                 let callback = |event: Event<'_>| {
                     if let Some(told) = told(event) {
-                        // Nobody listens any more only after an error, which is what the caller gets.
-                        let _ = sender.lock().unwrap_or_else(PoisonError::into_inner).send(told);
+                        // As at the end.
+                        let _ = ending.0.send(Message::Told(told));
                     }
-                    if stop.load(Ordering::Relaxed) {
+                    if stop.load(Ordering::Acquire) {
                         ControlFlow::Break(())
                     } else {
                         ControlFlow::Continue(())
                     }
                 };
-                stage(&Watch::new(&callback))
+                stage(&Watch::new(&callback), Caller(ending.0.clone()))
             });
             let mut raised: Option<PyErr> = None;
             loop {
-                let event = match events.recv_timeout(PATIENCE) {
-                    Ok(event) => Some(event),
+                let mut message = match messages.recv_timeout(PATIENCE) {
+                    Ok(Message::Done) | Err(RecvTimeoutError::Disconnected) => break,
+                    Ok(message) => Some(message),
                     Err(RecvTimeoutError::Timeout) => None,
-                    Err(RecvTimeoutError::Disconnected) => break,
                 };
                 if raised.is_some() {
+                    // Who asks gets no answer, and knows.
                     continue;
                 }
                 let called = Python::attach(|py| {
                     py.check_signals()?;
-                    if let (Some(progress), Some((kind, text, done, total))) = (progress, event) {
-                        progress.call1(py, (kind, text, done, total))?;
+                    match (&mut message, progress, act) {
+                        (Some(Message::Told((kind, text, done, total))), Some(progress), _) => {
+                            progress.call1(py, (*kind, text.as_str(), *done, *total))?;
+                        }
+                        (Some(Message::Asked(asked)), _, Some(act)) => {
+                            let actions = acted(py, act, asked)?;
+                            // Who asked waits.
+                            let _ = asked.reply.send(actions);
+                        }
+                        _ => {}
                     }
                     Ok(())
                 });
                 if let Err(error) = called {
-                    stop.store(true, Ordering::Relaxed);
+                    // Before who asked knows of the failure: `message` still lives.
+                    stop.store(true, Ordering::Release);
                     raised = Some(error);
                 }
             }

@@ -169,6 +169,26 @@ class Mujoco(Case):
         with self.assertRaisesRegex(ValueError, "needs target"):
             ClampedRobot(ROOT / "assets" / "go2.xml", Log(log.position, log.velocity), [])
 
+    def test_mujoco_warp_simulates_the_same(self) -> None:
+        try:
+            from gaitfit.mujoco import ClampedRobot as Official
+            from gaitfit.mujoco_warp import ClampedRobot
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        log = gaitfit.read_log(DEMO / "fit.csv")[:40]
+        kinds = {"frictionloss": 1.5, "armature": 0.2, "damping": 1.0, "delay": 0.02}
+        parameters = [Parameter(name, 0.0, upper) for name, upper in kinds.items()]
+        candidates = np.array([[0.0, 0.1, 0.0, 0.007], [0.3, 0.02, 0.2, 0.0], [1.0, 0.005, 0.4, 0.015]])
+        model = ROOT / "assets" / "go2.xml"
+        found, wanted = (
+            one(model, log, parameters, timestep=0.00125)(candidates)[0] for one in (ClampedRobot, Official)
+        )
+        self.assertGreater(np.ptp(wanted["position"], axis=0).max(), 0.05, "the candidates differ")
+        for name, most in (("position", 1e-4), ("velocity", 1e-3)):
+            off = np.abs(found[name] - wanted[name]).max()
+            print(f"{name} off by {off:.1e}")
+            self.assertLess(off, most, name)
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -107,6 +107,71 @@ class ForLearners(Case):
         np.testing.assert_array_equal(env.reset(seed=3)[0], first)
         self.assertFalse(np.array_equal(env.reset()[0], first))
 
+    def test_gymnasiums_checker_passes(self) -> None:
+        try:
+            import gymnasium
+            from gymnasium.utils.env_checker import check_env
+
+            from gaitfit.gym import GaitfitEnv, GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            check_env(GaitfitEnv())
+            check_env(gymnasium.make("gaitfit.gym:gaitfit/Go2-v0").unwrapped)
+        # Bounds of spaces are a matter of taste, and only what `make` made has a spec.
+        words = ("infinity", "normalized", "not having a spec")
+        others = [str(one.message) for one in said if not any(word in str(one.message) for word in words)]
+        self.assertEqual(others, [])
+        many = gymnasium.make_vec("gaitfit.gym:gaitfit/Go2-v0", num_envs=3, vectorization_mode="vector_entry_point")
+        self.assertIsInstance(many.unwrapped, GaitfitVecEnv)
+        self.assertEqual(many.reset(seed=1)[0].shape[0], 3)
+        with self.assertRaisesRegex(ValueError, "draws nothing"):
+            GaitfitEnv(render_mode="human")
+
+    def test_one_robot_is_the_first_of_many(self) -> None:
+        try:
+            from gaitfit.gym import GaitfitEnv, GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        one, many = GaitfitEnv(seed=7), GaitfitVecEnv(num_envs=2, seed=7)
+        np.testing.assert_array_equal(one.reset(seed=7)[0], many.reset(seed=7)[0][0])
+        action, ended = np.full(12, 6.0, np.float32), False
+        for _ in range(150):
+            observation, reward, fell, late, _ = one.step(action)
+            others, rewards, falls, lates, infos = many.step(np.tile(action, (2, 1)))
+            self.assertEqual((reward, fell, late), (rewards[0], falls[0], lates[0]))
+            ended = fell or late
+            np.testing.assert_array_equal(observation, infos["final_obs"][0] if ended else others[0])
+            if ended:
+                # The next episode is the one that many robots are in.
+                np.testing.assert_array_equal(one.reset()[0], others[0])
+                break
+        self.assertTrue(ended, "a robot that is bent falls")
+        with self.assertRaisesRegex(ValueError, r"shape \(3,\); needed: \(12,\)"):
+            one.step(np.zeros(3))
+        with self.assertRaisesRegex(ValueError, "not finite"):
+            one.step(np.full(12, np.nan))
+
+    def test_arrays_are_handed_out_without_copies(self) -> None:
+        robots = gaitfit.Robots(num_envs=4)
+        names = ("observation", "critic_observation", "last_observation", "reward", "terminated", "truncated")
+        places = {name: getattr(robots, name).ctypes.data for name in names}
+        actions = np.zeros((4, 12), np.float32)
+        for _ in range(3):
+            robots.step(actions)
+        self.assertEqual({name: getattr(robots, name).ctypes.data for name in names}, places)
+        try:
+            from gaitfit.gym import GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        for copy in (False, True):
+            env = GaitfitVecEnv(num_envs=4, copy=copy)
+            first, _ = env.reset()
+            second, reward, *_ = env.step(actions)
+            self.assertEqual(np.shares_memory(first, second), not copy)
+            self.assertEqual(np.shares_memory(reward, env.step(actions)[1]), not copy)
+
     def test_rsl_rl(self) -> None:
         try:
             from gaitfit.rsl_rl import RslRlVecEnv

@@ -95,7 +95,7 @@ fn collect_tile(
                 before_action(&mut log.trajectory, &player.environment, &task.walker.joints, index, dt);
             }
         }
-        player.step(step);
+        player.step(step)?;
         for (index, log) in logs.iter_mut().enumerate() {
             let recorded = recording(log, step, shifts[index], steps);
             if recorded {

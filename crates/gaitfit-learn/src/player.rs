@@ -1,8 +1,9 @@
 //! A policy at work in a tile of environments: its mean actions, no learning.
 
-use crate::task::{Ended, Environment, Task};
+use crate::task::{Ended, Environment, Task, TaskError};
 use gaitfit_policy::Policy;
 use gaitfit_policy::network::{Memory, Scratch};
+use gaitfit_policy::walker::WalkerError;
 
 /// A policy and the tile it moves. Ended episodes are left where they are.
 pub struct Player<'a> {
@@ -37,11 +38,18 @@ impl<'a> Player<'a> {
     }
 
     /// One control period, numbered `step`.
-    pub fn step(&mut self, step: u32) {
+    ///
+    /// # Errors
+    /// A policy's function that failed.
+    pub fn step(&mut self, step: u32) -> Result<(), TaskError> {
         let count = self.environment.count();
         self.environment.observe(step, &mut self.observation);
         let Self { policy, observation, memory, action, scratch, .. } = self;
         policy.act_with(count, observation, memory, action, scratch);
+        if policy.has_failed() {
+            return Err(WalkerError::Failed.into());
+        }
         self.environment.step(step, &self.action, &mut self.reward, &mut self.ended);
+        Ok(())
     }
 }

@@ -1,6 +1,7 @@
 //! Work on many environments, shared by threads a tile at a time, results in order.
 
 use gaitfit_sim::pool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::task::TaskError;
 
@@ -8,16 +9,22 @@ use crate::task::TaskError;
 /// environments' order. Results do not depend on the number of threads.
 ///
 /// # Errors
-/// The first tile's that failed.
+/// That of a tile that failed; tiles that have not begun by then are left out.
 pub(crate) fn in_tiles<T: Send>(
     count: usize,
     tile: usize,
     threads: usize,
     work: impl Fn(u32, usize) -> Result<Vec<T>, TaskError> + Sync,
 ) -> Result<Vec<T>, TaskError> {
+    let failed = AtomicBool::new(false);
     let one = |index: usize| {
+        if failed.load(Ordering::Relaxed) {
+            return Ok(Vec::new());
+        }
         let first = index * tile;
-        work(first as u32, tile.min(count - first))
+        let done = work(first as u32, tile.min(count - first));
+        failed.fetch_or(done.is_err(), Ordering::Relaxed);
+        done
     };
     let mut all = Vec::with_capacity(count);
     for result in pool::map(count.div_ceil(tile), threads, one) {

@@ -69,7 +69,8 @@ const TILE: usize = 32;
 /// without the tracks that are missing; `cancel` must keep saying so.
 ///
 /// # Errors
-/// A candidate that is no robot; resets of a script without states, or of a recurrent policy.
+/// A candidate that is no robot; resets of a script without states, or of a recurrent policy; a policy's function that
+/// failed.
 pub fn follow(
     walker: &Walker,
     policy: &Policy,
@@ -199,6 +200,9 @@ impl Worker {
             }
             past.take(&self.observation);
             policy.act_with(count, &self.observation, &mut memory, &mut self.action, &mut self.scratch);
+            if policy.has_failed() {
+                return Err(WalkerError::Failed);
+            }
             for (index, script) in scripts.iter().enumerate() {
                 if sample < script.commands.len() {
                     let row = &self.action[index * joints..(index + 1) * joints];

@@ -1,5 +1,6 @@
-//! What stands between a policy's observation and its actor: a memory, or an encoder.
+//! What stands between a policy's observation and its actor: a memory, an encoder, or a function of the caller's.
 
+use crate::Function;
 use crate::network::{Memory, Network, Recurrent, Scratch};
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +12,8 @@ pub enum Front {
     /// The actor sees the observation, or its present frame, and what an encoder makes of the whole observation: two-part
     /// policies such as RMA (Kumar et al. 2021) and walk-these-ways (Margolis, Agrawal 2022).
     Encoder(Encoder),
+    /// A function of the caller's acts; the actor passes its actions on.
+    Function(Function),
 }
 
 /// The encoder of a two-part policy.
@@ -41,6 +44,7 @@ impl Front {
         match self {
             Self::Recurrent(_) => "memory",
             Self::Encoder(_) => "encoder",
+            Self::Function(_) => "function",
         }
     }
 
@@ -49,6 +53,7 @@ impl Front {
         match self {
             Self::Recurrent(recurrent) => recurrent.inputs(),
             Self::Encoder(encoder) => encoder.network.shape.inputs,
+            Self::Function(function) => function.inputs(),
         }
     }
 
@@ -57,6 +62,7 @@ impl Front {
         match self {
             Self::Recurrent(recurrent) => recurrent.outputs(),
             Self::Encoder(encoder) => encoder.passed.len() + encoder.network.shape.outputs,
+            Self::Function(function) => function.outputs(),
         }
     }
 
@@ -64,7 +70,7 @@ impl Front {
     pub fn memory(&self, environments: usize) -> Memory {
         match self {
             Self::Recurrent(recurrent) => recurrent.memory(environments),
-            Self::Encoder(_) => Memory::default(),
+            Self::Encoder(_) | Self::Function(_) => Memory::default(),
         }
     }
 
@@ -79,6 +85,7 @@ impl Front {
     ) {
         match self {
             Self::Recurrent(recurrent) => recurrent.step(rows, observation, memory, seen),
+            Self::Function(function) => function.act(rows, observation, seen),
             Self::Encoder(Encoder { network, passed, latent }) => {
                 let (inputs, outputs) = (network.shape.inputs, network.shape.outputs);
                 let mut code = vec![0.0; rows * outputs];

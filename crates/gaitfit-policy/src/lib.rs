@@ -8,6 +8,7 @@ mod error;
 mod files;
 pub mod follow;
 mod front;
+mod function;
 mod held;
 mod history;
 mod interface;
@@ -21,9 +22,10 @@ pub mod walker;
 pub use error::PolicyError;
 pub use files::{
     DescribedTerm, Description, EncoderTensors, MemoryTensors, NormaliserTensors, Passes, PerJoint, deploy,
-    files_of, onnx, read, weights,
+    files_of, interface_of, onnx, read, weights,
 };
 pub use front::{Encoder, Front, Latent};
+pub use function::{Act, Function};
 pub use held::{ActionClip, Held};
 pub use history::{FrameOrder, History, HistoryStart};
 pub use interface::{Interface, InterfaceError, Quantity, Term};

@@ -101,6 +101,7 @@ impl Policy {
         match &self.front {
             Some(Front::Recurrent(memory)) => Some(format!("a memory ({})", memory.cell.name())),
             Some(Front::Encoder(_)) => Some("an encoder before its actor".to_owned()),
+            Some(Front::Function(_)) => Some("a function instead of a network".to_owned()),
             None => self.actor.untrainable().or_else(|| self.critic.as_ref()?.untrainable()),
         }
     }

@@ -54,7 +54,20 @@ pub struct Collected {
 /// Files that cannot be read or do not fit each other, settings out of range, a folder that holds logs already or cannot
 /// be written, or an interruption.
 pub fn collect(settings: &CollectSettings, folder: &Path, watch: &Watch<'_>) -> Result<Collected, Error> {
-    let world = World::open(&settings.world)?.with_plain_starts();
+    collect_in(World::open(&settings.world)?, settings, folder, watch)
+}
+
+/// As [`collect`], in a world that is open already.
+///
+/// # Errors
+/// As there.
+pub fn collect_in(
+    world: World,
+    settings: &CollectSettings,
+    folder: &Path,
+    watch: &Watch<'_>,
+) -> Result<Collected, Error> {
+    let world = world.with_plain_starts();
     world.warnings.iter().for_each(|warning| watch.note(warning));
     let CollectSettings { trajectories: count, seconds, log_shift: [low, high], privileged, .. } = *settings;
     if !(0.0 <= low && low <= high && high <= LATEST) {

@@ -41,8 +41,8 @@ pub mod walk;
 pub mod watch;
 pub mod world;
 
-pub use collect::{CollectSettings, collect};
+pub use collect::{CollectSettings, collect, collect_in};
 pub use error::{Access, Error, ErrorKind};
-pub use evaluate::{EvaluateSettings, evaluate};
+pub use evaluate::{EvaluateSettings, evaluate, evaluate_in};
 pub use export_theta::{ExportSettings, export_theta};
 pub use spring::{Spring, SpringError};

@@ -77,7 +77,11 @@ pub struct World {
 impl World {
     /// Reads everything the arguments name.
     pub fn open(args: &WorldSettings) -> Result<Self, Error> {
-        let policy = gaitfit_policy::read(&args.policy)?;
+        Self::of(args, gaitfit_policy::read(&args.policy)?)
+    }
+
+    /// As [`World::open`], for a policy that is read already; the arguments say what it is called.
+    pub fn of(args: &WorldSettings, policy: Policy) -> Result<Self, Error> {
         let mut settings = task(args, &policy)?;
         // Uneven ground is measured on its own.
         settings.terrain = None;

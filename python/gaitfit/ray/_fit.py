@@ -44,7 +44,7 @@ def fit(
     place = Place(num_cpus, num_gpus, retries)
     listen = listener(progress)
     run = _run(config, _fit_settings(logs, robot, policy, costs, settings, runs), name, resume, threads, "cpu")
-    return _results(_gaitfit.adapt(run, listen, Crew(Cluster(address, place))))
+    return _results(_gaitfit.adapt(run, None, listen, Crew(Cluster(address, place))))
 
 
 class Crew:

@@ -115,6 +115,7 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
                 let (passed, shape) = (encoder.passed.len(), &encoder.network.shape);
                 format!("encoder {shape} {}, {passed} numbers of the observation beside it", shape.activation)
             }
+            Front::Function(_) => "a function".to_owned(),
         }),
         actor: network(&policy.actor),
         critic: policy.critic.as_ref().map(network),

@@ -18,6 +18,7 @@ pub fn run(args: &cli::Validate) -> Result<(), Failure> {
         config: args.config.clone(),
         set: args.set.clone(),
         threads: args.threads.map(NonZeroUsize::get),
+        policy: None,
     })?;
     if args.json {
         output::print_json(&results)?;

@@ -95,7 +95,7 @@ fn tile(
     let mut player = Player::new(task, policy, environment);
     let half = 0.5 * course.size();
     for step in 1..=steps {
-        player.step(step);
+        player.step(step)?;
         for (index, crossing) in found.iter_mut().enumerate().filter(|(_, one)| !one.crossed && !one.fell) {
             crossing.fell = matches!(player.ended[index], Ended::Fall | Ended::Diverged);
             crossing.seconds = f64::from(step) * task.walker.interface.control_dt;

@@ -111,7 +111,7 @@ fn trial(
                 }
             }
         }
-        player.step(step);
+        player.step(step)?;
         for (index, &ended) in player.ended.iter().enumerate() {
             fallen[index] |= matches!(ended, Ended::Fall | Ended::Diverged);
             diverged[index] |= ended == Ended::Diverged;

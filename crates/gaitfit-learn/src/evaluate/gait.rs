@@ -99,7 +99,7 @@ pub fn record_gait_on(
         player.environment.hold_command(0, command.map(|x| x as f32));
         for _ in 0..(seconds / record.dt).round() as u32 {
             step += 1;
-            player.step(step);
+            player.step(step)?;
             let environment = &player.environment;
             let motion = environment.motion();
             let feet = environment.feet(0);

@@ -94,7 +94,7 @@ fn run_tile(subject: &Subject<'_>, first: u32, count: usize, steps: u32) -> Resu
     let mut trials = Trials::new(environment.commands(), subject.task.walker.joints.len());
     let mut player = Player::new(subject.task, subject.policy, environment);
     for step in 1..=steps {
-        player.step(step);
+        player.step(step)?;
         let state = |index: usize| {
             (player.reward[index], player.ended[index], player.environment.tracking_error(index))
         };

@@ -16,4 +16,4 @@ pub mod weights;
 
 pub use description::{DescribedTerm, Description, MemoryTensors, NormaliserTensors, PerJoint};
 pub use encoder::{EncoderTensors, Passes};
-pub use read::{files_of, read};
+pub use read::{files_of, interface_of, read};

@@ -4,7 +4,7 @@ use super::foreign::{self, Known};
 use super::torch;
 use super::{Description, onnx, weights};
 use crate::error::invalid;
-use crate::{Policy, PolicyError};
+use crate::{Interface, Policy, PolicyError};
 use serde::Deserialize;
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read};
@@ -32,6 +32,25 @@ pub fn read(path: &Path) -> Result<Policy, PolicyError> {
         Some("pt" | "pth" | "jit" | "ptl") => Err(inside(torch::refuse(path, &bytes(path)?))),
         _ => Err(inside(invalid("no policy by its ending; give a .safetensors, .onnx or .toml file"))),
     }
+}
+
+/// What a policy sees and what its outputs mean, and the settings of the task it was trained on (empty where they are not
+/// known): of any file that [`read`] reads, or of a description that names no `file`.
+///
+/// # Errors
+/// As [`read`].
+pub fn interface_of(path: &Path) -> Result<(Interface, String), PolicyError> {
+    if ending(path).as_deref() == Some("toml")
+        && let Ok(mut table) = toml::from_str::<toml::Table>(&text(path)?)
+        && !table.contains_key("file")
+    {
+        let inside = |source| PolicyError::In { path: path.to_owned(), source: Box::new(source) };
+        table.insert("file".to_owned(), String::new().into());
+        let interface = Description::from_table(table).and_then(|description| Ok(description.interface()?));
+        return Ok((interface.map_err(inside)?, String::new()));
+    }
+    let policy = read(path)?;
+    Ok((policy.interface, policy.provenance.task))
 }
 
 /// The files that [`read`] reads: the one named, the weights that a description names, and what says more of them.

@@ -66,6 +66,7 @@ enum FrontHeader {
 /// A policy whose parts do not fit ([`Policy::check`]).
 pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
     policy.check()?;
+    policy.refuse_function("a policy's file")?;
     let mut tensors: Vec<(String, Vec<usize>, Dtype, Vec<u8>)> = Vec::new();
     let mut network = |prefix: &str, network: &Network| {
         let mut number = 0;
@@ -109,7 +110,7 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
                 latent: *latent,
             })
         }
-        None => None,
+        Some(Front::Function(_)) | None => None,
     };
     if let Some(Front::Recurrent(recurrent)) = &policy.front {
         for (number, layer) in recurrent.layers.iter().enumerate() {

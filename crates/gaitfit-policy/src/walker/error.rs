@@ -37,6 +37,9 @@ pub enum WalkerError {
          policy remembered: use wass or matcho"
     )]
     NoMemory,
+    /// A policy that is a function of the caller's.
+    #[error("the policy's function failed, or gave actions that are not finite")]
+    Failed,
     /// The simulator.
     #[error(transparent)]
     Sim(#[from] SimError),

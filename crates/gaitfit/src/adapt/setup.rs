@@ -78,12 +78,27 @@ impl Setup {
         threads: Option<usize>,
         device: Device,
     ) -> Result<Self, Error> {
-        let error = match Self::just_on(config, config_path, threads, device) {
+        Self::open_policy(config, config_path, threads, device, None)
+    }
+
+    /// As [`Setup::open_on`]; the policy that walked is `policy`, where it is given, and the configuration says only what
+    /// it is called.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn open_policy(
+        config: &AdaptConfig,
+        config_path: &Path,
+        threads: Option<usize>,
+        device: Device,
+        policy: Option<&Policy>,
+    ) -> Result<Self, Error> {
+        let error = match Self::just_on(config, config_path, threads, device, policy) {
             Err(error) => error,
             opened => return opened,
         };
         let Some(note) = device.instead(&error) else { return Err(error) };
-        let mut setup = Self::just_on(config, config_path, threads, Device::Cpu)?;
+        let mut setup = Self::just_on(config, config_path, threads, Device::Cpu, policy)?;
         setup.warnings.insert(0, note);
         Ok(setup)
     }
@@ -93,13 +108,14 @@ impl Setup {
         config_path: &Path,
         threads: Option<usize>,
         device: Device,
+        given: Option<&Policy>,
     ) -> Result<Self, Error> {
         let mut config = config.clone();
         // The folder keeps every default, these too.
         config.parameter.iter_mut().for_each(ParameterRule::resolve);
         config.number.iter_mut().for_each(RobotRule::resolve);
         check::check(&config, config_path)?;
-        let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path)?;
+        let Robot { model, policy, base, known, mut files } = Robot::read(&config, config_path, given)?;
         let joints: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
         let rest = match &policy {
             Some(policy) => rest_angles(policy, &model)?,
@@ -237,8 +253,8 @@ pub(crate) struct Robot {
 }
 
 impl Robot {
-    /// Reads robot, policy and what is known.
-    pub fn read(config: &AdaptConfig, config_path: &Path) -> Result<Self, Error> {
+    /// Reads robot, policy (unless it is `given`) and what is known.
+    pub fn read(config: &AdaptConfig, config_path: &Path, given: Option<&Policy>) -> Result<Self, Error> {
         let mut files = Vec::new();
         let hold = match config.base {
             Base::Fixed => Hold::Clamped,
@@ -264,6 +280,7 @@ impl Robot {
             Ok(path)
         };
         let policy = match &config.policy {
+            Some(_) if given.is_some() => given.cloned(),
             Some(named) => Some(policy::read(&read(named, "policy")?).map_err(Error::failed)?),
             None => None,
         };

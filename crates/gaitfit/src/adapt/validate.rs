@@ -10,6 +10,7 @@ use super::setup::{Robot, aligned, method, validation as read_logs};
 use crate::settings::{self, AdaptConfig, check};
 use crate::{Error, theta};
 use gaitfit_adapt::Theta;
+use gaitfit_policy::Policy;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -26,6 +27,8 @@ pub struct ValidateRequest {
     pub set: Vec<String>,
     /// Threads; one for each core without a number.
     pub threads: Option<usize>,
+    /// The policy that walked, instead of the configuration's file.
+    pub policy: Option<Policy>,
 }
 
 /// How well a finished fit predicts other logs.
@@ -81,7 +84,7 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
         config.logs.clone_from(&request.logs);
     }
     check::check(&config, &path)?;
-    let Robot { model, policy, base, .. } = Robot::read(&config, &path)?;
+    let Robot { model, policy, base, .. } = Robot::read(&config, &path, request.policy.as_ref())?;
     let file = theta::read(&request.theta)?;
     let fitted = theta::on(base.clone(), &file, &request.theta, &model)?;
     let nothing = Theta::default();

@@ -65,7 +65,14 @@ pub struct Evaluated {
 /// # Errors
 /// Files that cannot be read or do not fit each other, settings out of range, or an interruption, which keeps nothing.
 pub fn evaluate(settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evaluated, Error> {
-    let world = World::open(&settings.world)?;
+    evaluate_in(World::open(&settings.world)?, settings, watch)
+}
+
+/// As [`evaluate`], in a world that is open already.
+///
+/// # Errors
+/// As there.
+pub fn evaluate_in(world: World, settings: &EvaluateSettings, watch: &Watch<'_>) -> Result<Evaluated, Error> {
     world.warnings.iter().for_each(|warning| watch.note(warning));
     let EvaluateSettings { trajectories, seconds, drift, .. } = *settings;
     let period = world.scene.walker.interface.control_dt;

@@ -128,7 +128,7 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     config.parameter.iter_mut().for_each(gaitfit_adapt::ParameterRule::resolve);
     config.number.iter_mut().for_each(gaitfit_adapt::RobotRule::resolve);
     let threads = settings.threads.map_or_else(machine::threads, NonZeroUsize::get);
-    let Robot { model, policy, base, .. } = Robot::read(&config, &settings.config)?;
+    let Robot { model, policy, base, .. } = Robot::read(&config, &settings.config, None)?;
     let policy = policy.ok_or_else(|| Error::settings("`policy` names no policy"))?;
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
     let rest = crate::walk::walking::rest_angles(&policy, &model)?;

@@ -18,6 +18,7 @@ use gaitfit_log::{
 };
 use gaitfit_policy::Interface;
 use gaitfit_policy::Policy;
+use gaitfit_policy::walker::WalkerError;
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -132,6 +133,9 @@ pub fn read(
 
     let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
     let policy_match = policy_check::check(policy, &trajectories);
+    if policy.has_failed() {
+        return Err(Error::failed(WalkerError::Failed));
+    }
     let policy_name = config.policy.as_deref().unwrap_or("the policy");
     let names: Vec<&str> = logs.iter().map(|log| log.name.as_str()).collect();
     warnings.extend(policy_match.judge(policy_name, &names)?);

@@ -121,8 +121,12 @@ impl Simulator for WalkSimulator {
         let (places, jobs): (Vec<usize>, Vec<follow::Job>) = free.into_iter().unzip();
         let walker = &task.walker;
         let to = |job: usize, script: usize, track: &Track| pass(places[job], script, track);
-        follow::follow(walker, policy, &self.scripts, &jobs, threads, &to, cancel)
-            .map_err(SimulatorError::failed)?;
+        let followed = follow::follow(walker, policy, &self.scripts, &jobs, threads, &to, cancel);
+        // Who stops because a policy's function failed has cancelled: what is done is kept.
+        if followed.is_err() && cancel() {
+            return Err(SimulatorError::Cancelled);
+        }
+        followed.map_err(SimulatorError::failed)?;
         let (places, jobs): (Vec<usize>, Vec<predict::Job>) = corrected.into_iter().unzip();
         let to = |job: usize, course: usize, track: &Track| pass(places[job], course, track);
         predict::predict(walker, &self.courses, &jobs, threads, &to, cancel)

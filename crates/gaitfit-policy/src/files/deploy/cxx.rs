@@ -69,6 +69,7 @@ struct TwoPart {
 
 /// The text of the header, of a policy that passes [`Policy::check`].
 pub(super) fn header(policy: &Policy) -> Result<String, PolicyError> {
+    policy.refuse_function("a header")?;
     let count = numbers_of(policy);
     if count > MOST_NUMBERS {
         return Err(invalid(format!(
@@ -127,7 +128,7 @@ pub(super) fn header(policy: &Policy) -> Result<String, PolicyError> {
 /// Numbers of all networks that act.
 fn numbers_of(policy: &Policy) -> usize {
     let front = match &policy.front {
-        None => 0,
+        None | Some(Front::Function(_)) => 0,
         Some(Front::Recurrent(recurrent)) => recurrent.parameters().map(<[f32]>::len).sum(),
         Some(Front::Encoder(encoder)) => encoder.network.parameters.len() + encoder.passed.len(),
     };

@@ -40,6 +40,7 @@ pub fn write_single(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
 
 fn whole(policy: &Policy, rows: Option<i64>) -> Result<Vec<u8>, PolicyError> {
     policy.check()?;
+    policy.refuse_function("an ONNX file")?;
     if policy.front.is_some() {
         return Err(invalid(
             "recurrent and two-part policies are not written as ONNX; use safetensors (gaitfit export --safetensors)",

@@ -1,0 +1,134 @@
+"""Charts for notebooks. Needs ``matplotlib`` (``pip install "gaitfit[plot]"``). Each function returns the figure."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from ._logs import Log
+
+if TYPE_CHECKING:
+    from ._own_simulator import FitOutcome
+
+
+def plot(results: Mapping[str, Any]) -> Figure:
+    """The chart of what a stage found: a fit's :func:`parameters`, an evaluation's :func:`drift`, a training's
+    :func:`training`, and of a loop the fit of its last round."""
+    if results.get("parameters"):
+        return parameters(results)
+    if results.get("rounds"):
+        return parameters(results["rounds"][-1]["adapt"])
+    if results.get("drift"):
+        return drift(results)
+    if results.get("seeds"):
+        return training(results)
+    raise ValueError(f"there is no chart of results with {', '.join(results)}: plot its rows with matplotlib")
+
+
+def parameters(found: Mapping[str, Any] | FitOutcome) -> Figure:
+    """Each parameter between its bounds: what was found, the interval in which the logs cannot tell it, and the truth
+    where it is known."""
+    rows = _parameters(found)
+    figure, axes = plt.subplots(figsize=(7.0, 0.6 + 0.34 * len(rows)), layout="constrained")
+    for at, row in enumerate(rows):
+        lower, upper = row["lower"], row["upper"]
+        width = (upper - lower) or 1.0
+        axes.plot([0, 1], [at, at], color="0.85", linewidth=6, solid_capstyle="butt", zorder=1)
+        if row.get("interval"):
+            ends = [(end - lower) / width for end in row["interval"]]
+            axes.plot(ends, [at, at], color="tab:blue", alpha=0.4, linewidth=6, solid_capstyle="butt", zorder=2)
+        if row.get("truth") is not None:
+            axes.plot((row["truth"] - lower) / width, at, "|", color="black", markersize=14, zorder=3)
+        axes.plot((row["value"] - lower) / width, at, "o", color="tab:blue", zorder=4)
+        unit = "" if row["unit"] in ("", "-") else f" {row['unit']}"
+        axes.annotate(f"{row['value']:.4g}{unit}", (1.02, at), va="center", fontsize=9)
+    axes.set_yticks(range(len(rows)), [row["name"] for row in rows])
+    axes.set_xlim(-0.02, 1.25)
+    axes.set_xticks([0, 1], ["lower bound", "upper bound"])
+    axes.invert_yaxis()
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    if any(row.get("truth") is not None for row in rows):
+        axes.set_title("found (dot), truth (line)", fontsize=10)
+    return figure
+
+
+def convergence(results: Mapping[str, Any]) -> Figure:
+    """The smallest cost so far of each seed, generation by generation, of a fit with a run folder."""
+    lines = _metrics(results)
+    figure, axes = plt.subplots(figsize=(7.0, 3.5), layout="constrained")
+    for cost, seed in sorted({(line["cost"], line["seed"]) for line in lines}):
+        run = [line for line in lines if (line["cost"], line["seed"]) == (cost, seed)]
+        axes.plot([line["generation"] for line in run], [line["best_so_far"] for line in run], label=f"{cost}, seed {seed}")
+    axes.set(xlabel="generation", ylabel="smallest cost so far", yscale="log")
+    axes.legend()
+    return figure
+
+
+def training(results: Mapping[str, Any]) -> Figure:
+    """Reward and velocity errors of each seed of a training, iteration by iteration."""
+    figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.5), layout="constrained")
+    for seed in results["seeds"]:
+        path = Path(seed["policy"]).parent / "metrics.jsonl"
+        lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        iterations = [line["iteration"] for line in lines]
+        axes[0].plot(iterations, [line["reward"] for line in lines], label=f"seed {seed['seed']}")
+        axes[1].plot(iterations, [line["linear_velocity_error"] for line in lines], label="|v − c|, m/s")
+        axes[1].plot(iterations, [line["angular_velocity_error"] for line in lines], label="|ω − c|, rad/s")
+    axes[0].set(xlabel="iteration", ylabel="reward of a control step")
+    axes[1].set(xlabel="iteration")
+    for one in axes:
+        one.legend()
+    return figure
+
+
+def drift(results: Mapping[str, Any]) -> Figure:
+    """The paths of an evaluation's first robots under constant commands, seen from above, m."""
+    figure, axes = plt.subplots(figsize=(5.0, 5.0), layout="constrained")
+    for trial in results["drift"]:
+        path = np.asarray(trial["path"], float)
+        if len(path):
+            axes.plot(path[:, 0], path[:, 1], label=trial["name"])
+    axes.set(xlabel="ahead, m", ylabel="to the left, m", aspect="equal")
+    axes.legend(fontsize=8)
+    return figure
+
+
+def log(log: Log, joints: Sequence[str] | None = None) -> Figure:
+    """Position and target, rad, of some joints of a log over time, s; without ``joints`` of its first three."""
+    names = list(log.joints or [str(number) for number in range(np.asarray(log.position).shape[1])])
+    chosen = names[:3] if joints is None else list(joints)
+    unknown = [name for name in chosen if name not in names]
+    if unknown:
+        raise ValueError(f"the log has no joint {unknown[0]!r}; it has {', '.join(names)}")
+    position = np.asarray(log.position)
+    time = np.arange(len(position)) * (log.dt or 1.0) if log.time is None else np.asarray(log.time)
+    figure, axes = plt.subplots(len(chosen), 1, figsize=(8.0, 1.8 * len(chosen)), sharex=True, squeeze=False, layout="constrained")
+    for name, (one,) in zip(chosen, axes):
+        column = names.index(name)
+        if log.target is not None:
+            one.plot(time, np.asarray(log.target)[:, column], color="0.6", linewidth=1, label="target")
+        one.plot(time, position[:, column], linewidth=1, label="position")
+        one.set_ylabel(f"{name}, rad", fontsize=8)
+    axes[0, 0].legend(loc="upper right", fontsize=8)
+    axes[-1, 0].set_xlabel("time, s" if log.time is not None or log.dt else "sample")
+    return figure
+
+
+def _parameters(found: Mapping[str, Any] | FitOutcome) -> list[dict[str, Any]]:
+    if isinstance(found, Mapping):
+        return list(found["parameters"])
+    return [{**row, "interval": (found.intervals or {}).get(row["name"])} for row in found.rows()]
+
+
+def _metrics(results: Mapping[str, Any]) -> list[dict[str, Any]]:
+    folder = results.get("run_folder")
+    path = None if folder is None else Path(folder) / "metrics.jsonl"
+    if path is None or not path.exists():
+        raise ValueError("these results have no run folder with metrics: they are not of a fit, or it was removed")
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]

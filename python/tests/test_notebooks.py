@@ -1,0 +1,106 @@
+"""The notebooks of examples/notebooks run from their first cell to their last, without outputs in the files."""
+
+import ast
+import contextlib
+import io
+import json
+import os
+import unittest
+
+import gaitfit
+
+from .common import ROOT, Case
+
+NOTEBOOKS = ROOT / "examples" / "notebooks"
+
+
+def execute(source: str, names: dict) -> object:
+    """Runs a cell as a notebook does; the value of its last expression comes back."""
+    body = ast.parse(source).body
+    last = body.pop() if body and isinstance(body[-1], ast.Expr) else None
+    exec(compile(ast.Module(body, []), "cell", "exec"), names)
+    return None if last is None else eval(compile(ast.Expression(last.value), "cell", "eval"), names)
+
+
+class Notebooks(Case):
+    def run_notebook(self, name: str) -> dict:
+        try:
+            import matplotlib
+
+            matplotlib.use("Agg")
+            import matplotlib.pyplot as plt
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        self.addCleanup(plt.close, "all")
+        cells = json.loads((NOTEBOOKS / name).read_text(encoding="utf-8"))["cells"]
+        names: dict = {}
+        # Runs belong in the test's folder.
+        for item in ("assets", "examples"):
+            os.symlink(ROOT / item, self.folder / item)
+        os.chdir(self.folder)
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            for number, cell in enumerate(cells):
+                if cell["cell_type"] != "code":
+                    continue
+                self.assertEqual((cell["outputs"], cell["execution_count"]), ([], None), f"{name} has outputs")
+                with self.subTest(f"{name}, cell {number}"):
+                    names["last"] = execute("".join(cell["source"]), names)
+        return names
+
+    def test_clamped_leg(self) -> None:
+        names = self.run_notebook("clamped_leg.ipynb")
+        self.assertIs(names["last"], names["found"])
+        page = names["found"]._repr_html_()
+        self.assertIn("<iframe srcdoc=", page)
+        self.assertIn("frictionloss_hip", page)
+        for row in names["found"].rows("parameters"):
+            self.assertAlmostEqual(row["value"] / row["truth"], 1.0, delta=0.1, msg=row["name"])
+
+    def test_loop(self) -> None:
+        found = self.run_notebook("loop.ipynb")["found"]
+        self.assertEqual({row["on"] for row in found.rows("evaluations")}, {"target", "adapted"})
+
+    def test_own_simulator(self) -> None:
+        try:
+            import mujoco  # noqa: F401
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        names = self.run_notebook("own_simulator.ipynb")
+        self.assertLess(abs(names["found"].values["delay"] - 0.007), 0.001)
+
+
+class Charts(Case):
+    def test_wrong_things_have_no_chart(self) -> None:
+        try:
+            import matplotlib
+
+            matplotlib.use("Agg")
+            from gaitfit import plots
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        with self.assertRaisesRegex(ValueError, "no chart of results with a"):
+            plots.plot({"a": 1})
+        with self.assertRaisesRegex(ValueError, "no run folder"):
+            plots.convergence({"parameters": []})
+        log = gaitfit.read_log("examples/go2-demo/fit.csv")
+        with self.assertRaisesRegex(ValueError, "no joint 'knee'"):
+            plots.log(log, ["knee"])
+        self.assertEqual(len(plots.log(log, ["FL_hip", "RR_calf"]).axes), 2)
+
+    def test_an_evaluation_and_a_training_are_drawn(self) -> None:
+        try:
+            import matplotlib
+
+            matplotlib.use("Agg")
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        walked = gaitfit.evaluate("assets/go2-walk.safetensors", trajectories=8, seconds=0.5, drift=1, progress=False)
+        self.assertEqual(len(walked.plot().axes[0].lines), 7)
+        self.assertIn(walked.verdict[:10], walked._repr_html_())
+        size = {"train.environments": 32, "train.iterations": 2}
+        trained = gaitfit.train(runs=self.folder, name="t", settings=size, progress=False)
+        self.assertEqual(list(trained.plot().axes[0].lines[0].get_xdata()), [1, 2])
+
+
+if __name__ == "__main__":
+    unittest.main()
