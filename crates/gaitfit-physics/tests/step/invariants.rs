@@ -7,13 +7,14 @@ mod parameters;
 
 use std::collections::BTreeSet;
 
+use crate::common::in_f64::{accelerate, step};
 use crate::common::kinematics::{center, kinetic, mass, momentum, potential, sub};
 use crate::common::random::{Random, qpos};
 use crate::common::{Arrays, Ledger, clamped, converged, difference, here, largest, relative, robot};
 use gaitfit_model::{Cone, Model};
 use gaitfit_physics::{
     Drive, Forward, Params, Preset, Robot, RowKind, Settings, Slot, State, Tree, Work, acceleration, bias,
-    compile, constraint_rows, mass_matrix, state_from, state_to, step,
+    compile, constraint_rows, mass_matrix, state_from, state_to,
 };
 
 /// The robot without anything that takes or gives energy: no contacts, limits, friction, damping, and no springs
@@ -239,7 +240,7 @@ fn kinetic_energy_agrees_with_a_second_kinematics() {
             let drives: Vec<Drive<f64>> =
                 torques.iter().map(|&torque| Drive { torque, ..Drive::zero() }).collect();
             let mut solved = state.clone();
-            gaitfit_physics::accelerate(&tree, &params, &drives, &mut solved, &mut Work::new(&tree));
+            accelerate(&tree, &params, &drives, &mut solved, &mut Work::new(&tree));
             let qacc = acceleration(&tree, &solved);
             let energy = |t: f64| {
                 let (q, v) = moved(&q, &v, &qacc, t);
@@ -265,7 +266,7 @@ fn imbalance(model: &Model, q: &[f64], v: &[f64], torques: &[f64], warm: &[f64])
     let drives: Vec<Drive<f64>> = torques.iter().map(|&torque| Drive { torque, ..Drive::zero() }).collect();
     let mut work = Work::new(&tree);
     let mut solved = state.clone();
-    gaitfit_physics::accelerate(&tree, &params, &drives, &mut solved, &mut work);
+    accelerate(&tree, &params, &drives, &mut solved, &mut work);
     let qacc = acceleration(&tree, &solved);
     let m = mass_matrix(&tree, &params, &state);
     let (n, first) = (tree.nv(), tree.nv() - tree.joints());

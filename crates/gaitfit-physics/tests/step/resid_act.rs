@@ -1,9 +1,10 @@
 //! A network that resists changes of velocity stands for rotor inertia, also for more than the joint's own.
 
 use crate::common::clamped;
+use crate::common::in_f64::control_period;
 use gaitfit_physics::{
     Damping, Drive, JointModification, JointNetwork, NETWORK_WEIGHTS, NetworkScales, Period, Preset,
-    ResidAct, Robot, Settings, State, Work, compile, control_period, memory_of, settle,
+    ResidAct, Robot, Settings, State, Work, compile, memory_of, settle,
 };
 
 /// The joint that has the inertia: a calf.

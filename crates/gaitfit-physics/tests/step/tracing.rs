@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 
 use crate::common::batch::{networks, param_values, values};
+use crate::common::in_f64::control_period;
 use crate::common::random::Random;
 use crate::common::{Arrays, here, robot};
 use gaitfit_model::{Cone, Model};
@@ -12,7 +13,7 @@ use gaitfit_physics::trace::{
 };
 use gaitfit_physics::{
     Drive, Modify, Owner, Period, Preset, Real, Robot, RowKind, Settings, Slot, Work, compile,
-    constraint_rows, control_period, memory_of, settle, state_from,
+    constraint_rows, memory_of, settle, state_from,
 };
 
 const SUBSTEPS: usize = 2;

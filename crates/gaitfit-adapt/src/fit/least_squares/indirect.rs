@@ -47,6 +47,9 @@ const RISE: f64 = 0.01;
 const MOST_NOISE: f64 = 30.0;
 /// Part of a correction that counts as one standard deviation of its error.
 const SHARE: f64 = 0.2;
+/// The same where the logs leave no more than those of a simulated robot without noise: what the correction takes away may
+/// then be of the simulated logs alone.
+const SHARE_WITHOUT_NOISE: f64 = 1.0;
 
 /// Sets of logs that a correction simulates, with `replicates` a round.
 pub fn sets(replicates: u32) -> usize {
@@ -90,7 +93,8 @@ impl Correction {
 
     /// One standard deviation of what the correction misses as a whole: the simulated robot is not the real one.
     pub(super) fn doubt(&self) -> Vec<f64> {
-        self.by().into_iter().map(|by| SHARE * by).collect()
+        let share = if self.torque_noise > 0.0 { SHARE } else { SHARE_WITHOUT_NOISE };
+        self.by().into_iter().map(|by| share * by).collect()
     }
 
     /// How much more than the fit's values the corrected ones depend on the choice of logs: simulated ones are few too, and

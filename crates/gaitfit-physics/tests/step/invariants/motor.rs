@@ -1,7 +1,8 @@
 //! What a joint's motor can do at its speed, and its friction at rest and in motion, against their formulas.
 
 use super::*;
-use gaitfit_physics::{Period, control_period};
+use crate::common::in_f64::control_period;
+use gaitfit_physics::Period;
 
 const KP: f64 = 50.0;
 const KD: f64 = 1.5;

@@ -60,7 +60,7 @@ fn period<T: gaitfit_physics::Real<K = f64>>(
         at += 1;
     });
     let mut targets: Vec<T> = inputs.targets.iter().map(|&x| T::lit(x)).collect();
-    control_period(&mut Period {
+    gaitfit_physics::control_period(&mut Period {
         tree: &tree,
         params: &params,
         targets: &mut targets,

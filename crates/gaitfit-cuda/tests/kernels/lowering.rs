@@ -1,9 +1,6 @@
 //! A program shared among threads, computed in `f64`, equals the step.
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod common;
-
-use common::{difference, feet, networks, recorded, robot, samples, samples_with, shared};
+use crate::common::{difference, feet, networks, recorded, robot, samples, samples_with, shared};
 use gaitfit_cuda::emit::{EmitOptions, PeriodProgram, Seating};
 use gaitfit_cuda::physics::Shared;
 use gaitfit_model::{Cone, Model};

@@ -1,11 +1,8 @@
 //! Batches of environments on a GPU.
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
-
-mod common;
 
 use std::sync::Arc;
 
-use common::{feet, modifications, networks, robot};
+use crate::common::{control_period, feet, modifications, networks, robot};
 use gaitfit_cuda::emit::EmitOptions;
 use gaitfit_cuda::physics::{Batch, DeviceError, Period, PeriodOptions};
 use gaitfit_cuda::runtime::{Device, Stream};
@@ -13,7 +10,7 @@ use gaitfit_model::Model;
 use gaitfit_physics::trace::{Known, Report, Traced};
 use gaitfit_physics::{
     Drive, JointModification, Modify, Params, Period as Control, Preset, Robot, Settings, State, Work,
-    compile, control_period, memory_of, settle,
+    compile, memory_of, settle,
 };
 
 const TAPS: usize = 2;
@@ -64,7 +61,7 @@ fn check_with(
     let mut batch = Batch::new(device, &period, environments, 2).unwrap();
     let candidates = [weights(plain.clone(), 1.0), weights(plain, 0.3)];
     batch.write_weights(&stream, &[candidates[0].1.clone(), candidates[1].1.clone()]).unwrap();
-    let mut random = common::Random(3);
+    let mut random = crate::common::Random(3);
     let tree = compile::<f64>(model, &settings).unwrap();
     let key = &model.keyframes[0].qpos;
     let mut sets: Vec<Params<f64>> = Vec::new();

@@ -1,13 +1,10 @@
 //! The text of a program: compiled as C++, and by NVIDIA's compiler.
-#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
-
-mod common;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::process::Command;
 
-use common::{Sample, feet, recorded, robot, samples, shared};
+use crate::common::{Sample, feet, recorded, robot, samples, shared};
 use gaitfit_cuda::emit::{Class, Layout, PeriodProgram, body, cuda, head};
 use gaitfit_cuda::runtime::{Nvrtc, Program, compile};
 use gaitfit_model::{Cone, Model};
@@ -73,7 +70,7 @@ fn run_cxx(case: &Case, samples: &[Sample]) -> BTreeMap<Class, Vec<f32>> {
 /// As [`run_cxx`], with a line before the text.
 fn run_cxx_with(case: &Case, samples: &[Sample], line: &str) -> BTreeMap<Class, Vec<f32>> {
     let folder = tempfile::tempdir().unwrap();
-    let words = include_str!("common/host.hpp");
+    let words = include_str!("../common/host.hpp");
     let mut text = line.to_owned() + &head(&case.layout, 64) + words + &body(&case.program, &case.layout);
     text.push_str("#include <cstdio>\nint main() {\n");
     let mut count = 0;
