@@ -4,9 +4,9 @@ use super::commands::{Commands, Order};
 use crate::RobotError;
 use crate::state::RobotState;
 
-/// Time of standing before and after the command, and of the command itself, s: as `gaitfit evaluate` simulates them.
+/// Time of standing before and after the command, s, as `gaitfit evaluate` simulates it.
 const STAND: f64 = 1.0;
-/// See [`STAND`].
+/// Time of the command, s, as `gaitfit evaluate` simulates it.
 pub const COMMAND: f64 = 4.0;
 /// The paper's speeds: ahead and to the side, m/s, and turning, rad/s.
 pub const SPEEDS: [f32; 3] = [1.0, 1.0, 0.3925];
