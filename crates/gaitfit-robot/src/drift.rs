@@ -1,10 +1,11 @@
 //! The form of drift trials: a row a trial, with empty cells for what a tape measure or a tag says, and what the filled form
 //! says of the policy.
 
+use std::collections::HashMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use crate::run::{COMMAND, Trial};
+use crate::run::{COMMAND, DIRECTIONS, Trial};
 
 /// Furthest that a robot may have come, m: what is beyond is likely centimetres.
 const FURTHEST: f64 = 30.0;
@@ -18,6 +19,8 @@ const ENDS: [[(&str, f64); 2]; 3] = [
     [("heading_deg", std::f64::consts::PI / 180.0), ("heading_rad", 1.0)],
 ];
 const OTHERS: [&str; 2] = ["fell", "note"];
+/// Largest form, bytes: hundreds of trials with long notes.
+const MOST_BYTES: u64 = 1 << 20;
 
 /// Why a form cannot be read: one line, with file and line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -81,26 +84,41 @@ impl Form {
     /// A file that is none, rows that are half filled, cells that are no numbers or have another unit, no filled row.
     pub fn read(path: &Path) -> Result<Self, FormError> {
         let refuse = |problem: String| FormError { path: path.to_owned(), problem };
-        let text = std::fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
+        // Neither devices and pipes, which may never end, nor what no person has filled in.
+        let size = std::fs::metadata(path).map_err(|error| refuse(error.to_string()))?;
+        if !size.is_file() || size.len() > MOST_BYTES {
+            return Err(refuse(
+                "this is no form: name the CSV file that `gaitfit run --drift` wrote".to_owned(),
+            ));
+        }
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| refuse(format!("{error}; save the form as CSV in UTF-8")))?;
         Self::parse(&text, path).map_err(refuse)
     }
 
     fn parse(text: &str, path: &Path) -> Result<Self, String> {
+        let text = text.trim_start_matches('\u{feff}');
         let named = text.lines().find_map(|line| line.strip_prefix("# policy = "));
         let policy = named.map(|name| name.trim().trim_matches('"').to_owned());
         let policy =
             policy.unwrap_or_else(|| path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .comment(Some(b'#'))
-            .from_reader(text.trim_start_matches('\u{feff}').as_bytes());
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
         let header = reader.headers().map_err(|error| error.to_string())?.clone();
         let columns = Columns::of(&header)?;
         let mut found = Self { policy, trials: Vec::new(), empty: 0 };
+        let mut lines = HashMap::new();
         for record in reader.records() {
             let record = record
                 .map_err(|error| format!("{error}. Does a number have a comma? Write a point, as in 0.35"))?;
             let line = record.position().map_or(0, csv::Position::line);
+            let number = record.get(columns.needed[0]).unwrap_or("").to_owned();
+            if let Some(first) = lines.insert(number.clone(), line) {
+                return Err(format!(
+                    "line {line}: trial `{}` is in line {first} already; number each trial once",
+                    number.escape_debug()
+                ));
+            }
             let trial = columns.trial(&record).map_err(|problem| format!("line {line}: {problem}"))?;
             match trial {
                 Some(trial) => found.trials.push(trial),
@@ -178,6 +196,13 @@ impl Columns {
             *wanted = number(column, name)? * seconds;
         }
         let direction = cell(direction).to_owned();
+        if !DIRECTIONS.as_flattened().contains(&direction.as_str()) {
+            return Err(format!(
+                "direction is `{}`; it is one of {}",
+                direction.escape_debug(),
+                DIRECTIONS.as_flattened().join(", ")
+            ));
+        }
         let fell = match self.fell.map_or("", cell).to_lowercase().as_str() {
             "" | "no" => false,
             "yes" => true,
@@ -284,6 +309,8 @@ mod tests {
                 filled(&[(1, "3,0,1,,")]).replace(",seconds", ",note").replace("fell,note", "fell,fell"),
                 ["`seconds`", "--drift"],
             ),
+            (filled(&[(1, "3,0,1,,")]).replace("\n2,", "\n1,"), ["line 8: trial `1`", "line 7"]),
+            (filled(&[(1, "3,0,1,,")]).replace(",+yaw,", ",+zzz,"), ["direction is `+zzz`", "+yaw"]),
             (String::new(), ["no column", "trial"]),
         ] {
             let error = parse(&text).unwrap_err();

@@ -25,4 +25,4 @@ pub use record::{Acted, RUN, Recorder, WALK, WHOLE};
 pub use script::Script;
 pub use sender::Sender;
 pub use suits::suits;
-pub use trials::{COMMAND, Next, SPEEDS, Trial, Trials, trials};
+pub use trials::{COMMAND, DIRECTIONS, Next, SPEEDS, Trial, Trials, trials};

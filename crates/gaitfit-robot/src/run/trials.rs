@@ -10,6 +10,8 @@ const STAND: f64 = 1.0;
 pub const COMMAND: f64 = 4.0;
 /// The paper's speeds: ahead and to the side, m/s, and turning, rad/s.
 pub const SPEEDS: [f32; 3] = [1.0, 1.0, 0.3925];
+/// Names of a trial's directions: ahead, to the left, turning to the left, each and its opposite.
+pub const DIRECTIONS: [[&str; 2]; 3] = [["+x", "-x"], ["+y", "-y"], ["+yaw", "-yaw"]];
 /// Most repetitions.
 const MOST_REPEATS: usize = 50;
 
@@ -37,9 +39,8 @@ pub fn trials(repeats: usize, speeds: [f32; 3]) -> Result<Vec<Trial>, RobotError
     if !(1..=MOST_REPEATS).contains(&repeats) {
         return refuse(format!("{repeats} drift trials of each direction; give 1 to {MOST_REPEATS}"));
     }
-    let names = [["+x", "-x"], ["+y", "-y"], ["+yaw", "-yaw"]];
     let directions = (0..3).filter(|&part| speeds[part] > 0.0).flat_map(|part| {
-        [1.0, -1.0].into_iter().zip(names[part]).map(move |(sign, direction)| {
+        [1.0, -1.0].into_iter().zip(DIRECTIONS[part]).map(move |(sign, direction)| {
             let mut command = [0.0; 3];
             command[part] = sign * speeds[part];
             Trial { direction, command }
