@@ -37,7 +37,7 @@ impl Shared {
         self.shares.costs.iter().position(|name| name == cost.name())
     }
 
-    /// Has `work` of every piece done; `take` gets the first candidate's number and the answer.
+    /// Has `work` of every piece of candidates done; `take` gets the piece and the answer for it.
     fn done(
         &self,
         theta: &Theta,
