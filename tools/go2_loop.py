@@ -5,6 +5,10 @@ For each seed, side by side, each on a DDS domain of its own: starts tools/go2_s
 fresh server. A trial is the paper's: stand, a constant command for 4 s, stand. What is measured is how far from where it
 should the robot ends, seen from where it was when the command began: m, and rad of heading. The server says where it was.
 
+The vendor's feet resist turning on the spot, those of the built-in Go2 do not, and no joint's friction can stand for it:
+fit and training have the built-in Go2 with the contact that the vendor's file gives its feet (OUT/go2.xml). With
+`--built-in-feet` they have it as it is. Nothing of how the server's Go2 was altered is told to them.
+
 Writes OUT/seed-N.json for each seed as soon as it is done, and OUT/drift.json with all of them; what programs say is in
 OUT/seed-N.log. A seed that fails says why in its file, and the others go on.
 
@@ -25,15 +29,32 @@ import subprocess
 import sys
 import time
 import traceback
+import xml.etree.ElementTree as ElementTree
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 TRIALS = [("+x", 0, 1), ("-x", 0, -1), ("+y", 1, 1), ("-y", 1, -1), ("+yaw", 2, 1), ("-yaw", 2, -1)]
 STAND, COMMAND = 1.5, 4.0
 
 
+def robot_file(arguments):
+    """Writes the built-in Go2 with feet that touch the ground as the vendor's do; "" for the built-in one as it is."""
+    if arguments.built_in_feet:
+        return ""
+    vendor = ElementTree.parse(arguments.vendor / "unitree_mujoco/unitree_robots/go2/go2.xml").getroot()
+    tree = ElementTree.parse(ROOT / "assets/go2.xml")
+    foot = 'default//default[@class="foot"]/geom'
+    for path, names in [(foot, ("condim", "friction")), ("option", ("cone", "impratio"))]:
+        for name in names:
+            tree.getroot().find(path).set(name, vendor.find(path).get(name))
+    path = arguments.out / "go2.xml"
+    tree.write(path, encoding="unicode")
+    return str(path)
+
+
 def loop_config(arguments, seed, folder):
     """The loop's settings: how the fit and the training differ from the defaults."""
     return f"""policy = {json.dumps(str(arguments.policy))}
+robot = {json.dumps(arguments.robot)}
 runs = {json.dumps(str(folder))}
 held_out = 0
 
@@ -81,7 +102,11 @@ kind = "payload_mass"
 [finetune]
 seeds = [{seed}]
 train = {{ environments = {arguments.environments}, iterations = {arguments.iterations} }}
-task = {{ tracking_width = {arguments.width}, yaw_tracking_width = {arguments.width} }}
+
+[finetune.task]
+tracking_width = {arguments.width}
+yaw_tracking_width = {arguments.width}
+rewards = {{ track_yaw_rate = {arguments.yaw_weight} }}
 
 [evaluate]
 trajectories = 64
@@ -248,10 +273,14 @@ def one_seed(arguments, seed):
         try:
             config = folder / "loop.toml"
             config.write_text(loop_config(arguments, seed, folder), encoding="utf-8")
-            found["before"] = drift(arguments, arguments.policy, domain, folder / "before", log)
-            lap("drift before")
-            result = loop(arguments, domain, config, log)
-            lap("loop")
+            # Beside the loop, on a server of its own.
+            with concurrent.futures.ThreadPoolExecutor(1) as beside:
+                before = beside.submit(
+                    drift, arguments, arguments.policy, domain + max(arguments.seeds), folder / "before", log
+                )
+                result = loop(arguments, domain, config, log)
+                lap("loop")
+                found["before"] = before.result()
             fit = result["rounds"][0]["adapt"]["fits"][0]
             found["loop"] = {key: result[key] for key in ("stage_seconds", "warnings", "doubts", "policy")}
             found["fit"] = {key: fit[key] for key in fit if key in ("cost_name", "cost", "nominal_cost", "parameters")}
@@ -300,7 +329,9 @@ def main():
     parser.add_argument("--policy", type=pathlib.Path, default=ROOT / "assets/go2-walk.safetensors")
     parser.add_argument("--vendor", type=pathlib.Path, default=ROOT.parent / "shared/third_party")
     parser.add_argument("--interface", default="lo")
-    parser.add_argument("--domain", type=int, default=1, help="domain of seed 1; seed N has this plus N - 1")
+    parser.add_argument(
+        "--domain", type=int, default=1, help="domain of seed 1; seed N has this plus N - 1, and another for its first drift"
+    )
     parser.add_argument("--seeds", type=numbers(int), default=[1, 2, 3, 4, 5], help="numbers with commas")
     parser.add_argument("--jobs", type=int, default=5, help="seeds side by side")
     parser.add_argument("--threads", type=int, default=3, help="threads of each seed's fit and training")
@@ -315,6 +346,8 @@ def main():
     parser.add_argument("--iterations", type=int, default=150, help="of the training")
     parser.add_argument("--environments", type=int, default=2048, help="robots of the training")
     parser.add_argument("--width", type=float, default=0.25, help="widths of the rewards for tracking, m/s and rad/s")
+    parser.add_argument("--yaw-weight", type=float, default=5.0, help="weight of the reward for the yaw rate")
+    parser.add_argument("--built-in-feet", action="store_true", help="fit and train with the built-in Go2's feet")
     parser.add_argument("--speeds", type=numbers(float), default=[0.5, 0.5, 0.5], help="of the trials: m/s, m/s, rad/s")
     parser.add_argument("--repeats", type=int, default=1, help="of each trial")
     parser.add_argument("--attempts", type=int, default=3, help="of walks that the guard stops")
@@ -335,6 +368,7 @@ def main():
         setattr(arguments, name, path)
     arguments.out = arguments.out.resolve()
     arguments.out.mkdir(parents=True, exist_ok=True)
+    arguments.robot = robot_file(arguments)
     with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
         seeds = list(pool.map(lambda seed: one_seed(arguments, seed), arguments.seeds))
     found = summary(arguments, seeds)
