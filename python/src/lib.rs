@@ -7,6 +7,7 @@ mod errors;
 mod logs;
 mod own_policy;
 mod own_simulator;
+mod program;
 mod share;
 mod stages;
 mod tables;
@@ -31,6 +32,8 @@ mod _gaitfit {
     use super::own_policy::{interface_of, observation_width};
     #[pymodule_export]
     use super::own_simulator::fit_simulator;
+    #[pymodule_export]
+    use super::program::program;
     #[pymodule_export]
     use super::share::Helper;
     #[pymodule_export]

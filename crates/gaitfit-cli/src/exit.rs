@@ -1,7 +1,6 @@
 //! Exit codes, and the one error type every command ends with.
 
 use std::fmt;
-use std::process::ExitCode;
 
 /// How the program ends; the numbers are part of its interface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,12 +15,6 @@ pub enum Exit {
     Missing = 4,
     /// Interrupted; a checkpoint was written.
     Interrupted = 130,
-}
-
-impl From<Exit> for ExitCode {
-    fn from(exit: Exit) -> Self {
-        ExitCode::from(exit as u8)
-    }
 }
 
 /// Why a command stopped: one paragraph that says what, where and what to do.

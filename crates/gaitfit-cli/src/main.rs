@@ -1,81 +1,10 @@
-//! `gaitfit`: fits a legged robot's simulator to the real robot from its joint sensors.
+//! The program `gaitfit`, see `lib.rs`.
 
-mod cli;
-mod commands;
-mod exit;
-mod interrupt;
-mod keyboard;
-mod output;
-mod progress;
-mod signals;
-mod table;
-mod viewer;
-mod watcher;
-
-use clap::Parser;
-use cli::{Cli, Command};
-use exit::{Exit, Failure};
-use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let done = match Cli::try_parse() {
-        Ok(cli) => run(&cli),
-        Err(asked) => return usage(&asked),
-    };
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            output::note(&format!("error: {failure}"));
-            failure.exit.into()
-        }
-    }
-}
-
-/// Prints help that was asked for, or what is wrong with the command line.
-fn usage(asked: &clap::Error) -> ExitCode {
-    let printed = asked.print().and_then(|()| std::io::stdout().flush());
-    if asked.use_stderr() {
-        return Exit::Usage.into();
-    }
-    match printed {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            output::note(&format!("error: cannot write to standard output: {error}"));
-            Exit::Failed.into()
-        }
-        _ => ExitCode::SUCCESS,
-    }
-}
-
-fn run(cli: &Cli) -> Result<(), Failure> {
-    if let Some(isa) = cli.isa {
-        gaitfit_isa::select(isa)
-            .map_err(|error| Failure { exit: Exit::Missing, message: format!("--isa: {error}") })?;
-    }
-    match &cli.command {
-        Command::Config(args) => commands::config::run(args),
-        Command::Doctor(args) => commands::doctor::run(args),
-        Command::Inspect(args) => commands::inspect::run(args),
-        Command::Import(args) => commands::import::run(args),
-        Command::Init(args) => commands::init::run(args),
-        Command::Adapt(args) => commands::adapt::run(args),
-        Command::Sensitivity(args) => commands::sensitivity::run(args),
-        Command::Excite(args) => commands::excite::run(args),
-        Command::Validate(args) => commands::validate::run(args),
-        Command::Train(args) => commands::train::run(args),
-        Command::Finetune(args) => commands::finetune::run(args),
-        Command::Loop(args) => commands::loop_::run(args),
-        Command::Reproduce(args) => commands::reproduce::run(args),
-        Command::Forward(args) => commands::forward::run(args),
-        Command::Export(args) => commands::export::run(args),
-        Command::ExportLog(args) => commands::export_log::run(args),
-        Command::ExportTheta(args) => commands::export_theta::run(args),
-        Command::Evaluate(args) => commands::evaluate::run(args),
-        Command::Collect(args) => commands::collect::run(args),
-        Command::Run(args) => commands::run::run(args),
-        Command::Drift(args) => commands::drift::run(args),
-        Command::Bench(args) => commands::bench::run(args),
-        Command::Completions(args) => commands::shell::completions(args),
-        Command::Man(args) => commands::shell::man(args),
-    }
+    let mut arguments = std::env::args_os();
+    let called = arguments.next();
+    let own = std::env::current_exe().map(Into::into).ok().or(called);
+    ExitCode::from(gaitfit_cli::program(own.into_iter().chain(arguments)))
 }

@@ -26,8 +26,9 @@ pub fn run(args: &cli::Loop) -> Result<(), Failure> {
         check_link(&target.interface, target.domain)
             .map_err(|failure| Failure { message: format!("[target] {failure}"), ..failure })?;
     }
-    let program = std::env::current_exe().unwrap_or_else(|_| "gaitfit".into());
-    let setup = Setup { device, program, ..Setup::open(config, &args.config, threads)? };
+    let program = crate::SELF.get().cloned();
+    let opened = Setup::open(config, &args.config, threads)?;
+    let setup = Setup { device, program: program.unwrap_or_else(|| opened.program.clone()), ..opened };
     interrupt::listen()?;
     let results = watched(Lines::Seconds(5), |watch| loop_::run(&setup, &name, args.run.resume, watch))?;
     if args.run.json {

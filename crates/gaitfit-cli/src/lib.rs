@@ -1,0 +1,93 @@
+//! `gaitfit`: fits a legged robot's simulator to the real robot from its joint sensors.
+//!
+//! The program is here, so that its file and the Python package start the same one.
+
+mod cli;
+mod commands;
+mod exit;
+mod interrupt;
+mod keyboard;
+mod output;
+mod progress;
+mod signals;
+mod table;
+mod viewer;
+mod watcher;
+
+use clap::Parser;
+use cli::{Cli, Command};
+use exit::{Exit, Failure};
+use std::ffi::OsString;
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+/// What starts this program again.
+static SELF: OnceLock<PathBuf> = OnceLock::new();
+
+/// Runs the program: what starts it, then its arguments. The exit code.
+///
+/// It listens for signals and may end the process; call it once, before there are other threads.
+pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    SELF.get_or_init(|| arguments.first().map_or_else(|| "gaitfit".into(), PathBuf::from));
+    let done = match Cli::try_parse_from(&arguments) {
+        Ok(cli) => run(&cli),
+        Err(asked) => return usage(&asked),
+    };
+    match done {
+        Ok(()) => 0,
+        Err(failure) => {
+            output::note(&format!("error: {failure}"));
+            failure.exit as u8
+        }
+    }
+}
+
+/// Prints help that was asked for, or what is wrong with the command line.
+fn usage(asked: &clap::Error) -> u8 {
+    let printed = asked.print().and_then(|()| std::io::stdout().flush());
+    if asked.use_stderr() {
+        return Exit::Usage as u8;
+    }
+    match printed {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            output::note(&format!("error: cannot write to standard output: {error}"));
+            Exit::Failed as u8
+        }
+        _ => 0,
+    }
+}
+
+fn run(cli: &Cli) -> Result<(), Failure> {
+    if let Some(isa) = cli.isa {
+        gaitfit_isa::select(isa)
+            .map_err(|error| Failure { exit: Exit::Missing, message: format!("--isa: {error}") })?;
+    }
+    match &cli.command {
+        Command::Config(args) => commands::config::run(args),
+        Command::Doctor(args) => commands::doctor::run(args),
+        Command::Inspect(args) => commands::inspect::run(args),
+        Command::Import(args) => commands::import::run(args),
+        Command::Init(args) => commands::init::run(args),
+        Command::Adapt(args) => commands::adapt::run(args),
+        Command::Sensitivity(args) => commands::sensitivity::run(args),
+        Command::Excite(args) => commands::excite::run(args),
+        Command::Validate(args) => commands::validate::run(args),
+        Command::Train(args) => commands::train::run(args),
+        Command::Finetune(args) => commands::finetune::run(args),
+        Command::Loop(args) => commands::loop_::run(args),
+        Command::Reproduce(args) => commands::reproduce::run(args),
+        Command::Forward(args) => commands::forward::run(args),
+        Command::Export(args) => commands::export::run(args),
+        Command::ExportLog(args) => commands::export_log::run(args),
+        Command::ExportTheta(args) => commands::export_theta::run(args),
+        Command::Evaluate(args) => commands::evaluate::run(args),
+        Command::Collect(args) => commands::collect::run(args),
+        Command::Run(args) => commands::run::run(args),
+        Command::Drift(args) => commands::drift::run(args),
+        Command::Bench(args) => commands::bench::run(args),
+        Command::Completions(args) => commands::shell::completions(args),
+        Command::Man(args) => commands::shell::man(args),
+    }
+}
