@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._arrays import numbers
 from ._gaitfit import Cma as _Cma
 
 
@@ -46,11 +47,11 @@ class CMA:
         if covariance not in ("full", "separable"):
             raise ValueError(f"covariance is {covariance!r}; take 'full' or 'separable'")
         self._arguments = (
-            _numbers(start),
-            _numbers(deviation),
+            _numbers("start", start),
+            _numbers("deviation", deviation),
             seed,
-            None if lower is None else _numbers(lower),
-            None if upper is None else _numbers(upper),
+            None if lower is None else _numbers("lower", lower),
+            None if upper is None else _numbers("upper", upper),
             population,
             bounds == "reflect",
             covariance == "separable",
@@ -70,7 +71,7 @@ class CMA:
 
     def tell(self, costs: ArrayLike) -> None:
         """What the candidates of :meth:`ask` cost, shape ``(population,)``; infinity for one that failed."""
-        self._search.tell(np.ascontiguousarray(costs, np.float64))
+        self._search.tell(numbers("costs", costs, np.float64))
 
     @property
     def stop(self) -> str | None:
@@ -115,8 +116,8 @@ class CMA:
         return self._search.state()
 
 
-def _numbers(values: ArrayLike) -> Sequence[float]:
-    array = np.asarray(values, np.float64)
+def _numbers(what: str, values: ArrayLike) -> Sequence[float]:
+    array = numbers(what, values, np.float64)
     if array.ndim != 1:
-        raise ValueError(f"needed: one number for each coordinate; found an array of shape {array.shape}")
+        raise ValueError(f"{what}: needed: one number for each coordinate; found an array of shape {array.shape}")
     return array.tolist()

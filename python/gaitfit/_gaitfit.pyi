@@ -36,7 +36,9 @@ class Cma:
 
 class Helper:
     mark: str
-    def __init__(self, parcel: bytes, threads: int, device: str) -> None: ...
+    def __init__(
+        self, parcel: bytes, threads: int, device: str, policy: Mapping[str, Any] | None = None
+    ) -> None: ...
     def work(self, task: bytes) -> bytes: ...
 
 class Robots:
@@ -109,6 +111,11 @@ def train(
 def train_plan(
     run: Mapping[str, Any],
     robot: str | None,
+    seeds: Sequence[int] | None,
+) -> tuple[str, str, list[int], list[str]]: ...
+def finetune_plan(
+    run: Mapping[str, Any],
+    world: Mapping[str, Any],
     seeds: Sequence[int] | None,
 ) -> tuple[str, str, list[int], list[str]]: ...
 def finetune(

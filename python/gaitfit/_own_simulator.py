@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
+from ._arrays import numbers
 from ._logs import Log
 from ._progress import Progress, listener
 
@@ -166,7 +167,7 @@ def fit_simulator(
 def _matrix(what: str, values: ArrayLike | None) -> NDArray[np.float64] | None:
     if values is None:
         return None
-    array = np.asarray(values, np.float64)
+    array = numbers(what, values, np.float64)
     if array.ndim != 2:
         raise ValueError(f"{what} has the shape {array.shape}; needed: samples × joints")
     return array
@@ -180,7 +181,7 @@ def _signals(number: int, signals: Signals) -> dict[str, Any]:
         values = signals.get(name)
         if values is None and name != "action":
             raise ValueError(f"simulate: the signals of log {number} have no {name!r}")
-        found[name] = None if values is None else np.asarray(values, np.float32)
+        found[name] = None if values is None else numbers(f"simulate: {name} of log {number}", values, np.float32)
         if values is not None and found[name].ndim != 3:
             shape = found[name].shape
             raise ValueError(f"simulate: {name} of log {number} has the shape {shape}; needed: candidates × samples × joints")

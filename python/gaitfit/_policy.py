@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
+from ._arrays import numbers
 from ._toml import toml
 
 Act = Callable[[NDArray[np.float32]], ArrayLike]
@@ -120,6 +121,10 @@ class Policy:
     def __post_init__(self) -> None:
         if not callable(self.act):
             raise TypeError(f"act is {self.act!r}; give a function from observations to actions")
+        for key in ("name", "task"):
+            value = getattr(self, key)
+            if not (value is None or isinstance(value, str)):
+                raise TypeError(f"{key} is {value!r}; give a text")
         interface, task = self.interface, ""
         if not isinstance(interface, Interface):
             interface, task = _read(interface)
@@ -135,11 +140,7 @@ class Policy:
             found = found.detach().cpu()
         if found is None:
             raise TypeError(f"the policy {self.name} returned None; needed: actions (robots, joints)")
-        try:
-            with np.errstate(over="ignore"):
-                actions = np.ascontiguousarray(found, np.float32)
-        except (TypeError, ValueError) as error:
-            raise TypeError(f"the policy {self.name} returned no array of numbers: {error}") from error
+        actions = numbers(f"the policy {self.name} returned", found, np.float32)
         needed = (len(observation), len(joints))
         if actions.shape != needed:
             raise ValueError(

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
+from ._arrays import count as whole
+from ._arrays import numbers
 from ._policy import Interface, interface_of
 from ._stages import _maybe, _sets
 
@@ -36,6 +38,8 @@ class Robots:
         threads: int | None = None,
         stagger: bool = False,
     ) -> None:
+        num_envs, seed = whole("num_envs", num_envs, 1), whole("seed", seed, 0)
+        threads = None if threads is None else whole("threads", threads, 1)
         sets = _sets(settings or {})
         self._robots = _gaitfit.Robots(_maybe(config), sets, _maybe(robot), num_envs, seed, threads, stagger)
         count = self._robots.count
@@ -73,7 +77,7 @@ class Robots:
         Raises ``ValueError`` for actions of a wrong shape or not finite, :class:`GaitfitError` for a robot that
         diverged.
         """
-        actions = np.ascontiguousarray(actions, np.float32)
+        actions = numbers("actions", actions, np.float32)
         if actions.ndim != 2:
             raise ValueError(f"actions have the shape {actions.shape}; needed: {(self.num_envs, self.num_actions)}")
         return self._robots.step(

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from . import _gaitfit
+from ._arrays import count
 from ._policy import Policy
 from ._progress import Progress, listener
 from ._results import Results
@@ -101,10 +102,8 @@ def finetune(
     progress: bool | Progress = True,
 ) -> Results:
     """Goes on training ``policy`` in the simulator that ``theta`` (a ``theta.toml``) makes, as ``gaitfit finetune``."""
-    if isinstance(policy, Policy):
-        raise TypeError(f"the policy {policy.name} is a function: its networks cannot be trained on here; give a file")
     run = _run(config, {"runs": runs, **dict(settings or {})}, name, resume, threads, device)
-    world = _world(policy, robot, lenient, task, theta, spring, torque_noise)
+    world = _world(_file(policy), robot, lenient, task, theta, spring, torque_noise)
     return _results(_gaitfit.finetune(run, world, _list(seeds), listener(progress)))
 
 
@@ -147,7 +146,7 @@ def evaluate(
     """How well ``policy`` (a file, or a :class:`Policy` of your own) walks in a simulator, as ``gaitfit evaluate``: errors
     in m/s and rad/s, falls as a share."""
     world = _world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
-    _at_least_one("trajectories", trajectories)
+    trajectories, drift = count("trajectories", trajectories, 1), count("drift", drift, 0)
     return _results(_gaitfit.evaluate(world, trajectories, seconds, drift, terrain, device, listener(progress)))
 
 
@@ -174,8 +173,11 @@ def collect(
 ) -> Results:
     """Writes logs of ``policy`` (a file, or a :class:`Policy` of your own) in a simulator into the folder ``out``, as ``gaitfit collect``."""
     world = _world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
-    _at_least_one("trajectories", trajectories)
-    low, high = log_shift
+    trajectories = count("trajectories", trajectories, 1)
+    try:
+        low, high = (float(one) for one in log_shift)
+    except (TypeError, ValueError):
+        raise TypeError(f"log_shift is {log_shift!r}; give two numbers, the shortest and the longest, s") from None
     simulator, files, falls = _gaitfit.collect(
         world, _path(out), trajectories, seconds, [low, high], privileged, _maybe(commands), listener(progress)
     )
@@ -215,7 +217,7 @@ def _run(
         "sets": _sets(settings),
         "name": name,
         "resume": resume,
-        "threads": threads,
+        "threads": _threads(threads),
         "device": device,
     }
 
@@ -243,8 +245,8 @@ def _world(
         "torque_noise": torque_noise,
         "randomised": randomised,
         "preset": preset,
-        "seed": seed,
-        "threads": threads,
+        "seed": count("seed", seed, 0),
+        "threads": _threads(threads),
     }
 
 
@@ -258,6 +260,13 @@ def _path(path: PathLike) -> str:
 
 def _own(policy: PathLike | Policy | None) -> dict[str, Any] | None:
     return policy.native() if isinstance(policy, Policy) else None
+
+
+def _file(policy: PathLike | Policy) -> PathLike:
+    """The policy that is to be trained on, which must be a file."""
+    if isinstance(policy, Policy):
+        raise TypeError(f"the policy {policy.name} is a function: its networks cannot be trained on here; give a file")
+    return policy
 
 
 def _named(policy: PathLike | Policy | None) -> PathLike | None:
@@ -277,12 +286,13 @@ def _paths(paths: PathLike | Sequence[PathLike]) -> list[str]:
 
 
 def _list(seeds: Iterable[int] | None) -> list[int] | None:
-    return None if seeds is None else list(seeds)
+    if not isinstance(seeds, Iterable | None):
+        raise TypeError(f"seeds is {seeds!r}; give a list of whole numbers")
+    return None if seeds is None else [count("a seed", seed, 0) for seed in seeds]
 
 
-def _at_least_one(name: str, value: int) -> None:
-    if value < 1:
-        raise ValueError(f"{name} is {value}; it must be at least 1")
+def _threads(threads: int | None) -> int | None:
+    return None if threads is None else count("threads", threads, 1)
 
 
 def _sets(settings: Settings) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._arrays import numbers
 from ._gaitfit import wasserstein as _wasserstein
 
 
@@ -18,7 +19,7 @@ def wasserstein(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64] | float:
 
     Raises ``ValueError`` for samples that are empty, not finite, or of different dimensions.
     """
-    first, second = np.asarray(a, np.float32), np.asarray(b, np.float64)
+    first, second = numbers("a", a, np.float32), numbers("b", b, np.float64)
     if first.ndim != second.ndim or first.ndim not in (1, 2):
         raise ValueError(f"a has {first.ndim} axes and b has {second.ndim}; both need one, or both two")
     if first.ndim == 1:

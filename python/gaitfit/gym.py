@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -17,6 +17,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from ._arrays import count, numbers
 from ._robots import Robots
 
 # Actions are offsets from the default pose in units of the action scale; policies stay far inside.
@@ -62,16 +63,18 @@ class GaitfitVecEnv(VectorEnv):
         self.spec = None
 
     def _begin(self, seed: int) -> None:
-        self._seed, self._fresh = seed, True
         self._robots = Robots(**self._arguments, seed=seed)
+        self._seed, self._fresh = seed, True
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """New episodes; with a ``seed`` the same ones every time."""
-        super().reset(seed=seed if isinstance(seed, int) else None)
-        if isinstance(seed, list):
+        """New episodes; with a ``seed`` the same ones every time. Of several seeds the first counts."""
+        if isinstance(seed, (list, tuple)):
+            # One seed is enough: draws depend on it and on an environment's number.
             seed = next((one for one in seed if one is not None), None)
+        seed = None if seed is None else count("seed", seed, 0)
+        super().reset(seed=seed)
         if seed is not None and not (self._fresh and seed == self._seed):
             self._begin(seed)
         elif not self._fresh:
@@ -130,8 +133,8 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _begin(self, seed: int) -> None:
         # What the robots begin with is an episode already.
-        self._seed, self._fresh = seed, True
         self._robots = Robots(**self._arguments, seed=seed)
+        self._seed, self._fresh = seed, True
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -148,7 +151,7 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def step(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """One control period."""
         robots = self._robots
-        action = np.asarray(action, np.float32)
+        action = numbers("action", action, np.float32)
         if action.shape != self.action_space.shape:
             raise ValueError(f"the action has the shape {action.shape}; needed: {self.action_space.shape}")
         ended = robots.step(action[None, :])

@@ -23,7 +23,7 @@ def plot(results: Mapping[str, Any]) -> Figure:
     if results.get("parameters"):
         return parameters(results)
     if results.get("rounds"):
-        return parameters(results["rounds"][-1]["adapt"])
+        return parameters(results["rounds"][-1].get("adapt") or {})
     if results.get("drift"):
         return drift(results)
     if results.get("seeds"):
@@ -34,7 +34,7 @@ def plot(results: Mapping[str, Any]) -> Figure:
 def parameters(found: Mapping[str, Any] | FitOutcome) -> Figure:
     """Each parameter between its bounds: what was found, the interval in which the logs cannot tell it, and the truth
     where it is known."""
-    rows = _parameters(found)
+    rows = _rows(found, "parameters", "of a fit") if isinstance(found, Mapping) else _parameters(found)
     figure, axes = plt.subplots(figsize=(7.0, 0.6 + 0.34 * len(rows)), layout="constrained")
     for at, row in enumerate(rows):
         lower, upper = row["lower"], row["upper"]
@@ -73,7 +73,7 @@ def convergence(results: Mapping[str, Any]) -> Figure:
 def training(results: Mapping[str, Any]) -> Figure:
     """Reward and velocity errors of each seed of a training, iteration by iteration."""
     figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.5), layout="constrained")
-    for seed in results["seeds"]:
+    for seed in _rows(results, "seeds", "of a training"):
         path = Path(seed["policy"]).parent / "metrics.jsonl"
         lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
         iterations = [line["iteration"] for line in lines]
@@ -90,7 +90,7 @@ def training(results: Mapping[str, Any]) -> Figure:
 def drift(results: Mapping[str, Any]) -> Figure:
     """The paths of an evaluation's first robots under constant commands, seen from above, m."""
     figure, axes = plt.subplots(figsize=(5.0, 5.0), layout="constrained")
-    for trial in results["drift"]:
+    for trial in _rows(results, "drift", "of an evaluation with drift"):
         path = np.asarray(trial["path"], float)
         if len(path):
             axes.plot(path[:, 0], path[:, 1], label=trial["name"])
@@ -120,9 +120,14 @@ def log(log: Log, joints: Sequence[str] | None = None) -> Figure:
     return figure
 
 
-def _parameters(found: Mapping[str, Any] | FitOutcome) -> list[dict[str, Any]]:
-    if isinstance(found, Mapping):
-        return list(found["parameters"])
+def _rows(results: Mapping[str, Any], key: str, whose: str) -> list[Mapping[str, Any]]:
+    rows = results.get(key)
+    if not isinstance(rows, Sequence) or not all(isinstance(row, Mapping) for row in rows):
+        raise ValueError(f"these results have no {key}, which the chart {whose} shows; they have {', '.join(results)}")
+    return list(rows)
+
+
+def _parameters(found: FitOutcome) -> list[dict[str, Any]]:
     return [{**row, "interval": (found.intervals or {}).get(row["name"])} for row in found.rows()]
 
 

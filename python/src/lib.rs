@@ -37,7 +37,9 @@ mod _gaitfit {
     #[pymodule_export]
     use super::share::Helper;
     #[pymodule_export]
-    use super::stages::{adapt, collect, evaluate, finetune, run_loop, train, train_plan, validate};
+    use super::stages::{
+        adapt, collect, evaluate, finetune, finetune_plan, run_loop, train, train_plan, validate,
+    };
     #[pymodule_export]
     use super::tables::{reproduce, reproduce_part, reproduce_plan};
     #[pymodule_export]

@@ -1,7 +1,6 @@
 //! Policies that are functions of Python.
 
 use crate::errors::{failed, value};
-use crate::watch::Caller;
 use gaitfit::Error;
 use gaitfit_policy::{Description, Policy};
 use pyo3::prelude::*;
@@ -47,18 +46,18 @@ impl Source {
         }
     }
 
-    /// The policy that asks `caller` for its actions, if it is a function.
+    /// The policy whose actions `act` fills in, if it is a function; see [`crate::watch::Caller::act`].
     ///
     /// # Errors
     /// An interface that contradicts itself.
-    pub fn policy(&self, caller: Caller) -> Result<Option<Policy>, Error> {
+    pub fn policy(
+        &self,
+        act: impl Fn(usize, &[f32], &mut [f32]) -> bool + Send + Sync + 'static,
+    ) -> Result<Option<Policy>, Error> {
         let Self::Own(own) = self else { return Ok(None) };
         let wrong = |error: &dyn std::fmt::Display| Error::settings(format!("{}: {error}", own.name));
         let description: Description = serde_json::from_str(&own.interface).map_err(|error| wrong(&error))?;
         let interface = description.interface().map_err(|error| wrong(&error))?;
-        let act = move |rows: usize, observation: &[f32], actions: &mut [f32]| {
-            caller.act(rows, observation, actions)
-        };
         let mut policy =
             Policy::of_function(interface, std::sync::Arc::new(act)).map_err(|error| wrong(&error))?;
         policy.provenance.task.clone_from(&own.task);

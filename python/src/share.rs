@@ -2,7 +2,8 @@
 //! does them.
 
 use crate::errors::{failed, of, value};
-use crate::watch::watched;
+use crate::own_policy::Source;
+use crate::watch::{Caller, watched_acting};
 use gaitfit::Error;
 use gaitfit::adapt::{self, Crew, Done, Setup};
 use gaitfit::device::Device;
@@ -111,25 +112,43 @@ impl Crew for OwnCrew {
 /// A task, where its answer goes, and whether it is to be given up.
 type Asked = (Vec<u8>, Sender<Result<Vec<u8>, FitError>>, Arc<AtomicBool>);
 
+/// Who calls the policy's function while a task is done.
+type Calling = Arc<Mutex<Option<Caller>>>;
+
 /// A process that simulates for a fit elsewhere. What it needs stays on a thread of its own.
 #[pyclass(module = "gaitfit._gaitfit", frozen)]
 pub struct Helper {
     mark: String,
     tasks: Mutex<Option<Sender<Asked>>>,
     thread: Mutex<Option<JoinHandle<()>>>,
+    policy: Option<Source>,
+    calling: Calling,
 }
 
 #[pymethods]
 impl Helper {
+    /// `policy`: the function that walked, if it was one; it is called on the thread that asks for work.
     #[new]
-    fn new(py: Python<'_>, parcel: Vec<u8>, threads: usize, device: &str) -> PyResult<Self> {
+    #[pyo3(signature = (parcel, threads, device, policy=None))]
+    fn new(
+        py: Python<'_>,
+        parcel: Vec<u8>,
+        threads: usize,
+        device: &str,
+        policy: Option<Source>,
+    ) -> PyResult<Self> {
         let device: Device = device.parse().map_err(|wrong: String| value(format!("device: {wrong}")))?;
         if threads == 0 {
             return Err(value("threads must be at least 1"));
         }
         let (tasks, asked) = mpsc::channel::<Asked>();
         let (opened, open) = mpsc::channel();
-        let body = move || match adapt::Helper::open(&parcel, threads, device)
+        let calling = Calling::default();
+        let own = match &policy {
+            Some(policy) => policy.policy(asked_of(&calling)).map_err(|error| of(&error))?,
+            None => None,
+        };
+        let body = move || match adapt::Helper::open(&parcel, threads, device, own.as_ref())
             .and_then(|one| Ok((one.mark()?, one)))
         {
             Ok((mark, helper)) => {
@@ -143,10 +162,17 @@ impl Helper {
         };
         let thread = std::thread::Builder::new().name("gaitfit-helper".to_owned()).spawn(body);
         let thread = thread.map_err(failed)?;
-        let found = watched(py, None, move |_| open.recv())?;
+        let act = policy.as_ref().and_then(Source::act);
+        let whose = &calling;
+        let found = watched_acting(py, None, act, move |_, caller| {
+            set(whose, Some(caller));
+            let found = open.recv();
+            set(whose, None);
+            found
+        })?;
         let mark =
             found.map_err(|_| failed("the fit's files could not be opened"))?.map_err(|error| of(&error))?;
-        Ok(Self { mark, tasks: Mutex::new(Some(tasks)), thread: Mutex::new(Some(thread)) })
+        Ok(Self { mark, tasks: Mutex::new(Some(tasks)), thread: Mutex::new(Some(thread)), policy, calling })
     }
 
     /// What the robot costs where the search begins, bit by bit.
@@ -162,16 +188,20 @@ impl Helper {
         let ended = || failed("the helper has ended; make another one");
         let tasks = self.tasks.lock().unwrap_or_else(PoisonError::into_inner).clone().ok_or_else(ended)?;
         tasks.send((task, sender, Arc::clone(&stop))).map_err(|_| ended())?;
-        let answer = watched(py, None, move |watch| {
-            loop {
+        let act = self.policy.as_ref().and_then(Source::act);
+        let answer = watched_acting(py, None, act, move |watch, caller| {
+            set(&self.calling, Some(caller));
+            let answer = loop {
                 match answer.recv_timeout(std::time::Duration::from_millis(20)) {
                     Err(mpsc::RecvTimeoutError::Timeout) => {
                         stop.store(watch.stop(), Ordering::Relaxed);
                     }
-                    Err(mpsc::RecvTimeoutError::Disconnected) => return None,
-                    Ok(answer) => return Some(answer),
+                    Err(mpsc::RecvTimeoutError::Disconnected) => break None,
+                    Ok(answer) => break Some(answer),
                 }
-            }
+            };
+            set(&self.calling, None);
+            answer
         })?;
         answer.ok_or_else(ended)?.map_err(failed)
     }
@@ -190,6 +220,19 @@ impl Drop for Helper {
             let _ = thread.join();
         }
     }
+}
+
+/// A policy's function that whoever waits for a task calls.
+fn asked_of(calling: &Calling) -> impl Fn(usize, &[f32], &mut [f32]) -> bool + Send + Sync + 'static {
+    let calling = Arc::clone(calling);
+    move |rows, observation, actions| {
+        let caller = calling.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        caller.is_some_and(|caller| caller.act(rows, observation, actions))
+    }
+}
+
+fn set(calling: &Calling, caller: Option<Caller>) {
+    *calling.lock().unwrap_or_else(PoisonError::into_inner) = caller;
 }
 
 /// Does tasks until there are no more.

@@ -82,7 +82,7 @@ pub fn adapt(
     let crew = crew.map(|crew| Arc::new(OwnCrew::new(crew)));
     let act = policy.as_ref().and_then(Source::act);
     let found = watched_acting(py, progress.as_ref(), act, |watch, caller| {
-        let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller))?;
+        let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller.asked()))?;
         let mut setup = Setup::open_policy(&config, path, threads, device, policy.as_ref())?;
         let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resume)?;
         setup.warnings.iter().for_each(|warning| watch.note(warning));
@@ -112,7 +112,7 @@ pub fn validate(
 ) -> PyResult<String> {
     let act = policy.as_ref().and_then(Source::act);
     json(watched_acting(py, None, act, |_, caller| {
-        let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller))?;
+        let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller.asked()))?;
         gaitfit::adapt::validate(&ValidateRequest { theta, logs, config, set: sets, threads, policy })
     })?)
 }
@@ -143,33 +143,34 @@ pub fn train(
     json(watched(py, progress.as_ref(), |watch| gaitfit::train::train(&setup, run.resume, watch))?)
 }
 
-/// What a training from nothing needs to be made in parts: its name, its run folder, which is begun, its seeds, and the
-/// files that it reads.
-#[pyfunction]
-pub fn train_plan(
-    run: Run,
-    robot: Option<String>,
-    seeds: Option<Vec<u64>>,
-) -> PyResult<(String, PathBuf, Vec<u64>, Vec<PathBuf>)> {
-    let setup = training(&run, robot, seeds)?;
+/// What a training needs to be made in parts: its name, its run folder, which is begun, its seeds, and the files that it
+/// reads.
+type Parts = (String, PathBuf, Vec<u64>, Vec<PathBuf>);
+
+fn plan(run: &Run, setup: &gaitfit::train::Setup) -> PyResult<Parts> {
     let plan = &setup.plan;
     let folder =
         RunFolder::begin(Path::new(&plan.runs), &plan.name, run.resume).map_err(|error| of(&error))?;
-    let robots: Vec<PathBuf> = setup.inputs.files.keys().map(PathBuf::from).collect();
-    let parts = robots.iter().flat_map(|robot| gaitfit::robot::parts(robot));
-    let files = run.config.iter().cloned().chain(parts).chain(robots.iter().cloned()).collect();
+    let read: Vec<PathBuf> = setup.inputs.files.keys().map(PathBuf::from).collect();
+    let parts = read.iter().flat_map(|file| gaitfit::robot::parts(file));
+    let files = run.config.iter().cloned().chain(parts).chain(read.iter().cloned()).collect();
     Ok((plan.name.clone(), folder.path().to_owned(), plan.seeds.clone(), files))
 }
 
-/// A training that goes on from a policy.
+/// The parts of a training from nothing.
 #[pyfunction]
-pub fn finetune(
-    py: Python<'_>,
-    run: Run,
-    world: World,
-    seeds: Option<Vec<u64>>,
-    progress: Option<Py<PyAny>>,
-) -> PyResult<String> {
+pub fn train_plan(run: Run, robot: Option<String>, seeds: Option<Vec<u64>>) -> PyResult<Parts> {
+    plan(&run, &training(&run, robot, seeds)?)
+}
+
+/// The parts of a training that goes on from a policy.
+#[pyfunction]
+pub fn finetune_plan(run: Run, world: World, seeds: Option<Vec<u64>>) -> PyResult<Parts> {
+    plan(&run, &tuning(&run, world, seeds)?)
+}
+
+/// A training that goes on from a policy, read and checked.
+fn tuning(run: &Run, world: World, seeds: Option<Vec<u64>>) -> PyResult<gaitfit::train::Setup> {
     let mut config: FinetuneConfig =
         settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
     let name = run.name(config.name.as_ref(), "finetune");
@@ -182,7 +183,7 @@ pub fn finetune(
     if world.torque_noise != 0.0 {
         config.torque_noise = world.torque_noise;
     }
-    let setup = gaitfit::finetune::setup(Request {
+    gaitfit::finetune::setup(Request {
         config,
         path: run.config.clone(),
         name,
@@ -191,7 +192,19 @@ pub fn finetune(
         threads: run.threads()?,
         device: run.device()?,
     })
-    .map_err(|error| of(&error))?;
+    .map_err(|error| of(&error))
+}
+
+/// A training that goes on from a policy.
+#[pyfunction]
+pub fn finetune(
+    py: Python<'_>,
+    run: Run,
+    world: World,
+    seeds: Option<Vec<u64>>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<String> {
+    let setup = tuning(&run, world, seeds)?;
     json(watched(py, progress.as_ref(), |watch| gaitfit::train::train(&setup, run.resume, watch))?)
 }
 
@@ -255,7 +268,7 @@ impl World {
 impl World {
     /// The policy, a file's or one that `caller` asks for actions, in its simulator.
     fn open(&self, settings: &WorldSettings, caller: Caller) -> Result<Open, Error> {
-        match self.policy.policy(caller)? {
+        match self.policy.policy(caller.asked())? {
             Some(policy) => Open::of(settings, policy),
             None => Open::open(settings),
         }

@@ -55,6 +55,11 @@ struct Asked {
 pub struct Caller(Sender<Message>);
 
 impl Caller {
+    /// As a policy's function has it.
+    pub fn asked(self) -> impl Fn(usize, &[f32], &mut [f32]) -> bool + Send + Sync + 'static {
+        move |rows, observation, actions| self.act(rows, observation, actions)
+    }
+
     /// Fills `actions` with those for `observation`, `rows × width`; false if the function raised, now or before.
     pub fn act(&self, rows: usize, observation: &[f32], actions: &mut [f32]) -> bool {
         let (reply, answer) = mpsc::sync_channel(1);

@@ -14,7 +14,7 @@ import numpy as np
 
 import gaitfit
 
-from .common import DEMO, PACKAGE, Case
+from .common import DEMO, PACKAGE, ROOT, Case
 
 LONG = {"optimizer.generations": 100_000, "optimizer.tolerance": 1e-300, "optimizer.seeds": 1}
 
@@ -113,10 +113,48 @@ class Processes(Case):
         self.assertEqual(pickle.loads(pickle.dumps(error)).args, ("why",))
 
 
+class Program(Case):
+    def test_the_package_runs_the_program(self) -> None:
+        def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
+            command = [sys.executable, "-m", "gaitfit", *arguments]
+            return subprocess.run(command, cwd=PACKAGE, capture_output=True, text=True)
+
+        self.assertEqual(run("--version").stdout, f"gaitfit {gaitfit.__version__}\n")
+        for arguments, code, words in (((), 2, "Usage"), (["inspect", "nowhere.xml"], 1, "nowhere.xml")):
+            done = run(*arguments)
+            self.assertEqual(done.returncode, code, done.stderr)
+            self.assertIn(words, done.stderr)
+
+    def test_the_program_starts_without_numpy(self) -> None:
+        code = "import sys, gaitfit.__main__; print('numpy' in sys.modules, len(gaitfit.__all__) <= len(dir(gaitfit)))"
+        done = subprocess.run([sys.executable, "-c", code], cwd=PACKAGE, capture_output=True, text=True, check=True)
+        self.assertEqual(done.stdout, "False True\n")
+        with self.assertRaisesRegex(AttributeError, "no attribute 'nothing'"):
+            gaitfit.nothing
+
+    def test_ctrl_c_stops_the_program_with_a_checkpoint(self) -> None:
+        sets = [f"runs={str(self.folder)!r}", "optimizer.generations=100000", "optimizer.tolerance=1e-300"]
+        command = [sys.executable, "-m", "gaitfit", "adapt", str(DEMO / "adapt.toml"), "--name", "stopped"]
+        command += [word for one in sets for word in ("--set", one)]
+        environment = {**os.environ, "PYTHONPATH": str(PACKAGE)}
+        program = subprocess.Popen(
+            command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        metrics = self.folder / "stopped" / "metrics.jsonl"
+        for _ in range(1200):
+            if program.poll() is not None or metrics.exists() and metrics.stat().st_size:
+                break
+            time.sleep(0.05)
+        program.send_signal(signal.SIGINT)
+        errors = program.communicate(timeout=60)[1]
+        self.assertEqual(program.returncode, 130, errors)
+        self.assertTrue((self.folder / "stopped" / "checkpoint.json").exists(), errors)
+
+
 class Import(Case):
     def test_the_import_is_fast(self) -> None:
         code = (
-            "from time import perf_counter as now; t = now(); import numpy; n = now(); import gaitfit; "
+            "from time import perf_counter as now; t = now(); import numpy; n = now(); import gaitfit; gaitfit.fit; "
             "print(n - t, now() - n)"
         )
         runs = [

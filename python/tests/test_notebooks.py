@@ -82,6 +82,12 @@ class Charts(Case):
             plots.plot({"a": 1})
         with self.assertRaisesRegex(ValueError, "no run folder"):
             plots.convergence({"parameters": []})
+        for chart, key in ((plots.parameters, "parameters"), (plots.training, "seeds"), (plots.drift, "drift")):
+            for other in ({"verdict": "walks"}, {key: 3}, {key: [1, 2]}):
+                with self.subTest(key=key), self.assertRaisesRegex(ValueError, f"have no {key}"):
+                    chart(other)
+        with self.assertRaisesRegex(ValueError, "have no parameters"):
+            plots.plot({"rounds": [{}]})
         log = gaitfit.read_log("examples/go2-demo/fit.csv")
         with self.assertRaisesRegex(ValueError, "no joint 'knee'"):
             plots.log(log, ["knee"])

@@ -1,6 +1,7 @@
 """Policies that are functions of Python: the committed walk's network in NumPy, and functions that misbehave."""
 
 import json
+import multiprocessing
 import pickle
 import struct
 import subprocess
@@ -53,6 +54,13 @@ def network(observation: np.ndarray) -> np.ndarray:
         if number < len(LAYERS) - 1:
             hidden = np.where(hidden > 0, hidden, np.expm1(np.minimum(hidden, 0)))
     return hidden
+
+
+in_fork = None
+
+
+def called_in_fork(seed: int) -> float:
+    return in_fork(seed)
 
 
 class OwnPolicy(Case):
@@ -141,7 +149,9 @@ class OwnPolicy(Case):
             (nan, ValueError, "row 0 for FL_hip_joint is nan"),
             (lambda x: np.full((len(x), 12), 1e300), ValueError, "is inf"),
             (lambda x: None, TypeError, "returned None"),
-            (lambda x: "stand", TypeError, "no array of numbers"),
+            (lambda x: "stand", TypeError, "texts stand where real numbers"),
+            (lambda x: np.zeros((len(x), 12), np.complex64), TypeError, "complex numbers stand where"),
+            (lambda x: np.full((len(x), 12), "0.0"), TypeError, "texts stand where"),
             (lambda x: [[1.0], [2.0, 3.0]], TypeError, "no array of numbers"),
         ):
             with self.subTest(words), self.assertRaisesRegex(error, words):
@@ -151,8 +161,22 @@ class OwnPolicy(Case):
             gaitfit.finetune(Policy(network, FILE), progress=False)
         with self.assertRaisesRegex(TypeError, "give a function"):
             Policy(3, FILE)
+        for wrong in ({"name": 3}, {"task": 3}):
+            with self.assertRaisesRegex(TypeError, "is 3; give a text"):
+                Policy(network, FILE, **wrong)
         with self.assertRaisesRegex(gaitfit.GaitfitError, "nowhere.toml"):
             Policy(network, "nowhere.toml")
+
+    def test_forked_processes_have_their_own(self) -> None:
+        def walks(seed: int) -> float:
+            found = gaitfit.evaluate(Policy(network, FILE), trajectories=4, seconds=0.5, drift=0, seed=seed, progress=False)
+            return found["linear_velocity_error"]
+
+        global in_fork
+        in_fork = walks
+        expected = [walks(seed) for seed in (1, 2, 1)]
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            self.assertEqual(pool.map_async(called_in_fork, (1, 2, 1)).get(120), expected)
 
     def test_a_function_that_writes_in_its_observation_harms_nobody(self) -> None:
         def writes(observation: np.ndarray) -> np.ndarray:

@@ -14,10 +14,14 @@ import unittest
 from pathlib import Path
 from unittest import mock
 
+import numpy as np
+
 import gaitfit
+from gaitfit import Policy
 from gaitfit._stages import _fit_settings, _run
 
 from .common import DEMO, PACKAGE, ROOT, Case
+from .test_own_policy import FILE, LAYERS, network
 
 RAY = importlib.util.find_spec("ray") is not None
 SETTINGS = {"optimizer.generations": 10, "optimizer.seeds": 2, "costs": ["matcho", "wass"], "checkpoint_seconds": 0.0}
@@ -35,8 +39,10 @@ class OwnCrew:
     def __init__(self, places: int, alike: bool) -> None:
         self._places, self.alike, self.done = places, alike, 0
 
+    policy = None
+
     def open(self, parcel: bytes, mark: str) -> None:
-        self.helper, self.mark = gaitfit._gaitfit.Helper(parcel, 1, "cpu"), mark
+        self.helper, self.mark = gaitfit._gaitfit.Helper(parcel, 1, "cpu", self.policy), mark
 
     def places(self) -> int:
         return self._places
@@ -55,7 +61,7 @@ class Shared(Case):
         given = {name: more.pop(name, None) for name in ("logs", "robot", "policy", "costs")}
         settings = _fit_settings(*given.values(), more.pop("settings"), self.folder)
         run = _run(config, settings, "own", False, None, "cpu")
-        return gaitfit.Results(json.loads(gaitfit._gaitfit.adapt(run, None, crew)))
+        return gaitfit.Results(json.loads(gaitfit._gaitfit.adapt(run, None, None, crew)))
 
     def test_a_fit_has_the_same_bits_however_it_is_cut(self) -> None:
         alone = self.fit(DEMO / "adapt.toml", None, settings=SETTINGS)
@@ -88,6 +94,34 @@ class Shared(Case):
                 kept = [one.to_dict() for one in both]
                 self.assertEqual(kept[1]["fits"], kept[0]["fits"])
                 self.assertGreater(crew.done, 10)
+
+    def test_a_policy_that_is_a_function_acts_at_both_ends(self) -> None:
+        logs, settings = self.folder / "logs", {"optimizer.seeds": 1, "optimizer.generations": 2, "optimizer.population": 6}
+        gaitfit.collect(FILE, logs, trajectories=10, seconds=2.5, progress=False)
+        calls = []
+
+        def there(observation: np.ndarray) -> np.ndarray:
+            calls.append(len(observation))
+            if len(calls) == 200:
+                raise LookupError("the network is gone")
+            return network(observation)
+
+        def fit(crew: object) -> gaitfit.Results:
+            given = _fit_settings(logs, None, "the function network", "wass", settings, self.folder)
+            run = _run(None, given, "own", False, None, "cpu")
+            return gaitfit.Results(json.loads(gaitfit._gaitfit.adapt(run, Policy(network, FILE).native(), None, crew)))
+
+        alone = fit(None)
+        crew = OwnCrew(3, True)
+        crew.policy = Policy(network, FILE).native()
+        self.assertEqual(found(fit(crew)), found(alone))
+        self.assertGreater(crew.done, 3)
+        crew.policy = Policy(there, FILE).native()
+        with self.assertRaisesRegex(LookupError, "the network is gone"):
+            fit(crew)
+        crew.policy = None
+        with self.assertRaisesRegex(gaitfit.GaitfitError, "the function network"):
+            fit(crew)
 
     def test_what_a_crew_raises_comes_back(self) -> None:
         class Broken(OwnCrew):
@@ -128,6 +162,10 @@ class Absent(Case):
         ):
             with self.subTest(words), self.assertRaisesRegex(ValueError, words):
                 gaitfit.ray.fit(DEMO / "adapt.toml", **arguments)
+        with self.assertRaisesRegex(TypeError, "cannot be trained on"):
+            gaitfit.ray.finetune(Policy(network, FILE))
+        with self.assertRaisesRegex(ValueError, "is a function, which GPUs do not"):
+            gaitfit.ray.fit(policy=Policy(network, FILE), num_gpus=1)
 
 
 @unittest.skipUnless(RAY, "Ray is not installed: tools/setup_venv.sh --ray")
@@ -267,6 +305,70 @@ class Fits(Ray):
             self.fit(gaitfit.ray.fit, "elsewhere", address="10.0.0.1:6379")
         self.assertTrue(ray.is_initialized())
 
+    def test_a_policy_that_is_a_function_is_sent(self) -> None:
+        import gaitfit.ray
+
+        gaitfit.collect(FILE, self.folder / "logs", trajectories=10, seconds=2.5, progress=False)
+        settings = {"optimizer.seeds": 1, "optimizer.generations": 2, "optimizer.population": 12}
+        layers = LAYERS
+
+        def act(observation: np.ndarray) -> np.ndarray:
+            # What it needs travels with it: the tests' modules are not on the nodes.
+            for number, (weight, bias) in enumerate(layers):
+                observation = observation @ weight.T + bias
+                if number < len(layers) - 1:
+                    observation = np.where(observation > 0, observation, np.expm1(np.minimum(observation, 0)))
+            return observation
+
+        def fit(fit: object, name: str, act: object = act) -> gaitfit.Results:
+            policy = Policy(act, FILE, name="network")
+            return fit(
+                logs=self.folder / "logs", policy=policy, costs="wass", settings=settings, runs=self.folder, name=name,
+                progress=False,
+            )
+
+        act.__module__ = "__main__"
+        self.assertEqual(found(fit(gaitfit.ray.fit, "shared")), found(fit(gaitfit.fit, "alone")))
+        lock = threading.Lock()
+        with self.assertRaisesRegex(TypeError, "cannot be sent to workers"):
+            fit(gaitfit.ray.fit, "locked", lambda observation: lock and observation)
+        driver = os.getpid()
+
+        def breaks(observation: np.ndarray) -> np.ndarray:
+            if os.getpid() != driver:
+                raise LookupError("no network here")
+            return observation[:, :12] * 0
+
+        breaks.__module__ = "__main__"
+        with self.assertRaisesRegex(LookupError, "no network here"):
+            fit(gaitfit.ray.fit, "broken", breaks)
+
+    def test_gpus_are_asked_of_ray(self) -> None:
+        import ray
+        from gaitfit.ray._cluster import Cluster, Place
+
+        node = self.cluster.add_node(num_cpus=1, num_gpus=2, object_store_memory=10**8)
+        self.cluster.wait_for_nodes()
+        try:
+            cluster = Cluster(None, Place(num_cpus=0, num_gpus=0.5, retries=0))
+            self.assertEqual(cluster.places(), 4)
+            asked = {}
+
+            def remote(**options: object) -> object:
+                asked.update(options)
+                return ray_remote(**options)
+
+            ray_remote = ray.remote
+            with mock.patch.object(ray, "remote", remote):
+                simulated = cluster.remote("simulated")
+            self.assertEqual((asked["num_cpus"], asked["num_gpus"], asked["max_retries"]), (0, 0.5, 0))
+            self.assertEqual(cluster.place.device, "cuda")
+            # It runs on the node with GPUs, and asks for CUDA there: this machine has none, or the parcel is none.
+            with self.assertRaises(gaitfit.GaitfitError):
+                list(cluster.answers([lambda: simulated("key", cluster.put((b"no parcel", b"")), 1, "cuda", b"")]))
+        finally:
+            self.cluster.remove_node(node)
+
     def test_ctrl_c_stops_a_shared_fit_within_a_second(self) -> None:
         import gaitfit.ray
 
@@ -362,6 +464,18 @@ class Trainings(Ray):
         self.assertEqual(len(shared["seeds"]), len(alone["seeds"]))
         again = gaitfit.ray.train(name="shared", resume=True, **arguments).to_dict()
         self.assertEqual(again["seeds"], shared["seeds"])
+
+    def test_fine_tunings_are_those_of_one_machine(self) -> None:
+        import gaitfit.ray
+
+        settings = {"train.environments": 64, "train.iterations": 3}
+        arguments = {"seeds": [1, 2], "settings": settings, "runs": self.folder, "progress": False}
+        gaitfit.finetune(FILE, name="alone", **arguments)
+        shared = gaitfit.ray.finetune(FILE, name="shared", **arguments).to_dict()
+        for seed in (1, 2):
+            policies = [(self.folder / name / f"seed-{seed}" / "policy.safetensors").read_bytes() for name in ("alone", "shared")]
+            self.assertEqual(*policies)
+        self.assertEqual(gaitfit.ray.finetune(FILE, name="shared", resume=True, **arguments).to_dict()["seeds"], shared["seeds"])
 
 
 if __name__ == "__main__":

@@ -91,6 +91,22 @@ class Stages(Case):
         with self.assertRaisesRegex(gaitfit.GaitfitError, "nothing.toml"):
             gaitfit.fit("nothing.toml", progress=False)
 
+    def test_wrong_numbers_are_said_before_anything_begins(self) -> None:
+        policy, out = "assets/go2-walk.safetensors", self.folder / "logs"
+        for call, error, words in (
+            (lambda: gaitfit.evaluate(policy, drift=-1), ValueError, "drift is -1; it must be at least 0"),
+            (lambda: gaitfit.evaluate(policy, trajectories=0), ValueError, "trajectories is 0"),
+            (lambda: gaitfit.evaluate(policy, seed=1.5), TypeError, "seed is 1.5"),
+            (lambda: gaitfit.collect(policy, out, log_shift=3), TypeError, "log_shift is 3; give two numbers"),
+            (lambda: gaitfit.collect(policy, out, log_shift=(1, 2, 3)), TypeError, "give two numbers"),
+            (lambda: gaitfit.train(seeds=[-1]), ValueError, "a seed is -1"),
+            (lambda: gaitfit.train(seeds=3), TypeError, "seeds is 3; give a list"),
+            (lambda: gaitfit.train(threads=-1), ValueError, "threads is -1"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(error, words):
+                call()
+        self.assertFalse(out.exists())
+
     def test_a_policy_is_evaluated_and_its_logs_collected(self) -> None:
         found = gaitfit.evaluate(POLICY, trajectories=8, seconds=1.0, drift=0, progress=False)
         self.assertIn("verdict", found)

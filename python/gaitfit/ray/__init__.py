@@ -6,6 +6,6 @@ Results have the bits of one machine, whatever the number of workers and whichev
 
 from ._fit import fit
 from ._tables import reproduce
-from ._train import train
+from ._train import finetune, train
 
-__all__ = ["fit", "reproduce", "train"]
+__all__ = ["finetune", "fit", "reproduce", "train"]

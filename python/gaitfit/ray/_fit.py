@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from .. import _gaitfit
+from .._policy import Policy
 from .._progress import Progress, listener
 from .._results import Results
-from .._stages import PathLike, Settings, _fit_settings, _results, _run
-from ._cluster import Cluster, Place
+from .._stages import PathLike, Settings, _fit_settings, _named, _own, _results, _run
+from ._cluster import Cluster, Place, library
 
 
 def fit(
@@ -18,7 +19,7 @@ def fit(
     *,
     logs: PathLike | Sequence[PathLike] | None = None,
     robot: PathLike | None = None,
-    policy: PathLike | None = None,
+    policy: PathLike | Policy | None = None,
     costs: str | Sequence[str] | None = None,
     settings: Settings | None = None,
     name: str | None = None,
@@ -40,26 +41,47 @@ def fit(
 
     ``address`` is the cluster's, as :func:`ray.init` takes it. Nodes need the same version of gaitfit. A worker that
     computes other bits than this process is refused; with ``num_gpus`` than the first worker.
+
+    A :class:`gaitfit.Policy` of your own is sent to the workers as Ray pickles it, and called there: it needs the same
+    packages on all nodes, and a function whose actions have other bits elsewhere is refused as such a worker is.
     """
     place = Place(num_cpus, num_gpus, retries)
     listen = listener(progress)
-    run = _run(config, _fit_settings(logs, robot, policy, costs, settings, runs), name, resume, threads, "cpu")
-    return _results(_gaitfit.adapt(run, None, listen, Crew(Cluster(address, place))))
+    if isinstance(policy, Policy) and num_gpus > 0:
+        raise ValueError(f"the policy {policy.name} is a function, which GPUs do not simulate with: leave num_gpus out")
+    settings = _fit_settings(logs, robot, _named(policy), costs, settings, runs)
+    run = _run(config, settings, name, resume, threads, "cpu")
+    own = _sent(policy) if isinstance(policy, Policy) else b""
+    return _results(_gaitfit.adapt(run, _own(policy), listen, Crew(Cluster(address, place), own)))
+
+
+def _sent(policy: Policy) -> bytes:
+    """A policy of one's own as it is sent to workers."""
+    library()
+    from ray import cloudpickle
+
+    try:
+        return cloudpickle.dumps(policy)
+    except Exception as error:
+        raise TypeError(
+            f"the policy {policy.name} cannot be sent to workers ({error}): give a function that makes what cannot be "
+            "pickled, such as an ONNX session, where it is called first"
+        ) from error
 
 
 class Crew:
     """The workers of a fit; the native half calls it."""
 
-    def __init__(self, cluster: Cluster) -> None:
-        self._cluster = cluster
+    def __init__(self, cluster: Cluster, policy: bytes = b"") -> None:
+        self._cluster, self._policy = cluster, policy
         #: Whether this process computes as the workers do.
         self.alike = cluster.place.num_gpus == 0
 
     def open(self, parcel: bytes, mark: str) -> None:
         """Takes what workers need, and what they are to find."""
         self._mark = mark if self.alike else None
-        self._key = hashlib.sha256(parcel).hexdigest()
-        self._parcel = self._cluster.put(parcel)
+        self._key = hashlib.sha256(parcel + self._policy).hexdigest()
+        self._parcel = self._cluster.put((parcel, self._policy))
         self._simulate = self._cluster.remote("simulated")
 
     def places(self) -> int:
@@ -80,6 +102,7 @@ class Crew:
             if mark != self._mark:
                 raise _gaitfit.GaitfitError(
                     f"the worker {where} computes other bits: where the search begins it finds {mark}, and needed is "
-                    f"{self._mark}. Give all nodes the same build of gaitfit and processors with AVX2; GPUs must be alike."
+                    f"{self._mark}. Give all nodes the same build of gaitfit and processors with AVX2; GPUs must be alike, and a "
+                    "policy of your own must act the same everywhere."
                 )
             yield number, found

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 from .. import _gaitfit
 from .._progress import Progress, listener
 from .._results import Results
-from .._stages import PathLike, Settings, _list, _results, _run
+from .._stages import PathLike, Settings, _file, _list, _results, _run, _world
 from ._cluster import Cluster, Place
 from ._orders import Order, Orders, silent, sources
 
@@ -36,27 +37,92 @@ def train(
     ``resume=True`` after the driver was killed. Other arguments as of :func:`gaitfit.ray.fit`.
     """
     cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
-    listen = listener(progress) or silent
     config, robot = _seen(config), _seen(robot)
-    given = dict(settings or {})
-    # Workers have an image of this folder, in which only relative paths are the same.
-    if runs is not None or "runs" in given:
-        given["runs"] = _seen(given["runs"] if runs is None else runs)
-    run = _run(config, given, name, resume, None, "cpu")
-    name, folder, seeds, files = _gaitfit.train_plan(run, robot, _list(seeds))
-    folder, files = os.fspath(folder), [os.fspath(file) for file in files]
-    theirs = _run(config, given, name, True, cluster.place.threads, cluster.place.device)
+
+    def run(name: str | None, resume: bool, threads: int | None, device: str) -> dict[str, Any]:
+        return _run(config, _given(settings, runs), name, resume, threads, device)
+
+    plan = _gaitfit.train_plan(run(name, resume, None, "cpu"), robot, _list(seeds))
+    how = {"what": "training", "robot": robot}
+
+    def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Progress) -> str:
+        return _gaitfit.train(run, robot, seeds, listen)
+
+    return _parts(cluster, every, progress, run, plan, how, rest)
+
+
+def finetune(
+    policy: PathLike,
+    *,
+    theta: PathLike | None = None,
+    robot: PathLike | None = None,
+    task: str | None = None,
+    spring: Sequence[str] = (),
+    torque_noise: float = 0.0,
+    lenient: bool = False,
+    config: PathLike | None = None,
+    seeds: Iterable[int] | None = None,
+    settings: Settings | None = None,
+    name: str | None = None,
+    runs: PathLike | None = None,
+    resume: bool = False,
+    progress: bool | Progress = True,
+    address: str | None = None,
+    num_cpus: float = 1,
+    num_gpus: float = 0,
+    retries: int = 10,
+    every: float = 20.0,
+) -> Results:
+    """Goes on training ``policy``, a file, as :func:`gaitfit.finetune`, each of the ``seeds`` on a worker of a Ray cluster.
+
+    Arguments as there and of :func:`gaitfit.ray.train`. Files that the policy's file names by itself are not sent: give a
+    ``.safetensors`` or ``.onnx``.
+    """
+    named = _seen(_file(policy))
+    cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
+    config = _seen(config)
+    world = _world(named, _seen(robot), lenient, task, _seen(theta), spring, torque_noise)
+
+    def run(name: str | None, resume: bool, threads: int | None, device: str) -> dict[str, Any]:
+        return _run(config, _given(settings, runs), name, resume, threads, device)
+
+    plan = _gaitfit.finetune_plan(run(name, resume, None, "cpu"), world, _list(seeds))
+    how = {"what": "finetuning", "world": world}
+
+    def rest(run: Mapping[str, Any], seeds: Sequence[int], listen: Progress) -> str:
+        return _gaitfit.finetune(run, world, seeds, listen)
+
+    return _parts(cluster, every, progress, run, plan, how, rest)
+
+
+def _parts(
+    cluster: Cluster,
+    every: float,
+    progress: bool | Progress,
+    run: Callable[[str | None, bool, int | None, str], dict[str, Any]],
+    plan: tuple[str, str, list[int], list[str]],
+    how: Mapping[str, Any],
+    rest: Callable[[Mapping[str, Any], Sequence[int], Progress], str],
+) -> Results:
+    """Has each seed of a training made by a worker; what is left, the results, is done here."""
+    name, folder, seeds, files = plan
+    place, listen = cluster.place, listener(progress) or silent
+    theirs = run(name, True, place.threads, place.device)
     orders = [
-        Order(
-            f"{name}, seed {seed}",
-            f"{folder}/seed-{seed}",
-            [],
-            {"what": "training", "run": theirs, "robot": robot, "seeds": [seed]},
-        )
+        Order(f"{name}, seed {seed}", f"{os.fspath(folder)}/seed-{seed}", [], {**how, "run": theirs, "seeds": [seed]})
         for seed in seeds
     ]
-    Orders(cluster, sources(files), retries, every, listen).make(orders)
-    return _results(_gaitfit.train({**run, "name": name, "resume": True}, robot, seeds, listen))
+    read = sources([os.fspath(file) for file in files])
+    Orders(cluster, read, place.retries, every, listen).make(orders)
+    return _results(rest(run(name, True, None, "cpu"), seeds, listen))
+
+
+def _given(settings: Settings | None, runs: PathLike | None) -> dict[str, Any]:
+    """The settings; workers have an image of this folder, in which only relative paths are the same."""
+    given = dict(settings or {})
+    if runs is not None or "runs" in given:
+        given["runs"] = _seen(given["runs"] if runs is None else runs)
+    return given
 
 
 def _seen(path: PathLike | None) -> str | None:

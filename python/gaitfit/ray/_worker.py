@@ -27,7 +27,9 @@ def helper(key: str, parcel: list[Any], threads: int, device: str) -> _gaitfit.H
     if found is None:
         while len(_open) >= MOST:
             _open.pop(next(iter(_open)))
-        found = _gaitfit.Helper(ray.get(parcel[0]), threads, device)
+        needed, policy = ray.get(parcel[0])
+        own = ray.cloudpickle.loads(policy).native() if policy else None
+        found = _gaitfit.Helper(needed, threads, device, own)
     _open[which] = found
     return found
 
@@ -35,7 +37,13 @@ def helper(key: str, parcel: list[Any], threads: int, device: str) -> _gaitfit.H
 def simulated(key: str, parcel: list[Any], threads: int, device: str, task: bytes) -> tuple[str, str, bytes]:
     """Does a task of a fit: who did it, what its robot costs where the search begins, and the answer."""
     found = helper(key, parcel, threads, device)
-    return f"{platform.node()} (process {os.getpid()})", found.mark, found.work(task)
+    try:
+        answer = found.work(task)
+    except BaseException:
+        # A policy's function that failed once is not asked again.
+        _open.pop((key, threads, device), None)
+        raise
+    return f"{platform.node()} (process {os.getpid()})", found.mark, answer
 
 
 def made(
@@ -67,5 +75,7 @@ def made(
 def _work(how: Mapping[str, Any], progress: Any) -> None:
     if how["what"] == "cell":
         _gaitfit.reproduce_part(how["request"], how["part"], progress)
+    elif how["what"] == "finetuning":
+        _gaitfit.finetune(how["run"], how["world"], how["seeds"], progress)
     else:
         _gaitfit.train(how["run"], how["robot"], how["seeds"], progress)

@@ -55,6 +55,8 @@ pub struct Setup {
     pub device: Device,
     /// Where the settings were read, which relative paths may start from.
     pub config_path: PathBuf,
+    /// Whether the policy was given by the caller, and is in no file.
+    pub own_policy: bool,
     /// Who simulates besides this process, if anyone does.
     pub shares: Option<Shares>,
 }
@@ -178,6 +180,7 @@ impl Setup {
             warnings,
             device,
             config_path: config_path.to_owned(),
+            own_policy: given.is_some(),
             shares: None,
         };
         setup.warnings.extend(ignored(&setup));

@@ -7,6 +7,7 @@ use crate::adapt::setup::Setup;
 use crate::device::Device;
 use gaitfit_adapt::fit::{Failure, FitError, Job, Predicted, Problem, Views};
 use gaitfit_adapt::{Cancel, Rollout, Signals, Simulator, SimulatorError, Theta, never};
+use gaitfit_policy::Policy;
 use std::sync::{Mutex, PoisonError};
 
 /// A process that simulates for a fit elsewhere.
@@ -31,16 +32,22 @@ pub(super) fn mark(setup: &Setup) -> Result<String, Error> {
 }
 
 impl Helper {
-    /// Opens what [`Setup::parcel`] made.
+    /// Opens what [`Setup::parcel`] made; `policy` as of [`Setup::open_policy`].
     ///
     /// # Errors
-    /// Bytes that are none, and as [`Setup::open_on`].
-    pub fn open(parcel: &[u8], threads: usize, device: Device) -> Result<Self, Error> {
+    /// Bytes that are none, and as [`Setup::open_policy`].
+    pub fn open(
+        parcel: &[u8],
+        threads: usize,
+        device: Device,
+        policy: Option<&Policy>,
+    ) -> Result<Self, Error> {
         let folder = tempfile::tempdir().map_err(|error| {
             Error::failed(format!("a folder for the fit's files cannot be made: {error}"))
         })?;
         let config = parcel::unpack(parcel, folder.path())?;
-        let setup = Setup::open_on(&config, &folder.path().join("config.toml"), Some(threads), device)?;
+        let path = folder.path().join("config.toml");
+        let setup = Setup::open_policy(&config, &path, Some(threads), device, policy)?;
         Ok(Self { setup, sprung: Mutex::new(None) })
     }
 

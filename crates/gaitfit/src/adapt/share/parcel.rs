@@ -38,7 +38,10 @@ impl Setup {
                 parcel.file(&part)?;
             }
         }
-        if let (Some(named), Some(walking)) = (&mut config.policy, self.method.walking()) {
+        // A policy that the caller gave every helper is given too.
+        if let (Some(named), Some(walking), false) =
+            (&mut config.policy, self.method.walking(), self.own_policy)
+        {
             *named = POLICY.to_owned();
             parcel.0.insert(POLICY.to_owned(), weights::write(&walking.policy)?);
         }
