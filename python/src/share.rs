@@ -160,16 +160,16 @@ impl Helper {
                 let _ = opened.send(Err(error));
             }
         };
-        let thread = std::thread::Builder::new().name("gaitfit-helper".to_owned()).spawn(body);
-        let thread = thread.map_err(failed)?;
         let act = policy.as_ref().and_then(Source::act);
         let whose = &calling;
-        let found = watched_acting(py, None, act, move |_, caller| {
+        let (thread, found) = watched_acting(py, None, act, move |_, caller| {
             set(whose, Some(caller));
+            let thread = std::thread::Builder::new().name("gaitfit-helper".to_owned()).spawn(body);
             let found = open.recv();
             set(whose, None);
-            found
+            (thread, found)
         })?;
+        let thread = thread.map_err(failed)?;
         let mark =
             found.map_err(|_| failed("the fit's files could not be opened"))?.map_err(|error| of(&error))?;
         Ok(Self { mark, tasks: Mutex::new(Some(tasks)), thread: Mutex::new(Some(thread)), policy, calling })
@@ -187,10 +187,11 @@ impl Helper {
         let stop = Arc::new(AtomicBool::new(false));
         let ended = || failed("the helper has ended; make another one");
         let tasks = self.tasks.lock().unwrap_or_else(PoisonError::into_inner).clone().ok_or_else(ended)?;
-        tasks.send((task, sender, Arc::clone(&stop))).map_err(|_| ended())?;
         let act = self.policy.as_ref().and_then(Source::act);
         let answer = watched_acting(py, None, act, move |watch, caller| {
             set(&self.calling, Some(caller));
+            // One that cannot be sent any more drops its sender: there is no answer.
+            let _ = tasks.send((task, sender, Arc::clone(&stop)));
             let answer = loop {
                 match answer.recv_timeout(std::time::Duration::from_millis(20)) {
                     Err(mpsc::RecvTimeoutError::Timeout) => {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -101,37 +101,19 @@ class Cluster:
         begin = self._ray.remote(**wanted)(_entry(streams)).remote
         return lambda *arguments: begin(_gaitfit.__version__, name, *arguments)
 
-    def answers(self, begin: Sequence[Callable[[], Any]]) -> Iterator[tuple[int, Any] | None]:
-        """Begins all tasks; answers with their numbers as they come, and ``None`` where nothing came for a moment.
+    def actor(self, options: Mapping[str, Any], *arguments: Any) -> Any:
+        """A process that does one task after another, see :func:`_worker`; it is not begun again by itself."""
+        place = self.place
+        wanted = {"num_cpus": place.num_cpus, "num_gpus": place.num_gpus, "max_restarts": 0, **options}
+        return self._ray.remote(**wanted)(_worker()).remote(_gaitfit.__version__, *arguments)
 
-        Who closes the iterator gives up the tasks that are left.
-        """
-        ray = self._ray
-        tasks = {one(): number for number, one in enumerate(begin)}
-        try:
-            while tasks:
-                ready, _ = ray.wait(list(tasks), num_returns=1, timeout=PATIENCE)
-                if not ready:
-                    yield None
-                for reference in ready:
-                    answer = self._get(reference)
-                    yield tasks.pop(reference), answer
-        finally:
-            for reference in tasks:
-                self.give_up(reference)
-            self._forget(list(tasks))
-
-    def _forget(self, tasks: Sequence[Any]) -> None:
-        """Takes the errors of tasks that nobody waits for, which Ray would print."""
-        ready, _ = self._ray.wait(list(tasks), num_returns=len(tasks), timeout=PATIENCE) if tasks else ([], [])
-        for reference in ready:
-            try:
-                self._ray.get(reference)
-            except self._ray.exceptions.RayError:
-                pass
+    def end(self, actor: Any) -> None:
+        """Ends an actor at once, whatever it does."""
+        self._ray.kill(actor)
 
     def ready(self, streams: Sequence[Any]) -> Sequence[Any]:
-        """Streams of which the next answer, or the end, is there; none where nothing came for a moment."""
+        """Tasks that are done, and streams of which the next answer, or the end, is there; none where nothing came for a
+        moment."""
         ready, _ = self._ray.wait(list(streams), num_returns=1, timeout=PATIENCE)
         return ready
 
@@ -152,6 +134,15 @@ class Cluster:
         found = self._ray.exceptions
         return (Lost, found.ObjectLostError)
 
+    @property
+    def _gone(self) -> tuple[type[Exception], ...]:
+        found = self._ray.exceptions
+        return (found.WorkerCrashedError, found.NodeDiedError, found.OutOfMemoryError, found.RayActorError)
+
+    def get(self, reference: Any) -> Any:
+        """What a task gave; raises what it raised, or :class:`Lost`."""
+        return self._get(reference)
+
     def _get(self, reference: Any) -> Any:
         ray = self._ray
         try:
@@ -162,15 +153,29 @@ class Cluster:
             if isinstance(cause, Exception):
                 raise cause from None
             raise _gaitfit.GaitfitError(str(error)) from None
-        except (ray.exceptions.WorkerCrashedError, ray.exceptions.NodeDiedError, ray.exceptions.OutOfMemoryError) as error:
-            raise Lost(
-                f"a task's worker was lost more than {self.place.retries} times, which is more than chance: {error}. What is "
-                "done is in the run folder; resume=True goes on with it."
-            ) from None
+        except self._gone as error:
+            raise Lost(str(error)) from None
 
 
 class Lost(_gaitfit.GaitfitError):
     """A node or a worker is gone, and with it what it did."""
+
+
+def _worker() -> type:
+    # As below: a class within a function is sent by its text.
+    run = _entry(False)
+
+    class Worker:
+        def __init__(self, version: str, *given: Any) -> None:
+            self._version, self._given = version, given
+
+        def begin(self) -> None:
+            """Says that there is a process."""
+
+        def work(self, name: str, task: bytes) -> Any:
+            return run(self._version, name, *self._given, task)
+
+    return Worker
 
 
 def _entry(streams: bool) -> Callable[..., Any]:

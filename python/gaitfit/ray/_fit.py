@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from .. import _gaitfit
@@ -12,6 +12,7 @@ from .._progress import Progress, listener
 from .._results import Results
 from .._stages import PathLike, Settings, _fit_settings, _named, _own, _results, _run
 from ._cluster import Cluster, Place, library
+from ._workers import Workers
 
 
 def fit(
@@ -52,7 +53,11 @@ def fit(
     settings = _fit_settings(logs, robot, _named(policy), costs, settings, runs)
     run = _run(config, settings, name, resume, threads, "cpu")
     own = _sent(policy) if isinstance(policy, Policy) else b""
-    return _results(_gaitfit.adapt(run, _own(policy), listen, Crew(Cluster(address, place), own)))
+    crew = Crew(Cluster(address, place), own)
+    try:
+        return _results(_gaitfit.adapt(run, _own(policy), listen, crew))
+    finally:
+        crew.close()
 
 
 def _sent(policy: Policy) -> bytes:
@@ -74,6 +79,7 @@ class Crew:
 
     def __init__(self, cluster: Cluster, policy: bytes = b"") -> None:
         self._cluster, self._policy = cluster, policy
+        self._workers: Workers | None = None
         #: Whether this process computes as the workers do.
         self.alike = cluster.place.num_gpus == 0
 
@@ -81,19 +87,22 @@ class Crew:
         """Takes what workers need, and what they are to find."""
         self._mark = mark if self.alike else None
         self._key = hashlib.sha256(parcel + self._policy).hexdigest()
+        place = self._cluster.place
         self._parcel = self._cluster.put((parcel, self._policy))
-        self._simulate = self._cluster.remote("simulated")
+        given = (self._key, self._parcel, place.threads, place.device)
+        self._workers = Workers(self._cluster, "simulated", given)
+
+    def close(self) -> None:
+        """Ends the workers."""
+        if self._workers is not None:
+            self._workers.end()
 
     def places(self) -> int:
         return self._cluster.places()
 
     def work(self, tasks: Sequence[bytes]) -> Iterator[tuple[int, bytes] | None]:
-        place = self._cluster.place
-
-        def begin(task: bytes) -> Callable[[], Any]:
-            return lambda: self._simulate(self._key, self._parcel, place.threads, place.device, task)
-
-        for answer in self._cluster.answers([begin(task) for task in tasks]):
+        assert self._workers is not None, "open() comes first"
+        for answer in self._workers.answers(tasks):
             if answer is None:
                 yield None
                 continue
