@@ -8,6 +8,9 @@ policy ``--policy``. A fit of `wass` has generations of about ``--seconds`` on o
 in this process on one thread, and then on clusters of so many nodes, so that what else the machine does hits all alike. What
 counts is the median time of a generation, the first two aside: workers open the fit in them. Times are of `metrics.jsonl`.
 
+A machine with fewer cores than nodes, or busy ones, says little by that. So tasks that only sleep are handed out besides, a
+generation of ``--seconds`` in all: what they take beyond that is what sharing itself costs.
+
 Printed as JSON: seconds a generation, the overhead of one node over this process, the throughput of more nodes over one's,
 bytes of logs, of what is sent to each node once, and of tasks and answers of a generation.
 """
@@ -21,6 +24,7 @@ import platform
 import statistics
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -98,11 +102,14 @@ class Bench:
     def run(self, nodes: list[int]) -> dict[str, object]:
         alone: list[float] = []
         shared: dict[int, list[float]] = {count: [] for count in nodes}
+        asleep: dict[int, list[float]] = {count: [] for count in nodes}
         sent = Sent()
         for number in range(self.options.repeats):
             generations = self.options.generations
             alone.append(statistics.median(self.times(gaitfit.fit, self.population, generations, threads=1)))
             for count in nodes:
+                with cluster(count):
+                    asleep[count].append(sleeping(self.options.seconds, count))
                 with sent.counted(), cluster(count):
                     times = self.times(gaitfit.ray.fit, self.population, generations)
                 shared[count].append(statistics.median(times))
@@ -119,6 +126,7 @@ class Bench:
             "throughput_over_one_node": {
                 f"{count} nodes": {"median": statistics.median(one), "rounds": one} for count, one in speed.items()
             },
+            "beyond_sleep": {f"{count} nodes": statistics.median(more) for count, more in asleep.items()},
             "bytes": {
                 "logs": sum(file.stat().st_size for file in self.logs.glob("*.csv")),
                 "sent_once": sent.parcel,
@@ -127,6 +135,34 @@ class Bench:
                 "tasks_a_generation": sent.count / generations,
             },
         }
+
+
+def sleeping(seconds: float, nodes: int) -> float:
+    """Share that a generation takes beyond the time its tasks sleep, three for each node, the median of ten."""
+    from unittest import mock
+
+    from gaitfit.ray import _cluster
+    from gaitfit.ray._workers import Workers
+
+    def entry(_streams: bool) -> Callable[..., None]:
+        def sleep(_version: str, _name: str, task: bytes) -> None:
+            import time
+
+            time.sleep(float(task))
+
+        return sleep
+
+    count = 3 * nodes
+    tasks = [str(seconds / count).encode()] * count
+    took = []
+    with mock.patch.object(_cluster, "_entry", entry):
+        workers = Workers(_cluster.Cluster(None, _cluster.Place(num_cpus=1, num_gpus=0, retries=0)), "sleep", ())
+        for _ in range(10 + SKIPPED):
+            begun = time.perf_counter()
+            list(workers.answers(tasks))
+            took.append(time.perf_counter() - begun)
+        workers.end()
+    return statistics.median(took[SKIPPED:]) / (seconds / nodes) - 1
 
 
 class Sent:
@@ -161,6 +197,8 @@ class cluster:  # noqa: N801
         self.count = count
 
     def __enter__(self) -> None:
+        # Ray's workers are nice to other programs; this process is not, and is what they are compared with.
+        os.environ.setdefault("RAY_worker_niceness", "0")
         import ray
         from ray.cluster_utils import Cluster
 
