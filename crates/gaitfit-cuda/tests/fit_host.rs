@@ -9,7 +9,7 @@ use std::sync::Mutex;
 
 use candidates::{apart, asset, files_of, of, tiled};
 use gaitfit_cuda::emit::Class;
-use gaitfit_cuda::fit::{Numbers, Plan, Scene, Sizes, Structure, Subject, Tables};
+use gaitfit_cuda::fit::{Numbers, Plan, Scene, Sizes, Subject, Tables};
 use gaitfit_cuda::physics::Period;
 use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::task::{Task, TaskSettings};
@@ -134,8 +134,7 @@ fn compare(
     let scripts = scripts(task, policy, lengths);
     let walker = &task.walker;
     let subject = Subject::Walk(walker, policy);
-    let structure = Structure::of(&jobs[0].candidate);
-    let period = subject.period(&jobs[0].candidate.networks, &structure).unwrap();
+    let period = subject.period(&jobs[0].candidate).unwrap();
     let scene = Scene::new(subject, &period);
     let tables = Tables::walk(walker, policy, &scripts).unwrap();
     let environments = jobs.len() * scripts.len();
@@ -392,7 +391,7 @@ fn nvrtc_compiles_fits() {
     with.networks = vec![networks(NetworkKind::ResidAct, 0.1)];
     with.torque_noise = 1.0;
     for (label, candidate) in [("plain", Candidate::nominal(&go2())), ("networks", with)] {
-        let period = subject.period(&candidate.networks, &Structure::of(&candidate)).unwrap();
+        let period = subject.period(&candidate).unwrap();
         for rows in [8, 16] {
             let sizes = Sizes { candidates: 24, recordings: 1, samples: 10, tiles: 3, rows, group: 4 };
             let plan = Plan::new(&Scene::new(subject, &period), &tables, sizes);

@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 use candidates::{apart, asset, files_of, of, tiled};
 use gaitfit_cuda::emit::Class;
-use gaitfit_cuda::fit::{Numbers, Plan, Scene, Sizes, Structure, Subject, Tables};
+use gaitfit_cuda::fit::{Numbers, Plan, Scene, Sizes, Subject, Tables};
 use gaitfit_policy::follow::Job;
 use gaitfit_sim::{Candidate, Cpu, Engine, JointSignals, Recording, Replay, ReplayOptions};
 use host::{bytes, call, execute, floats, keep, take};
@@ -43,7 +43,7 @@ fn cxx_replays_are_the_cpus() {
     let jobs: Vec<Job> =
         (0..3).map(|number| Job { candidate: candidate(number), reset_every: None, seed: 0 }).collect();
     let subject = Subject::Replay(&replay);
-    let period = subject.period(&[], &Structure::of(&jobs[0].candidate)).unwrap();
+    let period = subject.period(&jobs[0].candidate).unwrap();
     let scene = Scene::new(subject, &period);
     let tables = Tables::replay(&replay).unwrap();
     let tiles = 6usize.div_ceil(period.layout().environments());

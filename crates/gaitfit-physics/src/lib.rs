@@ -20,6 +20,7 @@ mod error;
 mod forward;
 mod invweight;
 mod joint_parameter;
+mod kept;
 mod lanes;
 mod modify;
 mod obstacles;
@@ -51,6 +52,7 @@ pub use error::PhysicsError;
 pub use forward::{Evaluation, Forward, acceleration, state_from, state_to};
 pub use gaitfit_isa::{Isa, IsaError};
 pub use joint_parameter::{JointParameter, SearchDefaults};
+pub use kept::Kept;
 pub use lanes::*;
 pub use modify::{
     ActionDelta, JointModification, JointNetwork, Modify, NETWORK_WEIGHTS, NetworkScales, ResidAct,

@@ -216,7 +216,7 @@ impl Candidates {
         let physics = match there {
             // The memory of a smaller one is free for the larger.
             Some(there) => self.sessions.remove(there).physics,
-            None => Physics::new(subject, &example.candidate.networks, structure.clone())?,
+            None => Physics::new(subject, &example.candidate)?,
         };
         let (tables, measured) = (&self.tables, self.measured.as_ref());
         let session = Session::new(&self.device, &self.stream, subject, physics, tables, measured, wanted)?;

@@ -57,10 +57,7 @@ fn robot(subject: Subject<'_>, job: &Job) -> Result<(Vec<f32>, Vec<f64>), FitErr
         let must = "at most the simulator's max_delay";
         return Err(SimError::Option { option: "a candidate's delay", value: delay.to_string(), must }.into());
     }
-    let robot = match subject {
-        Subject::Walk(walker, _) => walker.robot(candidate).params(model)?,
-        Subject::Replay(_) => candidate.robot.params(model)?,
-    };
+    let robot = subject.params(candidate)?;
     let mut params = Vec::new();
     robot.visit(|_, &number| params.push(number as f32));
     Ok((params, physics::weights(model, &candidate.networks)?))

@@ -2,9 +2,10 @@
 
 use gaitfit_model::Model;
 use gaitfit_physics::trace::{Input, Report};
+use gaitfit_physics::{Kept, Params, PhysicsError};
 use gaitfit_policy::Policy;
 use gaitfit_policy::walker::Walker;
-use gaitfit_sim::{Candidate, JointNetworks, NetworkKind, Replay};
+use gaitfit_sim::{Candidate, NetworkKind, Replay};
 
 use super::FitError;
 use crate::emit::{Class, EmitOptions};
@@ -31,13 +32,15 @@ pub struct Structure {
     pub networks: Vec<(NetworkKind, Vec<usize>)>,
     /// Whether torques disturb the joints.
     pub disturbed: bool,
+    /// What of the model they keep.
+    pub kept: Kept,
 }
 
 impl Structure {
     /// Of a candidate.
     pub fn of(candidate: &Candidate) -> Self {
         let networks = candidate.networks.iter().map(|one| (one.kind, one.joints.clone())).collect();
-        Self { networks, disturbed: candidate.torque_noise > 0.0 }
+        Self { networks, disturbed: candidate.torque_noise > 0.0, kept: Kept::of(&candidate.robot) }
     }
 }
 
@@ -67,11 +70,23 @@ impl Subject<'_> {
         }
     }
 
-    /// The physics of a control period of candidates with `networks`.
+    /// Parameters of a candidate for the physics.
+    ///
+    /// # Errors
+    /// A candidate that is no robot.
+    pub(super) fn params(&self, candidate: &Candidate) -> Result<Params<f64>, PhysicsError> {
+        match self {
+            Self::Walk(walker, _) => walker.robot(candidate).params(walker.model()),
+            Self::Replay(replay) => candidate.robot.params(replay.model()),
+        }
+    }
+
+    /// The physics of a control period of candidates of the same [`Structure`] as `candidate`.
     ///
     /// # Errors
     /// A robot that cannot be stepped; networks that do not fit it.
-    pub fn period(&self, networks: &[JointNetworks], structure: &Structure) -> Result<Period, FitError> {
+    pub fn period(&self, candidate: &Candidate) -> Result<Period, FitError> {
+        let structure = Structure::of(candidate);
         let (settings, substeps, taps) = match self {
             Self::Walk(walker, _) => {
                 let batch = &walker.batch;
@@ -85,9 +100,10 @@ impl Subject<'_> {
             return Err(FitError::Unsupported(what.to_owned()));
         }
         let options = PeriodOptions { substeps, taps, lanes: LANES, emit: EmitOptions::default() };
-        let networks = traced(model, networks)?;
+        let networks = traced(model, &candidate.networks)?;
         let forces = matches!(self, Self::Walk(..));
-        let report = Report { disturbed: structure.disturbed, forces, tracked: Vec::new() };
+        let fixed = structure.kept.numbers(&self.params(candidate)?);
+        let report = Report { disturbed: structure.disturbed, forces, tracked: Vec::new(), fixed };
         Ok(Period::reporting(model, settings, options, &networks, &report)?)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use gaitfit_sim::JointNetworks;
+use gaitfit_sim::Candidate;
 
 use super::candidates::Measured;
 use super::plan::{Plan, Sizes};
@@ -45,13 +45,9 @@ pub(super) struct Physics {
 }
 
 impl Physics {
-    /// The physics of candidates with `networks`.
-    pub fn new(
-        subject: Subject<'_>,
-        networks: &[JointNetworks],
-        structure: Structure,
-    ) -> Result<Self, FitError> {
-        Ok(Self { period: Arc::new(subject.period(networks, &structure)?), structure })
+    /// The physics of candidates like this one.
+    pub fn new(subject: Subject<'_>, candidate: &Candidate) -> Result<Self, FitError> {
+        Ok(Self { period: Arc::new(subject.period(candidate)?), structure: Structure::of(candidate) })
     }
 
     /// Candidates that fit into the GPU's free memory, `wanted` at most and 1 at least.

@@ -155,12 +155,27 @@ impl Batch {
     /// Writes parameters: those of environment `e` are `sets[e % sets.len()]`.
     ///
     /// # Errors
-    /// No set, or of another robot; a failure of the GPU.
+    /// No set, or of another robot, or with another number where the program has a constant; a failure of the GPU.
     pub fn write_params(&mut self, stream: &Stream, sets: &[Params<f64>]) -> Result<(), DeviceError> {
+        sets.iter().try_for_each(|set| self.keeps(set))?;
         let values: Vec<Vec<f64>> =
             sets.iter().map(|set| listed(|add| set.visit(|slot, &x| add(slot, x)))).collect();
         let names = self.period.graph.inputs.iter().filter(|input| matches!(input, Input::Params(_))).count();
         self.write_listed(stream, Class::Params, "parameters", names, &values)
+    }
+
+    /// Refuses a robot with another number where the program has a constant.
+    fn keeps(&self, set: &Params<f64>) -> Result<(), DeviceError> {
+        let mut constants = self.period.fixed.iter().peekable();
+        let mut refused = None;
+        set.visit(|slot, &number| {
+            if let Some(&(_, constant)) = constants.next_if(|(of, _)| *of == slot)
+                && constant as f32 != number as f32
+            {
+                refused.get_or_insert(DeviceError::Constant { slot, constant, number });
+            }
+        });
+        refused.map_or(Ok(()), Err)
     }
 
     /// Writes states: that of environment `e` is `states[e % states.len()]`.

@@ -6,7 +6,7 @@ use std::time::Instant;
 use gaitfit_model::Model;
 use gaitfit_physics::trace::Report;
 use gaitfit_physics::{
-    Drive, Params, Period as Control, Preset, Settings, State, Work, compile, control_period,
+    Drive, Kept, Params, Period as Control, Preset, Robot, Settings, State, Work, compile, control_period,
 };
 use gaitfit_sim::SimError;
 use gaitfit_sim::bench::{Geoms, SUBSTEPS, TIMESTEP, random_robot, standing, trot, with_geoms};
@@ -81,23 +81,22 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
     let model = with_geoms(model, bench.geoms);
     let (height, pose) = standing(&model)?;
     let settings = Settings { timestep: TIMESTEP, ..Settings::new(&model.options, bench.preset) };
+    let robots = ROBOTS.min(bench.environments);
+    let drawn: Vec<Robot> = (0..robots).map(|number| random_robot(&model, number as u32)).collect();
+    let sets = drawn.iter().map(|robot| robot.params(&model)).collect::<Result<Vec<_>, _>>();
+    let sets: Vec<Params<f64>> = sets.map_err(DeviceError::from)?.into_iter().map(rounded).collect();
+    let kept = drawn.iter().map(Kept::of).reduce(Kept::both);
+    let fixed = kept.zip(sets.first()).map_or(Vec::new(), |(kept, set)| kept.numbers(set));
+    let report = Report { fixed, ..Report::default() };
     let start = Instant::now();
     let period = |substeps: usize| -> Result<Arc<Period>, DeviceError> {
         let options = PeriodOptions { substeps, taps: 1, lanes: bench.lanes.unwrap_or(4), emit: bench.emit };
         let made = match bench.lanes {
-            Some(_) => Period::new(&model, &settings, options, &[])?,
+            Some(_) => Period::reporting(&model, &settings, options, &[], &report)?,
             None => {
                 let (count, info) = (bench.environments, device.info());
                 let processors = usize::try_from(info.processors).unwrap_or(1);
-                Period::for_environments(
-                    &model,
-                    &settings,
-                    options,
-                    &[],
-                    &Report::default(),
-                    count,
-                    processors,
-                )?
+                Period::for_environments(&model, &settings, options, &[], &report, count, processors)?
             }
         };
         Ok(Arc::new(made))
@@ -106,12 +105,6 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
     let mut batch = Batch::new(device, &control, bench.environments, 1)?;
     let compile_seconds = start.elapsed().as_secs_f64();
 
-    let robots = ROBOTS.min(bench.environments);
-    let sets = (0..robots)
-        .map(|number| random_robot(&model, number as u32).params(&model))
-        .collect::<Result<Vec<_>, _>>()
-        .map_err(DeviceError::from)?;
-    let sets: Vec<Params<f64>> = sets.into_iter().map(rounded).collect();
     let tree = compile::<f64>(&model, &settings).map_err(DeviceError::from)?;
     let mut state = State::<f64>::new(&tree);
     state.base_position[2] = height;

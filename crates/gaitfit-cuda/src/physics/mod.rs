@@ -15,8 +15,8 @@ pub use period::{Period, PeriodOptions};
 
 use crate::emit::EmitError;
 use crate::runtime::CudaError;
-use gaitfit_physics::PhysicsError;
 use gaitfit_physics::trace::TraceError;
+use gaitfit_physics::{PhysicsError, Slot};
 
 /// Why environments cannot be simulated on a GPU.
 #[derive(Debug, thiserror::Error)]
@@ -33,6 +33,18 @@ pub enum DeviceError {
     /// The recording of the step.
     #[error("this robot's step cannot be recorded: {0}")]
     Trace(#[from] TraceError),
+    /// A robot for which the program is not.
+    #[error(
+        "{slot} is {constant} in this program, and {number} in a robot; make the program without it among `fixed`"
+    )]
+    Constant {
+        /// The parameter.
+        slot: Slot,
+        /// What the program has.
+        constant: f64,
+        /// What the robot has.
+        number: f64,
+    },
     /// A batch's numbers.
     #[error("{what} must be {must}; there are {found}")]
     Count {

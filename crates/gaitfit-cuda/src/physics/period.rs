@@ -2,7 +2,7 @@
 
 use gaitfit_model::Model;
 use gaitfit_physics::trace::{Input, Known, PeriodGraph, Report, Traced, record_period_with};
-use gaitfit_physics::{JointModification, Settings, compile};
+use gaitfit_physics::{JointModification, Settings, Slot, compile};
 
 use super::{DeviceError, Shared};
 use crate::emit::{EmitOptions, KERNEL, Layout, PeriodProgram, Seating, cuda, has_two_texts};
@@ -40,6 +40,8 @@ pub struct Period {
     pub(crate) memory: Vec<bool>,
     /// Of each weight of networks, likewise.
     pub(super) weights: Vec<bool>,
+    /// Parameters that are constants of the program.
+    pub(super) fixed: Vec<(Slot, f64)>,
     joints: usize,
     taps: usize,
     substeps: usize,
@@ -93,6 +95,7 @@ impl Period {
             layout,
             memory,
             weights,
+            fixed: report.fixed.clone(),
             joints: tree.joints(),
             taps: options.taps,
             substeps: options.substeps,

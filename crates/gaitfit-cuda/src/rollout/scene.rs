@@ -2,6 +2,7 @@
 
 use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::{Task, TaskError, reward};
+use gaitfit_physics::Kept;
 use gaitfit_physics::trace::{Input, Report};
 use gaitfit_sim::Candidate;
 
@@ -111,8 +112,16 @@ impl<'a> Scene<'a> {
             emit: EmitOptions::default(),
         };
         let disturbed = candidates.iter().any(|candidate| candidate.torque_noise > 0.0);
-        let report = Report { disturbed, forces: true, tracked: batch.tracked().to_vec() };
         let (model, settings) = (task.walker.model(), batch.settings());
+        // Randomisation does not change what may be kept.
+        let kept = candidates.iter().map(|candidate| Kept::of(&candidate.robot)).reduce(Kept::both);
+        let fixed = match (candidates.first(), kept) {
+            (Some(first), Some(kept)) => {
+                kept.numbers(&task.walker.robot(first).params(model).map_err(TaskError::from)?)
+            }
+            _ => Vec::new(),
+        };
+        let report = Report { disturbed, forces: true, tracked: batch.tracked().to_vec(), fixed };
         let networks = traced(model, networks).map_err(TaskError::from)?;
         let period =
             Period::for_environments(model, settings, options, &networks, &report, environments, processors)?;

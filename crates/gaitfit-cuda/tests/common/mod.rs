@@ -43,7 +43,7 @@ pub fn recorded(
     let tree = compile::<Traced>(model, settings).unwrap();
     let modifications = if extras { modifications::<Traced>(tree.joints()) } else { Vec::new() };
     let tracked = if extras { (0..tree.model_pairs().len()).collect() } else { Vec::new() };
-    let report = Report { disturbed: extras, forces: extras, tracked };
+    let report = Report { disturbed: extras, forces: extras, tracked, ..Report::default() };
     (record_period_with(&tree, taps, substeps, &modifications, &report).unwrap(), tree)
 }
 

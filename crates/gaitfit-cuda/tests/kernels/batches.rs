@@ -9,7 +9,7 @@ use gaitfit_cuda::runtime::{Device, Stream};
 use gaitfit_model::Model;
 use gaitfit_physics::trace::{Known, Report, Traced};
 use gaitfit_physics::{
-    Drive, JointModification, Modify, Params, Period as Control, Preset, Robot, Settings, State, Work,
+    Drive, JointModification, Kept, Modify, Params, Period as Control, Preset, Robot, Settings, State, Work,
     compile, memory_of, settle,
 };
 
@@ -160,6 +160,17 @@ fn gpu_batches_refuse_wrong_counts() {
     let error = batch.write_targets(&stream, &[vec![0.0; 11]]).unwrap_err();
     assert_eq!(error.to_string(), "targets must be lists of 12 numbers, one at least; there are 11");
     assert!(batch.write_params(&stream, &[]).is_err());
+
+    let mut one = Robot::nominal(&model);
+    let fixed = Kept::of(&one).numbers(&one.params(&model).unwrap());
+    let report = Report { fixed, ..Report::default() };
+    let period = Arc::new(Period::reporting(&model, &settings, options, &[], &report).unwrap());
+    let mut batch = Batch::new(&device, &period, 10, 1).unwrap();
+    batch.write_params(&stream, &[one.params(&model).unwrap()]).unwrap();
+    one.stiction[3] = 0.5;
+    let error = batch.write_params(&stream, &[one.params(&model).unwrap()]).unwrap_err();
+    let want = "joint3.stiction.0 is 0 in this program, and 0.5 in a robot; make the program without it among `fixed`";
+    assert_eq!(error.to_string(), want);
 }
 
 /// What a GPU would be given is made without one.

@@ -1,11 +1,11 @@
 //! A program shared among threads, computed in `f64`, equals the step.
 
 use crate::common::{difference, feet, networks, recorded, robot, samples, samples_with, shared};
-use gaitfit_cuda::emit::{EmitOptions, PeriodProgram, Seating};
-use gaitfit_cuda::physics::Shared;
+use gaitfit_cuda::emit::{EmitOptions, Node, Op, PeriodProgram, Seating};
+use gaitfit_cuda::physics::{Period, PeriodOptions, Shared};
 use gaitfit_model::{Cone, Model};
-use gaitfit_physics::trace::{Report, Traced, record_period_with};
-use gaitfit_physics::{Preset, Settings, compile};
+use gaitfit_physics::trace::{Input, Report, Traced, record_period_with};
+use gaitfit_physics::{Kept, Preset, Robot, Settings, compile};
 
 /// Holds the program of `lanes` threads against the step.
 fn compare(label: &str, model: &Model, preset: Preset, lanes: usize, least_guarded: usize, limit: f64) {
@@ -64,7 +64,12 @@ fn networks_of_one_limb_are_shared() {
     // Calves and thighs of all legs; calves.
     let asked = |all: &[bool]| (all.len(), all.iter().filter(|&&asked| asked).count());
     assert_eq!((asked(&whole.memory), asked(&whole.weights)), ((4 * 12, 4 * 3), (97 * 12, 97 * 3)));
-    let report = Report { disturbed: true, forces: true, tracked: (0..tree.model_pairs().len()).collect() };
+    let report = Report {
+        disturbed: true,
+        forces: true,
+        tracked: (0..tree.model_pairs().len()).collect(),
+        ..Report::default()
+    };
     let record = |networks: &[_]| record_period_with(&tree, taps, substeps, networks, &report).unwrap();
     let emit = |networks: &[_]| PeriodProgram::new(&record(networks), &seating, EmitOptions::default());
     assert!(emit(&own).is_err(), "legs with other networks cannot be shared");
@@ -85,6 +90,44 @@ fn networks_of_one_limb_are_shared() {
         worst = worst.max(difference(&found, &sample.outputs));
     }
     println!("networks on one limb: off by {worst:.1e}");
+    assert!(worst <= 1e-11, "{worst}");
+}
+
+/// Robots that keep their model's links and motors take a shorter program, of the same numbers.
+#[test]
+fn what_robots_keep_is_constant() {
+    let model = feet(robot("go2"));
+    let settings = Settings { timestep: 0.005, ..Settings::new(&model.options, Preset::Fast) };
+    let robot = Robot::nominal(&model);
+    let fixed = Kept::of(&robot).numbers(&robot.params(&model).unwrap());
+    assert_eq!(fixed.len(), 12 * (10 + 2));
+    let options = PeriodOptions { substeps: 3, taps: 1, lanes: 4, emit: EmitOptions::default() };
+    let period = |fixed| {
+        let report = Report { fixed, ..Report::default() };
+        Period::reporting(&model, &settings, options, &[], &report).unwrap()
+    };
+    let (short, whole) = (period(fixed.clone()), period(Vec::new()));
+    println!("operations: {} of {}", short.operations(), whole.operations());
+    assert!(short.operations() < whole.operations());
+    assert_eq!((short.lanes(), whole.lanes()), (4, 4));
+
+    let tree = compile::<Traced>(&model, &settings).unwrap();
+    let report = Report { fixed: fixed.clone(), ..Report::default() };
+    let graph = record_period_with(&tree, 1, 3, &[], &report).unwrap();
+    let mut worst = 0.0f64;
+    let program = shared(&graph, &tree, 4, EmitOptions::default().least_guarded);
+    let read = |node: &Node| match node.op {
+        Op::Input(number) => Some(graph.inputs[number as usize]),
+        _ => None,
+    };
+    let read: Vec<Input> = program.program.nodes.iter().filter_map(read).collect();
+    assert!(read.iter().any(|input| matches!(input, Input::Params(_))));
+    assert!(!fixed.iter().any(|&(slot, _)| read.contains(&Input::Params(slot))));
+    // Every other robot keeps them.
+    for sample in samples(&model, &settings, 1, 3, false, false, 100).iter().step_by(2) {
+        worst = worst.max(difference(&program.evaluate(&sample.inputs), &sample.outputs));
+    }
+    println!("constants: off by {worst:.1e}");
     assert!(worst <= 1e-11, "{worst}");
 }
 

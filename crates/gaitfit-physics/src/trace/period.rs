@@ -1,5 +1,7 @@
 //! A control period as a graph, its inputs and outputs by name.
 
+use std::collections::HashMap;
+
 use super::graph::{Graph, TraceError};
 use super::record::{Loop, record};
 use super::scalar::{Known, Traced};
@@ -70,7 +72,7 @@ pub enum Output {
 }
 
 /// What a recorded control period takes and tells besides robots, targets and states.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
     /// Torques that disturb the joints in each physics step are among the inputs.
     pub disturbed: bool,
@@ -78,6 +80,9 @@ pub struct Report {
     pub forces: bool,
     /// Compiled pairs whose centres are told: at the start of the last physics step, m, world axes.
     pub tracked: Vec<usize>,
+    /// Parameters that every robot has alike ([`Kept`](crate::Kept)): constants of the recording. Their inputs are there,
+    /// and no operation takes them.
+    pub fixed: Vec<(Slot, f64)>,
 }
 
 /// A recorded control period.
@@ -133,7 +138,11 @@ pub fn record_period_with(
         let mut state = State::<Traced>::new(tree);
         state.visit_mut(|slot, number| *number = input(Input::State(slot)));
         let mut params = Params::<Traced>::zeros(tree.links.len(), joints, tree.pairs.len());
-        params.visit_mut(|slot, number| *number = input(Input::Params(slot)));
+        let fixed: HashMap<Slot, f64> = report.fixed.iter().copied().collect();
+        params.visit_mut(|slot, number| {
+            let own = input(Input::Params(slot));
+            *number = fixed.get(&slot).map_or(own, |&value| Traced::lit(value));
+        });
         let mut targets: Vec<Traced> = (0..taps * joints)
             .map(|index| input(Input::Target { tap: index / joints, joint: index % joints }))
             .collect();

@@ -74,6 +74,11 @@ pub(super) fn node(node: Node) -> Traced {
     RECORDING.with_borrow_mut(|recording| Traced(recording.node(node)))
 }
 
+/// The value of a constant, or of one's magnitude or opposite.
+pub(super) fn constant(id: Id) -> Option<f64> {
+    RECORDING.with_borrow(|recording| recording.constant(id))
+}
+
 /// A further input.
 pub(super) fn input() -> Traced {
     RECORDING.with_borrow_mut(|recording| {
@@ -108,6 +113,15 @@ pub(super) fn leave(guard: Id) {
 impl Recording {
     fn fail(&mut self, error: TraceError) {
         self.error.get_or_insert(error);
+    }
+
+    fn constant(&self, id: Id) -> Option<f64> {
+        match self.graph.nodes.get(id.0 as usize)? {
+            Node::Constant(bits) => Some(f64::from_bits(*bits)),
+            Node::Neg(of) => Some(-self.constant(*of)?),
+            Node::Abs(of) => Some(self.constant(*of)?.abs()),
+            _ => None,
+        }
     }
 
     /// Fails if a number is used where it may have no value.

@@ -3,7 +3,7 @@
 use core::ops::{Add, Mul, Neg, Sub};
 
 use super::graph::{Id, Node};
-use super::record::{enter, input, leave, node, unsupported};
+use super::record::{constant, enter, input, leave, node, unsupported};
 use crate::Real;
 
 /// A number of the recording of this thread.
@@ -118,6 +118,11 @@ impl Real for Traced {
         Guard(None)
     }
     fn unless_ge(self, b: Self) -> Guard {
+        if let (Some(a), Some(b)) = (constant(self.0), constant(b.0))
+            && a >= b
+        {
+            return Guard(None);
+        }
         Guard(Some(node(Node::Unless(self.0, b.0)).0))
     }
     fn enter(guard: Guard) -> bool {

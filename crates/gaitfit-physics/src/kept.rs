@@ -1,0 +1,56 @@
+//! Parameters in which robots seldom differ from their model, for programs written for robots that keep them.
+
+use crate::robot::MOST_SPEED;
+use crate::visit::{Owner, Slot};
+use crate::{Params, Robot};
+
+/// Which of the parameters that seldom change a robot keeps as its model has them. A program for such robots has them
+/// as constants: a link's inertia takes ten numbers a robot less, and what a robot lacks no operation at all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Kept {
+    /// Masses, centres of mass and inertias of all links but the root's.
+    pub links: bool,
+    /// That no joint has more friction at rest than in motion.
+    pub stiction: bool,
+    /// That no motor's largest torque falls with its speed.
+    pub motors: bool,
+}
+
+impl Kept {
+    /// What `robot` keeps.
+    pub fn of(robot: &Robot) -> Self {
+        let all = |numbers: &[f64], model: f64| numbers.iter().all(|&number| number == model);
+        let shifts = [&robot.link_com_x, &robot.link_com_y, &robot.link_com_z];
+        Self {
+            links: all(&robot.link_mass, 1.0) && shifts.into_iter().all(|shift| all(shift, 0.0)),
+            stiction: all(&robot.stiction, 0.0),
+            motors: robot.no_load_speed.iter().all(|&speed| speed >= MOST_SPEED),
+        }
+    }
+
+    /// What two robots keep.
+    pub fn both(self, other: Self) -> Self {
+        Self {
+            links: self.links && other.links,
+            stiction: self.stiction && other.stiction,
+            motors: self.motors && other.motors,
+        }
+    }
+
+    /// The numbers kept, from the parameters of any robot that keeps them; the same of every one.
+    pub fn numbers(self, params: &Params<f64>) -> Vec<(Slot, f64)> {
+        let mut found = Vec::new();
+        params.visit(|slot, &number| {
+            let kept = match (slot.owner, slot.name) {
+                (Owner::Link(link), _) => self.links && link > 0,
+                (_, "stiction") => self.stiction,
+                (_, "no_load_speed") => self.motors,
+                _ => false,
+            };
+            if kept {
+                found.push((slot, number));
+            }
+        });
+        found
+    }
+}
