@@ -200,7 +200,7 @@ def loop(arguments, domain, config, log):
     def attempt(number):
         server = Server(arguments, domain, log)
         try:
-            words = [str(arguments.gaitfit), "loop", str(config), "--json", "--device", "cpu"]
+            words = [str(arguments.gaitfit), "loop", str(config), "--json", "--device", arguments.device]
             resume = ["--resume"] if number > 1 else []
             return json.loads(call([*words, "--threads", str(arguments.threads), *resume], log, 1800))
         finally:
@@ -334,6 +334,7 @@ def main():
     )
     parser.add_argument("--seeds", type=numbers(int), default=[1, 2, 3, 4, 5], help="numbers with commas")
     parser.add_argument("--jobs", type=int, default=5, help="seeds side by side")
+    parser.add_argument("--device", default="cpu", help="of fit and training: cpu or cuda")
     parser.add_argument("--threads", type=int, default=3, help="threads of each seed's fit and training")
     parser.add_argument("--walks", type=int, default=16, help="walks of 4 s that the loop collects")
     parser.add_argument(
