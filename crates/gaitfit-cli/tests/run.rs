@@ -170,6 +170,116 @@ fn ends_by(signal: &str, code: Option<i32>) {
     assert!(read.status.success(), "{}", errors(&read));
     let back = read_csv(Path::new(&back), &ReadOptions::default()).unwrap();
     assert_eq!((back.len(), &back.position), (log.len(), &log.position));
+    // So is the MCAP that was written while it walked, but for a row that was being written.
+    let live = out.join("walk.mcap");
+    let bytes = std::fs::read(&live).unwrap();
+    assert_eq!(bytes.ends_with(b"\x89MCAP0\r\n"), code.is_some(), "the end that a kill leaves out");
+    let seen = folder.path().join("live.csv").display().to_string();
+    let read = run(&["import", &live.display().to_string(), "--out", &seen]);
+    assert!(read.status.success(), "{}", errors(&read));
+    let seen = read_csv(Path::new(&seen), &ReadOptions::default()).unwrap();
+    let least = if code.is_some() { log.len() } else { log.len() - 1 };
+    assert!((least..=log.len()).contains(&seen.len()), "{} of {}", seen.len(), log.len());
+    let (rows, values) = (seen.len(), 12 * seen.len());
+    assert_eq!(seen.position, log.position[..values]);
+    assert_eq!(seen.target.unwrap(), log.target.unwrap()[..values]);
+    assert_eq!(seen.action.unwrap(), log.action.unwrap()[..values]);
+    assert_eq!(seen.command.unwrap(), log.command.unwrap()[..3 * rows]);
+    let (seen, log) = (seen.base.unwrap(), log.base.unwrap());
+    let rates = seen.angular_velocity.unwrap();
+    assert_eq!(rates, log.angular_velocity.unwrap()[..rates.len()]);
+    for topic in [&b"/robot_state"[..], b"temperature", b"battery_charge"] {
+        assert!(bytes.windows(topic.len()).any(|window| window == topic), "{topic:?}");
+    }
+}
+
+/// Presses keys at a terminal; what they do, and what of the terminal is left.
+#[cfg(unix)]
+#[test]
+fn keys_of_a_terminal_steer_and_leave_it_as_it_was() {
+    use nix::sys::termios::{InputFlags, LocalFlags, tcgetattr};
+    use std::io::{Read, Write};
+    for (last, code, words) in [
+        (&b"q"[..], Some(0), ["it comes to rest and lies down", "lie down"]),
+        (b"\x1b", Some(1), ["damped", "damping"]),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        let terminal = nix::pty::openpty(None, None).unwrap();
+        let flags =
+            || tcgetattr(&terminal.slave).map(|found| (found.local_flags, found.input_flags)).unwrap();
+        let before: (LocalFlags, InputFlags) = flags();
+        let mut command = program();
+        command.args([
+            "run",
+            WALK,
+            "--keyboard",
+            "--robot",
+            "simulated",
+            "--yes",
+            "--patience",
+            "1000",
+            "--out",
+        ]);
+        command
+            .arg(&out)
+            .stdin(terminal.slave.try_clone().unwrap())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let mut keys = std::fs::File::from(terminal.master.try_clone().unwrap());
+        // A terminal that nobody reads fills up.
+        let mut echo = std::fs::File::from(terminal.master.try_clone().unwrap());
+        std::thread::spawn(move || while echo.read(&mut [0; 256]).is_ok_and(|count| count > 0) {});
+        wait_for_rows(&out, 10, &mut child);
+        assert!(!flags().0.contains(LocalFlags::ICANON), "keys are read one by one");
+        keys.write_all(b"wwwa").unwrap();
+        let begin = Instant::now();
+        let walks = || std::fs::read_to_string(out.join("walk.csv")).unwrap().lines().count();
+        let until = walks() + 20;
+        while walks() < until {
+            assert!(begin.elapsed() < Duration::from_secs(60), "it does not walk");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        keys.write_all(last).unwrap();
+        let output = child.wait_with_output().unwrap();
+        let said = errors(&output);
+        assert_eq!(output.status.code(), code, "{said}");
+        assert!(said.contains("vx +") && words.iter().all(|word| said.contains(word)), "{said}");
+        let command = log(&out).command.unwrap();
+        let last = &command[command.len() - 3..];
+        assert!(command[0] == 0.0 && last[0] > 0.2 && last[2] > 0.0, "{last:?}");
+        assert_eq!(flags(), before, "the terminal is as it was");
+    }
+}
+
+#[test]
+fn options_that_would_do_nothing_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out").display().to_string();
+    let script = commands(folder.path(), "0,0.5,0,0\n1,0,0,0\n");
+    let bad = folder.path().join("bad.csv").display().to_string();
+    std::fs::write(&bad, "trajectory,time,vx_cmd,vy_cmd,wz_cmd\n0,0,x,0,0\n").unwrap();
+    let walk = ["run", WALK, "--commands", &script];
+    for (first, more, word) in [
+        (&walk[..], &["--drift-speeds", "1,1,1"][..], "--drift-speeds"),
+        (&walk, &["--trajectories", "3"], "--trajectories"),
+        (&walk, &["--seed", "1"], "--seed"),
+        (&walk, &["--seconds", "3"], "--seconds: "),
+        (&walk, &["--pause", "3"], "--pause: "),
+        (&walk, &["--domain", "1"], "--domain: "),
+        (&walk, &["--interface", "lo"], "--interface, "),
+        (&["run", WALK, "--random", "2"], &["--pause", "3"], "--pause: "),
+        (&["run", WALK, "--commands", &bad], &[], "bad.csv"),
+        (&["run", "assets/go2.xml", "--random", "2"], &[], "go2.xml"),
+        (&["collect", WALK], &["--threads", "1"], "--threads is for simulators"),
+        (&["collect", WALK, "--commands", &script], &[], "`gaitfit run --commands`"),
+    ] {
+        let output = run(&[first, more, &["--robot", "simulated", "--yes", "--out", &out]].concat());
+        assert_eq!(output.status.code(), Some(2), "{first:?} {more:?}: {}", errors(&output));
+        assert!(errors(&output).contains(word), "{first:?} {more:?}: {}", errors(&output));
+    }
+    assert!(!Path::new(&out).exists());
 }
 
 #[test]

@@ -60,7 +60,7 @@ pub use error::ImportError;
 pub use mapping::{
     AngleUnit, ColumnNames, MOST_MAPPING_BYTES, Mapping, Names, StreamNames, TimeColumn, UnitName,
 };
-pub use mcap_write::mcap_bytes;
+pub use mcap_write::{LiveMcap, McapHead, McapLog, McapRow, McapState, mcap_bytes};
 
 use gaitfit_log::Trajectory;
 use serde::Serialize;

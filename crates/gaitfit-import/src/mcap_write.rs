@@ -3,8 +3,9 @@
 use crate::ImportError;
 use gaitfit_log::Trajectory;
 use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
 use std::collections::BTreeMap;
-use std::io::Cursor;
+use std::io::{Cursor, Seek, Write};
 
 /// Name of the metadata record that holds what messages do not say.
 pub(crate) const METADATA: &str = "gaitfit";
@@ -30,120 +31,248 @@ geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covari
 ================================================================================\n\
 MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n";
 
-/// The bytes of an MCAP file with the log's messages, and what of the log is not in it.
+const ROBOT_STATE: &str = "std_msgs/Header header\nstring[] name\nfloat64[] temperature\nfloat64 battery_charge\n\
+float64 battery_voltage\nfloat64 age\n";
+
+/// What an MCAP log says beside its samples.
+#[derive(Clone, Debug)]
+pub struct McapHead<'a> {
+    /// The joints, in the order of all rows.
+    pub joints: &'a [String],
+    /// Rate of the samples, Hz.
+    pub rate_hz: f64,
+    /// Name of the robot.
+    pub robot: Option<&'a str>,
+    /// Position and velocity gains, in the joints' order: N·m/rad, N·m·s/rad.
+    pub gains: Option<(&'a [f64], &'a [f64])>,
+    /// Whether the robot fell at the end.
+    pub fell: bool,
+}
+
+/// A sample of an MCAP log. What is `None` or empty has no message.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct McapRow<'a> {
+    /// When, s; Unix time or since a beginning, which is then 1 s.
+    pub time: f64,
+    /// Joint positions, rad.
+    pub position: &'a [f64],
+    /// Joint velocities, rad/s.
+    pub velocity: &'a [f64],
+    /// Joint torques, N·m.
+    pub torque: &'a [f64],
+    /// Position targets, rad.
+    pub target: Option<&'a [f64]>,
+    /// Actions, without unit.
+    pub action: Option<&'a [f64]>,
+    /// Command: forward, left, m/s, yaw rate, rad/s.
+    pub command: Option<[f64; 3]>,
+    /// Orientation of the base in the world: w, x, y, z.
+    pub quaternion: Option<[f64; 4]>,
+    /// Angular velocity of the base in its own frame, rad/s.
+    pub angular_velocity: Option<[f64; 3]>,
+    /// What the accelerometer says, in the base's frame, m/s².
+    pub acceleration: Option<[f64; 3]>,
+    /// What else a robot says.
+    pub state: Option<McapState<'a>>,
+}
+
+/// What a robot says of itself.
+#[derive(Clone, Copy, Debug)]
+pub struct McapState<'a> {
+    /// Of the motors, in the joints' order, °C.
+    pub temperature: &'a [f64],
+    /// Charge of the battery, %, and its voltage, V; not a number if they are not reported.
+    pub battery: [f64; 2],
+    /// How old the sample was when it was used, s.
+    pub age: f64,
+}
+
+/// An MCAP file of ROS 2 messages that is being written.
 ///
-/// Topics: `/joint_states` and `/joint_targets`, `/joint_actions` (`sensor_msgs/JointState`; positions in rad, actions
-/// without unit), `/cmd_vel` (`geometry_msgs/TwistStamped`), `/imu` (`sensor_msgs/Imu`, base frame). Gains, rate and robot
-/// are in a metadata record. A log that does not begin at a Unix time begins at 1 s.
+/// Topics: `/joint_states` and `/joint_targets`, `/joint_actions` (`sensor_msgs/JointState`; positions in rad, torques as
+/// efforts, actions without unit), `/cmd_vel` (`geometry_msgs/TwistStamped`), `/imu` (`sensor_msgs/Imu`, base frame),
+/// `/robot_state` (of gaitfit's own type, whose definition is in the file). Gains, rate and robot are in a metadata record.
+pub struct McapLog<W: Write + Seek> {
+    writer: mcap::Writer<W>,
+    joints: Vec<String>,
+    /// From the log's times to those of messages, s; known with the first row.
+    shift: Option<f64>,
+    rows: u32,
+    channels: BTreeMap<&'static str, u16>,
+}
+
+/// An [`McapLog`] that may end at any moment.
+pub type LiveMcap<W> = McapLog<NoSeek<W>>;
+
+impl<W: Write> LiveMcap<W> {
+    /// A log without chunks: `sink` is given whole records, and told to flush after each row. What it has then is read to
+    /// that row, with the file's end or without it; the end is written when the log is dropped.
+    ///
+    /// # Errors
+    /// What `sink` refuses.
+    pub fn live(sink: W, head: &McapHead<'_>) -> Result<Self, ImportError> {
+        let options = mcap::WriteOptions::new().use_chunks(false).disable_seeking(true);
+        Self::begin(options, NoSeek::new(sink), head)
+    }
+
+    /// Writes a row's messages and flushes the sink.
+    ///
+    /// # Errors
+    /// See [`McapLog::row`].
+    pub fn flushed(&mut self, row: &McapRow<'_>) -> Result<(), ImportError> {
+        self.row(row)?;
+        self.writer.flush().map_err(|error| damaged(&error))
+    }
+}
+
+impl<W: Write + Seek> McapLog<W> {
+    fn begin(options: mcap::WriteOptions, sink: W, head: &McapHead<'_>) -> Result<Self, ImportError> {
+        let options = options.compression(None).profile("ros2").library("gaitfit");
+        let mut writer = options.create(sink).map_err(|error| damaged(&error))?;
+        writer.write_metadata(&metadata(head)).map_err(|error| damaged(&error))?;
+        let joints = head.joints.to_vec();
+        Ok(Self { writer, joints, shift: None, rows: 0, channels: BTreeMap::new() })
+    }
+
+    /// Writes a row's messages.
+    ///
+    /// # Errors
+    /// A time that no message can have; what the sink refuses.
+    pub fn row(&mut self, row: &McapRow<'_>) -> Result<(), ImportError> {
+        let start = if row.time >= UNIX_S { 0.0 } else { 1.0 - row.time };
+        let at = row.time + *self.shift.get_or_insert(start);
+        if !(0.0..=f64::from(i32::MAX)).contains(&at) {
+            let problem = format!("{} s is no time that a message can have; cut the log there", row.time);
+            return Err(ImportError::Clock { stream: "the log".into(), problem });
+        }
+        let ns = (at * 1e9).round() as u64;
+        let states = Message::joint_state(ns, &self.joints, [row.position, row.velocity, row.torque]);
+        self.send("/joint_states", ns, states)?;
+        for (topic, values) in [("/joint_targets", row.target), ("/joint_actions", row.action)] {
+            if let Some(values) = values {
+                let message = Message::joint_state(ns, &self.joints, [values, &[], &[]]);
+                self.send(topic, ns, message)?;
+            }
+        }
+        if let Some([vx, vy, wz]) = row.command {
+            let mut message = Message::new(ns);
+            message.numbers(&[vx, vy, 0.0, 0.0, 0.0, wz]);
+            self.send("/cmd_vel", ns, message)?;
+        }
+        if row.quaternion.is_some() || row.angular_velocity.is_some() {
+            self.send("/imu", ns, Message::imu(ns, row))?;
+        }
+        if let Some(state) = row.state {
+            let mut message = Message::new(ns);
+            message.texts(&self.joints);
+            message.row(state.temperature);
+            message.numbers(&[state.battery[0], state.battery[1], state.age]);
+            self.send("/robot_state", ns, message)?;
+        }
+        self.rows = self.rows.saturating_add(1);
+        Ok(())
+    }
+
+    /// Writes the end of the file: statistics and where things are.
+    ///
+    /// # Errors
+    /// What the sink refuses.
+    pub fn finish(&mut self) -> Result<(), ImportError> {
+        self.writer.finish().map(|_| ()).map_err(|error| damaged(&error))
+    }
+
+    fn send(&mut self, topic: &'static str, ns: u64, message: Message) -> Result<(), ImportError> {
+        let channel_id = match self.channels.get(topic) {
+            Some(channel) => *channel,
+            None => {
+                let (kind, definition) = definition(topic);
+                let schema = self.writer.add_schema(kind, "ros2msg", definition.as_bytes());
+                let channel = schema
+                    .and_then(|schema| self.writer.add_channel(schema, topic, "cdr", &BTreeMap::new()))
+                    .map_err(|error| damaged(&error))?;
+                self.channels.insert(topic, channel);
+                channel
+            }
+        };
+        let header = MessageHeader { channel_id, sequence: self.rows, log_time: ns, publish_time: ns };
+        self.writer.write_to_known_channel(&header, &message.0).map_err(|error| damaged(&error))
+    }
+}
+
+fn damaged(error: &mcap::McapError) -> ImportError {
+    ImportError::Clock { stream: "the log".into(), problem: error.to_string() }
+}
+
+/// Type and definition of a topic's messages.
+fn definition(topic: &str) -> (&'static str, String) {
+    match topic {
+        "/cmd_vel" => ("geometry_msgs/msg/TwistStamped", [TWIST, HEADER, VECTOR].concat()),
+        "/imu" => ("sensor_msgs/msg/Imu", [IMU, HEADER, VECTOR].concat()),
+        "/robot_state" => ("gaitfit_msgs/msg/RobotState", [ROBOT_STATE, HEADER].concat()),
+        _ => ("sensor_msgs/msg/JointState", [JOINT_STATE, HEADER].concat()),
+    }
+}
+
+/// The bytes of an MCAP file with the log's messages ([`McapLog`]), and what of the log is not in it. A log that does not
+/// begin at a Unix time begins at 1 s.
 ///
 /// # Errors
 /// A trajectory that [`Trajectory::validate`] refuses; times that go backwards or do not fit.
 pub fn mcap_bytes(log: &Trajectory) -> Result<(Vec<u8>, Vec<&'static str>), ImportError> {
     log.validate()?;
-    let damaged =
-        |error: mcap::McapError| ImportError::Clock { stream: "the log".into(), problem: error.to_string() };
-    let options = mcap::WriteOptions::new().compression(None).profile("ros2").library("gaitfit");
-    let mut writer = options.create(Cursor::new(Vec::new())).map_err(damaged)?;
-    let mut channel = |topic: &str, kind: &str, parts: &[&str]| -> Result<u16, mcap::McapError> {
-        let schema = writer.add_schema(kind, "ros2msg", parts.concat().as_bytes())?;
-        writer.add_channel(schema, topic, "cdr", &BTreeMap::new())
+    let head = McapHead {
+        joints: &log.joints,
+        rate_hz: log.rate_hz,
+        robot: log.robot.as_deref(),
+        gains: log.gains.as_ref().map(|gains| (&gains.kp[..], &gains.kd[..])),
+        fell: log.fell,
     };
-    const KIND: &str = "sensor_msgs/msg/JointState";
-    let states = channel("/joint_states", KIND, &[JOINT_STATE, HEADER]).map_err(damaged)?;
-    let mut joints = Vec::new();
-    for (topic, values) in [("/joint_targets", &log.target), ("/joint_actions", &log.action)] {
-        if let Some(values) = values {
-            joints.push((channel(topic, KIND, &[JOINT_STATE, HEADER]).map_err(damaged)?, values));
-        }
-    }
-    let command = match &log.command {
-        Some(values) => {
-            let kind = "geometry_msgs/msg/TwistStamped";
-            Some((channel("/cmd_vel", kind, &[TWIST, HEADER, VECTOR]).map_err(damaged)?, values))
-        }
-        None => None,
-    };
-    let base = log.base.clone().unwrap_or_default();
-    let imu = match base.quaternion.is_some() || base.angular_velocity.is_some() {
-        true => Some(channel("/imu", "sensor_msgs/msg/Imu", &[IMU, HEADER, VECTOR]).map_err(damaged)?),
-        false => None,
-    };
-
+    let mut bytes = Cursor::new(Vec::new());
+    let mut file = McapLog::begin(mcap::WriteOptions::new(), &mut bytes, &head)?;
     let width = log.joints.len();
-    let start = log.time.first().copied().unwrap_or(0.0);
-    let shift = if start >= UNIX_S { 0.0 } else { 1.0 - start };
+    let base = log.base.clone().unwrap_or_default();
     for sample in 0..log.len() {
-        let at = log.time[sample] + shift;
-        if !(0.0..=f64::from(i32::MAX)).contains(&at) {
-            let problem =
-                format!("{} s is no time that a message can have; cut the log there", log.time[sample]);
-            return Err(ImportError::Clock { stream: "the log".into(), problem });
-        }
-        let ns = (at * 1e9).round() as u64;
-        let mut send = |channel_id: u16, message: Message| {
-            let sequence = u32::try_from(sample).unwrap_or(u32::MAX);
-            let header = MessageHeader { channel_id, sequence, log_time: ns, publish_time: ns };
-            writer.write_to_known_channel(&header, &message.0).map_err(damaged)
-        };
-        let row = |values: &[f64]| values[sample * width..(sample + 1) * width].to_vec();
-        send(states, Message::joint_state(ns, &log.joints, &row(&log.position), &row(&log.velocity)))?;
-        for (channel, values) in &joints {
-            send(*channel, Message::joint_state(ns, &log.joints, &row(values), &[]))?;
-        }
-        if let Some((channel, values)) = &command {
-            let [vx, vy, wz] = [values[3 * sample], values[3 * sample + 1], values[3 * sample + 2]];
-            let mut message = Message::new(ns);
-            [vx, vy, 0.0, 0.0, 0.0, wz].into_iter().for_each(|number| message.f64(number));
-            send(*channel, message)?;
-        }
-        if let Some(channel) = imu {
-            // An orientation of zeros, and a covariance that begins with −1, say that there is none.
-            let quaternion = base.quaternion.as_ref().map_or([0.0; 4], |q| {
-                let q = &q[4 * sample..4 * sample + 4];
-                [q[1], q[2], q[3], q[0]]
-            });
-            let rates = base
-                .angular_velocity
-                .as_ref()
-                .map_or([0.0; 3], |rates| [rates[3 * sample], rates[3 * sample + 1], rates[3 * sample + 2]]);
-            let mut message = Message::new(ns);
-            let unknown =
-                |known: bool| [if known { 0.0 } else { -1.0 }, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-            quaternion
-                .into_iter()
-                .chain(unknown(base.quaternion.is_some()))
-                .for_each(|number| message.f64(number));
-            rates
-                .into_iter()
-                .chain(unknown(base.angular_velocity.is_some()))
-                .for_each(|number| message.f64(number));
-            [0.0; 3].into_iter().chain(unknown(false)).for_each(|number| message.f64(number));
-            send(channel, message)?;
-        }
+        let row = sample * width..(sample + 1) * width;
+        file.row(&McapRow {
+            time: log.time[sample],
+            position: &log.position[row.clone()],
+            velocity: &log.velocity[row.clone()],
+            target: log.target.as_ref().map(|values| &values[row.clone()]),
+            action: log.action.as_ref().map(|values| &values[row.clone()]),
+            command: numbers(&log.command, sample),
+            quaternion: numbers(&base.quaternion, sample),
+            angular_velocity: numbers(&base.angular_velocity, sample),
+            ..McapRow::default()
+        })?;
     }
-    writer.write_metadata(&metadata(log)).map_err(damaged)?;
-    writer.finish().map_err(damaged)?;
+    file.finish()?;
+    drop(file);
     let left_out = [
         (base.position.is_some(), "the base's position"),
         (base.linear_velocity.is_some(), "the base's velocity"),
     ];
     let left_out = left_out.into_iter().filter_map(|(is, what)| is.then_some(what)).collect();
-    Ok((writer.into_inner().into_inner(), left_out))
+    Ok((bytes.into_inner(), left_out))
+}
+
+/// A sample's numbers, `N` in a row.
+fn numbers<const N: usize>(rows: &Option<Vec<f64>>, sample: usize) -> Option<[f64; N]> {
+    rows.as_ref().map(|rows| std::array::from_fn(|k| rows[N * sample + k]))
 }
 
 /// What the log says beside its samples, as text.
-fn metadata(log: &Trajectory) -> Metadata {
+fn metadata(head: &McapHead<'_>) -> Metadata {
     let mut entries = BTreeMap::new();
     let mut add = |name: &str, text: String| drop(entries.insert(name.to_owned(), text));
-    add("rate_hz", format!("{:?}", log.rate_hz));
-    if let Some(robot) = &log.robot {
-        add("robot", robot.clone());
+    add("rate_hz", format!("{:?}", head.rate_hz));
+    if let Some(robot) = head.robot {
+        add("robot", robot.to_owned());
     }
-    if let Some(gains) = &log.gains {
-        add("kp", format!("{:?}", gains.kp));
-        add("kd", format!("{:?}", gains.kd));
+    if let Some((kp, kd)) = head.gains {
+        add("kp", format!("{kp:?}"));
+        add("kd", format!("{kd:?}"));
     }
-    if log.fell {
+    if head.fell {
         add("fell", "true".into());
     }
     Metadata { name: METADATA.to_owned(), metadata: entries }
@@ -161,15 +290,42 @@ impl Message {
         message
     }
 
-    fn joint_state(ns: u64, names: &[String], position: &[f64], velocity: &[f64]) -> Self {
+    /// Positions, velocities, efforts.
+    fn joint_state(ns: u64, names: &[String], rows: [&[f64]; 3]) -> Self {
         let mut message = Message::new(ns);
-        message.u32(names.len() as u32);
-        names.iter().for_each(|name| message.text(name));
-        for values in [position, velocity, &[]] {
-            message.u32(values.len() as u32);
-            values.iter().for_each(|value| message.f64(*value));
+        message.texts(names);
+        rows.into_iter().for_each(|row| message.row(row));
+        message
+    }
+
+    /// An orientation of zeros, and a covariance that begins with −1, say that there is none.
+    fn imu(ns: u64, row: &McapRow<'_>) -> Self {
+        let mut message = Message::new(ns);
+        let mut part = |values: &[f64], known: bool| {
+            message.numbers(values);
+            message.numbers(&[if known { 0.0 } else { -1.0 }, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        };
+        let [w, x, y, z] = row.quaternion.unwrap_or_default();
+        part(&[x, y, z, w], row.quaternion.is_some());
+        for values in [row.angular_velocity, row.acceleration] {
+            part(&values.unwrap_or_default(), values.is_some());
         }
         message
+    }
+
+    fn texts(&mut self, texts: &[String]) {
+        self.u32(texts.len() as u32);
+        texts.iter().for_each(|text| self.text(text));
+    }
+
+    /// A sequence, whose length comes first.
+    fn row(&mut self, values: &[f64]) {
+        self.u32(values.len() as u32);
+        self.numbers(values);
+    }
+
+    fn numbers(&mut self, values: &[f64]) {
+        values.iter().for_each(|value| self.f64(*value));
     }
 
     /// Numbers begin at multiples of their size, counted after the first four bytes.

@@ -23,9 +23,9 @@ pub struct LinkArgs {
     /// DDS domain: robots are in 0, simulators in 1
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
     pub domain: u16,
-    /// How long the robot stands under the policy between trajectories, s
-    #[arg(long, value_name = "S", default_value_t = 2.0)]
-    pub pause: f64,
+    /// How long the robot stands under the policy between trajectories, s [default: 2]
+    #[arg(long, value_name = "S")]
+    pub pause: Option<f64>,
     /// Compute everything and send nothing; its logs go into the folder dry-run within --out
     #[arg(long)]
     pub dry_run: bool,
@@ -35,6 +35,13 @@ pub struct LinkArgs {
     /// How old a state and how late a loop may be, ms; for simulators only, on busy machines. A robot has 20
     #[arg(long, value_name = "MS", default_value_t = 20, value_parser = clap::value_parser!(u16).range(20..=1000))]
     pub patience: u16,
+}
+
+impl LinkArgs {
+    /// How long the robot stands between trajectories, s.
+    pub fn pause(&self) -> f64 {
+        self.pause.unwrap_or(2.0)
+    }
 }
 
 /// Arguments of `run`.
@@ -53,9 +60,9 @@ pub struct Run {
     /// Random commands for so long, s, drawn as `collect` draws them from the policy's own task
     #[arg(long, value_name = "S")]
     pub random: Option<f64>,
-    /// Length of each trajectory of such a file, s
-    #[arg(long, value_name = "S", default_value_t = 4.0)]
-    pub seconds: f64,
+    /// Length of each trajectory of such a file, s [default: 4]
+    #[arg(long, value_name = "S", conflicts_with_all = ["random", "remote", "keyboard", "drift"])]
+    pub seconds: Option<f64>,
     /// Commands from the robot's own remote: the left stick walks, the right one turns, A lies it down, B damps
     #[arg(long)]
     pub remote: bool,
@@ -68,13 +75,14 @@ pub struct Run {
     pub drift: Option<usize>,
     /// Speeds of the drift trials: ahead and aside, m/s, and turning, rad/s; 0 leaves a direction out [default: the
     /// paper's, 1,1,0.3925]
-    #[arg(long, value_name = "X,Y,YAW", requires = "drift", value_delimiter = ',', num_args = 1)]
+    #[arg(long, value_name = "X,Y,YAW", requires = "drift", value_delimiter = ',', num_args = 1,
+        conflicts_with_all = ["commands", "random", "remote", "keyboard"])]
     pub drift_speeds: Vec<f32>,
     /// So many random walks, with pauses between, each in a log of its own
-    #[arg(long, value_name = "N", requires = "random")]
+    #[arg(long, value_name = "N", requires = "random", conflicts_with_all = ["commands", "remote", "keyboard", "drift"])]
     pub trajectories: Option<NonZeroUsize>,
     /// Seed of the random commands
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with_all = ["commands", "remote", "keyboard", "drift"])]
     pub seed: u64,
     /// Folder for the logs and the summary; it must not hold a run already
     #[arg(long, value_name = "FOLDER")]

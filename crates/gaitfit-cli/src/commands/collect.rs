@@ -25,9 +25,9 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         return super::run::run(&on_robot(args, robot)?);
     }
     let link = &args.link;
-    if link.interface.is_some() || link.yes || link.dry_run || link.domain != 0 {
+    if link.interface.is_some() || link.yes || link.dry_run || link.domain != 0 || link.pause.is_some() {
         return Err(Failure::usage(
-            "--interface, --domain, --yes and --dry-run are for a robot: name it, --robot unitree-go2",
+            "--interface, --domain, --pause, --yes and --dry-run are for a robot: name it, --robot unitree-go2",
         ));
     }
     folder(&args.out, "the logs go")?;
@@ -70,6 +70,7 @@ fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Fail
         (world.torque_noise != 0.0, "--torque-noise"),
         (world.randomised, "--randomised"),
         (world.lenient, "--lenient"),
+        (world.threads.is_some(), "--threads"),
         (world.task.is_some(), "--task"),
         (args.privileged, "--privileged"),
         (args.log_shift.iter().any(|shift| *shift != 0.0), "--log-shift"),
@@ -82,7 +83,7 @@ fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Fail
         policy: world.policy.clone(),
         robot,
         commands: args.commands.clone(),
-        seconds: args.seconds,
+        seconds: Some(args.seconds),
         random: args.commands.is_none().then_some(args.seconds),
         remote: false,
         keyboard: false,

@@ -26,6 +26,11 @@ const DRY: &str = "dry-run";
 /// Stands the robot up, walks, lies it down.
 pub fn run(args: &Run) -> Result<(), Failure> {
     let simulator = args.robot == RobotKind::Simulated || args.link.domain != 0;
+    if args.robot == RobotKind::Simulated && (args.link.interface.is_some() || args.link.domain != 0) {
+        return Err(Failure::usage(
+            "--interface, --domain: for --robot unitree-go2; the simulated robot is in this program",
+        ));
+    }
     if args.link.yes && !simulator {
         return Err(Failure::usage(
             "--yes: for simulators only, which are in another domain than 0 (--domain)",
@@ -44,10 +49,15 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         return Err(Failure::usage("--keyboard: standard input is no terminal, so no key can be read"));
     }
     signals::listen()?;
-    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
+    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::usage)?;
     suits(&policy, &GuardSettings::go2(Duration::ZERO).limits)
         .map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
     let who = walks::who(args, &policy)?;
+    if args.link.pause.is_some() && who.logs().is_none() {
+        return Err(Failure::usage(
+            "--pause: there is one walk, and nothing to pause between; leave --pause out",
+        ));
+    }
     let control = Duration::from_secs_f64(policy.interface.control_dt);
     let postures = Controller::postures(&policy).map_err(usage)?;
     let patience = Duration::from_millis(args.link.patience.into());

@@ -41,7 +41,7 @@ pub fn next<'a>(args: &'a Run, trials: &'a [Trial]) -> impl FnMut(usize, f64) ->
             ));
         }
         if args.link.yes || args.link.dry_run {
-            return if waited >= args.link.pause { Next::Begin } else { Next::Wait };
+            return if waited >= args.link.pause() { Next::Begin } else { Next::Wait };
         }
         // Not before: until it is armed the word is read elsewhere.
         let typed = typed.get_or_insert_with(keyboard::lines);

@@ -80,6 +80,12 @@ pub fn who(args: &Run, policy: &Policy) -> Result<Who, Failure> {
     let script = if args.of_collect || is_playlist(path) {
         played(args, path)?
     } else {
+        if args.seconds.is_some() {
+            return Err(Failure::usage(format!(
+                "--seconds: {} has one walk, and its last row says when that ends; leave --seconds out",
+                path.display()
+            )));
+        }
         Script::read(path).map_err(Failure::usage)?
     };
     let remedy =
@@ -130,8 +136,15 @@ fn is_playlist(path: &Path) -> bool {
 
 /// The walks of such a file, each of `--seconds`.
 fn played(args: &Run, path: &Path) -> Result<Script, Failure> {
-    let sequences = playlist::read(path)?;
-    let seconds = args.seconds;
+    if path.is_file() && !is_playlist(path) {
+        return Err(Failure::usage(format!(
+            "{}: no column `trajectory`; `collect` takes a file of `gaitfit excite --policy`, with the columns \
+             trajectory,time,vx_cmd,vy_cmd,wz_cmd. One walk, with the columns t,vx,vy,wz, is for `gaitfit run --commands`",
+            path.display()
+        )));
+    }
+    let sequences = playlist::read(path).map_err(Failure::usage)?;
+    let seconds = args.seconds.unwrap_or(4.0);
     check_length("--seconds", seconds)?;
     check_count(
         args,
@@ -144,7 +157,7 @@ fn played(args: &Run, path: &Path) -> Result<Script, Failure> {
         let rows = within.map(|(time, command)| (*time, command.map(|part| part as f32)));
         rows.chain([(seconds, [0.0; 3])]).collect()
     });
-    Script::of_walks(&walks.collect::<Vec<_>>(), args.link.pause).map_err(Failure::usage)
+    Script::of_walks(&walks.collect::<Vec<_>>(), args.link.pause()).map_err(Failure::usage)
 }
 
 fn check_length(option: &str, seconds: f64) -> Result<(), Failure> {
@@ -156,7 +169,7 @@ fn check_length(option: &str, seconds: f64) -> Result<(), Failure> {
 
 /// Refuses walks that take longer than an hour; `named`: how many there are, and where that is said.
 fn check_count(args: &Run, count: usize, seconds: f64, named: &str) -> Result<(), Failure> {
-    let pause = args.link.pause;
+    let pause = args.link.pause();
     if !(0.5..=60.0).contains(&pause) {
         return Err(Failure::usage(format!("--pause: {pause} s; give 0.5 to 60")));
     }
@@ -221,7 +234,7 @@ fn random(args: &Run, policy: &Policy, task: &TaskSettings) -> Result<Script, Fa
         Some(count) => {
             check_count(args, count.get(), seconds, &format!("--trajectories: {count}"))?;
             let walks: Vec<_> = (0..count.get() as u64).map(|k| walk(args.seed.wrapping_add(k))).collect();
-            Script::of_walks(&walks, args.link.pause)
+            Script::of_walks(&walks, args.link.pause())
         }
         None => Script::new(walk(args.seed)),
     };

@@ -14,6 +14,7 @@ mod script;
 mod sender;
 mod suits;
 mod trials;
+mod view;
 
 pub use board::Board;
 pub use commands::{ByRemote, Commands, Key, Order, Ranges, Steering};

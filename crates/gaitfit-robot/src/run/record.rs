@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use gaitfit_policy::Interface;
 
+use super::view::View;
 use crate::RobotError;
 use crate::command::Command;
 use crate::state::RobotState;
@@ -34,7 +35,7 @@ pub struct Acted<'a> {
 }
 
 /// A log that is open.
-struct Log {
+pub(super) struct Log {
     path: PathBuf,
     file: File,
     /// Bytes of the rows that were written whole.
@@ -50,6 +51,9 @@ pub struct Recorder {
     /// Digits of the walks' numbers in their files' names; `None`: one walk.
     digits: Option<usize>,
     walk: Option<Log>,
+    /// The same walk as MCAP.
+    view: Option<View>,
+    interface: Interface,
     whole: Option<Log>,
     whole_path: PathBuf,
     whole_head: String,
@@ -99,6 +103,8 @@ impl Recorder {
             head,
             digits,
             walk: None,
+            view: None,
+            interface: interface.clone(),
             whole: None,
             whole_path,
             whole_head: whole,
@@ -122,16 +128,19 @@ impl Recorder {
     /// Files that cannot be written.
     pub fn open(&mut self) -> Result<(), RobotError> {
         if self.whole.is_none() {
-            self.whole = Some(Log::new(self.whole_path.clone(), &self.whole_head)?);
+            self.whole = Some(Log::new(self.whole_path.clone(), self.whole_head.as_bytes())?);
         }
         if self.walk.is_none() && self.digits.is_none() {
-            self.walk = Some(self.create(WALK)?);
+            self.create(WALK)?;
         }
         Ok(())
     }
 
     /// Removes the logs that have no row yet.
     pub fn remove_empty(&mut self) {
+        if self.walk.as_ref().is_some_and(|log| log.rows == 0) {
+            self.view.take().map(|view| std::fs::remove_file(view.path()));
+        }
         for slot in [&mut self.walk, &mut self.whole] {
             if let Some(log) = slot.take_if(|log| log.rows == 0) {
                 // What stays keeps a later run from its folder, and is seen there.
@@ -140,8 +149,14 @@ impl Recorder {
         }
     }
 
-    fn create(&self, name: &str) -> Result<Log, RobotError> {
-        Log::new(self.folder.join(name), &self.head)
+    /// A walk's log, as CSV and as MCAP.
+    fn create(&mut self, name: &str) -> Result<(), RobotError> {
+        let path = self.folder.join(name);
+        // The end of the walk before.
+        self.view = None;
+        self.view = Some(View::new(path.with_extension("mcap"), &self.interface)?);
+        self.walk = Some(Log::new(path, self.head.as_bytes())?);
+        Ok(())
     }
 
     /// The walk of this number begins.
@@ -150,7 +165,7 @@ impl Recorder {
     /// A file that cannot be written.
     pub fn begin(&mut self, number: usize) -> Result<(), RobotError> {
         if let Some(digits) = self.digits {
-            self.walk = Some(self.create(&format!("trajectory_{number:0digits$}.csv"))?);
+            self.create(&format!("trajectory_{number:0digits$}.csv"))?;
         }
         Ok(())
     }
@@ -166,8 +181,11 @@ impl Recorder {
         self.numbers(acted.action.iter());
         self.numbers(acted.command.iter());
         self.rest(state, age);
-        match &mut self.walk {
-            Some(walk) => walk.end(&mut self.line),
+        if let Some(walk) = &mut self.walk {
+            walk.end(&mut self.line)?;
+        }
+        match &mut self.view {
+            Some(view) => view.row(&self.motors, state, age, acted),
             None => Ok(()),
         }
     }
@@ -234,14 +252,14 @@ impl Recorder {
 }
 
 impl Log {
-    /// A new file with its first lines.
-    fn new(path: PathBuf, head: &str) -> Result<Self, RobotError> {
+    /// A new file with its first bytes.
+    pub(super) fn new(path: PathBuf, head: &[u8]) -> Result<Self, RobotError> {
         let written = || -> std::io::Result<File> {
             if let Some(folder) = path.parent() {
                 std::fs::create_dir_all(folder)?;
             }
             let mut file = File::create(&path)?;
-            file.write_all(head.as_bytes())?;
+            file.write_all(head)?;
             Ok(file)
         };
         match written() {
@@ -250,20 +268,22 @@ impl Log {
         }
     }
 
-    /// One write a row: a killed program leaves no half of one, and what a full disk took of a row is cut off.
     fn end(&mut self, line: &mut String) -> Result<(), RobotError> {
         line.push('\n');
-        match self.file.write_all(line.as_bytes()) {
-            Ok(()) => {
-                self.whole += line.len() as u64;
-                self.rows += 1;
-                Ok(())
-            }
-            Err(error) => {
-                // The error that is told is the first one.
-                let _ = self.file.set_len(self.whole);
-                Err(RobotError::Write { path: self.path.clone(), problem: error.to_string() })
-            }
+        self.put(line.as_bytes())
+            .map_err(|error| RobotError::Write { path: self.path.clone(), problem: error.to_string() })?;
+        self.rows += 1;
+        Ok(())
+    }
+
+    /// One write a row: a killed program leaves no half of one, and what a full disk took of a row is cut off.
+    pub(super) fn put(&mut self, row: &[u8]) -> std::io::Result<()> {
+        let written = self.file.write_all(row);
+        match &written {
+            Ok(()) => self.whole += row.len() as u64,
+            // The error that is told is the first one.
+            Err(_) => drop(self.file.set_len(self.whole)),
         }
+        written
     }
 }
