@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._arguments import count, maybe, text
 from ._arrays import numbers
 from ._gaitfit import Cma as _Cma
 
@@ -49,14 +50,14 @@ class CMA:
         self._arguments = (
             _numbers("start", start),
             _numbers("deviation", deviation),
-            seed,
+            count("seed", seed, 0),
             None if lower is None else _numbers("lower", lower),
             None if upper is None else _numbers("upper", upper),
-            population,
+            None if population is None else count("population", population, 2),
             bounds == "reflect",
             covariance == "separable",
         )
-        self._search = _Cma(*self._arguments, state)
+        self._search = _Cma(*self._arguments, maybe(text, "state", state))
 
     def __getstate__(self) -> tuple[Any, ...]:
         return (*self._arguments, self.state)
@@ -71,7 +72,10 @@ class CMA:
 
     def tell(self, costs: ArrayLike) -> None:
         """What the candidates of :meth:`ask` cost, shape ``(population,)``; infinity for one that failed."""
-        self._search.tell(numbers("costs", costs, np.float64))
+        array = numbers("costs", costs, np.float64)
+        if array.ndim != 1:
+            raise ValueError(f"costs has the shape {array.shape}; needed: one number for each candidate")
+        self._search.tell(array)
 
     @property
     def stop(self) -> str | None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import _gaitfit
+from ._arguments import path as named
 
 
 @dataclass(frozen=True)
@@ -61,4 +62,4 @@ def read_log(path: str | os.PathLike[str]) -> Log:
 
     Raises :class:`gaitfit.GaitfitError` for a file that cannot be read; the text names the line.
     """
-    return Log(**_gaitfit.read_log(os.fspath(path)))
+    return Log(**_gaitfit.read_log(named("path", path)))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
+from ._arguments import count, finite, flag, items, maybe, path, text
 from ._arrays import numbers
 from ._logs import Log
 from ._progress import Progress, listener
@@ -109,46 +110,52 @@ def fit_simulator(
     Raises ``ValueError`` for arrays of a wrong shape, :class:`GaitfitError` for a search that cannot go on, and
     whatever ``simulate`` itself raises.
     """
-    logs, seeds = [logs] if isinstance(logs, Log) else list(logs), list(seeds)
+    if not callable(simulate):
+        raise TypeError(f"simulate is {simulate!r}; give a function from candidates to signals (gaitfit.Simulator)")
+    logs = [logs] if isinstance(logs, Log) else items("logs", logs, "gaitfit.Log")
+    for log in logs:
+        if not isinstance(log, Log):
+            raise TypeError(f"logs has {log!r}; give gaitfit.Log, for example of gaitfit.read_log")
+    if not logs:
+        raise ValueError("logs is empty: give at least one gaitfit.Log")
+    seeds = [count("a seed", seed, 0) for seed in items("seeds", seeds, "whole numbers")]
     if joints is None:
         joints = next((log.joints for log in logs if log.joints is not None), None)
     if joints is None:
         raise ValueError("the logs do not name their joints: give joints=[...], one name for each column")
-    if any(log.joints is not None and list(log.joints) != list(joints) for log in logs):
-        raise ValueError(f"the logs' joints differ in names or order; needed in all of them: {list(joints)}")
-    for what, number in (("generations", generations), ("seeds", len(seeds))):
-        if number < 1:
-            raise ValueError(f"{what}: there must be at least one")
-    entries = [
-        {
-            "name": one.name,
-            "unit": one.unit,
-            "lower": float(one.lower),
-            "upper": float(one.upper),
-            "start": float(0.5 * (one.lower + one.upper) if one.start is None else one.start),
-            "deviation": float(0.25 * (one.upper - one.lower) if one.deviation is None else one.deviation),
-        }
-        for one in parameters
-    ]
+    joints = [text("a name in joints", joint) for joint in items("joints", joints, "joints' names")]
+    if any(log.joints is not None and list(log.joints) != joints for log in logs):
+        raise ValueError(f"the logs' joints differ in names or order; needed in all of them: {joints}")
+    if not seeds:
+        raise ValueError("seeds is empty: there must be at least one")
+    entries = [_entry(one) for one in items("parameters", parameters, "gaitfit.Parameter")]
+    if not entries:
+        raise ValueError("parameters is empty: give at least one gaitfit.Parameter")
+    tolerance = finite("tolerance", tolerance)
+    if tolerance < 0:
+        raise ValueError(f"tolerance is {tolerance}; it must be at least 0")
     recorded = [
         {name: _matrix(f"log {number}: {name}", getattr(log, name)) for name in ("position", "velocity", "action")}
         for number, log in enumerate(logs)
     ]
 
     def simulated(candidates: NDArray[np.float64]) -> list[dict[str, Any]]:
-        return [_signals(number, signals) for number, signals in enumerate(simulate(candidates))]
+        found = simulate(candidates)
+        if isinstance(found, (str, bytes, Mapping)) or not np.iterable(found):
+            raise TypeError(f"simulate returned a {type(found).__name__}; needed: a list with one dict of arrays for each log")
+        return [_signals(number, signals) for number, signals in enumerate(found)]
 
     search = {
-        "cost": cost,
-        "skip": skip,
-        "population": population,
-        "generations": generations,
+        "cost": text("cost", cost),
+        "skip": count("skip", skip, 0),
+        "population": count("population", population, 0),
+        "generations": count("generations", generations, 1),
         "seeds": seeds,
         "tolerance": tolerance,
-        "checkpoint": None if checkpoint is None else os.fspath(checkpoint),
-        "intervals": intervals,
+        "checkpoint": maybe(path, "checkpoint", checkpoint),
+        "intervals": flag("intervals", intervals),
     }
-    found = _gaitfit.fit_simulator(simulated, list(joints), recorded, entries, search, listener(progress))
+    found = _gaitfit.fit_simulator(simulated, joints, recorded, entries, search, listener(progress))
     document = json.loads(found)
     if document is None:
         raise _gaitfit.GaitfitError("no candidate had a finite cost: every simulation diverged")
@@ -162,6 +169,24 @@ def fit_simulator(
         at_bound=[one["name"] for one in outcome if one["at_bound"]],
         document=document,
     )
+
+
+def _entry(one: Parameter) -> dict[str, Any]:
+    """A parameter as the native half takes it."""
+    if not isinstance(one, Parameter):
+        raise TypeError(f"parameters has {one!r}; give gaitfit.Parameter(name, lower, upper)")
+    name = text("a parameter's name", one.name)
+    lower, upper = finite(f"lower of {name}", one.lower), finite(f"upper of {name}", one.upper)
+    if lower >= upper:
+        raise ValueError(f"lower of {name} is {lower} and upper {upper}; lower must be below upper")
+    start = 0.5 * (lower + upper) if one.start is None else finite(f"start of {name}", one.start)
+    if not lower <= start <= upper:
+        raise ValueError(f"start of {name} is {start}; it must be from {lower} to {upper}, its bounds")
+    deviation = 0.25 * (upper - lower) if one.deviation is None else finite(f"deviation of {name}", one.deviation)
+    if deviation <= 0:
+        raise ValueError(f"deviation of {name} is {deviation}; it must be above 0")
+    unit = text(f"unit of {name}", one.unit)
+    return {"name": name, "unit": unit, "lower": lower, "upper": upper, "start": start, "deviation": deviation}
 
 
 def _matrix(what: str, values: ArrayLike | None) -> NDArray[np.float64] | None:

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
+from ._arguments import count, finite, items, mapping, maybe, text
+from ._arguments import path as named
 from ._arrays import numbers
 from ._toml import toml
 
@@ -66,7 +68,31 @@ class Interface:
 
     def __post_init__(self) -> None:
         # Refused here, and not in the middle of a call.
+        self._check()
         object.__setattr__(self, "_width", _gaitfit.observation_width(self.to_json()))
+
+    def _check(self) -> None:
+        """Every field is of its kind; whether they fit together the native half says."""
+        for joint in items("joints", self.joints, "joints' names"):
+            text("a name in joints", joint)
+        for name in ("default_pose", "action_scale", "kp", "kd", "action_clip"):
+            _over_joints(name, getattr(self, name))
+        finite("control_dt", self.control_dt)
+        maybe(finite, "gait_frequency", self.gait_frequency)
+        text("robot", self.robot)
+        for term in items("observation", self.observation, "gaitfit.Term or quantities' names"):
+            if not isinstance(term, (Term, str)):
+                raise TypeError(f"observation has {term!r}; give a gaitfit.Term or a quantity's name")
+            if isinstance(term, Term):
+                text("a term's quantity", term.quantity)
+                count(f"history of {term.quantity}", term.history, 1)
+                _over_joints(f"scale of {term.quantity}", term.scale)
+        for one in items("held", self.held, "dicts"):
+            found = mapping("an element of held", one, '{"joint": "waist", "position": 0.0, "kp": 100.0, "kd": 2.0}')
+            text("joint in held", found.get("joint"))
+            for name in ("position", "kp", "kd"):
+                finite(f"{name} of {found['joint']} in held", found.get(name))
+        mapping("history", self.history, '{"order": "frames"}')
 
     @property
     def observation_width(self) -> int:
@@ -160,8 +186,8 @@ class Policy:
 
 
 def _read(path: str | os.PathLike[str]) -> tuple[Interface, str]:
-    text, task = _gaitfit.interface_of(os.fspath(path))
-    return interface_of(text), task
+    found, task = _gaitfit.interface_of(named("the interface's file", path))
+    return interface_of(found), task
 
 
 def interface_of(text: str) -> Interface:
@@ -177,6 +203,18 @@ def _term(term: Term | str) -> dict[str, Any]:
         return {"quantity": term}
     scale = {} if term.scale is None else {"scale": _spread(_plain(term.scale))}
     return {"quantity": term.quantity, "history": term.history, **scale}
+
+
+def _over_joints(name: str, value: Any) -> None:
+    """One number, or a list of them."""
+    if value is None and name != "default_pose":
+        # What must not be left out has no default; the native half says so.
+        return
+    if isinstance(value, (str, bytes)) or not np.iterable(value):
+        finite(name, value)
+        return
+    for at, one in enumerate(value):
+        finite(f"{name}[{at}]", one)
 
 
 def _spread(scale: Any) -> Any:

@@ -73,7 +73,11 @@ class Results(Mapping[str, Any]):
 
     def rows(self, key: str) -> list[dict[str, Any]]:
         """The list under ``key`` as flat rows, for ``pandas.DataFrame`` or ``polars.DataFrame``."""
-        return [_flat(row) for row in self._document[key]]
+        rows = self._document.get(key)
+        if not isinstance(rows, list) or not all(isinstance(row, Mapping) for row in rows):
+            lists = [name for name, value in self._document.items() if isinstance(value, list)]
+            raise ValueError(f"these results have no rows {key!r}; there are {', '.join(lists) or 'none'}")
+        return [_flat(row) for row in rows]
 
 
 def framed(page: Path, height: int = 600) -> str:

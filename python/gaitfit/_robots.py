@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
-from ._arrays import count as whole
+from ._arguments import count as whole
+from ._arguments import flag, maybe, path
+from ._arguments import threads as checked
 from ._arrays import numbers
 from ._policy import Interface, interface_of
-from ._stages import _maybe, _sets
+from ._stages import _sets
 
 
 class Robots:
@@ -39,9 +41,9 @@ class Robots:
         stagger: bool = False,
     ) -> None:
         num_envs, seed = whole("num_envs", num_envs, 1), whole("seed", seed, 0)
-        threads = None if threads is None else whole("threads", threads, 1)
-        sets = _sets(settings or {})
-        self._robots = _gaitfit.Robots(_maybe(config), sets, _maybe(robot), num_envs, seed, threads, stagger)
+        files = {name: maybe(path, name, value) for name, value in (("config", config), ("robot", robot))}
+        sets, threads, stagger = _sets(settings or {}), checked(threads), flag("stagger", stagger)
+        self._robots = _gaitfit.Robots(files["config"], sets, files["robot"], num_envs, seed, threads, stagger)
         count = self._robots.count
         self.num_envs: int = count
         self.num_actions: int = self._robots.action_width

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from . import _gaitfit
-from ._arrays import count
+from ._arguments import count, flag, items, mapping, maybe, path, real, text, threads as _threads
 from ._policy import Policy
 from ._progress import Progress, listener
 from ._results import Results
@@ -60,8 +60,10 @@ def validate(
 ) -> Results:
     """How well the fit in the ``theta.toml`` predicts other logs, as ``gaitfit validate``. A fit with a :class:`Policy` of
     your own needs it here too."""
-    sets = _sets(settings or {})
-    return _results(_gaitfit.validate(_path(theta), _paths(logs), _maybe(config), sets, threads, _own(policy)))
+    sets, files = _sets(settings or {}), (path("theta", theta), _paths("logs", logs), maybe(path, "config", config))
+    if not isinstance(policy, Policy | None):
+        raise TypeError(f"policy is {policy!r}; it must be a gaitfit.Policy: a policy's file is in the fit's configuration")
+    return _results(_gaitfit.validate(*files, sets, _threads(threads), _own(policy)))
 
 
 def train(
@@ -78,8 +80,8 @@ def train(
     progress: bool | Progress = True,
 ) -> Results:
     """Trains a policy by PPO, as ``gaitfit train``. Arguments as of :func:`fit`."""
-    run = _run(config, {"runs": runs, **dict(settings or {})}, name, resume, threads, device)
-    return _results(_gaitfit.train(run, _maybe(robot), _list(seeds), listener(progress)))
+    run = _run(config, {"runs": maybe(path, "runs", runs), **_given(settings)}, name, resume, threads, device)
+    return _results(_gaitfit.train(run, maybe(path, "robot", robot), _list(seeds), listener(progress)))
 
 
 def finetune(
@@ -102,7 +104,7 @@ def finetune(
     progress: bool | Progress = True,
 ) -> Results:
     """Goes on training ``policy`` in the simulator that ``theta`` (a ``theta.toml``) makes, as ``gaitfit finetune``."""
-    run = _run(config, {"runs": runs, **dict(settings or {})}, name, resume, threads, device)
+    run = _run(config, {"runs": maybe(path, "runs", runs), **_given(settings)}, name, resume, threads, device)
     world = _world(_file(policy), robot, lenient, task, theta, spring, torque_noise)
     return _results(_gaitfit.finetune(run, world, _list(seeds), listener(progress)))
 
@@ -119,7 +121,7 @@ def loop(
     progress: bool | Progress = True,
 ) -> Results:
     """Collects, adapts, fine-tunes and evaluates while it helps, as ``gaitfit loop``."""
-    run = _run(config, {"runs": runs, **dict(settings or {})}, name, resume, threads, device)
+    run = _run(config, {"runs": maybe(path, "runs", runs), **_given(settings)}, name, resume, threads, device)
     return _results(_gaitfit.run_loop(run, listener(progress)))
 
 
@@ -146,7 +148,8 @@ def evaluate(
     """How well ``policy`` (a file, or a :class:`Policy` of your own) walks in a simulator, as ``gaitfit evaluate``: errors
     in m/s and rad/s, falls as a share."""
     world = _world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
-    trajectories, drift = count("trajectories", trajectories, 1), count("drift", drift, 0)
+    trajectories, drift, seconds = count("trajectories", trajectories, 1), count("drift", drift, 0), real("seconds", seconds)
+    terrain, device = text("terrain", terrain), text("device", device)
     return _results(_gaitfit.evaluate(world, trajectories, seconds, drift, terrain, device, listener(progress)))
 
 
@@ -173,13 +176,14 @@ def collect(
 ) -> Results:
     """Writes logs of ``policy`` (a file, or a :class:`Policy` of your own) in a simulator into the folder ``out``, as ``gaitfit collect``."""
     world = _world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
-    trajectories = count("trajectories", trajectories, 1)
+    trajectories, seconds, out = count("trajectories", trajectories, 1), real("seconds", seconds), path("out", out)
+    privileged, commands = flag("privileged", privileged), maybe(path, "commands", commands)
     try:
         low, high = (float(one) for one in log_shift)
     except (TypeError, ValueError):
         raise TypeError(f"log_shift is {log_shift!r}; give two numbers, the shortest and the longest, s") from None
     simulator, files, falls = _gaitfit.collect(
-        world, _path(out), trajectories, seconds, [low, high], privileged, _maybe(commands), listener(progress)
+        world, out, trajectories, seconds, [low, high], privileged, commands, listener(progress)
     )
     files = [str(file) for file in files]
     return Results({"simulator": simulator, "trajectories": len(files), "seconds": seconds, "falls": falls, "files": files})
@@ -194,14 +198,14 @@ def _fit_settings(
     runs: PathLike | None,
 ) -> dict[str, Any]:
     given = {
-        "logs": None if logs is None else _paths(logs),
-        "robot": robot,
+        "logs": maybe(_paths, "logs", logs),
+        "robot": maybe(path, "robot", robot),
         "policy": policy,
         "base": None if policy is None else "free",
-        "costs": [costs] if isinstance(costs, str) else costs,
-        "runs": runs,
+        "costs": [costs] if isinstance(costs, str) else maybe(_names, "costs", costs),
+        "runs": maybe(path, "runs", runs),
     }
-    return {**given, **dict(settings or {})}
+    return {**given, **_given(settings)}
 
 
 def _run(
@@ -213,12 +217,12 @@ def _run(
     device: str,
 ) -> dict[str, Any]:
     return {
-        "config": _maybe(config),
+        "config": maybe(path, "config", config),
         "sets": _sets(settings),
-        "name": name,
-        "resume": resume,
+        "name": maybe(text, "name", name),
+        "resume": flag("resume", resume),
         "threads": _threads(threads),
-        "device": device,
+        "device": text("device", device),
     }
 
 
@@ -236,15 +240,15 @@ def _world(
     threads: int | None = None,
 ) -> dict[str, Any]:
     return {
-        "policy": _own(policy) or _path(policy),
-        "robot": _maybe(robot),
-        "lenient": lenient,
-        "task": task,
-        "theta": _maybe(theta),
-        "spring": [spring] if isinstance(spring, str) else list(spring),
-        "torque_noise": torque_noise,
-        "randomised": randomised,
-        "preset": preset,
+        "policy": _own(policy) or path("policy", _named(policy)),
+        "robot": maybe(path, "robot", robot),
+        "lenient": flag("lenient", lenient),
+        "task": maybe(text, "task", task),
+        "theta": maybe(path, "theta", theta),
+        "spring": [spring] if isinstance(spring, str) else _names("spring", spring),
+        "torque_noise": real("torque_noise", torque_noise),
+        "randomised": flag("randomised", randomised),
+        "preset": text("preset", preset),
         "seed": count("seed", seed, 0),
         "threads": _threads(threads),
     }
@@ -254,47 +258,53 @@ def _results(document: str) -> Results:
     return Results(json.loads(document))
 
 
-def _path(path: PathLike) -> str:
-    return os.fspath(path)
-
-
 def _own(policy: PathLike | Policy | None) -> dict[str, Any] | None:
     return policy.native() if isinstance(policy, Policy) else None
 
 
 def _file(policy: PathLike | Policy) -> PathLike:
     """The policy that is to be trained on, which must be a file."""
-    if isinstance(policy, Policy):
-        raise TypeError(f"the policy {policy.name} is a function: its networks cannot be trained on here; give a file")
-    return policy
+    if isinstance(policy, Policy) or callable(policy):
+        name = policy.name if isinstance(policy, Policy) else getattr(policy, "__name__", type(policy).__name__)
+        raise TypeError(
+            f"the policy {name} is a function, and a function has no weights that could be trained here: give the policy's "
+            "file (.safetensors, .onnx or a .toml), or train it where its weights are, with a learner of your own on "
+            "gaitfit.gym.GaitfitVecEnv or gaitfit.rsl_rl.RslRlVecEnv"
+        )
+    return path("policy", policy)
 
 
 def _named(policy: PathLike | Policy | None) -> PathLike | None:
     """The policy as a run's settings keep it: of a function its name and a hash of its interface."""
-    if not isinstance(policy, Policy):
-        return policy
+    if policy is not None and not isinstance(policy, Policy):
+        if callable(policy):
+            raise TypeError(
+                f"policy is {policy!r}; a function needs what it sees and does: give gaitfit.Policy(function, interface)"
+            )
+        return path("policy", policy, ", or a gaitfit.Policy")
+    if policy is None:
+        return None
     digest = hashlib.sha256(f"{policy.interface.to_json()}{policy.task}".encode()).hexdigest()
     return f"the function {policy.name}, interface {digest[:12]}"
 
 
-def _maybe(path: PathLike | None) -> str | None:
-    return None if path is None else _path(path)
+def _paths(name: str, paths: PathLike | Sequence[PathLike]) -> list[str]:
+    several = [paths] if isinstance(paths, (str, os.PathLike)) else items(name, paths, "paths")
+    return [path(f"an element of {name}", one) for one in several]
 
 
-def _paths(paths: PathLike | Sequence[PathLike]) -> list[str]:
-    return [_path(paths)] if isinstance(paths, (str, os.PathLike)) else [_path(path) for path in paths]
+def _names(name: str, values: Sequence[str]) -> list[str]:
+    return [text(f"an element of {name}", one) for one in items(name, values, "texts")]
 
 
 def _list(seeds: Iterable[int] | None) -> list[int] | None:
-    if not isinstance(seeds, Iterable | None):
-        raise TypeError(f"seeds is {seeds!r}; give a list of whole numbers")
-    return None if seeds is None else [count("a seed", seed, 0) for seed in seeds]
+    return None if seeds is None else [count("a seed", seed, 0) for seed in items("seeds", seeds, "whole numbers")]
 
 
-def _threads(threads: int | None) -> int | None:
-    return None if threads is None else count("threads", threads, 1)
+def _given(settings: Settings | None) -> dict[str, Any]:
+    return {} if settings is None else mapping("settings", settings, '{"optimizer.generations": 50}')
 
 
 def _sets(settings: Settings) -> list[str]:
     """Settings as the program's ``--set`` has them: ``key=value``, the value as TOML writes it."""
-    return [f"{key}={toml(value)}" for key, value in settings.items() if value is not None]
+    return [f"{key}={toml(value)}" for key, value in _given(settings).items() if value is not None]

@@ -19,8 +19,9 @@ def toml(value: Any) -> str:
         return "{" + ", ".join(f"{toml(str(key))} = {toml(one)}" for key, one in value.items()) + "}"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(toml(one) for one in value) + "]"
-    if hasattr(value, "item"):
-        return toml(value.item())
+    if hasattr(value, "tolist"):
+        # NumPy's numbers and arrays.
+        return toml(value.tolist())
     if isinstance(value, float):
         return repr(value) if math.isfinite(value) else {math.inf: "inf", -math.inf: "-inf"}.get(value, "nan")
     if isinstance(value, int):

@@ -17,7 +17,8 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ._arrays import count, numbers
+from ._arguments import count, flag
+from ._arrays import numbers
 from ._robots import Robots
 
 # Actions are offsets from the default pose in units of the action scale; policies stay far inside.
@@ -52,7 +53,7 @@ class GaitfitVecEnv(VectorEnv):
         copy: bool = True,
     ) -> None:
         self._arguments = {"config": config, "num_envs": num_envs, "robot": robot, "settings": settings, "threads": threads}
-        self._copy = copy
+        self._copy = flag("copy", copy)
         self._begin(seed)
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = _spaces(self._robots)

@@ -11,6 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+from ._arguments import items
 from ._logs import Log
 
 if TYPE_CHECKING:
@@ -20,10 +21,11 @@ if TYPE_CHECKING:
 def plot(results: Mapping[str, Any]) -> Figure:
     """The chart of what a stage found: a fit's :func:`parameters`, an evaluation's :func:`drift`, a training's
     :func:`training`, and of a loop the fit of its last round."""
+    _check(results)
     if results.get("parameters"):
         return parameters(results)
     if results.get("rounds"):
-        return parameters(results["rounds"][-1].get("adapt") or {})
+        return parameters(_rows(results, "rounds", "of a loop")[-1].get("adapt") or {})
     if results.get("drift"):
         return drift(results)
     if results.get("seeds"):
@@ -34,7 +36,12 @@ def plot(results: Mapping[str, Any]) -> Figure:
 def parameters(found: Mapping[str, Any] | FitOutcome) -> Figure:
     """Each parameter between its bounds: what was found, the interval in which the logs cannot tell it, and the truth
     where it is known."""
-    rows = _rows(found, "parameters", "of a fit") if isinstance(found, Mapping) else _parameters(found)
+    if isinstance(found, Mapping):
+        rows = _rows(found, "parameters", "of a fit", ("name", "value", "unit", "lower", "upper"))
+    elif hasattr(found, "rows"):
+        rows = _parameters(found)
+    else:
+        raise TypeError(f"found is a {type(found).__name__}; give what a fit returned, or its document as a dict")
     figure, axes = plt.subplots(figsize=(7.0, 0.6 + 0.34 * len(rows)), layout="constrained")
     for at, row in enumerate(rows):
         lower, upper = row["lower"], row["upper"]
@@ -73,9 +80,8 @@ def convergence(results: Mapping[str, Any]) -> Figure:
 def training(results: Mapping[str, Any]) -> Figure:
     """Reward and velocity errors of each seed of a training, iteration by iteration."""
     figure, axes = plt.subplots(1, 2, figsize=(9.0, 3.5), layout="constrained")
-    for seed in _rows(results, "seeds", "of a training"):
-        path = Path(seed["policy"]).parent / "metrics.jsonl"
-        lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    for seed in _rows(results, "seeds", "of a training", ("seed", "policy")):
+        lines = _lines(Path(seed["policy"]).parent / "metrics.jsonl")
         iterations = [line["iteration"] for line in lines]
         axes[0].plot(iterations, [line["reward"] for line in lines], label=f"seed {seed['seed']}")
         axes[1].plot(iterations, [line["linear_velocity_error"] for line in lines], label="|v − c|, m/s")
@@ -90,7 +96,7 @@ def training(results: Mapping[str, Any]) -> Figure:
 def drift(results: Mapping[str, Any]) -> Figure:
     """The paths of an evaluation's first robots under constant commands, seen from above, m."""
     figure, axes = plt.subplots(figsize=(5.0, 5.0), layout="constrained")
-    for trial in _rows(results, "drift", "of an evaluation with drift"):
+    for trial in _rows(results, "drift", "of an evaluation with drift", ("name", "path")):
         path = np.asarray(trial["path"], float)
         if len(path):
             axes.plot(path[:, 0], path[:, 1], label=trial["name"])
@@ -101,8 +107,12 @@ def drift(results: Mapping[str, Any]) -> Figure:
 
 def log(log: Log, joints: Sequence[str] | None = None) -> Figure:
     """Position and target, rad, of some joints of a log over time, s; without ``joints`` of its first three."""
+    if not isinstance(log, Log):
+        raise TypeError(f"log is a {type(log).__name__}; give a gaitfit.Log, for example of gaitfit.read_log")
+    if np.ndim(log.position) != 2:
+        raise ValueError(f"position has the shape {np.shape(log.position)}; needed: samples × joints")
     names = list(log.joints or [str(number) for number in range(np.asarray(log.position).shape[1])])
-    chosen = names[:3] if joints is None else list(joints)
+    chosen = names[:3] if joints is None else items("joints", joints, "joints' names")
     unknown = [name for name in chosen if name not in names]
     if unknown:
         raise ValueError(f"the log has no joint {unknown[0]!r}; it has {', '.join(names)}")
@@ -120,10 +130,20 @@ def log(log: Log, joints: Sequence[str] | None = None) -> Figure:
     return figure
 
 
-def _rows(results: Mapping[str, Any], key: str, whose: str) -> list[Mapping[str, Any]]:
+def _check(results: object) -> None:
+    if not isinstance(results, Mapping):
+        raise TypeError(f"results is a {type(results).__name__}; give what a stage returned, or its document as a dict")
+
+
+def _rows(results: Mapping[str, Any], key: str, whose: str, fields: Sequence[str] = ()) -> list[Mapping[str, Any]]:
+    _check(results)
     rows = results.get(key)
     if not isinstance(rows, Sequence) or not all(isinstance(row, Mapping) for row in rows):
         raise ValueError(f"these results have no {key}, which the chart {whose} shows; they have {', '.join(results)}")
+    for row in rows:
+        missing = [field for field in fields if row.get(field) is None]
+        if missing:
+            raise ValueError(f"a row of {key} has no {missing[0]}, which the chart {whose} shows; it has {', '.join(row)}")
     return list(rows)
 
 
@@ -132,8 +152,15 @@ def _parameters(found: FitOutcome) -> list[dict[str, Any]]:
 
 
 def _metrics(results: Mapping[str, Any]) -> list[dict[str, Any]]:
+    _check(results)
     folder = results.get("run_folder")
     path = None if folder is None else Path(folder) / "metrics.jsonl"
     if path is None or not path.exists():
         raise ValueError("these results have no run folder with metrics: they are not of a fit, or it was removed")
+    return _lines(path)
+
+
+def _lines(path: Path) -> list[dict[str, Any]]:
+    if not path.exists():
+        raise ValueError(f"there is no {path}: the run folder was moved or removed; charts of a run need it")
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]

@@ -4,6 +4,7 @@
 mod cma;
 mod costs;
 mod errors;
+mod forked;
 mod logs;
 mod own_policy;
 mod own_simulator;

@@ -5,6 +5,7 @@
 //! and libraries that want one thread have one: a policy is asked through a [`Caller`]; with a simulator the whole stage
 //! runs there ([`in_place`]).
 
+use crate::forked::Home;
 use gaitfit::watch::{Event, Watch};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -112,7 +113,7 @@ pub fn watched_acting<T: Send>(
     act: Option<&Py<PyAny>>,
     stage: impl FnOnce(&Watch<'_>, Caller) -> T + Send,
 ) -> PyResult<T> {
-    let stop = AtomicBool::new(false);
+    let (stop, home) = (AtomicBool::new(false), Home::here());
     let (sender, messages) = mpsc::channel::<Message>();
     let (result, raised) = py.detach(move || {
         std::thread::scope(|scope| {
@@ -143,7 +144,7 @@ pub fn watched_acting<T: Send>(
                     // Who asks gets no answer, and knows.
                     continue;
                 }
-                let called = Python::attach(|py| {
+                let mut call = |py: Python<'_>| {
                     py.check_signals()?;
                     match (&mut message, progress, act) {
                         (Some(Message::Told((kind, text, done, total))), Some(progress), _) => {
@@ -157,6 +158,10 @@ pub fn watched_acting<T: Send>(
                         _ => {}
                     }
                     Ok(())
+                };
+                let called = Python::attach(|py| {
+                    let called = call(py);
+                    home.or_end(py, called)
                 });
                 if let Err(error) = called {
                     // Before who asked knows of the failure: `message` still lives.

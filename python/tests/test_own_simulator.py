@@ -93,14 +93,14 @@ class OwnSimulator(Case):
         for simulate, error, words in (
             (of(lambda found: found * 2), ValueError, "returned 2 recordings; there are 1 logs"),
             (of(lambda found: []), ValueError, "returned 0 recordings"),
-            (of(lambda found: None), TypeError, "."),
+            (of(lambda found: None), TypeError, "returned a NoneType"),
             (of(lambda found: found[0]["position"]), TypeError, "needed: a dict of arrays"),
             (of(lambda found: [{"position": found[0]["position"]}]), ValueError, "no 'velocity'"),
             (of(lambda found: [{**found[0], "position": found[0]["position"][:, 1:]}]), ValueError, r"\[6, 299, 1\]"),
             (of(lambda found: [{**found[0], "velocity": found[0]["velocity"][0]}]), ValueError, "shape"),
-            (of(lambda found: [{**found[0], "position": "far"}]), ValueError, "."),
+            (of(lambda found: [{**found[0], "position": "far"}]), TypeError, "texts stand"),
             (lambda: None, TypeError, "argument"),
-            (None, TypeError, "."),
+            (None, TypeError, "simulate is None"),
         ):
             with self.subTest(words), self.assertRaisesRegex(error, words):
                 fit(simulate)

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from .. import _gaitfit
+from .._arguments import count, flag, mapping, maybe, path, text
+from .._arguments import threads as checked
 from .._progress import Progress, listener
 from .._results import Results
 from .._stages import PathLike, Settings, _results, _sets
@@ -40,22 +42,22 @@ def reproduce(
     the same call continues after the driver was killed. Paths in experiment files are seen from the current folder, or
     from the file's; absolute ones must lead to the same file on every node.
     """
-    cluster = Cluster(address, Place(num_cpus, num_gpus, retries))
-    listen = listener(progress) or silent
-    given = dict(settings or {})
+    place, listen = Place(num_cpus, num_gpus, retries), listener(progress) or silent
+    given = {} if settings is None else mapping("settings", settings, '{"target.trajectories": 8}')
     if runs is not None or "runs" in given:
         # Workers have an image of this folder, in which only relative paths are the same.
-        given["runs"] = os.path.relpath(os.fspath(given["runs"] if runs is None else runs))
+        given["runs"] = os.path.relpath(path("runs", given["runs"] if runs is None else runs))
     request = {
-        "table": table,
-        "full": full,
-        "seeds": seeds,
-        "only": only,
+        "table": text("table", table),
+        "full": flag("full", full),
+        "seeds": count("seeds", seeds, 1),
+        "only": maybe(text, "only", only),
         "sets": _sets(given),
-        "experiments": os.path.relpath(os.fspath(experiments)),
-        "threads": threads,
+        "experiments": os.path.relpath(path("experiments", experiments)),
+        "threads": checked(threads),
         "device": "cpu",
     }
+    cluster = Cluster(address, place)
     plan = json.loads(_gaitfit.reproduce_plan(request))
     folder = plan["run_folder"]
     theirs = {**request, "threads": cluster.place.threads, "device": cluster.place.device}

@@ -9,6 +9,7 @@ from typing import Any
 from .. import _gaitfit
 from .._progress import Progress, listener
 from .._results import Results
+from .._arguments import mapping
 from .._stages import PathLike, Settings, _file, _list, _results, _run, _world
 from ._cluster import Cluster, Place
 from ._orders import Order, Orders, silent, sources
@@ -119,7 +120,7 @@ def _parts(
 
 def _given(settings: Settings | None, runs: PathLike | None) -> dict[str, Any]:
     """The settings; workers have an image of this folder, in which only relative paths are the same."""
-    given = dict(settings or {})
+    given = {} if settings is None else mapping("settings", settings, '{"train.iterations": 50}')
     if runs is not None or "runs" in given:
         given["runs"] = _seen(given["runs"] if runs is None else runs)
     return given

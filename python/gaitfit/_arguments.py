@@ -1,0 +1,88 @@
+"""Arguments that users give: each is named where it is wrong, before anything begins."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+#: More threads than any machine has cores.
+MOST_THREADS = 4096
+
+
+def count(name: str, value: Any, least: int, most: int = 2**64 - 1) -> int:
+    """A whole number from ``least`` to ``most``."""
+    if isinstance(value, (bool, np.bool_)) or not hasattr(value, "__index__"):
+        raise TypeError(f"{name} is {value!r}; it must be a whole number")
+    if value < least:
+        raise ValueError(f"{name} is {value}; it must be at least {least}")
+    if value > most:
+        raise ValueError(f"{name} is {value}; it must be at most {most}")
+    return int(value)
+
+
+def real(name: str, value: Any) -> float:
+    """A number, finite or not: what is too small or too large the library says itself."""
+    if isinstance(value, (bool, np.bool_, str, bytes)) or getattr(value, "shape", ()) != ():
+        raise TypeError(f"{name} is {value!r}; it must be a number")
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} is {value!r}; it must be a number") from None
+
+
+def finite(name: str, value: Any) -> float:
+    """A number that is one."""
+    number = real(name, value)
+    if not np.isfinite(number):
+        raise ValueError(f"{name} is {number}; it must be finite")
+    return number
+
+
+def flag(name: str, value: Any) -> bool:
+    """True or false."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} is {value!r}; it must be True or False")
+    return bool(value)
+
+
+def text(name: str, value: Any) -> str:
+    """A text."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name} is {value!r}; it must be a text")
+    return value
+
+
+def path(name: str, value: Any, otherwise: str = "") -> str:
+    """A path as text; ``otherwise`` says what else would do."""
+    if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
+        raise TypeError(f"{name} is {value!r}; it must be a path: a text or a pathlib.Path{otherwise}")
+    return os.fspath(value)
+
+
+def maybe(check: Any, name: str, value: Any) -> Any:
+    """What ``check`` takes, or nothing."""
+    return None if value is None else check(name, value)
+
+
+def items(name: str, value: Any, what: str) -> list[Any]:
+    """The elements of a list, a tuple or the like; a text is none."""
+    if isinstance(value, (str, bytes, Mapping)) or not isinstance(value, Iterable):
+        raise TypeError(f"{name} is {value!r}; give a list of {what}")
+    return list(value)
+
+
+def mapping(name: str, value: Any, example: str) -> dict[str, Any]:
+    """A dict with texts as its keys."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{name} is {value!r}; give a dict, for example {example}")
+    for key in value:
+        text(f"a key of {name}", key)
+    return dict(value)
+
+
+def threads(value: Any) -> int | None:
+    """How many threads compute; nothing: as many as there are cores."""
+    return None if value is None else count("threads", value, 1, MOST_THREADS)
