@@ -162,8 +162,17 @@ class Absent(Case):
         ):
             with self.subTest(words), self.assertRaisesRegex(ValueError, words):
                 gaitfit.ray.fit(DEMO / "adapt.toml", **arguments)
-        with self.assertRaisesRegex(TypeError, "cannot be trained on"):
+        with self.assertRaisesRegex(TypeError, "has no weights"):
             gaitfit.ray.finetune(Policy(network, FILE))
+        for arguments, error, words in (
+            ({"table": 3}, TypeError, "table is 3"),
+            ({"seeds": 0}, ValueError, "seeds is 0"),
+            ({"only": 3}, TypeError, "only is 3"),
+            ({"settings": 3}, TypeError, "settings is 3"),
+            ({"runs": 3}, TypeError, "runs is 3"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(error, words):
+                gaitfit.ray.reproduce(**{"table": "parameters", **arguments})
         with self.assertRaisesRegex(ValueError, "is a function, which GPUs do not"):
             gaitfit.ray.fit(policy=Policy(network, FILE), num_gpus=1)
 
@@ -370,6 +379,54 @@ class Fits(Ray):
             self.assertEqual(cluster.place.device, "cuda")
         finally:
             self.cluster.remove_node(node)
+
+    def test_each_task_has_a_gpu_of_its_own(self) -> None:
+        """Ray counts GPUs that are not there; tasks say where they run and which GPU is the first that they see."""
+        from gaitfit.ray import _cluster
+        from gaitfit.ray._workers import Workers
+
+        def entry(streams: bool) -> object:
+            def run(_version: str, _name: str, *arguments: object) -> object:
+                import os
+                import time
+
+                import ray
+
+                time.sleep(0.2)
+                node = ray.get_runtime_context().get_node_id()
+                return node, os.environ.get("CUDA_VISIBLE_DEVICES"), os.getpid(), arguments[-1]
+
+            def stream(*arguments: object) -> object:
+                yield run(*arguments)
+
+            return stream if streams else run
+
+        nodes = [self.cluster.add_node(num_cpus=2, num_gpus=2, object_store_memory=10**8) for _ in range(2)]
+        self.cluster.wait_for_nodes()
+        try:
+            with mock.patch.object(_cluster, "_entry", entry):
+                cluster = _cluster.Cluster(None, _cluster.Place(num_cpus=1, num_gpus=1, retries=0))
+                self.assertEqual((cluster.places(), cluster.place.device), (4, "cuda"))
+                workers = Workers(cluster, "simulated", ())
+                found = [answer[1] for answer in workers.answers([b"%d" % number for number in range(24)]) if answer]
+                workers.end()
+                self.assertEqual(sorted(int(task) for *_, task in found), list(range(24)))
+                # A worker keeps its GPU, nobody else has it, and "cuda" is the one that it sees.
+                places = {(node, gpu, pid) for node, gpu, pid, _ in found}
+                self.assertEqual(sorted(gpu for _, gpu, _ in places), ["0", "0", "1", "1"])
+                self.assertEqual(len({node for node, *_ in places}), 2)
+                # Cells and seeds: a process that has begun with one GPU is not used again for another.
+                begin = cluster.remote("made", streams=True, max_retries=0)
+                left = [begin(number) for number in range(8)]
+                seen = [cluster.next(stream) for stream in left]
+                self.assertTrue({gpu for _, gpu, *_ in seen} <= {"0", "1"}, seen)
+                by_process = {}
+                for _, gpu, pid, _ in seen:
+                    by_process.setdefault(pid, set()).add(gpu)
+                self.assertTrue(all(len(gpus) == 1 for gpus in by_process.values()), by_process)
+        finally:
+            for node in nodes:
+                self.cluster.remove_node(node)
 
     def test_ctrl_c_stops_a_shared_fit_within_a_second(self) -> None:
         import gaitfit.ray

@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 
 import gaitfit
+from gaitfit._arrays import numbers
 
 from .common import Case
 
@@ -167,6 +168,31 @@ class ForLearners(Case):
         robots.step(np.zeros((4, 12), np.float32))
         np.testing.assert_array_equal(shared, robots.observation)
         self.assertTrue(np.shares_memory(shared, robots.observation))
+
+    def test_torch_and_robots_share_the_memory_both_ways(self) -> None:
+        try:
+            import torch
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        robots, twin = gaitfit.Robots(num_envs=4), gaitfit.Robots(num_envs=4)
+        names = ("observation", "critic_observation", "last_observation", "reward", "terminated", "truncated")
+        tensors = {name: torch.from_dlpack(getattr(robots, name)) for name in names}
+        actions = torch.full((4, 12), 0.3)
+        for _ in range(40):
+            robots.step(actions)
+            twin.step(np.full((4, 12), 0.3, np.float32))
+        for name, tensor in tensors.items():
+            array = getattr(robots, name)
+            self.assertEqual(tensor.data_ptr(), array.ctypes.data, name)
+            np.testing.assert_array_equal(tensor.numpy(), array, err_msg=name)
+            np.testing.assert_array_equal(array, getattr(twin, name), err_msg=name)
+        self.assertEqual(tensors["terminated"].dtype, torch.bool)
+        # Actions are read where they lie.
+        self.assertEqual(numbers("actions", actions, np.float32).ctypes.data, actions.data_ptr())
+        with self.assertRaisesRegex(TypeError, "actions: no array of numbers"):
+            robots.step(torch.zeros(4, 12, device="meta"))
+        with self.assertRaisesRegex(TypeError, "actions: no array of numbers"):
+            robots.step(torch.zeros(4, 12, requires_grad=True))
 
     def test_arrays_are_handed_out_without_copies(self) -> None:
         robots = gaitfit.Robots(num_envs=4)
