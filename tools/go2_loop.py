@@ -72,7 +72,7 @@ last_walk = false
 
 [adapt]
 costs = ["matchr1"]
-simulation = {{ robot_timestep = {arguments.dt} }}
+simulation = {{ robot_timestep = {arguments.dt}, preset = "{arguments.preset}" }}
 optimizer = {{ seeds = 1, seed = {seed}, restarts = 0, replicates = {arguments.replicates} }}
 
 [[adapt.parameter]]
@@ -100,10 +100,12 @@ joints = ["*"]
 kind = "payload_mass"
 
 [finetune]
+preset = "{arguments.preset}"
 seeds = [{seed}]
 train = {{ environments = {arguments.environments}, iterations = {arguments.iterations} }}
 
 [finetune.task]
+substeps = {arguments.substeps}
 tracking_width = {arguments.width}
 yaw_tracking_width = {arguments.width}
 rewards = {{ track_yaw_rate = {arguments.yaw_weight} }}
@@ -202,9 +204,10 @@ def loop(arguments, domain, config, log):
         try:
             words = [str(arguments.gaitfit), "loop", str(config), "--json", "--device", arguments.device]
             resume = ["--resume"] if number > 1 else []
-            return json.loads(call([*words, "--threads", str(arguments.threads), *resume], log, 1800))
+            found = json.loads(call([*words, "--threads", str(arguments.threads), *resume], log, 1800))
         finally:
-            server.end()
+            seen = server.end()
+        return found | {"pace": seen["pace"]}
 
     return attempts(arguments, log, attempt)
 
@@ -251,6 +254,7 @@ def drift_once(arguments, policy, domain, folder, log):
         "trials": found,
         "least_up": seen["least_up"],
         "held_up": seen["held_up"],
+        "pace": seen["pace"],
         "state_age_ms": summary["state_age_ms"],
         "clamped": summary["clamped"],
         "commands": summary["commands"],
@@ -282,7 +286,7 @@ def one_seed(arguments, seed):
                 lap("loop")
                 found["before"] = before.result()
             fit = result["rounds"][0]["adapt"]["fits"][0]
-            found["loop"] = {key: result[key] for key in ("stage_seconds", "warnings", "doubts", "policy")}
+            found["loop"] = {key: result[key] for key in ("stage_seconds", "warnings", "doubts", "policy", "pace")}
             found["fit"] = {key: fit[key] for key in fit if key in ("cost_name", "cost", "nominal_cost", "parameters")}
             found["after"] = drift(arguments, result["policy"], domain, folder / "after", log)
             lap("drift after")
@@ -346,6 +350,13 @@ def main():
     )
     parser.add_argument("--iterations", type=int, default=150, help="of the training")
     parser.add_argument("--environments", type=int, default=2048, help="robots of the training")
+    parser.add_argument(
+        "--preset",
+        default="accurate",
+        choices=["fast", "accurate"],
+        help="of the simulators of fit and training: the vendor's stiff feet (impratio 100) need accurate",
+    )
+    parser.add_argument("--substeps", type=int, default=8, help="physics steps of the training in a control period of 20 ms")
     parser.add_argument("--width", type=float, default=0.25, help="widths of the rewards for tracking, m/s and rad/s")
     parser.add_argument("--yaw-weight", type=float, default=5.0, help="weight of the reward for the yaw rate")
     parser.add_argument("--built-in-feet", action="store_true", help="fit and train with the built-in Go2's feet")

@@ -102,7 +102,7 @@ def main():
     ChannelFactoryInitialize(arguments.domain, arguments.interface)
     bridge = Counting(model, data)
     print(json.dumps({"ready": True}), flush=True)
-    begin = time.perf_counter()
+    begin = begun = time.perf_counter()
     path, highest, least_up, late = [], 0.0, 1.0, 0
     steps = 0
     while True:
@@ -128,6 +128,7 @@ def main():
         json.dumps(
             {**counts, "states_commanded": at_commands[-1] - at_commands[0] if at_commands else 0}
             | {"seconds": round(steps * arguments.dt, 3), "held_up": late, "highest": highest}
+            | {"pace": round(steps * arguments.dt / (time.perf_counter() - begun), 4)}
             | {"least_up": least_up, "end": [float(x) for x in data.qpos[:3]], "path": path}
         ),
         flush=True,

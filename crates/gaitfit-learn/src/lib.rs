@@ -19,4 +19,6 @@ pub use checkpoint::{CheckpointError, Origin};
 pub use curriculum::{Commands, Growth};
 pub use player::Player;
 pub use rollout::{Divergence, Runner, Tally};
-pub use training::{Iteration, Training, TrainingError, TrainingSettings, widths};
+pub use training::{
+    Iteration, MEND_DIVERGENCE, Training, TrainingError, TrainingSettings, most_diverged, widths,
+};

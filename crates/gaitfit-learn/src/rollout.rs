@@ -16,8 +16,10 @@ pub struct Tally {
     pub tracking: [f64; 2],
     /// Episodes that ended.
     pub episodes: f64,
-    /// Of them, by a fall.
+    /// Of them, by a fall, or because the simulation diverged.
     pub falls: f64,
+    /// Of them, because the simulation diverged: its last step pays nothing, and is in no sum but that of steps.
+    pub diverged: f64,
     /// Their lengths, control steps.
     pub episode_steps: f64,
     /// Their summed rewards.
@@ -36,12 +38,18 @@ impl Tally {
         self.tracking.iter_mut().zip(tracking).for_each(|(sum, error)| *sum += f64::from(error));
     }
 
-    /// Adds an episode that ended: its summed reward and its steps.
-    fn episode(&mut self, [sum, steps]: [f32; 2], fell: bool) {
+    /// Adds an episode that ended: its summed reward, its steps, and those that were left of it.
+    fn episode(&mut self, [sum, steps]: [f32; 2], ended: Ended, left: u32) {
         self.episodes += 1.0;
         self.episode_return += f64::from(sum);
         self.episode_steps += f64::from(steps);
-        self.falls += if fell { 1.0 } else { 0.0 };
+        if ended != Ended::TimeOut {
+            self.falls += 1.0;
+            self.lost_steps += f64::from(left);
+        }
+        if ended == Ended::Diverged {
+            self.diverged += 1.0;
+        }
     }
 
     /// Adds another's sums.
@@ -53,6 +61,7 @@ impl Tally {
         self.tracking.iter_mut().zip(other.tracking).for_each(|(sum, error)| *sum += error);
         self.episodes += other.episodes;
         self.falls += other.falls;
+        self.diverged += other.diverged;
         self.episode_steps += other.episode_steps;
         self.episode_return += other.episode_return;
         self.levels += other.levels;
@@ -60,7 +69,7 @@ impl Tally {
     }
 }
 
-/// A robot's state stopped being a number.
+/// A robot whose simulation diverged.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Divergence {
     /// Step in the rollout.
@@ -79,6 +88,8 @@ pub struct Runner<'a> {
     pub recorder: Recorder,
     /// Sums of the last rollout.
     pub tally: Tally,
+    /// The first robot that diverged in it.
+    pub divergence: Option<Divergence>,
     /// Reward and steps since each episode began.
     pub(crate) returns: Vec<[f32; 2]>,
     ended: Vec<Ended>,
@@ -93,6 +104,7 @@ impl<'a> Runner<'a> {
             environment,
             recorder,
             tally: Tally::default(),
+            divergence: None,
             returns: vec![[0.0; 2]; count],
             ended: vec![Ended::No; count],
             ends: vec![End::No; count],
@@ -100,13 +112,12 @@ impl<'a> Runner<'a> {
     }
 
     /// Fills the samples with one rollout under the learner's policy, its actions drawn around their means.
-    /// Steps are numbered from `first_step`.
-    ///
-    /// # Errors
-    /// A robot that diverged; the samples are then not whole.
-    pub fn rollout(&mut self, learner: &Learner, first_step: u32) -> Result<(), Divergence> {
-        let Self { environment, recorder, tally, returns, ended, ends } = self;
+    /// Steps are numbered from `first_step`. A robot that diverges has fallen: its step pays nothing, and a new episode
+    /// begins.
+    pub fn rollout(&mut self, learner: &Learner, first_step: u32) {
+        let Self { environment, recorder, tally, divergence, returns, ended, ends } = self;
         *tally = Tally::default();
+        *divergence = None;
         recorder.begin();
         for t in 0..recorder.samples.steps {
             let step = first_step + t as u32;
@@ -116,12 +127,13 @@ impl<'a> Runner<'a> {
             recorder.act(learner, step);
             let (action, reward) = recorder.exchange();
             environment.step(step, action, reward, ended);
-            if let Some(diverged) = ended.iter().position(|&ended| ended == Ended::Diverged) {
-                let term = environment.broken_term(diverged).map(str::to_owned);
-                return Err(Divergence { step: t, environment: diverged, term });
+            if let Some(first) = ended.iter().position(|&ended| ended == Ended::Diverged) {
+                let term = environment.broken_term(first).map(str::to_owned);
+                divergence.get_or_insert(Divergence { step: t, environment: first, term });
             }
             for (index, reward) in reward.iter().enumerate() {
-                tally.step(*reward, environment.tracking_error(index));
+                let whole = ended[index] != Ended::Diverged;
+                tally.step(*reward, if whole { environment.tracking_error(index) } else { [0.0; 2] });
                 tally.levels += environment.cell(index).map_or(0.0, |cell| cell.level as f64);
                 let so_far = &mut returns[index];
                 so_far[0] += reward;
@@ -132,9 +144,7 @@ impl<'a> Runner<'a> {
                     Ended::Fall | Ended::Diverged => End::Terminated,
                 };
                 if ends[index] != End::No {
-                    let fell = ended[index] == Ended::Fall;
-                    tally.episode(std::mem::take(so_far), fell);
-                    tally.lost_steps += if fell { f64::from(environment.steps_left(index)) } else { 0.0 };
+                    tally.episode(std::mem::take(so_far), ended[index], environment.steps_left(index));
                 }
             }
             recorder.end(learner, ends, |rows| environment.observe_critic(rows));
@@ -142,6 +152,5 @@ impl<'a> Runner<'a> {
         }
         recorder.finish(learner, |rows| environment.observe_critic(rows));
         tally.terms = environment.take_terms();
-        Ok(())
     }
 }

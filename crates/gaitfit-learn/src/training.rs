@@ -87,19 +87,21 @@ pub enum TrainingError {
     /// The networks.
     #[error(transparent)]
     Learner(#[from] LearnerError),
-    /// A robot's state stopped being a number.
+    /// More robots than one in a hundred diverged in one rollout.
     #[error(
-        "iteration {iteration}: the simulated robot {environment} diverged in step {step} of the rollout (its state \
-         or reward is not finite{}); the policy is as it was before it. {}",
+        "iteration {iteration}: {robots} of the simulated robots diverged, robot {environment} in step {step} of the \
+         rollout (its state or reward is not finite, or impossible{}); the policy is as it was before it. {}",
         of_term(term.as_deref()),
         remedy(term.as_deref())
     )]
     Diverged {
         /// Iteration.
         iteration: u32,
-        /// Number of the environment.
+        /// Episodes that ended so.
+        robots: usize,
+        /// Number of the environment of the first.
         environment: usize,
-        /// Step in the rollout.
+        /// Its step in the rollout.
         step: usize,
         /// The reward term that was not finite, if the robot's state still was.
         term: Option<String>,
@@ -114,6 +116,15 @@ pub enum TrainingError {
     },
 }
 
+/// What may help against robots that diverge.
+pub const MEND_DIVERGENCE: &str = "Use more substeps (task.substeps), the preset `accurate`, pyramidal cones (cone) or \
+     smaller gains";
+
+/// Divergences of a rollout of `environments` robots that training bears, each as a fall: one in a hundred.
+pub fn most_diverged(environments: usize) -> f64 {
+    (environments / 100) as f64
+}
+
 fn of_term(term: Option<&str>) -> String {
     term.map_or_else(String::new, |term| format!(": the reward term `{}`", shown(term)))
 }
@@ -123,7 +134,7 @@ fn remedy(term: Option<&str>) -> &'static str {
         Some(_) => {
             "A term must be finite wherever a robot may get to: look for divisions, roots and logarithms in it"
         }
-        None => "Use smaller gains, more substeps or a smaller learning rate",
+        None => MEND_DIVERGENCE,
     }
 }
 
@@ -326,14 +337,14 @@ impl<'a> Training<'a> {
     /// but time.
     ///
     /// # Errors
-    /// A number that is not finite, anywhere; the learner then holds the last finite parameters.
+    /// A number that is not finite in the update, or more robots that diverged than [`most_diverged`]; the learner then
+    /// holds the last finite parameters.
     pub fn iterate(&mut self, threads: usize) -> Result<Iteration, TrainingError> {
         let number = self.iteration;
         let begin = Instant::now();
         // Step 0 is the start of the very first episodes.
         let first_step = number * self.settings.steps as u32 + 1;
         let ranges = self.growth.ranges(self.task, number);
-        let divergences: Mutex<Vec<(usize, Divergence)>> = Mutex::new(Vec::new());
         pool::for_each(
             self.runners.len(),
             threads,
@@ -341,27 +352,27 @@ impl<'a> Training<'a> {
             |(), tile| {
                 let mut runner = self.runners[tile].lock().unwrap_or_else(PoisonError::into_inner);
                 runner.environment.set_command_ranges(ranges);
-                if let Err(divergence) = runner.rollout(&self.learner, first_step) {
-                    divergences.lock().unwrap_or_else(PoisonError::into_inner).push((tile, divergence));
-                }
+                runner.rollout(&self.learner, first_step);
             },
         );
-        let divergences = divergences.into_inner().unwrap_or_else(PoisonError::into_inner);
-        if let Some((tile, divergence)) = divergences.into_iter().min_by_key(|(tile, _)| *tile) {
-            return Err(TrainingError::Diverged {
-                iteration: number,
-                environment: tile * TILE + divergence.environment,
-                step: divergence.step,
-                term: divergence.term,
-            });
-        }
         let rollout_seconds = begin.elapsed().as_secs_f64();
         let begin = Instant::now();
         let mut tally = Tally::default();
+        let mut first = None;
+        for (tile, runner) in self.runners.iter_mut().enumerate() {
+            let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
+            tally.add(&runner.tally);
+            let found = runner.divergence.take();
+            first = first.or(found.map(|one| (tile * TILE + one.environment, one)));
+        }
+        let most = most_diverged(self.settings.environments);
+        if let Some((environment, Divergence { step, term, .. })) = first.filter(|_| tally.diverged > most) {
+            let (iteration, robots) = (number, tally.diverged as usize);
+            return Err(TrainingError::Diverged { iteration, robots, environment, step, term });
+        }
         let mut samples = Vec::with_capacity(self.runners.len());
         for runner in &mut self.runners {
             let runner = runner.get_mut().unwrap_or_else(PoisonError::into_inner);
-            tally.add(&runner.tally);
             let empty = Samples::new(0, 0, runner.recorder.samples.widths);
             samples.push(std::mem::replace(&mut runner.recorder.samples, empty));
         }

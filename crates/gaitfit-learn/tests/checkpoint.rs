@@ -5,7 +5,7 @@
 mod curriculum;
 
 use gaitfit_learn::task::{Kinds, Task, TaskSettings, TerrainKind, TerrainSettings};
-use gaitfit_learn::{CheckpointError, Origin, Tally, Training, TrainingSettings, ppo};
+use gaitfit_learn::{CheckpointError, Origin, Tally, Training, TrainingError, TrainingSettings, ppo};
 use gaitfit_physics::Preset;
 use gaitfit_policy::weights;
 
@@ -164,4 +164,41 @@ fn a_flipped_bit_anywhere_is_refused() {
     let error = training.restore(&edited, &origin()).unwrap_err().to_string();
     assert!(error.contains("checksum"), "{error}");
     training.restore(&bytes, &origin()).unwrap();
+}
+
+/// A few robots that come apart have fallen; more than one in a hundred, and the training ends.
+#[test]
+fn robots_that_diverge_have_fallen_unless_they_are_many() {
+    let scene = scene();
+    let mut training = training(&scene);
+    let mut robots = training.snapshots();
+    let fast = |robots: &mut Vec<_>, which: usize| {
+        let robot: &mut gaitfit_learn::task::Snapshot = &mut robots[which];
+        robot.robot.state[7] = 2e3;
+    };
+    // Two of 270, one in each tile.
+    [7, 260].into_iter().for_each(|which| fast(&mut robots, which));
+    training.set_snapshots(0, training.growth(), &robots).unwrap();
+    let tally = training.iterate(2).unwrap().tally;
+    assert_eq!((tally.diverged, tally.steps), (2.0, 270.0 * 6.0));
+    assert!(tally.falls >= 2.0 && tally.reward.is_finite() && tally.tracking[0] < tally.steps, "{tally:?}");
+    let mut robots = training.snapshots();
+    let calm = |robot: &gaitfit_sim::RobotState| {
+        robot.state.iter().chain(&robot.tracked).all(|x| x.is_finite()) && robot.state[7].abs() < 10.0
+    };
+    assert!(robots.iter().all(|one| calm(&one.robot)), "they began anew");
+
+    [260, 5, 9].into_iter().for_each(|which| fast(&mut robots, which));
+    training.set_snapshots(1, training.growth(), &robots).unwrap();
+    let before = policy(&training);
+    let error = training.iterate(2).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            TrainingError::Diverged { iteration: 1, robots: 3, environment: 5, step: 0, term: None }
+        ),
+        "{error}"
+    );
+    assert!(error.to_string().contains("task.substeps"), "{error}");
+    assert_eq!(policy(&training), before);
 }

@@ -179,6 +179,6 @@ impl<'a> Scene<'a> {
 
     /// Sums that a rollout keeps of each environment; `TALLIES` of the text.
     pub(super) fn tallies(&self) -> usize {
-        self.task.reward_weights().count() + 9
+        self.task.reward_weights().count() + 11
     }
 }

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use gaitfit_learn::task::reward::Value;
+use gaitfit_learn::task::{FASTEST_BASE, FASTEST_JOINT};
 use gaitfit_model::kinematics::Reach;
 use gaitfit_policy::Term;
 
@@ -116,6 +117,8 @@ impl Words {
             ("LEAST_UPRIGHTNESS", least_uprightness),
             ("LEAST_HEIGHT", least_height),
             ("GAMMA", scene.sizes.gamma as f32),
+            ("FASTEST_BASE", FASTEST_BASE),
+            ("FASTEST_JOINT", FASTEST_JOINT),
         ] {
             self.define(name, single(value));
         }

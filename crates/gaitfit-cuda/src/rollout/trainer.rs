@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use gaitfit_learn::ppo::Diagnostics;
-use gaitfit_learn::{Growth, Iteration, Tally, Training, TrainingError, TrainingSettings};
+use gaitfit_learn::{Growth, Iteration, Tally, Training, TrainingError, TrainingSettings, most_diverged};
 
 use super::RolloutError;
 use super::run::Rollout;
@@ -129,7 +129,7 @@ impl<'a> Trainer<'a> {
     /// One rollout of all environments and one update.
     ///
     /// # Errors
-    /// A number that is not finite, as on the CPU, or a failure of the GPU.
+    /// As on the CPU, or a failure of the GPU.
     pub fn iterate(&mut self) -> Result<Iteration, RolloutError> {
         let number = self.iteration;
         let begin = Instant::now();
@@ -140,8 +140,8 @@ impl<'a> Trainer<'a> {
         self.launch()?;
         let totals = self.rollout.read_f64(self.learner.stream(), "totals")?;
         let tally = self.tally(&totals);
-        if totals[self.terms + 7] > 0.0 {
-            return Err(self.diverged()?.into());
+        if tally.diverged > most_diverged(self.settings.environments) {
+            return Err(self.diverged(tally.diverged as usize)?.into());
         }
         let rollout_seconds = begin.elapsed().as_secs_f64();
         let begin = Instant::now();
@@ -184,29 +184,25 @@ impl<'a> Trainer<'a> {
             falls: rest[3],
             episode_steps: rest[4],
             episode_return: rest[5],
+            diverged: rest[6],
             levels: 0.0,
             lost_steps: rest[7],
         }
     }
 
-    /// The first robot that diverged.
-    fn diverged(&self) -> Result<TrainingError, RolloutError> {
+    /// What is said of the first of the `robots` that diverged.
+    fn diverged(&self, robots: usize) -> Result<TrainingError, RolloutError> {
         let environments = self.settings.environments;
         let all = self.rollout.read_f64(self.learner.stream(), "tally")?;
-        let steps = all[(self.terms + 7) * environments..].iter().take(environments).enumerate();
-        let diverged = steps.filter(|(_, step)| **step > 0.0);
+        // In the order of the text, after the reward, its terms and eight sums.
+        let [steps, terms] = [0, 1].map(|k| &all[(self.terms + 9 + k) * environments..][..environments]);
+        let broken = steps.iter().enumerate().filter(|(_, step)| **step > 0.0);
         let (environment, step) =
-            diverged.min_by(|a, b| a.1.total_cmp(b.1)).map_or((0, 1), |(e, &step)| (e, step as usize));
-        // A number that is none stays in the sum of its term. In a robot that is no number itself all terms may be.
-        let sums = (0..self.terms).map(|term| all[(1 + term) * environments + environment]);
-        let broken: Vec<usize> =
-            sums.enumerate().filter(|(_, sum)| !sum.is_finite()).map(|(k, _)| k).collect();
+            broken.min_by(|a, b| a.1.total_cmp(b.1)).map_or((0, 1), |(e, &step)| (e, step as usize));
         let names = self.rollout.task().reward_names();
-        let term = match broken[..] {
-            [term] => names.get(term).map(|name| (*name).to_owned()),
-            _ => None,
-        };
-        Ok(TrainingError::Diverged { iteration: self.iteration, environment, step: step - 1, term })
+        let term = (terms[environment] as usize).checked_sub(1).and_then(|term| names.get(term));
+        let (iteration, term) = (self.iteration, term.map(|name| (*name).to_owned()));
+        Ok(TrainingError::Diverged { iteration, robots, environment, step: step - 1, term })
     }
 
     /// Where the time of an iteration goes. The training's state is spoilt: it is for benchmarks.

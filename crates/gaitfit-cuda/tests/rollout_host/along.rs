@@ -66,7 +66,11 @@ pub fn snapshots(environment: &mut Environment<'_>, returns: &[[f32; 2]]) -> Vec
     (0..ENVIRONMENTS).map(one).collect()
 }
 
-/// A rollout of the CPU as its runner does it, with means that are noise; the sums of the runner's tally.
+/// The step of the rollout in which a simulation comes apart, and whose.
+const BROKEN: (usize, usize) = (2, 3);
+
+/// A rollout of the CPU as its runner does it, with means that are noise; the sums of the runner's tally. One robot is
+/// made faster than any can be.
 fn rollout(
     environment: &mut Environment<'_>,
     task: &Task,
@@ -78,7 +82,7 @@ fn rollout(
     let mut exploration = Exploration::new(SEED, 0);
     let mut returns = vec![[0.0f32; 2]; ENVIRONMENTS];
     let mut sums = [0.0f64; 7];
-    let mut lost = 0.0;
+    let (mut diverged, mut lost) = (0.0, 0.0);
     let mut steps = Vec::new();
     for t in 0..STEPS {
         let number = FIRST + t as u32;
@@ -97,15 +101,23 @@ fn rollout(
         environment.observe_critic(&mut step.critic);
         let means = &mean[t * ENVIRONMENTS * actions..(t + 1) * ENVIRONMENTS * actions];
         exploration.draw(log_std, number, means, &mut step.action, &mut step.log_probability);
+        if t == BROKEN.0 {
+            let mut broken = environment.snapshot(BROKEN.1);
+            broken.robot.state[7] = 2e3;
+            environment.set_snapshot(BROKEN.1, &broken).unwrap();
+        }
         environment.step(number, &step.action, &mut step.reward, &mut step.ended);
         step.moved = snapshots(environment, &returns);
         environment.observe_critic(&mut step.reached);
         for (index, so_far) in returns.iter_mut().enumerate() {
-            let [velocity, yaw] = environment.tracking_error(index).map(f64::from);
+            let broken = step.ended[index] == Ended::Diverged;
+            diverged += f64::from(u8::from(broken));
+            let errors = if broken { [0.0; 2] } else { environment.tracking_error(index) };
+            let [velocity, yaw] = errors.map(f64::from);
             so_far[0] += step.reward[index];
             so_far[1] += 1.0;
             let ended = f64::from(u8::from(step.ended[index] != Ended::No));
-            let fell = f64::from(u8::from(step.ended[index] == Ended::Fall));
+            let fell = f64::from(u8::from(matches!(step.ended[index], Ended::Fall | Ended::Diverged)));
             let [sum, length] = so_far.map(f64::from);
             lost += fell * f64::from(environment.steps_left(index));
             let added =
@@ -120,7 +132,10 @@ fn rollout(
         steps.push(step);
     }
     let [reward, rest @ ..] = sums;
-    (steps, [vec![reward], environment.take_terms(), rest.to_vec(), vec![0.0, lost]].concat())
+    assert_eq!((steps[BROKEN.0].ended[BROKEN.1], diverged), (Ended::Diverged, 1.0));
+    // The first divergence, by its step from 1, is of no reward term.
+    let last = vec![diverged, lost, BROKEN.0 as f64 + 1.0, 0.0];
+    (steps, [vec![reward], environment.take_terms(), rest.to_vec(), last].concat())
 }
 
 /// Parameters of all robots in the physics' tiles.
@@ -349,7 +364,9 @@ pub fn compare(label: &str, task: &Task, candidate: &Candidate) {
     let mut last = vec![0.0; ENVIRONMENTS * width];
     environment.observe_critic(&mut last);
     check("last rows", STEPS, &tail[..ENVIRONMENTS * width], &last, 1e-6);
-    for (got, want) in doubles(&read("totals", "out")).iter().zip(&sums) {
+    let totals = doubles(&read("totals", "out"));
+    assert_eq!(totals.len(), sums.len());
+    for (got, want) in totals.iter().zip(&sums) {
         assert!((got - want).abs() < 2e-6 * want.abs().max(1.0), "{label}: a sum is {got}, not {want}");
     }
     let mut before = start;

@@ -26,9 +26,15 @@ pub enum Ended {
     Fall,
     /// Time is up.
     TimeOut,
-    /// A number is not finite.
+    /// A number is not finite, or a speed is none that a robot can have.
     Diverged,
 }
+
+/// A base that is faster than this, m/s or rad/s, is a simulation that came apart; in the next steps its numbers would
+/// overflow.
+pub const FASTEST_BASE: f32 = 1e3;
+/// The same of a joint, rad/s.
+pub const FASTEST_JOINT: f32 = 1e4;
 
 /// One tile of robots at a task; rows are environments.
 ///
@@ -338,9 +344,12 @@ impl<'a> Environment<'a> {
         let uprightness = task.walker.uprightness(up);
         let base = vec_of(&motion.base_position[3 * index..]);
         let height = base[2] - task.walker.ground_under(base);
-        let finite =
-            linear.iter().chain(angular).chain(quaternion).all(|x| x.is_finite()) && height.is_finite();
-        if !finite {
+        let joint_velocity = &motion.joint_velocity[joints * index..joints * (index + 1)];
+        let whole = linear.iter().chain(angular).all(|x| x.abs() <= FASTEST_BASE)
+            && joint_velocity.iter().all(|x| x.abs() <= FASTEST_JOINT)
+            && quaternion.iter().all(|x| x.is_finite())
+            && height.is_finite();
+        if !whole {
             *paid = 0.0;
             return Ended::Diverged;
         }
@@ -362,7 +371,7 @@ impl<'a> Environment<'a> {
             uprightness,
             height,
             joint_position: &motion.joint_position[joints * index..joints * (index + 1)],
-            joint_velocity: &motion.joint_velocity[joints * index..joints * (index + 1)],
+            joint_velocity,
             joint_acceleration: &motion.joint_acceleration[joints * index..joints * (index + 1)],
             torque: &motion.torque[joints * index..joints * (index + 1)],
             target: &self.targets[joints * index..joints * (index + 1)],

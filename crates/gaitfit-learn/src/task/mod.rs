@@ -26,7 +26,7 @@ mod task;
 mod terrain;
 
 pub use command::commands;
-pub use environment::{Ended, Environment};
+pub use environment::{Ended, Environment, FASTEST_BASE, FASTEST_JOINT};
 pub use error::TaskError;
 pub use feet::Foot;
 pub use joint_number::JointNumber;

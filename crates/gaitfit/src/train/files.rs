@@ -11,6 +11,7 @@ use crate::evaluate::{MANY_FALLS, goes_nowhere};
 use crate::run::protocol::CONFIG;
 use crate::run::{Protocol, RunFolder};
 use crate::watch::Watch;
+use gaitfit_learn::MEND_DIVERGENCE;
 use gaitfit_policy::weights;
 use gaitfit_view::{Doubt, DoubtKind, replay_html};
 use serde::{Deserialize, Serialize};
@@ -104,6 +105,18 @@ fn small_commands(seed: &Trained) -> Option<String> {
     ))
 }
 
+/// That robots came apart.
+fn diverged(setup: &Setup, seed: &Trained) -> Option<String> {
+    let SeedResult { seed, diverged, iterations, .. } = seed.result;
+    (diverged > 0).then(|| {
+        format!(
+            "seed {seed}: {diverged} episodes of {} robots and {iterations} iterations ended because the simulation \
+             diverged; they counted as falls. {MEND_DIVERGENCE}",
+            setup.plan.train.environments
+        )
+    })
+}
+
 /// That seeds fall or stand where they are to walk.
 fn not_learnt(setup: &Setup, trained: &[Trained]) -> Option<Doubt> {
     let command = &setup.scene.settings.command;
@@ -142,7 +155,12 @@ pub fn results(folder: &RunFolder, setup: &Setup, watch: &Watch<'_>) -> Result<R
     let results = Results {
         trained: plan.trains(),
         doubts,
-        warnings: plan.untrained().into_iter().chain(trained.iter().filter_map(small_commands)).collect(),
+        warnings: plan
+            .untrained()
+            .into_iter()
+            .chain(trained.iter().filter_map(|seed| diverged(setup, seed)))
+            .chain(trained.iter().filter_map(small_commands))
+            .collect(),
         name: folder.name(),
         robot: setup.model.name.clone(),
         task: plan.task.clone(),

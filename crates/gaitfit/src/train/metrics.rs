@@ -25,6 +25,9 @@ pub struct Metric {
     pub episode_seconds: Option<f64>,
     /// Share of them that ended in a fall.
     pub fall_rate: Option<f64>,
+    /// How many of them ended because the simulation diverged; they count as falls. Absent where none did.
+    #[serde(default, skip_serializing_if = "is_none_of_them")]
+    pub diverged: u64,
     /// Mean horizontal velocity error, m/s.
     pub linear_velocity_error: f64,
     /// Mean yaw-rate error, rad/s.
@@ -61,6 +64,10 @@ pub struct Times {
     pub wall_seconds: f64,
 }
 
+fn is_none_of_them(count: &u64) -> bool {
+    *count == 0
+}
+
 impl Metric {
     /// Of an iteration on a scene; `steps`: control steps of a rollout, all robots.
     pub fn new(iteration: &Iteration, scene: &Task, wall_seconds: f64) -> Self {
@@ -77,6 +84,7 @@ impl Metric {
             episode_return: ended(tally.episode_return),
             episode_seconds: ended(tally.episode_steps * dt),
             fall_rate: ended(tally.falls),
+            diverged: tally.diverged as u64,
             linear_velocity_error: tally.tracking[0] / tally.steps,
             angular_velocity_error: tally.tracking[1] / tally.steps,
             terrain_level: scene.course.is_some().then(|| tally.levels / tally.steps),

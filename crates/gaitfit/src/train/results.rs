@@ -85,6 +85,9 @@ pub struct SeedResult {
     pub episode_seconds: Option<f64>,
     /// Share of episodes that ended in a fall.
     pub fall_rate: Option<f64>,
+    /// Episodes of the whole training that ended because the simulation diverged.
+    #[serde(default)]
+    pub diverged: u64,
     /// Mean horizontal velocity error, m/s.
     pub linear_velocity_error: f64,
     /// Mean yaw-rate error, rad/s.
@@ -125,6 +128,7 @@ impl SeedResult {
             episode_return: of_episodes(|metric| metric.episode_return),
             episode_seconds: of_episodes(|metric| metric.episode_seconds),
             fall_rate: of_episodes(|metric| metric.fall_rate),
+            diverged: metrics.iter().map(|metric| metric.diverged).sum(),
             linear_velocity_error: mean(|metric| metric.linear_velocity_error),
             angular_velocity_error: mean(|metric| metric.angular_velocity_error),
             gait,

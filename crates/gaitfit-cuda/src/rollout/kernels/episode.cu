@@ -113,6 +113,8 @@ DEVICE void start_episode(
         TORQUE(j) = 0.0f;
     }
     for (int k = thread; k < GEOMS; k += threads) FORCE(k) = 0.0f;
+    for (int k = thread; k < FEET; k += threads)
+        for (int axis = 0; axis < 3; axis++) CENTRE(k, axis) = 0.0f;
     __syncthreads();
     if (thread != 0) return;
     double lowest = 1e300;

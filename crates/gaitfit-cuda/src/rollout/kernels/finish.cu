@@ -1,7 +1,11 @@
 // After a control period: feet, rewards, ends of episodes, new commands and new episodes.
 
-// Sums of a rollout, of each environment: reward, reward terms, then these.
-enum { VELOCITY_ERROR = 1 + REWARDS, YAW_ERROR, EPISODES, FALLS, EPISODE_STEPS, EPISODE_RETURN, DIVERGED, LOST_STEPS, TALLIES };
+// Sums of a rollout, of each environment: reward, reward terms, then these. Of its first divergence: the step, from 1, and
+// the reward term that was not finite, from 1; 0: none.
+enum {
+    VELOCITY_ERROR = 1 + REWARDS, YAW_ERROR, EPISODES, FALLS, EPISODE_STEPS, EPISODE_RETURN, DIVERGED, LOST_STEPS, BROKEN_AT,
+    BROKEN_TERM, TALLIES
+};
 #define TALLY(k) tally[(k) * ENVIRONMENTS + e]
 #define FOOT(k, number) feet[(FOOT_SIZE * (k) + (number)) * ENVIRONMENTS + e]
 
@@ -61,9 +65,11 @@ DEVICE bool finish_step(
     up_of(base.quaternion, up);
     Moment m;
     for (int k = 0; k < FEET; k++) m.feet[k] = advance_foot(report, feet, e, age, k);
-    float whole = base.position[2];
-    for (int k = 0; k < 3; k++) whole += base.linear[k] + base.angular[k];
-    for (int k = 0; k < 4; k++) whole += base.quaternion[k];
+    // Numbers that are none fail every comparison.
+    bool whole = is_finite(base.position[2]);
+    for (int k = 0; k < 3; k++) whole &= fabsf(base.linear[k]) <= FASTEST_BASE && fabsf(base.angular[k]) <= FASTEST_BASE;
+    for (int k = 0; k < 4; k++) whole &= is_finite(base.quaternion[k]);
+    for (int j = 0; j < JOINTS; j++) whole &= fabsf(joint_velocity(state, e, j)) <= FASTEST_JOINT;
     float squares = 0.0f;
     for (int k = 0; k < 3; k++) {
         m.command[k] = command[k * ENVIRONMENTS + e];
@@ -87,24 +93,33 @@ DEVICE bool finish_step(
     REWARD_TERMS
     float paid = 0.0f;
     for (int k = 0; k < REWARDS; k++) paid += terms[k];
-    bool broken = !is_finite(whole) || !is_finite(paid);
-    int ended = m.fallen ? FALL : age >= EPISODE_STEPS_MOST ? TIME_OUT : GOES_ON;
+    bool broken = !whole || !is_finite(paid);
+    int ended = m.fallen || broken ? FALL : age >= EPISODE_STEPS_MOST ? TIME_OUT : GOES_ON;
 
     for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = m.action[k];
     if (age % COMMAND_STEPS == 0) draw_command(control, e, number + 1, command);
     float ex = m.velocity[0] - command[e], ey = m.velocity[1] - command[ENVIRONMENTS + e];
-    TALLY(0) += (double)paid;
-    for (int k = 0; k < REWARDS; k++) TALLY(1 + k) += (double)terms[k];
     float velocity_error = sqrtf(ex * ex + ey * ey), yaw_error = fabsf(m.yaw_rate - command[2 * ENVIRONMENTS + e]);
-    TALLY(VELOCITY_ERROR) += (double)velocity_error;
-    TALLY(YAW_ERROR) += (double)yaw_error;
+    if (broken) {
+        if (TALLY(DIVERGED) == 0.0) {
+            TALLY(BROKEN_AT) = (double)(step + 1);
+            for (int k = REWARDS - 1; k >= 0; k--)
+                if (whole && !is_finite(terms[k])) TALLY(BROKEN_TERM) = (double)(k + 1);
+        }
+        TALLY(DIVERGED) += 1.0;
+        paid = 0.0f;
+    } else {
+        TALLY(0) += (double)paid;
+        for (int k = 0; k < REWARDS; k++) TALLY(1 + k) += (double)terms[k];
+        TALLY(VELOCITY_ERROR) += (double)velocity_error;
+        TALLY(YAW_ERROR) += (double)yaw_error;
+    }
 #if TRIALS
     errors[2 * row] = velocity_error, errors[2 * row + 1] = yaw_error;
 #endif
-    // The learner refuses a reward that is no number, and learns nothing from this rollout.
-    reward[row] = broken ? (float)double_of_bits(0x7FF8000000000000ull) : paid;
+    // Trials are told of a robot that diverged by a reward that is no number; for the learner it fell.
+    reward[row] = TRIALS && broken ? (float)double_of_bits(0x7FF8000000000000ull) : paid;
     done[row] = ended == GOES_ON ? 0.0f : 1.0f;
-    if (broken && TALLY(DIVERGED) == 0.0) TALLY(DIVERGED) = (double)(step + 1);
 
     float sum = returns[e] + paid, length = returns[ENVIRONMENTS + e] + 1.0f;
     u32 slot = step / EPISODE_STEPS_MOST;

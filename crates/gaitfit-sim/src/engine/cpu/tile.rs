@@ -175,6 +175,7 @@ impl<T: Lanes> Robots for LaneRobots<'_, T> {
         for number in block.torque.iter_mut().chain(&mut block.normal_force) {
             set_lane(number, lane, 0.0);
         }
+        block.tracked.iter_mut().flatten().for_each(|number| set_lane(number, lane, 0.0));
         block.fresh[lane] = true;
     }
 
