@@ -29,6 +29,28 @@ fn bits(run: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
+fn of_several_trainings_the_policy_that_follows_best_is_taken() {
+    let whole = tempfile::tempdir().unwrap();
+    let output = run(&args(whole.path(), SIMULATED, &["--set", "finetune.seeds=[2, 1, 3]"]));
+    assert!(output.status.success(), "{}", errors(&output));
+    let said = errors(&output);
+    let note = said.lines().find(|line| line.contains("round-1/finetune: the policy of seed")).unwrap();
+    let each: Vec<(f64, u64)> = (note.rsplit_once("added): ").unwrap().1.split(", "))
+        .map(|one| one.strip_prefix("seed ").unwrap().split_once(' ').unwrap())
+        .map(|(seed, error)| (error.parse().unwrap(), seed.parse().unwrap()))
+        .collect();
+    assert_eq!(each.iter().map(|(_, seed)| *seed).collect::<Vec<_>>(), [2, 1, 3]);
+    let best = each.iter().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap().1;
+    assert_eq!(json(&output)["rounds"][0]["seed"], best);
+    let folder = whole.path().join("l");
+    let taken = fs::read(folder.join("policies/policy-1.safetensors")).unwrap();
+    for (_, seed) in each {
+        let own = fs::read(folder.join(format!("round-1/finetune/seed-{seed}/policy.safetensors"))).unwrap();
+        assert_eq!(own == taken, seed == best, "seed {seed}");
+    }
+}
+
+#[test]
 fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
     let whole = tempfile::tempdir().unwrap();
     let output = run(&args(whole.path(), SIMULATED, &[]));
@@ -237,7 +259,7 @@ fn wrong_settings_are_refused_by_name() {
         (SIMULATED, "target.seed=18446744073709551615", ["`target.seed`", "18446744073709551615"]),
         (COMMAND, "target.timeout_seconds=0", ["`target.timeout_seconds`", "above 0"]),
         (SIMULATED, "target.trajektories=3", ["trajektories", "`trajectories`"]),
-        (SIMULATED, "finetune.seeds=[1, 2]", ["`finetune.seeds`", "one"]),
+        (SIMULATED, "finetune.seeds=[]", ["`finetune.seeds`", "one or more"]),
         (SIMULATED, "adapt.costs=[]", ["[adapt]", "`costs`"]),
         (SIMULATED, "adapt.policy=x.onnx", ["adapt.policy", "the loop decides it"]),
         (SIMULATED, "held_out=1", ["`held_out`", "2 to 1000"]),

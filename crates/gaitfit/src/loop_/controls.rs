@@ -69,7 +69,7 @@ pub fn run(
     let Some(first) = policies.first() else { return Ok(()) };
     for (name, folder, robot) in wanted(stages.setup, stages.target.as_ref(), round)? {
         let robot = TrainingRobot { times: u32::try_from(trainings).unwrap_or(u32::MAX), ..robot };
-        let (_, bytes) = stages.finetune(&format!("controls/{folder}"), first, &robot)?;
+        let (_, _, bytes) = stages.finetune(&format!("controls/{folder}"), first, &robot)?;
         let policy = stages.keep(name, folder, &bytes)?;
         evaluations.extend(measurement(TARGET, stages.on_target(folder, &policy)?));
     }

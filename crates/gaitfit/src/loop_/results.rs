@@ -71,6 +71,9 @@ pub struct RoundResult {
     pub theta: String,
     /// The training.
     pub finetune: train::Results,
+    /// The seed of it whose policy was taken; absent in results of earlier versions.
+    #[serde(default)]
+    pub seed: Option<u64>,
 }
 
 /// One policy in one simulator.

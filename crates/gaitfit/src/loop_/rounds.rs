@@ -138,7 +138,7 @@ fn one_round(
     add_truth(setup, &mut config);
     let (fit, adapt, theta) = stages.adapt(&round, &config)?;
     let robot = TrainingRobot::fitted(theta.clone(), settled::of_fit(&adapt, &theta)?);
-    let (finetune, bytes) = stages.finetune(&round, before, &robot)?;
+    let (finetune, seed, bytes) = stages.finetune(&round, before, &robot)?;
     let stem = |number: u32| format!("policy-{number}");
     let after = stages.keep(&policy_name(number), &stem(number), &bytes)?;
     let on = adapted(number, setup.config.rounds);
@@ -152,6 +152,7 @@ fn one_round(
         adapt,
         theta: theta.display().to_string(),
         finetune,
+        seed: Some(seed),
     };
     policies.push(after);
     Ok((result, fit))
@@ -281,7 +282,7 @@ fn reference(
         return Ok(());
     };
     let robot = TrainingRobot::target(files::truth(stages.folder), target);
-    let (_, bytes) = stages.finetune("reference", first, &robot)?;
+    let (_, _, bytes) = stages.finetune("reference", first, &robot)?;
     let policy = stages.keep(REFERENCE, "reference", &bytes)?;
     evaluations.extend(measurement(TARGET, stages.on_target("reference", &policy)?));
     Ok(())

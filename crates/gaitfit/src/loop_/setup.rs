@@ -220,12 +220,17 @@ impl Setup {
 
     /// A policy in a fitted simulator, whose forces act as late as in the fit.
     pub fn adapted(&self, policy: &PolicyFiles, theta: PathBuf) -> Result<World, Error> {
+        self.world(&policy.policy, &self.world_arguments(Some(theta)))
+    }
+
+    /// A policy in a simulator like that of the fits, of a robot that these settings describe.
+    pub fn world(&self, policy: &Policy, arguments: &WorldSettings) -> Result<World, Error> {
         let mut task = self.task.calm();
         task.robot_timestep = self.config.adapt.simulation.robot_timestep.or(task.robot_timestep);
         if let Some(chosen) = &self.config.adapt.simulation.self_contact {
             task.self_contact = chosen.clone();
         }
-        World::with_task(&self.world_arguments(Some(theta)), policy.policy.clone(), task)
+        World::with_task(arguments, policy.clone(), task)
     }
 
     /// By what the best policy is chosen: as many other trajectories.
@@ -248,6 +253,13 @@ impl Setup {
             // Policies are compared on the same numbers, wherever they were trained.
             device: Device::Cpu,
         }
+    }
+
+    /// By what the policy of several trainings is chosen, in the simulator where they were trained: more of the
+    /// trajectories that nothing is reported of.
+    pub fn choice_of_trainings(&self) -> Plan {
+        let plan = self.choice();
+        Plan { trajectories: plan.trajectories.max(256), ..plan }
     }
 }
 

@@ -2,7 +2,7 @@
 //! depend on which.
 
 use super::files::Times;
-use super::results::Measurement;
+use super::results::{Measurement, tracking_error};
 use super::settled;
 use super::setup::Setup;
 use crate::adapt::{self, AdaptResults};
@@ -11,6 +11,7 @@ use crate::run::RunFolder;
 use crate::settings::{AdaptConfig, ControlsConfig, FinetuneConfig, TargetConfig, TruthConfig, changed};
 use crate::target::{PolicyFiles, Target};
 use crate::watch::{Event, Watch};
+use crate::world::WorldSettings;
 use crate::{Error, Spring};
 use crate::{files as user_files, finetune, train};
 use gaitfit_learn::TrainingSettings;
@@ -213,13 +214,14 @@ impl<'a> Stages<'a> {
         Ok((setup, results, folder.path().join("theta.toml")))
     }
 
-    /// The training in the folder `round/finetune`, from a policy, on a simulated robot. Gives the trained policy's bytes.
+    /// The training in the folder `round/finetune`, from a policy, on a simulated robot. Gives the seed of the policy that
+    /// is taken, and its bytes.
     pub fn finetune(
         &mut self,
         round: &str,
         policy: &PolicyFiles,
         robot: &TrainingRobot,
-    ) -> Result<(train::Results, Vec<u8>), Error> {
+    ) -> Result<(train::Results, u64, Vec<u8>), Error> {
         self.pause()?;
         let stage = format!("{round}/finetune");
         let file = format!("{round}/finetune.toml");
@@ -273,10 +275,49 @@ impl<'a> Stages<'a> {
         let folder = RunFolder::only(&self.path(round), "finetune")?;
         let results = train::train_in(&setup, &folder, self.watch)?;
         self.times.set(&stage, results.wall_seconds)?;
-        let path = results.seeds.first().map(|seed| seed.policy.clone()).unwrap_or_default();
-        let bytes = user_files::read(Path::new(&path), user_files::MOST_BYTES)
-            .map_err(|error| Error::unreadable(Path::new(&path), error))?;
-        Ok((results, bytes))
+        let mut trained = Vec::with_capacity(results.seeds.len());
+        for one in &results.seeds {
+            let path = Path::new(&one.policy);
+            let bytes = user_files::read(path, user_files::MOST_BYTES)
+                .map_err(|error| Error::unreadable(path, error))?;
+            trained.push((one.seed, bytes));
+        }
+        let (seed, bytes) = self.best_of(&stage, robot, trained)?;
+        Ok((results, seed, bytes))
+    }
+
+    /// Of several trainings of a stage the one whose policy follows commands best in the simulator that all were trained in.
+    /// Chance decides much of a training, and where a policy gets stuck it does so there too.
+    fn best_of(
+        &self,
+        stage: &str,
+        robot: &TrainingRobot,
+        mut trained: Vec<(u64, Vec<u8>)>,
+    ) -> Result<(u64, Vec<u8>), Error> {
+        let mut found = Vec::with_capacity(trained.len());
+        for (seed, bytes) in trained.iter().filter(|_| trained.len() > 1) {
+            let policy = weights::read(bytes)?;
+            let (spring, torque_noise) = (robot.spring.clone(), robot.torque_noise);
+            let arguments = self.setup.world_arguments(robot.theta.clone());
+            let world = self.setup.world(&policy, &WorldSettings { spring, torque_noise, ..arguments })?;
+            let name = format!("seed {seed}");
+            found.push(measure(&world, &name, &self.setup.choice_of_trainings(), self.watch)?.evaluation);
+        }
+        let error = |number: usize| found.get(number).map_or(f64::INFINITY, tracking_error);
+        let best = (0..trained.len()).min_by(|a, b| error(*a).total_cmp(&error(*b))).unwrap_or_default();
+        if found.len() > 1 {
+            let each: Vec<String> =
+                found.iter().map(|one| format!("{} {:.4}", one.policy, tracking_error(one))).collect();
+            self.watch.note(&format!(
+                "{stage}: the policy of {} is taken; tracking errors where they were trained (m/s and rad/s added): {}",
+                found[best].policy,
+                each.join(", ")
+            ));
+        }
+        if trained.is_empty() {
+            return Err(Error::failed(format!("{stage} left no policy")));
+        }
+        Ok(trained.swap_remove(best))
     }
 
     /// What is measured of a policy on the target; none where that cannot be.

@@ -174,13 +174,13 @@ impl Run<'_> {
         let walk = stages.on_target("policy-0", &first)?.as_ref().map(Walk::from);
         let before = result(walk, 0.0);
         let robot = TrainingRobot::target(files::truth(&folder), &target);
-        let (trained, bytes) = stages.finetune("reference", &first, &robot)?;
+        let (trained, _, bytes) = stages.finetune("reference", &first, &robot)?;
         let policy = stages.keep(REFERENCE, "reference", &bytes)?;
         let walk = stages.on_target("reference", &policy)?.as_ref().map(Walk::from);
         let reference = result(walk, trained.wall_seconds);
         let mut controls = Vec::new();
         for (name, place, robot) in controls::wanted(&setup, stages.target.as_ref(), None)? {
-            let (trained, bytes) = stages.finetune(&format!("controls/{place}"), &first, &robot)?;
+            let (trained, _, bytes) = stages.finetune(&format!("controls/{place}"), &first, &robot)?;
             let policy = stages.keep(name, place, &bytes)?;
             let walk = stages.on_target(place, &policy)?.as_ref().map(Walk::from);
             controls.push((place.to_owned(), result(walk, trained.wall_seconds)));
@@ -228,7 +228,7 @@ impl Run<'_> {
         };
         if self.kind == Kind::Finetuning {
             let robot = TrainingRobot::fitted(theta.clone(), settled::of_fit(&found, &theta)?);
-            let (trained, bytes) = stages.finetune(round, &first, &robot)?;
+            let (trained, _, bytes) = stages.finetune(round, &first, &robot)?;
             let policy = stages.keep(&policy_name(1), "policy-1", &bytes)?;
             result.walk = stages.on_target("policy-1", &policy)?.as_ref().map(Walk::from);
             result.seconds += trained.wall_seconds;

@@ -208,11 +208,8 @@ impl LoopConfig {
             "`runs` names no folder; \".\" is the current one".to_owned()
         } else if !(self.checkpoint_seconds >= 0.0 && self.checkpoint_seconds.is_finite()) {
             "`checkpoint_seconds` must be at least 0".to_owned()
-        } else if self.finetune.seeds.len() != 1 {
-            format!(
-                "`finetune.seeds` has {} numbers; a loop goes on with one policy, give one",
-                self.finetune.seeds.len()
-            )
+        } else if self.finetune.seeds.is_empty() {
+            "`finetune.seeds` is empty; give one or more".to_owned()
         } else if evaluate.trajectories == 0 || evaluate.trajectories > 10_000_000 {
             "`evaluate.trajectories` must be 1 to 10000000".to_owned()
         } else if evaluate.drift > MOST_DRIFT {
