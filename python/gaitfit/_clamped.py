@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ._arguments import finite, items, path, real
 from ._logs import Log
-from ._own_simulator import Parameter
+from ._own_simulator import Parameter, logs_of, parameters_of
 
 _FIELDS = {"frictionloss": "dof_frictionloss", "armature": "dof_armature", "damping": "dof_damping"}
 
@@ -29,10 +30,17 @@ class Clamped:
         timestep: float = 0.00025,
         torque_limit: Sequence[float] | None = None,
     ) -> None:
-        self._logs = [logs] if isinstance(logs, Log) else list(logs)
-        self._names = [parameter.name for parameter in parameters]
+        self._logs = logs_of(logs)
+        self._names = [parameter.name for parameter in parameters_of(parameters)]
+        timestep = finite("timestep", timestep)
+        if timestep <= 0:
+            raise ValueError(f"timestep is {timestep}; it must be above 0 s")
+        if torque_limit is not None:
+            torque_limit = [real("a number of torque_limit", one) for one in items("torque_limit", torque_limit, "numbers")]
+            if not all(one > 0 for one in torque_limit):
+                raise ValueError(f"torque_limit is {torque_limit}; each must be above 0 N·m, or infinite")
         self._timestep = timestep
-        spec = mujoco.MjSpec.from_file(os.fspath(model))
+        spec = mujoco.MjSpec.from_file(path("model", model))
         for joint in list(spec.joints):
             if joint.type == mujoco.mjtJoint.mjJNT_FREE:
                 spec.delete(joint)
@@ -56,9 +64,9 @@ class Clamped:
             torque_limit = [limits.get(name, np.inf) for name in names]
         if len(torque_limit) != len(names):
             raise ValueError(f"torque_limit has {len(torque_limit)} numbers; the robot has {len(names)} joints")
-        finite = np.isfinite(torque_limit)
-        self._model.actuator_forcelimited[:] = finite
-        self._model.actuator_forcerange[:] = np.where(finite, torque_limit, 0.0)[:, None] * np.array([-1.0, 1.0])
+        limited = np.isfinite(torque_limit)
+        self._model.actuator_forcelimited[:] = limited
+        self._model.actuator_forcerange[:] = np.where(limited, torque_limit, 0.0)[:, None] * np.array([-1.0, 1.0])
         self._masks = [self._mask(name) for name in self._names]
         self._plans = [self._plan(number, log) for number, log in enumerate(self._logs)]
 

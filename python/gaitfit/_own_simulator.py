@@ -112,12 +112,7 @@ def fit_simulator(
     """
     if not callable(simulate):
         raise TypeError(f"simulate is {simulate!r}; give a function from candidates to signals (gaitfit.Simulator)")
-    logs = [logs] if isinstance(logs, Log) else items("logs", logs, "gaitfit.Log")
-    for log in logs:
-        if not isinstance(log, Log):
-            raise TypeError(f"logs has {log!r}; give gaitfit.Log, for example of gaitfit.read_log")
-    if not logs:
-        raise ValueError("logs is empty: give at least one gaitfit.Log")
+    logs = logs_of(logs)
     seeds = [count("a seed", seed, 0) for seed in items("seeds", seeds, "whole numbers")]
     if joints is None:
         joints = next((log.joints for log in logs if log.joints is not None), None)
@@ -128,7 +123,7 @@ def fit_simulator(
         raise ValueError(f"the logs' joints differ in names or order; needed in all of them: {joints}")
     if not seeds:
         raise ValueError("seeds is empty: there must be at least one")
-    entries = [_entry(one) for one in items("parameters", parameters, "gaitfit.Parameter")]
+    entries = [_entry(one) for one in parameters_of(parameters)]
     if not entries:
         raise ValueError("parameters is empty: give at least one gaitfit.Parameter")
     tolerance = finite("tolerance", tolerance)
@@ -171,10 +166,28 @@ def fit_simulator(
     )
 
 
+def logs_of(logs: Log | Sequence[Log]) -> list[Log]:
+    """One log or several, as a list."""
+    several = [logs] if isinstance(logs, Log) else items("logs", logs, "gaitfit.Log")
+    for log in several:
+        if not isinstance(log, Log):
+            raise TypeError(f"logs has {log!r}; give gaitfit.Log, for example of gaitfit.read_log")
+    if not several:
+        raise ValueError("logs is empty: give at least one gaitfit.Log")
+    return several
+
+
+def parameters_of(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """The parameters as a list."""
+    several = items("parameters", parameters, "gaitfit.Parameter")
+    for one in several:
+        if not isinstance(one, Parameter):
+            raise TypeError(f"parameters has {one!r}; give gaitfit.Parameter(name, lower, upper)")
+    return several
+
+
 def _entry(one: Parameter) -> dict[str, Any]:
     """A parameter as the native half takes it."""
-    if not isinstance(one, Parameter):
-        raise TypeError(f"parameters has {one!r}; give gaitfit.Parameter(name, lower, upper)")
     name = text("a parameter's name", one.name)
     lower, upper = finite(f"lower of {name}", one.lower), finite(f"upper of {name}", one.upper)
     if lower >= upper:

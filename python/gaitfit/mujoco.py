@@ -10,6 +10,7 @@ import numpy as np
 from mujoco import rollout
 from numpy.typing import NDArray
 
+from ._arguments import threads as checked
 from ._clamped import Clamped
 from ._logs import Log
 from ._own_simulator import Parameter
@@ -38,7 +39,7 @@ class ClampedRobot(Clamped):
         threads: int | None = None,
     ) -> None:
         super().__init__(model, logs, parameters, timestep=timestep, torque_limit=torque_limit)
-        self._threads = max(1, threads or len(os.sched_getaffinity(0)))
+        self._threads = checked(threads) or len(os.sched_getaffinity(0))
 
     def _simulated(
         self, models: list[mujoco.MjModel], start: NDArray[np.float64], control: NDArray[np.float64], every: int

@@ -155,6 +155,27 @@ class Arguments(Case):
             ({"intervals": "x"}, TypeError, "intervals is 'x'"),
         ])
 
+    def test_of_clamped_robots(self) -> None:
+        try:
+            from gaitfit.mujoco import ClampedRobot
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        log = gaitfit.read_log(DEMO / "fit.csv")[:20]
+        given = {"model": "assets/go2.xml", "logs": log, "parameters": [Parameter("delay", 0.0, 0.02)]}
+        self.refused(lambda **more: ClampedRobot(**{**given, **more}), [
+            ({"model": 3}, TypeError, "model is 3; it must be a path"),
+            ({"logs": 3}, TypeError, "logs is 3"),
+            ({"logs": []}, ValueError, "logs is empty"),
+            ({"parameters": [3]}, TypeError, "parameters has 3"),
+            ({"timestep": "a"}, TypeError, "timestep is 'a'"),
+            ({"timestep": 0}, ValueError, "timestep is 0.0; it must be above 0"),
+            ({"timestep": NAN}, ValueError, "timestep is nan"),
+            ({"torque_limit": 3}, TypeError, "torque_limit is 3; give a list of numbers"),
+            ({"torque_limit": ["a"] * 12}, TypeError, "a number of torque_limit is 'a'"),
+            ({"torque_limit": [-1.0] * 12}, ValueError, "each must be above 0"),
+            ({"threads": 0}, ValueError, "threads is 0"),
+        ])
+
     def test_of_searches(self) -> None:
         self.refused(lambda **more: CMA(**{"start": [1.0], "deviation": [1.0], **more}), [
             ({"seed": -1}, ValueError, "seed is -1"),
