@@ -112,6 +112,10 @@ fn what_does_not_fit_is_named() {
     assert!(matches!(error, ThetaFileError::Value { .. }), "{error}");
     let error = with(&|file| file.parameter[0].value = 1e30);
     assert!(error.to_string().contains("is 1e30; it must be a number from 0 to 1e6"), "{error}");
+    let error = with(&|file| {
+        (file.parameter[0].kind, file.parameter[0].value) = ("delay".into(), 100.0);
+    });
+    assert!(error.to_string().contains("is 100; it must be a number from 0 to 1"), "{error}");
     let error = with(&|file| file.parameter[0].upper = Some(f64::NAN));
     assert!(matches!(error, ThetaFileError::OutOfBounds { .. }), "{error}");
     let error = with(&|file| file.parameter[0].joints.clear());

@@ -14,7 +14,6 @@ mod table;
 mod viewer;
 mod watcher;
 
-use clap::Parser;
 use cli::{Cli, Command};
 use exit::{Exit, Failure};
 use std::ffi::OsString;
@@ -31,7 +30,7 @@ static SELF: OnceLock<PathBuf> = OnceLock::new();
 pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     SELF.get_or_init(|| arguments.first().map_or_else(|| "gaitfit".into(), PathBuf::from));
-    let done = match Cli::try_parse_from(&arguments) {
+    let done = match Cli::read(&arguments) {
         Ok(cli) => run(&cli),
         Err(asked) => return usage(&asked),
     };

@@ -45,13 +45,15 @@ fn settings() {
         ("logs=[\"nowhere.csv\"]", &["nowhere.csv", "does not exist", "--set"]),
         ("robot=nothing.xml", &["nothing.xml", "does not exist"]),
         ("costs=[\"wassr\"]", &["take wass, matcho"]),
+        ("costs=[\"matchr1\"]", &["if the robot walked, add base = \"free\" and `policy`"]),
+        ("costs=[\"matchs20\"]", &["if the robot walked add base = \"free\" and `policy`"]),
         ("logs=[]", &["`logs` names no log"]),
         ("optimizer.seeds=0", &["`optimizer.seeds`"]),
         ("name=../up", &["cannot name a run folder"]),
         ("runs=\"\"", &["`runs` names no folder"]),
         ("check.rmse_rad=nan", &["`check.rmse_rad`"]),
         ("simulation.timestep=1e-6", &["`simulation.timestep`", "raise it"]),
-        ("parameter.3.upper=10", &["`delay`", "upper bound"]),
+        ("parameter.3.upper=10", &["`delay`", "bounds 0 to 10 reach beyond 1;"]),
         ("gains.kp=-1", &["`gains.kp` has -1", "not negative"]),
         ("gains.kd={ FL_hip = nan }", &["`gains.kd` has NaN"]),
         ("validate_gains=[{ files = [\"*\"], kp = 1, kd = -2 }]", &["`validate_gains.0.kd` has -2"]),
@@ -145,6 +147,16 @@ fn a_huge_checkpoint_interval_is_only_long() {
     let runs = tempfile::tempdir().unwrap();
     let more = ["--set", "checkpoint_seconds=1e308", "--set", "optimizer.generations=1"];
     assert_eq!(adapt(runs.path(), &more).status.code(), Some(0));
+}
+
+#[test]
+fn a_fit_that_is_stopped_by_its_limit_notes_so_once() {
+    let runs = tempfile::tempdir().unwrap();
+    let output = adapt(runs.path(), &["--set", "optimizer.max_seconds=1e-9"]);
+    let said = errors(&output);
+    assert!(output.status.success(), "{said}");
+    let notes: Vec<&str> = said.lines().filter(|line| line.contains("optimizer.max_seconds")).collect();
+    assert!(matches!(notes[..], [note] if note.starts_with("note: stopped after")), "{said}");
 }
 
 #[cfg(unix)]

@@ -160,6 +160,17 @@ fn a_chirp_is_written_for_programs_and_fits() {
     let found = json(&run(&["sensitivity", &format!("{out}/fit.toml"), "--json", "--threads", "1"]));
     assert_eq!(found["parameters"].as_array().unwrap().len(), 10, "{found}");
 
+    // A joint whose name no log can have: before anything is simulated or made.
+    let robot = std::fs::read_to_string(common::root().join("assets/go2.xml")).unwrap();
+    let odd = folder.path().join("odd.xml").display().to_string();
+    std::fs::write(&odd, robot.replace("FL_hip_joint", "FL,hip_joint")).unwrap();
+    let none = folder.path().join("none");
+    let refused = run(&["excite", &odd, "--out", &none.display().to_string()]);
+    assert_eq!(refused.status.code(), Some(1));
+    let said = errors(&refused);
+    assert!(said.contains("odd.xml: joint `FL,hip_joint`") && said.contains("letters"), "{said}");
+    assert!(!none.exists());
+
     let refused = run(&chirp(&out, &["--pose", "FL_hip"]));
     assert_eq!(refused.status.code(), Some(2));
     assert!(errors(&refused).contains("JOINT=RAD"), "{}", errors(&refused));

@@ -86,12 +86,14 @@ fn robots_that_diverge_are_said_first_and_end_with_3() {
     assert!(errors(&output).contains("4 of 4 trajectories and 14 robots of the drift trials diverged"));
     let text = String::from_utf8(output.stdout).unwrap();
     assert!(text.starts_with("DIVERGED: 4 of 4") && text.contains("100.00 ±"), "{text}");
+    assert!(text.contains("DOES NOT WALK: 100.00 % of the trajectories end in a fall or diverge"), "{text}");
     assert!(!text.contains("NaN"), "{text}");
     assert!(std::fs::read_to_string(&page).unwrap().contains("Diverged"));
     let output = run(&shared.iter().copied().chain(["--json"]).collect::<Vec<_>>());
     assert_eq!(output.status.code(), Some(3));
     let found = json(&output);
     assert_eq!((&found["diverged"], &found["fall_rate"]["mean"]), (&4.into(), &1.0.into()));
+    assert!(found["verdict"].as_str().unwrap().contains("diverge"), "{found}");
     for key in ["reward", "linear_velocity_error", "action_rate"] {
         assert!(found[key]["mean"].is_null() && found[key]["ci95"].is_null(), "{key}: {found}");
     }

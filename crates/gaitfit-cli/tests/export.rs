@@ -212,6 +212,8 @@ fn fitted_parameters_become_files_of_other_simulators() {
         ("[0.019, 0.021]", "[0.021, 0.019]", "`armature` has the interval [0.021, 0.019]"),
         ("[0.019, 0.021]", "[nan, 0.021]", "lower end first"),
         ("\"s\"", "\"ms\"", "`delay` is in `ms`, and delay is in `s`"),
+        ("value = 0.01", "value = 100", "`delay` is 100; it must be a number from 0 to 1"),
+        ("value = 0.01", "value = \"x\"", "line 7, column 9"),
     ] {
         std::fs::write(&odd, text.replace(from, to)).unwrap();
         let output = run(&["export-theta", &odd.display().to_string(), "--out", &shown]);

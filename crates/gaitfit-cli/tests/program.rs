@@ -21,6 +21,40 @@ fn wrong_usage_ends_with_2_and_help_with_0() {
     assert!(errors(&output).contains("README.md: is a file; name the folder"), "{}", errors(&output));
 }
 
+/// Numbers that an option cannot have are its own error, negative ones too.
+#[test]
+fn options_say_what_they_take() {
+    let policy = "assets/go2-walk.safetensors";
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out").display().to_string();
+    for (args, words) in [
+        (
+            &["run", policy, "--robot", "simulated", "--drift", "-1"][..],
+            ["'--drift <N>'", "a whole number, not negative"],
+        ),
+        (&["run", policy, "--robot", "simulated", "--random", "-1"], ["--random: -1 s", "1 to 3600"]),
+        (
+            &["run", policy, "--robot", "simulated", "--drift", "1", "--drift-speeds", "-1,0,0"],
+            ["--drift: ", "from 0 to 5"],
+        ),
+        (&["run", policy, "--robot", "simulated", "--random", "x"], ["'--random <S>'", "give a number"]),
+        (&["collect", policy, "--trajectories", "0"], ["'--trajectories <N>'", "give 1 or more"]),
+        (&["collect", policy, "--log-shift", "-1", "2"], ["--log-shift", "from 0 to"]),
+        (&["collect", policy, "--seconds", "-4"], ["--seconds", "-4"]),
+        (&["excite", "assets/go2.xml", "--margin", "-1"], ["--margin", "-1"]),
+    ] {
+        let yes: &[&str] = if args[0] == "run" { &["--yes"] } else { &[] };
+        let output = run(&[args, yes, &["--out", &out]].concat());
+        let said = errors(&output);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {said}");
+        assert!(words.iter().all(|word| said.contains(word)), "{args:?}: {said}");
+    }
+    let help = String::from_utf8(run(&["collect", "-h"]).stdout).unwrap();
+    assert!(help.contains("--robot <FILE|ROBOT>") && help.contains("simulated"), "{help}");
+    let help = String::from_utf8(run(&["evaluate", "-h"]).stdout).unwrap();
+    assert!(help.contains("--robot <FILE>") && !help.contains("unitree-go2"), "{help}");
+}
+
 /// As on a machine without a GPU: the driver, if there is one, shows none.
 #[test]
 fn a_missing_gpu_is_a_clear_error() {

@@ -85,7 +85,7 @@ fn what_may_not_run_is_refused_before_anything_moves() {
     let biped = folder.path().join("other.csv").display().to_string();
     std::fs::write(&biped, "t,vx,vy\n0,0,0\n").unwrap();
     let output = run(&simulated(&biped, &folder.path().join("none").display().to_string()));
-    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("no column `wz`"), "{}", errors(&output));
 }
 
@@ -261,6 +261,7 @@ fn options_that_would_do_nothing_are_refused() {
     let bad = folder.path().join("bad.csv").display().to_string();
     std::fs::write(&bad, "trajectory,time,vx_cmd,vy_cmd,wz_cmd\n0,0,x,0,0\n").unwrap();
     let walk = ["run", WALK, "--commands", &script];
+    let random = ["run", WALK, "--random", "2"];
     for (first, more, word) in [
         (&walk[..], &["--drift-speeds", "1,1,1"][..], "--drift-speeds"),
         (&walk, &["--trajectories", "3"], "--trajectories"),
@@ -269,16 +270,30 @@ fn options_that_would_do_nothing_are_refused() {
         (&walk, &["--pause", "3"], "--pause: "),
         (&walk, &["--domain", "1"], "--domain: "),
         (&walk, &["--interface", "lo"], "--interface, "),
-        (&["run", WALK, "--random", "2"], &["--pause", "3"], "--pause: "),
-        (&["run", WALK, "--commands", &bad], &[], "bad.csv"),
-        (&["run", "assets/go2.xml", "--random", "2"], &[], "go2.xml"),
+        (&random, &["--pause", "3"], "--pause: "),
+        (&random, &["--beyond-training"], "--beyond-training"),
         (&["collect", WALK], &["--threads", "1"], "--threads is for simulators"),
-        (&["collect", WALK, "--commands", &script], &[], "`gaitfit run --commands`"),
+        (&["collect", WALK], &["--preset", "accurate"], "--preset is for simulators"),
+        (&["collect", WALK, "--commands", &script], &["--seed", "1"], "--seed is for random commands"),
     ] {
         let output = run(&[first, more, &["--robot", "simulated", "--yes", "--out", &out]].concat());
         assert_eq!(output.status.code(), Some(2), "{first:?} {more:?}: {}", errors(&output));
         assert!(errors(&output).contains(word), "{first:?} {more:?}: {}", errors(&output));
     }
+    // What is wrong is a file, as for all commands.
+    for (first, words) in [
+        (&["run", WALK, "--commands", &bad][..], ["bad.csv: line 2", "numbers"]),
+        (&["run", WALK, "--commands", "none.csv"], ["none.csv", "No such file"]),
+        (&["run", "assets/go2.xml", "--random", "2"], ["go2.xml: no policy", ".safetensors"]),
+        (&["collect", WALK, "--commands", &script], ["no column `trajectory`", "`gaitfit run --commands`"]),
+    ] {
+        let output = run(&[first, &["--robot", "simulated", "--yes", "--out", &out]].concat());
+        assert_eq!(output.status.code(), Some(1), "{first:?}: {}", errors(&output));
+        assert!(words.iter().all(|word| errors(&output).contains(word)), "{first:?}: {}", errors(&output));
+    }
+    let output = run(&["collect", WALK, "--patience", "100", "--out", &out]);
+    assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    assert!(errors(&output).contains("--patience, "), "{}", errors(&output));
     assert!(!Path::new(&out).exists());
 }
 

@@ -167,4 +167,20 @@ fn a_log_says_which_parameters_it_can_tell() {
     }
     let output = run(&[&demo[..], &["--difference", "-1"]].concat());
     assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
+    // A walk's log is no log of a clamped robot.
+    let text = std::fs::read_to_string(common::root().join("examples/go2-demo/fit.csv")).unwrap();
+    let row = |line: &str| match line.as_bytes().first() {
+        Some(b'#') => format!("{line}\n"),
+        Some(b't') => format!("{line},vx_cmd,vy_cmd,wz_cmd\n"),
+        _ => format!("{line},0.5,0,0\n"),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let walk = folder.path().join("walk.csv");
+    std::fs::write(&walk, text.lines().map(row).collect::<String>()).unwrap();
+    let found = json(&run(&[&demo[..], &coarse, &["--json", "--set", &format!("logs=[{walk:?}]")]].concat()));
+    let warnings = found["warnings"].to_string();
+    assert!(
+        warnings.contains("walk.csv: the log has commands") && warnings.contains("add base = "),
+        "{warnings}"
+    );
 }

@@ -60,4 +60,4 @@ pub use read::{Hole, IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_
 pub use summary::{JointSummary, LogSummary, SignalSummary, summary, summary_with_report};
 pub use time_unit::{ConvertedTime, TimeUnit, recognise as recognise_time_unit};
 pub use trajectory::*;
-pub use write::write_csv;
+pub use write::{check_names, write_csv};

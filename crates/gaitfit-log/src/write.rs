@@ -17,22 +17,7 @@ pub fn write_csv(path: &Path, trajectory: &Trajectory) -> Result<(), LogError> {
     if trajectory.is_empty() {
         return Err(LogError::NoSamples { path: path.to_owned() });
     }
-    for joint in &trajectory.joints {
-        if joint.trim() != joint || joint.contains(|c: char| c.is_control() || c == ',' || c == '"') {
-            return Err(LogError::Shape {
-                what: format!("joint `{}`", shown(joint)),
-                problem: "a CSV header cannot carry this name; use letters, digits and underscores".into(),
-            });
-        }
-    }
-    if let Some(robot) = &trajectory.robot
-        && robot.contains(|c: char| c.is_control())
-    {
-        return Err(LogError::Shape {
-            what: format!("robot name `{}`", shown(robot)),
-            problem: "a comment line cannot carry this name; use one line of text".into(),
-        });
-    }
+    check_names(trajectory.robot.as_deref(), &trajectory.joints)?;
     let failed = |action: &'static str| {
         move |source| LogError::Io {
             path: path.to_owned(),
@@ -65,6 +50,29 @@ pub fn write_csv(path: &Path, trajectory: &Trajectory) -> Result<(), LogError> {
         .and_then(|folder| folder.sync_all())
         .map_err(failed("sync the log's folder"))?;
     Ok(())
+}
+
+/// Checks that a log's header can carry these names.
+///
+/// # Errors
+/// [`LogError::Shape`] that names the joint or the robot, and the remedy.
+pub fn check_names(robot: Option<&str>, joints: &[String]) -> Result<(), LogError> {
+    let odd = |joint: &&String| {
+        joint.trim() != *joint || joint.contains(|c: char| c.is_control() || c == ',' || c == '"')
+    };
+    if let Some(joint) = joints.iter().find(odd) {
+        return Err(LogError::Shape {
+            what: format!("joint `{}`", shown(joint)),
+            problem: "a CSV header cannot carry this name; use letters, digits and underscores".into(),
+        });
+    }
+    match robot.filter(|robot| robot.contains(|c: char| c.is_control())) {
+        Some(robot) => Err(LogError::Shape {
+            what: format!("robot name `{}`", shown(robot)),
+            problem: "a comment line cannot carry this name; use one line of text".into(),
+        }),
+        None => Ok(()),
+    }
 }
 
 /// A channel's column names and its values, one row a sample.

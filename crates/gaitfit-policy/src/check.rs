@@ -25,7 +25,7 @@ impl Policy {
         }
         if self.actor.shape.outputs != joints {
             return Err(invalid(format!(
-                "the interface names {joints} joints, the actor gives {} actions; they must be as many, in the \
+                "joints names {joints} joints, the actor gives {} actions; they must be as many, in the \
                  same order",
                 self.actor.shape.outputs
             )));

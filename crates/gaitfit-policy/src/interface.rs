@@ -245,7 +245,7 @@ impl Interface {
         self.check_held()?;
         positive("gait_frequency", self.gait_frequency)?;
         if self.observation.is_empty() {
-            return Err(InterfaceError("the observation has no terms; list what the policy sees".into()));
+            return Err(InterfaceError("observation has no terms; list what the policy sees".into()));
         }
         self.check_terms("observation", &self.observation)?;
         self.check_terms("critic_observation", &self.critic_observation)
@@ -257,7 +257,7 @@ impl Interface {
             return Err(InterfaceError(format!("held has {found} joints; at most {MOST_JOINTS}")));
         }
         for (index, Held { joint, position, kp, kd }) in self.held.iter().enumerate() {
-            check_name(joint)?;
+            check_name("held", joint)?;
             if self.joints.contains(joint) || self.held[..index].iter().any(|other| other.joint == *joint) {
                 return Err(InterfaceError(format!(
                     "held joint {joint} is listed twice, or is one that the policy moves"
@@ -278,16 +278,19 @@ impl Interface {
     fn check_names(&self) -> Result<(), InterfaceError> {
         let joints = self.joints.len();
         if joints == 0 || joints > MOST_JOINTS {
-            return Err(InterfaceError(format!("{joints} joints; give between 1 and {MOST_JOINTS}")));
+            return Err(InterfaceError(format!(
+                "joints names {joints} joints; give between 1 and {MOST_JOINTS}"
+            )));
         }
-        let robot = Some(&self.robot).filter(|robot| !robot.is_empty());
-        for name in robot.into_iter().chain(&self.joints) {
-            check_name(name)?;
+        if !self.robot.is_empty() {
+            check_name("robot", &self.robot)?;
+        }
+        for name in &self.joints {
+            check_name("joints", name)?;
         }
         let twice = (1..joints).find(|&index| self.joints[..index].contains(&self.joints[index]));
-        twice.map_or(Ok(()), |index| {
-            Err(InterfaceError(format!("joint {} is listed twice", self.joints[index])))
-        })
+        twice
+            .map_or(Ok(()), |index| Err(InterfaceError(format!("joints names {} twice", self.joints[index]))))
     }
 
     fn check_terms(&self, name: &str, terms: &[Term]) -> Result<(), InterfaceError> {
@@ -361,10 +364,10 @@ impl Interface {
     pub fn resolve(&self, model: &Model) -> Result<Vec<usize>, InterfaceError> {
         let mut found = Vec::with_capacity(self.joints.len());
         for name in &self.joints {
-            let index = find(model, name)?;
+            let index = find(model, "joints", name)?;
             if let Some(other) = found.iter().position(|&other| other == index) {
                 return Err(InterfaceError(format!(
-                    "`{}` and `{name}` are both joint `{}` of robot `{}`; name every joint once",
+                    "joints: `{}` and `{name}` are both joint `{}` of robot `{}`; name every joint once",
                     self.joints[other], model.joints[index].name, model.name
                 )));
             }
@@ -380,7 +383,7 @@ impl Interface {
     pub fn resolve_held(&self, model: &Model, joints: &[usize]) -> Result<Vec<usize>, InterfaceError> {
         let mut found = Vec::with_capacity(self.held.len());
         for Held { joint, .. } in &self.held {
-            let index = find(model, joint)?;
+            let index = find(model, "held", joint)?;
             if joints.contains(&index) || found.contains(&index) {
                 return Err(InterfaceError(format!(
                     "held joint `{joint}` of robot `{}` is held twice, or moved by the policy",
@@ -409,18 +412,18 @@ impl Interface {
     }
 }
 
-fn find(model: &Model, name: &str) -> Result<usize, InterfaceError> {
+fn find(model: &Model, field: &str, name: &str) -> Result<usize, InterfaceError> {
     model.find_joint(name).ok_or_else(|| {
         let near = nearest(name, model.joints.iter().map(|joint| joint.name.as_str()));
-        InterfaceError(format!("robot `{}` has no joint `{name}`{near}", model.name))
+        InterfaceError(format!("{field}: robot `{}` has no joint `{name}`{near}", model.name))
     })
 }
 
-fn check_name(name: &str) -> Result<(), InterfaceError> {
+fn check_name(field: &str, name: &str) -> Result<(), InterfaceError> {
     if name.is_empty() || name.len() > LONGEST_NAME || name.chars().any(char::is_control) {
         let shown: String = name.chars().take(40).flat_map(char::escape_debug).collect();
         return Err(InterfaceError(format!(
-            "`{shown}` names no robot or joint; give 1 to {LONGEST_NAME} printable bytes"
+            "{field}: `{shown}` is no name; give 1 to {LONGEST_NAME} printable bytes"
         )));
     }
     Ok(())

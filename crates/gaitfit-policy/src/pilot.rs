@@ -35,7 +35,7 @@ impl<'a> Pilot<'a> {
         let unseen = |quantity| quantity == Quantity::BaseLinearVelocity;
         if interface.observation.iter().any(|term| unseen(term.quantity)) {
             return Err(InterfaceError(format!(
-                "the policy observes {}, which a robot does not measure; train one without it",
+                "observation has {}, which a robot does not measure; train one without it",
                 Quantity::BaseLinearVelocity.name()
             )));
         }

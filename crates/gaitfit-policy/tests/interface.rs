@@ -54,11 +54,12 @@ fn contradictions_are_named() {
         ),
         (|i| i.held = vec![held("arm", 1.0), held("arm", 1.0)], "held joint arm is listed twice"),
         (|i| i.held = vec![held("FL_hip_joint", 1.0)], "held joint FL_hip_joint is listed twice, or is one"),
+        (|i| i.held = vec![held("", 1.0)], "held: `` is no name"),
         (|i| i.held = vec![held("arm", -1.0)], "kp of held joint arm is -1"),
-        (|i| i.joints[1] = "FL_hip_joint".into(), "joint FL_hip_joint is listed twice"),
-        (|i| i.joints.clear(), "0 joints"),
-        (|i| i.robot = "go2\n".into(), "`go2\\n` names no robot"),
-        (|i| i.observation.clear(), "the observation has no terms"),
+        (|i| i.joints[1] = "FL_hip_joint".into(), "joints names FL_hip_joint twice"),
+        (|i| i.joints.clear(), "joints names 0 joints"),
+        (|i| i.robot = "go2\n".into(), "robot: `go2\\n` is no name"),
+        (|i| i.observation.clear(), "observation has no terms"),
         (
             |i| i.observation[0].scale = vec![1.0; 2],
             "scale of base_angular_velocity in observation has 2 numbers",
@@ -98,7 +99,11 @@ fn joints_that_are_missing_or_named_twice_are_refused() {
     let (model, mut interface) = (go2(), interface());
     interface.joints[4] = "FR_tigh_joint".into();
     let missing = interface.resolve(&model).unwrap_err().to_string();
-    assert!(missing.contains("no joint `FR_tigh_joint`; the nearest name is `FR_thigh_joint`"), "{missing}");
+    assert!(
+        missing.starts_with("joints: robot")
+            && missing.contains("no joint `FR_tigh_joint`; the nearest name is `FR_thigh_joint`"),
+        "{missing}"
+    );
     interface.joints[4] = "FL_hip".into();
     let twice = interface.resolve(&model).unwrap_err().to_string();
     assert!(twice.contains("`FL_hip_joint` and `FL_hip` are both joint `FL_hip_joint`"), "{twice}");

@@ -26,8 +26,9 @@ pub struct Entry {
 }
 
 impl Entry {
-    /// Whether the numbers are in order and the bounds mean something; `least` is the smallest value with a meaning.
-    pub(super) fn check(&self, least: f64) -> Result<(), ThetaError> {
+    /// Whether the numbers are in order and the bounds mean something; `least` is the smallest value with a
+    /// meaning, `most` the largest that can be simulated.
+    pub(super) fn check(&self, least: f64, most: f64) -> Result<(), ThetaError> {
         let Entry { lower, upper, start, deviation, .. } = *self;
         let finite = [lower, upper, start, deviation].iter().all(|value| value.is_finite());
         if !(finite && lower < upper && lower <= start && start <= upper && deviation > 0.0) {
@@ -36,8 +37,8 @@ impl Entry {
         if lower < least {
             return Err(ThetaError::Meaningless { name: self.name.clone(), kind: self.kind, least, lower });
         }
-        if lower < -MOST || upper > MOST {
-            return Err(ThetaError::Wide { name: self.name.clone(), lower, upper, most: MOST });
+        if lower < -MOST || upper > most {
+            return Err(ThetaError::Wide { name: self.name.clone(), lower, upper, most });
         }
         Ok(())
     }

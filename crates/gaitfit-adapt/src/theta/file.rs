@@ -112,7 +112,7 @@ pub enum ThetaFileError {
         kind: String,
     },
     /// A value without a meaning.
-    #[error("`{}` is {}; it must be a number from {least} to {MOST:e}", shown(name), shown_number(*value))]
+    #[error("`{}` is {}; it must be a number from {least} to {}", shown(name), shown_number(*value), short(*most))]
     Value {
         /// Parameter.
         name: String,
@@ -120,6 +120,8 @@ pub enum ThetaFileError {
         value: f64,
         /// Smallest value with a meaning.
         least: f64,
+        /// Largest value that can be simulated.
+        most: f64,
     },
     /// A value that the search cannot have found.
     #[error(
@@ -193,6 +195,11 @@ pub(super) struct ReadContext<'a> {
     fitted: &'a str,
 }
 
+/// A bound in few digits.
+pub(super) fn short(bound: f64) -> String {
+    if bound == MOST { format!("{bound:e}") } else { bound.to_string() }
+}
+
 /// That a file is of another robot, if it is.
 fn of_another(fitted: &str, robot: &str) -> String {
     if fitted.is_empty() || fitted == robot {
@@ -230,13 +237,14 @@ impl ReadContext<'_> {
         Ok(named)
     }
 
-    /// Whether the value has a meaning.
-    pub fn check(&self, parameter: &SavedParameter, least: f64) -> Result<(), ThetaFileError> {
+    /// Whether the value has a meaning, and can be simulated.
+    pub fn check(&self, parameter: &SavedParameter, least: f64, most: f64) -> Result<(), ThetaFileError> {
         let SavedParameter { name, value, .. } = parameter;
-        if value.is_finite() && *value >= least && value.abs() <= MOST {
+        let least = least.max(-MOST);
+        if (least..=most).contains(value) {
             return Ok(());
         }
-        Err(ThetaFileError::Value { name: name.clone(), value: *value, least: least.max(-MOST) })
+        Err(ThetaFileError::Value { name: name.clone(), value: *value, least, most })
     }
 }
 

@@ -1,5 +1,6 @@
 //! Parameters of joints: friction loss, armature, delay and the like.
 
+use super::file::MOST;
 use super::rules::every_joint;
 use super::sharing::Share;
 use super::{
@@ -8,6 +9,9 @@ use super::{
 };
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
+
+/// Longest delay that the engine simulates, s.
+const LONGEST_DELAY: f64 = 1.0;
 
 /// A rule: a parameter, the joints it covers, and what it takes instead of the parameter's defaults.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -78,7 +82,7 @@ impl ParameterRule {
     ) -> Result<Box<dyn Modification>, ThetaError> {
         let entries = self.entries(groups, joints)?;
         for entry in &entries {
-            entry.check(self.kind.least())?;
+            entry.check(self.kind.least(), most(self.kind))?;
         }
         Ok(Box::new(JointParameters { parameter: self.kind, entries }))
     }
@@ -115,6 +119,11 @@ impl ParameterRule {
 fn defaults(parameter: JointParameter) -> Defaults {
     let none = Defaults { lower: f64::NAN, upper: f64::NAN, start: f64::NAN, deviation: f64::NAN };
     parameter.search().unwrap_or(none)
+}
+
+/// Largest value of a parameter.
+fn most(parameter: JointParameter) -> f64 {
+    if parameter == JointParameter::Delay { LONGEST_DELAY } else { MOST }
 }
 
 /// One parameter of some joints.
@@ -162,7 +171,7 @@ pub(super) fn read(
     candidate: &mut Candidate,
 ) -> Option<Result<(), ThetaFileError>> {
     let kind = JointParameter::searched().find(|one| one.name() == parameter.kind)?;
-    Some(context.check(parameter, kind.least()).and_then(|()| {
+    Some(context.check(parameter, kind.least(), most(kind)).and_then(|()| {
         if parameter.joints.is_empty() {
             return Err(ThetaFileError::NoJoints { name: parameter.name.clone() });
         }

@@ -16,7 +16,7 @@ mod rules;
 mod sharing;
 
 pub use entry::Entry;
-use file::ReadContext;
+use file::{ReadContext, short};
 pub use file::{SavedNetwork, SavedParameter, ThetaFile, ThetaFileError};
 pub use gaitfit_physics::{JointParameter, SearchDefaults as Defaults};
 pub use joint_parameters::ParameterRule;
@@ -27,6 +27,7 @@ pub use rules::Rules;
 pub use sharing::Sharing;
 
 use gaitfit_model::patterns::PatternError;
+use gaitfit_model::shown_number;
 use gaitfit_sim::Candidate;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -71,9 +72,12 @@ pub enum ThetaError {
         /// The lower bound asked for.
         lower: f64,
     },
-    /// Bounds reach beyond what a theta.toml can say.
+    /// Bounds reach beyond what a theta.toml can say, or what can be simulated.
     #[error(
-        "parameter `{name}`: its bounds {lower:e} to {upper:e} reach beyond {most:e}; bring them nearer to what it can be"
+        "parameter `{name}`: its bounds {} to {} reach beyond {}; bring them nearer to what it can be",
+        shown_number(*lower),
+        shown_number(*upper),
+        short(*most)
     )]
     Wide {
         /// Entry.
@@ -82,7 +86,7 @@ pub enum ThetaError {
         lower: f64,
         /// Upper bound.
         upper: f64,
-        /// Largest number of a theta.toml.
+        /// Largest value.
         most: f64,
     },
     /// Patterns do not fit the robot's joints.

@@ -1,6 +1,7 @@
 //! Networks of joints: ActionDelta and ResidAct (Dao and Fern; He et al. 2025).
 
 use super::features;
+use super::file::MOST;
 use super::rules::every_joint;
 use super::{
     Entry, Found, LinearSpring, Modification, ReadContext, SavedNetwork, Sharing, ThetaError, ThetaFile,
@@ -214,7 +215,7 @@ impl NetworkRule {
             networks.push(share.joints.into_iter().map(|joint| (joint.clone(), angle(joint))).collect());
         }
         if let Some(entry) = entries.first() {
-            entry.check(f64::NEG_INFINITY)?;
+            entry.check(f64::NEG_INFINITY, MOST)?;
         }
         Ok(Box::new(Networks { rule: self.clone(), networks, entries }))
     }

@@ -34,13 +34,7 @@ pub struct Excite {
     #[arg(long, value_name = "FILE", requires = "policy")]
     pub theta: Option<PathBuf>,
     /// With --policy: standard deviation of random torques at every joint and physics step, N·m
-    #[arg(
-        long,
-        value_name = "NM",
-        default_value_t = 1.0,
-        requires = "policy",
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "NM", default_value_t = 1.0, requires = "policy")]
     pub torque_noise: f64,
     /// With --policy: change one setting of the configuration (repeatable)
     #[arg(long = "set", value_name = "KEY=VALUE", requires = "policy")]
@@ -52,37 +46,19 @@ pub struct Excite {
     #[arg(long, value_enum, default_value_t = Turns::All, conflicts_with = "policy")]
     pub turns: Turns,
     /// Length of a turn, s [default: 20], or with --policy of a sequence [default: 4]
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S")]
     pub seconds: Option<f64>,
     /// First and last frequency, Hz; a limit may lower the last one
-    #[arg(long, value_names = ["FROM", "TO"], num_args = 2, default_values_t = [0.1, 5.0], allow_negative_numbers = true, conflicts_with = "policy")]
+    #[arg(long, value_names = ["FROM", "TO"], num_args = 2, default_values_t = [0.1, 5.0], conflicts_with = "policy")]
     pub frequency: Vec<f64>,
     /// Amplitude, rad; a limit may lower it
-    #[arg(
-        long,
-        value_name = "RAD",
-        default_value_t = 0.3,
-        allow_negative_numbers = true,
-        conflicts_with = "policy"
-    )]
+    #[arg(long, value_name = "RAD", default_value_t = 0.3, conflicts_with = "policy")]
     pub amplitude: f64,
     /// Targets a second
-    #[arg(
-        long,
-        value_name = "HZ",
-        default_value_t = 200.0,
-        allow_negative_numbers = true,
-        conflicts_with = "policy"
-    )]
+    #[arg(long, value_name = "HZ", default_value_t = 200.0, conflicts_with = "policy")]
     pub rate: f64,
     /// Time in which the amplitude rises at the beginning of a turn and falls at its end, s
-    #[arg(
-        long,
-        value_name = "S",
-        default_value_t = 1.0,
-        allow_negative_numbers = true,
-        conflicts_with = "policy"
-    )]
+    #[arg(long, value_name = "S", default_value_t = 1.0, conflicts_with = "policy")]
     pub ease: f64,
     /// Position gains, N·m/rad: a number, or a table such as '{ "*_hip" = 20, "*" = 40 }' [default: the fit's, or those of
     /// the robot's usual task]
@@ -95,32 +71,20 @@ pub struct Excite {
     #[arg(long, value_name = "JOINT=RAD", conflicts_with = "policy")]
     pub pose: Vec<Angle>,
     /// Part of every limit that stays free
-    #[arg(
-        long,
-        value_name = "PART",
-        default_value_t = 0.1,
-        allow_negative_numbers = true,
-        conflicts_with = "policy"
-    )]
+    #[arg(long, value_name = "PART", default_value_t = 0.1, conflicts_with = "policy")]
     pub margin: f64,
     /// Speed limit of all joints, where the file has no lower one, rad/s [default: the file's, or 10]
-    #[arg(long, value_name = "RAD_S", allow_negative_numbers = true, conflicts_with = "policy")]
+    #[arg(long, value_name = "RAD_S", conflicts_with = "policy")]
     pub velocity_limit: Option<f64>,
     /// Torque limit of all joints, where the file has no lower one, N·m [default: the file's]
-    #[arg(long, value_name = "NM", allow_negative_numbers = true, conflicts_with = "policy")]
+    #[arg(long, value_name = "NM", conflicts_with = "policy")]
     pub torque_limit: Option<f64>,
     /// Configuration of a fit of legs in the air: its parameters and their bounds are the robots that are tried, its gains
     /// count [default: friction, armature, damping and delay]
     #[arg(long, value_name = "FILE.toml", conflicts_with = "policy")]
     pub fit: Option<PathBuf>,
     /// How much the fitted simulator will differ from the log, where a joint's range is 2
-    #[arg(
-        long,
-        value_name = "X",
-        default_value_t = 2e-3,
-        allow_negative_numbers = true,
-        conflicts_with = "policy"
-    )]
+    #[arg(long, value_name = "X", default_value_t = 2e-3, conflicts_with = "policy")]
     pub difference: f64,
     /// Drop what the engine does not honour in the robot file, instead of refusing it
     #[arg(long, conflicts_with = "policy")]

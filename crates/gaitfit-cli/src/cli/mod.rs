@@ -4,6 +4,7 @@ mod bench;
 mod choices;
 mod excite;
 mod logs;
+mod parse;
 mod robot;
 mod run;
 mod world;
@@ -13,7 +14,7 @@ pub use choices::{Config, ConfigOf, Preset};
 pub use excite::Excite;
 pub use gaitfit::device::{Device, Devices};
 pub use logs::{ExportLog, ExportTheta, Import};
-pub use robot::{Drift, LinkArgs, RobotKind, Run};
+pub use robot::{Drift, LinkArgs, PATIENCE, RobotKind, Run};
 pub use run::{Adapt, Finetune, Loop, Reproduce, RunArgs, Sensitivity, Train, Validate};
 pub use world::{Collect, Evaluate};
 
@@ -24,8 +25,9 @@ use std::path::PathBuf;
 
 /// Fits a legged robot's simulator to the real robot from its joint sensors.
 ///
-/// Results go to standard output, progress to standard error. Exit codes: 0 done, 1 failed, 2 wrong usage or
-/// configuration, 3 ran but a stated check failed, 4 hardware or library missing, 130 interrupted.
+/// Results go to standard output, progress to standard error. Exit codes: 0 done, 1 failed or a file
+/// that was given is broken, 2 wrong usage or configuration, 3 ran but a stated check failed, 4 hardware or library missing,
+/// 130 interrupted.
 #[derive(Debug, Parser)]
 #[command(name = "gaitfit", version, propagate_version = true, arg_required_else_help = true)]
 pub struct Cli {

@@ -4,6 +4,9 @@ use clap::{Args, ValueEnum};
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
+/// How old a state and how late a loop may be on a robot, ms.
+pub const PATIENCE: u16 = 20;
+
 /// A robot that a policy may run on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum RobotKind {
@@ -33,7 +36,7 @@ pub struct LinkArgs {
     #[arg(long)]
     pub yes: bool,
     /// How old a state and how late a loop may be, ms; for simulators only, on busy machines. A robot has 20
-    #[arg(long, value_name = "MS", default_value_t = 20, value_parser = clap::value_parser!(u16).range(20..=1000))]
+    #[arg(long, value_name = "MS", default_value_t = PATIENCE, value_parser = clap::value_parser!(u16).range(20..=1000))]
     pub patience: u16,
 }
 
@@ -75,7 +78,7 @@ pub struct Run {
     pub drift: Option<usize>,
     /// Speeds of the drift trials: ahead and aside, m/s, and turning, rad/s; 0 leaves a direction out [default: the
     /// paper's, 1,1,0.3925]
-    #[arg(long, value_name = "X,Y,YAW", requires = "drift", value_delimiter = ',', num_args = 1,
+    #[arg(long, value_name = "X,Y,YAW", requires = "drift", value_delimiter = ',', num_args = 1, allow_hyphen_values = true,
         conflicts_with_all = ["commands", "random", "remote", "keyboard"])]
     pub drift_speeds: Vec<f32>,
     /// So many random walks, with pauses between, each in a log of its own
@@ -91,7 +94,7 @@ pub struct Run {
     #[arg(long)]
     pub json: bool,
     /// Play commands that are beyond what the policy was trained for
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["random", "remote", "keyboard"])]
     pub beyond_training: bool,
     /// Whether `collect` asks: its options have other names.
     #[arg(skip)]

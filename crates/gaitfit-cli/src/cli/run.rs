@@ -62,7 +62,7 @@ pub struct Sensitivity {
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
     /// How much the fitted simulator will differ from the logs, where a joint's range is 2 [default: as these values do]
-    #[arg(long, value_name = "X", allow_negative_numbers = true)]
+    #[arg(long, value_name = "X")]
     pub difference: Option<f64>,
     /// Change one setting, for example --set simulation.timestep=0.0025 (repeatable)
     #[arg(long = "set", value_name = "KEY=VALUE")]
@@ -135,7 +135,7 @@ pub struct Finetune {
     #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
     pub spring: Vec<gaitfit::Spring>,
     /// Standard deviation of Gaussian torques at every joint and physics step, N·m
-    #[arg(long, value_name = "NM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "NM")]
     pub torque_noise: Option<f64>,
     /// Task: velocity, biped, or a file with a task's settings [default: the policy's own]
     #[arg(long, value_name = "TASK")]

@@ -26,7 +26,7 @@ pub struct WorldArgs {
     #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
     pub spring: Vec<gaitfit::Spring>,
     /// Standard deviation of Gaussian torques at every joint and physics step, N·m
-    #[arg(long, value_name = "NM", allow_negative_numbers = true, default_value_t = 0.0)]
+    #[arg(long, value_name = "NM", default_value_t = 0.0)]
     pub torque_noise: f64,
     /// Vary robots, starts and observations as in training, with pushes
     #[arg(long)]
@@ -83,7 +83,7 @@ pub struct Evaluate {
     #[arg(long, value_name = "N", default_value_t = 64)]
     pub drift: usize,
     /// Speeds of these: ahead and to the side, m/s, and turning, rad/s [default: half of the task's greatest commands]
-    #[arg(long, value_name = "X,Y,YAW", value_delimiter = ',', num_args = 1)]
+    #[arg(long, value_name = "X,Y,YAW", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
     pub drift_speeds: Vec<f64>,
     /// Uneven ground to cross besides: kinds (flat, slopes, stairs, rough) with commas between, a .toml file with
     /// [terrain], none, or own, the task's
@@ -112,6 +112,10 @@ pub struct Evaluate {
 
 /// Arguments of `collect`.
 #[derive(Debug, Args)]
+#[command(mut_arg("robot", |robot| robot.value_name("FILE|ROBOT").help(
+    "Robot (.xml, .mjcf, .urdf); or unitree-go2, a real one, or simulated, its rehearsal on the clock, as in `gaitfit run` \
+     [default: the built-in Go2]"
+)))]
 pub struct Collect {
     /// The policy and its simulator
     #[command(flatten)]

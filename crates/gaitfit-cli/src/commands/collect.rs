@@ -25,9 +25,11 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         return super::run::run(&on_robot(args, robot)?);
     }
     let link = &args.link;
-    if link.interface.is_some() || link.yes || link.dry_run || link.domain != 0 || link.pause.is_some() {
+    let paced = link.pause.is_some() || link.patience != cli::PATIENCE;
+    if paced || link.interface.is_some() || link.yes || link.dry_run || link.domain != 0 {
         return Err(Failure::usage(
-            "--interface, --domain, --pause, --yes and --dry-run are for a robot: name it, --robot unitree-go2",
+            "--interface, --domain, --pause, --patience, --yes and --dry-run are for a robot: name it, --robot unitree-go2 or \
+             simulated",
         ));
     }
     folder(&args.out, "the logs go")?;
@@ -70,6 +72,7 @@ fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Fail
         (world.torque_noise != 0.0, "--torque-noise"),
         (world.randomised, "--randomised"),
         (world.lenient, "--lenient"),
+        (world.preset != cli::Preset::Fast, "--preset"),
         (world.threads.is_some(), "--threads"),
         (world.task.is_some(), "--task"),
         (args.privileged, "--privileged"),
@@ -78,6 +81,11 @@ fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Fail
         if given {
             return Err(Failure::usage(format!("{option} is for simulators; a robot is as it is")));
         }
+    }
+    if args.commands.is_some() && world.seed != 0 {
+        return Err(Failure::usage(
+            "--seed is for random commands; --commands says them, and a robot draws nothing else",
+        ));
     }
     Ok(cli::Run {
         policy: world.policy.clone(),

@@ -2,7 +2,7 @@
 
 use super::walks::Who;
 use super::{folder, trial, walks};
-use crate::cli::{RobotKind, Run};
+use crate::cli::{PATIENCE, RobotKind, Run};
 use crate::exit::{Exit, Failure};
 use crate::keyboard::{self, Keyboard};
 use crate::output::{self, note};
@@ -36,7 +36,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
             "--yes: for simulators only, which are in another domain than 0 (--domain)",
         ));
     }
-    if args.link.patience != 20 && !simulator {
+    if args.link.patience != PATIENCE && !simulator {
         return Err(Failure::usage("--patience: for simulators only; a robot has 20 ms"));
     }
     if !args.link.yes && !args.link.dry_run && !std::io::stdin().is_terminal() {
@@ -49,7 +49,7 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         return Err(Failure::usage("--keyboard: standard input is no terminal, so no key can be read"));
     }
     signals::listen()?;
-    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::usage)?;
+    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
     suits(&policy, &GuardSettings::go2(Duration::ZERO).limits)
         .map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
     let who = walks::who(args, &policy)?;

@@ -86,7 +86,7 @@ pub fn who(args: &Run, policy: &Policy) -> Result<Who, Failure> {
                 path.display()
             )));
         }
-        Script::read(path).map_err(Failure::usage)?
+        Script::read(path).map_err(Failure::failed)?
     };
     let remedy =
         "give commands within that, or try the file with --robot simulated and take --beyond-training";
@@ -137,13 +137,13 @@ fn is_playlist(path: &Path) -> bool {
 /// The walks of such a file, each of `--seconds`.
 fn played(args: &Run, path: &Path) -> Result<Script, Failure> {
     if path.is_file() && !is_playlist(path) {
-        return Err(Failure::usage(format!(
+        return Err(Failure::failed(format!(
             "{}: no column `trajectory`; `collect` takes a file of `gaitfit excite --policy`, with the columns \
              trajectory,time,vx_cmd,vy_cmd,wz_cmd. One walk, with the columns t,vx,vy,wz, is for `gaitfit run --commands`",
             path.display()
         )));
     }
-    let sequences = playlist::read(path).map_err(Failure::usage)?;
+    let sequences = playlist::read(path)?;
     let seconds = args.seconds.unwrap_or(4.0);
     check_length("--seconds", seconds)?;
     check_count(

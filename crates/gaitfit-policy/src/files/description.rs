@@ -168,7 +168,10 @@ impl Description {
     /// # Errors
     /// Unknown and missing keys.
     pub fn from_table(table: toml::Table) -> Result<Self, PolicyError> {
-        table.try_into().map_err(|error: toml::de::Error| invalid(error.message().trim_end()))
+        // What it shows names the key, beneath the message.
+        table
+            .try_into()
+            .map_err(|error: toml::de::Error| invalid(error.to_string().trim_end().replace('\n', " ")))
     }
 
     /// What the description says about the robot.

@@ -87,9 +87,6 @@ fn on_the_cpu(setup: &Setup) -> Option<String> {
         setup.config.costs.iter().filter(|cost| cost.needs_imu()).map(ToString::to_string).collect();
     let there = setup.device.gpu().is_some() && !names.is_empty();
     there.then(|| {
-        format!(
-            "note: the CPU simulates for {}, whatever the device: it takes some seconds",
-            names.join(", ")
-        )
+        format!("the CPU simulates for {}, whatever the device: it takes some seconds", names.join(", "))
     })
 }

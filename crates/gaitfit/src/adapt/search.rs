@@ -87,7 +87,7 @@ pub fn fit(
         let limit = setup.config.optimizer.max_seconds;
         if limit > 0.0 && seconds() >= limit && !fit.finished() {
             watch.note(&format!(
-                "note: stopped after {limit} s (optimizer.max_seconds), generation {}",
+                "stopped after {limit} s (optimizer.max_seconds), generation {}",
                 fit.generation()
             ));
             break;

@@ -312,7 +312,7 @@ pub(crate) fn method(
     let threads = threads.unwrap_or_else(machine::threads);
     Ok(match policy {
         Some(policy) => Method::Walk(Arc::new(Walking::new(config, policy, &model, theta, base, threads)?)),
-        None => Method::Replay(Box::new(Clamped::new(config, model, theta, base, threads)?)),
+        None => Method::Replay(Box::new(Clamped::new(config, model, theta, base, threads))),
     })
 }
 

@@ -10,8 +10,6 @@ use gaitfit_sim::{Candidate, ReplayOptions};
 
 /// Most physics steps a sample, as the replay has it.
 const MOST_SUBSTEPS: usize = 1000;
-/// Longest actuation delay, s, as the replay has it.
-const MOST_DELAY: f64 = 1.0;
 
 /// A clamped robot.
 pub struct Clamped {
@@ -30,26 +28,11 @@ pub struct Clamped {
 
 impl Clamped {
     /// The robot of `model`. Candidates may have the delays of `base` and `theta`.
-    ///
-    /// # Errors
-    /// A delay too long to be replayed.
-    pub fn new(
-        config: &AdaptConfig,
-        model: Model,
-        theta: &Theta,
-        base: &Candidate,
-        threads: usize,
-    ) -> Result<Self, Error> {
+    pub fn new(config: &AdaptConfig, model: Model, theta: &Theta, base: &Candidate, threads: usize) -> Self {
         let searched = theta.largest(JointParameter::Delay).unwrap_or(0.0);
-        if searched > MOST_DELAY {
-            return Err(Error::settings(format!(
-                "the `delay` parameter's upper bound is {searched} s; at most {MOST_DELAY} s can be replayed: lower \
-                 `upper`"
-            )));
-        }
         let max_delay = base.robot.delay.iter().fold(searched, |most, &delay| most.max(delay));
         let (timestep, preset) = (config.simulation.timestep, config.simulation.preset);
-        Ok(Self { model, timestep, preset, max_delay, threads, gpu: None })
+        Self { model, timestep, preset, max_delay, threads, gpu: None }
     }
 
     /// Replays `logs`, which share a sample rate, on candidates. `base`: the robot that θ changes.

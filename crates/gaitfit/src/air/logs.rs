@@ -63,7 +63,13 @@ pub fn read(
         )));
     }
     let doubts = findings.iter().filter(|finding| finding.severity != Severity::Note);
-    let doubts = doubts.map(|finding| format!("{named}: {finding}")).collect();
+    let mut doubts: Vec<String> = doubts.map(|finding| format!("{named}: {finding}")).collect();
+    if trajectory.command.as_ref().is_some_and(|command| command.iter().any(|part| part.abs() > 0.0)) {
+        doubts.push(format!(
+            "{named}: the log has commands, as walks have, and is replayed as that of a clamped robot; if the robot walked, add \
+             base = \"free\" and `policy`"
+        ));
+    }
     Ok((Log { name: named.to_owned(), path, sidecars: report.sidecars, joints, trajectory }, doubts))
 }
 

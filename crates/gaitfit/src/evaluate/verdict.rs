@@ -19,16 +19,21 @@ pub struct Verdict {
     pub text: String,
 }
 
-/// The verdict on a measurement under commands of these ranges; none where nothing can be said: robots that diverge, or
-/// a task that asks for no walking.
+/// The verdict on a measurement under commands of these ranges; none where nothing can be said: some robots
+/// diverge, or the task asks for no walking.
 pub fn verdict(found: &Evaluation, command: &CommandSettings) -> Option<Verdict> {
     let (error, falls) = (found.linear_velocity_error.mean, found.fall_rate.mean);
-    if found.diverged > 0 || !falls.is_finite() {
+    if !falls.is_finite() {
         return None;
     }
-    let fallen = format!("{:.2} % of the trajectories end in a fall", 100.0 * falls);
+    // Those that diverge count as falls.
+    let or_not = if found.diverged > 0 { " or diverge" } else { "" };
+    let fallen = format!("{:.2} % of the trajectories end in a fall{or_not}", 100.0 * falls);
     if falls > MANY_FALLS {
         return Some(Verdict { walks: false, text: format!("{fallen}.") });
+    }
+    if found.diverged > 0 {
+        return None;
     }
     let still = standing_error(command);
     if still == 0.0 || !error.is_finite() {
@@ -101,5 +106,7 @@ mod tests {
             "{stands:?}"
         );
         assert_eq!(said(0.2, 0.0, 1), None);
+        let diverged = said(f64::NAN, 1.0, 10).unwrap();
+        assert!(!diverged.walks && diverged.text.contains("100.00 %") && diverged.text.contains("diverge"));
     }
 }

@@ -55,6 +55,9 @@ impl Body {
         if names.is_empty() {
             return Err(Error::failed(format!("{} has no joints to move", shown(&model.name))));
         }
+        // Its log is written last; before all else it is clear that it can be.
+        gaitfit_log::check_names(Some(&model.name), &names)
+            .map_err(|error| Error::content(&settings.robot, error))?;
         // It hangs free.
         (model.planes, model.obstacles, model.pairs) = Default::default();
         let named = |error| Error::settings(format!("`joints` (--joints): {error}"));

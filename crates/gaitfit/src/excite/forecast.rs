@@ -24,7 +24,7 @@ pub(super) fn forecast(
     let values: Vec<f64> = theta.entries().iter().map(|entry| off_bounds(entry, entry.start)).collect();
     let base = Candidate::nominal(&body.model);
     let threads = settings.threads.map_or_else(machine::threads, NonZeroUsize::get);
-    let clamped = Clamped::new(&config, body.model.clone(), theta, &base, threads)?;
+    let clamped = Clamped::new(&config, body.model.clone(), theta, &base, threads);
     let width = body.names.len();
     // The replay takes its start alone from the joints' signals; the simulated ones then take their place.
     let start = [body.centre.repeat(targets.len() / width), vec![0.0; targets.len()]];

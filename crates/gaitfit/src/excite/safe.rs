@@ -148,11 +148,6 @@ impl<'a> Trial<'a> {
         };
         let robots = (0..1 << kinds.len().min(CORNERED)).map(corner).chain((0..DRAWN).map(drawn)).collect();
         let longest_delay = theta.largest(JointParameter::Delay).unwrap_or(0.0);
-        if longest_delay > 1.0 {
-            return Err(Error::settings(format!(
-                "the `delay` parameter's upper bound is {longest_delay} s; at most 1 s can be replayed: lower `upper`"
-            )));
-        }
         Ok(Self {
             body,
             robots,

@@ -20,7 +20,7 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         return Err(refused(path, &wrong));
     }
     let wrong = if !free && config.robot.is_empty() {
-        "`robot` names no robot file"
+        "`robot` names no robot file; if the robot walked, add base = \"free\" and `policy`"
     } else if config.logs.is_empty() {
         "`logs` names no log to fit"
     } else if config.costs.is_empty() {
@@ -28,15 +28,17 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
     } else if (1..config.costs.len()).any(|index| config.costs[..index].contains(&config.costs[index])) {
         "`costs` names one cost twice"
     } else if !free && config.costs.iter().any(|cost| cost.is_privileged()) {
-        "a cost in `costs` resets the base, and base = \"fixed\" has none to reset; take \"matcho\" or \"wass\""
+        "a cost in `costs` resets the base, and base = \"fixed\" has none to reset; take \"matcho\" or \"wass\", or if \
+         the robot walked add base = \"free\" and `policy`"
     } else if !free && config.costs.iter().any(|cost| cost.needs_imu()) {
-        "\"matchr…\" is for walking logs; a clamped robot's whole logs can be compared: take \"matcho\""
+        "\"matchr…\" is for walking logs; if the robot walked, add base = \"free\" and `policy`; a clamped robot's whole logs \
+         can be compared: take \"matcho\""
     } else if config.costs.iter().any(|cost| cost.needs_imu())
         && config.number.iter().any(|rule| rule.kind == RobotNumber::TorqueNoise)
     {
         "[[number]] torque_noise cannot be found with \"matchr…\": noise only makes predictions worse; leave it out"
     } else if !free && config.simulation.robot_timestep.is_some() {
-        "`simulation.robot_timestep` is for walking logs; replays of a clamped robot do not depend on the step to first \
+        "`simulation.robot_timestep` is for walking logs; add base = \"free\" if the robot walked: replays of a clamped robot do not depend on the step to first \
          order"
     } else if config.simulation.robot_timestep.is_some_and(|step| !not_negative(step)) {
         "`simulation.robot_timestep` must be at least 0 s"

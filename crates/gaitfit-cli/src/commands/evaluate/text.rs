@@ -30,14 +30,12 @@ pub fn rows(document: &Evaluation) -> [(&'static str, Estimate, usize, &'static 
 /// What is wrong, then tables of means, drift and gait.
 pub fn text(document: &Evaluation, verdict: Option<&Verdict>, wall_seconds: f64) -> String {
     let summary = document;
-    let mut out = match (document.divergence(), verdict) {
-        (Some(message), _) => format!("DIVERGED: {message}\n\n"),
-        (None, Some(Verdict { walks: false, text })) => {
-            format!("{}: {text}\n\n", DoubtKind::NoWalk.headline().to_uppercase())
-        }
-        (None, Some(Verdict { walks: true, text })) => format!("{text}\n\n"),
-        (None, None) => String::new(),
-    };
+    let diverged = document.divergence().map(|message| format!("DIVERGED: {message}"));
+    let verdict = verdict.map(|Verdict { walks, text }| match walks {
+        true => text.clone(),
+        false => format!("{}: {text}", DoubtKind::NoWalk.headline().to_uppercase()),
+    });
+    let mut out: String = diverged.into_iter().chain(verdict).map(|line| format!("{line}\n\n")).collect();
     let _ = write!(
         out,
         "{} in {}: {} trajectories of {} s with random commands\n\n",

@@ -1,0 +1,46 @@
+//! The words of a command line: how they are read, and what is said of those that cannot be.
+
+use super::Cli;
+use clap::builder::StyledStr;
+use clap::error::{ContextKind, ContextValue};
+use clap::{Command, CommandFactory, FromArgMatches};
+use std::error::Error as _;
+use std::ffi::OsString;
+use std::num::{IntErrorKind, ParseFloatError, ParseIntError};
+
+impl Cli {
+    /// Reads the command line.
+    ///
+    /// # Errors
+    /// Help that was asked for, or what is wrong with a word.
+    pub fn read(arguments: &[OsString]) -> Result<Self, clap::Error> {
+        let matches = negative(Self::command()).try_get_matches_from(arguments).map_err(advised)?;
+        Self::from_arg_matches(&matches)
+    }
+}
+
+/// A negative number after an option is its value, which the option's own check then refuses or takes.
+fn negative(command: Command) -> Command {
+    command
+        .mut_args(|option| match option.is_positional() || !option.get_action().takes_values() {
+            true => option,
+            false => option.allow_negative_numbers(true),
+        })
+        .mut_subcommands(negative)
+}
+
+/// The error with what to give instead of a word that is no number.
+fn advised(mut error: clap::Error) -> clap::Error {
+    let advice = error.source().and_then(|source| match source.downcast_ref::<ParseIntError>() {
+        Some(wrong) => match wrong.kind() {
+            IntErrorKind::PosOverflow => Some("give a smaller number"),
+            IntErrorKind::Zero => Some("give 1 or more"),
+            _ => Some("give a whole number, not negative"),
+        },
+        None => source.is::<ParseFloatError>().then_some("give a number, for example 0.5"),
+    });
+    if let Some(advice) = advice {
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(advice)]));
+    }
+    error
+}
