@@ -76,8 +76,11 @@ class Robots:
         :attr:`last_observation` (of the ended one; other rows are left as they were), :attr:`reward`,
         :attr:`terminated` (it fell) and :attr:`truncated` (time is up). Returns how many episodes ended.
 
-        Raises ``ValueError`` for actions of a wrong shape or not finite, :class:`GaitfitError` for a robot that
-        diverged.
+        A robot whose simulation diverged counts as one that fell: its reward is 0, and so is its row of
+        :attr:`last_observation`. :attr:`diverged` counts them.
+
+        Raises ``ValueError`` for actions of a wrong shape or not finite, :class:`GaitfitError` if more than one robot in a
+        hundred diverged in the step.
         """
         actions = numbers("actions", actions, np.float32)
         if actions.ndim != 2:
@@ -91,6 +94,11 @@ class Robots:
             self.terminated,
             self.truncated,
         )
+
+    @property
+    def diverged(self) -> int:
+        """How many episodes ended because the simulation diverged."""
+        return self._robots.diverged
 
     @property
     def commands(self) -> NDArray[np.float32]:

@@ -4,6 +4,7 @@ use crate::errors::{failed, of, value};
 use gaitfit::settings::{self, TrainConfig};
 use gaitfit::train;
 use gaitfit_learn::task::{Ended, Environment, Task, TaskError};
+use gaitfit_learn::{MEND_DIVERGENCE, most_diverged};
 use gaitfit_sim::pool;
 use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
@@ -65,6 +66,9 @@ pub struct Robots {
     /// Settings of their task, as TOML.
     #[pyo3(get)]
     task: String,
+    /// Episodes that ended because the simulation diverged.
+    #[pyo3(get)]
+    diverged: usize,
 }
 
 #[pymethods]
@@ -124,6 +128,7 @@ impl Robots {
             rewards,
             interface,
             task: own,
+            diverged: 0,
         })
     }
 
@@ -192,7 +197,7 @@ impl Robots {
         let (scene, step, threads) = (&self.scene, self.step, self.threads);
         let [wide, critic_wide, action_wide] =
             [self.observation_width, self.critic_width, width].map(|width| width.max(1) * TILE);
-        let diverged = Mutex::new(None);
+        let diverged: Mutex<Vec<usize>> = Mutex::default();
         let ended = Mutex::new(0);
         py.detach(|| {
             scene.with_dependent(|_, tiles| {
@@ -218,20 +223,21 @@ impl Robots {
                     let mut tile = tile.lock().unwrap_or_else(PoisonError::into_inner);
                     let (ends, broken) = advance(&mut tile, step, rows);
                     *ended.lock().unwrap_or_else(PoisonError::into_inner) += ends;
-                    if let Some(robot) = broken {
-                        *diverged.lock().unwrap_or_else(PoisonError::into_inner) =
-                            Some(number * TILE + robot);
-                    }
+                    let broken = broken.into_iter().map(|robot| number * TILE + robot);
+                    diverged.lock().unwrap_or_else(PoisonError::into_inner).extend(broken);
                 });
             });
         });
         self.step = self.step.wrapping_add(1);
-        match diverged.into_inner().unwrap_or_else(PoisonError::into_inner) {
-            Some(robot) => Err(failed(format!(
-                "environment {robot} diverged: its state or reward is not finite. Use smaller gains or actions, or more \
-                 substeps"
+        let diverged = diverged.into_inner().unwrap_or_else(PoisonError::into_inner);
+        self.diverged += diverged.len();
+        match diverged.iter().min() {
+            Some(robot) if diverged.len() as f64 > most_diverged(count) => Err(failed(format!(
+                "{} of {count} environments diverged, the first of them environment {robot}: its state or reward is not \
+                 finite, or impossible. {MEND_DIVERGENCE}, or smaller actions",
+                diverged.len()
             ))),
-            None => Ok(ended.into_inner().unwrap_or_else(PoisonError::into_inner)),
+            _ => Ok(ended.into_inner().unwrap_or_else(PoisonError::into_inner)),
         }
     }
 
@@ -261,8 +267,8 @@ impl Robots {
     }
 }
 
-/// Steps a tile; how many episodes ended, and the first robot that diverged.
-fn advance(tile: &mut Environment<'_>, step: u32, rows: Rows<'_>) -> (usize, Option<usize>) {
+/// Steps a tile; how many episodes ended, and the robots that diverged.
+fn advance(tile: &mut Environment<'_>, step: u32, rows: Rows<'_>) -> (usize, Vec<usize>) {
     let mut ended = vec![Ended::No; tile.count()];
     tile.step(step, rows.actions, rows.reward, &mut ended);
     for (index, ended) in ended.iter().enumerate() {
@@ -270,13 +276,18 @@ fn advance(tile: &mut Environment<'_>, step: u32, rows: Rows<'_>) -> (usize, Opt
         rows.truncated[index] = *ended == Ended::TimeOut;
     }
     let ends = ended.iter().filter(|&&ended| ended != Ended::No).count();
+    let broken: Vec<usize> = (0..ended.len()).filter(|&index| ended[index] == Ended::Diverged).collect();
     if ends > 0 {
         tile.observe(step.wrapping_add(1), rows.last);
+        let width = rows.last.len() / ended.len();
+        for index in &broken {
+            rows.last[index * width..(index + 1) * width].fill(0.0);
+        }
         tile.begin_episodes(step, &ended);
     }
     tile.observe(step.wrapping_add(1), rows.observation);
     tile.observe_critic(rows.critic);
-    (ends, ended.iter().position(|&ended| ended == Ended::Diverged))
+    (ends, broken)
 }
 
 /// The parts of `values` of `count` tiles; a task without a critic's observation has empty ones.

@@ -46,6 +46,23 @@ class Many(Case):
         held = robots.observation
         self.assertIs(robots.reset(), held)
 
+    def test_a_robot_that_diverges_has_fallen_unless_they_are_many(self) -> None:
+        robots = gaitfit.Robots(num_envs=COUNT, seed=1)
+        actions = np.zeros((COUNT, 12), np.float32)
+        # The reward for smooth actions overflows.
+        actions[[7, 270]] = 1e30
+        robots.last_observation[:] = 1.0
+        self.assertGreaterEqual(robots.step(actions), 2)
+        self.assertEqual(robots.diverged, 2)
+        self.assertTrue(robots.terminated[[7, 270]].all())
+        np.testing.assert_array_equal(robots.reward[[7, 270]], 0.0)
+        np.testing.assert_array_equal(robots.last_observation[[7, 270]], 0.0)
+        for rows in (robots.observation, robots.critic_observation, robots.reward):
+            self.assertTrue(np.isfinite(rows).all())
+        actions[[1, 2]] = 1e30
+        with self.assertRaisesRegex(gaitfit.GaitfitError, "4 of 300 environments diverged, the first of them environment 1"):
+            robots.step(actions)
+
     def test_wrong_arguments_are_refused(self) -> None:
         for arguments, error in (
             ({"num_envs": 0}, ValueError),
