@@ -52,6 +52,7 @@ class Robots:
     rewards: list[str]
     interface: str
     task: str
+    diverged: int
     def __init__(
         self,
         config: str | None,
@@ -73,8 +74,6 @@ class Robots:
         terminated: NDArray[np.bool_],
         truncated: NDArray[np.bool_],
     ) -> int: ...
-    @property
-    def diverged(self) -> int: ...
     def restart(self) -> None: ...
     def commands(self) -> list[list[float]]: ...
 
