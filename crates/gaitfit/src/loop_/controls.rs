@@ -4,7 +4,8 @@
 use super::results::{DRAWN, KNOWN, Measurement, NOMINAL, RANDOMISED, RoundResult, TARGET, tracking_error};
 use super::settled;
 use super::setup::Setup;
-use super::stages::{Stages, TrainingRobot, measurement};
+use super::stages::{Stages, measurement};
+use super::training_robot::TrainingRobot;
 use crate::Error;
 use crate::evaluate::{Better, Comparison, compare};
 use crate::target::{PolicyFiles, Target};

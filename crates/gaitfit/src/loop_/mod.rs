@@ -9,6 +9,7 @@ pub mod rounds;
 pub(crate) mod settled;
 pub mod setup;
 pub mod stages;
+pub mod training_robot;
 pub mod walked;
 
 pub use results::Results;

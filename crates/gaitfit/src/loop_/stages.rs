@@ -5,14 +5,15 @@ use super::files::Times;
 use super::results::{Measurement, tracking_error};
 use super::settled;
 use super::setup::Setup;
+use super::training_robot::TrainingRobot;
+use crate::Error;
 use crate::adapt::{self, AdaptResults};
 use crate::evaluate::{Evaluation, Plan, measure};
 use crate::run::RunFolder;
-use crate::settings::{AdaptConfig, ControlsConfig, FinetuneConfig, TargetConfig, TruthConfig, changed};
+use crate::settings::{AdaptConfig, FinetuneConfig, changed};
 use crate::target::{PolicyFiles, Target};
 use crate::watch::{Event, Watch};
 use crate::world::WorldSettings;
-use crate::{Error, Spring};
 use crate::{files as user_files, finetune, train};
 use gaitfit_learn::TrainingSettings;
 use gaitfit_log::csv_files;
@@ -34,66 +35,6 @@ pub struct Stages<'a> {
     /// Stages that were come to, and all there will be, if that is known.
     steps: (usize, Option<usize>),
     watch: &'a Watch<'a>,
-}
-
-/// The simulated robot that a policy is fine-tuned on.
-#[derive(Clone, Debug, Default)]
-pub struct TrainingRobot {
-    /// Its numbers; those of the robot's file without any.
-    pub theta: Option<PathBuf>,
-    /// What differs from the settings of the task.
-    pub task: toml::Table,
-    /// Its springs.
-    pub spring: Vec<Spring>,
-    /// Its torque noise, N·m.
-    pub torque_noise: f64,
-    /// Whether its numbers are those of a fit.
-    pub fitted: bool,
-    /// Kinds of its parameters that are known, so that trainings do not draw them at random.
-    pub settled: Vec<String>,
-    /// Whether each robot takes other numbers of the fit's joint intervals.
-    pub drawn: bool,
-    /// How many times as many iterations as the settings ask for.
-    pub times: u32,
-}
-
-impl TrainingRobot {
-    /// A simulated target, whose numbers stand in a file.
-    pub fn target(theta: PathBuf, target: &TargetConfig) -> Self {
-        let (spring, torque_noise) = (target.spring.clone(), target.torque_noise);
-        Self { theta: Some(theta), spring, torque_noise, times: 1, ..Self::default() }
-    }
-
-    /// The robot of the file, which nothing was fitted to.
-    pub fn nominal() -> Self {
-        Self { times: 1, ..Self::default() }
-    }
-
-    /// Robots that differ at random.
-    pub fn randomised(controls: &ControlsConfig) -> Self {
-        let (task, torque_noise) = (controls.randomisation(), controls.torque_noise);
-        Self { task, torque_noise, ..Self::nominal() }
-    }
-
-    /// The robot of a fit, which has determined these kinds of parameters.
-    pub fn fitted(theta: PathBuf, settled: Vec<String>) -> Self {
-        Self { theta: Some(theta), fitted: true, settled, times: 1, ..Self::default() }
-    }
-
-    /// Robots of its joint intervals.
-    pub fn drawn(self) -> Self {
-        Self { drawn: true, ..self }
-    }
-
-    /// The robot whose numbers are known.
-    ///
-    /// # Errors
-    /// A file that cannot be read.
-    pub fn known(theta: &Path, truth: &TruthConfig) -> Result<Self, Error> {
-        let (spring, torque_noise) = (truth.spring.clone(), truth.torque_noise);
-        let settled = settled::of_file(theta)?;
-        Ok(Self { theta: Some(theta.to_owned()), spring, torque_noise, settled, ..Self::nominal() })
-    }
 }
 
 impl<'a> Stages<'a> {
