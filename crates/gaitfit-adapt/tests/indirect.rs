@@ -182,3 +182,20 @@ fn a_robot_that_cannot_be_simulated_leaves_the_values_as_they_are() {
     assert_eq!(outcome.values(), outcome.runs[0].values);
     assert_eq!(outcome.best_cost, outcome.runs[0].best_cost);
 }
+
+#[test]
+fn how_a_fit_answers_to_the_robot_is_learnt() {
+    // With twice the noise a fit moves by one and a half of what the process moves by.
+    let (outcome, refused) = fitted(0.8, 7, &Toy { most: 1.0 });
+    assert_eq!(refused, None);
+    let found = correction(&outcome);
+    assert!(found.uncorrected[0] < 0.9 * TRUTH[0] && found.uncorrected[1] > 1.25 * TRUTH[1], "{found:?}");
+    assert!(found.response[0][0] < 0.8, "{:?}", found.response);
+    // Four rounds are not enough where the first ones go too far.
+    assert!((5..=10).contains(&found.rounds.len()), "{}", found.rounds.len());
+    let uncertainty = outcome.uncertainty.as_ref().unwrap();
+    for ((value, truth), [low, high]) in outcome.values().iter().zip(TRUTH).zip(&uncertainty.interval) {
+        assert!((value / truth - 1.0).abs() < 0.03, "{value} for {truth}");
+        assert!((*low..=*high).contains(&truth), "{low} to {high}");
+    }
+}

@@ -10,6 +10,9 @@
 //! real ones ask for, which is none if the search went to its end. The step is not limited by bounds: it says how far beyond
 //! a bound the logs pull, on which the correction of a value that rests on one depends.
 //!
+//! How a fit answers to a change of the robot is learnt from round to round ([`Response`]), for values that make up for each
+//! other are hard to tell apart. Rounds go on until what is missing is no more than the choice of noise moves it.
+//!
 //! How much the simulated motors do besides what they are told follows from the size of the differences that the fit
 //! leaves: the noise is chosen with which simulated logs leave as much. The squared median is about affine in its square,
 //! and does not count what happens in few samples, legs that hit each other for one.
@@ -17,13 +20,18 @@
 use super::normal::{Loss, Normal};
 use super::question::{Comparison, Failure, Question, Slope, World};
 use super::residuals::Problem;
+use super::response::Response;
 use super::uncertainty::{RIDGE, silent};
 use super::{Around, around, size};
 use crate::fit::FitError;
 use serde::{Deserialize, Serialize};
 
-/// Rounds of simulated logs: in each the values are moved by what the last one missed.
-const ROUNDS: usize = 4;
+/// Rounds of simulated logs, at least and at most: in each the values are moved by what the last one missed.
+const ROUNDS: [usize; 2] = [4, 10];
+/// Rounds end where each value misses at most so many standard deviations of the mean over a round's sets,
+const MISSED: f64 = 2.5;
+/// or this part of an entry's deviation.
+const SETTLED: f64 = 2e-3;
 /// The last rounds, over which the values are averaged.
 const AVERAGED: usize = 2;
 /// Rounds that measure the differences which a robot without noise leaves; later ones change them little.
@@ -51,9 +59,9 @@ const SHARE: f64 = 0.2;
 /// then be of the simulated logs alone.
 const SHARE_WITHOUT_NOISE: f64 = 1.0;
 
-/// Sets of logs that a correction simulates, with `replicates` a round.
+/// Sets of logs that a correction simulates at most, with `replicates` a round.
 pub fn sets(replicates: u32) -> usize {
-    ROUNDS * replicates as usize + (MEASURED + 1) * TRIALS
+    ROUNDS[1] * replicates as usize + (MEASURED + 1) * TRIALS
 }
 
 /// What simulated logs say of a fit.
@@ -69,6 +77,8 @@ pub struct Correction {
     pub torque_noise: f64,
     /// Sets of simulated logs over which the correction is averaged.
     pub replicates: usize,
+    /// How far the robot's values move where the fit of its logs moves by one, a row a value.
+    pub response: Vec<Vec<f64>>,
     /// The rounds.
     pub rounds: Vec<Round>,
 }
@@ -83,6 +93,22 @@ pub struct Round {
     /// Where fits of its logs would end if that of the real ones ended where the slope of its loss does. Bounds do not
     /// limit them.
     pub fits: Vec<Vec<f64>>,
+}
+
+impl Round {
+    /// Mean of the fits.
+    fn mean(&self) -> Vec<f64> {
+        (0..self.values.len()).map(|at| mean(self.fits.iter().map(|fit| fit[at]))).collect()
+    }
+
+    /// Standard deviation of that mean.
+    fn noise(&self) -> Vec<f64> {
+        let of = |at: usize| {
+            let all: Vec<f64> = self.fits.iter().map(|fit| fit[at]).collect();
+            gaitfit_sim::stats::deviation(&all).unwrap_or(0.0) / (all.len().max(1) as f64).sqrt()
+        };
+        (0..self.values.len()).map(of).collect()
+    }
 }
 
 impl Correction {
@@ -190,8 +216,10 @@ impl Inference<'_> {
         let mut simulated = self.values.to_vec();
         let mut numbers = 0..u32::MAX;
         let (mut slope, mut quiet) = (None, 0.0);
-        let (mut done, mut found) = (Vec::<Round>::with_capacity(ROUNDS), Vec::new());
-        for round in 0..ROUNDS {
+        let mut done = Vec::<Round>::with_capacity(ROUNDS[1]);
+        let scale = self.problem.theta.entries().iter().map(|entry| entry.deviation).collect();
+        let mut response = Response::one_to_one(scale);
+        for round in 0..ROUNDS[1] {
             if round < MEASURED {
                 quiet = self.left(&simulated, 0.0, &mut numbers)?;
             }
@@ -213,26 +241,50 @@ impl Inference<'_> {
                 let left = compared.iter().map(|one| one.left).sum::<f64>() / compared.len().max(1) as f64;
                 slope = Some((left - quiet) / torque_noise.powi(2)).filter(|slope| *slope > 0.0).or(slope);
             }
-            let fits: Vec<Vec<f64>> = compared.iter().map(|one| self.fit(one)).collect();
-            let estimate: Vec<f64> = (0..simulated.len())
-                .map(|at| simulated[at] + self.values[at] - mean(fits.iter().map(|fit| fit[at])))
-                .collect();
-            let next = self.next(&simulated, &estimate);
-            if round + AVERAGED >= ROUNDS {
-                found.push(estimate);
+            let fits = compared.iter().map(|one| self.fit(one)).collect();
+            let here = Round { values: simulated.clone(), torque_noise, fits };
+            if let Some(before) = done.last() {
+                learn(&mut response, before, &here);
             }
-            done.push(Round { values: std::mem::replace(&mut simulated, next), torque_noise, fits });
+            let settled = self.settled(&here);
+            simulated = self.next(&simulated, &self.estimate(&here, &response));
+            done.push(here);
+            if settled && done.len() >= ROUNDS[0] {
+                break;
+            }
         }
-        Ok(self.correction(done, &found))
+        Ok(self.correction(done, &response))
     }
 
-    fn correction(&self, rounds: Vec<Round>, found: &[Vec<f64>]) -> Correction {
+    /// The values whose logs would ask for what the real ones ask for, by one round.
+    fn estimate(&self, round: &Round, response: &Response) -> Vec<f64> {
+        let needed = response.needed(&self.missed(round));
+        round.values.iter().zip(needed).map(|(value, by)| value + by).collect()
+    }
+
+    /// How far the fits of a round are from where the slope of the real logs' loss ends.
+    fn missed(&self, round: &Round) -> Vec<f64> {
+        self.values.iter().zip(round.mean()).map(|(value, fit)| value - fit).collect()
+    }
+
+    /// Whether what a round misses is not worth another one.
+    fn settled(&self, round: &Round) -> bool {
+        let (missed, noise) = (self.missed(round), round.noise());
+        let entries = self.problem.theta.entries().iter().zip(&self.moving);
+        let each = entries.zip(missed.iter().zip(&noise));
+        each.filter(|((_, moving), _)| **moving).all(|((entry, _), (missed, noise))| {
+            missed.abs() <= (MISSED * noise).max(SETTLED * entry.deviation)
+        })
+    }
+
+    fn correction(&self, rounds: Vec<Round>, response: &Response) -> Correction {
         let entries = self.problem.theta.entries().iter().enumerate();
+        let last = &rounds[rounds.len().saturating_sub(AVERAGED)..];
+        let found: Vec<Vec<f64>> = last.iter().map(|round| self.estimate(round, response)).collect();
         let corrected = entries.map(|(at, entry)| {
             let value = mean(found.iter().map(|one| one[at]));
             if self.moving[at] { value.clamp(entry.lower, entry.upper) } else { self.found[at] }
         });
-        let last = &rounds[rounds.len().saturating_sub(AVERAGED)..];
         let spread = |at: usize| {
             let of = |round: &Round| {
                 let all: Vec<f64> = round.fits.iter().map(|fit| fit[at]).collect();
@@ -246,6 +298,7 @@ impl Inference<'_> {
             spread: (0..self.found.len()).map(spread).collect(),
             torque_noise: mean(last.iter().map(|round| round.torque_noise)),
             replicates: last.iter().map(|round| round.fits.len()).sum(),
+            response: response.rows(),
             rounds,
         }
     }
@@ -296,6 +349,14 @@ impl Inference<'_> {
         let said = self.ask(simulated, noise, None, &drawn)?;
         Ok(mean(said.into_iter().map(|one| one.left)))
     }
+}
+
+/// What two rounds say of how fits answer to the robot.
+fn learn(response: &mut Response, before: &Round, after: &Round) {
+    let apart =
+        |from: &[f64], to: &[f64]| -> Vec<f64> { to.iter().zip(from).map(|(to, from)| to - from).collect() };
+    let noise: Vec<f64> = before.noise().iter().zip(after.noise()).map(|(a, b)| a.hypot(b)).collect();
+    response.learn(&apart(&before.values, &after.values), &apart(&before.mean(), &after.mean()), &noise);
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> f64 {

@@ -12,6 +12,7 @@ mod indirect;
 mod normal;
 mod question;
 mod residuals;
+mod response;
 mod sensitivity;
 mod uncertainty;
 

@@ -92,6 +92,8 @@ pub fn uncertainty(
         shifts.push(Shift { what: "a part of the correction".to_owned(), by: correction.doubt() });
         estimate.values = &correction.corrected;
         estimate.inflation = correction.inflation();
+        let rows = &correction.response;
+        estimate.response = Some(DMatrix::from_fn(rows.len(), rows.len(), |at, other| rows[at][other]));
     }
     Ok(estimate.together(&parts, shifts))
 }
@@ -114,6 +116,8 @@ struct Estimate<'a> {
     values: &'a [f64],
     /// How much more the choice of logs moves it, as simulated logs are few too.
     inflation: f64,
+    /// How far a corrected value moves where the fit's values move.
+    response: Option<DMatrix<f64>>,
     whole: Normal,
     /// Entries that neither rest on a bound which holds them, nor lack an effect.
     free: Vec<bool>,
@@ -142,7 +146,7 @@ impl<'a> Estimate<'a> {
         };
         let silent: Vec<bool> = theta.entries().iter().enumerate().map(silent).collect();
         let free = free(theta, values, &whole).into_iter().zip(&silent).map(|(free, silent)| free && !silent);
-        Self { free: free.collect(), theta, values, inflation: 1.0, whole, silent, scores }
+        Self { free: free.collect(), theta, values, inflation: 1.0, response: None, whole, silent, scores }
     }
 
     /// How far a change of the slope moves the estimate.
@@ -168,6 +172,9 @@ impl<'a> Estimate<'a> {
         let mut covariance = DMatrix::zeros(entries, entries);
         for (at, column) in half.column_iter().enumerate() {
             covariance.set_column(at, &DVector::from_vec(self.step(&column.into_owned())?));
+        }
+        if let Some(response) = &self.response {
+            covariance = response * covariance * response.transpose();
         }
         let of = |at: usize| {
             let variance = if self.free[at] {
@@ -217,8 +224,9 @@ impl<'a> Estimate<'a> {
                 drawn.add(&parts[(at as usize).min(parts.len() - 1)]);
             }
             let step = self.solve(&drawn.curvature, &(&drawn.slope - &self.whole.slope));
-            let step = step.unwrap_or_else(|| vec![0.0; self.values.len()]);
-            let entries = self.theta.entries().iter().zip(self.values).zip(step).enumerate();
+            let step = DVector::from_vec(step.unwrap_or_else(|| vec![0.0; self.values.len()]));
+            let step = self.response.as_ref().map_or_else(|| step.clone(), |response| response * &step);
+            let entries = self.theta.entries().iter().zip(self.values).zip(step.iter()).enumerate();
             let moved = entries.map(|(at, ((entry, value), step))| {
                 if self.silent[at] {
                     return entry.lower + own.step(2).uniform(place(at)) * (entry.upper - entry.lower);
