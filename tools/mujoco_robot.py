@@ -29,7 +29,7 @@ TIMESTEP = 0.001
 # Drift trials: time of standing before and after a command, and of the command, s.
 STAND, HOLD = 1.0, 4.0
 KEYS = {"model": str, "timestep": float, "delay": float, "torque_noise": float, "strength": float, "friction": float,
-        "frictionloss": dict, "armature": dict, "spring": list, "payload": dict}
+        "frictionloss": dict, "armature": dict, "damping": dict, "spring": list, "payload": dict}
 PAYLOAD = {"mass": float, "x": float, "y": float, "z": float}
 SPRING = {"joint": str, "stiffness": float, "angle": float}
 
@@ -55,7 +55,7 @@ def read_robot(policy, path, seed):
         table = typed(tomllib.loads(path.read_text(encoding="utf-8")), KEYS, path)
     except (OSError, ValueError) as error:
         raise Refused(f"{path}: {error}") from None
-    for name in ("frictionloss", "armature"):
+    for name in ("frictionloss", "armature", "damping"):
         typed(table.get(name, {}), dict.fromkeys(table.get(name, {}), float), f"{path}: [{name}]")
         for pattern, value in table.get(name, {}).items():
             if value < 0:

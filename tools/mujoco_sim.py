@@ -53,6 +53,7 @@ class World:
     timestep: float = 0.005  # s
     frictionloss: dict = dataclasses.field(default_factory=dict)  # N·m by joint pattern
     armature: dict = dataclasses.field(default_factory=dict)  # kg·m² by joint pattern
+    damping: dict = dataclasses.field(default_factory=dict)  # viscous, N·m·s/rad by joint pattern
     springs: tuple = ()  # (joint, N·m/rad, rad)
     delay: float = 0.0  # s, from a position target to the motor
     torque_noise: float = 0.0  # N·m, standard deviation, drawn at every physics step
@@ -176,6 +177,9 @@ class Robot:
             hinges[name].frictionloss = value
         for name, value in by_joint(world.armature, names, "armature").items():
             hinges[name].armature = value
+        for name, value in by_joint(world.damping, names, "damping").items():
+            # As springs: a polynomial, of which the linear term is used alone.
+            hinges[name].damping = [value, 0, 0]
         for pattern, stiffness, angle in world.springs:
             for name in by_joint({pattern: stiffness}, names, "spring"):
                 if any(hinges[name].stiffness):

@@ -254,8 +254,10 @@ fn commands_are_chosen_and_played() {
     assert!(output.status.success(), "{}", errors(&output));
     let found = json(&output);
     assert!(found["ratio"].as_f64().unwrap() < 1.0, "{found}");
-    assert_eq!((found["parameters"].as_array().unwrap().len(), &found["pool"]), (6, &12.into()));
+    // Two rounds of three variants.
+    assert_eq!((found["parameters"].as_array().unwrap().len(), &found["pool"]), (6, &18.into()));
     assert!(found["parameters"][0]["chosen"].as_f64().unwrap() > 0.0);
+    assert!(found["recorded_seconds"].is_null() && found["parameters"][0]["recorded"].is_null(), "{found}");
     let text = std::fs::read_to_string(at("commands.csv")).unwrap();
     // The same whatever the threads; others for friction alone and from another seed.
     assert!(choose("again.csv", &["--threads", "2"]).status.success());
@@ -294,10 +296,41 @@ fn commands_are_chosen_and_played() {
         assert!(base.position.as_ref().unwrap()[2] > 0.2 && base.quaternion.is_some());
     }
 
+    // Logs that there are count: they tell something alone, and all parameters better with more commands.
+    let more = choose("more.csv", &["--set", &format!("logs = [\"{out}\"]")]);
+    assert!(more.status.success(), "{}", errors(&more));
+    let more = json(&more);
+    assert!((more["recorded_seconds"].as_f64().unwrap() - 2.36).abs() < 0.1, "{more}");
+    for (alone, both) in
+        found["parameters"].as_array().unwrap().iter().zip(more["parameters"].as_array().unwrap())
+    {
+        let of = |of: &serde_json::Value, key: &str| of[key].as_f64().unwrap();
+        let (recorded, chosen) = (of(both, "recorded"), of(both, "chosen"));
+        assert!(chosen < 0.9 * recorded && chosen < 0.95 * of(alone, "chosen"), "{both} {alone}");
+        // Only what they leave unidentified counts: half of the bounds of 0.5 is wider than four deviations.
+        assert_eq!(
+            both["counts"],
+            more["notes"].to_string().contains("every parameter") || recorded >= 0.0625
+        );
+    }
+    let wide = json(&choose("wide.csv", &["--reach", "2", "--pool", "24"]));
+    assert!(wide["fell"].as_u64().unwrap() < 30, "{wide}");
+    let text = std::fs::read_to_string(at("wide.csv")).unwrap();
+    let greatest = |text: &str| {
+        let values = text
+            .lines()
+            .skip(1)
+            .flat_map(|line| line.split(',').skip(2).map(|word| word.parse::<f64>().unwrap()));
+        values.fold(0.0f64, |most, value| most.max(value.abs()))
+    };
+    assert!(greatest(&text) > 1.0 && greatest(&text) <= 2.0, "{text}");
+
     let refused = |output: std::process::Output, code: i32, words: &str| {
         assert_eq!(output.status.code(), Some(code), "{}", errors(&output));
         assert!(errors(&output).contains(words), "`{words}` is not in {}", errors(&output));
     };
+    refused(choose("no.csv", &["--set", "logs = [\"nowhere\"]"]), 1, "nowhere");
+    refused(choose("no.csv", &["--reach", "0.5"]), 2, "--reach");
     refused(choose("no.csv", &["--parameters", "tail"]), 2, "--parameters");
     refused(choose("no.csv", &["--torque-noise", "NaN"]), 2, "--torque-noise");
     refused(choose("no.csv", &["--amplitude", "0.1"]), 2, "--policy");

@@ -27,7 +27,12 @@ pub struct Excite {
     /// With --policy: sequences to choose from
     #[arg(long, value_name = "N", default_value_t = 128, requires = "policy")]
     pub pool: usize,
-    /// With --policy: parameters whose spread is to be small, names or patterns, separated by commas [default: all]
+    /// With --policy: greatest commands to choose from over those of the policy's task; those under which it falls in
+    /// simulation are left out
+    #[arg(long, value_name = "X", default_value_t = 1.0, requires = "policy")]
+    pub reach: f64,
+    /// With --policy: parameters whose spread is to be small, names or patterns, separated by commas [default: those that
+    /// the configuration's logs leave unidentified, or all]
     #[arg(long, value_name = "PATTERNS", value_delimiter = ',', requires = "policy")]
     pub parameters: Vec<String>,
     /// With --policy: values of the parameters, a theta.toml [default: the configuration's truth, or the search's start]
@@ -112,6 +117,7 @@ impl Excite {
             trajectories: self.trajectories,
             seconds: self.seconds.unwrap_or(COMMAND_SECONDS),
             pool: self.pool,
+            reach: self.reach,
             torque_noise: self.torque_noise,
             seed: self.seed,
             threads: self.threads,

@@ -48,17 +48,25 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
     if args.json {
         return output::print_json(&Chosen { commands: &found, written: &args.out });
     }
-    let mut rows = table(&["parameter", "random", "chosen", "unit", "chosen over random"], &[1, 2, 4]);
+    let header = ["parameter", "recorded", "random", "chosen", "unit", "chosen over random"];
+    let mut rows = table(&header, &[1, 2, 3, 5]);
     let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), |value| format!("{value:.2e}"));
-    for Expected { name, unit, random, chosen, .. } in &found.parameters {
+    for Expected { name, unit, counts, recorded, random, chosen } in &found.parameters {
         let ratio = random
             .zip(*chosen)
             .map_or_else(|| "–".to_owned(), |(random, chosen)| format!("{:.2}", chosen / random));
-        rows.add_row([shown(name), number(*random), number(*chosen), unit.clone(), ratio]);
+        let name = format!("{}{}", shown(name), if *counts { "" } else { " (does not count)" });
+        rows.add_row([name, number(*recorded), number(*random), number(*chosen), unit.clone(), ratio]);
     }
+    let logs = found.recorded_seconds.map_or_else(String::new, |seconds| {
+        format!(
+            ", with the {seconds:.0} s of logs that {} names alone, and with them",
+            shown(&args.file.display().to_string())
+        )
+    });
     let mut text = format!(
         "{} command sequences of {} s for {}, chosen from {} of which {} made it fall.\n\nExpected standard deviations of a \
-         fit, with as many random commands and with the chosen ones:\n\n{rows}\n\n",
+         fit{logs} and as many random commands or the chosen ones:\n\n{rows}\n\n",
         found.sequences.len(),
         settings.seconds,
         shown(&found.robot),

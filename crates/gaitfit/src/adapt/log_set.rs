@@ -49,7 +49,7 @@ impl LogSet {
     }
 
     /// The same logs, compared in the scaling of `other`.
-    pub(super) fn scaled_as(self, other: &Self) -> Self {
+    pub(crate) fn scaled_as(self, other: &Self) -> Self {
         let reference = Reference::clone(&self.reference).scaled_as(&other.reference);
         Self { reference: Arc::new(reference), ..self }
     }

@@ -37,7 +37,7 @@ pub use results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};
 pub use score::{Score, Validation};
 pub use search::{METRICS, metrics};
 pub use sensitivity::{SensitivityResults, Told, sensitivity};
-pub(crate) use sensitivity::{known_values, tell};
+pub(crate) use sensitivity::{identifies, known_values, tell};
 pub use setup::Setup;
 pub(crate) use setup::{Robot, method as simulated};
 pub use share::{Crew, Done, Helper, Shares};

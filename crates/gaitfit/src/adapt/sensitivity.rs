@@ -52,6 +52,11 @@ pub struct Told {
     pub like: Option<(String, f64)>,
 }
 
+/// Whether a 95 % interval of an estimate with this standard deviation covers less than half of the entry's bounds.
+pub(crate) fn identifies(entry: &Entry, deviation: f64) -> bool {
+    4.0 * deviation < MOST * (entry.upper - entry.lower)
+}
+
 /// `value`, if the search of `entry` could find it; `place` says where it is written.
 fn within(entry: &Entry, value: f64, place: &str) -> Result<f64, Error> {
     let slack = 1e-6 * (entry.upper - entry.lower);
@@ -163,7 +168,7 @@ pub(crate) fn tell(
             value: values[at],
             deviation,
             alone: found.alone[at],
-            told: deviation.is_some_and(|one| 4.0 * one < MOST * (entry.upper - entry.lower)),
+            told: deviation.is_some_and(|one| identifies(entry, one)),
             like: like
                 .filter(|(_, correlation)| correlation.abs() > ALIKE)
                 .map(|(other, correlation)| (entries[other].name.clone(), correlation)),

@@ -1,23 +1,20 @@
 //! Commands for a walking policy, chosen by what their logs can tell.
 
-use super::design::{choose, deviations};
+use super::design::choose;
+use super::look::{Look, interrupted, variance};
 use super::playlist::Sequence;
-use crate::adapt::{LogSet, Method, Robot, known_values, simulated};
-use crate::log::Log;
+use super::pool::Pool;
+use super::told::Tells;
+use crate::adapt::{Robot, identifies, known_values, simulated};
 use crate::settings::{self, AdaptConfig, Base};
-use crate::walk::recorder::Recorder;
-use crate::walk::walking::Walking;
-use crate::watch::{Watch, Work};
+use crate::walk::walking::{Walking, rest_angles};
+use crate::watch::Watch;
 use crate::{Error, machine};
-use gaitfit_adapt::Theta;
-use gaitfit_adapt::fit::{Problem, Sensitivity, sensitivity};
-use gaitfit_learn::task::Task;
-use gaitfit_log::{Gains, Trajectory};
+use gaitfit_adapt::fit::Sensitivity;
+use gaitfit_adapt::{ParameterRule, RobotRule, Theta};
 use gaitfit_model::patterns::covered;
 use gaitfit_model::shown_number;
-use gaitfit_random::{Purpose, Stream, derive_seed};
-use gaitfit_sim::Candidate;
-use nalgebra::DMatrix;
+use gaitfit_random::{Purpose, Stream};
 use serde::Serialize;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -29,13 +26,17 @@ const POOL: std::ops::RangeInclusive<usize> = 8..=10_000;
 const MOST_ROWS: f64 = 2e6;
 /// Sets of random sequences that the chosen ones are compared with.
 const RANDOM_SETS: u32 = 200;
-/// Times after which commands change: of the task, and shorter ones.
-const QUICK: [f64; 2] = [1.0, 0.5];
+/// Times that variants of what was chosen are tried, and parts of the pool that they are.
+const ROUNDS: u32 = 2;
+const VARIANTS: usize = 4;
+/// Greatest commands over the task's, at most.
+const MOST_REACH: f64 = 10.0;
 
 /// What commands are for.
 #[derive(Clone, Debug)]
 pub struct CommandSettings {
-    /// Configuration of the fit of walking logs: what is fitted, and how. Its logs are not read.
+    /// Configuration of the fit of walking logs: what is fitted, and how. Its logs, if it names any, are those that there
+    /// are already.
     pub config: PathBuf,
     /// Changes of its settings.
     pub set: Vec<String>,
@@ -43,14 +44,17 @@ pub struct CommandSettings {
     pub policy: PathBuf,
     /// Values of the parameters, a theta.toml; none: the configuration's truth, or the search's start.
     pub theta: Option<PathBuf>,
-    /// Parameters whose spread is to be small: patterns over their names; none: all.
+    /// Parameters whose spread is to be small: patterns over their names; none: those that the configuration's logs leave
+    /// unidentified, or all.
     pub parameters: Vec<String>,
     /// Sequences to choose.
     pub trajectories: usize,
     /// Length of each, s.
     pub seconds: f64,
-    /// Sequences to choose from.
+    /// Sequences to choose from at first; variants of the best are half as many more.
     pub pool: usize,
+    /// Greatest commands over those that the task draws.
+    pub reach: f64,
     /// Standard deviation of random torques at every joint, N·m.
     pub torque_noise: f64,
     /// Seed of commands and noise.
@@ -64,10 +68,12 @@ pub struct CommandSettings {
 pub struct Commands {
     /// The robot.
     pub robot: String,
-    /// Candidates that were simulated, and how many of them fell.
+    /// Candidates that were simulated.
     pub pool: usize,
     /// Those that fell.
     pub fell: usize,
+    /// Length of the configuration's logs, s; absent if it names none.
+    pub recorded_seconds: Option<f64>,
     /// Expected standard deviations, one a parameter.
     pub parameters: Vec<Expected>,
     /// Geometric mean of the deviations that count, chosen over random, where both tell them; none where there is no such.
@@ -88,9 +94,11 @@ pub struct Expected {
     pub unit: String,
     /// Whether its spread was to be small.
     pub counts: bool,
-    /// Standard deviation with commands as they are usually drawn; absent where they do not tell it.
+    /// Standard deviation with the configuration's logs alone; absent where they do not tell it, or there are none.
+    pub recorded: Option<f64>,
+    /// With these and commands as they are usually drawn; absent where they do not tell it.
     pub random: Option<f64>,
-    /// With the chosen commands.
+    /// With these and the chosen commands.
     pub chosen: Option<f64>,
 }
 
@@ -106,6 +114,8 @@ impl CommandSettings {
                 self.trajectories,
                 self.pool / 2
             )
+        } else if !(1.0..=MOST_REACH).contains(&self.reach) {
+            format!("`reach` (--reach) is {}; give 1 to {MOST_REACH}", shown_number(self.reach))
         } else if !(self.torque_noise.is_finite() && (0.0..=1000.0).contains(&self.torque_noise)) {
             "`torque_noise` (--torque-noise) must be 0 to 1000 N·m".to_owned()
         } else {
@@ -115,8 +125,8 @@ impl CommandSettings {
     }
 }
 
-/// Draws sequences as the task does, some that change sooner and some at the ends of its ranges, lets the policy walk
-/// under each in simulation, and chooses those whose logs together tell the parameters best.
+/// Draws sequences as the task does, and slow, fast and changing ones, lets the policy walk under each in simulation, and
+/// chooses those whose logs, with the configuration's own, tell the parameters best. Then it tries variants of them.
 ///
 /// # Errors
 /// Settings out of range; files that cannot be read or do not fit each other; a policy that falls under too many.
@@ -125,16 +135,16 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
     let mut config: AdaptConfig = settings::load(Some(&settings.config), &settings.set)?;
     config.policy = Some(settings.policy.display().to_string());
     config.base = Base::Free;
-    config.parameter.iter_mut().for_each(gaitfit_adapt::ParameterRule::resolve);
-    config.number.iter_mut().for_each(gaitfit_adapt::RobotRule::resolve);
+    config.parameter.iter_mut().for_each(ParameterRule::resolve);
+    config.number.iter_mut().for_each(RobotRule::resolve);
     let threads = settings.threads.map_or_else(machine::threads, NonZeroUsize::get);
     let Robot { model, policy, base, .. } = Robot::read(&config, &settings.config, None)?;
     let policy = policy.ok_or_else(|| Error::settings("`policy` names no policy"))?;
     let names: Vec<String> = model.joints.iter().map(|joint| joint.name.clone()).collect();
-    let rest = crate::walk::walking::rest_angles(&policy, &model)?;
+    let rest = rest_angles(&policy, &model)?;
     let theta = config.rules().theta(&config.groups(), &names, &rest).map_err(Error::settings)?;
     let values = known_values(&config, &theta, settings.theta.as_deref())?;
-    let of = counted(&settings.parameters, &theta)?;
+    let asked = asked(&settings.parameters, &theta)?;
     let method = simulated(&config, Some(policy.clone()), model.clone(), &theta, &base, Some(threads))?;
     let robot = Arc::new(Walking::robot(&config, policy, &model, &theta, &base, threads)?);
     let rows = settings.pool as f64 * settings.seconds / robot.task.walker.interface.control_dt;
@@ -144,26 +154,62 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
              simulated: give fewer or shorter ones"
         )));
     }
-    let pool = pool(settings, &robot.task);
-    let look =
-        Look { settings, config: &config, method: &method, base: &base, theta: &theta, values: &values };
-    let mut found = look.informations(&robot, &pool, watch)?;
-    let fell = found.iter().filter(|one| one.is_none()).count();
     let usual = settings.pool.div_ceil(2);
-    let random: Vec<DMatrix<f64>> = found[..usual].iter().flatten().cloned().collect();
-    let (places, stood): (Vec<usize>, Vec<DMatrix<f64>>) =
-        found.iter_mut().enumerate().filter_map(|(at, one)| Some((at, one.take()?))).unzip();
-    if random.len() < settings.trajectories || stood.len() < 2 * settings.trajectories {
-        return Err(Error::failed(format!(
+    let command = robot.task.settings.command.clone();
+    let source = Pool::new(&command, settings.reach, settings.seconds, settings.seed);
+    let look = Look {
+        config: &config,
+        path: &settings.config,
+        method: &method,
+        robot,
+        base: &base,
+        theta: &theta,
+        values: &values,
+        seconds: settings.seconds,
+        torque_noise: settings.torque_noise,
+        seed: settings.seed,
+    };
+
+    let drawn = source.draw(settings.pool, usual);
+    let logs = look.record(&drawn, 0, watch)?;
+    let few = |fell: usize| {
+        Error::failed(format!(
             "the policy falls under {fell} of {} command sequences in simulation, and too few are left; take a theta.toml \
              nearer to the robot (--theta), or a policy that walks",
             settings.pool
-        )));
-    }
-    let together = |places: &mut dyn Iterator<Item = usize>| {
-        places.fold(DMatrix::zeros(theta.len(), theta.len()), |sum, one| sum + &stood[one])
+        ))
     };
-    let told = deviations(&together(&mut (0..stood.len())));
+    let fell = logs.iter().filter(|one| one.is_none()).count();
+    let whole: Vec<_> = logs[..usual].iter().flatten().cloned().collect();
+    if whole.len() < settings.trajectories || settings.pool - fell < 2 * settings.trajectories {
+        return Err(few(fell));
+    }
+    let whole = look.together(whole)?;
+    let found = look.each(logs, &whole, watch)?;
+    let usual_found: Vec<&Sensitivity> = found[..usual].iter().flatten().collect();
+    let variances: f64 = usual_found.iter().map(|one| variance(one)).sum();
+    let mut choice = Choice::default();
+    choice.take(drawn, &found);
+    let random: Vec<Tells> = usual_found.iter().map(|one| Tells::new(one, variance(one))).collect();
+    if random.len() < settings.trajectories || choice.tells.len() < 2 * settings.trajectories {
+        return Err(few(choice.failed));
+    }
+
+    let recorded = look.recorded(&whole, variances / random.len() as f64)?;
+    let mut notes = crate::robot::remarks(&model);
+    let nothing = Tells::nothing(theta.len());
+    let known = recorded.as_ref().map_or(&nothing, |recorded| &recorded.tells);
+    let before = known.deviations();
+    let of = match asked {
+        Some(of) => of,
+        None => unidentified(&theta, &before, recorded.is_some(), &mut notes),
+    };
+    let together = |tells: &mut dyn Iterator<Item = &Tells>| {
+        let mut sum = known.clone();
+        tells.for_each(|one| sum.add(one, 1.0));
+        sum.deviations()
+    };
+    let told = together(&mut choice.tells.iter());
     if !of.iter().any(|&entry| told[entry].is_finite()) {
         let names: Vec<&str> = of.iter().map(|&entry| theta.entries()[entry].name.as_str()).collect();
         return Err(Error::failed(format!(
@@ -172,209 +218,115 @@ pub fn commands(settings: &CommandSettings, watch: &Watch<'_>) -> Result<Command
             names.join(", ")
         )));
     }
-    let chosen = choose(&stood, settings.trajectories, &of, &|| watch.stop());
+    let stop = || watch.stop();
+    let mut chosen = choose(known, &choice.tells, settings.trajectories, &of, &stop);
+    for round in 1..=ROUNDS {
+        let best: Vec<&Sequence> = chosen.iter().map(|&one| &choice.sequences[one]).collect();
+        let first = settings.pool * (1 + round as usize);
+        let variants = source.variants(&best, first, settings.pool / VARIANTS);
+        let found = look.each(look.record(&variants, round, watch)?, &whole, watch)?;
+        choice.take(variants, &found);
+        chosen = choose(known, &choice.tells, settings.trajectories, &of, &stop);
+    }
     if watch.stop() {
         return Err(interrupted());
     }
-    let deviation = deviations(&together(&mut chosen.iter().copied()));
-    let usual = usual_spread(settings, &random, theta.len());
-    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
-    let both = |entry: &usize| usual[*entry].is_finite() && deviation[*entry].is_finite();
+
+    let after = together(&mut chosen.iter().map(|&one| &choice.tells[one]));
+    let usual = usual_spread(settings, known, &random, theta.len());
+    let both = |entry: &usize| usual[*entry].is_finite() && after[*entry].is_finite();
     let (compared, apart): (Vec<usize>, Vec<usize>) = of.iter().partition(|entry| both(entry));
-    let mut notes = crate::robot::remarks(&model);
     notes.extend(apart.into_iter().map(|entry| {
-        let which = match (usual[entry].is_finite(), deviation[entry].is_finite()) {
+        let which = match (usual[entry].is_finite(), after[entry].is_finite()) {
             (_, true) => "random commands may not tell it",
             (true, _) => "the chosen commands do not tell it",
             (false, false) => "no commands tell it here",
         };
         format!("`{}` is not in the mean: {which}", theta.entries()[entry].name)
     }));
-    let logs: f64 = compared.iter().map(|&entry| (deviation[entry] / usual[entry]).ln()).sum();
+    let logs: f64 = compared.iter().map(|&entry| (after[entry] / usual[entry]).ln()).sum();
+    let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     let parameters = theta.entries().iter().enumerate().map(|(at, entry)| Expected {
         name: entry.name.clone(),
         unit: entry.unit.clone(),
         counts: of.contains(&at),
+        recorded: finite(before[at]),
         random: finite(usual[at]),
-        chosen: finite(deviation[at]),
+        chosen: finite(after[at]),
     });
+    let parameters = parameters.collect();
+    let recorded_seconds = recorded.as_ref().map(|recorded| recorded.seconds);
+    notes.extend(recorded.into_iter().flat_map(|recorded| recorded.doubts));
     Ok(Commands {
         robot: model.name.clone(),
-        pool: settings.pool,
-        fell,
-        parameters: parameters.collect(),
+        pool: choice.sequences.len() + choice.failed,
+        fell: choice.failed,
+        recorded_seconds,
+        parameters,
         ratio: (!compared.is_empty()).then(|| (logs / compared.len() as f64).exp()),
         notes,
-        sequences: chosen.into_iter().map(|one| pool[places[one]].clone()).collect(),
+        sequences: chosen.into_iter().map(|one| choice.sequences[one].clone()).collect(),
     })
 }
 
-/// Entries whose spread is to be small.
-fn counted(patterns: &[String], theta: &Theta) -> Result<Vec<usize>, Error> {
-    let names: Vec<&str> = theta.entries().iter().map(|entry| entry.name.as_str()).collect();
-    match patterns {
-        [] => Ok((0..names.len()).collect()),
-        patterns => covered(patterns, "the fit", &names)
-            .map_err(|error| Error::settings(format!("`parameters` (--parameters): {error}"))),
+/// Sequences under which the robot walks, with what each tells.
+#[derive(Default)]
+struct Choice {
+    sequences: Vec<Sequence>,
+    tells: Vec<Tells>,
+    /// Sequences under which it falls, or whose simulation diverges.
+    failed: usize,
+}
+
+impl Choice {
+    fn take(&mut self, sequences: Vec<Sequence>, found: &[Option<Sensitivity>]) {
+        for (sequence, found) in sequences.into_iter().zip(found) {
+            match found {
+                Some(found) => {
+                    self.sequences.push(sequence);
+                    self.tells.push(Tells::new(found, variance(found)));
+                }
+                None => self.failed += 1,
+            }
+        }
     }
 }
 
-/// Candidates: the first half as the task draws them, then those that change sooner, then those at the ends of the ranges.
-fn pool(settings: &CommandSettings, task: &Task) -> Vec<Sequence> {
-    let command = &task.settings.command;
-    let ranges = [command.x, command.y, command.yaw];
-    let usual = settings.pool.div_ceil(2);
-    let quick = settings.pool / 4;
-    let one = |number: usize| {
-        let period = match number {
-            number if number < usual => command.seconds,
-            number if number < usual + quick => QUICK[number % QUICK.len()],
-            _ => command.seconds,
-        };
-        let ends = number >= usual + quick;
-        let stream = Stream::new(settings.seed, Purpose::EXCITATION).environment(number as u32);
-        let steps = (settings.seconds / period - 1e-9).ceil().max(1.0) as u32;
-        let drawn = |step: u32| {
-            let draw = |k: usize| stream.step(2 + step).uniform(k as u32);
-            let within = |[low, high]: [f64; 2], part: f64| low + (high - low) * part;
-            let end = |part: f64| {
-                if part < 1.0 / 3.0 {
-                    0.0
-                } else if part < 2.0 / 3.0 {
-                    0.5
-                } else {
-                    1.0
-                }
-            };
-            let part = |k: usize| if ends { end(draw(k)) } else { draw(k) };
-            let stands = !ends && draw(3) < command.standing;
-            let value = std::array::from_fn(|k| if stands { 0.0 } else { within(ranges[k], part(k)) });
-            (f64::from(step) * period, value)
-        };
-        Sequence { steps: (0..steps).map(drawn).collect() }
-    };
-    (0..settings.pool).map(one).collect()
+/// Entries whose spread is to be small, where the settings name them.
+fn asked(patterns: &[String], theta: &Theta) -> Result<Option<Vec<usize>>, Error> {
+    if patterns.is_empty() {
+        return Ok(None);
+    }
+    let names: Vec<&str> = theta.entries().iter().map(|entry| entry.name.as_str()).collect();
+    let found = covered(patterns, "the fit", &names);
+    found.map(Some).map_err(|error| Error::settings(format!("`parameters` (--parameters): {error}")))
 }
 
-/// That the watch stopped it.
-fn interrupted() -> Error {
-    Error::Interrupted { message: "interrupted; nothing was written".to_owned(), kept: None }
+/// Entries that logs with these deviations do not identify; all if there are no logs, or they identify all.
+fn unidentified(theta: &Theta, deviation: &[f64], recorded: bool, notes: &mut Vec<String>) -> Vec<usize> {
+    let all = 0..theta.len();
+    let left: Vec<usize> =
+        all.clone().filter(|&at| !identifies(&theta.entries()[at], deviation[at])).collect();
+    if !left.is_empty() {
+        return left;
+    }
+    if recorded {
+        notes.push("the configuration's logs identify every parameter: all count".to_owned());
+    }
+    all.collect()
 }
 
-/// Geometric mean of each parameter's deviation over random sets of the usual sequences.
-fn usual_spread(settings: &CommandSettings, random: &[DMatrix<f64>], entries: usize) -> Vec<f64> {
+/// Geometric mean of each parameter's deviation over random sets of the usual sequences, beside the logs `known`.
+fn usual_spread(settings: &CommandSettings, known: &Tells, random: &[Tells], entries: usize) -> Vec<f64> {
     let mut logs = vec![0.0; entries];
     for set in 0..RANDOM_SETS {
         let draws = Stream::new(settings.seed, Purpose::BOOTSTRAP).environment(set);
-        let mut sum = DMatrix::zeros(entries, entries);
+        let mut sum = known.clone();
         for draw in 0..settings.trajectories as u32 {
             let at = (draws.uniform(draw) * random.len() as f64) as usize;
-            sum += &random[at.min(random.len() - 1)];
+            sum.add(&random[at.min(random.len() - 1)], 1.0);
         }
-        logs.iter_mut().zip(deviations(&sum)).for_each(|(sum, own)| *sum += own.ln());
+        logs.iter_mut().zip(sum.deviations()).for_each(|(sum, own)| *sum += own.ln());
     }
     logs.into_iter().map(|sum| (sum / f64::from(RANDOM_SETS)).exp()).collect()
-}
-
-/// What sequences tell, one by one.
-struct Look<'a> {
-    settings: &'a CommandSettings,
-    config: &'a AdaptConfig,
-    method: &'a Method,
-    base: &'a Candidate,
-    theta: &'a Theta,
-    values: &'a [f64],
-}
-
-impl Look<'_> {
-    /// The information of the log of each sequence; none where the robot falls.
-    fn informations(
-        &self,
-        robot: &Arc<Walking>,
-        pool: &[Sequence],
-        watch: &Watch<'_>,
-    ) -> Result<Vec<Option<DMatrix<f64>>>, Error> {
-        let templates: Vec<Trajectory> = pool.iter().map(|one| self.template(&robot.task, one)).collect();
-        let recorder =
-            Recorder::new(Arc::clone(robot), self.base.clone(), &templates.iter().collect::<Vec<_>>());
-        let seed = derive_seed(self.settings.seed, Purpose::TORQUE_NOISE, 0);
-        let stop = || watch.stop();
-        let recorded =
-            recorder.record(self.theta, self.values, self.settings.torque_noise, &[seed], &stop)?.pop();
-        if watch.stop() {
-            return Err(interrupted());
-        }
-        let what = "what command sequences tell";
-        let counting = watch.begin(Work { what, total: pool.len(), first: 0, parts: "sequences" });
-        let mut found = Vec::with_capacity(pool.len());
-        for (number, (template, made)) in templates.iter().zip(recorded.unwrap_or_default()).enumerate() {
-            if watch.stop() {
-                return Err(interrupted());
-            }
-            found.push(match made.fell_at {
-                Some(_) => None,
-                None => self.information(made.instead_of(template))?,
-            });
-            counting.step(number + 1, 1, "");
-        }
-        Ok(found)
-    }
-
-    /// A log of the commands, with a robot that stands.
-    fn template(&self, task: &Task, sequence: &Sequence) -> Trajectory {
-        let interface = &task.walker.interface;
-        let (dt, joints) = (interface.control_dt, interface.joints.len());
-        let samples = (self.settings.seconds / dt).round().max(2.0) as usize;
-        Trajectory {
-            source: None,
-            robot: Some(task.walker.model().name.clone()),
-            joints: self.method.joints(),
-            time: (0..samples).map(|sample| sample as f64 * dt).collect(),
-            rate_hz: 1.0 / dt,
-            position: interface.default_pose.repeat(samples),
-            velocity: vec![0.0; samples * joints],
-            target: None,
-            action: None,
-            command: Some((0..samples).flat_map(|sample| sequence.at(sample as f64 * dt)).collect()),
-            base: None,
-            gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
-            fell: false,
-        }
-    }
-
-    /// The information of a log; none if the simulation diverges.
-    fn information(&self, trajectory: Trajectory) -> Result<Option<DMatrix<f64>>, Error> {
-        let log = Log {
-            name: "a simulated log".to_owned(),
-            path: "a simulated log".into(),
-            sidecars: Vec::new(),
-            joints: trajectory.joints.clone(),
-            trajectory,
-        };
-        let set = LogSet::new(self.config, self.method, self.base, vec![log])?;
-        let costs = set.costs(self.config)?;
-        let cost = costs.first().ok_or_else(|| Error::settings("`costs` names no cost"))?.as_ref();
-        let (simulator, theta) = (set.simulator.as_ref(), self.theta);
-        let problem = Problem { simulator, theta, cost, draw: 0, cancel: &gaitfit_adapt::never };
-        let found = sensitivity(problem, self.values, None).map_err(Error::failed)?;
-        Ok(found.as_ref().map(information))
-    }
-}
-
-/// The inverse of the covariance that was found; 0 for what a log does not tell.
-fn information(found: &Sensitivity) -> DMatrix<f64> {
-    let told: Vec<(usize, f64)> =
-        found.deviation.iter().enumerate().filter_map(|(at, own)| Some((at, (*own)?))).collect();
-    let mut all = DMatrix::zeros(found.deviation.len(), found.deviation.len());
-    let correlation = DMatrix::from_fn(told.len(), told.len(), |i, j| {
-        if i == j { 1.0 } else { found.correlation[told[i].0][told[j].0] }
-    });
-    if let Some(inverse) = correlation.cholesky().map(|solved| solved.inverse()) {
-        for (i, (row, own)) in told.iter().enumerate() {
-            for (j, (column, other)) in told.iter().enumerate() {
-                all[(*row, *column)] = inverse[(i, j)] / (own * other);
-            }
-        }
-    }
-    all
 }

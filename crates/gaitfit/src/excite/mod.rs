@@ -5,12 +5,15 @@ mod commands;
 mod design;
 mod files;
 mod forecast;
+mod look;
 pub mod playlist;
+mod pool;
 mod safe;
 mod settings;
 mod sweep;
 #[cfg(test)]
 mod tests;
+mod told;
 
 pub use commands::{CommandSettings, Commands, Expected, commands};
 pub use settings::{ChirpSettings, Turns};

@@ -32,6 +32,8 @@ pub struct Sensitivity {
     pub alone: Vec<Option<f64>>,
     /// Correlations of the estimates, `entries × entries`; 0 where there are none.
     pub correlation: Vec<Vec<f64>>,
+    /// JᵀJ, `entries × entries`. It adds up over logs that are compared in one scaling.
+    pub curvature: Vec<Vec<f64>>,
 }
 
 /// How precisely the logs of `problem` can tell each entry of θ near `values`. `difference`: what the fitted simulator
@@ -69,6 +71,7 @@ pub fn sensitivity(
             .map(|i| Some(curvature[(i, i)]).filter(|own| *own > 0.0).map(|own| spread(1.0 / own)))
             .collect(),
         correlation: entries.clone().map(|i| entries.clone().map(|j| correlation(i, j)).collect()).collect(),
+        curvature: entries.clone().map(|i| curvature.row(i).iter().copied().collect()).collect(),
     }))
 }
 
