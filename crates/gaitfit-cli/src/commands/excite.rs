@@ -59,14 +59,12 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
         rows.add_row([name, number(*recorded), number(*random), number(*chosen), unit.clone(), ratio]);
     }
     let logs = found.recorded_seconds.map_or_else(String::new, |seconds| {
-        format!(
-            ", with the {seconds:.0} s of logs that {} names alone, and with them",
-            shown(&args.file.display().to_string())
-        )
+        let config = shown(&args.file.display().to_string()).to_string();
+        format!(", both beside the {seconds:.0} s of logs that {config} names (alone: recorded)")
     });
     let mut text = format!(
         "{} command sequences of {} s for {}, chosen from {} of which {} made it fall.\n\nExpected standard deviations of a \
-         fit{logs} and as many random commands or the chosen ones:\n\n{rows}\n\n",
+         fit, with as many random commands and with the chosen ones{logs}:\n\n{rows}\n\n",
         found.sequences.len(),
         settings.seconds,
         shown(&found.robot),

@@ -117,8 +117,8 @@ mod tests {
 
     /// Commands of the task: never backwards.
     fn ranges() -> Ranges {
-        let usual = gaitfit_learn::task::TaskSettings::default().command;
-        Ranges { x: [0.5, 1.0], y: [-0.4, 0.4], yaw: [-1.0, 1.0], seconds: 4.0, standing: 0.0, ..usual }
+        let (x, y, yaw) = ([0.5, 1.0], [-0.4, 0.4], [-1.0, 1.0]);
+        Ranges { x, y, yaw, seconds: 4.0, standing: 0.0, curriculum: None }
     }
 
     /// Whether a command lies within ranges.
