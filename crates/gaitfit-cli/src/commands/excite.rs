@@ -59,7 +59,7 @@ fn choose(args: &cli::Excite, policy: &Path) -> Result<(), Failure> {
         rows.add_row([name, number(*recorded), number(*random), number(*chosen), unit.clone(), ratio]);
     }
     let logs = found.recorded_seconds.map_or_else(String::new, |seconds| {
-        let config = shown(&args.file.display().to_string()).to_string();
+        let config = shown(&args.file.display().to_string());
         format!(", both beside the {seconds:.0} s of logs that {config} names (alone: recorded)")
     });
     let mut text = format!(
