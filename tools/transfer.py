@@ -130,6 +130,7 @@ def fit(args, row, truth, seed):
     }  # fmt: skip
     if how["cost"] == "wass":
         args_of_search = f"population = {args.population}\ngenerations = {args.generations}\n"
+        args_of_search += f"replicates = {args.replicates}\n"
     else:
         args_of_search = ""
     with tempfile.TemporaryDirectory(dir=args.out) as work:
@@ -141,7 +142,7 @@ def fit(args, row, truth, seed):
         if how["delay"]:
             text += '[[parameter]]\nkind = "delay"\nper = "all"\nupper = 0.04\n'
         text += f"[simulation]\ntimestep = {how['timestep']}\npreset = \"{how['preset']}\"\n"
-        if how["cost"] == "matchr1":
+        if how["cost"] in ("matchr1", "wass"):
             text += f"robot_timestep = {robot['timestep']}\n"
         text += f"[optimizer]\nseeds = 1\nseed = {seed}\n{args_of_search}"
         path = pathlib.Path(work) / "fit.toml"
@@ -154,7 +155,7 @@ def fit(args, row, truth, seed):
     return {
         "row": row, "truth": truth, "seed": seed, "numbers": dict(zip(names, map(float, numbers))),
         "found": {n: pick(n) for n in names}, "names": list(found), "uncertainty": result["fits"][0].get("uncertainty"),
-        "correction": result["fits"][0].get("correction"),
+        "correction": result["fits"][0].get("correction"), "regression": result["fits"][0].get("regression"),
         "delay": found["delay"]["value"] if how["delay"] else None, "cost": result["cost"],
         "odd": result["odd_joints"]["odd"] if how["odd"] else None, "springs": result.get("springs", []),
         "converged": result["converged"], "seconds": result["wall_seconds"],
@@ -224,11 +225,13 @@ def main():
     parser.add_argument("--logs", type=int, default=32, help="logs of 4 s [32]")
     parser.add_argument("--population", type=int, default=12, help="of wass [12]")
     parser.add_argument("--generations", type=int, default=100, help="of wass [100]")
+    parser.add_argument("--replicates", type=int, default=4, help="of wass [4]; 0: as the search finds them")
     parser.add_argument("--threads", type=int, default=2, help="of a fit [2]")
     parser.add_argument("--device", default="cpu", help="of a fit, as of `gaitfit adapt` [cpu]")
     parser.add_argument("--at-once", type=int, default=1, help="fits that run beside each other [1]")
     parser.add_argument("--first", type=int, default=1, help="first seed [1]")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs/transfer")
+    parser.add_argument("--json", type=pathlib.Path, help="a file for all fits together")
     parser.add_argument("--gaitfit", type=pathlib.Path, default=ROOT / "target/release/gaitfit")
     args = parser.parse_args()
     args.out, args.gaitfit = args.out.resolve(), args.gaitfit.resolve()
@@ -244,6 +247,8 @@ def main():
     ]
     with concurrent.futures.ThreadPoolExecutor(args.at_once) as pool:
         results = list(pool.map(lambda job: kept(args, *job), jobs))
+    if args.json:
+        args.json.write_text(json.dumps(results))
     print(table(results))
     print(spring_table(results))
 

@@ -152,6 +152,7 @@ mod tests {
             runs: Vec::new(),
             uncertainty: None,
             correction: None,
+            regression: None,
         }
     }
 

@@ -147,6 +147,7 @@ mod tests {
             runs: vec![run],
             uncertainty: None,
             correction: None,
+            regression: None,
         }
     }
 

@@ -23,6 +23,8 @@ pub enum NoiseSource {
     Assumed,
     /// Joint: what fits of other logs and other simulators would have found ([`super::Uncertainty`]).
     Refits,
+    /// What is found of simulated robots whose values are known ([`super::Regression`]).
+    Robots,
 }
 
 /// How well the data identify a parameter.
@@ -34,7 +36,7 @@ pub struct Identification {
     /// Upper end.
     pub upper: f64,
     /// The rise at the ends that counts as noise; of the larger end. Costs are in units where the robot's range is 2.
-    /// 0 where refits give the interval.
+    /// 0 where refits or simulated robots give the interval.
     pub rise: f64,
     /// Where it is known from.
     pub noise: NoiseSource,
@@ -53,10 +55,10 @@ impl Identification {
         self.identified = narrow(entry, self.lower, self.upper);
     }
 
-    /// Of an entry with the 95 % interval `interval` of refits.
-    pub(super) fn of_refits(entry: &Entry, interval: [f64; 2]) -> Self {
+    /// Of an entry with the 95 % interval `interval`, which `noise` gave.
+    pub(super) fn of_interval(entry: &Entry, interval: [f64; 2], noise: NoiseSource) -> Self {
         let [lower, upper] = interval.map(|end| end.clamp(entry.lower, entry.upper));
         let identified = narrow(entry, lower, upper);
-        Self { lower, upper, rise: 0.0, noise: NoiseSource::Refits, identified, better: None }
+        Self { lower, upper, rise: 0.0, noise, identified, better: None }
     }
 }

@@ -16,6 +16,7 @@ mod joint;
 mod least_squares;
 mod outcome;
 mod predicted;
+mod regression;
 mod run;
 mod views;
 
@@ -35,5 +36,6 @@ pub use least_squares::{
 };
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};
 pub use predicted::Predicted;
+pub use regression::{Distributions, Drawn, Logs, MOST_REGRESSED, Regression, Walks, regress};
 pub use run::{Checkpoint, SavedRun, SavedSearch, Stop};
 pub use views::{Costs, Views, measure};

@@ -2,11 +2,11 @@
 
 use super::run::Stop;
 use super::{
-    Alternative, Correction, FitError, Identification, MOST_SCANNED, Problem, RandomNumbers, Uncertainty,
-    World, correct, identify, uncertainty,
+    Alternative, Correction, FitError, Identification, MOST_SCANNED, NoiseSource, Problem, RandomNumbers,
+    Regression, Uncertainty, Views, World, correct, identify, uncertainty,
 };
 use crate::cost::Cost;
-use crate::{Cancel, Simulator, Theta};
+use crate::{Cancel, Rollout, Simulator, Theta};
 use gaitfit_sim::stats;
 use serde::{Deserialize, Serialize};
 
@@ -27,6 +27,9 @@ pub struct CostOutcome {
     /// How simulated logs moved the values, where they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correction: Option<Correction>,
+    /// How simulated robots moved the values, where they did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub regression: Option<Regression>,
 }
 
 /// One entry of θ as found.
@@ -103,7 +106,15 @@ impl CostOutcome {
                 }
             })
             .collect();
-        Some(Self { cost, best_cost: best.best_cost, parameters, runs, uncertainty: None, correction: None })
+        Some(Self {
+            cost,
+            best_cost: best.best_cost,
+            parameters,
+            runs,
+            uncertainty: None,
+            correction: None,
+            regression: None,
+        })
     }
 
     /// Measures how well the data identify each parameter around the best run's values and notes it with them.
@@ -155,14 +166,48 @@ impl CostOutcome {
             return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
         };
         self.best_cost = found.cost;
-        let entries = problem.theta.entries().iter().zip(&correction.corrected);
+        self.take(problem.theta, &correction.corrected);
+        self.correction = Some(correction);
+        Ok(None)
+    }
+
+    /// Takes the values and intervals that simulated robots give ([`super::regress`]), instead of those of the search of
+    /// `problem`. Returns why it does not, if it does not.
+    ///
+    /// # Errors
+    /// As [`Simulator::views`].
+    pub fn adopt(
+        &mut self,
+        problem: Problem<'_>,
+        regression: Regression,
+    ) -> Result<Option<String>, FitError> {
+        let views = Views::whole(problem.cost, problem.simulator.recordings());
+        let values = regression.corrected.clone();
+        let rollout = Rollout { values, resets: problem.cost.resets(), draw: problem.draw };
+        let (costs, _) =
+            problem.simulator.views(problem.theta, &views, &[rollout], &|| (), problem.cancel)?;
+        let Some(&cost) = costs.first().and_then(Option::as_ref).and_then(|costs| costs.first()) else {
+            return Ok(Some("The simulation of the corrected values diverges.".to_owned()));
+        };
+        self.best_cost = cost;
+        self.take(problem.theta, &regression.corrected);
+        let entries = problem.theta.entries().iter().zip(&regression.interval);
+        for (parameter, (entry, interval)) in self.parameters.iter_mut().zip(entries) {
+            let found = Identification::of_interval(entry, *interval, NoiseSource::Robots);
+            parameter.identification = Some(found);
+        }
+        self.regression = Some(regression);
+        Ok(None)
+    }
+
+    /// Takes corrected values.
+    fn take(&mut self, theta: &Theta, corrected: &[f64]) {
+        let entries = theta.entries().iter().zip(corrected);
         for (parameter, (entry, &value)) in self.parameters.iter_mut().zip(entries) {
             parameter.uncorrected = Some(parameter.value);
             parameter.value = value;
             parameter.at_bound = entry.at_bound(value);
         }
-        self.correction = Some(correction);
-        Ok(None)
     }
 
     /// Measures the joint uncertainty of values that least squares of `problem` found, corrected or not, and notes it,
@@ -178,7 +223,8 @@ impl CostOutcome {
         let theta = problem.theta;
         let entries = theta.entries().iter().zip(&found.interval);
         for (parameter, (entry, interval)) in self.parameters.iter_mut().zip(entries) {
-            parameter.identification = Some(Identification::of_refits(entry, *interval));
+            parameter.identification =
+                Some(Identification::of_interval(entry, *interval, NoiseSource::Refits));
         }
         Ok(())
     }

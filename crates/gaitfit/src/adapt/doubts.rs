@@ -63,6 +63,7 @@ pub fn warnings(fit: &CostFit, several: bool) -> Vec<String> {
     warnings.extend(unidentified(fit).map(|text| format!("{of}{text}")));
     warnings.extend(moved(fit).map(|text| format!("{of}{text}")));
     warnings.extend(corrected(fit).map(|text| format!("{of}{text}")));
+    warnings.extend(regressed(fit).map(|text| format!("{of}{text}")));
     let diverged: usize = fit.runs.iter().map(|run| run.diverged).sum();
     if diverged > 0 {
         warnings.push(format!("{of}{diverged} candidates diverged and were ranked last"));
@@ -94,15 +95,8 @@ pub fn uncorrected(outcome: &CostOutcome, reason: &str) -> String {
     )
 }
 
-/// Values that a correction moves by less than this part, and by this part of their bounds, are not named.
-const LITTLE: (f64, f64) = (0.01, 0.002);
-/// Values that a note of a correction names.
-const NAMED: usize = 6;
-
-/// That the values are corrected, how far, and what the logs' differences say of the robot.
-fn corrected(fit: &CostFit) -> Option<String> {
-    let correction = fit.correction.as_ref()?;
-    let best = fit.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
+/// The values that a correction moved, in words.
+fn moves(fit: &CostFit) -> String {
     let far = |parameter: &&Parameter| {
         let found = &parameter.found;
         let before = found.uncorrected.unwrap_or(found.value);
@@ -121,11 +115,48 @@ fn corrected(fit: &CostFit) -> Option<String> {
     } else if far.len() > NAMED {
         by.push_str(&format!(" and {} more (result.json has all)", far.len() - NAMED));
     }
+    by
+}
+
+/// That simulated robots gave the values, how far they moved, and where the real robot is not like them.
+fn regressed(fit: &CostFit) -> Option<String> {
+    let regression = fit.regression.as_ref()?;
+    let best = fit.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
+    let mut text = format!(
+        "the values are corrected by the logs of {} simulated robots whose values are known: {}. Before, {} was {best:.5}",
+        regression.robots,
+        moves(fit),
+        fit.cost_name
+    );
+    let unlike = fit.parameters.iter().enumerate().filter(|(at, _)| regression.unlike(*at));
+    let unlike: Vec<&str> = unlike.map(|(_, one)| one.found.name.as_str()).collect();
+    if !unlike.is_empty() {
+        text.push_str(&format!(
+            ". Signals of the real robot's legs disagree about {} more than those of simulated robots do: the simulator lacks \
+             something, and the intervals are wider for it",
+            unlike.join(", ")
+        ));
+    }
+    Some(text)
+}
+
+/// Values that a correction moves by less than this part, and by this part of their bounds, are not named.
+const LITTLE: (f64, f64) = (0.01, 0.002);
+/// Values that a note of a correction names.
+const NAMED: usize = 6;
+
+/// That the values are corrected, how far, and what the logs' differences say of the robot.
+fn corrected(fit: &CostFit) -> Option<String> {
+    let correction = fit.correction.as_ref()?;
+    let best = fit.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
     Some(format!(
-        "the values are corrected by {} sets of logs of the simulated robot: {by}. Before, {} was {best:.5}. The logs \
+        "the values are corrected by {} sets of logs of the simulated robot: {}. Before, {} was {best:.5}. The logs \
          differ from predictions as those of a robot with torque noise of {:.1} N·m; noise of its sensors and all else \
          that the simulator lacks count as such",
-        correction.replicates, fit.cost_name, correction.torque_noise
+        correction.replicates,
+        moves(fit),
+        fit.cost_name,
+        correction.torque_noise
     ))
 }
 

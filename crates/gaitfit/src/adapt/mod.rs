@@ -15,6 +15,7 @@ mod odd;
 mod replicas;
 mod report;
 pub mod results;
+mod robots;
 mod scan;
 mod score;
 mod search;

@@ -48,6 +48,11 @@ impl Replicas {
         Ok(Self { recorder: Recorder::new(Arc::new(robot), base.clone(), &trajectories), base: base.clone() })
     }
 
+    /// What makes the logs.
+    pub(super) fn recorder(&self) -> &Recorder {
+        &self.recorder
+    }
+
     /// Corrects the outcome of cost number `cost` of `setup`, which least squares of `problem` found; returns why it does
     /// not, if it does not.
     ///

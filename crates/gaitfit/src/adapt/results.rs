@@ -14,7 +14,7 @@ use crate::settings::CheckConfig;
 use crate::watch::Watch;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
-    Agreement, Correction, CostOutcome, Evaluation, FallPenalty, FitError, Job, ParameterOutcome,
+    Agreement, Correction, CostOutcome, Evaluation, FallPenalty, FitError, Job, ParameterOutcome, Regression,
     RunGeneration, RunOutcome, Uncertainty, compare, evaluate,
 };
 use gaitfit_adapt::never;
@@ -121,6 +121,9 @@ pub struct CostFit {
     /// How simulated logs moved the values, where they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correction: Option<Correction>,
+    /// How simulated robots moved the values, where they did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub regression: Option<Regression>,
     /// Each parameter beside the first cost's; empty of the first cost.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub comparison: Vec<Agreement>,
@@ -361,6 +364,7 @@ fn fit(
         runs: outcome.runs.clone(),
         uncertainty: outcome.uncertainty.clone(),
         correction: outcome.correction.clone(),
+        regression: outcome.regression.clone(),
         comparison: Vec::new(),
     })
 }

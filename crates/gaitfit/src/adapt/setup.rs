@@ -5,6 +5,7 @@ use super::ignored::ignored;
 use super::log_set::LogSet;
 use super::method::Method;
 use super::replicas::Replicas;
+use super::robots;
 use super::share::Shares;
 use crate::air::{Clamped, logs as air_logs};
 use crate::device::Device;
@@ -228,11 +229,12 @@ fn sprung(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Th
         .map_err(|error| Error::settings(format!("`odd_joints` puts a spring on every joint: {error}")))
 }
 
-/// Whether fits of simulated logs may correct a fit of `config`.
+/// Whether fits of simulated logs, or simulated robots, may correct a fit of `config`.
 fn corrected(config: &AdaptConfig) -> bool {
-    config.optimizer.replicates > 0
+    let fits = config.optimizer.replicates > 0
         && config.optimizer.method != Search::CmaEs
-        && config.costs.iter().any(|cost| cost.needs_imu())
+        && config.costs.iter().any(|cost| cost.needs_imu());
+    fits || config.costs.iter().any(|&cost| robots::applies(config, cost))
 }
 
 /// See [`Setup::aligned`].

@@ -1,6 +1,7 @@
 //! How far the values of a fit can be trusted: their correction and their intervals.
 
 use super::alternatives::Other;
+use super::robots;
 use super::scan::Scan;
 use super::setup::Setup;
 use crate::Error;
@@ -26,10 +27,7 @@ pub(super) fn identified(
         let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
         trusted(setup, number, &mut outcome, problem, watch)
     } else {
-        let others =
-            setup.alternatives.iter().filter(|other| other.walks() || cost.resets() != Resets::Never);
-        let others: Vec<_> = others.map(Other::alternative).collect();
-        outcome.identify(&scan, &setup.theta, cost, &others, 0, &stop).map(|_| None)
+        measured(setup, number, &mut outcome, &scan, watch)
     };
     match measured {
         Ok(refused) => Ok((outcome, refused)),
@@ -41,6 +39,33 @@ pub(super) fn identified(
         }
         Err(error) => Err(Error::failed(error)),
     }
+}
+
+/// Corrects what CMA-ES found by simulated robots, where that can be, or else scans the cost around it. Returns why it does
+/// not correct, if it should.
+fn measured(
+    setup: &Setup,
+    number: usize,
+    outcome: &mut CostOutcome,
+    scan: &Scan<'_>,
+    watch: &Watch<'_>,
+) -> Result<Option<String>, FitError> {
+    let (cost, theta, stop) = (setup.costs[number].as_ref(), &setup.theta, || watch.stop());
+    let replicas =
+        setup.replicas.as_ref().filter(|_| robots::applies(&setup.config, setup.config.costs[number]));
+    let mut refused = None;
+    if let Some(replicas) = replicas {
+        let problem =
+            Problem { simulator: setup.fit.simulator.as_ref(), theta, cost, draw: 0, cancel: &stop };
+        refused = robots::correct(setup, replicas, outcome, problem, watch)?;
+        if refused.is_none() {
+            return Ok(None);
+        }
+    }
+    let others = setup.alternatives.iter().filter(|other| other.walks() || cost.resets() != Resets::Never);
+    let others: Vec<_> = others.map(Other::alternative).collect();
+    outcome.identify(scan, theta, cost, &others, 0, &stop)?;
+    Ok(refused)
 }
 
 /// Corrects what least squares found, where that can be, and measures its uncertainty. Returns why it does not correct, if

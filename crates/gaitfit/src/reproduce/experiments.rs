@@ -45,7 +45,11 @@ pub fn read(
     let mut experiments = Vec::with_capacity(table.cells.len());
     for cell in &table.cells {
         let selected = matcher.as_ref().is_none_or(|matcher| matcher.is_match(&cell.name));
-        let mut all = if full { paper.full(cell) } else { Vec::new() };
+        // The paper's method takes values as its search finds them; --set can ask for more.
+        let mut all = vec!["adapt.optimizer.replicates=0".to_owned()];
+        if full {
+            all.extend(paper.full(cell));
+        }
         all.extend_from_slice(sets);
         experiments.push(one(cell, folder, &all, selected)?);
     }
@@ -209,6 +213,7 @@ mod tests {
                         assert_eq!(paper.truth[&name], one.value, "{}: {name}", cell.name);
                     }
                     assert_eq!(&config.adapt.costs[0].to_string(), cost, "{}", cell.name);
+                    assert_eq!(config.adapt.optimizer.replicates, 0, "{}", cell.name);
                     let kinds: Vec<JointParameter> =
                         config.adapt.parameter.iter().map(|one| one.kind).collect();
                     let networks: Vec<NetworkName> =
@@ -277,11 +282,12 @@ mod tests {
     fn seeds_change_what_is_drawn_and_not_what_is_measured() {
         let paper = Paper::read().unwrap();
         let table = paper.table("spring").unwrap();
-        let sets = ["adapt.optimizer.seeds=2".to_owned()];
+        let sets = ["adapt.optimizer.seeds=2", "adapt.optimizer.replicates=3"].map(ToOwned::to_owned);
         let experiments = read(&paper, table, &folder(), false, &sets, Some("*-residact-wass")).unwrap();
         let one = experiments.iter().find(|one| one.selected).unwrap();
         let (first, third) = (one.seeded(1), one.seeded(3));
         assert_eq!(first, one.config);
+        assert_eq!(first.adapt.optimizer.replicates, 3, "--set asks for more than the paper's method");
         assert_eq!(third.target.unwrap().seed, first.target.unwrap().seed + 2);
         assert_eq!(third.adapt.optimizer.seed, first.adapt.optimizer.seed + 4);
         assert_eq!(third.finetune.seeds, [3]);

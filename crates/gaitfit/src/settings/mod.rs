@@ -201,7 +201,8 @@ pub struct OptimizerConfig {
     pub bounds: BoundHandling,
     /// Which candidates see the same random numbers (torque noise).
     pub random_numbers: RandomNumbers,
-    /// Sets of simulated logs a round, which correct fits of walking logs by least squares; 0: no correction.
+    /// Sets of simulated logs a round, which correct fits of walking logs by least squares, and a twentieth of the simulated
+    /// robots a round, which correct those by distributions; 0: no correction.
     pub replicates: u32,
     /// A seed stops once its search distribution is this small: largest standard deviation of any
     /// parameter, relative to its initial deviation. 0 never stops early.

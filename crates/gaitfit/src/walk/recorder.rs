@@ -2,13 +2,20 @@
 
 use super::simulator::{in_model, script};
 use super::walking::Walking;
+use gaitfit_adapt::fit::Predicted;
 use gaitfit_adapt::{Cancel, Theta};
 use gaitfit_log::{BaseState, Trajectory};
 use gaitfit_model::kinematics::standing_height;
 use gaitfit_policy::follow::{self, Script, Track};
 use gaitfit_policy::walker::{Walker, WalkerError};
-use gaitfit_sim::Candidate;
+use gaitfit_random::{Purpose, Stream, derive_seed};
+use gaitfit_sim::{Candidate, pool};
 use std::sync::{Arc, Mutex, PoisonError};
+
+/// A log whose start nobody knows begins up to so long after its robot, s: about a step of a gait.
+const EARLIER_S: f64 = 0.5;
+/// Deviation of its base's velocity there along each horizontal axis, m/s.
+const BASE_SPEED: f64 = 0.1;
 
 /// Makes logs under the commands of others.
 pub struct Recorder {
@@ -16,6 +23,8 @@ pub struct Recorder {
     /// What θ changes.
     base: Candidate,
     scripts: Vec<Script>,
+    /// The same, as if the logs had joints and commands alone.
+    plain: Vec<Script>,
     /// Names of the model's joints, which θ names.
     model_joints: Vec<String>,
 }
@@ -30,6 +39,7 @@ impl Recorder {
         Self {
             base,
             scripts: logs.iter().map(|log| begun(walker, log)).collect(),
+            plain: logs.iter().map(|log| plain(walker, log)).collect(),
             model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
             walking,
         }
@@ -69,6 +79,98 @@ impl Recorder {
         };
         follow::follow(&task.walker, policy, &self.scripts, &jobs, *threads, &keep, cancel)?;
         Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// The logs of each of `robots` (values of θ), as if nobody knew how they begin: the robot stands in the log's first
+    /// joint angles, moves a little, and has walked under the log's first command for a while that is drawn anew for each log.
+    /// `first` numbers the robots; with `seed` it selects all draws. `keep(robot, logs)` takes each robot's, once, from any thread.
+    ///
+    /// # Errors
+    /// Values that are no robot's; a policy's function that failed.
+    pub fn walk(
+        &self,
+        theta: &Theta,
+        robots: &[Vec<f64>],
+        [seed, first]: [u64; 2],
+        keep: &(dyn Fn(usize, Vec<Predicted>) + Sync),
+        cancel: &Cancel<'_>,
+    ) -> Result<(), WalkerError> {
+        let Walking { policy, task, threads, .. } = self.walking.as_ref();
+        let (walker, joints) = (&task.walker, task.walker.joints.len());
+        let failed: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
+        let one = |robot: usize| {
+            let number = u32::try_from(first + robot as u64).unwrap_or(u32::MAX);
+            let mut candidate = self.base.clone();
+            theta.apply(&robots[robot], &self.model_joints, &mut candidate);
+            let job = follow::Job {
+                candidate,
+                reset_every: None,
+                seed: derive_seed(seed, Purpose::TORQUE_NOISE, number.wrapping_add(1)),
+            };
+            let (earlier, scripts): (Vec<usize>, Vec<Script>) =
+                self.unknown_starts(seed, number).into_iter().unzip();
+            let found = Mutex::new(vec![Predicted::default(); scripts.len()]);
+            let take = |_: usize, log: usize, track: &Track| {
+                let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
+                if let Some(slot) = found.get_mut(log) {
+                    *slot = kept(track, joints, earlier[log]);
+                }
+            };
+            follow::follow(walker, policy, &scripts, &[job], 1, &take, cancel)?;
+            Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
+        };
+        pool::for_each(
+            robots.len(),
+            *threads,
+            || (),
+            |(), robot| {
+                if cancel() {
+                    return;
+                }
+                match one(robot) {
+                    Ok(logs) if !cancel() => keep(robot, logs),
+                    Ok(_) => {}
+                    Err(error) => {
+                        let mut slot = failed.lock().unwrap_or_else(PoisonError::into_inner);
+                        if slot.as_ref().is_none_or(|(other, _)| robot < *other) {
+                            *slot = Some((robot, error));
+                        }
+                    }
+                }
+            },
+        );
+        failed.into_inner().unwrap_or_else(PoisonError::into_inner).map_or(Ok(()), |(_, error)| Err(error))
+    }
+
+    /// The scripts, each with samples under its first command before it, and how many these are.
+    fn unknown_starts(&self, seed: u64, robot: u32) -> Vec<(usize, Script)> {
+        let most = EARLIER_S / self.walking.task.walker.interface.control_dt;
+        let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(robot.wrapping_add(1 << 31));
+        let scripts = self.plain.iter().enumerate();
+        let begun = scripts.map(|(number, script)| {
+            let own = stream.step(u32::try_from(number).unwrap_or(u32::MAX));
+            let earlier = (own.uniform(0) * (most + 1.0)) as usize;
+            let mut script = script.clone();
+            let first = script.commands.first().copied().unwrap_or_default();
+            script.commands.splice(0..0, std::iter::repeat_n(first, earlier));
+            for (axis, speed) in script.start.base_linear.iter_mut().take(2).enumerate() {
+                *speed += (BASE_SPEED * own.normal(1 + axis as u32)) as f32;
+            }
+            (earlier, script)
+        });
+        begun.collect()
+    }
+}
+
+/// A walk's signals from sample `from` on.
+fn kept(track: &Track, joints: usize, from: usize) -> Predicted {
+    let rows = |signal: &Vec<f32>| signal.get(from * joints..).unwrap_or_default().to_vec();
+    Predicted {
+        position: rows(&track.position),
+        velocity: rows(&track.velocity),
+        action: Some(rows(&track.action)),
+        fell_at: track.fell_at.map(|fell| fell.saturating_sub(from)),
+        ..Predicted::default()
     }
 }
 
@@ -117,6 +219,14 @@ impl Recorded {
             ..log.clone()
         }
     }
+}
+
+/// The log's commands and the joints of its first sample.
+fn plain(walker: &Walker, log: &Trajectory) -> Script {
+    let mut script = script(walker, log);
+    script.states.clear();
+    script.actions.clear();
+    script
 }
 
 /// The log's commands, from the state that its first sample shows.

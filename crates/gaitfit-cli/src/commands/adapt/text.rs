@@ -91,7 +91,7 @@ fn spread(spread: Option<f64>) -> String {
 fn parameters(fit: &CostFit) -> Table {
     let known = fit.parameters.iter().any(|parameter| parameter.truth.is_some());
     let published = fit.parameters.iter().any(|parameter| parameter.published.is_some());
-    let corrected = fit.correction.is_some();
+    let corrected = fit.correction.is_some() || fit.regression.is_some();
     let value = if corrected { "corrected" } else { "value" };
     let mut header = vec!["parameter", value, "spread", "interval", "unit", "bounds"];
     if known {

@@ -1,0 +1,210 @@
+//! Values corrected by simulated robots, for costs that compare distributions: regression-adjusted approximate Bayesian
+//! computation (Beaumont, Zhang and Balding 2002) in a few rounds, each nearer to the values.
+//!
+//! A search finds the values whose walks are nearest to the logs. They are off by what the fit's step differs from the
+//! robot's, by what nobody knows of a log's start, and by how far the search was from its end. So robots are simulated as
+//! the real one makes logs, with values drawn around those found. Their values are known. A regression learns them from
+//! the distributions of their logs, and then says the values of the robot that made the real logs.
+//!
+//! What it is off by for robots that were left out one by one is what it is off by for the real one, if that is like them.
+//! It is not. So each signal of each leg is asked alone: where they disagree by more than their errors, the simulator lacks
+//! something, and their scatter is in the intervals.
+
+mod distributions;
+mod ridge;
+
+pub use distributions::Distributions;
+use ridge::{Estimate, Robots};
+
+use super::FitError;
+use crate::{Cancel, Entry, Theta};
+use gaitfit_random::{Purpose, Stream};
+use gaitfit_sim::stats;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// Rounds; each draws robots around the last one's values.
+const ROUNDS: usize = 3;
+/// Half the width of the first round, in an entry's deviations.
+const FIRST: f64 = 1.5;
+/// Half the width of later ones, in errors of the round before.
+const WIDTH: f64 = 3.0;
+/// Least half width of a round, part of an entry's range: below, what single precision does to a walk is all that is seen.
+const LEAST: f64 = 2e-3;
+/// Least share of the robots of a round that must walk.
+const WALKING: f64 = 0.5;
+/// How much more than the standard error of a mean of independent groups their scatter counts: what the simulator lacks is
+/// the same for many of them. 2 makes three independent ones of twelve. Chosen with the fits of the first seed of `wass-5ms`
+/// in docs/experiments.md.
+const SHARED: f64 = 2.0;
+/// Deviations of so many errors of robots that were left out are the simulator's.
+const UNLIKE: f64 = 3.0;
+/// Most entries of a θ that is regressed on.
+pub const MOST_REGRESSED: usize = 12;
+
+/// The robot, simulated as it makes logs.
+pub trait Walks {
+    /// The numbers of the logs of robots with these values of θ ([`Distributions::simulated`]), in their order; `None` of
+    /// one that falls or diverges. `first` is the number of the first one, which selects its random draws: what nobody knows
+    /// of a log's start is drawn for each. `Err`: why there are none, in a sentence.
+    fn walk(&self, robots: &[Vec<f64>], first: u32) -> Result<Vec<Option<Vec<f64>>>, String>;
+}
+
+/// What simulated robots say of a fit.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Regression {
+    /// The values that the fit found.
+    pub uncorrected: Vec<f64>,
+    /// The values that the real logs have by the regression, within the bounds.
+    pub corrected: Vec<f64>,
+    /// Standard deviation of their errors.
+    pub deviation: Vec<f64>,
+    /// 95 % interval of each entry, not limited to its bounds.
+    pub interval: Vec<[f64; 2]>,
+    /// Robots that were simulated.
+    pub robots: usize,
+    /// The rounds.
+    pub rounds: Vec<Drawn>,
+}
+
+/// One round.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Drawn {
+    /// Least values drawn.
+    pub lower: Vec<f64>,
+    /// Largest values drawn.
+    pub upper: Vec<f64>,
+    /// Robots between them that walked, those of rounds before included.
+    pub walked: usize,
+    /// The values of the robot that made the real logs.
+    pub values: Vec<f64>,
+    /// Standard deviation of the errors of robots that were left out.
+    pub errors: Vec<f64>,
+    /// Standard error of the values by how much signals and legs disagree.
+    pub scatter: Vec<f64>,
+}
+
+impl Drawn {
+    /// Standard deviation of the errors of the values.
+    fn deviation(&self) -> Vec<f64> {
+        let both = self.errors.iter().zip(&self.scatter);
+        both.map(|(error, scatter)| error.hypot(SHARED * scatter)).collect()
+    }
+}
+
+impl Regression {
+    /// Whether the simulator makes more of an entry's error than noise does.
+    pub fn unlike(&self, entry: usize) -> bool {
+        let own = |round: &Drawn| round.errors.get(entry).copied();
+        let error = self.rounds.last().and_then(own).unwrap_or(f64::INFINITY);
+        self.deviation.get(entry).is_some_and(|one| *one > UNLIKE * error)
+    }
+
+    /// Robots that are simulated with `each` a round.
+    pub fn robots(each: usize) -> usize {
+        ROUNDS * each
+    }
+}
+
+/// What was recorded.
+#[derive(Clone, Debug)]
+pub struct Logs {
+    /// Numbers ([`Distributions::recorded`]).
+    pub numbers: Vec<f64>,
+    /// Which of them belong together ([`Distributions::groups`]).
+    pub groups: Vec<Range<usize>>,
+}
+
+/// What `each` robots a round say of the robot that made `logs`, of which a search over `theta` found `found`. `Ok(Err)`: why
+/// they say nothing, in a sentence.
+///
+/// # Errors
+/// [`FitError::Cancelled`].
+pub fn regress(
+    theta: &Theta,
+    found: &[f64],
+    logs: &Logs,
+    world: &dyn Walks,
+    each: usize,
+    seed: u64,
+    cancel: &Cancel<'_>,
+) -> Result<Result<Regression, String>, FitError> {
+    let entries = theta.entries();
+    if entries.len() > MOST_REGRESSED {
+        return Ok(Err(format!(
+            "{} parameters are fitted, and robots are drawn for at most {MOST_REGRESSED}.",
+            entries.len()
+        )));
+    }
+    let mut centre = found.to_vec();
+    let mut half: Vec<f64> = entries.iter().map(|entry| FIRST * entry.deviation).collect();
+    let (mut all, mut rounds) = (Robots::default(), Vec::<Drawn>::new());
+    for round in 0..ROUNDS {
+        let (lower, upper) = around(entries, &centre, &half);
+        let first = u32::try_from(round * each).unwrap_or(u32::MAX);
+        let drawn = draw(&lower, &upper, each, seed, first);
+        let walked = world.walk(&drawn, first);
+        if cancel() {
+            return Err(FitError::Cancelled);
+        }
+        let walked = match walked {
+            Ok(walked) => walked,
+            Err(reason) => return Ok(Err(reason)),
+        };
+        let count = walked.iter().flatten().count();
+        if (count as f64) < WALKING * each as f64 {
+            return Ok(Err(format!("{} of {each} simulated robots fall.", each - count)));
+        }
+        for (values, logs) in drawn.into_iter().zip(walked) {
+            let Some(logs) = logs else { continue };
+            all.values.push(values);
+            all.logs.push(logs);
+        }
+        let near = all.between(&lower, &upper);
+        let Some(Estimate { values, errors, scatter }) = near.estimate(&logs.numbers, &logs.groups) else {
+            return Ok(Err("The logs of simulated robots are all alike, or too few.".to_owned()));
+        };
+        let drawn = Drawn { lower, upper, walked: near.len(), values, errors, scatter };
+        let deviation = drawn.deviation();
+        for (at, entry) in entries.iter().enumerate() {
+            // Beyond what was drawn the regression is a guess: the next round looks there.
+            let beyond = 0.5 * (drawn.upper[at] - drawn.lower[at]);
+            let value = drawn.values[at].clamp(drawn.lower[at] - beyond, drawn.upper[at] + beyond);
+            centre[at] = value.clamp(entry.lower, entry.upper);
+            half[at] = (WIDTH * deviation[at]).max(LEAST * (entry.upper - entry.lower));
+        }
+        rounds.push(drawn);
+    }
+    let Some(last) = rounds.last() else { return Ok(Err("No robot was simulated.".to_owned())) };
+    let deviation = last.deviation();
+    let quantile = stats::student_t_95(last.walked.saturating_sub(1));
+    let both = last.values.iter().zip(&deviation);
+    let interval = both.map(|(value, one)| [value - quantile * one, value + quantile * one]).collect();
+    let within = entries.iter().zip(&last.values);
+    let corrected = within.map(|(entry, value)| value.clamp(entry.lower, entry.upper)).collect();
+    let robots = Regression::robots(each);
+    Ok(Ok(Regression { uncorrected: found.to_vec(), corrected, deviation, interval, robots, rounds }))
+}
+
+/// The values within `half` of `centre` and within the bounds.
+fn around(entries: &[Entry], centre: &[f64], half: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let ends = entries.iter().zip(centre).zip(half);
+    ends.map(|((entry, at), half)| ((at - half).max(entry.lower), (at + half).min(entry.upper))).unzip()
+}
+
+/// Robots with values drawn evenly between `lower` and `upper`: of each value one robot lies in each of `count` equal parts.
+fn draw(lower: &[f64], upper: &[f64], count: usize, seed: u64, first: u32) -> Vec<Vec<f64>> {
+    let place = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
+    let stream = Stream::new(seed, Purpose::SIMULATED_ROBOTS).environment(first);
+    let mut robots = vec![Vec::with_capacity(lower.len()); count];
+    for (entry, (lower, upper)) in lower.iter().zip(upper).enumerate() {
+        let own = stream.step(place(entry));
+        let mut order: Vec<(f64, usize)> = (0..count).map(|k| (own.uniform(place(k)), k)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (part, (_, robot)) in order.into_iter().enumerate() {
+            let within = own.uniform(place(count + robot));
+            robots[robot].push(lower + (upper - lower) * (part as f64 + within) / count as f64);
+        }
+    }
+    robots
+}

@@ -1,0 +1,210 @@
+//! What values robots have, learnt from their logs by ridge regression.
+
+use gaitfit_sim::stats;
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use std::ops::Range;
+
+/// Penalties that are tried, parts of the largest eigenvalue: 10^-8, 10^-7.5, … 10^1.
+const PENALTIES: std::ops::RangeInclusive<i32> = -16..=2;
+/// Numbers of a log that vary less, where the robot's range is 2, are rounding.
+const STEADY: f64 = 1e-7;
+/// Fewest robots.
+const FEWEST: usize = 8;
+
+/// Robots and their logs.
+#[derive(Clone, Debug, Default)]
+pub struct Robots {
+    /// The values of each; `robots × entries`.
+    pub values: Vec<Vec<f64>>,
+    /// The numbers of its logs; `robots × numbers`.
+    pub logs: Vec<Vec<f64>>,
+}
+
+/// What a robot's logs say of its values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Values: the mean of what groups of numbers say.
+    pub values: Vec<f64>,
+    /// Standard deviation of the errors for robots that were left out one by one, by all numbers together.
+    pub errors: Vec<f64>,
+    /// Standard error of that mean: of how much the groups disagree besides their own errors.
+    pub scatter: Vec<f64>,
+}
+
+impl Robots {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Those with values between `lower` and `upper`.
+    pub fn between(&self, lower: &[f64], upper: &[f64]) -> Self {
+        let inside = |values: &&Vec<f64>| {
+            values
+                .iter()
+                .zip(lower)
+                .zip(upper)
+                .all(|((value, lower), upper)| lower <= value && value <= upper)
+        };
+        let kept = self.values.iter().zip(&self.logs).filter(|(values, _)| inside(values));
+        let (values, logs) = kept.map(|(values, logs)| (values.clone(), logs.clone())).unzip();
+        Self { values, logs }
+    }
+
+    /// The values of the robot that made `logs`, whose numbers come in `groups`. `None` of too few robots, or if all their
+    /// logs are alike.
+    ///
+    /// Each group alone says the values, with an error that robots left out one by one show. A robot that is like the
+    /// simulated ones differs among groups by these errors; one that is not differs by more. The mean and its standard error
+    /// are those of a random-effects analysis (DerSimonian and Laird 1986), where the groups are the studies.
+    pub fn estimate(&self, logs: &[f64], groups: &[Range<usize>]) -> Option<Estimate> {
+        let entries = self.values.first().filter(|_| self.len() >= FEWEST)?.len();
+        let whole = self.learn(logs, 0..logs.len())?;
+        let parts: Vec<Vec<Said>> =
+            groups.iter().filter_map(|group| self.learn(logs, group.clone())).collect();
+        let mut found = Estimate { values: Vec::new(), errors: Vec::new(), scatter: Vec::new() };
+        for entry in 0..entries {
+            let said: Vec<Said> = parts.iter().map(|part| part[entry]).collect();
+            let (value, scatter) = if said.len() < 2 { (whole[entry].value, 0.0) } else { together(&said) };
+            found.values.push(value);
+            found.errors.push(whole[entry].error);
+            found.scatter.push(scatter);
+        }
+        Some(found)
+    }
+
+    /// What the numbers in `range` say of each value. `None` if they are alike for all robots.
+    fn learn(&self, logs: &[f64], range: Range<usize>) -> Option<Vec<Said>> {
+        let (kernel, row) = Scaled::of(&self.logs, logs, range)?.kernel();
+        let mut parts = kernel.symmetric_eigen();
+        parts.eigenvalues.apply(|value| *value = value.max(0.0));
+        let entries = self.values.first()?.len();
+        (0..entries).map(|entry| self.said(entry, &parts, &row)).collect()
+    }
+
+    /// What it says of one value, with the penalty for which robots left out one by one are told best.
+    fn said(
+        &self,
+        entry: usize,
+        parts: &SymmetricEigen<f64, nalgebra::Dyn>,
+        row: &DVector<f64>,
+    ) -> Option<Said> {
+        let (count, largest) = (self.len(), parts.eigenvalues.max());
+        if !(largest.is_finite() && largest > 0.0) {
+            return None;
+        }
+        let mean = self.values.iter().map(|one| one[entry]).sum::<f64>() / count as f64;
+        let wanted = DVector::from_iterator(count, self.values.iter().map(|one| one[entry] - mean));
+        let turned = parts.eigenvectors.transpose() * &wanted;
+        let of = |power: i32| {
+            let penalty = largest * 10f64.powf(0.5 * f64::from(power));
+            let shrunk = parts.eigenvalues.map(|value| value / (value + penalty));
+            let fitted = &parts.eigenvectors * turned.component_mul(&shrunk);
+            let left = (0..count).map(|robot| {
+                let own = parts.eigenvectors.row(robot);
+                let lever: f64 = own.iter().zip(shrunk.iter()).map(|(one, by)| one * one * by).sum();
+                (wanted[robot] - fitted[robot]) / (1.0 - lever - 1.0 / count as f64).max(1e-9)
+            });
+            (left.map(|one| one * one).sum::<f64>() / count as f64, penalty)
+        };
+        let (error, penalty) = PENALTIES.map(of).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let weights =
+            &parts.eigenvectors * turned.zip_map(&parts.eigenvalues, |one, value| one / (value + penalty));
+        Some(Said { value: mean + row.dot(&weights), error: error.sqrt() })
+    }
+}
+
+/// What numbers say of a value.
+#[derive(Clone, Copy, Debug)]
+struct Said {
+    value: f64,
+    /// Standard deviation.
+    error: f64,
+}
+
+/// Mean and standard error of what groups say.
+fn together(said: &[Said]) -> (f64, f64) {
+    let least = 1e-9 * said.iter().map(|one| one.error).fold(f64::MIN_POSITIVE, f64::max);
+    let variance = |one: &Said| one.error.max(least).powi(2);
+    let mean = |besides: f64| {
+        let weights = || said.iter().map(|one| 1.0 / (variance(one) + besides));
+        let sum: f64 = weights().sum();
+        (said.iter().zip(weights()).map(|(one, weight)| weight * one.value).sum::<f64>() / sum, sum)
+    };
+    let (fixed, sum) = mean(0.0);
+    let squares: f64 = said.iter().map(|one| 1.0 / variance(one).powi(2)).sum();
+    let spread: f64 = said.iter().map(|one| (one.value - fixed).powi(2) / variance(one)).sum();
+    let besides = ((spread - (said.len() as f64 - 1.0)) / (sum - squares / sum)).max(0.0);
+    let (value, sum) = mean(if besides.is_finite() { besides } else { 0.0 });
+    (value, sum.recip().sqrt())
+}
+
+/// Logs, each number less its mean over the robots and divided by its deviation.
+struct Scaled {
+    /// `robots × numbers`.
+    robots: DMatrix<f64>,
+    /// Those that ask.
+    logs: DVector<f64>,
+}
+
+impl Scaled {
+    fn of(robots: &[Vec<f64>], logs: &[f64], range: Range<usize>) -> Option<Self> {
+        let varies = |at: usize| {
+            let all: Vec<f64> = robots.iter().map(|one| one[at]).collect();
+            let size = stats::deviation(&all)?;
+            (size > STEADY).then(|| (at, stats::mean(&all).unwrap_or(0.0), size))
+        };
+        let numbers: Vec<(usize, f64, f64)> = range.filter_map(varies).collect();
+        if numbers.is_empty() {
+            return None;
+        }
+        let scaled = |one: &[f64], k: usize| {
+            let (at, mean, size) = numbers[k];
+            (one[at] - mean) / size
+        };
+        Some(Self {
+            robots: DMatrix::from_fn(robots.len(), numbers.len(), |robot, k| scaled(&robots[robot], k)),
+            logs: DVector::from_fn(numbers.len(), |k, _| scaled(logs, k)),
+        })
+    }
+
+    /// The products of the robots with each other, and with the logs that ask.
+    fn kernel(&self) -> (DMatrix<f64>, DVector<f64>) {
+        let numbers = self.robots.ncols() as f64;
+        (&self.robots * self.robots.transpose() / numbers, &self.robots * &self.logs / numbers)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two groups with errors 1 and 3 apart: spread 4.5 over one degree, (4.5 − 1) / (2 − 1) besides, so the mean's error is
+    /// √(4.5 / 2).
+    #[test]
+    fn groups_that_disagree_have_a_larger_error_by_hand() {
+        let of = |values: [f64; 2]| together(&values.map(|value| Said { value, error: 1.0 }));
+        let (value, error) = of([1.0, 4.0]);
+        assert!((value - 2.5).abs() < 1e-12 && (error - 2.25f64.sqrt()).abs() < 1e-12, "{value} {error}");
+        let (value, error) = of([1.0, 1.5]);
+        assert!((value - 1.25).abs() < 1e-12 && (error - 0.5f64.sqrt()).abs() < 1e-12, "{value} {error}");
+    }
+
+    #[test]
+    fn a_plane_is_learnt_exactly_and_nothing_is_said_of_too_few_or_like_robots() {
+        let values: Vec<Vec<f64>> = (0..20).map(|k| vec![0.1 * f64::from(k), f64::from(k * k % 7)]).collect();
+        let logs = |one: &Vec<f64>| vec![one[0] + one[1], one[0] - 2.0 * one[1], 3.0, one[1]];
+        let robots = Robots { logs: values.iter().map(logs).collect(), values };
+        let asked = logs(&vec![0.77, 2.5]);
+        let found = robots.estimate(&asked, &[0..2, 2..4]).map(|found| (found.values, found.errors));
+        let (values, errors) = found.unwrap_or_default();
+        assert!(
+            (values[1] - 2.5).abs() < 1e-4 && errors.iter().all(|error| *error < 1e-3),
+            "{values:?} {errors:?}"
+        );
+        let few = robots.between(&[0.0, 0.0], &[0.65, 9.0]);
+        assert!(few.len() == 7 && few.estimate(&asked, &[0..4]).is_none());
+        let alike = Robots { logs: vec![vec![1.0]; 20], values: robots.values };
+        assert!(alike.estimate(&[1.0], &[0..1]).is_none());
+    }
+}
