@@ -62,7 +62,7 @@ fn walking(runs: &Path) -> (Vec<String>, Vec<String>) {
     let config = format!(
         "name = \"walk\"\nrobot = \"assets/go2.xml\"\nbase = \"free\"\npolicy = \"assets/go2-walk.safetensors\"\n\
          logs = {}\nvalidate = {}\ncosts = [\"wass\"]\nruns = \"{}\"\n[optimizer]\ngenerations = 2\nseeds = 1\n\
-         population = 4\n[simulation]\ntimestep = 0.01\npreset = \"fast\"\n",
+         population = 4\nreplicates = 0\n[simulation]\ntimestep = 0.01\npreset = \"fast\"\n",
         quoted(fit),
         quoted(other),
         runs.display()
