@@ -10,7 +10,7 @@
 //! real ones ask for, which is none if the search went to its end. The step is not limited by bounds: it says how far beyond
 //! a bound the logs pull, on which the correction of a value that rests on one depends.
 //!
-//! How a fit answers to a change of the robot is learnt from round to round ([`Response`]), for values that make up for each
+//! How a fit answers to a change of the robot is learnt from all rounds ([`Response`]), for values that make up for each
 //! other are hard to tell apart. Rounds go on until what is missing is no more than the choice of noise moves it.
 //!
 //! How much the simulated motors do besides what they are told follows from the size of the differences that the fit
@@ -20,20 +20,20 @@
 use super::normal::{Loss, Normal};
 use super::question::{Comparison, Failure, Question, Slope, World};
 use super::residuals::Problem;
-use super::response::Response;
+use super::response::{Response, Shown};
 use super::uncertainty::{RIDGE, silent};
 use super::{Around, around, size};
 use crate::fit::FitError;
 use serde::{Deserialize, Serialize};
 
 /// Rounds of simulated logs, at least and at most: in each the values are moved by what the last one missed.
-const ROUNDS: [usize; 2] = [4, 10];
+const ROUNDS: [usize; 2] = [4, 8];
 /// Rounds end where each value misses at most so many standard deviations of the mean over a round's sets,
 const MISSED: f64 = 2.5;
 /// or this part of an entry's deviation.
 const SETTLED: f64 = 2e-3;
-/// The last rounds, over which the values are averaged.
-const AVERAGED: usize = 2;
+/// The last rounds, whose fits show the spread.
+const LAST: usize = 2;
 /// Rounds that measure the differences which a robot without noise leaves; later ones change them little.
 const MEASURED: usize = 2;
 /// Deviation of the torques of the first trial, N·m.
@@ -217,8 +217,6 @@ impl Inference<'_> {
         let mut numbers = 0..u32::MAX;
         let (mut slope, mut quiet) = (None, 0.0);
         let mut done = Vec::<Round>::with_capacity(ROUNDS[1]);
-        let scale = self.problem.theta.entries().iter().map(|entry| entry.deviation).collect();
-        let mut response = Response::one_to_one(scale);
         for round in 0..ROUNDS[1] {
             if round < MEASURED {
                 quiet = self.left(&simulated, 0.0, &mut numbers)?;
@@ -243,33 +241,32 @@ impl Inference<'_> {
             }
             let fits = compared.iter().map(|one| self.fit(one)).collect();
             let here = Round { values: simulated.clone(), torque_noise, fits };
-            if let Some(before) = done.last() {
-                learn(&mut response, before, &here);
-            }
             let settled = self.settled(&here);
-            simulated = self.next(&simulated, &self.estimate(&here, &response));
             done.push(here);
+            simulated = self.next(&simulated, &self.response(&done)?.robot_of(self.values));
             if settled && done.len() >= ROUNDS[0] {
                 break;
             }
         }
+        let response = self.response(&done)?;
         Ok(self.correction(done, &response))
     }
 
-    /// The values whose logs would ask for what the real ones ask for, by one round.
-    fn estimate(&self, round: &Round, response: &Response) -> Vec<f64> {
-        let needed = response.needed(&self.missed(round));
-        round.values.iter().zip(needed).map(|(value, by)| value + by).collect()
-    }
-
-    /// How far the fits of a round are from where the slope of the real logs' loss ends.
-    fn missed(&self, round: &Round) -> Vec<f64> {
-        self.values.iter().zip(round.mean()).map(|(value, fit)| value - fit).collect()
+    /// How fits answer to the robot, by all rounds.
+    fn response(&self, rounds: &[Round]) -> Result<Response, Failure> {
+        let shown: Vec<Shown> = rounds
+            .iter()
+            .map(|round| Shown { robot: round.values.clone(), fit: round.mean(), noise: round.noise() })
+            .collect();
+        let scale: Vec<f64> = self.problem.theta.entries().iter().map(|entry| entry.deviation).collect();
+        let said = || Failure::Said("Fits of simulated logs have no end.".to_owned());
+        Response::learnt(&shown, &scale).ok_or_else(said)
     }
 
     /// Whether what a round misses is not worth another one.
     fn settled(&self, round: &Round) -> bool {
-        let (missed, noise) = (self.missed(round), round.noise());
+        let missed: Vec<f64> = self.values.iter().zip(round.mean()).map(|(value, fit)| value - fit).collect();
+        let noise = round.noise();
         let entries = self.problem.theta.entries().iter().zip(&self.moving);
         let each = entries.zip(missed.iter().zip(&noise));
         each.filter(|((_, moving), _)| **moving).all(|((entry, _), (missed, noise))| {
@@ -279,11 +276,10 @@ impl Inference<'_> {
 
     fn correction(&self, rounds: Vec<Round>, response: &Response) -> Correction {
         let entries = self.problem.theta.entries().iter().enumerate();
-        let last = &rounds[rounds.len().saturating_sub(AVERAGED)..];
-        let found: Vec<Vec<f64>> = last.iter().map(|round| self.estimate(round, response)).collect();
+        let found = response.robot_of(self.values);
+        let last = &rounds[rounds.len().saturating_sub(LAST)..];
         let corrected = entries.map(|(at, entry)| {
-            let value = mean(found.iter().map(|one| one[at]));
-            if self.moving[at] { value.clamp(entry.lower, entry.upper) } else { self.found[at] }
+            if self.moving[at] { found[at].clamp(entry.lower, entry.upper) } else { self.found[at] }
         });
         let spread = |at: usize| {
             let of = |round: &Round| {
@@ -303,12 +299,18 @@ impl Inference<'_> {
         }
     }
 
-    /// The values of the next round: the estimate, within the bounds and no further than an entry's deviation away.
+    /// The values of the next round: the estimate, or as far on the way to it as no entry moves by more than its
+    /// deviation, within the bounds.
     fn next(&self, simulated: &[f64], estimate: &[f64]) -> Vec<f64> {
-        let entries = self.problem.theta.entries().iter().zip(simulated).zip(estimate).zip(&self.moving);
-        let moved = entries.map(|(((entry, from), to), moving)| {
-            let by = (to - from).clamp(-entry.deviation, entry.deviation);
-            if *moving { (from + by).clamp(entry.lower, entry.upper) } else { *from }
+        let entries = self.problem.theta.entries();
+        let moving = entries.iter().zip(simulated.iter().zip(estimate)).zip(&self.moving);
+        let far = moving
+            .filter(|(_, moving)| **moving)
+            .map(|((entry, (from, to)), _)| ((to - from) / entry.deviation).abs());
+        let part = 1.0 / far.fold(1.0, f64::max);
+        let moved = entries.iter().zip(simulated.iter().zip(estimate)).zip(&self.moving);
+        let moved = moved.map(|((entry, (from, to)), moving)| {
+            if *moving { (from + part * (to - from)).clamp(entry.lower, entry.upper) } else { *from }
         });
         moved.collect()
     }
@@ -349,14 +351,6 @@ impl Inference<'_> {
         let said = self.ask(simulated, noise, None, &drawn)?;
         Ok(mean(said.into_iter().map(|one| one.left)))
     }
-}
-
-/// What two rounds say of how fits answer to the robot.
-fn learn(response: &mut Response, before: &Round, after: &Round) {
-    let apart =
-        |from: &[f64], to: &[f64]| -> Vec<f64> { to.iter().zip(from).map(|(to, from)| to - from).collect() };
-    let noise: Vec<f64> = before.noise().iter().zip(after.noise()).map(|(a, b)| a.hypot(b)).collect();
-    response.learn(&apart(&before.values, &after.values), &apart(&before.mean(), &after.mean()), &noise);
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> f64 {

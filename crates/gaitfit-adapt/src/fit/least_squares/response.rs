@@ -1,61 +1,86 @@
 //! How the fit of a robot's logs answers to the robot's values.
 //!
-//! A fit that is off by the same amount for all robots answers one to one. Where values make up for each other, motors' strength,
-//! friction and a load for one, it answers to a change of all of them by a small part, and a correction that takes the answer for one
-//! to one ends far from the robot. The answer is learnt from round to round (Broyden 1965, the good method), as far as it
-//! stands out of the noise of the rounds.
+//! A fit that is off by the same amount for all robots answers one to one. Where values make up for each other, motors'
+//! strength, friction and a load for one, it answers to a change of all of them by a small part, and a correction that takes
+//! the answer for one to one ends far from the robot. So the answer is learnt from all rounds, as a linear one: ridge regression
+//! (Hoerl and Kennard 1970) that keeps to one to one where rounds say nothing. Rounds near the last one count most, for
+//! the answer is not linear far away.
 
 use nalgebra::{DMatrix, DVector};
 
+/// Standard deviation of the numbers of an answer about those of one to one, before anything is known.
+const DOUBT: f64 = 0.3;
+/// Least standard deviation of a fit, in an entry's deviations: answers are not linear.
+const LEAST_NOISE: f64 = 3e-3;
 /// Least part of a change of the robot that the fit is taken to answer with: it limits what noise can be made of.
-const LEAST: f64 = 0.1;
+const LEAST_ANSWER: f64 = 0.1;
 
-/// Change of a fit by a change of the robot, both in the entries' deviations.
+/// What one round shows, each number in the entries' units.
+pub(super) struct Shown {
+    /// The robot's values.
+    pub robot: Vec<f64>,
+    /// Mean of the fits of its logs.
+    pub fit: Vec<f64>,
+    /// Standard deviation of that mean.
+    pub noise: Vec<f64>,
+}
+
+/// Fits as a linear function of the robot's values, about a middle. All in the entries' deviations.
 pub(super) struct Response {
-    matrix: DMatrix<f64>,
-    /// Its inverse.
+    robot: DVector<f64>,
+    fit: DVector<f64>,
+    /// Change of the robot by a change of the fit.
     inverse: DMatrix<f64>,
     scale: DVector<f64>,
 }
 
 impl Response {
-    /// One to one. `scale`: a size of each entry, in its unit.
-    pub fn one_to_one(scale: Vec<f64>) -> Self {
-        let identity = DMatrix::identity(scale.len(), scale.len());
-        Self { matrix: identity.clone(), inverse: identity, scale: DVector::from_vec(scale) }
-    }
-
-    /// Learns that fits moved by `answered` when the robot moved by `moved`, in the entries' units. `noise`: standard
-    /// deviation of each number of `answered`.
-    pub fn learn(&mut self, moved: &[f64], answered: &[f64], noise: &[f64]) {
-        let scaled = |numbers: &[f64]| DVector::from_column_slice(numbers).component_div(&self.scale);
-        let (moved, answered, noise) = (scaled(moved), scaled(answered), scaled(noise));
-        let missed = answered - &self.matrix * &moved;
-        let (size, chance) = (missed.norm_squared(), noise.norm_squared());
-        // Stein's estimate (James and Stein 1961): what chance explains is not learnt.
-        let part = (1.0 - chance / size).max(0.0) / moved.norm_squared();
-        if !part.is_finite() {
-            return;
+    /// Learns it from rounds, the last of which counts most. `scale`: the deviation of each entry. `None` of no round, or of
+    /// numbers that are not finite.
+    pub fn learnt(rounds: &[Shown], scale: &[f64]) -> Option<Self> {
+        let scale = DVector::from_column_slice(scale);
+        let scaled = |numbers: &[f64]| DVector::from_column_slice(numbers).component_div(&scale);
+        let robots: Vec<DVector<f64>> = rounds.iter().map(|round| scaled(&round.robot)).collect();
+        let fits: Vec<DVector<f64>> = rounds.iter().map(|round| scaled(&round.fit)).collect();
+        let last = robots.last()?;
+        let weights: Vec<f64> =
+            robots.iter().map(|robot| 1.0 / (1.0 + (robot - last).norm_squared())).collect();
+        let all: f64 = weights.iter().sum();
+        let entries = scale.len();
+        let middle = |of: &[DVector<f64>]| {
+            of.iter()
+                .zip(&weights)
+                .fold(DVector::zeros(entries), |sum, (one, weight)| sum + one * (weight / all))
+        };
+        let (robot, fit) = (middle(&robots), middle(&fits));
+        let noise: f64 = rounds.iter().map(|round| scaled(&round.noise).norm_squared()).sum();
+        let noise = noise / (rounds.len() * entries).max(1) as f64 + LEAST_NOISE.powi(2);
+        // What fits do beyond one to one, times how robots differ.
+        let mut beyond = DMatrix::zeros(entries, entries);
+        let mut apart = DMatrix::identity(entries, entries) * (noise / DOUBT.powi(2));
+        for ((one, its), weight) in robots.iter().zip(&fits).zip(&weights) {
+            let (one, its) = (one - &robot, its - &fit);
+            beyond += (&its - &one) * one.transpose() * *weight;
+            apart += &one * one.transpose() * *weight;
         }
-        let learnt = &self.matrix + missed * moved.transpose() * part;
-        let parts = learnt.clone().svd(true, true);
-        let (Some(left), Some(right)) = (parts.u, parts.v_t) else { return };
-        let values = parts.singular_values.map(|value| value.max(LEAST));
-        let inverse =
-            right.transpose() * DMatrix::from_diagonal(&values.map(|value| 1.0 / value)) * left.transpose();
-        if inverse.iter().all(|number| number.is_finite()) {
-            self.matrix = left * DMatrix::from_diagonal(&values) * right;
-            self.inverse = inverse;
+        let learnt = DMatrix::identity(entries, entries) + beyond * apart.cholesky()?.inverse();
+        if !learnt.iter().all(|number| number.is_finite()) {
+            return None;
         }
+        let parts = learnt.svd(true, true);
+        let (left, right) = (parts.u?, parts.v_t?);
+        let values = parts.singular_values.map(|value| 1.0 / value.max(LEAST_ANSWER));
+        let inverse = right.transpose() * DMatrix::from_diagonal(&values) * left.transpose();
+        Some(Self { robot, fit, inverse, scale })
     }
 
-    /// How far the robot moves where its fit is to move by `by`, in the entries' units.
-    pub fn needed(&self, by: &[f64]) -> Vec<f64> {
-        let scaled = DVector::from_column_slice(by).component_div(&self.scale);
-        (&self.inverse * scaled).component_mul(&self.scale).as_slice().to_vec()
+    /// The robot whose logs have the fit `wanted`, in the entries' units.
+    pub fn robot_of(&self, wanted: &[f64]) -> Vec<f64> {
+        let by = DVector::from_column_slice(wanted).component_div(&self.scale) - &self.fit;
+        (&self.robot + &self.inverse * by).component_mul(&self.scale).as_slice().to_vec()
     }
 
-    /// The inverse in the entries' units, row by row.
+    /// How far the robot's values move where those of the fit move by one, row by row, in the entries' units.
     pub fn rows(&self) -> Vec<Vec<f64>> {
         let row = |at: usize| {
             let of = |other: usize| self.inverse[(at, other)] * self.scale[at] / self.scale[other];
@@ -70,40 +95,42 @@ impl Response {
 mod tests {
     use super::*;
 
-    /// A fit that answers to a change of both values together by a tenth.
-    fn answer(moved: &[f64]) -> Vec<f64> {
-        let both = 0.5 * (moved[0] + moved[1] / 10.0);
-        vec![moved[0] - 0.9 * both, moved[1] - 0.9 * both * 10.0]
+    const SCALE: [f64; 2] = [1.0, 10.0];
+
+    /// A fit that is off, and that answers to a change of both values together by a fifth.
+    fn shown(robot: [f64; 2], noise: f64) -> Shown {
+        let both = 0.5 * (robot[0] + robot[1] / 10.0);
+        let fit = vec![robot[0] - 0.8 * both + 0.3, robot[1] - 0.8 * both * 10.0];
+        Shown { robot: robot.to_vec(), fit, noise: vec![noise, 10.0 * noise] }
+    }
+
+    #[test]
+    fn one_round_is_answered_one_to_one() {
+        let response = Response::learnt(&[shown([0.5, 3.0], 0.01)], &SCALE).unwrap();
+        let wanted = [shown([0.5, 3.0], 0.0).fit[0] + 0.1, shown([0.5, 3.0], 0.0).fit[1] - 1.0];
+        let found = response.robot_of(&wanted);
+        assert!((found[0] - 0.6).abs() < 1e-12 && (found[1] - 2.0).abs() < 1e-12, "{found:?}");
+        assert_eq!(response.rows(), [[1.0, 0.0], [0.0, 1.0]]);
+        assert!(Response::learnt(&[], &SCALE).is_none());
+        assert!(Response::learnt(&[shown([f64::NAN, 3.0], 0.01)], &SCALE).is_none());
     }
 
     #[test]
     fn a_weak_answer_is_learnt_and_undone() {
-        let mut response = Response::one_to_one(vec![1.0, 10.0]);
-        assert_eq!(response.needed(&[0.3, -2.0]), [0.3, -2.0]);
-        for moved in [[0.2, 1.0], [0.1, 3.0], [-0.4, 0.5]] {
-            response.learn(&moved, &answer(&moved), &[0.0, 0.0]);
-        }
-        let needed = response.needed(&answer(&[0.5, 4.0]));
-        assert!((needed[0] - 0.5).abs() < 1e-9 && (needed[1] - 4.0).abs() < 1e-9, "{needed:?}");
-        let rows = response.rows();
-        let by = answer(&[0.5, 4.0]);
-        assert!((rows[0][0] * by[0] + rows[0][1] * by[1] - 0.5).abs() < 1e-9);
+        let rounds = [[0.2, 1.0], [0.5, 3.0], [0.3, 6.0], [0.6, 4.5]].map(|robot| shown(robot, 0.0));
+        let response = Response::learnt(&rounds, &SCALE).unwrap();
+        let found = response.robot_of(&shown([0.9, 8.0], 0.0).fit);
+        assert!((found[0] - 0.9).abs() < 0.01 && (found[1] - 8.0).abs() < 0.1, "{found:?}");
+        let (rows, by) = (response.rows(), [0.1, 1.0]);
+        let moved = rows[0][0] * by[0] + rows[0][1] * by[1];
+        assert!((moved - 0.5).abs() < 0.02, "five times as far: {moved}");
     }
 
     #[test]
     fn noise_is_not_learnt() {
-        let mut response = Response::one_to_one(vec![1.0, 1.0]);
-        response.learn(&[0.1, 0.0], &[0.13, -0.02], &[0.03, 0.03]);
-        assert_eq!(response.needed(&[1.0, 2.0]), [1.0, 2.0]);
-    }
-
-    #[test]
-    fn nothing_is_made_of_no_answer_and_of_no_move() {
-        let mut response = Response::one_to_one(vec![1.0, 1.0]);
-        response.learn(&[0.0, 0.0], &[0.5, 0.5], &[0.0, 0.0]);
-        assert_eq!(response.needed(&[1.0, 2.0]), [1.0, 2.0]);
-        response.learn(&[0.1, 0.0], &[0.0, 0.0], &[0.0, 0.0]);
-        let needed = response.needed(&[1.0, 2.0]);
-        assert!((needed[0] - 10.0).abs() < 1e-9 && (needed[1] - 2.0).abs() < 1e-9, "{needed:?}");
+        let mut rounds = [[0.5, 3.0], [0.52, 3.1]].map(|robot| shown(robot, 0.1));
+        rounds[1].fit[0] += 0.1;
+        let rows = Response::learnt(&rounds, &SCALE).unwrap().rows();
+        assert!((rows[0][0] - 1.0).abs() < 0.05 && rows[1][0].abs() < 0.5, "{rows:?}");
     }
 }
