@@ -6,7 +6,7 @@ use crate::own_policy::Source;
 use crate::watch::{Caller, watched_acting};
 use gaitfit::Error;
 use gaitfit::adapt::{self, Crew, Done, Setup};
-use gaitfit::device::Device;
+use gaitfit::device::Devices;
 use gaitfit_adapt::fit::FitError;
 use gaitfit_adapt::{Cancel, SimulatorError};
 use pyo3::prelude::*;
@@ -137,7 +137,7 @@ impl Helper {
         device: &str,
         policy: Option<Source>,
     ) -> PyResult<Self> {
-        let device: Device = device.parse().map_err(|wrong: String| value(format!("device: {wrong}")))?;
+        let devices: Devices = device.parse().map_err(|wrong: String| value(format!("device: {wrong}")))?;
         if threads == 0 {
             return Err(value("threads must be at least 1"));
         }
@@ -148,7 +148,7 @@ impl Helper {
             Some(policy) => policy.policy(asked_of(&calling)).map_err(|error| of(&error))?,
             None => None,
         };
-        let body = move || match adapt::Helper::open(&parcel, threads, device, own.as_ref())
+        let body = move || match adapt::Helper::open(&parcel, threads, &devices, own.as_ref())
             .and_then(|one| Ok((one.mark()?, one)))
         {
             Ok((mark, helper)) => {

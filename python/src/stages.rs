@@ -5,7 +5,7 @@ use crate::own_policy::Source;
 use crate::share::OwnCrew;
 use crate::watch::{Caller, watched, watched_acting};
 use gaitfit::adapt::{Setup, ValidateRequest};
-use gaitfit::device::Device;
+use gaitfit::device::{Device, Devices};
 use gaitfit::evaluate::GroundChoice;
 use gaitfit::finetune::{Files, Request};
 use gaitfit::run::RunFolder;
@@ -37,8 +37,8 @@ impl Run {
             .transpose()
     }
 
-    fn device(&self) -> PyResult<Device> {
-        device_of(&self.device)
+    fn devices(&self) -> PyResult<Devices> {
+        self.device.parse().map_err(|wrong: String| value(format!("device: {wrong}")))
     }
 
     /// The configuration's file as errors name it.
@@ -77,13 +77,13 @@ pub fn adapt(
         settings::load(run.config.as_deref(), &run.sets).map_err(|error| of(&error))?;
     let name = run.name(config.name.as_ref(), "fit");
     config.name = Some(name.clone());
-    let (threads, device) = (run.threads()?.map(NonZeroUsize::get), run.device()?);
+    let (threads, devices) = (run.threads()?.map(NonZeroUsize::get), run.devices()?);
     let path = run.path();
     let crew = crew.map(|crew| Arc::new(OwnCrew::new(crew)));
     let act = policy.as_ref().and_then(Source::act);
     let found = watched_acting(py, progress.as_ref(), act, |watch, caller| {
         let policy = policy.as_ref().map_or(Ok(None), |policy| policy.policy(caller.asked()))?;
-        let mut setup = Setup::open_policy(&config, path, threads, device, policy.as_ref())?;
+        let mut setup = Setup::open_policy(&config, path, threads, &devices, policy.as_ref())?;
         let folder = RunFolder::begin(Path::new(&config.runs), &name, run.resume)?;
         setup.warnings.iter().for_each(|warning| watch.note(warning));
         if let Some(crew) = &crew {
@@ -126,7 +126,7 @@ fn training(run: &Run, robot: Option<String>, seeds: Option<Vec<u64>>) -> PyResu
     config.robot = robot.or(config.robot);
     config.seeds = seeds.unwrap_or(config.seeds);
     let threads = run.threads()?.map_or_else(machine::threads, NonZeroUsize::get);
-    gaitfit::train::setup(&config, &name, run.config.as_deref(), threads, run.device()?)
+    gaitfit::train::setup(&config, &name, run.config.as_deref(), threads, &run.devices()?)
         .map_err(|error| of(&error))
 }
 
@@ -190,7 +190,7 @@ fn tuning(run: &Run, world: World, seeds: Option<Vec<u64>>) -> PyResult<gaitfit:
         files: Files { policy: Some(world.policy.name()), theta: world.theta, robot: world.robot },
         task: world.task,
         threads: run.threads()?,
-        device: run.device()?,
+        devices: run.devices()?,
     })
     .map_err(|error| of(&error))
 }
@@ -217,7 +217,7 @@ pub fn run_loop(py: Python<'_>, run: Run, progress: Option<Py<PyAny>>) -> PyResu
     config.name = Some(name.clone());
     let threads = run.threads()?.map_or_else(machine::threads, NonZeroUsize::get);
     let opened = config.check(run.path()).and_then(|()| loop_::Setup::open(config, run.path(), threads));
-    let setup = loop_::Setup { device: run.device()?, ..opened.map_err(|error| of(&error))? };
+    let setup = loop_::Setup { devices: run.devices()?, ..opened.map_err(|error| of(&error))? };
     json(watched(py, progress.as_ref(), |watch| loop_::run(&setup, &name, run.resume, watch))?)
 }
 

@@ -92,8 +92,9 @@ impl Robots {
             settings::load(config.as_deref(), &sets).map_err(|error| of(&error))?;
         settings.robot = robot.or(settings.robot);
         let threads = threads.unwrap_or_else(gaitfit::machine::threads).clamp(1, count.div_ceil(TILE));
-        let setup = train::setup(&settings, "env", config.as_deref(), threads, gaitfit::device::Device::Cpu)
-            .map_err(|error| of(&error))?;
+        let setup =
+            train::setup(&settings, "env", config.as_deref(), threads, &gaitfit::device::Device::Cpu.into())
+                .map_err(|error| of(&error))?;
         let task = setup.scene;
         let walker = &task.walker;
         let widths = gaitfit_learn::widths(&task);

@@ -41,6 +41,11 @@ pub fn note(text: &str) {
     };
 }
 
+/// Says what computes, one line a device.
+pub fn devices(devices: &gaitfit::device::Devices) {
+    devices.all().iter().for_each(|device| note(&device.line()));
+}
+
 /// Whether the terminal's keys are read one by one.
 static RAW: AtomicBool = AtomicBool::new(false);
 

@@ -1,4 +1,4 @@
-//! The simulators of a fit on a GPU: the CPU's stand beside for what a GPU does not do.
+//! The simulators of a fit on GPUs: the CPU's stand beside for what a GPU does not do.
 
 use crate::walk::simulator::WalkSimulator;
 use gaitfit_adapt::cost::{Cost, Pieces, Reference, Signal};
@@ -6,9 +6,7 @@ use gaitfit_adapt::fit::{Evaluation, FitError, Job, accumulate};
 use gaitfit_adapt::{
     Cancel, Consume, ReplaySimulator, Resets, Rollout, Signals, Simulator, SimulatorError, Theta,
 };
-use gaitfit_cuda::fit::{
-    Candidates, Compared, FitError as GpuError, Measured, Parts, Subject, Tables, Tracks,
-};
+use gaitfit_cuda::fit::{Compared, FitError as GpuError, Measured, MultiGpu, Parts, Subject, Tables, Tracks};
 use gaitfit_cuda::runtime::Device;
 use gaitfit_policy::follow;
 use gaitfit_sim::Candidate;
@@ -77,18 +75,18 @@ pub struct GpuSimulator<S> {
 }
 
 struct Gpu {
-    candidates: Candidates,
+    candidates: MultiGpu,
     /// What candidates are compared with, once something was.
     reference: Option<Arc<Reference>>,
 }
 
 impl<S: OnGpu> GpuSimulator<S> {
-    /// `host` on `device`; the host prepares candidates on `threads` threads.
+    /// `host` on `devices`, which share the candidates; the host prepares them on `threads` threads.
     ///
     /// # Errors
-    /// A failure of the GPU.
-    pub fn new(host: S, device: &Device, threads: usize) -> Result<Self, GpuError> {
-        let candidates = Candidates::new(device, host.tables()?, threads)?;
+    /// A failure of a GPU.
+    pub fn new(host: S, devices: &[Device], threads: usize) -> Result<Self, GpuError> {
+        let candidates = MultiGpu::new(devices, host.tables()?, threads)?;
         Ok(Self { host, gpu: Mutex::new(Gpu { candidates, reference: None }) })
     }
 
@@ -302,7 +300,7 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
             })
             .collect();
         let robots = self.jobs(theta, &rollouts)?;
-        let parts = self.gpu().candidates.parts(self.host.subject(), &robots, &compared, &|| cancel());
+        let parts = self.gpu().candidates.parts(self.host.subject(), &robots, &compared, cancel);
         for (&job, parts) in on_gpu.iter().zip(&parts.map_err(failed)?) {
             found[job] = there[jobs[job].cost].as_ref().map(|pieces| evaluation(pieces, parts));
         }

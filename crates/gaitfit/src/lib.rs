@@ -8,6 +8,7 @@
 pub mod adapt;
 pub mod air;
 pub mod collect;
+mod crew;
 pub mod device;
 mod draws;
 mod error;

@@ -98,7 +98,7 @@ fn documented_rewards_are_paid_and_documented_commands_grow() {
         .unwrap();
     let runs = format!("runs={}", folder.path().display());
     let config: TrainConfig = load(Some(&path), &[runs]).unwrap();
-    let setup = gaitfit::train::setup(&config, "own", None, 2, Device::Cpu).unwrap();
+    let setup = gaitfit::train::setup(&config, "own", None, 2, &Device::Cpu.into()).unwrap();
     let results = gaitfit::train::train(&setup, false, &Watch::silent()).unwrap();
     let warned = results.warnings.iter().any(|warning| warning.contains("grew 0 % of the way"));
     assert!(warned, "two iterations are not enough: {:?}", results.warnings);
@@ -122,7 +122,7 @@ fn documented_rewards_are_paid_and_documented_commands_grow() {
             files: finetune::Files { policy: Some(policy.clone()), ..Default::default() },
             task: None,
             threads: None,
-            device: Device::Cpu,
+            devices: Device::Cpu.into(),
         };
         let settings = finetune::setup(request).unwrap().scene.settings;
         (settings.terms.len(), settings.command.curriculum.map(|curriculum| curriculum.iterations))

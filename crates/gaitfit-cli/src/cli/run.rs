@@ -29,8 +29,8 @@ pub struct RunArgs {
 
 impl RunArgs {
     /// What computes in the run `name` within `runs`.
-    pub fn device(&self, asked: Option<super::Device>, runs: &str, name: &str) -> super::Device {
-        super::Device::of_run(asked, self.resume.then_some((Path::new(runs), name)))
+    pub fn devices(&self, asked: Option<&super::Devices>, runs: &str, name: &str) -> super::Devices {
+        super::Devices::of_run(asked.cloned(), self.resume.then_some((Path::new(runs), name)))
     }
 
     /// Threads asked for, or one for each core.
@@ -44,10 +44,10 @@ impl RunArgs {
 pub struct Adapt {
     /// Configuration (TOML); `gaitfit config` prints one with every default
     pub config: PathBuf,
-    /// What simulates: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used); a run may go on on
-    /// another device [default: auto; with --resume the run's]
+    /// What simulates: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the candidates), or auto (a
+    /// GPU if one can be used); a run may go on on another device [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
-    pub device: Option<super::Device>,
+    pub device: Option<super::Devices>,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,
@@ -108,10 +108,10 @@ pub struct Train {
     /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
-    /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used); a run may go on on
-    /// another device [default: auto; with --resume the run's]
+    /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the seeds), or auto (a GPU if
+    /// one can be used); a run may go on on another device [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
-    pub device: Option<super::Device>,
+    pub device: Option<super::Devices>,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,
@@ -146,10 +146,10 @@ pub struct Finetune {
     /// How many seeds, from 1 on (3), or which ones (4,9) [default: the configuration's]
     #[arg(long, value_name = "N|LIST")]
     pub seeds: Option<Seeds>,
-    /// What computes: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used); a run may go on on
-    /// another device [default: auto; with --resume the run's]
+    /// What computes: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the seeds), or auto (a GPU if
+    /// one can be used); a run may go on on another device [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
-    pub device: Option<super::Device>,
+    pub device: Option<super::Devices>,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,
@@ -160,10 +160,10 @@ pub struct Finetune {
 pub struct Loop {
     /// Configuration (TOML); `gaitfit config loop` prints one with every default
     pub config: PathBuf,
-    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, or auto (a GPU if one can be used) [default: auto; with
-    /// --resume the run's]
+    /// What fits and trains: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share a fit's candidates and
+    /// a training's seeds), or auto (a GPU if one can be used) [default: auto; with --resume the run's]
     #[arg(long, value_name = "DEVICE")]
-    pub device: Option<super::Device>,
+    pub device: Option<super::Devices>,
     /// How it runs.
     #[command(flatten)]
     pub run: RunArgs,

@@ -24,7 +24,7 @@ pub fn run(args: &cli::Finetune) -> Result<(), Failure> {
         config.torque_noise = noise;
     }
     let name = name.unwrap_or_else(|| "finetune".to_owned());
-    let device = args.run.device(args.device, &config.runs, &name);
+    let devices = args.run.devices(args.device.as_ref(), &config.runs, &name);
     let setup = setup(Request {
         config,
         path: args.config.clone(),
@@ -32,9 +32,9 @@ pub fn run(args: &cli::Finetune) -> Result<(), Failure> {
         files: Files { policy: args.policy.clone(), theta: args.theta.clone(), robot: args.robot.clone() },
         task: args.task.clone(),
         threads: args.run.threads,
-        device,
+        devices,
     })?;
-    output::note(&setup.device.line());
+    output::devices(&setup.devices);
     interrupt::listen()?;
     let results = watched(train::LINES, |watch| gaitfit::train::train(&setup, args.run.resume, watch))?;
     train::print(&results, &args.run)

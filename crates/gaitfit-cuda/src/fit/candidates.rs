@@ -1,5 +1,7 @@
 //! Candidates simulated on a GPU, as many at once as fit, and what their costs are made of.
 
+use std::sync::Arc;
+
 use gaitfit_policy::follow::Job;
 use gaitfit_policy::walker::WalkerError;
 use gaitfit_sim::pool;
@@ -56,8 +58,8 @@ pub struct Tracks<'a> {
 pub struct Candidates {
     device: Device,
     stream: Stream,
-    tables: Tables,
-    measured: Option<Measured>,
+    tables: Arc<Tables>,
+    measured: Option<Arc<Measured>>,
     threads: usize,
     sessions: Vec<Session>,
 }
@@ -67,9 +69,15 @@ impl Candidates {
     ///
     /// # Errors
     /// A failure of the GPU.
-    pub fn new(device: &Device, tables: Tables, threads: usize) -> Result<Self, FitError> {
+    pub fn new(device: &Device, tables: impl Into<Arc<Tables>>, threads: usize) -> Result<Self, FitError> {
         let stream = Stream::new(device)?;
-        Ok(Self { device: device.clone(), stream, tables, measured: None, threads, sessions: Vec::new() })
+        let (device, tables) = (device.clone(), tables.into());
+        Ok(Self { device, stream, tables, measured: None, threads, sessions: Vec::new() })
+    }
+
+    /// The number of its GPU.
+    pub(super) fn ordinal(&self) -> usize {
+        self.device.info().ordinal
     }
 
     /// The recordings.
@@ -81,7 +89,8 @@ impl Candidates {
     ///
     /// # Errors
     /// Numbers of other recordings or dimensions.
-    pub fn measure(&mut self, measured: Measured, dimensions: usize) -> Result<(), FitError> {
+    pub fn measure(&mut self, measured: impl Into<Arc<Measured>>, dimensions: usize) -> Result<(), FitError> {
+        let measured = measured.into();
         let expected = self.tables.recordings() * self.tables.samples * dimensions;
         if measured.samples.len() != expected {
             let found = measured.samples.len();
@@ -218,7 +227,7 @@ impl Candidates {
             Some(there) => self.sessions.remove(there).physics,
             None => Physics::new(subject, &example.candidate)?,
         };
-        let (tables, measured) = (&self.tables, self.measured.as_ref());
+        let (tables, measured) = (&self.tables, self.measured.as_deref());
         let session = Session::new(&self.device, &self.stream, subject, physics, tables, measured, wanted)?;
         self.sessions.push(session);
         Ok(self.sessions.len() - 1)

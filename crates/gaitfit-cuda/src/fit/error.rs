@@ -55,7 +55,35 @@ pub enum FitError {
         /// There.
         found: usize,
     },
+    /// A failure of one GPU of several.
+    #[error("cuda:{ordinal}: {error}")]
+    On {
+        /// The GPU's number.
+        ordinal: usize,
+        /// What failed there.
+        error: Box<Self>,
+    },
     /// It was asked to give up.
     #[error("cancelled")]
     Cancelled,
+}
+
+impl FitError {
+    /// What failed, on whichever GPU.
+    pub fn cause(&self) -> &Self {
+        match self {
+            Self::On { error, .. } => error.cause(),
+            cause => cause,
+        }
+    }
+
+    /// Names the GPU, if it is the GPU's failure and not the candidates'.
+    pub(super) fn on(self, ordinal: usize) -> Self {
+        match self {
+            Self::Cuda(_) | Self::Device(_) | Self::Costs(_) | Self::TooWide { .. } => {
+                Self::On { ordinal, error: Box::new(self) }
+            }
+            error => error,
+        }
+    }
 }

@@ -4,19 +4,23 @@
 //! chooses actions and targets; the other is the physics ([`crate::physics`]). All steps are one CUDA graph. The signals
 //! stay in the GPU's memory, where [`crate::costs`] compares them with the robot's. Torque noise has the CPU's draws.
 //!
-//! [`Candidates`] simulates; [`Plan`] is what it runs, as data, which a test also runs on the CPU.
+//! [`Candidates`] simulates; [`Plan`] is what it runs, as data, which a test also runs on the CPU. [`MultiGpu`] shares
+//! candidates among several GPUs of one host.
 
 mod candidates;
 mod error;
+mod multi_gpu;
 mod numbers;
 mod plan;
 mod scene;
 mod session;
+mod shares;
 mod tables;
 mod text;
 
 pub use candidates::{Candidates, Compared, Measured, Parts, Tracks};
 pub use error::FitError;
+pub use multi_gpu::MultiGpu;
 pub use numbers::Numbers;
 pub use plan::{Plan, Sizes};
 pub use scene::{Scene, Structure, Subject};

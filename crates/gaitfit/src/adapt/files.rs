@@ -32,7 +32,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a>
         inputs: inputs(setup)?,
         same_files: true,
         seeds: setup.options.seeds.clone(),
-        device: setup.device,
+        devices: setup.devices.clone(),
         asked: Whole::default(),
     })
 }

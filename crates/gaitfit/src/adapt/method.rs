@@ -11,15 +11,15 @@ use gaitfit_model::Model;
 use gaitfit_sim::Candidate;
 use std::sync::Arc;
 
-/// The simulator on a GPU, if there is one.
+/// The simulator on these GPUs, if there are some.
 fn on<S: OnGpu + 'static>(
     simulator: S,
-    gpu: Option<&gaitfit_cuda::runtime::Device>,
+    gpus: &[gaitfit_cuda::runtime::Device],
     threads: usize,
 ) -> Result<Box<dyn Simulator>, Error> {
-    Ok(match gpu {
-        Some(gpu) => Box::new(GpuSimulator::new(simulator, gpu, threads).map_err(fit_error)?),
-        None => Box::new(simulator),
+    Ok(match gpus {
+        [] => Box::new(simulator),
+        gpus => Box::new(GpuSimulator::new(simulator, gpus, threads).map_err(fit_error)?),
     })
 }
 
@@ -32,16 +32,16 @@ pub enum Method {
 }
 
 impl Method {
-    /// On a GPU, if there is one.
+    /// On these GPUs, if there are some.
     #[must_use]
-    pub fn on(self, gpu: Option<gaitfit_cuda::runtime::Device>) -> Self {
+    pub fn on(self, gpus: Vec<gaitfit_cuda::runtime::Device>) -> Self {
         match self {
             Self::Replay(mut clamped) => {
-                clamped.gpu = gpu;
+                clamped.gpus = gpus;
                 Self::Replay(clamped)
             }
             Self::Walk(walking) => match Arc::try_unwrap(walking) {
-                Ok(walking) => Self::Walk(Arc::new(Walking { gpu, ..walking })),
+                Ok(walking) => Self::Walk(Arc::new(Walking { gpus, ..walking })),
                 // Someone else has it already, and its simulators.
                 Err(walking) => Self::Walk(walking),
             },
@@ -70,10 +70,8 @@ impl Method {
     /// Logs that cannot be simulated together.
     pub fn simulator(&self, base: Candidate, logs: &[Log]) -> Result<Box<dyn Simulator>, Error> {
         Ok(match self {
-            Self::Replay(clamped) => {
-                on(clamped.simulator(base, logs)?, clamped.gpu.as_ref(), clamped.threads)?
-            }
-            Self::Walk(walking) => on(walking.simulator(base, logs), walking.gpu.as_ref(), walking.threads)?,
+            Self::Replay(clamped) => on(clamped.simulator(base, logs)?, &clamped.gpus, clamped.threads)?,
+            Self::Walk(walking) => on(walking.simulator(base, logs), &walking.gpus, walking.threads)?,
         })
     }
 

@@ -86,7 +86,7 @@ pub fn fit(setup: &mut Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<A
 fn on_the_cpu(setup: &Setup) -> Option<String> {
     let names: Vec<String> =
         setup.config.costs.iter().filter(|cost| cost.needs_imu()).map(ToString::to_string).collect();
-    let there = setup.device.gpu().is_some() && !names.is_empty();
+    let there = setup.devices.are_gpus() && !names.is_empty();
     there.then(|| {
         format!("the CPU simulates for {}, whatever the device: it takes some seconds", names.join(", "))
     })

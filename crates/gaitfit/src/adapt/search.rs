@@ -77,6 +77,15 @@ pub fn fit(
             Ok(None) => break,
             Ok(Some(generation)) => generation,
             Err(FitError::Cancelled) => return Err(interrupted(&fit)),
+            // A GPU that failed, a worker that is gone: the generations before are whole.
+            Err(error @ FitError::Simulator(_)) if fit.generation() > 0 => {
+                save(&fit)?;
+                return Err(Error::failed(format!(
+                    "{error}. {} has the checkpoint of generation {}, --resume continues.",
+                    folder.path().display(),
+                    fit.generation()
+                )));
+            }
             Err(error) => return Err(Error::failed(error)),
         };
         folder.append(METRICS, &metric_lines(&generation, seconds())?)?;
@@ -165,4 +174,88 @@ fn best(setup: &Setup, fit: &Fit<'_>) -> String {
         text.extend(shown.map(|(entry, value)| format!("{} {value:.3}", entry.name)));
     }
     text.join("  ")
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use crate::adapt::{Setup, fit};
+    use crate::run::RunFolder;
+    use crate::settings;
+    use crate::watch::Watch;
+    use gaitfit_adapt::cost::{Cost, Signal};
+    use gaitfit_adapt::fit::{Evaluation, FitError, Job};
+    use gaitfit_adapt::{Cancel, Consume, Rollout, Simulator, SimulatorError, Theta};
+    use std::path::Path;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// A simulator whose GPU fails after some generations.
+    struct Failing {
+        inner: Box<dyn Simulator>,
+        left: AtomicUsize,
+    }
+
+    impl Simulator for Failing {
+        fn joints(&self) -> &[String] {
+            self.inner.joints()
+        }
+
+        fn recordings(&self) -> usize {
+            self.inner.recordings()
+        }
+
+        fn provides(&self, signal: Signal) -> bool {
+            self.inner.provides(signal)
+        }
+
+        fn simulate(
+            &self,
+            theta: &Theta,
+            candidates: &[Rollout],
+            consume: &Consume<'_>,
+            cancel: &Cancel<'_>,
+        ) -> Result<(), SimulatorError> {
+            self.inner.simulate(theta, candidates, consume, cancel)
+        }
+
+        fn costs(
+            &self,
+            theta: &Theta,
+            costs: &[Box<dyn Cost>],
+            jobs: &[Job],
+            cancel: &Cancel<'_>,
+        ) -> Result<Vec<Evaluation>, FitError> {
+            let left =
+                self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));
+            left.map_err(|_| SimulatorError::failed("cuda:1: the bus is cut"))?;
+            self.inner.costs(theta, costs, jobs, cancel)
+        }
+    }
+
+    #[test]
+    fn a_fit_whose_gpu_fails_goes_on_where_it_was() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/go2-demo/adapt.toml");
+        let changes =
+            ["optimizer.seeds=1", "optimizer.generations=6", "simulation.timestep=0.005", "check={}"];
+        let open = || {
+            let changes = changes.map(str::to_owned);
+            Setup::open(&settings::load(Some(&file), &changes).unwrap(), &file, Some(2)).unwrap()
+        };
+        let runs = tempfile::tempdir().unwrap();
+        let folder = |name: &str| RunFolder::only(runs.path(), name).unwrap();
+        let whole = fit(&mut open(), &folder("whole"), &Watch::silent()).unwrap();
+        let mut broken = open();
+        let nothing = open().fit.simulator;
+        let inner = std::mem::replace(&mut broken.fit.simulator, nothing);
+        broken.fit.simulator = Box::new(Failing { inner, left: AtomicUsize::new(4) });
+        let error = fit(&mut broken, &folder("broken"), &Watch::silent()).unwrap_err().to_string();
+        assert!(error.contains("cuda:1: the bus is cut") && error.contains("of generation 4"), "{error}");
+        // The last checkpoint by the clock is older: `checkpoint_seconds` are not over.
+        let resumed = fit(&mut open(), &folder("broken"), &Watch::silent()).unwrap();
+        assert_eq!((resumed.cost, resumed.fits.len()), (whole.cost, whole.fits.len()));
+        let values = |found: &crate::adapt::AdaptResults| -> Vec<f64> {
+            found.parameters.iter().map(|one| one.found.value).collect()
+        };
+        assert_eq!(values(&resumed), values(&whole));
+    }
 }

@@ -8,7 +8,7 @@ use super::replicas::Replicas;
 use super::robots;
 use super::share::Shares;
 use crate::air::{Clamped, logs as air_logs};
-use crate::device::Device;
+use crate::device::{Device, Devices};
 use crate::log::Log;
 use crate::robot::Hold;
 use crate::settings::{AdaptConfig, Base, check};
@@ -53,7 +53,7 @@ pub struct Setup {
     /// Things to know before trusting the result.
     pub warnings: Vec<String>,
     /// What simulates.
-    pub device: Device,
+    pub devices: Devices,
     /// Where the settings were read, which relative paths may start from.
     pub config_path: PathBuf,
     /// Whether the policy was given by the caller, and is in no file.
@@ -68,10 +68,10 @@ impl Setup {
     /// # Errors
     /// Settings that do not go together; files that are not there or not usable, each by name.
     pub fn open(config: &AdaptConfig, config_path: &Path, threads: Option<usize>) -> Result<Self, Error> {
-        Self::open_on(config, config_path, threads, Device::Cpu)
+        Self::open_on(config, config_path, threads, &Device::Cpu.into())
     }
 
-    /// As [`Setup::open`]; `device` simulates, or the CPU what a GPU that `auto` found does not.
+    /// As [`Setup::open`]; `devices` simulate and share the candidates, or the CPU what a GPU that `auto` found does not.
     ///
     /// # Errors
     /// As there; a GPU that is not there, or that does not do what is asked.
@@ -79,9 +79,9 @@ impl Setup {
         config: &AdaptConfig,
         config_path: &Path,
         threads: Option<usize>,
-        device: Device,
+        devices: &Devices,
     ) -> Result<Self, Error> {
-        Self::open_policy(config, config_path, threads, device, None)
+        Self::open_policy(config, config_path, threads, devices, None)
     }
 
     /// As [`Setup::open_on`]; the policy that walked is `policy`, where it is given, and the configuration says only what
@@ -93,15 +93,15 @@ impl Setup {
         config: &AdaptConfig,
         config_path: &Path,
         threads: Option<usize>,
-        device: Device,
+        devices: &Devices,
         policy: Option<&Policy>,
     ) -> Result<Self, Error> {
-        let error = match Self::just_on(config, config_path, threads, device, policy) {
+        let error = match Self::just_on(config, config_path, threads, devices, policy) {
             Err(error) => error,
             opened => return opened,
         };
-        let Some(note) = device.instead(&error) else { return Err(error) };
-        let mut setup = Self::just_on(config, config_path, threads, Device::Cpu, policy)?;
+        let Some(note) = devices.instead(&error) else { return Err(error) };
+        let mut setup = Self::just_on(config, config_path, threads, &Device::Cpu.into(), policy)?;
         setup.warnings.insert(0, note);
         Ok(setup)
     }
@@ -110,7 +110,7 @@ impl Setup {
         config: &AdaptConfig,
         config_path: &Path,
         threads: Option<usize>,
-        device: Device,
+        devices: &Devices,
         given: Option<&Policy>,
     ) -> Result<Self, Error> {
         let mut config = config.clone();
@@ -129,8 +129,8 @@ impl Setup {
             .theta(&config.groups(), &joints, &rest)
             .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
         let (walker, robot) = (policy.clone(), model.clone());
-        let gpu = device.open()?;
-        let method = self::method(&config, policy, model, &theta, &base, threads)?.on(gpu.clone());
+        let gpus = devices.open()?;
+        let method = self::method(&config, policy, model, &theta, &base, threads)?.on(gpus.clone());
         let mut warnings = crate::robot::remarks(method.model());
         if let Some(policy) = &walker {
             warnings.extend(policy.notes.iter().cloned());
@@ -148,7 +148,7 @@ impl Setup {
         let fit = LogSet::new(&config, &method, &base, logs.fit)?;
         let other = |config: &AdaptConfig| {
             self::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
-                .map(|method| method.on(gpu.clone()))
+                .map(|method| method.on(gpus.clone()))
         };
         let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
         let replicas = match (&method, walker) {
@@ -179,7 +179,7 @@ impl Setup {
             validate,
             files,
             warnings,
-            device,
+            devices: devices.clone(),
             config_path: config_path.to_owned(),
             own_policy: given.is_some(),
             shares: None,

@@ -22,8 +22,8 @@ pub struct Clamped {
     max_delay: f64,
     /// Threads.
     pub threads: usize,
-    /// The GPU that simulates, instead of the CPU.
-    pub gpu: Option<gaitfit_cuda::runtime::Device>,
+    /// The GPUs that simulate, instead of the CPU; none for the CPU.
+    pub gpus: Vec<gaitfit_cuda::runtime::Device>,
 }
 
 impl Clamped {
@@ -32,7 +32,7 @@ impl Clamped {
         let searched = theta.largest(JointParameter::Delay).unwrap_or(0.0);
         let max_delay = base.robot.delay.iter().fold(searched, |most, &delay| most.max(delay));
         let (timestep, preset) = (config.simulation.timestep, config.simulation.preset);
-        Self { model, timestep, preset, max_delay, threads, gpu: None }
+        Self { model, timestep, preset, max_delay, threads, gpus: Vec::new() }
     }
 
     /// Replays `logs`, which share a sample rate, on candidates. `base`: the robot that θ changes.

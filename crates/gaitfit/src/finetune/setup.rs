@@ -2,7 +2,7 @@
 
 use super::policy;
 use crate::Error;
-use crate::device::Device;
+use crate::device::Devices;
 use crate::draws;
 use crate::paths;
 use crate::run::inputs::{Inputs, hash_file};
@@ -33,13 +33,13 @@ pub struct Request {
     pub task: Option<String>,
     /// Threads; none takes one a core.
     pub threads: Option<std::num::NonZeroUsize>,
-    /// What computes.
-    pub device: Device,
+    /// What computes; several share the seeds.
+    pub devices: Devices,
 }
 
 /// Reads policy, robot and fitted parameters, and checks the settings.
 pub fn setup(request: Request) -> Result<Setup, Error> {
-    let Request { mut config, path, name: run, files, task, threads, device } = request;
+    let Request { mut config, path, name: run, files, task, threads, devices } = request;
     let path = path.as_deref();
     let wrong = |wrong: String| Error::settings(advice(path, &wrong, PRINTED_BY));
     config.name = Some(run.clone());
@@ -92,7 +92,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         start: Some(Start { policy: world.policy, parent }),
         inputs,
         threads: arguments.threads(),
-        device,
+        devices,
         warnings,
     };
     let learner = setup.learner(0).map_err(|error| refused(path, &error, PRINTED_BY))?;

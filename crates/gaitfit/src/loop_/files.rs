@@ -36,7 +36,7 @@ pub fn protocol<'a>(folder: &'a RunFolder, setup: &Setup) -> Result<Protocol<'a,
         inputs: setup.inputs.clone(),
         same_files: true,
         seeds,
-        device: setup.device,
+        devices: setup.devices.clone(),
         asked: Asked { rounds_asked: setup.config.rounds },
     })
 }

@@ -1,7 +1,7 @@
 //! Everything a loop needs, read and checked before anything is written.
 
 use crate::Error;
-use crate::device::Device;
+use crate::device::{Device, Devices};
 use crate::evaluate::{self, Plan};
 use crate::robot::Hold;
 use crate::run::{Inputs, bound};
@@ -42,8 +42,8 @@ pub struct Setup {
     pub inputs: Inputs,
     /// The program `gaitfit`, which runs robots.
     pub program: PathBuf,
-    /// What fits and trains.
-    pub device: Device,
+    /// What fits and trains; several share a fit's candidates and a training's seeds.
+    pub devices: Devices,
     /// Threads.
     pub threads: usize,
     /// Things to know before the loop.
@@ -121,7 +121,7 @@ impl Setup {
             inputs,
             threads,
             program: PathBuf::from("gaitfit"),
-            device: Device::Cpu,
+            devices: Device::Cpu.into(),
             warnings: doubts,
         };
         let task = world::task(&setup.world_arguments(None), &setup.policy)?;

@@ -123,8 +123,8 @@ impl<'a> Stages<'a> {
         self.folder.make(round)?;
         self.write_config(&file, config)?;
         let recorded = self.path(&format!("{round}/logs"));
-        let (threads, device) = (Some(self.setup.threads), self.setup.device);
-        let setup = adapt::Setup::open_on(config, &self.path(&file), threads, device);
+        let (threads, devices) = (Some(self.setup.threads), &self.setup.devices);
+        let setup = adapt::Setup::open_on(config, &self.path(&file), threads, devices);
         let mut setup = setup.map_err(|error| {
             let error = if config.validate.is_empty() {
                 error
@@ -207,7 +207,7 @@ impl<'a> Stages<'a> {
             files: finetune::Files::default(),
             task: None,
             threads: std::num::NonZeroUsize::new(self.setup.threads),
-            device: self.setup.device,
+            devices: self.setup.devices.for_tasks(config.seeds.len()),
         })?;
         self.announce(&format!(
             "{stage}: {} goes on training for {} iterations with {} robots",

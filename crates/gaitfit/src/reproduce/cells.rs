@@ -1,11 +1,11 @@
 //! Running cells: each is one round of a loop in a folder of its own; cells of a scenario share the target's logs and
 //! the reference policies.
 
-use super::crew::together;
 use super::experiments::{self, Experiment};
 use super::paper::Kind;
 use super::parts::{CELLS, Part, PartKind, SHARED};
 use super::results::{SeedFit, SeedResult, Walk};
+use crate::crew::together;
 use crate::device::{Device, Devices};
 use crate::loop_::files;
 use crate::loop_::results::{REFERENCE, policy_name};
@@ -154,7 +154,7 @@ impl Run<'_> {
             return Err(Error::failed(format!("the table has no cell of {scenario}")));
         };
         let mut setup = Setup::open(config, &experiment.file, self.threads)?;
-        setup.device = self.devices.of(0);
+        setup.devices = self.devices.first().into();
         let folder = self.open(&format!("{SHARED}/{scenario}"), seed, &setup)?;
         let Some(target) = setup.config.target.clone() else {
             return Err(Error::settings("an experiment needs a [target]"));
@@ -199,7 +199,7 @@ impl Run<'_> {
         watch: &Watch<'_>,
     ) -> Result<SeedResult, Error> {
         let mut setup = Setup::open(experiment.seeded(seed), &experiment.file, self.threads)?;
-        setup.device = device;
+        setup.devices = device.into();
         let folder = self.open(&format!("{CELLS}/{}", experiment.paper.name), seed, &setup)?;
         if let Some(text) = folder.read(SEED)? {
             watch.note("finished earlier");

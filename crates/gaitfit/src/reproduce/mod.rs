@@ -1,7 +1,6 @@
 //! The paper's tables from experiment files, with the paper's numbers beside.
 
 mod cells;
-mod crew;
 mod experiments;
 mod paper;
 mod parts;

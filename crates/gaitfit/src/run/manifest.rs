@@ -1,7 +1,7 @@
 //! `manifest.json`: what made a run.
 
 use crate::Error;
-use crate::device::Device;
+use crate::device::Devices;
 use crate::files;
 use crate::machine::{Machine, machine};
 use crate::run::RunFolder;
@@ -29,7 +29,7 @@ struct Manifest<'a> {
 pub fn write(
     folder: &RunFolder,
     seeds: &[u64],
-    device: Device,
+    devices: &Devices,
     inputs: &Inputs,
     begun: &str,
     ended: Option<String>,
@@ -41,7 +41,7 @@ pub fn write(
         begun,
         ended,
         seeds,
-        device: device.to_string(),
+        device: devices.to_string(),
         machine: machine(),
         inputs,
     };
@@ -66,8 +66,8 @@ pub fn inputs(folder: &RunFolder) -> Result<Option<Inputs>, Error> {
     })
 }
 
-/// The device that the run in this folder was last on, if its manifest says one.
-pub fn device(folder: &Path) -> Option<Device> {
+/// The devices that the run in this folder was last on, if its manifest says some.
+pub fn devices(folder: &Path) -> Option<Devices> {
     #[derive(Deserialize)]
     struct Named {
         device: String,

@@ -8,7 +8,7 @@
 use super::changes::{bound, difference};
 use super::{Inputs, RunFolder, manifest};
 use crate::Error;
-use crate::device::Device;
+use crate::device::Devices;
 use crate::machine::now;
 use crate::watch::Watch;
 use serde::de::DeserializeOwned;
@@ -35,7 +35,7 @@ pub struct Protocol<'a, A = Whole> {
     /// Seeds, for the manifest.
     pub seeds: Vec<u64>,
     /// What computes, for the manifest: a run may go on on another device.
-    pub device: Device,
+    pub devices: Devices,
     /// How much is asked for; a run that is finished with another extent goes on.
     pub asked: A,
 }
@@ -155,7 +155,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
         let text = toml::to_string_pretty(&self.settings)
             .map_err(|error| Error::failed(format!("cannot write {CONFIG}: {error}")))?;
         self.folder.write(CONFIG, text.as_bytes())?;
-        manifest::write(self.folder, &self.seeds, self.device, &self.inputs, &begun, None)?;
+        manifest::write(self.folder, &self.seeds, &self.devices, &self.inputs, &begun, None)?;
         Ok(begun)
     }
 
@@ -164,7 +164,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
     /// # Errors
     /// Files that cannot be written.
     pub fn finish<R: Serialize>(&self, begun: &str, results: R) -> Result<R, Error> {
-        manifest::write(self.folder, &self.seeds, self.device, &self.inputs, begun, Some(now()))?;
+        manifest::write(self.folder, &self.seeds, &self.devices, &self.inputs, begun, Some(now()))?;
         let file = ResultFile { inputs: self.inputs.clone(), asked: self.asked.clone(), results };
         self.folder.write_json(RESULT, &file)?;
         Ok(file.results)
@@ -175,6 +175,7 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+    use crate::device::Device;
 
     #[derive(Clone, PartialEq, Serialize, Deserialize)]
     struct Asked {
@@ -185,8 +186,8 @@ mod tests {
         let settings: Table = toml::from_str(settings).unwrap();
         let files = [("log.csv".to_owned(), "1".to_owned())].into();
         let inputs = Inputs { files, model: "robot".to_owned(), settings: String::new() };
-        let (seeds, device, asked) = (vec![1], Device::Cpu, Asked { rounds });
-        Protocol { folder, settings, free: &["rounds"], inputs, same_files: true, seeds, device, asked }
+        let (seeds, devices, asked) = (vec![1], Device::Cpu.into(), Asked { rounds });
+        Protocol { folder, settings, free: &["rounds"], inputs, same_files: true, seeds, devices, asked }
     }
 
     #[test]

@@ -12,6 +12,7 @@ pub use results::{LAST, Parent, Results, SeedResult};
 pub use setup::{Plan, Setup, Start, advice, refused, setup, table as configuration};
 
 use crate::Error;
+use crate::crew::together;
 use crate::run::RunFolder;
 use crate::watch::Watch;
 use gaitfit_view::training::SeedCurve;
@@ -29,11 +30,23 @@ pub fn train_in(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<
     files::check_grown(&protocol, &setup.plan)?;
     setup.warnings.iter().for_each(|warning| watch.note(warning));
     protocol.run(watch, || {
-        for &seed in &setup.plan.seeds {
-            seed::train(setup, folder, seed, watch)?;
-        }
+        seeds(setup, folder, watch)?;
         files::results(folder, setup, watch)
     })
+}
+
+/// Trains the seeds one after the other, or as many at a time as there are GPUs.
+fn seeds(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<(), Error> {
+    let (seeds, devices) = (&setup.plan.seeds, &setup.devices);
+    if devices.all().len() == 1 {
+        return seeds.iter().try_for_each(|&seed| seed::train(setup, folder, seed, devices.first(), watch));
+    }
+    let names: Vec<String> = seeds.iter().map(|seed| format!("seed {seed}")).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let train = |number: usize, worker: usize, watch: &Watch<'_>| {
+        seed::train(setup, folder, seeds[number], devices.of(worker), watch)
+    };
+    together(&names, devices.all().len(), watch, &train).map(drop)
 }
 
 /// The learning curves of a finished run.

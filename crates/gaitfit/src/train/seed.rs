@@ -3,7 +3,7 @@
 use super::metrics::{self, Metric};
 use super::setup::Setup;
 use crate::Error;
-use crate::device::rollout_error;
+use crate::device::{Device, rollout_error};
 use crate::run::RunFolder;
 use crate::tensorboard::EventFile;
 use crate::watch::{Watch, Work};
@@ -45,8 +45,14 @@ impl Files {
     }
 }
 
-/// Trains a seed to its end, from its checkpoint if it has one.
-pub fn train(setup: &Setup, folder: &RunFolder, seed: u64, watch: &Watch<'_>) -> Result<(), Error> {
+/// Trains a seed to its end on `device`, from its checkpoint if it has one.
+pub fn train(
+    setup: &Setup,
+    folder: &RunFolder,
+    seed: u64,
+    device: Device,
+    watch: &Watch<'_>,
+) -> Result<(), Error> {
     let files = Files::of(seed);
     folder.make(&files.folder)?;
     let learner = setup.learner(seed).map_err(Error::settings)?;
@@ -58,7 +64,7 @@ pub fn train(setup: &Setup, folder: &RunFolder, seed: u64, watch: &Watch<'_>) ->
     };
     let training = training.map_err(Error::settings)?;
     let (trainer, before, begun) = (None, 0.0, Instant::now());
-    let mut session = Session { setup, folder, files, seed, training, trainer, before, begun, watch };
+    let mut session = Session { setup, folder, files, seed, device, training, trainer, before, begun, watch };
     session.start()?;
     session.run()
 }
@@ -69,6 +75,7 @@ struct Session<'a> {
     folder: &'a RunFolder,
     files: Files,
     seed: u64,
+    device: Device,
     training: Training<'a>,
     /// The training on a GPU; then `training` is what was last saved.
     trainer: Option<Trainer<'a>>,
@@ -103,11 +110,11 @@ impl Session<'_> {
             }
             None => self.save()?,
         }
-        if let Some(device) = self.setup.device.open()? {
+        if let Some(device) = self.device.open()? {
             let trainer = Trainer::new(&device, &mut self.training, Precision::default());
             match trainer.map_err(rollout_error) {
                 Ok(trainer) => self.trainer = Some(trainer),
-                Err(error) => match self.setup.device.instead(&error) {
+                Err(error) => match self.device.instead(&error) {
                     Some(note) => self.watch.note(&note),
                     None => return Err(error),
                 },

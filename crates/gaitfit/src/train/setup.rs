@@ -2,7 +2,7 @@
 
 use super::results::Parent;
 use crate::Error;
-use crate::device::Device;
+use crate::device::Devices;
 use crate::robot::Hold;
 use crate::run::inputs::Inputs;
 use crate::settings::{MOST_SEED, Preset, TrainConfig};
@@ -36,8 +36,8 @@ pub struct Setup {
     pub inputs: Inputs,
     /// Threads.
     pub threads: usize,
-    /// What computes.
-    pub device: Device,
+    /// What computes; several share the seeds.
+    pub devices: Devices,
     /// Things to know before the training.
     pub warnings: Vec<String>,
 }
@@ -81,7 +81,7 @@ pub fn setup(
     name: &str,
     path: Option<&Path>,
     threads: usize,
-    device: Device,
+    devices: &Devices,
 ) -> Result<Setup, Error> {
     let printed_by = "gaitfit config train";
     let mut config = config.clone();
@@ -135,7 +135,7 @@ pub fn setup(
         start: None,
         inputs,
         threads,
-        device,
+        devices: devices.clone(),
         warnings,
     };
     let learner = setup.learner(0).map_err(refused)?;
@@ -173,15 +173,28 @@ impl Setup {
         }
     }
 
-    /// Takes the processor where `auto` found a GPU that does not train what is asked for.
+    /// Takes the processor where `auto` found a GPU that does not train what is asked for, and of several GPUs those that
+    /// have a seed to train.
     ///
     /// # Errors
     /// A GPU that was asked for and does not.
     pub(crate) fn settle_device(&mut self, learner: &Learner) -> Result<(), Error> {
         let candidates = if self.drawn.is_empty() { self.candidate.as_slice() } else { &self.drawn };
-        let (device, note) = self.device.for_training(&self.scene, candidates, learner)?;
-        self.device = device;
+        let (device, note) = self.devices.first().for_training(&self.scene, candidates, learner)?;
         self.warnings.splice(0..0, note);
+        if !self.devices.are_gpus() || device.gpu().is_none() {
+            self.devices = device.into();
+            return Ok(());
+        }
+        let (asked, seeds) = (self.devices.all().len(), self.plan.seeds.len());
+        if asked > seeds {
+            self.devices = self.devices.for_tasks(seeds);
+            let (plural, verb) = if seeds == 1 { ("", "is") } else { ("s", "are") };
+            self.warnings.push(format!(
+                "a seed is trained on one GPU: of {asked} GPUs {} {verb} used for {seeds} seed{plural} (--seeds trains more)",
+                self.devices
+            ));
+        }
         Ok(())
     }
 

@@ -20,8 +20,8 @@ pub struct Walking {
     pub task: Task,
     /// Threads.
     pub threads: usize,
-    /// The GPU that simulates, instead of the CPU.
-    pub gpu: Option<gaitfit_cuda::runtime::Device>,
+    /// The GPUs that simulate, instead of the CPU; none for the CPU.
+    pub gpus: Vec<gaitfit_cuda::runtime::Device>,
 }
 
 impl Walking {
@@ -39,7 +39,7 @@ impl Walking {
     ) -> Result<Self, Error> {
         let settings = settings(config, &policy, model)?;
         let task = task(config.simulation.preset, settings, &policy, model, theta, base)?;
-        Ok(Self { policy, task, threads, gpu: None })
+        Ok(Self { policy, task, threads, gpus: Vec::new() })
     }
 
     /// The same robot as it makes logs: at its own step, where the configuration or the policy's task states it, with
@@ -65,7 +65,7 @@ impl Walking {
             preset = Preset::Accurate;
         }
         let task = task(preset, settings, &policy, model, theta, base)?;
-        Ok(Self { policy, task, threads, gpu: None })
+        Ok(Self { policy, task, threads, gpus: Vec::new() })
     }
 
     /// Names of the policy's joints, in its order.

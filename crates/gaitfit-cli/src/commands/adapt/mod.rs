@@ -22,10 +22,10 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
     let name = run_name(args.run.name.as_ref(), config.name.as_ref(), Some(&args.config)).unwrap_or_default();
     config.name = Some(name.clone());
     let threads = args.run.threads.map(NonZeroUsize::get);
-    let device = args.run.device(args.device, &config.runs, &name);
+    let devices = args.run.devices(args.device.as_ref(), &config.runs, &name);
     watched(Lines::Seconds(5), |watch| {
-        let mut setup = Setup::open_on(&config, &args.config, threads, device)?;
-        output::note(&setup.device.line());
+        let mut setup = Setup::open_on(&config, &args.config, threads, &devices)?;
+        output::devices(&setup.devices);
         let folder = RunFolder::begin(Path::new(&config.runs), &name, args.run.resume)?;
         interrupt::listen()?;
         let results = adapt::fit(&mut setup, &folder, watch)?;

@@ -20,15 +20,15 @@ pub fn run(args: &cli::Loop) -> Result<(), Failure> {
     config.name = Some(name.clone());
     config.check(&args.config)?;
     let threads = args.run.threads();
-    let device = args.run.device(args.device, &config.runs, &name);
-    output::note(&device.line());
+    let devices = args.run.devices(args.device.as_ref(), &config.runs, &name);
+    output::devices(&devices);
     if let Some(target) = config.target.as_ref().filter(|target| target.kind == TargetKind::UnitreeGo2) {
         check_link(&target.interface, target.domain)
             .map_err(|failure| Failure { message: format!("[target] {failure}"), ..failure })?;
     }
     let program = crate::SELF.get().cloned();
     let opened = Setup::open(config, &args.config, threads)?;
-    let setup = Setup { device, program: program.unwrap_or_else(|| opened.program.clone()), ..opened };
+    let setup = Setup { devices, program: program.unwrap_or_else(|| opened.program.clone()), ..opened };
     interrupt::listen()?;
     let results = watched(Lines::Seconds(5), |watch| loop_::run(&setup, &name, args.run.resume, watch))?;
     if args.run.json {

@@ -31,7 +31,7 @@ pub fn run(args: &cli::Reproduce) -> Result<(), Failure> {
         devices: args.device.clone(),
         jobs: args.jobs,
     };
-    args.device.all().iter().for_each(|device| output::note(&device.line()));
+    output::devices(&args.device);
     interrupt::listen()?;
     let (results, folder) = watched(Lines::Seconds(5), |watch| reproduce::run(&request, watch))?;
     let shown = text::text(&results);

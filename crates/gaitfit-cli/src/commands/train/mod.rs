@@ -27,9 +27,9 @@ pub fn run(args: &cli::Train) -> Result<(), Failure> {
     if let Some(robot) = &args.robot {
         config.robot = Some(robot.display().to_string());
     }
-    let device = args.run.device(args.device, &config.runs, &name);
-    let setup = train::setup(&config, &name, args.config.as_deref(), threads, device)?;
-    output::note(&setup.device.line());
+    let devices = args.run.devices(args.device.as_ref(), &config.runs, &name);
+    let setup = train::setup(&config, &name, args.config.as_deref(), threads, &devices)?;
+    output::devices(&setup.devices);
     interrupt::listen()?;
     print(&watched(LINES, |watch| train::train(&setup, args.run.resume, watch))?, &args.run)
 }

@@ -4,7 +4,7 @@ use super::task::{Answered, Task, Values, Work, bytes, read};
 use super::{parcel, signals};
 use crate::Error;
 use crate::adapt::setup::Setup;
-use crate::device::Device;
+use crate::device::Devices;
 use gaitfit_adapt::fit::{Failure, FitError, Job, Predicted, Problem, Views};
 use gaitfit_adapt::{Cancel, Rollout, Signals, Simulator, SimulatorError, Theta, never};
 use gaitfit_policy::Policy;
@@ -39,7 +39,7 @@ impl Helper {
     pub fn open(
         parcel: &[u8],
         threads: usize,
-        device: Device,
+        devices: &Devices,
         policy: Option<&Policy>,
     ) -> Result<Self, Error> {
         let folder = tempfile::tempdir().map_err(|error| {
@@ -47,7 +47,7 @@ impl Helper {
         })?;
         let config = parcel::unpack(parcel, folder.path())?;
         let path = folder.path().join("config.toml");
-        let setup = Setup::open_policy(&config, &path, Some(threads), device, policy)?;
+        let setup = Setup::open_policy(&config, &path, Some(threads), devices, policy)?;
         Ok(Self { setup, sprung: Mutex::new(None) })
     }
 

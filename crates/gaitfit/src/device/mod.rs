@@ -1,10 +1,13 @@
 //! What computes.
 
+mod several;
+
+pub use several::Devices;
+
 use std::fmt;
 use std::str::FromStr;
 
 use crate::Error;
-use crate::run::{latest_path, manifest};
 use gaitfit_cuda::fit::FitError;
 use gaitfit_cuda::ppo::PpoError;
 use gaitfit_cuda::rollout::RolloutError;
@@ -12,7 +15,6 @@ use gaitfit_cuda::runtime::{CudaError, Found};
 use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::Task;
 use gaitfit_sim::Candidate;
-use std::path::Path;
 
 /// Fewer trajectories than this are simulated on the processor, unless a GPU is asked for.
 const FEW: usize = 1000;
@@ -53,53 +55,6 @@ impl fmt::Display for Device {
     }
 }
 
-/// One device or several GPUs.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Devices(Vec<Device>);
-
-impl FromStr for Devices {
-    type Err = String;
-
-    /// What [`Device`] takes, and several GPUs: `cuda:0,1`.
-    fn from_str(text: &str) -> Result<Self, String> {
-        let Some((numbers, _)) = text.strip_prefix("cuda:").zip(text.split_once(',')) else {
-            return text
-                .parse()
-                .map(|device| Self(vec![device]))
-                .map_err(|wrong: String| format!("{wrong}; several GPUs are, for example, cuda:0,1"));
-        };
-        let mut all = Vec::new();
-        for number in numbers.split(',') {
-            let device = format!("cuda:{number}").parse()?;
-            if all.contains(&device) {
-                return Err(format!("it names the GPU {number} twice"));
-            }
-            all.push(device);
-        }
-        Ok(Self(all))
-    }
-}
-
-impl Devices {
-    /// All of them, one at least.
-    pub fn all(&self) -> &[Device] {
-        &self.0
-    }
-
-    /// The device of worker number `worker`: each in turn.
-    pub fn of(&self, worker: usize) -> Device {
-        self.0.get(worker % self.0.len().max(1)).copied().unwrap_or_default()
-    }
-
-    /// Whether all are there.
-    ///
-    /// # Errors
-    /// As [`Device::open`].
-    pub fn check(&self) -> Result<(), Error> {
-        self.0.iter().try_for_each(|device| device.check())
-    }
-}
-
 impl Device {
     /// The first GPU if driver, GPU and compiler are there, else the processor: what `auto` means.
     pub fn found() -> Self {
@@ -118,22 +73,6 @@ impl Device {
             Self::Cpu => None,
             Self::Cuda(number) | Self::Found(number) => Some(number),
         }
-    }
-
-    /// What a command computes on: what was asked for; else what the latest run of this name, which is continued, was on,
-    /// if it is there; else what is [found](Self::found).
-    pub fn of_run(asked: Option<Self>, continued: Option<(&Path, &str)>) -> Self {
-        asked.unwrap_or_else(|| {
-            match continued.and_then(|(runs, name)| manifest::device(&latest_path(runs, name)?)) {
-                Some(Self::Cpu) => Self::Cpu,
-                Some(Self::Cuda(number) | Self::Found(number))
-                    if gaitfit_cuda::runtime::Device::open(number).is_ok() =>
-                {
-                    Self::Found(number)
-                }
-                _ => Self::found(),
-            }
-        })
     }
 
     /// What simulates this many trajectories: of a GPU that `auto` found, the processor where they are few, for the programs'
@@ -155,8 +94,7 @@ impl Device {
 
     /// Why the processor computes instead, if `auto` found this device and it does not do what is asked.
     pub fn instead(self, error: &Error) -> Option<String> {
-        let Self::Found(_) = self else { return None };
-        error.refusal().map(|reason| format!("the CPU computes, not {self}: {reason}"))
+        Devices::from(self).instead(error)
     }
 
     /// Whether it is there, before hours of work that come first.
@@ -222,10 +160,10 @@ pub fn rollout_error(error: RolloutError) -> Error {
 
 /// Why a fit on a GPU cannot be, or stopped.
 pub fn fit_error(error: FitError) -> Error {
-    match error {
-        FitError::Cuda(error) => cuda_error(&error),
+    match error.cause() {
+        FitError::Cuda(cause) if cause.is_missing() => Error::Missing(error.to_string()),
         FitError::Unsupported(_) | FitError::TooWide { .. } => Error::Refused(error.to_string()),
-        error => Error::failed(error),
+        _ => Error::failed(error),
     }
 }
 
@@ -247,6 +185,18 @@ mod tests {
     }
 
     #[test]
+    fn a_gpu_of_several_that_failed_is_named() {
+        let on = |error: FitError| fit_error(FitError::On { ordinal: 1, error: Box::new(error) });
+        let missing = on(CudaError::Ordinal { ordinal: 1, count: 1 }.into());
+        assert!(
+            matches!(missing, Error::Missing(_)) && missing.to_string().contains("cuda:1: "),
+            "{missing}"
+        );
+        let wide = on(FitError::TooWide { needed: 9, rows: 4, available: 8 });
+        assert!(wide.refusal().unwrap().contains("cuda:1: "), "{wide}");
+    }
+
+    #[test]
     fn a_gpu_that_was_found_leaves_uneven_ground_to_the_cpu() {
         let terrain = TerrainSettings { levels: 4, columns: 2, ..TerrainSettings::default() };
         let settings = TaskSettings { terrain: Some(terrain), ..TaskSettings::default() };
@@ -263,26 +213,6 @@ mod tests {
     }
 
     #[test]
-    fn a_run_goes_on_on_its_device_unless_told_otherwise() {
-        let runs = tempfile::tempdir().unwrap();
-        let write = |folder: &str, device: &str| {
-            let folder = runs.path().join(folder);
-            std::fs::create_dir_all(&folder).unwrap();
-            std::fs::write(folder.join("manifest.json"), format!("{{\"device\": \"{device}\"}}")).unwrap();
-        };
-        write("walk", "cuda:0");
-        write("walk-2", "cpu");
-        let of = |asked, name| Device::of_run(asked, Some((runs.path(), name)));
-        assert_eq!(of(None, "walk"), Device::Cpu);
-        assert_eq!(of(Some(Device::Cuda(3)), "walk"), Device::Cuda(3));
-        // Not there: as if nothing was said.
-        write("walk-3", "cuda:4000");
-        assert_eq!(of(None, "walk"), Device::found());
-        assert_eq!(of(None, "trot"), Device::found());
-        assert_eq!(manifest::device(&runs.path().join("walk")), Some(Device::Cuda(0)));
-    }
-
-    #[test]
     fn devices_have_names() {
         assert_eq!("cpu".parse(), Ok(Device::Cpu));
         assert_eq!("cuda".parse(), Ok(Device::Cuda(0)));
@@ -295,18 +225,6 @@ mod tests {
         assert_eq!("auto".parse(), Ok(Device::found()));
         for wrong in ["gpu", "cuda:", "cuda:-1", "cuda:0,1", "cpu:0"] {
             assert!(wrong.parse::<Device>().is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn several_gpus_are_a_list() {
-        let two: Devices = "cuda:2,0".parse().unwrap();
-        assert_eq!([0, 1, 2].map(|worker| two.of(worker)), [2, 0, 2].map(Device::Cuda));
-        assert_eq!("cuda".parse::<Devices>().unwrap().all(), [Device::Cuda(0)]);
-        assert_eq!("cpu".parse::<Devices>().unwrap().of(3), Device::Cpu);
-        for (wrong, what) in [("cuda:0,0", "twice"), ("cuda:0,", "cuda:N"), ("cpu,cuda:0", "cuda:0,1")] {
-            let error = wrong.parse::<Devices>().unwrap_err();
-            assert!(error.contains(what), "{wrong}: {error}");
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Candidates of a fit on a GPU against the CPU's, and how long they take.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+mod several;
+
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -206,7 +208,7 @@ fn gpu_generations_are_timed() {
         let mut candidates = Candidates::new(&device, tables, 16).unwrap();
         let dimensions = subject.dimensions();
         let nominal = Job { candidate: robot(1, joints), reset_every: None, seed: 2 };
-        candidates.measure(pretend(&candidates, dimensions), dimensions).unwrap();
+        candidates.measure(pretend(candidates.tables(), dimensions), dimensions).unwrap();
         let first: Vec<Parts> =
             candidates.parts(subject, &jobs, &vec![Compared::Distances; population], &|| false).unwrap();
         let ready = start.elapsed().as_secs_f64();
@@ -240,8 +242,7 @@ fn gpu_generations_are_timed() {
 }
 
 /// Some robot's side.
-fn pretend(candidates: &Candidates, dimensions: usize) -> Measured {
-    let tables = candidates.tables();
+fn pretend(tables: &Tables, dimensions: usize) -> Measured {
     let counted: usize = tables.lengths.iter().map(|&length| length as usize).sum();
     let sorted = (0..dimensions * counted).map(|k| (k % counted) as f64 / counted as f64 - 0.5).collect();
     let size = tables.recordings() * tables.samples * dimensions;
