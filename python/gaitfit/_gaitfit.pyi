@@ -143,6 +143,7 @@ def collect(
     log_shift: Sequence[float],
     privileged: bool,
     commands: str | None,
+    device: str,
     progress: Callable[[str, str, int, int], object] | None,
 ) -> tuple[str, list[str], int]: ...
 def reproduce(table: Mapping[str, Any], progress: Callable[[str, str, int, int], object] | None) -> str: ...

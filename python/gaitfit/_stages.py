@@ -171,10 +171,12 @@ def collect(
     preset: str = "fast",
     lenient: bool = False,
     seed: int = 0,
+    device: str = "cpu",
     threads: int | None = None,
     progress: bool | Progress = True,
 ) -> Results:
-    """Writes logs of ``policy`` (a file, or a :class:`Policy` of your own) in a simulator into the folder ``out``, as ``gaitfit collect``."""
+    """Writes logs of ``policy`` (a file, or a :class:`Policy` of your own) in a simulator into the folder ``out``, as ``gaitfit collect``.
+    ``device="cuda"`` simulates on a GPU."""
     world = _world(policy, robot, lenient, task, theta, spring, torque_noise, randomised, preset, seed, threads)
     trajectories, seconds, out = count("trajectories", trajectories, 1), real("seconds", seconds), path("out", out)
     privileged, commands = flag("privileged", privileged), maybe(path, "commands", commands)
@@ -183,7 +185,7 @@ def collect(
     except (TypeError, ValueError):
         raise TypeError(f"log_shift is {log_shift!r}; give two numbers, the shortest and the longest, s") from None
     simulator, files, falls = _gaitfit.collect(
-        world, out, trajectories, seconds, [low, high], privileged, commands, listener(progress)
+        world, out, trajectories, seconds, [low, high], privileged, commands, text("device", device), listener(progress)
     )
     files = [str(file) for file in files]
     return Results({"simulator": simulator, "trajectories": len(files), "seconds": seconds, "falls": falls, "files": files})

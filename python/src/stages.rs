@@ -322,10 +322,19 @@ pub fn collect(
     log_shift: [f64; 2],
     privileged: bool,
     commands: Option<PathBuf>,
+    device: &str,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(String, Vec<PathBuf>, usize)> {
-    let settings =
-        CollectSettings { world: world.settings()?, trajectories, seconds, log_shift, privileged, commands };
+    let (world_settings, device) = (world.settings()?, device_of(device)?.for_trajectories(trajectories));
+    let settings = CollectSettings {
+        world: world_settings,
+        trajectories,
+        seconds,
+        log_shift,
+        privileged,
+        commands,
+        device,
+    };
     let found = watched_acting(py, progress.as_ref(), world.policy.act(), |watch, caller| {
         gaitfit::collect_in(world.open(&settings.world, caller)?, &settings, &out, watch)
     })?;

@@ -60,12 +60,27 @@ fn options_say_what_they_take() {
 fn a_missing_gpu_is_a_clear_error() {
     let runs = tempfile::tempdir().unwrap();
     let folder = format!("runs={}", runs.path().display());
+    let logs = runs.path().join("logs").display().to_string();
     let policy = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
+    let demo = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/go2-demo/adapt.toml");
     for args in [
         &["bench", "physics", "--device", "cuda", "--json"][..],
         &["bench", "train", "--device", "cuda", "--environments", "64"],
         &["train", "--device", "cuda:0", "--set", "train.environments=64", "--set", &folder],
+        &[
+            "train",
+            "--device",
+            "cuda:0,1",
+            "--seeds",
+            "2",
+            "--set",
+            "train.environments=64",
+            "--set",
+            &folder,
+        ],
+        &["adapt", demo, "--device", "cuda:0,1", "--set", &folder],
         &["evaluate", policy, "--device", "cuda", "--trajectories", "8", "--drift", "0"],
+        &["collect", policy, "--device", "cuda", "--trajectories", "8", "--out", &logs],
     ] {
         let output = program().args(args).env("CUDA_VISIBLE_DEVICES", "-1").output().unwrap();
         assert_eq!(output.status.code(), Some(4), "{args:?}: {}", errors(&output));
@@ -77,6 +92,11 @@ fn a_missing_gpu_is_a_clear_error() {
         let output = run(&["bench", "physics", "--device", wrong]);
         assert_eq!(output.status.code(), Some(2), "{wrong}");
         assert!(errors(&output).contains("it must be cpu, cuda or cuda:N"), "{}", errors(&output));
+    }
+    for command in ["adapt", "loop"] {
+        let output = run(&[command, demo, "--device", "cuda:1,1"]);
+        assert_eq!(output.status.code(), Some(2), "{command}");
+        assert!(errors(&output).contains("it names the GPU 1 twice"), "{}", errors(&output));
     }
     assert_eq!(run(&["bench", "physics", "--lanes", "3"]).status.code(), Some(2));
 }

@@ -2,12 +2,14 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use gaitfit_cuda::ppo::Precision;
-use gaitfit_cuda::rollout::{Trainer, run_trials};
+use gaitfit_cuda::rollout::{Trainer, collect, run_trials};
 use gaitfit_cuda::runtime::Device;
+use gaitfit_learn::collect::{self, CollectOptions, Collected};
 use gaitfit_learn::evaluate::{self, Subject};
 use gaitfit_learn::ppo::Settings;
 use gaitfit_learn::task::{Snapshot, Task, TaskSettings, preset};
 use gaitfit_learn::{Origin, Training, TrainingSettings};
+use gaitfit_log::Trajectory;
 use gaitfit_model::Model;
 use gaitfit_physics::{NETWORK_WEIGHTS, NetworkScales, Preset};
 use gaitfit_sim::{Candidate, JointNetworks, NetworkKind};
@@ -148,6 +150,88 @@ fn gpu_trajectories_agree_with_the_cpus() {
             let (got, want) = (got.unwrap(), want.unwrap());
             let apart = got.ci95.unwrap_or(0.0).hypot(want.ci95.unwrap_or(0.0));
             assert!((got.mean - want.mean).abs() <= apart, "{got:?} {want:?}");
+        }
+    }
+}
+
+/// Largest difference of the joint positions of two logs up to row `until`, rad; none of a log that is shorter.
+fn apart(found: &Collected, wanted: &Collected, until: usize) -> Option<f64> {
+    let (found, wanted) = (&found.trajectory.position, &wanted.trajectory.position);
+    let rows = 12 * until..12 * (until + 1);
+    let pairs = found.get(rows.clone())?.iter().zip(wanted.get(rows)?);
+    Some(pairs.fold(0.0f64, |worst, (a, b)| worst.max((a - b).abs())))
+}
+
+/// Logs of a walking robot as the policy's file has it, of a fitted one with networks and torque noise, and of randomised
+/// ones: the CPU's commands and starts, and motions that drift apart slowly. Twice the same has the same bits.
+#[test]
+#[ignore = "needs an NVIDIA GPU"]
+fn gpu_logs_are_the_cpus_at_first() {
+    let device = Device::open(0).unwrap();
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
+    let policy = gaitfit_policy::read(file.as_ref()).unwrap();
+    let settings: TaskSettings = toml::from_str(&policy.provenance.task).unwrap();
+    let mut fitted = Candidate::nominal(&go2());
+    fitted.torque_noise = 0.4;
+    fitted.robot.frictionloss = vec![0.2; 12];
+    fitted.networks = vec![networks(NetworkKind::ResidAct, &[2, 11])];
+    for (name, candidate, settings) in [
+        ("nominal", Candidate::nominal(&go2()), settings.clone().calm()),
+        ("fitted", fitted, settings.clone().calm()),
+        ("randomised", Candidate::nominal(&go2()), settings),
+    ] {
+        let interface = policy.interface.clone();
+        let task = Task::with_interface(&go2(), &settings, interface, Preset::Fast, 0.02).unwrap();
+        let subject = Subject { task: &task, policy: &policy, candidate: Some(&candidate), seed: SEED };
+        let options = CollectOptions { count: 301, seconds: 3.0, shift: [0.0, 0.1], privileged: true };
+        let begin = std::time::Instant::now();
+        let found = collect(&device, &subject, &options, &|| false).unwrap().unwrap();
+        let seconds = begin.elapsed().as_secs_f64();
+        assert!(
+            found == collect(&device, &subject, &options, &|| false).unwrap().unwrap(),
+            "other bits again"
+        );
+        assert_eq!(collect(&device, &subject, &options, &|| true).unwrap(), None);
+        let begin = std::time::Instant::now();
+        let wanted = collect::collect(&subject, &options, 16).unwrap();
+        println!(
+            "{name}: {seconds:.2} s with the compilation, the CPU {:.2} s",
+            begin.elapsed().as_secs_f64()
+        );
+        assert_eq!(found.len(), 301);
+        for (got, want) in found.iter().zip(&wanted) {
+            // A robot may fall a little earlier.
+            let rows = 3 * got.trajectory.len().min(want.trajectory.len());
+            let commands = [got, want].map(|log| &log.trajectory.command.as_ref().unwrap()[..rows]);
+            assert_eq!(commands[0], commands[1]);
+            assert_eq!(got.trajectory.gains, want.trajectory.gains);
+            let base = got.trajectory.base.as_ref().unwrap();
+            assert_eq!(base.quaternion.as_ref().unwrap().len(), 4 * got.trajectory.len());
+            assert_eq!(got.trajectory.target.as_ref().unwrap().len(), 12 * got.trajectory.len());
+        }
+        let [start, soon, second] = [0, 10, 50].map(|row| {
+            let mut all: Vec<f64> =
+                found.iter().zip(&wanted).filter_map(|(got, want)| apart(got, want, row)).collect();
+            all.sort_by(f64::total_cmp);
+            [all[all.len() / 2], all[all.len() * 9 / 10]]
+        });
+        let falls = [&found, &wanted].map(|logs| logs.iter().filter(|log| log.fell).count());
+        println!(
+            "{name}: apart at the start {start:?}, after 0.2 s {soon:?}, 1 s {second:?} rad; falls {falls:?}"
+        );
+        // Logs begin up to five steps after the robot.
+        assert!(start[1] < 1e-3 && soon[0] < 1e-3 && soon[1] < 1e-2 && second[0] < 0.05, "{name}");
+        assert!(falls[0].abs_diff(falls[1]) <= 6, "{falls:?}");
+        // Where the log begins with the robot the first row has the CPU's bits.
+        let options = CollectOptions { count: 70, seconds: 0.1, shift: [0.0; 2], privileged: true };
+        let begun = collect(&device, &subject, &options, &|| false).unwrap().unwrap();
+        // Actions are the networks', which round otherwise.
+        let first = |log: &Collected| {
+            let first = log.trajectory.slice(0..1).unwrap();
+            Trajectory { action: None, target: None, ..first }
+        };
+        for (got, want) in begun.iter().zip(&collect::collect(&subject, &options, 16).unwrap()) {
+            assert_eq!(first(got), first(want));
         }
     }
 }

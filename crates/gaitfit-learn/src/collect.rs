@@ -5,7 +5,7 @@ use gaitfit_random::{Purpose, Stream};
 
 use crate::evaluate::Subject;
 use crate::player::Player;
-use crate::task::{Ended, Environment, TaskError};
+use crate::task::{Ended, Environment, Task, TaskError};
 use crate::tiles::in_tiles;
 
 /// What is recorded.
@@ -54,96 +54,159 @@ fn collect_tile(
     count: usize,
 ) -> Result<Vec<Collected>, TaskError> {
     let Subject { task, policy, candidate, seed } = *subject;
-    let interface = &task.walker.interface;
-    let dt = interface.control_dt;
     let environment = Environment::new(task, candidate, seed, first, count)?;
     let mut player = Player::new(task, policy, environment);
-    let steps = (options.seconds / dt).round().max(1.0) as u32;
-    let shifts: Vec<u32> = (0..count as u32)
-        .map(|index| {
-            let draw = Stream::new(seed, Purpose::LOG_SHIFT).environment(first + index).uniform(0);
-            let [low, high] = options.shift;
-            ((low + (high - low) * draw) / dt).round() as u32
-        })
-        .collect();
-    let empty = || Trajectory {
-        source: None,
-        robot: Some(task.walker.model().name.clone()),
-        joints: interface.joints.clone(),
-        time: Vec::new(),
-        rate_hz: 1.0 / dt,
-        position: Vec::new(),
-        velocity: Vec::new(),
-        target: Some(Vec::new()),
-        action: Some(Vec::new()),
-        command: Some(Vec::new()),
-        base: options.privileged.then(|| BaseState {
-            position: Some(Vec::new()),
-            quaternion: Some(Vec::new()),
-            linear_velocity: Some(Vec::new()),
-            angular_velocity: Some(Vec::new()),
-        }),
-        gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
-        fell: false,
-    };
-    let mut logs: Vec<Collected> =
-        (0..count).map(|_| Collected { trajectory: empty(), fell: false }).collect();
-    let last = steps + shifts.iter().copied().max().unwrap_or(0);
-    for step in 1..=last {
-        for (index, log) in logs.iter_mut().enumerate() {
-            if recording(log, step, shifts[index], steps) {
-                before_action(&mut log.trajectory, &player.environment, &task.walker.joints, index, dt);
+    let mut recorder = Recorder::new(subject, options, first, count);
+    let actions = task.walker.joints.len();
+    let mut row = Vec::with_capacity(sensed_width(actions));
+    for step in 1..=recorder.last() {
+        for index in 0..count {
+            if recorder.records(index, step) {
+                sensed(task, &player.environment, index, &mut row);
+                recorder.sense(index, &row);
             }
         }
         player.step(step)?;
-        for (index, log) in logs.iter_mut().enumerate() {
-            let recorded = recording(log, step, shifts[index], steps);
-            if recorded {
-                after_action(&mut log.trajectory, &player, &task.walker.joints, index);
-            }
-            log.fell |= matches!(player.ended[index], Ended::Fall | Ended::Diverged);
-            log.trajectory.fell |= recorded && log.fell;
+        let targets = player.environment.targets();
+        let all = targets.len() / count;
+        for index in 0..count {
+            let action = &player.action[index * actions..(index + 1) * actions];
+            let fell = matches!(player.ended[index], Ended::Fall | Ended::Diverged);
+            recorder.act(index, step, action, &targets[index * all..(index + 1) * all], fell);
         }
     }
-    Ok(logs)
+    Ok(recorder.finish())
 }
 
-fn recording(log: &Collected, step: u32, shift: u32, steps: u32) -> bool {
-    !log.fell && step > shift && step <= shift + steps
-}
-
-fn before_action(
-    log: &mut Trajectory,
-    environment: &Environment<'_>,
-    joints: &[usize],
-    index: usize,
-    dt: f64,
-) {
-    let motion = environment.motion();
-    let row = |values: &[f32], width: usize| -> Vec<f64> {
-        values[index * width..(index + 1) * width].iter().map(|&x| f64::from(x)).collect()
+/// What is there before an action of environment `index` of `task`, into `row`, as [`Recorder::sense`] takes it.
+pub fn sensed(task: &Task, environment: &Environment<'_>, index: usize, row: &mut Vec<f32>) {
+    let (motion, joints) = (environment.motion(), &task.walker.joints);
+    let of = |values: &'_ [f32]| -> std::ops::Range<usize> {
+        let width = values.len() / environment.count();
+        index * width..(index + 1) * width
     };
-    log.time.push(log.time.len() as f64 * dt);
-    let width = motion.joint_position.len() / environment.count();
-    let (position, velocity) = (row(&motion.joint_position, width), row(&motion.joint_velocity, width));
-    log.position.extend(joints.iter().map(|&joint| position[joint]));
-    log.velocity.extend(joints.iter().map(|&joint| velocity[joint]));
-    let command = environment.commands()[index];
-    log.command.get_or_insert_default().extend(command.map(f64::from));
-    if let Some(base) = &mut log.base {
-        base.position.get_or_insert_default().extend(row(&motion.base_position, 3));
-        base.quaternion.get_or_insert_default().extend(row(&motion.base_quaternion, 4));
-        base.linear_velocity.get_or_insert_default().extend(row(&motion.base_linear, 3));
-        base.angular_velocity.get_or_insert_default().extend(row(&motion.base_angular, 3));
+    let position = &motion.joint_position[of(&motion.joint_position)];
+    let velocity = &motion.joint_velocity[of(&motion.joint_velocity)];
+    row.clear();
+    row.extend(joints.iter().map(|&joint| position[joint]));
+    row.extend(joints.iter().map(|&joint| velocity[joint]));
+    row.extend(environment.commands()[index]);
+    for base in [&motion.base_position, &motion.base_quaternion, &motion.base_linear, &motion.base_angular] {
+        row.extend(&base[of(base)]);
     }
 }
 
-fn after_action(log: &mut Trajectory, player: &Player<'_>, joints: &[usize], index: usize) {
-    let width = joints.len();
-    let action = &player.action[index * width..(index + 1) * width];
-    log.action.get_or_insert_default().extend(action.iter().map(|&x| f64::from(x)));
-    let targets = player.environment.targets();
-    let all = targets.len() / player.environment.count();
-    let target = |&joint: &usize| f64::from(targets[index * all + joint]);
-    log.target.get_or_insert_default().extend(joints.iter().map(target));
+/// Numbers of a row that [`Recorder::sense`] takes of a robot with this many actions.
+pub fn sensed_width(actions: usize) -> usize {
+    2 * actions + 16
+}
+
+/// Logs of robots side by side, step by step, from whatever simulates them.
+pub struct Recorder {
+    logs: Vec<Collected>,
+    /// Steps before each log begins.
+    shifts: Vec<u32>,
+    /// Steps of a log.
+    steps: u32,
+    /// The control period, s.
+    dt: f64,
+    /// The policy's joints in the model's order.
+    joints: Vec<usize>,
+}
+
+impl Recorder {
+    /// Of the robots of the environments `first..first + count`.
+    pub fn new(subject: &Subject<'_>, options: &CollectOptions, first: u32, count: usize) -> Self {
+        let Subject { task, seed, .. } = *subject;
+        let interface = &task.walker.interface;
+        let dt = interface.control_dt;
+        let shift = |index: u32| {
+            let draw = Stream::new(seed, Purpose::LOG_SHIFT).environment(first + index).uniform(0);
+            let [low, high] = options.shift;
+            ((low + (high - low) * draw) / dt).round() as u32
+        };
+        let empty = || Trajectory {
+            source: None,
+            robot: Some(task.walker.model().name.clone()),
+            joints: interface.joints.clone(),
+            time: Vec::new(),
+            rate_hz: 1.0 / dt,
+            position: Vec::new(),
+            velocity: Vec::new(),
+            target: Some(Vec::new()),
+            action: Some(Vec::new()),
+            command: Some(Vec::new()),
+            base: options.privileged.then(|| BaseState {
+                position: Some(Vec::new()),
+                quaternion: Some(Vec::new()),
+                linear_velocity: Some(Vec::new()),
+                angular_velocity: Some(Vec::new()),
+            }),
+            gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
+            fell: false,
+        };
+        Self {
+            logs: (0..count).map(|_| Collected { trajectory: empty(), fell: false }).collect(),
+            shifts: (0..count as u32).map(shift).collect(),
+            steps: (options.seconds / dt).round().max(1.0) as u32,
+            dt,
+            joints: task.walker.joints.clone(),
+        }
+    }
+
+    /// Number of the last step that a log may have; the first is 1.
+    pub fn last(&self) -> u32 {
+        self.steps + self.shifts.iter().copied().max().unwrap_or(0)
+    }
+
+    /// Whether step number `step` of robot `index` is in its log.
+    pub fn records(&self, index: usize, step: u32) -> bool {
+        let shift = self.shifts[index];
+        !self.logs[index].fell && step > shift && step <= shift + self.steps
+    }
+
+    /// Adds what was there before a step's action, of a robot whose step is [recorded](Self::records). `row`, of
+    /// [`sensed_width`] numbers: joint positions and velocities in the policy's order (rad, rad/s) as the policy sees them;
+    /// the command, forward and left (m/s) and yaw rate (rad/s); the base's position (m), quaternion (wxyz), velocity in
+    /// the world (m/s) and angular velocity in the body (rad/s).
+    pub fn sense(&mut self, index: usize, row: &[f32]) {
+        let Some(log) = self.logs.get_mut(index).map(|log| &mut log.trajectory) else { return };
+        log.time.push(log.time.len() as f64 * self.dt);
+        let mut rest = row;
+        let mut next = |width: usize| {
+            let (now, later) = rest.split_at(width.min(rest.len()));
+            rest = later;
+            now.iter().map(|&x| f64::from(x))
+        };
+        let actions = self.joints.len();
+        log.position.extend(next(actions));
+        log.velocity.extend(next(actions));
+        log.command.get_or_insert_default().extend(next(3));
+        if let Some(base) = &mut log.base {
+            base.position.get_or_insert_default().extend(next(3));
+            base.quaternion.get_or_insert_default().extend(next(4));
+            base.linear_velocity.get_or_insert_default().extend(next(3));
+            base.angular_velocity.get_or_insert_default().extend(next(3));
+        }
+    }
+
+    /// Adds what followed in step number `step` of robot `index`: its action, the targets of all the model's joints (rad),
+    /// and whether it fell. To be told of every step, for a log ends at the first fall.
+    pub fn act(&mut self, index: usize, step: u32, action: &[f32], targets: &[f32], fell: bool) {
+        let recorded = self.records(index, step);
+        let Some(log) = self.logs.get_mut(index) else { return };
+        log.fell |= fell;
+        if recorded {
+            let trajectory = &mut log.trajectory;
+            trajectory.action.get_or_insert_default().extend(action.iter().map(|&x| f64::from(x)));
+            let target = |&joint: &usize| f64::from(targets[joint]);
+            trajectory.target.get_or_insert_default().extend(self.joints.iter().map(target));
+            trajectory.fell |= log.fell;
+        }
+    }
+
+    /// The logs, in the robots' order.
+    pub fn finish(self) -> Vec<Collected> {
+        self.logs
+    }
 }

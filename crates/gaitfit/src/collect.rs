@@ -1,5 +1,6 @@
 //! Logs of a policy in a simulator.
 
+use crate::device::{Device, rollout_error};
 use crate::excite::playlist::{self, Sequence};
 use crate::log_folder::write_logs;
 use crate::walk::recorder::Recorded;
@@ -8,6 +9,7 @@ use crate::watch::Watch;
 use crate::world::{World, WorldSettings};
 use crate::{Access, Error};
 use gaitfit_learn::collect::{CollectOptions, Collected as Recording};
+use gaitfit_learn::evaluate::Subject;
 use gaitfit_log::{BaseState, Gains, Trajectory, csv_files};
 use gaitfit_model::shown_number;
 use gaitfit_policy::follow;
@@ -35,6 +37,8 @@ pub struct CollectSettings {
     pub privileged: bool,
     /// A file of commands to play, one sequence a trajectory, instead of drawing them.
     pub commands: Option<PathBuf>,
+    /// What simulates; the CPU plays commands of a file.
+    pub device: Device,
 }
 
 /// What was recorded.
@@ -100,8 +104,14 @@ pub fn collect_in(
     let options = CollectOptions { count, seconds, shift: [low, high], privileged };
     let threads = settings.world.threads();
     let logs = match &played {
-        Some(sequences) => play(&world, &options, sequences, settings.world.seed, threads, watch)?,
-        None => gaitfit_learn::collect::collect(&world.subject(settings.world.seed), &options, threads)?,
+        Some(sequences) => {
+            only_the_cpu_plays(settings.device, watch)?;
+            play(&world, &options, sequences, settings.world.seed, threads, watch)?
+        }
+        None => {
+            let subject = world.subject(settings.world.seed);
+            walks(&subject, &options, threads, settings.device, watch, &|| watch.stop())?
+        }
     };
     if watch.stop() {
         return Err(Error::Interrupted { message: "interrupted; no log was written".to_owned(), kept: None });
@@ -111,6 +121,46 @@ pub fn collect_in(
         watch.note(&format!("trajectory {number} fell before its log began; it has no file"));
     }
     Ok(Collected { simulator: world.description(), files: written.files, falls: written.falls })
+}
+
+/// Logs of walks under random commands, simulated on `device`, or on the CPU if `auto` found a GPU that does not simulate
+/// them. There are none if `cancel` stopped a GPU.
+///
+/// # Errors
+/// A robot that cannot be; a GPU that was asked for and does not simulate them, or fails.
+pub(crate) fn walks(
+    subject: &Subject<'_>,
+    options: &CollectOptions,
+    threads: usize,
+    device: Device,
+    watch: &Watch<'_>,
+    cancel: &dyn Fn() -> bool,
+) -> Result<Vec<Recording>, Error> {
+    if let Some(gpu) = device.open()? {
+        match gaitfit_cuda::rollout::collect(&gpu, subject, options, cancel).map_err(rollout_error) {
+            Ok(logs) => return Ok(logs.unwrap_or_default()),
+            Err(error) => match device.instead(&error) {
+                Some(note) => watch.note(&note),
+                None => return Err(error),
+            },
+        }
+    }
+    Ok(gaitfit_learn::collect::collect(subject, options, threads)?)
+}
+
+/// Refuses a GPU that was asked for, or says that the one that was found is not used.
+fn only_the_cpu_plays(device: Device, watch: &Watch<'_>) -> Result<(), Error> {
+    if device == Device::Cpu {
+        return Ok(());
+    }
+    let error = Error::Refused(
+        "commands of a file (--commands) are played on the CPU alone: --device cpu".to_owned(),
+    );
+    match device.instead(&error) {
+        Some(note) => watch.note(&note),
+        None => return Err(error),
+    }
+    Ok(())
 }
 
 /// Lets the policy walk under `sequences` and records it as `gaitfit_learn::collect` does.

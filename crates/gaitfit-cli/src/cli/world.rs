@@ -138,6 +138,10 @@ pub struct Collect {
     /// Record the base's pose and velocity too, which a robot does not measure
     #[arg(long)]
     pub privileged: bool,
+    /// What simulates walks under random commands: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000 trajectories
+    /// or more, if one can be used)
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    pub device: super::Device,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,

@@ -41,7 +41,9 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         log_shift: [low, args.log_shift.last().copied().unwrap_or(low)],
         privileged: args.privileged,
         commands: args.commands.clone(),
+        device: args.device.for_trajectories(args.trajectories.get()),
     };
+    output::note(&settings.device.line());
     let found = watched(Lines::Seconds(5), |watch| gaitfit::collect(&settings, &args.out, watch))?;
     let document = Document {
         simulator: found.simulator,
@@ -75,6 +77,7 @@ fn on_robot(args: &cli::Collect, robot: cli::RobotKind) -> Result<cli::Run, Fail
         (world.preset != cli::Preset::Fast, "--preset"),
         (world.threads.is_some(), "--threads"),
         (world.task.is_some(), "--task"),
+        (args.device != cli::Device::Cpu, "--device"),
         (args.privileged, "--privileged"),
         (args.log_shift.iter().any(|shift| *shift != 0.0), "--log-shift"),
     ] {

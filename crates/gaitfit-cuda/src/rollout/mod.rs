@@ -8,20 +8,23 @@
 //!
 //! [`Trainer`] takes over a training of the CPU ([`gaitfit_learn::Training`]) and gives it back, at any iteration.
 
+mod collect;
 mod error;
 mod expression;
 mod packed;
 mod plan;
+mod play;
 mod run;
 mod scene;
 mod text;
 mod trainer;
 mod trials;
 
+pub use collect::collect;
 pub use error::RolloutError;
 pub use packed::Packed;
 pub use plan::{Home, Plan, control};
 pub use run::Rollout;
-pub use scene::{Scene, Sizes, check};
+pub use scene::{Mode, Scene, Sizes, check};
 pub use trainer::{Breakdown, Trainer};
 pub use trials::run_trials;

@@ -1,6 +1,6 @@
 //! A rollout as data: arrays, and the kernels of each step. A GPU runs it, and so does the test without one.
 
-use super::scene::Scene;
+use super::scene::{Mode, Scene};
 use super::text::program;
 use crate::emit::Class;
 use crate::ppo::{Array, Id, Kind, Launch, Value};
@@ -22,6 +22,8 @@ pub enum Home {
 const CONTROL: usize = 16;
 /// Threads of a block: few, so that few environments are spread over the GPU.
 pub(super) const THREADS: u32 = 32;
+/// The same of what is recorded, a thread a number.
+const RECORDERS: u32 = 128;
 
 /// What kernels are told before a rollout: number of the first step, the seed, the ranges of commands (forward, left, yaw
 /// rate), and the number of the first environment.
@@ -46,6 +48,8 @@ pub struct Plan {
     disturbed: Option<usize>,
     /// Terms of the actor's and of the critic's observations.
     terms: [usize; 2],
+    /// Numbers that are recorded of a robot before a step.
+    recorded: usize,
 }
 
 impl Plan {
@@ -96,7 +100,8 @@ impl Plan {
             ("tail_value", own, Kind::F32, tails),
             ("tally", own, Kind::F64, scene.tallies() * environments),
             ("totals", own, Kind::F64, scene.tallies()),
-            ("errors", own, Kind::F32, if scene.sizes.trials { 2 * rows } else { 0 }),
+            ("errors", own, Kind::F32, if scene.sizes.mode == Mode::Trials { 2 * rows } else { 0 }),
+            ("records", own, Kind::F32, scene.recorded() * rows),
         ] {
             arrays.push(Array { name, kind, length });
             homes.push(home);
@@ -104,7 +109,8 @@ impl Plan {
         let program = program(scene);
         let terms = [interface.observation.len(), interface.critic_observation.len()];
         let disturbed = (!scene.disturbance.is_empty()).then(|| scene.period.substeps());
-        Self { program, arrays, homes, environments, tallies: scene.tallies(), disturbed, terms }
+        let (tallies, recorded) = (scene.tallies(), scene.recorded());
+        Self { program, arrays, homes, environments, tallies, disturbed, terms, recorded }
     }
 
     /// The array of this name.
@@ -128,6 +134,21 @@ impl Plan {
     /// Before the first step.
     pub fn begin(&self) -> Launch {
         self.launch("begin_rollout", None, &["tally", "cut"])
+    }
+
+    /// What is recorded before step `step`, where walks are.
+    pub fn record(&self, step: usize) -> Option<Launch> {
+        let arrays = ["robot_state", "robot_params", "command", "records"];
+        let launch = self.launch("record", Some(step), &arrays);
+        let shape = Shape::cover(self.recorded * self.environments, RECORDERS);
+        (self.recorded > 0).then_some(Launch { shape, ..launch })
+    }
+
+    /// The kernels, in the order of a step.
+    pub fn kernels(&self) -> Vec<&'static str> {
+        let record = (self.recorded > 0).then_some("record");
+        let others = ["observe", "act", "disturb", "finish", "observe_end", "add_values", "total"];
+        ["begin_rollout"].into_iter().chain(record).chain(others).collect()
     }
 
     /// What actor and critic see before step `step`.

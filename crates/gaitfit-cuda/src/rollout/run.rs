@@ -13,10 +13,6 @@ use crate::physics::{self, Batch, Period};
 use crate::ppo::{Id, Launch, Learner, Storage, Stored, Value};
 use crate::runtime::{Argument, CudaError, Device, Kernel, Stream};
 
-/// Kernels of a plan, in the order of a step.
-const KERNELS: [&str; 8] =
-    ["begin_rollout", "observe", "act", "disturb", "finish", "observe_end", "add_values", "total"];
-
 /// A task's environments in a GPU's memory.
 pub struct Rollout<'a> {
     task: &'a Task,
@@ -51,7 +47,8 @@ impl<'a> Rollout<'a> {
         let parts: Vec<(&str, u64)> = owned.map(|(array, _)| (array.name, array.bytes())).collect();
         device.check_room(&parts)?;
         let module = device.load(&plan.program)?;
-        let kernels = KERNELS
+        let kernels = plan
+            .kernels()
             .into_iter()
             .map(|name| Ok((name, module.kernel(name)?)))
             .collect::<Result<_, CudaError>>()?;
@@ -156,6 +153,14 @@ impl<'a> Rollout<'a> {
         self.read(stream, "errors")
     }
 
+    /// What was recorded before every step of every environment, rows of [`gaitfit_learn::collect::sensed_width`] numbers.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn records(&self, stream: &Stream) -> Result<Vec<f32>, CudaError> {
+        self.read(stream, "records")
+    }
+
     /// Puts the environments where `snapshots` say.
     ///
     /// # Errors
@@ -227,6 +232,9 @@ impl<'a> Rollout<'a> {
         let environments = self.sizes.environments;
         self.launch(stream, learner, &self.plan.begin())?;
         for step in 0..self.sizes.steps {
+            if let Some(record) = self.plan.record(step) {
+                self.launch(stream, learner, &record)?;
+            }
             self.launch(stream, learner, &self.plan.observe(step))?;
             learner.foresee(stream, step * environments, environments)?;
             self.launch(stream, learner, &self.plan.act(step))?;

@@ -1,5 +1,6 @@
 //! A task on a robot as the kernels see it: sizes, and where the physics keeps each number.
 
+use gaitfit_learn::collect::sensed_width;
 use gaitfit_learn::ppo::Learner;
 use gaitfit_learn::task::{Task, TaskError, reward};
 use gaitfit_physics::Kept;
@@ -23,9 +24,19 @@ pub struct Sizes {
     pub networks: usize,
     /// Discount of PPO.
     pub gamma: f64,
-    /// Whether a policy is tried: robots keep their commands, episodes do not end by time, and the errors of every step are
-    /// kept.
-    pub trials: bool,
+    /// What they are for.
+    pub mode: Mode,
+}
+
+/// What rollouts are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// A training learns from them.
+    Training,
+    /// A policy is tried: robots keep their commands, episodes do not end by time, and the errors of every step are kept.
+    Trials,
+    /// A policy's walks are recorded: episodes do not end by time, and what sensors say before every step is kept.
+    Logs,
 }
 
 /// More steps than any trajectory has.
@@ -164,17 +175,22 @@ impl<'a> Scene<'a> {
 
     /// Steps of an episode at most.
     pub(super) fn episode_steps(&self) -> u32 {
-        if self.sizes.trials { NEVER } else { self.task.episode_steps() }
+        if self.sizes.mode == Mode::Training { self.task.episode_steps() } else { NEVER }
     }
 
     /// Steps after which a command is drawn anew.
     pub(super) fn command_steps(&self) -> u32 {
-        if self.sizes.trials { NEVER } else { self.task.command_steps() }
+        if self.sizes.mode == Mode::Trials { NEVER } else { self.task.command_steps() }
     }
 
     /// Numbers of an action.
     pub(super) fn actions(&self) -> usize {
         self.task.walker.joints.len()
+    }
+
+    /// Numbers that are recorded of a robot before a step.
+    pub(super) fn recorded(&self) -> usize {
+        if self.sizes.mode == Mode::Logs { sensed_width(self.actions()) } else { 0 }
     }
 
     /// Sums that a rollout keeps of each environment; `TALLIES` of the text.

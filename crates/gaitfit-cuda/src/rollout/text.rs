@@ -9,7 +9,7 @@ use gaitfit_policy::Term;
 
 use super::expression::Terms;
 use super::plan::THREADS;
-use super::scene::Scene;
+use super::scene::{Mode, Scene};
 use crate::emit::Class;
 use crate::runtime::Program;
 use crate::words::{Words, braces, double, quantity_number, single};
@@ -36,6 +36,9 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
         include_str!("kernels/finish.cu"),
     ] {
         text.push_str(part);
+    }
+    if scene.recorded() > 0 {
+        text.push_str(include_str!("kernels/record.cu"));
     }
     Program::new("rollout", text).option("-fmad=false")
 }
@@ -87,7 +90,7 @@ impl Words {
             ("CUTS", scene.cuts()),
             ("THREADS", THREADS as usize),
             ("LOG_STD_AT", scene.sizes.networks),
-            ("TRIALS", usize::from(scene.sizes.trials)),
+            ("TRIALS", usize::from(scene.sizes.mode == Mode::Trials)),
         ] {
             self.define(name, value);
         }

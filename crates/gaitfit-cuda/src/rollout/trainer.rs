@@ -7,7 +7,7 @@ use gaitfit_learn::{Growth, Iteration, Tally, Training, TrainingError, TrainingS
 
 use super::RolloutError;
 use super::run::Rollout;
-use super::scene::Sizes;
+use super::scene::{Mode, Sizes};
 use crate::ppo::{Batch, Learner, PpoError, Precision};
 use crate::runtime::{Device, Event, Graph};
 
@@ -60,7 +60,8 @@ impl<'a> Trainer<'a> {
         let batch = Batch { steps, environments, tile: Training::TILE };
         let host = training.learner();
         let networks = host.actor().parameters.len() + host.critic().parameters.len();
-        let sizes = Sizes { steps, environments, networks, gamma: host.settings().gamma, trials: false };
+        let (gamma, mode) = (host.settings().gamma, Mode::Training);
+        let sizes = Sizes { steps, environments, networks, gamma, mode };
         let learner = Learner::new(device, host, batch, precision)?;
         let rollout = Rollout::new(device, learner.stream(), task, training.candidates(), sizes, seed)?;
         let mut own = Self {

@@ -45,11 +45,9 @@ fn gpu_candidates_have_the_same_bits_on_any_number_of_gpus() {
         let mut gpus = MultiGpu::new(&devices(count), tables.clone(), 4).unwrap();
         gpus.measure(pretend(gpus.tables(), dimensions), dimensions).unwrap();
         let jobs = &jobs[..most];
-        let parts = gpus.parts(subject, jobs, &compared[..most], &|| false).unwrap();
-        assert!(
-            parts == gpus.parts(subject, jobs, &compared[..most], &|| false).unwrap(),
-            "other bits again"
-        );
+        let [parts, again] =
+            [0; 2].map(|_| bits(&gpus.parts(subject, jobs, &compared[..most], &|| false).unwrap()));
+        assert!(parts == again, "other bits the second time");
         let rows = Mutex::new(vec![(Vec::new(), None); jobs.len() * scripts.len()]);
         let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
             rows.lock().unwrap()[job * scripts.len() + recording] = (tracks.rows.to_vec(), tracks.fell_at);

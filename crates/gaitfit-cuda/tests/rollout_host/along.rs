@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use crate::host::{bytes, call, doubles, execute, floats, keep, take};
 use gaitfit_cuda::emit::Class;
 use gaitfit_cuda::physics::Period;
-use gaitfit_cuda::rollout::{Packed, Plan, Scene, Sizes, control};
+use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control};
 use gaitfit_learn::ppo::Exploration;
 use gaitfit_learn::task::{Ended, Environment, Snapshot, Task, TaskSettings, preset, reward};
 use gaitfit_model::Model;
@@ -42,7 +42,7 @@ pub fn lively(name: &str) -> TaskSettings {
 }
 
 pub fn sizes() -> Sizes {
-    Sizes { steps: STEPS, environments: ENVIRONMENTS, networks: NETWORKS, gamma: 0.97, trials: false }
+    Sizes { steps: STEPS, environments: ENVIRONMENTS, networks: NETWORKS, gamma: 0.97, mode: Mode::Training }
 }
 
 /// What the CPU did in one step.

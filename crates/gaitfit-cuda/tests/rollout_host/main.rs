@@ -4,13 +4,14 @@
 mod along;
 #[path = "../host/mod.rs"]
 mod host;
+mod logs;
 mod trials;
 
 use along::*;
 use std::path::Path;
 
 use gaitfit_cuda::ppo::Id;
-use gaitfit_cuda::rollout::{Plan, RolloutError, Scene, Sizes};
+use gaitfit_cuda::rollout::{Mode, Plan, RolloutError, Scene, Sizes};
 use gaitfit_cuda::runtime::{Nvrtc, compile};
 use gaitfit_learn::task::{CurriculumSettings, JointNumber, Task, TerrainSettings};
 use gaitfit_model::Shape;
@@ -222,7 +223,8 @@ fn nvrtc_compiles_rollouts() {
         settings.terms.insert("calves".to_owned(), r#"sum(abs(tau["*_calf"]))"#.to_owned());
         settings.rewards.insert("calves".to_owned(), -1e-3);
         let task = Task::new(&model, &settings, Preset::Fast).unwrap();
-        let sizes = Sizes { steps: 24, environments: 4096, networks: 100_000, gamma: 0.99, trials: false };
+        let sizes =
+            Sizes { steps: 24, environments: 4096, networks: 100_000, gamma: 0.99, mode: Mode::Training };
         let period = Scene::period(&task, &[candidate], 4096, PROCESSORS).unwrap();
         assert_eq!(period.lanes(), 4);
         let plan = Plan::new(&Scene::new(&task, &period, sizes).unwrap());

@@ -2,7 +2,7 @@
 
 use crate::along::{ENVIRONMENTS, NETWORKS, PROCESSORS, SEED, apart, go2, inputs, lively, params};
 use crate::host::{bytes, call, execute, floats, keep, take};
-use gaitfit_cuda::rollout::{Packed, Plan, Scene, Sizes, control};
+use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control};
 use gaitfit_learn::evaluate::{Subject, Trials, trial_environments};
 use gaitfit_learn::task::{Ended, Snapshot, Task};
 use gaitfit_physics::Preset;
@@ -37,8 +37,13 @@ fn cxx_steps_of_trajectories_are_the_cpus() {
     let subject = Subject { task: &task, policy: &policy.unwrap(), candidate: Some(&candidate), seed: SEED };
     let candidates = std::slice::from_ref(&candidate);
     let period = Scene::period(&task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
-    let sizes =
-        Sizes { steps: STEPS, environments: ENVIRONMENTS, networks: NETWORKS, gamma: 1.0, trials: true };
+    let sizes = Sizes {
+        steps: STEPS,
+        environments: ENVIRONMENTS,
+        networks: NETWORKS,
+        gamma: 1.0,
+        mode: Mode::Trials,
+    };
     let scene = Scene::new(&task, &period, sizes).unwrap();
     let plan = Plan::new(&scene);
     let actions = task.walker.joints.len();

@@ -75,6 +75,12 @@ impl Device {
         }
     }
 
+    /// The same device, as if `auto` had found it.
+    #[must_use]
+    pub fn as_found(self) -> Self {
+        self.gpu().map_or(Self::Cpu, Self::Found)
+    }
+
     /// What simulates this many trajectories: of a GPU that `auto` found, the processor where they are few, for the programs'
     /// compilation takes longer.
     #[must_use]
@@ -220,6 +226,7 @@ mod tests {
         let few = [Device::Cpu, Device::Cuda(2), Device::Found(1)].map(|device| device.for_trajectories(99));
         assert_eq!(few, [Device::Cpu, Device::Cuda(2), Device::Cpu]);
         assert_eq!(Device::Found(1).for_trajectories(10_000), Device::Found(1));
+        assert_eq!([Device::Cpu, Device::Cuda(2)].map(Device::as_found), [Device::Cpu, Device::Found(2)]);
         let all = [Device::Cpu, Device::Cuda(2), Device::Found(1)];
         assert_eq!(all.map(|device| device.to_string()), ["cpu", "cuda:2", "cuda:1"]);
         assert_eq!("auto".parse(), Ok(Device::found()));

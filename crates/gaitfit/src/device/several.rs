@@ -42,9 +42,9 @@ impl FromStr for Devices {
 
 impl fmt::Display for Devices {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (first, others) = (self.first(), self.0.iter().skip(1).filter_map(|device| device.gpu()));
-        first.fmt(f)?;
-        others.into_iter().try_for_each(|number| write!(f, ",{number}"))
+        self.first().fmt(f)?;
+        let mut others = self.0.iter().skip(1).filter_map(|device| device.gpu());
+        others.try_for_each(|number| write!(f, ",{number}"))
     }
 }
 
@@ -120,6 +120,9 @@ impl Devices {
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
+    use crate::run::RunFolder;
+    use crate::settings::{self, TrainConfig};
+    use crate::watch::Watch;
 
     #[test]
     fn a_run_goes_on_on_its_devices_unless_told_otherwise() {
@@ -158,6 +161,47 @@ mod tests {
         }
     }
 
+    fn training(seeds: &str, devices: &Devices) -> crate::train::Setup {
+        let changes = ["train.environments=32", "train.steps=6", "train.iterations=2", seeds];
+        let config: TrainConfig = settings::load(None, &changes.map(str::to_owned)).unwrap();
+        crate::train::setup(&config, "walk", None, 2, devices).unwrap()
+    }
+
+    /// What each seed of a training on `devices` ends with.
+    fn policies(devices: &Devices) -> Vec<Vec<u8>> {
+        let runs = tempfile::tempdir().unwrap();
+        let mut setup = training("seeds=[3, 1, 2]", &Device::Cpu.into());
+        setup.devices = devices.clone();
+        let folder = RunFolder::only(runs.path(), "walk").unwrap();
+        let found = crate::train::train_in(&setup, &folder, &Watch::silent()).unwrap();
+        assert_eq!(found.seeds.iter().map(|one| one.seed).collect::<Vec<_>>(), [3, 1, 2]);
+        found.seeds.iter().map(|one| std::fs::read(&one.policy).unwrap()).collect()
+    }
+
+    #[test]
+    fn seeds_that_are_shared_have_the_bits_of_those_trained_in_turn() {
+        let alone = policies(&Device::Cpu.into());
+        assert!(alone[0] != alone[1]);
+        assert!(alone == policies(&Devices(vec![Device::Cpu; 2])));
+    }
+
+    #[test]
+    #[ignore = "needs an NVIDIA GPU"]
+    fn gpu_seeds_that_are_shared_have_the_bits_of_those_trained_in_turn() {
+        assert!(policies(&Device::Cuda(0).into()) == policies(&Devices(vec![Device::Cuda(0); 2])));
+    }
+
+    #[test]
+    fn of_several_gpus_those_without_a_seed_are_named() {
+        let two: Devices = "cuda:0,1".parse().unwrap();
+        let setup = training("seeds=[1]", &two);
+        assert_eq!(setup.devices, Device::Cuda(0).into());
+        assert!(setup.warnings.iter().any(|one| one.contains("of 2 GPUs cuda:0 is used for 1 seed (")));
+        let setup = training("seeds=[1, 2, 3]", &two);
+        assert_eq!(setup.devices, two);
+        assert!(!setup.warnings.iter().any(|one| one.contains("GPUs")), "{:?}", setup.warnings);
+    }
+
     /// A whole fit, from the settings to the results: searches of two costs and two seeds, and their intervals. The
     /// command line refuses one card twice, for it brings nothing.
     #[test]
@@ -173,10 +217,10 @@ mod tests {
                 "simulation.timestep=0.005",
                 "check={}",
             ];
-            let config = crate::settings::load(Some(&file), &changes.map(str::to_owned)).unwrap();
+            let config = settings::load(Some(&file), &changes.map(str::to_owned)).unwrap();
             let mut setup = crate::adapt::Setup::open_on(&config, &file, Some(4), devices).unwrap();
-            let folder = crate::run::RunFolder::only(runs.path(), name).unwrap();
-            let found = crate::adapt::fit(&mut setup, &folder, &crate::watch::Watch::silent()).unwrap();
+            let folder = RunFolder::only(runs.path(), name).unwrap();
+            let found = crate::adapt::fit(&mut setup, &folder, &Watch::silent()).unwrap();
             let mut found = serde_json::to_value(found).unwrap();
             ["wall_seconds", "run_folder"].map(|key| found.as_object_mut().unwrap().remove(key));
             found

@@ -190,6 +190,8 @@ impl Setup {
                     self.task.clone(),
                     privileged,
                     self.threads,
+                    // The few logs of a common loop are the CPU's, whatever fits and trains.
+                    self.devices.first().as_found().for_trajectories(target.trajectories),
                 ))))
             }
             TargetKind::Command => Command::new(target, python)

@@ -2,6 +2,8 @@
 
 use super::PolicyFiles;
 use crate::Error;
+use crate::collect::walks;
+use crate::device::Device;
 use crate::evaluate::{Evaluation, Plan, measure};
 use crate::log_folder::write_logs;
 use crate::paths;
@@ -10,7 +12,7 @@ use crate::theta;
 use crate::watch::Watch;
 use crate::world::{World, WorldSettings};
 use gaitfit_adapt::{Found, ParameterRule, RobotRule, Rules, Sharing, ThetaFile};
-use gaitfit_learn::collect::{CollectOptions, collect};
+use gaitfit_learn::collect::CollectOptions;
 use gaitfit_learn::evaluate::{GaitRecord, record_gait};
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_model::Model;
@@ -25,6 +27,7 @@ pub struct Simulated {
     options: CollectOptions,
     description: String,
     threads: usize,
+    device: Device,
 }
 
 /// The numbers in which the target differs from the robot's file, and what to doubt of the file that they are from.
@@ -79,7 +82,7 @@ pub fn truth(config: &TargetConfig, path: &Path, model: &Model) -> Result<(Theta
 
 impl Simulated {
     /// The target whose numbers stand in `theta` (see [`truth`]). `task`: that of the loop's first policy;
-    /// `privileged`: whether logs have the base's state.
+    /// `privileged`: whether logs have the base's state; `device` simulates the logs.
     pub fn new(
         config: &LoopConfig,
         target: &TargetConfig,
@@ -88,6 +91,7 @@ impl Simulated {
         task: TaskSettings,
         privileged: bool,
         threads: usize,
+        device: Device,
     ) -> Self {
         let mut parts: Vec<String> = Vec::new();
         let value =
@@ -123,6 +127,7 @@ impl Simulated {
             },
             description,
             threads,
+            device,
         }
     }
 
@@ -146,7 +151,8 @@ impl Simulated {
         watch: &Watch<'_>,
     ) -> Result<(), Error> {
         let world = self.world(policy)?.with_plain_starts();
-        let logs = collect(&world.subject(seed), &self.options, self.threads)?;
+        let subject = world.subject(seed);
+        let logs = walks(&subject, &self.options, self.threads, self.device, watch, &|| false)?;
         for number in write_logs(folder, &logs)?.without {
             watch.note(&format!("trajectory {number} fell before its log began; it has no file"));
         }

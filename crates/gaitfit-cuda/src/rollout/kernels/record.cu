@@ -1,0 +1,28 @@
+// What is recorded of a walk.
+
+// Numbers of a robot's row, as `gaitfit_learn::collect::Recorder::sense` takes it: joint positions and velocities in the
+// policy's order, the command, the base's position, quaternion, velocity and angular velocity.
+#define RECORDED (2 * ACTIONS + 16)
+
+// The rows of step `step`, before its action; a thread a number. `records`: steps x environments x RECORDED.
+KERNEL record(u32 step, const float* state, const float* params, const float* command, float* records) {
+    u32 i = blockIdx.x * blockDim.x + threadIdx.x, e = i / RECORDED;
+    int k = (int)(i % RECORDED);
+    if (e >= ENVIRONMENTS) return;
+    float value;
+    if (k < ACTIONS)
+        value = joint_position(state, params, e, JOINT_OF[k]);
+    else if (k < 2 * ACTIONS)
+        value = joint_velocity(state, e, JOINT_OF[k - ACTIONS]);
+    else if (k < 2 * ACTIONS + 3)
+        value = command[(k - 2 * ACTIONS) * ENVIRONMENTS + e];
+    else {
+        int number = k - 2 * ACTIONS - 3;
+        Base base = base_of(state, e);
+        value = number < 3    ? base.position[number]
+                : number < 7  ? base.quaternion[number - 3]
+                : number < 10 ? base.linear[number - 7]
+                              : base.angular[number - 10];
+    }
+    records[((u64)step * ENVIRONMENTS + e) * RECORDED + k] = value;
+}

@@ -1,0 +1,121 @@
+//! A policy at work in many environments on a GPU: its mean actions, no learning.
+
+use gaitfit_learn::Training;
+use gaitfit_learn::evaluate::Subject;
+use gaitfit_learn::ppo::Settings;
+use gaitfit_learn::task::{Environment, Snapshot};
+use gaitfit_sim::Candidate;
+
+use super::run::Rollout;
+use super::scene::{Mode, Sizes};
+use super::{RolloutError, check};
+use crate::ppo::{Batch, Learner, PpoError, Precision};
+use crate::runtime::{Device, Graph};
+
+/// Environments at once: the kernels of few are hardly faster, and many take memory.
+const ENVIRONMENTS: (usize, usize) = (64, 16_384);
+/// Steps of one graph, after which what they did is read.
+const STEPS: usize = 25;
+
+/// A policy and the environments it moves, as [`gaitfit_learn`]'s player does: the same robots, commands, starts, noise
+/// and pushes, and motions that differ by rounding. A robot that ended begins anew here, which nobody looks at.
+pub(super) struct Play<'a> {
+    graph: Graph,
+    rollout: Rollout<'a>,
+    learner: Learner,
+    subject: Subject<'a>,
+    candidates: Vec<Candidate>,
+    /// Environments at once.
+    pub environments: usize,
+    /// Steps at once.
+    pub steps: usize,
+    first: u32,
+}
+
+/// What the policy did in some steps, each array `steps × environments × width`.
+pub(super) struct Played {
+    /// Actions, a row an environment.
+    pub action: Vec<f32>,
+    /// Rewards; not a number of a robot that diverged in [`Mode::Trials`].
+    pub reward: Vec<f32>,
+    /// Whether each episode ended, by a fall.
+    pub done: Vec<f32>,
+}
+
+impl<'a> Play<'a> {
+    /// For `count` robots and `last` steps of each.
+    ///
+    /// # Errors
+    /// [`RolloutError::Trials`] for what only the CPU simulates; a robot that cannot be; a failure of the GPU.
+    pub fn new(
+        device: &Device,
+        subject: &Subject<'a>,
+        mode: Mode,
+        count: usize,
+        last: u32,
+    ) -> Result<Self, RolloutError> {
+        let Subject { task, policy, candidate, seed } = *subject;
+        let refused = |error: &dyn std::fmt::Display| RolloutError::Trials(error.to_string());
+        let host = Training::learner_from(task, &Settings::default(), policy, seed)
+            .map_err(|error| refused(&format!("this policy ({error})")))?;
+        let candidates = vec![candidate.cloned().unwrap_or_else(|| Candidate::nominal(task.walker.model()))];
+        let unsupported = |error: RolloutError| match error {
+            RolloutError::Unsupported(what) | RolloutError::Ppo(PpoError::Unsupported(what)) => {
+                refused(&what)
+            }
+            error => error,
+        };
+        check(task, &candidates, &host).map_err(unsupported)?;
+        let environments = count.clamp(ENVIRONMENTS.0, ENVIRONMENTS.1);
+        let steps = STEPS.min(last as usize);
+        let batch = Batch { steps, environments, tile: Training::TILE };
+        let mut learner = Learner::new(device, &host, batch, Precision::F32)?;
+        learner.quiet()?;
+        let networks = host.actor().parameters.len() + host.critic().parameters.len();
+        let sizes = Sizes { steps, environments, networks, gamma: 1.0, mode };
+        let rollout = Rollout::new(device, learner.stream(), task, &candidates, sizes, seed)?;
+        let graph = learner.stream().record(|stream| rollout.start(stream, &learner))?;
+        Ok(Self { graph, rollout, learner, subject: *subject, candidates, environments, steps, first: 0 })
+    }
+
+    /// Takes up `environment`, whose first environment is number `first`.
+    ///
+    /// # Errors
+    /// A randomisation that leaves no robot, or a failure of the GPU.
+    pub fn begin(&mut self, environment: &mut Environment<'_>, first: u32) -> Result<(), RolloutError> {
+        self.first = first;
+        self.rollout.randomise(self.learner.stream(), &self.candidates, self.subject.seed, first)?;
+        let snapshots: Vec<Snapshot> =
+            (0..environment.count()).map(|index| environment.snapshot(index)).collect();
+        self.rollout.load(self.learner.stream(), &snapshots)
+    }
+
+    /// The next steps, the first of which is number `from`.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn advance(&mut self, from: u32) -> Result<Played, RolloutError> {
+        let ranges = self.subject.task.settings.command.ranges(1.0);
+        self.rollout.number(self.learner.stream(), from, self.subject.seed, ranges, self.first)?;
+        self.graph.launch(self.learner.stream())?;
+        let [action, reward, done] = ["action", "reward", "done"].map(|name| self.learner.read_f32(name));
+        Ok(Played { action: action?, reward: reward?, done: done? })
+    }
+
+    /// Errors of velocity and yaw rate in these steps, of [`Mode::Trials`]; `steps × environments × 2`.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn errors(&self) -> Result<Vec<f32>, RolloutError> {
+        Ok(self.rollout.errors(self.learner.stream())?)
+    }
+
+    /// What was recorded before these steps, of [`Mode::Logs`]; `steps × environments ×`
+    /// [`gaitfit_learn::collect::sensed_width`].
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn records(&self) -> Result<Vec<f32>, RolloutError> {
+        Ok(self.rollout.records(self.learner.stream())?)
+    }
+}
