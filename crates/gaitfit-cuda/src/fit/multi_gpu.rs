@@ -56,7 +56,7 @@ impl MultiGpu {
         compared: &[Compared],
         cancel: &Cancel<'_>,
     ) -> Result<Vec<Parts>, FitError> {
-        let shares = shared(&mut self.gpus, jobs.len(), cancel, &|gpu, share, cancel| {
+        let shares = shared(&mut self.gpus, jobs.len(), cancel, |gpu, share, cancel| {
             gpu.parts(subject, &jobs[share.clone()], &compared[share], cancel)
         })?;
         Ok(shares.into_iter().flatten().collect())
@@ -73,7 +73,7 @@ impl MultiGpu {
         consume: &(dyn Fn(usize, usize, Tracks<'_>) + Sync),
         cancel: &Cancel<'_>,
     ) -> Result<(), FitError> {
-        shared(&mut self.gpus, jobs.len(), cancel, &|gpu, share, cancel| {
+        shared(&mut self.gpus, jobs.len(), cancel, |gpu, share, cancel| {
             let consume = |job: usize, recording: usize, tracks: Tracks<'_>| {
                 consume(share.start + job, recording, tracks);
             };

@@ -36,7 +36,7 @@ pub(super) fn shared<W: Worker, T: Send>(
     workers: &mut [W],
     jobs: usize,
     cancel: &Cancel<'_>,
-    work: &(dyn Fn(&mut W, Range<usize>, &Cancel<'_>) -> Result<T, FitError> + Sync),
+    work: impl Fn(&mut W, Range<usize>, &Cancel<'_>) -> Result<T, FitError> + Sync,
 ) -> Result<Vec<T>, FitError> {
     if let [worker] = workers {
         return Ok(vec![work(worker, 0..jobs, cancel)?]);
@@ -102,7 +102,7 @@ mod tests {
         for workers in 1..=4 {
             for jobs in [0, 1, 3, 7, 24] {
                 let mut toys = toys(workers);
-                let found = shared(&mut toys, jobs, &|| false, &|toy, share, _| {
+                let found = shared(&mut toys, jobs, &|| false, |toy, share, _| {
                     toy.did.extend(share.clone());
                     Ok(share.map(|job| 10 * job).collect::<Vec<_>>())
                 });
@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn all_gpus_are_at_work_at_once() {
         let all = Barrier::new(3);
-        let found = shared(&mut toys(3), 5, &|| false, &|_, share, _| {
+        let found = shared(&mut toys(3), 5, &|| false, |_, share, _| {
             // Nobody passes alone.
             all.wait();
             Ok(share.len())
@@ -131,7 +131,7 @@ mod tests {
     #[test]
     fn the_gpu_that_failed_is_named_and_the_others_stop() {
         let both = Barrier::new(2);
-        let error = shared(&mut toys(2), 9, &|| false, &|toy, _, cancel| -> Result<(), _> {
+        let error = shared(&mut toys(2), 9, &|| false, |toy, _, cancel| -> Result<(), _> {
             both.wait();
             if toy.ordinal == 3 {
                 return Err(broken());
@@ -146,14 +146,14 @@ mod tests {
         let text = error.to_string();
         assert!(text.starts_with("cuda:3: ") && text.contains("the bus is cut"), "{text}");
         // Of one GPU alone the message is as it was.
-        let alone = shared(&mut toys(1), 9, &|| false, &|_, _, _| -> Result<(), _> { Err(broken()) });
+        let alone = shared(&mut toys(1), 9, &|| false, |_, _, _| -> Result<(), _> { Err(broken()) });
         assert_eq!(alone.unwrap_err().to_string(), broken().to_string());
     }
 
     #[test]
     fn what_is_wrong_with_a_candidate_is_not_the_gpus() {
         let wrong = || FitError::Unsupported("wings".to_owned());
-        let error = shared(&mut toys(2), 2, &|| false, &|_, _, _| -> Result<(), _> { Err(wrong()) });
+        let error = shared(&mut toys(2), 2, &|| false, |_, _, _| -> Result<(), _> { Err(wrong()) });
         assert_eq!(error.unwrap_err().to_string(), wrong().to_string());
     }
 
@@ -162,7 +162,7 @@ mod tests {
         let both = Barrier::new(2);
         let (asked, work) = (AtomicBool::new(false), AtomicBool::new(false));
         let cancel = || asked.swap(true, Ordering::Relaxed);
-        let error = shared(&mut toys(2), 4, &cancel, &|_, _, cancel| -> Result<(), _> {
+        let error = shared(&mut toys(2), 4, &cancel, |_, _, cancel| -> Result<(), _> {
             both.wait();
             while !cancel() {
                 std::thread::yield_now();
