@@ -39,9 +39,6 @@ pub struct BenchPhysics {
     /// GPU: threads of a robot, 1, 2 or 4 (default: what suits the number of robots)
     #[arg(long, value_name = "N", value_parser = lanes)]
     pub lanes: Option<usize>,
-    /// GPU: warps that the robots of one are spread over, a power of two (default: what suits the number of robots)
-    #[arg(long, value_name = "N")]
-    pub spread: Option<std::num::NonZeroUsize>,
     /// GPU: guarded parts of fewer operations than this are always computed
     #[arg(long, value_name = "N", hide = true)]
     pub least_guarded: Option<usize>,

@@ -195,7 +195,6 @@ impl<'a> Writer<'a> {
         if rows > 0 {
             self.line(&format!("PLACE_TABLE({rows})"));
         }
-        self.line("PART");
         if self.crossing.rooms() > 0 {
             self.line(&format!("SCRATCH({})", self.crossing.rooms()));
         }

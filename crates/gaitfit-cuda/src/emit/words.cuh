@@ -113,8 +113,6 @@ template <int K> __device__ __forceinline__ void put(size_t at, float x) {
   for (int k = threadIdx.x; k < (rows) * LANES; k += BLOCK) table_rows[k] = table_values[k];       \
   __syncthreads();                                                                                 \
   unsigned table_at = (unsigned)__cvta_generic_to_shared(table_rows) + 4 * lane;
-// A tile may be spread over as many warps as the grid has rows: each takes its part of the tile's environments.
-#define PART if (in_tile * (int)gridDim.y / 32 != (int)blockIdx.y) return;
 #define HELD_OWN(class, k) class##_own[(k) * 32]
 #define HELD_ALL(class, k) class##_all[(k) * (32 / LANES)]
 #define GIVEN_OWN(class, k) __ldg(class##_own + (k) * 32)

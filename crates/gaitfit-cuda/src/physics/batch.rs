@@ -10,11 +10,6 @@ use super::period::{BLOCK, Period};
 use crate::emit::{Class, KERNEL, Place};
 use crate::runtime::{Argument, Buffer, CudaError, Device, Kernel, Shape, Stream};
 
-/// Warps that a multiprocessor starts an operation of at a time.
-const SCHEDULERS: usize = 4;
-/// Warps that tiles are spread over, for each scheduler.
-const WARPS: usize = 1;
-
 /// Many environments of one robot. Environments beyond those asked for, up to whole blocks, are copies of others.
 pub struct Batch {
     period: Arc<Period>,
@@ -24,8 +19,6 @@ pub struct Batch {
     /// Environments of a candidate: those that share the modifications' weights.
     per_candidate: usize,
     blocks: usize,
-    /// Warps that the environments of a tile are spread over.
-    spread: usize,
     buffers: [Buffer<f32>; 7],
     start: Buffer<f32>,
 }
@@ -67,7 +60,6 @@ impl Batch {
         let mut plan = sizes.clone();
         plan.push(("states at the start", sizes[0].1));
         device.check_room(&plan)?;
-        let processors = usize::try_from(device.info().processors).unwrap_or(1);
         let module = device.load(&period.program())?;
         let buffer = |class: Class| Buffer::new(device, names[class as usize], length(class));
         Ok(Self {
@@ -77,7 +69,6 @@ impl Batch {
             environments,
             per_candidate,
             blocks,
-            spread: spread(tiles, layout.environments(), processors),
             buffers: [
                 buffer(Class::State)?,
                 buffer(Class::Params)?,
@@ -89,20 +80,6 @@ impl Batch {
             ],
             start: Buffer::new(device, "states at the start", length(Class::State))?,
         })
-    }
-
-    /// Spreads the environments of a tile over this many warps: a power of two, at most a tile's environments. Results do
-    /// not depend on it.
-    #[must_use]
-    pub fn with_spread(mut self, warps: usize) -> Self {
-        let most = self.period.layout.environments();
-        self.spread = (1 << warps.max(1).ilog2()).min(most);
-        self
-    }
-
-    /// Warps that the environments of a tile are spread over.
-    pub fn spread(&self) -> usize {
-        self.spread
     }
 
     /// Environments asked for.
@@ -304,9 +281,7 @@ impl Batch {
             per_candidate.into(),
         ];
         let blocks = u32::try_from(self.blocks).unwrap_or(u32::MAX);
-        let mut shape = Shape::new(blocks, BLOCK as u32);
-        shape.grid[1] = self.spread as u32;
-        self.kernel.launch(stream, shape, &arguments)
+        self.kernel.launch(stream, Shape::new(blocks, BLOCK as u32), &arguments)
     }
 
     /// Keeps the present states for [`Batch::restart`].
@@ -345,16 +320,6 @@ impl Batch {
         };
         Ok((0..count.min(self.environments)).map(state).collect())
     }
-}
-
-/// Warps for each tile of `environments` environments. A warp computes a guarded region if one of its environments needs
-/// it, so fewer environments in a warp leave more out. That pays as long as schedulers would be idle.
-fn spread(tiles: usize, environments: usize, processors: usize) -> usize {
-    if let Some(w) = std::env::var("GAITFIT_SPREAD").ok().and_then(|x| x.parse::<usize>().ok()) {
-        return w.min(environments);
-    } // MEASURE
-    let room = WARPS * SCHEDULERS * processors / tiles.max(1);
-    (1 << room.max(1).ilog2()).min(environments)
 }
 
 /// The numbers that a visit adds.

@@ -28,8 +28,6 @@ pub struct PhysicsBench {
     pub substeps: usize,
     /// Threads of an environment; none for what suits the number of environments.
     pub lanes: Option<usize>,
-    /// Warps that a warp's robots are spread over; none for what suits the number of environments.
-    pub spread: Option<usize>,
     /// How the text is made.
     pub emit: EmitOptions,
     /// Measured repetitions.
@@ -45,8 +43,6 @@ pub struct PhysicsSpeed {
     pub best_substeps_per_second: f64,
     /// Threads of an environment.
     pub lanes: usize,
-    /// Warps that a warp's robots are spread over.
-    pub spread: usize,
     /// Registers of a thread.
     pub registers: i32,
     /// Bytes of local memory of a thread.
@@ -64,7 +60,7 @@ pub struct PhysicsSpeed {
     pub velocity_error: [f64; 2],
     /// Largest error of a position, m or rad, or of a quaternion's component.
     pub position_error: f64,
-    /// Whether a second run from the same states, its robots spread otherwise over warps, gave the same bits.
+    /// Whether a second run from the same states gave the same bits.
     pub same_bits: bool,
     /// Mean height of the base at the end, m: a fallen batch would measure something else.
     pub base_height: f64,
@@ -106,11 +102,7 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
         Ok(Arc::new(made))
     };
     let control = period(SUBSTEPS)?;
-    let spread = |batch: Batch| match bench.spread {
-        Some(warps) => batch.with_spread(warps),
-        None => batch,
-    };
-    let mut batch = spread(Batch::new(device, &control, bench.environments, 1)?);
+    let mut batch = Batch::new(device, &control, bench.environments, 1)?;
     let compile_seconds = start.elapsed().as_secs_f64();
 
     let tree = compile::<f64>(&model, &settings).map_err(DeviceError::from)?;
@@ -137,10 +129,7 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
     let sent = targets(WARM_UP);
     batch.write_targets(&stream, &sent)?;
     let after = one_period(&mut batch, &stream, bench.environments).map_err(DeviceError::from)?;
-    let warps = batch.spread();
-    batch = batch.with_spread(if warps == 1 { 2 } else { 1 });
     let again = one_period(&mut batch, &stream, bench.environments).map_err(DeviceError::from)?;
-    batch = batch.with_spread(warps);
     let bits = |states: &[Vec<f32>]| states.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
     let same_bits = bits(&after) == bits(&again);
     let mut errors: Vec<f64> = Vec::with_capacity(robots);
@@ -169,7 +158,7 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
 
     let mut timed = batch;
     if bench.substeps != SUBSTEPS {
-        timed = spread(Batch::new(device, &period(bench.substeps)?, bench.environments, 1)?);
+        timed = Batch::new(device, &period(bench.substeps)?, bench.environments, 1)?;
         timed.write_params(&stream, &sets)?;
         let states: Vec<State<f64>> = before.iter().map(|numbers| of_numbers(&state, numbers)).collect();
         timed.write_states(&stream, &states)?;
@@ -189,7 +178,6 @@ pub fn physics(device: &Device, model: &Model, bench: &PhysicsBench) -> Result<P
         substeps_per_second: steps / times[times.len() / 2],
         best_substeps_per_second: steps / times[0],
         lanes: control.lanes(),
-        spread: timed.spread(),
         registers: kernel.registers().map_err(DeviceError::from)?,
         local_bytes: kernel.local_bytes().map_err(DeviceError::from)?,
         compile_seconds,

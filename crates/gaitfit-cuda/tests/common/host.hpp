@@ -60,7 +60,6 @@ static inline bool UNLESS(R a, R b) {
 // All environments of the tile are of one candidate.
 #define PLACE_WEIGHTS(own, size) const float* w_own = weights; const float* w_all = weights + (own) * LANES;
 #define PLACE_TABLE(rows)
-#define PART
 static inline R row(const float* at) { R r; std::memcpy(&r, at, 4 * LANES); return r; }
 #define HELD_OWN(class, k) row(class##_own + (k) * 32)
 #define GIVEN_OWN(class, k) row(class##_own + (k) * 32)
