@@ -1,12 +1,14 @@
 """rsl_rl's PPO trains the built-in Go2 to walk in gaitfit's engine, and `gaitfit evaluate` says whether it walks.
 
 Usage: python examples/python/train_rsl_rl.py [--environments 4096] [--iterations 400] [--out runs/rsl-rl]
-                                              [--device cpu] [--threads N] [--compare 10]
+                                              [--device cpu] [--robots-device cpu] [--threads N]
+                                              [--compare 10]
 
-Needs `pip install ./python rsl-rl-lib tensordict torch`. `--device` is PyTorch's; robots step on the processor. It ends with
-the policy as FOLDER/policy.toml and FOLDER/policy.safetensors, which the program reads too, and with exit code 1 if the
-robot does not walk: error of velocity at most 0.15 m/s, of turning at most 0.20 rad/s, at most 1 % falls. `--compare N` has
-gaitfit's own learner do N iterations of the same size, for its throughput.
+Needs `pip install ./python rsl-rl-lib tensordict torch`. `--device` is PyTorch's, and robots step there too; with
+`--robots-device cpu` they step on the processor. It ends with the policy as FOLDER/policy.toml and
+FOLDER/policy.safetensors, which the program reads too, and with exit code 1 if the robot does not walk: error of velocity at
+most 0.15 m/s, of turning at most 0.20 rad/s, at most 1 % falls. `--compare N` has gaitfit's own learner do N iterations of the
+same size, for its throughput.
 """
 
 import argparse
@@ -82,6 +84,7 @@ def main() -> None:
     parser.add_argument("--environments", type=int, default=4096)
     parser.add_argument("--iterations", type=int, default=400)
     parser.add_argument("--device", default="cpu", help="PyTorch's device")
+    parser.add_argument("--robots-device", help="where robots step; PyTorch's device by default")
     parser.add_argument("--threads", type=int, help="of the robots; one a core by default")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("runs/rsl-rl"))
@@ -91,7 +94,13 @@ def main() -> None:
     arguments.out.mkdir(parents=True, exist_ok=True)
     torch.manual_seed(arguments.seed)
 
-    env = Timed(num_envs=arguments.environments, seed=arguments.seed, threads=arguments.threads, device=arguments.device)
+    env = Timed(
+        num_envs=arguments.environments,
+        seed=arguments.seed,
+        threads=arguments.threads,
+        device=arguments.device,
+        robots_device=arguments.robots_device,
+    )
     runner = OnPolicyRunner(env, settings(), log_dir=None, device=arguments.device)
     begun = time.perf_counter()
     runner.learn(num_learning_iterations=arguments.iterations)

@@ -8,7 +8,7 @@ robots at a task), :mod:`gaitfit.gym` and :mod:`gaitfit.rsl_rl` (the same as oth
 
 from typing import TYPE_CHECKING, Any
 
-from ._gaitfit import GaitfitError, __version__
+from ._gaitfit import DeviceArray, GaitfitError, __version__
 
 if TYPE_CHECKING:
     from . import costs
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CMA",
+    "DeviceArray",
     "FitOutcome",
     "GaitfitError",
     "Interface",

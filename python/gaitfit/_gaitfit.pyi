@@ -41,8 +41,26 @@ class Helper:
     ) -> None: ...
     def work(self, task: bytes) -> bytes: ...
 
-class Robots:
-    count: int
+class DeviceArray:
+    shape: tuple[int, ...]
+    dtype: str
+    device: str
+    def numpy(self) -> NDArray[Any]: ...
+    def __dlpack_device__(self) -> tuple[int, int]: ...
+    def __dlpack__(
+        self,
+        *,
+        stream: Any = None,
+        max_version: tuple[int, int] | None = None,
+        dl_device: tuple[int, int] | None = None,
+        copy: bool | None = None,
+    ) -> Any: ...
+
+class DeviceInput:
+    address: int
+    def __init__(self, what: str, array: Any, shape: tuple[int, int], device: int, stream: int) -> None: ...
+
+class Task:
     observation_width: int
     critic_width: int
     action_width: int
@@ -51,13 +69,25 @@ class Robots:
     episode_steps: int
     rewards: list[str]
     interface: str
-    task: str
+    settings: str
+    def __init__(self, config: str | None, sets: Sequence[str], robot: str | None) -> None: ...
+
+class CudaRobots:
+    count: int
+    device: int
+    stream: int
+    diverged: int
+    def __init__(self, task: Task, count: int, seed: int, stagger: bool, device: str) -> None: ...
+    def array(self, name: str) -> DeviceArray: ...
+    def step(self, actions: DeviceInput) -> int: ...
+    def restart(self) -> None: ...
+
+class Robots:
+    count: int
     diverged: int
     def __init__(
         self,
-        config: str | None,
-        sets: Sequence[str],
-        robot: str | None,
+        task: Task,
         count: int,
         seed: int,
         threads: int | None,

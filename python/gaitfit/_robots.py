@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from . import _gaitfit
 from ._arguments import count as whole
-from ._arguments import flag, maybe, path
+from ._arguments import flag, maybe, path, text
 from ._arguments import threads as checked
 from ._arrays import numbers
 from ._policy import Interface, interface_of
@@ -26,8 +25,20 @@ class Robots:
     ``{"task.noise.joint_position": 0.0}``. Draws depend on ``seed`` and an environment's number alone, not on
     ``threads``. ``stagger`` spreads the first episodes' ages, so that time-outs do not come in waves.
 
-    ``interface`` and ``task`` are what a :class:`gaitfit.Policy` trained on them needs. The arrays that :meth:`step` returns are the same ones at every call: copy what must last.
+    ``device`` is ``"cpu"`` or ``"cuda"`` (``"cuda:1"``: the second GPU). On a GPU all robots are stepped there, and the
+    arrays are :class:`gaitfit.DeviceArray` in its memory: ``torch.from_dlpack(robots.observation)`` takes one without a
+    copy. Robots, commands, starts and noise are the processor's, motions differ by rounding. ``threads`` is of no effect.
+
+    ``interface`` and ``task`` are what a :class:`gaitfit.Policy` trained on them needs. The arrays that :meth:`step` fills are the same ones at every call: copy what must last.
     """
+
+    #: What robots show, arrays of NumPy or, on a GPU, :class:`gaitfit.DeviceArray`. They are written over at every step.
+    observation: Any
+    critic_observation: Any
+    last_observation: Any
+    reward: Any
+    terminated: Any
+    truncated: Any
 
     def __init__(
         self,
@@ -39,38 +50,55 @@ class Robots:
         seed: int = 0,
         threads: int | None = None,
         stagger: bool = False,
+        device: str = "cpu",
     ) -> None:
         num_envs, seed = whole("num_envs", num_envs, 1), whole("seed", seed, 0)
         files = {name: maybe(path, name, value) for name, value in (("config", config), ("robot", robot))}
         sets, threads, stagger = _sets(settings or {}), checked(threads), flag("stagger", stagger)
-        self._robots = _gaitfit.Robots(files["config"], sets, files["robot"], num_envs, seed, threads, stagger)
-        count = self._robots.count
-        self.num_envs: int = count
-        self.num_actions: int = self._robots.action_width
-        self.joints: list[str] = self._robots.joints
-        self.control_dt: float = self._robots.control_dt
-        self.max_episode_length: int = self._robots.episode_steps
-        self.reward_names: list[str] = self._robots.rewards
-        self.interface: Interface = interface_of(self._robots.interface)
-        self.task: str = self._robots.task
-        self.observation: NDArray[np.float32] = np.zeros((count, self._robots.observation_width), np.float32)
-        self.critic_observation: NDArray[np.float32] = np.zeros((count, self._robots.critic_width), np.float32)
-        self.last_observation: NDArray[np.float32] = np.zeros_like(self.observation)
-        self.reward: NDArray[np.float32] = np.zeros(count, np.float32)
-        self.terminated: NDArray[np.bool_] = np.zeros(count, np.bool_)
-        self.truncated: NDArray[np.bool_] = np.zeros(count, np.bool_)
+        task = _gaitfit.Task(files["config"], sets, files["robot"])
+        on_gpu = text("device", device) != "cpu"
+        self._gpu = _gaitfit.CudaRobots(task, num_envs, seed, stagger, device) if on_gpu else None
+        self._robots: Any = self._gpu or _gaitfit.Robots(task, num_envs, seed, threads, stagger)
+        self.num_envs: int = num_envs
+        self.num_actions: int = task.action_width
+        self.joints: list[str] = task.joints
+        self.control_dt: float = task.control_dt
+        self.max_episode_length: int = task.episode_steps
+        self.reward_names: list[str] = task.rewards
+        self.interface: Interface = interface_of(task.interface)
+        self.task: str = task.settings
+        self.device: str = "cpu" if self._gpu is None else f"cuda:{self._gpu.device}"
+        if self._gpu is not None:
+            for name in ("observation", "critic_observation", "last_observation", "reward", "terminated", "truncated"):
+                setattr(self, name, self._gpu.array(name))
+        else:
+            self._make_arrays(task.observation_width, task.critic_width)
+
+    def _make_arrays(self, observation: int, critic: int) -> None:
+        count = self.num_envs
+        self.observation = np.zeros((count, observation), np.float32)
+        self.critic_observation = np.zeros((count, critic), np.float32)
+        self.last_observation = np.zeros_like(self.observation)
+        self.reward = np.zeros(count, np.float32)
+        self.terminated, self.truncated = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+        self._observe()
+
+    def _observe(self) -> None:
         self._robots.observe(self.observation, self.critic_observation)
 
     def __reduce__(self) -> tuple[Any, ...]:
         raise TypeError("robots cannot be pickled: their state is the engine's own. Make them anew in each process")
 
-    def reset(self) -> NDArray[np.float32]:
-        """New episodes for all; what the robots observe, shape ``(num_envs, observation)``."""
+    def reset(self) -> Any:
+        """New episodes for all; what the robots observe, shape ``(num_envs, observation)``. On a GPU it waits first for all
+        that this process does there.
+        """
         self._robots.restart()
-        self._robots.observe(self.observation, self.critic_observation)
+        if self._gpu is None:
+            self._observe()
         return self.observation
 
-    def step(self, actions: ArrayLike) -> int:
+    def step(self, actions: Any) -> int:
         """One control period under ``actions``, shape ``(num_envs, num_actions)``, unitless, in the order of
         :attr:`joints`. Fills :attr:`observation` and :attr:`critic_observation` (of the new episode where one ended),
         :attr:`last_observation` (of the ended one; other rows are left as they were), :attr:`reward`,
@@ -79,9 +107,18 @@ class Robots:
         A robot whose simulation diverged counts as one that fell: its reward is 0, and so is its row of
         :attr:`last_observation`. :attr:`diverged` counts them.
 
+        On a GPU ``actions`` are an array of another library there, 32-bit floats in one block, and are read where they lie, by
+        DLPack (``__dlpack__``). They may be computed on any stream: the step waits for its library's present one, and so for
+        what was begun there before, also for reading of the robots' arrays. The step is done when this returns.
+
         Raises ``ValueError`` for actions of a wrong shape or not finite, :class:`GaitfitError` if more than one robot in a
         hundred diverged in the step.
         """
+        if self._gpu is not None:
+            shape = (self.num_envs, self.num_actions)
+            return self._gpu.step(
+                _gaitfit.DeviceInput("actions", actions, shape, self._gpu.device, self._gpu.stream)
+            )
         actions = numbers("actions", actions, np.float32)
         if actions.ndim != 2:
             raise ValueError(f"actions have the shape {actions.shape}; needed: {(self.num_envs, self.num_actions)}")
@@ -101,6 +138,13 @@ class Robots:
         return self._robots.diverged
 
     @property
-    def commands(self) -> NDArray[np.float32]:
+    def ended(self) -> Any:
+        """Whose episode ended in the last step, in either way; shape ``(num_envs,)``."""
+        return self.terminated | self.truncated if self._gpu is None else self._gpu.array("ended")
+
+    @property
+    def commands(self) -> Any:
         """What the robots are asked to do: ahead and to the side, m/s, and turning, rad/s; shape ``(num_envs, 3)``."""
+        if self._gpu is not None:
+            return self._gpu.array("commands")
         return np.asarray(self._robots.commands(), np.float32)

@@ -39,6 +39,10 @@ class GaitfitVecEnv(VectorEnv):
     Episodes that end begin anew within the same step (``AutoresetMode.SAME_STEP``): ``infos["final_obs"]`` has what
     those robots observed before, ``infos["_final_obs"]`` which they are.
     ``copy=False`` hands out the environment's own arrays, without copies; the next step writes over them.
+
+    With ``device="cuda"`` all robots are stepped on a GPU. Actions are an array of another library there, and what comes back
+    are the environment's own :class:`gaitfit.DeviceArray`, without copies: ``copy`` must be ``False``.
+    ``infos["final_obs"]`` is one array of all robots' last observations, ``infos["_final_obs"]`` says whose are new.
     """
 
     def __init__(
@@ -50,10 +54,20 @@ class GaitfitVecEnv(VectorEnv):
         settings: Mapping[str, Any] | None = None,
         seed: int = 0,
         threads: int | None = None,
-        copy: bool = True,
+        copy: bool | None = None,
+        device: str = "cpu",
     ) -> None:
-        self._arguments = {"config": config, "num_envs": num_envs, "robot": robot, "settings": settings, "threads": threads}
-        self._copy = flag("copy", copy)
+        self._arguments = {
+            "config": config,
+            "num_envs": num_envs,
+            "robot": robot,
+            "settings": settings,
+            "threads": threads,
+            "device": device,
+        }
+        self._copy = device == "cpu" if copy is None else flag("copy", copy)
+        if self._copy and device != "cpu":
+            raise ValueError("copy is True; robots on a GPU hand out their own arrays: give copy=False")
         self._begin(seed)
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = _spaces(self._robots)
@@ -69,7 +83,7 @@ class GaitfitVecEnv(VectorEnv):
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """New episodes; with a ``seed`` the same ones every time. Of several seeds the first counts."""
         if isinstance(seed, (list, tuple)):
             # One seed is enough: draws depend on it and on an environment's number.
@@ -83,14 +97,15 @@ class GaitfitVecEnv(VectorEnv):
         self._fresh = False
         return self._out(self._robots.observation), {}
 
-    def step(
-        self, actions: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """One control period."""
         self._fresh = False
         robots, infos = self._robots, {}
-        if robots.step(actions):
-            ended = robots.terminated | robots.truncated
+        ends = robots.step(actions)
+        if ends and robots.device != "cpu":
+            infos = {"final_obs": robots.last_observation, "_final_obs": robots.ended}
+        elif ends:
+            ended = robots.ended
             final = np.full(self.num_envs, None, object)
             for index in np.flatnonzero(ended):
                 final[index] = robots.last_observation[index].copy()
@@ -103,7 +118,7 @@ class GaitfitVecEnv(VectorEnv):
             infos,
         )
 
-    def _out(self, array: NDArray[Any]) -> NDArray[Any]:
+    def _out(self, array: Any) -> Any:
         return array.copy() if self._copy else array
 
 

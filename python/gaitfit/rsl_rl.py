@@ -17,8 +17,9 @@ from ._robots import Robots
 class RslRlVecEnv(VecEnv):
     """Robots at a task as rsl_rl's ``VecEnv``. Arguments as of :class:`gaitfit.Robots`.
 
-    Observation groups are ``policy`` and, where the task has one, ``critic``. Robots step on the processor; tensors are
-    copies on ``device``, since rsl_rl keeps them until its update.
+    Observation groups are ``policy`` and, where the task has one, ``critic``. Tensors are copies on ``device``, since rsl_rl
+    keeps them until its update. Robots are stepped on ``device`` too; with ``robots_device="cpu"`` they are stepped on the
+    processor, and observations and actions cross the bus. That is for tasks that a GPU does not step, such as uneven ground.
     """
 
     def __init__(
@@ -31,9 +32,17 @@ class RslRlVecEnv(VecEnv):
         seed: int = 0,
         threads: int | None = None,
         device: str = "cpu",
+        robots_device: str | None = None,
     ) -> None:
         self._robots = Robots(
-            config, num_envs=num_envs, robot=robot, settings=settings, seed=seed, threads=threads, stagger=True
+            config,
+            num_envs=num_envs,
+            robot=robot,
+            settings=settings,
+            seed=seed,
+            threads=threads,
+            stagger=True,
+            device=str(device) if robots_device is None else robots_device,
         )
         self.num_envs = num_envs
         self.num_actions = self._robots.num_actions
@@ -41,8 +50,9 @@ class RslRlVecEnv(VecEnv):
         self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=device)
         self.device = device
         self.cfg = {"config": None if config is None else os.fspath(config), "settings": dict(settings or {})}
-        self._observation = torch.from_numpy(self._robots.observation)
-        self._critic = torch.from_numpy(self._robots.critic_observation)
+        take = torch.from_dlpack
+        self._observation, self._critic = take(self._robots.observation), take(self._robots.critic_observation)
+        self._reward, self._late = take(self._robots.reward), take(self._robots.truncated)
 
     @property
     def robots(self) -> Robots:
@@ -65,13 +75,12 @@ class RslRlVecEnv(VecEnv):
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
         """One control period; episodes that end begin anew within it."""
         robots = self._robots
-        robots.step(actions.detach().cpu().numpy())
-        reward = torch.from_numpy(robots.reward).to(self.device, copy=True)
-        ended = torch.from_numpy(robots.terminated | robots.truncated).to(self.device)
-        late = torch.from_numpy(robots.truncated).to(self.device, copy=True)
+        robots.step(actions.detach().to(robots.device, torch.float32).contiguous())
+        ended = torch.from_dlpack(robots.ended).to(self.device)
         self.episode_length_buf += 1
         self.episode_length_buf[ended] = 0
-        return self.get_observations(), reward, ended.to(torch.long), {"time_outs": late}
+        found = self.get_observations()
+        return found, self._on(self._reward), ended.to(torch.long), {"time_outs": self._on(self._late)}
 
     def _on(self, tensor: torch.Tensor) -> torch.Tensor:
         # rsl_rl keeps what it is given until the update; the robots write over their own.

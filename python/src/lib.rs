@@ -3,6 +3,8 @@
 
 mod cma;
 mod costs;
+mod cuda_env;
+mod dlpack;
 mod errors;
 mod forked;
 mod logs;
@@ -12,6 +14,7 @@ mod program;
 mod share;
 mod stages;
 mod tables;
+mod task;
 mod vec_env;
 mod watch;
 
@@ -25,6 +28,10 @@ mod _gaitfit {
     use super::cma::Cma;
     #[pymodule_export]
     use super::costs::wasserstein;
+    #[pymodule_export]
+    use super::cuda_env::CudaRobots;
+    #[pymodule_export]
+    use super::dlpack::{DeviceArray, DeviceInput};
     #[pymodule_export]
     use super::errors::GaitfitError;
     #[pymodule_export]
@@ -43,6 +50,8 @@ mod _gaitfit {
     };
     #[pymodule_export]
     use super::tables::{reproduce, reproduce_part, reproduce_plan};
+    #[pymodule_export]
+    use super::task::Task;
     #[pymodule_export]
     use super::vec_env::Robots;
 

@@ -1,27 +1,22 @@
 //! Many robots at a task, stepped together: what a reinforcement learner of Python trains on.
 
-use crate::errors::{failed, of, value};
-use gaitfit::settings::{self, TrainConfig};
-use gaitfit::train;
-use gaitfit_learn::task::{Ended, Environment, Task, TaskError};
-use gaitfit_learn::{MEND_DIVERGENCE, most_diverged};
+use crate::errors::value;
+use crate::task::{Task, bearable, checked};
+use gaitfit_learn::task::{self, Ended, Environment, TaskError};
 use gaitfit_sim::pool;
 use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
-use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Robots that one thread steps at a time.
 const TILE: usize = 256;
-/// More robots than any machine has memory for.
-const MOST: usize = 1 << 20;
 
 /// The robots of a task in tiles.
 type Tiles<'a> = Vec<Mutex<Environment<'a>>>;
 
 self_cell::self_cell!(
     struct Scene {
-        owner: Task,
+        owner: Arc<task::Task>,
         #[not_covariant]
         dependent: Tiles,
     }
@@ -46,26 +41,10 @@ pub struct Robots {
     threads: usize,
     #[pyo3(get)]
     count: usize,
-    #[pyo3(get)]
     observation_width: usize,
-    #[pyo3(get)]
     critic_width: usize,
-    #[pyo3(get)]
     action_width: usize,
-    #[pyo3(get)]
     joints: Vec<String>,
-    #[pyo3(get)]
-    control_dt: f64,
-    #[pyo3(get)]
-    episode_steps: u32,
-    #[pyo3(get)]
-    rewards: Vec<String>,
-    /// What a policy for them sees and does, as JSON.
-    #[pyo3(get)]
-    interface: String,
-    /// Settings of their task, as TOML.
-    #[pyo3(get)]
-    task: String,
     /// Episodes that ended because the simulation diverged.
     #[pyo3(get)]
     diverged: usize,
@@ -73,38 +52,20 @@ pub struct Robots {
 
 #[pymethods]
 impl Robots {
-    /// The robots of a training's configuration.
+    /// Robots at a task.
     #[new]
     fn new(
         py: Python<'_>,
-        config: Option<PathBuf>,
-        sets: Vec<String>,
-        robot: Option<String>,
+        task: &Task,
         count: usize,
         seed: u64,
         threads: Option<usize>,
         stagger: bool,
     ) -> PyResult<Self> {
-        if count == 0 || count > MOST {
-            return Err(value(format!("num_envs is {count}; it must be from 1 to {MOST}")));
-        }
-        let mut settings: TrainConfig =
-            settings::load(config.as_deref(), &sets).map_err(|error| of(&error))?;
-        settings.robot = robot.or(settings.robot);
+        checked(count)?;
         let threads = threads.unwrap_or_else(gaitfit::machine::threads).clamp(1, count.div_ceil(TILE));
-        let setup =
-            train::setup(&settings, "env", config.as_deref(), threads, &gaitfit::device::Device::Cpu.into())
-                .map_err(|error| of(&error))?;
-        let task = setup.scene;
-        let walker = &task.walker;
-        let widths = gaitfit_learn::widths(&task);
-        let (joints, control_dt) = (walker.interface.joints.clone(), walker.interface.control_dt);
-        let episode_steps = task.episode_steps();
-        let rewards = task.reward_names().into_iter().map(str::to_owned).collect();
-        let interface = serde_json::to_string(&walker.interface).map_err(failed)?;
-        let own = toml::to_string(&task.settings).map_err(failed)?;
         let scene = py.detach(|| {
-            Scene::try_new(task, |task| -> Result<Tiles<'_>, TaskError> {
+            Scene::try_new(task.scene.clone(), |task| -> Result<Tiles<'_>, TaskError> {
                 let tile = |first: usize| {
                     let mut tile = Environment::new(task, None, seed, first as u32, TILE.min(count - first))?;
                     if stagger {
@@ -120,15 +81,10 @@ impl Robots {
             step: 0,
             threads,
             count,
-            observation_width: widths.observation,
-            critic_width: widths.critic_observation,
-            action_width: widths.action,
-            joints,
-            control_dt,
-            episode_steps,
-            rewards,
-            interface,
-            task: own,
+            observation_width: task.observation_width,
+            critic_width: task.critic_width,
+            action_width: task.action_width,
+            joints: task.joints.clone(),
             diverged: 0,
         })
     }
@@ -232,14 +188,8 @@ impl Robots {
         self.step = self.step.wrapping_add(1);
         let diverged = diverged.into_inner().unwrap_or_else(PoisonError::into_inner);
         self.diverged += diverged.len();
-        match diverged.iter().min() {
-            Some(robot) if diverged.len() as f64 > most_diverged(count) => Err(failed(format!(
-                "{} of {count} environments diverged, the first of them environment {robot}: its state or reward is not \
-                 finite, or impossible. {MEND_DIVERGENCE}, or smaller actions",
-                diverged.len()
-            ))),
-            _ => Ok(ended.into_inner().unwrap_or_else(PoisonError::into_inner)),
-        }
+        bearable(diverged.len(), count, || Ok(diverged.iter().min().copied()))?;
+        Ok(ended.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// New episodes for all robots.

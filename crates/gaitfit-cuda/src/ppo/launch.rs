@@ -30,6 +30,19 @@ pub enum Kind {
     F64,
     /// 32-bit words.
     U32,
+    /// Bytes: 0 or 1.
+    U8,
+}
+
+impl Kind {
+    /// Bytes of a number.
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::F64 => 8,
+            Self::F32 | Self::U32 => 4,
+            Self::U8 => 1,
+        }
+    }
 }
 
 /// Number of an array in [`super::Plan::arrays`].
@@ -50,7 +63,7 @@ pub struct Array {
 impl Array {
     /// Bytes that it takes.
     pub fn bytes(&self) -> u64 {
-        self.length as u64 * if self.kind == Kind::F64 { 8 } else { 4 }
+        self.length as u64 * self.kind.bytes() as u64
     }
 }
 

@@ -8,6 +8,7 @@ pub(crate) enum Storage {
     F32(Buffer<f32>),
     F64(Buffer<f64>),
     U32(Buffer<u32>),
+    U8(Buffer<u8>),
 }
 
 impl Storage {
@@ -17,6 +18,7 @@ impl Storage {
             Kind::F32 => Self::F32(Buffer::new(device, array.name, array.length)?),
             Kind::F64 => Self::F64(Buffer::new(device, array.name, array.length)?),
             Kind::U32 => Self::U32(Buffer::new(device, array.name, array.length)?),
+            Kind::U8 => Self::U8(Buffer::new(device, array.name, array.length)?),
         })
     }
 
@@ -26,6 +28,27 @@ impl Storage {
             Self::F32(buffer) => buffer.into(),
             Self::F64(buffer) => buffer.into(),
             Self::U32(buffer) => buffer.into(),
+            Self::U8(buffer) => buffer.into(),
+        }
+    }
+
+    /// What its numbers are.
+    pub(crate) fn kind(&self) -> Kind {
+        match self {
+            Self::F32(_) => Kind::F32,
+            Self::F64(_) => Kind::F64,
+            Self::U32(_) => Kind::U32,
+            Self::U8(_) => Kind::U8,
+        }
+    }
+
+    /// Where its beginning is in the GPU's memory.
+    pub(crate) fn address(&self) -> u64 {
+        match self {
+            Self::F32(buffer) => buffer.address(),
+            Self::F64(buffer) => buffer.address(),
+            Self::U32(buffer) => buffer.address(),
+            Self::U8(buffer) => buffer.address(),
         }
     }
 
@@ -71,4 +94,5 @@ stored! {
     f32, F32;
     f64, F64;
     u32, U32;
+    u8, U8;
 }

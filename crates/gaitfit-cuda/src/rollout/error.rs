@@ -28,6 +28,17 @@ pub enum RolloutError {
     /// Trajectories that only the CPU simulates.
     #[error("trajectories with {0} are not simulated on a GPU yet; use the CPU (--device cpu)")]
     Trials(String),
+    /// Robots that only the CPU steps.
+    #[error("robots with {0} are not stepped on a GPU yet; use the CPU (device \"cpu\")")]
+    Steps(String),
+    /// An action from outside.
+    #[error("the action of environment {environment} for {joint} is not finite")]
+    Action {
+        /// Whose it is, from 0.
+        environment: usize,
+        /// Its joint.
+        joint: String,
+    },
     /// Something that only the CPU does.
     #[error("a training with {0} does not run on a GPU yet; use the CPU (--device cpu)")]
     Unsupported(String),

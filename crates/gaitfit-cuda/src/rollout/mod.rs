@@ -6,7 +6,7 @@
 //! All draws are those of the CPU's environment, by seed, environment and step: the same seed gives the same commands,
 //! starts and robots. Reward terms that are expressions are written into the text. A rollout is one CUDA graph, and its samples lie where the update reads them.
 //!
-//! [`Trainer`] takes over a training of the CPU ([`gaitfit_learn::Training`]) and gives it back, at any iteration.
+//! [`Stepper`] steps environments one control period at a time, under actions from outside. [`Trainer`] takes over a training of the CPU ([`gaitfit_learn::Training`]) and gives it back, at any iteration.
 
 mod collect;
 mod error;
@@ -16,6 +16,8 @@ mod plan;
 mod play;
 mod run;
 mod scene;
+mod shared;
+mod stepper;
 mod text;
 mod trainer;
 mod trials;
@@ -26,5 +28,7 @@ pub use packed::Packed;
 pub use plan::{Home, Plan, control};
 pub use run::Rollout;
 pub use scene::{Mode, Scene, Sizes, check};
+pub use shared::Shared;
+pub use stepper::{Shown, Stepped, Stepper};
 pub use trainer::{Breakdown, Trainer};
 pub use trials::run_trials;

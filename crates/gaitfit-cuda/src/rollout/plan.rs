@@ -14,8 +14,8 @@ pub enum Home {
     Own,
     /// The physics: all tiles of a class.
     Physics(Class),
-    /// The learner, under the same name.
-    Learner,
+    /// Who calls: the learner, under the same name, or who gives actions.
+    Caller,
 }
 
 /// Numbers in `control`; see [`control`].
@@ -33,6 +33,10 @@ pub fn control(first_step: u32, seed: u64, ranges: [Interval; 3], first_environm
     [first_step].into_iter().chain(words(seed)).chain(ends).chain([first_environment]).collect()
 }
 
+/// Kernels of all rollouts, in the order of a step.
+const KERNELS: [&str; 8] =
+    ["begin_rollout", "observe", "act", "disturb", "finish", "observe_end", "add_values", "total"];
+
 /// Arrays and kernels of a rollout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
@@ -43,7 +47,9 @@ pub struct Plan {
     /// Who has each.
     pub homes: Vec<Home>,
     environments: usize,
+    actions: usize,
     tallies: usize,
+    mode: Mode,
     /// Physics steps of a control period, if torques disturb it.
     disturbed: Option<usize>,
     /// Terms of the actor's and of the critic's observations.
@@ -61,8 +67,11 @@ impl Plan {
         let (observation, critic) = (interface.observation_width(), interface.critic_width());
         let (actions, feet) = (scene.actions(), scene.task.foot_geoms().len());
         let tiles = environments.div_ceil(scene.period.layout().environments());
-        let tails = (1 + scene.cuts()) * environments;
-        let (own, learner) = (Home::Own, Home::Learner);
+        let stepwise = scene.is(Mode::Steps);
+        let tails = if stepwise { 0 } else { (1 + scene.cuts()) * environments };
+        let only = |mode: Mode, length: usize| if scene.is(mode) { length } else { 0 };
+        // Steps one by one have no learner: what would be its arrays is their own.
+        let (own, learner) = (Home::Own, if stepwise { Home::Own } else { Home::Caller });
         let mut arrays = Vec::new();
         let mut homes = Vec::new();
         for (name, class) in [
@@ -81,7 +90,7 @@ impl Plan {
             ("observation", learner, Kind::F32, rows * observation),
             ("critic_observation", learner, Kind::F32, rows * critic),
             ("action", learner, Kind::F32, rows * actions),
-            ("mean", learner, Kind::F32, rows * actions),
+            ("mean", Home::Caller, Kind::F32, rows * actions),
             ("log_probability", learner, Kind::F32, rows),
             ("reward", learner, Kind::F32, rows),
             ("done", learner, Kind::F32, rows),
@@ -100,8 +109,11 @@ impl Plan {
             ("tail_value", own, Kind::F32, tails),
             ("tally", own, Kind::F64, scene.tallies() * environments),
             ("totals", own, Kind::F64, scene.tallies()),
-            ("errors", own, Kind::F32, if scene.sizes.mode == Mode::Trials { 2 * rows } else { 0 }),
+            ("errors", own, Kind::F32, only(Mode::Trials, 2 * rows)),
             ("records", own, Kind::F32, scene.recorded() * rows),
+            ("ends", own, Kind::U8, only(Mode::Steps, 3 * scene.ends_apart())),
+            ("last_observation", own, Kind::F32, only(Mode::Steps, environments * observation)),
+            ("refused", own, Kind::U32, only(Mode::Steps, 1)),
         ] {
             arrays.push(Array { name, kind, length });
             homes.push(home);
@@ -109,13 +121,20 @@ impl Plan {
         let program = program(scene);
         let terms = [interface.observation.len(), interface.critic_observation.len()];
         let disturbed = (!scene.disturbance.is_empty()).then(|| scene.period.substeps());
-        let (tallies, recorded) = (scene.tallies(), scene.recorded());
-        Self { program, arrays, homes, environments, tallies, disturbed, terms, recorded }
+        let (tallies, recorded, mode) = (scene.tallies(), scene.recorded(), scene.sizes.mode);
+        Self { program, arrays, homes, environments, actions, tallies, mode, disturbed, terms, recorded }
     }
 
     /// The array of this name.
     pub fn array(&self, name: &str) -> Option<Id> {
         self.arrays.iter().position(|array| array.name == name).map(Id)
+    }
+
+    /// Names of the kernels that it starts.
+    pub(super) fn kernels(&self) -> Vec<&'static str> {
+        let stepwise = ["take_actions", "next_step", "restart"];
+        let more = if self.mode == Mode::Steps { &stepwise[..] } else { &[] };
+        KERNELS.iter().chain(more).copied().collect()
     }
 
     fn launch(&self, kernel: &'static str, step: Option<usize>, arrays: &[&str]) -> Launch {
@@ -171,7 +190,8 @@ impl Plan {
         let arrays = [
             "control",
             "parameters",
-            "mean",
+            // Actions from outside are there before.
+            if self.mode == Mode::Steps { "action" } else { "mean" },
             "steps",
             "fresh",
             "robot_state",
@@ -213,6 +233,8 @@ impl Plan {
             "tail",
             "tally",
             "errors",
+            "ends",
+            "last_observation",
         ];
         self.launch("finish", Some(step), &arrays)
     }
@@ -232,5 +254,41 @@ impl Plan {
     pub fn total(&self) -> Launch {
         let launch = self.launch("total", None, &["tally", "totals"]);
         Launch { shape: Shape::new(u32::try_from(self.tallies).unwrap_or(1), 256), ..launch }
+    }
+
+    /// Of steps one by one: reads the caller's actions, the array `mean`.
+    pub fn take(&self) -> Launch {
+        let launch = self.launch("take_actions", None, &["mean", "action", "refused"]);
+        Launch { shape: Shape::cover(self.environments * self.actions, 256), ..launch }
+    }
+
+    /// The same: before the physics.
+    pub fn before(&self, tiles: usize) -> Vec<Launch> {
+        [Some(self.begin()), Some(self.act(0)), self.disturb(0, tiles)].into_iter().flatten().collect()
+    }
+
+    /// The same: after the physics.
+    pub fn after(&self) -> Vec<Launch> {
+        vec![self.finish(0), self.total(), self.next(), self.observe(0)]
+    }
+
+    /// The same: new episodes for all environments.
+    pub fn restart(&self) -> Vec<Launch> {
+        let arrays = [
+            "control",
+            "robot_state",
+            "robot_report",
+            "steps",
+            "fresh",
+            "command",
+            "last_action",
+            "feet",
+            "returns",
+        ];
+        vec![self.launch("restart", None, &arrays), self.next(), self.observe(0)]
+    }
+
+    fn next(&self) -> Launch {
+        Launch { shape: Shape::new(1, THREADS), ..self.launch("next_step", None, &["control"]) }
     }
 }

@@ -21,7 +21,7 @@ pub struct Rollout<'a> {
     batch: Batch,
     plan: Plan,
     /// The rollout's own arrays, by their numbers in the plan.
-    own: Vec<Option<Storage>>,
+    own: Vec<Option<Arc<Storage>>>,
     kernels: Vec<(&'static str, Kernel)>,
 }
 
@@ -63,7 +63,7 @@ impl<'a> Rollout<'a> {
             .iter()
             .zip(&plan.homes)
             .map(|(array, home)| match home {
-                Home::Own => Storage::new(device, array).map(Some),
+                Home::Own => Storage::new(device, array).map(|storage| Some(Arc::new(storage))),
                 _ => Ok(None),
             })
             .collect::<Result<_, CudaError>>()?;
@@ -71,9 +71,7 @@ impl<'a> Rollout<'a> {
         rollout.randomise(stream, candidates, seed, 0)?;
         let deviation = |environment: usize| candidates[environment % candidates.len()].torque_noise;
         let deviations: Vec<f64> = (0..sizes.environments).map(deviation).collect();
-        if let Some(Storage::F64(buffer)) = rollout.storage("deviation") {
-            buffer.write(stream, &deviations)?;
-        }
+        rollout.write(stream, "deviation", &deviations)?;
         Ok(rollout)
     }
 
@@ -92,12 +90,17 @@ impl<'a> Rollout<'a> {
         Ok(self.batch.write_params(stream, &robots)?)
     }
 
+    /// Arrays and kernels, and the physics' tiles.
+    pub(super) fn plan(&self) -> (&Plan, usize) {
+        (&self.plan, self.batch.tiles())
+    }
+
     /// The task.
     pub(super) fn task(&self) -> &'a Task {
         self.task
     }
 
-    fn scene(&self) -> Result<Scene<'_>, RolloutError> {
+    pub(super) fn scene(&self) -> Result<Scene<'_>, RolloutError> {
         Scene::new(self.task, &self.period, self.sizes)
     }
 
@@ -123,16 +126,26 @@ impl<'a> Rollout<'a> {
             .collect()
     }
 
-    fn storage(&mut self, name: &str) -> Option<&mut Storage> {
+    /// An own array, to be shared with others: it lives as long as one of them has it.
+    pub(super) fn storage(&self, name: &str) -> Option<&Arc<Storage>> {
         let Id(number) = self.plan.array(name)?;
-        self.own.get_mut(number)?.as_mut()
+        self.own.get(number)?.as_ref()
     }
 
-    fn write<T: Stored>(&mut self, stream: &Stream, name: &str, numbers: &[T]) -> Result<(), CudaError> {
-        self.storage(name).map_or(Ok(()), |storage| storage.write(stream, numbers))
+    /// Writes an own array; what is shared is not written from the host.
+    pub(super) fn write<T: Stored>(
+        &mut self,
+        stream: &Stream,
+        name: &str,
+        numbers: &[T],
+    ) -> Result<(), CudaError> {
+        let Some(Id(number)) = self.plan.array(name) else { return Ok(()) };
+        let Some(storage) = self.own.get_mut(number).and_then(Option::as_mut) else { return Ok(()) };
+        let reason = || CudaError::Call { doing: format!("writing `{name}`"), reason: "it is shared".into() };
+        Arc::get_mut(storage).ok_or_else(reason)?.write(stream, numbers)
     }
 
-    fn read<T: Stored>(&self, stream: &Stream, name: &str) -> Result<Vec<T>, CudaError> {
+    pub(super) fn read<T: Stored>(&self, stream: &Stream, name: &str) -> Result<Vec<T>, CudaError> {
         let storage = self.plan.array(name).and_then(|Id(number)| self.own.get(number)?.as_ref());
         storage.map_or_else(|| Ok(Vec::new()), |storage| storage.read(stream))
     }
@@ -167,14 +180,7 @@ impl<'a> Rollout<'a> {
     /// A failure of the GPU.
     pub fn load(&mut self, stream: &Stream, snapshots: &[Snapshot]) -> Result<(), RolloutError> {
         let packed = Packed::new(&self.scene()?, snapshots, self.batch.tiles());
-        for (class, numbers) in [
-            (Class::State, &packed.state),
-            (Class::Targets, &packed.targets),
-            (Class::Memory, &packed.memory),
-            (Class::Report, &packed.report),
-        ] {
-            self.batch.write_numbers(stream, class, numbers)?;
-        }
+        self.load_robots(stream, &packed)?;
         for (name, numbers) in [
             ("command", &packed.command),
             ("last_action", &packed.last_action),
@@ -185,6 +191,25 @@ impl<'a> Rollout<'a> {
         }
         self.write(stream, "steps", &packed.steps)?;
         self.write(stream, "fresh", &packed.fresh)?;
+        Ok(())
+    }
+
+    /// Puts all robots where one is, also those in places of the physics' tiles beyond the last environment. Nothing else of the
+    /// environments is written.
+    pub(super) fn place(&mut self, stream: &Stream, one: &Snapshot) -> Result<(), RolloutError> {
+        let packed = Packed::new(&self.scene()?, std::slice::from_ref(one), self.batch.tiles());
+        Ok(self.load_robots(stream, &packed)?)
+    }
+
+    fn load_robots(&mut self, stream: &Stream, packed: &Packed) -> Result<(), CudaError> {
+        for (class, numbers) in [
+            (Class::State, &packed.state),
+            (Class::Targets, &packed.targets),
+            (Class::Memory, &packed.memory),
+            (Class::Report, &packed.report),
+        ] {
+            self.batch.write_numbers(stream, class, numbers)?;
+        }
         Ok(())
     }
 
@@ -251,8 +276,7 @@ impl<'a> Rollout<'a> {
     }
 
     fn foresee_tail(&self, stream: &Stream, learner: &Learner) -> Result<(), CudaError> {
-        let array = |name: &str| match self.plan.array(name).and_then(|Id(number)| self.own[number].as_ref())
-        {
+        let array = |name: &str| match self.storage(name).map(Arc::as_ref) {
             Some(Storage::F32(buffer)) => Some(buffer),
             _ => None,
         };
@@ -280,7 +304,22 @@ impl<'a> Rollout<'a> {
         Ok(())
     }
 
+    /// Starts the physics of a control period.
+    pub(super) fn move_robots(&self, stream: &Stream) -> Result<(), CudaError> {
+        self.batch.step(stream)
+    }
+
     fn launch(&self, stream: &Stream, learner: &Learner, launch: &Launch) -> Result<(), CudaError> {
+        self.launch_with(stream, &|name| learner.argument(name), launch)
+    }
+
+    /// Starts a kernel; `caller` has the caller's arrays.
+    pub(super) fn launch_with(
+        &self,
+        stream: &Stream,
+        caller: &dyn Fn(&str) -> Option<Argument>,
+        launch: &Launch,
+    ) -> Result<(), CudaError> {
         let missing =
             |reason: &str| CudaError::Launch { kernel: launch.kernel.into(), reason: reason.into() };
         let arguments = launch.arguments.iter().map(|value| -> Result<Argument, CudaError> {
@@ -290,9 +329,9 @@ impl<'a> Rollout<'a> {
                 Value::F32(number) => return Ok(number.into()),
             };
             let found = match self.plan.homes[number] {
-                Home::Own => self.own[number].as_ref().map(Storage::argument),
+                Home::Own => self.own[number].as_ref().map(|storage| storage.argument()),
                 Home::Physics(class) => Some(self.batch.numbers(class)),
-                Home::Learner => learner.argument(self.plan.arrays[number].name),
+                Home::Caller => caller(self.plan.arrays[number].name),
             };
             found.ok_or_else(|| missing("an array of it is missing"))
         });

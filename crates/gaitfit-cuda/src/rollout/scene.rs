@@ -13,6 +13,19 @@ use crate::physics::{Period, PeriodOptions, traced};
 use crate::ppo::check_networks;
 use crate::words::{Spot, input_spots, is_bias, memory_joints, report_spots};
 
+/// What rollouts are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// A training learns from them.
+    Training,
+    /// A policy is tried: robots keep their commands, episodes do not end by time, and the errors of every step are kept.
+    Trials,
+    /// A policy's walks are recorded: episodes do not end by time, and what sensors say before every step is kept.
+    Logs,
+    /// Steps one by one, under actions from outside.
+    Steps,
+}
+
 /// Sizes of a rollout.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sizes {
@@ -26,17 +39,6 @@ pub struct Sizes {
     pub gamma: f64,
     /// What they are for.
     pub mode: Mode,
-}
-
-/// What rollouts are for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
-    /// A training learns from them.
-    Training,
-    /// A policy is tried: robots keep their commands, episodes do not end by time, and the errors of every step are kept.
-    Trials,
-    /// A policy's walks are recorded: episodes do not end by time, and what sensors say before every step is kept.
-    Logs,
 }
 
 /// More steps than any trajectory has.
@@ -170,17 +172,30 @@ impl<'a> Scene<'a> {
 
     /// Most episodes of an environment that a rollout cuts off.
     pub(super) fn cuts(&self) -> usize {
+        if self.is(Mode::Steps) {
+            return 0;
+        }
         self.sizes.steps.div_ceil(self.episode_steps() as usize)
+    }
+
+    /// Bytes from one list of ends to the next: libraries want arrays to begin at multiples of 256 bytes.
+    pub fn ends_apart(&self) -> usize {
+        self.sizes.environments.next_multiple_of(256)
+    }
+
+    /// Whether the steps are for this.
+    pub(super) fn is(&self, mode: Mode) -> bool {
+        self.sizes.mode == mode
     }
 
     /// Steps of an episode at most.
     pub(super) fn episode_steps(&self) -> u32 {
-        if self.sizes.mode == Mode::Training { self.task.episode_steps() } else { NEVER }
+        if self.is(Mode::Training) || self.is(Mode::Steps) { self.task.episode_steps() } else { NEVER }
     }
 
     /// Steps after which a command is drawn anew.
     pub(super) fn command_steps(&self) -> u32 {
-        if self.sizes.mode == Mode::Trials { NEVER } else { self.task.command_steps() }
+        if self.is(Mode::Trials) { NEVER } else { self.task.command_steps() }
     }
 
     /// Numbers of an action.
@@ -190,7 +205,7 @@ impl<'a> Scene<'a> {
 
     /// Numbers that are recorded of a robot before a step.
     pub(super) fn recorded(&self) -> usize {
-        if self.sizes.mode == Mode::Logs { sensed_width(self.actions()) } else { 0 }
+        if self.is(Mode::Logs) { sensed_width(self.actions()) } else { 0 }
     }
 
     /// Sums that a rollout keeps of each environment; `TALLIES` of the text.

@@ -34,6 +34,7 @@ pub(super) fn program(scene: &Scene<'_>) -> Program {
         include_str!("kernels/rewards.cu"),
         &written_terms(scene),
         include_str!("kernels/finish.cu"),
+        if scene.is(Mode::Steps) { include_str!("kernels/stepwise.cu") } else { "" },
     ] {
         text.push_str(part);
     }
@@ -90,7 +91,9 @@ impl Words {
             ("CUTS", scene.cuts()),
             ("THREADS", THREADS as usize),
             ("LOG_STD_AT", scene.sizes.networks),
-            ("TRIALS", usize::from(scene.sizes.mode == Mode::Trials)),
+            ("TRIALS", usize::from(scene.is(Mode::Trials))),
+            ("ENDS_APART", scene.ends_apart()),
+            ("STEPWISE", usize::from(scene.is(Mode::Steps))),
         ] {
             self.define(name, value);
         }

@@ -104,6 +104,27 @@ impl Context {
         let code = unsafe { (self.driver.context_set)(self.handle) };
         self.driver.check(code, || format!("using GPU {}", self.info.ordinal))
     }
+
+    /// See [`Device::visit`].
+    pub(super) fn visit(self: &Arc<Self>) -> Visit {
+        let mut before = null_mut();
+        // SAFETY: the driver stores one handle, or none.
+        unsafe { (self.driver.context_get)(&raw mut before) };
+        Visit { context: self.clone(), before }
+    }
+}
+
+/// What keeps a thread's own context for the time of a [`Device::visit`].
+pub struct Visit {
+    context: Arc<Context>,
+    before: Handle,
+}
+
+impl Drop for Visit {
+    fn drop(&mut self) {
+        // SAFETY: the context was the thread's own before the visit, or it had none.
+        unsafe { (self.context.driver.context_set)(self.before) };
+    }
 }
 
 impl Drop for Context {
@@ -131,6 +152,23 @@ impl Device {
         let code = unsafe { (driver.context_retain)(&raw mut handle, ordinal as c_int) };
         driver.check(code, || format!("opening GPU {ordinal} ({})", info.name))?;
         Ok(Self { context: Arc::new(Context { driver, info, handle }) })
+    }
+
+    /// Keeps the calling thread's context until the result is dropped: other libraries (PyTorch) take it for their present
+    /// GPU, and calls of this crate change it.
+    pub fn visit(&self) -> Visit {
+        self.context.visit()
+    }
+
+    /// Waits until all work on it is done, that of other libraries of this process too.
+    ///
+    /// # Errors
+    /// [`CudaError::Call`].
+    pub fn wait(&self) -> Result<(), CudaError> {
+        self.context.enter()?;
+        // SAFETY: the context is the thread's own.
+        let code = unsafe { (self.context.driver.context_wait)() };
+        self.context.driver.check(code, || format!("waiting for GPU {}", self.info().ordinal))
     }
 
     /// What it is.

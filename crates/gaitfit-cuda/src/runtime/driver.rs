@@ -29,6 +29,8 @@ functions! {
         context_retain = "cuDevicePrimaryCtxRetain"(*mut Handle, c_int);
         context_release = "cuDevicePrimaryCtxRelease_v2"(c_int);
         context_set = "cuCtxSetCurrent"(Handle);
+        context_get = "cuCtxGetCurrent"(*mut Handle);
+        context_wait = "cuCtxSynchronize"();
         memory_info = "cuMemGetInfo_v2"(*mut usize, *mut usize);
         allocate = "cuMemAlloc_v2"(*mut Address, usize);
         free = "cuMemFree_v2"(Address);

@@ -82,6 +82,11 @@ impl<T: Number> Buffer<T> {
         Ok(buffer)
     }
 
+    /// Where its first number lies in the GPU's memory; 0 if it holds none.
+    pub fn address(&self) -> u64 {
+        self.address
+    }
+
     /// Its name in messages.
     pub fn name(&self) -> &str {
         &self.name

@@ -49,7 +49,7 @@ mod table;
 
 pub use cache::Cache;
 pub use compile::{Compiled, Program, compile};
-pub use device::{Device, DeviceInfo};
+pub use device::{Device, DeviceInfo, Visit};
 pub use error::{CudaError, bytes};
 pub use found::{Found, find};
 pub use memory::{Buffer, Number};

@@ -47,6 +47,11 @@ impl Stream {
         self.handle
     }
 
+    /// Its handle as a number, as other libraries take it (`cudaStream_t`).
+    pub fn address(&self) -> u64 {
+        self.handle as u64
+    }
+
     /// Remembers that a kernel was started.
     pub(super) fn started(&self, name: &Arc<str>) {
         let mut names = self.names.lock().unwrap_or_else(PoisonError::into_inner);
@@ -134,6 +139,8 @@ pub struct Graph {
 
 // SAFETY: the driver wants one call at a time for a graph; `launch` takes it mutably.
 unsafe impl Send for Graph {}
+// SAFETY: a shared graph does nothing.
+unsafe impl Sync for Graph {}
 
 impl Graph {
     /// Starts the recorded work on a stream.
@@ -194,6 +201,23 @@ impl Event {
         // SAFETY: both are alive.
         let code = unsafe { (self.context.driver.event_record)(self.handle, stream.handle) };
         self.context.driver.check(code, || "recording an event".into())
+    }
+
+    /// Makes later work of another library's stream wait for this event. `stream` is its handle; 1 is the driver's own stream,
+    /// 2 the calling thread's.
+    ///
+    /// # Errors
+    /// [`CudaError::Call`].
+    ///
+    /// # Safety
+    /// `stream` must be the handle of a stream that is alive, of this process, or 1 or 2.
+    pub unsafe fn hold(&self, stream: usize) -> Result<(), CudaError> {
+        let _visit = self.context.visit();
+        self.context.enter()?;
+        let stream = std::ptr::without_provenance_mut(stream);
+        // SAFETY: the event is alive, and the caller answers for the stream.
+        let code = unsafe { (self.context.driver.stream_wait_event)(stream, self.handle, 0) };
+        self.context.driver.check(code, || "making a stream wait for an event".into())
     }
 
     /// Seconds of the GPU from this event to `later`; waits for it.

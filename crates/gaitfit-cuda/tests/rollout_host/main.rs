@@ -5,6 +5,7 @@ mod along;
 #[path = "../host/mod.rs"]
 mod host;
 mod logs;
+mod stepwise;
 mod trials;
 
 use along::*;
@@ -36,9 +37,7 @@ fn cxx_steps_on_hind_legs_are_the_cpus() {
 }
 
 /// A robot that was fitted: delays, biased encoders, another physics step, joints in another order, clipped actions.
-#[test]
-#[ignore = "needs g++"]
-fn cxx_steps_of_a_fitted_robot_are_the_cpus() {
+fn fitted() -> (Task, Candidate) {
     let model = go2();
     let mut settings = lively("velocity");
     settings.robot_timestep = Some(0.001);
@@ -56,6 +55,13 @@ fn cxx_steps_of_a_fitted_robot_are_the_cpus() {
         candidate.robot.delay[j] = 0.002 * j as f64;
         candidate.robot.encoder_bias[j] = 0.01 * j as f64 - 0.05;
     }
+    (task, candidate)
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_of_a_fitted_robot_are_the_cpus() {
+    let (task, candidate) = fitted();
     compare("fitted", &task, &candidate);
 }
 
@@ -233,7 +239,9 @@ fn nvrtc_compiles_rollouts() {
             std::fs::write(Path::new(&folder).join(format!("rollout_{label}.cu")), &plan.program.text)
                 .unwrap();
         }
-        for program in [plan.program, period.program()] {
+        let sizes = Sizes { steps: 1, networks: 0, mode: Mode::Steps, ..sizes };
+        let steps = Plan::new(&Scene::new(&task, &period, sizes).unwrap());
+        for program in [plan.program, steps.program, period.program()] {
             let program = program.option("--ptxas-options=-v");
             let start = std::time::Instant::now();
             let compiled = compile(Nvrtc::get().unwrap(), &program, (9, 0), None).unwrap();

@@ -203,11 +203,8 @@ impl<'a> Environment<'a> {
 
     /// Spreads the episodes' ages evenly, so that time-outs do not come in waves.
     pub fn stagger(&mut self) {
-        let length = self.task.episode_steps();
         for (index, steps) in self.steps.iter_mut().enumerate() {
-            let stream = Stream::new(self.seed, Purpose::RESET).environment(self.first + index as u32);
-            // Draws of starts are far below this number.
-            *steps = (stream.uniform(1 << 16) * length as f64) as u32;
+            *steps = self.task.staggered_age(self.seed, self.first + index as u32);
         }
     }
 

@@ -4,6 +4,7 @@ use gaitfit_model::{Ground, Model, Shape, patterns, shown, shown_number};
 use gaitfit_physics::{Params, Preset, Robot};
 use gaitfit_policy::walker::{FootGeoms, Walker, WalkerOptions};
 use gaitfit_policy::{ActionClip, Held, Interface};
+use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::Candidate;
 
 use super::check::{check, check_gravity, check_pose, check_terms};
@@ -216,6 +217,13 @@ impl Task {
     /// Control periods in an episode.
     pub fn episode_steps(&self) -> u32 {
         (self.settings.episode_seconds / self.walker.interface.control_dt).round().max(1.0) as u32
+    }
+
+    /// Age in steps at which the first episode of an environment begins where ages are spread evenly.
+    pub fn staggered_age(&self, seed: u64, environment: u32) -> u32 {
+        let stream = Stream::new(seed, Purpose::RESET).environment(environment);
+        // Draws of starts are far below this number.
+        (stream.uniform(1 << 16) * f64::from(self.episode_steps())) as u32
     }
 
     /// Control periods between commands.

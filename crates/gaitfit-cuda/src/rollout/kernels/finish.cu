@@ -52,11 +52,30 @@ DEVICE bool has_fallen(const float* report, u32 e, float uprightness, float heig
     return fallen;
 }
 
+// What is gone with an episode, besides its age.
+DEVICE void forget_episode(u32* fresh, float* last_action, float* feet, u32 e) {
+    fresh[e] = 1;
+    for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = 0.0f;
+    for (int k = 0; k < FEET * FOOT_SIZE; k++) feet[k * ENVIRONMENTS + e] = 0.0f;
+}
+
+// New episodes from `step` on of those environments of the block that begin anew: all its threads share the work.
+DEVICE void start_episodes(
+    const u32* control, u32 step, const u32* begins, Placing& placing, float* state, float* report, float* command
+) {
+    __syncthreads();
+    for (u32 k = 0; k < THREADS; k++) {
+        if (!begins[k]) continue;
+        start_episode(control, blockIdx.x * blockDim.x + k, step, placing, state, report, command);
+        __syncthreads();
+    }
+}
+
 // The step of environment `e`; whether a new episode begins.
 DEVICE bool finish_step(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
-    float* tail, double* tally, float* errors, u32 e
+    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation, u32 e
 ) {
     u64 row = (u64)step * ENVIRONMENTS + e;
     u32 number = control[FIRST_STEP] + step, age = steps[e] + 1;
@@ -122,6 +141,13 @@ DEVICE bool finish_step(
     done[row] = ended == GOES_ON ? 0.0f : 1.0f;
 
     float sum = returns[e] + paid, length = returns[ENVIRONMENTS + e] + 1.0f;
+#if STEPWISE
+    ends[e] = ended == FALL;
+    ends[ENDS_APART + e] = ended == TIME_OUT;
+    ends[2 * ENDS_APART + e] = ended != GOES_ON;
+    if (ended != GOES_ON)
+        write_last_row(control, state, params, age, command, last_action, broken, e, number + 1, last_observation);
+#else
     u32 slot = step / EPISODE_STEPS_MOST;
     if (ended == TIME_OUT) {
         // It would have gone on: the critic's value of the state reached stands for the rewards that follow.
@@ -130,6 +156,7 @@ DEVICE bool finish_step(
             state, params, age, command, last_action, e,
             tail + ((u64)(1 + slot) * ENVIRONMENTS + e) * CRITIC_ROW.width);
     }
+#endif
     if (ended != GOES_ON) {
         TALLY(EPISODES) += 1.0;
         TALLY(FALLS) += ended == FALL ? 1.0 : 0.0;
@@ -138,9 +165,7 @@ DEVICE bool finish_step(
         TALLY(EPISODE_RETURN) += (double)sum;
         sum = length = 0.0f;
         age = 0;
-        fresh[e] = 1;
-        for (int k = 0; k < ACTIONS; k++) last_action[k * ENVIRONMENTS + e] = 0.0f;
-        for (int k = 0; k < FEET * FOOT_SIZE; k++) feet[k * ENVIRONMENTS + e] = 0.0f;
+        forget_episode(fresh, last_action, feet, e);
     }
     returns[e] = sum;
     returns[ENVIRONMENTS + e] = length;
@@ -151,7 +176,7 @@ DEVICE bool finish_step(
 KERNEL finish(
     u32 step, const u32* control, float* state, const float* params, float* report, const float* action, float* reward,
     float* done, u32* steps, u32* fresh, float* command, float* last_action, float* feet, float* returns, u32* cut,
-    float* tail, double* tally, float* errors
+    float* tail, double* tally, float* errors, unsigned char* ends, float* last_observation
 ) {
     // Which environments of the block begin anew.
     __shared__ u32 begins[THREADS];
@@ -160,14 +185,8 @@ KERNEL finish(
     bool inside = e < ENVIRONMENTS;
     begins[threadIdx.x] = inside && finish_step(
         step, control, state, params, report, action, reward, done, steps, fresh, command, last_action, feet, returns, cut,
-        tail, tally, errors, e) ? 1 : 0;
-    __syncthreads();
-    for (u32 k = 0; k < THREADS; k++) {
-        if (!begins[k]) continue;
-        start_episode(
-            control, blockIdx.x * blockDim.x + k, control[FIRST_STEP] + step + 1, placing, state, report, command);
-        __syncthreads();
-    }
+        tail, tally, errors, ends, last_observation, e) ? 1 : 0;
+    start_episodes(control, control[FIRST_STEP] + step + 1, begins, placing, state, report, command);
 }
 
 // Before a rollout: sums of 0, no episode cut off.

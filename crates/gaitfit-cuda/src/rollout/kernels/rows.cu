@@ -9,6 +9,22 @@ DEVICE void write_critic_row(
             out);
 }
 
+#if STEPWISE
+// What the actor of environment `e` observes at step `number`, at an episode's end; zeros if its simulation came apart.
+DEVICE void write_last_row(
+    const u32* control, const float* state, const float* params, u32 steps, const float* command, const float* last_action,
+    bool broken, u32 e, u32 number, float* rows
+) {
+    float* out = rows + (u64)e * ACTOR_ROW.width;
+    Draws noise = draws_of(control, NOISE_DRAWS, e, number);
+    for (int t = ACTOR_ROW.first; t < ACTOR_ROW.first + ACTOR_ROW.terms; t++)
+        write_term(
+            t, 0, TERMS[t].width, SCALES + ACTOR_ROW.scale, &noise, state, params, steps, command + e, last_action + e,
+            ENVIRONMENTS, e, out);
+    for (int k = 0; k < ACTOR_ROW.width && broken; k++) out[k] = 0.0f;
+}
+#endif
+
 // The rows of step `step` of the samples: a block column for each term of the actor, then of the critic.
 KERNEL observe(
     u32 step, const u32* control, const float* state, const float* params, const u32* steps, const float* command,

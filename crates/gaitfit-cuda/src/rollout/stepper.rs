@@ -1,0 +1,224 @@
+//! Environments on a GPU, one control period at a time, under actions from outside.
+
+use std::sync::Arc;
+
+use gaitfit_learn::task::{Environment, Snapshot, Task};
+use gaitfit_sim::Candidate;
+
+use super::RolloutError;
+use super::run::Rollout;
+use super::scene::{Mode, Sizes};
+use super::shared::Shared;
+use crate::ppo::Storage;
+use crate::runtime::{Argument, CudaError, Device, Event, Graph, Stream};
+
+/// So little that exploration around an action is the action: exp of it is 0.
+const NO_EXPLORATION: f32 = -1e4;
+/// What `refused` holds if no action was.
+const NONE: u32 = u32::MAX;
+
+/// Arrays that steps write; each is at the same place after every step. N: environments.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// What the actor observes, with noise; N × observation.
+    Observation,
+    /// What the critic observes; N × critic's observation.
+    CriticObservation,
+    /// What the actor observed at the end of each environment's last episode; N × observation.
+    LastObservation,
+    /// What the step paid; N.
+    Reward,
+    /// Whether the robot fell; N bytes.
+    Terminated,
+    /// Whether time was up; N bytes.
+    Truncated,
+    /// Whether an episode ended in any way; N bytes.
+    Ended,
+    /// Commands: forward and left, m/s, and yaw rate, rad/s; N × 3.
+    Commands,
+}
+
+/// What one step did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stepped {
+    /// Episodes that ended.
+    pub ended: usize,
+    /// Of these, episodes whose simulation diverged.
+    pub diverged: usize,
+}
+
+/// Environments of a task on a GPU that are stepped under actions from outside. Robots, commands, starts, noise and pushes
+/// are those of the CPU's [`Environment`] of the same seed, with the same numbers of steps: the first step is number 0.
+pub struct Stepper<'a> {
+    device: Device,
+    rollout: Rollout<'a>,
+    environments: usize,
+    terms: usize,
+    stream: Stream,
+    graph: Option<Graph>,
+    ready: Arc<Event>,
+}
+
+impl<'a> Stepper<'a> {
+    /// Environments around `candidates` in turn, in their first episodes. `stagger` spreads these episodes' ages evenly.
+    ///
+    /// # Errors
+    /// [`RolloutError::Steps`] for what only the CPU steps; a robot that cannot be; a GPU without room or compiler.
+    pub fn new(
+        device: &Device,
+        task: &'a Task,
+        candidates: &[Candidate],
+        environments: usize,
+        seed: u64,
+        stagger: bool,
+    ) -> Result<Self, RolloutError> {
+        let unsupported = |error: RolloutError| match error {
+            RolloutError::Unsupported(what) => RolloutError::Steps(what),
+            error => error,
+        };
+        let sizes = Sizes { steps: 1, environments, networks: 0, gamma: 1.0, mode: Mode::Steps };
+        let stream = Stream::new(device)?;
+        let mut rollout =
+            Rollout::new(device, &stream, task, candidates, sizes, seed).map_err(unsupported)?;
+        rollout.place(&stream, &Environment::among(task, candidates, seed, 0, 1)?.snapshot(0))?;
+        rollout.write(&stream, "parameters", &vec![NO_EXPLORATION; task.walker.joints.len()])?;
+        rollout.write(&stream, "refused", &[NONE])?;
+        let ready = Arc::new(Event::new(device)?);
+        let (device, terms) = (device.clone(), task.reward_names().len());
+        let mut own = Self { device, rollout, environments, terms, stream, graph: None, ready };
+        // Before step 0, so that the first episodes begin at it.
+        own.rollout.number(&own.stream, u32::MAX, seed, task.settings.command.ranges(1.0), 0)?;
+        own.restart()?;
+        if stagger {
+            let ages: Vec<u32> =
+                (0..environments).map(|number| task.staggered_age(seed, number as u32)).collect();
+            own.rollout.write(&own.stream, "steps", &ages)?;
+            let observe = own.rollout.plan().0.observe(0);
+            own.launch(&observe)?;
+            own.finish()?;
+        }
+        Ok(own)
+    }
+
+    /// Environments.
+    pub fn environments(&self) -> usize {
+        self.environments
+    }
+
+    /// Where steps run. Actions must be written before what this stream has to do at the time of [`Stepper::step`].
+    pub fn stream(&self) -> &Stream {
+        &self.stream
+    }
+
+    /// Bytes of the GPU's memory.
+    pub fn bytes(&self) -> u64 {
+        self.rollout.bytes()
+    }
+
+    fn launch(&self, launch: &crate::ppo::Launch) -> Result<(), CudaError> {
+        self.rollout.launch_with(&self.stream, &|_| None, launch)
+    }
+
+    /// Marks the end of the stream's work, and waits for it.
+    fn finish(&self) -> Result<(), CudaError> {
+        self.ready.record(&self.stream)?;
+        self.stream.wait()
+    }
+
+    /// Episodes that end begin anew within the step. `actions` points to N × actions 32-bit floats of this GPU, row by row;
+    /// they are read there. When this returns, all arrays are written.
+    ///
+    /// # Errors
+    /// [`RolloutError::Action`] for one that is not finite: nothing has been stepped then. A failure of the GPU.
+    pub fn step(&mut self, actions: Argument) -> Result<Stepped, RolloutError> {
+        let (plan, tiles) = self.rollout.plan();
+        self.rollout.launch_with(&self.stream, &|name| (name == "mean").then_some(actions), &plan.take())?;
+        if let Some(&place) = self.rollout.read::<u32>(&self.stream, "refused")?.first()
+            && place != NONE
+        {
+            return Err(self.refuse(place as usize)?);
+        }
+        if self.graph.is_none() {
+            let launch = |stream: &Stream, all: &[crate::ppo::Launch]| {
+                all.iter().try_for_each(|one| self.rollout.launch_with(stream, &|_| None, one))
+            };
+            self.graph = Some(self.stream.record(|stream| {
+                launch(stream, &plan.before(tiles))?;
+                self.rollout.move_robots(stream)?;
+                launch(stream, &plan.after())
+            })?);
+        }
+        if let Some(graph) = &mut self.graph {
+            graph.launch(&self.stream)?;
+        }
+        self.ready.record(&self.stream)?;
+        let totals = self.rollout.read_f64(&self.stream, "totals")?;
+        // In the order of the text: after the reward, its terms and two errors.
+        let count = |number: usize| totals.get(self.terms + number).map_or(0, |&count| count as usize);
+        Ok(Stepped { ended: count(3), diverged: count(7) })
+    }
+
+    fn refuse(&mut self, place: usize) -> Result<RolloutError, RolloutError> {
+        self.rollout.write(&self.stream, "refused", &[NONE])?;
+        let interface = &self.rollout.task().walker.interface;
+        let width = interface.joints.len().max(1);
+        let joint = interface.joints.get(place % width).cloned().unwrap_or_default();
+        Ok(RolloutError::Action { environment: place / width, joint })
+    }
+
+    /// The first environment whose simulation diverged in the last step, if one did.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn first_diverged(&self) -> Result<Option<usize>, CudaError> {
+        let tally = self.rollout.read_f64(&self.stream, "tally")?;
+        let broken = tally.chunks_exact(self.environments).nth(self.terms + 7);
+        Ok(broken.and_then(|broken| broken.iter().position(|&count| count > 0.0)))
+    }
+
+    /// New episodes for all environments. Waits for all work on the GPU first, that of others who read the arrays too.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn restart(&mut self) -> Result<(), CudaError> {
+        self.device.wait()?;
+        self.rollout.plan().0.restart().iter().try_for_each(|launch| self.launch(launch))?;
+        self.finish()
+    }
+
+    /// The environments as they are.
+    ///
+    /// # Errors
+    /// A failure of the GPU.
+    pub fn snapshots(&self) -> Result<Vec<Snapshot>, RolloutError> {
+        self.rollout.snapshots(&self.stream)
+    }
+
+    /// An array that steps write.
+    ///
+    /// # Errors
+    /// None is there.
+    pub fn array(&self, shown: Shown) -> Result<Shared, RolloutError> {
+        let interface = &self.rollout.task().walker.interface;
+        let count = self.environments;
+        let (one, columns) = ([count], [3, count]);
+        let rows = [count, interface.observation_width()];
+        let critic = [count, interface.critic_width()];
+        let apart = self.rollout.scene()?.ends_apart();
+        let (name, first, shape) = match shown {
+            Shown::Observation => ("observation", 0, &rows[..]),
+            Shown::CriticObservation => ("critic_observation", 0, &critic[..]),
+            Shown::LastObservation => ("last_observation", 0, &rows[..]),
+            Shown::Reward => ("reward", 0, &one[..]),
+            Shown::Terminated => ("ends", 0, &one[..]),
+            Shown::Truncated => ("ends", apart, &one[..]),
+            Shown::Ended => ("ends", 2 * apart, &one[..]),
+            Shown::Commands => ("command", 0, &columns[..]),
+        };
+        let missing =
+            || CudaError::Call { doing: format!("sharing `{name}`"), reason: "it is missing".into() };
+        let storage: &Arc<Storage> = self.rollout.storage(name).ok_or_else(missing)?;
+        let array = Shared::new(&self.device, storage, &self.ready, first, shape);
+        Ok(if shown == Shown::Commands { array.transposed() } else { array })
+    }
+}

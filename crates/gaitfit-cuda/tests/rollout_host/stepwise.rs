@@ -1,0 +1,246 @@
+//! Steps one by one under actions from outside by the kernels, as C++, and by the CPU's environments.
+
+use crate::along::{ENVIRONMENTS, PROCESSORS, SEED, apart, go2, inputs, lively, params, snapshots};
+use crate::host::{bytes, call, doubles, execute, floats, keep, take};
+use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control};
+use gaitfit_learn::task::{Ended, Environment, Snapshot, Task};
+use gaitfit_physics::Preset;
+use gaitfit_random::{Purpose, Stream};
+use gaitfit_sim::Candidate;
+
+const STEPS: usize = 40;
+/// Before this step all robots begin anew.
+const RESTART: usize = 27;
+/// The step in which a simulation comes apart, and whose.
+const BROKEN: (usize, usize) = (2, 3);
+/// The step before which an action is refused, and its place.
+const REFUSED: (usize, usize) = (5, 4 * 12 + 7);
+
+/// What robots show after a step, or before the first.
+struct Shown {
+    observation: Vec<f32>,
+    critic: Vec<f32>,
+    commands: Vec<[f32; 3]>,
+}
+
+/// What the CPU did in one step.
+struct Step {
+    action: Vec<f32>,
+    /// After the physics.
+    moved: Vec<Snapshot>,
+    reward: Vec<f32>,
+    ended: Vec<Ended>,
+    /// What robots observed before new episodes.
+    last: Vec<f32>,
+    after: Shown,
+}
+
+fn shown(environment: &mut Environment<'_>, task: &Task, number: u32) -> Shown {
+    let interface = &task.walker.interface;
+    let mut observation = vec![0.0; ENVIRONMENTS * interface.observation_width()];
+    let mut critic = vec![0.0; ENVIRONMENTS * interface.critic_width()];
+    environment.observe(number, &mut observation);
+    environment.observe_critic(&mut critic);
+    Shown { observation, critic, commands: environment.commands().to_vec() }
+}
+
+/// One step of the CPU as `gaitfit.Robots` does it.
+fn advance(environment: &mut Environment<'_>, task: &Task, number: u32, action: Vec<f32>) -> Step {
+    let (mut reward, mut ended) = (vec![0.0; ENVIRONMENTS], vec![Ended::No; ENVIRONMENTS]);
+    environment.step(number, &action, &mut reward, &mut ended);
+    let moved = snapshots(environment, &[[0.0; 2]; ENVIRONMENTS]);
+    let width = task.walker.interface.observation_width();
+    let mut last = shown(environment, task, number + 1).observation;
+    for (row, ended) in last.chunks_exact_mut(width).zip(&ended) {
+        if *ended == Ended::Diverged {
+            row.fill(0.0);
+        }
+    }
+    environment.begin_episodes(number, &ended);
+    let after = shown(environment, task, number + 1);
+    Step { action, moved, reward, ended, last, after }
+}
+
+fn compare(label: &str, task: &Task, candidate: &Candidate) {
+    let candidates = std::slice::from_ref(candidate);
+    let period = Scene::period(task, candidates, ENVIRONMENTS, PROCESSORS).unwrap();
+    let sizes = Sizes { steps: 1, environments: ENVIRONMENTS, networks: 0, gamma: 1.0, mode: Mode::Steps };
+    let scene = Scene::new(task, &period, sizes).unwrap();
+    let plan = Plan::new(&scene);
+    let arrays = &plan.arrays;
+    let tiles = ENVIRONMENTS.div_ceil(period.layout().environments());
+    let width = task.walker.joints.len();
+    let noise = Stream::new(5, Purpose::BOOTSTRAP);
+
+    let mut environment = Environment::new(task, Some(candidate), SEED, 0, ENVIRONMENTS).unwrap();
+    let one = environment.snapshot(0);
+    environment.stagger();
+    let ages: Vec<u32> = (0..ENVIRONMENTS).map(|index| environment.snapshot(index).steps).collect();
+    let before = shown(&mut environment, task, 0);
+    let mut restarted = None;
+    let mut number = 0;
+    let mut steps = Vec::new();
+    for t in 0..STEPS {
+        if t == RESTART {
+            environment.begin_episodes(number, &[Ended::TimeOut; ENVIRONMENTS]);
+            number += 1;
+            restarted = Some(shown(&mut environment, task, number));
+        }
+        if t == BROKEN.0 {
+            let mut broken = environment.snapshot(BROKEN.1);
+            broken.robot.state[7] = 2e3;
+            environment.set_snapshot(BROKEN.1, &broken).unwrap();
+        }
+        let draw = |k: usize| 0.5 * noise.normal((t * ENVIRONMENTS * width + k) as u32) as f32;
+        let action = (0..ENVIRONMENTS * width).map(draw).collect();
+        steps.push(advance(&mut environment, task, number, action));
+        number += 1;
+    }
+
+    let f = |numbers: &[f32]| bytes(numbers, f32::to_ne_bytes);
+    let w = |words: &[u32]| bytes(words, u32::to_ne_bytes);
+    let robots = task.robots(candidates, SEED, 0, ENVIRONMENTS).unwrap();
+    let start = Packed::new(&scene, &vec![one; ENVIRONMENTS], tiles);
+    let mut files = inputs(&start, &params(&period, &robots), candidate.torque_noise);
+    let ranges = task.settings.command.ranges(1.0);
+    for (name, bytes) in [
+        ("parameters", f(&vec![-1e4; width])),
+        ("control", w(&control(u32::MAX, SEED, ranges, 0))),
+        ("refused", w(&[u32::MAX])),
+        ("refused.none", w(&[u32::MAX])),
+        ("steps.ages", w(&ages)),
+    ] {
+        files.insert(name.to_owned(), bytes);
+    }
+    let rows = ["observation", "critic_observation", "command"];
+    let keep_all = |statements: &mut String, names: &[&str], suffix: &str| {
+        names.iter().for_each(|name| statements.push_str(&keep(arrays, name, suffix)));
+    };
+    let mut statements: String = plan.restart().iter().map(call).collect();
+    statements.push_str(&take(arrays, "steps", "ages"));
+    statements.push_str(&call(&plan.observe(0)));
+    keep_all(&mut statements, &rows, "before");
+    for (t, step) in steps.iter().enumerate() {
+        if t == RESTART {
+            statements.extend(plan.restart().iter().map(call));
+            keep_all(&mut statements, &rows, "restarted");
+        }
+        if t == REFUSED.0 {
+            let mut wrong = step.action.clone();
+            (wrong[REFUSED.1], wrong[REFUSED.1 + 30]) = (f32::NAN, f32::INFINITY);
+            files.insert("mean.wrong".to_owned(), f(&wrong));
+            statements.push_str(&take(arrays, "mean", "wrong"));
+            statements.push_str(&call(&plan.take()));
+            statements.push_str(&keep(arrays, "refused", "wrong"));
+            statements.push_str(&take(arrays, "refused", "none"));
+        }
+        let packed = Packed::new(&scene, &step.moved, tiles);
+        files.insert(format!("mean.given{t}"), f(&step.action));
+        for (name, numbers) in [
+            ("robot_state", &packed.state),
+            ("robot_report", &packed.report),
+            ("robot_memory", &packed.memory),
+            ("robot_targets", &packed.targets),
+        ] {
+            files.insert(format!("{name}.moved{t}"), f(numbers));
+        }
+        statements.push_str(&take(arrays, "mean", &format!("given{t}")));
+        statements.push_str(&call(&plan.take()));
+        statements.extend(plan.before(tiles).iter().map(call));
+        keep_all(&mut statements, &["robot_targets"], &format!("sent{t}"));
+        for name in ["robot_state", "robot_report", "robot_memory", "robot_targets"] {
+            statements.push_str(&take(arrays, name, &format!("moved{t}")));
+        }
+        statements.extend(plan.after().iter().map(call));
+        let after = ["reward", "ends", "last_observation", "totals", "refused", "action"];
+        keep_all(&mut statements, &[&rows[..], &after].concat(), &format!("after{t}"));
+    }
+    let folder = execute(&plan.program.text, arrays, &files, &[], &statements);
+    let read =
+        |name: &str, suffix: &str| std::fs::read(folder.path().join(format!("{name}.{suffix}"))).unwrap();
+    let out = |name: &str, suffix: &str| floats(&read(name, suffix));
+    let same = |what: &str, when: &str, got: &[f32], want: &[f32]| {
+        let error = apart(got, want);
+        assert!(error <= 1e-6, "{label}, {when}: {what} differs by {error:e}");
+    };
+    let check = |want: &Shown, suffix: &str| {
+        same("observation", suffix, &out("observation", suffix), &want.observation);
+        same("critic's observation", suffix, &out("critic_observation", suffix), &want.critic);
+        let commands = (0..3).flat_map(|k| want.commands.iter().map(move |command| command[k]));
+        assert_eq!(out("command", suffix), commands.collect::<Vec<_>>(), "{label}, {suffix}");
+    };
+    check(&before, "before");
+    check(&restarted.unwrap(), "restarted");
+    assert_eq!(read("refused", "wrong"), w(&[REFUSED.1 as u32]));
+    let seen = task.walker.interface.observation_width();
+    let mut counts = [0; 3];
+    for (t, step) in steps.iter().enumerate() {
+        let suffix = &format!("after{t}");
+        check(&step.after, suffix);
+        assert_eq!(read("refused", suffix), w(&[u32::MAX]));
+        assert_eq!(out("action", suffix), step.action);
+        let error = apart(&out("reward", suffix), &step.reward);
+        assert!(error <= 3e-6, "{label}, step {t}: rewards differ by {error:e}");
+        let of = |kinds: &[Ended]| step.ended.iter().map(|ended| u8::from(kinds.contains(ended))).collect();
+        let (fallen, late): (Vec<u8>, Vec<u8>) = (of(&[Ended::Fall, Ended::Diverged]), of(&[Ended::TimeOut]));
+        let any = of(&[Ended::Fall, Ended::Diverged, Ended::TimeOut]);
+        let ends = read("ends", suffix);
+        let lists = ends.chunks_exact(scene.ends_apart()).map(|list| &list[..ENVIRONMENTS]);
+        assert!(lists.eq([&fallen, &late, &any]), "{label}, step {t}: {ends:?}");
+        let last = out("last_observation", suffix);
+        for (e, ended) in step.ended.iter().enumerate().filter(|(_, ended)| **ended != Ended::No) {
+            let row = e * seen..(e + 1) * seen;
+            same("last observation", suffix, &last[row.clone()], &step.last[row]);
+            counts[match ended {
+                Ended::TimeOut => 0,
+                Ended::Diverged => 1,
+                _ => 2,
+            }] += 1;
+        }
+        let totals = doubles(&read("totals", suffix));
+        let terms = task.reward_names().len();
+        let diverged = step.ended.iter().filter(|ended| **ended == Ended::Diverged).count();
+        let ends = any.iter().map(|&one| f64::from(one)).sum::<f64>();
+        assert_eq!((totals[terms + 3], totals[terms + 7]), (ends, diverged as f64), "{label}, step {t}");
+        // The newest targets are those of the actions.
+        if candidate.networks.is_empty() {
+            let mut wanted = vec![0.0; ENVIRONMENTS * task.walker.default_pose.len()];
+            task.walker.targets(&step.action, &mut wanted);
+            let sent = Packed { targets: out("robot_targets", &format!("sent{t}")), ..start.clone() };
+            let joints = task.walker.default_pose.len();
+            for (e, robot) in sent.snapshots(&scene).iter().enumerate() {
+                same(
+                    "targets",
+                    suffix,
+                    &robot.robot.targets[..joints],
+                    &wanted[e * joints..(e + 1) * joints],
+                );
+            }
+        }
+    }
+    println!("{label}: {counts:?} episodes ended by time, by divergence, by falls");
+    assert!(counts[0] > 10 && counts[1] == 1 && counts[2] > 0, "{label}: {counts:?}");
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_under_given_actions_are_the_cpus() {
+    let task = Task::new(&go2(), &lively("velocity"), Preset::Fast).unwrap();
+    compare("trot", &task, &Candidate::nominal(&go2()));
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_under_given_actions_on_hind_legs_are_the_cpus() {
+    let mut settings = lively("biped");
+    settings.fall.tilt = 12.0;
+    let task = Task::new(&go2(), &settings, Preset::Fast).unwrap();
+    compare("biped", &task, &Candidate::nominal(&go2()));
+}
+
+#[test]
+#[ignore = "needs g++"]
+fn cxx_steps_under_given_actions_of_a_fitted_robot_are_the_cpus() {
+    let (task, candidate) = crate::fitted();
+    compare("fitted", &task, &candidate);
+}

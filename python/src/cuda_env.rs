@@ -1,0 +1,136 @@
+//! Many robots at a task on a GPU, stepped under actions that another library has there.
+
+use crate::dlpack::{DeviceArray, DeviceInput};
+use crate::errors::{failed, of, value};
+use crate::task::{Task, bearable, checked};
+use gaitfit::device::{Device, rollout_error};
+use gaitfit_cuda::rollout::{RolloutError, Shown, Stepper};
+use gaitfit_cuda::runtime;
+use gaitfit_learn::task;
+use gaitfit_sim::Candidate;
+use pyo3::prelude::*;
+use std::sync::Arc;
+
+self_cell::self_cell!(
+    struct Scene {
+        owner: Arc<task::Task>,
+        #[not_covariant]
+        dependent: Stepper,
+    }
+);
+
+/// Many robots at a task on a GPU. The Python classes around it have the documentation.
+#[pyclass(module = "gaitfit._gaitfit")]
+pub struct CudaRobots {
+    /// None only while it is dropped.
+    scene: Option<Scene>,
+    gpu: runtime::Device,
+    #[pyo3(get)]
+    count: usize,
+    /// Number of the GPU.
+    #[pyo3(get)]
+    device: usize,
+    /// Handle of the stream that steps run on.
+    #[pyo3(get)]
+    stream: u64,
+    /// Episodes that ended because the simulation diverged.
+    #[pyo3(get)]
+    diverged: usize,
+}
+
+impl Drop for CudaRobots {
+    fn drop(&mut self) {
+        let _visit = self.gpu.visit();
+        self.scene = None;
+    }
+}
+
+fn wrong(error: RolloutError) -> PyErr {
+    match error {
+        RolloutError::Action { .. } => value(error),
+        RolloutError::Steps(_) => failed(error),
+        error => of(&rollout_error(error)),
+    }
+}
+
+impl CudaRobots {
+    /// Does something with the stepper, without Python's lock; the thread's present GPU stays what it is.
+    fn with<T: Send>(
+        &mut self,
+        py: Python<'_>,
+        act: impl FnOnce(&mut Stepper<'_>) -> Result<T, RolloutError> + Send,
+    ) -> PyResult<T> {
+        let Some(scene) = &mut self.scene else { return Err(failed("the robots are gone")) };
+        let gpu = &self.gpu;
+        py.detach(|| {
+            let _visit = gpu.visit();
+            scene.with_dependent_mut(|_, stepper| act(stepper))
+        })
+        .map_err(wrong)
+    }
+}
+
+#[pymethods]
+impl CudaRobots {
+    /// Robots at a task.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        task: &Task,
+        count: usize,
+        seed: u64,
+        stagger: bool,
+        device: &str,
+    ) -> PyResult<Self> {
+        checked(count)?;
+        let named: Device =
+            device.parse().map_err(|wrong| value(format!("device is {device:?}; {wrong}")))?;
+        let Some(gpu) = named.open().map_err(|error| of(&error))? else {
+            return Err(value(format!("device is {device:?}; it must be a GPU")));
+        };
+        let made = py.detach(|| {
+            let _visit = gpu.visit();
+            Scene::try_new(task.scene.clone(), |task| {
+                let nominal = [Candidate::nominal(task.walker.model())];
+                Stepper::new(&gpu, task, &nominal, count, seed, stagger)
+            })
+        });
+        let scene = made.map_err(wrong)?;
+        let stream = scene.with_dependent(|_, stepper| stepper.stream().address());
+        let device = gpu.info().ordinal;
+        Ok(Self { scene: Some(scene), gpu, count, device, stream, diverged: 0 })
+    }
+
+    /// An array that steps write, by its name.
+    fn array(&self, name: &str) -> PyResult<DeviceArray> {
+        let shown = match name {
+            "observation" => Shown::Observation,
+            "critic_observation" => Shown::CriticObservation,
+            "last_observation" => Shown::LastObservation,
+            "reward" => Shown::Reward,
+            "terminated" => Shown::Terminated,
+            "truncated" => Shown::Truncated,
+            "ended" => Shown::Ended,
+            "commands" => Shown::Commands,
+            _ => return Err(value(format!("robots have no array {name:?}"))),
+        };
+        let Some(scene) = &self.scene else { return Err(failed("the robots are gone")) };
+        let array = scene.with_dependent(|_, stepper| stepper.array(shown)).map_err(wrong)?;
+        Ok(DeviceArray::new(array))
+    }
+
+    /// One control period. Robots whose episode ended begin a new one at once. The number of episodes that ended comes back.
+    fn step(&mut self, py: Python<'_>, actions: &DeviceInput) -> PyResult<usize> {
+        let address = actions.address;
+        let stepped = self.with(py, |stepper| stepper.step(address.into()))?;
+        self.diverged += stepped.diverged;
+        let count = self.count;
+        bearable(stepped.diverged, count, || self.with(py, |stepper| Ok(stepper.first_diverged()?)))?;
+        Ok(stepped.ended)
+    }
+
+    /// New episodes for all robots.
+    fn restart(&mut self, py: Python<'_>) -> PyResult<()> {
+        self.with(py, |stepper| Ok(stepper.restart()?))
+    }
+}

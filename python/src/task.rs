@@ -1,0 +1,90 @@
+//! The task of a training's configuration, for robots that are stepped at it.
+
+use crate::errors::{failed, of, value};
+use gaitfit::device::Device;
+use gaitfit::settings::{self, TrainConfig};
+use gaitfit::train;
+use gaitfit_learn::{MEND_DIVERGENCE, most_diverged, task};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// More robots than any machine has memory for.
+const MOST: usize = 1 << 20;
+
+/// A task: what robots see and do at it.
+#[pyclass(module = "gaitfit._gaitfit", frozen)]
+pub struct Task {
+    pub scene: Arc<task::Task>,
+    #[pyo3(get)]
+    pub observation_width: usize,
+    #[pyo3(get)]
+    pub critic_width: usize,
+    #[pyo3(get)]
+    pub action_width: usize,
+    #[pyo3(get)]
+    pub joints: Vec<String>,
+    #[pyo3(get)]
+    control_dt: f64,
+    #[pyo3(get)]
+    episode_steps: u32,
+    #[pyo3(get)]
+    rewards: Vec<String>,
+    /// What a policy for the robots sees and does, as JSON.
+    #[pyo3(get)]
+    interface: String,
+    /// Settings, as TOML.
+    #[pyo3(get)]
+    settings: String,
+}
+
+#[pymethods]
+impl Task {
+    /// The task of a training's configuration.
+    #[new]
+    fn new(config: Option<PathBuf>, sets: Vec<String>, robot: Option<String>) -> PyResult<Self> {
+        let mut settings: TrainConfig =
+            settings::load(config.as_deref(), &sets).map_err(|error| of(&error))?;
+        settings.robot = robot.or(settings.robot);
+        let setup = train::setup(&settings, "env", config.as_deref(), 1, &Device::Cpu.into());
+        let task = setup.map_err(|error| of(&error))?.scene;
+        let walker = &task.walker;
+        let widths = gaitfit_learn::widths(&task);
+        Ok(Self {
+            observation_width: widths.observation,
+            critic_width: widths.critic_observation,
+            action_width: widths.action,
+            joints: walker.interface.joints.clone(),
+            control_dt: walker.interface.control_dt,
+            episode_steps: task.episode_steps(),
+            rewards: task.reward_names().into_iter().map(str::to_owned).collect(),
+            interface: serde_json::to_string(&walker.interface).map_err(failed)?,
+            settings: toml::to_string(&task.settings).map_err(failed)?,
+            scene: Arc::new(task),
+        })
+    }
+}
+
+/// Refuses a number of robots that no machine has.
+pub fn checked(count: usize) -> PyResult<()> {
+    if count == 0 || count > MOST {
+        return Err(value(format!("num_envs is {count}; it must be from 1 to {MOST}")));
+    }
+    Ok(())
+}
+
+/// Refuses a step in which too many of `count` robots diverged.
+pub fn bearable(
+    diverged: usize,
+    count: usize,
+    first: impl FnOnce() -> PyResult<Option<usize>>,
+) -> PyResult<()> {
+    if diverged as f64 <= most_diverged(count) {
+        return Ok(());
+    }
+    let first = first()?.unwrap_or_default();
+    Err(failed(format!(
+        "{diverged} of {count} environments diverged, the first of them environment {first}: its state or reward is not \
+         finite, or impossible. {MEND_DIVERGENCE}, or smaller actions"
+    )))
+}
