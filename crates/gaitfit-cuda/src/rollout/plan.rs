@@ -33,10 +33,6 @@ pub fn control(first_step: u32, seed: u64, ranges: [Interval; 3], first_environm
     [first_step].into_iter().chain(words(seed)).chain(ends).chain([first_environment]).collect()
 }
 
-/// Kernels of all rollouts, in the order of a step.
-const KERNELS: [&str; 8] =
-    ["begin_rollout", "observe", "act", "disturb", "finish", "observe_end", "add_values", "total"];
-
 /// Arrays and kernels of a rollout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
@@ -130,13 +126,6 @@ impl Plan {
         self.arrays.iter().position(|array| array.name == name).map(Id)
     }
 
-    /// Names of the kernels that it starts.
-    pub(super) fn kernels(&self) -> Vec<&'static str> {
-        let stepwise = ["take_actions", "next_step", "restart"];
-        let more = if self.mode == Mode::Steps { &stepwise[..] } else { &[] };
-        KERNELS.iter().chain(more).copied().collect()
-    }
-
     fn launch(&self, kernel: &'static str, step: Option<usize>, arrays: &[&str]) -> Launch {
         let step = step.map(|step| Value::U32(u32::try_from(step).unwrap_or(u32::MAX)));
         let arrays = arrays.iter().filter_map(|name| self.array(name)).map(Value::Array);
@@ -163,11 +152,13 @@ impl Plan {
         (self.recorded > 0).then_some(Launch { shape, ..launch })
     }
 
-    /// The kernels, in the order of a step.
+    /// The kernels that it starts, in the order of a step.
     pub fn kernels(&self) -> Vec<&'static str> {
         let record = (self.recorded > 0).then_some("record");
         let others = ["observe", "act", "disturb", "finish", "observe_end", "add_values", "total"];
-        ["begin_rollout"].into_iter().chain(record).chain(others).collect()
+        let stepwise =
+            ["take_actions", "next_step", "restart"].into_iter().filter(|_| self.mode == Mode::Steps);
+        ["begin_rollout"].into_iter().chain(record).chain(others).chain(stepwise).collect()
     }
 
     /// What actor and critic see before step `step`.

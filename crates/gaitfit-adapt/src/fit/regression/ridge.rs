@@ -203,8 +203,8 @@ mod tests {
             "{values:?} {errors:?}"
         );
         let few = robots.between(&[0.0, 0.0], &[0.65, 9.0]);
-        assert!(few.len() == 7 && few.estimate(&asked, &[0..4]).is_none());
+        assert!(few.len() == 7 && few.estimate(&asked, std::slice::from_ref(&(0..4))).is_none());
         let alike = Robots { logs: vec![vec![1.0]; 20], values: robots.values };
-        assert!(alike.estimate(&[1.0], &[0..1]).is_none());
+        assert!(alike.estimate(&[1.0], std::slice::from_ref(&(0..1))).is_none());
     }
 }
