@@ -235,8 +235,15 @@ mod tests {
     #[test]
     fn a_fit_whose_gpu_fails_goes_on_where_it_was() {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/go2-demo/adapt.toml");
-        let changes =
-            ["optimizer.seeds=1", "optimizer.generations=6", "simulation.timestep=0.005", "check={}"];
+        let changes = [
+            "optimizer.seeds=1",
+            "optimizer.generations=6",
+            "simulation.timestep=0.005",
+            "check={}",
+            "robot=../../assets/go2.xml",
+            "logs=[\"../../examples/go2-demo/fit.csv\"]",
+            "validate=[]",
+        ];
         let open = || {
             let changes = changes.map(str::to_owned);
             Setup::open(&settings::load(Some(&file), &changes).unwrap(), &file, Some(2)).unwrap()
