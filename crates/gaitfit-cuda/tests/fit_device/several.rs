@@ -92,7 +92,7 @@ fn gpu_sessions_are_cancelled_together() {
 /// How long a generation takes in one session and in two: a line for each size.
 #[test]
 #[ignore = "needs an NVIDIA GPU"]
-fn gpu_shared_generations_are_timed() {
+fn gpu_generations_of_one_and_of_two_are_timed() {
     let (task, policy) = walking(20);
     let scripts = scripts(&task, &policy, 64, 200);
     let subject = Subject::Walk(&task.walker, &policy);

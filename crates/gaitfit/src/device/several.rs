@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     #[ignore = "needs an NVIDIA GPU"]
-    fn gpu_seeds_that_are_shared_have_the_bits_of_those_trained_in_turn() {
+    fn gpu_seeds_side_by_side_have_the_bits_of_those_trained_in_turn() {
         assert!(policies(&Device::Cuda(0).into()) == policies(&Devices(vec![Device::Cuda(0); 2])));
     }
 
