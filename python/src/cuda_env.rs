@@ -27,6 +27,8 @@ pub struct CudaRobots {
     gpu: runtime::Device,
     #[pyo3(get)]
     count: usize,
+    /// Numbers of an action.
+    width: usize,
     /// Number of the GPU.
     #[pyo3(get)]
     device: usize,
@@ -98,7 +100,7 @@ impl CudaRobots {
         let scene = made.map_err(wrong)?;
         let stream = scene.with_dependent(|_, stepper| stepper.stream().address());
         let device = gpu.info().ordinal;
-        Ok(Self { scene: Some(scene), gpu, count, device, stream, diverged: 0 })
+        Ok(Self { scene: Some(scene), gpu, count, width: task.action_width, device, stream, diverged: 0 })
     }
 
     /// An array that steps write, by its name.
@@ -121,6 +123,9 @@ impl CudaRobots {
 
     /// One control period. Robots whose episode ended begin a new one at once. The number of episodes that ended comes back.
     fn step(&mut self, py: Python<'_>, actions: &DeviceInput) -> PyResult<usize> {
+        if (actions.shape, actions.device) != ((self.count, self.width), self.device) {
+            return Err(value("the actions were checked for other robots"));
+        }
         let address = actions.address;
         let stepped = self.with(py, |stepper| stepper.step(address.into()))?;
         self.diverged += stepped.diverged;

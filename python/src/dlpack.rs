@@ -156,6 +156,10 @@ impl DeviceArray {
 #[pyclass(module = "gaitfit._gaitfit", frozen)]
 pub struct DeviceInput {
     _tensor: ImportedDlpack,
+    /// Rows and columns.
+    pub shape: (usize, usize),
+    /// Number of the GPU.
+    pub device: usize,
     /// Where the first number lies.
     #[pyo3(get)]
     pub address: u64,
@@ -214,6 +218,6 @@ impl DeviceInput {
             )));
         }
         let address = view.data_ptr() as u64 + view.byte_offset();
-        Ok(Self { address, _tensor: tensor })
+        Ok(Self { _tensor: tensor, shape, device, address })
     }
 }

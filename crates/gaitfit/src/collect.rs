@@ -95,6 +95,9 @@ pub fn collect_in(
             folder.display()
         )));
     }
+    if played.is_none() {
+        settings.device.check()?;
+    }
     std::fs::create_dir_all(folder).map_err(|source| Error::File {
         access: Access::Make,
         path: folder.to_owned(),

@@ -80,8 +80,10 @@ pub struct Drawn {
     pub values: Vec<f64>,
     /// Standard deviation of the errors of robots that were left out.
     pub errors: Vec<f64>,
-    /// Standard error of the values by how much signals and legs disagree.
+    /// Standard error of the values by what signals and legs say alone.
     pub scatter: Vec<f64>,
+    /// Standard deviation by which these disagree besides their own errors.
+    pub disagreement: Vec<f64>,
 }
 
 impl Drawn {
@@ -93,11 +95,13 @@ impl Drawn {
 }
 
 impl Regression {
-    /// Whether the simulator makes more of an entry's error than noise does.
+    /// Whether signals and legs disagree about an entry, and most of its error comes from that.
     pub fn unlike(&self, entry: usize) -> bool {
-        let own = |round: &Drawn| round.errors.get(entry).copied();
-        let error = self.rounds.last().and_then(own).unwrap_or(f64::INFINITY);
-        self.deviation.get(entry).is_some_and(|one| *one > UNLIKE * error)
+        let Some(last) = self.rounds.last() else { return false };
+        let of = |numbers: &[f64]| numbers.get(entry).copied();
+        let (error, disagreement) = (of(&last.errors), of(&last.disagreement));
+        let whole = of(&self.deviation).zip(error).is_some_and(|(whole, error)| whole > UNLIKE * error);
+        whole && disagreement.is_some_and(|apart| apart > 0.0)
     }
 
     /// Robots that are simulated with `each` a round.
@@ -161,10 +165,12 @@ pub fn regress(
             all.logs.push(logs);
         }
         let near = all.between(&lower, &upper);
-        let Some(Estimate { values, errors, scatter }) = near.estimate(&logs.numbers, &logs.groups) else {
+        let Some(Estimate { values, errors, scatter, disagreement }) =
+            near.estimate(&logs.numbers, &logs.groups)
+        else {
             return Ok(Err("The logs of simulated robots are all alike, or too few.".to_owned()));
         };
-        let drawn = Drawn { lower, upper, walked: near.len(), values, errors, scatter };
+        let drawn = Drawn { lower, upper, walked: near.len(), values, errors, scatter, disagreement };
         let deviation = drawn.deviation();
         for (at, entry) in entries.iter().enumerate() {
             // Beyond what was drawn the regression is a guess: the next round looks there.

@@ -27,8 +27,10 @@ pub struct Estimate {
     pub values: Vec<f64>,
     /// Standard deviation of the errors for robots that were left out one by one, by all numbers together.
     pub errors: Vec<f64>,
-    /// Standard error of that mean: of how much the groups disagree besides their own errors.
+    /// Standard error of that mean, by the groups' own errors and by how much they disagree besides.
     pub scatter: Vec<f64>,
+    /// Standard deviation by which they disagree besides their own errors; 0 if these explain it.
+    pub disagreement: Vec<f64>,
 }
 
 impl Robots {
@@ -62,10 +64,17 @@ impl Robots {
         let whole = self.learn(logs, 0..logs.len())?;
         let parts: Vec<Vec<Said>> =
             groups.iter().filter_map(|group| self.learn(logs, group.clone())).collect();
-        let mut found = Estimate { values: Vec::new(), errors: Vec::new(), scatter: Vec::new() };
+        let mut found = Estimate {
+            values: Vec::new(),
+            errors: Vec::new(),
+            scatter: Vec::new(),
+            disagreement: Vec::new(),
+        };
         for entry in 0..entries {
             let said: Vec<Said> = parts.iter().map(|part| part[entry]).collect();
-            let (value, scatter) = if said.len() < 2 { (whole[entry].value, 0.0) } else { together(&said) };
+            let (value, scatter, disagreement) =
+                if said.len() < 2 { (whole[entry].value, 0.0, 0.0) } else { together(&said) };
+            found.disagreement.push(disagreement);
             found.values.push(value);
             found.errors.push(whole[entry].error);
             found.scatter.push(scatter);
@@ -122,8 +131,9 @@ struct Said {
     error: f64,
 }
 
-/// Mean and standard error of what groups say.
-fn together(said: &[Said]) -> (f64, f64) {
+/// Mean of what groups say, its standard error, and the standard deviation by which they disagree besides their own errors
+/// (DerSimonian and Laird 1986).
+fn together(said: &[Said]) -> (f64, f64, f64) {
     let least = 1e-9 * said.iter().map(|one| one.error).fold(f64::MIN_POSITIVE, f64::max);
     let variance = |one: &Said| one.error.max(least).powi(2);
     let mean = |besides: f64| {
@@ -135,8 +145,9 @@ fn together(said: &[Said]) -> (f64, f64) {
     let squares: f64 = said.iter().map(|one| 1.0 / variance(one).powi(2)).sum();
     let spread: f64 = said.iter().map(|one| (one.value - fixed).powi(2) / variance(one)).sum();
     let besides = ((spread - (said.len() as f64 - 1.0)) / (sum - squares / sum)).max(0.0);
-    let (value, sum) = mean(if besides.is_finite() { besides } else { 0.0 });
-    (value, sum.recip().sqrt())
+    let besides = if besides.is_finite() { besides } else { 0.0 };
+    let (value, sum) = mean(besides);
+    (value, sum.recip().sqrt(), besides.sqrt())
 }
 
 /// Logs, each number less its mean over the robots and divided by its deviation.
@@ -184,9 +195,11 @@ mod tests {
     #[test]
     fn groups_that_disagree_have_a_larger_error_by_hand() {
         let of = |values: [f64; 2]| together(&values.map(|value| Said { value, error: 1.0 }));
-        let (value, error) = of([1.0, 4.0]);
+        let (value, error, besides) = of([1.0, 4.0]);
         assert!((value - 2.5).abs() < 1e-12 && (error - 2.25f64.sqrt()).abs() < 1e-12, "{value} {error}");
-        let (value, error) = of([1.0, 1.5]);
+        assert!((besides - 3.5f64.sqrt()).abs() < 1e-12, "{besides}");
+        let (value, error, besides) = of([1.0, 1.5]);
+        assert_eq!(besides, 0.0);
         assert!((value - 1.25).abs() < 1e-12 && (error - 0.5f64.sqrt()).abs() < 1e-12, "{value} {error}");
     }
 
