@@ -30,33 +30,32 @@ pub(super) fn choose(
 ) -> Vec<usize> {
     let mut chosen: Vec<usize> = Vec::new();
     let mut sum = known.clone();
-    let with = |sum: &Tells, one: usize, times: f64| {
+    let with = |sum: &Tells, one: usize| {
         let mut sum = sum.clone();
-        sum.add(&candidates[one], times);
+        sum.add(&candidates[one], 1.0);
         sum
     };
     let best = |sum: &Tells, chosen: &[usize]| {
         let left = (0..candidates.len()).filter(|one| !chosen.contains(one) && !stop());
-        left.map(|one| (criterion(&with(sum, one, 1.0), of), one)).min_by(|a, b| a.0.total_cmp(&b.0))
+        left.map(|one| (criterion(&with(sum, one), of), one)).min_by(|a, b| a.0.total_cmp(&b.0))
     };
     while chosen.len() < count {
         let Some((_, one)) = best(&sum, &chosen) else { break };
         sum.add(&candidates[one], 1.0);
         chosen.push(one);
     }
+    // Of all chosen but one. To take one away from a sum would leave rounding where it alone tells something.
+    let but = |chosen: &[usize], place: Option<usize>| {
+        let others = chosen.iter().enumerate().filter(|(at, _)| Some(*at) != place);
+        others.fold(known.clone(), |sum, (_, &one)| with(&sum, one))
+    };
     for _ in 0..EXCHANGES {
-        let now = criterion(&sum, of);
-        let swap = |place: usize| {
-            let without = with(&sum, chosen[place], -1.0);
-            best(&without, &chosen).map(|(value, one)| (value, place, one))
-        };
+        let now = criterion(&but(&chosen, None), of);
+        let swap =
+            |place: usize| best(&but(&chosen, Some(place)), &chosen).map(|(value, one)| (value, place, one));
         let found = (0..chosen.len()).filter_map(swap).min_by(|a, b| a.0.total_cmp(&b.0));
         match found.filter(|(value, ..)| *value < now - PROGRESS) {
-            Some((_, place, one)) => {
-                sum.add(&candidates[one], 1.0);
-                sum.add(&candidates[chosen[place]], -1.0);
-                chosen[place] = one;
-            }
+            Some((_, place, one)) => chosen[place] = one,
             None => break,
         }
     }

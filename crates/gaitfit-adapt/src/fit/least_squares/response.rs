@@ -53,8 +53,11 @@ impl Response {
                 .fold(DVector::zeros(entries), |sum, (one, weight)| sum + one * (weight / all))
         };
         let (robot, fit) = (middle(&robots), middle(&fits));
-        let noise: f64 = rounds.iter().map(|round| scaled(&round.noise).norm_squared()).sum();
-        let noise = noise / (rounds.len() * entries).max(1) as f64 + LEAST_NOISE.powi(2);
+        let noises = || rounds.iter().flat_map(|round| scaled(&round.noise).as_slice().to_vec());
+        // Entries without an effect have none.
+        let noisy = noises().filter(|noise| *noise > 0.0).count();
+        let noise =
+            noises().map(|noise| noise * noise).sum::<f64>() / noisy.max(1) as f64 + LEAST_NOISE.powi(2);
         // What fits do beyond one to one, times how robots differ.
         let mut beyond = DMatrix::zeros(entries, entries);
         let mut apart = DMatrix::identity(entries, entries) * (noise / DOUBT.powi(2));
