@@ -32,8 +32,9 @@ fn gpu_candidates_have_the_same_bits_on_any_number_of_gpus() {
         Job { candidate: robot(number, joints), reset_every, seed: number as u64 }
     };
     let mut jobs: Vec<Job> = (0..23).map(job).collect();
-    // It falls.
-    jobs[6].candidate.robot.kp_scale = vec![0.15; 12];
+    // It falls, for nothing resets it.
+    assert!(jobs[12].reset_every.is_none());
+    jobs[12].candidate.robot.kp_scale = vec![0.15; 12];
     let compared: Vec<Compared> =
         (0..jobs.len()).map(|k| if k % 4 == 1 { Compared::Squares } else { Compared::Distances }).collect();
     let dimensions = subject.dimensions();
