@@ -219,6 +219,7 @@ mod tests {
                 "optimizer.generations=6",
                 "simulation.timestep=0.005",
                 "check={}",
+                "validate=[]",
                 &robot,
                 &logs,
             ];
