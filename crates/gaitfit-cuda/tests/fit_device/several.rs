@@ -64,6 +64,7 @@ fn gpu_candidates_have_the_same_bits_on_any_number_of_gpus() {
         assert!(found_rows == rows[..most * scripts.len()], "signals of {most} on {count} GPUs differ");
         println!("{most} candidates in {count} sessions on {} GPUs: same bits", {
             let mut numbers: Vec<usize> = devices(count).iter().map(|one| one.info().ordinal).collect();
+            numbers.sort_unstable();
             numbers.dedup();
             numbers.len()
         });

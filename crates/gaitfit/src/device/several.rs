@@ -207,10 +207,7 @@ mod tests {
     #[test]
     #[ignore = "needs an NVIDIA GPU"]
     fn gpu_a_fit_in_two_sessions_has_the_bits_of_one() {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        let file = root.join("examples/go2-demo/adapt.toml");
-        let robot = format!("robot={:?}", root.join("assets/go2.xml"));
-        let logs = format!("logs=[{:?}]", root.join("examples/go2-demo/fit.csv"));
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/go2-demo/adapt.toml");
         let runs = tempfile::tempdir().unwrap();
         let fit = |name: &str, devices: &Devices| {
             let changes = [
@@ -220,8 +217,8 @@ mod tests {
                 "simulation.timestep=0.005",
                 "check={}",
                 "validate=[]",
-                &robot,
-                &logs,
+                "robot=../../assets/go2.xml",
+                "logs=[\"../../examples/go2-demo/fit.csv\"]",
             ];
             let config = settings::load(Some(&file), &changes.map(str::to_owned)).unwrap();
             let mut setup = crate::adapt::Setup::open_on(&config, &file, Some(4), devices).unwrap();
