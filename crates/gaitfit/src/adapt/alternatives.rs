@@ -8,7 +8,6 @@ use gaitfit_adapt::Simulator;
 use gaitfit_adapt::fit::Alternative;
 use gaitfit_sim::Candidate;
 
-const HALF: &str = "half the step";
 const FEET: &str = "feet trusted fully";
 
 /// Other simulators of the same logs.
@@ -19,14 +18,11 @@ pub struct Other {
     /// How it differs, in words.
     what: String,
     simulator: Box<dyn Simulator>,
+    /// Whether it differs in what a correction by simulated logs takes away.
+    pub corrected: bool,
 }
 
 impl Other {
-    /// Whether it differs in what a correction by simulated logs takes away.
-    pub fn corrected(&self) -> bool {
-        self.what == HALF
-    }
-
     /// Whether it differs in a walk without what sensors read.
     pub fn walks(&self) -> bool {
         self.what != FEET
@@ -59,15 +55,17 @@ pub fn alternatives(
         Preset::Fast => Preset::Accurate,
         Preset::Accurate | Preset::Converged => Preset::Fast,
     };
-    let other = |what: &str, simulator| Other { what: what.to_owned(), simulator };
+    let other = |what: &str, simulator, corrected| Other { what: what.to_owned(), simulator, corrected };
     let preset = format!("preset {}", solver.simulation.preset.name());
+    // The robots of a correction have it where the real one's step is known: see `Walking::robot`.
+    let robots = config.simulation.robot_timestep.is_some() && solver.simulation.preset == Preset::Accurate;
     let mut others = vec![
-        other(HALF, of(&finer)?.simulator(base.clone(), logs)?),
-        other(&preset, of(&solver)?.simulator(base.clone(), logs)?),
+        other("half the step", of(&finer)?.simulator(base.clone(), logs)?, true),
+        other(&preset, of(&solver)?.simulator(base.clone(), logs)?, robots),
     ];
     if config.costs.iter().any(|cost| cost.needs_imu()) {
         let feet = walking.simulator(base.clone(), logs).with_feet_trust(1.0);
-        others.push(other(FEET, Box::new(feet)));
+        others.push(other(FEET, Box::new(feet), false));
     }
     Ok(others)
 }

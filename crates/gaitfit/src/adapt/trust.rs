@@ -82,7 +82,7 @@ fn trusted(
     let refused = replicas.map(|replicas| replicas.correct(setup, cost, outcome, quiet, watch));
     let refused = refused.transpose()?.flatten();
     let corrected = outcome.correction.is_some();
-    let others = setup.alternatives.iter().filter(|other| !(corrected && other.corrected()));
+    let others = setup.alternatives.iter().filter(|other| !(corrected && other.corrected));
     let others: Vec<Alternative<'_>> = others.map(Other::alternative).collect();
     outcome.trust(problem, &others)?;
     Ok(refused)

@@ -32,7 +32,7 @@ impl FromStr for Devices {
         for number in numbers.split(',') {
             let device = format!("cuda:{number}").parse()?;
             if all.contains(&device) {
-                return Err(format!("it names the GPU {number} twice"));
+                return Err(format!("it names the GPU {number} twice: name each once, as in cuda:0,1"));
             }
             all.push(device);
         }

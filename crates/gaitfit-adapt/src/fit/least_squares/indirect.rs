@@ -11,7 +11,9 @@
 //! a bound the logs pull, on which the correction of a value that rests on one depends.
 //!
 //! How a fit answers to a change of the robot is learnt from all rounds ([`Response`]), for values that make up for each
-//! other are hard to tell apart. Rounds go on until what is missing is no more than the choice of noise moves it.
+//! other are hard to tell apart. Rounds go on until what is missing is no more than the choice of noise moves it. Where fits
+//! answer weakly to some change of the robot, what a round misses says little of how far the robot is off that way: some
+//! rounds then go far along that change, to learn the answer.
 //!
 //! How much the simulated motors do besides what they are told follows from the size of the differences that the fit
 //! leaves: the noise is chosen with which simulated logs leave as much. The squared median is about affine in its square,
@@ -34,6 +36,11 @@ const MISSED: f64 = 2.5;
 const SETTLED: f64 = 2e-3;
 /// The last rounds, whose fits show the spread.
 const LAST: usize = 2;
+/// Rounds after which, if they have not settled, the next robot is moved along the change that fits answer least to, by up to
+/// an entry's deviation,
+const FAR: [usize; 2] = [4, 6];
+/// if they answer with less than this part of it.
+const WEAK: f64 = 0.5;
 /// Rounds that measure the differences which a robot without noise leaves; later ones change them little.
 const MEASURED: usize = 2;
 /// Deviation of the torques of the first trial, N·m.
@@ -243,7 +250,11 @@ impl Inference<'_> {
             let here = Round { values: simulated.clone(), torque_noise, fits };
             let settled = self.settled(&here);
             done.push(here);
-            simulated = self.next(&simulated, &self.response(&done)?.robot_of(self.values));
+            let response = self.response(&done)?;
+            simulated = self.next(&simulated, &response.robot_of(self.values));
+            if !settled && FAR.contains(&done.len()) {
+                simulated = self.far(&simulated, &response);
+            }
             if settled && done.len() >= ROUNDS[0] {
                 break;
             }
@@ -313,6 +324,23 @@ impl Inference<'_> {
             if *moving { (from + part * (to - from)).clamp(entry.lower, entry.upper) } else { *from }
         });
         moved.collect()
+    }
+
+    /// A robot that is moved from `simulated` along the change that fits answer least to, on the way that the rounds went;
+    /// `simulated` if no answer is weak.
+    fn far(&self, simulated: &[f64], response: &Response) -> Vec<f64> {
+        let (part, change) = response.weakest();
+        if part >= WEAK {
+            return simulated.to_vec();
+        }
+        let entries = self.problem.theta.entries();
+        let scaled = entries.iter().zip(simulated.iter().zip(self.values)).zip(&change);
+        let gone: f64 =
+            scaled.map(|((entry, (to, from)), by)| (to - from) * by / entry.deviation.powi(2)).sum();
+        let most = entries.iter().zip(&change).map(|(entry, by)| (by / entry.deviation).abs());
+        let part = 1f64.copysign(gone) / most.fold(f64::MIN_POSITIVE, f64::max);
+        let moved: Vec<f64> = simulated.iter().zip(&change).map(|(from, by)| from + part * by).collect();
+        self.next(simulated, &moved)
     }
 
     /// Where a fit of logs would end.

@@ -31,6 +31,8 @@ pub(super) struct Response {
     fit: DVector<f64>,
     /// Change of the robot by a change of the fit.
     inverse: DMatrix<f64>,
+    /// The change of the robot that the fit answers least to, of length 1, and the length of the answer.
+    weakest: (f64, DVector<f64>),
     scale: DVector<f64>,
 }
 
@@ -72,15 +74,23 @@ impl Response {
         }
         let parts = learnt.svd(true, true);
         let (left, right) = (parts.u?, parts.v_t?);
+        let (least, part) = parts.singular_values.argmin();
+        let weakest = (part, right.row(least).transpose());
         let values = parts.singular_values.map(|value| 1.0 / value.max(LEAST_ANSWER));
         let inverse = right.transpose() * DMatrix::from_diagonal(&values) * left.transpose();
-        Some(Self { robot, fit, inverse, scale })
+        Some(Self { robot, fit, inverse, weakest, scale })
     }
 
     /// The robot whose logs have the fit `wanted`, in the entries' units.
     pub fn robot_of(&self, wanted: &[f64]) -> Vec<f64> {
         let by = DVector::from_column_slice(wanted).component_div(&self.scale) - &self.fit;
         (&self.robot + &self.inverse * by).component_mul(&self.scale).as_slice().to_vec()
+    }
+
+    /// The part of a change of the robot that the fit answers with where it answers least, and that change, in the entries'
+    /// units. Entries' deviations measure both.
+    pub fn weakest(&self) -> (f64, Vec<f64>) {
+        (self.weakest.0, self.weakest.1.component_mul(&self.scale).as_slice().to_vec())
     }
 
     /// How far the robot's values move where those of the fit move by one, row by row, in the entries' units.
@@ -127,6 +137,9 @@ mod tests {
         let (rows, by) = (response.rows(), [0.1, 1.0]);
         let moved = rows[0][0] * by[0] + rows[0][1] * by[1];
         assert!((moved - 0.5).abs() < 0.02, "five times as far: {moved}");
+        let (part, change) = response.weakest();
+        assert!((part - 0.2).abs() < 0.01, "{part}");
+        assert!((change[0] * SCALE[1] / change[1] - 1.0).abs() < 0.02, "both alike: {change:?}");
     }
 
     #[test]
