@@ -12,6 +12,8 @@ use gaitfit_random::{Purpose, Stream};
 use std::sync::Arc;
 
 const TRUTH: [f64; 2] = [0.4, 0.07];
+/// Values of which readings show all.
+const MIDDLE: [f64; 2] = [0.33, 0.035];
 const SAMPLES: usize = 80;
 const RECORDINGS: usize = 24;
 
@@ -91,6 +93,22 @@ impl Simulator for Process {
 /// The process as it makes readings; it fails above `most`.
 struct Toy {
     most: f64,
+    /// What readings show of a change of both values together, each in deviations of the search.
+    shown: f64,
+}
+
+impl Toy {
+    fn new(most: f64) -> Self {
+        Self { most, shown: 1.0 }
+    }
+
+    /// The values of the process by which readings are made.
+    fn acting(&self, values: &[f64]) -> Vec<f64> {
+        let deviations = theta().entries().iter().map(|entry| entry.deviation).collect::<Vec<_>>();
+        let off = |at: usize| (values[at] - MIDDLE[at]) / deviations[at];
+        let hidden = (1.0 - self.shown) * 0.5 * (off(0) + off(1));
+        values.iter().zip(deviations).map(|(value, deviation)| value - hidden * deviation).collect()
+    }
 }
 
 impl World for Toy {
@@ -99,7 +117,7 @@ impl World for Toy {
             return Err("It falls.".to_owned());
         }
         let one = |&number: &u32| {
-            let process = Process::new(values, noise, 1000 + u64::from(number));
+            let process = Process::new(&self.acting(values), noise, 1000 + u64::from(number));
             let cost = process.cost();
             Replicate { simulator: Box::new(process) as Box<dyn Simulator>, cost }
         };
@@ -118,7 +136,7 @@ fn theta() -> Theta {
 
 /// The fit of readings with `noise`, corrected in `world`, and why it is not.
 fn fitted(noise: f64, seed: u64, world: &Toy) -> (CostOutcome, Option<String>) {
-    let (process, theta) = (Process::new(&TRUTH, noise, seed), theta());
+    let (process, theta) = (Process::new(&world.acting(&TRUTH), noise, seed), theta());
     let costs = vec![process.cost()];
     let options = FitOptions { method: Method::LeastSquares, generations: 40, ..FitOptions::default() };
     let mut fit = Fit::new(&process, &theta, &costs, options).unwrap();
@@ -137,7 +155,7 @@ fn correction(outcome: &CostOutcome) -> &Correction {
 
 #[test]
 fn attenuation_and_the_noise_that_makes_it_are_found() {
-    let (outcome, refused) = fitted(0.4, 1, &Toy { most: 1.0 });
+    let (outcome, refused) = fitted(0.4, 1, &Toy::new(1.0));
     assert_eq!(refused, None);
     let found = correction(&outcome);
     // Least squares take noise of the readings for a loss of memory.
@@ -150,7 +168,7 @@ fn attenuation_and_the_noise_that_makes_it_are_found() {
     // The cost is that of the corrected values: they predict the readings worse.
     assert!(outcome.best_cost > outcome.runs[0].best_cost);
     // A process without noise is left where it is.
-    let (outcome, _) = fitted(0.0, 2, &Toy { most: 1.0 });
+    let (outcome, _) = fitted(0.0, 2, &Toy::new(1.0));
     let found = correction(&outcome);
     assert!(found.by().iter().zip(&found.spread).all(|(by, spread)| by.abs() < 3.0 * spread), "{found:?}");
 }
@@ -159,7 +177,7 @@ fn attenuation_and_the_noise_that_makes_it_are_found() {
 fn corrected_intervals_of_many_fits_cover_the_truth() {
     let (mut inside, mut before, mut all) = (0, 0, 0);
     for seed in 0..30 {
-        let (outcome, _) = fitted(0.4, 100 + seed, &Toy { most: 1.0 });
+        let (outcome, _) = fitted(0.4, 100 + seed, &Toy::new(1.0));
         let uncertainty = outcome.uncertainty.as_ref().unwrap();
         for (at, ([low, high], truth)) in uncertainty.interval.iter().zip(TRUTH).enumerate() {
             inside += usize::from((*low..=*high).contains(&truth));
@@ -176,7 +194,7 @@ fn corrected_intervals_of_many_fits_cover_the_truth() {
 
 #[test]
 fn a_robot_that_cannot_be_simulated_leaves_the_values_as_they_are() {
-    let (outcome, refused) = fitted(0.4, 1, &Toy { most: 0.1 });
+    let (outcome, refused) = fitted(0.4, 1, &Toy::new(0.1));
     assert_eq!(refused.as_deref(), Some("It falls."));
     assert!(outcome.correction.is_none() && outcome.parameters[0].uncorrected.is_none());
     assert_eq!(outcome.values(), outcome.runs[0].values);
@@ -186,7 +204,7 @@ fn a_robot_that_cannot_be_simulated_leaves_the_values_as_they_are() {
 #[test]
 fn how_a_fit_answers_to_the_robot_is_learnt() {
     // With twice the noise a fit moves by one and a half of what the process moves by.
-    let (outcome, refused) = fitted(0.8, 7, &Toy { most: 1.0 });
+    let (outcome, refused) = fitted(0.8, 7, &Toy::new(1.0));
     assert_eq!(refused, None);
     let found = correction(&outcome);
     assert!(found.uncorrected[0] < 0.9 * TRUTH[0] && found.uncorrected[1] > 1.25 * TRUTH[1], "{found:?}");
@@ -197,5 +215,25 @@ fn how_a_fit_answers_to_the_robot_is_learnt() {
     for ((value, truth), [low, high]) in outcome.values().iter().zip(TRUTH).zip(&uncertainty.interval) {
         assert!((value / truth - 1.0).abs() < 0.03, "{value} for {truth}");
         assert!((*low..=*high).contains(&truth), "{low} to {high}");
+    }
+}
+
+#[test]
+fn a_change_that_fits_answer_weakly_to_is_followed_far() {
+    let (outcome, refused) = fitted(0.0, 3, &Toy { shown: 0.2, ..Toy::new(1.0) });
+    assert_eq!(refused, None);
+    let found = correction(&outcome);
+    assert!(found.uncorrected[0] < 0.9 * TRUTH[0] && found.uncorrected[1] < 0.7 * TRUTH[1], "{found:?}");
+    // The fifth round goes a deviation beyond where the others are, to learn the answer.
+    let moved = |at: usize| (found.rounds[at].values[1] - found.rounds[at - 1].values[1]) / 0.05;
+    assert!(moved(4) > 0.8 && moved(5) < -0.8 && moved(3) < 0.5, "{:?}", found.rounds);
+    // Its own noise does not count.
+    let noise: Vec<f64> = [5, 7].map(|at| found.rounds[at].torque_noise).to_vec();
+    assert!((found.torque_noise - 0.5 * (noise[0] + noise[1])).abs() < 1e-12, "{:?}", found.rounds);
+    let uncertainty = outcome.uncertainty.as_ref().unwrap();
+    let found = outcome.values().into_iter().zip(&found.uncorrected).zip(TRUTH).zip(&uncertainty.interval);
+    for (((value, before), truth), [low, high]) in found {
+        assert!((value - truth).abs() < 0.6 * (before - truth).abs(), "{before}, then {value}, for {truth}");
+        assert!((*low..=*high).contains(&truth) && high - low > 0.05, "{low} to {high}");
     }
 }

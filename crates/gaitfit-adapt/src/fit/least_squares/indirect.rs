@@ -34,7 +34,7 @@ const ROUNDS: [usize; 2] = [4, 8];
 const MISSED: f64 = 2.5;
 /// or this part of an entry's deviation.
 const SETTLED: f64 = 2e-3;
-/// The last rounds, whose fits show the spread.
+/// The last rounds, those that went far left out, whose fits show the spread.
 const LAST: usize = 2;
 /// Rounds after which, if they have not settled, the next robot is moved along the change that fits answer least to, by up to
 /// an entry's deviation,
@@ -223,7 +223,7 @@ impl Inference<'_> {
         let mut simulated = self.values.to_vec();
         let mut numbers = 0..u32::MAX;
         let (mut slope, mut quiet) = (None, 0.0);
-        let mut done = Vec::<Round>::with_capacity(ROUNDS[1]);
+        let (mut done, mut far) = (Vec::<Round>::with_capacity(ROUNDS[1]), Vec::new());
         for round in 0..ROUNDS[1] {
             if round < MEASURED {
                 quiet = self.left(&simulated, 0.0, &mut numbers)?;
@@ -252,15 +252,19 @@ impl Inference<'_> {
             done.push(here);
             let response = self.response(&done)?;
             simulated = self.next(&simulated, &response.robot_of(self.values));
-            if !settled && FAR.contains(&done.len()) {
-                simulated = self.far(&simulated, &response);
+            if !settled
+                && FAR.contains(&done.len())
+                && let Some(moved) = self.far(&simulated, &response)
+            {
+                far.push(done.len());
+                simulated = moved;
             }
             if settled && done.len() >= ROUNDS[0] {
                 break;
             }
         }
         let response = self.response(&done)?;
-        Ok(self.correction(done, &response))
+        Ok(self.correction(done, &far, &response))
     }
 
     /// How fits answer to the robot, by all rounds.
@@ -285,15 +289,17 @@ impl Inference<'_> {
         })
     }
 
-    fn correction(&self, rounds: Vec<Round>, response: &Response) -> Correction {
+    /// What `rounds` say, of which those of the numbers `far` were far from the estimate.
+    fn correction(&self, rounds: Vec<Round>, far: &[usize], response: &Response) -> Correction {
         let entries = self.problem.theta.entries().iter().enumerate();
         let found = response.robot_of(self.values);
-        let last = &rounds[rounds.len().saturating_sub(LAST)..];
+        let near = rounds.iter().enumerate().filter(|(number, _)| !far.contains(number));
+        let last: Vec<&Round> = near.map(|(_, round)| round).rev().take(LAST).collect();
         let corrected = entries.map(|(at, entry)| {
             if self.moving[at] { found[at].clamp(entry.lower, entry.upper) } else { self.found[at] }
         });
         let spread = |at: usize| {
-            let of = |round: &Round| {
+            let of = |round: &&Round| {
                 let all: Vec<f64> = round.fits.iter().map(|fit| fit[at]).collect();
                 gaitfit_sim::stats::deviation(&all).unwrap_or(0.0).powi(2)
             };
@@ -327,11 +333,11 @@ impl Inference<'_> {
     }
 
     /// A robot that is moved from `simulated` along the change that fits answer least to, on the way that the rounds went;
-    /// `simulated` if no answer is weak.
-    fn far(&self, simulated: &[f64], response: &Response) -> Vec<f64> {
+    /// `None` if no answer is weak.
+    fn far(&self, simulated: &[f64], response: &Response) -> Option<Vec<f64>> {
         let (part, change) = response.weakest();
         if part >= WEAK {
-            return simulated.to_vec();
+            return None;
         }
         let entries = self.problem.theta.entries();
         let scaled = entries.iter().zip(simulated.iter().zip(self.values)).zip(&change);
@@ -340,7 +346,7 @@ impl Inference<'_> {
         let most = entries.iter().zip(&change).map(|(entry, by)| (by / entry.deviation).abs());
         let part = 1f64.copysign(gone) / most.fold(f64::MIN_POSITIVE, f64::max);
         let moved: Vec<f64> = simulated.iter().zip(&change).map(|(from, by)| from + part * by).collect();
-        self.next(simulated, &moved)
+        Some(self.next(simulated, &moved))
     }
 
     /// Where a fit of logs would end.
