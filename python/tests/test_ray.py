@@ -93,7 +93,8 @@ class Shared(Case):
                 self.assertEqual(found(both[1]), found(both[0]))
                 kept = [one.to_dict() for one in both]
                 self.assertEqual(kept[1]["fits"], kept[0]["fits"])
-                self.assertGreater(crew.done, 10)
+                # Two generations at least; robots that correct `wass` are simulated by the driver.
+                self.assertGreaterEqual(crew.done, 2 * 3)
 
     def test_a_policy_that_is_a_function_acts_at_both_ends(self) -> None:
         logs, settings = self.folder / "logs", {"optimizer.seeds": 1, "optimizer.generations": 2, "optimizer.population": 6}
