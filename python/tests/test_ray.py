@@ -81,11 +81,12 @@ class Shared(Case):
         policy, logs = ROOT / "assets" / "go2-walk.safetensors", self.folder / "logs"
         gaitfit.collect(policy, logs, trajectories=8, seconds=2.5, privileged=True, torque_noise=1.0, progress=False)
         short = {"optimizer.seeds": 1, "optimizer.generations": 2}
-        for settings in (
+        for settings, tasks in (
             # Least squares, its correction by simulated logs and its intervals.
-            {"costs": ["matchr1"], "optimizer.replicates": 1, **short},
-            {"costs": ["matchr1"], "optimizer.replicates": 0, "odd_joints": True, **short},
-            {"costs": ["wass"], **short},
+            ({"costs": ["matchr1"], "optimizer.replicates": 1, **short}, 11),
+            ({"costs": ["matchr1"], "optimizer.replicates": 0, "odd_joints": True, **short}, 11),
+            # The robots that correct `wass` are simulated by the driver.
+            ({"costs": ["wass"], **short}, 10),
         ):
             with self.subTest(settings=settings):
                 crew = OwnCrew(3, True)
@@ -93,8 +94,7 @@ class Shared(Case):
                 self.assertEqual(found(both[1]), found(both[0]))
                 kept = [one.to_dict() for one in both]
                 self.assertEqual(kept[1]["fits"], kept[0]["fits"])
-                # Two generations at least; robots that correct `wass` are simulated by the driver.
-                self.assertGreaterEqual(crew.done, 2 * 3)
+                self.assertGreaterEqual(crew.done, tasks)
 
     def test_a_policy_that_is_a_function_acts_at_both_ends(self) -> None:
         logs, settings = self.folder / "logs", {"optimizer.seeds": 1, "optimizer.generations": 2, "optimizer.population": 6}

@@ -58,10 +58,11 @@ pub fn alternatives(
     let other = |what: &str, simulator, corrected| Other { what: what.to_owned(), simulator, corrected };
     let preset = format!("preset {}", solver.simulation.preset.name());
     // The robots of a correction have it where the real one's step is known: see `Walking::robot`.
-    let robots = config.simulation.robot_timestep.is_some() && solver.simulation.preset == Preset::Accurate;
+    let corrected =
+        config.simulation.robot_timestep.is_some() && solver.simulation.preset == Preset::Accurate;
     let mut others = vec![
         other("half the step", of(&finer)?.simulator(base.clone(), logs)?, true),
-        other(&preset, of(&solver)?.simulator(base.clone(), logs)?, robots),
+        other(&preset, of(&solver)?.simulator(base.clone(), logs)?, corrected),
     ];
     if config.costs.iter().any(|cost| cost.needs_imu()) {
         let feet = walking.simulator(base.clone(), logs).with_feet_trust(1.0);

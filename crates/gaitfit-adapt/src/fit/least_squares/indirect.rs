@@ -36,8 +36,8 @@ const MISSED: f64 = 2.5;
 const SETTLED: f64 = 2e-3;
 /// The last rounds, those that went far left out, whose fits show the spread.
 const LAST: usize = 2;
-/// Rounds after which, if they have not settled, the next robot is moved along the change that fits answer least to, by up to
-/// an entry's deviation,
+/// Rounds after which, if they have not settled, the next robot is moved along the change that fits answer least to, until an
+/// entry has moved by its deviation,
 const FAR: [usize; 2] = [4, 6];
 /// if they answer with less than this part of it.
 const WEAK: f64 = 0.5;
@@ -250,17 +250,16 @@ impl Inference<'_> {
             let here = Round { values: simulated.clone(), torque_noise, fits };
             let settled = self.settled(&here);
             done.push(here);
+            if settled && done.len() >= ROUNDS[0] {
+                break;
+            }
             let response = self.response(&done)?;
             simulated = self.next(&simulated, &response.robot_of(self.values));
-            if !settled
-                && FAR.contains(&done.len())
+            if FAR.contains(&done.len())
                 && let Some(moved) = self.far(&simulated, &response)
             {
                 far.push(done.len());
                 simulated = moved;
-            }
-            if settled && done.len() >= ROUNDS[0] {
-                break;
             }
         }
         let response = self.response(&done)?;
@@ -343,9 +342,8 @@ impl Inference<'_> {
         let scaled = entries.iter().zip(simulated.iter().zip(self.values)).zip(&change);
         let gone: f64 =
             scaled.map(|((entry, (to, from)), by)| (to - from) * by / entry.deviation.powi(2)).sum();
-        let most = entries.iter().zip(&change).map(|(entry, by)| (by / entry.deviation).abs());
-        let part = 1f64.copysign(gone) / most.fold(f64::MIN_POSITIVE, f64::max);
-        let moved: Vec<f64> = simulated.iter().zip(&change).map(|(from, by)| from + part * by).collect();
+        let moved: Vec<f64> =
+            simulated.iter().zip(&change).map(|(from, by)| from + by * 1f64.copysign(gone)).collect();
         Some(self.next(simulated, &moved))
     }
 

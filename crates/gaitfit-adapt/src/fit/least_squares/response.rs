@@ -87,10 +87,11 @@ impl Response {
         (&self.robot + &self.inverse * by).component_mul(&self.scale).as_slice().to_vec()
     }
 
-    /// The part of a change of the robot that the fit answers with where it answers least, and that change, in the entries'
-    /// units. Entries' deviations measure both.
+    /// The part of a change of the robot that the fit answers with where it answers least, both measured in the entries'
+    /// deviations, and that change in the entries' units: of the entry that it moves most by its deviation.
     pub fn weakest(&self) -> (f64, Vec<f64>) {
-        (self.weakest.0, self.weakest.1.component_mul(&self.scale).as_slice().to_vec())
+        let (part, change) = &self.weakest;
+        (*part, (change / change.amax()).component_mul(&self.scale).as_slice().to_vec())
     }
 
     /// How far the robot's values move where those of the fit move by one, row by row, in the entries' units.
