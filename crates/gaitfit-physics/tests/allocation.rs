@@ -10,9 +10,9 @@ use std::cell::Cell;
 use common::batch::{networks, pack, pack_params, state_of, values};
 use common::{Arrays, here, robot};
 use gaitfit_model::{Cone, Model};
+use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::{
-    Drive, Isa, Lanes, Period, Preset, Robot, Settings, Work, compile, control_period, memory_of, state_from,
-    with_lanes,
+    Drive, Isa, Lanes, Period, Preset, Robot, Settings, Work, compile, memory_of, state_from, with_lanes,
 };
 
 struct Counting;

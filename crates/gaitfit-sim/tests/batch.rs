@@ -6,7 +6,8 @@ use std::path::Path;
 
 use gaitfit_model::kinematics::{Frame, body_frames, standing_height};
 use gaitfit_model::{Model, ReadOptions, read};
-use gaitfit_physics::{Drive, Isa, Params, Preset, Robot, Settings, State, Work, compile, step};
+use gaitfit_physics::in_f64::step;
+use gaitfit_physics::{Drive, Isa, Params, Preset, Robot, Settings, State, Work, compile};
 use gaitfit_sim::{Batch, BatchOptions, Cpu, Engine, Motion, SimError, Start};
 
 #[path = "batch/emulated.rs"]

@@ -4,9 +4,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use gaitfit_model::Model;
+use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::trace::Report;
 use gaitfit_physics::{
-    Drive, Kept, Params, Period as Control, Preset, Robot, Settings, State, Work, compile, control_period,
+    Drive, Kept, Params, Period as Control, Preset, Robot, Settings, State, Work, compile,
 };
 use gaitfit_sim::SimError;
 use gaitfit_sim::bench::{Geoms, SUBSTEPS, TIMESTEP, random_robot, standing, trot, with_geoms};

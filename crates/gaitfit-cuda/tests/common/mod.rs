@@ -4,6 +4,7 @@
 
 use gaitfit_cuda::emit::{EmitOptions, PeriodProgram, Seating};
 use gaitfit_model::{Model, ReadOptions, Shape, read};
+use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::trace::{PeriodGraph, Report, Traced, record_period_with};
 use gaitfit_physics::{
     ActionDelta, Drive, JointModification, JointNetwork, Modify, NetworkScales, Params, Period, Real,
@@ -259,10 +260,4 @@ pub fn difference(got: &[f64], want: &[f64]) -> f64 {
         let error = (got - want).abs() / want.abs().max(1.0);
         if error.is_nan() { f64::INFINITY } else { worst.max(error) }
     })
-}
-
-/// The control period in `f64`, compiled once: it is inlined whole wherever it is called.
-#[inline(never)]
-pub fn control_period(p: &mut Period<'_, f64>) {
-    gaitfit_physics::control_period(p);
 }

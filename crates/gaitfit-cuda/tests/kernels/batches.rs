@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::common::{control_period, feet, modifications, networks, robot};
+use crate::common::{feet, modifications, networks, robot};
 use gaitfit_cuda::emit::EmitOptions;
 use gaitfit_cuda::physics::{Batch, DeviceError, Period, PeriodOptions};
 use gaitfit_cuda::runtime::{Device, Stream};
 use gaitfit_model::Model;
+use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::trace::{Known, Report, Traced};
 use gaitfit_physics::{
     Drive, JointModification, Kept, Modify, Params, Period as Control, Preset, Robot, Settings, State, Work,

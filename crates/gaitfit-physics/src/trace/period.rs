@@ -169,21 +169,21 @@ pub fn record_period_with(
             work: &mut work,
             drives: &mut drives,
         };
-        phase::begin(&mut period);
+        begin(&mut period);
         let mut clock = Traced::zero();
         let slots = reported(tree, report);
         let mut shown = vec![Traced::zero(); slots.len()];
         let mut forces = vec![Traced::zero(); if report.forces { tree.pairs.len() } else { 0 }];
         let steps = Loop::begin(substeps, handed_on(&mut period, &mut clock, &mut shown));
-        phase::before(&mut period, clock, &disturbance);
+        before(&mut period, clock, &disturbance);
         let turns = Loop::begin(tree.settings.iterations, iterated(&mut period, &mut forces));
-        phase::iterate(&mut period, false);
+        iterate(&mut period);
         // A force is known inside the solver's loop alone.
         for (pair, force) in forces.iter_mut().enumerate() {
             *force = period.work.normal_force(tree, pair);
         }
         turns.end(iterated(&mut period, &mut forces));
-        phase::after(&mut period);
+        after(&mut period);
         show(&period, report, &forces, &mut shown);
         clock = clock + Traced::lit(1.0);
         steps.end(handed_on(&mut period, &mut clock, &mut shown));
@@ -204,6 +204,29 @@ pub fn record_period_with(
         all
     })?;
     Ok(PeriodGraph { graph, inputs, outputs })
+}
+
+// The phases in functions that own nothing: where there is something to drop, the compiler plans for a panic in each of
+// the thousands of operations, and takes a minute longer.
+
+#[inline(never)]
+fn begin(period: &mut Period<'_, Traced>) {
+    phase::begin(period);
+}
+
+#[inline(never)]
+fn before(period: &mut Period<'_, Traced>, clock: Traced, disturbance: &[Traced]) {
+    phase::before(period, clock, disturbance);
+}
+
+#[inline(never)]
+fn iterate(period: &mut Period<'_, Traced>) {
+    phase::iterate(period, false);
+}
+
+#[inline(never)]
+fn after(period: &mut Period<'_, Traced>) {
+    phase::after(period);
 }
 
 /// What one physics step hands to the next, and what it shows, which only the last one leaves.

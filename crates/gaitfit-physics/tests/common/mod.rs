@@ -4,7 +4,6 @@
 
 pub mod batch;
 pub mod compare;
-pub mod in_f64;
 pub mod kinematics;
 pub mod random;
 

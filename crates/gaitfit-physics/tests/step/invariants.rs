@@ -7,11 +7,11 @@ mod parameters;
 
 use std::collections::BTreeSet;
 
-use crate::common::in_f64::{accelerate, step};
 use crate::common::kinematics::{center, kinetic, mass, momentum, potential, sub};
 use crate::common::random::{Random, qpos};
 use crate::common::{Arrays, Ledger, clamped, converged, difference, here, largest, relative, robot};
 use gaitfit_model::{Cone, Model};
+use gaitfit_physics::in_f64::{accelerate, step};
 use gaitfit_physics::{
     Drive, Forward, Params, Preset, Robot, RowKind, Settings, Slot, State, Tree, Work, acceleration, bias,
     compile, constraint_rows, mass_matrix, state_from, state_to,

@@ -1,10 +1,10 @@
 //! Vectors of `f32` lanes against `f64`, and lanes against each other.
 
 use crate::common::batch::{networks, pack, pack_params, rounded, state_of, unpack, values};
-use crate::common::in_f64::control_period;
 use crate::common::random::Random;
 use crate::common::{Arrays, Ledger, here, relative_1, robot, touching};
 use gaitfit_model::{Cone, Model};
+use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::{
     Drive, Isa, Lanes, Params, Period, Preset, Robot, Settings, Work, compile, memory_of, settle, state_from,
     with_lanes,

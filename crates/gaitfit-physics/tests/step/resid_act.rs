@@ -1,7 +1,7 @@
 //! A network that resists changes of velocity stands for rotor inertia, also for more than the joint's own.
 
 use crate::common::clamped;
-use crate::common::in_f64::control_period;
+use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::{
     Damping, Drive, JointModification, JointNetwork, NETWORK_WEIGHTS, NetworkScales, Period, Preset,
     ResidAct, Robot, Settings, State, Work, compile, memory_of, settle,

@@ -4,10 +4,10 @@
 use std::collections::BTreeSet;
 
 use crate::common::batch::{networks, param_values, values};
-use crate::common::in_f64::control_period;
 use crate::common::random::Random;
 use crate::common::{Arrays, here, robot};
 use gaitfit_model::{Cone, Model};
+use gaitfit_physics::in_f64::control_period;
 use gaitfit_physics::trace::{
     Id, Input, Loop, PeriodGraph, Region, RegionKind, TraceError, Traced, record, record_period,
 };

@@ -1,8 +1,8 @@
 //! What a joint's motor can do at its speed, and its friction at rest and in motion, against their formulas.
 
 use super::*;
-use crate::common::in_f64::control_period;
 use gaitfit_physics::Period;
+use gaitfit_physics::in_f64::control_period;
 
 const KP: f64 = 50.0;
 const KD: f64 = 1.5;

@@ -48,6 +48,7 @@ fn period<T: gaitfit_physics::Real<K = f64>>(
     settings: &Settings,
     inputs: &Inputs,
     number: impl Fn(f64, usize, bool) -> T,
+    advance: fn(&mut Period<'_, T>),
 ) -> Vec<T> {
     let tree = compile::<T>(model, settings).unwrap();
     let state: Vec<T> = inputs.state.iter().enumerate().map(|(at, &x)| number(x, at, true)).collect();
@@ -60,7 +61,7 @@ fn period<T: gaitfit_physics::Real<K = f64>>(
         at += 1;
     });
     let mut targets: Vec<T> = inputs.targets.iter().map(|&x| T::lit(x)).collect();
-    gaitfit_physics::control_period(&mut Period {
+    advance(&mut Period {
         tree: &tree,
         params: &params,
         targets: &mut targets,
@@ -138,9 +139,11 @@ fn compare(model: &Model, file: &str, preset: Preset, centred: bool, lift: f64) 
             let slopes = slopes(model, &settings, &Direction { name, of_state });
             let slope = |at: usize, of_state: bool| slopes[usize::from(!of_state)][at];
             let dual = |x: f64, at: usize, of_state: bool| Dual::new(x, slope(at, of_state));
-            let found = period(model, &settings, &inputs, dual);
-            let plain =
-                |by: f64| period(model, &settings, &inputs, |x, at, of_state| x + by * slope(at, of_state));
+            let found = period(model, &settings, &inputs, dual, gaitfit_physics::control_period);
+            let plain = |by: f64| {
+                let number = |x, at, of_state| x + by * slope(at, of_state);
+                period(model, &settings, &inputs, number, control_period)
+            };
             let value: Vec<f64> = found.iter().map(|one| one.value).collect();
             assert_eq!(value, plain(0.0), "{name}: values of duals are those of plain numbers");
             let width = match name {
