@@ -84,7 +84,7 @@ fn of_the_go2_it_finds_about_the_built_in_task() {
     train(&folder.path().join("robot.toml"), folder.path(), &TINY);
 }
 
-/// Elliptic cones of a large `impratio` diverge in a few solver steps of single precision: trainings leave them.
+/// Elliptic cones take the solver more steps: trainings leave them, unless they are asked for.
 #[test]
 fn a_robot_with_elliptic_cones_trains_with_pyramids() {
     let folder = tempfile::tempdir().unwrap();

@@ -293,7 +293,8 @@ fn line_search<T: Real>(
     let z = T::zero();
     let mut alpha = T::lit(1.0);
     let mut lower = z;
-    let mut upper = T::lit(16.0);
+    let farthest = T::lit(16.0);
+    let mut upper = farthest;
     let mut moved = T::lit(32.0);
     for _ in 0..tree.settings.line_search {
         let mut kinks = Kinks::none();
@@ -312,7 +313,9 @@ fn line_search<T: Real>(
         let high = T::select_lt(g, z, upper - room, upper);
         let mut next = T::select_lt(newton, low, middle, newton);
         next = T::select_lt(high, newton, middle, next);
-        next = T::select_lt(moved, T::lit(2.0) * change.abs(), middle, next);
+        // Without a found end there is nothing to halve: the middle lies far beyond what was looked at.
+        let halved = T::select_lt(moved, T::lit(2.0) * change.abs(), middle, next);
+        next = T::select_lt(upper, farthest, halved, next);
         if tree.elliptic {
             // Newton's method does not see a kink that it steps across, and it may be narrow: look there first.
             let below = T::select_lt(lower, kinks.below, kinks.below, newton);

@@ -91,6 +91,8 @@ impl Cache {
         fs::create_dir_all(&self.folder)?;
         let mut file = tempfile::Builder::new().prefix(".new-").tempfile_in(&self.folder)?;
         file.write_all(&pack(image))?;
+        // By the clock of `read`: the file system's own lags behind it, and a new file would pass for an old one.
+        file.as_file().set_modified(SystemTime::now())?;
         file.persist(self.path(key)).map_err(|error| error.error)?;
         self.trim();
         Ok(())
