@@ -86,8 +86,7 @@ pub enum InitError {
 }
 
 /// What a robot with elliptic cones trains with: those take the solver three times as many steps.
-const CONE: &str =
-    "cone = \"pyramidal\"              # the file's elliptic cones can take twice the time in training\n";
+const CONE: &str = "cone = \"pyramidal\"              # the file's elliptic cones take longer in training\n";
 
 /// Something that was found or guessed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -195,8 +194,7 @@ fn guesses(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains: 
     if model.options.cone == Cone::Elliptic {
         say(
             "contacts",
-            "pyramidal friction cones, as the file's elliptic ones can take twice the time in training"
-                .to_owned(),
+            "pyramidal friction cones, as the file's elliptic ones take longer in training".to_owned(),
         );
     }
     for doubt in &gains.doubts {
