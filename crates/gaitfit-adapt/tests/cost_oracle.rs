@@ -272,7 +272,7 @@ fn constant_dimensions_are_left_out() {
 }
 
 /// Six recordings of 4,700 samples and 24 dimensions: time per sample of Wass and MatchO.
-/// `cargo test --release -p gaitfit-adapt --test cost_oracle -- --ignored --nocapture`
+/// `cargo test --release -p gaitfit-adapt --test tests cost_oracle -- --ignored --nocapture`
 #[test]
 #[ignore = "a timing; run it alone, in release"]
 fn costs_are_fast() {

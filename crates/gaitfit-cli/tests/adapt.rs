@@ -1,7 +1,7 @@
 //! `gaitfit adapt` on the demo: the document, the files, checks, and what must not change the result.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{errors, json, quick_demo, run};
 use serde_json::Value;

@@ -1,7 +1,7 @@
 //! Broken input: one paragraph that says what, where and what to do; exit code 1 or 2; nothing else touched.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{errors, quick_demo, root, run};
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! `gaitfit collect`: its logs are read back as what the policy saw and did.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{errors, json, run};
 use gaitfit_log::{ReadOptions, Trajectory, read_csv};

@@ -1,7 +1,7 @@
 //! `gaitfit evaluate`: what it prints and writes for a policy that only stands.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{errors, json, run};
 use gaitfit_policy::network::{Activation, Network, Shape};

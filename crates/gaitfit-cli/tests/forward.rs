@@ -1,7 +1,7 @@
 //! `gaitfit forward`: arrays in and out.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{errors, run};
 use npyz::WriterBuilder;

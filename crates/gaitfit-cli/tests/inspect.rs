@@ -1,7 +1,7 @@
 //! `gaitfit inspect` on robots and logs.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{errors, json, root, run};
 

@@ -1,7 +1,7 @@
 //! The joint that is not like the others is found without a word about which one it is.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod common;
+use crate::common;
 
 use common::{errors, json, run};
 use std::path::Path;

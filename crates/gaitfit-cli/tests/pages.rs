@@ -3,9 +3,8 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-#[path = "common/chromium.rs"]
-mod chromium;
-mod common;
+use crate::chromium;
+use crate::common;
 
 use base64::prelude::{BASE64_STANDARD, Engine};
 use chromium::{Browser, address};

@@ -1,7 +1,7 @@
 //! The program as a whole: help, exit codes, closed pipes, JSON.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{errors, json, program, run};
 use std::process::Stdio;

@@ -1,7 +1,7 @@
 //! `gaitfit run`: a policy on a simulated robot, on the clock.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{errors, json, program, run};
 use gaitfit_log::{ReadOptions, Trajectory, read_csv};

@@ -1,7 +1,7 @@
 //! Fits of walking logs that hold what an IMU measures.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod common;
+use crate::common;
 
 use common::{errors, json, root, run};
 use std::path::Path;

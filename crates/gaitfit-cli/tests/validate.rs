@@ -1,7 +1,7 @@
 //! `gaitfit validate`: a finished fit on other logs, clamped and walking.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{errors, json, quick_demo, root, run};
 use std::path::Path;

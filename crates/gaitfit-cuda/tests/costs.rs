@@ -1,7 +1,7 @@
 //! Distances and sums of squares of many candidates against those of `gaitfit-adapt`.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod host;
+use crate::host;
 
 use gaitfit_adapt::cost::{sort_f32, wasserstein1};
 use gaitfit_cuda::costs::{Comparison, Sizes, pooled, program};

@@ -1,8 +1,8 @@
 //! The kernels of a fit, run on the CPU as C++, against `gaitfit_policy::follow`; and NVIDIA's compiler.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod candidates;
-mod host;
+use crate::candidates;
+use crate::host;
 
 use std::path::Path;
 use std::sync::Mutex;

@@ -1,8 +1,8 @@
 //! The kernels of a replay's candidates, run on the CPU as C++, against the CPU's replay.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod candidates;
-mod host;
+use crate::candidates;
+use crate::host;
 
 use std::sync::Mutex;
 

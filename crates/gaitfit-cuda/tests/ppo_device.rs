@@ -1,7 +1,7 @@
 //! The update on a GPU against the CPU's learner and `f64`.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod reference;
+use crate::reference;
 
 use gaitfit_cuda::ppo::{Batch, Learner, PpoError, Precision};
 use gaitfit_cuda::runtime::Device;

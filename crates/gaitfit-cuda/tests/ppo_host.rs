@@ -1,7 +1,7 @@
 //! The GPU's update, run on the CPU as C++, against the CPU's learner; and its text through NVIDIA's compiler.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod host;
+use crate::host;
 
 use gaitfit_cuda::ppo::{Batch, Limits, Precision, Prepared};
 use gaitfit_cuda::runtime::{Nvrtc, compile};

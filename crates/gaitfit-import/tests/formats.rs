@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-mod common;
+use crate::common;
 
 use common::{JOINTS, apart, fixture, read};
 use gaitfit_import::{ClockFinding, ImportError, Imported, Mapping, Options, import, mcap_bytes};

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-mod common;
+use crate::common;
 
 use common::{JOINTS, fixture};
 use gaitfit_import::{Mapping, Options, import};

@@ -1,7 +1,7 @@
 //! Logs say what the policy saw and did: the policy, applied to a log's rows, does the same again.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod task_common;
+use crate::task_common;
 
 use gaitfit_learn::collect::{CollectOptions, collect};
 use gaitfit_learn::evaluate::Subject;

@@ -1,7 +1,7 @@
 //! Evaluation of policies whose walk is known beforehand: they stand, or they fall.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod task_common;
+use crate::task_common;
 
 use gaitfit_learn::evaluate::{Subject, Trial, drift, record_gait, run_trials, summarise};
 use gaitfit_learn::task::{Task, TaskSettings};

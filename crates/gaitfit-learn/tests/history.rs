@@ -1,7 +1,7 @@
 //! Policies that observe the past: rows, episodes, checkpoints, logs and files.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod task_common;
+use crate::task_common;
 
 use std::sync::Mutex;
 

@@ -1,7 +1,7 @@
 //! Settings joint by joint, policies over some of the joints, and feet of any shape.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod task_common;
+use crate::task_common;
 
 use gaitfit_learn::evaluate::{Subject, record_gait};
 use gaitfit_learn::task::{Ended, Environment, JointNumber, Task, TaskSettings};

@@ -3,7 +3,7 @@
 
 #[path = "rewards/expressions.rs"]
 mod expressions;
-mod task_common;
+use crate::task_common;
 
 use gaitfit_learn::task::{Foot, Moment, Task, reward};
 use task_common::{built_in, calm, scene};

@@ -5,7 +5,7 @@
 mod drawn;
 #[path = "task/ground.rs"]
 mod ground;
-mod task_common;
+use crate::task_common;
 
 use gaitfit_learn::task::{Ended, Environment, JointNumber, NoiseSettings, Task, TaskSettings};
 use gaitfit_model::rotation::{inverse, rotate};

@@ -1,7 +1,7 @@
 //! The project's own policy files, safetensors and ONNX: there and back, and everything that can be wrong.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{ACTIVATIONS, act, largest_difference, numbers, policy, root};
 use gaitfit_policy::network::{Activation, LayerNorm, Network, Shape};

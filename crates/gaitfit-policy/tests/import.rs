@@ -1,7 +1,7 @@
 //! Policies trained elsewhere: fixtures of `tools/make_policy_fixtures.py`.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{act, fixture, go2, largest_difference, rows};
 use gaitfit_policy::network::Activation;

@@ -1,7 +1,7 @@
 //! An interface against itself and against robots.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{go2, interface};
 use gaitfit_model::read_mjcf_str;

@@ -1,7 +1,7 @@
 //! Inference: against scalar products in double precision, whatever the number of rows.
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-mod common;
+use crate::common;
 
 use common::ACTIVATIONS;
 use gaitfit_policy::network::{Activation, LayerNorm, Network, Scratch, Shape, ShapeError};

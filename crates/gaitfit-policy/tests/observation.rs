@@ -1,7 +1,7 @@
 //! Rows of observations by hand, with and without past frames.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::interface;
 use gaitfit_policy::observation::{LastAction, Layout, Past, Sensed};

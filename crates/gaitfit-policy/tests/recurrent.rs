@@ -1,7 +1,7 @@
 //! Recurrent and two-part policies: fixtures of `tools/make_policy_fixtures.py`, values by hand, files.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-mod common;
+use crate::common;
 
 use common::{fixture, largest_difference, numbers, policy, root, rows};
 use gaitfit_policy::network::{Activation, Cell, Network, Recurrent, RecurrentLayer, Scratch, Shape};

@@ -8,8 +8,7 @@ use gaitfit_view::fit::{
 };
 use gaitfit_view::{Doubt, DoubtKind, FitReport, Setting, fit_html as render};
 
-#[path = "common/page.rs"]
-mod page;
+use crate::page;
 use page::{HOSTILE, assert_finite, assert_harmless, assert_offline, parse, text};
 
 fn wave(count: usize, phase: f64) -> Vec<f64> {

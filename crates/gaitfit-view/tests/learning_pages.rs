@@ -1,10 +1,8 @@
 //! The pages of training and evaluation: what they say, and that neither names nor numbers can break them.
 #![allow(clippy::unwrap_used)] // A test that panics has failed.
 
-#[path = "common/invented.rs"]
-mod invented;
-#[path = "common/page.rs"]
-mod page;
+use crate::invented;
+use crate::page;
 
 use gaitfit_view::evaluation::{Drift, EvaluationReport, Ground, Histogram, Measure};
 use gaitfit_view::gait::{FootTrack, GaitPicture, TorqueSpectrum, VelocityTrack};

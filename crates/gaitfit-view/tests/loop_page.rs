@@ -1,10 +1,8 @@
 //! The page of a whole loop: it says the numbers it was given, whatever is missing, strange, hostile or long.
 #![allow(clippy::unwrap_used)] // A test that panics has failed.
 
-#[path = "common/invented_loop.rs"]
-mod invented_loop;
-#[path = "common/page.rs"]
-mod page;
+use crate::invented_loop;
+use crate::page;
 
 use gaitfit_view::evaluation::Drift;
 use gaitfit_view::fit::{Fit, LogSummary, OptimizerRun, Parameter, SignalDistribution};

@@ -2,12 +2,8 @@
 //! when its data contradict one another.
 #![allow(clippy::unwrap_used)] // A test that panics has failed.
 
-#[path = "common/go2.rs"]
-#[allow(dead_code)] // Other tests use the rest.
-mod go2;
-#[path = "common/page.rs"]
-#[allow(dead_code)]
-mod page;
+use crate::go2;
+use crate::page;
 
 use gaitfit_view::replay::{Frame, Geom, Ground, Joint, Replay, ReplayError, Shape};
 use gaitfit_view::replay_html;

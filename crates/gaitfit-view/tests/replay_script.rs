@@ -1,12 +1,8 @@
 //! The page's script, run outside a browser: it places bodies where rotation matrices do.
 #![allow(clippy::unwrap_used)] // A test that panics has failed.
 
-#[path = "common/go2.rs"]
-#[allow(dead_code)] // Other tests use the rest.
-mod go2;
-#[path = "common/page.rs"]
-#[allow(dead_code)]
-mod page;
+use crate::go2;
+use crate::page;
 
 use gaitfit_view::replay::{Ground, Replay, ReplayRobot};
 use gaitfit_view::replay_html;

@@ -1,4 +1,4 @@
-//! Matrix products on slices: the one door to the `gemm` crate.
+//! Matrix products on slices: the one door to the kernels of the `gemm` crates.
 #![allow(unsafe_code, reason = "gemm takes raw pointers; every index it can reach is checked here first")]
 
 use super::scalar::Scalar;
@@ -14,8 +14,8 @@ const COPIED: usize = 8;
 /// that changes it meanwhile costs time, never a bit of the result.
 fn choose_packing(columns: usize) {
     let wanted = if columns <= WIDEST_IN_PLACE { IN_PLACE } else { COPIED };
-    if gemm::get_lhs_packing_threshold_single_thread() != wanted {
-        gemm::set_lhs_packing_threshold_single_thread(wanted);
+    if gemm_common::gemm::get_lhs_packing_threshold_single_thread() != wanted {
+        gemm_common::gemm::set_lhs_packing_threshold_single_thread(wanted);
     }
 }
 
@@ -66,17 +66,23 @@ pub(crate) fn multiply<T: Scalar>(out: &mut [T], a: Matrix<'_, T>, b: Matrix<'_,
         return;
     }
     choose_packing(n);
-    // SAFETY: the three assertions above bound every index i · row_stride + j · column_stride that gemm forms for
-    // i < rows and j < columns; `out` is borrowed mutably, so it overlaps neither factor; T is f32 or f64 (the
-    // trait is sealed), which gemm knows; no stride exceeds a slice's length, so isize holds it.
+    // The kernels want a destination whose columns are at least as far apart as its rows: outᵀ = bᵀ aᵀ.
+    let (m, n, dst_columns, dst_rows, a, b) = if n > 1 {
+        (n, m, n as isize, 1, b.transposed(), a.transposed())
+    } else {
+        (m, n, 1, n as isize, a, b)
+    };
+    // SAFETY: the three assertions above bound every index i · row_stride + j · column_stride that the kernel forms for
+    // i < rows and j < columns; `out` is borrowed mutably, so it overlaps neither factor; no stride exceeds a slice's
+    // length, so isize holds it.
     unsafe {
-        gemm::gemm(
+        T::product()(
             m,
             n,
             k,
             out.as_mut_ptr(),
-            1,
-            n as isize,
+            dst_columns,
+            dst_rows,
             accumulate,
             a.data.as_ptr(),
             a.column_stride as isize,
@@ -89,7 +95,7 @@ pub(crate) fn multiply<T: Scalar>(out: &mut [T], a: Matrix<'_, T>, b: Matrix<'_,
             false,
             false,
             false,
-            gemm::Parallelism::None,
+            gemm_common::Parallelism::None,
         );
     }
 }

@@ -45,10 +45,48 @@ pub trait Scalar:
     fn hyperbolic_tangent<const FUSED: bool>(self) -> Self;
 }
 
-mod sealed {
-    pub trait Sealed {}
-    impl Sealed for f32 {}
-    impl Sealed for f64 {}
+pub(super) mod sealed {
+    use gemm_common::Parallelism;
+
+    /// A matrix product of the `gemm` family: sizes m, n, k; the destination with its column and row strides and whether
+    /// it is read; both factors with their column and row strides; the factors of destination and product; three
+    /// conjugations; threads. The destination's column stride must not be smaller than its row stride.
+    pub type Product<T> = unsafe fn(
+        usize,
+        usize,
+        usize,
+        *mut T,
+        isize,
+        isize,
+        bool,
+        *const T,
+        isize,
+        isize,
+        *const T,
+        isize,
+        isize,
+        T,
+        T,
+        bool,
+        bool,
+        bool,
+        Parallelism,
+    );
+
+    pub trait Sealed: Sized {
+        /// The product's kernel for the processor at hand.
+        fn product() -> Product<Self>;
+    }
+    impl Sealed for f32 {
+        fn product() -> Product<Self> {
+            gemm_f32::gemm::f32::get_gemm_fn()
+        }
+    }
+    impl Sealed for f64 {
+        fn product() -> Product<Self> {
+            gemm_f64::gemm::f64::get_gemm_fn()
+        }
+    }
 }
 
 impl Scalar for f64 {

@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 mod batches;
-#[path = "../common/mod.rs"]
-mod common;
+use crate::common;
 mod lowering;
 mod text;

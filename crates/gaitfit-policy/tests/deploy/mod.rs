@@ -1,8 +1,7 @@
 //! Files for those who run a policy without gaitfit: YAML read back, C++ compiled.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
-#[path = "../common/mod.rs"]
-mod common;
+use crate::common;
 mod cxx;
 mod yaml;
 

@@ -2,8 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 mod along;
-#[path = "../host/mod.rs"]
-mod host;
+use crate::host;
 mod logs;
 mod stepwise;
 mod trials;

@@ -1,0 +1,27 @@
+//! The tests of `gaitfit-cli`: one program, one module for each subject.
+
+mod adapt;
+mod bad_input;
+#[path = "common/chromium.rs"]
+mod chromium;
+mod collect;
+mod common;
+mod evaluate;
+mod export;
+mod finetune;
+mod forward;
+mod init;
+mod inspect;
+mod loop_robot;
+mod odd_joints;
+mod pages;
+mod program;
+mod readme;
+mod reproduce;
+mod resume;
+mod robots;
+mod run;
+mod sensors;
+mod train;
+mod validate;
+mod whole_loop;

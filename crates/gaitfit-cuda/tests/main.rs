@@ -1,0 +1,18 @@
+//! The tests of `gaitfit-cuda`: one program, one module for each subject.
+
+mod candidates;
+mod common;
+mod compiler;
+mod costs;
+mod device;
+mod fit_device;
+mod fit_host;
+mod fit_replay;
+mod host;
+mod kernels;
+mod ppo_device;
+mod ppo_host;
+mod reference;
+mod rollout_device;
+mod rollout_host;
+mod stepper_device;

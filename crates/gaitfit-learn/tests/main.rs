@@ -1,0 +1,16 @@
+//! The tests of `gaitfit-learn`: one program, one module for each subject.
+
+mod checkpoint;
+mod collect;
+mod evaluate;
+mod follow;
+mod foreign;
+mod history;
+mod joints_and_feet;
+mod own_simulator;
+mod ppo_gae;
+mod ppo_learner;
+mod ppo_warmup;
+mod rewards;
+mod task;
+mod task_common;

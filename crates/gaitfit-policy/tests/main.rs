@@ -1,0 +1,11 @@
+//! The tests of `gaitfit-policy`: one program, one module for each subject.
+
+mod common;
+mod deploy;
+mod files;
+mod foreign;
+mod import;
+mod interface;
+mod network;
+mod observation;
+mod recurrent;

@@ -1,0 +1,4 @@
+//! The tests of `gaitfit-sim`: one program, one module for each subject.
+
+mod batch;
+mod replay;
