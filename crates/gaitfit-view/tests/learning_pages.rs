@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)] // A test that panics has failed.
 
 use crate::invented;
-use crate::page;
+use crate::{go2, page};
 
 use gaitfit_view::evaluation::{Drift, EvaluationReport, Ground, Histogram, Measure};
 use gaitfit_view::gait::{FootTrack, GaitPicture, TorqueSpectrum, VelocityTrack};
@@ -139,7 +139,7 @@ fn hostile_names_stay_text() {
     let hostile = || HOSTILE.to_string();
     let setting = || vec![Setting { name: hostile(), value: hostile() }];
     let link = || vec![Link { text: hostile(), path: "javascript:alert(1)".into() }];
-    let mut gait = invented::go2::gait(20);
+    let mut gait = go2::gait(20);
     gait.feet[0].name = hostile();
     gait.spectra[0].group = hostile();
 
@@ -240,7 +240,7 @@ fn large_runs_stay_small_pages() {
         .rewards
         .extend((0..1000).map(|i| Series { name: format!("{i}{long}"), ..Series::default() }));
     report.configuration = "x = 1\n".repeat(1_000_000);
-    let mut gait = invented::go2::gait(10);
+    let mut gait = go2::gait(10);
     gait.time_s = (0..20_000).map(|i| i as f64 * 0.001).collect();
     let contact: Vec<bool> = (0..20_000).map(|i| i % 2 == 0).collect();
     gait.feet = vec![FootTrack { name: long, contact, height_m: vec![0.1; 20_000] }; 50];

@@ -8,7 +8,7 @@ use gaitfit_cuda::fit::{Compared, FitError, MultiGpu, Parts, Subject, Tables, Tr
 use gaitfit_cuda::runtime::Device;
 use gaitfit_policy::follow::Job;
 
-use crate::{ALL, pretend, robot, scripts, walking};
+use super::{ALL, pretend, robot, scripts, walking};
 
 /// `count` devices: all GPUs in turn, so the first one again where there is no other.
 fn devices(count: usize) -> Vec<Device> {

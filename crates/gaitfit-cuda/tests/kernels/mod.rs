@@ -3,6 +3,5 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 mod batches;
-use crate::common;
 mod lowering;
 mod text;

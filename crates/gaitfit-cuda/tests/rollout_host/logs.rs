@@ -1,6 +1,6 @@
 //! What the kernels record of a policy's walks, as C++, and what the CPU does.
 
-use crate::along::{ENVIRONMENTS, NETWORKS, PROCESSORS, SEED, go2, inputs, lively, params};
+use super::along::{ENVIRONMENTS, NETWORKS, PROCESSORS, SEED, go2, inputs, lively, params};
 use crate::host::{bytes, call, execute, floats, keep, take};
 use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control};
 use gaitfit_learn::collect::{CollectOptions, Recorder, sensed, sensed_width};

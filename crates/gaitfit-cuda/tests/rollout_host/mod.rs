@@ -2,7 +2,6 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 mod along;
-use crate::host;
 mod logs;
 mod stepwise;
 mod trials;

@@ -1,6 +1,6 @@
 //! Steps one by one under actions from outside by the kernels, as C++, and by the CPU's environments.
 
-use crate::along::{ENVIRONMENTS, PROCESSORS, SEED, apart, go2, inputs, lively, params, snapshots};
+use super::along::{ENVIRONMENTS, PROCESSORS, SEED, apart, go2, inputs, lively, params, snapshots};
 use crate::host::{bytes, call, doubles, execute, floats, keep, take};
 use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control};
 use gaitfit_learn::task::{Ended, Environment, Snapshot, Task};
@@ -241,6 +241,6 @@ fn cxx_steps_under_given_actions_on_hind_legs_are_the_cpus() {
 #[test]
 #[ignore = "needs g++"]
 fn cxx_steps_under_given_actions_of_a_fitted_robot_are_the_cpus() {
-    let (task, candidate) = crate::fitted();
+    let (task, candidate) = super::fitted();
     compare("fitted", &task, &candidate);
 }

@@ -1,6 +1,6 @@
 //! Steps of a policy's trajectories by the kernels, as C++, and by the CPU's environment.
 
-use crate::along::{ENVIRONMENTS, NETWORKS, PROCESSORS, SEED, apart, go2, inputs, lively, params};
+use super::along::{ENVIRONMENTS, NETWORKS, PROCESSORS, SEED, apart, go2, inputs, lively, params};
 use crate::host::{bytes, call, execute, floats, keep, take};
 use gaitfit_cuda::rollout::{Mode, Packed, Plan, Scene, Sizes, control};
 use gaitfit_learn::evaluate::{Subject, Trials, trial_environments};

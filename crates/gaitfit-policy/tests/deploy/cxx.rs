@@ -1,7 +1,7 @@
 //! C++ with the network inside, compiled and compared.
 
+use super::{rich, seeing};
 use crate::common::{self, ACTIVATIONS, fixture, interface, numbers, policy, root};
-use crate::{rich, seeing};
 use gaitfit_policy::network::{Activation, Network, Shape};
 use gaitfit_policy::observation::Sensed;
 use gaitfit_policy::{

@@ -1,7 +1,7 @@
 //! `controller.yaml` and `deploy.yaml`, read back.
 
+use super::{rich, seeing};
 use crate::common::{fixture, go2, interface, policy, root};
-use crate::{rich, seeing};
 use gaitfit_policy::network::Activation;
 use gaitfit_policy::{
     ActionClip, FrameOrder, Held, History, HistoryStart, Interface, Policy, Quantity, Term, deploy, onnx,

@@ -1,8 +1,6 @@
 //! Reports filled with invented but plausible numbers.
 
-#[path = "go2.rs"]
-pub mod go2;
-
+use crate::go2;
 use gaitfit_view::evaluation::{Drift, EvaluationReport, Ground, Histogram, Measure};
 use gaitfit_view::training::{SeedCurve, SeedResult, Series, TrainingReport};
 use gaitfit_view::{Link, Replay, Setting};

@@ -1,9 +1,6 @@
 //! A loop of two rounds with invented but plausible numbers.
 
-#[path = "go2.rs"]
-#[allow(dead_code)] // Other tests use the rest.
-pub mod go2;
-
+use crate::go2;
 use gaitfit_view::evaluation::Drift;
 use gaitfit_view::fit::{Fit, LogSummary, OptimizerRun, Parameter, Signal, SignalDistribution};
 use gaitfit_view::loop_report::{
