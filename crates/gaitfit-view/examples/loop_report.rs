@@ -1,6 +1,9 @@
 //! Writes the report of an invented loop, to look at the page without running one:
 //! `cargo run -p gaitfit-view --example loop_report -- report.html`
 
+#[path = "../tests/common/go2.rs"]
+#[allow(dead_code)] // Tests use the rest.
+mod go2;
 #[path = "../tests/common/invented_loop.rs"]
 mod invented_loop;
 

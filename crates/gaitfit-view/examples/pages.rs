@@ -1,6 +1,9 @@
 //! Writes invented pages and pictures of all kinds but fits and loops, to look at them without training:
 //! `cargo run -p gaitfit-view --example pages -- folder`
 
+#[path = "../tests/common/go2.rs"]
+#[allow(dead_code)] // Tests use the rest.
+mod go2;
 #[path = "../tests/common/invented.rs"]
 mod invented;
 
