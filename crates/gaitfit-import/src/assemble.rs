@@ -21,7 +21,7 @@ pub(crate) fn trajectory(
     assumed: &mut Vec<String>,
     left_out: &mut Vec<String>,
 ) -> Result<Trajectory, ImportError> {
-    let Joined { time: stamps, columns, .. } = joined;
+    let Joined { time: stamps, columns, lead, .. } = joined;
     let joints: Vec<String> =
         columns.keys().filter_map(|name| name.strip_prefix("q_")).map(str::to_owned).collect();
     without_position(&joints, &columns, sources, left_out)?;
@@ -107,6 +107,7 @@ pub(crate) fn trajectory(
         command: group(&COMMAND),
         base: (base != BaseState::default()).then_some(base),
         gains,
+        lead,
         fell: sources.iter().any(|source| source.fell),
     };
     trajectory.validate()?;

@@ -40,6 +40,7 @@ mod hdf5;
 mod join;
 mod kind;
 mod known;
+mod lead;
 mod mapping;
 mod mcap;
 mod mcap_write;
@@ -62,7 +63,7 @@ pub use mapping::{
 };
 pub use mcap_write::{LiveMcap, McapHead, McapLog, McapRow, McapState, mcap_bytes};
 
-use gaitfit_log::Trajectory;
+use gaitfit_log::{Lead, Trajectory};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -103,6 +104,9 @@ pub struct ImportReport {
     pub assumed: Vec<String>,
     /// What was left out, with the reason.
     pub left_out: Vec<String>,
+    /// How long after the row that it answers a target, or an action, was stamped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lead: Option<Lead>,
     /// Samples of the joints left out before the first and after the last of the other streams.
     pub dropped: [usize; 2],
 }
@@ -142,7 +146,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
                 shifted += 1;
                 report.assumed.push(format!("{}: its times are {offset} s later, as asked", table.name));
             }
-            report.streams.push(clock::clean(&mut table)?);
+            report.streams.push(clock::clean(&mut table, mapping.rate_hz.filter(|_| is_state))?);
             tables.push(table);
         }
         report.assumed.append(&mut source.assumed);
@@ -155,6 +159,8 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
     let mut joined = join::join(tables)?;
     report.assumed.append(&mut joined.assumed);
     report.dropped = joined.dropped;
+    joined.lead = joined.lead.or_else(|| sources.iter().find_map(|source| source.lead));
+    report.lead = joined.lead;
     let (assumed, left_out) = (&mut report.assumed, &mut report.left_out);
     let mut trajectory = assemble::trajectory(joined, &sources, mapping, assumed, left_out)?;
     trajectory.source = paths.first().map(|path| path.as_ref().to_owned());

@@ -31,7 +31,9 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
         bytes = unzstd(&bytes, &mut budget).map_err(|problem| content(path, kind, problem))?;
         kind = crate::kind::kind(&bytes).ok_or_else(|| ImportError::UnknownKind { path: path.to_owned() })?;
     }
-    if kind == Kind::Text && mapping == &Mapping::default() && is_own(&bytes) {
+    // A rate is what such a log may lack.
+    let only_rate = Mapping { rate_hz: mapping.rate_hz, ..Mapping::default() };
+    if kind == Kind::Text && mapping == &only_rate && is_own(&bytes) {
         return own(path, options);
     }
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
@@ -186,9 +188,11 @@ fn is_own(bytes: &[u8]) -> bool {
 
 /// Reads a log of gaitfit's own as its reader does, with comments and sidecar files.
 fn own(path: &Path, options: &Options) -> Result<Source, ImportError> {
-    let read = ReadOptions { max_bytes: options.max_bytes, ..ReadOptions::default() };
+    let rate_hz = options.mapping.rate_hz;
+    let read = ReadOptions { max_bytes: options.max_bytes, rate_hz, ..ReadOptions::default() };
     let (log, report) = read_csv_report(path, &read)?;
     let mut source = Source { kind: "CSV log of gaitfit", ..Source::default() };
+    source.assumed.extend(report.even_rows.iter().map(|even| format!("{}: {even}", path.display())));
     source.left_out.extend(report.ignored.iter().map(|column| format!("{}: {}", column.name, column.reason)));
     let mut table = crate::table::Table {
         name: path.display().to_string(),
@@ -218,6 +222,7 @@ fn own(path: &Path, options: &Options) -> Result<Source, ImportError> {
     add(fixed(&["wx", "wy", "wz"]), base.angular_velocity.as_ref());
     source.robot = log.robot.clone();
     source.fell = log.fell;
+    source.lead = log.lead;
     source.gains = log.gains.map(|gains| (gains.kp, gains.kd));
     source.tables.push(table);
     Ok(source)

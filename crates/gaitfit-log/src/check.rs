@@ -98,6 +98,8 @@ pub enum FindingKind {
     TimeGap,
     /// Sample intervals vary.
     IrregularTime,
+    /// The stamps had lost their digits; rows were spaced evenly.
+    CoarseTime,
     /// The time column was in another unit than seconds.
     TimeUnit,
     /// The stated sample rate is not the rate of the samples.
@@ -169,6 +171,7 @@ impl std::fmt::Display for FindingKind {
             FindingKind::NonMonotonicTime => "non-monotonic time",
             FindingKind::TimeGap => "time gap",
             FindingKind::IrregularTime => "irregular time",
+            FindingKind::CoarseTime => "coarse time",
             FindingKind::TimeUnit => "time unit",
             FindingKind::RateMismatch => "rate mismatch",
             FindingKind::RepeatedRows => "repeated rows",

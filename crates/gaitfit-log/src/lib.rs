@@ -44,6 +44,8 @@ mod names;
 mod ops;
 mod read;
 mod scale;
+mod spacing;
+mod stamps;
 mod summary;
 mod time_unit;
 mod trajectory;
@@ -57,6 +59,8 @@ pub use folder::{FindingGroup, FolderSummary, LogContent, LogEntry, RateCount, s
 pub use metadata::PerJoint;
 pub use ops::Signal;
 pub use read::{Hole, IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_report};
+pub use spacing::{Lost, Spacing, spacing};
+pub use stamps::{CoarseStamps, EvenRows, Stamps, look as look_at_stamps, rate_of_velocities};
 pub use summary::{JointSummary, LogSummary, SignalSummary, summary, summary_with_report};
 pub use time_unit::{ConvertedTime, TimeUnit, recognise as recognise_time_unit};
 pub use trajectory::*;

@@ -82,6 +82,8 @@ pub(crate) struct Metadata {
     pub kp: Option<Sourced<PerJoint>>,
     pub kd: Option<Sourced<PerJoint>>,
     pub fell: Option<Sourced<bool>>,
+    pub target_lead_s: Option<Sourced<f64>>,
+    pub target_lead_spread_s: Option<Sourced<f64>>,
 }
 
 /// The keys of header comments and sidecar files.
@@ -93,6 +95,8 @@ pub(crate) struct Statements {
     pub kp: Option<PerJoint>,
     pub kd: Option<PerJoint>,
     pub fell: Option<bool>,
+    pub target_lead_s: Option<f64>,
+    pub target_lead_spread_s: Option<f64>,
     /// Free remarks of the recorder; not used.
     #[serde(rename = "notes")]
     pub _notes: Option<toml::Table>,
@@ -101,7 +105,7 @@ pub(crate) struct Statements {
 /// Most characters of what the TOML reader says.
 const REASON: usize = 200;
 
-const KEYS: [&str; 5] = ["robot", "rate_hz", "kp", "kd", "fell"];
+const KEYS: [&str; 7] = ["robot", "rate_hz", "kp", "kd", "fell", "target_lead_s", "target_lead_spread_s"];
 
 impl Metadata {
     /// Takes what `statements` says and nothing stronger has said.
@@ -116,6 +120,8 @@ impl Metadata {
         fill(&mut self.kp, statements.kp, place);
         fill(&mut self.kd, statements.kd, place);
         fill(&mut self.fell, statements.fell, place);
+        fill(&mut self.target_lead_s, statements.target_lead_s, place);
+        fill(&mut self.target_lead_spread_s, statements.target_lead_spread_s, place);
     }
 
     /// One header comment, without its `#`. Returns the key of a `key = value` line that means nothing here.
@@ -135,6 +141,7 @@ impl Metadata {
                 "kp" | "pgain" => "kp",
                 "kd" | "dgain" => "kd",
                 "fell" | "fall" | "fallen" => "fell",
+                "lead" | "leads" | "targetlead" | "targetleads" => "target_lead_s",
                 _ => return Ok(Some(key.to_owned())),
             };
             return Err(refuse(format!("`{}` is not a key of log headers; write `{meant} = …`", shown(key))));
@@ -152,6 +159,8 @@ impl Metadata {
             "rate_hz" => self.rate_hz.as_ref().map(|said| &said.place),
             "kp" => self.kp.as_ref().map(|said| &said.place),
             "kd" => self.kd.as_ref().map(|said| &said.place),
+            "target_lead_s" => self.target_lead_s.as_ref().map(|said| &said.place),
+            "target_lead_spread_s" => self.target_lead_spread_s.as_ref().map(|said| &said.place),
             _ => self.fell.as_ref().map(|said| &said.place),
         };
         if let Some(first) = repeated {
@@ -169,6 +178,8 @@ impl Metadata {
             kp: self.kp.or(other.kp),
             kd: self.kd.or(other.kd),
             fell: self.fell.or(other.fell),
+            target_lead_s: self.target_lead_s.or(other.target_lead_s),
+            target_lead_spread_s: self.target_lead_spread_s.or(other.target_lead_spread_s),
         }
     }
 }
@@ -207,7 +218,8 @@ pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), Log
         let text = std::fs::read_to_string(&sidecar).map_err(io)?;
         let statements: Statements = toml::from_str(&text).map_err(|error| {
             refuse(format!(
-                "{}. A log's sidecar has the keys robot, rate_hz, kp, kd, fell and the table notes. If this file is \
+                "{}. A log's sidecar has the keys robot, rate_hz, kp, kd, fell, target_lead_s, \
+                 target_lead_spread_s and the table notes. If this file is \
                  something else, rename it, or read without sidecar files",
                 reason(&text, &error)
             ))

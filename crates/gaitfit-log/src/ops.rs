@@ -47,6 +47,9 @@ impl std::fmt::Display for Signal {
     }
 }
 
+/// Largest time between a row and its target's message, s.
+const MOST_LEAD_S: f64 = 1.0;
+
 /// Largest resampled trajectory, values (400 MB).
 const RESAMPLE_LIMIT: f64 = 5e7;
 
@@ -136,6 +139,19 @@ impl Trajectory {
                 "rate_hz",
                 format!("{}; give a positive sample rate in Hz", shown_number(self.rate_hz)),
             );
+        }
+        if let Some(lead) = &self.lead {
+            let usable = lead.seconds.abs() <= MOST_LEAD_S && (0.0..=MOST_LEAD_S).contains(&lead.spread);
+            if !usable {
+                return refuse(
+                    "lead",
+                    format!(
+                        "{} s, spread {} s; a target is stamped within a second of its row",
+                        shown_number(lead.seconds),
+                        shown_number(lead.spread)
+                    ),
+                );
+            }
         }
         if let Some(gains) = &self.gains {
             for (what, values) in [("gains.kp", &gains.kp), ("gains.kd", &gains.kd)] {
@@ -302,6 +318,7 @@ impl Trajectory {
             robot: self.robot.clone(),
             joints: self.joints.clone(),
             gains: self.gains.clone(),
+            lead: self.lead,
             fell: self.fell,
         })
     }
@@ -349,6 +366,7 @@ impl Trajectory {
                 angular_velocity: optional(&base.angular_velocity, 3),
             }),
             gains,
+            lead: self.lead,
             fell: self.fell,
         }
     }

@@ -5,7 +5,7 @@ use crate::columns::{Layout, layout};
 use crate::imu;
 use crate::lines::Lines;
 use crate::metadata::{Metadata, Statements, read_sidecars};
-use crate::{ConvertedTime, LogError, PerJoint, Trajectory};
+use crate::{ConvertedTime, EvenRows, LogError, PerJoint, Trajectory};
 use gaitfit_model::shown_path;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -70,6 +70,9 @@ pub struct ReadReport {
     pub rate_from: Option<String>,
     /// The time column's unit, where it was not seconds. The trajectory has seconds.
     pub converted_time: Option<ConvertedTime>,
+    /// Rows that were spaced evenly, because the time column had lost its digits. The trajectory has the even times.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub even_rows: Option<EvenRows>,
     /// The first cell without a number among those of an inertial unit that has numbers elsewhere.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub imu_hole: Option<Hole>,

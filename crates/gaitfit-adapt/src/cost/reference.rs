@@ -398,6 +398,7 @@ mod tests {
             command: None,
             base: None,
             gains: None,
+            lead: None,
             fell: false,
         };
         let recorded = Recorded::from_trajectory(&trajectory, &names(&["hip", "calf"]), 0).unwrap();

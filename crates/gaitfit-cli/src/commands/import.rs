@@ -121,6 +121,14 @@ fn text(document: &Document) -> String {
     for line in &document.report.left_out {
         let _ = writeln!(text, "left out: {line}");
     }
+    if let Some(lead) = &document.report.lead {
+        let _ = writeln!(
+            text,
+            "targets: stamped {:.3} ms after their rows (±{:.3} ms)",
+            1e3 * lead.seconds,
+            1e3 * lead.spread
+        );
+    }
     let [before, after] = document.report.dropped;
     if before + after > 0 {
         let _ = writeln!(

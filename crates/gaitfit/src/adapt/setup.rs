@@ -9,7 +9,7 @@ use super::robots;
 use super::share::Shares;
 use crate::air::{Clamped, logs as air_logs};
 use crate::device::{Device, Devices};
-use crate::log::Log;
+use crate::log::{self, Log};
 use crate::robot::Hold;
 use crate::settings::{AdaptConfig, Base, check};
 use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
@@ -140,6 +140,14 @@ impl Setup {
             warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
         }
         let logs = Logs::read(&config, config_path, &method)?;
+        // Delays count from the targets' stamps, so the simulator has to remember targets for longer.
+        let lead = logs.longest_lead();
+        let reach = log::reaching(&base, &theta, lead);
+        let method = if lead > 0.0 {
+            self::method(&config, walker.clone(), robot.clone(), &theta, &reach, threads)?.on(gpus.clone())
+        } else {
+            method
+        };
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
         let named =
@@ -147,7 +155,7 @@ impl Setup {
         warnings.extend(unused(&config, &named, &logs.validate)?);
         let fit = LogSet::new(&config, &method, &base, logs.fit)?;
         let other = |config: &AdaptConfig| {
-            self::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
+            self::method(config, walker.clone(), robot.clone(), &theta, &reach, threads)
                 .map(|method| method.on(gpus.clone()))
         };
         let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
@@ -361,7 +369,17 @@ impl Logs {
             }
         }
         warnings.extend(doubts);
+        warnings.extend(log::lead_note(&fit)?);
+        for logs in &validate {
+            log::lead_note(logs)?;
+        }
         Ok(Self { fit, validate, notes, warnings })
+    }
+
+    /// The longest time from a row to the stamp of its target, s.
+    fn longest_lead(&self) -> f64 {
+        let logs = self.fit.iter().chain(self.validate.iter().flatten());
+        logs.filter_map(|log| log.trajectory.lead).map(|lead| lead.seconds).fold(0.0, f64::max)
     }
 
     /// Every file that was read.

@@ -8,9 +8,10 @@ use super::results::validation_checks;
 use super::score::{Robot as Predictor, Validation, cost_of_sets, mean, validation};
 use super::setup::{Robot, aligned, method, validation as read_logs};
 use crate::settings::{self, AdaptConfig, check};
-use crate::{Error, theta};
+use crate::{Error, log, theta};
 use gaitfit_adapt::Theta;
 use gaitfit_policy::Policy;
+use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -89,11 +90,21 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let fitted = theta::on(base.clone(), &file, &request.theta, &model)?;
     let nothing = Theta::default();
     let longest = if most_delay(&fitted) > most_delay(&base) { &fitted } else { &base };
-    let method = method(&config, policy, model, &nothing, longest, request.threads)?;
+    let of_robot =
+        |reach: &Candidate| method(&config, policy.clone(), model.clone(), &nothing, reach, request.threads);
+    let mut method = of_robot(longest)?;
     // Logs named on the command line are seen from the current directory.
     let (sets, mut warnings) = read_logs(&request.logs, &config, Path::new("validate"), &method)?;
+    for logs in &sets {
+        log::lead_note(logs)?;
+    }
+    let leads = sets.iter().flatten().filter_map(|log| log.trajectory.lead);
+    let lead = leads.map(|lead| lead.seconds).fold(0.0, f64::max);
+    if lead > 0.0 {
+        method = of_robot(&log::reaching(longest, &nothing, lead))?;
+    }
     warnings.extend(theta::doubts(&file, &request.theta, method.model(), method.physics_step()));
-    let of = |robot: &gaitfit_sim::Candidate| -> Result<Vec<LogSet>, Error> {
+    let of = |robot: &Candidate| -> Result<Vec<LogSet>, Error> {
         sets.iter().map(|logs| LogSet::new(&config, &method, robot, logs.clone())).collect()
     };
     let (after, before) = (of(&fitted)?, of(&base)?);
@@ -154,7 +165,7 @@ fn config_path(request: &ValidateRequest) -> Result<PathBuf, Error> {
     )))
 }
 
-fn most_delay(robot: &gaitfit_sim::Candidate) -> f64 {
+fn most_delay(robot: &Candidate) -> f64 {
     robot.robot.delay.iter().fold(0.0, |most, &delay| f64::max(most, delay))
 }
 

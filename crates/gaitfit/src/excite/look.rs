@@ -139,6 +139,7 @@ impl Look<'_> {
             command: Some((0..samples).flat_map(|sample| sequence.at(sample as f64 * dt)).collect()),
             base: None,
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
+            lead: None,
             fell: false,
         }
     }

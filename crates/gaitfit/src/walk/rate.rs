@@ -93,6 +93,7 @@ mod tests {
             command: None,
             base: None,
             gains: None,
+            lead: None,
             fell: false,
         }
     }

@@ -1,6 +1,7 @@
 //! The policy in the simulator, under the logs' commands: what a fit of walking logs compares with them.
 
 use super::walking::Walking;
+use crate::log;
 use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_log::Trajectory;
@@ -15,6 +16,8 @@ pub struct WalkSimulator {
     walking: Arc<Walking>,
     /// What θ changes.
     base: Candidate,
+    /// How long after the samples the robot's targets were sent, s.
+    lead: f64,
     scripts: Vec<Script>,
     /// What the logs' sensors read; empty if a log lacks what an IMU measures.
     courses: Vec<Course>,
@@ -33,6 +36,7 @@ impl WalkSimulator {
         let joints = &walking.task.walker.batch.model().joints;
         Self {
             base,
+            lead: log::lead(logs.iter().copied()),
             scripts: logs.iter().map(|log| script(&walking.task.walker, log)).collect(),
             courses: logs.iter().map_while(|log| course(&walking.task.walker, log)).collect(),
             feet_trust: predict::FEET_TRUST,
@@ -61,7 +65,7 @@ impl WalkSimulator {
     pub fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
         let mut candidate = self.base.clone();
         theta.apply(values, &self.model_joints, &mut candidate);
-        candidate
+        log::late(candidate, self.lead, self.walking.task.walker.batch.options().max_delay)
     }
 }
 

@@ -69,6 +69,14 @@ fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding]) -> String 
         number(summary.longest_interval_s.map(|seconds| 1e3 * seconds)),
         summary.channels.join(", ")
     );
+    if let Some(lead) = &summary.lead {
+        let _ = writeln!(
+            text,
+            "targets: stamped {} ms after their rows (±{} ms)",
+            number(Some(1e3 * lead.seconds)),
+            number(Some(1e3 * lead.spread))
+        );
+    }
     let mut joints = table(
         &[
             "joint",

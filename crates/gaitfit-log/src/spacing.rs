@@ -1,0 +1,184 @@
+//! The interval between samples, and where samples were lost: a lost sample shifts all later ones, jitter does not.
+
+use crate::check::stats::{mean, median};
+use crate::scale::{GAP, typical_step};
+
+/// Samples on either side of a long interval that show whether it shifts what follows.
+const AROUND: usize = 24;
+/// Jitter of one sample against its neighbours, of an interval, that still may be jitter.
+const JITTER: f64 = 0.96;
+/// Relative change of the interval that is not rounding.
+const REFINED: f64 = 1e-6;
+
+/// Samples that are missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Lost {
+    /// The sample before the gap.
+    pub after: usize,
+    /// How many are missing.
+    pub samples: usize,
+}
+
+/// How the samples of a log follow each other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spacing {
+    /// The interval, s: the slope of time over samples, lost ones counted.
+    pub step: f64,
+    /// Where samples are missing, in order.
+    pub lost: Vec<Lost>,
+    /// RMS deviation of the other intervals from `step`, s.
+    pub jitter: f64,
+}
+
+impl Spacing {
+    /// How many samples are missing.
+    pub fn count(&self) -> usize {
+        self.lost.iter().fold(0, |sum, lost| sum.saturating_add(lost.samples))
+    }
+}
+
+/// The spacing of increasing times, s; `None` where time does not increase or has one sample.
+///
+/// An interval of more than one and a half usual ones has lost samples if what follows stays late by at least half an
+/// interval. If the next samples are back on the grid, it is jitter.
+pub fn spacing(time: &[f64]) -> Option<Spacing> {
+    let usual = typical_step(time)?;
+    let first = lost(time, usual);
+    let slope = slope(time, &first).filter(|slope| (0.5..2.0).contains(&(slope / usual)));
+    let step = slope.filter(|slope| (slope / usual - 1.0).abs() > REFINED).unwrap_or(usual);
+    let lost = if step == usual { first } else { lost(time, step) };
+    let mut gaps = lost.iter().map(|lost| lost.after).peekable();
+    let (mut squares, mut count) = (0.0, 0usize);
+    for (sample, pair) in time.windows(2).enumerate() {
+        if gaps.next_if_eq(&sample).is_some() {
+            continue;
+        }
+        let interval = pair[1] - pair[0];
+        if interval > 0.0 {
+            squares += (interval - step).powi(2);
+            count += 1;
+        }
+    }
+    Some(Spacing { step, lost, jitter: (squares / count.max(1) as f64).sqrt() })
+}
+
+/// Where samples are missing if they are `step` apart.
+fn lost(time: &[f64], step: f64) -> Vec<Lost> {
+    let mut found: Vec<Lost> = Vec::new();
+    for (sample, pair) in time.windows(2).enumerate() {
+        let interval = (pair[1] - pair[0]) / step;
+        if !(interval > GAP) {
+            continue;
+        }
+        // Where this sample and the next would be by those around them, but for those beyond another gap.
+        let middle = |mut places: Vec<f64>| {
+            let middle = median(&mut places)?;
+            places.retain(|place| (place - middle).abs() < 0.75 * step);
+            Some(if places.is_empty() { middle } else { mean(&places) })
+        };
+        // The samples beside the interval are those whose jitter made it long; others tell more, where there are others.
+        let begin = sample.saturating_sub(AROUND);
+        let behind = if sample - begin > 2 { begin..sample } else { begin..sample + 1 };
+        let missing = |from: usize| {
+            let between = found.iter().rev().take_while(|lost| lost.after >= from);
+            between.map(|lost| lost.samples as f64).sum::<f64>()
+        };
+        let before =
+            middle(behind.map(|row| time[row] + ((sample - row) as f64 + missing(row)) * step).collect());
+        let end = time.len().min(sample + 2 + AROUND);
+        let ahead = if end - sample > 4 { sample + 2..end } else { sample + 1..end };
+        let after = middle(ahead.map(|row| time[row] - (row - sample - 1) as f64 * step).collect());
+        let (Some(before), Some(after)) = (before, after) else { continue };
+        let low = (interval - 1.0 - JITTER - 0.04).ceil().max(0.0);
+        let high = (interval - 1.0 + JITTER).floor().max(low);
+        let samples = ((after - before) / step - 1.0).round().clamp(low, high);
+        if samples >= 1.0 {
+            // A cast saturates: a damaged time may lie centuries away.
+            found.push(Lost { after: sample, samples: samples as usize });
+        }
+    }
+    found
+}
+
+/// Slope of time over the samples' numbers, lost ones counted, by least squares.
+fn slope(time: &[f64], lost: &[Lost]) -> Option<f64> {
+    let mut gaps = lost.iter().peekable();
+    let mut number = 0.0;
+    let mut numbers = Vec::with_capacity(time.len());
+    for sample in 0..time.len() {
+        numbers.push(number);
+        let missing = gaps.next_if(|gap| gap.after == sample).map_or(0, |gap| gap.samples);
+        number += 1.0 + missing as f64;
+    }
+    line(&numbers, time).map(|(_, slope)| slope)
+}
+
+/// Offset and slope of the line through points by least squares.
+pub(crate) fn line(x: &[f64], y: &[f64]) -> Option<(f64, f64)> {
+    let count = x.len() as f64;
+    // Unix times lose their digits in sums of squares.
+    let (x0, y0) = (*x.first()?, *y.first()?);
+    let (mean_x, mean_y) =
+        (x.iter().map(|x| x - x0).sum::<f64>() / count, y.iter().map(|y| y - y0).sum::<f64>() / count);
+    let (mut xx, mut xy) = (0.0, 0.0);
+    for (x, y) in x.iter().zip(y) {
+        let (x, y) = (x - x0 - mean_x, y - y0 - mean_y);
+        xx += x * x;
+        xy += x * y;
+    }
+    let slope = xy / xx;
+    slope.is_finite().then(|| (y0 + mean_y - slope * (x0 + mean_x), slope))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers from −1 to 1 without a pattern.
+    fn noise(i: usize) -> f64 {
+        2.0 * ((i as f64 * 12.9898).sin() * 43_758.547).fract().abs() - 1.0
+    }
+
+    #[test]
+    fn jitter_loses_nothing() {
+        // Up to 48 % of an interval: every seventh interval is longer than one and a half.
+        for share in [0.05, 0.3, 0.48] {
+            let time: Vec<f64> = (0..2000).map(|i| 7.0 + 0.005 * (i as f64 + share * noise(i))).collect();
+            let found =
+                spacing(&time).map(|found| (found.lost.len(), (found.step / 0.005 - 1.0).abs() < 1e-4));
+            assert_eq!(found, Some((0, true)), "{share}");
+        }
+    }
+
+    #[test]
+    fn lost_samples_are_counted_with_and_without_jitter() {
+        for share in [0.0, 0.1, 0.3] {
+            let mut time: Vec<f64> = (0..1000).map(|i| 0.02 * (i as f64 + share * noise(i))).collect();
+            time.drain(700..704);
+            time.remove(400);
+            time.remove(100);
+            let found = spacing(&time);
+            let lost = found.as_ref().map(|found| found.lost.clone()).unwrap_or_default();
+            let want = [(99, 1), (398, 1), (697, 4)].map(|(after, samples)| Lost { after, samples });
+            assert_eq!(lost, want, "{share}");
+            assert!(found.is_some_and(|found| (found.step / 0.02 - 1.0).abs() < 1e-3));
+        }
+    }
+
+    #[test]
+    fn frequent_losses_are_counted() {
+        let time: Vec<f64> = (0..1000).filter(|i| i % 10 != 3).map(|i| 0.01 * f64::from(i)).collect();
+        let found = spacing(&time);
+        assert_eq!(found.as_ref().map(Spacing::count), Some(100));
+        assert!(found.is_some_and(|found| (found.step / 0.01 - 1.0).abs() < 1e-6 && found.jitter < 1e-9));
+    }
+
+    #[test]
+    fn gaps_of_centuries_and_standing_time_are_no_panic() {
+        let found = spacing(&[0.0, 0.01, 0.02, 0.03, 0.04, 1e300, 1.5e300]);
+        assert!(found.is_some_and(|found| found.count() == usize::MAX));
+        assert_eq!(spacing(&[1.0; 5]), None);
+        assert_eq!(spacing(&[]), None);
+        assert_eq!(spacing(&[f64::NAN, f64::NAN]), None);
+    }
+}
