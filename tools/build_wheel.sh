@@ -13,7 +13,7 @@ tools=$(mktemp -d)
 trap 'rm -rf "$tools"' EXIT
 python3 -m venv "$tools/venv"
 "$tools/venv/bin/python" -m pip install --quiet --disable-pip-version-check 'maturin>=1.7,<2'
-"$tools/venv/bin/maturin" build --release --locked --manifest-path python/Cargo.toml --out "$tools/wheel" "$@"
+"$tools/venv/bin/maturin" build --profile dist --locked --manifest-path python/Cargo.toml --out "$tools/wheel" "$@"
 # What was built does what it should where nothing else is.
 python3 -m venv "$tools/own"
 "$tools/own/bin/python" -m pip install --quiet --disable-pip-version-check "$tools"/wheel/*.whl

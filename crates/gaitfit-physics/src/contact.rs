@@ -5,6 +5,7 @@
 //! centre" means except where a corner is exactly level with it.
 
 use crate::Real;
+use crate::separate::separate;
 use crate::smooth::Pass;
 use crate::spatial::V6;
 use crate::state::{Point, Pose, Work};
@@ -41,78 +42,79 @@ pub(crate) fn impedance<T: Real>(c: &Impedance<T::K>, pos: T) -> T {
     y.fma(T::k(c.rise), T::k(c.dmin))
 }
 
-/// Contact points of the pairs of the touching link `place`.
-#[inline(always)]
-pub(crate) fn link_contacts<T: Real>(
-    pass: &Pass<'_, T>,
-    place: usize,
-    origin: V3<T>,
-    origin_velocity: V3<T>,
-    work: &mut Work<T>,
-) {
-    let Pass { tree, params, state } = *pass;
-    let (link, segment) = tree.touching[place];
-    for index in tree.links[link].pairs.clone() {
-        let m = &work.touching[place];
-        let pair = &tree.pairs[index];
-        // The centre, and a number that its distance from the ground does not fall below.
-        let (center, level) = match pair.touched {
-            Touched::Plane(plane) => {
-                let plane = &tree.planes[plane];
-                let normal = k3::<T>(&plane.frame[0]);
-                let height = dot_add(normal, origin, -T::k(plane.offset));
-                let center = rotate_k_add(&m.rotation, &pair.center, m.position);
-                (center, dot_add(normal, center, height))
+separate! {
+    /// Contact points of the pairs of the touching link `place`.
+    pub(crate) fn link_contacts<T>(
+        pass: &Pass<'_, T>,
+        place: usize,
+        origin: V3<T>,
+        origin_velocity: V3<T>,
+        work: &mut Work<T>,
+    ) {
+        let Pass { tree, params, state } = *pass;
+        let (link, segment) = tree.touching[place];
+        for index in tree.links[link].pairs.clone() {
+            let m = &work.touching[place];
+            let pair = &tree.pairs[index];
+            // The centre, and a number that its distance from the ground does not fall below.
+            let (center, level) = match pair.touched {
+                Touched::Plane(plane) => {
+                    let plane = &tree.planes[plane];
+                    let normal = k3::<T>(&plane.frame[0]);
+                    let height = dot_add(normal, origin, -T::k(plane.offset));
+                    let center = rotate_k_add(&m.rotation, &pair.center, m.position);
+                    (center, dot_add(normal, center, height))
+                }
+                Touched::Block(block) => {
+                    let center = rotate_k_add(&m.rotation, &pair.center, m.position);
+                    (center, tree.blocks[block].at_least::<T>(add(center, origin)))
+                }
+                Touched::Field(field) => {
+                    let center = rotate_k_add(&m.rotation, &pair.center, m.position);
+                    (center, tree.fields[field].at_least::<T>(add(center, origin)))
+                }
+            };
+            let active = level.unless_ge(T::k(pair.reach));
+            work.pairs[index].active = active;
+            if !T::enter(active) {
+                continue;
             }
-            Touched::Block(block) => {
-                let center = rotate_k_add(&m.rotation, &pair.center, m.position);
-                (center, tree.blocks[block].at_least::<T>(add(center, origin)))
+            for k in 0..(pair.condim - 1).max(1) {
+                let mu = params.friction_scale * T::k(pair.friction[k]);
+                work.pairs[index].friction[k] = mu.max(T::lit(MIN_FRICTION));
             }
-            Touched::Field(field) => {
-                let center = rotate_k_add(&m.rotation, &pair.center, m.position);
-                (center, tree.fields[field].at_least::<T>(add(center, origin)))
+            let friction = work.pairs[index].friction[0];
+            let weight = params.pairs[index].translation;
+            let inverse_scale = row_scale(tree, pair.condim, friction, weight) * T::k(pair.reference.gain);
+            let points = &mut work.points[pair.points.clone()];
+            match pair.touched {
+                Touched::Plane(plane) => shape_points(pair, &tree.planes[plane], m, center, level, points),
+                _ => obstacle_points(tree, pair, m, center, origin, points),
             }
-        };
-        let active = level.unless_ge(T::k(pair.reach));
-        work.pairs[index].active = active;
-        if !T::enter(active) {
-            continue;
-        }
-        for k in 0..(pair.condim - 1).max(1) {
-            let mu = params.friction_scale * T::k(pair.friction[k]);
-            work.pairs[index].friction[k] = mu.max(T::lit(MIN_FRICTION));
-        }
-        let friction = work.pairs[index].friction[0];
-        let weight = params.pairs[index].translation;
-        let inverse_scale = row_scale(tree, pair.condim, friction, weight) * T::k(pair.reference.gain);
-        let points = &mut work.points[pair.points.clone()];
-        match pair.touched {
-            Touched::Plane(plane) => shape_points(pair, &tree.planes[plane], m, center, level, points),
-            _ => obstacle_points(tree, pair, m, center, origin, points),
-        }
-        for point in points {
-            let node = &work.nodes[segment.map_or(0, |segment| tree.segments[segment].parent)];
-            let (v, a) = (node.motion.velocity, node.jacobian_acceleration);
-            let mut velocity = [v[0], cross_add(v[0], point.x, add(v[1], origin_velocity))];
-            let mut acceleration = [a[0], cross_add(a[0], point.x, a[1])];
-            if let Some(segment) = segment {
-                let joint = tree.segments[segment].first - 1;
-                for k in 0..=pair.member {
-                    let axis = work.segments[segment].axis[k];
-                    let column = cross_add(axis[0], point.x, axis[1]);
-                    point.columns[k] = column;
-                    let (qd, qacc) = (state.qvel[joint + k], state.qacc[joint + k]);
-                    velocity[1] = axpy(qd, column, velocity[1]);
-                    acceleration[1] = axpy(qacc, column, acceleration[1]);
-                    if pair.condim > 3 {
-                        velocity[0] = axpy(qd, axis[0], velocity[0]);
-                        acceleration[0] = axpy(qacc, axis[0], acceleration[0]);
+            for point in points {
+                let node = &work.nodes[segment.map_or(0, |segment| tree.segments[segment].parent)];
+                let (v, a) = (node.motion.velocity, node.jacobian_acceleration);
+                let mut velocity = [v[0], cross_add(v[0], point.x, add(v[1], origin_velocity))];
+                let mut acceleration = [a[0], cross_add(a[0], point.x, a[1])];
+                if let Some(segment) = segment {
+                    let joint = tree.segments[segment].first - 1;
+                    for k in 0..=pair.member {
+                        let axis = work.segments[segment].axis[k];
+                        let column = cross_add(axis[0], point.x, axis[1]);
+                        point.columns[k] = column;
+                        let (qd, qacc) = (state.qvel[joint + k], state.qacc[joint + k]);
+                        velocity[1] = axpy(qd, column, velocity[1]);
+                        acceleration[1] = axpy(qacc, column, acceleration[1]);
+                        if pair.condim > 3 {
+                            velocity[0] = axpy(qd, axis[0], velocity[0]);
+                            acceleration[0] = axpy(qacc, axis[0], acceleration[0]);
+                        }
                     }
                 }
+                point_rows(pair, velocity, acceleration, inverse_scale, point);
             }
-            point_rows(pair, velocity, acceleration, inverse_scale, point);
+            T::leave(active);
         }
-        T::leave(active);
     }
 }
 

@@ -83,6 +83,10 @@ impl<T: Real> Real for Dual<T> {
     type K = T::K;
     type Guard = T::Guard;
     #[inline(always)]
+    fn separate<P: crate::Part<A, R>, A, R>(arguments: A) -> R {
+        T::separate::<P, A, R>(arguments)
+    }
+    #[inline(always)]
     fn constant(x: f64) -> T::K {
         T::constant(x)
     }

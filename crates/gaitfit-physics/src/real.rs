@@ -2,6 +2,8 @@
 
 use core::ops::{Add, Mul, Neg, Sub};
 
+use crate::separate::Part;
+
 /// Arithmetic that one physics step needs: an `f64`, a vector of `f32` lanes with one environment a lane,
 /// or a node of a recorded expression graph.
 ///
@@ -80,6 +82,11 @@ pub trait Real:
     /// The entry of `table` with the number `index`, which is whole and not negative; zero beyond the table's end. A
     /// recording scalar does not have it.
     fn gather(table: &[Self::K], index: Self) -> Self;
+    /// Calls a part of the step that is a function of its own, compiled for the scalar's instruction set.
+    #[inline(never)]
+    fn separate<P: Part<A, R>, A, R>(arguments: A) -> R {
+        P::run(arguments)
+    }
     /// Reciprocal of a positive, finite, normal number; may be off by an ulp or two in lanes.
     #[inline(always)]
     fn recip(self) -> Self {

@@ -11,6 +11,7 @@ use crate::cone::{Kinks, ellipse, ellipse_line, ellipse3, pyramid, pyramid_line,
 use crate::contact::components;
 use crate::own;
 use crate::segment::{Wanted, back_substitute, eliminate};
+use crate::separate::separate;
 use crate::spatial::{Articulated, V6, add6, axpy6, dot6, dot6_add, merge6, zero6};
 use crate::state::{Point, State, Work};
 use crate::tree::{Pair, Tree};
@@ -49,80 +50,81 @@ pub(crate) fn implicit_damping<T: Real>(tree: &Tree<T::K>, state: &State<T>, wor
     work.nodes[0].step
 }
 
-/// The Newton step p of the current accelerations, left in `work`. If everything is `wanted`, returns the slope
-/// and the curvature along it of the cost's smooth part: −∇ᵀH⁻¹∇ less the rows' slope, and pᵀMp.
-/// Without `hessian` the matrix is M + h·B and the residual that of the integrator.
-#[inline(always)]
-fn direction<T: Real>(
-    tree: &Tree<T::K>,
-    hessian: bool,
-    wanted: Wanted,
-    state: &State<T>,
-    work: &mut Work<T>,
-) -> (T, T) {
-    contact_terms(tree, work);
-    if !tree.own.is_empty() {
-        own::terms(tree, work);
-    }
-    for node in &mut work.nodes {
-        node.inertia = Articulated::from_rigid(&node.rigid);
-        node.residual = node.wrench;
-    }
-    let mut slope = T::zero();
-    for index in (0..tree.segments.len()).rev() {
-        let part = match tree.segments[index].len {
-            1 => eliminate::<T, 1>(tree, index, hessian, state, work),
-            2 => eliminate::<T, 2>(tree, index, hessian, state, work),
-            _ => eliminate::<T, 3>(tree, index, hessian, state, work),
-        };
-        slope = slope - part;
-    }
-    let mut step = zero6();
-    // A fixed root gathers what its segments push on it: start afresh, or one diverged environment would leave its
-    // NaN to those that later use the same scratch.
-    work.nodes[0].step_wrench = zero6();
-    if tree.floating {
-        root_contacts(tree, hessian, work);
-        let root = &work.nodes[0];
-        step = root.inertia.solve_neg(root.residual);
-        slope = slope + dot6(root.residual, step);
-    }
-    let corrected = hessian && !tree.own.is_empty() && T::enter(work.own.touching);
-    if corrected {
-        work.nodes[0].step = step;
-        for index in 0..tree.segments.len() {
-            match tree.segments[index].len {
-                1 => back_substitute::<T, 1>(tree, index, Wanted::Step, false, work),
-                2 => back_substitute::<T, 2>(tree, index, Wanted::Step, false, work),
-                _ => back_substitute::<T, 3>(tree, index, Wanted::Step, false, work),
-            };
+separate! {
+    /// The Newton step p of the current accelerations, left in `work`. If everything is `wanted`, returns the slope
+    /// and the curvature along it of the cost's smooth part: −∇ᵀH⁻¹∇ less the rows' slope, and pᵀMp.
+    /// Without `hessian` the matrix is M + h·B and the residual that of the integrator.
+    fn direction<T>(
+        tree: &Tree<T::K>,
+        hessian: bool,
+        wanted: Wanted,
+        state: &State<T>,
+        work: &mut Work<T>,
+    ) -> (T, T) {
+        contact_terms(tree, work);
+        if !tree.own.is_empty() {
+            own::terms(tree, work);
         }
-        slope = slope + own::correct(tree, state, work);
-        step = work.nodes[0].step;
-        T::leave(work.own.touching);
+        for node in &mut work.nodes {
+            node.inertia = Articulated::from_rigid(&node.rigid);
+            node.residual = node.wrench;
+        }
+        let mut slope = T::zero();
+        for index in (0..tree.segments.len()).rev() {
+            let part = match tree.segments[index].len {
+                1 => eliminate::<T, 1>(tree, index, hessian, state, work),
+                2 => eliminate::<T, 2>(tree, index, hessian, state, work),
+                _ => eliminate::<T, 3>(tree, index, hessian, state, work),
+            };
+            slope = slope - part;
+        }
+        let mut step = zero6();
+        // A fixed root gathers what its segments push on it: start afresh, or one diverged environment would leave its
+        // NaN to those that later use the same scratch.
+        work.nodes[0].step_wrench = zero6();
+        if tree.floating {
+            root_contacts(tree, hessian, work);
+            let root = &work.nodes[0];
+            step = root.inertia.solve_neg(root.residual);
+            slope = slope + dot6(root.residual, step);
+        }
+        let corrected = hessian && !tree.own.is_empty() && T::enter(work.own.touching);
+        if corrected {
+            work.nodes[0].step = step;
+            for index in 0..tree.segments.len() {
+                match tree.segments[index].len {
+                    1 => back_substitute::<T, 1>(tree, index, Wanted::Step, false, work),
+                    2 => back_substitute::<T, 2>(tree, index, Wanted::Step, false, work),
+                    _ => back_substitute::<T, 3>(tree, index, Wanted::Step, false, work),
+                };
+            }
+            slope = slope + own::correct(tree, state, work);
+            step = work.nodes[0].step;
+            T::leave(work.own.touching);
+        }
+        if tree.floating && wanted == Wanted::Everything {
+            slope = slope - point_steps(tree, tree.links[0].pairs.clone(), step, work);
+            work.nodes[0].step_wrench = work.nodes[0].rigid.mul(step);
+        }
+        work.nodes[0].step = step;
+        let mut curvature = T::zero();
+        for index in 0..tree.segments.len() {
+            let (rows, smooth) = match tree.segments[index].len {
+                1 => back_substitute::<T, 1>(tree, index, wanted, corrected, work),
+                2 => back_substitute::<T, 2>(tree, index, wanted, corrected, work),
+                _ => back_substitute::<T, 3>(tree, index, wanted, corrected, work),
+            };
+            slope = slope - rows;
+            curvature = curvature + smooth;
+        }
+        if wanted == Wanted::Everything && !tree.own.is_empty() {
+            slope = slope - own::steps(tree, work);
+        }
+        for node in &work.nodes {
+            curvature = dot6_add(node.step, node.step_wrench, curvature);
+        }
+        (slope, curvature)
     }
-    if tree.floating && wanted == Wanted::Everything {
-        slope = slope - point_steps(tree, tree.links[0].pairs.clone(), step, work);
-        work.nodes[0].step_wrench = work.nodes[0].rigid.mul(step);
-    }
-    work.nodes[0].step = step;
-    let mut curvature = T::zero();
-    for index in 0..tree.segments.len() {
-        let (rows, smooth) = match tree.segments[index].len {
-            1 => back_substitute::<T, 1>(tree, index, wanted, corrected, work),
-            2 => back_substitute::<T, 2>(tree, index, wanted, corrected, work),
-            _ => back_substitute::<T, 3>(tree, index, wanted, corrected, work),
-        };
-        slope = slope - rows;
-        curvature = curvature + smooth;
-    }
-    if wanted == Wanted::Everything && !tree.own.is_empty() {
-        slope = slope - own::steps(tree, work);
-    }
-    for node in &work.nodes {
-        curvature = dot6_add(node.step, node.step_wrench, curvature);
-    }
-    (slope, curvature)
 }
 
 /// Forces and Hessians of all contacts at their residuals, kept in the points.
@@ -281,53 +283,55 @@ pub(crate) fn set_step<T: Real>(pair: &Pair<T::K>, point: &mut Point<T>, linear:
     slope
 }
 
-/// Bracketed one-dimensional Newton search on the exact cost along the step, from the full step (as `rtsafe`, Press
-/// et al., Numerical Recipes, section 9.4).
-#[inline(always)]
-fn line_search<T: Real>(
-    tree: &Tree<T::K>,
-    (slope, curvature): (T, T),
-    state: &State<T>,
-    work: &Work<T>,
-) -> T {
-    let z = T::zero();
-    let mut alpha = T::lit(1.0);
-    let mut lower = z;
-    let farthest = T::lit(16.0);
-    let mut upper = farthest;
-    let mut moved = T::lit(32.0);
-    for _ in 0..tree.settings.line_search {
-        let mut kinks = Kinks::none();
-        let (g, h) = rows_along(tree, alpha, state, work, &mut kinks);
-        let g = alpha.fma(curvature, slope) + g;
-        let h = (h + curvature).max(T::lit(1e-30));
-        lower = T::select_lt(g, z, alpha, lower);
-        upper = T::select_lt(g, z, upper, alpha);
-        let change = g.div(h);
-        let newton = alpha - change;
-        let middle = T::lit(0.5) * (lower + upper);
-        // Across a narrow kink Newton's method jumps to and fro between the ends: halve where it arrives at the
-        // far one, or does not move less than half as far as before.
-        let room = T::lit(1e-3) * (upper - lower);
-        let low = T::select_lt(g, z, lower, lower + room);
-        let high = T::select_lt(g, z, upper - room, upper);
-        let mut next = T::select_lt(newton, low, middle, newton);
-        next = T::select_lt(high, newton, middle, next);
-        // Without a found end there is nothing to halve: the middle lies far beyond what was looked at.
-        let halved = T::select_lt(moved, T::lit(2.0) * change.abs(), middle, next);
-        next = T::select_lt(upper, farthest, halved, next);
-        if tree.elliptic {
-            // Newton's method does not see a kink that it steps across, and it may be narrow: look there first.
-            let below = T::select_lt(lower, kinks.below, kinks.below, newton);
-            let above = T::select_lt(kinks.above, upper, kinks.above, newton);
-            let falling = T::select_lt(above, newton, above, next);
-            next = T::select_lt(g, z, falling, T::select_lt(newton, below, below, next));
+separate! {
+    /// Bracketed one-dimensional Newton search on the exact cost along the step, from the full step (as `rtsafe`, Press
+    /// et al., Numerical Recipes, section 9.4).
+    fn line_search<T>(
+        tree: &Tree<T::K>,
+        smooth: (T, T),
+        state: &State<T>,
+        work: &Work<T>,
+    ) -> T {
+        let (slope, curvature) = smooth;
+        let z = T::zero();
+        let mut alpha = T::lit(1.0);
+        let mut lower = z;
+        let farthest = T::lit(16.0);
+        let mut upper = farthest;
+        let mut moved = T::lit(32.0);
+        for _ in 0..tree.settings.line_search {
+            let mut kinks = Kinks::none();
+            let (g, h) = rows_along(tree, alpha, state, work, &mut kinks);
+            let g = alpha.fma(curvature, slope) + g;
+            let h = (h + curvature).max(T::lit(1e-30));
+            lower = T::select_lt(g, z, alpha, lower);
+            upper = T::select_lt(g, z, upper, alpha);
+            let change = g.div(h);
+            let newton = alpha - change;
+            let middle = T::lit(0.5) * (lower + upper);
+            // Across a narrow kink Newton's method jumps to and fro between the ends: halve where it arrives at the
+            // far one, or does not move less than half as far as before.
+            let room = T::lit(1e-3) * (upper - lower);
+            let low = T::select_lt(g, z, lower, lower + room);
+            let high = T::select_lt(g, z, upper - room, upper);
+            let mut next = T::select_lt(newton, low, middle, newton);
+            next = T::select_lt(high, newton, middle, next);
+            // Without a found end there is nothing to halve: the middle lies far beyond what was looked at.
+            let halved = T::select_lt(moved, T::lit(2.0) * change.abs(), middle, next);
+            next = T::select_lt(upper, farthest, halved, next);
+            if tree.elliptic {
+                // Newton's method does not see a kink that it steps across, and it may be narrow: look there first.
+                let below = T::select_lt(lower, kinks.below, kinks.below, newton);
+                let above = T::select_lt(kinks.above, upper, kinks.above, newton);
+                let falling = T::select_lt(above, newton, above, next);
+                next = T::select_lt(g, z, falling, T::select_lt(newton, below, below, next));
+            }
+            // Rounding moves a found minimum by less than the last number.
+            moved = (next - alpha).abs().max(T::lit(1e-5));
+            alpha = next;
         }
-        // Rounding moves a found minimum by less than the last number.
-        moved = (next - alpha).abs().max(T::lit(1e-5));
-        alpha = next;
+        alpha
     }
-    alpha
 }
 
 /// First and second derivative of the rows' cost at `alpha` along the step; elliptic contacts tell their `kinks`.

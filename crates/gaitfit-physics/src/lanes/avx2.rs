@@ -7,7 +7,7 @@ use core::arch::x86_64::*;
 use super::sincos::{sin_cos, turn};
 use super::x86::{intrinsic, lane_type};
 use crate::real::branching_guards;
-use crate::{Isa, Period, control_period};
+use crate::{Isa, Part, Period, control_period};
 
 lane_type! {
     /// Eight `f32` in one AVX register, with fused multiply-add.
@@ -39,6 +39,15 @@ lane_type! {
             self.fnma(r, Self::lit(1.0)).fma(r, r)
         }
         branching_guards!(all_ge);
+        #[inline(always)]
+        fn separate<P: Part<A, R>, A, R>(arguments: A) -> R {
+            #[target_feature(enable = "avx2,fma")]
+            #[inline(never)]
+            fn run<P: Part<A, R>, A, R>(arguments: A) -> R {
+                P::run(arguments)
+            }
+            intrinsic!(run::<P, A, R>(arguments))
+        }
     }
     Lanes {
         fn control_period(period: &mut Period<'_, Self>) {

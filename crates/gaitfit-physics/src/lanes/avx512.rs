@@ -7,7 +7,7 @@ use core::arch::x86_64::*;
 use super::sincos::sin_cos;
 use super::x86::{intrinsic, lane_type};
 use crate::real::branching_guards;
-use crate::{Isa, Period, control_period};
+use crate::{Isa, Part, Period, control_period};
 
 lane_type! {
     /// Sixteen `f32` in one AVX-512 register.
@@ -38,6 +38,15 @@ lane_type! {
             self.fnma(r, Self::lit(1.0)).fma(r, r)
         }
         branching_guards!(all_ge);
+        #[inline(always)]
+        fn separate<P: Part<A, R>, A, R>(arguments: A) -> R {
+            #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,fma")]
+            #[inline(never)]
+            fn run<P: Part<A, R>, A, R>(arguments: A) -> R {
+                P::run(arguments)
+            }
+            intrinsic!(run::<P, A, R>(arguments))
+        }
     }
     Lanes {
         fn control_period(period: &mut Period<'_, Self>) {

@@ -4,45 +4,47 @@ use crate::Real;
 use crate::contact::{MIN_FRICTION, impedance, row_scale};
 use crate::own::narrow::{Spot, center, spots};
 use crate::own::{OwnPair, OwnPoint};
+use crate::separate::separate;
 use crate::smooth::Pass;
 use crate::state::Work;
 use crate::vec3::*;
 
-/// Contact points of all pairs of own parts.
-#[inline(always)]
-pub(crate) fn own_contacts<T: Real>(pass: &Pass<'_, T>, work: &mut Work<T>) {
-    let Pass { tree, params, .. } = *pass;
-    let own = &tree.own;
-    // How far the surfaces are from a contact, where they are nearest to one.
-    let mut gap = T::lit(1.0);
-    for index in 0..own.pairs.len() {
-        let pair = &own.pairs[index];
-        let [first, second] = &pair.shapes;
-        let poses = [&work.touching[first.pose], &work.touching[second.pose]];
-        let centers = [center(first, poses[0]), center(second, poses[1])];
-        let between = sub(centers[1], centers[0]);
-        let active = (dot(between, between) - T::k(pair.reach2)).unless_ge(T::zero());
-        work.own.pairs[index].0 = active;
-        if !T::enter(active) {
-            continue;
+separate! {
+    /// Contact points of all pairs of own parts.
+    pub(crate) fn own_contacts<T>(pass: &Pass<'_, T>, work: &mut Work<T>) {
+        let Pass { tree, params, .. } = *pass;
+        let own = &tree.own;
+        // How far the surfaces are from a contact, where they are nearest to one.
+        let mut gap = T::lit(1.0);
+        for index in 0..own.pairs.len() {
+            let pair = &own.pairs[index];
+            let [first, second] = &pair.shapes;
+            let poses = [&work.touching[first.pose], &work.touching[second.pose]];
+            let centers = [center(first, poses[0]), center(second, poses[1])];
+            let between = sub(centers[1], centers[0]);
+            let active = (dot(between, between) - T::k(pair.reach2)).unless_ge(T::zero());
+            work.own.pairs[index].0 = active;
+            if !T::enter(active) {
+                continue;
+            }
+            let found = spots(pair, poses, centers);
+            for k in 0..5 {
+                let mu = params.friction_scale * T::k(pair.friction[k]);
+                work.own.pairs[index].1[k] = mu.max(T::lit(MIN_FRICTION));
+            }
+            let friction = work.own.pairs[index].1[0];
+            let weight = params.pairs[tree.pairs.len() + index].translation;
+            let inverse_scale = row_scale(tree, pair.condim, friction, weight) * T::k(pair.reference.gain);
+            let before = gap;
+            for number in 0..pair.points.len() {
+                point(pass, pair, number, &found[number], inverse_scale, work);
+                gap = gap.min(found[number].distance - T::k(pair.margin));
+            }
+            T::leave(active);
+            gap = gap.merge(active, before);
         }
-        let found = spots(pair, poses, centers);
-        for k in 0..5 {
-            let mu = params.friction_scale * T::k(pair.friction[k]);
-            work.own.pairs[index].1[k] = mu.max(T::lit(MIN_FRICTION));
-        }
-        let friction = work.own.pairs[index].1[0];
-        let weight = params.pairs[tree.pairs.len() + index].translation;
-        let inverse_scale = row_scale(tree, pair.condim, friction, weight) * T::k(pair.reference.gain);
-        let before = gap;
-        for number in 0..pair.points.len() {
-            point(pass, pair, number, &found[number], inverse_scale, work);
-            gap = gap.min(found[number].distance - T::k(pair.margin));
-        }
-        T::leave(active);
-        gap = gap.merge(active, before);
+        work.own.touching = gap.unless_ge(T::zero());
     }
-    work.own.touching = gap.unless_ge(T::zero());
 }
 
 /// Rows, D and residual `J a − aref` of one point.

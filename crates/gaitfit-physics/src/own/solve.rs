@@ -8,48 +8,50 @@ use crate::Real;
 use crate::cone::{Kinks, ellipse, ellipse_line, pyramid, pyramid_line};
 use crate::own::OwnPair;
 use crate::segment::joint_terms;
+use crate::separate::separate;
 use crate::spatial::{Articulated, V6, add6, dot6, dot6_add, zero6};
 use crate::state::{State, Work};
 use crate::tree::Tree;
 
-/// Forces and Hessians of the contacts at their residuals, and the torques of them on the joints.
-#[inline(always)]
-pub(crate) fn terms<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) {
-    let own = &mut work.own;
-    for torque in &mut own.torque {
-        *torque = T::zero();
-    }
-    if !T::enter(own.touching) {
-        return;
-    }
-    for index in 0..tree.own.pairs.len() {
-        let pair = &tree.own.pairs[index];
-        let (active, mu) = own.pairs[index];
-        if !T::enter(active) {
-            continue;
+separate! {
+    /// Forces and Hessians of the contacts at their residuals, and the torques of them on the joints.
+    pub(crate) fn terms<T>(tree: &Tree<T::K>, work: &mut Work<T>) {
+        let own = &mut work.own;
+        for torque in &mut own.torque {
+            *torque = T::zero();
         }
-        let joints = &tree.own.joints[pair.joints.clone()];
-        for number in 0..pair.points.len() {
-            let point = &mut own.points[pair.points.start + number];
-            let (force, weight) = cone(tree, pair, &mu, point.d, &point.residual);
-            point.force = force;
-            let start = pair.weights + number * pair.dims * pair.dims;
-            for k in 0..pair.dims {
-                for l in 0..pair.dims {
-                    own.weights[start + k * pair.dims + l] = weight[k][l];
+        if !T::enter(own.touching) {
+            return;
+        }
+        for index in 0..tree.own.pairs.len() {
+            let pair = &tree.own.pairs[index];
+            let (active, mu) = own.pairs[index];
+            if !T::enter(active) {
+                continue;
+            }
+            let joints = &tree.own.joints[pair.joints.clone()];
+            for number in 0..pair.points.len() {
+                let point = &mut own.points[pair.points.start + number];
+                let (force, weight) = cone(tree, pair, &mu, point.d, &point.residual);
+                point.force = force;
+                let start = pair.weights + number * pair.dims * pair.dims;
+                for k in 0..pair.dims {
+                    for l in 0..pair.dims {
+                        own.weights[start + k * pair.dims + l] = weight[k][l];
+                    }
+                }
+                let rows = pair.rows + number * pair.dims * joints.len();
+                for k in 0..pair.dims {
+                    for (place, joint) in joints.iter().enumerate() {
+                        let row = own.rows[rows + k * joints.len() + place];
+                        own.torque[joint.joint] = row.fma(force[k], own.torque[joint.joint]);
+                    }
                 }
             }
-            let rows = pair.rows + number * pair.dims * joints.len();
-            for k in 0..pair.dims {
-                for (place, joint) in joints.iter().enumerate() {
-                    let row = own.rows[rows + k * joints.len() + place];
-                    own.torque[joint.joint] = row.fma(force[k], own.torque[joint.joint]);
-                }
-            }
+            T::leave(active);
         }
-        T::leave(active);
+        T::leave(own.touching);
     }
-    T::leave(own.touching);
 }
 
 /// Negative force and Hessian of one point.
@@ -81,46 +83,47 @@ fn at(i: usize, j: usize) -> usize {
     i * (i + 1) / 2 + j
 }
 
-/// Corrects the step in `work` for the contacts' Hessian; returns what the slope along it changes by. Called where
-/// something touches.
-#[inline(always)]
-pub(crate) fn correct<T: Real>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) -> T {
-    hessian(tree, state, work);
-    couple(tree, work);
-    solve(work);
-    let joints = tree.joints();
-    for j in 0..joints {
-        work.joints[j].step = work.joints[j].step + work.own.change[j];
-    }
-    if tree.floating {
-        let step = &mut work.nodes[0].step;
-        for k in 0..3 {
-            step[0][k] = step[0][k] + work.own.change[joints + k];
-            step[1][k] = step[1][k] + work.own.change[joints + 3 + k];
+separate! {
+    /// Corrects the step in `work` for the contacts' Hessian; returns what the slope along it changes by. Called where
+    /// something touches.
+    pub(crate) fn correct<T>(tree: &Tree<T::K>, state: &State<T>, work: &mut Work<T>) -> T {
+        hessian(tree, state, work);
+        couple(tree, work);
+        solve(work);
+        let joints = tree.joints();
+        for j in 0..joints {
+            work.joints[j].step = work.joints[j].step + work.own.change[j];
         }
-    }
-    // gᵀ(s − s₀) = s₀ᵀ C s; the points' steps are still those of s₀.
-    let mut slope = T::zero();
-    for index in 0..tree.own.pairs.len() {
-        let pair = &tree.own.pairs[index];
-        let active = work.own.pairs[index].0;
-        if !T::enter(active) {
-            continue;
-        }
-        for number in 0..pair.points.len() {
-            let before = work.own.points[pair.points.start + number].step;
-            let after = point_step(tree, pair, number, work);
-            let start = pair.weights + number * pair.dims * pair.dims;
-            for k in 0..pair.dims {
-                for l in 0..pair.dims {
-                    let weight = work.own.weights[start + k * pair.dims + l];
-                    slope = (weight * before[k]).fma(after[l], slope);
-                }
+        if tree.floating {
+            let step = &mut work.nodes[0].step;
+            for k in 0..3 {
+                step[0][k] = step[0][k] + work.own.change[joints + k];
+                step[1][k] = step[1][k] + work.own.change[joints + 3 + k];
             }
         }
-        T::leave(active);
+        // gᵀ(s − s₀) = s₀ᵀ C s; the points' steps are still those of s₀.
+        let mut slope = T::zero();
+        for index in 0..tree.own.pairs.len() {
+            let pair = &tree.own.pairs[index];
+            let active = work.own.pairs[index].0;
+            if !T::enter(active) {
+                continue;
+            }
+            for number in 0..pair.points.len() {
+                let before = work.own.points[pair.points.start + number].step;
+                let after = point_step(tree, pair, number, work);
+                let start = pair.weights + number * pair.dims * pair.dims;
+                for k in 0..pair.dims {
+                    for l in 0..pair.dims {
+                        let weight = work.own.weights[start + k * pair.dims + l];
+                        slope = (weight * before[k]).fma(after[l], slope);
+                    }
+                }
+            }
+            T::leave(active);
+        }
+        slope
     }
-    slope
 }
 
 /// `J` of the joints' steps at one point.
@@ -289,87 +292,91 @@ fn solve<T: Real>(work: &mut Work<T>) {
     }
 }
 
-/// Keeps the points' steps; returns the slope of their cost.
-#[inline(always)]
-pub(crate) fn steps<T: Real>(tree: &Tree<T::K>, work: &mut Work<T>) -> T {
-    let mut slope = T::zero();
-    if !T::enter(work.own.touching) {
-        return slope;
-    }
-    for index in 0..tree.own.pairs.len() {
-        let pair = &tree.own.pairs[index];
-        let active = work.own.pairs[index].0;
-        if !T::enter(active) {
-            continue;
+separate! {
+    /// Keeps the points' steps; returns the slope of their cost.
+    pub(crate) fn steps<T>(tree: &Tree<T::K>, work: &mut Work<T>) -> T {
+        let mut slope = T::zero();
+        if !T::enter(work.own.touching) {
+            return slope;
         }
-        for number in 0..pair.points.len() {
-            let step = point_step(tree, pair, number, work);
-            let point = &mut work.own.points[pair.points.start + number];
-            point.step = step;
-            for k in 0..pair.dims {
-                slope = point.force[k].fma(step[k], slope);
+        for index in 0..tree.own.pairs.len() {
+            let pair = &tree.own.pairs[index];
+            let active = work.own.pairs[index].0;
+            if !T::enter(active) {
+                continue;
             }
+            for number in 0..pair.points.len() {
+                let step = point_step(tree, pair, number, work);
+                let point = &mut work.own.points[pair.points.start + number];
+                point.step = step;
+                for k in 0..pair.dims {
+                    slope = point.force[k].fma(step[k], slope);
+                }
+            }
+            T::leave(active);
         }
-        T::leave(active);
+        T::leave(work.own.touching);
+        slope
     }
-    T::leave(work.own.touching);
-    slope
 }
 
-/// First and second derivative of the contacts' cost at `alpha` along the step, added to `g`.
-#[inline(always)]
-pub(crate) fn points_along<T: Real>(
-    tree: &Tree<T::K>,
-    alpha: T,
-    work: &Work<T>,
-    mut g: (T, T),
-    kinks: &mut Kinks<T>,
-) -> (T, T) {
-    if !T::enter(work.own.touching) {
-        return g;
-    }
-    for index in 0..tree.own.pairs.len() {
-        let pair = &tree.own.pairs[index];
-        let (active, mu) = work.own.pairs[index];
-        if !T::enter(active) {
-            continue;
+separate! {
+    /// First and second derivative of the contacts' cost at `alpha` along the step, added to `g`.
+    pub(crate) fn points_along<T>(
+        tree: &Tree<T::K>,
+        alpha: T,
+        work: &Work<T>,
+        before: (T, T),
+        kinks: &mut Kinks<T>,
+    ) -> (T, T) {
+        let mut g = before;
+        if !T::enter(work.own.touching) {
+            return g;
         }
-        for point in &work.own.points[pair.points.clone()] {
-            if pair.condim == 1 {
-                let j = alpha.fma(point.step[0], point.residual[0]);
-                let push = T::select_lt(j, T::zero(), point.d * point.step[0], T::zero());
-                g = (push.fma(j, g.0), push.fma(point.step[0], g.1));
-            } else if tree.elliptic {
-                let along = (&point.residual, &point.step);
-                g = ellipse_line(pair.condim, &mu, tree.impratio, point.d, along, alpha, g, kinks);
-            } else {
-                g = pyramid_line(pair.condim, &mu, point.d, (&point.residual, &point.step), alpha, g);
+        for index in 0..tree.own.pairs.len() {
+            let pair = &tree.own.pairs[index];
+            let (active, mu) = work.own.pairs[index];
+            if !T::enter(active) {
+                continue;
             }
+            for point in &work.own.points[pair.points.clone()] {
+                if pair.condim == 1 {
+                    let j = alpha.fma(point.step[0], point.residual[0]);
+                    let push = T::select_lt(j, T::zero(), point.d * point.step[0], T::zero());
+                    g = (push.fma(j, g.0), push.fma(point.step[0], g.1));
+                } else if tree.elliptic {
+                    let along = (&point.residual, &point.step);
+                    g = ellipse_line(pair.condim, &mu, tree.impratio, point.d, along, alpha, g, kinks);
+                } else {
+                    g = pyramid_line(pair.condim, &mu, point.d, (&point.residual, &point.step), alpha, g);
+                }
+            }
+            T::leave(active);
         }
-        T::leave(active);
+        T::leave(work.own.touching);
+        g
     }
-    T::leave(work.own.touching);
-    g
 }
 
-/// Moves the residuals by `alpha` of the step.
-#[inline(always)]
-pub(crate) fn advance<T: Real>(tree: &Tree<T::K>, alpha: T, work: &mut Work<T>) {
-    if !T::enter(work.own.touching) {
-        return;
-    }
-    for index in 0..tree.own.pairs.len() {
-        let pair = &tree.own.pairs[index];
-        let active = work.own.pairs[index].0;
-        if !T::enter(active) {
-            continue;
+separate! {
+    /// Moves the residuals by `alpha` of the step.
+    pub(crate) fn advance<T>(tree: &Tree<T::K>, alpha: T, work: &mut Work<T>) {
+        if !T::enter(work.own.touching) {
+            return;
         }
-        for point in &mut work.own.points[pair.points.clone()] {
-            for k in 0..pair.dims {
-                point.residual[k] = alpha.fma(point.step[k], point.residual[k]);
+        for index in 0..tree.own.pairs.len() {
+            let pair = &tree.own.pairs[index];
+            let active = work.own.pairs[index].0;
+            if !T::enter(active) {
+                continue;
             }
+            for point in &mut work.own.points[pair.points.clone()] {
+                for k in 0..pair.dims {
+                    point.residual[k] = alpha.fma(point.step[k], point.residual[k]);
+                }
+            }
+            T::leave(active);
         }
-        T::leave(active);
+        T::leave(work.own.touching);
     }
-    T::leave(work.own.touching);
 }
