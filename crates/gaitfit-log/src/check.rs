@@ -7,6 +7,7 @@
 mod falls;
 mod following;
 mod joints;
+pub(crate) mod lag;
 mod reading;
 mod robot;
 mod saturation;
@@ -17,6 +18,7 @@ mod velocity;
 mod windows;
 
 pub use falls::{Fall, FallSign, falls};
+pub use lag::VelocityLag;
 
 use crate::Trajectory;
 use crate::names::names;
@@ -120,6 +122,8 @@ pub enum FindingKind {
     FrozenTarget,
     /// The velocity is not the derivative of the position.
     VelocityMismatch,
+    /// Velocities lag behind positions.
+    VelocityLag,
     /// A signal or torque that is cut off at a bound.
     Saturated,
     /// One joint does not do what its target asks.
@@ -182,6 +186,7 @@ impl std::fmt::Display for FindingKind {
             FindingKind::ConstantSignal => "constant signal",
             FindingKind::FrozenTarget => "frozen target",
             FindingKind::VelocityMismatch => "velocity mismatch",
+            FindingKind::VelocityLag => "velocity lag",
             FindingKind::Saturated => "saturated",
             FindingKind::JointNotFollowing => "joint not following",
             FindingKind::Stuck => "stuck",
@@ -214,6 +219,7 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
     let rate_is_said = time::check(&mut findings, scales.shared);
     values::check(&mut findings, spec);
     velocity::check(&mut findings, &scales, rate_is_said);
+    lag::check(&mut findings, &scales);
     saturation::check(&mut findings, spec);
     following::check(&mut findings, spec);
     findings.list.sort_by_key(|finding| std::cmp::Reverse(finding.severity));

@@ -51,7 +51,7 @@ impl std::fmt::Display for Signal {
 const MOST_LEAD_S: f64 = 1.0;
 
 /// Largest resampled trajectory, values (400 MB).
-const RESAMPLE_LIMIT: f64 = 5e7;
+pub(crate) const RESAMPLE_LIMIT: f64 = 5e7;
 
 impl Trajectory {
     /// Nominal sample interval 1 / `rate_hz`, s.
@@ -241,6 +241,15 @@ impl Trajectory {
     /// holding the last value, as the controller does. No low-pass filter: lowering the rate aliases motion
     /// above half of it. Needs finite, strictly increasing time.
     pub fn resample(&self, rate_hz: f64) -> Result<Trajectory, LogError> {
+        self.resample_early(rate_hz, 0.0)
+    }
+
+    /// As [`Trajectory::resample`]; what a controller set counts from `early` s before its sample on. Where stamps jitter, a
+    /// value that is set at a new sample's time may be stamped a little after it.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn resample_early(&self, rate_hz: f64, early: f64) -> Result<Trajectory, LogError> {
         self.validate()?;
         self.require_increasing_time("resample")?;
         if !(rate_hz.is_finite() && rate_hz > 0.0) || self.is_empty() {
@@ -268,26 +277,30 @@ impl Trajectory {
         let start = self.time[0];
         let time: Vec<f64> = (0..=periods as usize).map(|i| start + i as f64 / rate_hz).collect();
         // For each new time: the sample at or before it, and the fraction of the way to the next.
-        let places: Vec<(usize, f64)> = time
-            .iter()
-            .map(|&at| {
-                let after = self.time.partition_point(|known| *known <= at + 1e-9);
-                let before = after.saturating_sub(1);
-                match self.time.get(before + 1) {
-                    Some(next) => {
-                        let known = self.time[before];
-                        (before, ((at - known) / (next - known)).clamp(0.0, 1.0))
-                    }
-                    None => (before, 0.0),
+        let last = |at: f64| self.time.partition_point(|known| *known <= at + 1e-9).saturating_sub(1);
+        let measured = time.iter().map(|&at| {
+            let before = last(at);
+            match self.time.get(before + 1) {
+                Some(next) => {
+                    let known = self.time[before];
+                    (before, ((at - known) / (next - known)).clamp(0.0, 1.0))
                 }
-            })
-            .collect();
+                None => (before, 0.0),
+            }
+        });
+        let measured = measured.collect();
+        let held = time.iter().map(|&at| last(at + early)).collect();
+        Ok(self.at(time, rate_hz, &Places { held, measured, curved: false }))
+    }
+
+    /// The samples at `places`.
+    pub(crate) fn at(&self, time: Vec<f64>, rate_hz: f64, places: &Places) -> Trajectory {
         let hold = |values: &[f64], width: usize| -> Vec<f64> {
-            places.iter().flat_map(|&(at, _)| values[at * width..(at + 1) * width].iter().copied()).collect()
+            places.held.iter().flat_map(|&at| values[at * width..(at + 1) * width].iter().copied()).collect()
         };
         let blend = |values: &[f64], width: usize| -> Vec<f64> {
-            let mut out = Vec::with_capacity(places.len() * width);
-            for &(at, fraction) in &places {
+            let mut out = Vec::with_capacity(places.measured.len() * width);
+            for &(at, fraction) in &places.measured {
                 for column in 0..width {
                     let here = values[at * width + column];
                     out.push(match fraction {
@@ -300,15 +313,31 @@ impl Trajectory {
             out
         };
         let joints = self.joints.len();
-        Ok(Trajectory {
-            position: blend(&self.position, joints),
+        let mut position = blend(&self.position, joints);
+        if places.curved {
+            let rows = position.chunks_exact_mut(joints.max(1));
+            for (row, &(at, fraction)) in rows.zip(&places.measured) {
+                let Some(step) = self.time.get(at + 1).map(|next| next - self.time[at]) else { continue };
+                for (joint, position) in row.iter_mut().enumerate() {
+                    let value =
+                        |values: &[f64]| [values[at * joints + joint], values[(at + 1) * joints + joint]];
+                    *position +=
+                        bend(value(&self.position), value(&self.velocity).map(|v| v * step), fraction);
+                }
+            }
+        }
+        Trajectory {
+            position,
             velocity: blend(&self.velocity, joints),
             target: self.target.as_deref().map(|values| hold(values, joints)),
             action: self.action.as_deref().map(|values| hold(values, joints)),
             command: self.command.as_deref().map(|values| hold(values, 3)),
             base: self.base.as_ref().map(|base| BaseState {
                 position: base.position.as_deref().map(|values| blend(values, 3)),
-                quaternion: base.quaternion.as_deref().map(|values| blend_quaternions(values, &places)),
+                quaternion: base
+                    .quaternion
+                    .as_deref()
+                    .map(|values| blend_quaternions(values, &places.measured)),
                 linear_velocity: base.linear_velocity.as_deref().map(|values| blend(values, 3)),
                 angular_velocity: base.angular_velocity.as_deref().map(|values| blend(values, 3)),
             }),
@@ -320,10 +349,10 @@ impl Trajectory {
             gains: self.gains.clone(),
             lead: self.lead,
             fell: self.fell,
-        })
+        }
     }
 
-    fn require_increasing_time(&self, what: &'static str) -> Result<(), LogError> {
+    pub(crate) fn require_increasing_time(&self, what: &'static str) -> Result<(), LogError> {
         let bad = self.time.windows(2).position(|pair| !(pair[1] > pair[0] && pair[1].is_finite()));
         match bad {
             Some(i) => Err(LogError::Range {
@@ -370,6 +399,25 @@ impl Trajectory {
             fell: self.fell,
         }
     }
+}
+
+/// Where the samples of a new trajectory are in an old one; one entry each a new sample.
+pub(crate) struct Places {
+    /// The sample whose targets, actions and commands hold.
+    pub held: Vec<usize>,
+    /// The sample at or before, and the fraction of the way to the next, of what is measured.
+    pub measured: Vec<(usize, f64)>,
+    /// Whether positions between samples follow their velocities.
+    pub curved: bool,
+}
+
+/// What a cubic with the slopes of the samples (a step long) adds to the straight line between two values.
+fn bend([from, to]: [f64; 2], [slope_from, slope_to]: [f64; 2], fraction: f64) -> f64 {
+    let rise = to - from;
+    let rest = 1.0 - fraction;
+    // Hermite's cubic less the line.
+    let bend = fraction * rest * (rest * (slope_from - rise) - fraction * (slope_to - rise));
+    if fraction == 0.0 || !bend.is_finite() { 0.0 } else { bend }
 }
 
 /// Quaternions between samples: `places` are samples and how far behind them.

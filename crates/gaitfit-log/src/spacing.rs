@@ -1,8 +1,10 @@
 //! The interval between samples, and where samples were lost: a lost sample shifts all later ones, jitter does not.
 
 use crate::check::stats::{mean, median};
-use crate::scale::{GAP, typical_step};
+use crate::scale::typical_step;
 
+/// An interval from which samples may be missing, of the usual one: jitter makes that of a lost sample shorter.
+const LONG: f64 = 1.2;
 /// Samples on either side of a long interval that show whether it shifts what follows.
 const AROUND: usize = 24;
 /// Jitter of one sample against its neighbours, of an interval, that still may be jitter.
@@ -67,7 +69,18 @@ fn lost(time: &[f64], step: f64) -> Vec<Lost> {
     let mut found: Vec<Lost> = Vec::new();
     for (sample, pair) in time.windows(2).enumerate() {
         let interval = (pair[1] - pair[0]) / step;
-        if !(interval > GAP) {
+        if found.last().is_some_and(|lost| lost.after >= sample) {
+            continue;
+        }
+        if !(interval > LONG) {
+            continue;
+        }
+        // Up to where a longer interval may have lost more.
+        let longer = |row: &usize| time[row + 1] - time[*row] > pair[1] - pair[0];
+        let last = (time.len() - 1).min(sample + 1 + AROUND);
+        let last = (sample + 1..last).find(longer).unwrap_or(last);
+        // Too little to tell jitter from a loss; what is lost shows at the longer interval.
+        if last < sample + 3 && last + 1 < time.len() && interval < 2.0 {
             continue;
         }
         // Where this sample and the next would be by those around them, but for those beyond another gap.
@@ -85,16 +98,26 @@ fn lost(time: &[f64], step: f64) -> Vec<Lost> {
         };
         let before =
             middle(behind.map(|row| time[row] + ((sample - row) as f64 + missing(row)) * step).collect());
-        let end = time.len().min(sample + 2 + AROUND);
-        let ahead = if end - sample > 4 { sample + 2..end } else { sample + 1..end };
+        let ahead = if last > sample + 3 { sample + 2..last + 1 } else { sample + 1..last + 1 };
         let after = middle(ahead.map(|row| time[row] - (row - sample - 1) as f64 * step).collect());
         let (Some(before), Some(after)) = (before, after) else { continue };
         let low = (interval - 1.0 - JITTER - 0.04).ceil().max(0.0);
         let high = (interval - 1.0 + JITTER).floor().max(low);
         let samples = ((after - before) / step - 1.0).round().clamp(low, high);
         if samples >= 1.0 {
+            // A neighbour's interval may be the longer one by its jitter: samples are where they are nearer to.
+            let first = found.last().map_or(0, |lost| lost.after + 1).max(sample.saturating_sub(2));
+            let last = (sample + 2).min(time.len() - 2);
+            let misfit = |after: usize| -> f64 {
+                let off = |row: usize| {
+                    let late = if row > after { samples * step } else { 0.0 };
+                    time[row] - before - (row as f64 - sample as f64) * step - late
+                };
+                (first..=last + 1).map(|row| off(row).powi(2)).sum()
+            };
+            let near = (first..=last).min_by(|a, b| misfit(*a).total_cmp(&misfit(*b))).unwrap_or(sample);
             // A cast saturates: a damaged time may lie centuries away.
-            found.push(Lost { after: sample, samples: samples as usize });
+            found.push(Lost { after: near, samples: samples as usize });
         }
     }
     found

@@ -21,6 +21,8 @@ pub struct Log {
     /// the policy's order and at the policy's rate for a walking one. Parts of the base's state that are not finite are
     /// absent.
     pub trajectory: Trajectory,
+    /// Rows that were lost and are filled by interpolation, rising: predictions of them and from them do not count.
+    pub filled: Vec<usize>,
 }
 
 /// Leads of targets that differ by more than this among logs of one fit, s, make its delay wrong by as much.

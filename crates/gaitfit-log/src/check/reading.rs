@@ -15,7 +15,7 @@ impl ReadReport {
         };
         let even = |even: &EvenRows| Finding {
             kind: FindingKind::CoarseTime,
-            severity: Severity::Note,
+            severity: Severity::Warning,
             joints: Vec::new(),
             span: None,
             message: even.to_string(),

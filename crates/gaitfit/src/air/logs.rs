@@ -5,7 +5,7 @@ use crate::log::Log;
 use crate::settings::{AdaptConfig, FileGains};
 use crate::{log_joints, paths};
 use gaitfit_log::{
-    CheckSpec, Finding, FindingKind, PerJoint, ReadOptions, ReadReport, Severity, Trajectory, check,
+    CheckSpec, Finding, FindingKind, PerJoint, ReadOptions, ReadReport, Regular, Severity, Trajectory, check,
     read_csv_report,
 };
 use gaitfit_model::Model;
@@ -62,6 +62,9 @@ pub fn read(
             broken.message.trim_end_matches('.')
         )));
     }
+    // A replay has a row every interval: what was lost would shift all that follows.
+    let Regular { trajectory, filled, .. } =
+        trajectory.regular().map_err(|error| Error::failed(format!("{}: {error}", path.display())))?;
     let doubts = findings.iter().filter(|finding| finding.severity != Severity::Note);
     let mut doubts: Vec<String> = doubts.map(|finding| format!("{named}: {finding}")).collect();
     if trajectory.command.as_ref().is_some_and(|command| command.iter().any(|part| part.abs() > 0.0)) {
@@ -70,7 +73,7 @@ pub fn read(
              base = \"free\" and `policy`"
         ));
     }
-    Ok((Log { name: named.to_owned(), path, sidecars: report.sidecars, joints, trajectory }, doubts))
+    Ok((Log { name: named.to_owned(), path, sidecars: report.sidecars, joints, trajectory, filled }, doubts))
 }
 
 /// Findings after which a replay means nothing. Others, such as a robot that does not follow, are warnings: an

@@ -58,6 +58,7 @@ impl Look<'_> {
             sidecars: Vec::new(),
             joints: trajectory.joints.clone(),
             trajectory,
+            filled: Vec::new(),
         };
         let one = |(template, made): (&Trajectory, Recorded)| {
             made.fell_at.is_none().then(|| log(made.instead_of(template)))

@@ -13,7 +13,7 @@ use crate::log_joints;
 use crate::settings::AdaptConfig;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{
-    BaseState, CheckSpec, FindingKind, ReadOptions, Severity, Signal, Trajectory, check, falls,
+    BaseState, CheckSpec, FindingKind, ReadOptions, Regular, Severity, Signal, Trajectory, check, falls,
     read_csv_report,
 };
 use gaitfit_policy::Interface;
@@ -77,6 +77,8 @@ pub struct Read {
     joints: Vec<String>,
     /// Its samples as recorded.
     pub trajectory: Trajectory,
+    /// What reading it did to its times, in words.
+    even: Option<String>,
 }
 
 /// Reads the logs `named` for a fit of `policy` in `scene`, or for its validation.
@@ -103,6 +105,7 @@ pub fn read(
         }
         reads.push(read);
     }
+    warnings.extend(reads.iter().filter_map(|read| read.even.clone()));
     warnings.extend(doubts::findings(&reads, scene));
     warnings.extend(doubts::other_robots(&reads, &scene.walker.interface));
     let rates = rate::text(reads.iter().map(|read| read.trajectory.rate_hz));
@@ -129,6 +132,7 @@ pub fn read(
         removed.extend(cut);
     }
     let mut logs = long_enough(stretches, config, &mut warnings);
+    warnings.extend(filled(&logs));
     enough(purpose, config, config_path, reads.len(), &logs, &removed)?;
 
     let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
@@ -215,7 +219,8 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
         )));
     }
     rate::check(trajectory.rate_hz, scene.walker.interface.control_dt, &shown.to_string())?;
-    Ok(Read { file, sidecars: report.sidecars, joints, trajectory })
+    let even = report.even_rows.map(|even| format!("{}: {even}", file.name));
+    Ok(Read { file, sidecars: report.sidecars, joints, trajectory, even })
 }
 
 /// Actions that give these targets: (target − default pose) / scale; 0 where the scale is.
@@ -272,13 +277,28 @@ fn long_enough(logs: Vec<Log>, config: &AdaptConfig, warnings: &mut Vec<String>)
     long
 }
 
+/// What was done about rows that were lost within the logs, if some were.
+fn filled(logs: &[Log]) -> Option<String> {
+    let rows: usize = logs.iter().map(|log| log.filled.len()).sum();
+    let with: Vec<&Log> = logs.iter().filter(|log| !log.filled.is_empty()).collect();
+    let first = with.first()?;
+    Some(format!(
+        "{rows} lost rows within {} of {} logs (the first: {}); they are filled by interpolation, and short predictions of \
+         them and from them do not count",
+        with.len(),
+        logs.len(),
+        first.name
+    ))
+}
+
 /// A stretch at the policy's rate.
 fn count(read: &Read, stretch: Range<usize>, scene: &Task) -> Result<Log, Error> {
     let whole = stretch.len() == read.trajectory.len();
     let failed =
         |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", read.file.path.display()));
     let trajectory = read.trajectory.slice(stretch).map_err(failed)?;
-    let trajectory = rate::to_control(&trajectory, scene.walker.interface.control_dt).map_err(failed)?;
+    let Regular { trajectory, filled, .. } =
+        rate::to_control(&trajectory, scene.walker.interface.control_dt).map_err(failed)?;
     let name = if whole {
         read.file.name.clone()
     } else {
@@ -290,6 +310,7 @@ fn count(read: &Read, stretch: Range<usize>, scene: &Task) -> Result<Log, Error>
         sidecars: read.sidecars.clone(),
         joints: read.joints.clone(),
         trajectory,
+        filled,
     })
 }
 
