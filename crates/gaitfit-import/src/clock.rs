@@ -99,7 +99,7 @@ pub struct StreamReport {
 }
 
 /// Puts a table's rows into the order of time, each row at a time of its own, and says what was wrong. `rate_hz`: the rate
-/// that is stated for these rows, if one is.
+/// that is stated for the rows of the positions, if one is.
 pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamReport, ImportError> {
     let name = table.name.clone();
     let refuse = |problem: String| Err(ImportError::Clock { stream: name.clone(), problem });
@@ -133,7 +133,14 @@ pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamRep
         table.pick(&order);
         findings.push(ClockFinding::Disorder { samples: disorder });
     }
-    match look_at_stamps(&table.time, rate_hz, |row| is_new(table, row)) {
+    // The stated rate is that of the joints' positions; other streams may have it too.
+    let is_state = table.columns.keys().any(|name| name.starts_with("q_"));
+    let look = |rate_hz| look_at_stamps(&table.time, rate_hz, |row| is_new(table, row));
+    let stamps = match look(rate_hz.filter(|_| is_state)) {
+        Stamps::Lost(..) if !is_state => look(rate_hz),
+        found => found,
+    };
+    match stamps {
         Stamps::Fine => {}
         Stamps::Even(times, even) => {
             table.time = times;

@@ -130,6 +130,10 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
         sources.push(source);
     }
     resolve::all_taken(&sources, mapping)?;
+    // The rate is stated for all rows, and its reader took some of a log of gaitfit's own.
+    let thinned = sources.iter().all(|source| source.thinned);
+    let every = mapping.every.filter(|_| thinned).unwrap_or(1) as f64;
+    let mapping = &Mapping { rate_hz: mapping.rate_hz.map(|rate| rate / every), ..mapping.clone() };
     // Files that say when they were recorded are put on one axis of time.
     let first = sources.first().map_or(0, |source| source.origin_ns);
     let mut tables = Vec::new();
@@ -146,7 +150,7 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
                 shifted += 1;
                 report.assumed.push(format!("{}: its times are {offset} s later, as asked", table.name));
             }
-            report.streams.push(clock::clean(&mut table, mapping.rate_hz.filter(|_| is_state))?);
+            report.streams.push(clock::clean(&mut table, mapping.rate_hz)?);
             tables.push(table);
         }
         report.assumed.append(&mut source.assumed);
@@ -163,6 +167,9 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
     report.lead = joined.lead;
     let (assumed, left_out) = (&mut report.assumed, &mut report.left_out);
     let mut trajectory = assemble::trajectory(joined, &sources, mapping, assumed, left_out)?;
+    if let Some(every) = mapping.every.filter(|_| !thinned) {
+        trajectory = trajectory.thinned(every);
+    }
     trajectory.source = paths.first().map(|path| path.as_ref().to_owned());
     Ok(Imported { trajectory, report })
 }

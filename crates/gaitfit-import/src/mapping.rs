@@ -39,8 +39,10 @@ pub struct Mapping {
     pub unit: AngleUnit,
     /// Unit of the IMU's angles and rates.
     pub imu_unit: AngleUnit,
-    /// Sample rate, Hz, of files without times.
+    /// Sample rate, Hz, of files without times, or whose times lost their digits.
     pub rate_hz: Option<f64>,
+    /// Take one row of so many, the first among them: of recordings that are longer or faster than a fit needs.
+    pub every: Option<usize>,
     /// The robot's name.
     pub robot: Option<String>,
     /// Position gains while recording, N·m/rad; stronger than what files say.
@@ -173,6 +175,9 @@ impl Mapping {
         let refuse = |problem: String| Err(ImportError::Mapping { problem });
         if let Some(rate) = mapping.rate_hz.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
             return refuse(format!("rate_hz is {rate}; give a positive number of samples a second"));
+        }
+        if mapping.every == Some(0) {
+            return refuse("every is 0; give a number of rows of which one is taken, such as 10".into());
         }
         if let Some(offset) = mapping.clock_offset_s.filter(|offset| !offset.is_finite()) {
             return refuse(format!("clock_offset_s is {offset}; give seconds"));

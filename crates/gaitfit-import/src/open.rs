@@ -32,8 +32,9 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
         kind = crate::kind::kind(&bytes).ok_or_else(|| ImportError::UnknownKind { path: path.to_owned() })?;
     }
     // A rate is what such a log may lack.
-    let only_rate = Mapping { rate_hz: mapping.rate_hz, ..Mapping::default() };
+    let only_rate = Mapping { rate_hz: mapping.rate_hz, every: mapping.every, ..Mapping::default() };
     if kind == Kind::Text && mapping == &only_rate && is_own(&bytes) {
+        drop(bytes);
         return own(path, options);
     }
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
@@ -189,7 +190,8 @@ fn is_own(bytes: &[u8]) -> bool {
 /// Reads a log of gaitfit's own as its reader does, with comments and sidecar files.
 fn own(path: &Path, options: &Options) -> Result<Source, ImportError> {
     let rate_hz = options.mapping.rate_hz;
-    let read = ReadOptions { max_bytes: options.max_bytes, rate_hz, ..ReadOptions::default() };
+    let every = options.mapping.every.unwrap_or(1);
+    let read = ReadOptions { max_bytes: options.max_bytes, rate_hz, every, ..ReadOptions::default() };
     let (log, report) = read_csv_report(path, &read)?;
     let mut source = Source { kind: "CSV log of gaitfit", ..Source::default() };
     source.assumed.extend(report.even_rows.iter().map(|even| format!("{}: {even}", path.display())));
@@ -223,6 +225,7 @@ fn own(path: &Path, options: &Options) -> Result<Source, ImportError> {
     source.robot = log.robot.clone();
     source.fell = log.fell;
     source.lead = log.lead;
+    source.thinned = every > 1;
     source.gains = log.gains.map(|gains| (gains.kp, gains.kd));
     source.tables.push(table);
     Ok(source)

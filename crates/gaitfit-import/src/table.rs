@@ -60,6 +60,8 @@ pub(crate) struct Source {
     pub robot: Option<String>,
     /// Whether it is of messages on topics.
     pub messages: bool,
+    /// Whether one row of `Mapping::every` was taken already.
+    pub thinned: bool,
     /// The recording ends because the robot fell.
     pub fell: bool,
     /// What was assumed, in sentences.

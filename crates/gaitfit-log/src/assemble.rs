@@ -16,11 +16,13 @@ use gaitfit_model::{shown_number, shown_path};
 use std::path::Path;
 
 /// Puts columns, samples and metadata together; `report` gains what assembly leaves out.
+/// `every`: one row of so many was taken.
 pub(crate) fn assemble(
     path: &Path,
     layout: Layout,
     mut samples: Samples,
     metadata: Metadata,
+    every: usize,
     mut report: ReadReport,
 ) -> Result<(Trajectory, ReadReport), LogError> {
     report.ignored = layout.ignored;
@@ -44,6 +46,8 @@ pub(crate) fn assemble(
     };
     report.converted_time = time_in_seconds(&mut samples, layout.time_unit, stated, joints.len())
         .map_err(|problem| LogError::Metadata { place: shown_path(path), problem })?;
+    // What is stated is the rate of all rows.
+    let stated = stated.map(|rate| rate / every.max(1) as f64);
     report.even_rows = even_rows(path, &mut samples, stated, joints.len())?;
     let rate_hz = match stated {
         Some(rate) => rate,

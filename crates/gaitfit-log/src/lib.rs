@@ -17,7 +17,8 @@
 //!
 //! Comment lines above the header, or a sidecar file `<stem>.toml` or `log.toml` beside the log, state the rest:
 //! `robot = "go2"`, `rate_hz = 200`, `kp = 25` or `kp = [20, 20, 40]` (in the order of the `q_` columns) or
-//! `kp = { "*_hip" = 20, "*_thigh" = 20, "*_calf" = 40 }`, and `kd` likewise.
+//! `kp = { "*_hip" = 20, "*_thigh" = 20, "*_calf" = 40 }`, and `kd` likewise;
+//! `target_lead_s = 0.0003`, how long after its row's time a target was sent ([`Lead`]).
 //!
 //! # Use
 //! ```no_run

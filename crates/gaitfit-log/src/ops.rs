@@ -187,6 +187,16 @@ impl Trajectory {
         Ok(Trajectory { fell: self.fell && range.end == self.len(), ..part })
     }
 
+    /// One sample of `every`, the first among them, at that rate.
+    #[must_use]
+    pub fn thinned(&self, every: usize) -> Trajectory {
+        let every = every.max(1);
+        let part = self.map_arrays(self.joints.clone(), self.gains.clone(), |values, width| {
+            values.chunks_exact(width).step_by(every).flatten().copied().collect()
+        });
+        Trajectory { rate_hz: self.rate_hz / every as f64, ..part }
+    }
+
     /// Samples with `from <= time < to`, s. Needs increasing time.
     pub fn slice_time(&self, from: f64, to: f64) -> Result<Trajectory, LogError> {
         self.require_increasing_time("slice_time")?;

@@ -28,6 +28,10 @@ pub struct ReadOptions {
     pub max_bytes: u64,
     /// Largest number of columns taken.
     pub max_columns: usize,
+    /// Most numbers taken: rows times columns that are read. Each takes 8 bytes.
+    pub max_values: usize,
+    /// Take one row of so many, the first among them. The rate is that of the rows that are taken.
+    pub every: usize,
 }
 
 impl Default for ReadOptions {
@@ -40,6 +44,8 @@ impl Default for ReadOptions {
             sidecar: true,
             max_bytes: 512 << 20,
             max_columns: 4096,
+            max_values: usize::MAX,
+            every: 1,
         }
     }
 }
@@ -97,7 +103,7 @@ pub fn read_csv(path: &Path, options: &ReadOptions) -> Result<Trajectory, LogErr
 /// Reads a log and says what was left out.
 ///
 /// The file: optional `#` comment lines (of these, `key = value` lines in TOML give `robot`, `rate_hz`, `kp`,
-/// `kd`), a header line that names the quantities (`time`, `q_FL_hip`, `dq_FL_hip`, `qdes_FL_hip`,
+/// `kd`, `fell`, `target_lead_s`), a header line that names the quantities (`time`, `q_FL_hip`, `dq_FL_hip`, `qdes_FL_hip`,
 /// `act_FL_hip`, `vx_cmd`, …; in any order; table in the [crate documentation](crate)), then one row of numbers a sample. Joints
 /// keep the order of the `q_` columns. `nan` and `inf` are read as they are, for the checks to report; an empty cell is
 /// NaN in base columns and an error elsewhere; a base channel with nothing but NaN is left out. What no inertial unit
@@ -130,12 +136,12 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
         }
     };
     let layout = layout(path, header_line, names)?;
-    let (samples, imu_hole) = read_rows(path, &mut lines, &layout)?;
+    let (samples, imu_hole) = read_rows(path, &mut lines, &layout, options)?;
     report.imu_hole = imu_hole;
 
     let (sidecar, sidecars) = if options.sidecar { read_sidecars(path)? } else { Default::default() };
     report.sidecars = sidecars;
-    assemble(path, layout, samples, stated.or(comments).or(sidecar), report)
+    assemble(path, layout, samples, stated.or(comments).or(sidecar), options.every, report)
 }
 
 fn header_cells(path: &Path, line: u64, text: &str, limit: usize) -> Result<Vec<String>, LogError> {
@@ -193,15 +199,30 @@ fn channels(layout: &Layout) -> [Channel<'_>; 10] {
 }
 
 /// The samples, and the first hole in a channel of the inertial unit that has numbers elsewhere.
-fn read_rows(path: &Path, lines: &mut Lines, layout: &Layout) -> Result<(Samples, Option<Hole>), LogError> {
+fn read_rows(
+    path: &Path,
+    lines: &mut Lines,
+    layout: &Layout,
+    options: &ReadOptions,
+) -> Result<(Samples, Option<Hole>), LogError> {
     let plan = channels(layout);
     let mut samples = Samples { time: Vec::new(), channels: plan.iter().map(|_| Vec::new()).collect() };
     let width = layout.names.len();
     let mut cells: Vec<std::ops::Range<usize>> = Vec::with_capacity(width);
     let mut holes: Vec<Option<Hole>> = plan.iter().map(|_| None).collect();
+    let columns = 1 + plan.iter().map(|channel| channel.columns.len()).sum::<usize>();
+    let max_rows = options.max_values / columns;
+    let mut row = 0;
     while let Some((line, text)) = lines.next()? {
         if text.trim().is_empty() {
             continue;
+        }
+        row += 1;
+        if !(row - 1usize).is_multiple_of(options.every.max(1)) {
+            continue;
+        }
+        if samples.time.len() >= max_rows {
+            return Err(LogError::TooManyRows { path: path.to_owned(), limit: max_rows, columns });
         }
         split_cells(text, &mut cells);
         if cells.len() != width {

@@ -9,6 +9,10 @@ const LONG: f64 = 1.2;
 const AROUND: usize = 24;
 /// Jitter of one sample against its neighbours, of an interval, that still may be jitter.
 const JITTER: f64 = 0.96;
+/// Samples of a span whose length tells the interval.
+const SEVERAL: usize = 16;
+/// Rounds of counting losses and measuring the interval.
+const ROUNDS: usize = 5;
 /// Relative change of the interval that is not rounding.
 const REFINED: f64 = 1e-6;
 
@@ -45,10 +49,19 @@ impl Spacing {
 /// interval. If the next samples are back on the grid, it is jitter.
 pub fn spacing(time: &[f64]) -> Option<Spacing> {
     let usual = typical_step(time)?;
-    let first = lost(time, usual);
-    let slope = slope(time, &first).filter(|slope| (0.5..2.0).contains(&(slope / usual)));
-    let step = slope.filter(|slope| (slope / usual - 1.0).abs() > REFINED).unwrap_or(usual);
-    let lost = if step == usual { first } else { lost(time, step) };
+    let mut step = over_several(time, usual);
+    let mut lost = self::lost(time, step);
+    // What is lost depends on the interval, and the interval on what is lost.
+    for _ in 0..ROUNDS {
+        let slope = slope(time, &lost).filter(|slope| (0.5..2.0).contains(&(slope / usual)));
+        let refined = slope.filter(|slope| (slope / usual - 1.0).abs() > REFINED).unwrap_or(usual);
+        let again = self::lost(time, refined);
+        let settled = again == lost && refined == step;
+        (step, lost) = (refined, again);
+        if settled {
+            break;
+        }
+    }
     let mut gaps = lost.iter().map(|lost| lost.after).peekable();
     let (mut squares, mut count) = (0.0, 0usize);
     for (sample, pair) in time.windows(2).enumerate() {
@@ -62,6 +75,14 @@ pub fn spacing(time: &[f64]) -> Option<Spacing> {
         }
     }
     Some(Spacing { step, lost, jitter: (squares / count.max(1) as f64).sqrt() })
+}
+
+/// The middle interval by spans of several samples, over which jitter averages out; `usual` where losses are in most of
+/// them.
+fn over_several(time: &[f64], usual: f64) -> f64 {
+    let mut spans: Vec<f64> =
+        time.windows(SEVERAL + 1).map(|span| (span[SEVERAL] - span[0]) / SEVERAL as f64).collect();
+    median(&mut spans).filter(|step| (step / usual - 1.0).abs() < 0.6 / SEVERAL as f64).unwrap_or(usual)
 }
 
 /// Where samples are missing if they are `step` apart.

@@ -113,7 +113,7 @@ pub fn look(time: &[f64], rate_hz: Option<f64>, is_new: impl Fn(usize) -> bool) 
         return Stamps::Fine;
     }
     let Some(rate) = rate_hz else {
-        return Stamps::Lost(coarse, "they do not say where the rows were".to_owned());
+        return Stamps::Lost(coarse, "Where the rows were does not follow from them".to_owned());
     };
     match at_rate(time, coarse.tick_s, rate) {
         Ok((times, lost)) => {

@@ -27,9 +27,12 @@ pub struct Import {
     /// Add this to the times of what holds no joint positions, s [default: what the recorder's clock shows]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub clock_offset: Option<f64>,
-    /// Samples a second of a file without times
+    /// Samples a second of a file without times, or whose times lost their digits
     #[arg(long, value_name = "HZ")]
     pub rate: Option<f64>,
+    /// Take one row of N
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub every: Option<u32>,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,

@@ -81,6 +81,7 @@ fn mapping(args: &Import) -> Result<Mapping, Failure> {
         mapping.streams.take.clone_from(&args.take);
     }
     mapping.clock_offset_s = args.clock_offset.or(mapping.clock_offset_s);
+    mapping.every = args.every.map(|every| every as usize).or(mapping.every);
     mapping.rate_hz = args.rate.or(mapping.rate_hz);
     if let Some(rate) = args.rate.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
         return Err(Failure::usage(format!("--rate {rate}: give a positive number of samples a second")));

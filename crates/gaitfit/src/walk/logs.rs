@@ -26,6 +26,9 @@ use std::path::{Path, PathBuf};
 /// Counted data that a fit needs, s.
 const LEAST_S: f64 = 10.0;
 
+/// Most numbers of all logs of a fit together. A fit takes about eight times their memory, and must fit in 1 GB.
+const MOST_VALUES: usize = 12_000_000;
+
 /// What logs are read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
@@ -96,12 +99,22 @@ pub fn read(
 ) -> Result<LogNotes, Error> {
     let (files, mut warnings) = log_files::find(named, config_path)?;
     let mut reads: Vec<Read> = Vec::with_capacity(files.len());
+    let mut values = 0;
     for file in files {
         let read = open(file, config, scene)?;
         if let Some(other) = reads.iter().find(|other| same_data(&other.trajectory, &read.trajectory)) {
             warnings
                 .push(format!("{}: the same data as {}; it counts once", read.file.name, other.file.name));
             continue;
+        }
+        values += numbers(&read.trajectory);
+        if values > MOST_VALUES {
+            return Err(Error::failed(format!(
+                "{}: the logs up to here hold more than {MOST_VALUES} numbers, which is what a fit takes into memory. Name \
+                 fewer logs, or, where they are faster than the policy, take one row of many: `gaitfit import LOG.csv \
+                 --every 10 --out LESS.csv`.",
+                read.file.path.display()
+            )));
         }
         reads.push(read);
     }
@@ -169,7 +182,8 @@ pub fn read(
 
 fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error> {
     let model = scene.walker.batch.model();
-    let (trajectory, report) = read_csv_report(&file.path, &ReadOptions::default()).map_err(Error::failed)?;
+    let options = ReadOptions { max_values: MOST_VALUES, ..ReadOptions::default() };
+    let (trajectory, report) = read_csv_report(&file.path, &options).map_err(Error::failed)?;
     let (mut trajectory, joints) =
         log_joints::of_robot(&trajectory, &file.path, &config.joint_names, model, &scene.walker.joints)?;
     let shown = file.path.display();
@@ -256,6 +270,24 @@ fn plausible(trajectory: &Trajectory, shown: &str) -> Result<(), Error> {
         Some(bad) => refuse(["vx_cmd", "vy_cmd", "wz_cmd"][bad % 3].to_owned(), bad / 3, commands[bad]),
         None => Ok(()),
     }
+}
+
+/// How many numbers a log holds.
+fn numbers(log: &Trajectory) -> usize {
+    let base = log.base.as_ref();
+    let optional = [
+        log.target.as_ref(),
+        log.action.as_ref(),
+        log.command.as_ref(),
+        base.and_then(|base| base.position.as_ref()),
+        base.and_then(|base| base.quaternion.as_ref()),
+        base.and_then(|base| base.linear_velocity.as_ref()),
+        base.and_then(|base| base.angular_velocity.as_ref()),
+    ];
+    log.len()
+        + log.position.len()
+        + log.velocity.len()
+        + optional.into_iter().flatten().map(Vec::len).sum::<usize>()
 }
 
 fn same_data(a: &Trajectory, b: &Trajectory) -> bool {

@@ -232,5 +232,5 @@ fn comparison(first: &str, other: &CostFit) -> Table {
 
 /// A number that may be missing.
 pub fn number(value: Option<f64>) -> String {
-    value.map_or_else(|| "diverged or none".to_owned(), |value| format!("{value:.5}"))
+    value.map_or_else(|| "diverged".to_owned(), |value| format!("{value:.5}"))
 }
