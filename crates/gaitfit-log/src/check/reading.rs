@@ -13,6 +13,6 @@ impl ReadReport {
             span: None,
             message: format!("the time column is in {unit} ({because}); it was converted to seconds"),
         };
-        self.converted_time.iter().map(note).collect()
+        self.converted_time.iter().map(note).chain(self.noticed.iter().cloned()).collect()
     }
 }
