@@ -1,6 +1,7 @@
 //! Checks of a stream's times.
 
 use crate::ImportError;
+use crate::known::PER_JOINT;
 use crate::table::Table;
 use gaitfit_model::shown_number;
 use serde::Serialize;
@@ -154,7 +155,7 @@ pub(crate) fn clean(table: &mut Table) -> Result<StreamReport, ImportError> {
     let mut quantities: Vec<String> = Vec::new();
     for name in table.columns.keys() {
         let quantity = match name.split_once('_') {
-            Some((prefix @ ("q" | "dq" | "qdes" | "act" | "kp" | "kd"), _)) => prefix.to_owned(),
+            Some((prefix, _)) if PER_JOINT.contains(&prefix) => prefix.to_owned(),
             _ => name.clone(),
         };
         if !quantities.contains(&quantity) {

@@ -50,6 +50,8 @@ pub(crate) struct Source {
     pub messages: bool,
     /// The recording ends because the robot fell.
     pub fell: bool,
+    /// What reading noticed, as the log's checks would put it.
+    pub noticed: Vec<gaitfit_log::Finding>,
     /// What was assumed, in sentences.
     pub assumed: Vec<String>,
     /// What was left out, with the reason.

@@ -25,13 +25,12 @@ const GRAVITY: [&str; 9] = [
     "gravity_b",
 ];
 
-/// The columns x, y, z of a gravity vector in the base's frame as other programs call them, where `has` knows all three.
-pub fn gravity_columns(has: &dyn Fn(&str) -> bool) -> Option<[String; 3]> {
-    let endings = [["_x", "_y", "_z"], ["_0", "_1", "_2"], ["[0]", "[1]", "[2]"]];
-    GRAVITY
-        .iter()
-        .flat_map(|stem| endings.map(|ends| ends.map(|end| format!("{stem}{end}"))))
-        .find(|names| names.iter().all(|name| has(name)))
+/// The axis (0 to 2) of a gravity vector in the base's frame that a column called `name` holds, as other programs name them.
+pub fn gravity_axis(name: &str) -> Option<usize> {
+    let endings = [["_x", "_0", "[0]"], ["_y", "_1", "[1]"], ["_z", "_2", "[2]"]];
+    endings.iter().position(|axis| {
+        axis.iter().any(|end| name.strip_suffix(end).is_some_and(|stem| GRAVITY.contains(&stem)))
+    })
 }
 
 /// Column numbers (from 0) of everything the reader takes.
@@ -176,8 +175,10 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
     let mut roll_pitch_yaw = group(&ROLL_PITCH_YAW);
     let base_velocity = group(&BASE_VELOCITY);
     let base_rates = group(&BASE_RATES);
-    let named_gravity = gravity_columns(&|name| index.contains_key(name));
-    let mut gravity = named_gravity.and_then(|names| group(&names.each_ref().map(|name| name.as_str())));
+    let of_axis =
+        |axis: usize| names.iter().find(|name| gravity_axis(name) == Some(axis)).map(String::as_str);
+    let named_gravity: Option<Vec<&str>> = (0..3).map(of_axis).collect();
+    let mut gravity = named_gravity.and_then(|names| group(&names));
     if (base_quaternion.is_some() || roll_pitch_yaw.is_some())
         && let Some(columns) = gravity.take()
     {

@@ -2,7 +2,8 @@
 
 use crate::files::entries;
 use crate::{
-    CheckSpec, Finding, FindingKind, LogError, ReadOptions, Severity, Trajectory, check, read_csv_report,
+    CheckSpec, Finding, FindingKind, LogError, ReadOptions, Severity, Trajectory, allow, check,
+    read_csv_report,
 };
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -130,6 +131,7 @@ pub fn summarise_folder(
             Ok((log, report)) => {
                 let mut findings = report.findings();
                 findings.extend(check(&log, &spec(&log)));
+                allow(&mut findings, &report.allowed);
                 summary.samples += log.len();
                 summary.duration_s += log.duration();
                 summary.robots.extend(log.robot.clone());

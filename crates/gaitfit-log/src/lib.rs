@@ -62,7 +62,7 @@ pub use check::{
     CheckSpec, Fall, FallSign, Finding, FindingKind, Severity, Span, allow, check, falls, settle_imu,
     zero_rows,
 };
-pub use columns::gravity_columns;
+pub use columns::gravity_axis;
 pub use error::LogError;
 pub use files::{check_entry, csv_files};
 pub use folder::{FindingGroup, FolderSummary, LogContent, LogEntry, RateCount, summarise_folder};

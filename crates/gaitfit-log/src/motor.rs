@@ -132,11 +132,16 @@ pub fn fold(
                 .to_owned(),
         );
     };
-    let driven = |joint: usize| {
-        let of =
-            |values: &Vec<f64>| values.iter().skip(joint).step_by(width).any(|value| value.abs() > NOTHING);
-        of(&columns.target_velocity) || of(&columns.feed_forward)
+    // Idle motors have desired velocities beyond reason, and gains of 0.
+    let torque = |at: usize| {
+        let velocity = columns.target_velocity.get(at).copied().unwrap_or(0.0);
+        gains.kd[at % width] * velocity + columns.feed_forward.get(at).copied().unwrap_or(0.0)
     };
+    let count = target.len();
+    let driven = |joint: usize| (joint..count).step_by(width).any(|at| torque(at).abs() > NOTHING);
+    if !(0..width).any(driven) {
+        return Vec::new();
+    }
     let without: Vec<usize> = (0..width).filter(|&joint| gains.kp[joint] <= 0.0 && driven(joint)).collect();
     if !without.is_empty() {
         let all: Vec<String> = without.iter().map(|&joint| joints[joint].clone()).collect();
@@ -149,11 +154,9 @@ pub fn fold(
         );
     }
     for (at, target) in target.iter_mut().enumerate() {
-        let joint = at % width;
-        let velocity = columns.target_velocity.get(at).copied().unwrap_or(0.0);
-        let torque = columns.feed_forward.get(at).copied().unwrap_or(0.0);
-        if gains.kp[joint] > 0.0 {
-            *target += (gains.kd[joint] * velocity + torque) / gains.kp[joint];
+        let kp = gains.kp[at % width];
+        if kp > 0.0 {
+            *target += torque(at) / kp;
         }
     }
     let message = format!(
