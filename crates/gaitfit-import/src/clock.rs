@@ -1,6 +1,7 @@
 //! Checks of a stream's times.
 
 use crate::ImportError;
+use crate::known::PER_JOINT;
 use crate::table::Table;
 use gaitfit_log::{EvenRows, Lost, Stamps, look_at_stamps, rate_of_velocities, spacing};
 use gaitfit_model::shown_number;
@@ -190,7 +191,7 @@ pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamRep
     let mut quantities: Vec<String> = Vec::new();
     for name in table.columns.keys() {
         let quantity = match name.split_once('_') {
-            Some((prefix @ ("q" | "dq" | "qdes" | "act" | "kp" | "kd"), _)) => prefix.to_owned(),
+            Some((prefix, _)) if PER_JOINT.contains(&prefix) => prefix.to_owned(),
             _ => name.clone(),
         };
         if !quantities.contains(&quantity) {

@@ -152,6 +152,23 @@ pub enum ImportError {
         /// The other.
         second: String,
     },
+    /// Positions jump to exactly 0 and back.
+    #[error(
+        "{}: in {zero} of {samples} samples the positions of all joints are exactly 0, between samples where they are not (after \
+         {times}, … s): two publishers write to it, such as a joint_state_publisher beside the driver; record without the \
+         second, or leave its rows out by `drop_zeros = true` under [streams] of a mapping file",
+        shown(stream)
+    )]
+    TwoPublishers {
+        /// The stream.
+        stream: String,
+        /// Samples with zeros.
+        zero: usize,
+        /// All samples.
+        samples: usize,
+        /// Times of the first, s since the first sample.
+        times: String,
+    },
     /// A stream's clock cannot be used.
     #[error("{}: {}", shown(stream), escaped(problem, SENTENCE))]
     Clock {

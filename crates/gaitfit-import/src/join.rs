@@ -167,7 +167,8 @@ fn note(joined: &mut Joined, table: &Table, placed: &Placed) {
 
 /// Whether a quantity is set by a controller and stays until it is set again.
 fn is_held(name: &str) -> bool {
-    ["qdes_", "act_", "kp_", "kd_"].iter().any(|prefix| name.starts_with(prefix)) || COMMAND.contains(&name)
+    ["qdes_", "act_", "kp_", "kd_", "dqdes_", "tauff_"].iter().any(|prefix| name.starts_with(prefix))
+        || COMMAND.contains(&name)
 }
 
 fn some_names(table: &Table) -> String {

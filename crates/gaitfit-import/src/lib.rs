@@ -45,6 +45,7 @@ mod mapping;
 mod mcap;
 mod mcap_write;
 mod npz;
+mod observation;
 mod open;
 mod parquet;
 mod pickle;
@@ -55,15 +56,17 @@ mod table;
 mod text;
 mod torch;
 mod walk_these_ways;
+mod zeros;
 
 pub use clock::{ClockFinding, StreamReport};
 pub use error::ImportError;
 pub use mapping::{
-    AngleUnit, ColumnNames, MOST_MAPPING_BYTES, Mapping, Names, StreamNames, TimeColumn, UnitName,
+    AngleUnit, ColumnNames, MOST_MAPPING_BYTES, Mapping, Names, ObservedNumber, StreamNames, TimeColumn,
+    UnitName,
 };
 pub use mcap_write::{LiveMcap, McapHead, McapLog, McapRow, McapState, mcap_bytes};
 
-use gaitfit_log::{Lead, Trajectory};
+use gaitfit_log::{Finding, Lead, Trajectory};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -107,6 +110,9 @@ pub struct ImportReport {
     /// How long after the row that it answers a target, or an action, was stamped.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lead: Option<Lead>,
+    /// What the recording shows and the log does not, as the log's checks would put it.
+    #[serde(skip)]
+    pub noticed: Vec<Finding>,
     /// Samples of the joints left out before the first and after the last of the other streams.
     pub dropped: [usize; 2],
 }
@@ -150,11 +156,13 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
                 shifted += 1;
                 report.assumed.push(format!("{}: its times are {offset} s later, as asked", table.name));
             }
+            zeros::of_second_publisher(&mut table, mapping, &mut report.assumed)?;
             report.streams.push(clock::clean(&mut table, mapping.rate_hz)?);
             tables.push(table);
         }
         report.assumed.append(&mut source.assumed);
         report.left_out.append(&mut source.left_out);
+        report.noticed.append(&mut source.noticed);
     }
     let has_positions = |table: &table::Table| table.columns.keys().any(|name| name.starts_with("q_"));
     if mapping.clock_offset_s.is_some() && shifted == 0 && tables.iter().any(has_positions) {
@@ -166,7 +174,9 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
     joined.lead = joined.lead.or_else(|| sources.iter().find_map(|source| source.lead));
     report.lead = joined.lead;
     let (assumed, left_out) = (&mut report.assumed, &mut report.left_out);
-    let mut trajectory = assemble::trajectory(joined, &sources, mapping, assumed, left_out)?;
+    let noticed = &mut report.noticed;
+    let mut trajectory = assemble::trajectory(joined, &sources, mapping, assumed, left_out, noticed)?;
+    gaitfit_log::allow(noticed, &mapping.allow);
     if let Some(every) = mapping.every.filter(|_| !thinned) {
         trajectory = trajectory.thinned(every);
     }

@@ -222,6 +222,7 @@ fn own(path: &Path, options: &Options) -> Result<Source, ImportError> {
     add(fixed(&["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z"]), base.quaternion.as_ref());
     add(fixed(&["base_vel_x", "base_vel_y", "base_vel_z"]), base.linear_velocity.as_ref());
     add(fixed(&["wx", "wy", "wz"]), base.angular_velocity.as_ref());
+    source.noticed = report.noticed;
     source.robot = log.robot.clone();
     source.fell = log.fell;
     source.lead = log.lead;

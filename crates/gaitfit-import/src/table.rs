@@ -64,6 +64,8 @@ pub(crate) struct Source {
     pub thinned: bool,
     /// The recording ends because the robot fell.
     pub fell: bool,
+    /// What reading noticed, as the log's checks would put it.
+    pub noticed: Vec<gaitfit_log::Finding>,
     /// What was assumed, in sentences.
     pub assumed: Vec<String>,
     /// What was left out, with the reason.

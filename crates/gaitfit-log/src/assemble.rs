@@ -1,8 +1,11 @@
 //! From columns, samples and metadata to a trajectory.
 
+use crate::attitude::orientation_of_gravity;
+use crate::check::settle_imu;
 use crate::check::stats::{median, short};
 use crate::columns::Layout;
 use crate::metadata::Metadata;
+use crate::motor::{self, MotorColumns};
 use crate::read::Samples;
 use crate::scale::shared_factor;
 use crate::spacing::spacing;
@@ -27,7 +30,8 @@ pub(crate) fn assemble(
 ) -> Result<(Trajectory, ReadReport), LogError> {
     report.ignored = layout.ignored;
     let joints = layout.joints;
-    let gains = resolve_gains(&metadata, &joints, &mut report)?;
+    report.allowed = metadata.allow.as_ref().map_or_else(Vec::new, |allow| allow.value.clone());
+    let mut gains = resolve_gains(&metadata, &joints, &mut report)?;
     let stated = match &metadata.rate_hz {
         Some(rate) if rate.value.is_finite() && rate.value > 0.0 => {
             report.rate_from = Some(rate.place.clone());
@@ -81,14 +85,23 @@ pub(crate) fn assemble(
     let quaternion = base_channel("base orientation", layout.base_quaternion);
     let from_angles = base_channel("roll, pitch, yaw", layout.roll_pitch_yaw)
         .map(|angles| angles.chunks_exact(3).flat_map(|rpy| from_rpy(rpy[0], rpy[1], rpy[2])).collect());
+    let linear_velocity = base_channel("base velocity", layout.base_velocity);
+    let angular_velocity = base_channel("body rate", layout.base_rates);
+    let from_gravity = base_channel("gravity", layout.gravity)
+        .map(|gravity| orientation_of_gravity(&samples.time, &gravity, angular_velocity.as_deref()));
     let base = BaseState {
         position: base_position,
-        quaternion: quaternion.or(from_angles),
-        linear_velocity: base_channel("base velocity", layout.base_velocity),
-        angular_velocity: base_channel("body rate", layout.base_rates),
+        quaternion: quaternion.or(from_angles).or(from_gravity),
+        linear_velocity,
+        angular_velocity,
     };
+    let [kp, kd, target_velocity, feed_forward] = std::array::from_fn(|_| next());
+    let columns = MotorColumns { kp, kd, target_velocity, feed_forward };
+    let mut target = layout.target.map(|_| target);
+    report.noticed.extend(motor::gains(&columns, &samples.time, &joints, &mut gains, &mut report.gains_from));
+    report.noticed.extend(motor::fold(&columns, &joints, gains.as_ref(), target.as_mut()));
     report.ignored.sort_by_key(|ignored| ignored.column);
-    let trajectory = Trajectory {
+    let mut trajectory = Trajectory {
         source: Some(path.to_owned()),
         robot: metadata.robot.map(|robot| robot.value),
         joints,
@@ -96,7 +109,7 @@ pub(crate) fn assemble(
         rate_hz,
         position,
         velocity,
-        target: layout.target.map(|_| target),
+        target,
         action: layout.action.map(|_| action),
         command: layout.command.map(|_| command),
         base: (base != BaseState::default()).then_some(base),
@@ -105,6 +118,7 @@ pub(crate) fn assemble(
         fell: metadata.fell.is_some_and(|fell| fell.value),
     };
     trajectory.validate()?;
+    report.noticed.extend(settle_imu(&mut trajectory, &metadata.imu));
     Ok((trajectory, report))
 }
 

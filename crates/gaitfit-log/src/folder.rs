@@ -4,7 +4,7 @@ use crate::check::lag::LagSums;
 use crate::files::entries;
 use crate::scale::scales;
 use crate::{
-    CheckSpec, Finding, FindingKind, LogError, ReadOptions, Severity, Trajectory, VelocityLag, check,
+    CheckSpec, Finding, FindingKind, LogError, ReadOptions, Severity, Trajectory, VelocityLag, allow, check,
     read_csv_report,
 };
 use serde::Serialize;
@@ -141,6 +141,7 @@ pub fn summarise_folder(
                 if log.validate().is_ok() {
                     lag.add(&log, &scales(&log.time, &log.position, &log.velocity, log.joints.len()));
                 }
+                allow(&mut findings, &report.allowed);
                 summary.samples += log.len();
                 summary.duration_s += log.duration();
                 summary.robots.extend(log.robot.clone());

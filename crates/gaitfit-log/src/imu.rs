@@ -32,6 +32,18 @@ pub(crate) fn angles(angles: &[f64]) -> Option<(usize, &'static str)> {
         .or_else(|| Some((beyond()?, "more than a full turn; give radians, or delete the row")))
 }
 
+/// The first cell of a gravity vector that cannot be, and why.
+pub(crate) fn gravity(vector: &[f64]) -> Option<(usize, &'static str)> {
+    let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+    infinite(vector).map(|place| (place, NOT_FINITE)).or_else(|| {
+        (!(0.1..20.0).contains(&length) && !length.is_nan()).then_some((
+            0,
+            "part of no gravity vector: its length must be 1 or 9.81; delete the row, or leave the cells empty where a sample \
+             was lost",
+        ))
+    })
+}
+
 /// The first of the body rates that cannot be, and why.
 pub(crate) fn rates(rates: &[f64]) -> Option<(usize, &'static str)> {
     let beyond = || rates.iter().position(|rate| rate.abs() > MOST_RATE);

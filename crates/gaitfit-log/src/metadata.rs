@@ -1,7 +1,7 @@
 //! What a log says about itself besides samples: robot, rate, gains. From header comments, sidecar TOML
 //! files and the caller's options.
 
-use crate::LogError;
+use crate::{FindingKind, ImuSettings, LogError};
 use gaitfit_model::{escaped, patterns, shown, shown_number, shown_path};
 use indexmap::IndexMap;
 use serde::Deserialize;
@@ -84,6 +84,10 @@ pub(crate) struct Metadata {
     pub fell: Option<Sourced<bool>>,
     pub target_lead_s: Option<Sourced<f64>>,
     pub target_lead_spread_s: Option<Sourced<f64>>,
+    /// How the inertial unit's columns are to be read, key by key.
+    pub imu: ImuSettings,
+    /// Findings that do not forbid using the log.
+    pub allow: Option<Sourced<Vec<FindingKind>>>,
 }
 
 /// The keys of header comments and sidecar files.
@@ -97,6 +101,8 @@ pub(crate) struct Statements {
     pub fell: Option<bool>,
     pub target_lead_s: Option<f64>,
     pub target_lead_spread_s: Option<f64>,
+    pub imu: Option<ImuSettings>,
+    pub allow: Option<Vec<FindingKind>>,
     /// Free remarks of the recorder; not used.
     #[serde(rename = "notes")]
     pub _notes: Option<toml::Table>,
@@ -105,7 +111,21 @@ pub(crate) struct Statements {
 /// Most characters of what the TOML reader says.
 const REASON: usize = 200;
 
-const KEYS: [&str; 7] = ["robot", "rate_hz", "kp", "kd", "fell", "target_lead_s", "target_lead_spread_s"];
+const KEYS: [&str; 13] = [
+    "robot",
+    "rate_hz",
+    "kp",
+    "kd",
+    "fell",
+    "target_lead_s",
+    "target_lead_spread_s",
+    "allow",
+    "imu.order",
+    "imu.frame",
+    "imu.unit",
+    "imu.negated",
+    "imu.mounting",
+];
 
 impl Metadata {
     /// Takes what `statements` says and nothing stronger has said.
@@ -122,6 +142,8 @@ impl Metadata {
         fill(&mut self.fell, statements.fell, place);
         fill(&mut self.target_lead_s, statements.target_lead_s, place);
         fill(&mut self.target_lead_spread_s, statements.target_lead_spread_s, place);
+        fill(&mut self.allow, statements.allow, place);
+        self.imu = self.imu.or(statements.imu.unwrap_or_default());
     }
 
     /// One header comment, without its `#`. Returns the key of a `key = value` line that means nothing here.
@@ -161,7 +183,9 @@ impl Metadata {
             "kd" => self.kd.as_ref().map(|said| &said.place),
             "target_lead_s" => self.target_lead_s.as_ref().map(|said| &said.place),
             "target_lead_spread_s" => self.target_lead_spread_s.as_ref().map(|said| &said.place),
-            _ => self.fell.as_ref().map(|said| &said.place),
+            "fell" => self.fell.as_ref().map(|said| &said.place),
+            "allow" => self.allow.as_ref().map(|said| &said.place),
+            _ => None,
         };
         if let Some(first) = repeated {
             return Err(refuse(format!("`{key}` is stated twice, first at {first}; keep one")));
@@ -180,6 +204,8 @@ impl Metadata {
             fell: self.fell.or(other.fell),
             target_lead_s: self.target_lead_s.or(other.target_lead_s),
             target_lead_spread_s: self.target_lead_spread_s.or(other.target_lead_spread_s),
+            imu: self.imu.or(other.imu),
+            allow: self.allow.or(other.allow),
         }
     }
 }
@@ -219,7 +245,8 @@ pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), Log
         let statements: Statements = toml::from_str(&text).map_err(|error| {
             refuse(format!(
                 "{}. A log's sidecar has the keys robot, rate_hz, kp, kd, fell, target_lead_s, \
-                 target_lead_spread_s and the table notes. If this file is \
+                 target_lead_spread_s, allow and the tables imu (order, frame, unit, negated, mounting) and notes. \
+                 If this file is \
                  something else, rename it, or read without sidecar files",
                 reason(&text, &error)
             ))

@@ -5,7 +5,7 @@ use crate::columns::{Layout, layout};
 use crate::imu;
 use crate::lines::Lines;
 use crate::metadata::{Metadata, Statements, read_sidecars};
-use crate::{ConvertedTime, EvenRows, LogError, PerJoint, Trajectory};
+use crate::{ConvertedTime, EvenRows, Finding, FindingKind, LogError, PerJoint, Trajectory};
 use gaitfit_model::shown_path;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -79,6 +79,11 @@ pub struct ReadReport {
     /// Rows that were spaced evenly, because the time column had lost its digits. The trajectory has the even times.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub even_rows: Option<EvenRows>,
+    /// What reading changed or could not use, as the checks would put it.
+    #[serde(skip)]
+    pub noticed: Vec<Finding>,
+    /// Findings that the log's own settings allow.
+    pub allowed: Vec<FindingKind>,
     /// The first cell without a number among those of an inertial unit that has numbers elsewhere.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub imu_hole: Option<Hole>,
@@ -177,7 +182,7 @@ struct Channel<'a> {
 /// The first cell of a row that cannot be, and why.
 type Refuse = fn(&[f64]) -> Option<(usize, &'static str)>;
 
-fn channels(layout: &Layout) -> [Channel<'_>; 10] {
+fn channels(layout: &Layout) -> [Channel<'_>; 15] {
     fn some(columns: &Option<Vec<usize>>) -> &[usize] {
         columns.as_deref().unwrap_or_default()
     }
@@ -195,6 +200,11 @@ fn channels(layout: &Layout) -> [Channel<'_>; 10] {
         sensed(&layout.roll_pitch_yaw, imu::angles),
         base(&layout.base_velocity),
         sensed(&layout.base_rates, imu::rates),
+        sensed(&layout.gravity, imu::gravity),
+        needed(some(&layout.kp)),
+        needed(some(&layout.kd)),
+        needed(some(&layout.target_velocity)),
+        needed(some(&layout.feed_forward)),
     ]
 }
 

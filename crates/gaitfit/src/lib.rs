@@ -21,6 +21,7 @@ pub mod gait;
 mod gpu;
 pub mod init;
 pub mod log;
+mod log_check;
 pub mod log_folder;
 mod log_joints;
 pub mod loop_;
@@ -40,6 +41,7 @@ mod theta;
 pub mod train;
 pub mod walk;
 pub mod watch;
+pub mod weight;
 pub mod world;
 
 pub use collect::{CollectSettings, collect, collect_in};

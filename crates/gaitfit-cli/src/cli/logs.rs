@@ -21,6 +21,9 @@ pub struct Import {
     /// Robot: drop what the engine does not honour, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
+    /// Policy whose observations the recording holds: they are unpacked by its interface, and numbered joints are its own
+    #[arg(long, value_name = "FILE")]
+    pub policy: Option<PathBuf>,
     /// Read only these topics, columns or arrays, by the beginning of their names, separated by commas
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub take: Vec<String>,

@@ -6,9 +6,14 @@ use crate::output;
 use crate::table::table;
 use gaitfit::files::{self, Output};
 use gaitfit::robot::{self, Hold};
-use gaitfit_import::{ImportError, ImportReport, MOST_MAPPING_BYTES, Mapping, Options};
-use gaitfit_log::{CheckSpec, Finding, Severity, check, write_csv};
-use gaitfit_model::{shown, shown_path};
+use gaitfit::weight::{self, Order};
+use gaitfit_import::{
+    ImportError, ImportReport, Imported, MOST_MAPPING_BYTES, Mapping, ObservedNumber, Options,
+};
+use gaitfit_log::{CheckSpec, Finding, FindingKind, Severity, check, write_csv};
+use gaitfit_model::{Model, shown, shown_path};
+use gaitfit_policy::observation::Layout;
+use gaitfit_policy::{Interface, Quantity};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -28,20 +33,56 @@ struct Document {
 
 /// Reads the recording, writes the log, prints what was assumed and what is wrong with it.
 pub fn run(args: &Import) -> Result<(), Failure> {
-    let mapping = mapping(args)?;
-    let inputs = args.files.iter().chain(&args.mapping).chain(&args.robot).map(PathBuf::as_path);
+    let model = match &args.robot {
+        Some(path) => Some(robot::read(path, args.lenient, Hold::File)?),
+        None => None,
+    };
+    let (mut mapping, order_is_assumed) = mapping(args, model.as_ref())?;
+    let inputs =
+        args.files.iter().chain(&args.mapping).chain(&args.robot).chain(&args.policy).map(PathBuf::as_path);
     files::check(&[Output { path: &args.out, option: "--out", ending: Some("csv") }], inputs)?;
-    let options = Options { mapping, ..Options::default() };
-    let imported = gaitfit_import::import(&args.files, &options).map_err(|error| match error {
-        ImportError::Mapping { .. }
-        | ImportError::NoJointNames { .. }
-        | ImportError::MotorsBeyond { .. }
-        | ImportError::NoSuchStream { .. }
-        | ImportError::NothingToShift
-        | ImportError::Ambiguous { .. } => Failure::usage(error),
-        error => Failure::failed(error),
-    })?;
+    let mut imported = read(args, mapping.clone())?;
+    let numbered = imported.report.assumed.iter().any(|line| line.starts_with(NUMBERED));
+    let mut order = Vec::new();
+    if let Some(model) = model.as_ref().filter(|_| numbered && order_is_assumed) {
+        match weight::order(&imported.trajectory, model) {
+            Order::Shown => {}
+            Order::Unknown => order.push(finding(
+                Severity::Warning,
+                "nothing in the recording shows whether its numbered joints are in the order of the robot's file, as was \
+                 assumed; many robots number them FR, FL, RR, RL or by joint type. State it: `joints = [...]` of a mapping file"
+                    .to_owned(),
+            )),
+            Order::Other(joints) => {
+                let message = format!(
+                    "the numbered joints are not in the order of the robot's file: limits and the weight of the legs fit the \
+                     order {}, which was taken. State it: `joints = [...]` of a mapping file",
+                    joints.join(", ")
+                );
+                order.push(finding(Severity::Warning, message));
+                mapping.joints = Some(joints);
+                imported = read(args, mapping)?;
+            }
+        }
+    }
     let log = &imported.trajectory;
+    let spec =
+        model.as_ref().map_or_else(CheckSpec::default, |model| CheckSpec::of_robot(model, &log.joints));
+    let mut findings = imported.report.noticed.clone();
+    findings.append(&mut order);
+    let lost =
+        |finding: &&Finding| finding.severity == Severity::Error && finding.kind == FindingKind::GainsChange;
+    if let Some(lost) = findings.iter().find(lost) {
+        let message = format!(
+            "{lost}. Nothing was written: a log has one set of gains. Cut the recording, or, if the gains of its first sample \
+             hold, give allow = [\"{}\"] in a mapping file",
+            lost.kind
+        );
+        return Err(Failure { exit: Exit::Check, message });
+    }
+    findings.extend(check(log, &spec));
+    findings.extend(model.iter().flat_map(|model| weight::signs(log, model)));
+    findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     write_csv(&args.out, log).map_err(Failure::failed)?;
     let document = Document {
         written: args.out.display().to_string(),
@@ -50,7 +91,7 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         rate_hz: log.rate_hz,
         joints: log.joints.clone(),
         report: imported.report,
-        findings: check(log, &CheckSpec::default()),
+        findings,
     };
     if args.json { output::print_json(&document) } else { output::print(&text(&document)) }?;
     let errors = document.findings.iter().filter(|finding| finding.severity == Severity::Error).count();
@@ -61,8 +102,29 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The mapping of the file and what the command line says beside it.
-fn mapping(args: &Import) -> Result<Mapping, Failure> {
+/// How the line about numbered joints begins.
+const NUMBERED: &str = "joints 0 to ";
+
+fn finding(severity: Severity, message: String) -> Finding {
+    Finding { kind: FindingKind::JointOrder, severity, joints: Vec::new(), span: None, message }
+}
+
+fn read(args: &Import, mapping: Mapping) -> Result<Imported, Failure> {
+    let options = Options { mapping, ..Options::default() };
+    gaitfit_import::import(&args.files, &options).map_err(|error| match error {
+        ImportError::Mapping { .. }
+        | ImportError::NoJointNames { .. }
+        | ImportError::MotorsBeyond { .. }
+        | ImportError::NoSuchStream { .. }
+        | ImportError::NothingToShift
+        | ImportError::Ambiguous { .. } => Failure::usage(error),
+        error => Failure::failed(error),
+    })
+}
+
+/// The mapping of the file and what the command line says beside it; and whether the order of numbered joints is the
+/// robot's because nobody states one.
+fn mapping(args: &Import, model: Option<&Model>) -> Result<(Mapping, bool), Failure> {
     let mut mapping = match &args.mapping {
         None => Mapping::default(),
         Some(path) => {
@@ -71,8 +133,17 @@ fn mapping(args: &Import) -> Result<Mapping, Failure> {
             Mapping::parse(&text).map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?
         }
     };
-    if let Some(path) = &args.robot {
-        let model = robot::read(path, args.lenient, Hold::File)?;
+    if let Some(path) = &args.policy {
+        let policy = gaitfit_policy::read(path).map_err(Failure::failed)?;
+        let interface = &policy.interface;
+        mapping.observation = Some(observed(interface));
+        mapping.usual_rate_hz = Some(1.0 / interface.control_dt);
+        mapping.joints = mapping.joints.or_else(|| Some(interface.joints.clone()));
+        mapping.robot =
+            mapping.robot.or_else(|| Some(interface.robot.clone()).filter(|robot| !robot.is_empty()));
+    }
+    let assumed = mapping.joints.is_none() && model.is_some();
+    if let Some(model) = model {
         let joints = model.joints.iter().map(|joint| joint.name.clone()).collect();
         mapping.joints = mapping.joints.or(Some(joints));
         mapping.robot = mapping.robot.or(Some(model.name.clone()));
@@ -89,7 +160,34 @@ fn mapping(args: &Import) -> Result<Mapping, Failure> {
     if let Some(offset) = args.clock_offset.filter(|offset| !offset.is_finite()) {
         return Err(Failure::usage(format!("--clock-offset {offset}: give seconds")));
     }
-    Ok(mapping)
+    Ok((mapping, assumed))
+}
+
+/// The log's columns that the numbers of a policy's observation hold: those of the present, and none for its last action,
+/// gait clock and velocity, which logs have otherwise or not at all.
+fn observed(interface: &Interface) -> Vec<Option<ObservedNumber>> {
+    let layout = Layout::new(interface, &interface.observation);
+    let scales = layout.scales();
+    let mut parts: Vec<Option<ObservedNumber>> = vec![None; layout.width()];
+    for slot in layout.slots() {
+        let names: Vec<String> = match slot.quantity {
+            Quantity::BaseAngularVelocity => ["wx", "wy", "wz"].map(str::to_owned).to_vec(),
+            Quantity::ProjectedGravity => {
+                ["x", "y", "z"].map(|axis| format!("projected_gravity_{axis}")).to_vec()
+            }
+            Quantity::Command => ["vx_cmd", "vy_cmd", "wz_cmd"].map(str::to_owned).to_vec(),
+            Quantity::JointPosition => interface.joints.iter().map(|joint| format!("q_{joint}")).collect(),
+            Quantity::JointVelocity => interface.joints.iter().map(|joint| format!("dq_{joint}")).collect(),
+            Quantity::LastAction | Quantity::BaseLinearVelocity | Quantity::GaitPhase => continue,
+        };
+        for (number, (place, column)) in slot.present.clone().zip(names).enumerate() {
+            let is_position = slot.quantity == Quantity::JointPosition;
+            let offset = if is_position { interface.default_pose[number] } else { 0.0 };
+            let scale = f64::from(scales[place]);
+            parts[place] = (scale != 0.0).then_some(ObservedNumber { column, scale, offset });
+        }
+    }
+    parts
 }
 
 fn text(document: &Document) -> String {

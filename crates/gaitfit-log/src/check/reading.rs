@@ -20,6 +20,7 @@ impl ReadReport {
             span: None,
             message: even.to_string(),
         };
-        self.converted_time.iter().map(note).chain(self.even_rows.iter().map(even)).collect()
+        let converted = self.converted_time.iter().map(note);
+        converted.chain(self.even_rows.iter().map(even)).chain(self.noticed.iter().cloned()).collect()
     }
 }

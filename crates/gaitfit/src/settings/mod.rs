@@ -28,7 +28,7 @@ use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::{Method, RandomNumbers};
 use gaitfit_adapt::{NetworkRule, ParameterRule, RobotRule, Rules};
-use gaitfit_log::PerJoint;
+use gaitfit_log::{FindingKind, PerJoint};
 use gaitfit_model::SelfContact;
 pub use gaitfit_physics::Preset;
 use serde::{Deserialize, Serialize};
@@ -57,6 +57,9 @@ pub struct AdaptConfig {
     pub logs: Vec<String>,
     /// Logs to validate on, not used in the fit.
     pub validate: Vec<String>,
+    /// Findings of `gaitfit inspect` that do not forbid using a log.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub allow: Vec<FindingKind>,
     /// Costs to fit, one independent fit each.
     pub costs: Vec<CostKind>,
     /// Whether to look for joints that differ from the same joint of other legs, and to fit a spring on those.
@@ -288,6 +291,7 @@ impl Default for AdaptConfig {
             logs: Vec::new(),
             validate: Vec::new(),
             costs: vec![CostKind::MatchO],
+            allow: Vec::new(),
             odd_joints: false,
             runs: "runs".to_owned(),
             checkpoint_seconds: 5.0,

@@ -9,12 +9,13 @@ use super::simulator::IMU_COLUMNS;
 use super::{doubts, rate};
 use crate::Error;
 use crate::log::Log;
+use crate::log_check;
 use crate::log_joints;
 use crate::settings::AdaptConfig;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{
-    BaseState, CheckSpec, FindingKind, ReadOptions, Regular, Severity, Signal, Trajectory, check, falls,
-    read_csv_report,
+    BaseState, CheckSpec, Fall, FallSign, Finding, FindingKind, ReadOptions, Regular, Signal, Trajectory,
+    check, falls, read_csv_report,
 };
 use gaitfit_policy::Interface;
 use gaitfit_policy::Policy;
@@ -22,6 +23,18 @@ use gaitfit_policy::walker::WalkerError;
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+
+/// Findings about parts of a log that are cut out of it, about joints that the policy does not move, and about parts of the
+/// base's state that are not used where they have holes.
+const CUT: [FindingKind; 7] = [
+    FindingKind::TimeGap,
+    FindingKind::Stuck,
+    FindingKind::Lying,
+    FindingKind::Fallen,
+    FindingKind::Hanging,
+    FindingKind::MissingJoint,
+    FindingKind::TooShort,
+];
 
 /// Counted data that a fit needs, s.
 const LEAST_S: f64 = 10.0;
@@ -78,6 +91,8 @@ pub struct Read {
     sidecars: Vec<PathBuf>,
     /// The log's own names of the joints.
     joints: Vec<String>,
+    /// What reading the log changed.
+    pub noticed: Vec<Finding>,
     /// Its samples as recorded.
     pub trajectory: Trajectory,
     /// What reading it did to its times, in words.
@@ -136,6 +151,7 @@ pub fn read(
     for read in &reads {
         let fallen: Vec<_> = falls(&read.trajectory, &spec)
             .into_iter()
+            .filter(|fall| !is_allowed(fall, &config.allow))
             .map(|fall| (fall.samples, fall.sign.to_string()))
             .collect();
         let (kept, cut) = cuts::keep(&read.file.name, &read.trajectory, &fallen, margin);
@@ -221,20 +237,35 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
         )));
     }
     plausible(&trajectory, &shown.to_string())?;
-    let findings = check(&trajectory, &CheckSpec::default());
-    let broken = [FindingKind::Malformed, FindingKind::NonMonotonicTime, FindingKind::RateMismatch];
-    if let Some(finding) =
-        findings.iter().find(|finding| finding.severity == Severity::Error && broken.contains(&finding.kind))
+    let mut findings = report.findings();
+    findings.extend(check(&trajectory, &CheckSpec::of_robot(model, &trajectory.joints)));
+    let findings = log_check::allowed(findings, &config.allow, &report.allowed);
+    log_check::refuse(&findings, &file.path, &CUT)?;
+    let drives = |finding: &&Finding| finding.kind == FindingKind::FeedForward;
+    if let Some(drives) =
+        findings.iter().find(drives).filter(|_| !config.allow.contains(&FindingKind::FeedForward))
     {
         return Err(Error::failed(format!(
-            "{shown}: {}: {}. `gaitfit inspect` shows the log; cut or repair it.",
-            finding.kind,
-            finding.message.trim_end_matches('.')
+            "{shown}: {}: {}. A walking robot is simulated by its policy's actions alone: record a walk whose motors get \
+             position targets only.",
+            drives.kind, drives.message
         )));
     }
     rate::check(trajectory.rate_hz, scene.walker.interface.control_dt, &shown.to_string())?;
     let even = report.even_rows.map(|even| format!("{}: {even}", file.name));
-    Ok(Read { file, sidecars: report.sidecars, joints, trajectory, even })
+    Ok(Read { file, sidecars: report.sidecars, joints, noticed: report.noticed, trajectory, even })
+}
+
+/// Whether the configuration allows what the fall shows.
+fn is_allowed(fall: &Fall, allowed: &[FindingKind]) -> bool {
+    let kind = match fall.sign {
+        FallSign::Tilt => FindingKind::Fallen,
+        FallSign::Height | FallSign::Lying => FindingKind::Lying,
+        FallSign::Stuck => FindingKind::Stuck,
+        FallSign::Hanging => FindingKind::Hanging,
+        FallSign::Stated => return false,
+    };
+    allowed.contains(&kind)
 }
 
 /// Actions that give these targets: (target − default pose) / scale; 0 where the scale is.

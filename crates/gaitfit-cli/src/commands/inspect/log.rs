@@ -6,9 +6,9 @@ use crate::exit::{Exit, Failure};
 use crate::table::table;
 use crate::{output, viewer};
 use gaitfit::files::{self, Output};
-use gaitfit::robot;
+use gaitfit::{robot, weight};
 use gaitfit_log::{
-    CheckSpec, Finding, LogSummary, ReadOptions, Severity, Signal, Trajectory, check, read_csv_report,
+    CheckSpec, Finding, LogSummary, ReadOptions, Severity, Signal, Trajectory, allow, check, read_csv_report,
     summary_with_report,
 };
 use gaitfit_model::shown;
@@ -31,12 +31,17 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         [Some(&args.file), args.robot.as_ref()].into_iter().flatten().map(PathBuf::as_path),
     )?;
     let (log, report) = read_csv_report(&args.file, &ReadOptions::default()).map_err(Failure::failed)?;
-    let spec = match &args.robot {
-        None => CheckSpec::default(),
-        Some(path) => CheckSpec::of_robot(&robot::read(path, args.lenient, robot::Hold::File)?, &log.joints),
-    };
     let mut findings = report.findings();
-    findings.extend(check(&log, &spec));
+    match &args.robot {
+        None => findings.extend(check(&log, &CheckSpec::default())),
+        Some(path) => {
+            let model = robot::read(path, args.lenient, robot::Hold::File)?;
+            findings.extend(check(&log, &CheckSpec::of_robot(&model, &log.joints)));
+            findings.extend(weight::signs(&log, &model));
+        }
+    }
+    allow(&mut findings, &report.allowed);
+    findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     let summary = summary_with_report(&log, report);
     if let Some(path) = &args.plot {
         plot::write(&log, &findings, path)?;

@@ -40,6 +40,15 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
             }
             policy(args)
         }
+        Some(
+            "npz" | "npy" | "mcap" | "db3" | "pt" | "pkl" | "pickle" | "parquet" | "feather" | "arrow" | "h5"
+            | "hdf5" | "mat" | "bag",
+        ) => Err(Failure::usage(format!(
+            "{}: a recording of another program, it seems; `gaitfit import {} --out log.csv` makes a log of it, which inspect \
+             shows",
+            args.file.display(),
+            args.file.display()
+        ))),
         _ => Err(Failure::usage(format!(
             "{}: neither a robot (.xml, .mjcf, .urdf), a log (.csv), a folder of logs, nor a policy (.safetensors, \
              .onnx, .toml)",
