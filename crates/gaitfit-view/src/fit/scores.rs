@@ -203,9 +203,9 @@ fn rows(report: &FitReport, yardstick: Yardstick) -> Vec<ScoreRow> {
     rows
 }
 
-/// Not converged is said by a doubt.
+/// That the search converged is no praise of a result that is in doubt.
 fn state(report: &FitReport) -> String {
-    let doubted = report.doubts.iter().any(|doubt| doubt.kind == DoubtKind::NotConverged);
+    let doubted = report.doubts.iter().any(|doubt| doubt.kind.is_severe());
     if report.converged == Some(true) && !doubted { "The search converged".into() } else { String::new() }
 }
 

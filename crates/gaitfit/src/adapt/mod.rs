@@ -4,6 +4,7 @@
 //! walked again by its policy. All else is one path.
 
 mod alternatives;
+mod audit;
 mod check;
 mod doubts;
 mod files;
@@ -24,12 +25,14 @@ mod setup;
 mod share;
 mod signals;
 mod springs;
+mod standing;
 mod trust;
 mod validate;
 
 pub use alternatives::Alternatives;
+pub use audit::Audit;
 pub use check::Check;
-pub use held_out::{Distance, Floor, HeldOut, Verdict};
+pub use held_out::{Distance, Floor, HeldOut, Trials, Verdict};
 pub use log_set::LogSet;
 pub use method::Method;
 pub use odd::{JointSpring, OddJoints};
@@ -43,6 +46,7 @@ pub use setup::Setup;
 pub(crate) use setup::{Robot, method as simulated};
 pub use share::{Crew, Done, Helper, Shares};
 pub use springs::FoundSpring;
+pub use standing::{CONTRADICTED, Standing};
 pub use validate::{ValidateRequest, ValidateResults, validate};
 
 use crate::Error;

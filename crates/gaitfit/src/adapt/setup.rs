@@ -127,6 +127,7 @@ impl Setup {
         let theta = config
             .rules()
             .theta(&config.groups(), &joints, &rest)
+            .and_then(|theta| theta.with_priors(&config.prior, config.optimizer.prior_weight))
             .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
         let (walker, robot) = (policy.clone(), model.clone());
         let gpus = devices.open()?;
@@ -226,6 +227,7 @@ fn sprung(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Th
     rules.resolve();
     rules
         .theta(&config.groups(), &names, &rest)
+        .and_then(|theta| theta.with_priors(&config.prior, config.optimizer.prior_weight))
         .map_err(|error| Error::settings(format!("`odd_joints` puts a spring on every joint: {error}")))
 }
 

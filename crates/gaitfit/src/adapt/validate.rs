@@ -110,7 +110,9 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let rmse_rad = mean(found.iter().map(|log| log.rmse_rad));
     let nominal_rmse_rad = mean(found.iter().map(|log| log.nominal_rmse_rad));
     let held_out = match (after.first(), before.first()) {
-        (Some(fitted), Some(nominal)) => held_out(&config, &method, [(fitted, itself), (nominal, itself)])?,
+        (Some(fitted), Some(nominal)) => {
+            held_out(&config, &method, [(fitted, itself), (nominal, itself)], &[])?
+        }
         _ => None,
     };
     let mut results = ValidateResults {
@@ -185,6 +187,9 @@ fn headline(results: &ValidateResults, numbers: &str) -> String {
         }
         Some(found) if found.verdict() == Verdict::WorseThanNominal => {
             format!("Whole walks worse than the nominal robot's: {}. {numbers}.", found.sentence())
+        }
+        Some(found) if found.verdict() == Verdict::Falls => {
+            format!("Falls where the robot walks: {}. {numbers}.", found.sentence())
         }
         Some(found) => format!("{numbers}. On whole walks {}.", found.sentence()),
     }
