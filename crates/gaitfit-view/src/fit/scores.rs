@@ -3,7 +3,6 @@
 use super::{FitReport, Score, standing};
 use crate::chart::{extent, strip};
 use crate::format::{UNKNOWN, clean, fixed, significant};
-use crate::page::DoubtKind;
 use serde::Serialize;
 
 /// Headline and score table.

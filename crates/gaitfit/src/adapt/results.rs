@@ -3,7 +3,7 @@
 use super::audit::Audit;
 use super::check::Check;
 use super::doubts;
-use super::held_out::{HeldOut, held_out};
+use super::held_out::{HeldOut, Verdict, held_out};
 use super::odd::OddJoints;
 use super::score::{Robot, Score, Validation, baselines, mean, score, validation};
 use super::setup::Setup;
@@ -40,6 +40,9 @@ pub struct AdaptResults {
     /// How firmly it stands.
     #[serde(default)]
     pub standing: Standing,
+    /// What walks that were not fitted say of it; absent without such walks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
     /// Why the fit whose θ is kept must not be taken as it stands, the worst first: what its search says, what the logs
     /// say that were not fitted, what its errors go with, and values that the search would have taken further.
     #[serde(default)]
@@ -299,6 +302,7 @@ pub(super) fn results(
         robot: setup.method.model().name.clone(),
         headline: first.headline(&doubts),
         standing: standing(&doubts, held.as_ref()),
+        verdict: held.as_ref().map(HeldOut::verdict),
         converged: first.converged,
         better_than_nominal: first.better_than_nominal,
         cost_name: first.cost_name.clone(),

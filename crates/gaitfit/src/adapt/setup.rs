@@ -127,7 +127,6 @@ impl Setup {
         let theta = config
             .rules()
             .theta(&config.groups(), &joints, &rest)
-            .and_then(|theta| theta.with_priors(&config.prior, config.optimizer.prior_weight))
             .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
         let (walker, robot) = (policy.clone(), model.clone());
         let gpus = devices.open()?;
@@ -143,6 +142,10 @@ impl Setup {
         let logs = Logs::read(&config, config_path, &method)?;
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
+        // What legs in the air say of joints (`known::priors`) joins the settings' own here, once the logs are read.
+        let theta = theta
+            .with_priors(&config.prior, config.optimizer.prior_weight)
+            .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
         let named =
             if config.odd_joints { sprung(&config, &method, &method.joints())? } else { theta.clone() };
         warnings.extend(unused(&config, &named, &logs.validate)?);

@@ -58,6 +58,9 @@ pub struct ValidateResults {
     /// Walking logs: their distributions beside those of simulated walks, and a floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOut>,
+    /// What these walks say of the fit; absent of a clamped robot's logs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
     /// Checks the configuration states.
     pub checks: Vec<Check>,
     /// What to know before trusting the numbers.
@@ -129,6 +132,7 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
         nominal_rmse_rad,
         checks: validation_checks(&config.check, &found, cost),
         validation: found,
+        verdict: held_out.as_ref().map(HeldOut::verdict),
         held_out,
         warnings,
     };

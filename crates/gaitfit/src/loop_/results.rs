@@ -131,6 +131,12 @@ impl Results {
         divergence(&self.evaluations)
     }
 
+    /// That the last policy was not trained in its round's fit, and why; absent if it was.
+    pub fn fallback(&self) -> Option<String> {
+        let round = self.rounds.last()?;
+        round.fallback.as_ref().map(|why| format!("round {}: {why}", round.round))
+    }
+
     /// That the policies were measured, but not on the robot; none if they were.
     pub fn absence(&self) -> Option<Doubt> {
         if self.evaluations.is_empty() || self.evaluations.iter().any(|one| one.on == TARGET) {
