@@ -11,6 +11,6 @@ pub use replay::ReplaySimulator;
 pub use simulator::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, never};
 pub use theta::{
     Defaults, Entry, Found, JointParameter, LinearSpring, Modification, NetworkName, NetworkRule,
-    NetworkStart, ParameterRule, RobotNumber, RobotRule, Rules, SavedNetwork, SavedParameter, Sharing, Theta,
-    ThetaError, ThetaFile, ThetaFileError,
+    NetworkStart, ParameterRule, Prior, RobotNumber, RobotRule, Rules, SavedNetwork, SavedParameter, Sharing,
+    Theta, ThetaError, ThetaFile, ThetaFileError,
 };

@@ -29,6 +29,9 @@ pub struct FitOptions {
     /// What happens to draws outside the bounds. A start or an optimum on bounds (dry friction of 0) is common,
     /// and wants [`BoundHandling::Reflect`].
     pub bounds: BoundHandling,
+    /// A run of CMA-ES stops once its smallest cost fell by less than a hundredth over so many generations; 0 never.
+    #[serde(default)]
+    pub patience: usize,
     /// A run stops once the largest standard deviation of any parameter, or its next step of least squares, fell to
     /// this part of its initial deviation; 0 never stops early.
     pub tolerance: f64,
@@ -49,6 +52,7 @@ impl Default for FitOptions {
             seeds: vec![1],
             covariance: CovarianceKind::Full,
             bounds: BoundHandling::Reflect,
+            patience: 0,
             tolerance: 1e-4,
             falls: FallPenalty::default(),
             random_numbers: RandomNumbers::default(),

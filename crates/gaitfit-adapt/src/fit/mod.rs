@@ -28,7 +28,7 @@ pub use error::FitError;
 pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one};
 pub use falls::FallPenalty;
 pub use identification::{Identification, NoiseSource};
-pub use identify::{MOST_SCANNED, identify};
+pub use identify::{MOST_SCANNED, cost_error, identify};
 pub use least_squares::{
     Alternative, Comparison, Correction, Failure, GaussNewton, Problem, Question, Replicate, Round,
     Sensitivity, Shift, Slope, Uncertainty, World, answers, correct, off_bounds, sensitivity, sets,

@@ -2,7 +2,7 @@
 
 use super::{Found, NetworkName, Theta, joint_parameters, networks, robot_numbers};
 use gaitfit_model::patterns::{PatternError, covered};
-use gaitfit_model::{Model, shown, shown_number};
+use gaitfit_model::{Model, escaped, shown, shown_number};
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
@@ -27,6 +27,9 @@ pub struct ThetaFile {
     /// Physics step of the fit, s. What `resid_act` remembers is in steps, so another step gives another network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub physics_step: Option<f64>,
+    /// Why walks that were not fitted contradict the fit, in words; absent if they do not, or there were none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contradicted: Option<String>,
     /// Single numbers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameter: Vec<SavedParameter>,
@@ -90,6 +93,9 @@ pub struct SavedNetwork {
     /// Weights: layer by layer (6 × 8, 8 × 4, 4 × 1), `inputs × outputs` row-major, then biases.
     pub weights: Vec<f64>,
 }
+
+/// Most characters of a file's reason that are shown.
+const MOST_REASON: usize = 1000;
 
 /// Largest value of any number: beyond it no robot is meant, and single precision may overflow.
 pub(super) const MOST: f64 = 1e6;
@@ -268,13 +274,10 @@ impl ThetaFile {
     /// The file of what a fit of `theta` found, one an entry.
     pub fn new(theta: &Theta, found: &[Found], robot: &str, cost_name: &str, cost: f64) -> Self {
         let mut file = Self {
-            format: FORMAT,
             robot: robot.to_owned(),
             cost_name: cost_name.to_owned(),
             cost: Some(cost),
-            physics_step: None,
-            parameter: Vec::new(),
-            network: Vec::new(),
+            ..Self::nominal()
         };
         for (modification, part) in theta.parts() {
             if let Some(found) = found.get(part) {
@@ -282,6 +285,20 @@ impl ThetaFile {
             }
         }
         file
+    }
+
+    /// The file of a robot as it is, without any number of a fit.
+    pub fn nominal() -> Self {
+        Self {
+            format: FORMAT,
+            robot: String::new(),
+            cost_name: String::new(),
+            cost: None,
+            physics_step: None,
+            contradicted: None,
+            parameter: Vec::new(),
+            network: Vec::new(),
+        }
     }
 
     /// A doubt, in words, about using the file's networks at a physics step of `step` s: those that act at every
@@ -297,7 +314,7 @@ impl ThetaFile {
         })
     }
 
-    /// Doubts, in words, about single values: parameters that do nothing without another one, and lengths and angles that
+    /// Doubts, in words: that walks contradict it; parameters that do nothing without another one, and lengths and angles that
     /// no robot has.
     pub fn value_doubts(&self) -> Vec<String> {
         let has = |kind: &str| self.parameter.iter().any(|parameter| parameter.kind == kind);
@@ -317,7 +334,11 @@ impl ThetaFile {
                 format!("`{}` is {} {unit}, which no robot has", shown(&parameter.name), parameter.value)
             })
         });
-        alone.chain(far).collect()
+        let contradicted = self
+            .contradicted
+            .as_ref()
+            .map(|why| format!("walks that were not fitted contradict it: {}", escaped(why, MOST_REASON)));
+        contradicted.into_iter().chain(alone).chain(far).collect()
     }
 
     /// A doubt, in words, about using the file on the robot of `model`, whose joints may have the same names.

@@ -77,6 +77,9 @@ pub struct ExportTheta {
     /// Policy whose gains the controller has
     #[arg(long, value_name = "POLICY", conflicts_with_all = ["kp", "kd"])]
     pub policy: Option<PathBuf>,
+    /// Physics step of the simulator that takes the files, in which Isaac Lab and mjlab count delays [default: the fit's]
+    #[arg(long, value_name = "SECONDS")]
+    pub step: Option<f64>,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,

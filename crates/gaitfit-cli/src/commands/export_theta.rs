@@ -31,6 +31,7 @@ pub fn run(args: &ExportTheta) -> Result<(), Failure> {
         kp: args.kp.map(PerJoint::All),
         kd: args.kd.map(PerJoint::All),
         policy: args.policy.clone(),
+        step: args.step,
     };
     let exported = gaitfit::export_theta(&settings)?;
     let paths: Vec<PathBuf> = exported.files.iter().map(|(name, _)| args.out.join(name)).collect();

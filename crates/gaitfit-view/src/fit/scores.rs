@@ -3,7 +3,6 @@
 use super::{FitReport, Score, standing};
 use crate::chart::{extent, strip};
 use crate::format::{UNKNOWN, clean, fixed, significant};
-use crate::page::DoubtKind;
 use serde::Serialize;
 
 /// Headline and score table.
@@ -203,9 +202,9 @@ fn rows(report: &FitReport, yardstick: Yardstick) -> Vec<ScoreRow> {
     rows
 }
 
-/// Not converged is said by a doubt.
+/// That the search converged is no praise of a result that is in doubt.
 fn state(report: &FitReport) -> String {
-    let doubted = report.doubts.iter().any(|doubt| doubt.kind == DoubtKind::NotConverged);
+    let doubted = report.doubts.iter().any(|doubt| doubt.kind.is_severe());
     if report.converged == Some(true) && !doubted { "The search converged".into() } else { String::new() }
 }
 

@@ -113,7 +113,7 @@ fn drift() -> Vec<DriftTrials> {
             trials: 10,
             falls: u32::from(skill < 0.9 && k == 3),
             error: [path(200)[0] - intended(200)[0], path(200)[1] - intended(200)[1], side * 2.0],
-            spread: [0.021, 0.034, 0.016],
+            ci95: [0.021, 0.034, 0.016],
             path: (0..=200).map(path).collect(),
             intended: (0..=200).map(intended).collect(),
         }

@@ -4,11 +4,13 @@
 //! walked again by its policy. All else is one path.
 
 mod alternatives;
+mod audit;
 mod check;
 mod doubts;
 mod files;
 mod held_out;
 mod ignored;
+mod known;
 mod log_set;
 mod method;
 mod odd;
@@ -24,12 +26,15 @@ mod setup;
 mod share;
 mod signals;
 mod springs;
+mod standing;
 mod trust;
 mod validate;
 
 pub use alternatives::Alternatives;
+pub use audit::Audit;
 pub use check::Check;
-pub use held_out::{Distance, Floor, HeldOut, Verdict};
+pub use held_out::{Distance, Floor, HeldOut, Trials, Verdict};
+pub use known::{Measured, priors};
 pub use log_set::LogSet;
 pub use method::Method;
 pub use odd::{JointSpring, OddJoints};
@@ -43,6 +48,7 @@ pub use setup::Setup;
 pub(crate) use setup::{Robot, method as simulated};
 pub use share::{Crew, Done, Helper, Shares};
 pub use springs::FoundSpring;
+pub use standing::{CONTRADICTED, Standing};
 pub use validate::{ValidateRequest, ValidateResults, validate};
 
 use crate::Error;

@@ -34,7 +34,7 @@ pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneratio
         robot,
         created: now(),
         wall_seconds: results.wall_seconds,
-        doubts: results.doubts(),
+        doubts: results.doubts.clone(),
         converged: Some(results.converged),
         held_out: results.held_out.as_ref().map(held_out_shown),
         fit_logs: setup.config.logs.clone(),
@@ -212,9 +212,9 @@ fn comparison(first: &str, other: &CostFit) -> Comparison {
         name: one.name.clone(),
         unit: one.unit.clone(),
         first: one.first,
-        first_spread: unknown(one.first_spread),
+        first_half: unknown(one.first_half),
         second: one.second,
-        second_spread: unknown(one.second_spread),
+        second_half: unknown(one.second_half),
         agrees: one.agrees,
     };
     Comparison {

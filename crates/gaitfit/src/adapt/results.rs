@@ -1,23 +1,25 @@
 //! What a fit found, as the one document that `--json` prints, `result.json` keeps, and tables and report show.
 
+use super::audit::Audit;
 use super::check::Check;
 use super::doubts;
-use super::held_out::{HeldOut, held_out};
+use super::held_out::{HeldOut, Verdict, held_out};
 use super::odd::OddJoints;
 use super::score::{Robot, Score, Validation, baselines, mean, score, validation};
 use super::setup::Setup;
 use super::springs::FoundSpring;
+use super::standing::{self, CONTRADICTED, Evidence, Standing, standing, widening};
 use super::trust::identified;
 use crate::Error;
 use crate::run::RunFolder;
 use crate::settings::CheckConfig;
 use crate::watch::Watch;
-use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
     Agreement, Correction, CostOutcome, Evaluation, FallPenalty, FitError, Job, ParameterOutcome, Regression,
     RunGeneration, RunOutcome, Uncertainty, compare, evaluate,
 };
 use gaitfit_adapt::never;
+use gaitfit_adapt::{Prior, Theta};
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
@@ -35,6 +37,16 @@ pub struct AdaptResults {
     pub robot: String,
     /// The result in a sentence, its doubts first.
     pub headline: String,
+    /// How firmly it stands.
+    #[serde(default)]
+    pub standing: Standing,
+    /// What walks that were not fitted say of it; absent without such walks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
+    /// Why the fit whose θ is kept must not be taken as it stands, the worst first: what its search says, what the logs
+    /// say that were not fitted, what its errors go with, and values that the search would have taken further.
+    #[serde(default)]
+    pub doubts: Vec<Doubt>,
     /// Whether the search came to its end.
     pub converged: bool,
     /// Whether the fitted robot is closer to the logs than the robot before the fit.
@@ -124,6 +136,9 @@ pub struct CostFit {
     /// How simulated robots moved the values, where they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub regression: Option<Regression>,
+    /// What its errors go with, where it predicts single samples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub audit: Option<Audit>,
     /// Each parameter beside the first cost's; empty of the first cost.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub comparison: Vec<Agreement>,
@@ -145,6 +160,33 @@ pub struct Parameter {
     /// Published values, [smallest, largest], from the configuration's `[published]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub published: Option<[f64; 2]>,
+    /// What was known of it before the fit, from the configuration's `[prior]` or from legs in the air.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior: Option<Prior>,
+}
+
+impl Parameter {
+    /// The longer side of its interval, which stands after ±; absent where it was not measured.
+    pub fn half(&self) -> Option<f64> {
+        self.interval.map(|[lower, upper]| (self.found.value - lower).max(upper - self.found.value).max(0.0))
+    }
+
+    /// Widens the interval by `factor`, within the bounds, and to what was known before where that is far away.
+    fn widen(&mut self, factor: f64) {
+        let (Some([lower, upper]), value) = (self.interval, self.found.value) else { return };
+        let known = self
+            .prior
+            .filter(|prior| prior.away(value).abs() > standing::APART)
+            .map_or(value, |prior| prior.value);
+        let ends = [
+            (value - factor * (value - lower)).min(known).max(self.found.lower).min(lower),
+            (value + factor * (upper - value)).max(known).min(self.found.upper).max(upper),
+        ];
+        if ends != [lower, upper] {
+            self.interval = Some(ends);
+            self.identified = Some(ends[1] - ends[0] < 0.5 * (self.found.upper - self.found.lower));
+        }
+    }
 }
 
 impl CostFit {
@@ -153,16 +195,10 @@ impl CostFit {
         self.parameters.iter().map(|parameter| parameter.found.value).collect()
     }
 
-    /// The evidence of its doubts of a kind.
-    fn doubt(&self, kind: DoubtKind) -> String {
-        let of_kind = self.doubts.iter().filter(|doubt| doubt.kind == kind);
-        of_kind.map(|doubt| doubt.text.as_str()).collect::<Vec<_>>().join(" ")
-    }
-
-    /// The fit in a sentence, its doubts first.
-    pub fn headline(&self) -> String {
-        if !self.doubts.is_empty() {
-            let doubts = self.doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
+    /// The fit in a sentence, its `doubts` first.
+    fn headline(&self, doubts: &[Doubt]) -> String {
+        if !doubts.is_empty() {
+            let doubts = doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
             return doubts.collect::<Vec<_>>().join(" ");
         }
         let cost = format!("{} {:.5}", self.cost_name, self.cost);
@@ -184,24 +220,13 @@ impl AdaptResults {
         super::check::failed(&self.checks)
     }
 
-    /// Why the fit whose θ is kept must not be taken as it stands, the worst first: what its search says, what the logs
-    /// say that were not fitted, and values that the search would have taken further.
-    pub fn doubts(&self) -> Vec<Doubt> {
-        let mut doubts = self.fits.first().map(|fit| fit.doubts.clone()).unwrap_or_default();
-        doubts.extend(self.held_out.as_ref().and_then(HeldOut::doubt));
-        let bound = |found: &&Parameter| doubts::stopped_by_bound(found);
-        let bounded: Vec<&str> =
-            self.parameters.iter().filter(bound).map(|found| found.found.name.as_str()).collect();
-        if !bounded.is_empty() && doubts.iter().all(|doubt| doubt.kind != DoubtKind::Misfit) {
-            let rest = if bounded.len() == 1 { "rests on a bound" } else { "rest on bounds" };
-            let text = format!(
-                "{} {rest} of the search: widen it, or fit what else may differ.",
-                bounded.join(", ")
-            );
-            doubts.push(Doubt::new(DoubtKind::Misfit, text));
-        }
-        doubts.sort_by_key(|doubt| doubt.kind);
-        doubts
+    /// Why no policy may be trained in the fit, in words; absent unless walks that were not fitted contradict it.
+    pub fn contradiction(&self) -> Option<String> {
+        let held = self.held_out.as_ref().filter(|_| self.standing == Standing::Contradicted)?;
+        Some(format!(
+            "walks that were not fitted contradict the fit: {}. Trainings refuse it unless `allow` names \"{CONTRADICTED}\"",
+            held.sentence()
+        ))
     }
 
     /// What a fit must be known by elsewhere: the doubts of every cost, then the warnings.
@@ -231,7 +256,11 @@ pub(super) fn results(
     let mut uncorrected: Vec<String> = Vec::new();
     for outcome in outcomes {
         let Some(cost) = setup.costs.iter().position(|cost| cost.name() == outcome.cost) else { continue };
-        let (outcome, refused) = identified(setup, cost, outcome.clone(), folder, watch)?;
+        let (mut outcome, refused) = identified(setup, cost, outcome.clone(), course, folder, watch)?;
+        if outcome.correction.is_none() && outcome.regression.is_none() {
+            // What the search paid for going away from what was known is no distance from the logs.
+            outcome.best_cost -= setup.theta.prior_cost(&outcome.values());
+        }
         uncorrected.extend(refused.map(|reason| doubts::uncorrected(&outcome, &reason)));
         let mut fit = fit(setup, cost, &outcome, course)?;
         if let Some(first) = found.first().filter(|_| setup.theta.len() <= MOST_SHOWN) {
@@ -256,12 +285,24 @@ pub(super) fn results(
     for fit in &fits {
         warnings.extend(doubts::warnings(fit, fits.len() > 1));
     }
+    let (baselines, held) = (baselines(setup, first.nominal_cost)?, beside_others(setup, robot)?);
+    let efforts =
+        (0..setup.method.model().joints.len()).filter_map(|joint| setup.method.model().effort(joint));
+    let evidence = Evidence {
+        fitted: &fitted,
+        baselines: &baselines,
+        held_out: held.as_ref(),
+        effort: efforts.filter(|effort| effort.is_finite()).reduce(f64::min),
+    };
+    let doubts = standing::doubts(&first, &evidence);
     let notes = setup.notes.as_ref();
     let counted = |log: &crate::log::Log| log.trajectory.duration() - setup.config.skip_seconds();
     Ok(AdaptResults {
         name: setup.config.name.clone().unwrap_or_else(|| folder.name()),
         robot: setup.method.model().name.clone(),
-        headline: first.headline(),
+        headline: first.headline(&doubts),
+        standing: standing(&doubts, held.as_ref()),
+        verdict: held.as_ref().map(HeldOut::verdict),
         converged: first.converged,
         better_than_nominal: first.better_than_nominal,
         cost_name: first.cost_name.clone(),
@@ -269,11 +310,12 @@ pub(super) fn results(
         nominal_cost: first.nominal_cost,
         parameters: first.parameters.clone(),
         springs: FoundSpring::of(&setup.theta, &first.values(), first.uncertainty.as_ref()),
-        checks: checks(setup, &first, &fitted),
-        baselines: baselines(setup, first.nominal_cost)?,
+        checks: checks(setup, &first, &doubts, &fitted),
+        doubts,
+        baselines,
         fitted,
         validation: first.validation.clone(),
-        held_out: beside_others(setup, robot)?,
+        held_out: held,
         fits,
         warnings,
         trajectories: setup.fit.logs.len(),
@@ -294,7 +336,7 @@ fn beside_others(setup: &Setup, robot: Robot<'_>) -> Result<Option<HeldOut>, Err
     let Some(set) = setup.validate.first() else { return Ok(None) };
     let (theta, values): (Theta, &[f64]) = (Theta::default(), &[]);
     let before = Robot { theta: &theta, values };
-    held_out(&setup.config, &setup.method, [(set, robot), (set, before)])
+    held_out(&setup.config, &setup.method, [(set, robot), (set, before)], &setup.fit.logs)
 }
 
 /// One evaluation of a robot by cost number `cost`, without a charge for falls.
@@ -323,16 +365,24 @@ fn fit(
     let nominal = evaluated(setup, cost, &Theta::default(), Vec::new())?;
     let (nominal_cost, nominal_falls) = nominal.map_or((None, 0), |nominal| (nominal.cost, nominal.falls));
     let doubts = doubts::doubts(outcome, nominal_cost, nominal_falls, course);
+    let audit = audited(setup, cost, &values)?;
     let has = |kind| doubts.iter().any(|doubt| doubt.kind == kind);
+    let wider = audit.as_ref().map_or(1.0, widening);
     let parameters: Vec<Parameter> = outcome
         .parameters
         .iter()
-        .map(|found| Parameter {
-            truth: config.truth.get(&found.name).copied(),
-            published: config.published.get(&found.name).copied(),
-            interval: found.identification.as_ref().map(|one| [one.lower, one.upper]),
-            identified: found.identification.as_ref().map(|one| one.identified),
-            found: found.clone(),
+        .zip(setup.theta.priors())
+        .map(|(found, prior)| {
+            let mut parameter = Parameter {
+                truth: config.truth.get(&found.name).copied(),
+                published: config.published.get(&found.name).copied(),
+                prior: prior.copied(),
+                interval: found.identification.as_ref().map(|one| [one.lower, one.upper]),
+                identified: found.identification.as_ref().map(|one| one.identified),
+                found: found.clone(),
+            };
+            parameter.widen(wider);
+            parameter
         })
         .collect();
     let error = |parameter: &Parameter| {
@@ -365,8 +415,21 @@ fn fit(
         uncertainty: outcome.uncertainty.clone(),
         correction: outcome.correction.clone(),
         regression: outcome.regression.clone(),
+        audit,
         comparison: Vec::new(),
     })
+}
+
+/// What the errors of short predictions of the fitted logs go with; absent of other costs.
+fn audited(setup: &Setup, cost: usize, values: &[f64]) -> Result<Option<Audit>, Error> {
+    let kind = setup.config.costs[cost];
+    if !kind.needs_imu() {
+        return Ok(None);
+    }
+    let robot = Robot { theta: &setup.theta, values };
+    let predicted = robot.simulate(setup.fit.simulator.as_ref(), kind.given())?;
+    let skip = setup.method.samples(setup.config.skip_seconds(), &setup.fit.logs);
+    Ok(Audit::of(&setup.fit, &predicted, skip))
 }
 
 /// The parameters of `other` beside those of `first`.
@@ -384,17 +447,28 @@ fn beside(setup: &Setup, first: &CostOutcome, other: &CostOutcome) -> Result<Vec
     compare(first, other, cost_of(&first.cost), cost_of(&other.cost)).map_err(Error::failed)
 }
 
+/// The evidence of doubts of a kind.
+fn evidence_of(doubts: &[Doubt], kind: DoubtKind) -> String {
+    let of_kind = doubts.iter().filter(|doubt| doubt.kind == kind);
+    of_kind.map(|doubt| doubt.text.as_str()).collect::<Vec<_>>().join(" ")
+}
+
 /// The checks that the configuration states.
-fn checks(setup: &Setup, first: &CostFit, fitted: &Score) -> Vec<Check> {
+fn checks(setup: &Setup, first: &CostFit, doubts: &[Doubt], fitted: &Score) -> Vec<Check> {
     let check = &setup.config.check;
     let mut checks = Vec::new();
     if check.better_than_nominal {
-        let found = first.doubt(DoubtKind::WorseThanNominal);
-        checks.push(Check::holds("better than the nominal robot", first.better_than_nominal, &found));
+        let found = evidence_of(doubts, DoubtKind::WorseThanNominal);
+        checks.push(Check::holds("better than the nominal robot", found.is_empty(), &found));
     }
     if check.converged {
-        let found = first.doubt(DoubtKind::NotConverged);
+        let found = evidence_of(doubts, DoubtKind::NotConverged);
         checks.push(Check::holds("converged", first.converged, &found));
+    }
+    if check.sound {
+        let all = doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
+        let found = all.collect::<Vec<_>>().join(" ");
+        checks.push(Check::holds("sound", doubts.is_empty(), &found));
     }
     if let Some(limit) = check.cost {
         checks.push(Check::at_most("cost", limit, Some(first.cost)));

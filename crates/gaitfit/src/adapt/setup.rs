@@ -150,6 +150,10 @@ impl Setup {
         };
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
+        // What legs in the air say of joints (`known::priors`) joins the settings' own here, once the logs are read.
+        let theta = theta
+            .with_priors(&config.prior, config.optimizer.prior_weight)
+            .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
         let named =
             if config.odd_joints { sprung(&config, &method, &method.joints())? } else { theta.clone() };
         warnings.extend(unused(&config, &named, &logs.validate)?);
@@ -234,6 +238,7 @@ fn sprung(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Th
     rules.resolve();
     rules
         .theta(&config.groups(), &names, &rest)
+        .and_then(|theta| theta.with_priors(&config.prior, config.optimizer.prior_weight))
         .map_err(|error| Error::settings(format!("`odd_joints` puts a spring on every joint: {error}")))
 }
 

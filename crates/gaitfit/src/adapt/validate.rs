@@ -59,6 +59,9 @@ pub struct ValidateResults {
     /// Walking logs: their distributions beside those of simulated walks, and a floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOut>,
+    /// What these walks say of the fit; absent of a clamped robot's logs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
     /// Checks the configuration states.
     pub checks: Vec<Check>,
     /// What to know before trusting the numbers.
@@ -121,7 +124,9 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let rmse_rad = mean(found.iter().map(|log| log.rmse_rad));
     let nominal_rmse_rad = mean(found.iter().map(|log| log.nominal_rmse_rad));
     let held_out = match (after.first(), before.first()) {
-        (Some(fitted), Some(nominal)) => held_out(&config, &method, [(fitted, itself), (nominal, itself)])?,
+        (Some(fitted), Some(nominal)) => {
+            held_out(&config, &method, [(fitted, itself), (nominal, itself)], &[])?
+        }
         _ => None,
     };
     let mut results = ValidateResults {
@@ -138,6 +143,7 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
         nominal_rmse_rad,
         checks: validation_checks(&config.check, &found, cost),
         validation: found,
+        verdict: held_out.as_ref().map(HeldOut::verdict),
         held_out,
         warnings,
     };
@@ -196,6 +202,9 @@ fn headline(results: &ValidateResults, numbers: &str) -> String {
         }
         Some(found) if found.verdict() == Verdict::WorseThanNominal => {
             format!("Whole walks worse than the nominal robot's: {}. {numbers}.", found.sentence())
+        }
+        Some(found) if found.verdict() == Verdict::Falls => {
+            format!("Falls where the robot walks: {}. {numbers}.", found.sentence())
         }
         Some(found) => format!("{numbers}. On whole walks {}.", found.sentence()),
     }

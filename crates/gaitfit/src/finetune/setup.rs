@@ -2,6 +2,7 @@
 
 use super::policy;
 use crate::Error;
+use crate::adapt::CONTRADICTED;
 use crate::device::Devices;
 use crate::draws;
 use crate::paths;
@@ -11,12 +12,14 @@ use crate::train::{Parent, Plan, Setup, Start, advice, configuration, refused};
 use crate::world::{self, World, WorldSettings};
 use gaitfit_learn::Training;
 use gaitfit_learn::task::TaskSettings;
-use gaitfit_model::shown_number;
+use gaitfit_model::{escaped, shown_number};
 use gaitfit_policy::Policy;
 use std::path::{Path, PathBuf};
 use toml::Table;
 
 const PRINTED_BY: &str = "gaitfit config finetune";
+/// Most characters of a file's reason that are shown.
+const MOST_REASON: usize = 1000;
 
 /// What is asked of a fine-tuning.
 #[derive(Clone, Debug)]
@@ -37,6 +40,21 @@ pub struct Request {
     pub devices: Devices,
 }
 
+/// Refuses fitted parameters that walks contradict, unless that is allowed.
+fn uncontradicted(path: &Path, allow: &[String]) -> Result<(), Error> {
+    let file = crate::theta::read(path)?;
+    match file.contradicted.filter(|_| !allow.iter().any(|name| name == CONTRADICTED)) {
+        None => Ok(()),
+        Some(why) => Err(Error::settings(format!(
+            "{}: walks that were not fitted contradict it: {}. A policy that is trained there can be worse than before. Fit \
+             again with other parameters or logs; or, knowing this, set `allow = [\"{CONTRADICTED}\"]` (--set \
+             'allow=[\"{CONTRADICTED}\"]')",
+            path.display(),
+            escaped(&why, MOST_REASON)
+        ))),
+    }
+}
+
 /// Reads policy, robot and fitted parameters, and checks the settings.
 pub fn setup(request: Request) -> Result<Setup, Error> {
     let Request { mut config, path, name: run, files, task, threads, devices } = request;
@@ -49,6 +67,12 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
     pinned(&mut config.policy_sha256, Some(&policy_sha256), &files.policy)?;
     if let Some(theta) = &files.theta {
         pinned(&mut config.theta_sha256, theta_sha256.as_ref(), theta)?;
+        uncontradicted(theta, &config.allow)?;
+    }
+    if let Some(name) = config.allow.iter().find(|name| *name != CONTRADICTED) {
+        return Err(wrong(format!(
+            "`allow` has {name:?}; the finding that a training may pass over is \"{CONTRADICTED}\""
+        )));
     }
     let arguments = WorldSettings {
         policy: files.policy.clone(),

@@ -64,6 +64,8 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 10000"
     } else if optimizer.replicates > 100 {
         "`optimizer.replicates` must be 0 (no correction by simulated logs) to 100"
+    } else if !not_negative(optimizer.prior_weight) {
+        "`optimizer.prior_weight` must be at least 0"
     } else if optimizer.restarts > 20 {
         "`optimizer.restarts` must be 0 to 20: each doubles the population"
     } else if !not_negative(optimizer.tolerance) || optimizer.tolerance >= 1.0 {
@@ -131,6 +133,7 @@ pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
         seeds: (0..optimizer.seeds as u64).map(|offset| optimizer.seed + offset).collect(),
         covariance: optimizer.covariance,
         bounds: optimizer.bounds,
+        patience: optimizer.patience,
         tolerance: optimizer.tolerance,
         falls: FallPenalty { penalty: config.falls.penalty, robot: falls },
         random_numbers: optimizer.random_numbers,

@@ -35,7 +35,7 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
             output::print(&text::text(&results, &setup.warnings))?;
         }
         viewer::report(args.run.open, &results.run_folder);
-        checked(results.failed_check())
+        checked(results.failed_check().or_else(|| results.contradiction()))
     })
 }
 

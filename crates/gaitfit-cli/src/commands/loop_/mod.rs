@@ -37,7 +37,7 @@ pub fn run(args: &cli::Loop) -> Result<(), Failure> {
         output::print(&table::text(&results))?;
     }
     viewer::report(args.run.open, &results.run_folder);
-    match results.divergence() {
+    match results.divergence().or_else(|| results.fallback()) {
         Some(message) => Err(Failure { exit: Exit::Check, message }),
         None => Ok(()),
     }
