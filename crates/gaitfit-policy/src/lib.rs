@@ -30,4 +30,4 @@ pub use held::{ActionClip, Held};
 pub use history::{FrameOrder, History, HistoryStart};
 pub use interface::{Interface, InterfaceError, Quantity, Term};
 pub use pilot::Pilot;
-pub use policy::{Policy, Provenance};
+pub use policy::{Policy, Provenance, RobotFile};

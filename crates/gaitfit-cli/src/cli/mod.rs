@@ -96,7 +96,8 @@ pub enum Command {
 /// Arguments of `inspect`.
 #[derive(Debug, Args)]
 pub struct Inspect {
-    /// Robot (.xml, .mjcf, .urdf), log (.csv), folder of logs, or policy (.safetensors, .onnx, .toml)
+    /// Robot (.xml, .mjcf, .urdf), log (.csv), folder of logs, or policy (.safetensors, .onnx, .toml, run folder of a
+    /// training)
     pub file: PathBuf,
     /// Print one JSON document
     #[arg(long)]
@@ -154,7 +155,7 @@ pub struct Forward {
 /// Arguments of `export`.
 #[derive(Debug, Args)]
 pub struct Export {
-    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
+    /// Policy: .safetensors, .onnx, a .toml that describes one trained elsewhere, or the run folder of a training
     pub policy: PathBuf,
     /// Write the actor as an ONNX graph, the interface in its metadata
     #[arg(long, value_name = "FILE.onnx")]
@@ -169,11 +170,12 @@ pub struct Export {
     /// Write the policy as C++17, the network inside: policy.hpp, and example.cpp that uses it
     #[arg(long, value_name = "FOLDER")]
     pub cpp: Option<PathBuf>,
-    /// Robot (.xml, .mjcf, .urdf) whose effort limits the bundle has [default: the built-in Go2, for its policies]
-    #[arg(long, value_name = "FILE", requires = "bundle")]
+    /// Robot (.xml, .mjcf, .urdf) whose effort limits the bundle and the C++ have [default: that of the policy's training,
+    /// or the built-in Go2, for its policies]
+    #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
     /// Drop what the engine does not honour in the robot file, instead of refusing it
-    #[arg(long, requires = "robot")]
+    #[arg(long)]
     pub lenient: bool,
     /// Write over files of an earlier bundle or C++ folder
     #[arg(long)]

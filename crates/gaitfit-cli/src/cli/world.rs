@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 /// A policy and the simulator it runs in.
 #[derive(Debug, Args)]
 pub struct WorldArgs {
-    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
+    /// Policy: .safetensors, .onnx, a .toml that describes one trained elsewhere, or the run folder of a training
     pub policy: PathBuf,
-    /// Robot (.xml, .mjcf, .urdf) [default: the built-in Go2]
+    /// Robot (.xml, .mjcf, .urdf) [default: that of the policy's training, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
     /// Drop what the engine does not honour in the robot file, instead of refusing it
@@ -114,7 +114,7 @@ pub struct Evaluate {
 #[derive(Debug, Args)]
 #[command(mut_arg("robot", |robot| robot.value_name("FILE|ROBOT").help(
     "Robot (.xml, .mjcf, .urdf); or unitree-go2, a real one, or simulated, its rehearsal on the clock, as in `gaitfit run` \
-     [default: the built-in Go2]"
+     [default: the robot of the policy's training, or the built-in Go2]"
 )))]
 pub struct Collect {
     /// The policy and its simulator

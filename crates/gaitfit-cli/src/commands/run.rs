@@ -7,6 +7,7 @@ use crate::exit::{Exit, Failure};
 use crate::keyboard::{self, Keyboard};
 use crate::output::{self, note};
 use crate::signals;
+use gaitfit::policy_file::{self, PolicyFile};
 use gaitfit_robot::guard::{GuardSettings, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
 use gaitfit_robot::run::{
@@ -49,7 +50,9 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         return Err(Failure::usage("--keyboard: standard input is no terminal, so no key can be read"));
     }
     signals::listen()?;
-    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
+    let PolicyFile { path, note: chosen } = policy_file::find(&args.policy)?;
+    chosen.iter().for_each(|chosen| note(chosen));
+    let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
     suits(&policy, &GuardSettings::go2(Duration::ZERO).limits)
         .map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
     let who = walks::who(args, &policy)?;

@@ -14,7 +14,7 @@ use crate::robot::Hold;
 use crate::settings::{AdaptConfig, Base, check};
 use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
 use crate::walk::walking::{Walking, rest_angles};
-use crate::{Error, machine, paths, robot, theta};
+use crate::{Error, machine, paths, policy_file, robot, theta};
 use gaitfit_adapt::cost::Cost;
 use gaitfit_adapt::fit::{FitOptions, Method as Search};
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotRule, Sharing, Theta, ThetaFile};
@@ -293,7 +293,10 @@ impl Robot {
             None => model,
         };
         let mut read = |named: &String, what: &str| -> Result<PathBuf, Error> {
-            let path = paths::find(named, what, config_path)?;
+            let mut path = paths::find(named, what, config_path)?;
+            if what == "policy" {
+                path = policy_file::find(&path)?.path;
+            }
             files.push(path.clone());
             Ok(path)
         };

@@ -9,11 +9,20 @@ use super::policy::{document, text};
 use crate::cli::Inspect;
 use crate::exit::Failure;
 use crate::output;
+use gaitfit::policy_file::{self, PolicyFile};
 
 /// Tells robots, logs and policies by the file's ending, and prints what they hold; a folder is one of logs.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
     std::fs::metadata(&args.file)
         .map_err(|error| Failure::failed(format!("cannot read {}: {error}", args.file.display())))?;
+    let path = &args.file;
+    // A folder with CSV files is one of logs, whatever else is in it.
+    if path.is_dir()
+        && policy_file::holds_policy(path)
+        && gaitfit_log::csv_files(path).is_ok_and(|all| all.is_empty())
+    {
+        return policy(args);
+    }
     if args.file.is_dir() {
         if args.plot.is_some() || (args.lenient && args.robot.is_none()) {
             return Err(Failure::usage("--plot is for one log (.csv), --lenient for robot files"));
@@ -34,12 +43,7 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
             }
             log::run(args)
         }
-        Some("safetensors" | "onnx" | "toml") => {
-            if args.plot.is_some() || args.robot.is_some() || args.lenient {
-                return Err(Failure::usage("--plot, --robot and --lenient are for robots and logs"));
-            }
-            policy(args)
-        }
+        Some("safetensors" | "onnx" | "toml") => policy(args),
         Some(
             "npz" | "npy" | "mcap" | "db3" | "pt" | "pkl" | "pickle" | "parquet" | "feather" | "arrow" | "h5"
             | "hdf5" | "mat" | "bag",
@@ -59,7 +63,12 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
 
 /// Prints what a policy sees and does.
 fn policy(args: &Inspect) -> Result<(), Failure> {
-    let policy = gaitfit_policy::read(&args.file).map_err(Failure::failed)?;
+    if args.plot.is_some() || args.robot.is_some() || args.lenient {
+        return Err(Failure::usage("--plot, --robot and --lenient are for robots and logs"));
+    }
+    let PolicyFile { path, note } = policy_file::find(&args.file)?;
+    note.iter().for_each(|note| output::note(note));
+    let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
     let document = document(&policy, Vec::new());
     if args.json { output::print_json(&document) } else { output::print(&text(&document)) }
 }
