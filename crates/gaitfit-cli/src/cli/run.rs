@@ -39,9 +39,9 @@ impl RunArgs {
     }
 }
 
-/// Arguments of `adapt`.
+/// Arguments of `fit`.
 #[derive(Debug, Args)]
-pub struct Adapt {
+pub struct Fit {
     /// Configuration (TOML); `gaitfit config` prints one with every default
     pub config: PathBuf,
     /// What simulates: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the candidates), or auto (a

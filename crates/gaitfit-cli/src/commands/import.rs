@@ -1,17 +1,17 @@
 //! `gaitfit import`: any recording as a log.
 
-use crate::cli::Import;
+use crate::cli::{Import, New};
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::table::table;
 use gaitfit::files::{self, Output};
 use gaitfit::robot::{self, Hold};
-use gaitfit_import::{ImportError, ImportReport, MOST_MAPPING_BYTES, Mapping, Options};
+use gaitfit_import::{ImportError, ImportReport, Imported, MOST_MAPPING_BYTES, Mapping, Options};
 use gaitfit_log::{CheckSpec, Finding, Severity, check, write_csv};
 use gaitfit_model::{shown, shown_path};
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What was read, as `--json` prints it.
 #[derive(Serialize)]
@@ -32,15 +32,7 @@ pub fn run(args: &Import) -> Result<(), Failure> {
     let inputs = args.files.iter().chain(&args.mapping).chain(&args.robot).map(PathBuf::as_path);
     files::check(&[Output { path: &args.out, option: "--out", ending: Some("csv") }], inputs)?;
     let options = Options { mapping, ..Options::default() };
-    let imported = gaitfit_import::import(&args.files, &options).map_err(|error| match error {
-        ImportError::Mapping { .. }
-        | ImportError::NoJointNames { .. }
-        | ImportError::MotorsBeyond { .. }
-        | ImportError::NoSuchStream { .. }
-        | ImportError::NothingToShift
-        | ImportError::Ambiguous { .. } => Failure::usage(error),
-        error => Failure::failed(error),
-    })?;
+    let imported = read(&args.files, &options)?;
     let log = &imported.trajectory;
     write_csv(&args.out, log).map_err(Failure::failed)?;
     let document = Document {
@@ -59,6 +51,34 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         return Err(Failure { exit: Exit::Check, message });
     }
     Ok(())
+}
+
+/// Reads a recording; what the caller must state is wrong usage.
+fn read(files: &[PathBuf], options: &Options) -> Result<Imported, Failure> {
+    gaitfit_import::import(files, options).map_err(|error| match error {
+        ImportError::Mapping { .. }
+        | ImportError::NoJointNames { .. }
+        | ImportError::MotorsBeyond { .. }
+        | ImportError::NoSuchStream { .. }
+        | ImportError::NothingToShift
+        | ImportError::Ambiguous { .. } => Failure::usage(error),
+        error => Failure::failed(error),
+    })
+}
+
+/// Writes `recording` as the log `out` for `gaitfit new`, and gives what was assumed and left out.
+pub fn convert(recording: &Path, out: &Path, args: &New) -> Result<Vec<String>, Failure> {
+    let mapping = mapping(&Import {
+        mapping: args.mapping.clone(),
+        robot: args.robot.clone(),
+        lenient: args.lenient,
+        ..Import::default()
+    })?;
+    let options = Options { mapping, ..Options::default() };
+    let imported = read(&[recording.to_owned()], &options)?;
+    write_csv(out, &imported.trajectory).map_err(Failure::failed)?;
+    let left_out = imported.report.left_out.iter().map(|line| format!("left out: {line}"));
+    Ok(imported.report.assumed.iter().cloned().chain(left_out).collect())
 }
 
 /// The mapping of the file and what the command line says beside it.

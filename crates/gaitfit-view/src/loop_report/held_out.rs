@@ -34,6 +34,25 @@ struct Cell {
     first: bool,
 }
 
+/// How many times closer the fitted simulator is to logs that were not fitted than the one before the fit: the mean over
+/// joints and signals of the distances' ratios, on a logarithmic scale. `None` where it is not at least 1.1.
+pub(crate) fn gain(held: &HeldOut) -> Option<f64> {
+    let ratios: Vec<f64> = held
+        .distances
+        .iter()
+        .map(|one| (one.nominal / one.fitted).ln())
+        .filter(|ratio| ratio.is_finite())
+        .collect();
+    let mean = (ratios.iter().sum::<f64>() / ratios.len() as f64).exp();
+    (mean >= 1.1).then_some(mean)
+}
+
+/// A gain as a sentence.
+pub(crate) fn gain_text(gain: f64, motion: &str) -> String {
+    let digits = if gain < 10.0 { 1 } else { 0 };
+    format!("Predicts {motion} that were not fitted {gain:.digits$} times better than the robot file")
+}
+
 pub(crate) fn view(held: &HeldOut) -> HeldOutView {
     let of = |signal: Signal| held.distances.iter().filter(move |one| one.signal == signal);
     let known: Vec<(Signal, &str)> =

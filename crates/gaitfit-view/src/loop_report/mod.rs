@@ -5,6 +5,7 @@ mod data;
 mod drift;
 mod headline;
 pub(crate) mod held_out;
+mod names;
 mod page;
 mod policies;
 mod rounds;
@@ -19,5 +20,6 @@ use crate::page::ReportError;
 /// # Errors
 /// [`ReportError::Template`] if the embedded template cannot be filled in.
 pub fn loop_html(report: &LoopReport) -> Result<String, ReportError> {
-    crate::page::render(include_str!("loop.html"), page::Page::new(report))
+    let page = crate::page::render(include_str!("loop.html"), page::Page::new(report))?;
+    Ok(names::plain(&page, &report.after))
 }

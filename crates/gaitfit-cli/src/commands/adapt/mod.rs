@@ -1,4 +1,4 @@
-//! `gaitfit adapt`: fits the simulator's parameters to logs of a robot.
+//! `gaitfit fit`: fits the simulator's parameters to logs of a robot.
 
 mod text;
 
@@ -16,8 +16,8 @@ use gaitfit::settings::{self, AdaptConfig};
 use std::num::NonZeroUsize;
 use std::path::Path;
 
-/// Runs or continues a fit and reports what it found.
-pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
+/// Runs or continues a fit and prints its result.
+pub fn run(args: &cli::Fit) -> Result<(), Failure> {
     let mut config: AdaptConfig = settings::load(Some(&args.config), &args.run.set)?;
     let name = run_name(args.run.name.as_ref(), config.name.as_ref(), Some(&args.config)).unwrap_or_default();
     config.name = Some(name.clone());

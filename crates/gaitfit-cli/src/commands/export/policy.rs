@@ -1,8 +1,8 @@
-//! `gaitfit export`: a policy in other programs' formats, and at a glance.
+//! A policy in other programs' formats, and at a glance.
 
-use super::folder;
-use super::policy::{document, text};
 use crate::cli::Export;
+use crate::commands::folder;
+use crate::commands::policy::{document, text};
 use crate::exit::Failure;
 use crate::output;
 use gaitfit::files::{self, Output};
@@ -31,8 +31,8 @@ pub fn run(args: &Export) -> Result<(), Failure> {
                 .to_owned(),
         ));
     }
-    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
-    let read = gaitfit_policy::files_of(&args.policy).map_err(Failure::failed)?;
+    let policy = gaitfit_policy::read(&args.file).map_err(Failure::failed)?;
+    let read = gaitfit_policy::files_of(&args.file).map_err(Failure::failed)?;
     let (files, unsaid) = made(args, &policy)?;
     if let Some(file) = files.iter().find(|file| file.ending.is_none() && !args.force && file.path.exists()) {
         return Err(Failure::usage(format!(
@@ -64,7 +64,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
 /// All files that are asked for, and what they do not say.
 fn made(args: &Export, policy: &Policy) -> Result<(Vec<File>, Vec<String>), Failure> {
     type Writer = fn(&Policy) -> Result<Vec<u8>, PolicyError>;
-    let failed = |error| Failure::failed(format!("{}: {error}", args.policy.display()));
+    let failed = |error| Failure::failed(format!("{}: {error}", args.file.display()));
     let single: [(&Option<PathBuf>, _, _, Writer); 2] = [
         (&args.onnx, "--onnx", "onnx", onnx::write),
         (&args.safetensors, "--safetensors", "safetensors", weights::write),
