@@ -61,6 +61,7 @@ fn the_page_holds_the_numbers_given() {
         "0.0121 against 0.0118 ± 0.0009",
         "explained variance",
         "the cost stopped falling",
+        "Predicts walks that were not fitted 5.3 times better than the robot file.",
     ] {
         assert!(shown.contains(expected), "{expected} is missing");
     }

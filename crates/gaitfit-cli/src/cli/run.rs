@@ -58,7 +58,7 @@ pub struct Fit {
 pub struct Sensitivity {
     /// Configuration (TOML) of a fit: its robot, logs, parameters and first cost are looked at
     pub config: PathBuf,
-    /// Values to look around: the theta.toml of an `adapt` run [default: the configuration's truth, or the search's start]
+    /// Values to look around: the theta.toml of a fit [default: the configuration's truth, or the search's start]
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
     /// How much the fitted simulator will differ from the logs, where a joint's range is 2 [default: as these values do]
@@ -78,7 +78,7 @@ pub struct Sensitivity {
 /// Arguments of `validate`.
 #[derive(Debug, Args)]
 pub struct Validate {
-    /// Fitted parameters: the theta.toml of an `adapt` run
+    /// Fitted parameters: the theta.toml of a fit
     pub theta: PathBuf,
     /// Logs to validate on: files; of a walking robot also folders and patterns
     #[arg(required = true)]
@@ -122,7 +122,7 @@ pub struct Train {
 pub struct Finetune {
     /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere [default: the configuration's]
     pub policy: Option<PathBuf>,
-    /// Fitted parameters: the theta.toml of an `adapt` run
+    /// Fitted parameters: the theta.toml of a fit
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
     /// Robot (.xml, .mjcf, .urdf) [default: the built-in Go2]

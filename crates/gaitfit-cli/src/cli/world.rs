@@ -19,7 +19,7 @@ pub struct WorldArgs {
     /// Task: velocity, biped, or a file with a task's settings [default: the policy's own]
     #[arg(long, value_name = "TASK")]
     pub task: Option<String>,
-    /// Fitted parameters: the theta.toml of an `adapt` run
+    /// Fitted parameters: the theta.toml of a fit
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
     /// A spring on a joint, N·m/rad, about its default angle or REST, rad (repeatable)

@@ -240,3 +240,6 @@ impl Found<'_> {
 fn quoted(path: &Path, out: &Path) -> String {
     toml::Value::from(paths::named(path, out)).to_string()
 }
+
+#[cfg(test)]
+mod tests;
