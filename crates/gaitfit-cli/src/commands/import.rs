@@ -50,7 +50,11 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         let message = format!("{} is written, and {errors} finding(s) forbid using it", document.written);
         return Err(Failure { exit: Exit::Check, message });
     }
-    Ok(())
+    if args.json {
+        return Ok(());
+    }
+    let robot = args.robot.as_ref().map_or("ROBOT".into(), |robot| robot.to_string_lossy());
+    output::next(&[format!("gaitfit inspect {} --robot {robot} --plot log.svg", document.written)])
 }
 
 /// Reads a recording; what the caller must state is wrong usage.

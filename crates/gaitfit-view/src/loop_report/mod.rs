@@ -12,6 +12,7 @@ mod rounds;
 mod tracking;
 
 pub use data::{Difference, DriftTrials, Estimate, HeldOut, JointDistance, LoopReport, Round, Tracking};
+pub use names::plain as plain_names;
 
 use crate::page::ReportError;
 

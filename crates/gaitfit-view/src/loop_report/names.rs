@@ -2,9 +2,9 @@
 
 const DIGITS: std::ops::RangeInclusive<char> = '₀'..='₉';
 
-/// The page with plain names: π₀ is `before`, `after` (as results name it, such as π₂) is `after`, and others are
+/// A text for readers with plain names: π₀ is `before`, `after` (as results name it, such as π₂) is `after`, and others are
 /// `after round 1` and so on.
-pub(super) fn plain(page: &str, after: &str) -> String {
+pub fn plain(page: &str, after: &str) -> String {
     let last = number(after.strip_prefix('π').unwrap_or_default()).map(|(number, _)| number);
     let mut parts = page.split('π');
     let mut text = String::with_capacity(page.len());

@@ -40,6 +40,7 @@ fn legs_in_the_air_give_a_fit_with_a_log_kept_out() {
     assert_eq!((config.logs.len(), config.validate.len()), (1, 1));
     let kinds: Vec<&str> = config.parameter.iter().map(|rule| rule.kind.name()).collect();
     assert_eq!(kinds, ["frictionloss", "armature", "damping", "delay"]);
+    assert_eq!(config.parameter[0].upper, Some(2.0), "5 % of the calves' 45.43 N·m");
     let line = |what: &str| written.assumed.iter().find(|one| one.what == what).unwrap().value.clone();
     assert_eq!(line("gains"), "stated by the logs");
     assert!(line("logs").starts_with("2 logs, 17.0 s in all at 200 Hz"), "{}", line("logs"));

@@ -80,9 +80,21 @@ impl Found<'_> {
                 text,
                 "\n[[parameter]]                    # {what}\nkind = \"{kind}\"\nper = \"{per}\""
             );
+            if kind == "frictionloss" {
+                let bound = format!("{:?}", self.max_friction());
+                line(text, "upper", &bound, "the search's bound: 5 % of the largest torque limit");
+            }
         }
         text.push_str("\n[check]\n");
         line(text, "converged", "true", "exit code 3 if the search has not converged");
+    }
+
+    /// Upper bound of dry friction, N·m, to one digit; that of a real Go2 is 1 % of its torque limits.
+    fn max_friction(&self) -> f64 {
+        let efforts = (0..self.model.joints.len()).filter_map(|joint| self.model.effort(joint));
+        let bound = 0.05 * efforts.filter(|effort| effort.is_finite()).fold(0.0, f64::max);
+        let digit = 10_f64.powf(bound.max(0.5).log10().floor());
+        (bound.max(0.5) / digit).round() * digit
     }
 
     fn write_groups(&self, text: &mut String, table: &str) {

@@ -33,10 +33,21 @@ pub fn run(args: &cli::Fit) -> Result<(), Failure> {
             output::print_json(&results)?;
         } else {
             output::print(&text::text(&results, &setup.warnings))?;
+            if results.failed_check().is_none() {
+                output::next(&next(&results.run_folder, config.policy.as_deref()))?;
+            }
         }
         viewer::report(args.run.open, &results.run_folder);
         checked(results.failed_check())
     })
+}
+
+/// What to do with a fit in the folder `run`.
+fn next(run: &str, policy: Option<&str>) -> Vec<String> {
+    let theta = format!("{run}/theta.toml");
+    let training = policy.map(|policy| format!("gaitfit finetune {policy} --theta {theta}"));
+    let validation = format!("gaitfit validate {theta} OTHER_LOG.csv");
+    [validation].into_iter().chain(training).chain([format!("gaitfit export {theta} --out FOLDER")]).collect()
 }
 
 /// Ends with the exit code of a failed check, if one failed.
