@@ -22,6 +22,11 @@ pub fn print_bytes(bytes: &[u8]) -> Result<(), Failure> {
     }
 }
 
+/// Prints the commands that usually come next, one a line.
+pub fn next(commands: &[String]) -> Result<(), Failure> {
+    print(&commands.iter().map(|command| format!("next: {command}\n")).collect::<String>())
+}
+
 /// Prints `document` as one JSON document.
 pub fn print_json<T: Serialize>(document: &T) -> Result<(), Failure> {
     let mut text = serde_json::to_string_pretty(document)

@@ -1,4 +1,4 @@
-//! `gaitfit adapt` on the demo: the document, the files, checks, and what must not change the result.
+//! `gaitfit fit` on the demo: the document, the files, checks, and what must not change the result.
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use crate::common;

@@ -6,6 +6,7 @@ mod bad_input;
 mod chromium;
 mod collect;
 mod common;
+mod docs;
 mod evaluate;
 mod export;
 mod finetune;

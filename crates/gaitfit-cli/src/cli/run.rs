@@ -45,10 +45,10 @@ fn set_help<C: Configuration>(set: Arg) -> Arg {
     set.help(format!("Change one setting, for example --set {} (repeatable)", C::EXAMPLE))
 }
 
-/// Arguments of `adapt`.
+/// Arguments of `fit`.
 #[derive(Debug, Args)]
 #[command(mut_arg("set", set_help::<AdaptConfig>))]
-pub struct Adapt {
+pub struct Fit {
     /// Configuration (TOML); `gaitfit config` prints one with every default
     pub config: PathBuf,
     /// What simulates: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the candidates), or auto (a
@@ -65,7 +65,7 @@ pub struct Adapt {
 pub struct Sensitivity {
     /// Configuration (TOML) of a fit: its robot, logs, parameters and first cost are looked at
     pub config: PathBuf,
-    /// Values to look around: the theta.toml of an `adapt` run [default: the configuration's truth, or the search's start]
+    /// Values to look around: the theta.toml of a fit [default: the configuration's truth, or the search's start]
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
     /// How much the fitted simulator will differ from the logs, where a joint's range is 2 [default: as these values do]
@@ -85,7 +85,7 @@ pub struct Sensitivity {
 /// Arguments of `validate`.
 #[derive(Debug, Args)]
 pub struct Validate {
-    /// Fitted parameters: the theta.toml of an `adapt` run
+    /// Fitted parameters: the theta.toml of a fit
     pub theta: PathBuf,
     /// Logs to validate on: files; of a walking robot also folders and patterns
     #[arg(required = true)]
@@ -132,7 +132,7 @@ pub struct Finetune {
     /// Policy: .safetensors, .onnx, a .toml that describes one trained elsewhere, or the run folder of a training
     /// [default: the configuration's]
     pub policy: Option<PathBuf>,
-    /// Fitted parameters: the theta.toml of an `adapt` run
+    /// Fitted parameters: the theta.toml of a fit
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
     /// Robot (.xml, .mjcf, .urdf) [default: the configuration's, that of the policy's training, or the built-in Go2]

@@ -1,6 +1,6 @@
 //! `gaitfit import`: any recording as a log.
 
-use crate::cli::Import;
+use crate::cli::{Import, New};
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::table::table;
@@ -16,7 +16,7 @@ use gaitfit_policy::observation::Layout;
 use gaitfit_policy::{Interface, Quantity};
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What was read, as `--json` prints it.
 #[derive(Serialize)]
@@ -37,39 +37,16 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         Some(path) => Some(robot::read(path, args.lenient, Hold::File)?),
         None => None,
     };
-    let (mut mapping, order_is_assumed) = mapping(args, model.as_ref())?;
+    let (mapping, order_is_assumed) = mapping(args, model.as_ref())?;
     let inputs =
         args.files.iter().chain(&args.mapping).chain(&args.robot).chain(&args.policy).map(PathBuf::as_path);
     files::check(&[Output { path: &args.out, option: "--out", ending: Some("csv") }], inputs)?;
-    let mut imported = read(args, mapping.clone())?;
-    let numbered = imported.report.assumed.iter().any(|line| line.starts_with(NUMBERED));
-    let mut order = Vec::new();
-    if let Some(model) = model.as_ref().filter(|_| numbered && order_is_assumed) {
-        match weight::order(&imported.trajectory, model) {
-            Order::Shown => {}
-            Order::Unknown => order.push(finding(
-                Severity::Warning,
-                "nothing in the recording shows whether its numbered joints are in the order of the robot's file, as was \
-                 assumed; many robots number them FR, FL, RR, RL or by joint type. State it: `joints = [...]` of a mapping file"
-                    .to_owned(),
-            )),
-            Order::Other(joints) => {
-                let message = format!(
-                    "the numbered joints are not in the order of the robot's file: limits and the weight of the legs fit the \
-                     order {}, which was taken. State it: `joints = [...]` of a mapping file",
-                    joints.join(", ")
-                );
-                order.push(finding(Severity::Warning, message));
-                mapping.joints = Some(joints);
-                imported = read(args, mapping)?;
-            }
-        }
-    }
+    let (imported, order) = in_order(&args.files, mapping, model.as_ref().filter(|_| order_is_assumed))?;
     let log = &imported.trajectory;
     let spec =
         model.as_ref().map_or_else(CheckSpec::default, |model| CheckSpec::of_robot(model, &log.joints));
     let mut findings = imported.report.noticed.clone();
-    findings.append(&mut order);
+    findings.extend(order);
     let lost =
         |finding: &&Finding| finding.severity == Severity::Error && finding.kind == FindingKind::GainsChange;
     if let Some(lost) = findings.iter().find(lost) {
@@ -99,19 +76,47 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         let message = format!("{} is written, and {errors} finding(s) forbid using it", document.written);
         return Err(Failure { exit: Exit::Check, message });
     }
-    Ok(())
+    if args.json {
+        return Ok(());
+    }
+    let robot = args.robot.as_ref().map_or("ROBOT".into(), |robot| robot.to_string_lossy());
+    output::next(&[format!("gaitfit inspect {} --robot {robot} --plot log.svg", document.written)])
 }
 
-/// How the line about numbered joints begins.
-const NUMBERED: &str = "joints 0 to ";
-
-fn finding(severity: Severity, message: String) -> Finding {
-    Finding { kind: FindingKind::JointOrder, severity, joints: Vec::new(), span: None, message }
+/// Reads a recording. Where nobody states the order of its numbered joints, `assumed` is the robot whose order was taken:
+/// then limits and the weight of the legs decide, and a finding says what they showed.
+fn in_order(
+    files: &[PathBuf],
+    mut mapping: Mapping,
+    assumed: Option<&Model>,
+) -> Result<(Imported, Option<Finding>), Failure> {
+    let imported = read(files, mapping.clone())?;
+    let numbered = imported.report.assumed.iter().any(|line| line.starts_with(NUMBERED));
+    let Some(model) = assumed.filter(|_| numbered) else { return Ok((imported, None)) };
+    match weight::order(&imported.trajectory, model) {
+        Order::Shown => Ok((imported, None)),
+        Order::Unknown => {
+            let message = "nothing in the recording shows whether its numbered joints are in the order of the robot's file, as \
+                           was assumed; many robots number them FR, FL, RR, RL or by joint type. State it: `joints = [...]` \
+                           of a mapping file";
+            Ok((imported, Some(finding(Severity::Warning, message.to_owned()))))
+        }
+        Order::Other(joints) => {
+            let message = format!(
+                "the numbered joints are not in the order of the robot's file: limits and the weight of the legs fit the \
+                 order {}, which was taken. State it: `joints = [...]` of a mapping file",
+                joints.join(", ")
+            );
+            mapping.joints = Some(joints);
+            Ok((read(files, mapping)?, Some(finding(Severity::Warning, message))))
+        }
+    }
 }
 
-fn read(args: &Import, mapping: Mapping) -> Result<Imported, Failure> {
+/// Reads a recording; what the caller must state is wrong usage.
+fn read(files: &[PathBuf], mapping: Mapping) -> Result<Imported, Failure> {
     let options = Options { mapping, ..Options::default() };
-    gaitfit_import::import(&args.files, &options).map_err(|error| match error {
+    gaitfit_import::import(files, &options).map_err(|error| match error {
         ImportError::Mapping { .. }
         | ImportError::NoJointNames { .. }
         | ImportError::MotorsBeyond { .. }
@@ -120,6 +125,36 @@ fn read(args: &Import, mapping: Mapping) -> Result<Imported, Failure> {
         | ImportError::Ambiguous { .. } => Failure::usage(error),
         error => Failure::failed(error),
     })
+}
+
+/// Writes `recording` as the log `out` for `gaitfit new`, and gives what was assumed and left out.
+pub fn convert(recording: &Path, out: &Path, args: &New) -> Result<Vec<String>, Failure> {
+    let model = match &args.robot {
+        Some(path) => Some(robot::read(path, args.lenient, Hold::File)?),
+        None => None,
+    };
+    let (mapping, order_is_assumed) = mapping(
+        &Import {
+            mapping: args.mapping.clone(),
+            robot: args.robot.clone(),
+            lenient: args.lenient,
+            ..Import::default()
+        },
+        model.as_ref(),
+    )?;
+    let assumed = model.as_ref().filter(|_| order_is_assumed);
+    let (imported, order) = in_order(&[recording.to_owned()], mapping, assumed)?;
+    write_csv(out, &imported.trajectory).map_err(Failure::failed)?;
+    let left_out = imported.report.left_out.iter().map(|line| format!("left out: {line}"));
+    let order = order.map(|finding| finding.message);
+    Ok(imported.report.assumed.iter().cloned().chain(left_out).chain(order).collect())
+}
+
+/// How the line about numbered joints begins.
+const NUMBERED: &str = "joints 0 to ";
+
+fn finding(severity: Severity, message: String) -> Finding {
+    Finding { kind: FindingKind::JointOrder, severity, joints: Vec::new(), span: None, message }
 }
 
 /// The mapping of the file and what the command line says beside it; and whether the order of numbered joints is the

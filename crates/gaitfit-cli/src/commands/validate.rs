@@ -24,6 +24,9 @@ pub fn run(args: &cli::Validate) -> Result<(), Failure> {
         output::print_json(&results)?;
     } else {
         output::print(&text(&results))?;
+        if results.failed_check().is_none() {
+            output::next(&[format!("gaitfit export {} --out FOLDER", args.theta.display())])?;
+        }
     }
     checked(results.failed_check())
 }

@@ -165,6 +165,7 @@ fn held_out() -> HeldOut {
                    0.0118 ± 0.0009."
                 .into(),
         explained: Some(true),
+        gain: Some(5.3),
         distances: distances.to_vec(),
     }
 }

@@ -100,7 +100,8 @@ pub fn held_out_shown(found: &HeldOut) -> ShownHeldOut {
     };
     let explained = (found.verdict() != Verdict::Unknown).then(|| found.verdict() == Verdict::Explained);
     let distances = found.distances.iter().map(row).collect();
-    ShownHeldOut { sentence: sentence(&found.sentence()), explained, distances }
+    let gain = found.nominal_cost.zip(found.cost).map(|(nominal, fitted)| nominal / fitted);
+    ShownHeldOut { sentence: sentence(&found.sentence()), explained, gain, distances }
 }
 
 /// With a capital letter and a full stop.

@@ -1,4 +1,4 @@
-//! Settings of `gaitfit adapt` that do not go together, and what they mean to the optimiser.
+//! Settings of `gaitfit fit` that do not go together, and what they mean to the optimiser.
 
 use super::{AdaptConfig, Base, LEAST_STRETCH_S, MOST_SEED};
 use crate::Error;

@@ -260,7 +260,7 @@ impl LoopConfig {
             && first.is_some_and(|cost| cost.needs_imu() || method == Method::LeastSquares)
     }
 
-    /// Holds `[adapt]` to the rules of `gaitfit adapt`, before there are logs.
+    /// Holds `[adapt]` to the rules of `gaitfit fit`, before there are logs.
     fn check_adapt(&self, path: &Path) -> Result<(), Error> {
         let mut adapt = self.adapt(1, String::new(), vec!["recorded.csv".to_owned()]);
         adapt.runs = ".".to_owned();

@@ -1,4 +1,4 @@
-//! The configuration of `gaitfit adapt`: its settings and their defaults, and how any configuration is read.
+//! The configuration of `gaitfit fit`: its settings and their defaults, and how any configuration is read.
 //! `gaitfit config` prints them.
 
 pub mod check;

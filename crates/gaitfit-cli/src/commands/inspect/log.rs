@@ -50,6 +50,11 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         output::print_json(&Document { summary: &summary, findings: &findings })?;
     } else {
         output::print(&text(&log, &summary, &findings))?;
+        if findings.iter().all(|finding| finding.severity != Severity::Error) {
+            let robot = args.robot.as_ref().map_or("ROBOT".into(), |robot| robot.to_string_lossy());
+            let log = args.file.display();
+            output::next(&[format!("gaitfit new --robot {robot} --logs {log} --out my-robot.toml")])?;
+        }
     }
     if let Some(path) = &args.plot {
         viewer::show(args.open, path);

@@ -1,8 +1,8 @@
-//! `gaitfit export`: a policy in other programs' formats, and at a glance.
+//! A policy in other programs' formats, and at a glance.
 
-use super::folder;
-use super::policy::{document, text};
 use crate::cli::Export;
+use crate::commands::folder;
+use crate::commands::policy::{document, text};
 use crate::exit::Failure;
 use crate::output;
 use gaitfit::files::{self, Output};
@@ -39,7 +39,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
             "--robot and --lenient are for --bundle and --cpp, which have effort limits of the robot; leave them out",
         ));
     }
-    let PolicyFile { path, note } = policy_file::find(&args.policy)?;
+    let PolicyFile { path, note } = policy_file::find(&args.file)?;
     note.iter().for_each(|note| output::note(note));
     let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
     let read = gaitfit_policy::files_of(&path).map_err(Failure::failed)?;
@@ -75,7 +75,7 @@ pub fn run(args: &Export) -> Result<(), Failure> {
 /// All files that are asked for, and what they do not say.
 fn made(args: &Export, policy: &Policy, model: Option<&Model>) -> Result<(Vec<File>, Vec<String>), Failure> {
     type Writer = fn(&Policy) -> Result<Vec<u8>, PolicyError>;
-    let failed = |error| Failure::failed(format!("{}: {error}", args.policy.display()));
+    let failed = |error| Failure::failed(format!("{}: {error}", args.file.display()));
     let single: [(&Option<PathBuf>, _, _, Writer); 2] = [
         (&args.onnx, "--onnx", "onnx", onnx::write),
         (&args.safetensors, "--safetensors", "safetensors", weights::write),
