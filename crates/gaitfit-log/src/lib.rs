@@ -44,6 +44,7 @@ mod names;
 mod ops;
 mod read;
 mod scale;
+mod sensors;
 mod summary;
 mod time_unit;
 mod trajectory;
@@ -57,6 +58,7 @@ pub use folder::{FindingGroup, FolderSummary, LogContent, LogEntry, RateCount, s
 pub use metadata::PerJoint;
 pub use ops::Signal;
 pub use read::{Hole, IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_report};
+pub use sensors::{Estimate, Sensors, gyro_bias, velocity_lag};
 pub use summary::{JointSummary, LogSummary, SignalSummary, summary, summary_with_report};
 pub use time_unit::{ConvertedTime, TimeUnit, recognise as recognise_time_unit};
 pub use trajectory::*;
