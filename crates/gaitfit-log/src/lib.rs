@@ -53,6 +53,7 @@ mod ops;
 mod read;
 mod regular;
 mod scale;
+mod sensors;
 mod spacing;
 mod stamps;
 mod summary;
@@ -78,6 +79,7 @@ pub use read::{Hole, IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_
 pub use regular::Regular;
 pub use spacing::{Lost, Spacing, spacing};
 pub use stamps::{CoarseStamps, EvenRows, Stamps, look as look_at_stamps, rate_of_velocities};
+pub use sensors::{Estimate, Sensors, gyro_bias, velocity_lag};
 pub use summary::{JointSummary, LogSummary, SignalSummary, summary, summary_with_report};
 pub use time_unit::{ConvertedTime, TimeUnit, recognise as recognise_time_unit};
 pub use trajectory::*;

@@ -1,0 +1,354 @@
+//! What logs say of their own sensors, without a robot: how late velocities are, what a gyro reads at rest, how coarse
+//! and noisy readings are; and logs without it.
+
+use crate::check::stats::{median, rms};
+use crate::{Signal, Trajectory};
+use gaitfit_model::rotation::{Quat, Vec3, inverse, product, quat_of};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Samples nearer than this are not independent, s.
+const BLOCK_S: f64 = 1.0;
+/// Intervals longer than this many periods have a gap in them.
+const GAP: f64 = 1.5;
+/// A number that is less than this many errors from 0 is none.
+const SURE: f64 = 4.0;
+/// Velocities later than this are worth correcting, s.
+const LAG_S: f64 = 1e-3;
+/// A reading of the gyro at rest worth correcting, rad/s.
+const BIAS: f64 = 0.003;
+
+/// A number and its standard error.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Estimate {
+    /// The number.
+    pub value: f64,
+    /// Standard error.
+    pub error: f64,
+}
+
+impl Estimate {
+    /// Two standard errors below and above.
+    pub fn interval(&self) -> [f64; 2] {
+        [self.value - 2.0 * self.error, self.value + 2.0 * self.error]
+    }
+
+    /// Whether the interval holds `value`.
+    pub fn holds(&self, value: f64) -> bool {
+        let [low, high] = self.interval();
+        (low..=high).contains(&value)
+    }
+
+    /// Whether it is further from 0 than its errors and than `worth`.
+    pub fn matters(&self, worth: f64) -> bool {
+        self.value.abs() > worth && self.value.abs() > SURE * self.error
+    }
+}
+
+/// What logs say of their sensors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Sensors {
+    /// How late joint velocities are behind positions, s.
+    pub velocity_lag: Option<Estimate>,
+    /// What the gyro reads beyond the rate at which the orientation turns, rad/s, base frame.
+    pub gyro_bias: Option<[Estimate; 3]>,
+    /// Smallest step of joint positions, rad.
+    pub position_step: Option<f64>,
+    /// Noise of joint velocities, rad/s: what changes from sample to sample while joints are slow. An upper bound.
+    pub velocity_noise: Option<f64>,
+    /// Noise of the gyro, rad/s, likewise.
+    pub gyro_noise: Option<f64>,
+}
+
+/// Sums of a ratio's two sides by blocks of time, for its value and its error.
+#[derive(Debug, Default)]
+struct Ratio(BTreeMap<u64, [f64; 2]>);
+
+impl Ratio {
+    fn add(&mut self, log: usize, time: f64, above: f64, below: f64) {
+        if above.is_finite() && below.is_finite() {
+            let block = ((log as u64) << 32) + (time / BLOCK_S).max(0.0) as u64;
+            let sums = self.0.entry(block).or_default();
+            *sums = [sums[0] + above, sums[1] + below];
+        }
+    }
+
+    /// Above over below; the error is that of sums of independent blocks.
+    fn estimate(&self) -> Option<Estimate> {
+        let sum = |k: usize| self.0.values().map(|sums| sums[k]).sum::<f64>();
+        let (above, below) = (sum(0), sum(1));
+        if self.0.len() < 4 || below.abs() < 1e-12 {
+            return None;
+        }
+        let value = above / below;
+        let square: f64 = self.0.values().map(|[above, below]| (above - value * below).powi(2)).sum();
+        let blocks = self.0.len() as f64;
+        Some(Estimate { value, error: (square * blocks / (blocks - 1.0)).sqrt() / below.abs() })
+    }
+}
+
+impl Sensors {
+    /// Of logs of one robot.
+    pub fn of(logs: &[&Trajectory]) -> Self {
+        Self {
+            velocity_lag: velocity_lag(logs),
+            gyro_bias: gyro_bias(logs),
+            position_step: position_step(logs),
+            velocity_noise: smallest(logs, |log| {
+                (0..log.joints.len()).filter_map(|joint| log.column_at(Signal::Velocity, joint)).collect()
+            }),
+            gyro_noise: smallest(logs, |log| {
+                let rates = log.base.as_ref().and_then(|base| base.angular_velocity.as_deref());
+                let column = |rates: &[f64], k: usize| rates.iter().skip(k).step_by(3).copied().collect();
+                rates.map_or_else(Vec::new, |rates| (0..3).map(|k| column(rates, k)).collect())
+            }),
+        }
+    }
+
+    /// The log as sensors without the lag and the bias would have recorded it, and what was taken out, each in a sentence.
+    /// What does not matter stays.
+    pub fn corrected(&self, log: &Trajectory) -> (Trajectory, Vec<String>) {
+        let mut better = log.clone();
+        let mut said = Vec::new();
+        if let Some(lag) = self.velocity_lag.filter(|lag| lag.matters(LAG_S)) {
+            better.velocity = earlier(log, lag.value);
+            let late = if lag.value > 0.0 { "late" } else { "early" };
+            said.push(format!(
+                "joint velocities are {:.1} ± {:.1} ms {late} against positions; they are shifted",
+                1e3 * lag.value.abs(),
+                1e3 * lag.error
+            ));
+        }
+        let bias =
+            self.gyro_bias.map(|bias| bias.map(|axis| if axis.matters(BIAS) { axis.value } else { 0.0 }));
+        if let Some(bias) = bias.filter(|bias| bias.iter().any(|axis| *axis != 0.0))
+            && let Some(rates) = better.base.as_mut().and_then(|base| base.angular_velocity.as_mut())
+        {
+            rates.iter_mut().enumerate().for_each(|(k, rate)| *rate -= bias[k % 3]);
+            let [x, y, z] = bias;
+            said.push(format!(
+                "the gyro reads {x:.4}, {y:.4}, {z:.4} rad/s beyond what the orientation turns by; this is subtracted"
+            ));
+        }
+        (better, said)
+    }
+}
+
+/// Whether the samples from `first` to `last` follow each other without a gap.
+fn whole(log: &Trajectory, first: usize, last: usize) -> bool {
+    let span = log.time[last] - log.time[first];
+    span > 0.0 && span < GAP * (last - first) as f64 * log.dt()
+}
+
+/// How late velocities are behind positions, s.
+///
+/// Over one interval h, Δq − h·mean(q̇) = lag·Δq̇. Δq̇ is noisy, which pulls a regression on it towards 0; so the change of
+/// the positions' slopes from the interval before to the one after stands in for it, whose noise is independent of both sides
+/// (an instrumental variable).
+pub fn velocity_lag(logs: &[&Trajectory]) -> Option<Estimate> {
+    let mut ratio = Ratio::default();
+    for (number, log) in logs.iter().enumerate() {
+        let width = log.joints.len();
+        for sample in 1..log.len().saturating_sub(2) {
+            if !whole(log, sample - 1, sample + 2) {
+                continue;
+            }
+            let time = |k: usize| log.time[k];
+            let step = time(sample + 1) - time(sample);
+            for joint in 0..width {
+                let q = |k: usize| log.position[k * width + joint];
+                let dq = |k: usize| log.velocity[k * width + joint];
+                let missing = q(sample + 1) - q(sample) - step * (dq(sample) + dq(sample + 1)) / 2.0;
+                let change = dq(sample + 1) - dq(sample);
+                let bend = (q(sample + 2) - q(sample + 1)) / (time(sample + 2) - time(sample + 1))
+                    - (q(sample) - q(sample - 1)) / (time(sample) - time(sample - 1));
+                ratio.add(number, time(sample) - time(0), missing * bend, change * bend);
+            }
+        }
+    }
+    ratio.estimate()
+}
+
+/// Gyro less the rate at which the orientation turns, rad/s, base frame.
+pub fn gyro_bias(logs: &[&Trajectory]) -> Option<[Estimate; 3]> {
+    let mut ratios = [Ratio::default(), Ratio::default(), Ratio::default()];
+    for (number, log) in logs.iter().enumerate() {
+        let base = log.base.as_ref();
+        let Some((quaternions, rates)) =
+            base.and_then(|base| Some((base.quaternion.as_ref()?, base.angular_velocity.as_ref()?)))
+        else {
+            continue;
+        };
+        for sample in (0..log.len().saturating_sub(1)).filter(|&sample| whole(log, sample, sample + 1)) {
+            let step = log.time[sample + 1] - log.time[sample];
+            let quaternion = |k: usize| quat_of(&quaternions[4 * k..]);
+            let turned = turn_between(quaternion(sample), quaternion(sample + 1));
+            for (k, ratio) in ratios.iter_mut().enumerate() {
+                let gyro = (rates[3 * sample + k] + rates[3 * sample + 3 + k]) / 2.0;
+                ratio.add(number, log.time[sample] - log.time[0], step * gyro - turned[k], step);
+            }
+        }
+    }
+    let [x, y, z] = ratios.map(|ratio| ratio.estimate());
+    Some([x?, y?, z?])
+}
+
+/// The turn from one orientation to a near one, rad about the axes of the body.
+fn turn_between(from: Quat, to: Quat) -> Vec3 {
+    let [w, x, y, z] = product(inverse(from), to);
+    let sine = (x * x + y * y + z * z).sqrt();
+    let angle = 2.0 * sine.atan2(w.abs()) * w.signum();
+    let scale = if sine > 1e-12 { angle / sine } else { 2.0 };
+    [scale * x, scale * y, scale * z]
+}
+
+/// Smallest step between positions of one joint, rad: of an encoder, or of the digits in the file.
+fn position_step(logs: &[&Trajectory]) -> Option<f64> {
+    let mut smallest = f64::INFINITY;
+    for log in logs {
+        for joint in 0..log.joints.len() {
+            let column = log.column_at(Signal::Position, joint).unwrap_or_default();
+            let steps = column.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+            smallest = steps.filter(|step| *step > 1e-9).fold(smallest, f64::min);
+        }
+    }
+    smallest.is_finite().then_some(smallest)
+}
+
+/// Noise of signals: the lower quarter, over half seconds of all columns, of the RMS of third differences over √20, which is
+/// what independent noise of RMS 1 has.
+fn smallest(logs: &[&Trajectory], columns: impl Fn(&Trajectory) -> Vec<Vec<f64>>) -> Option<f64> {
+    let mut levels = Vec::new();
+    for log in logs {
+        let half = (0.5 * log.rate_hz).ceil().max(8.0) as usize;
+        for column in columns(log) {
+            for part in column.chunks_exact(half) {
+                let third: Vec<f64> = part
+                    .windows(4)
+                    .map(|x| x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0])
+                    .filter(|x| x.is_finite())
+                    .collect();
+                if third.len() > half / 2 {
+                    levels.push(rms(&third) / 20f64.sqrt());
+                }
+            }
+        }
+    }
+    levels.sort_by(f64::total_cmp);
+    levels.truncate((levels.len() / 2).max(1));
+    median(&mut levels)
+}
+
+/// Velocities as they were recorded `lag` s later, by straight lines between samples.
+fn earlier(log: &Trajectory, lag: f64) -> Vec<f64> {
+    let width = log.joints.len();
+    let mut velocity = Vec::with_capacity(log.velocity.len());
+    for time in &log.time {
+        let at = time + lag;
+        let after =
+            log.time.partition_point(|known| *known <= at).clamp(1, log.len().saturating_sub(1).max(1));
+        let before = after - 1;
+        let after = after.min(log.len() - 1);
+        let span = log.time[after] - log.time[before];
+        let fraction = if span > 0.0 { ((at - log.time[before]) / span).clamp(0.0, 1.0) } else { 0.0 };
+        for joint in 0..width {
+            let (here, there) = (log.velocity[before * width + joint], log.velocity[after * width + joint]);
+            velocity.push(here + fraction * (there - here));
+        }
+    }
+    velocity
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use crate::BaseState;
+    use gaitfit_model::rotation::{axis_angle, normalize};
+
+    /// Two joints at 200 Hz whose velocities are `lag` s late, with noise, and a base that rocks under a biased gyro.
+    fn log(lag: f64, noise: f64, bias: Vec3, seed: u64) -> Trajectory {
+        let mut state = seed;
+        let mut draw = || {
+            // Sums of twelve numbers of a linear congruential generator are nearly Gaussian.
+            let mut sum = -6.0;
+            for _ in 0..12 {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                sum += (state >> 11) as f64 / (1u64 << 53) as f64;
+            }
+            sum
+        };
+        let time: Vec<f64> = (0..1600).map(|k| 0.005 * k as f64).collect();
+        let (mut position, mut velocity, mut quaternion, mut rates) = (vec![], vec![], vec![], vec![]);
+        let mut turn = [1.0, 0.0, 0.0, 0.0];
+        let rate = |t: f64| [0.8 * (9.0 * t).sin(), 0.5 * (12.0 * t).cos(), 0.3 * (5.0 * t).sin()];
+        for t in &time {
+            for (k, tempo) in [(0.0, 14.0), (1.0, 31.0)] {
+                position.push((tempo * t + k).sin() + 1e-4 * noise * draw());
+                velocity.push(tempo * (tempo * (t - lag) + k).cos() + 0.1 * noise * draw());
+            }
+            quaternion.extend(turn);
+            rates.extend((0..3).map(|k| rate(*t)[k] + bias[k] + 0.02 * noise * draw()).collect::<Vec<f64>>());
+            let middle = rate(t + 0.0025);
+            let speed = middle.iter().map(|x| x * x).sum::<f64>().sqrt();
+            turn = normalize(product(turn, axis_angle(middle.map(|x| x / speed), 0.005 * speed)));
+        }
+        Trajectory {
+            source: None,
+            robot: None,
+            joints: vec!["hip".into(), "calf".into()],
+            rate_hz: 200.0,
+            time,
+            position,
+            velocity,
+            target: None,
+            action: None,
+            command: None,
+            base: Some(BaseState {
+                quaternion: Some(quaternion),
+                angular_velocity: Some(rates),
+                ..BaseState::default()
+            }),
+            gains: None,
+            fell: false,
+        }
+    }
+
+    #[test]
+    fn a_lag_and_a_bias_are_seen_through_noise_and_taken_out() {
+        for lag in [0.0, 0.0039, -0.002] {
+            let log = log(lag, 1.0, [0.02, 0.0, -0.013], 7);
+            let sensors = Sensors::of(&[&log]);
+            let found = sensors.velocity_lag.unwrap();
+            assert!((found.value - lag).abs() < 3.0 * found.error + 5e-5, "{lag}: {found:?}");
+            assert!(found.error < 3e-4, "{found:?}");
+            for (found, bias) in sensors.gyro_bias.unwrap().iter().zip([0.02, 0.0, -0.013]) {
+                assert!((found.value - bias).abs() < 3.0 * found.error + 1e-5, "{bias}: {found:?}");
+                assert!(found.error < 0.002, "{found:?}");
+            }
+            assert!((sensors.velocity_noise.unwrap() / 0.1 - 1.0).abs() < 0.5, "{sensors:?}");
+            let (better, said) = sensors.corrected(&log);
+            assert_eq!(said.len(), if lag == 0.0 { 1 } else { 2 }, "{said:?}");
+            let again = Sensors::of(&[&better]);
+            assert!(again.velocity_lag.unwrap().value.abs() < 4e-4, "{again:?}");
+            assert!(again.gyro_bias.unwrap().iter().all(|axis| axis.value.abs() < 0.003), "{again:?}");
+        }
+    }
+
+    #[test]
+    fn good_logs_stay_as_they_are() {
+        let log = log(0.0, 0.2, [0.0; 3], 3);
+        let (same, said) = Sensors::of(&[&log]).corrected(&log);
+        assert_eq!((same, said), (log, vec![]));
+    }
+
+    #[test]
+    fn short_logs_say_nothing() {
+        let short = log(0.0, 1.0, [0.0; 3], 1).slice(0..2).unwrap();
+        let sensors = Sensors::of(&[&short]);
+        assert_eq!((sensors.velocity_lag, sensors.gyro_bias, sensors.velocity_noise), (None, None, None));
+        let empty = short.slice(0..0).unwrap();
+        assert_eq!(Sensors::of(&[&empty]), Sensors::default());
+        assert_eq!(Sensors::default().corrected(&empty).0, empty);
+    }
+}

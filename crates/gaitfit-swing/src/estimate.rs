@@ -1,0 +1,329 @@
+//! Friction, damping, armature and delay from legs in the air.
+
+use crate::SwingError;
+use crate::equations::{Window, windows};
+use crate::feet::Ground;
+use crate::regression::{Group, Solution, covariance, solve};
+use crate::report::{FrictionLaw, GroupEstimate, SwingReport, SwingSettings, usual_groups};
+use crate::torques::Drag;
+use crate::walk::Walk;
+use gaitfit_log::{Estimate, Trajectory};
+use gaitfit_model::Model;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Passes before the last one. Each judges with the joints of the one before which feet stand.
+const PASSES: usize = 2;
+/// Delay of the first pass, s.
+const FIRST_DELAY_S: f64 = 0.005;
+/// Windows of these lengths too are tried, over the usual length.
+const LENGTHS: [f64; 2] = [0.75, 1.5];
+/// Steps between the delays that are tried first.
+const COARSE: usize = 4;
+/// Another choice of swings counts for the error if its own error is at most this many times that of the best.
+const AS_SURE: f64 = 2.0;
+/// Logs from which errors are also judged by how logs differ.
+const LOGS: usize = 8;
+/// Samples nearer than this are not independent, s.
+const BLOCK_S: f64 = 0.5;
+
+/// Estimates from the logs of one robot. Give them as they were recorded: rates above the policy's help. Nothing that a
+/// robot does not measure itself is used; position and velocity of the base in a log are not looked at.
+///
+/// # Errors
+/// Logs without what is needed, see [`SwingError`].
+pub fn estimate(
+    model: &Model,
+    logs: &[&Trajectory],
+    settings: &SwingSettings,
+) -> Result<SwingReport, SwingError> {
+    let walks = logs.iter().map(|log| Walk::new(model, log)).collect::<Result<Vec<_>, _>>()?;
+    let mut grounds: Vec<Option<Ground>> = vec![None; walks.len()];
+    let mut drag = vec![Drag::default(); model.joints.len()];
+    let mut delay = FIRST_DELAY_S;
+    let none = || SwingError::NoSwings {
+        logs: logs.len(),
+        least_ms: 1e3 * (settings.window_s + 2.0 * settings.margin_s),
+    };
+    for pass in 0..=PASSES {
+        for (walk, ground) in walks.iter().zip(&mut grounds) {
+            let next = Ground::new(model, walk, delay, &drag, ground.as_ref());
+            *ground = Some(next);
+        }
+        let all = |length: f64| -> Vec<Window> {
+            let of = |(log, (walk, ground)): (usize, (&Walk, &Option<Ground>))| {
+                ground.as_ref().map_or_else(Vec::new, |ground| {
+                    windows(model, walk, ground, settings, length, delay, log)
+                })
+            };
+            walks.iter().zip(&grounds).enumerate().flat_map(of).collect()
+        };
+        let seen = all(settings.window_s);
+        let best = Choice::best(model, &seen, settings).ok_or_else(none)?;
+        if pass == PASSES {
+            let other = LENGTHS.map(|factor| all(factor * settings.window_s));
+            return Ok(best.report(model, &seen, &other, settings));
+        }
+        delay = best.fit.delay(settings);
+        for (group, (_, joints)) in best.fit.estimates(model).iter().zip(&best.fit.names) {
+            joints.iter().for_each(|&joint| drag[joint] = group.drag());
+        }
+    }
+    Err(none())
+}
+
+/// One way of choosing swings, and what it gives.
+struct Choice {
+    /// Place of the clearance in the settings.
+    clearance: usize,
+    law: usize,
+    fit: Fit,
+}
+
+impl Choice {
+    /// The clearance with the smallest errors, with the law that leaves less unexplained.
+    fn best(model: &Model, windows: &[Window], settings: &SwingSettings) -> Option<Self> {
+        let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
+        let laws = match settings.law {
+            Some(FrictionLaw::Coulomb) => 0..1,
+            Some(FrictionLaw::Engine) => 1..2,
+            None => 0..2,
+        };
+        let mut best: Option<Self> = None;
+        for clearance in 0..settings.clearances_m.len() {
+            let fits = laws
+                .clone()
+                .filter_map(|law| Some((law, Fit::new(windows, &groups, settings, clearance, law)?)));
+            let Some((law, fit)) = fits.min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost)) else { continue };
+            if best.as_ref().is_none_or(|best| fit.uncertainty() < best.fit.uncertainty()) {
+                best = Some(Self { clearance, law, fit });
+            }
+        }
+        best
+    }
+
+    /// With errors that hold how much neighbouring choices change the numbers.
+    fn report(
+        &self,
+        model: &Model,
+        windows: &[Window],
+        lengths: &[Vec<Window>],
+        settings: &SwingSettings,
+    ) -> SwingReport {
+        let groups = &self.fit.names;
+        let mut others = Vec::new();
+        for clearance in [self.clearance.wrapping_sub(1), self.clearance + 1] {
+            if clearance < settings.clearances_m.len() {
+                others.extend(Fit::new(windows, groups, settings, clearance, self.law));
+            }
+        }
+        for windows in lengths {
+            others.extend(Fit::new(windows, groups, settings, self.clearance, self.law));
+        }
+        if settings.law.is_none() {
+            others.extend(Fit::new(windows, groups, settings, self.clearance, 1 - self.law));
+        }
+        let mut estimates = self.fit.estimates(model);
+        let mut delay = self.fit.delay_estimate(settings);
+        let others: Vec<(Vec<GroupEstimate>, Estimate)> = others
+            .iter()
+            .filter(|other| other.names.len() == groups.len())
+            .map(|other| (other.estimates(model), other.delay_estimate(settings)))
+            .collect();
+        let widen = |known: &mut Estimate, others: &mut dyn Iterator<Item = Estimate>| {
+            let sure: Vec<f64> = others
+                .filter(|other| other.error < AS_SURE * known.error)
+                .map(|other| (other.value - known.value).powi(2))
+                .collect();
+            if !sure.is_empty() {
+                known.error = known.error.hypot((sure.iter().sum::<f64>() / sure.len() as f64).sqrt());
+            }
+        };
+        widen(&mut delay, &mut others.iter().map(|(_, delay)| *delay));
+        for (place, group) in estimates.iter_mut().enumerate() {
+            let mut others_of = |number: fn(&mut GroupEstimate) -> &mut Estimate| {
+                let mut values = others.iter().map(|(groups, _)| *number(&mut groups[place].clone()));
+                widen(number(group), &mut values);
+            };
+            others_of(|group| &mut group.friction);
+            others_of(|group| &mut group.damping);
+            others_of(|group| &mut group.armature);
+        }
+        let named = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
+        let seen: BTreeSet<&str> = groups.iter().map(|(name, _)| name.as_str()).collect();
+        SwingReport {
+            groups: estimates,
+            delay,
+            law: FrictionLaw::ALL[self.law],
+            clearance_m: settings.clearances_m[self.clearance],
+            logs: self.fit.logs,
+            unseen: named
+                .into_iter()
+                .map(|(name, _)| name)
+                .filter(|name| !seen.contains(name.as_str()))
+                .collect(),
+        }
+    }
+}
+
+/// A joint group: its name and the indices of its joints.
+type Named = (String, Vec<usize>);
+
+/// A solution of all groups, and its covariance.
+struct Fit {
+    names: Vec<Named>,
+    solutions: Vec<Solution>,
+    /// Swings and windows of each group.
+    counts: Vec<[usize; 2]>,
+    /// First unknown of each group in the covariance.
+    first: Vec<usize>,
+    /// In steps.
+    delay: f64,
+    /// Variances of all unknowns.
+    variances: Vec<f64>,
+    /// Logarithm of what is left unexplained.
+    cost: f64,
+    logs: usize,
+}
+
+impl Fit {
+    fn new(
+        windows: &[Window],
+        named: &[Named],
+        settings: &SwingSettings,
+        clearance: usize,
+        law: usize,
+    ) -> Option<Self> {
+        let above = settings.clearances_m[clearance];
+        let (mut groups, mut names) = (Vec::new(), Vec::new());
+        for (name, joints) in named {
+            let group = Group::new(
+                windows
+                    .iter()
+                    .filter(|window| window.clearance > above && joints.contains(&window.joint))
+                    .collect(),
+                law,
+            );
+            if solve(&group, 0.0).is_some() {
+                groups.push(group);
+                names.push((name.clone(), joints.clone()));
+            }
+        }
+        let cost = |delay: f64| -> f64 {
+            let of = |group: &Group<'_>| Some(group.windows.len() as f64 * solve(group, delay)?.scale.ln());
+            groups.iter().map(of).sum::<Option<f64>>().unwrap_or(f64::INFINITY)
+        };
+        // Coarse first, then each step near the best.
+        let mut costs = vec![f64::INFINITY; settings.delays().count()];
+        for step in (0..costs.len()).step_by(COARSE) {
+            costs[step] = cost(step as f64);
+        }
+        let near = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b]))?;
+        for step in near.saturating_sub(COARSE - 1)..(near + COARSE).min(costs.len()) {
+            if costs[step].is_infinite() {
+                costs[step] = cost(step as f64);
+            }
+        }
+        let best = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b]))?;
+        let delay = lowest(&cost, best as f64, costs.len() as f64 - 1.0);
+        let solutions = groups.iter().map(|group| solve(group, delay)).collect::<Option<Vec<_>>>()?;
+        if groups.is_empty() {
+            return None;
+        }
+        let block = |window: &Window| ((window.log as u64) << 32) + (window.at / BLOCK_S) as u64;
+        let fine = covariance(&groups, &solutions, delay, block)?;
+        let logs: BTreeSet<usize> =
+            groups.iter().flat_map(|group| group.windows.iter().map(|window| window.log)).collect();
+        let coarse = (logs.len() >= LOGS)
+            .then(|| covariance(&groups, &solutions, delay, |window| window.log as u64))
+            .flatten();
+        let variance = |place: usize| {
+            let coarse = coarse.as_ref().map_or(0.0, |coarse| coarse[(place, place)]);
+            fine[(place, place)].max(coarse).max(0.0)
+        };
+        let mut first = vec![0];
+        for group in &groups {
+            first.push(first[first.len() - 1] + group.columns());
+        }
+        let count = |group: &Group<'_>| {
+            let swings: BTreeSet<_> =
+                group.windows.iter().map(|window| (window.log, window.joint, window.swing)).collect();
+            [swings.len(), group.windows.len()]
+        };
+        Some(Self {
+            counts: groups.iter().map(count).collect(),
+            variances: (0..fine.nrows()).map(variance).collect(),
+            cost: cost(delay) / groups.iter().map(|group| group.windows.len() as f64).sum::<f64>(),
+            logs: logs.len(),
+            names,
+            solutions,
+            first,
+            delay,
+        })
+    }
+
+    /// Mean logarithm of the errors of all numbers; less is better. A group that is not seen counts as not known at all.
+    fn uncertainty(&self) -> f64 {
+        const UNSEEN: f64 = 10.0;
+        let shared =
+            |first: &usize| (*first..*first + 3).map(|place| 0.5 * self.variances[place].ln()).sum::<f64>();
+        let groups = self.names.len();
+        self.first[..groups].iter().map(shared).sum::<f64>() - UNSEEN * groups as f64
+    }
+
+    fn delay(&self, settings: &SwingSettings) -> f64 {
+        settings.delay_range_s[0] + self.delay * settings.delay_step_s
+    }
+
+    fn delay_estimate(&self, settings: &SwingSettings) -> Estimate {
+        let variance = self.variances.last().copied().unwrap_or(f64::INFINITY);
+        Estimate { value: self.delay(settings), error: variance.sqrt() * settings.delay_step_s }
+    }
+
+    fn estimates(&self, model: &Model) -> Vec<GroupEstimate> {
+        (0..self.names.len())
+            .map(|place| {
+                let (name, joints) = &self.names[place];
+                let number = |unknown: usize| Estimate {
+                    value: self.solutions[place].values[unknown],
+                    error: self.variances[self.first[place] + unknown].sqrt(),
+                };
+                GroupEstimate {
+                    group: name.clone(),
+                    joints: joints.iter().map(|&joint| model.joints[joint].name.clone()).collect(),
+                    friction: number(0),
+                    damping: number(1),
+                    armature: number(2),
+                    swings: self.counts[place][0],
+                    windows: self.counts[place][1],
+                    residual: self.solutions[place].scale,
+                }
+            })
+            .collect()
+    }
+}
+
+/// Place of the minimum of `cost` within one step of `best`, from 0 to `last`, by golden sections.
+fn lowest(cost: &impl Fn(f64) -> f64, best: f64, last: f64) -> f64 {
+    const GOLDEN: f64 = 0.618_033_988_749_895;
+    let (mut low, mut high) = ((best - 1.0).max(0.0), (best + 1.0).min(last));
+    let mut inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
+    let mut costs = inner.map(cost);
+    for _ in 0..8 {
+        if costs[0] < costs[1] {
+            high = inner[1];
+            inner = [high - GOLDEN * (high - low), inner[0]];
+            costs = [cost(inner[0]), costs[0]];
+        } else {
+            low = inner[0];
+            inner = [inner[1], low + GOLDEN * (high - low)];
+            costs = [costs[1], cost(inner[1])];
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// Offsets of a group's joints: the place of each joint's among them.
+pub(crate) fn offsets(windows: &[&Window]) -> BTreeMap<usize, usize> {
+    let joints: BTreeSet<usize> = windows.iter().map(|window| window.joint).collect();
+    joints.into_iter().enumerate().map(|(place, joint)| (joint, place)).collect()
+}

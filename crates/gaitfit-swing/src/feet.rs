@@ -1,0 +1,278 @@
+//! Which limbs bear weight, which are in the air, and how fast the base moves over the feet that stand.
+
+use crate::dynamics::{BaseMotion, Motion};
+use crate::torques::{Bump, Drag, Needed};
+use crate::walk::Walk;
+use gaitfit_model::rotation::Vec3;
+use gaitfit_model::{Model, Root};
+use nalgebra::{Matrix3, Vector3};
+
+/// Time over which the force at a foot is averaged, s.
+const FORCE_S: f64 = 0.03;
+/// Shares of the robot's weight from which a foot counts as standing, in part and fully.
+const STANDS: [f64; 2] = [0.10, 0.25];
+/// Velocities of two standing feet differ by less than about this, m/s: encoders and slip.
+const ALIKE: [f64; 4] = [2.0, 1.0, 0.5, 0.5];
+/// Standing feet are within about this height, m: slopes, steps, and an IMU that is tilted.
+const LOW_M: f64 = 0.03;
+/// Gravity, m/s².
+const GRAVITY: f64 = 9.81;
+/// Error of the velocity that a standing foot gives the base, m/s, and how long it lasts, s: encoders, vibration, slip.
+const FOOT_RATE: f64 = 0.1;
+const FOOT_S: f64 = 0.01;
+/// Error of the acceleration that forces at the feet give, m/s², and how long it lasts, s: friction, impacts, mass.
+const PUSH: f64 = 2.0;
+const PUSH_S: f64 = 0.02;
+/// Largest error with which the base's velocity counts as known, m/s.
+const KNOWN: f64 = 0.3;
+
+/// Where limbs are and how the base moves, at every grid point.
+#[derive(Clone, Debug)]
+pub struct Ground {
+    /// Height of the lowest point of what a joint moves above the robot's lowest point, m; infinite where it cannot touch
+    /// anything; `len × joints`.
+    pub clearance: Vec<f64>,
+    /// How much what a joint moves stands, from 0 to 1; 0 where nothing can touch; `len × joints`.
+    pub stands: Vec<f64>,
+    /// Velocity of the base's origin, m/s, world axes; not finite where no foot stands.
+    pub velocity: Vec<Vec3>,
+    /// Feet, one entry a grid point and end of a limb.
+    pub feet: Vec<Vec<Foot>>,
+}
+
+/// The end of a limb at one moment.
+#[derive(Clone, Copy, Debug)]
+pub struct Foot {
+    /// Its lowest point, m, world axes, from the base's origin.
+    pub point: Vec3,
+    /// Velocity of the base's origin with which that point stands, m/s, world axes.
+    pub velocity: Vec3,
+    /// Force on it by the torques of its limb, over the robot's mass, m/s², world axes; NaN where it is not known.
+    pub force: Vec3,
+    /// Upward force on it by the torques of its limb, as a share of the robot's weight; NaN where it is not known.
+    pub load: f64,
+    /// How much it stands, from 0 to 1: it bears weight and moves as the other standing feet do.
+    pub stands: f64,
+}
+
+/// Bodies at the end of limbs that may touch the ground, with their geoms.
+fn ends(model: &Model) -> Vec<(usize, Vec<usize>)> {
+    let mut geoms: Vec<Vec<usize>> = vec![Vec::new(); model.bodies.len()];
+    for pair in &model.pairs {
+        let of = &mut geoms[model.geoms[pair.geom].body];
+        if !of.contains(&pair.geom) {
+            of.push(pair.geom);
+        }
+    }
+    let mut touches: Vec<bool> = geoms.iter().map(|geoms| !geoms.is_empty()).collect();
+    for body in (1..touches.len()).rev() {
+        if let Some(parent) = model.bodies[body].parent {
+            touches[parent] |= touches[body];
+        }
+    }
+    let last = |body: usize| {
+        !(0..model.bodies.len()).any(|child| model.bodies[child].parent == Some(body) && touches[child])
+    };
+    (1..model.bodies.len())
+        .filter(|&body| !geoms[body].is_empty() && last(body))
+        .map(|body| (body, geoms[body].clone()))
+        .collect()
+}
+
+fn is_below(model: &Model, mut body: usize, ancestor: usize) -> bool {
+    loop {
+        if body == ancestor {
+            return true;
+        }
+        match model.bodies[body].parent {
+            Some(parent) => body = parent,
+            None => return false,
+        }
+    }
+}
+
+impl Ground {
+    /// Of a walk whose targets act after `delay` s. The base of a clamped robot rests and its limbs touch nothing.
+    pub fn new(model: &Model, walk: &Walk, delay: f64, drag: &[Drag], before: Option<&Self>) -> Self {
+        let points = walk.len();
+        if model.root == Root::Fixed {
+            return Self {
+                clearance: vec![f64::INFINITY; points * walk.joints],
+                stands: vec![0.0; points * walk.joints],
+                velocity: vec![[0.0; 3]; points],
+                feet: vec![Vec::new(); points],
+            };
+        }
+        let ends = ends(model);
+        let moves = |joint: usize, end: usize| is_below(model, ends[end].0, model.joints[joint].body);
+        // Joints that move each end; ends that each joint moves.
+        let chain: Vec<Vec<usize>> = (0..ends.len())
+            .map(|end| (0..walk.joints).filter(|&joint| moves(joint, end)).collect())
+            .collect();
+        let moved: Vec<Vec<usize>> = (0..walk.joints)
+            .map(|joint| (0..ends.len()).filter(|&end| moves(joint, end)).collect())
+            .collect();
+        // How the base moves matters less for a leg that stands than for one that swings: a first pass does without.
+        let rest = vec![[0.0; 3]; points];
+        let needed = Needed::new(model, walk, before.map_or(&rest, |before| &before.velocity), drag);
+        let bump = Bump::new(FORCE_S, walk.step);
+        let mass = model.bodies.iter().map(|body| body.mass).sum::<f64>();
+        let weight = mass * GRAVITY;
+        let mut relative = Vec::with_capacity(points);
+        let zeros = vec![0.0; walk.joints];
+        let mut clearance = vec![f64::INFINITY; points * walk.joints];
+        let mut feet: Vec<Vec<Foot>> = Vec::with_capacity(points);
+        for point in 0..points {
+            let base = BaseMotion {
+                angular_velocity: walk.rates[point],
+                ..BaseMotion::at_rest(walk.quaternion[point])
+            };
+            let motion = Motion::new(model, &base, walk.q_at(point), walk.dq_at(point), &zeros);
+            relative.push(motion.total_momentum().map(|p| p / mass));
+            let mut here: Vec<Foot> = ends
+                .iter()
+                .zip(&chain)
+                .map(|((body, geoms), chain)| {
+                    let lowest = geoms
+                        .iter()
+                        .map(|&geom| motion.lowest_point(&model.geoms[geom]))
+                        .min_by(|a, b| a[2].total_cmp(&b[2]))
+                        .unwrap_or_default();
+                    let left = |joint: &usize| {
+                        (motion.lever(*joint, lowest), needed.left(walk, &bump, *joint, point, delay))
+                    };
+                    let force =
+                        force(chain.iter().filter(|&&joint| walk.gains[joint][0].is_finite()).map(left));
+                    Foot {
+                        point: lowest,
+                        velocity: motion.link(*body).velocity_at(lowest).map(|x| -x),
+                        force: force.map(|f| f / mass),
+                        load: force[2] / weight,
+                        stands: 0.0,
+                    }
+                })
+                .collect();
+            let ground = here.iter().map(|foot| foot.point[2]).fold(f64::INFINITY, f64::min);
+            for (joint, moved) in moved.iter().enumerate() {
+                let place = point * walk.joints + joint;
+                for &end in moved {
+                    clearance[place] = clearance[place].min(here[end].point[2] - ground);
+                }
+            }
+            here.iter_mut().for_each(|foot| foot.stands = bears(foot.load) * low(foot.point[2] - ground));
+            feet.push(here);
+        }
+        let mut velocity = base_velocity(walk, &feet, &relative);
+        let mut stands = vec![0.0; points * walk.joints];
+        // A foot that swings fast may push as one that stands does, but it does not move as the others do. Bounds that
+        // narrow step by step do not depend on the foot that is looked at first.
+        for alike in ALIKE {
+            for (point, feet) in feet.iter_mut().enumerate() {
+                let ground = feet.iter().map(|foot| foot.point[2]).fold(f64::INFINITY, f64::min);
+                for foot in feet.iter_mut() {
+                    foot.stands = bears(foot.load)
+                        * low(foot.point[2] - ground)
+                        * near(velocity[point], foot.velocity, alike);
+                }
+            }
+            velocity = base_velocity(walk, &feet, &relative);
+        }
+        for (point, feet) in feet.iter().enumerate() {
+            for (joint, moved) in moved.iter().enumerate() {
+                let most = moved.iter().map(|&end| feet[end].stands).fold(0.0, f64::max);
+                stands[point * walk.joints + joint] = most;
+            }
+        }
+        Self { clearance, stands, velocity, feet }
+    }
+}
+
+/// How much a foot with this share of the weight stands, from 0 to 1.
+fn bears(load: f64) -> f64 {
+    let [low, high] = STANDS;
+    if load.is_finite() { ((load - low) / (high - low)).clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// 1 for equal velocities, near 0 for those further apart than `alike`, m/s.
+fn near(a: Vec3, b: Vec3, alike: f64) -> f64 {
+    let apart: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
+    if apart.is_finite() { (-apart / alike.powi(2)).exp() } else { 0.0 }
+}
+
+/// 1 for a foot on the ground, near 0 for one that is higher above the lowest foot than [`LOW_M`].
+fn low(height: f64) -> f64 {
+    (-(height / LOW_M).powi(2)).exp()
+}
+
+/// Force at a point (N, world axes) that takes what motion leaves of the motors' torques: Jᵀ F = −torques by least
+/// squares. `levers`: column of J and torque of each joint.
+fn force(levers: impl Iterator<Item = (Vec3, f64)>) -> Vec3 {
+    let mut normal = Matrix3::zeros();
+    let mut right = Vector3::zeros();
+    for (lever, torque) in levers {
+        let lever = Vector3::from(lever);
+        normal += lever * lever.transpose();
+        right -= lever * torque;
+    }
+    // A straight leg has no lever along itself.
+    normal += Matrix3::identity() * (1e-3 * normal.trace() + 1e-12);
+    normal.try_inverse().map_or([f64::NAN; 3], |inverse| (inverse * right).into())
+}
+
+/// Velocity of the base's origin by a Kalman smoother (Rauch, Tung & Striebel 1965) for each axis. Its state is the
+/// velocity of the centre of mass; forces at the feet drive it, and feet that stand measure it. `relative`: velocity of the
+/// centre of mass if the base's origin rests, m/s.
+fn base_velocity(walk: &Walk, feet: &[Vec<Foot>], relative: &[Vec3]) -> Vec<Vec3> {
+    let step = walk.step;
+    // Forces at the feet bear the robot on the mean, whatever its mass and its motors' strength are.
+    let mut borne = (0.0, 0.0);
+    let push =
+        |foot: &Foot| if foot.stands > 0.0 { foot.force.map(|f| foot.stands.sqrt() * f) } else { [0.0; 3] };
+    for feet in feet.iter().zip(&walk.valid).filter(|(_, valid)| **valid).map(|(feet, _)| feet) {
+        borne = (borne.0 + feet.iter().map(|foot| push(foot)[2]).sum::<f64>(), borne.1 + 1.0);
+    }
+    let scale = (GRAVITY * borne.1 / borne.0.max(1e-9)).clamp(0.7, 1.5);
+    let points = feet.len();
+    let mut velocity = vec![[f64::NAN; 3]; points];
+    let variance = FOOT_RATE * FOOT_RATE * (FOOT_S / step);
+    let drift = PUSH * PUSH * PUSH_S * step;
+    let mut begin = 0;
+    while begin < points {
+        if !walk.valid[begin] {
+            begin += 1;
+            continue;
+        }
+        let end = (begin..points).find(|&point| !walk.valid[point]).unwrap_or(points);
+        for axis in 0..3 {
+            let gravity = if axis == 2 { GRAVITY } else { 0.0 };
+            let mut state = (0.0, 100.0);
+            let mut predicted = Vec::with_capacity(end - begin);
+            let mut filtered = Vec::with_capacity(end - begin);
+            for point in begin..end {
+                if point > begin {
+                    let force: f64 = feet[point - 1].iter().map(|foot| push(foot)[axis]).sum();
+                    state = (state.0 + step * (scale * force - gravity), state.1 + drift);
+                }
+                predicted.push(state);
+                for foot in feet[point].iter().filter(|foot| foot.stands > 1e-3) {
+                    let gain = state.1 / (state.1 + variance / foot.stands);
+                    let seen = foot.velocity[axis] + relative[point][axis];
+                    state = (state.0 + gain * (seen - state.0), (1.0 - gain) * state.1);
+                }
+                filtered.push(state);
+            }
+            for k in (0..filtered.len().saturating_sub(1)).rev() {
+                let gain = filtered[k].1 / predicted[k + 1].1;
+                filtered[k].0 += gain * (filtered[k + 1].0 - predicted[k + 1].0);
+                filtered[k].1 += gain * gain * (filtered[k + 1].1 - predicted[k + 1].1);
+            }
+            for (k, (value, variance)) in filtered.into_iter().enumerate() {
+                if variance < KNOWN * KNOWN {
+                    velocity[begin + k][axis] = value - relative[begin + k][axis];
+                }
+            }
+        }
+        begin = end;
+    }
+    velocity
+}

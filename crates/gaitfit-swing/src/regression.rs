@@ -1,0 +1,144 @@
+//! Robust least squares of the averaged equations, and errors that know that samples of one swing are not independent.
+
+use crate::equations::Window;
+use crate::estimate::offsets;
+use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
+
+/// Residuals beyond so many standard deviations count less (Huber 1964).
+const HUBER: f64 = 2.0;
+/// Rounds of reweighting.
+const ROUNDS: usize = 4;
+
+/// Unknowns that all windows of a group share: friction, damping, armature.
+const SHARED: usize = 3;
+
+/// One group's windows; its unknowns are friction, damping, armature and an offset for each joint.
+pub(crate) struct Group<'a> {
+    pub windows: Vec<&'a Window>,
+    offsets: BTreeMap<usize, usize>,
+    law: usize,
+}
+
+impl<'a> Group<'a> {
+    /// Of some windows, with a friction law by its place.
+    pub fn new(windows: Vec<&'a Window>, law: usize) -> Self {
+        Self { offsets: offsets(&windows), windows, law }
+    }
+
+    /// Number of unknowns.
+    pub fn columns(&self) -> usize {
+        SHARED + self.offsets.len()
+    }
+
+    fn row(&self, window: &Window) -> Vec<f64> {
+        let mut row = vec![0.0; self.columns()];
+        row[..SHARED].copy_from_slice(&[window.signs[self.law], window.rates[0], window.rates[1]]);
+        if let Some(place) = self.offsets.get(&window.joint) {
+            row[SHARED + place] = 1.0;
+        }
+        row
+    }
+}
+
+/// A group's solution at one delay.
+#[derive(Clone, Debug)]
+pub(crate) struct Solution {
+    pub values: DVector<f64>,
+    /// Root of the mean weighted square residual, N·m.
+    pub scale: f64,
+    pub weights: Vec<f64>,
+}
+
+/// Robust least squares of a group at a delay (in steps). `None` where the equations do not determine the unknowns.
+pub(crate) fn solve(group: &Group<'_>, delay: f64) -> Option<Solution> {
+    let (count, columns) = (group.windows.len(), group.columns());
+    if count < 3 * columns {
+        return None;
+    }
+    let rows: Vec<Vec<f64>> = group.windows.iter().map(|window| group.row(window)).collect();
+    let known: Vec<f64> = group.windows.iter().map(|window| window.torque(delay)).collect();
+    let mut weights = vec![1.0; count];
+    let mut best = None;
+    for _ in 0..ROUNDS {
+        let mut normal = DMatrix::zeros(columns, columns);
+        let mut right = DVector::zeros(columns);
+        for ((row, known), weight) in rows.iter().zip(&known).zip(&weights) {
+            accumulate(&mut normal, row, *weight);
+            for (place, value) in row.iter().enumerate() {
+                right[place] += weight * value * known;
+            }
+        }
+        let values = normal.cholesky()?.solve(&right);
+        let residuals: Vec<f64> =
+            rows.iter().zip(&known).map(|(row, known)| known - product(row, &values)).collect();
+        let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
+        let middle = count / 2;
+        let spread = 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let scale = (residuals.iter().zip(&weights).map(|(r, w)| w * r * r).sum::<f64>()
+            / weights.iter().sum::<f64>())
+        .sqrt();
+        weights = residuals.iter().map(|r| (HUBER * spread / r.abs().max(1e-300)).min(1.0)).collect();
+        if !scale.is_finite() {
+            return None;
+        }
+        best = Some(Solution { values, scale, weights: weights.clone() });
+    }
+    best
+}
+
+fn accumulate(normal: &mut DMatrix<f64>, row: &[f64], weight: f64) {
+    for (i, a) in row.iter().enumerate() {
+        if *a != 0.0 {
+            for (j, b) in row.iter().enumerate() {
+                normal[(i, j)] += weight * a * b;
+            }
+        }
+    }
+}
+
+fn product(row: &[f64], values: &DVector<f64>) -> f64 {
+    row.iter().zip(values.iter()).map(|(a, b)| a * b).sum()
+}
+
+/// Covariance of all groups' unknowns, group after group, and of the delay (in steps) at the end, by clusters: a sum over
+/// `cluster` of the outer products of its scores (Liang & Zeger 1986).
+pub(crate) fn covariance(
+    groups: &[Group<'_>],
+    solutions: &[Solution],
+    delay: f64,
+    cluster: impl Fn(&Window) -> u64,
+) -> Option<DMatrix<f64>> {
+    let columns: usize = groups.iter().map(Group::columns).sum::<usize>() + 1;
+    let mut normal = DMatrix::zeros(columns, columns);
+    let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();
+    let mut first = 0;
+    for (group, solution) in groups.iter().zip(solutions) {
+        let precision = solution.scale.powi(-2);
+        for (window, weight) in group.windows.iter().zip(&solution.weights) {
+            let own = group.row(window);
+            let residual = window.torque(delay) - product(&own, &solution.values);
+            let mut row = vec![0.0; columns];
+            row[first..first + own.len()].copy_from_slice(&own);
+            // Residual = torque(delay) − row·values, so the delay's column is −d(torque)/d(delay).
+            row[columns - 1] = -0.5 * (window.torque(delay + 1.0) - window.torque(delay - 1.0));
+            let weight = weight * precision;
+            accumulate(&mut normal, &row, weight);
+            let score = scores.entry(cluster(window)).or_insert_with(|| DVector::zeros(columns));
+            for (sum, value) in score.iter_mut().zip(&row) {
+                *sum += weight * residual * value;
+            }
+        }
+        first += group.columns();
+    }
+    let clusters = scores.len() as f64;
+    if clusters < 4.0 {
+        return None;
+    }
+    let bread = normal.try_inverse()?;
+    let mut meat = DMatrix::zeros(columns, columns);
+    for score in scores.values() {
+        meat += score * score.transpose();
+    }
+    Some((&bread * meat * &bread) * (clusters / (clusters - 1.0)))
+}

@@ -1,0 +1,165 @@
+//! What is asked and what swings answer.
+
+use crate::torques::Drag;
+use gaitfit_log::Estimate;
+use gaitfit_model::Model;
+use gaitfit_model::patterns::plain;
+use serde::Serialize;
+
+/// How legs in the air are looked for and averaged. The defaults suit walking robots of 5 to 60 kg.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SwingSettings {
+    /// Joint groups by name: indices of the model's joints. Empty: groups by the last part of the joints' names.
+    pub groups: Vec<(String, Vec<usize>)>,
+    /// Heights above the lowest foot from which a foot may count as in the air, m, rising. The one with the smallest errors
+    /// is taken.
+    pub clearances_m: Vec<f64>,
+    /// A foot that stands less than this (0 to 1, see [`crate::Foot::stands`]) is in the air.
+    pub stands: f64,
+    /// Time before and after a window in which the leg must be in the air too, s.
+    pub margin_s: f64,
+    /// Length of a window over which the equation of motion is averaged, s.
+    pub window_s: f64,
+    /// Time between windows, s.
+    pub hop_s: f64,
+    /// Beginning of each log that does not count, s.
+    pub skip_s: f64,
+    /// Shortest and longest delay that is tried, s.
+    pub delay_range_s: [f64; 2],
+    /// Step between the delays, s.
+    pub delay_step_s: f64,
+    /// Friction law; absent: the one that explains the logs better.
+    pub law: Option<FrictionLaw>,
+}
+
+impl Default for SwingSettings {
+    fn default() -> Self {
+        Self {
+            groups: Vec::new(),
+            clearances_m: vec![0.005, 0.008, 0.012, 0.016, 0.02, 0.025, 0.03, 0.04, 0.06, 0.09],
+            stands: 0.1,
+            margin_s: 0.015,
+            window_s: 0.08,
+            hop_s: 0.01,
+            skip_s: 0.3,
+            delay_range_s: [-0.012, 0.04],
+            delay_step_s: 0.002,
+            law: None,
+        }
+    }
+}
+
+impl SwingSettings {
+    /// The delays that are tried, s.
+    pub(crate) fn delays(&self) -> impl Iterator<Item = f64> + '_ {
+        let [low, high] = self.delay_range_s;
+        let steps = ((high - low) / self.delay_step_s).round().clamp(2.0, 1000.0) as usize;
+        (0..=steps).map(move |k| low + k as f64 * self.delay_step_s)
+    }
+}
+
+/// When a joint's Coulomb friction turns around.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FrictionLaw {
+    /// With the joint.
+    Coulomb,
+    /// As in MuJoCo and this engine, where friction is a soft constraint: some milliseconds before a joint that brakes.
+    Engine,
+}
+
+impl FrictionLaw {
+    /// Both.
+    pub const ALL: [Self; 2] = [Self::Coulomb, Self::Engine];
+}
+
+/// What swings say of one group of joints.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct GroupEstimate {
+    /// The group's name.
+    pub group: String,
+    /// Its joints, by the model's names.
+    pub joints: Vec<String>,
+    /// Coulomb friction, N·m.
+    pub friction: Estimate,
+    /// Viscous damping, N·m·s/rad.
+    pub damping: Estimate,
+    /// Armature, kg·m².
+    pub armature: Estimate,
+    /// Swings that count.
+    pub swings: usize,
+    /// Averaged equations that count.
+    pub windows: usize,
+    /// Root mean square of what the equations leave unexplained, N·m.
+    pub residual: f64,
+}
+
+impl GroupEstimate {
+    /// The values as a joint may have them: nothing below 0, and 0 where an error is too large to say anything.
+    pub fn drag(&self) -> Drag {
+        let value =
+            |estimate: Estimate, sure: f64| if estimate.error < sure { estimate.value.max(0.0) } else { 0.0 };
+        Drag {
+            friction: value(self.friction, 0.5),
+            damping: value(self.damping, 0.5),
+            armature: value(self.armature, 0.05),
+        }
+    }
+}
+
+/// What swings say of the joints.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SwingReport {
+    /// Groups that swing.
+    pub groups: Vec<GroupEstimate>,
+    /// Time from a target's row in the log to the torque, s. Negative: targets acted before their row. A simulation with
+    /// semi-implicit steps of h acts as if targets came h/2 earlier; its delay is longer by that.
+    pub delay: Estimate,
+    /// Friction law that explains the logs better.
+    pub law: FrictionLaw,
+    /// Height above the lowest foot from which a foot counted as in the air, m.
+    pub clearance_m: f64,
+    /// Logs that count.
+    pub logs: usize,
+    /// Groups that do not swing long enough.
+    pub unseen: Vec<String>,
+}
+
+/// Joint groups by the last part of their names: `FL_hip_joint` and `RR_hip_joint` are `hip`.
+pub fn usual_groups(model: &Model) -> Vec<(String, Vec<usize>)> {
+    let mut groups: Vec<(String, Vec<usize>)> = Vec::new();
+    for (index, joint) in model.joints.iter().enumerate() {
+        let last = group_name(plain(&joint.name));
+        match groups.iter_mut().find(|(known, _)| *known == last) {
+            Some((_, joints)) => joints.push(index),
+            None => groups.push((last, vec![index])),
+        }
+    }
+    groups
+}
+
+/// A joint's name without what says on which side or leg it is.
+fn group_name(name: &str) -> String {
+    const SIDES: [&str; 16] =
+        ["fl", "fr", "rl", "rr", "hl", "hr", "bl", "br", "lf", "rf", "lh", "rh", "l", "r", "left", "right"];
+    let parts: Vec<&str> = name.split('_').collect();
+    let kept: Vec<&str> =
+        parts.iter().copied().filter(|part| !SIDES.contains(&part.to_lowercase().as_str())).collect();
+    if kept.is_empty() { name.to_owned() } else { kept.join("_") }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn joints_of_all_legs_are_one_group() {
+        let groups = usual_groups(&gaitfit_model::builtin::go2().unwrap());
+        let names: Vec<&str> = groups.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(names, ["hip", "thigh", "calf"]);
+        assert_eq!(groups[2].1, [2, 5, 8, 11]);
+        assert_eq!(group_name("left_hip_pitch"), "hip_pitch");
+        assert_eq!(group_name("R"), "R");
+    }
+}

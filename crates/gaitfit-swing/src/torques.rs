@@ -1,0 +1,143 @@
+//! Torques that motion and gravity need at every grid point, averaged by a bump in time.
+
+use crate::dynamics::{BaseMotion, Motion};
+use crate::walk::Walk;
+use gaitfit_model::rotation::Vec3;
+use gaitfit_model::{Joint, Model};
+
+/// A bump in time and its slope, for averages that are integrated by parts.
+#[derive(Clone, Debug)]
+pub(crate) struct Bump {
+    /// Grid points on either side of the middle.
+    pub half: usize,
+    /// Weights; their sum is 1.
+    pub weights: Vec<f64>,
+    /// Derivatives of the weights with time, 1/s.
+    pub slopes: Vec<f64>,
+}
+
+impl Bump {
+    /// Of a length in s on a grid of `step` s: (1 − x²)³, which has two vanishing derivatives at its ends.
+    pub fn new(length: f64, step: f64) -> Self {
+        let half = (0.5 * length / step).round().max(2.0) as usize;
+        let place = |k: usize| k as f64 / half as f64 - 1.0;
+        let value = |x: f64| (1.0 - x * x).max(0.0).powi(3);
+        let total: f64 = (0..=2 * half).map(|k| value(place(k))).sum();
+        let slope = |x: f64| -6.0 * x * (1.0 - x * x).max(0.0).powi(2) / (half as f64 * step);
+        Self {
+            half,
+            weights: (0..=2 * half).map(|k| value(place(k)) / total).collect(),
+            slopes: (0..=2 * half).map(|k| slope(place(k)) / total).collect(),
+        }
+    }
+}
+
+/// What a joint has besides the links it moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Drag {
+    /// Coulomb friction, N·m.
+    pub friction: f64,
+    /// Viscous damping, N·m·s/rad.
+    pub damping: f64,
+    /// Armature, kg·m².
+    pub armature: f64,
+}
+
+/// How far ahead of its velocity's sign a joint's friction turns, s, in MuJoCo's and this engine's law. There friction is a
+/// soft constraint that brakes towards the reference acceleration −b q̇ with b = 2/(dmax·timeconst): it turns where
+/// q̈ + b q̇ does, which is q̇ a time of 1/b later (MuJoCo's documentation, "Computation", solver parameters).
+pub(crate) fn friction_lead(joint: &Joint) -> f64 {
+    let [time, damping] = joint.solref_friction;
+    let rate = if time > 0.0 {
+        2.0 / (joint.solimp_friction[1] * time)
+    } else {
+        -damping / joint.solimp_friction[1]
+    };
+    if rate > 0.0 && rate.is_finite() { (1.0 / rate).min(0.02) } else { 0.0 }
+}
+
+/// Share of the area of (1 − x²)³ that lies below x.
+fn area(x: f64) -> f64 {
+    let x = x.clamp(-1.0, 1.0);
+    let x2 = x * x;
+    0.5 + 35.0 / 32.0 * x * (1.0 - x2 + 0.6 * x2 * x2 - x2 * x2 * x2 / 7.0)
+}
+
+/// Mean of a joint's target, held from sample to sample and acting `delay` s late, rad, under a bump around the time
+/// `middle`. Exact, however coarse the log.
+pub(crate) fn driven(walk: &Walk, bump: &Bump, joint: usize, middle: f64, delay: f64) -> f64 {
+    let half = bump.half as f64 * walk.step;
+    let times = &walk.sample_times;
+    let at = |time: f64| area((time + delay - middle) / half);
+    let first = times.partition_point(|time| *time <= middle - half - delay).saturating_sub(1);
+    let mut sum = 0.0;
+    let mut before = 0.0;
+    for sample in first..times.len() {
+        let after = times.get(sample + 1).map_or(1.0, |next| at(*next));
+        sum += (after - before) * walk.targets[sample * walk.joints + joint];
+        before = after;
+        if after >= 1.0 {
+            break;
+        }
+    }
+    sum
+}
+
+/// The momentum form of all joints at all grid points.
+#[derive(Clone, Debug)]
+pub(crate) struct Needed {
+    /// Momenta, N·m·s; `len × joints`; NaN where they are not known.
+    pub momentum: Vec<f64>,
+    /// The rest of the torque, springs of the file too, N·m; `len × joints`.
+    pub rest: Vec<f64>,
+}
+
+impl Needed {
+    /// For a base that moves at `velocity`, m/s, world axes, and joints with these properties (model order).
+    pub fn new(model: &Model, walk: &Walk, velocity: &[Vec3], drag: &[Drag]) -> Self {
+        let joints = walk.joints;
+        let nothing = vec![f64::NAN; walk.len() * joints];
+        let mut needed = Self { momentum: nothing.clone(), rest: nothing };
+        let zeros = vec![0.0; joints];
+        let lead: Vec<usize> =
+            model.joints.iter().map(|joint| (friction_lead(joint) / walk.step).round() as usize).collect();
+        for point in 0..walk.len() {
+            if !walk.valid[point] || !velocity[point].iter().all(|v| v.is_finite()) {
+                continue;
+            }
+            let base = BaseMotion {
+                angular_velocity: walk.rates[point],
+                linear_velocity: velocity[point],
+                ..BaseMotion::at_rest(walk.quaternion[point])
+            };
+            let motion = Motion::new(model, &base, walk.q_at(point), walk.dq_at(point), &zeros);
+            for (joint, terms) in motion.momentum().into_iter().enumerate() {
+                let of = &model.joints[joint];
+                let spring = of.stiffness * (walk.q_at(point)[joint] - of.springref);
+                let dq = walk.dq_at(point)[joint];
+                let Drag { friction, damping, armature } = drag[joint];
+                needed.momentum[point * joints + joint] = terms.momentum + armature * dq;
+                needed.rest[point * joints + joint] =
+                    terms.rest + spring + friction * walk.sign(joint, point, lead[joint]) + damping * dq;
+            }
+        }
+        needed
+    }
+
+    /// Motor torque that the PD law gives, less what inertia and gravity need, N·m, averaged around `centre`: what
+    /// friction, armature and contact take. NaN where a bump meets a gap or a joint has no gains.
+    pub fn left(&self, walk: &Walk, bump: &Bump, joint: usize, centre: usize, delay: f64) -> f64 {
+        let Some(first) = centre.checked_sub(bump.half) else { return f64::NAN };
+        if centre + bump.half >= walk.len() {
+            return f64::NAN;
+        }
+        let [kp, kd] = walk.gains[joint];
+        let mut sum = kp * driven(walk, bump, joint, centre as f64 * walk.step, delay);
+        for (k, (weight, slope)) in bump.weights.iter().zip(&bump.slopes).enumerate() {
+            let place = (first + k) * walk.joints + joint;
+            let motor = -kp * walk.q[place] - kd * walk.dq[place];
+            sum += weight * (motor - self.rest[place]) + slope * self.momentum[place];
+        }
+        sum
+    }
+}

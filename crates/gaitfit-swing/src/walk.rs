@@ -1,0 +1,182 @@
+//! A log as a motion in time: joints, base and targets on an even, fine grid.
+
+use crate::SwingError;
+use gaitfit_log::Trajectory;
+use gaitfit_model::rotation::{IDENTITY, Quat, Vec3, blend, quat_of};
+use gaitfit_model::{Model, Root};
+
+/// The grid is at least this fine, s: swings of the fastest gaits last 0.1 s.
+const FINE_S: f64 = 0.0026;
+/// Noise of joint velocities, rad/s: below it their sign is not sure.
+const SIGN_RATE: f64 = 0.05;
+/// Samples further apart than this many periods have a gap between them, which is not interpolated.
+const GAP: f64 = 3.5;
+
+/// Signals of one log, joints in the model's order; one row a grid point.
+#[derive(Clone, Debug)]
+pub struct Walk {
+    /// Time between grid points, s.
+    pub step: f64,
+    /// Grid points between two samples of the log.
+    pub per_sample: usize,
+    /// Whether the log has samples near each grid point.
+    pub valid: Vec<bool>,
+    /// Positions, rad; `len × joints`.
+    pub q: Vec<f64>,
+    /// Velocities, rad/s; `len × joints`.
+    pub dq: Vec<f64>,
+    /// Orientation of the base, wxyz.
+    pub quaternion: Vec<Quat>,
+    /// Angular velocity of the base, rad/s, base frame.
+    pub rates: Vec<Vec3>,
+    /// Times of the log's samples, s, from the first.
+    pub sample_times: Vec<f64>,
+    /// Targets at the log's samples, rad; `samples × joints`. NaN for joints that the log lacks.
+    pub targets: Vec<f64>,
+    /// Gains, one a joint: N·m/rad and N·m·s/rad. NaN for joints that the log lacks.
+    pub gains: Vec<[f64; 2]>,
+    /// Joints.
+    pub joints: usize,
+    /// Rate within which the sign of a joint's velocity is not sure, rad/s.
+    pub sign_rate: f64,
+}
+
+impl Walk {
+    /// Grid points.
+    pub fn len(&self) -> usize {
+        self.valid.len()
+    }
+
+    /// Positions at a grid point.
+    pub fn q_at(&self, point: usize) -> &[f64] {
+        &self.q[point * self.joints..(point + 1) * self.joints]
+    }
+
+    /// Velocities at a grid point.
+    pub fn dq_at(&self, point: usize) -> &[f64] {
+        &self.dq[point * self.joints..(point + 1) * self.joints]
+    }
+
+    /// From a log whose joints the model has, under any of their names. Joints that the log lacks rest at their reference.
+    ///
+    /// # Errors
+    /// A log without targets, gains or, of a floating robot, orientation and rates of the base; joints that the robot
+    /// lacks.
+    pub fn new(model: &Model, log: &Trajectory) -> Result<Self, SwingError> {
+        let name =
+            || log.source.as_ref().map_or_else(|| "the log".to_owned(), |path| path.display().to_string());
+        let lacks = |what| SwingError::Lacks { log: name(), what };
+        let targets = log.target.as_ref().ok_or_else(|| lacks("position targets (columns qdes_…)"))?;
+        let gains =
+            log.gains.as_ref().ok_or_else(|| lacks("PD gains (kp and kd in its header or log.toml)"))?;
+        let imu = log
+            .base
+            .as_ref()
+            .and_then(|base| Some((base.quaternion.as_ref()?, base.angular_velocity.as_ref()?)));
+        let floating = model.root == Root::Floating;
+        if floating && imu.is_none() {
+            return Err(lacks(
+                "orientation and body rates of the base (roll, pitch, yaw or base_quat_…; wx, wy, wz)",
+            ));
+        }
+        let joints = model.joints.len();
+        let mut column = vec![None; joints];
+        for (place, joint) in log.joints.iter().enumerate() {
+            let Some(found) = model.find_joint(joint) else {
+                return Err(SwingError::NoSuchJoint { log: name(), joint: joint.clone() });
+            };
+            column[found] = Some(place);
+        }
+        let width = log.joints.len();
+        let samples = log.len();
+        if samples < 8 {
+            return Err(SwingError::Short { log: name(), samples });
+        }
+        let period = log.dt();
+        let per_sample = (period / FINE_S).ceil().max(1.0) as usize;
+        let step = period / per_sample as f64;
+        let start = log.time[0];
+        let points = ((log.duration() / step) + 1e-6).floor() as usize + 1;
+        if points.saturating_mul(joints.max(1)) > 100_000_000 {
+            return Err(SwingError::Long { log: name(), seconds: log.duration() });
+        }
+        let mut walk = Self {
+            step,
+            per_sample,
+            valid: vec![false; points],
+            q: vec![0.0; points * joints],
+            dq: vec![0.0; points * joints],
+            quaternion: vec![model.bodies.first().map_or(IDENTITY, |body| body.quat); points],
+            rates: vec![[0.0; 3]; points],
+            sample_times: log.time.iter().map(|time| time - start).collect(),
+            targets: vec![f64::NAN; samples * joints],
+            gains: vec![[f64::NAN; 2]; joints],
+            joints,
+            sign_rate: SIGN_RATE,
+        };
+        for (joint, place) in column.iter().enumerate() {
+            let Some(place) = *place else {
+                (0..points).for_each(|point| walk.q[point * joints + joint] = model.joints[joint].reference);
+                continue;
+            };
+            walk.gains[joint] = [gains.kp[place], gains.kd[place]];
+            for sample in 0..samples {
+                walk.targets[sample * joints + joint] = targets[sample * width + place];
+            }
+        }
+        let mut before = 0;
+        for point in 0..points {
+            let at = point as f64 * step;
+            while before + 2 < samples && walk.sample_times[before + 1] <= at + 1e-9 {
+                before += 1;
+            }
+            let after = before + 1;
+            let span = walk.sample_times[after] - walk.sample_times[before];
+            let fraction = ((at - walk.sample_times[before]) / span).clamp(0.0, 1.0);
+            let mut finite = span > 0.0 && span < GAP * period;
+            for (joint, place) in column.iter().enumerate() {
+                let Some(place) = *place else { continue };
+                let (here, there) = (before * width + place, after * width + place);
+                let ends = [log.position[here], log.velocity[here], log.position[there], log.velocity[there]];
+                let [q, dq] = hermite(ends, span, fraction);
+                finite &= q.is_finite() && dq.is_finite();
+                walk.q[point * joints + joint] = q;
+                walk.dq[point * joints + joint] = dq;
+            }
+            if floating && let Some((quaternions, rates)) = imu {
+                let quaternion = |sample: usize| quat_of(&quaternions[4 * sample..]);
+                let turned = blend(quaternion(before), quaternion(after), fraction);
+                let rate: Vec3 = std::array::from_fn(|k| {
+                    (1.0 - fraction) * rates[3 * before + k] + fraction * rates[3 * after + k]
+                });
+                finite &= turned.iter().chain(&rate).all(|x| x.is_finite());
+                walk.quaternion[point] = turned;
+                walk.rates[point] = rate;
+            }
+            walk.valid[point] = finite;
+        }
+        Ok(walk)
+    }
+
+    /// Sign of a joint's velocity `lead` grid points later, smooth where it is not sure.
+    pub(crate) fn sign(&self, joint: usize, point: usize, lead: usize) -> f64 {
+        let dq = self.dq[(point + lead).min(self.len() - 1) * self.joints + joint];
+        dq / dq.hypot(self.sign_rate)
+    }
+
+    /// Target of a joint at a time (s from the log's start) if it acts `delay` s after it was sent; the first target
+    /// before there is one.
+    pub fn target(&self, joint: usize, at: f64, delay: f64) -> f64 {
+        let sample = self.sample_times.partition_point(|time| *time <= at - delay + 1e-9).saturating_sub(1);
+        self.targets[sample * self.joints + joint]
+    }
+}
+
+/// Value and derivative of the cubic with the given values and slopes at both ends of `span`.
+fn hermite([q0, dq0, q1, dq1]: [f64; 4], span: f64, x: f64) -> [f64; 2] {
+    let (m0, m1) = (span * dq0, span * dq1);
+    let rise = q1 - q0;
+    let b = 3.0 * rise - 2.0 * m0 - m1;
+    let c = m0 + m1 - 2.0 * rise;
+    [q0 + x * (m0 + x * (b + x * c)), (m0 + x * (2.0 * b + x * 3.0 * c)) / span]
+}
