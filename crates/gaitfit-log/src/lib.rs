@@ -43,6 +43,7 @@ mod metadata;
 mod names;
 mod ops;
 mod read;
+pub mod regular;
 mod scale;
 mod summary;
 mod time_unit;

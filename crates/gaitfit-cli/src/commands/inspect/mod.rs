@@ -51,7 +51,8 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
 /// Prints what a policy sees and does.
 fn policy(args: &Inspect) -> Result<(), Failure> {
     let policy = gaitfit_policy::read(&args.file).map_err(Failure::failed)?;
-    let document = document(&policy, Vec::new());
+    let unsealed = gaitfit_policy::unsealed(&args.file).map_err(Failure::failed)?;
+    let document = document(&policy, Vec::new()).unsealed(&unsealed);
     if args.json { output::print_json(&document) } else { output::print(&text(&document)) }
 }
 

@@ -3,6 +3,7 @@
 use super::chain::Chain;
 use super::constant::Constant;
 use super::fuse::fuse;
+use super::metadata;
 use super::proto::{Attribute, Dimension, FLOAT, Graph, Model, Node, Tensor, ValueInfo};
 use super::recurrent::{Remembered, is_recurrent};
 use crate::PolicyError;
@@ -51,6 +52,7 @@ pub fn decode(bytes: &[u8]) -> Result<Decoded, PolicyError> {
     if model.metadata_props.len() > MOST_PARTS {
         return Err(invalid(format!("it has more than {MOST_PARTS} entries of metadata")));
     }
+    metadata::check(bytes, &model)?;
     let graph =
         model.graph.ok_or_else(|| invalid("it holds no graph, so it is no ONNX model or it is cut short"))?;
     let graph: Graph = decode_message(&graph, "graph")?;
