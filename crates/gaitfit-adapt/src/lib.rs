@@ -1,5 +1,6 @@
 //! Fitting a simulator to a robot: θ, costs, CMA-ES and the loop that joins them.
 
+mod checksum;
 pub mod cmaes;
 pub mod cost;
 pub mod fit;

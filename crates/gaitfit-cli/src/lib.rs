@@ -28,6 +28,7 @@ static SELF: OnceLock<PathBuf> = OnceLock::new();
 ///
 /// It listens for signals and may end the process; call it once, before there are other threads.
 pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    signals::outlive_file_limit();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     SELF.get_or_init(|| arguments.first().map_or_else(|| "gaitfit".into(), PathBuf::from));
     let done = match Cli::read(&arguments) {

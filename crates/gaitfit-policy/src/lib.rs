@@ -21,8 +21,8 @@ pub mod walker;
 
 pub use error::PolicyError;
 pub use files::{
-    DescribedTerm, Description, EncoderTensors, MemoryTensors, NormaliserTensors, Passes, PerJoint, deploy,
-    files_of, interface_of, onnx, read, weights,
+    DescribedTerm, Description, EncoderTensors, MemoryTensors, NormaliserTensors, Passes, PerJoint, checksum,
+    deploy, files_of, interface_of, onnx, read, unsealed, weights,
 };
 pub use front::{Encoder, Front, Latent};
 pub use function::{Act, Function};

@@ -43,7 +43,7 @@ pub struct Provenance {
     /// Settings of the task it was trained on, as TOML.
     #[serde(default)]
     pub task: String,
-    /// SHA-256 of the policy that its training began with, as [`crate::weights::write`] writes it, hexadecimal; empty where
+    /// SHA-256 of the policy that its training began with, as [`crate::weights::plain`] writes it, hexadecimal; empty where
     /// it began with new networks.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub parent: String,

@@ -7,6 +7,7 @@
 
 pub mod adapt;
 pub mod air;
+mod brief;
 pub mod collect;
 mod crew;
 pub mod device;
@@ -48,6 +49,7 @@ pub mod watch;
 pub mod weight;
 pub mod world;
 
+pub use brief::{brief, short_numbers};
 pub use collect::{CollectSettings, collect, collect_in};
 pub use error::{Access, Error, ErrorKind};
 pub use evaluate::{EvaluateSettings, evaluate, evaluate_in};

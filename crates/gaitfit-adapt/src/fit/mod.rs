@@ -14,6 +14,7 @@ mod identification;
 mod identify;
 mod joint;
 mod least_squares;
+mod origin;
 mod outcome;
 mod predicted;
 mod regression;
@@ -34,6 +35,7 @@ pub use least_squares::{
     Sensitivity, Shift, Slope, Uncertainty, World, answers, correct, off_bounds, sensitivity, sets,
     uncertainty,
 };
+pub use origin::{Against, Origin, Searched};
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};
 pub use predicted::Predicted;
 pub use regression::{Distributions, Drawn, Logs, MOST_REGRESSED, Regression, Walks, regress};

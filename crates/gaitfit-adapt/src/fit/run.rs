@@ -2,7 +2,7 @@
 
 use super::driver::{FitOptions, RunGeneration};
 use super::least_squares::{GaussNewton, Problem};
-use super::{Evaluation, FitError, RunOutcome};
+use super::{Evaluation, FitError, Origin, RunOutcome};
 use crate::Theta;
 use crate::cmaes::{
     Best, CmaError, Population, RestartPlan, RestartStart, Search, SearchState, Settings, StopReason,
@@ -223,21 +223,37 @@ impl Run {
             return Err(FitError::Checkpoint(format!("{found} where {cost} with seed {} is due", self.seed)));
         }
         let broken = |what: String| FitError::Checkpoint(what);
-        let by = match (&self.by, saved.state) {
+        let refused = |error: CmaError| match error {
+            CmaError::State(what) => broken(what),
+            other => broken(other.to_string()),
+        };
+        let (by, stop) = match (&self.by, saved.state) {
             (By::CmaEs { .. }, SavedSearch::CmaEs(state)) => {
-                let search = Search::resume(settings(self.seed, theta, options), plan(options), state)
-                    .map_err(|error: CmaError| broken(error.to_string()))?;
-                By::CmaEs { search: Box::new(search), asked: None }
+                let mut search = Search::resume(settings(self.seed, theta, options), plan(options), state)
+                    .map_err(refused)?;
+                // A run that had ended at the limit of generations, which is higher now, may have settled there.
+                if saved.stop == Some(Stop::Generations) && !search.is_finished() && settled(&search, options)
+                {
+                    search.end().map_err(refused)?;
+                }
+                let patient = saved.stop == Some(Stop::Patience);
+                let stop = why_stop(&search).map(|stop| match stop {
+                    Stop::Tolerance if patient => Stop::Patience,
+                    other => other,
+                });
+                (By::CmaEs { search: Box::new(search), asked: None }, stop)
             }
-            (By::LeastSquares(_), SavedSearch::LeastSquares(search)) if search.fits(theta) => {
-                By::LeastSquares(search)
+            (By::LeastSquares(_), SavedSearch::LeastSquares(mut search)) if search.fits(theta) => {
+                search.limit(options.generations).map_err(broken)?;
+                let stop = search.stop();
+                (By::LeastSquares(search), stop)
             }
             _ => return Err(broken("its search is another one".into())),
         };
         Ok(Self {
             cost: self.cost,
             seed: self.seed,
-            stop: saved.stop,
+            stop,
             diverged: saved.diverged,
             falls: saved.falls,
             course: saved.course,
@@ -299,8 +315,8 @@ fn plan(options: &FitOptions) -> RestartPlan {
 pub struct Checkpoint {
     /// Generations done.
     pub generation: usize,
-    /// Names of θ's entries.
-    pub parameters: Vec<String>,
+    /// What the fit was begun with.
+    pub origin: Origin,
     /// The runs, costs first, then seeds.
     pub runs: Vec<SavedRun>,
 }

@@ -1,6 +1,6 @@
 //! `theta.toml`: what a fit found, for programs that use it.
 
-use super::{Found, NetworkName, Theta, joint_parameters, networks, robot_numbers};
+use super::{Found, NetworkName, Theta, checksum, joint_parameters, networks, robot_numbers};
 use gaitfit_model::patterns::{PatternError, covered};
 use gaitfit_model::{Model, escaped, shown, shown_number};
 use gaitfit_sim::Candidate;
@@ -12,9 +12,13 @@ const FORMAT: u32 = 2;
 
 /// What a fit found: a file that can be written, read and applied to a robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ThetaFile {
     /// Version of the format.
     pub format: u32,
+    /// The checksum in a text that is being read; `None` everywhere else: [`Self::to_toml`] computes it.
+    #[serde(default, skip_serializing)]
+    pub checksum: Option<String>,
     /// Robot name.
     #[serde(default)]
     pub robot: String,
@@ -40,6 +44,7 @@ pub struct ThetaFile {
 
 /// A number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SavedParameter {
     /// Name.
     pub name: String,
@@ -75,6 +80,7 @@ pub struct SavedParameter {
 
 /// A joint's network.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SavedNetwork {
     /// Name, for example `resid_act_RR_calf`.
     pub name: String,
@@ -106,6 +112,12 @@ pub enum ThetaFileError {
     /// It is not such a file.
     #[error("{0}; give the theta.toml of a `gaitfit adapt` run")]
     Syntax(String),
+    /// It is not what was written.
+    #[error(
+        "its checksum does not fit the rest of it: the file was damaged, or edited by hand. If you edited it, delete the \
+         line that begins with `checksum`; if not, restore the file or fit again"
+    )]
+    Checksum,
     /// It is of another version.
     #[error("it has format {0}, and this program reads 1 and 2")]
     Format(u32),
@@ -291,6 +303,7 @@ impl ThetaFile {
     pub fn nominal() -> Self {
         Self {
             format: FORMAT,
+            checksum: None,
             robot: String::new(),
             cost_name: String::new(),
             cost: None,
@@ -356,22 +369,27 @@ impl ThetaFile {
     /// Reads a file's text.
     ///
     /// # Errors
-    /// [`ThetaFileError::Syntax`] with line and column, [`ThetaFileError::Format`].
+    /// [`ThetaFileError::Syntax`] with line and column, also of an unknown key; [`ThetaFileError::Format`];
+    /// [`ThetaFileError::Checksum`] of a file that has a checksum and is not as it was written.
     pub fn parse(text: &str) -> Result<Self, ThetaFileError> {
-        let file: Self = toml::from_str(text)
-            .map_err(|error| ThetaFileError::Syntax(error.to_string().trim_end().to_owned()))?;
+        let mut file: Self =
+            toml::from_str(text).map_err(|error| ThetaFileError::Syntax(checksum::at(text, &error)))?;
         if !(1..=FORMAT).contains(&file.format) {
             return Err(ThetaFileError::Format(file.format));
         }
-        Ok(file)
+        match file.checksum.take() {
+            Some(sum) if sum != checksum::of(text) => Err(ThetaFileError::Checksum),
+            _ => Ok(file),
+        }
     }
 
-    /// The file's text.
+    /// The file's text, with its checksum.
     ///
     /// # Errors
     /// [`ThetaFileError::Write`].
     pub fn to_toml(&self) -> Result<String, ThetaFileError> {
-        toml::to_string(self).map_err(|error| ThetaFileError::Write(error.to_string()))
+        let text = toml::to_string(self).map_err(|error| ThetaFileError::Write(error.to_string()))?;
+        Ok(checksum::sealed(&text))
     }
 
     /// The robot of `model` with everything the file says.

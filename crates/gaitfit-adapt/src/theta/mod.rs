@@ -5,6 +5,7 @@
 //! counts. A new modification is a file here with its rule, a line in [`Rules`], and, if its numbers are not single
 //! ones, a table of its own in [`ThetaFile`].
 
+mod checksum;
 mod entry;
 mod features;
 mod file;

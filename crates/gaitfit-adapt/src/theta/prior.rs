@@ -66,6 +66,11 @@ impl Theta {
         self.priors.get(at)?.as_ref()
     }
 
+    /// What one standard error from a prior adds to the cost.
+    pub fn prior_weight(&self) -> f64 {
+        self.prior_weight
+    }
+
     /// What the priors add to the cost of `values`: weight · Σ ((value − estimate) / standard error)². It is the negative
     /// logarithm of independent normal densities up to a constant, in units in which the cost's own noise is the weight.
     pub fn prior_cost(&self, values: &[f64]) -> f64 {

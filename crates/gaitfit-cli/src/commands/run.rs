@@ -8,6 +8,7 @@ use crate::keyboard::{self, Keyboard};
 use crate::output::{self, note};
 use crate::signals;
 use gaitfit::policy_file::{self, PolicyFile};
+use gaitfit::run::Owned;
 use gaitfit_robot::guard::{GuardSettings, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
 use gaitfit_robot::run::{
@@ -67,7 +68,8 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let guard = GuardSettings { stale: patience, late: patience, simulator, ..GuardSettings::go2(control) };
     let guard = GuardSettings { late_policy: guard.late_policy.max(2 * control + patience), ..guard };
     let out = logs_of(args);
-    new_folder(&out)?;
+    // Until the summary is written: two walks into one folder would destroy each other's logs.
+    let _owned = new_folder(&out)?;
     let motors = motors_of(&policy.interface.joints).map_err(usage)?;
     let recorder = match who.logs() {
         Some(count) => Recorder::of_walks(&out, count, &policy.interface, motors),
@@ -183,19 +185,18 @@ fn logs_of(args: &Run) -> PathBuf {
     if args.link.dry_run { args.out.join(DRY) } else { args.out.clone() }
 }
 
-/// A folder without a run in it.
-fn new_folder(path: &Path) -> Result<(), Failure> {
+/// A folder without a run in it, which no other process writes into.
+fn new_folder(path: &Path) -> Result<Owned, Failure> {
     folder(path, "the logs go")?;
-    let logs =
-        if path.is_dir() { gaitfit_log::csv_files(path).map_err(Failure::failed)? } else { Vec::new() };
+    let owned = Owned::for_logs(path)?;
+    let logs = gaitfit_log::csv_files(path).map_err(Failure::failed)?;
     if !logs.is_empty() || path.join(RUN).join(WHOLE).exists() {
         return Err(Failure::usage(format!(
             "{}: holds a run already; name another folder, so that no log is lost",
             path.display()
         )));
     }
-    std::fs::create_dir_all(path)
-        .map_err(|error| Failure::failed(format!("cannot make the folder {}: {error}", path.display())))
+    Ok(owned)
 }
 
 /// Shows the robot's state and asks for the word.

@@ -83,6 +83,27 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
     Ok(files)
 }
 
+/// The files of a policy that carry no checksum, so that damage to them cannot be seen: those of other programs, and of
+/// earlier versions of this one.
+///
+/// # Errors
+/// Files that cannot be read.
+pub fn unsealed(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
+    let mut found = Vec::new();
+    for file in files_of(path)? {
+        let sealed = match ending(&file).as_deref() {
+            Some("safetensors") => weights::is_sealed(&bytes(&file)?),
+            Some("onnx") => onnx::is_sealed(&bytes(&file)?),
+            // Texts that people write.
+            _ => true,
+        };
+        if !sealed {
+            found.push(file);
+        }
+    }
+    Ok(found)
+}
+
 /// The ending of a file's name, in small letters.
 pub(super) fn ending(path: &Path) -> Option<String> {
     path.extension().map(|ending| ending.to_string_lossy().to_lowercase())

@@ -5,7 +5,7 @@ use crate::Error;
 use gaitfit_adapt::fit::{FallPenalty, FitOptions, Method};
 use gaitfit_adapt::{NetworkStart, RobotNumber};
 use gaitfit_log::PerJoint;
-use gaitfit_model::shown_number;
+use gaitfit_model::{shown, shown_number};
 use std::path::Path;
 
 /// Refuses settings out of range, and those that a kind of log does not have.
@@ -17,6 +17,9 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
     let limits = [check.cost, check.validation_cost, check.rmse_rad];
     let not_negative = |value: f64| value.is_finite() && value >= 0.0;
     if let Some(wrong) = wrong_gains(config) {
+        return Err(refused(path, &wrong));
+    }
+    if let Some(wrong) = wrong_known(config) {
         return Err(refused(path, &wrong));
     }
     let wrong = if !free && config.robot.is_empty() {
@@ -120,6 +123,16 @@ fn wrong_gains(config: &AdaptConfig) -> Option<String> {
         let wrong = values.into_iter().find(|value| !(value.is_finite() && *value >= 0.0))?;
         Some(format!("`{name}` has {}; gains are finite and not negative", shown_number(wrong)))
     })
+}
+
+/// A true or published value that is none.
+fn wrong_known(config: &AdaptConfig) -> Option<String> {
+    let truth = config.truth.iter().map(|(name, value)| (format!("truth.{name}"), *value));
+    let published = config.published.iter().flat_map(|(name, ends)| {
+        ends.iter().enumerate().map(move |(end, value)| (format!("published.{name}.{end}"), *value))
+    });
+    let (name, value) = truth.chain(published).find(|(_, value)| !value.is_finite())?;
+    Some(format!("`{}` is {value}; give a finite number, or leave it out", shown(&name)))
 }
 
 /// Settings of the fit; the robot fell in `falls` of the logs.

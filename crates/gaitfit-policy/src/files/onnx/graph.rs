@@ -6,6 +6,7 @@ use super::constant::Constant;
 use super::external::{self, Beside};
 use super::fuse::fuse;
 use super::linear::{gemm, keeps_rows, linear};
+use super::metadata;
 use super::moves::moved;
 use super::parts::Parts;
 use super::proto::{Dimension, FLOAT, Graph, Model, Node, Tensor, ValueInfo};
@@ -88,6 +89,7 @@ fn graph_of(bytes: &[u8]) -> Result<(Graph, Vec<Vec<u8>>), PolicyError> {
     if model.metadata_props.len() > MOST_PARTS {
         return Err(invalid(format!("it has more than {MOST_PARTS} entries of metadata")));
     }
+    metadata::check(bytes, &model)?;
     let graph =
         model.graph.ok_or_else(|| invalid("it holds no graph, so it is no ONNX model or it is cut short"))?;
     Ok((decode_message(&graph, "graph")?, model.metadata_props))

@@ -59,6 +59,11 @@ pub(super) fn read_own(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Pol
     Ok(Some(policy))
 }
 
+/// Whether a file carries a checksum.
+pub(super) fn is_sealed(bytes: &[u8]) -> bool {
+    graph::decode(bytes, None).is_ok_and(|model| metadata::is_sealed(&model.metadata))
+}
+
 /// The interface in a file that [`write()`] wrote; `None` for other files and damaged ones.
 pub(super) fn interface(bytes: &[u8]) -> Option<Interface> {
     metadata::read(&graph::decode(bytes, None).ok()?).ok()?.map(|header| header.interface)
