@@ -48,6 +48,7 @@ pub(crate) fn join(tables: Vec<Table>) -> Result<Joined, ImportError> {
     let mut from = f64::NEG_INFINITY;
     let mut to = f64::INFINITY;
     let mut joined = Joined::default();
+    let has_targets = tables.iter().any(|table| table.columns.keys().any(|name| name.starts_with("qdes_")));
     let mut placed: Vec<Option<Placed>> = tables.iter().map(|_| None).collect();
     for (i, table) in tables.iter().enumerate() {
         let (Some(first), Some(last)) = (table.time.first(), table.time.last()) else { continue };
@@ -78,7 +79,7 @@ pub(crate) fn join(tables: Vec<Table>) -> Result<Joined, ImportError> {
             if let Some(row) = found.rows.iter().position(Option::is_some) {
                 from = from.max(state.time[row]);
             }
-            note(&mut joined, table, &found);
+            note(&mut joined, table, &found, has_targets);
             placed[i] = Some(found);
         } else {
             from = from.max(*first - table.slack);
@@ -143,7 +144,7 @@ pub(crate) fn join(tables: Vec<Table>) -> Result<Joined, ImportError> {
 }
 
 /// Keeps the lead of a stream's targets and says what was made of it.
-fn note(joined: &mut Joined, table: &Table, placed: &Placed) {
+fn note(joined: &mut Joined, table: &Table, placed: &Placed, has_targets: bool) {
     let has = |prefix: &str| table.columns.keys().any(|name| name.starts_with(prefix));
     if placed.faster {
         joined.assumed.push(format!(
@@ -160,7 +161,8 @@ fn note(joined: &mut Joined, table: &Table, placed: &Placed) {
         if lead.seconds < 0.0 { "after" } else { "before" },
         1e3 * lead.spread
     ));
-    if has("qdes_") || (has("act_") && joined.lead.is_none()) {
+    // What drives the joints counts; actions do where nobody recorded targets.
+    if has("qdes_") || (has("act_") && !has_targets) {
         joined.lead = Some(lead);
     }
 }

@@ -59,9 +59,8 @@ pub fn lead_note(logs: &[Log]) -> Result<Option<String>, Error> {
         logs.iter().filter_map(|log| log.trajectory.lead).map(|lead| lead.spread).fold(0.0, f64::max);
     Ok((lead != 0.0).then(|| {
         format!(
-            "the targets are stamped {:.2} ms (±{:.2} ms) after the rows that they answer; a delay counts from the stamp, so \
-             a policy that is simulated without that time acts {:.2} ms too early: add it to `randomisation.delay` of a \
-             training",
+            "the targets are stamped {:.2} ms (±{:.2} ms) after the rows that they answer; a delay counts from the stamp. From \
+             the row it is {:.2} ms longer: add that to `randomisation.delay` of a training",
             1e3 * lead,
             1e3 * spread,
             1e3 * lead

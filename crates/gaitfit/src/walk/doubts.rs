@@ -42,7 +42,8 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
         }
     }
     kinds.retain(|kind, (count, _)| {
-        let noisy = [FindingKind::JointNotFollowing, FindingKind::VelocityMismatch].contains(kind);
+        let noisy = [FindingKind::JointNotFollowing, FindingKind::VelocityMismatch, FindingKind::VelocityLag]
+            .contains(kind);
         !noisy || 2 * *count > reads.len()
     });
     let text = |(count, text): (usize, String)| match count {

@@ -39,8 +39,8 @@ const CUT: [FindingKind; 7] = [
 /// Counted data that a fit needs, s.
 const LEAST_S: f64 = 10.0;
 
-/// Most numbers of all logs of a fit together. A fit takes about eight times their memory, and must fit in 1 GB.
-const MOST_VALUES: usize = 12_000_000;
+/// Most numbers of all logs of a fit together: a fit takes about ten times their memory, 0.8 GB.
+const MOST_VALUES: usize = 10_000_000;
 
 /// What logs are read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -18,3 +18,5 @@ pub mod walking;
 mod fixtures;
 #[cfg(test)]
 mod logs_test;
+#[cfg(test)]
+mod times_test;

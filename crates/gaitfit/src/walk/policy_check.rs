@@ -276,8 +276,8 @@ impl PolicyMatch {
             if fits(shifted) {
                 return Ok(vec![format!(
                     "the logs' actions follow from {policy} one sample {how} than they are logged ({shifted:.3} there; \
-                     {numbers}): log an action in the row of the state it was chosen in, or shift the columns act_… \
-                     {remedy}",
+                     {numbers}): log an action in the row of the state it was chosen in, shift the columns act_… \
+                     {remedy}, or import the recording again with the clocks' offset (`--clock-offset`)",
                 )]);
             }
         }
