@@ -83,7 +83,7 @@ pub enum ImportError {
     /// Joints are numbered and nobody says which number is which joint.
     #[error(
         "the file numbers its joints from 0 to {} and does not name them; give `joints = [...]` in that order in a mapping \
-         file", .count.saturating_sub(1)
+         file, the robot whose order they have by `--robot`, or the policy that moved them by `--policy`", .count.saturating_sub(1)
     )]
     NoJointNames {
         /// How many there are.

@@ -168,7 +168,13 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
     if mapping.clock_offset_s.is_some() && shifted == 0 && tables.iter().any(has_positions) {
         return Err(ImportError::NothingToShift);
     }
-    let mut joined = join::join(tables)?;
+    let observed = report.left_out.iter().find(|line| line.contains(observation::UNPACK));
+    let mut joined = join::join(tables).map_err(|error| match (error, observed) {
+        (ImportError::NoPositions { found }, Some(observed)) => {
+            ImportError::NoPositions { found: format!("{found}; {observed}") }
+        }
+        (error, _) => error,
+    })?;
     report.assumed.append(&mut joined.assumed);
     report.dropped = joined.dropped;
     joined.lead = joined.lead.or_else(|| sources.iter().find_map(|source| source.lead));

@@ -6,6 +6,9 @@ use gaitfit_model::shown;
 use indexmap::IndexMap;
 use std::collections::BTreeMap;
 
+/// How an observation without its policy is reported.
+pub(crate) const UNPACK: &str = "an observation, which `--policy` with the policy that observed them unpacks";
+
 /// Adds the log's columns that are in the numbers `observed` of an observation to `columns`, those that are there already
 /// excepted. Without a policy in `mapping` it is noted that one is needed.
 pub(crate) fn unpack(
@@ -16,11 +19,7 @@ pub(crate) fn unpack(
     left_out: &mut Vec<String>,
 ) -> Result<(), ImportError> {
     let Some(parts) = &mapping.observation else {
-        left_out.push(format!(
-            "{}: {} numbers of an observation; `--policy` with the policy that observed them unpacks them",
-            shown(table),
-            observed.len()
-        ));
+        left_out.push(format!("{}: {} numbers of {UNPACK}", shown(table), observed.len()));
         return Ok(());
     };
     if !observed.keys().copied().eq(0..parts.len()) {

@@ -6,6 +6,8 @@ const OFF_UNIT: f64 = 0.02;
 const MOST_ANGLE: f64 = 2.0 * std::f64::consts::PI;
 /// Largest body rate, rad/s: gyros of robots end at a third of it.
 const MOST_RATE: f64 = 200.0;
+/// The same in degrees per second.
+const MOST_DEGREES: f64 = 12_000.0;
 
 const NOT_FINITE: &str =
     "no reading of an inertial unit; delete the row, or leave the cell empty where a sample was lost";
@@ -46,11 +48,16 @@ pub(crate) fn gravity(vector: &[f64]) -> Option<(usize, &'static str)> {
 
 /// The first of the body rates that cannot be, and why.
 pub(crate) fn rates(rates: &[f64]) -> Option<(usize, &'static str)> {
-    let beyond = || rates.iter().position(|rate| rate.abs() > MOST_RATE);
-    infinite(rates).map(|place| (place, NOT_FINITE)).or_else(|| {
-        Some((beyond()?, "beyond 200 rad/s, faster than any robot turns; give rad/s, or delete the row"))
-    })
+    let beyond = || rates.iter().position(|rate| rate.abs() > MOST_DEGREES);
+    infinite(rates).map(|place| (place, NOT_FINITE)).or_else(|| Some((beyond()?, TOO_FAST)))
 }
+
+/// The first of the body rates that can be one in degrees per second only, and why.
+pub(crate) fn fast(rates: &[f64]) -> Option<(usize, &'static str)> {
+    Some((rates.iter().position(|rate| rate.abs() > MOST_RATE)?, TOO_FAST))
+}
+
+const TOO_FAST: &str = "beyond 200 rad/s, faster than any robot turns; give rad/s, or delete the row";
 
 fn infinite(values: &[f64]) -> Option<usize> {
     values.iter().position(|value| value.is_infinite())

@@ -141,12 +141,17 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
         }
     };
     let layout = layout(path, header_line, names)?;
-    let (samples, imu_hole) = read_rows(path, &mut lines, &layout, options)?;
-    report.imu_hole = imu_hole;
+    let Rows { samples, hole, too_fast } = read_rows(path, &mut lines, &layout, options)?;
+    report.imu_hole = hole;
 
     let (sidecar, sidecars) = if options.sidecar { read_sidecars(path)? } else { Default::default() };
     report.sidecars = sidecars;
-    assemble(path, layout, samples, stated.or(comments).or(sidecar), options.every, report)
+    let (log, report) = assemble(path, layout, samples, stated.or(comments).or(sidecar), options.every, report)?;
+    let rates = log.base.as_ref().and_then(|base| base.angular_velocity.as_deref());
+    match too_fast.filter(|_| rates.is_some_and(|rates| imu::fast(rates).is_some())) {
+        Some(refused) => Err(refused),
+        None => Ok((log, report)),
+    }
 }
 
 fn header_cells(path: &Path, line: u64, text: &str, limit: usize) -> Result<Vec<String>, LogError> {
@@ -208,14 +213,26 @@ fn channels(layout: &Layout) -> [Channel<'_>; 15] {
     ]
 }
 
-/// The samples, and the first hole in a channel of the inertial unit that has numbers elsewhere.
+/// Place of the body rates among the channels.
+const RATES: usize = 9;
+
+/// What the rows of a file hold.
+struct Rows {
+    samples: Samples,
+    /// The first hole in a channel of the inertial unit that has numbers elsewhere.
+    hole: Option<Hole>,
+    /// The first body rate that none in rad/s can be.
+    too_fast: Option<LogError>,
+}
+
 fn read_rows(
     path: &Path,
     lines: &mut Lines,
     layout: &Layout,
     options: &ReadOptions,
-) -> Result<(Samples, Option<Hole>), LogError> {
+) -> Result<Rows, LogError> {
     let plan = channels(layout);
+    let mut too_fast = None;
     let mut samples = Samples { time: Vec::new(), channels: plan.iter().map(|_| Vec::new()).collect() };
     let width = layout.names.len();
     let mut cells: Vec<std::ops::Range<usize>> = Vec::with_capacity(width);
@@ -289,17 +306,16 @@ fn read_rows(
                 let column = channel.columns[place];
                 (column, layout.names[column].clone())
             };
-            if let Some((at, problem)) = refuse(&values[row..]) {
+            let refused = |(at, problem): (usize, &'static str)| {
                 let (column, name) = place(at);
                 let text = short_cell(unquote(&text[cells[column].clone()]));
-                return Err(LogError::Cell {
-                    path: path.to_owned(),
-                    line,
-                    column: column + 1,
-                    name,
-                    text,
-                    problem,
-                });
+                LogError::Cell { path: path.to_owned(), line, column: column + 1, name, text, problem }
+            };
+            if let Some(cell) = refuse(&values[row..]) {
+                return Err(refused(cell));
+            }
+            if channel.columns == plan[RATES].columns && too_fast.is_none() {
+                too_fast = imu::fast(&values[row..]).map(refused);
             }
             if let Some(at) = values[row..].iter().position(|value| value.is_nan())
                 && hole.is_none()
@@ -315,7 +331,7 @@ fn read_rows(
     let partly = |values: &Vec<f64>| values.iter().any(|value| !value.is_nan());
     let channels = samples.channels.iter().zip(holes).filter(|(values, _)| partly(values));
     let hole = channels.filter_map(|(_, hole)| hole).min_by_key(|hole| hole.line);
-    Ok((samples, hole))
+    Ok(Rows { samples, hole, too_fast })
 }
 
 /// Byte ranges of the comma-separated cells. Cells hold numbers, so a comma inside quotes is not one.

@@ -10,6 +10,7 @@ use gaitfit_model::Model;
 use gaitfit_model::kinematics::{Frame, body_frames};
 use gaitfit_model::rotation::{IDENTITY, Vec3, add, cross, dot, rotate, sub};
 use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeMap;
 
 /// Most samples that are looked at.
 const MOST: usize = 600;
@@ -22,6 +23,8 @@ const SLIDES: f64 = 0.05;
 /// Overshoot of limits, rad, and part of the samples beyond it, of columns that cannot be that joint's.
 const BEYOND: f64 = 0.2;
 const OFTEN: f64 = 0.02;
+/// Length of a block, s.
+const BLOCK_S: f64 = 0.5;
 
 /// Torques, N·m, that hold every joint's load up at the angles `q`, in the model's joint order; base level.
 fn holding(model: &Model, q: &[f64]) -> Vec<f64> {
@@ -47,6 +50,8 @@ fn holding(model: &Model, q: &[f64]) -> Vec<f64> {
 struct Samples {
     /// q, q̇, q_des − q; one row a sample.
     rows: Vec<(Vec<f64>, Vec<f64>, Vec<f64>)>,
+    /// Length of the log, s.
+    seconds: f64,
 }
 
 impl Samples {
@@ -69,35 +74,44 @@ impl Samples {
         let rows: Vec<_> = (0..log.len()).step_by(every).map(row).collect();
         let whole =
             rows.iter().flat_map(|(q, dq, away)| q.iter().chain(dq).chain(away)).all(|x| x.is_finite());
-        whole.then_some(Self { rows })
+        whole.then_some(Self { rows, seconds: log.duration() })
     }
 }
 
-/// What x = q_des − q of a group of joints leaves unexplained by their weights `w`, speeds and the signs of these: the sum of
-/// squares over that of x, with the gain that fits best, or with `kp`.
-fn unexplained(samples: &[(f64, f64, f64)], kp: Option<f64>) -> f64 {
-    let sign = |speed: f64| (speed / SLIDES).tanh();
+/// One joint over a block of samples: means of the weight's torque, of the speed, of its sign, and of x = q_des − q.
+type Block = [f64; 4];
+
+/// Means over blocks of half a second of a joint's weight, speed and x at each of `rows`: what accelerates it goes to and fro
+/// within.
+fn blocks(rows: impl ExactSizeIterator<Item = (f64, f64, f64)>, seconds: f64) -> Vec<Block> {
+    let length = (rows.len() as f64 * BLOCK_S / seconds).ceil().max(1.0) as usize;
+    let all: Vec<Block> = rows.map(|(w, speed, x)| [w, speed, (speed / SLIDES).tanh(), x]).collect();
+    all.chunks(length)
+        .map(|block| {
+            std::array::from_fn(|k| block.iter().map(|row| row[k]).sum::<f64>() / block.len() as f64)
+        })
+        .collect()
+}
+
+/// What x leaves unexplained by weight, speed and its sign: the sum of squares, with the gain that fits best, or with `kp`.
+fn unexplained(blocks: &[Block], kp: Option<f64>) -> f64 {
     let mut square = 0.0;
     let mut normal = Matrix3::<f64>::zeros();
     let mut right = Vector3::<f64>::zeros();
-    for &(w, speed, x) in samples {
+    for &[w, speed, sign, x] in blocks {
         let x = kp.map_or(x, |kp| x - w / kp);
-        let row = Vector3::new(if kp.is_some() { 0.0 } else { w }, speed, sign(speed));
+        let row = Vector3::new(if kp.is_some() { 0.0 } else { w }, speed, sign);
         normal += row * row.transpose();
         right += row * x;
         square += x * x;
     }
-    let ridge = 1e-9 * normal.trace().max(f64::MIN_POSITIVE);
-    normal += Matrix3::identity() * ridge;
+    normal += Matrix3::identity() * (1e-9 * normal.trace().max(f64::MIN_POSITIVE));
     let Some(mut fit) = normal.cholesky().map(|factor| factor.solve(&right)) else { return f64::INFINITY };
     if fit[0] < 0.0 {
         // A weight never pushes up: without it.
         let part = normal.fixed_view::<2, 2>(1, 1).into_owned();
-        let Some(rest) = part.cholesky().map(|factor| factor.solve(&right.fixed_rows::<2>(1).into_owned()))
-        else {
-            return f64::INFINITY;
-        };
-        fit = Vector3::new(0.0, rest[0], rest[1]);
+        let rest = part.cholesky().map(|factor| factor.solve(&right.fixed_rows::<2>(1).into_owned()));
+        fit = rest.map_or_else(Vector3::zeros, |rest| Vector3::new(0.0, rest[0], rest[1]));
     }
     let explained = 2.0 * fit.dot(&right) - (fit.transpose() * normal * fit)[0];
     (square - explained).max(0.0)
@@ -134,18 +148,17 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
         let [weights, turned] = [1.0, -1.0]
             .map(|sign| samples.rows.iter().map(|(q, ..)| hold(q, joint, sign)).collect::<Vec<f64>>());
         let kp = gains.kp[joint];
-        let of = |weight: &dyn Fn(usize) -> f64| {
-            let row = |(at, (_, dq, away)): (usize, &(Vec<f64>, Vec<f64>, Vec<f64>))| {
-                (weight(at), dq[joint], away[joint])
-            };
-            unexplained(&samples.rows.iter().enumerate().map(row).collect::<Vec<_>>(), Some(kp))
+        let of = |weights: &[f64]| {
+            let rows =
+                samples.rows.iter().zip(weights).map(|((_, dq, away), w)| (*w, dq[joint], away[joint]));
+            let blocks = blocks(rows, samples.seconds);
+            kp * (unexplained(&blocks, Some(kp)) / blocks.len().max(1) as f64).sqrt()
         };
-        let (as_is, flipped) = (of(&|at| weights[at]), of(&|at| turned[at]));
+        let (as_is, flipped) = (of(&weights), of(&turned));
         let apart: f64 = weights.iter().zip(&turned).map(|(a, b)| (a - b).powi(2)).sum();
         let apart = (apart / weights.len() as f64).sqrt();
-        let wrong = kp * (as_is / weights.len() as f64).sqrt();
-        if apart > 2.0 * HEAVY && wrong > HEAVY && flipped < CLEARLY * CLEARLY * as_is {
-            joints.push((joint, wrong, kp * (flipped / weights.len() as f64).sqrt()));
+        if apart > 2.0 * HEAVY && as_is > HEAVY && flipped < CLEARLY * as_is {
+            joints.push((joint, as_is, flipped));
         }
     }
     let finding = |(joint, as_is, flipped): (usize, f64, f64)| Finding {
@@ -263,20 +276,31 @@ fn beyond(log: &Trajectory, model: &Model, order: &[usize]) -> bool {
     })
 }
 
-/// Unexplained part of q_des − q over all joints, siblings with one gain.
+/// What q_des − q leaves unexplained over all joints, siblings with one gain; relative to what the weight is of it.
 fn misfit(samples: &Samples, model: &Model, order: &[usize], names: &[String]) -> f64 {
     let width = order.len();
-    let mut groups: std::collections::BTreeMap<String, Vec<(f64, f64, f64)>> =
-        std::collections::BTreeMap::new();
-    let mut square = 0.0;
-    for (q, dq, away) in &samples.rows {
-        let mut angles = vec![0.0; width];
-        order.iter().enumerate().for_each(|(column, &joint)| angles[joint] = q[column]);
-        let weights = holding(model, &angles);
-        for (column, &joint) in order.iter().enumerate() {
-            groups.entry(kind(&names[joint])).or_default().push((weights[joint], dq[column], away[column]));
-            square += away[column] * away[column];
-        }
+    let weights: Vec<Vec<f64>> = samples
+        .rows
+        .iter()
+        .map(|(q, ..)| {
+            let mut angles = vec![0.0; width];
+            order.iter().enumerate().for_each(|(column, &joint)| angles[joint] = q[column]);
+            holding(model, &angles)
+        })
+        .collect();
+    let mut groups: BTreeMap<String, Vec<Block>> = BTreeMap::new();
+    for (column, &joint) in order.iter().enumerate() {
+        let rows =
+            samples.rows.iter().zip(&weights).map(|((_, dq, away), w)| (w[joint], dq[column], away[column]));
+        groups.entry(kind(&names[joint])).or_default().extend(blocks(rows, samples.seconds));
     }
-    groups.values().map(|group| unexplained(group, None)).sum::<f64>() / f64::max(square, f64::MIN_POSITIVE)
+    let part = |group: &Vec<Block>| {
+        let square: f64 = group.iter().map(|block| block[3] * block[3]).sum();
+        unexplained(group, None) / square.max(f64::MIN_POSITIVE)
+    };
+    groups.values().map(part).sum::<f64>() / groups.len().max(1) as f64
 }
+
+#[cfg(test)]
+#[path = "weight_test.rs"]
+mod tests;

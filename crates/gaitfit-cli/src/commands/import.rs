@@ -51,9 +51,8 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         |finding: &&Finding| finding.severity == Severity::Error && finding.kind == FindingKind::GainsChange;
     if let Some(lost) = findings.iter().find(lost) {
         let message = format!(
-            "{lost}. Nothing was written: a log has one set of gains. Cut the recording, or, if the gains of its first sample \
-             hold, give allow = [\"{}\"] in a mapping file",
-            lost.kind
+            "{}: {}. Nothing was written. If the gains of the first sample hold, give allow = [\"{}\"] in a mapping file",
+            lost.kind, lost.message, lost.kind
         );
         return Err(Failure { exit: Exit::Check, message });
     }

@@ -227,7 +227,7 @@ pub(super) fn mounting(findings: &mut Findings, spec: &CheckSpec) -> bool {
         [x, ..] if x < -ALONG => ("−x", "[0, -90, 0]"),
         [_, y, _] if y > ALONG => ("+y", "[-90, 0, 0]"),
         [_, y, _] if y < -ALONG => ("−y", "[90, 0, 0]"),
-        [_, _, z] if z > ALONG => ("+z: it is upside down", "[180, 0, 0]"),
+        [_, _, z] if z > ALONG => ("+z (it is upside down)", "[180, 0, 0]"),
         _ => return false,
     };
     let first = directions[0].iter().zip([x, y, z]).map(|(a, b)| a * b).sum::<f64>();
@@ -236,7 +236,7 @@ pub(super) fn mounting(findings: &mut Findings, spec: &CheckSpec) -> bool {
     }
     let other = if z > ALONG { " or mounting = [0, 180, 0], whichever the unit is turned about" } else { "" };
     let message = format!(
-        "gravity is along {direction} of the inertial unit all the time while the legs move: the unit is mounted turned, or the \
+        "gravity points along {direction} of the inertial unit all the time while the legs move: the unit is mounted turned, or the \
          robot lies all the time. If it is the unit, state how it is mounted, as roll, pitch and yaw of its axes in the \
          base's frame in degrees: mounting = {mounting}{other}, in the table [imu] of log.toml. A logged gravity vector must \
          point down, (0, 0, −1) when upright"

@@ -26,9 +26,9 @@ const MOVES: f64 = 0.01;
 
 pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     not_finite(findings);
+    units(findings, spec);
     position_limits(findings, spec);
     velocity_limits(findings, spec);
-    units(findings, spec);
     if findings.log.len() >= ENOUGH {
         constant(findings);
     }
@@ -190,10 +190,16 @@ fn units(findings: &mut Findings, spec: &CheckSpec) {
     let turns = |joint: usize| known.contains(&log.joints[joint]);
     for signal in [Signal::Position, Signal::Target] {
         let joints: Vec<usize> = (0..log.joints.len())
-            .filter(|&joint| !spec.position_limits.contains_key(&log.joints[joint]) && !turns(joint))
             .filter(|&joint| {
                 let column = log.column_at(signal, joint).unwrap_or_default();
-                range(&column).is_some_and(|(low, high)| high.max(-low) > TWO_TURNS)
+                let Some((low, high)) = range(&column) else { return false };
+                // Limits tell degrees: beyond them by far, and within them as radians.
+                let within = |[least, most]: &[f64; 2]| {
+                    low.to_radians() > least - POSITION_IMPOSSIBLE
+                        && high.to_radians() < most + POSITION_IMPOSSIBLE
+                };
+                let possible = spec.position_limits.get(&log.joints[joint]).map_or(!turns(joint), within);
+                high.max(-low) > TWO_TURNS && possible
             })
             .collect();
         if joints.is_empty() {

@@ -4,6 +4,7 @@
 use super::coverage::Coverage;
 use super::cuts::{self, Cut};
 use super::log_files::{self, LogFile};
+use super::mounting;
 use super::policy_check::{self, PolicyMatch};
 use super::simulator::IMU_COLUMNS;
 use super::{doubts, rate};
@@ -26,7 +27,9 @@ use std::path::{Path, PathBuf};
 
 /// Findings about parts of a log that are cut out of it, about joints that the policy does not move, and about parts of the
 /// base's state that are not used where they have holes.
-const CUT: [FindingKind; 7] = [
+const CUT: [FindingKind; 8] = [
+    // Judged once all logs are read: the policy may show how the unit is mounted.
+    FindingKind::ImuMounting,
     FindingKind::TimeGap,
     FindingKind::Stuck,
     FindingKind::Lying,
@@ -93,10 +96,21 @@ pub struct Read {
     joints: Vec<String>,
     /// What reading the log changed.
     pub noticed: Vec<Finding>,
+    /// Findings that the log itself allows.
+    allowed: Vec<FindingKind>,
     /// Its samples as recorded.
     pub trajectory: Trajectory,
     /// What reading it did to its times, in words.
     even: Option<String>,
+}
+
+#[cfg(test)]
+impl Read {
+    /// A log that no file holds.
+    pub fn of(file: LogFile, trajectory: Trajectory) -> Self {
+        let joints = trajectory.joints.clone();
+        Self { file, sidecars: Vec::new(), joints, noticed: Vec::new(), allowed: Vec::new(), trajectory, even: None }
+    }
 }
 
 /// Reads the logs `named` for a fit of `policy` in `scene`, or for its validation.
@@ -134,6 +148,14 @@ pub fn read(
         reads.push(read);
     }
     warnings.extend(reads.iter().filter_map(|read| read.even.clone()));
+    warnings.extend(mounting::settle(&mut reads, policy));
+    for read in &reads {
+        // What a turn of the unit has mended is no fall and no turned unit any more.
+        let findings = check(&read.trajectory, &CheckSpec::default());
+        let turned = |finding: &&Finding| finding.kind == FindingKind::ImuMounting;
+        let findings: Vec<Finding> = findings.iter().filter(turned).cloned().collect();
+        log_check::refuse(&log_check::allowed(findings, &config.allow, &read.allowed), &read.file.path, &[])?;
+    }
     warnings.extend(doubts::findings(&reads, scene));
     warnings.extend(doubts::other_robots(&reads, &scene.walker.interface));
     let rates = rate::text(reads.iter().map(|read| read.trajectory.rate_hz));
@@ -253,7 +275,15 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
     }
     rate::check(trajectory.rate_hz, scene.walker.interface.control_dt, &shown.to_string())?;
     let even = report.even_rows.map(|even| format!("{}: {even}", file.name));
-    Ok(Read { file, sidecars: report.sidecars, joints, noticed: report.noticed, trajectory, even })
+    Ok(Read {
+        file,
+        sidecars: report.sidecars,
+        joints,
+        noticed: report.noticed,
+        allowed: report.allowed,
+        trajectory,
+        even,
+    })
 }
 
 /// Whether the configuration allows what the fall shows.
@@ -417,7 +447,11 @@ fn enough(
             cuts.first().map_or("", |cut| &cut.reason)
         )
     } else {
-        let mut because = if fell > 0.0 { format!(" ({fell:.1} s of falls are cut)") } else { String::new() };
+        let mut because = if fell > 0.0 {
+            format!(" ({fell:.1} s of falls or of a robot that hangs are cut)")
+        } else {
+            String::new()
+        };
         if skipped > 0.0 {
             because += &format!(
                 " after the first {skipped} s of each (`simulation.skip_seconds`), in pieces of {} s or more",

@@ -6,6 +6,7 @@ pub mod doubts;
 pub mod imu_search;
 pub mod log_files;
 pub mod logs;
+pub mod mounting;
 pub mod observation;
 pub mod policy_check;
 pub mod rate;

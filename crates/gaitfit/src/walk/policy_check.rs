@@ -65,6 +65,13 @@ pub fn check(policy: &Policy, logs: &[&Trajectory]) -> PolicyMatch {
     }
 }
 
+/// [`PolicyMatch::mismatch`] alone; `None` where too few samples say anything.
+pub fn mismatch(policy: &Policy, logs: &[&Trajectory]) -> Option<f64> {
+    let here = Comparison::new(policy, logs, 0);
+    let mismatch = here.mismatch(None);
+    (here.samples.len() >= LEAST_SAMPLES && mismatch.is_finite()).then_some(mismatch)
+}
+
 /// Logged actions beside the policy's.
 struct Comparison {
     joints: usize,
