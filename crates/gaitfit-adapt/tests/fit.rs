@@ -110,6 +110,7 @@ fn options(generations: usize) -> FitOptions {
         seeds: vec![1, 2, 3],
         covariance: CovarianceKind::Full,
         bounds: BoundHandling::Reflect,
+        patience: 0,
         tolerance: 1e-5,
         falls: FallPenalty::default(),
         random_numbers: RandomNumbers::default(),
