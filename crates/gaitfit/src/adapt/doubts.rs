@@ -1,6 +1,7 @@
 //! Why a fit must not be taken as it stands, and what else to know of it.
 
-use super::results::{CostFit, Parameter};
+use super::parameter::Parameter;
+use super::results::CostFit;
 use super::standing::stopped_by_bound;
 use gaitfit_adapt::fit::{CostOutcome, RunGeneration, Stop, unsettled};
 use gaitfit_view::{Doubt, DoubtKind};

@@ -1,7 +1,8 @@
 //! The files of a fit's run folder besides metrics and checkpoint.
 
+use super::parameter::Parameter;
 use super::report;
-use super::results::{AdaptResults, Parameter};
+use super::results::AdaptResults;
 use super::score::Validation;
 use super::setup::Setup;
 use super::standing::Standing;

@@ -1,7 +1,8 @@
 //! From results to the page's plain data.
 
 use super::held_out::{Distance, HeldOut, Verdict};
-use super::results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};
+use super::parameter::Parameter;
+use super::results::{AdaptResults, CostFit, MOST_SHOWN};
 use super::score::{self, Robot};
 use super::setup::Setup;
 use super::signals;

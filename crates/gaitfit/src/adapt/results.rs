@@ -1,26 +1,25 @@
 //! What a fit found, as the one document that `--json` prints, `result.json` keeps, and tables and report show.
 
 use super::audit::Audit;
-use super::check::Check;
+use super::check::{Check, checks};
+use super::cost_fit::{beside, fit};
 use super::doubts;
 use super::held_out::{HeldOut, Verdict, held_out};
 use super::odd::OddJoints;
-use super::score::{Robot, Score, Validation, baselines, mean, score, validation};
+use super::parameter::Parameter;
+use super::score::{Robot, Score, Validation, baselines, score};
 use super::setup::Setup;
 use super::springs::FoundSpring;
-use super::standing::{self, CONTRADICTED, Evidence, Standing, standing, widening};
+use super::standing::{self, CONTRADICTED, Evidence, Standing, standing};
 use super::trust::identified;
 use crate::Error;
 use crate::run::RunFolder;
-use crate::settings::CheckConfig;
 use crate::watch::Watch;
+use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
-    Agreement, Correction, CostOutcome, Evaluation, FallPenalty, FitError, Job, ParameterOutcome, Regression,
-    RunGeneration, RunOutcome, Uncertainty, compare, evaluate,
+    Agreement, Correction, CostOutcome, Regression, RunGeneration, RunOutcome, Uncertainty,
 };
-use gaitfit_adapt::never;
-use gaitfit_adapt::{Prior, Theta};
-use gaitfit_view::{Doubt, DoubtKind};
+use gaitfit_view::Doubt;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -144,51 +143,6 @@ pub struct CostFit {
     pub comparison: Vec<Agreement>,
 }
 
-/// One entry of θ as found, with what is known of it from elsewhere.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Parameter {
-    /// Value, unit, spread, bounds, and how its interval was measured.
-    #[serde(flatten)]
-    pub found: ParameterOutcome,
-    /// The values that fit as well, all others held: lower and upper end; absent where it was not measured.
-    pub interval: Option<[f64; 2]>,
-    /// Whether the logs determine it; absent where it was not measured.
-    pub identified: Option<bool>,
-    /// True value, from the configuration's `[truth]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub truth: Option<f64>,
-    /// Published values, [smallest, largest], from the configuration's `[published]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub published: Option<[f64; 2]>,
-    /// What was known of it before the fit, from the configuration's `[prior]` or from legs in the air.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub prior: Option<Prior>,
-}
-
-impl Parameter {
-    /// The longer side of its interval, which stands after ±; absent where it was not measured.
-    pub fn half(&self) -> Option<f64> {
-        self.interval.map(|[lower, upper]| (self.found.value - lower).max(upper - self.found.value).max(0.0))
-    }
-
-    /// Widens the interval by `factor`, within the bounds, and to what was known before where that is far away.
-    fn widen(&mut self, factor: f64) {
-        let (Some([lower, upper]), value) = (self.interval, self.found.value) else { return };
-        let known = self
-            .prior
-            .filter(|prior| prior.away(value).abs() > standing::APART)
-            .map_or(value, |prior| prior.value);
-        let ends = [
-            (value - factor * (value - lower)).min(known).max(self.found.lower).min(lower),
-            (value + factor * (upper - value)).max(known).min(self.found.upper).max(upper),
-        ];
-        if ends != [lower, upper] {
-            self.interval = Some(ends);
-            self.identified = Some(ends[1] - ends[0] < 0.5 * (self.found.upper - self.found.lower));
-        }
-    }
-}
-
 impl CostFit {
     /// θ as found.
     pub fn values(&self) -> Vec<f64> {
@@ -269,6 +223,7 @@ pub(super) fn results(
         fits.push(fit);
         found.push(outcome);
     }
+    standing::reconcile(&mut fits);
     let Some(first) = fits.first().cloned() else {
         return Err(Error::failed(
             "no candidate of the fit could be simulated to the end: narrow the bounds, lower the deviations or take \
@@ -337,159 +292,4 @@ fn beside_others(setup: &Setup, robot: Robot<'_>) -> Result<Option<HeldOut>, Err
     let (theta, values): (Theta, &[f64]) = (Theta::default(), &[]);
     let before = Robot { theta: &theta, values };
     held_out(&setup.config, &setup.method, [(set, robot), (set, before)], &setup.fit.logs)
-}
-
-/// One evaluation of a robot by cost number `cost`, without a charge for falls.
-fn evaluated(
-    setup: &Setup,
-    cost: usize,
-    theta: &Theta,
-    values: Vec<f64>,
-) -> Result<Option<Evaluation>, Error> {
-    let jobs = [Job { cost, values, draw: 0 }];
-    let simulator = setup.fit.simulator.as_ref();
-    let found =
-        evaluate(simulator, theta, &setup.costs, &FallPenalty::NONE, &jobs, &never).map_err(Error::failed)?;
-    Ok(found.into_iter().next())
-}
-
-fn fit(
-    setup: &Setup,
-    cost: usize,
-    outcome: &CostOutcome,
-    course: &[RunGeneration],
-) -> Result<CostFit, Error> {
-    let config = &setup.config;
-    let values = outcome.values();
-    let fitted = evaluated(setup, cost, &setup.theta, values.clone())?;
-    let nominal = evaluated(setup, cost, &Theta::default(), Vec::new())?;
-    let (nominal_cost, nominal_falls) = nominal.map_or((None, 0), |nominal| (nominal.cost, nominal.falls));
-    let doubts = doubts::doubts(outcome, nominal_cost, nominal_falls, course);
-    let audit = audited(setup, cost, &values)?;
-    let has = |kind| doubts.iter().any(|doubt| doubt.kind == kind);
-    let wider = audit.as_ref().map_or(1.0, widening);
-    let parameters: Vec<Parameter> = outcome
-        .parameters
-        .iter()
-        .zip(setup.theta.priors())
-        .map(|(found, prior)| {
-            let mut parameter = Parameter {
-                truth: config.truth.get(&found.name).copied(),
-                published: config.published.get(&found.name).copied(),
-                prior: prior.copied(),
-                interval: found.identification.as_ref().map(|one| [one.lower, one.upper]),
-                identified: found.identification.as_ref().map(|one| one.identified),
-                found: found.clone(),
-            };
-            parameter.widen(wider);
-            parameter
-        })
-        .collect();
-    let error = |parameter: &Parameter| {
-        let truth = parameter.truth.filter(|truth| *truth != 0.0)?;
-        Some(100.0 * (parameter.found.value / truth - 1.0).abs())
-    };
-    let errors = parameters.iter().filter_map(error).map(Some);
-    let theta = Theta::default();
-    let (robot, before) =
-        (Robot { theta: &setup.theta, values: &values }, Robot { theta: &theta, values: &[] });
-    Ok(CostFit {
-        cost_name: outcome.cost.clone(),
-        cost: outcome.best_cost,
-        nominal_cost,
-        converged: !has(DoubtKind::NotConverged),
-        better_than_nominal: !has(DoubtKind::WorseThanNominal),
-        doubts,
-        falls: fitted.map_or(0, |fitted| fitted.falls),
-        nominal_falls,
-        mean_error_percent: mean(errors),
-        validation: validation(
-            config.costs[cost],
-            &setup.validate,
-            setup.aligned(),
-            |set| robot.simulate(set.simulator.as_ref(), config.costs[cost].given()),
-            |set| before.simulate(set.simulator.as_ref(), config.costs[cost].given()),
-        )?,
-        parameters,
-        runs: outcome.runs.clone(),
-        uncertainty: outcome.uncertainty.clone(),
-        correction: outcome.correction.clone(),
-        regression: outcome.regression.clone(),
-        audit,
-        comparison: Vec::new(),
-    })
-}
-
-/// What the errors of short predictions of the fitted logs go with; absent of other costs.
-fn audited(setup: &Setup, cost: usize, values: &[f64]) -> Result<Option<Audit>, Error> {
-    let kind = setup.config.costs[cost];
-    if !kind.needs_imu() {
-        return Ok(None);
-    }
-    let robot = Robot { theta: &setup.theta, values };
-    let predicted = robot.simulate(setup.fit.simulator.as_ref(), kind.given())?;
-    let skip = setup.method.samples(setup.config.skip_seconds(), &setup.fit.logs);
-    Ok(Audit::of(&setup.fit, &predicted, skip))
-}
-
-/// The parameters of `other` beside those of `first`.
-fn beside(setup: &Setup, first: &CostOutcome, other: &CostOutcome) -> Result<Vec<Agreement>, Error> {
-    let cost_of = |name: &str| {
-        let cost = setup.costs.iter().position(|cost| cost.name() == name).unwrap_or_default();
-        move |candidates: &[Vec<f64>]| -> Result<Vec<Option<f64>>, FitError> {
-            let jobs: Vec<Job> =
-                candidates.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
-            let (simulator, falls) = (setup.fit.simulator.as_ref(), &setup.options.falls);
-            let found = evaluate(simulator, &setup.theta, &setup.costs, falls, &jobs, &never)?;
-            Ok(found.into_iter().map(|found| found.cost).collect())
-        }
-    };
-    compare(first, other, cost_of(&first.cost), cost_of(&other.cost)).map_err(Error::failed)
-}
-
-/// The evidence of doubts of a kind.
-fn evidence_of(doubts: &[Doubt], kind: DoubtKind) -> String {
-    let of_kind = doubts.iter().filter(|doubt| doubt.kind == kind);
-    of_kind.map(|doubt| doubt.text.as_str()).collect::<Vec<_>>().join(" ")
-}
-
-/// The checks that the configuration states.
-fn checks(setup: &Setup, first: &CostFit, doubts: &[Doubt], fitted: &Score) -> Vec<Check> {
-    let check = &setup.config.check;
-    let mut checks = Vec::new();
-    if check.better_than_nominal {
-        let found = evidence_of(doubts, DoubtKind::WorseThanNominal);
-        checks.push(Check::holds("better than the nominal robot", found.is_empty(), &found));
-    }
-    if check.converged {
-        let found = evidence_of(doubts, DoubtKind::NotConverged);
-        checks.push(Check::holds("converged", first.converged, &found));
-    }
-    if check.sound {
-        let all = doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
-        let found = all.collect::<Vec<_>>().join(" ");
-        checks.push(Check::holds("sound", doubts.is_empty(), &found));
-    }
-    if let Some(limit) = check.cost {
-        checks.push(Check::at_most("cost", limit, Some(first.cost)));
-    }
-    checks.extend(validation_checks(check, &first.validation, fitted.cost_validation));
-    checks
-}
-
-/// The checks on validation logs that the configuration states.
-pub(super) fn validation_checks(
-    check: &CheckConfig,
-    validation: &[Validation],
-    cost: Option<f64>,
-) -> Vec<Check> {
-    let mut checks = Vec::new();
-    if let Some(limit) = check.validation_cost {
-        checks.push(Check::at_most("validation_cost", limit, cost));
-    }
-    if let Some(limit) = check.rmse_rad {
-        let value = mean(validation.iter().map(|log| log.rmse_rad));
-        checks.push(Check::at_most("rmse_rad (mean over validation logs)", limit, value));
-    }
-    checks
 }

@@ -2,7 +2,8 @@
 
 use super::audit::Audit;
 use super::held_out::HeldOut;
-use super::results::{CostFit, Parameter};
+use super::parameter::Parameter;
+use super::results::CostFit;
 use super::score::Score;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
@@ -146,6 +147,34 @@ pub(super) fn widening(audit: &Audit) -> f64 {
     let goes_with = if audit.explained > GOES_WITH { audit.explained } else { 0.0 };
     let remembers = if audit.memory.abs() > REMEMBERS { audit.memory * audit.memory } else { 0.0 };
     1.0 + WIDER * goes_with.max(remembers).sqrt()
+}
+
+/// Widens the intervals of the first fit to the values of another one that sees the same logs otherwise: whole walks and
+/// short predictions. Says where the two disagree, if they do.
+pub(super) fn reconcile(fits: &mut [CostFit]) {
+    let Some((first, others)) = fits.split_first_mut() else { return };
+    let short = |fit: &CostFit| fit.cost_name.starts_with("matchr");
+    let first_is_short = short(first);
+    for other in others.iter().filter(|other| short(other) != first_is_short) {
+        let mut apart = Vec::new();
+        for one in other.comparison.iter().filter(|one| one.agrees == Some(false)) {
+            let own = first.parameters.iter_mut().find(|own| own.found.name == one.name);
+            if let Some(own) = own.filter(|own| own.identified == Some(true)) {
+                own.reach(one.second);
+                apart.push(format!("{} {:.4} and {:.4}", one.name, one.first, one.second));
+            }
+        }
+        if !apart.is_empty() {
+            let text = format!(
+                "{} and {} give different values, by more than their errors: {}. The simulator lacks something; the intervals \
+                 reach to both.",
+                first.cost_name,
+                other.cost_name,
+                listed(&apart)
+            );
+            first.doubts.push(Doubt::new(DoubtKind::Disagreement, text));
+        }
+    }
 }
 
 /// That values are far from what was known of them before.
@@ -352,6 +381,38 @@ mod tests {
         assert!(at("damping_hip", 0.0, [0.0, 0.01]).is_empty(), "joints without damping exist");
         let known = Parameter { truth: Some(0.0), ..parameter("frictionloss_hip", 0.0, [0.0, 0.01]) };
         assert!(kinds(&fit(vec![known]), &[], &score("f", 0.1, None)).is_empty());
+    }
+
+    #[test]
+    fn whole_walks_and_short_predictions_that_disagree_say_so_and_reach_to_both() {
+        let agreement = |agrees| gaitfit_adapt::fit::Agreement {
+            name: "frictionloss_hip".to_owned(),
+            unit: "N·m".to_owned(),
+            first: 0.2,
+            first_half: Some(0.1),
+            second: 0.9,
+            second_half: Some(0.1),
+            agrees: Some(agrees),
+            reason: None,
+        };
+        let fits = |other: &str, agrees| {
+            let first = CostFit {
+                cost_name: "wass".into(),
+                ..fit(vec![parameter("frictionloss_hip", 0.2, [0.1, 0.3])])
+            };
+            let other =
+                CostFit { cost_name: other.into(), comparison: vec![agreement(agrees)], ..fit(Vec::new()) };
+            let mut both = vec![first, other];
+            reconcile(&mut both);
+            both.swap_remove(0)
+        };
+        let apart = fits("matchr1", false);
+        assert_eq!(apart.parameters[0].interval, Some([0.1, 0.9]));
+        assert!(
+            apart.doubts[0].kind == DoubtKind::Disagreement
+                && apart.doubts[0].text.contains("0.2000 and 0.9000")
+        );
+        assert!(fits("matchr1", true).doubts.is_empty());
     }
 
     #[test]

@@ -1,10 +1,9 @@
 //! Validation of a finished fit on other logs, without fitting again.
 
-use super::check::Check;
+use super::check::{Check, validation_checks};
 use super::files::CONFIG;
 use super::held_out::{HeldOut, Verdict, held_out};
 use super::log_set::LogSet;
-use super::results::validation_checks;
 use super::score::{Robot as Predictor, Validation, cost_of_sets, mean, validation};
 use super::setup::{Robot, aligned, method, validation as read_logs};
 use crate::settings::{self, AdaptConfig, check};
