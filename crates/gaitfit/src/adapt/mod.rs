@@ -24,6 +24,7 @@ mod setup;
 mod share;
 mod signals;
 mod springs;
+mod swing;
 mod trust;
 mod validate;
 

@@ -1,12 +1,13 @@
 //! A log at a glance, its findings, and a picture.
 
-use super::{number, plot};
+use super::{number, plot, swings};
 use crate::cli::Inspect;
 use crate::exit::{Exit, Failure};
 use crate::table::table;
 use crate::{output, viewer};
 use gaitfit::files::{self, Output};
 use gaitfit::robot;
+use gaitfit::walk::swing::SwingFindings;
 use gaitfit_log::{
     CheckSpec, Finding, LogSummary, ReadOptions, Severity, Signal, Trajectory, check, read_csv_report,
     summary_with_report,
@@ -21,6 +22,8 @@ struct Document<'a> {
     #[serde(flatten)]
     summary: &'a LogSummary,
     findings: &'a [Finding],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    without_simulation: Option<SwingFindings>,
 }
 
 /// Prints what the log holds and what is wrong with it; a log that must not be used ends with exit code 3.
@@ -41,10 +44,13 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     if let Some(path) = &args.plot {
         plot::write(&log, &findings, path)?;
     }
+    let swings = swings::look(args, &[&log])?;
     if args.json {
-        output::print_json(&Document { summary: &summary, findings: &findings })?;
+        let without_simulation = swings;
+        output::print_json(&Document { summary: &summary, findings: &findings, without_simulation })?;
     } else {
         output::print(&text(&log, &summary, &findings))?;
+        swings::print(swings.as_ref())?;
     }
     if let Some(path) = &args.plot {
         viewer::show(args.open, path);
