@@ -10,6 +10,7 @@ mod keyboard;
 mod output;
 mod progress;
 mod signals;
+mod swings;
 mod table;
 mod viewer;
 mod watcher;

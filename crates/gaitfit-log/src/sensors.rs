@@ -4,7 +4,7 @@
 use crate::check::stats::{median, rms};
 use crate::{Signal, Trajectory};
 use gaitfit_model::rotation::{Quat, Vec3, inverse, product, quat_of};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Samples nearer than this are not independent, s.
@@ -19,7 +19,7 @@ const LAG_S: f64 = 1e-3;
 const BIAS: f64 = 0.003;
 
 /// A number and its standard error.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The number.
     pub value: f64,
@@ -46,7 +46,7 @@ impl Estimate {
 }
 
 /// What logs say of their sensors.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sensors {
     /// How late joint velocities are behind positions, s.
     pub velocity_lag: Option<Estimate>,

@@ -17,8 +17,8 @@ const PASSES: usize = 2;
 const FIRST_DELAY_S: f64 = 0.005;
 /// Windows of these lengths too are tried, over the usual length.
 const LENGTHS: [f64; 2] = [0.75, 1.5];
-/// Steps between the delays that are tried first.
-const COARSE: usize = 4;
+/// Steps around a delay that is roughly known in which the best one is looked for.
+const NEAR: f64 = 3.0;
 /// Another choice of swings counts for the error if its own error is at most this many times that of the best.
 const AS_SURE: f64 = 2.0;
 /// Logs from which errors are also judged by how logs differ.
@@ -58,8 +58,10 @@ pub fn estimate(
             walks.iter().zip(&grounds).enumerate().flat_map(of).collect()
         };
         let seen = all(settings.window_s);
-        let best = Choice::best(model, &seen, settings).ok_or_else(none)?;
-        if pass == PASSES {
+        let last = pass == PASSES;
+        let around = (pass > 0).then_some(delay);
+        let best = Choice::best(model, &seen, settings, around, last).ok_or_else(none)?;
+        if last {
             let other = LENGTHS.map(|factor| all(factor * settings.window_s));
             return Ok(best.report(model, &seen, &other, settings));
         }
@@ -81,18 +83,27 @@ struct Choice {
 
 impl Choice {
     /// The clearance with the smallest errors, with the law that leaves less unexplained.
-    fn best(model: &Model, windows: &[Window], settings: &SwingSettings) -> Option<Self> {
+    /// `around`: the delay as known, s; `all`: every clearance and law is tried, else every third clearance and one law.
+    fn best(
+        model: &Model,
+        windows: &[Window],
+        settings: &SwingSettings,
+        around: Option<f64>,
+        all: bool,
+    ) -> Option<Self> {
         let groups = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
         let laws = match settings.law {
             Some(FrictionLaw::Coulomb) => 0..1,
             Some(FrictionLaw::Engine) => 1..2,
-            None => 0..2,
+            None if all => 0..2,
+            None => 1..2,
         };
+        let every = if all { 1 } else { 3 };
         let mut best: Option<Self> = None;
-        for clearance in 0..settings.clearances_m.len() {
+        for clearance in (0..settings.clearances_m.len()).step_by(every) {
             let fits = laws
                 .clone()
-                .filter_map(|law| Some((law, Fit::new(windows, &groups, settings, clearance, law)?)));
+                .filter_map(|law| Some((law, Fit::new(windows, &groups, settings, clearance, law, around)?)));
             let Some((law, fit)) = fits.min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost)) else { continue };
             if best.as_ref().is_none_or(|best| fit.uncertainty() < best.fit.uncertainty()) {
                 best = Some(Self { clearance, law, fit });
@@ -110,17 +121,18 @@ impl Choice {
         settings: &SwingSettings,
     ) -> SwingReport {
         let groups = &self.fit.names;
+        let around = Some(self.fit.delay(settings));
         let mut others = Vec::new();
         for clearance in [self.clearance.wrapping_sub(1), self.clearance + 1] {
             if clearance < settings.clearances_m.len() {
-                others.extend(Fit::new(windows, groups, settings, clearance, self.law));
+                others.extend(Fit::new(windows, groups, settings, clearance, self.law, around));
             }
         }
         for windows in lengths {
-            others.extend(Fit::new(windows, groups, settings, self.clearance, self.law));
+            others.extend(Fit::new(windows, groups, settings, self.clearance, self.law, around));
         }
         if settings.law.is_none() {
-            others.extend(Fit::new(windows, groups, settings, self.clearance, 1 - self.law));
+            others.extend(Fit::new(windows, groups, settings, self.clearance, 1 - self.law, around));
         }
         let mut estimates = self.fit.estimates(model);
         let mut delay = self.fit.delay_estimate(settings);
@@ -192,6 +204,7 @@ impl Fit {
         settings: &SwingSettings,
         clearance: usize,
         law: usize,
+        around: Option<f64>,
     ) -> Option<Self> {
         let above = settings.clearances_m[clearance];
         let (mut groups, mut names) = (Vec::new(), Vec::new());
@@ -212,19 +225,18 @@ impl Fit {
             let of = |group: &Group<'_>| Some(group.windows.len() as f64 * solve(group, delay)?.scale.ln());
             groups.iter().map(of).sum::<Option<f64>>().unwrap_or(f64::INFINITY)
         };
-        // Coarse first, then each step near the best.
-        let mut costs = vec![f64::INFINITY; settings.delays().count()];
-        for step in (0..costs.len()).step_by(COARSE) {
-            costs[step] = cost(step as f64);
-        }
-        let near = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b]))?;
-        for step in near.saturating_sub(COARSE - 1)..(near + COARSE).min(costs.len()) {
-            if costs[step].is_infinite() {
-                costs[step] = cost(step as f64);
+        let last = settings.delays().count() as f64 - 1.0;
+        let near = match around {
+            Some(delay) => ((delay - settings.delay_range_s[0]) / settings.delay_step_s).clamp(0.0, last),
+            None => {
+                (0..=last as usize)
+                    .step_by(2)
+                    .map(|step| (step as f64, cost(step as f64)))
+                    .min_by(|a, b| a.1.total_cmp(&b.1))?
+                    .0
             }
-        }
-        let best = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b]))?;
-        let delay = lowest(&cost, best as f64, costs.len() as f64 - 1.0);
+        };
+        let delay = lowest(&cost, near, last);
         let solutions = groups.iter().map(|group| solve(group, delay)).collect::<Option<Vec<_>>>()?;
         if groups.is_empty() {
             return None;
@@ -302,13 +314,13 @@ impl Fit {
     }
 }
 
-/// Place of the minimum of `cost` within one step of `best`, from 0 to `last`, by golden sections.
+/// Place of the minimum of `cost` within [`NEAR`] steps of `best`, from 0 to `last`, by golden sections.
 fn lowest(cost: &impl Fn(f64) -> f64, best: f64, last: f64) -> f64 {
     const GOLDEN: f64 = 0.618_033_988_749_895;
-    let (mut low, mut high) = ((best - 1.0).max(0.0), (best + 1.0).min(last));
+    let (mut low, mut high) = ((best - NEAR).max(0.0), (best + NEAR).min(last));
     let mut inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
     let mut costs = inner.map(cost);
-    for _ in 0..8 {
+    for _ in 0..9 {
         if costs[0] < costs[1] {
             high = inner[1];
             inner = [high - GOLDEN * (high - low), inner[0]];

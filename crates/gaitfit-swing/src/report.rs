@@ -4,7 +4,7 @@ use crate::torques::Drag;
 use gaitfit_log::Estimate;
 use gaitfit_model::Model;
 use gaitfit_model::patterns::plain;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// How legs in the air are looked for and averaged. The defaults suit walking robots of 5 to 60 kg.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -59,7 +59,7 @@ impl SwingSettings {
 }
 
 /// When a joint's Coulomb friction turns around.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FrictionLaw {
     /// With the joint.
@@ -74,7 +74,7 @@ impl FrictionLaw {
 }
 
 /// What swings say of one group of joints.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GroupEstimate {
     /// The group's name.
     pub group: String,
@@ -108,7 +108,7 @@ impl GroupEstimate {
 }
 
 /// What swings say of the joints.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SwingReport {
     /// Groups that swing.
     pub groups: Vec<GroupEstimate>,

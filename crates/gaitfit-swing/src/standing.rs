@@ -8,7 +8,7 @@ use gaitfit_log::{Estimate, Trajectory};
 use gaitfit_model::rotation::{axis_angle, cross, product, quat_of, rotate_back, sub, up};
 use gaitfit_model::{Model, Root};
 use nalgebra::{SMatrix, SVector};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Feet that stand this much count.
@@ -23,7 +23,7 @@ const TILT: f64 = 0.005;
 const ROUNDS: usize = 3;
 
 /// What standing feet say of the inertial unit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Standing {
     /// How far the orientation is turned about the base's x and y axes against the plane of the standing feet, rad: the unit
     /// is tilted, or the floor is.

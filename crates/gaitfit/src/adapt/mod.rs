@@ -29,6 +29,7 @@ mod share;
 mod signals;
 mod springs;
 mod standing;
+mod swing;
 mod trust;
 mod validate;
 

@@ -11,9 +11,11 @@ use super::score::{Robot, Score, Validation, baselines, score};
 use super::setup::Setup;
 use super::springs::FoundSpring;
 use super::standing::{self, CONTRADICTED, Evidence, Standing, standing};
+use super::swing;
 use super::trust::identified;
 use crate::Error;
 use crate::run::RunFolder;
+use crate::walk::swing::{Beside, SwingFindings, doubt};
 use crate::watch::Watch;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
@@ -73,6 +75,12 @@ pub struct AdaptResults {
     /// Walking logs that were not fitted: their distributions beside those of simulated walks, and a floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOut>,
+    /// Walking logs: what they say of joints and sensors without a simulation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub swings: Option<SwingFindings>,
+    /// The values beside what legs in the air say of them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beside_swings: Vec<Beside>,
     /// What each cost found; the first is the one whose θ is kept.
     pub fits: Vec<CostFit>,
     /// Checks the configuration states.
@@ -250,6 +258,11 @@ pub(super) fn results(
         effort: efforts.filter(|effort| effort.is_finite()).reduce(f64::min),
     };
     let doubts = standing::doubts(&first, &evidence);
+    let swings = swing::findings(setup);
+    let beside_swings = swings
+        .as_ref()
+        .map_or_else(Vec::new, |findings| swing::compared(setup, findings, &setup.theta, &first.parameters));
+    warnings.extend(doubt(&beside_swings));
     let notes = setup.notes.as_ref();
     let counted = |log: &crate::log::Log| log.trajectory.duration() - setup.config.skip_seconds();
     Ok(AdaptResults {
@@ -271,6 +284,8 @@ pub(super) fn results(
         fitted,
         validation: first.validation.clone(),
         held_out: held,
+        swings,
+        beside_swings,
         fits,
         warnings,
         trajectories: setup.fit.logs.len(),

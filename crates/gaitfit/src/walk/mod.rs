@@ -12,6 +12,7 @@ pub mod policy_check;
 pub mod rate;
 pub mod recorder;
 pub mod simulator;
+pub mod swing;
 pub mod tilt;
 pub mod walking;
 

@@ -1,5 +1,6 @@
 //! The result of a fit as tables.
 
+use crate::swings;
 use crate::table::table;
 use comfy_table::Table;
 use gaitfit::adapt::{AdaptResults, Check, CostFit, MOST_SHOWN, Validation};
@@ -36,6 +37,9 @@ pub fn text(results: &AdaptResults, said: &[String]) -> String {
     let _ = writeln!(text, "\n{}", predictors(results));
     if !results.validation.is_empty() {
         let _ = writeln!(text, "\n{}", validation(&results.validation, &results.cost_name));
+    }
+    if let Some(found) = results.swings.as_ref().filter(|found| found.swings.is_some()) {
+        let _ = writeln!(text, "\n{}", swings::text(found, &results.beside_swings));
     }
     if let Some(held) = &results.held_out {
         let _ = writeln!(text, "\nnot fitted: {}", held.sentence());

@@ -1,16 +1,26 @@
 //! A folder of logs at a glance, and what is wrong with how many of them.
 
-use super::number;
+use super::{number, swings};
 use crate::cli::Inspect;
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::table::table;
 use gaitfit::robot;
+use gaitfit::walk::swing::SwingFindings;
 use gaitfit_log::{CheckSpec, FolderSummary, LogContent, ReadOptions, Severity, summarise_folder};
 use gaitfit_model::{shown, shown_path};
+use serde::Serialize;
 use std::fmt::Write;
 use std::ops::ControlFlow;
 use std::path::Path;
+
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(flatten)]
+    summary: &'a FolderSummary,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    without_simulation: Option<SwingFindings>,
+}
 
 /// Logs whose names a finding lists.
 const NAMED: usize = 3;
@@ -28,10 +38,12 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     let mut progress = |_, _| ControlFlow::Continue(());
     let summary = summarise_folder(&args.file, &ReadOptions::default(), &spec, &mut progress)
         .map_err(Failure::failed)?;
+    let swings = swings::of_folder(args, &summary)?;
     if args.json {
-        output::print_json(&summary)?
+        output::print_json(&Document { summary: &summary, without_simulation: swings })?
     } else {
-        output::print(&text(&summary))?
+        output::print(&text(&summary))?;
+        swings::print(swings.as_ref())?
     };
     let bad = summary
         .logs

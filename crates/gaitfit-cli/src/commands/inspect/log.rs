@@ -1,11 +1,12 @@
 //! A log at a glance, its findings, and a picture.
 
-use super::{number, plot};
+use super::{number, plot, swings};
 use crate::cli::Inspect;
 use crate::exit::{Exit, Failure};
 use crate::table::table;
 use crate::{output, viewer};
 use gaitfit::files::{self, Output};
+use gaitfit::walk::swing::SwingFindings;
 use gaitfit::{robot, weight};
 use gaitfit_log::{
     CheckSpec, Finding, LogSummary, ReadOptions, Severity, Signal, Trajectory, allow, check, read_csv_report,
@@ -21,6 +22,8 @@ struct Document<'a> {
     #[serde(flatten)]
     summary: &'a LogSummary,
     findings: &'a [Finding],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    without_simulation: Option<SwingFindings>,
 }
 
 /// Prints what the log holds and what is wrong with it; a log that must not be used ends with exit code 3.
@@ -46,10 +49,13 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     if let Some(path) = &args.plot {
         plot::write(&log, &findings, path)?;
     }
+    let swings = swings::look(args, &[&log])?;
     if args.json {
-        output::print_json(&Document { summary: &summary, findings: &findings })?;
+        let without_simulation = swings;
+        output::print_json(&Document { summary: &summary, findings: &findings, without_simulation })?;
     } else {
         output::print(&text(&log, &summary, &findings))?;
+        swings::print(swings.as_ref())?;
         if findings.iter().all(|finding| finding.severity != Severity::Error) {
             let robot = args.robot.as_ref().map_or("ROBOT".into(), |robot| robot.to_string_lossy());
             let log = args.file.display();

@@ -1,0 +1,55 @@
+//! What walking logs say of joints and sensors without a simulation.
+
+use crate::cli::Inspect;
+use crate::exit::Failure;
+use crate::{output, swings};
+use gaitfit::robot;
+use gaitfit::walk::swing::{SwingFindings, SwingSettings};
+use gaitfit_log::{FolderSummary, LogContent, ReadOptions, Severity, Trajectory, read_csv};
+use gaitfit_model::Root;
+
+/// Logs of a folder that are looked at, the first ones: enough for small errors in little time.
+const LOGS: usize = 64;
+
+/// Of logs of the robot that was named, where they are of a floating robot and hold an inertial unit's signals.
+pub fn look(args: &Inspect, logs: &[&Trajectory]) -> Result<Option<SwingFindings>, Failure> {
+    let Some(path) = &args.robot else { return Ok(None) };
+    let model = robot::read(path, args.lenient, robot::Hold::File)?;
+    let walks: Vec<&Trajectory> = logs
+        .iter()
+        .copied()
+        .filter(|log| {
+            let base = log.base.as_ref();
+            base.is_some_and(|base| base.quaternion.is_some() && base.angular_velocity.is_some())
+                && log.joints.iter().all(|joint| model.find_joint(joint).is_some())
+        })
+        .collect();
+    if model.root != Root::Floating || walks.is_empty() {
+        return Ok(None);
+    }
+    Ok(Some(SwingFindings::of(&model, &walks, &SwingSettings::default())))
+}
+
+/// Of the logs of a folder that may be used.
+pub fn of_folder(args: &Inspect, summary: &FolderSummary) -> Result<Option<SwingFindings>, Failure> {
+    if args.robot.is_none() {
+        return Ok(None);
+    }
+    let usable = |content: &LogContent| matches!(content, LogContent::Log { worst, .. } if *worst != Some(Severity::Error));
+    let logs: Vec<Trajectory> = summary
+        .logs
+        .iter()
+        .filter(|log| usable(&log.content))
+        .take(LOGS)
+        .filter_map(|log| read_csv(&log.path, &ReadOptions::default()).ok())
+        .collect();
+    look(args, &logs.iter().collect::<Vec<_>>())
+}
+
+/// Prints the tables.
+pub fn print(found: Option<&SwingFindings>) -> Result<(), Failure> {
+    match found {
+        Some(found) => output::print(&format!("\n{}\n", swings::text(found, &[]))),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,105 @@
+//! What logs say of joints and sensors without a simulation, as tables.
+
+use crate::table::table;
+use gaitfit::walk::swing::{Beside, Estimate, FrictionLaw, SwingFindings, SwingReport};
+use std::fmt::Write;
+
+/// Sensors, then joints; `beside`: values of a fit that swings say something of.
+pub fn text(found: &SwingFindings, beside: &[Beside]) -> String {
+    let mut text = sensors(found);
+    for sentence in &found.taken_out {
+        let _ = writeln!(text, "taken out before legs were looked at: {sentence}");
+    }
+    match (&found.swings, &found.why_not) {
+        (Some(report), _) => joints(&mut text, report, beside),
+        (None, Some(why)) => {
+            let _ = writeln!(text, "\nlegs in the air: {why}");
+        }
+        (None, None) => {}
+    }
+    text.trim_end().to_owned()
+}
+
+/// A value and its error with as many decimals as `decimals`, in `unit` times `scale`.
+fn number(estimate: Estimate, scale: f64, decimals: usize) -> String {
+    format!("{:.decimals$} ± {:.decimals$}", scale * estimate.value, scale * estimate.error)
+}
+
+fn sensors(found: &SwingFindings) -> String {
+    let mut rows = table(&["sensors, from the logs alone", "", "unit"], &[1]);
+    let sensors = &found.sensors;
+    if let Some(lag) = sensors.velocity_lag {
+        rows.add_row([
+            "joint velocities later than positions".to_owned(),
+            number(lag, 1e3, 2),
+            "ms".to_owned(),
+        ]);
+    }
+    for (axis, bias) in ["x", "y", "z"].iter().zip(sensors.gyro_bias.iter().flatten()) {
+        rows.add_row([
+            format!("gyro beyond the orientation's rate, {axis}"),
+            number(*bias, 1.0, 4),
+            "rad/s".to_owned(),
+        ]);
+    }
+    for (axis, tilt) in ["roll", "pitch"].iter().zip(found.standing.tilt.iter().flatten()) {
+        let name = format!("orientation against standing feet, {axis}");
+        rows.add_row([name, number(*tilt, 1f64.to_degrees(), 2), "°".to_owned()]);
+    }
+    for (name, value, unit) in [
+        ("smallest step of joint positions", sensors.position_step, "rad"),
+        ("noise of joint velocities, at most", sensors.velocity_noise, "rad/s"),
+        ("noise of the gyro, at most", sensors.gyro_noise, "rad/s"),
+    ] {
+        if let Some(value) = value {
+            rows.add_row([name.to_owned(), format!("{value:.2e}"), unit.to_owned()]);
+        }
+    }
+    format!("{rows}\n")
+}
+
+fn joints(text: &mut String, report: &SwingReport, beside: &[Beside]) {
+    let mut rows = table(
+        &["legs in the air", "friction N·m", "damping N·m·s/rad", "armature kg·m²", "left N·m", "swings"],
+        &[1, 2, 3, 4, 5],
+    );
+    for group in &report.groups {
+        rows.add_row([
+            group.group.clone(),
+            number(group.friction, 1.0, 3),
+            number(group.damping, 1.0, 3),
+            number(group.armature, 1.0, 4),
+            format!("{:.2}", group.residual),
+            group.swings.to_string(),
+        ]);
+    }
+    let law = match report.law {
+        FrictionLaw::Coulomb => "friction turns with the joint",
+        FrictionLaw::Engine => "friction turns as in MuJoCo and this engine, a little before the joint",
+    };
+    let _ = writeln!(
+        text,
+        "\n{rows}\ndelay of targets {} ms; {law}; {} log{}, feet {:.0} mm or more above the lowest",
+        number(report.delay, 1e3, 1),
+        report.logs,
+        if report.logs == 1 { "" } else { "s" },
+        1e3 * report.clearance_m
+    );
+    if !report.unseen.is_empty() {
+        let _ = writeln!(text, "not in the air long enough to say anything: {}", report.unseen.join(", "));
+    }
+    if beside.is_empty() {
+        return;
+    }
+    let mut rows = table(&["parameter", "fitted", "in swings", "unit", ""], &[1, 2]);
+    for one in beside {
+        rows.add_row([
+            one.name.clone(),
+            format!("{:.4}", one.fitted),
+            number(one.swings, 1.0, 4),
+            one.unit.clone(),
+            if one.differ { "differ".to_owned() } else { String::new() },
+        ]);
+    }
+    let _ = writeln!(text, "\n{rows}");
+}

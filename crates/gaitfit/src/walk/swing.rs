@@ -1,0 +1,264 @@
+//! What walks say of joints and sensors without a simulation, for tables and beside a fit's values.
+
+use crate::log::Log;
+use gaitfit_adapt::JointParameter;
+use gaitfit_log::{Gains, ReadOptions, Sensors, Trajectory, read_csv};
+use gaitfit_model::Model;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+pub use gaitfit_log::Estimate;
+pub use gaitfit_swing::{
+    FrictionLaw, GroupEstimate, Standing, SwingError, SwingReport, SwingSettings, estimate, usual_groups,
+};
+
+/// What the logs of one robot say without a simulation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SwingFindings {
+    /// Lags, biases and noise of sensors.
+    pub sensors: Sensors,
+    /// What standing feet say of the inertial unit.
+    pub standing: Standing,
+    /// What was taken out of the logs before legs in the air were looked at, each in a sentence.
+    pub taken_out: Vec<String>,
+    /// What legs in the air say; absent where they say nothing.
+    pub swings: Option<SwingReport>,
+    /// Why they say nothing.
+    pub why_not: Option<String>,
+}
+
+impl SwingFindings {
+    /// Of logs as they were recorded. Faults of sensors are taken out first.
+    pub fn of(model: &Model, logs: &[&Trajectory], settings: &SwingSettings) -> Self {
+        let sensors = Sensors::of(logs);
+        let mut taken_out = Vec::new();
+        let mut better = |correct: &dyn Fn(&Trajectory) -> (Trajectory, Vec<String>),
+                          logs: &[&Trajectory]| {
+            let mut corrected = Vec::with_capacity(logs.len());
+            for log in logs {
+                let (log, said) = correct(log);
+                taken_out.extend(said);
+                corrected.push(log);
+            }
+            corrected
+        };
+        let steady = better(&|log| sensors.corrected(log), logs);
+        let steady: Vec<&Trajectory> = steady.iter().collect();
+        let standing = Standing::of(model, &steady).unwrap_or_default();
+        let level = better(&|log| standing.corrected(log), &steady);
+        let swings = estimate(model, &level.iter().collect::<Vec<_>>(), settings);
+        taken_out.sort();
+        taken_out.dedup();
+        let (swings, why_not) = match swings {
+            Ok(report) => (Some(report), None),
+            Err(error) => (None, Some(error.to_string())),
+        };
+        Self { sensors, standing, taken_out, swings, why_not }
+    }
+
+    /// Of the logs of a fit of a robot that walked: as they were recorded, where the whole log counts. `gains` of logs that
+    /// state none, in the order of the trajectory's joints.
+    pub fn of_logs(model: &Model, logs: &[Log], gains: &Gains, settings: &SwingSettings) -> Self {
+        let mut pieces: BTreeMap<_, usize> = BTreeMap::new();
+        logs.iter().for_each(|log| *pieces.entry(&log.path).or_default() += 1);
+        let trajectories: Vec<Trajectory> = logs
+            .iter()
+            .map(|log| {
+                let whole = (pieces[&log.path] == 1).then(|| recorded(log)).flatten();
+                let mut trajectory = whole.unwrap_or_else(|| log.trajectory.clone());
+                trajectory.gains.get_or_insert_with(|| gains.clone());
+                trajectory
+            })
+            .collect();
+        Self::of(model, &trajectories.iter().collect::<Vec<_>>(), settings)
+    }
+}
+
+/// The log at its own rate, under the robot's names; absent where a part of it does not count.
+fn recorded(log: &Log) -> Option<Trajectory> {
+    /// Samples before the first and after the last of the policy's steps, s.
+    const ENDS_S: f64 = 0.1;
+    let read = read_csv(&log.path, &ReadOptions::default()).ok()?;
+    let mut whole = read.select_joints(&log.joints).ok()?;
+    whole.joints.clone_from(&log.trajectory.joints);
+    let enough = whole.duration() - log.trajectory.duration() < ENDS_S && whole.target.is_some();
+    enough.then_some(whole)
+}
+
+/// A number that swings say, as a fit has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SwingNumber {
+    /// What it is of the joints.
+    pub kind: JointParameter,
+    /// The joints, by the robot's names; empty: all.
+    pub joints: Vec<String>,
+    /// Value and standard error, in the parameter's unit.
+    pub estimate: Estimate,
+}
+
+/// The numbers of a report as a simulation with physics steps of `step` s has them: in semi-implicit steps targets act half
+/// a step early, so its delay is longer.
+pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
+    let mut numbers = Vec::new();
+    for group in &report.groups {
+        for (kind, estimate) in [
+            (JointParameter::FrictionLoss, group.friction),
+            (JointParameter::Damping, group.damping),
+            (JointParameter::Armature, group.armature),
+        ] {
+            numbers.push(SwingNumber { kind, joints: group.joints.clone(), estimate });
+        }
+    }
+    let delay = Estimate { value: report.delay.value + step / 2.0, ..report.delay };
+    numbers.push(SwingNumber { kind: JointParameter::Delay, joints: Vec::new(), estimate: delay });
+    numbers
+}
+
+/// A value of a fit beside what swings say of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Beside {
+    /// The parameter's name.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// The fit's value.
+    pub fitted: f64,
+    /// What swings say.
+    pub swings: Estimate,
+    /// Whether they differ by more than their errors, and by an amount that changes how a robot walks.
+    pub differ: bool,
+}
+
+/// A value that a fit found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fitted<'a> {
+    /// The parameter's name.
+    pub name: &'a str,
+    /// The name of its kind ([`JointParameter::name`]).
+    pub kind: &'a str,
+    /// Its unit.
+    pub unit: &'a str,
+    /// The joints it covers, by the robot's names.
+    pub joints: &'a [String],
+    /// The value.
+    pub value: f64,
+    /// Its 95 % interval, where there is one.
+    pub interval: Option<[f64; 2]>,
+}
+
+/// Differences that change how a robot walks: N·m, N·m·s/rad, kg·m², s.
+fn matters(kind: JointParameter) -> f64 {
+    match kind {
+        JointParameter::Armature => 0.006,
+        JointParameter::Delay => 0.003,
+        _ => 0.1,
+    }
+}
+
+/// Each fitted value that swings say something of, beside it. `step`: physics step of the fit, s.
+pub fn beside<'a>(
+    report: &SwingReport,
+    step: f64,
+    fitted: impl IntoIterator<Item = Fitted<'a>>,
+) -> Vec<Beside> {
+    let numbers = numbers(report, step);
+    let of = |one: Fitted<'a>| {
+        let covers = |number: &&SwingNumber| {
+            number.kind.name() == one.kind
+                && (number.joints.is_empty()
+                    || (!one.joints.is_empty()
+                        && one.joints.iter().all(|joint| number.joints.contains(joint))))
+        };
+        let number = numbers.iter().find(covers)?;
+        let error = one.interval.map_or(0.0, |[low, high]| (high - low) / 4.0);
+        let apart = (one.value - number.estimate.value).abs();
+        Some(Beside {
+            name: one.name.to_owned(),
+            unit: one.unit.to_owned(),
+            fitted: one.value,
+            swings: number.estimate,
+            differ: apart > 2.0 * error.hypot(number.estimate.error) && apart > matters(number.kind),
+        })
+    };
+    fitted.into_iter().filter_map(of).collect()
+}
+
+/// The values that differ, in a sentence; absent where none does.
+pub fn doubt(beside: &[Beside]) -> Option<String> {
+    let apart: Vec<String> = beside
+        .iter()
+        .filter(|one| one.differ)
+        .map(|one| {
+            let Beside { name, unit, fitted, swings: Estimate { value, error }, .. } = one;
+            format!("{name} {fitted:.3} fitted, {value:.3} ± {error:.3} {unit} in swings")
+        })
+        .collect();
+    (!apart.is_empty()).then(|| {
+        format!(
+            "the fit and legs in the air disagree: {}. Nothing touches a leg in the air, so contact or sensors may be in \
+             the fit's values.",
+            apart.join("; ")
+        )
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    fn report() -> SwingReport {
+        let joints = ["FL_calf_joint", "FR_calf_joint"].map(str::to_owned).to_vec();
+        let number = |value, error| Estimate { value, error };
+        let calf = GroupEstimate {
+            group: "calf".into(),
+            joints,
+            friction: number(0.65, 0.05),
+            damping: number(-0.01, 0.03),
+            armature: number(0.018, 0.001),
+            swings: 100,
+            windows: 1000,
+            residual: 0.4,
+        };
+        SwingReport {
+            groups: vec![calf],
+            delay: number(0.0062, 0.0015),
+            law: FrictionLaw::Coulomb,
+            clearance_m: 0.012,
+            logs: 12,
+            unseen: vec![],
+        }
+    }
+
+    #[test]
+    fn values_far_from_swings_are_named_and_others_are_not() {
+        let calves = ["FL_calf_joint", "FR_calf_joint"].map(str::to_owned);
+        let hips = ["FL_hip_joint".to_owned()];
+        let one =
+            |name, kind, joints, value, interval| Fitted {
+                name, kind, unit: "N·m", joints, value, interval
+            };
+        let fitted = [
+            one("frictionloss_calf", "frictionloss", &calves[..], 1.9, Some([1.8, 2.0])),
+            one("frictionloss_FR_calf", "frictionloss", &calves[1..], 0.7, None),
+            one("frictionloss_hip", "frictionloss", &hips[..], 3.0, None),
+            one("armature_calf", "armature", &calves[..], 0.020, None),
+            one("delay", "delay", &[], 0.0, None),
+            one("load", "base_mass", &[], 3.0, None),
+        ];
+        let beside = beside(&report(), 0.005, fitted);
+        let named: Vec<(&str, bool)> = beside.iter().map(|one| (one.name.as_str(), one.differ)).collect();
+        let expected = [
+            ("frictionloss_calf", true),
+            ("frictionloss_FR_calf", false),
+            ("armature_calf", false),
+            ("delay", true),
+        ];
+        assert_eq!(named, expected);
+        assert!((beside[3].swings.value - 0.0087).abs() < 1e-12, "half a step later");
+        let text = doubt(&beside).unwrap();
+        assert!(text.contains("frictionloss_calf 1.900 fitted, 0.650 ± 0.050"), "{text}");
+        assert!(!text.contains("armature"), "{text}");
+        assert_eq!(doubt(&beside[1..3]), None);
+    }
+}
