@@ -1,6 +1,7 @@
 //! The tests of `gaitfit-cli`: one program, one module for each subject.
 
 mod adapt;
+mod advice;
 mod bad_input;
 #[path = "common/chromium.rs"]
 mod chromium;
@@ -18,6 +19,7 @@ mod odd_joints;
 mod pages;
 mod program;
 mod readme;
+mod remembered;
 mod reproduce;
 mod resume;
 mod robots;

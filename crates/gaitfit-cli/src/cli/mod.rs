@@ -1,5 +1,7 @@
 //! The command line.
 
+#[cfg(test)]
+mod advice_test;
 mod bench;
 mod choices;
 mod excite;

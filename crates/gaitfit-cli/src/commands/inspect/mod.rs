@@ -32,7 +32,8 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     }
     let ending = args.file.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     match ending.as_deref() {
-        Some("xml" | "mjcf" | "urdf") => {
+        // A xacro file is refused by what reads robots, with the command that expands it.
+        Some("xml" | "mjcf" | "urdf" | "xacro") => {
             if args.plot.is_some() || args.robot.is_some() {
                 return Err(Failure::usage("--plot and --robot are for logs (.csv)"));
             }
