@@ -44,7 +44,7 @@ pub struct Cli {
 /// What to do. [`groups`] lists the commands in the order of work.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Show a robot file, a log, a folder of logs or a policy, with its faults
+    /// Show a robot file, log, folder of logs or policy, with its faults
     Inspect(Inspect),
     /// Convert a recording (MCAP, ROS bag, HDF5, npz, ...) to a log
     Import(Import),
