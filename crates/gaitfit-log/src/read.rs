@@ -146,7 +146,8 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
 
     let (sidecar, sidecars) = if options.sidecar { read_sidecars(path)? } else { Default::default() };
     report.sidecars = sidecars;
-    let (log, report) = assemble(path, layout, samples, stated.or(comments).or(sidecar), options.every, report)?;
+    let (log, report) =
+        assemble(path, layout, samples, stated.or(comments).or(sidecar), options.every, report)?;
     let rates = log.base.as_ref().and_then(|base| base.angular_velocity.as_deref());
     match too_fast.filter(|_| rates.is_some_and(|rates| imu::fast(rates).is_some())) {
         Some(refused) => Err(refused),

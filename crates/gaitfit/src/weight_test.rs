@@ -9,6 +9,7 @@ fn log(model: &Model) -> Trajectory {
     let width = names.len();
     let samples = 800;
     let mut log = Trajectory {
+        lead: None,
         source: None,
         robot: None,
         joints: names,

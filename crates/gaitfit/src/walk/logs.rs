@@ -109,7 +109,15 @@ impl Read {
     /// A log that no file holds.
     pub fn of(file: LogFile, trajectory: Trajectory) -> Self {
         let joints = trajectory.joints.clone();
-        Self { file, sidecars: Vec::new(), joints, noticed: Vec::new(), allowed: Vec::new(), trajectory, even: None }
+        Self {
+            file,
+            sidecars: Vec::new(),
+            joints,
+            noticed: Vec::new(),
+            allowed: Vec::new(),
+            trajectory,
+            even: None,
+        }
     }
 }
 

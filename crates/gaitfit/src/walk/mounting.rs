@@ -28,6 +28,7 @@ pub fn settle(reads: &mut [Read], policy: &Policy) -> Option<String> {
         (base.quaternion.is_some() && base.angular_velocity.is_some())
             .then(|| rate::to_control(&read.trajectory, policy.interface.control_dt).ok())
             .flatten()
+            .map(|regular| regular.trajectory)
     };
     let logs: Vec<Trajectory> = reads.iter().map(control).collect::<Option<_>>()?;
     let turned = |mounting: [f64; 3]| -> Option<f64> {
