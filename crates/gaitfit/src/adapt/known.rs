@@ -1,49 +1,35 @@
 //! What is measured of joints without a simulation, legs in the air for one, as priors of a fit.
 
-use gaitfit_adapt::{JointParameter, Prior, Theta};
+use crate::walk::swing::{Estimate, SwingNumber};
+use gaitfit_adapt::{Prior, Theta};
 use std::collections::BTreeMap;
 
-/// Least standard error of a prior, as a part of the entry's bounds: an estimate that is surer than this leaves walks no say.
-const LEAST_ERROR: f64 = 0.005;
+/// Minimal standard error of a prior, as a part of the entry's bounds: a surer estimate would leave walks no say.
+const MIN_ERROR: f64 = 0.005;
 
-/// An estimate of a parameter of some joints.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Measured {
-    /// The parameter.
-    pub kind: JointParameter,
-    /// The joints that it is of, by the robot's names; empty: all of them.
-    pub joints: Vec<String>,
-    /// The estimate, in the parameter's unit; it may be beyond the parameter's bounds by noise.
-    pub value: f64,
-    /// Its standard error; an estimate without a finite positive one is left out.
-    pub error: f64,
-}
-
-impl Measured {
-    fn says(&self, kind: &str, joints: &[String]) -> bool {
-        let covers = |joint| self.joints.is_empty() || self.joints.contains(joint);
-        self.kind.name() == kind && !joints.is_empty() && joints.iter().all(covers)
-    }
+/// Whether an estimate is of this kind and covers all these joints. One without joints covers all.
+fn covers(number: &SwingNumber, kind: &str, joints: &[String]) -> bool {
+    let covered = |joint| number.joints.is_empty() || number.joints.contains(joint);
+    number.kind.name() == kind && !joints.is_empty() && joints.iter().all(covered)
 }
 
 /// `given` priors, which win, and those that `measured` estimates give for the other entries of `theta`. An entry that
 /// covers joints of several estimates takes none of them.
 pub fn priors(
     theta: &Theta,
-    measured: &[Measured],
+    measured: &[SwingNumber],
     given: &BTreeMap<String, Prior>,
 ) -> BTreeMap<String, Prior> {
     let mut priors = given.clone();
     for entry in theta.entries() {
         let own = measured.iter().find(|one| {
-            one.says(entry.kind, &entry.joints)
-                && one.value.is_finite()
-                && one.error.is_finite()
-                && one.error > 0.0
+            let Estimate { value, error } = one.estimate;
+            covers(one, entry.kind, &entry.joints) && value.is_finite() && error.is_finite() && error > 0.0
         });
         if let Some(one) = own {
-            let deviation = one.error.max(LEAST_ERROR * (entry.upper - entry.lower));
-            priors.entry(entry.name.clone()).or_insert(Prior { value: one.value, deviation });
+            let Estimate { value, error } = one.estimate;
+            let deviation = error.max(MIN_ERROR * (entry.upper - entry.lower));
+            priors.entry(entry.name.clone()).or_insert(Prior { value, deviation });
         }
     }
     priors
@@ -53,7 +39,7 @@ pub fn priors(
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-    use gaitfit_adapt::{ParameterRule, Sharing};
+    use gaitfit_adapt::{JointParameter, ParameterRule, Sharing};
 
     #[test]
     fn estimates_reach_the_entries_of_their_joints_and_what_is_given_wins() {
@@ -65,11 +51,10 @@ mod tests {
             ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Armature) },
         ];
         let theta = Theta::from_rules(&rules, &groups, &joints).unwrap();
-        let measured = |kind, of: &[usize], value, error| Measured {
+        let measured = |kind, of: &[usize], value, error| SwingNumber {
             kind,
             joints: of.iter().map(|joint| joints[*joint].clone()).collect(),
-            value,
-            error,
+            estimate: Estimate { value, error },
         };
         let all = [
             measured(JointParameter::FrictionLoss, &[0, 1], -0.01, 0.05),

@@ -37,7 +37,7 @@ pub use alternatives::Alternatives;
 pub use audit::Audit;
 pub use check::Check;
 pub use held_out::{Distance, Floor, HeldOut, Trials, Verdict};
-pub use known::{Measured, priors};
+pub use known::priors;
 pub use log_set::LogSet;
 pub use method::Method;
 pub use odd::{JointSpring, OddJoints};

@@ -258,7 +258,7 @@ pub(super) fn results(
         effort: efforts.filter(|effort| effort.is_finite()).reduce(f64::min),
     };
     let doubts = standing::doubts(&first, &evidence);
-    let swings = swing::findings(setup);
+    let swings = setup.swings.clone().or_else(|| swing::findings(&setup.method, &setup.fit.logs));
     let beside_swings = swings
         .as_ref()
         .map_or_else(Vec::new, |findings| swing::compared(setup, findings, &setup.theta, &first.parameters));

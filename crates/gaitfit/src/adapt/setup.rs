@@ -7,12 +7,14 @@ use super::method::Method;
 use super::replicas::Replicas;
 use super::robots;
 use super::share::Shares;
+use super::{known, swing};
 use crate::air::{Clamped, logs as air_logs};
 use crate::device::{Device, Devices};
 use crate::log::{self, Log};
 use crate::robot::Hold;
 use crate::settings::{AdaptConfig, Base, check};
 use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
+use crate::walk::swing::SwingFindings;
 use crate::walk::walking::{Walking, rest_angles};
 use crate::{Error, machine, paths, policy_file, robot, theta};
 use gaitfit_adapt::cost::Cost;
@@ -58,6 +60,8 @@ pub struct Setup {
     pub config_path: PathBuf,
     /// Whether the policy was given by the caller, and is in no file.
     pub own_policy: bool,
+    /// What the fitted logs show without a simulation, where it became priors.
+    pub swings: Option<SwingFindings>,
     /// Who simulates besides this process, if anyone does.
     pub shares: Option<Shares>,
 }
@@ -150,7 +154,10 @@ impl Setup {
         };
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
-        // What legs in the air say of joints (`known::priors`) joins the settings' own here, once the logs are read.
+        let swings = if config.swings { swing::findings(&method, &logs.fit) } else { None };
+        let numbers = swings.as_ref().map_or_else(Vec::new, |found| swing::numbers_of(&method, found));
+        // The folder keeps them, as it keeps the defaults.
+        config.prior = known::priors(&theta, &numbers, &config.prior);
         let theta = theta
             .with_priors(&config.prior, config.optimizer.prior_weight)
             .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
@@ -194,6 +201,7 @@ impl Setup {
             devices: devices.clone(),
             config_path: config_path.to_owned(),
             own_policy: given.is_some(),
+            swings,
             shares: None,
         };
         setup.warnings.extend(ignored(&setup));

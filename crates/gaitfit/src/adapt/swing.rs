@@ -1,17 +1,24 @@
 //! What legs in the air say, beside the values of a fit of walking logs.
 
+use super::method::Method;
 use super::parameter::Parameter;
 use super::setup::Setup;
-use crate::walk::swing::{Beside, Fitted, SwingFindings, SwingSettings, beside};
+use crate::log::Log;
+use crate::walk::swing::{Beside, Fitted, SwingFindings, SwingNumber, SwingSettings, beside, numbers};
 use gaitfit_adapt::Theta;
 use gaitfit_log::Gains;
 
 /// What the fitted logs say without a simulation; absent for a clamped robot.
-pub fn findings(setup: &Setup) -> Option<SwingFindings> {
-    let walking = setup.method.walking()?;
-    let interface = &walking.task.walker.interface;
+pub fn findings(method: &Method, logs: &[Log]) -> Option<SwingFindings> {
+    let interface = &method.walking()?.task.walker.interface;
     let gains = Gains { kp: interface.kp.clone(), kd: interface.kd.clone() };
-    Some(SwingFindings::of_logs(setup.method.model(), &setup.fit.logs, &gains, &SwingSettings::default()))
+    Some(SwingFindings::of_logs(method.model(), logs, &gains, &SwingSettings::default()))
+}
+
+/// The numbers of legs in the air as the fit's simulation has them; none where they show nothing.
+pub fn numbers_of(method: &Method, findings: &SwingFindings) -> Vec<SwingNumber> {
+    let found = findings.swings.as_ref().zip(method.physics_step());
+    found.map_or_else(Vec::new, |(report, step)| numbers(report, step))
 }
 
 /// The fit's values beside what swings say of them.
@@ -21,8 +28,8 @@ pub fn compared(
     theta: &Theta,
     parameters: &[Parameter],
 ) -> Vec<Beside> {
-    let (Some(report), Some(walking)) = (&findings.swings, setup.method.walking()) else { return Vec::new() };
-    let step = walking.task.walker.interface.control_dt / walking.task.settings.substeps.max(1) as f64;
+    let found = findings.swings.as_ref().zip(setup.method.physics_step());
+    let Some((report, step)) = found else { return Vec::new() };
     let fitted = |parameter: &Parameter| {
         let entry = theta.entries().iter().find(|entry| entry.name == parameter.found.name)?;
         let value = parameter.found.value;

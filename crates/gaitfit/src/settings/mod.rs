@@ -66,6 +66,8 @@ pub struct AdaptConfig {
     pub costs: Vec<CostKind>,
     /// Whether to look for joints that differ from the same joint of other legs, and to fit a spring on those.
     pub odd_joints: bool,
+    /// Whether what legs in the air show of friction, damping, armature and delay becomes a prior of a walk's fit.
+    pub swings: bool,
     /// Folder that holds the run folders.
     pub runs: String,
     /// Seconds between checkpoints.
@@ -309,6 +311,7 @@ impl Default for AdaptConfig {
             costs: vec![CostKind::MatchO],
             allow: Vec::new(),
             odd_joints: false,
+            swings: false,
             runs: "runs".to_owned(),
             checkpoint_seconds: 5.0,
             joint_names: BTreeMap::new(),

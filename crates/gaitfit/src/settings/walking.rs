@@ -15,6 +15,8 @@ pub(super) const WALK_DEFAULTS: &str = include_str!("walk.toml");
 const FITTED: [&str; 3] = ["parameter", "network", "number"];
 /// Tables of how `wass` is searched.
 const SEARCH: [&str; 2] = ["optimizer", "simulation"];
+/// Whether legs in the air give priors: with the default parameters and cost alone.
+const SWINGS: &str = "swings";
 /// The cost of the defaults.
 const COST: &str = "wass";
 
@@ -44,9 +46,11 @@ pub(super) fn complete(table: &mut DeTable<'_>) {
 pub(super) fn trim(defaults: &mut DeTable<'_>, own: &DeTable<'_>) {
     if FITTED.iter().any(|list| own.contains_key(*list)) {
         FITTED.iter().for_each(|list| drop(defaults.remove(*list)));
+        defaults.remove(SWINGS);
     }
     if !searches_distributions(own) {
         SEARCH.iter().for_each(|name| drop(defaults.remove(*name)));
+        defaults.remove(SWINGS);
     }
 }
 
