@@ -25,6 +25,7 @@ pub use imu::settle_imu;
 use crate::Trajectory;
 use crate::names::names;
 use crate::scale::{self, scales};
+use serde::de::IntoDeserializer;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -191,6 +192,12 @@ pub struct Finding {
 }
 
 impl FindingKind {
+    /// The kind of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        let text: serde::de::value::StrDeserializer<'_, serde::de::value::Error> = name.into_deserializer();
+        Self::deserialize(text).ok()
+    }
+
     /// The name in messages, JSON and `allow`.
     pub fn name(self) -> &'static str {
         match self {

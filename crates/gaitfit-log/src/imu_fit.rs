@@ -17,8 +17,8 @@ const SPAN_S: f64 = 0.04;
 /// Fewest spans that say something, and shortest log, s.
 const ENOUGH: usize = 40;
 const LEAST_S: f64 = 0.8;
-/// RMS rate, rad/s, below which there is nothing to compare.
-const MOVES: f64 = 0.03;
+/// RMS rate, rad/s, below which noise is most of it: slow walks have 0.19.
+const MOVES: f64 = 0.1;
 const FIVE_TIMES: f64 = 5.0;
 /// Unexplained part up to which a reading is right. Walks of simulated robots at 50 Hz leave 0.14, of a real Go2 0.10.
 pub(crate) const FITS: f64 = 0.25;

@@ -12,6 +12,7 @@ mod ignored;
 mod log_set;
 mod method;
 mod odd;
+mod outliers;
 mod replicas;
 mod report;
 pub mod results;

@@ -4,7 +4,8 @@ use super::check::Check;
 use super::doubts;
 use super::held_out::{HeldOut, held_out};
 use super::odd::OddJoints;
-use super::score::{Robot, Score, Validation, baselines, mean, score, validation};
+use super::outliers;
+use super::score::{Robot, Score, Validation, baselines, joint_errors, mean, score, validation};
 use super::setup::Setup;
 use super::springs::FoundSpring;
 use super::trust::identified;
@@ -239,6 +240,13 @@ pub(super) fn results(
         }
         fits.push(fit);
         found.push(outcome);
+    }
+    if let Some(fit) = fits.first_mut().filter(|_| setup.aligned() && setup.method.walking().is_none()) {
+        let (values, given) = (fit.values(), setup.config.costs[0].given());
+        let robot = Robot { theta: &setup.theta, values: &values };
+        fit.doubts.extend(outliers::doubt(&joint_errors(&setup.fit, |set| {
+            robot.simulate(set.simulator.as_ref(), given)
+        })?));
     }
     let Some(first) = fits.first().cloned() else {
         return Err(Error::failed(
