@@ -20,7 +20,7 @@ mod windows;
 
 pub use copies::zero_rows;
 pub use falls::{Fall, FallSign, falls};
-pub use imu::settle_imu;
+pub use imu::{settle_angles, settle_imu};
 
 use crate::Trajectory;
 use crate::names::names;

@@ -59,8 +59,8 @@ mod write;
 pub use assemble::measured_rate;
 pub use attitude::orientation_of_gravity;
 pub use check::{
-    CheckSpec, Fall, FallSign, Finding, FindingKind, Severity, Span, allow, check, falls, settle_imu,
-    zero_rows,
+    CheckSpec, Fall, FallSign, Finding, FindingKind, Severity, Span, allow, check, falls, settle_angles,
+    settle_imu, zero_rows,
 };
 pub use columns::gravity_axis;
 pub use error::LogError;

@@ -36,7 +36,7 @@ fn log(model: &Model) -> Trajectory {
         let target = (0..width).map(|joint| {
             // Friction, and an acceleration that the weight knows nothing of.
             let torque =
-                weights[joint] + 0.3 * (dq[joint] / 0.05).tanh() + 0.5 * dq[joint] - 0.4 * q[joint].sin();
+                weights[joint] + 0.3 * (dq[joint] / 0.05).tanh() + 0.5 * dq[joint] - 0.05 * q[joint].sin();
             q[joint] + torque / 25.0
         });
         log.target.iter_mut().for_each(|all| all.extend(target.clone()));
