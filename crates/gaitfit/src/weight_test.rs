@@ -55,7 +55,8 @@ fn a_mirrored_joint_is_named_and_a_right_one_is_not() {
     let model = go2();
     let right = log(&model);
     assert_eq!(signs(&right, &model), []);
-    for joint in [0, 3, 7] {
+    // Hips: mirrored thighs and calves lie beyond their limits, which other checks name.
+    for joint in [0, 3, 9] {
         let mut mirrored = right.clone();
         let negate = |values: &mut Vec<f64>| {
             values.iter_mut().skip(joint).step_by(12).for_each(|value| *value = -*value)
