@@ -57,9 +57,11 @@ class Log:
         return columns
 
 
-def read_log(path: str | os.PathLike[str]) -> Log:
+def read_log(path: str | os.PathLike[str], allow: Sequence[str] = ()) -> Log:
     """Reads a log, a CSV file as the program takes it, with the TOML file beside it if there is one.
 
-    Raises :class:`gaitfit.GaitfitError` for a file that cannot be read; the text names the line.
+    Raises :class:`gaitfit.GaitfitError` for a file that cannot be read, where the text names the line, and for a log that
+    ``gaitfit inspect`` forbids; ``allow`` names findings that do not forbid it. Parts in which the robot falls, hangs or
+    is stuck are yours to cut.
     """
-    return Log(**_gaitfit.read_log(named("path", path)))
+    return Log(**_gaitfit.read_log(named("path", path), [str(name) for name in allow]))

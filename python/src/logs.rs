@@ -1,7 +1,8 @@
 //! Logs as arrays.
 
-use crate::errors::failed;
-use gaitfit_log::{ReadOptions, Trajectory, read_csv};
+use crate::errors::of;
+use gaitfit::log_check;
+use gaitfit_log::Trajectory;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -9,8 +10,8 @@ use std::path::PathBuf;
 
 /// The log of a CSV file, as a dictionary of arrays. The Python function around it has the documentation.
 #[pyfunction]
-pub fn read_log<'py>(py: Python<'py>, path: PathBuf) -> PyResult<Bound<'py, PyDict>> {
-    let log: Trajectory = py.detach(|| read_csv(&path, &ReadOptions::default())).map_err(failed)?;
+pub fn read_log<'py>(py: Python<'py>, path: PathBuf, allow: Vec<String>) -> PyResult<Bound<'py, PyDict>> {
+    let log: Trajectory = py.detach(|| log_check::read(&path, &allow)).map_err(|error| of(&error))?;
     let (rows, width) = (log.time.len(), log.joints.len());
     let matrix = |values: Vec<f64>, width: usize| -> PyResult<Bound<'py, PyArray2<f64>>> {
         PyArray1::from_vec(py, values).reshape([rows, width])

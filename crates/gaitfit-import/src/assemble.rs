@@ -7,7 +7,7 @@ use crate::mapping::Mapping;
 use crate::table::Source;
 use gaitfit_log::{
     BaseState, Finding, Gains, MotorColumns, Trajectory, fold, gains_of_columns, measured_rate,
-    orientation_of_gravity, settle_imu,
+    orientation_of_gravity, settle_angles, settle_imu,
 };
 use gaitfit_model::rotation::from_rpy;
 use gaitfit_model::shown;
@@ -74,6 +74,7 @@ pub(crate) fn trajectory(
         let angles = group(&ROLL_PITCH_YAW)?;
         Some(angles.chunks_exact(3).flat_map(|rpy| from_rpy(rpy[0], rpy[1], rpy[2])).collect())
     };
+    let has_angles = quaternion.is_none();
     let rates = group(&RATES);
     let of_gravity =
         || group(&GRAVITY).map(|gravity| orientation_of_gravity(&time, &gravity, rates.as_deref()));
@@ -127,6 +128,9 @@ pub(crate) fn trajectory(
         fell: sources.iter().any(|source| source.fell),
     };
     trajectory.validate()?;
+    if let Some(angles) = group(&ROLL_PITCH_YAW).filter(|_| has_angles && mapping.imu.mounting.is_none()) {
+        noticed.extend(settle_angles(&mut trajectory, &angles));
+    }
     noticed.extend(settle_imu(&mut trajectory, &mapping.imu));
     Ok(trajectory)
 }

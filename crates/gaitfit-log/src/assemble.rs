@@ -1,8 +1,8 @@
 //! From columns, samples and metadata to a trajectory.
 
 use crate::attitude::orientation_of_gravity;
-use crate::check::settle_imu;
 use crate::check::stats::{median, short};
+use crate::check::{settle_angles, settle_imu};
 use crate::columns::Layout;
 use crate::metadata::Metadata;
 use crate::motor::{self, MotorColumns};
@@ -83,7 +83,9 @@ pub(crate) fn assemble(
     };
     let base_position = base_channel("base position", layout.base_position);
     let quaternion = base_channel("base orientation", layout.base_quaternion);
-    let from_angles = base_channel("roll, pitch, yaw", layout.roll_pitch_yaw)
+    let angles = base_channel("roll, pitch, yaw", layout.roll_pitch_yaw).filter(|_| quaternion.is_none());
+    let from_angles = angles
+        .as_ref()
         .map(|angles| angles.chunks_exact(3).flat_map(|rpy| from_rpy(rpy[0], rpy[1], rpy[2])).collect());
     let linear_velocity = base_channel("base velocity", layout.base_velocity);
     let angular_velocity = base_channel("body rate", layout.base_rates);
@@ -118,6 +120,12 @@ pub(crate) fn assemble(
         fell: metadata.fell.is_some_and(|fell| fell.value),
     };
     trajectory.validate()?;
+    // A mounted unit's angles have been turned.
+    if let Some(angles) = angles.filter(|_| metadata.imu.mounting.is_none()) {
+        let settled = settle_angles(&mut trajectory, &angles);
+        report.angles_in_degrees = settled.is_some();
+        report.noticed.extend(settled);
+    }
     report.noticed.extend(settle_imu(&mut trajectory, &metadata.imu));
     Ok((trajectory, report))
 }

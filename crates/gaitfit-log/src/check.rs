@@ -21,12 +21,13 @@ mod windows;
 
 pub use copies::zero_rows;
 pub use falls::{Fall, FallSign, falls};
-pub use imu::settle_imu;
+pub use imu::{settle_angles, settle_imu};
 pub use lag::VelocityLag;
 
 use crate::Trajectory;
 use crate::names::names;
 use crate::scale::{self, scales};
+use serde::de::IntoDeserializer;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -197,6 +198,12 @@ pub struct Finding {
 }
 
 impl FindingKind {
+    /// The kind of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        let text: serde::de::value::StrDeserializer<'_, serde::de::value::Error> = name.into_deserializer();
+        Self::deserialize(text).ok()
+    }
+
     /// The name in messages, JSON and `allow`.
     pub fn name(self) -> &'static str {
         match self {

@@ -28,11 +28,16 @@ pub(crate) fn orientation(quaternion: &[f64]) -> Option<(usize, &'static str)> {
 
 /// The first of (roll, pitch, yaw) that cannot be, and why. Yaw may have been unwrapped.
 pub(crate) fn angles(angles: &[f64]) -> Option<(usize, &'static str)> {
-    let beyond = || angles.iter().take(2).position(|angle| angle.abs() > MOST_ANGLE);
-    infinite(angles)
-        .map(|place| (place, NOT_FINITE))
-        .or_else(|| Some((beyond()?, "more than a full turn; give radians, or delete the row")))
+    let beyond = || angles.iter().take(2).position(|angle| angle.abs() > MOST_ANGLE.to_degrees());
+    infinite(angles).map(|place| (place, NOT_FINITE)).or_else(|| Some((beyond()?, TOO_FAR)))
 }
+
+/// The first of (roll, pitch, yaw) that can be one in degrees only, and why.
+pub(crate) fn far(angles: &[f64]) -> Option<(usize, &'static str)> {
+    Some((angles.iter().take(2).position(|angle| angle.abs() > MOST_ANGLE)?, TOO_FAR))
+}
+
+const TOO_FAR: &str = "more than a full turn; give radians, or delete the row";
 
 /// The first cell of a gravity vector that cannot be, and why.
 pub(crate) fn gravity(vector: &[f64]) -> Option<(usize, &'static str)> {
@@ -79,7 +84,10 @@ mod tests {
         }
         assert_eq!(orientation(&[1.0, 0.0, f64::INFINITY, 0.0]), Some((2, NOT_FINITE)));
         assert_eq!(angles(&[-3.1, 1.5, 40.0]), None);
-        assert_eq!(angles(&[0.1, -90.0, 0.0]).map(|(place, _)| place), Some(1));
+        assert_eq!(angles(&[0.1, -90.0, 0.0]), None);
+        assert_eq!(angles(&[0.1, -900.0, 0.0]).map(|(place, _)| place), Some(1));
+        assert_eq!(far(&[0.1, -90.0, 0.0]).map(|(place, _)| place), Some(1));
+        assert_eq!(fast(&[0.0, 0.0, 250.0]).map(|(place, _)| place), Some(2));
         assert_eq!(rates(&[-35.0, 0.0, f64::NAN]), None);
         assert_eq!(rates(&[0.0, 0.0, 1e12]).map(|(place, _)| place), Some(2));
         assert_eq!(rates(&[f64::NEG_INFINITY, 0.0, 1e12]), Some((0, NOT_FINITE)));

@@ -66,7 +66,7 @@ pub use assemble::measured_rate;
 pub use attitude::orientation_of_gravity;
 pub use check::{
     CheckSpec, Fall, FallSign, Finding, FindingKind, Severity, Span, VelocityLag, allow, check, falls,
-    settle_imu, zero_rows,
+    settle_angles, settle_imu, zero_rows,
 };
 pub use columns::gravity_axis;
 pub use error::LogError;

@@ -82,6 +82,8 @@ pub struct ReadReport {
     /// What reading changed or could not use, as the checks would put it.
     #[serde(skip)]
     pub noticed: Vec<Finding>,
+    /// Whether roll, pitch and yaw were in degrees. The trajectory's orientation is made of them as such.
+    pub angles_in_degrees: bool,
     /// Findings that the log's own settings allow.
     pub allowed: Vec<FindingKind>,
     /// The first cell without a number among those of an inertial unit that has numbers elsewhere.
@@ -141,15 +143,19 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
         }
     };
     let layout = layout(path, header_line, names)?;
-    let Rows { samples, hole, too_fast } = read_rows(path, &mut lines, &layout, options)?;
+    let Rows { samples, hole, too_fast, too_far } = read_rows(path, &mut lines, &layout, options)?;
     report.imu_hole = hole;
 
     let (sidecar, sidecars) = if options.sidecar { read_sidecars(path)? } else { Default::default() };
     report.sidecars = sidecars;
-    let (log, report) =
-        assemble(path, layout, samples, stated.or(comments).or(sidecar), options.every, report)?;
+    let assembled = assemble(path, layout, samples, stated.or(comments).or(sidecar), options.every, report);
+    let (log, report) = match assembled {
+        Ok(assembled) => assembled,
+        Err(error) => return Err(too_fast.or(too_far).unwrap_or(error)),
+    };
     let rates = log.base.as_ref().and_then(|base| base.angular_velocity.as_deref());
-    match too_fast.filter(|_| rates.is_some_and(|rates| imu::fast(rates).is_some())) {
+    let too_fast = too_fast.filter(|_| rates.is_some_and(|rates| imu::fast(rates).is_some()));
+    match too_fast.or(too_far.filter(|_| !report.angles_in_degrees)) {
         Some(refused) => Err(refused),
         None => Ok((log, report)),
     }
@@ -214,7 +220,8 @@ fn channels(layout: &Layout) -> [Channel<'_>; 15] {
     ]
 }
 
-/// Place of the body rates among the channels.
+/// Places of roll, pitch, yaw and of the body rates among the channels.
+const ANGLES: usize = 7;
 const RATES: usize = 9;
 
 /// What the rows of a file hold.
@@ -224,6 +231,8 @@ struct Rows {
     hole: Option<Hole>,
     /// The first body rate that none in rad/s can be.
     too_fast: Option<LogError>,
+    /// The first roll or pitch that none in rad can be.
+    too_far: Option<LogError>,
 }
 
 fn read_rows(
@@ -233,7 +242,7 @@ fn read_rows(
     options: &ReadOptions,
 ) -> Result<Rows, LogError> {
     let plan = channels(layout);
-    let mut too_fast = None;
+    let (mut too_fast, mut too_far) = (None, None);
     let mut samples = Samples { time: Vec::new(), channels: plan.iter().map(|_| Vec::new()).collect() };
     let width = layout.names.len();
     let mut cells: Vec<std::ops::Range<usize>> = Vec::with_capacity(width);
@@ -317,6 +326,8 @@ fn read_rows(
             }
             if channel.columns == plan[RATES].columns && too_fast.is_none() {
                 too_fast = imu::fast(&values[row..]).map(refused);
+            } else if channel.columns == plan[ANGLES].columns && too_far.is_none() {
+                too_far = imu::far(&values[row..]).map(refused);
             }
             if let Some(at) = values[row..].iter().position(|value| value.is_nan())
                 && hole.is_none()
@@ -332,7 +343,7 @@ fn read_rows(
     let partly = |values: &Vec<f64>| values.iter().any(|value| !value.is_nan());
     let channels = samples.channels.iter().zip(holes).filter(|(values, _)| partly(values));
     let hole = channels.filter_map(|(_, hole)| hole).min_by_key(|hole| hole.line);
-    Ok(Rows { samples, hole, too_fast })
+    Ok(Rows { samples, hole, too_fast, too_far })
 }
 
 /// Byte ranges of the comma-separated cells. Cells hold numbers, so a comma inside quotes is not one.

@@ -223,3 +223,27 @@ fn an_inverse_orientation_is_not_taken_for_negated_rates() {
     let (_, findings) = read("", 0.7, |q, w| (inverse(q), w));
     assert!(findings.iter().any(|finding| finding.severity == Severity::Error), "{findings:#?}");
 }
+
+/// Roll, pitch and yaw in degrees: the rates tell.
+#[test]
+fn angles_in_degrees_are_mended() {
+    let angles = |q: Quat| {
+        let [w, x, y, z] = q;
+        let roll = f64::atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y));
+        let pitch = (2.0 * (w * y - x * z)).asin();
+        let yaw = f64::atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z));
+        [roll, pitch, yaw]
+    };
+    for degrees in [false, true] {
+        let rows = base(0.3).into_iter().map(|(q, w)| {
+            let angles = angles(q).map(|angle| if degrees { angle.to_degrees() } else { angle });
+            angles.into_iter().chain(w).collect()
+        });
+        let (_folder, path) = log("", "roll,pitch,yaw,wx,wy,wz", rows);
+        let (log, report) = read_csv_report(&path, &ReadOptions::default()).unwrap();
+        assert_eq!(report.angles_in_degrees, degrees);
+        assert!(off(&log, 0.3) < 1e-6, "{degrees}: {}", off(&log, 0.3));
+        let named: Vec<_> = report.findings().iter().map(|finding| finding.kind).collect();
+        assert_eq!(named, if degrees { vec![FindingKind::ImuUnit] } else { vec![] });
+    }
+}

@@ -22,7 +22,7 @@ pub mod gait;
 mod gpu;
 pub mod init;
 pub mod log;
-mod log_check;
+pub mod log_check;
 pub mod log_folder;
 mod log_joints;
 pub mod loop_;

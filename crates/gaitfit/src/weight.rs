@@ -168,7 +168,8 @@ pub fn signs(log: &Trajectory, model: &Model) -> Vec<Finding> {
         span: None,
         message: format!(
             "the torques of {} do not hold the robot's weight ({as_is:.2} N·m RMS off), and do with the opposite sign \
-             ({flipped:.2} N·m): position, velocity and target of this joint are mirrored; negate its columns",
+             ({flipped:.2} N·m): position, velocity and target of this joint are mirrored, or they are those of the joint on the other side: negate \
+             its columns, or rename them",
             log.joints[joint]
         ),
     };

@@ -37,7 +37,7 @@ fn log(model: &Model) -> Trajectory {
         let target = (0..width).map(|joint| {
             // Friction, and an acceleration that the weight knows nothing of.
             let torque =
-                weights[joint] + 0.3 * (dq[joint] / 0.05).tanh() + 0.5 * dq[joint] - 0.4 * q[joint].sin();
+                weights[joint] + 0.3 * (dq[joint] / 0.05).tanh() + 0.5 * dq[joint] - 0.05 * q[joint].sin();
             q[joint] + torque / 25.0
         });
         log.target.iter_mut().for_each(|all| all.extend(target.clone()));
@@ -56,7 +56,8 @@ fn a_mirrored_joint_is_named_and_a_right_one_is_not() {
     let model = go2();
     let right = log(&model);
     assert_eq!(signs(&right, &model), []);
-    for joint in [0, 3, 7] {
+    // Hips: mirrored thighs and calves lie beyond their limits, which other checks name.
+    for joint in [0, 3, 9] {
         let mut mirrored = right.clone();
         let negate = |values: &mut Vec<f64>| {
             values.iter_mut().skip(joint).step_by(12).for_each(|value| *value = -*value)

@@ -7,7 +7,7 @@ use super::{CheckSpec, Finding, FindingKind, Findings, Severity};
 use crate::imu_fit::{self, APART, FITS, Reading, Verdict};
 use crate::imu_settings::{ImuSettings, QuaternionOrder, RateFrame, RateUnit};
 use crate::{BaseState, Trajectory};
-use gaitfit_model::rotation::Vec3;
+use gaitfit_model::rotation::{Vec3, from_rpy};
 
 /// Bias, rad/s, that is worth a word: gyroscopes of walking robots stay below 0.017 of their filters' orientation.
 const BIAS: f64 = 0.0175;
@@ -26,6 +26,8 @@ const COMMANDED: f64 = 0.1;
 /// Length of the mean direction of gravity, and cosine of its angle to an axis, of a unit that is mounted turned.
 const STEADY: f64 = 0.9;
 const ALONG: f64 = 0.87;
+/// Mean turning of the vertical, rad/s, of a base on legs that walk: one that lies does not turn.
+const SWAYS: f64 = 0.05;
 /// RMS joint speed, rad/s, of legs that walk.
 const WALKS: f64 = 0.3;
 
@@ -125,6 +127,33 @@ pub fn settle_imu(log: &mut Trajectory, stated: &ImuSettings) -> Vec<Finding> {
 }
 
 /// `clock_is_right`: whether the joints show no other sample rate than the time column, by which rates are integrated.
+/// Whether the angles `roll_pitch_yaw` (`len × 3`), from which the orientation of `log` was made, are in degrees: then they
+/// agree with the rates, and do not as they are named. Makes the orientation anew and tells so.
+pub fn settle_angles(log: &mut Trajectory, roll_pitch_yaw: &[f64]) -> Option<Finding> {
+    let as_named =
+        imu_fit::judge(log).filter(|verdict| verdict.as_named > APART && verdict.better.is_none())?;
+    let mut mended = log.clone();
+    let orientation = roll_pitch_yaw
+        .chunks_exact(3)
+        .flat_map(|angles| from_rpy(angles[0].to_radians(), angles[1].to_radians(), angles[2].to_radians()));
+    mended.base.as_mut()?.quaternion = Some(orientation.collect());
+    let so = imu_fit::judge(&mended).filter(|verdict| verdict.as_named < FITS)?;
+    *log = mended;
+    let message = format!(
+        "roll, pitch and yaw are in degrees, and were read so: of the orientation's changes the rates leave {} unexplained as \
+         radians and {} so; write them in rad",
+        percent(as_named.as_named),
+        percent(so.as_named)
+    );
+    Some(Finding {
+        kind: FindingKind::ImuUnit,
+        severity: Severity::Warning,
+        joints: Vec::new(),
+        span: None,
+        message,
+    })
+}
+
 pub(super) fn check(findings: &mut Findings, clock_is_right: bool) {
     let Some(verdict) = imu_fit::judge(findings.log) else { return };
     if let Some((reading, left)) = verdict.better {
@@ -217,7 +246,11 @@ pub(super) fn mounting(findings: &mut Findings, spec: &CheckSpec) -> bool {
         (0..3).for_each(|k| mean[k] += direction[k] / directions.len() as f64);
     }
     let length = mean.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let walks = super::stats::rms(&log.velocity) > WALKS;
+    let sways = directions.windows(2).map(|pair| {
+        let change: f64 = pair[0].iter().zip(pair[1]).map(|(a, b)| (a - b).powi(2)).sum();
+        change.sqrt()
+    });
+    let walks = super::stats::rms(&log.velocity) > WALKS && sways.sum::<f64>() > SWAYS * log.duration();
     if length < STEADY || !walks {
         return false;
     }

@@ -15,6 +15,7 @@ mod known;
 mod log_set;
 mod method;
 mod odd;
+mod outliers;
 mod parameter;
 mod replicas;
 mod report;

@@ -6,8 +6,9 @@ use super::cost_fit::{beside, fit};
 use super::doubts;
 use super::held_out::{HeldOut, Verdict, held_out};
 use super::odd::OddJoints;
+use super::outliers;
 use super::parameter::Parameter;
-use super::score::{Robot, Score, Validation, baselines, score};
+use super::score::{Robot, Score, Validation, baselines, joint_errors, score};
 use super::setup::Setup;
 use super::springs::FoundSpring;
 use super::standing::{self, CONTRADICTED, Evidence, Standing, standing};
@@ -230,6 +231,13 @@ pub(super) fn results(
         }
         fits.push(fit);
         found.push(outcome);
+    }
+    if let Some(fit) = fits.first_mut().filter(|_| setup.aligned() && setup.method.walking().is_none()) {
+        let (values, given) = (fit.values(), setup.config.costs[0].given());
+        let robot = Robot { theta: &setup.theta, values: &values };
+        fit.doubts.extend(outliers::doubt(&joint_errors(&setup.fit, |set| {
+            robot.simulate(set.simulator.as_ref(), given)
+        })?));
     }
     standing::reconcile(&mut fits);
     let Some(first) = fits.first().cloned() else {

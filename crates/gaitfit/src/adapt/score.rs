@@ -93,6 +93,20 @@ fn rmse_of(set: &LogSet, predicted: &[Predicted]) -> Vec<Option<PositionRmse>> {
     predicted.iter().enumerate().map(of).collect()
 }
 
+/// Position errors by joint (the log's names), rad RMS over the logs of a set that were simulated to their ends.
+pub(super) fn joint_errors(
+    set: &LogSet,
+    predict: impl Fn(&LogSet) -> Result<Vec<Predicted>, Error>,
+) -> Result<Vec<(String, f64)>, Error> {
+    let errors: Vec<PositionRmse> = rmse_of(set, &predict(set)?).into_iter().flatten().collect();
+    let Some(log) = set.logs.first().filter(|_| !errors.is_empty()) else { return Ok(Vec::new()) };
+    let of = |joint: usize| {
+        let squares = errors.iter().filter_map(|error| error.per_joint.get(joint)).map(|error| error * error);
+        (squares.sum::<f64>() / errors.len() as f64).sqrt()
+    };
+    Ok(log.joints.iter().enumerate().map(|(joint, name)| (name.clone(), of(joint))).collect())
+}
+
 /// Mean position RMSE over the logs of some sets; `None` if one diverged or there are none.
 fn rmse<'a>(sets: impl IntoIterator<Item = &'a LogSet>, predicted: &[Vec<Predicted>]) -> Option<f64> {
     let of_set = |(set, predicted): (&'a LogSet, &Vec<Predicted>)| rmse_of(set, predicted);

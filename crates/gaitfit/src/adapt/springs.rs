@@ -1,5 +1,6 @@
 //! Springs on joints as a fit found them: stiffness and rest angle, with intervals, in words.
 
+use super::outliers;
 use super::results::AdaptResults;
 use gaitfit_adapt::fit::Uncertainty;
 use gaitfit_adapt::{LinearSpring, Theta};
@@ -80,6 +81,10 @@ impl AdaptResults {
     /// What the fit says of springs, a sentence each.
     pub fn springs_in_words(&self) -> Vec<String> {
         if let Some(odd) = &self.odd_joints {
+            let stands_out = self.fits.first().and_then(|fit| outliers::sentence(&fit.doubts));
+            if let Some(sentence) = stands_out.filter(|_| odd.odd.is_empty()) {
+                return vec![sentence];
+            }
             return odd.sentences(&self.springs);
         }
         let sure = self.springs.iter().filter(|spring| spring.rest.is_some());

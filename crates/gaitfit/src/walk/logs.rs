@@ -25,20 +25,6 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Findings about parts of a log that are cut out of it, about joints that the policy does not move, and about parts of the
-/// base's state that are not used where they have holes.
-const CUT: [FindingKind; 8] = [
-    // Judged once all logs are read: the policy may show how the unit is mounted.
-    FindingKind::ImuMounting,
-    FindingKind::TimeGap,
-    FindingKind::Stuck,
-    FindingKind::Lying,
-    FindingKind::Fallen,
-    FindingKind::Hanging,
-    FindingKind::MissingJoint,
-    FindingKind::TooShort,
-];
-
 /// Counted data that a fit needs, s.
 const LEAST_S: f64 = 10.0;
 
@@ -270,7 +256,9 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
     let mut findings = report.findings();
     findings.extend(check(&trajectory, &CheckSpec::of_robot(model, &trajectory.joints)));
     let findings = log_check::allowed(findings, &config.allow, &report.allowed);
-    log_check::refuse(&findings, &file.path, &CUT)?;
+    // How the unit is mounted is judged once all logs are read: the policy may show it.
+    let later: Vec<FindingKind> = log_check::PARTS.into_iter().chain([FindingKind::ImuMounting]).collect();
+    log_check::refuse(&findings, &file.path, &later)?;
     let drives = |finding: &&Finding| finding.kind == FindingKind::FeedForward;
     if let Some(drives) =
         findings.iter().find(drives).filter(|_| !config.allow.contains(&FindingKind::FeedForward))
