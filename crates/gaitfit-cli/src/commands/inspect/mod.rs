@@ -45,6 +45,12 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
             log::run(args)
         }
         Some("safetensors" | "onnx" | "toml") => policy(args),
+        // Refused with the lines that convert it.
+        Some("pth" | "jit" | "ptl") => policy(args),
+        Some("pt") => policy(args).map_err(|mut failure| {
+            failure.message.push_str("\nIf it is a recording, read it by `gaitfit import`.");
+            failure
+        }),
         _ => Err(Failure::usage(format!(
             "{}: neither a robot (.xml, .mjcf, .urdf), a log (.csv), a folder of logs, nor a policy (.safetensors, \
              .onnx, .toml)",
