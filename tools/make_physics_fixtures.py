@@ -1,4 +1,4 @@
-"""Writes the physics fixtures: states and short rollouts of eight robots, computed with MuJoCo in float64.
+"""Writes the physics fixtures: states and short rollouts of nine robots, computed with MuJoCo in float64.
 
 Reads the MJCF files beside the fixtures (crates/gaitfit-physics/tests/fixtures/*.xml) and writes one .npz per robot
 and option variant; README.md in that folder describes every array. The same MuJoCo version gives the same numbers.
@@ -63,6 +63,11 @@ VARIANTS = {
     "tripod": [
         Variant("pyr_imp1_fl_implicitfast", integrator=IMPLICITFAST),
         Variant("ell_imp1_nofl", ELLIPTIC, frictionloss=False),
+    ],
+    "drag": [
+        Variant("pyr_imp1_fl"),
+        Variant("ell_imp1_fl_implicitfast", ELLIPTIC, integrator=IMPLICITFAST),
+        Variant("pyr_imp1_nofl_noeulerdamp", frictionloss=False, eulerdamp=False),
     ],
     "crab": [Variant("pyr_imp1_fl"), Variant("ell_imp10_nofl", ELLIPTIC, 10, frictionloss=False)],
     "twins": [Variant("pyr_imp1_nofl_implicitfast", integrator=IMPLICITFAST, frictionloss=False), Variant("ell_imp1_fl", ELLIPTIC)],

@@ -239,7 +239,10 @@ impl<'c, 's> BodyReader<'c, 's> {
         a.finish(self.ctx)?;
         match form.finish(self.ctx, element, self.compiler, scope.frame)? {
             Finished::Dropped => {}
-            Finished::Free => self.add_free(element, scope)?,
+            Finished::Free(free) => {
+                self.add_free(element, scope)?;
+                self.bodies[scope.body].free_joint = Some(free).filter(|free| !free.is_plain());
+            }
             Finished::Hinge(joint) => {
                 self.joints += 1;
                 if self.joints > MAX_JOINTS {

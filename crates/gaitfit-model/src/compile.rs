@@ -4,7 +4,7 @@ use crate::attributes::Context;
 use crate::contact::{candidates, numbered, self_collisions};
 use crate::error::ModelError;
 use crate::keyframes::fill_keyframes;
-use crate::model::{Body, Geom, Model, Plane, Root, Shape};
+use crate::model::{Body, FreeJoint, Geom, Model, Plane, Root, Shape};
 use crate::names::name_everything;
 use crate::orientation::compose;
 use crate::own::Parts;
@@ -73,6 +73,7 @@ pub(crate) fn compile(
         pairs: Vec::new(),
         self_pairs: Vec::new(),
         parts: Parts::new(&spec, &welds, &member),
+        free_joint: free_joint(&spec, root).filter(|_| attachment == Root::Floating),
         actuators: Vec::new(),
         keyframes: Vec::new(),
         sites: Vec::new(),
@@ -176,6 +177,18 @@ fn attach(ctx: &Context, spec: &Spec, root: usize, wanted: Option<Root>) -> Resu
         Some(other) => Ok(other),
         None => Ok(own),
     }
+}
+
+/// What resists the motion of the root's free joint, less what the file's flags switch off.
+fn free_joint(spec: &Spec, root: usize) -> Option<FreeJoint> {
+    let mut free = spec.bodies[root].free_joint?;
+    if spec.disabled.frictionloss {
+        free.frictionloss = 0.0;
+    }
+    if spec.disabled.damper {
+        free.damping = 0.0;
+    }
+    (!free.is_plain()).then_some(free)
 }
 
 /// For every body the topmost body it is rigidly joined to; 0 is the world.

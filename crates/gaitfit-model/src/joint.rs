@@ -2,7 +2,7 @@
 
 use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
-use crate::model::Joint;
+use crate::model::{FreeJoint, Joint};
 use crate::options::Compiler;
 use crate::rotation::{Quat, Vec3, add, rotate, unit};
 use crate::shown::shown_number;
@@ -44,7 +44,7 @@ impl Default for JointForm {
 /// What a `<joint>` turned out to be.
 pub(crate) enum Finished {
     Hinge(Box<Joint>),
-    Free,
+    Free(FreeJoint),
     /// Refused, but read leniently.
     Dropped,
 }
@@ -103,16 +103,21 @@ impl JointForm {
         match TYPES[self.kind] {
             "free" => {
                 let j = &self.joint;
-                if [j.armature, j.damping, j.frictionloss, j.stiffness].iter().any(|v| *v != 0.0) {
+                if j.stiffness != 0.0 {
                     ctx.refuse(
                         at,
                         element.label(),
-                        "armature, damping, friction loss or stiffness on the free joint (perhaps from a \
-                         default class) are not simulated",
+                        "stiffness of the free joint (perhaps from a default class) is not simulated",
                         "use <freejoint/>, which takes no defaults",
                     )?;
                 }
-                return Ok(Finished::Free);
+                return Ok(Finished::Free(FreeJoint {
+                    armature: j.armature,
+                    damping: j.damping,
+                    frictionloss: j.frictionloss,
+                    solref_friction: j.solref_friction,
+                    solimp_friction: j.solimp_friction,
+                }));
             }
             "hinge" => {}
             other => {

@@ -20,6 +20,28 @@ pub enum Root {
     Fixed,
 }
 
+/// Armature, damping and friction loss of a free joint: the same for each of its six degrees of freedom, as in MuJoCo.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FreeJoint {
+    /// Inertia added to each, kg and kg·m².
+    pub armature: f64,
+    /// Force against the velocity of each, N·s/m and N·m·s/rad.
+    pub damping: f64,
+    /// Dry friction of each, N and N·m.
+    pub frictionloss: f64,
+    /// `solref` of the friction loss.
+    pub solref_friction: [f64; 2],
+    /// `solimp` of the friction loss.
+    pub solimp_friction: [f64; 5],
+}
+
+impl FreeJoint {
+    /// Whether nothing resists the motion.
+    pub fn is_plain(&self) -> bool {
+        [self.armature, self.damping, self.frictionloss] == [0.0; 3]
+    }
+}
+
 /// A robot ready for simulation. Immutable; per-environment changes live in the simulator's parameters.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Model {
@@ -48,6 +70,9 @@ pub struct Model {
     /// What the file says of its own parts.
     #[serde(skip)]
     pub parts: Parts,
+    /// What resists the motion of a floating base besides its inertia; absent where nothing does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub free_joint: Option<FreeJoint>,
     /// Actuators in file order: one scalar each of `ctrl`.
     pub actuators: Vec<Actuator>,
     /// Named states.

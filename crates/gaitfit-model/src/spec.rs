@@ -1,7 +1,7 @@
 //! What both readers fill: bodies below the world, resolved to SI units, before one robot is chosen.
 
 use crate::inertia::Inertial;
-use crate::model::{Actuator, ContactPair, Joint, Options, Shape, Site};
+use crate::model::{Actuator, ContactPair, FreeJoint, Joint, Options, Shape, Site};
 use crate::rotation::{IDENTITY, Quat, Vec3};
 use crate::terrain::{Ground, HeightField};
 use crate::xml::At;
@@ -63,6 +63,8 @@ pub(crate) struct BodySpec {
     pub inertial: Inertial,
     /// Position of the free joint element, if any.
     pub free: Option<At>,
+    /// What resists the motion of the free joint.
+    pub free_joint: Option<FreeJoint>,
     /// Hinges; `body` is not set yet.
     pub joints: Vec<(Joint, At)>,
     pub geoms: Vec<GeomSpec>,
@@ -172,6 +174,7 @@ impl BodySpec {
             quat: IDENTITY,
             inertial: crate::inertia::MASSLESS,
             free: None,
+            free_joint: None,
             joints: Vec::new(),
             geoms: Vec::new(),
             sites: Vec::new(),

@@ -170,8 +170,20 @@ pub fn compile<T: Real>(model: &Model, settings: &Settings) -> Result<Tree<T::K>
         }
     }
     let own = own::compile::<T>(model, settings, &seats, &mut links, &segments, &mut touching)?;
+    let free = model.free_joint.filter(|_| floating).map(|free| {
+        let d = impedance_at_zero(&free.solimp_friction);
+        let (_, b, gain) = reference(&free.solref_friction, free.solimp_friction[1], settings);
+        FreeJoint {
+            armature: k(free.armature),
+            damping: k(free.damping),
+            frictionloss: k(free.frictionloss),
+            friction_weight: k(d / (1.0 - d) * gain),
+            friction_b: k(b),
+        }
+    });
     Ok(Tree {
         floating,
+        free,
         root_position: k3(if floating { [0.0; 3] } else { model.bodies[0].pos }),
         gravity: k3(model.options.gravity),
         links,

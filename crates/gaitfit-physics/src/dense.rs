@@ -13,6 +13,8 @@ use crate::{Drive, Params};
 /// What a constraint row belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RowKind {
+    /// Dry friction of the free joint (degree of freedom: along the world's axes, then about the base's own).
+    Free(usize),
     /// Dry friction of a joint (index of the joint).
     Friction(usize),
     /// Limit of a joint (index of the joint).
@@ -123,6 +125,11 @@ pub fn mass_matrix(tree: &Tree<f64>, params: &Params<f64>, state: &State<f64>) -
             }
         }
     }
+    if let Some(free) = &tree.free {
+        for dof in 0..6 {
+            m[dof * (n + 1)] += free.armature;
+        }
+    }
     let first = n - tree.joints();
     for (j, joint) in params.joints.iter().enumerate() {
         m[(first + j) * (n + 1)] += joint.armature;
@@ -166,6 +173,21 @@ pub fn constraint_rows(
         row
     };
     let mut rows = Vec::new();
+    let rubbing = tree.free.iter().filter(|free| free.frictionloss > 0.0);
+    for own in rubbing.flat_map(|_| &work.free) {
+        for dof in 0..6 {
+            let mut jacobian = vec![0.0; n];
+            jacobian[dof] = 1.0;
+            let (part, axis) = (1 - dof / 3, dof % 3);
+            let d = own.friction_d[part];
+            rows.push(Row {
+                kind: RowKind::Free(dof),
+                jacobian,
+                aref: -own.friction_bias[part][axis] / d,
+                d,
+            });
+        }
+    }
     for (j, joint) in work.joints.iter().enumerate() {
         if params.joints[j].frictionloss > 0.0 {
             rows.push(Row {

@@ -4,6 +4,8 @@
 //! apart; `dof_invweight0` the diagonal of M⁻¹ (MuJoCo, `mj_setConst`). Both depend on masses and armature, so
 //! they are made anew for every robot whose parameters change.
 
+use std::ops::Range;
+
 use gaitfit_model::Model;
 
 use crate::compile::compile;
@@ -21,6 +23,8 @@ pub(crate) struct Invweights {
     pub bodies: Vec<[f64; 2]>,
     /// One a joint, 1/(kg·m²).
     pub joints: Vec<f64>,
+    /// Of a floating base's translation (1/kg) and rotation (1/(kg·m²)), each the mean over three axes; else 1.
+    pub free: [f64; 2],
 }
 
 /// Inverse inertias with the given link inertias, changed bodies and armature.
@@ -37,6 +41,7 @@ pub(crate) fn invweights(
         links: links.to_vec(),
         joints: armature.iter().map(joint).collect(),
         pairs: vec![PairInvweight { translation: 1.0, rotation: 1.0 }; tree.pairs.len()],
+        free: vec![1.0; tree.free_weights()],
         friction_scale: 1.0,
     };
     let mut state = State::<f64>::new(&tree);
@@ -86,14 +91,15 @@ pub(crate) fn invweights(
         })
         .collect();
     let first = n - tree.joints();
-    let joints = (0..tree.joints())
-        .map(|j| {
-            let mut e = vec![0.0; n];
-            e[first + j] = 1.0;
-            inverse_form(&factor, n, &e)
-        })
-        .collect();
-    Ok(Invweights { bodies, joints })
+    let of = |dof: usize| {
+        let mut e = vec![0.0; n];
+        e[dof] = 1.0;
+        inverse_form(&factor, n, &e)
+    };
+    let joints = (0..tree.joints()).map(|j| of(first + j)).collect();
+    let mean = |dofs: Range<usize>| dofs.map(of).sum::<f64>() / 3.0;
+    let free = if tree.floating { [mean(0..3), mean(3..6)] } else { [1.0; 2] };
+    Ok(Invweights { bodies, joints, free })
 }
 
 /// Lower Cholesky factor, row-major.

@@ -18,6 +18,7 @@ mod drive;
 mod dual;
 mod error;
 mod forward;
+mod free;
 pub mod in_f64;
 mod invweight;
 mod joint_parameter;

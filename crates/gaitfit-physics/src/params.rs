@@ -68,6 +68,9 @@ pub struct Params<T> {
     pub joints: Vec<JointParams<T>>,
     /// One a compiled contact pair, in `Tree` order; then one a pair of own parts, the sum of both bodies'.
     pub pairs: Vec<PairInvweight<T>>,
+    /// Inertia that a free joint sees at the reference pose, kg and kg·m²: translation and rotation, each a mean over three
+    /// axes (the reciprocals of MuJoCo's `dof_invweight0`); empty where nothing but inertia resists the base.
+    pub free: Vec<T>,
     /// Factor on all contact friction coefficients.
     pub friction_scale: T,
 }
@@ -89,6 +92,7 @@ macro_rules! params_numbers {
             $visit(Slot::of(Owner::Pair(p), "translation"), $($reference)+ pair.translation);
             $visit(Slot::of(Owner::Pair(p), "rotation"), $($reference)+ pair.rotation);
         }
+        all(&mut $visit, Slot::of(Owner::Base, "free_weight"), $($reference)+ $params.free);
         $visit(Slot::of(Owner::Base, "friction_scale"), $($reference)+ $params.friction_scale);
     };
 }
@@ -105,6 +109,7 @@ impl<T: Real> Params<T> {
             links: vec![LinkInertia { mass: z, com: zero3(), inertia: [z; 6] }; links],
             joints: vec![JointParams::uniform(z); joints],
             pairs: vec![PairInvweight { translation: z, rotation: z }; pairs],
+            free: Vec::new(),
             friction_scale: z,
         }
     }
@@ -124,6 +129,7 @@ impl<T: Real> Params<T> {
         }
         let Some(first) = sets.first() else { return Self::zeros(0, 0, 0) };
         let mut packed = Self::zeros(first.links.len(), first.joints.len(), first.pairs.len());
+        packed.free = vec![T::zero(); first.free.len()];
         let mut columns = columns.iter();
         packed.visit_mut(|_, number| {
             if let Some(column) = columns.next() {

@@ -196,7 +196,11 @@ impl Robot {
         }
         let joints =
             weights.joints.iter().enumerate().map(|(j, weight)| self.joint_params(j, 1.0 / weight)).collect();
-        Ok(Params { links, joints, pairs, friction_scale: self.friction_scale })
+        let free = match model.free_joint {
+            Some(_) if floating => weights.free.map(|weight| 1.0 / weight).to_vec(),
+            _ => Vec::new(),
+        };
+        Ok(Params { links, joints, pairs, free, friction_scale: self.friction_scale })
     }
 
     /// How each body of the model differs from its file, by the link that it is part of. Whatever the numbers, a body is

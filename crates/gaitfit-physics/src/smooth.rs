@@ -6,6 +6,7 @@
 
 use crate::contact::{impedance, link_contacts};
 use crate::drive::Drive;
+use crate::free;
 use crate::own::own_contacts;
 use crate::spatial::{Rigid, V6, add6, axpy6, dot6, dot6_add, zero6};
 use crate::state::{Motion, Pose, State, Work};
@@ -65,6 +66,7 @@ pub(crate) fn smooth<T: Real>(
             _ => walk::<T, 3>(&pass, index, work),
         }
     }
+    free::prepare(tree, params, state, work);
     for index in 0..tree.touching.len() {
         link_contacts(&pass, index, origin, origin_velocity, work);
     }

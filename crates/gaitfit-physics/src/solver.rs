@@ -9,6 +9,7 @@ use core::ops::Range;
 
 use crate::cone::{Kinks, ellipse, ellipse_line, ellipse3, pyramid, pyramid_line, pyramid3, pyramid3_line};
 use crate::contact::components;
+use crate::free;
 use crate::own;
 use crate::segment::{Wanted, back_substitute, eliminate};
 use crate::separate::separate;
@@ -84,6 +85,7 @@ separate! {
         work.nodes[0].step_wrench = zero6();
         if tree.floating {
             root_contacts(tree, hessian, work);
+            free::terms(tree, hessian, state, work);
             let root = &work.nodes[0];
             step = root.inertia.solve_neg(root.residual);
             slope = slope + dot6(root.residual, step);
@@ -104,6 +106,9 @@ separate! {
         }
         if tree.floating && wanted == Wanted::Everything {
             slope = slope - point_steps(tree, tree.links[0].pairs.clone(), step, work);
+            if tree.free.is_some() {
+                slope = slope - free::steps(step, work);
+            }
             work.nodes[0].step_wrench = work.nodes[0].rigid.mul(step);
         }
         work.nodes[0].step = step;
@@ -399,6 +404,9 @@ fn rows_along<T: Real>(
         T::leave(active);
         g = (g.0.merge(active, before.0.0), g.1.merge(active, before.0.1));
         kinks.merge(active, &before.1);
+    }
+    if tree.free.is_some() {
+        g = free::along(tree, alpha, state, work, g);
     }
     if !tree.own.is_empty() {
         g = own::points_along(tree, alpha, work, g, kinks);

@@ -1,6 +1,7 @@
 //! State of one block of environments and the scratch of one step. Made once by the caller.
 
 use crate::Real;
+use crate::free::FreeWork;
 use crate::own::OwnWork;
 use crate::spatial::{Articulated, Rigid, V6, zero6};
 use crate::tree::{SEGMENT, Tree};
@@ -214,6 +215,8 @@ pub struct Work<T: Real> {
     pub(crate) spins: Vec<(V6<T>, Articulated<T>)>,
     /// Pose of each link with contact pairs.
     pub(crate) touching: Vec<Pose<T>>,
+    /// Of a free joint that resists the base's motion; empty without one.
+    pub(crate) free: Vec<FreeWork<T>>,
     /// Contact between own parts. `visit` leaves it out: what is recorded has none.
     pub(crate) own: OwnWork<T>,
 }
@@ -270,6 +273,14 @@ macro_rules! work_numbers {
             $visit(joint("limit_bias"), $($reference)+ own.limit_bias);
             $visit(joint("row"), $($reference)+ own.row);
             $visit(joint("step"), $($reference)+ own.step);
+        }
+        for own in $($reference)+ $work.free {
+            let base = |name| Slot::of(Owner::Base, name);
+            $visit(base("free_implicit"), $($reference)+ own.implicit);
+            all(&mut $visit, base("free_friction_d"), $($reference)+ own.friction_d);
+            all(&mut $visit, base("free_friction_bias"), ($($reference)+ own.friction_bias).into_iter().flatten());
+            all(&mut $visit, base("free_row"), ($($reference)+ own.row).into_iter().flatten());
+            all(&mut $visit, base("free_step"), ($($reference)+ own.step).into_iter().flatten());
         }
         for (j, (sine, cosine)) in ($($reference)+ $work.turns).into_iter().enumerate() {
             $visit(Slot::of(Owner::Joint(j), "sine"), sine);
@@ -376,6 +387,7 @@ impl<T: Real> Work<T> {
             segments: vec![segment; tree.segments.len()],
             joints: vec![joint; tree.joints()],
             limited: vec![T::never(); tree.joints()],
+            free: vec![FreeWork::zero(); usize::from(tree.free.is_some())],
             turns: vec![(z, z); tree.joints()],
             pairs: vec![PairWork { active: T::never(), friction: [z; 5] }; tree.pairs.len()],
             points: vec![point; tree.points],

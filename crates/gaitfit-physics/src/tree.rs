@@ -80,6 +80,20 @@ pub(crate) struct Link<K> {
     pub touching: Option<usize>,
 }
 
+/// What resists the motion of a floating base besides its inertia, alike in its six degrees of freedom.
+#[derive(Clone, Debug)]
+pub(crate) struct FreeJoint<K> {
+    /// Inertia, kg and kg·m².
+    pub armature: K,
+    /// N·s/m and N·m·s/rad.
+    pub damping: K,
+    /// Dry friction, N and N·m.
+    pub frictionloss: K,
+    /// D·invweight of a friction-loss row, and its damping.
+    pub friction_weight: K,
+    pub friction_b: K,
+}
+
 /// Up to three links in a row, eliminated together. Several segments may hang on one node; a node is the root
 /// or the last link of a segment that carries others.
 #[derive(Clone, Debug)]
@@ -168,6 +182,8 @@ pub(crate) struct Pair<K> {
 #[derive(Clone, Debug)]
 pub struct Tree<K> {
     pub(crate) floating: bool,
+    /// What resists the base's motion; absent where nothing does.
+    pub(crate) free: Option<FreeJoint<K>>,
     pub(crate) root_position: [K; 3],
     pub(crate) gravity: [K; 3],
     pub(crate) links: Vec<Link<K>>,
@@ -205,6 +221,11 @@ impl<K> Tree<K> {
     /// Length of `qvel` in MuJoCo's layout.
     pub fn nv(&self) -> usize {
         self.joints() + if self.floating { 6 } else { 0 }
+    }
+
+    /// Numbers of a robot's [`crate::Params::free`].
+    pub(crate) fn free_weights(&self) -> usize {
+        if self.free.is_some() { 2 } else { 0 }
     }
 
     /// For each compiled contact pair, its index in `Model::pairs`.

@@ -42,7 +42,7 @@ fn joined(text: &str) -> String {
     let mut out = String::new();
     for line in text.lines() {
         let bare = line.trim_start();
-        let comment = ["/// ", "//! ", "// ", "# "].iter().find_map(|start| bare.strip_prefix(start));
+        let comment = ["/// ", "//! ", "// "].iter().find_map(|start| bare.strip_prefix(start));
         match (comment, out.ends_with('\\')) {
             (_, true) => {
                 out.pop();
@@ -78,9 +78,13 @@ fn words(line: &str) -> Vec<String> {
             (letter, _) => word.push(letter),
         }
     }
-    let end = all.iter().position(|word| ["#", ">", "|", "…"].contains(&word.as_str())).unwrap_or(all.len());
+    let end =
+        all.iter().position(|word| ["#", ">", "|", "&&", "…"].contains(&word.as_str())).unwrap_or(all.len());
     all.truncate(end);
-    all.retain(|word| !word.starts_with('$'));
+    // A variable of the shell is an option's value, or options.
+    let value = |at: usize| at > 0 && all[at - 1].starts_with("--");
+    let kept = (0..all.len()).filter(|&at| !all[at].starts_with('$') || value(at));
+    let all: Vec<String> = kept.map(|at| all[at].replace('$', "")).collect();
     // What a message fills in.
     all.into_iter()
         .map(|word| if word.contains('{') && !word.contains(',') { "FILLED".to_owned() } else { word })
@@ -149,7 +153,7 @@ fn wrong(advice: &Advice) -> Option<String> {
     let error = Cli::read(&arguments).err()?;
     let last_is_option = advice.words.last().is_some_and(|word| word.starts_with("--"));
     let placeholder = |word: &String| {
-        word.len() > 1 && word.chars().all(|letter| letter.is_uppercase() || "_|.".contains(letter))
+        word.len() > 1 && word.chars().all(|letter| letter.is_uppercase() || "_|.,".contains(letter))
     };
     let filled = advice.words.iter().any(placeholder);
     let fine = match error.kind() {
@@ -166,13 +170,20 @@ fn wrong(advice: &Advice) -> Option<String> {
 /// Reads settings as the configuration of a command; `None` for a command without one.
 fn read_settings(command: &str, sets: &[String]) -> Option<Result<(), String>> {
     fn read<C: Configuration>(sets: &[String]) -> Result<(), String> {
-        load::<C>(None, sets).map(|_| ()).map_err(|error| error.to_string())
+        read_upon::<C>(None, sets)
+    }
+    fn read_upon<C: Configuration>(file: Option<&Path>, sets: &[String]) -> Result<(), String> {
+        load::<C>(file, sets).map(|_| ()).map_err(|error| error.to_string())
     }
     Some(match command {
         "adapt" | "sensitivity" | "validate" => read::<AdaptConfig>(sets),
         "train" => read::<TrainConfig>(sets),
         "finetune" => read::<FinetuneConfig>(sets),
-        "loop" | "reproduce" => read::<LoopConfig>(sets),
+        // A loop's settings need a target to change.
+        "loop" | "reproduce" => {
+            let file = root().join("experiments/spring-residact-wass.toml");
+            read_upon::<LoopConfig>(Some(&file), sets)
+        }
         _ => return None,
     })
 }

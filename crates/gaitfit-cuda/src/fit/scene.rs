@@ -99,6 +99,10 @@ impl Subject<'_> {
             let what = "contact between the robot's own parts (self_contact)";
             return Err(FitError::Unsupported(what.to_owned()));
         }
+        if model.free_joint.is_some() {
+            let what = "armature, damping or friction loss of the free joint";
+            return Err(FitError::Unsupported(what.to_owned()));
+        }
         let options = PeriodOptions { substeps, taps, lanes: LANES, emit: EmitOptions::default() };
         let networks = traced(model, &candidate.networks)?;
         let forces = matches!(self, Self::Walk(..));

@@ -94,6 +94,9 @@ fn check_robots(task: &Task, candidates: &[Candidate]) -> Result<(), RolloutErro
     if task.walker.touches_itself() {
         return unsupported("contact between the robot's own parts (self_contact)");
     }
+    if task.walker.model().free_joint.is_some() {
+        return unsupported("armature, damping or friction loss of the free joint");
+    }
     Ok(())
 }
 

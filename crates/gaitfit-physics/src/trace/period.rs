@@ -138,6 +138,7 @@ pub fn record_period_with(
         let mut state = State::<Traced>::new(tree);
         state.visit_mut(|slot, number| *number = input(Input::State(slot)));
         let mut params = Params::<Traced>::zeros(tree.links.len(), joints, tree.pairs.len());
+        params.free = vec![Traced::zero(); tree.free_weights()];
         let fixed: HashMap<Slot, f64> = report.fixed.iter().copied().collect();
         params.visit_mut(|slot, number| {
             let own = input(Input::Params(slot));

@@ -106,6 +106,9 @@ pub fn variant(model: &Model, data: &Arrays) -> Model {
     for (joint, loss) in model.joints.iter_mut().zip(&data.all("frictionloss")[first..]) {
         joint.frictionloss = *loss;
     }
+    if let Some(free) = &mut model.free_joint {
+        free.frictionloss = data.all("frictionloss")[0];
+    }
     for plane in &mut model.planes {
         plane.pos.copy_from_slice(data.all("plane_pos"));
         plane.quat.copy_from_slice(data.all("plane_quat"));

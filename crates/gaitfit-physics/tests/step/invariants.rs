@@ -287,6 +287,10 @@ fn imbalance(model: &Model, q: &[f64], v: &[f64], torques: &[f64], warm: &[f64])
         let pull = row.d * (along - row.aref);
         let force = match row.kind {
             RowKind::Friction(j) => -pull.clamp(-model.joints[j].frictionloss, model.joints[j].frictionloss),
+            RowKind::Free(_) => {
+                let loss = model.free_joint.map_or(0.0, |free| free.frictionloss);
+                -pull.clamp(-loss, loss)
+            }
             RowKind::Limit(_) | RowKind::Contact(..) | RowKind::Own(..) => -pull.min(0.0),
         };
         for (sum, j) in sum.iter_mut().zip(&row.jacobian) {

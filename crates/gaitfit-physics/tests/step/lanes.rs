@@ -170,6 +170,13 @@ fn humanoid_converges_to_f64() {
     each_isa!(against_f64(&model, "states_humanoid_pyr_imp1_fl", 1e-4));
 }
 
+/// Armature, damping and dry friction of the free joint.
+#[test]
+fn a_dragged_base_converges_to_f64() {
+    let model = robot("drag");
+    each_isa!(against_f64(&model, "states_drag_pyr_imp1_fl", 1e-4));
+}
+
 /// Balls and rods on a height field and on boxes.
 #[test]
 fn uneven_ground_converges_to_f64() {

@@ -61,6 +61,15 @@ fn states_of_the_tripod() {
     compare_states("tripod");
 }
 
+/// Armature, damping and dry friction of the free joint.
+#[test]
+fn states_of_a_base_that_is_dragged() {
+    let model = robot("drag");
+    let free = model.free_joint.unwrap();
+    assert_eq!([free.armature, free.damping, free.frictionloss], [0.3, 0.8, 2.5]);
+    compare_states("drag");
+}
+
 /// Balls on a height field and on boxes, rods on boxes, where MuJoCo's contacts are the same points (later steps may leave
 /// that).
 #[test]

@@ -119,6 +119,11 @@ fn recorded_elliptic_step_equals_f64() {
     compare(&model, Preset::Accurate, "states_go2_ell_imp1_nofl");
 }
 
+#[test]
+fn recorded_step_of_a_dragged_base_equals_f64() {
+    compare(&robot("drag"), Preset::Accurate, "states_drag_pyr_imp1_fl");
+}
+
 /// Nodes and regions of a program.
 fn counts(model: &Model, settings: &Settings, substeps: usize) -> (usize, usize) {
     let graph = recorded(model, settings, substeps).graph;
