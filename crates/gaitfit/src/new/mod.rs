@@ -30,10 +30,10 @@ pub struct NewSettings {
     pub logs: Vec<PathBuf>,
     /// Where the configuration goes.
     pub out: Option<PathBuf>,
-    /// Position gain of all joints, N·m/rad, where the logs do not state theirs.
-    pub kp: Option<f64>,
-    /// Velocity gain of all joints, N·m·s/rad.
-    pub kd: Option<f64>,
+    /// Position gains, N·m/rad, where the logs do not state theirs.
+    pub kp: Option<PerJoint>,
+    /// Velocity gains, N·m·s/rad.
+    pub kd: Option<PerJoint>,
     /// Drop what the engine does not honour in the robot file.
     pub lenient: bool,
 }
@@ -130,9 +130,9 @@ fn complete<'a>(settings: &'a NewSettings, policy: Option<&Policy>) -> Result<&'
 
 /// The gains of logs that do not state theirs: as asked, or those of the robot file's position actuators.
 fn gains(settings: &NewSettings, model: &Model, logs: &Logs) -> Result<Option<Gains>, Error> {
-    match (settings.kp, settings.kd) {
+    match (&settings.kp, &settings.kd) {
         (Some(kp), Some(kd)) => {
-            return Ok(Some(Gains { kp: PerJoint::All(kp), kd: PerJoint::All(kd), source: "as given" }));
+            return Ok(Some(Gains { kp: kp.clone(), kd: kd.clone(), source: "as given" }));
         }
         (None, None) => {}
         _ => return Err(Error::settings("missing: --kp and --kd belong together; give both")),
@@ -144,7 +144,7 @@ fn gains(settings: &NewSettings, model: &Model, logs: &Logs) -> Result<Option<Ga
         (0..model.joints.len()).map(|joint| init::servo(model, joint)).collect();
     let Some(servos) = servos.filter(|servos| !servos.is_empty()) else {
         return Err(Error::settings(
-            "missing: --kp N and --kd N, the PD gains while the logs were recorded; neither the logs nor the robot \
+            "missing: --kp N and --kd N (or a table such as '{ \"*_hip\" = 20, \"*\" = 40 }'), the PD gains while the logs were recorded; neither the logs nor the robot \
              file's actuators state them",
         ));
     };
