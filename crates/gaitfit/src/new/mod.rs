@@ -93,6 +93,13 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
         None => robot::go2()?,
     };
     let logs = Logs::read(&settings.logs, &model)?;
+    if let Some(log) = logs.files.iter().find(|log| is_sidecar(out, log)) {
+        return Err(Error::settings(format!(
+            "--out {}: a file of that name beside {} describes that log; give the configuration another name",
+            out.display(),
+            log.display()
+        )));
+    }
     if policy.is_none() && logs.commands {
         return Err(Error::settings(
             "the logs have commands, so the robot walked; also give --policy, the policy that walked \
@@ -104,6 +111,15 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     let found = Found { settings, out, model, policy, logs, gains, groups };
     files::write(out, found.text().as_bytes())?;
     Ok(found.checked())
+}
+
+/// Whether `file` would be read as the file that describes `log`.
+fn is_sidecar(file: &Path, log: &Path) -> bool {
+    let whole = |path: &Path| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::canonicalize(folder).ok().map(|folder| folder.join(path.file_name().unwrap_or_default()))
+    };
+    whole(&log.with_extension("toml")).is_some_and(|sidecar| whole(file) == Some(sidecar))
 }
 
 /// The output, if everything is given that cannot be guessed.

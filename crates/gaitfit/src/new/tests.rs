@@ -96,6 +96,10 @@ fn what_is_missing_is_asked_for_by_name() {
     assert_eq!(write(&given).unwrap().problem, None);
     std::fs::remove_file(given.out.as_ref().unwrap()).unwrap();
 
+    // The file that describes a log.
+    let beside = NewSettings { out: Some(bare.with_extension("toml")), ..given.clone() };
+    assert!(refused(&beside).contains("give the configuration another name"));
+
     // Joints that the robot does not have.
     std::fs::write(&bare, lines.join("\n").replace("FL_hip", "arm")).unwrap();
     let asked = refused(&given);
