@@ -1,5 +1,6 @@
 //! Arguments of the commands about logs and runs.
 
+use super::excite::Gain;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -59,12 +60,12 @@ pub struct New {
     /// What recordings do not say: joints, units, columns (see `gaitfit import --mapping`)
     #[arg(long, value_name = "FILE.toml")]
     pub mapping: Option<PathBuf>,
-    /// Position gain, N·m/rad, if the logs do not state it
+    /// Position gains, N·m/rad, if the logs do not state them: a number, or a table such as '{ "*_hip" = 20, "*" = 40 }'
     #[arg(long, value_name = "KP")]
-    pub kp: Option<f64>,
-    /// Velocity gain, N·m·s/rad, if the logs do not state it
+    pub kp: Option<Gain>,
+    /// Velocity gains, N·m·s/rad, if the logs do not state them
     #[arg(long, value_name = "KD")]
-    pub kd: Option<f64>,
+    pub kd: Option<Gain>,
     /// Drop what the engine does not honour in the robot file, instead of refusing it
     #[arg(long)]
     pub lenient: bool,

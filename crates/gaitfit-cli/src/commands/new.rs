@@ -6,6 +6,7 @@ use crate::exit::{Exit, Failure};
 use crate::output;
 use gaitfit::files::{self, Output};
 use gaitfit::new::{self, NewSettings, Written};
+use gaitfit_log::ReadOptions;
 use gaitfit_model::{shown, shown_path};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -21,8 +22,8 @@ pub fn run(args: &New) -> Result<(), Failure> {
         policy: args.policy.clone(),
         logs: Vec::new(),
         out: args.out.clone(),
-        kp: args.kp,
-        kd: args.kd,
+        kp: args.kp.clone().map(|gain| gain.0),
+        kd: args.kd.clone().map(|gain| gain.0),
         lenient: args.lenient,
     };
     let mut assumed = Vec::new();
@@ -61,7 +62,8 @@ fn logs(path: &Path, args: &New, out: &Path, assumed: &mut Vec<String>) -> Resul
         return Err(Failure::usage(format!("--logs {}: there is no such file or folder", path.display())));
     }
     let recordings: Vec<PathBuf> = match path.is_dir() {
-        false if ending(path).as_deref() == Some("csv") && args.mapping.is_none() => {
+        // A .csv file of another program is a recording.
+        false if ending(path).as_deref() == Some("csv") && is_log(path, args) => {
             return Ok(vec![path.to_owned()]);
         }
         false => vec![path.to_owned()],
@@ -95,6 +97,11 @@ fn logs(path: &Path, args: &New, out: &Path, assumed: &mut Vec<String>) -> Resul
         logs.push(log);
     }
     Ok(logs)
+}
+
+/// Whether a .csv file is a log as it stands, not one of another program.
+fn is_log(path: &Path, args: &New) -> bool {
+    args.mapping.is_none() && gaitfit_log::read_csv(path, &ReadOptions::default()).is_ok()
 }
 
 fn text(written: &Written) -> String {

@@ -1,6 +1,7 @@
 //! A headless Chromium driven over its debugging pipe: messages are JSON, each ended by a zero byte.
 //!
 //! <https://chromedevtools.github.io/devtools-protocol/>
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use serde_json::{Value, json};
 use std::fs;

@@ -177,8 +177,8 @@ fn links(folder: &RunFolder, results: &Results) -> Vec<Link> {
     let mut links = Vec::new();
     for round in &results.rounds {
         let number = round.round;
-        links.push(link(format!("{} (ONNX)", round.after), format!("policies/policy-{number}.onnx")));
-        links.push(link(round.after.clone(), format!("policies/policy-{number}.safetensors")));
+        links.push(link(format!("Policy {} (ONNX)", round.after), format!("policies/policy-{number}.onnx")));
+        links.push(link(format!("Policy {}", round.after), format!("policies/policy-{number}.safetensors")));
         links.push(link(format!("Fit of round {number}"), format!("round-{number}/adapt/report.html")));
         links.push(link(
             format!("Training of round {number}"),

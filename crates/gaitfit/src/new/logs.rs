@@ -3,7 +3,7 @@
 use crate::Error;
 use gaitfit_log::{CheckSpec, FindingKind, ReadOptions, Severity, check, csv_files, read_csv_report};
 use gaitfit_model::Model;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What the logs hold.
 #[derive(Debug)]
@@ -60,7 +60,7 @@ impl Logs {
         Ok(logs)
     }
 
-    fn add(&mut self, file: &PathBuf, model: &Model) -> Result<(), Error> {
+    fn add(&mut self, file: &Path, model: &Model) -> Result<(), Error> {
         let (log, report) = read_csv_report(file, &ReadOptions::default())?;
         let strange: Vec<&str> =
             log.joints.iter().filter(|name| model.find_joint(name).is_none()).map(String::as_str).collect();

@@ -30,10 +30,10 @@ pub struct NewSettings {
     pub logs: Vec<PathBuf>,
     /// Where the configuration goes.
     pub out: Option<PathBuf>,
-    /// Position gain of all joints, N·m/rad, where the logs do not state theirs.
-    pub kp: Option<f64>,
-    /// Velocity gain of all joints, N·m·s/rad.
-    pub kd: Option<f64>,
+    /// Position gains, N·m/rad, where the logs do not state theirs.
+    pub kp: Option<PerJoint>,
+    /// Velocity gains, N·m·s/rad.
+    pub kd: Option<PerJoint>,
     /// Drop what the engine does not honour in the robot file.
     pub lenient: bool,
 }
@@ -93,6 +93,13 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
         None => robot::go2()?,
     };
     let logs = Logs::read(&settings.logs, &model)?;
+    if let Some(log) = logs.files.iter().find(|log| is_sidecar(out, log)) {
+        return Err(Error::settings(format!(
+            "--out {}: a file of that name beside {} describes that log; give the configuration another name",
+            out.display(),
+            log.display()
+        )));
+    }
     if policy.is_none() && logs.commands {
         return Err(Error::settings(
             "the logs have commands, so the robot walked; also give --policy, the policy that walked \
@@ -104,6 +111,15 @@ pub fn write(settings: &NewSettings) -> Result<Written, Error> {
     let found = Found { settings, out, model, policy, logs, gains, groups };
     files::write(out, found.text().as_bytes())?;
     Ok(found.checked())
+}
+
+/// Whether `file` would be read as the file that describes `log`.
+fn is_sidecar(file: &Path, log: &Path) -> bool {
+    let whole = |path: &Path| {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::canonicalize(folder).ok().map(|folder| folder.join(path.file_name().unwrap_or_default()))
+    };
+    whole(&log.with_extension("toml")).is_some_and(|sidecar| whole(file) == Some(sidecar))
 }
 
 /// The output, if everything is given that cannot be guessed.
@@ -130,9 +146,9 @@ fn complete<'a>(settings: &'a NewSettings, policy: Option<&Policy>) -> Result<&'
 
 /// The gains of logs that do not state theirs: as asked, or those of the robot file's position actuators.
 fn gains(settings: &NewSettings, model: &Model, logs: &Logs) -> Result<Option<Gains>, Error> {
-    match (settings.kp, settings.kd) {
+    match (&settings.kp, &settings.kd) {
         (Some(kp), Some(kd)) => {
-            return Ok(Some(Gains { kp: PerJoint::All(kp), kd: PerJoint::All(kd), source: "as given" }));
+            return Ok(Some(Gains { kp: kp.clone(), kd: kd.clone(), source: "as given" }));
         }
         (None, None) => {}
         _ => return Err(Error::settings("missing: --kp and --kd belong together; give both")),
@@ -144,7 +160,7 @@ fn gains(settings: &NewSettings, model: &Model, logs: &Logs) -> Result<Option<Ga
         (0..model.joints.len()).map(|joint| init::servo(model, joint)).collect();
     let Some(servos) = servos.filter(|servos| !servos.is_empty()) else {
         return Err(Error::settings(
-            "missing: --kp N and --kd N, the PD gains while the logs were recorded; neither the logs nor the robot \
+            "missing: --kp N and --kd N (or a table such as '{ \"*_hip\" = 20, \"*\" = 40 }'), the PD gains while the logs were recorded; neither the logs nor the robot \
              file's actuators state them",
         ));
     };

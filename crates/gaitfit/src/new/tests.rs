@@ -4,6 +4,7 @@
 use super::{NewSettings, write};
 use crate::ErrorKind;
 use crate::settings::{AdaptConfig, LoopConfig, load};
+use gaitfit_log::PerJoint;
 use std::path::{Path, PathBuf};
 
 fn root(path: &str) -> PathBuf {
@@ -88,10 +89,16 @@ fn what_is_missing_is_asked_for_by_name() {
     let settings = NewSettings { logs: vec![bare.clone()], ..air(folder.path()) };
     let asked = refused(&settings);
     assert!(asked.contains("--kp N and --kd N"), "{asked}");
-    assert!(refused(&NewSettings { kp: Some(20.0), ..settings.clone() }).contains("--kp and --kd"));
-    let given = NewSettings { kp: Some(20.0), kd: Some(1.0), ..settings };
+    assert!(
+        refused(&NewSettings { kp: Some(PerJoint::All(20.0)), ..settings.clone() }).contains("--kp and --kd")
+    );
+    let given = NewSettings { kp: Some(PerJoint::All(20.0)), kd: Some(PerJoint::All(1.0)), ..settings };
     assert_eq!(write(&given).unwrap().problem, None);
     std::fs::remove_file(given.out.as_ref().unwrap()).unwrap();
+
+    // The file that describes a log.
+    let beside = NewSettings { out: Some(bare.with_extension("toml")), ..given.clone() };
+    assert!(refused(&beside).contains("give the configuration another name"));
 
     // Joints that the robot does not have.
     std::fs::write(&bare, lines.join("\n").replace("FL_hip", "arm")).unwrap();
