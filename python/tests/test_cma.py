@@ -68,6 +68,22 @@ class Search(Case):
         for other in copies:
             self.assertEqual(other.state, search.state)
 
+    def test_a_state_of_another_search_is_refused(self) -> None:
+        arguments = {"start": [0.0, 0.0], "deviation": [1.0, 1.0], "seed": 2, "lower": [-3.0, -3.0], "upper": [3.0, 3.0]}
+        search = gaitfit.CMA(**arguments)
+        search.tell(rosenbrock(search.ask()))
+        for other, words in (
+            ({"start": [0.0, 0.1]}, "another start"),
+            ({"deviation": [1.0, 2.0]}, "other deviations"),
+            ({"upper": [3.0, 4.0]}, "other bounds"),
+            ({"seed": 3}, "seed 2, the settings say 3"),
+            ({"bounds": "reflect"}, "draws outside the bounds"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(ValueError, words):
+                gaitfit.CMA(**{**arguments, **other}, state=search.state)
+        again = gaitfit.CMA(**arguments, state=search.state)
+        np.testing.assert_array_equal(again.ask(), search.ask())
+
     def test_candidates_that_failed_cost_infinity(self) -> None:
         search = gaitfit.CMA([3.0, 3.0], [1.0, 1.0], seed=2)
         for _ in range(60):

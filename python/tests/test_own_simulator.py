@@ -1,5 +1,6 @@
 """Fits of simulators that are written in Python."""
 
+import dataclasses
 import unittest
 from itertools import count
 
@@ -66,6 +67,25 @@ class OwnSimulator(Case):
             fit(fails, generations=20, seeds=[3, 4], checkpoint=checkpoint)
         resumed = fit(generations=20, seeds=[3, 4], checkpoint=checkpoint)
         self.assertEqual(resumed.document, whole.document)
+        # The same arguments, and the simulator is not asked again.
+        self.assertEqual(fit(fails, generations=20, seeds=[3, 4], checkpoint=checkpoint).document, whole.document)
+        own = recorded()
+        other = dataclasses.replace(own, position=np.asarray(own.position) + 1e-12)
+        for arguments, words in (
+            ({"logs": other}, "its logs are others"),
+            ({"logs": dataclasses.replace(own, joints=["sway"])}, "its joints are swing, and this fit's are sway"),
+            ({"parameters": [dataclasses.replace(PARAMETERS[0], upper=3.5), *PARAMETERS[1:]]}, "the upper bound of"),
+            ({"parameters": [dataclasses.replace(PARAMETERS[0], start=0.7), *PARAMETERS[1:]]}, "the start of"),
+            ({"cost": "matcho"}, "it minimises wass, and this fit minimises matcho"),
+            ({"skip": 1}, "the first 0 samples"),
+            ({"seeds": [3, 5]}, "`seeds` was"),
+            ({"tolerance": 0.5}, "`tolerance` was"),
+            ({"generations": 19}, "the limit is 19 now"),
+        ):
+            with self.subTest(words), self.assertRaisesRegex(gaitfit.GaitfitError, words):
+                fit(**{"generations": 20, "seeds": [3, 4], "checkpoint": checkpoint, **arguments})
+        longer = fit(generations=30, seeds=[3, 4], checkpoint=checkpoint)
+        self.assertEqual(longer.document, fit(generations=30, seeds=[3, 4]).document)
         checkpoint.write_text("{}")
         with self.assertRaisesRegex(gaitfit.GaitfitError, "fit.json"):
             fit(checkpoint=checkpoint)

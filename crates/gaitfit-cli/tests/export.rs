@@ -238,3 +238,19 @@ fn fitted_parameters_become_files_of_other_simulators() {
     assert!(errors(&output).contains("would replace"), "{}", errors(&output));
     assert_eq!(std::fs::read(&own).unwrap(), before);
 }
+
+/// `ulimit -f`, in blocks of 512 or 1,024 bytes.
+#[cfg(unix)]
+#[test]
+fn a_file_beyond_the_limit_of_file_sizes_is_named_and_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("policy.onnx");
+    let program = env!("CARGO_BIN_EXE_gaitfit");
+    let policy = common::root().join("assets/go2-walk.safetensors");
+    let line = format!("ulimit -f 8; exec {program} export {} --onnx {}", policy.display(), out.display());
+    let output = std::process::Command::new("bash").args(["-c", &line]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{:?} {}", output.status, errors(&output));
+    let error = errors(&output);
+    assert!(error.contains("policy.onnx") && error.contains("`ulimit -f`"), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "a temporary file");
+}

@@ -370,6 +370,53 @@ fn signals_without_a_meaning_do_not_end_a_run_and_a_file_beyond_its_limit_damps(
     assert!(String::from_utf8_lossy(&output.stdout).contains("states received"), "no table");
 }
 
+/// The second walk is refused, and the first one's log is whole.
+#[test]
+fn a_folder_that_another_walk_writes_into_is_refused_before_anything_moves() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let shown = out.display().to_string();
+    let script = commands(folder.path(), "0,0.5,0,0\n3,0,0,0\n");
+    let mut first = program();
+    first.args(simulated(&script, &shown)).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut first = first.spawn().unwrap();
+    wait_for_rows(&out, 1, &mut first);
+    let collect = ["collect", WALK, "--trajectories", "1", "--seconds", "1", "--out", &shown];
+    for output in [run(&simulated(&script, &shown)), run(&collect)] {
+        assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
+        assert!(errors(&output).contains("another process is writing logs"), "{}", errors(&output));
+    }
+    let output = first.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", errors(&output));
+    assert!((140..=160).contains(&log(&out).len()), "{} rows", log(&out).len());
+}
+
+#[cfg(unix)]
+#[test]
+fn files_without_an_end_are_no_scripts() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::File::create(path("sparse.csv")).unwrap().set_len(1 << 40).unwrap();
+    assert!(Command::new("mkfifo").arg(path("pipe.csv")).status().unwrap().success());
+    let out = path("out").display().to_string();
+    for (script, words) in [
+        ("/dev/zero".to_owned(), "not a regular file"),
+        (path("sparse.csv").display().to_string(), "larger than 16 MiB"),
+        (path("pipe.csv").display().to_string(), "not a regular file"),
+        (path("none.csv").display().to_string(), "No such file"),
+    ] {
+        let begin = Instant::now();
+        for output in
+            [run(&simulated(&script, &out)), run(&["collect", WALK, "--commands", &script, "--out", &out])]
+        {
+            assert!(!output.status.success() && begin.elapsed() < Duration::from_secs(30), "{script}");
+            let error = errors(&output);
+            assert!(error.contains(&script) && error.len() < 600, "{error}");
+            assert!(error.contains(words) || error.contains("larger than 64 MiB"), "{error}");
+        }
+    }
+}
+
 /// A simulated robot that is interrupted while it is listened to, for a second.
 #[cfg(unix)]
 #[test]
@@ -388,7 +435,8 @@ fn a_run_that_never_moves_says_so_leaves_no_log_and_may_be_repeated() {
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", errors(&output));
     assert!(errors(&output).contains("interrupted; nothing was sent"), "{}", errors(&output));
-    assert_eq!(std::fs::read_dir(&out).unwrap().count(), 0, "logs of nothing");
+    let left = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name());
+    assert!(left.into_iter().all(|name| name == ".lock"), "logs of nothing");
     assert!(output.stdout.is_empty(), "a table of zeros");
     let shown = out.display().to_string();
     let dry = [&simulated(&script, &shown)[..], &["--dry-run"]].concat();

@@ -79,8 +79,7 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
     Ok(bytes)
 }
 
-/// The same file without a checksum: what a policy's own SHA-256 is of ([`crate::Provenance::parent`]), the same in every
-/// version of the program.
+/// The same file without a checksum, as earlier versions wrote it.
 ///
 /// # Errors
 /// As [`write`].

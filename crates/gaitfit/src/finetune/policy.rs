@@ -9,10 +9,12 @@ use std::path::Path;
 /// First updates that only the critic learns in: with the policy's critic, and with a new one.
 const CRITIC_WARMUP: [u32; 2] = [5, 20];
 
-/// Reads a policy, and its SHA-256 as the program writes it: weights and description count, in one file or two.
+/// Reads a policy, and its SHA-256 as the program writes it: weights and description count, in one file or two. Of a
+/// policy without a checksum it is that of a file without one: the sum of a file of an earlier version stays the file's.
 pub fn read(path: &Path) -> Result<(Policy, String), Error> {
     let policy = gaitfit_policy::read(path)?;
-    let bytes = weights::plain(&policy)?;
+    let sealed = gaitfit_policy::unsealed(path)?.is_empty();
+    let bytes = if sealed { weights::write(&policy)? } else { weights::plain(&policy)? };
     Ok((policy, inputs::hash(&bytes)))
 }
 
