@@ -93,7 +93,7 @@ fn lost(time: &[f64], step: f64) -> Vec<Lost> {
         if found.last().is_some_and(|lost| lost.after >= sample) {
             continue;
         }
-        if !(interval > LONG) {
+        if interval.is_nan() || interval <= LONG {
             continue;
         }
         // Up to where a longer interval may have lost more.
@@ -171,7 +171,7 @@ pub(crate) fn line(x: &[f64], y: &[f64]) -> Option<(f64, f64)> {
         xy += x * y;
     }
     let slope = xy / xx;
-    slope.is_finite().then(|| (y0 + mean_y - slope * (x0 + mean_x), slope))
+    slope.is_finite().then_some((y0 + mean_y - slope * (x0 + mean_x), slope))
 }
 
 #[cfg(test)]

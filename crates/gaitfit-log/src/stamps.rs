@@ -214,7 +214,7 @@ fn even(time: &[f64], tick: f64, rate_hz: Option<f64>) -> Option<(Vec<f64>, f64)
     let numbers: Vec<f64> = (0..time.len()).map(|row| row as f64).collect();
     let (start, step) = line(&numbers, time)?;
     // A tick of many rows does not show the interval.
-    if !(step > 0.0) || tick <= 0.0 || tick > 0.1 * step * time.len() as f64 {
+    if step <= 0.0 || tick <= 0.0 || tick > 0.1 * step * time.len() as f64 {
         return None;
     }
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);

@@ -1,6 +1,6 @@
 //! Is time increasing and regular, at the stated rate, with new data in every row?
 
-use super::stats::decimals;
+use super::stats::{decimals, short};
 use super::{FindingKind, Findings, Severity};
 use crate::scale::equal;
 use crate::spacing::spacing;
@@ -72,8 +72,9 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
             _ => "correct the stated rate, or the time column",
         };
         let message = format!(
-            "the stated rate is {} Hz, but samples are {typical:?} s apart ({} Hz); {hint}",
+            "the stated rate is {} Hz, but samples are {} s apart ({} Hz); {hint}",
             shown_number(log.rate_hz),
+            short(typical),
             decimals(1.0 / typical, 4)
         );
         findings.add(FindingKind::RateMismatch, Severity::Error, &[], None, message);

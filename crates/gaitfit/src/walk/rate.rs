@@ -49,7 +49,18 @@ pub fn to_control(log: &Trajectory, control_dt: f64) -> Result<Regular, LogError
     // An action that is stamped a little after the new sample's time was chosen there.
     let early = if ratio > 1.0 { 0.5 * log.dt() } else { 0.0 };
     let trajectory = log.slice(first_change(log, ratio)..log.len())?.resample_early(needed, early)?;
-    Ok(Regular { trajectory, filled: Vec::new(), moved: false })
+    // Rows within a gap of the faster log.
+    let gap = (1.5 * log.dt()).max(0.5 * control_dt);
+    let in_gap = |at: f64| {
+        let next = log.time.partition_point(|time| *time <= at + 1e-9);
+        next > 0
+            && log.time.get(next).is_some_and(|later| {
+                let before = log.time[next - 1];
+                later - before > gap && at - before > 0.25 * log.dt()
+            })
+    };
+    let filled = (0..trajectory.len()).filter(|row| in_gap(trajectory.time[*row])).collect();
+    Ok(Regular { trajectory, filled, moved: false })
 }
 
 /// Sample of the first control period: that at which actions change most often, of every `ratio` samples.
@@ -114,6 +125,21 @@ mod tests {
             let action = log.action.unwrap();
             assert!(action.windows(2).all(|pair| pair[1] == pair[0] + 1.0), "{action:?}");
         }
+    }
+
+    #[test]
+    fn rows_within_a_gap_of_a_faster_log_are_named() {
+        let whole = fast(0, 500.0);
+        let keep = |samples: std::ops::Range<usize>| whole.slice(samples).unwrap();
+        let (mut lost, end) = (keep(0..97), keep(112..200));
+        lost.time.extend(end.time);
+        lost.position.extend(end.position);
+        lost.velocity.extend(end.velocity);
+        lost.action.as_mut().unwrap().extend(end.action.unwrap());
+        let found = to_control(&lost, 0.02).unwrap();
+        // Samples 97 to 111 are missing: the rows of 100 and 110.
+        assert_eq!(found.filled, [10, 11]);
+        assert!(to_control(&whole, 0.02).unwrap().filled.is_empty());
     }
 
     #[test]
