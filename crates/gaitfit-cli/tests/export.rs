@@ -106,12 +106,21 @@ fn a_policy_becomes_a_bundle_and_cpp_and_nothing_is_replaced_silently() {
     assert_eq!(output.status.code(), Some(2), "{}", errors(&output));
     assert!(errors(&output).contains("would replace a file that this command reads"), "{}", errors(&output));
 
+    // With a robot the header has its effort limits.
+    let limited = path("limited");
+    let robot = ["export", walk, "--cpp", &limited, "--robot", "assets/go2.xml", "--json"];
+    let not_said = json(&run(&robot))["not_said"].to_string();
+    assert!(!not_said.contains("effort limits"), "{not_said}");
+    let header = std::fs::read_to_string(format!("{limited}/policy.hpp")).unwrap();
+    assert!(header.contains("kEffortLimit[kJoints]") && header.contains("45.43"), "effort limits");
+
+    let onnx = path("not-written.onnx");
     let lstm = "crates/gaitfit-policy/tests/fixtures/policies/lstm.toml";
     let (fresh, text_file) = (path("fresh"), path("a.txt"));
     for (args, code, message) in [
         (vec!["export", walk, "--cpp", "README.md"], 2, "is a file; name the folder"),
         (vec!["export", walk, "--force"], 2, "--force is for --bundle and --cpp"),
-        (vec!["export", walk, "--cpp", &fresh, "--robot", "assets/go2.xml"], 2, "--bundle"),
+        (vec!["export", walk, "--onnx", &onnx, "--robot", "assets/go2.xml"], 2, "are for --bundle and --cpp"),
         (vec!["export", walk, "--bundle", &fresh, "--lenient"], 2, "--robot"),
         (vec!["export", walk, "--bundle", &fresh, "--robot", "none.xml"], 1, "none.xml"),
         (vec!["export", walk, "--bundle", "/dev/null/bundle"], 1, "cannot make"),

@@ -190,7 +190,9 @@ fn read_settings(command: &str, sets: &[String]) -> Option<Result<(), String>> {
 
 /// The settings that words give by `--set`.
 fn sets(words: &[String]) -> Vec<String> {
-    let pairs = words.windows(2).filter(|pair| pair[0] == "--set" && pair[1].contains('='));
+    let pairs = words
+        .windows(2)
+        .filter(|pair| pair[0] == "--set" && pair[1].contains('=') && pair[1] != "<KEY=VALUE>");
     pairs.map(|pair| pair[1].trim_end_matches([')', ',', '.']).to_owned()).collect()
 }
 

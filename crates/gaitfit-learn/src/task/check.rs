@@ -184,13 +184,12 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
             return refuse(setting, format!("is {}; it must be from 0 to 10000", shown_number(value)));
         }
     }
-    // A base's origin may lie below the floor.
-    let signed = [
-        ("height", settings.height),
-        ("start.pitch", settings.start.pitch),
-        ("fall.height", settings.fall.height),
-    ];
-    for (setting, value) in signed {
+    // A base's origin may lie below the floor; a robot that stands is above where it counts as fallen.
+    let below_floor = settings.height < 0.0 && settings.height > settings.fall.height;
+    if !(below_floor || (0.0..=1e4).contains(&settings.height)) {
+        return refuse("height", format!("is {}; it must be from 0 to 10000", shown_number(settings.height)));
+    }
+    for (setting, value) in [("start.pitch", settings.start.pitch), ("fall.height", settings.fall.height)] {
         if !(-1e4..=1e4).contains(&value) {
             return refuse(setting, format!("is {}; it must be from -10000 to 10000", shown_number(value)));
         }

@@ -124,6 +124,11 @@ fn model(args: &Export, path: &Path, policy: &Policy) -> Result<Option<Model>, F
         note.iter().for_each(|note| output::note(note));
         return Ok(Some(robot::read(&robot, args.lenient || recorded.lenient, Hold::File)?));
     }
+    if args.lenient {
+        return Err(Failure::usage(
+            "--lenient is for a robot's file, and the policy names none; give --robot",
+        ));
+    }
     let go2 = builtin::go2().map_err(Failure::failed)?;
     let interface = &policy.interface;
     let own = interface.robot == go2.name
