@@ -1,4 +1,4 @@
-"""Loads the configurations for mjlab and Isaac Lab that `gaitfit export-theta` wrote, where these packages are installed.
+"""Loads the configurations for mjlab and Isaac Lab that `gaitfit export` wrote, where these packages are installed.
 
 mjlab builds its entity of mjlab_robot.py, and the compiled model must have the joints' numbers and actuators of robot.xml.
 Isaac Lab makes its actuator configuration of isaac_lab.py. Without the package a file is parsed, which is said.

@@ -1,6 +1,6 @@
 """Moves an exported robot in official MuJoCo beside gaitfit's own simulation of it, base clamped, and prints the difference.
 
-FOLDER holds what `gaitfit export-theta` wrote, original.xml, and given.json: joints, position targets at 200 Hz, the first
+FOLDER holds what `gaitfit export` wrote, original.xml, and given.json: joints, position targets at 200 Hz, the first
 angles, and the encoder positions that gaitfit simulated. With "drive" the original robot is driven by load_theta.py and
 drive.py, else robot.xml by its own actuators. Exits with 1 if the joints are more than a tolerance apart (RMS).
 

@@ -1,7 +1,7 @@
 """Do chosen commands make fits more precise than random ones? Measured on robots in official MuJoCo with torque noise.
 
 `gaitfit excite --policy` chooses commands on a robot of guessed numbers, anew for each seed. Then robots with other numbers walk
-in MuJoCo, as long, under the chosen commands and under random ones, and `gaitfit adapt` fits their logs. In the cases below the
+in MuJoCo, as long, under the chosen commands and under random ones, and `gaitfit fit` fits their logs. In the cases below the
 fit has dry friction and armature; viscous damping too; or the robot has logs of a straight walk already, which the choice takes
 into account. What is made is kept; the same command goes on where it was stopped.
 

@@ -1,7 +1,7 @@
 """How well fits find the numbers of a robot that is not the fit's own simulator, and how well their intervals hold.
 
 For each row (how the robot is simulated, how it is fitted), truth (friction and armature of hips, thighs and calves) and seed
-it records walking logs, in official MuJoCo or with `gaitfit collect`, fits them with `gaitfit adapt`, and compares. Rows of
+it records walking logs, in official MuJoCo or with `gaitfit collect`, fits them with `gaitfit fit`, and compares. Rows of
 springs have one on a joint that the fit has to find; each of their seeds has another truth. Each fit is kept; the same
 command goes on where it was stopped.
 
@@ -227,7 +227,7 @@ def main():
     parser.add_argument("--generations", type=int, default=100, help="of wass [100]")
     parser.add_argument("--replicates", type=int, default=4, help="of wass [4]; 0: as the search finds them")
     parser.add_argument("--threads", type=int, default=2, help="of a fit [2]")
-    parser.add_argument("--device", default="cpu", help="of a fit, as of `gaitfit adapt` [cpu]")
+    parser.add_argument("--device", default="cpu", help="of a fit, as of `gaitfit fit` [cpu]")
     parser.add_argument("--at-once", type=int, default=1, help="fits that run beside each other [1]")
     parser.add_argument("--first", type=int, default=1, help="first seed [1]")
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "runs/transfer")

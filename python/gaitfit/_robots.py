@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import _gaitfit
 from ._arguments import count as whole
@@ -62,6 +63,9 @@ class Robots:
         self.num_envs: int = num_envs
         self.num_actions: int = task.action_width
         self.joints: list[str] = task.joints
+        #: For each joint the smallest and the largest action that makes a difference, shape ``(num_actions, 2)``: from the
+        #: joint's range, what the motor's torque needs beyond it, and the action's clip. Other actions are taken, too.
+        self.action_bounds: NDArray[np.float32] = np.asarray(task.action_bounds, np.float32)
         self.control_dt: float = task.control_dt
         self.max_episode_length: int = task.episode_steps
         self.reward_names: list[str] = task.rewards
@@ -111,8 +115,8 @@ class Robots:
         DLPack (``__dlpack__``). They may be computed on any stream: the step waits for its library's present one, and so for
         what was begun there before, also for reading of the robots' arrays. The step is done when this returns.
 
-        Raises ``ValueError`` for actions of a wrong shape or not finite, :class:`GaitfitError` if more than one robot in a
-        hundred diverged in the step.
+        Raises ``ValueError`` for actions of a wrong shape or not finite, :class:`GaitfitError` if more than ten robots, and
+        more than one in a hundred, diverged in the step: the simulation is broken then.
         """
         if self._gpu is not None:
             shape = (self.num_envs, self.num_actions)

@@ -34,7 +34,7 @@ def fit(
     threads: int | None = None,
     progress: bool | Progress = True,
 ) -> Results:
-    """Fits the simulator's parameters to logs of a robot, as ``gaitfit adapt``.
+    """Fits the simulator's parameters to logs of a robot, as ``gaitfit fit``.
 
     ``config`` is a TOML file (``gaitfit config`` prints one with all defaults); the arguments win over it. ``settings``
     has any other setting by its name in the file, for example ``{"optimizer.generations": 50}``. With a ``policy`` (a

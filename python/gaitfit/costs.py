@@ -14,12 +14,12 @@ def wasserstein(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64] | float:
     ``scipy.stats.wasserstein_distance``).
 
     ``a`` and ``b`` have shape ``(samples,)``, or ``(samples, dimensions)``: then there is one distance for each
-    dimension, shape ``(dimensions,)``. The numbers of samples may differ. The distance has the signals' unit. Numbers
-    of ``a`` are rounded to 32 bits, as a simulation has them.
+    dimension, shape ``(dimensions,)``. The numbers of samples may differ. The distance has the signals' unit. All is
+    computed in 64 bits, and exchanging ``a`` and ``b`` changes nothing.
 
     Raises ``ValueError`` for samples that are empty, not finite, or of different dimensions.
     """
-    first, second = numbers("a", a, np.float32), numbers("b", b, np.float64)
+    first, second = numbers("a", a, np.float64), numbers("b", b, np.float64)
     if first.ndim != second.ndim or first.ndim not in (1, 2):
         raise ValueError(f"a has {first.ndim} axes and b has {second.ndim}; both need one, or both two")
     if first.ndim == 1:

@@ -21,15 +21,12 @@ from ._arguments import count, flag
 from ._arrays import numbers
 from ._robots import Robots
 
-# Actions are offsets from the default pose in units of the action scale; policies stay far inside.
-_MOST_ACTION = 100.0
-
-
 def _spaces(robots: Robots) -> tuple[spaces.Box, spaces.Box]:
-    """Of one robot: what it observes, and its actions."""
+    """Of one robot: what it observes, and the actions that it can use."""
+    low, high = robots.action_bounds.T
     return (
         spaces.Box(-np.inf, np.inf, (robots.observation.shape[1],), np.float32),
-        spaces.Box(-_MOST_ACTION, _MOST_ACTION, (robots.num_actions,), np.float32),
+        spaces.Box(low, high, dtype=np.float32),
     )
 
 
@@ -37,7 +34,8 @@ class GaitfitVecEnv(VectorEnv):
     """Robots at a task as a ``gymnasium.vector.VectorEnv``. Arguments as of :class:`gaitfit.Robots`.
 
     Episodes that end begin anew within the same step (``AutoresetMode.SAME_STEP``): ``infos["final_obs"]`` has what
-    those robots observed before, ``infos["_final_obs"]`` which they are.
+    those robots observed before, ``infos["_final_obs"]`` which they are. A robot whose simulation diverged has fallen: it is
+    terminated, and begins anew. The action space is :attr:`gaitfit.Robots.action_bounds`.
     ``copy=False`` hands out the environment's own arrays, without copies; the next step writes over them.
 
     With ``device="cuda"`` all robots are stepped on a GPU. Actions are an array of another library there, and what comes back
@@ -126,7 +124,8 @@ class GaitfitEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """One robot at a task as a ``gymnasium.Env``. Arguments as of :class:`gaitfit.Robots`. For trying things out: the
     engine steps hundreds of robots in the time of some ten.
 
-    Observations have the shape ``(observation,)``, actions ``(joints,)``, unitless.
+    Observations have the shape ``(observation,)``, actions ``(joints,)``, unitless; the action space is
+    :attr:`gaitfit.Robots.action_bounds`. A robot whose simulation diverged has fallen: it is terminated.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}

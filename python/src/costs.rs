@@ -5,11 +5,11 @@ use gaitfit_adapt::cost::wasserstein1;
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 
-/// The 1-D Wasserstein-1 distance of `a` (f32) and `b` (f64), columns with the samples of one dimension each.
+/// The 1-D Wasserstein-1 distance of `a` and `b`, columns with the samples of one dimension each.
 #[pyfunction]
 pub fn wasserstein(
     py: Python<'_>,
-    a: PyReadonlyArray2<'_, f32>,
+    a: PyReadonlyArray2<'_, f64>,
     b: PyReadonlyArray2<'_, f64>,
 ) -> PyResult<Vec<f64>> {
     let (a, b) = (a.as_array(), b.as_array());
@@ -22,14 +22,14 @@ pub fn wasserstein(
     py.detach(|| {
         (0..a.ncols())
             .map(|column| {
-                let mut first: Vec<f32> = a.column(column).to_vec();
+                let mut first: Vec<f64> = a.column(column).to_vec();
                 let mut second: Vec<f64> = b.column(column).to_vec();
                 if !(first.iter().all(|value| value.is_finite())
                     && second.iter().all(|value| value.is_finite()))
                 {
                     return Err(value(format!("column {column} has values that are not finite")));
                 }
-                gaitfit_adapt::cost::sort_f32(&mut first);
+                first.sort_unstable_by(f64::total_cmp);
                 second.sort_unstable_by(f64::total_cmp);
                 Ok(wasserstein1(&first, &second))
             })

@@ -1,6 +1,6 @@
 //! The library's errors as Python's.
 
-use gaitfit::Error;
+use gaitfit::{Error, brief};
 use pyo3::PyErr;
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt, PyValueError};
 
@@ -14,17 +14,17 @@ pyo3::create_exception!(
 /// An error of the library; one that stopped because it was asked to is Python's own `KeyboardInterrupt`.
 pub fn of(error: &Error) -> PyErr {
     match error {
-        Error::Interrupted { .. } => PyKeyboardInterrupt::new_err(error.to_string()),
-        _ => GaitfitError::new_err(error.to_string()),
+        Error::Interrupted { .. } => PyKeyboardInterrupt::new_err(brief(&error.to_string()).into_owned()),
+        _ => GaitfitError::new_err(brief(&error.to_string()).into_owned()),
     }
 }
 
 /// A wrong argument.
 pub fn value(message: impl ToString) -> PyErr {
-    PyValueError::new_err(message.to_string())
+    PyValueError::new_err(brief(&message.to_string()).into_owned())
 }
 
 /// Anything else that failed.
 pub fn failed(message: impl ToString) -> PyErr {
-    GaitfitError::new_err(message.to_string())
+    GaitfitError::new_err(brief(&message.to_string()).into_owned())
 }

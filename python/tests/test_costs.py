@@ -27,6 +27,16 @@ class Costs(Case):
         self.assertIsInstance(found, float)
         self.assertEqual(found, 5.0)
 
+    def test_doubles_keep_their_digits_and_both_ways_agree(self) -> None:
+        large = 1e9 + np.arange(3.0)
+        self.assertEqual(gaitfit.costs.wasserstein(large, large + 1.0), 1.0)
+        rng = np.random.default_rng(3)
+        a, b = rng.normal(1.0, 1e-9, size=301), rng.normal(1.0, 1e-9, size=500)
+        found = gaitfit.costs.wasserstein(a, b)
+        self.assertGreater(found, 0.0)
+        self.assertEqual(found, gaitfit.costs.wasserstein(b, a))
+        self.assertAlmostEqual(found, wasserstein_distance(a, b), delta=1e-15)
+
     def test_any_memory_layout(self) -> None:
         values = np.random.default_rng(2).normal(size=(40, 6))
         other = np.asfortranarray(values + 1.0)

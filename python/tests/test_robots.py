@@ -59,9 +59,27 @@ class Many(Case):
         np.testing.assert_array_equal(robots.last_observation[[7, 270]], 0.0)
         for rows in (robots.observation, robots.critic_observation, robots.reward):
             self.assertTrue(np.isfinite(rows).all())
-        actions[[1, 2]] = 1e30
-        with self.assertRaisesRegex(gaitfit.GaitfitError, "4 of 300 environments diverged, the first of them environment 1"):
+        # Those of rows 7 and 270 among them: smooth rewards of both overflow again.
+        actions[1:11] = 1e30
+        with self.assertRaisesRegex(gaitfit.GaitfitError, "11 of 300 environments diverged, the first of them environment 1:"):
             robots.step(actions)
+
+    def test_a_few_robots_that_all_diverge_have_fallen(self) -> None:
+        for count in (1, 8):
+            robots = gaitfit.Robots(num_envs=count, seed=1)
+            for step in range(3):
+                self.assertEqual(robots.step(np.full((count, 12), 1e30)), count)
+                self.assertEqual(robots.diverged, count * (step + 1))
+                self.assertTrue(robots.terminated.all() and np.isfinite(robots.observation).all())
+            robots.step(np.zeros((count, 12)))
+
+    def test_the_action_bounds_are_what_a_robot_can_use(self) -> None:
+        robots = gaitfit.Robots(num_envs=1)
+        low, high = robots.action_bounds.T
+        self.assertTrue((low < 0).all() and (high > 0).all())
+        self.assertTrue((np.abs(robots.action_bounds) < 30).all(), robots.action_bounds)
+        free = gaitfit.Robots(num_envs=1, settings={"task.policy.action_clip": 2.0})
+        self.assertEqual((free.action_bounds.min(), free.action_bounds.max()), (-2.0, 2.0))
 
     def test_wrong_arguments_are_refused(self) -> None:
         for arguments, error in (
@@ -114,7 +132,7 @@ class ForLearners(Case):
         kept = first.copy()
         ends = 0
         for _ in range(150):
-            found = env.step(env.action_space.sample() / 20.0)
+            found = env.step(env.action_space.sample())
             observation, reward, terminated, truncated, infos = found
             self.assertTrue(env.observation_space.contains(observation))
             self.assertEqual((reward.shape, terminated.dtype, truncated.shape), ((32,), np.bool_, (32,)))
@@ -132,6 +150,29 @@ class ForLearners(Case):
             with self.subTest(wrong=wrong), self.assertRaisesRegex(error, "seed is"):
                 env.reset(seed=wrong)
             self.assertTrue(np.isfinite(env.step(np.zeros((32, 12)))[0]).all(), "the robots are as before")
+
+    def test_random_actions_never_end_a_run(self) -> None:
+        try:
+            from gaitfit.gym import GaitfitEnv, GaitfitVecEnv
+        except ImportError as missing:
+            self.skipTest(str(missing))
+        env = GaitfitEnv()
+        self.assertTrue(np.isfinite(env.action_space.low).all() and np.isfinite(env.action_space.high).all())
+        env.action_space.seed(0)
+        env.reset(seed=0)
+        ends = 0
+        for _ in range(2000):
+            observation, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+            self.assertTrue(np.isfinite(observation).all() and np.isfinite(reward))
+            if terminated or truncated:
+                ends += 1
+                env.reset()
+        self.assertGreater(ends, 0)
+        many = GaitfitVecEnv(num_envs=256)
+        many.action_space.seed(0)
+        many.reset(seed=0)
+        for _ in range(100):
+            many.step(many.action_space.sample())
 
     def test_gymnasiums_checker_passes(self) -> None:
         try:

@@ -1,5 +1,6 @@
 //! Fitting a simulator to a robot: θ, costs, CMA-ES and the loop that joins them.
 
+mod checksum;
 pub mod cmaes;
 pub mod cost;
 pub mod fit;
@@ -11,6 +12,6 @@ pub use replay::ReplaySimulator;
 pub use simulator::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, never};
 pub use theta::{
     Defaults, Entry, Found, JointParameter, LinearSpring, Modification, NetworkName, NetworkRule,
-    NetworkStart, ParameterRule, RobotNumber, RobotRule, Rules, SavedNetwork, SavedParameter, Sharing, Theta,
-    ThetaError, ThetaFile, ThetaFileError,
+    NetworkStart, ParameterRule, Prior, RobotNumber, RobotRule, Rules, SavedNetwork, SavedParameter, Sharing,
+    Theta, ThetaError, ThetaFile, ThetaFileError,
 };

@@ -13,6 +13,8 @@ const APART: f64 = 1e-5;
 pub struct ReplaySimulator {
     replay: Replay,
     base: Candidate,
+    /// How long after the samples the recordings' targets were sent, s.
+    lead: f64,
     joints: Vec<String>,
     recordings: usize,
     engine: Box<dyn Engine>,
@@ -31,6 +33,7 @@ impl ReplaySimulator {
         Ok(Self {
             replay,
             base: Candidate::nominal(model),
+            lead: 0.0,
             joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),
             recordings: count,
             engine: Box::new(Cpu { threads }),
@@ -41,6 +44,12 @@ impl ReplaySimulator {
     #[must_use]
     pub fn changing(self, base: Candidate) -> Self {
         Self { base, ..self }
+    }
+
+    /// The same replay of targets that were sent `lead` seconds after their samples: delays count from there.
+    #[must_use]
+    pub fn late(self, lead: f64) -> Self {
+        Self { lead, ..self }
     }
 
     /// The same on another engine than the processor.
@@ -57,6 +66,11 @@ impl ReplaySimulator {
     pub fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
         let mut candidate = self.base.clone();
         theta.apply(values, &self.joints, &mut candidate);
+        if self.lead != 0.0 {
+            let most = self.replay.options().max_delay;
+            let late = |delay: &mut f64| *delay = (*delay + self.lead).clamp(0.0, most);
+            candidate.robot.delay.iter_mut().for_each(late);
+        }
         candidate
     }
 

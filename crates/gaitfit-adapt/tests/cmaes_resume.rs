@@ -87,6 +87,18 @@ fn foreign_and_damaged_states_are_refused() {
     assert!(refused(State { history: Vec::new(), ..good.clone() }).contains("history"));
     let other = Cma::new(settings(CovarianceKind::Separable)).unwrap().state().clone();
     assert!(refused(State { covariance: other.covariance, ..good.clone() }).contains("Separable"));
+    let other = |change: fn(&mut Settings), words: &str| {
+        let mut settings = settings(CovarianceKind::Full);
+        change(&mut settings);
+        let error = Cma::resume(settings, good.clone()).unwrap_err().to_string();
+        assert!(error.contains(words), "`{words}` is not in `{error}`");
+    };
+    other(|settings| settings.start[2] += 1e-12, "another start");
+    other(|settings| settings.deviation[0] = 0.31, "other deviations");
+    other(|settings| settings.upper[4] = 3.0, "other bounds");
+    other(|settings| settings.seed = 43, "seed 42, the settings say 43");
+    other(|settings| settings.sigma = 2.0, "sigma 1, the settings say 2");
+    other(|settings| settings.max_resampling = 1, "outside the bounds");
     let text = serde_json::to_string(&good).unwrap().replace("\"sigma\":", "\"sgima\":");
     assert!(serde_json::from_str::<State>(&text).is_err());
 }

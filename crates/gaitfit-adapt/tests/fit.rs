@@ -83,7 +83,12 @@ fn theta() -> Theta {
 }
 
 fn costs(simulator: &Sines) -> Vec<Box<dyn Cost>> {
-    let truth = simulate_one(simulator, &theta(), &TRUTH, Resets::Never).unwrap();
+    costs_at(simulator, &TRUTH)
+}
+
+/// Costs against logs of a robot with these values.
+fn costs_at(simulator: &Sines, truth: &[f64]) -> Vec<Box<dyn Cost>> {
+    let truth = simulate_one(simulator, &theta(), truth, Resets::Never).unwrap();
     let wide = |values: &[f32]| values.iter().map(|value| f64::from(*value)).collect::<Vec<f64>>();
     let recorded: Vec<Recorded> = truth
         .iter()
@@ -110,6 +115,7 @@ fn options(generations: usize) -> FitOptions {
         seeds: vec![1, 2, 3],
         covariance: CovarianceKind::Full,
         bounds: BoundHandling::Reflect,
+        patience: 0,
         tolerance: 1e-5,
         falls: FallPenalty::default(),
         random_numbers: RandomNumbers::default(),
@@ -205,12 +211,79 @@ fn a_checkpoint_of_another_fit_is_refused() {
     let (theta, costs) = (theta(), costs(&simulator));
     let fit = Fit::new(&simulator, &theta, &costs, options(5)).unwrap();
     let mut other = fit.checkpoint();
-    other.parameters[0] = "armature".into();
+    other.origin.parameters[0].name = "armature".into();
     let error = Fit::resume(&simulator, &theta, &costs, options(5), other).err().unwrap();
     assert!(matches!(error, FitError::Checkpoint(_)), "{error}");
     let seeds = FitOptions { seeds: vec![7, 8, 9], ..options(5) };
     let error = Fit::resume(&simulator, &theta, &costs, seeds, fit.checkpoint()).err().unwrap();
-    assert!(error.to_string().contains("seed 7"), "{error}");
+    assert!(error.to_string().contains("`seeds` was") && error.to_string().contains("[7, 8, 9]"), "{error}");
+}
+
+/// Each change alone is refused, and named.
+#[test]
+fn a_checkpoint_of_other_logs_bounds_or_settings_is_refused_by_name() {
+    let simulator = sines(9.0);
+    let (theta, costs) = (theta(), costs(&simulator));
+    let mut fit = Fit::new(&simulator, &theta, &costs, options(5)).unwrap();
+    while fit.step(&never).unwrap().is_some() {}
+    let saved = serde_json::to_value(fit.checkpoint()).unwrap();
+    let refused = |path: &str, value: serde_json::Value, words: &str| {
+        let mut other = saved.clone();
+        *other.pointer_mut(path).unwrap() = value;
+        let other = serde_json::from_value(other).unwrap();
+        let error = Fit::resume(&simulator, &theta, &costs, options(5), other).err().unwrap().to_string();
+        assert!(error.contains(words), "{path}: {error}");
+    };
+    use serde_json::json;
+    refused("/origin/joints/0", json!("knee"), "its joints are knee");
+    refused("/origin/recordings", json!(9), "begun with 9 logs");
+    refused("/origin/parameters/0/upper", json!(1e300), "the upper bound of `");
+    refused("/origin/parameters/0/upper", json!(1e300), "was 1e300");
+    refused("/origin/parameters/0/lower", json!(-7.0), "the lower bound of `");
+    refused("/origin/parameters/0/start", json!(0.125), "was 0.125");
+    refused("/origin/parameters/0/deviation", json!(0.5), "the deviation of `");
+    refused("/origin/costs/0/recordings", json!("00"), "its logs are others");
+    refused("/origin/costs/0/skip", json!(3), "the first 3 samples");
+    refused("/origin/costs/0/cost", json!("rmse"), "it minimises rmse");
+    refused("/origin/options/population", json!(1000), "`population` was 1000");
+    refused("/origin/options/tolerance", json!(0.5), "`tolerance` was 0.5");
+    // Logs of a robot that differs a little.
+    let others = costs_at(&simulator, &[0.8, 0.02, -0.030_01]);
+    let saved = serde_json::from_value(saved).unwrap();
+    let error = Fit::resume(&simulator, &theta, &others, options(5), saved).err().unwrap().to_string();
+    assert!(error.contains("its logs are others"), "{error}");
+}
+
+#[test]
+fn a_finished_fit_resumes_for_more_generations_to_the_bits_of_an_undisturbed_one() {
+    let simulator = sines(9.0);
+    let (theta, costs) = (theta(), costs(&simulator));
+    let run = |mut fit: Fit<'_>| {
+        while fit.step(&never).unwrap().is_some() {}
+        (fit.outcomes(), serde_json::to_value(fit.checkpoint().runs).unwrap())
+    };
+    let whole = run(Fit::new(&simulator, &theta, &costs, options(30)).unwrap());
+    let mut short = Fit::new(&simulator, &theta, &costs, options(8)).unwrap();
+    while short.step(&never).unwrap().is_some() {}
+    let saved = short.checkpoint();
+    assert_eq!(short.generation(), 8);
+    let longer = Fit::resume(&simulator, &theta, &costs, options(30), saved.clone()).unwrap();
+    assert!(!longer.finished());
+    assert_eq!(run(longer), whole);
+    let error = Fit::resume(&simulator, &theta, &costs, options(7), saved.clone()).err().unwrap().to_string();
+    assert!(error.contains("8 generations, and the limit is 7"), "{error}");
+    // Interrupted before a limit that is lower now.
+    let mut cut = Fit::new(&simulator, &theta, &costs, options(30)).unwrap();
+    (0..8).for_each(|_| drop(cut.step(&never).unwrap()));
+    let ended = Fit::resume(&simulator, &theta, &costs, options(8), cut.checkpoint()).unwrap();
+    assert!(ended.finished());
+    assert_eq!(ended.outcomes(), short.outcomes());
+    // What the first of several starts did cannot be lengthened.
+    let restarts = |generations| FitOptions { restarts: 1, ..options(generations) };
+    let mut fit = Fit::new(&simulator, &theta, &costs, restarts(4)).unwrap();
+    while fit.step(&never).unwrap().is_some() {}
+    let error = Fit::resume(&simulator, &theta, &costs, restarts(9), fit.checkpoint()).err().unwrap();
+    assert!(error.to_string().contains("run 0 ended after 4 generations"), "{error}");
 }
 
 #[test]

@@ -175,6 +175,7 @@ fn options(generations: usize) -> FitOptions {
         seeds: vec![1],
         covariance: CovarianceKind::Full,
         bounds: BoundHandling::Reflect,
+        patience: 0,
         tolerance: 1e-7,
         falls: FallPenalty::default(),
         random_numbers: RandomNumbers::default(),

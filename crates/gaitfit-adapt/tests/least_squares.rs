@@ -159,9 +159,16 @@ fn a_search_goes_on_from_its_checkpoint_to_the_same_bits_and_a_cancelled_step_ch
     assert_eq!(resumed.outcomes(), whole.outcomes());
     let runs = &whole.outcomes()[0].runs;
     assert!((runs[0].values[0] - runs[1].values[0]).abs() < 1e-4, "two starts, one end: {runs:?}");
-    let cma = FitOptions { method: Method::CmaEs, ..options };
+    let cma = FitOptions { method: Method::CmaEs, ..options.clone() };
     let error = Fit::resume(&simulator, &theta, &costs, cma, before).err().unwrap();
-    assert!(error.to_string().contains("another one"), "{error}");
+    assert!(error.to_string().contains("`method` was Auto, and it is CmaEs now"), "{error}");
+    // More steps than were asked for at first.
+    let short = FitOptions { generations: 2, ..options.clone() };
+    let mut fit = Fit::new(&simulator, &theta, &costs, short).unwrap();
+    while fit.step(&never).unwrap().is_some() {}
+    let mut longer = Fit::resume(&simulator, &theta, &costs, options, fit.checkpoint()).unwrap();
+    while longer.step(&never).unwrap().is_some() {}
+    assert_eq!(longer.outcomes(), whole.outcomes());
 }
 
 #[test]

@@ -86,6 +86,7 @@ fn options() -> FitOptions {
         seeds: vec![1],
         covariance: CovarianceKind::Full,
         bounds: BoundHandling::Reflect,
+        patience: 0,
         tolerance: 1e-6,
         falls: FallPenalty::default(),
         random_numbers: RandomNumbers::default(),

@@ -66,6 +66,52 @@ fn what_is_written_gives_the_same_candidate() {
 }
 
 #[test]
+fn an_unknown_key_and_an_edit_under_the_checksum_are_refused() {
+    let model = model();
+    let text = file(&model).to_toml().unwrap();
+    assert_eq!(text.lines().filter(|line| line.starts_with("checksum = ")).count(), 1, "{text}");
+    let value = text.lines().find(|line| line.starts_with("value = ")).unwrap();
+    let edited = text.replacen(value, "value = 0.125", 1);
+    assert_ne!(edited, text);
+    let error = ThetaFile::parse(&edited).unwrap_err();
+    assert_eq!(error, ThetaFileError::Checksum);
+    assert!(error.to_string().contains("delete the line that begins with `checksum`"), "{error}");
+    // As the message says.
+    let without: String =
+        edited.lines().filter(|line| !line.starts_with("checksum")).flat_map(|line| [line, "\n"]).collect();
+    let read = ThetaFile::parse(&without).unwrap();
+    assert_eq!(read.parameter[0].value, 0.125);
+    read.candidate(&model).unwrap();
+    // Everything that the fit wrote counts, and nothing changes unseen: one bit of any character.
+    let good = file(&model);
+    let mut unseen = 0;
+    for at in 0..text.len() {
+        let mut bytes = text.clone().into_bytes();
+        bytes[at] ^= 1 << (at % 7);
+        let Ok(changed) = String::from_utf8(bytes) else { continue };
+        match ThetaFile::parse(&changed) {
+            Ok(read) => {
+                assert_eq!(read, good, "byte {at}");
+                unseen += 1;
+            }
+            Err(error) => assert!(error.to_string().len() < 900, "{error}"),
+        }
+    }
+    // The comment above the checksum, and spaces at the ends of lines.
+    assert!(unseen < 80, "{unseen}");
+    for (key, found) in
+        [("upper", "u0per"), ("robot", "robto"), ("weights", "wieghts"), ("position_scale", "scale")]
+    {
+        let changed = text.replacen(&format!("{key} = "), &format!("{found} = "), 1);
+        let error = ThetaFile::parse(&changed).unwrap_err().to_string();
+        assert!(error.contains("line ") && error.contains(&format!("unknown field `{found}`")), "{error}");
+    }
+    let long = format!("format = 2\nrobot = \"go2\"\n{} = 1\n", "a".repeat(90_000));
+    let error = ThetaFile::parse(&long).unwrap_err().to_string();
+    assert!(error.contains("line 3, column 1") && error.len() < 600, "{} bytes", error.len());
+}
+
+#[test]
 fn files_without_networks_are_read_as_before() {
     let model = model();
     let text = "format = 1\nrobot = \"legs\"\ncost_name = \"matcho\"\ncost = 0.1\n\n[[parameter]]\nname = \

@@ -29,6 +29,7 @@ static SELF: OnceLock<PathBuf> = OnceLock::new();
 ///
 /// It listens for signals and may end the process; call it once, before there are other threads.
 pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    signals::outlive_file_limit();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
     SELF.get_or_init(|| arguments.first().map_or_else(|| "gaitfit".into(), PathBuf::from));
     let done = match Cli::read(&arguments) {
@@ -69,8 +70,10 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Doctor(args) => commands::doctor::run(args),
         Command::Inspect(args) => commands::inspect::run(args),
         Command::Import(args) => commands::import::run(args),
+        Command::New(args) => commands::new::run(args),
+        Command::Runs(args) => commands::runs::run(args),
         Command::Init(args) => commands::init::run(args),
-        Command::Adapt(args) => commands::adapt::run(args),
+        Command::Fit(args) => commands::adapt::run(args),
         Command::Sensitivity(args) => commands::sensitivity::run(args),
         Command::Excite(args) => commands::excite::run(args),
         Command::Validate(args) => commands::validate::run(args),
@@ -80,8 +83,6 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Reproduce(args) => commands::reproduce::run(args),
         Command::Forward(args) => commands::forward::run(args),
         Command::Export(args) => commands::export::run(args),
-        Command::ExportLog(args) => commands::export_log::run(args),
-        Command::ExportTheta(args) => commands::export_theta::run(args),
         Command::Evaluate(args) => commands::evaluate::run(args),
         Command::Collect(args) => commands::collect::run(args),
         Command::Run(args) => commands::run::run(args),

@@ -6,9 +6,10 @@ use std::borrow::Cow;
 use std::io::{ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Prints text for people. Control characters, which names in files may hold, are shown escaped.
+/// Prints text for people. Control characters, which names in files may hold, are shown escaped, and numbers of hundreds of
+/// digits with an exponent.
 pub fn print(text: &str) -> Result<(), Failure> {
-    print_bytes(harmless(text).as_bytes())
+    print_bytes(harmless(&gaitfit::short_numbers(text)).as_bytes())
 }
 
 /// Prints bytes as they are.
@@ -22,6 +23,11 @@ pub fn print_bytes(bytes: &[u8]) -> Result<(), Failure> {
     }
 }
 
+/// Prints the commands that usually come next, one a line.
+pub fn next(commands: &[String]) -> Result<(), Failure> {
+    print(&commands.iter().map(|command| format!("next: {command}\n")).collect::<String>())
+}
+
 /// Prints `document` as one JSON document.
 pub fn print_json<T: Serialize>(document: &T) -> Result<(), Failure> {
     let mut text = serde_json::to_string_pretty(document)
@@ -33,7 +39,8 @@ pub fn print_json<T: Serialize>(document: &T) -> Result<(), Failure> {
 
 /// Prints a line of progress or advice on standard error; a closed standard error is ignored.
 pub fn note(text: &str) {
-    let text = harmless(text);
+    let text = gaitfit::brief(text);
+    let text = harmless(&text);
     // A terminal whose keys are read one by one does not go back to the line's start by itself.
     let _ = match RAW.load(Ordering::SeqCst) {
         true => write!(std::io::stderr().lock(), "{}\r\n", text.replace('\n', "\r\n")),

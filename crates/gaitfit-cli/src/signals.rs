@@ -69,6 +69,21 @@ fn named(_: usize) -> Reason {
     Reason::Signal
 }
 
+/// From now on a file beyond the limit of file sizes (`ulimit -f`) is an error of the write, as a full disk is, instead of
+/// the end of the program (`SIGXFSZ`). To be called before the program has other threads: they inherit what is blocked;
+/// programs that this one starts do not.
+#[cfg(unix)]
+pub fn outlive_file_limit() {
+    let mut blocked = SigSet::empty();
+    blocked.add(Signal::SIGXFSZ);
+    // Without it such a write ends the program, as the system does it.
+    let _ = blocked.thread_block();
+}
+
+/// There is no such signal.
+#[cfg(not(unix))]
+pub fn outlive_file_limit() {}
+
 /// Blocks all signals but those of `ctrlc`, of faults in the program, and those that do nothing; a thread takes the ones
 /// that stop the robot. The rest has no effect: a file beyond its limit (`SIGXFSZ`) is an error of the write, and a program
 /// in the background that reads from its terminal or writes to it (`SIGTTIN`, `SIGTTOU`) is not frozen.

@@ -110,7 +110,7 @@ fn logs() {
             }
         }
     });
-    refused(&adapt(&runs, &["--set", &set]), 1, &["log.csv", "rate mismatch"]);
+    refused(&adapt(&runs, &["--set", &set]), 1, &["log.csv", "rate-mismatch"]);
 
     // Nothing moves, in one log of two; and a log of two rows.
     let still = |name: &str| {

@@ -1,11 +1,13 @@
 //! The tests of `gaitfit-cli`: one program, one module for each subject.
 
 mod adapt;
+mod advice;
 mod bad_input;
 #[path = "common/chromium.rs"]
 mod chromium;
 mod collect;
 mod common;
+mod docs;
 mod evaluate;
 mod export;
 mod finetune;
@@ -17,6 +19,7 @@ mod odd_joints;
 mod pages;
 mod program;
 mod readme;
+mod remembered;
 mod reproduce;
 mod resume;
 mod robots;

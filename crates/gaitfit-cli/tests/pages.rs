@@ -255,8 +255,10 @@ fn shows_fit(rows: &Value, result: &Value) {
         shows(cells[1], &parameter["value"], name);
         // The truth stands beside it.
         shows(cells[2], &parameter["truth"], name);
-        if parameter["spread"].is_f64() {
-            shows(cells[3], &parameter["spread"], name);
+        // The longer side of the interval, never what runs of the optimiser differ by.
+        if let (Some(value), Some(ends)) = (parameter["value"].as_f64(), parameter["interval"].as_array()) {
+            let end = |at: usize| ends[at].as_f64().unwrap();
+            shows(cells[3], &Value::from((value - end(0)).max(end(1) - value)), name);
         }
     }
     let fitted = row(rows, &["fitted simulator"]);

@@ -1,5 +1,5 @@
-//! Every command of the README runs: `gaitfit …` lines as they stand in a folder that mirrors the repository,
-//! `cargo …` lines as far as a test can.
+//! Every command of the README and of the pages that start a reader runs: `gaitfit …` lines as they stand in a folder
+//! that mirrors the repository, `cargo …` lines as far as a test can.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
@@ -9,9 +9,9 @@ use common::{errors, root};
 use std::path::Path;
 use std::process::Command;
 
-/// The lines of all `sh` blocks.
-fn commands() -> Vec<String> {
-    let text = std::fs::read_to_string(root().join("README.md")).unwrap();
+/// The lines of all `sh` blocks of a page.
+fn commands(page: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(root().join(page)).unwrap();
     let mut commands = Vec::new();
     let mut inside = false;
     for line in text.lines() {
@@ -35,7 +35,7 @@ const SHORTER: [(&str, &str); 4] = [
          --set evaluate.trajectories=32 --set evaluate.drift=1",
     ),
     (
-        "gaitfit adapt ",
+        "gaitfit fit ",
         "--set optimizer.generations=10 --set optimizer.seeds=1 --set simulation.timestep=0.005 --set 'check={}'",
     ),
     ("gaitfit train ", "--set train.environments=32 --set train.iterations=2"),
@@ -62,20 +62,38 @@ fn every_command_runs() {
     for name in ["assets", "examples"] {
         std::os::unix::fs::symlink(root().join(name), folder.path().join(name)).unwrap();
     }
-    let commands = commands();
-    assert!(commands.len() >= 6, "{commands:?}");
-    assert!(commands[0].starts_with("cargo run --release -- loop "), "the first command is the demo");
-    for line in &commands {
-        // The program is built already, and these tests are what the test command runs.
-        if line == "cargo test --workspace" {
+    let readme = commands("README.md");
+    assert!(readme[0].starts_with("cargo install --path crates/gaitfit-cli"), "it begins with installing");
+    assert!(readme[1].starts_with("gaitfit loop "), "then comes the example");
+    let pages = [readme, commands("docs/start-example.md"), commands("docs/start-own-robot.md")];
+    assert_eq!(pages.each_ref().map(Vec::len), [4, 7, 14], "{pages:?}");
+    let mut done: Vec<&String> = Vec::new();
+    for line in pages.iter().flatten().filter(|line| !line.starts_with("cargo install ")) {
+        if done.contains(&line) {
             continue;
         }
-        let line = line.replace("cargo run --release -- ", "gaitfit ");
+        done.push(line);
         assert!(line.starts_with("gaitfit "), "{line}: a command this test does not know");
         let shorter = SHORTER.iter().find(|(command, _)| line.starts_with(command));
         run(&format!("{line} {}", shorter.map_or("", |(_, settings)| settings)), folder.path());
     }
-    for made in ["log.svg", "my-robot.toml", "runs/go2-ground/report.html", "runs/go2-demo/report.html"] {
+    for made in [
+        "my-robot.toml",
+        "walks.toml",
+        "all-settings-of-a-loop.toml",
+        "log.svg",
+        "policy.onnx",
+        "runs/go2-ground/report.html",
+        "runs/go2-demo/report.html",
+        "runs/my-robot/report.html",
+    ] {
         assert!(folder.path().join(made).metadata().unwrap().len() > 0, "{made}");
     }
+}
+
+#[test]
+fn the_readme_stays_short() {
+    let text = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let words = text.split_whitespace().count();
+    assert!(words <= 600, "{words} words");
 }

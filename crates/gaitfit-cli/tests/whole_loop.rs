@@ -148,7 +148,7 @@ fn a_loop_runs_through_and_ends_with_the_same_bits_wherever_it_was_cut() {
     let again: Vec<String> = args(other.path(), &command, &["--resume"]);
     let output_in_words = run(&again.into_iter().filter(|one| one != "--json").collect::<Vec<_>>());
     let text = String::from_utf8(output_in_words.stdout).unwrap();
-    assert!(text.starts_with("DIVERGED: π₀ on target: 2 of 8 trajectories"), "{text}");
+    assert!(text.starts_with("DIVERGED: before on target: 2 of 8 trajectories"), "{text}");
     assert_eq!(text.matches("diverged: their state").count(), 2, "once for each policy: {text}");
     let result = json(&output);
     assert!(result["warnings"][0].as_str().unwrap().starts_with("π₀ on target: 2 of 8"), "{result}");

@@ -169,8 +169,9 @@ pub(crate) fn source(
         let role = role_of(name, mapping);
         let (found, width) = array.rows_and_width();
         match role {
-            Some(Role::Kp) => gains[0] = Some(array.data.clone()),
-            Some(Role::Kd) => gains[1] = Some(array.data.clone()),
+            // One gain a joint, or one for all; gains of every sample are columns.
+            Some(Role::Kp) if found != rows || array.shape.len() < 2 => gains[0] = Some(array.data.clone()),
+            Some(Role::Kd) if found != rows || array.shape.len() < 2 => gains[1] = Some(array.data.clone()),
             _ if found != rows || array.shape.is_empty() => {
                 source.left_out.push(format!("{}: shape {:?}, not {rows} rows", shown(name), array.shape));
             }

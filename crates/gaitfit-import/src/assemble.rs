@@ -2,10 +2,13 @@
 
 use crate::ImportError;
 use crate::join::Joined;
-use crate::known::{COMMAND, QUATERNION, RATES, ROLL_PITCH_YAW};
+use crate::known::{COMMAND, GRAVITY, QUATERNION, RATES, ROLL_PITCH_YAW};
 use crate::mapping::Mapping;
 use crate::table::Source;
-use gaitfit_log::{BaseState, Gains, Trajectory, measured_rate};
+use gaitfit_log::{
+    BaseState, Finding, Gains, MotorColumns, Trajectory, fold, gains_of_columns, measured_rate,
+    orientation_of_gravity, settle_imu,
+};
 use gaitfit_model::rotation::from_rpy;
 use gaitfit_model::shown;
 use indexmap::IndexMap;
@@ -20,8 +23,9 @@ pub(crate) fn trajectory(
     mapping: &Mapping,
     assumed: &mut Vec<String>,
     left_out: &mut Vec<String>,
+    noticed: &mut Vec<Finding>,
 ) -> Result<Trajectory, ImportError> {
-    let Joined { time: stamps, columns, .. } = joined;
+    let Joined { time: stamps, columns, lead, .. } = joined;
     let joints: Vec<String> =
         columns.keys().filter_map(|name| name.strip_prefix("q_")).map(str::to_owned).collect();
     without_position(&joints, &columns, sources, left_out)?;
@@ -50,7 +54,7 @@ pub(crate) fn trajectory(
             derivative(&time, &position, joints.len())
         }
     };
-    let target = of_joints("qdes_", left_out);
+    let mut target = of_joints("qdes_", left_out);
     let action = of_joints("act_", left_out);
     let group = |names: &[&str]| -> Option<Vec<f64>> {
         let found: Option<Vec<&Vec<f64>>> = names.iter().map(|name| columns.get(*name)).collect();
@@ -70,11 +74,14 @@ pub(crate) fn trajectory(
         let angles = group(&ROLL_PITCH_YAW)?;
         Some(angles.chunks_exact(3).flat_map(|rpy| from_rpy(rpy[0], rpy[1], rpy[2])).collect())
     };
+    let rates = group(&RATES);
+    let of_gravity =
+        || group(&GRAVITY).map(|gravity| orientation_of_gravity(&time, &gravity, rates.as_deref()));
     let base = BaseState {
         position: group(&BASE_POSITION),
-        quaternion: quaternion.or_else(angles),
+        quaternion: quaternion.or_else(angles).or_else(of_gravity),
         linear_velocity: group(&BASE_VELOCITY),
-        angular_velocity: group(&RATES),
+        angular_velocity: rates.clone(),
     };
     let measured = measured_rate(&time);
     if let (Some(said), Some(measured)) = (mapping.rate_hz, measured)
@@ -93,8 +100,17 @@ pub(crate) fn trajectory(
             return Err(ImportError::Clock { stream: "the joined log".into(), problem });
         }
     };
-    let gains = gains(&joints, &columns, sources, mapping, assumed)?;
-    let trajectory = Trajectory {
+    let mut gains = gains(&joints, sources, mapping)?;
+    let of_motors = |prefix: &str| of_all(prefix, &joints, &columns, samples);
+    let motors = MotorColumns {
+        kp: of_motors("kp_"),
+        kd: of_motors("kd_"),
+        target_velocity: of_motors("dqdes_"),
+        feed_forward: of_motors("tauff_"),
+    };
+    noticed.extend(gains_of_columns(&motors, &time, &joints, &mut gains, &mut None));
+    noticed.extend(fold(&motors, &joints, gains.as_ref(), target.as_mut()));
+    let mut trajectory = Trajectory {
         source: None,
         robot: mapping.robot.clone().or_else(|| sources.iter().find_map(|source| source.robot.clone())),
         joints,
@@ -107,9 +123,11 @@ pub(crate) fn trajectory(
         command: group(&COMMAND),
         base: (base != BaseState::default()).then_some(base),
         gains,
+        lead,
         fell: sources.iter().any(|source| source.fell),
     };
     trajectory.validate()?;
+    noticed.extend(settle_imu(&mut trajectory, &mapping.imu));
     Ok(trajectory)
 }
 
@@ -162,14 +180,8 @@ fn derivative(time: &[f64], position: &[f64], width: usize) -> Vec<f64> {
     out
 }
 
-/// Gains by the mapping, the files, or the commands to the motors.
-fn gains(
-    joints: &[String],
-    columns: &IndexMap<String, Vec<f64>>,
-    sources: &[Source],
-    mapping: &Mapping,
-    assumed: &mut Vec<String>,
-) -> Result<Option<Gains>, ImportError> {
+/// Gains by the mapping or the files.
+fn gains(joints: &[String], sources: &[Source], mapping: &Mapping) -> Result<Option<Gains>, ImportError> {
     let problem = |problem: String| ImportError::Mapping { problem };
     match (&mapping.kp, &mapping.kd) {
         (Some(kp), Some(kd)) => {
@@ -191,23 +203,12 @@ fn gains(
             return Ok(Some(Gains { kp, kd }));
         }
     }
-    let mut changing = false;
-    let mut commanded = |prefix: &str| -> Option<Vec<f64>> {
-        let of = |joint: &String| {
-            let mut values = columns.get(&format!("{prefix}{joint}"))?.clone();
-            let middle = values.len() / 2;
-            let (_, value, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-            let value = *value;
-            changing |= values.iter().any(|other| (other - value).abs() > 1e-6 * value.abs());
-            Some(value)
-        };
-        joints.iter().map(of).collect()
-    };
-    let (kp, kd) = (commanded("kp_"), commanded("kd_"));
-    if changing {
-        assumed.push(
-            "the commanded gains change; the middle ones are taken. Cut the log to one controller".into(),
-        );
-    }
-    Ok(kp.filter(usable).zip(kd.filter(usable)).map(|(kp, kd)| Gains { kp, kd }))
+    Ok(None)
+}
+
+/// What the joints' columns called `prefix` hold, one row a sample; empty unless all joints have one.
+fn of_all(prefix: &str, joints: &[String], columns: &IndexMap<String, Vec<f64>>, samples: usize) -> Vec<f64> {
+    let found: Vec<&Vec<f64>> =
+        joints.iter().filter_map(|joint| columns.get(&format!("{prefix}{joint}"))).collect();
+    if found.len() == joints.len() { interleave(&found, samples) } else { Vec::new() }
 }

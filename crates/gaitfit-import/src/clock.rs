@@ -1,12 +1,12 @@
 //! Checks of a stream's times.
 
 use crate::ImportError;
+use crate::known::PER_JOINT;
 use crate::table::Table;
+use gaitfit_log::{EvenRows, Lost, Stamps, look_at_stamps, rate_of_velocities, spacing};
 use gaitfit_model::shown_number;
 use serde::Serialize;
 
-/// An interval this many times the middle one has lost samples.
-const GAP: f64 = 1.5;
 /// More samples out of order than this share are no clock.
 const DISORDER: f64 = 0.05;
 /// RMS deviation of the intervals, relative to the middle one, that is worth a word.
@@ -26,6 +26,16 @@ pub enum ClockFinding {
     Repeated {
         /// How many.
         samples: usize,
+    },
+    /// Samples with the time of the one before and other values were placed between their neighbours.
+    Late {
+        /// How many.
+        samples: usize,
+    },
+    /// Stamps had lost their digits, and rows were spaced evenly.
+    Coarse {
+        /// What was wrong and what was done.
+        even: EvenRows,
     },
     /// Samples are missing.
     Gaps {
@@ -50,8 +60,13 @@ impl std::fmt::Display for ClockFinding {
         match self {
             ClockFinding::Disorder { samples } => write!(f, "{samples} samples out of order, sorted by time"),
             ClockFinding::Repeated { samples } => {
-                write!(f, "{samples} samples repeat the time of the one before, dropped")
+                write!(f, "{samples} samples repeat the time and the values of the one before, dropped")
             }
+            ClockFinding::Late { samples } => write!(
+                f,
+                "{samples} samples have the time of the one before and new values, placed between their neighbours"
+            ),
+            ClockFinding::Coarse { even } => write!(f, "{even}"),
             ClockFinding::Gaps { gaps, lost, longest_s, at_s } => write!(
                 f,
                 "{gaps} gap(s), about {lost} samples lost, the longest {} s after {} s",
@@ -59,7 +74,7 @@ impl std::fmt::Display for ClockFinding {
                 shown_number(*at_s)
             ),
             ClockFinding::Jitter { rms_s } => {
-                write!(f, "intervals vary by {} ms RMS", shown_number(rms_s * 1e3))
+                write!(f, "jitter: intervals vary by {} ms RMS", shown_number((rms_s * 1e6).round() / 1e3))
             }
         }
     }
@@ -84,9 +99,11 @@ pub struct StreamReport {
     pub findings: Vec<ClockFinding>,
 }
 
-/// Puts a table's rows into the order of time, each time once, and says what was wrong.
-pub(crate) fn clean(table: &mut Table) -> Result<StreamReport, ImportError> {
-    let refuse = |problem: String| Err(ImportError::Clock { stream: table.name.clone(), problem });
+/// Puts a table's rows into the order of time, each row at a time of its own, and says what was wrong. `rate_hz`: the rate
+/// that is stated for the rows of the positions, if one is.
+pub(crate) fn clean(table: &mut Table, rate_hz: Option<f64>) -> Result<StreamReport, ImportError> {
+    let name = table.name.clone();
+    let refuse = |problem: String| Err(ImportError::Clock { stream: name.clone(), problem });
     let samples = table.time.len();
     if samples == 0 {
         return refuse("no samples".into());
@@ -111,50 +128,70 @@ pub(crate) fn clean(table: &mut Table) -> Result<StreamReport, ImportError> {
              jumps, or name another time column"
         ));
     }
-    let mut order: Vec<usize> = (0..samples).collect();
     if disorder > 0 {
+        let mut order: Vec<usize> = (0..samples).collect();
         order.sort_by(|a, b| table.time[*a].total_cmp(&table.time[*b]));
+        table.pick(&order);
         findings.push(ClockFinding::Disorder { samples: disorder });
     }
-    let before = order.len();
-    order.dedup_by(|later, earlier| table.time[*later] == table.time[*earlier]);
-    if order.len() < before {
-        findings.push(ClockFinding::Repeated { samples: before - order.len() });
+    // The stated rate is that of the joints' positions; other streams may have it too.
+    let is_state = table.columns.keys().any(|name| name.starts_with("q_"));
+    let look = |rate_hz| look_at_stamps(&table.time, rate_hz, |row| is_new(table, row));
+    let stamps = match look(rate_hz.filter(|_| is_state)) {
+        Stamps::Lost(..) if !is_state => look(rate_hz),
+        found => found,
+    };
+    match stamps {
+        Stamps::Fine => {}
+        Stamps::Even(times, even) => {
+            table.time = times;
+            findings.push(ClockFinding::Coarse { even });
+        }
+        Stamps::Lost(coarse, why) if is_sampled(table) => {
+            let hint = velocity_rate(table).map_or(String::new(), |rate| {
+                format!("; the velocities fit about {} rows a second", shown_number(rate))
+            });
+            return refuse(format!(
+                "{coarse}. {why}{hint}. Give the rate at which the rows were sampled (`--rate 200`, `rate_hz` in a mapping \
+                 file): they are then spaced evenly"
+            ));
+        }
+        Stamps::Lost(..) => {}
     }
-    if disorder > 0 || order.len() < before {
-        let pick = |values: &mut Vec<f64>| {
-            *values = order.iter().filter_map(|row| values.get(*row).copied()).collect()
-        };
-        pick(&mut table.time);
-        table.columns.values_mut().for_each(pick);
+    let new: Vec<usize> = (0..table.time.len())
+        .filter(|row| *row == 0 || table.time[*row] != table.time[row - 1] || is_new(table, *row))
+        .collect();
+    if new.len() < table.time.len() {
+        findings.push(ClockFinding::Repeated { samples: table.time.len() - new.len() });
+        table.pick(&new);
     }
     if table.time.len() < 2 && samples > 1 {
         return refuse("all samples have one time; name another time column".into());
     }
-    let mut steps: Vec<f64> = table.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let typical = typical(&mut steps.clone());
-    if let Some(step) = typical {
-        let gaps: Vec<usize> = (0..steps.len()).filter(|i| steps[*i] > GAP * step).collect();
-        if let Some(longest) = gaps.iter().copied().max_by(|a, b| steps[*a].total_cmp(&steps[*b])) {
+    let placed = place_between(&mut table.time);
+    if placed > 0 {
+        findings.push(ClockFinding::Late { samples: placed });
+    }
+    let spacing = spacing(&table.time);
+    if let Some(spacing) = &spacing {
+        let length = |lost: &&Lost| table.time[lost.after + 1] - table.time[lost.after];
+        if let Some(longest) = spacing.lost.iter().max_by(|a, b| length(a).total_cmp(&length(b))) {
             findings.push(ClockFinding::Gaps {
-                gaps: gaps.len(),
-                // A cast saturates: a damaged time may lie centuries away.
-                lost: gaps.iter().map(|i| (steps[*i] / step).round() - 1.0).sum::<f64>() as usize,
-                longest_s: steps[longest],
-                at_s: table.time[longest],
+                gaps: spacing.lost.len(),
+                lost: spacing.count(),
+                longest_s: length(&longest),
+                at_s: table.time[longest.after],
             });
         }
-        steps.retain(|interval| *interval <= GAP * step);
-        let sum: f64 = steps.iter().map(|interval| (interval - step).powi(2)).sum();
-        let rms = (sum / steps.len().max(1) as f64).sqrt();
-        if rms > JITTER * step {
-            findings.push(ClockFinding::Jitter { rms_s: rms });
+        if spacing.jitter > JITTER * spacing.step {
+            findings.push(ClockFinding::Jitter { rms_s: spacing.jitter });
         }
     }
+    let typical = spacing.map(|spacing| spacing.step);
     let mut quantities: Vec<String> = Vec::new();
     for name in table.columns.keys() {
         let quantity = match name.split_once('_') {
-            Some((prefix @ ("q" | "dq" | "qdes" | "act" | "kp" | "kd"), _)) => prefix.to_owned(),
+            Some((prefix, _)) if PER_JOINT.contains(&prefix) => prefix.to_owned(),
             _ => name.clone(),
         };
         if !quantities.contains(&quantity) {
@@ -170,6 +207,58 @@ pub(crate) fn clean(table: &mut Table) -> Result<StreamReport, ImportError> {
         quantities,
         findings,
     })
+}
+
+/// Whether the values of `row` differ from those of the row before.
+fn is_new(table: &Table, row: usize) -> bool {
+    table.columns.values().any(|column| match (column.get(row), column.get(row - 1)) {
+        (Some(own), Some(before)) => own != before && !(own.is_nan() && before.is_nan()),
+        _ => false,
+    })
+}
+
+/// Whether a table holds what is sampled at a rate, and whose times matter: joints, not commands.
+fn is_sampled(table: &Table) -> bool {
+    let of_joint =
+        |name: &String| ["q_", "dq_", "qdes_", "act_"].iter().any(|prefix| name.starts_with(prefix));
+    table.columns.keys().any(of_joint)
+}
+
+/// Rows a second by the velocities of a table.
+fn velocity_rate(table: &Table) -> Option<f64> {
+    let joints: Vec<&str> = table.columns.keys().filter_map(|name| name.strip_prefix("q_")).collect();
+    let of = |prefix: &str| -> Option<Vec<f64>> {
+        let columns: Option<Vec<&Vec<f64>>> =
+            joints.iter().map(|joint| table.columns.get(&format!("{prefix}{joint}"))).collect();
+        let columns = columns.filter(|columns| !columns.is_empty())?;
+        Some((0..table.time.len()).flat_map(|row| columns.iter().map(move |column| column[row])).collect())
+    };
+    let rate = rate_of_velocities(&of("q_")?, &of("dq_")?, joints.len())?;
+    Some((10.0 * rate).round() / 10.0)
+}
+
+/// Gives rows that share a time, which was that of the last of them, times between the row before and it. Returns how many.
+fn place_between(time: &mut [f64]) -> usize {
+    let mut placed = 0;
+    let mut row = 1;
+    while row < time.len() {
+        let mut end = row;
+        while end < time.len() && time[end] == time[row - 1] {
+            end += 1;
+        }
+        let shared = end - row;
+        if shared > 0 {
+            placed += shared;
+            let (first, at) = (row - 1, time[row - 1]);
+            let usual = || (time[time.len() - 1] - time[0]) / (time.len() - 1).max(1) as f64;
+            let before = if first > 0 { time[first - 1] } else { at - (shared + 1) as f64 * usual() };
+            for (number, slot) in time[first..end].iter_mut().enumerate() {
+                *slot = before + (at - before) * (number + 1) as f64 / (shared + 1) as f64;
+            }
+        }
+        row = end + 1;
+    }
+    placed
 }
 
 /// The middle of the intervals, if there are some.
@@ -198,7 +287,7 @@ mod tests {
         time[30] = time[29];
         time.drain(60..65);
         let mut table = table(&time);
-        let report = clean(&mut table)?;
+        let report = clean(&mut table, None)?;
         assert!(table.time.windows(2).all(|pair| pair[1] > pair[0]));
         assert_eq!(table.columns["q_a"], table.time.iter().map(|t| 10.0 * t).collect::<Vec<_>>());
         assert_eq!(report.samples, 94);
@@ -214,7 +303,7 @@ mod tests {
 
     #[test]
     fn gaps_of_centuries_are_counted() -> Result<(), ImportError> {
-        let report = clean(&mut table(&[0.0, 0.01, 0.02, 0.03, 0.04, 1e300, 1.5e300]))?;
+        let report = clean(&mut table(&[0.0, 0.01, 0.02, 0.03, 0.04, 1e300, 1.5e300]), None)?;
         assert!(
             matches!(report.findings[0], ClockFinding::Gaps { lost: usize::MAX, .. }),
             "{:?}",
@@ -232,7 +321,7 @@ mod tests {
             (&[0.0, f64::NAN], "sample 1 has no time"),
             (&[], "no samples"),
         ] {
-            let text = clean(&mut table(time))
+            let text = clean(&mut table(time), None)
                 .map_or_else(|error| error.to_string(), |report| format!("{report:?}"));
             assert!(text.contains(part), "{text}");
         }

@@ -83,7 +83,7 @@ pub enum ImportError {
     /// Joints are numbered and nobody says which number is which joint.
     #[error(
         "the file numbers its joints from 0 to {} and does not name them; give `joints = [...]` in that order in a mapping \
-         file", .count.saturating_sub(1)
+         file, the robot whose order they have by `--robot`, or the policy that moved them by `--policy`", .count.saturating_sub(1)
     )]
     NoJointNames {
         /// How many there are.
@@ -151,6 +151,23 @@ pub enum ImportError {
         first: String,
         /// The other.
         second: String,
+    },
+    /// Positions jump to exactly 0 and back.
+    #[error(
+        "{}: in {zero} of {samples} samples the positions of all joints are exactly 0, between samples where they are not (after \
+         {times}, … s): two publishers write to it, such as a joint_state_publisher beside the driver; record without the \
+         second, or leave its rows out by `drop_zeros = true` under [streams] of a mapping file",
+        shown(stream)
+    )]
+    TwoPublishers {
+        /// The stream.
+        stream: String,
+        /// Samples with zeros.
+        zero: usize,
+        /// All samples.
+        samples: usize,
+        /// Times of the first, s since the first sample.
+        times: String,
     },
     /// A stream's clock cannot be used.
     #[error("{}: {}", shown(stream), escaped(problem, SENTENCE))]

@@ -69,6 +69,14 @@ pub(crate) enum Role {
     JointNames,
     Kp,
     Kd,
+    /// Desired joint velocities.
+    TargetVelocity,
+    /// Feed-forward torques of the joints.
+    FeedForward,
+    /// Gravity in the base's frame.
+    Gravity,
+    /// What a policy observed.
+    Observation,
 }
 
 impl Role {
@@ -84,15 +92,22 @@ impl Role {
             Role::Action => joints("act_"),
             Role::Kp => joints("kp_"),
             Role::Kd => joints("kd_"),
+            Role::TargetVelocity => joints("dqdes_"),
+            Role::FeedForward => joints("tauff_"),
+            Role::Observation => joints("obs_"),
+            Role::Gravity if width == 3 => fixed(&GRAVITY),
             Role::Command => fixed(&COMMAND),
             Role::CommandXy => fixed(&COMMAND[..2]),
             Role::CommandYaw => fixed(&COMMAND[2..]),
             Role::Quaternion if width == 4 => fixed(&QUATERNION),
             Role::RollPitchYaw if width == 3 => fixed(&ROLL_PITCH_YAW),
             Role::AngularVelocity if width == 3 => fixed(&RATES),
-            Role::Time | Role::JointNames | Role::Quaternion | Role::RollPitchYaw | Role::AngularVelocity => {
-                None
-            }
+            Role::Time
+            | Role::JointNames
+            | Role::Quaternion
+            | Role::RollPitchYaw
+            | Role::AngularVelocity
+            | Role::Gravity => None,
         }
     }
 
@@ -103,6 +118,11 @@ impl Role {
             Role::Velocity => Some("dq_"),
             Role::Target => Some("qdes_"),
             Role::Action => Some("act_"),
+            Role::Kp => Some("kp_"),
+            Role::Kd => Some("kd_"),
+            Role::TargetVelocity => Some("dqdes_"),
+            Role::FeedForward => Some("tauff_"),
+            Role::Observation => Some("obs_"),
             _ => None,
         }
     }
@@ -112,6 +132,7 @@ pub(crate) const COMMAND: [&str; 3] = ["vx_cmd", "vy_cmd", "wz_cmd"];
 pub(crate) const QUATERNION: [&str; 4] = ["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z"];
 pub(crate) const ROLL_PITCH_YAW: [&str; 3] = ["roll", "pitch", "yaw"];
 pub(crate) const RATES: [&str; 3] = ["wx", "wy", "wz"];
+pub(crate) const GRAVITY: [&str; 3] = ["projected_gravity_x", "projected_gravity_y", "projected_gravity_z"];
 const BASE_POSITION: [&str; 3] = ["base_pos_x", "base_pos_y", "base_pos_z"];
 const BASE_VELOCITY: [&str; 3] = ["base_vel_x", "base_vel_y", "base_vel_z"];
 
@@ -122,21 +143,33 @@ pub(crate) fn role(name: &str) -> Option<Role> {
         "time" | "t" | "times" | "timestamp" | "timestamps" | "stamp" | "__time" | "time_s" | "time_ms"
         | "time_us" | "time_ns" => Role::Time,
         "q" | "position" | "positions" | "joint_pos" | "joint_position" | "joint_positions" | "dof_pos"
-        | "dof_positions" | "joint_q" | "actual_dof_pos" | "robot0_joint_pos" => Role::Position,
+        | "dof_positions" | "joint_q" | "actual_dof_pos" | "robot0_joint_pos" | "actual_q" | "q_actual" => {
+            Role::Position
+        }
         "dq" | "qd" | "velocity" | "velocities" | "joint_vel" | "joint_velocity" | "joint_velocities"
-        | "dof_vel" | "dof_velocities" | "joint_dq" | "robot0_joint_vel" => Role::Velocity,
+        | "dof_vel" | "dof_velocities" | "joint_dq" | "robot0_joint_vel" | "actual_dq" | "dq_actual" => {
+            Role::Velocity
+        }
         "qdes" | "q_des" | "des_dof_pos" | "joint_pos_target" | "joint_pos_des" | "dof_pos_target"
         | "target" | "targets" | "joint_target" | "joint_targets" | "target_dof_pos" | "q_target"
-        | "position_target" => Role::Target,
+        | "target_q" | "position_target" => Role::Target,
         "action" | "actions" | "act" => Role::Action,
-        "command" | "commands" | "cmd" | "velocity_command" | "velocity_commands" => Role::Command,
+        "command" | "commands" | "cmd" | "velocity_command" | "velocity_commands" | "cmd_vel" | "vel_cmd" => {
+            Role::Command
+        }
         "body_linear_vel_cmd" => Role::CommandXy,
         "body_angular_vel_cmd" => Role::CommandYaw,
         "base_quat" | "base_quat_wxyz" | "quat_wxyz" | "imu_quat_wxyz" => Role::Quaternion,
-        "rpy" | "roll_pitch_yaw" | "base_rpy" => Role::RollPitchYaw,
-        "body_angular_vel" | "base_ang_vel" | "gyro" | "gyroscope" | "imu_gyro" | "omega_body" => {
-            Role::AngularVelocity
-        }
+        "rpy" | "roll_pitch_yaw" | "base_rpy" | "imu_rpy" => Role::RollPitchYaw,
+        "body_angular_vel" | "base_ang_vel" | "gyro" | "gyroscope" | "imu_gyro" | "omega_body"
+        | "ang_vel" | "imu_ang_vel" | "angular_velocity" => Role::AngularVelocity,
+        "projected_gravity" | "proj_gravity" | "gravity" | "gravity_ori" | "gravity_vec"
+        | "gravity_vector" | "base_gravity" => Role::Gravity,
+        "obs" | "observation" | "observations" | "obs_buf" | "policy_obs" => Role::Observation,
+        "dqdes" | "dq_des" | "target_dq" | "dq_target" | "joint_vel_target" | "des_dof_vel"
+        | "velocity_target" => Role::TargetVelocity,
+        "tau_ff" | "tauff" | "torque_ff" | "ff_torque" | "tau_feedforward" | "feedforward_torque"
+        | "target_tau" => Role::FeedForward,
         "joint_names" | "joints" | "dof_names" | "joint_order" | "names" => Role::JointNames,
         "kp" | "p_gains" | "stiffness" => Role::Kp,
         "kd" | "d_gains" | "damping" => Role::Kd,
@@ -158,10 +191,20 @@ pub(crate) fn canonical(name: &str) -> Option<String> {
         [.., "motor_state", i, "q"] => number(i).map(|i| format!("q_#m{i}")),
         [.., "motor_state", i, "dq"] => number(i).map(|i| format!("dq_#m{i}")),
         [.., "motor_cmd", i, "q"] => number(i).map(|i| format!("qdes_#m{i}")),
+        [.., "motor_cmd", i, "dq"] => number(i).map(|i| format!("dqdes_#m{i}")),
+        [.., "motor_cmd", i, "tau"] => number(i).map(|i| format!("tauff_#m{i}")),
         [.., "motor_cmd", i, "kp"] => number(i).map(|i| format!("kp_#m{i}")),
         [.., "motor_cmd", i, "kd"] => number(i).map(|i| format!("kd_#m{i}")),
         [.., "imu_state", "quaternion", i] => QUATERNION.get(number(i)?).map(|n| n.to_string()),
         [.., "imu_state", "gyroscope", i] => RATES.get(number(i)?).map(|n| n.to_string()),
+        [topic @ .., "orientation", axis] if is_imu(topic) => {
+            let place = ["w", "x", "y", "z"].iter().position(|name| name == axis)?;
+            Some(QUATERNION[place].to_owned())
+        }
+        [topic @ .., "angular_velocity", axis] if is_imu(topic) => {
+            let place = ["x", "y", "z"].iter().position(|name| name == axis)?;
+            Some(RATES[place].to_owned())
+        }
         [topic @ .., joint, "position"] if !topic.is_empty() && number(joint).is_none() => {
             Some(format!("{}{joint}", if is_command(topic) { "qdes_" } else { "q_" }))
         }
@@ -172,15 +215,45 @@ pub(crate) fn canonical(name: &str) -> Option<String> {
             Some(COMMAND[usize::from(*axis == "y")].to_owned())
         }
         [topic @ .., "angular", "z"] if is_velocity_command(topic) => Some(COMMAND[2].to_owned()),
-        [.., array, i] => Some(format!("{}#{}", role(array)?.prefix()?, number(i)?)),
+        [.., array, i] => element(role(array)?, i),
         [single] => {
             // dof_pos_3
             let (array, i) = single.rsplit_once('_')?;
-            Some(format!("{}#{}", role(array)?.prefix()?, number(i)?))
+            element(role(array)?, i)
         }
         _ => None,
     }
 }
+
+/// The column of element `i`, a number or an axis, of an array with this role.
+fn element(role: Role, i: &str) -> Option<String> {
+    let number = i.parse::<usize>().ok().filter(|number| *number < 1024);
+    if let (Some(prefix), Some(number)) = (role.prefix(), number) {
+        return Some(format!("{prefix}#{number}"));
+    }
+    let names = match role {
+        Role::Command => &COMMAND,
+        Role::RollPitchYaw => &ROLL_PITCH_YAW,
+        Role::AngularVelocity => &RATES,
+        Role::Gravity => &GRAVITY,
+        _ => return None,
+    };
+    let axis = match (role, i) {
+        (Role::Command, "yaw" | "wz") => Some(2),
+        // The third number of a command is a yaw rate, no velocity along z.
+        (Role::Command, "z") => None,
+        _ => number.or_else(|| ["x", "y", "z"].iter().position(|axis| *axis == i)),
+    };
+    names.get(axis?).map(|name| (*name).to_owned())
+}
+
+/// Whether a topic's name says that it is an inertial unit's.
+fn is_imu(topic: &[&str]) -> bool {
+    topic.iter().any(|part| part.to_lowercase().contains("imu"))
+}
+
+/// Quantities that every joint has, by the beginnings of their columns' names.
+pub(crate) const PER_JOINT: [&str; 9] = ["q", "dq", "qdes", "act", "kp", "kd", "dqdes", "tauff", "obs"];
 
 /// Names that are called so here already. A joint `q_3` is a number.
 fn own(name: &str) -> Option<String> {
@@ -191,15 +264,25 @@ fn own(name: &str) -> Option<String> {
     if let Some(axis) = ["cmd_vx", "cmd_vy", "cmd_wz"].iter().position(|alias| *alias == name) {
         return Some(COMMAND[axis].to_owned());
     }
-    if name.starts_with("kp_#") || name.starts_with("kd_#") {
+    if let Some(axis) = gaitfit_log::gravity_axis(name) {
+        return Some(GRAVITY[axis].to_owned());
+    }
+    let marked = |name: &str| name.split_once("_#").is_some_and(|(prefix, _)| PER_JOINT.contains(&prefix));
+    if marked(name) {
         return Some(name.to_owned());
     }
     // `q_des_x` is a target, not a joint called des_x.
-    let (prefix, joint) = ["q_des_", "qdes_", "dq_", "act_", "q_"]
-        .iter()
-        .find_map(|prefix| Some((*prefix, name.strip_prefix(prefix)?)))
-        .filter(|(_, joint)| !joint.is_empty() && !joint.contains(['/', '[']))?;
-    let prefix = if prefix == "q_des_" { "qdes_" } else { prefix };
+    let (prefix, joint) =
+        ["q_des_", "qdes_", "dq_des_", "dqdes_", "dq_", "act_", "q_", "kp_", "kd_", "tau_ff_", "tauff_"]
+            .iter()
+            .find_map(|prefix| Some((*prefix, name.strip_prefix(prefix)?)))
+            .filter(|(_, joint)| !joint.is_empty() && !joint.contains(['/', '[']))?;
+    let prefix = match prefix {
+        "q_des_" => "qdes_",
+        "dq_des_" => "dqdes_",
+        "tau_ff_" => "tauff_",
+        prefix => prefix,
+    };
     Some(match joint.parse::<u16>() {
         Ok(number) => format!("{prefix}#{number}"),
         Err(_) => format!("{prefix}{joint}"),
@@ -251,12 +334,35 @@ mod tests {
             ("dof_pos[4]", "q_#4"),
             ("dof_pos_4", "q_#4"),
             ("cmd_vy", "vy_cmd"),
+            ("/imu/orientation/x", "base_quat_x"),
+            ("/imu/data/orientation/w", "base_quat_w"),
+            ("/imu/angular_velocity/z", "wz"),
+            ("/cmd_vel/twist/linear/y", "vy_cmd"),
+            ("/lowcmd/motor_cmd[3]/tau", "tauff_#m3"),
+            ("kp_11", "kp_#11"),
+            ("kd_FL_hip", "kd_FL_hip"),
+            ("dq_des_3", "dqdes_#3"),
+            ("tau_ff_FL_hip", "tauff_FL_hip"),
+            ("gravity_ori_z", "projected_gravity_z"),
+            ("projected_gravity[1]", "projected_gravity_y"),
+            ("ang_vel_2", "wz"),
+            ("imu_rpy_0", "roll"),
+            ("vel_cmd_yaw", "wz_cmd"),
+            ("cmd_vel_1", "vy_cmd"),
+            ("actual_q_7", "q_#7"),
+            ("obs_44", "obs_#44"),
         ] {
             assert_eq!(canonical(name).as_deref(), Some(want), "{name}");
         }
-        for name in
-            ["temperature", "/odom/linear/x", "/lowstate/motor_state[3]/temperature", "q_", "torque_3"]
-        {
+        for name in [
+            "temperature",
+            "/odom/linear/x",
+            "/odom/pose/orientation/x",
+            "vel_cmd_z",
+            "/lowstate/motor_state[3]/temperature",
+            "q_",
+            "torque_3",
+        ] {
             assert_eq!(canonical(name), None, "{name}");
         }
     }

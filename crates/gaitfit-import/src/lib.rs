@@ -40,10 +40,12 @@ mod hdf5;
 mod join;
 mod kind;
 mod known;
+mod lead;
 mod mapping;
 mod mcap;
 mod mcap_write;
 mod npz;
+mod observation;
 mod open;
 mod parquet;
 mod pickle;
@@ -54,15 +56,17 @@ mod table;
 mod text;
 mod torch;
 mod walk_these_ways;
+mod zeros;
 
 pub use clock::{ClockFinding, StreamReport};
 pub use error::ImportError;
 pub use mapping::{
-    AngleUnit, ColumnNames, MOST_MAPPING_BYTES, Mapping, Names, StreamNames, TimeColumn, UnitName,
+    AngleUnit, ColumnNames, MOST_MAPPING_BYTES, Mapping, Names, ObservedNumber, StreamNames, TimeColumn,
+    UnitName,
 };
 pub use mcap_write::{LiveMcap, McapHead, McapLog, McapRow, McapState, mcap_bytes};
 
-use gaitfit_log::Trajectory;
+use gaitfit_log::{Finding, Lead, Trajectory};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -103,6 +107,12 @@ pub struct ImportReport {
     pub assumed: Vec<String>,
     /// What was left out, with the reason.
     pub left_out: Vec<String>,
+    /// How long after the row that it answers a target, or an action, was stamped.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lead: Option<Lead>,
+    /// What the recording shows and the log does not, as the log's checks would put it.
+    #[serde(skip)]
+    pub noticed: Vec<Finding>,
     /// Samples of the joints left out before the first and after the last of the other streams.
     pub dropped: [usize; 2],
 }
@@ -126,6 +136,10 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
         sources.push(source);
     }
     resolve::all_taken(&sources, mapping)?;
+    // The rate is stated for all rows, and its reader took some of a log of gaitfit's own.
+    let thinned = sources.iter().all(|source| source.thinned);
+    let every = mapping.every.filter(|_| thinned).unwrap_or(1) as f64;
+    let mapping = &Mapping { rate_hz: mapping.rate_hz.map(|rate| rate / every), ..mapping.clone() };
     // Files that say when they were recorded are put on one axis of time.
     let first = sources.first().map_or(0, |source| source.origin_ns);
     let mut tables = Vec::new();
@@ -142,21 +156,36 @@ pub fn import<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Imported
                 shifted += 1;
                 report.assumed.push(format!("{}: its times are {offset} s later, as asked", table.name));
             }
-            report.streams.push(clock::clean(&mut table)?);
+            zeros::of_second_publisher(&mut table, mapping, &mut report.assumed)?;
+            report.streams.push(clock::clean(&mut table, mapping.rate_hz)?);
             tables.push(table);
         }
         report.assumed.append(&mut source.assumed);
         report.left_out.append(&mut source.left_out);
+        report.noticed.append(&mut source.noticed);
     }
     let has_positions = |table: &table::Table| table.columns.keys().any(|name| name.starts_with("q_"));
     if mapping.clock_offset_s.is_some() && shifted == 0 && tables.iter().any(has_positions) {
         return Err(ImportError::NothingToShift);
     }
-    let mut joined = join::join(tables)?;
+    let observed = report.left_out.iter().find(|line| line.contains(observation::UNPACK));
+    let mut joined = join::join(tables).map_err(|error| match (error, observed) {
+        (ImportError::NoPositions { found }, Some(observed)) => {
+            ImportError::NoPositions { found: format!("{found}; {observed}") }
+        }
+        (error, _) => error,
+    })?;
     report.assumed.append(&mut joined.assumed);
     report.dropped = joined.dropped;
+    joined.lead = joined.lead.or_else(|| sources.iter().find_map(|source| source.lead));
+    report.lead = joined.lead;
     let (assumed, left_out) = (&mut report.assumed, &mut report.left_out);
-    let mut trajectory = assemble::trajectory(joined, &sources, mapping, assumed, left_out)?;
+    let noticed = &mut report.noticed;
+    let mut trajectory = assemble::trajectory(joined, &sources, mapping, assumed, left_out, noticed)?;
+    gaitfit_log::allow(noticed, &mapping.allow);
+    if let Some(every) = mapping.every.filter(|_| !thinned) {
+        trajectory = trajectory.thinned(every);
+    }
     trajectory.source = paths.first().map(|path| path.as_ref().to_owned());
     Ok(Imported { trajectory, report })
 }

@@ -1,7 +1,7 @@
 //! What the user says about files that do not say it themselves.
 
 use crate::ImportError;
-use gaitfit_log::{PerJoint, TimeUnit};
+use gaitfit_log::{FindingKind, ImuSettings, PerJoint, TimeUnit};
 use serde::Deserialize;
 
 /// Largest mapping file, bytes.
@@ -29,6 +29,10 @@ pub const MOST_MAPPING_BYTES: u64 = 1 << 20;
 /// [streams]
 /// take = ["/joint_states", "/joint_commands"]  # leave out all others
 /// target = ["/joint_commands"]                 # their positions are targets
+/// drop_zeros = true                            # zeros of a second publisher are left out
+///
+/// [imu]
+/// frame = "world"                              # of the rates; order, unit, negated, mounting
 /// ```
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -39,8 +43,10 @@ pub struct Mapping {
     pub unit: AngleUnit,
     /// Unit of the IMU's angles and rates.
     pub imu_unit: AngleUnit,
-    /// Sample rate, Hz, of files without times.
+    /// Sample rate, Hz, of files without times, or whose times lost their digits.
     pub rate_hz: Option<f64>,
+    /// Take one row of so many, the first among them: of recordings that are longer or faster than a fit needs.
+    pub every: Option<usize>,
     /// The robot's name.
     pub robot: Option<String>,
     /// Position gains while recording, N·m/rad; stronger than what files say.
@@ -49,12 +55,34 @@ pub struct Mapping {
     pub kd: Option<PerJoint>,
     /// Added to the times of every stream without positions, s, instead of what the recorder's clock suggests.
     pub clock_offset_s: Option<f64>,
+    /// How the inertial unit's columns are to be read.
+    pub imu: ImuSettings,
+    /// Findings that do not keep a recording from being written as a log.
+    pub allow: Vec<FindingKind>,
+    /// What each number of a policy's observation is, where the caller knows the policy; absent for those that a log does
+    /// not hold.
+    #[serde(skip)]
+    pub observation: Option<Vec<Option<ObservedNumber>>>,
+    /// Sample rate, Hz, of files without times where nobody states one.
+    #[serde(skip)]
+    pub usual_rate_hz: Option<f64>,
     /// The time column.
     pub time: TimeColumn,
     /// Which columns are what.
     pub columns: ColumnNames,
     /// Which streams are what.
     pub streams: StreamNames,
+}
+
+/// What a number of an observation is: number / scale + offset is the log's.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObservedNumber {
+    /// The log's column, such as `q_FL_hip` or `wx`.
+    pub column: String,
+    /// The factor that the observation has; not 0.
+    pub scale: f64,
+    /// What was taken away before.
+    pub offset: f64,
 }
 
 /// Unit of angles.
@@ -160,6 +188,8 @@ pub struct StreamNames {
     pub target: Vec<String>,
     /// Their positions are actions.
     pub action: Vec<String>,
+    /// Rows whose positions are all exactly 0 are a second publisher's, and are left out.
+    pub drop_zeros: bool,
 }
 
 impl Mapping {
@@ -173,6 +203,9 @@ impl Mapping {
         let refuse = |problem: String| Err(ImportError::Mapping { problem });
         if let Some(rate) = mapping.rate_hz.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
             return refuse(format!("rate_hz is {rate}; give a positive number of samples a second"));
+        }
+        if mapping.every == Some(0) {
+            return refuse("every is 0; give a number of rows of which one is taken, such as 10".into());
         }
         if let Some(offset) = mapping.clock_offset_s.filter(|offset| !offset.is_finite()) {
             return refuse(format!("clock_offset_s is {offset}; give seconds"));

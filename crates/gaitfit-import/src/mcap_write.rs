@@ -60,6 +60,8 @@ pub struct McapRow<'a> {
     pub velocity: &'a [f64],
     /// Joint torques, N·m.
     pub torque: &'a [f64],
+    /// How long after the row its target and action were sent, s.
+    pub lead: f64,
     /// Position targets, rad.
     pub target: Option<&'a [f64]>,
     /// Actions, without unit.
@@ -150,8 +152,9 @@ impl<W: Write + Seek> McapLog<W> {
         self.send("/joint_states", ns, states)?;
         for (topic, values) in [("/joint_targets", row.target), ("/joint_actions", row.action)] {
             if let Some(values) = values {
-                let message = Message::joint_state(ns, &self.joints, [values, &[], &[]]);
-                self.send(topic, ns, message)?;
+                let sent = ((at + row.lead) * 1e9).round() as u64;
+                let message = Message::joint_state(sent, &self.joints, [values, &[], &[]]);
+                self.send(topic, sent, message)?;
             }
         }
         if let Some([vx, vy, wz]) = row.command {
@@ -235,6 +238,7 @@ pub fn mcap_bytes(log: &Trajectory) -> Result<(Vec<u8>, Vec<&'static str>), Impo
         let row = sample * width..(sample + 1) * width;
         file.row(&McapRow {
             time: log.time[sample],
+            lead: log.lead.map_or(0.0, |lead| lead.seconds),
             position: &log.position[row.clone()],
             velocity: &log.velocity[row.clone()],
             target: log.target.as_ref().map(|values| &values[row.clone()]),

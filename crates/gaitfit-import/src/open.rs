@@ -31,7 +31,10 @@ pub(crate) fn source(path: &Path, options: &Options) -> Result<Source, ImportErr
         bytes = unzstd(&bytes, &mut budget).map_err(|problem| content(path, kind, problem))?;
         kind = crate::kind::kind(&bytes).ok_or_else(|| ImportError::UnknownKind { path: path.to_owned() })?;
     }
-    if kind == Kind::Text && mapping == &Mapping::default() && is_own(&bytes) {
+    // A rate is what such a log may lack.
+    let only_rate = Mapping { rate_hz: mapping.rate_hz, every: mapping.every, ..Mapping::default() };
+    if kind == Kind::Text && mapping == &only_rate && is_own(&bytes) {
+        drop(bytes);
         return own(path, options);
     }
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
@@ -186,9 +189,12 @@ fn is_own(bytes: &[u8]) -> bool {
 
 /// Reads a log of gaitfit's own as its reader does, with comments and sidecar files.
 fn own(path: &Path, options: &Options) -> Result<Source, ImportError> {
-    let read = ReadOptions { max_bytes: options.max_bytes, ..ReadOptions::default() };
+    let rate_hz = options.mapping.rate_hz;
+    let every = options.mapping.every.unwrap_or(1);
+    let read = ReadOptions { max_bytes: options.max_bytes, rate_hz, every, ..ReadOptions::default() };
     let (log, report) = read_csv_report(path, &read)?;
     let mut source = Source { kind: "CSV log of gaitfit", ..Source::default() };
+    source.assumed.extend(report.even_rows.iter().map(|even| format!("{}: {even}", path.display())));
     source.left_out.extend(report.ignored.iter().map(|column| format!("{}: {}", column.name, column.reason)));
     let mut table = crate::table::Table {
         name: path.display().to_string(),
@@ -216,8 +222,11 @@ fn own(path: &Path, options: &Options) -> Result<Source, ImportError> {
     add(fixed(&["base_quat_w", "base_quat_x", "base_quat_y", "base_quat_z"]), base.quaternion.as_ref());
     add(fixed(&["base_vel_x", "base_vel_y", "base_vel_z"]), base.linear_velocity.as_ref());
     add(fixed(&["wx", "wy", "wz"]), base.angular_velocity.as_ref());
+    source.noticed = report.noticed;
     source.robot = log.robot.clone();
     source.fell = log.fell;
+    source.lead = log.lead;
+    source.thinned = every > 1;
     source.gains = log.gains.map(|gains| (gains.kp, gains.kd));
     source.tables.push(table);
     Ok(source)

@@ -2,12 +2,14 @@
 
 use crate::ImportError;
 use crate::arrays::named;
-use crate::known::{QUATERNION, RATES, ROLL_PITCH_YAW, Role, UNITREE_GO, UNITREE_HG, canonical};
+use crate::known::{PER_JOINT, QUATERNION, RATES, ROLL_PITCH_YAW, Role, UNITREE_GO, UNITREE_HG, canonical};
 use crate::mapping::{Mapping, Names};
+use crate::observation;
 use crate::table::{Source, Table};
 use gaitfit_log::{TimeUnit, recognise_time_unit};
 use gaitfit_model::shown;
 use indexmap::IndexMap;
+use std::collections::BTreeMap;
 
 /// Gives every column of a source its name here. Columns without one are left out and listed.
 pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), ImportError> {
@@ -17,6 +19,7 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
     let mut unknown = Vec::new();
     for table in &mut source.tables {
         let mut columns: IndexMap<String, Vec<f64>> = IndexMap::new();
+        let mut observed: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
         for (name, values) in std::mem::take(&mut table.columns) {
             let taken = source.chosen
                 || take.is_empty()
@@ -40,6 +43,10 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
                     known = format!("act_{joint}");
                 }
             }
+            if let Some(number) = known.strip_prefix("obs_#") {
+                observed.insert(number.parse::<usize>().unwrap_or(usize::MAX), values);
+                continue;
+            }
             if columns.contains_key(&known) {
                 return Err(ImportError::Ambiguous {
                     what: known,
@@ -48,6 +55,9 @@ pub(crate) fn rename(source: &mut Source, mapping: &Mapping) -> Result<(), Impor
                 });
             }
             columns.insert(known, values);
+        }
+        if !observed.is_empty() {
+            observation::unpack(&table.name, observed, mapping, &mut columns, &mut source.left_out)?;
         }
         table.columns = columns;
     }
@@ -207,7 +217,14 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
     };
     let joints: Vec<String> = match (most(false), given) {
         (None, _) => Vec::new(),
-        (Some(count), Some(given)) if given.len() == count => given,
+        (Some(count), Some(given)) if given.len() == count => {
+            source.assumed.push(format!(
+                "joints 0 to {} are, in this order, {}",
+                count - 1,
+                given.join(", ")
+            ));
+            given
+        }
         (Some(count), Some(given)) => {
             let problem = format!("{} joint names for {count} numbered joints; name each", given.len());
             return Err(ImportError::Mapping { problem });
@@ -230,7 +247,7 @@ pub(crate) fn name_joints(source: &mut Source, mapping: &Mapping) -> Result<(), 
                     None => continue,
                 },
             };
-            let is_joint = ["q", "dq", "qdes", "act", "kp", "kd"].contains(&prefix.as_str());
+            let is_joint = PER_JOINT.contains(&prefix.as_str());
             let name = if is_joint { name.strip_suffix("_joint").unwrap_or(&name).to_owned() } else { name };
             columns.insert(name, values);
         }
@@ -284,10 +301,16 @@ fn missing_number(source: &Source, motors: &[String], joints: &[String]) -> Resu
         if there.is_empty() {
             continue;
         }
-        if let Some((number, name)) = names.iter().enumerate().find(|(number, _)| !there.contains(number)) {
+        let missing: Vec<String> = names
+            .iter()
+            .enumerate()
+            .filter(|(number, _)| !there.contains(number))
+            .map(|(number, name)| format!("joint {number}, {name}"))
+            .collect();
+        if !missing.is_empty() {
             return Err(ImportError::JointMissing {
                 have: there.len(),
-                joint: format!("joint {number}, {name},"),
+                joint: format!("{},", missing.join("; ")),
                 why: format!("{} joints are named or have other quantities", names.len()),
             });
         }
@@ -300,7 +323,7 @@ pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), Impo
     for table in &mut source.tables {
         for (name, values) in &mut table.columns {
             let is_imu = ROLL_PITCH_YAW.contains(&name.as_str()) || RATES.contains(&name.as_str());
-            let is_joint = ["q_", "dq_", "qdes_"].iter().any(|prefix| name.starts_with(prefix));
+            let is_joint = ["q_", "dq_", "qdes_", "dqdes_"].iter().any(|prefix| name.starts_with(prefix));
             let factor = match (is_joint, is_imu) {
                 (true, _) => mapping.unit.radians(),
                 (_, true) => mapping.imu_unit.radians(),
@@ -311,7 +334,7 @@ pub(crate) fn convert(source: &mut Source, mapping: &Mapping) -> Result<(), Impo
             }
         }
         if table.time.is_empty() {
-            let rate = mapping.rate_hz.ok_or_else(|| ImportError::Clock {
+            let rate = mapping.rate_hz.or(mapping.usual_rate_hz).ok_or_else(|| ImportError::Clock {
                 stream: table.name.clone(),
                 problem: "it has no times; give `rate_hz` in a mapping file".into(),
             })?;

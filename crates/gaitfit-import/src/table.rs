@@ -1,5 +1,6 @@
 //! What every reader makes of its file: tables of columns with times.
 
+use gaitfit_log::Lead;
 use indexmap::IndexMap;
 
 /// Most columns of a table.
@@ -27,6 +28,15 @@ impl Table {
     pub fn rows(&self) -> usize {
         self.columns.values().next().map_or(self.time.len(), Vec::len)
     }
+
+    /// Keeps these rows, in this order.
+    pub fn pick(&mut self, rows: &[usize]) {
+        let pick = |values: &mut Vec<f64>| {
+            *values = rows.iter().filter_map(|row| values.get(*row).copied()).collect();
+        };
+        pick(&mut self.time);
+        self.columns.values_mut().for_each(pick);
+    }
 }
 
 /// What was read from one file.
@@ -44,12 +54,18 @@ pub(crate) struct Source {
     pub usual_joints: Option<&'static [&'static str]>,
     /// Position and velocity gains, one a joint, where the file says them.
     pub gains: Option<(Vec<f64>, Vec<f64>)>,
+    /// How long after their rows targets were stamped, where the file says it.
+    pub lead: Option<Lead>,
     /// The robot's name, where the file says it.
     pub robot: Option<String>,
     /// Whether it is of messages on topics.
     pub messages: bool,
+    /// Whether one row of `Mapping::every` was taken already.
+    pub thinned: bool,
     /// The recording ends because the robot fell.
     pub fell: bool,
+    /// What reading noticed, as the log's checks would put it.
+    pub noticed: Vec<gaitfit_log::Finding>,
     /// What was assumed, in sentences.
     pub assumed: Vec<String>,
     /// What was left out, with the reason.

@@ -131,7 +131,7 @@ pub(crate) fn time_column(names: &[String], mapping: &Mapping) -> Result<Option<
         });
     }
     let usual = names.iter().position(|name| canonical(name).is_none() && role(name) == Some(Role::Time));
-    if usual.is_none() && mapping.rate_hz.is_none() {
+    if usual.is_none() && mapping.rate_hz.or(mapping.usual_rate_hz).is_none() {
         return Err(
             "no time column; name it as `[time] column = ...`, or give `rate_hz`, in a mapping file".into()
         );

@@ -3,3 +3,5 @@
 mod common;
 mod formats;
 mod hostile;
+mod loggers;
+mod times;

@@ -143,6 +143,7 @@ impl Recorder {
                 angular_velocity: Some(Vec::new()),
             }),
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
+            lead: None,
             fell: false,
         };
         Self {

@@ -120,9 +120,10 @@ pub enum TrainingError {
 pub const MEND_DIVERGENCE: &str = "Use more substeps (task.substeps), the preset `accurate`, pyramidal cones (cone) or \
      smaller gains";
 
-/// Divergences of a rollout of `environments` robots that training bears, each as a fall: one in a hundred.
+/// Divergences of a rollout of `environments` robots that training bears, each as a fall: one in a hundred, and one where
+/// there are fewer robots.
 pub fn most_diverged(environments: usize) -> f64 {
-    (environments / 100) as f64
+    (environments / 100).max(1) as f64
 }
 
 fn of_term(term: Option<&str>) -> String {

@@ -1,26 +1,37 @@
 //! From columns, samples and metadata to a trajectory.
 
+use crate::attitude::orientation_of_gravity;
+use crate::check::settle_imu;
+use crate::check::stats::{median, short};
 use crate::columns::Layout;
 use crate::metadata::Metadata;
+use crate::motor::{self, MotorColumns};
 use crate::read::Samples;
 use crate::scale::shared_factor;
+use crate::spacing::spacing;
+use crate::stamps::{EvenRows, Stamps, look, rate_of_velocities};
 use crate::time_unit::recognise;
-use crate::{BaseState, ConvertedTime, Gains, IgnoredColumn, LogError, ReadReport, TimeUnit, Trajectory};
+use crate::{
+    BaseState, ConvertedTime, Gains, IgnoredColumn, Lead, LogError, ReadReport, TimeUnit, Trajectory,
+};
 use gaitfit_model::rotation::from_rpy;
 use gaitfit_model::{shown_number, shown_path};
 use std::path::Path;
 
 /// Puts columns, samples and metadata together; `report` gains what assembly leaves out.
+/// `every`: one row of so many was taken.
 pub(crate) fn assemble(
     path: &Path,
     layout: Layout,
     mut samples: Samples,
     metadata: Metadata,
+    every: usize,
     mut report: ReadReport,
 ) -> Result<(Trajectory, ReadReport), LogError> {
     report.ignored = layout.ignored;
     let joints = layout.joints;
-    let gains = resolve_gains(&metadata, &joints, &mut report)?;
+    report.allowed = metadata.allow.as_ref().map_or_else(Vec::new, |allow| allow.value.clone());
+    let mut gains = resolve_gains(&metadata, &joints, &mut report)?;
     let stated = match &metadata.rate_hz {
         Some(rate) if rate.value.is_finite() && rate.value > 0.0 => {
             report.rate_from = Some(rate.place.clone());
@@ -39,6 +50,9 @@ pub(crate) fn assemble(
     };
     report.converted_time = time_in_seconds(&mut samples, layout.time_unit, stated, joints.len())
         .map_err(|problem| LogError::Metadata { place: shown_path(path), problem })?;
+    // What is stated is the rate of all rows.
+    let stated = stated.map(|rate| rate / every.max(1) as f64);
+    report.even_rows = even_rows(path, &mut samples, stated, joints.len())?;
     let rate_hz = match stated {
         Some(rate) => rate,
         None => measured_rate(&samples.time).ok_or_else(|| LogError::Metadata {
@@ -49,6 +63,7 @@ pub(crate) fn assemble(
         })?,
     };
 
+    let lead = lead(&metadata)?;
     let mut channels = samples.channels.into_iter();
     let mut next = || channels.next().unwrap_or_default();
     let (position, velocity, target, action, command) = (next(), next(), next(), next(), next());
@@ -70,14 +85,23 @@ pub(crate) fn assemble(
     let quaternion = base_channel("base orientation", layout.base_quaternion);
     let from_angles = base_channel("roll, pitch, yaw", layout.roll_pitch_yaw)
         .map(|angles| angles.chunks_exact(3).flat_map(|rpy| from_rpy(rpy[0], rpy[1], rpy[2])).collect());
+    let linear_velocity = base_channel("base velocity", layout.base_velocity);
+    let angular_velocity = base_channel("body rate", layout.base_rates);
+    let from_gravity = base_channel("gravity", layout.gravity)
+        .map(|gravity| orientation_of_gravity(&samples.time, &gravity, angular_velocity.as_deref()));
     let base = BaseState {
         position: base_position,
-        quaternion: quaternion.or(from_angles),
-        linear_velocity: base_channel("base velocity", layout.base_velocity),
-        angular_velocity: base_channel("body rate", layout.base_rates),
+        quaternion: quaternion.or(from_angles).or(from_gravity),
+        linear_velocity,
+        angular_velocity,
     };
+    let [kp, kd, target_velocity, feed_forward] = std::array::from_fn(|_| next());
+    let columns = MotorColumns { kp, kd, target_velocity, feed_forward };
+    let mut target = layout.target.map(|_| target);
+    report.noticed.extend(motor::gains(&columns, &samples.time, &joints, &mut gains, &mut report.gains_from));
+    report.noticed.extend(motor::fold(&columns, &joints, gains.as_ref(), target.as_mut()));
     report.ignored.sort_by_key(|ignored| ignored.column);
-    let trajectory = Trajectory {
+    let mut trajectory = Trajectory {
         source: Some(path.to_owned()),
         robot: metadata.robot.map(|robot| robot.value),
         joints,
@@ -85,14 +109,16 @@ pub(crate) fn assemble(
         rate_hz,
         position,
         velocity,
-        target: layout.target.map(|_| target),
+        target,
         action: layout.action.map(|_| action),
         command: layout.command.map(|_| command),
         base: (base != BaseState::default()).then_some(base),
         gains,
+        lead,
         fell: metadata.fell.is_some_and(|fell| fell.value),
     };
     trajectory.validate()?;
+    report.noticed.extend(settle_imu(&mut trajectory, &metadata.imu));
     Ok((trajectory, report))
 }
 
@@ -115,6 +141,68 @@ fn time_in_seconds(
         samples.time.iter_mut().for_each(|time| *time /= unit.per_second());
     }
     Ok(converted)
+}
+
+/// The lead of the targets that the metadata states.
+fn lead(metadata: &Metadata) -> Result<Option<Lead>, LogError> {
+    let (Some(stated), spread) = (&metadata.target_lead_s, &metadata.target_lead_spread_s) else {
+        return Ok(None);
+    };
+    let lead = Lead { seconds: stated.value, spread: spread.as_ref().map_or(0.0, |spread| spread.value) };
+    if !(lead.seconds.abs() <= 1.0 && (0.0..=1.0).contains(&lead.spread)) {
+        return Err(LogError::Metadata {
+            place: stated.place.clone(),
+            problem: format!(
+                "target_lead_s is {}, target_lead_spread_s {}; give the seconds from a row's time to the stamp of its \
+                 target, at most 1",
+                shown_number(lead.seconds),
+                shown_number(lead.spread)
+            ),
+        });
+    }
+    Ok(Some(lead))
+}
+
+/// Spaces rows evenly whose stamps lost their digits, where the stamps or the stated rate leave no doubt.
+fn even_rows(
+    path: &Path,
+    samples: &mut Samples,
+    stated_hz: Option<f64>,
+    joints: usize,
+) -> Result<Option<EvenRows>, LogError> {
+    if samples.time.windows(2).any(|pair| pair[1] < pair[0]) {
+        return Ok(None);
+    }
+    let rows = samples.time.len();
+    let is_new = |row: usize| {
+        samples.channels.iter().any(|channel| {
+            let width = channel.len() / rows;
+            channel[row * width..(row + 1) * width] != channel[(row - 1) * width..row * width]
+        })
+    };
+    match look(&samples.time, stated_hz, is_new) {
+        Stamps::Fine => Ok(None),
+        Stamps::Even(times, even) => {
+            samples.time = times;
+            Ok(Some(even))
+        }
+        Stamps::Lost(coarse, why) => {
+            let hint = match samples.channels.as_slice() {
+                [position, velocity, ..] => rate_of_velocities(position, velocity, joints),
+                _ => None,
+            };
+            let hint = hint.map_or(String::new(), |rate| {
+                format!(" (the velocities fit about {} rows a second)", short(rate))
+            });
+            Err(LogError::Metadata {
+                place: shown_path(path),
+                problem: format!(
+                    "{coarse}. {why}. State the rate at which the rows were sampled, as `# rate_hz = 200` above the header \
+                     or in the sidecar, or import the log with `--rate 200`{hint}; the rows are then spaced evenly"
+                ),
+            })
+        }
+    }
 }
 
 fn resolve_gains(
@@ -148,16 +236,13 @@ fn lone_gain(place: &str, given: &str, lacking: &str) -> LogError {
     }
 }
 
-/// 1 / median sample interval of times in s, in Hz, rounded to a whole number where that is within 0.5 %: recorders run at
+/// 1 / sample interval of times in s ([`spacing`]), in Hz, rounded to a whole number where that is within 0.5 %: recorders run at
 /// round rates and write rounded times. `None` when there is no interval or the median is not positive.
 pub fn measured_rate(time: &[f64]) -> Option<f64> {
     let mut steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    if steps.is_empty() {
-        return None;
-    }
-    let middle = steps.len() / 2;
-    let (_, median, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
-    let rate = 1.0 / *median;
+    // Time that stands still or runs backwards for most samples has no rate.
+    median(&mut steps).filter(|step| *step > 0.0)?;
+    let rate = 1.0 / spacing(time)?.step;
     if !(rate.is_finite() && rate > 0.0) {
         return None;
     }

@@ -4,9 +4,12 @@
 //! recordings of real robots pass: a robot standing under a zero command, legs swept in the air, a trot with
 //! soft gains and noisy velocities.
 
+mod copies;
 mod falls;
 mod following;
+mod imu;
 mod joints;
+pub(crate) mod lag;
 mod reading;
 mod robot;
 mod saturation;
@@ -16,12 +19,15 @@ mod values;
 mod velocity;
 mod windows;
 
+pub use copies::zero_rows;
 pub use falls::{Fall, FallSign, falls};
+pub use imu::settle_imu;
+pub use lag::VelocityLag;
 
 use crate::Trajectory;
 use crate::names::names;
-use crate::scale::scales;
-use serde::Serialize;
+use crate::scale::{self, scales};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// What the checks may know about the robot. Everything is optional and by joint name; joints that the maps
@@ -77,9 +83,9 @@ impl std::fmt::Display for Severity {
     }
 }
 
-/// The reason of a finding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
-#[serde(rename_all = "snake_case")]
+/// The reason of a finding. Its name in messages, JSON and `allow` is in kebab case, such as `time-gap`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum FindingKind {
     /// The arrays do not fit together ([`Trajectory::validate`] says no); nothing else was checked.
@@ -98,6 +104,8 @@ pub enum FindingKind {
     TimeGap,
     /// Sample intervals vary.
     IrregularTime,
+    /// The stamps had lost their digits; rows were spaced evenly.
+    CoarseTime,
     /// The time column was in another unit than seconds.
     TimeUnit,
     /// The stated sample rate is not the rate of the samples.
@@ -118,6 +126,8 @@ pub enum FindingKind {
     FrozenTarget,
     /// The velocity is not the derivative of the position.
     VelocityMismatch,
+    /// Velocities lag behind positions.
+    VelocityLag,
     /// A signal or torque that is cut off at a bound.
     Saturated,
     /// One joint does not do what its target asks.
@@ -128,6 +138,34 @@ pub enum FindingKind {
     Lying,
     /// The base is tilted far from upright: the robot fell.
     Fallen,
+    /// The base does not move while the legs walk: the robot hangs or is held.
+    Hanging,
+    /// Targets are copies of the measured positions.
+    TargetIsPosition,
+    /// Positions jump to exactly 0 and back: a second publisher writes zeros.
+    JumpsToZero,
+    /// The gains change in the middle of the log.
+    GainsChange,
+    /// Desired velocities or feed-forward torques that are not in the targets.
+    FeedForward,
+    /// The quaternion's components are in another order than their names say.
+    QuaternionOrder,
+    /// The IMU's rates are in another frame than the base's.
+    ImuFrame,
+    /// The IMU's rates or angles are in another unit than rad.
+    ImuUnit,
+    /// The IMU's rates have the opposite sign.
+    ImuSign,
+    /// The IMU's axes are not the base's.
+    ImuMounting,
+    /// Orientation and rates do not belong together.
+    ImuMismatch,
+    /// The IMU's rates have a bias.
+    GyroBias,
+    /// The IMU's rates come later or earlier than its orientation.
+    GyroLag,
+    /// A joint's torques have the wrong sign for the robot's weight.
+    JointSign,
 }
 
 /// A stretch of samples.
@@ -158,39 +196,72 @@ pub struct Finding {
     pub message: String,
 }
 
-impl std::fmt::Display for FindingKind {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
+impl FindingKind {
+    /// The name in messages, JSON and `allow`.
+    pub fn name(self) -> &'static str {
+        match self {
             FindingKind::Malformed => "malformed",
-            FindingKind::MissingJoint => "missing joint",
-            FindingKind::ExtraJoint => "extra joint",
-            FindingKind::JointOrder => "joint order",
-            FindingKind::TooShort => "too short",
-            FindingKind::NonMonotonicTime => "non-monotonic time",
-            FindingKind::TimeGap => "time gap",
-            FindingKind::IrregularTime => "irregular time",
-            FindingKind::TimeUnit => "time unit",
-            FindingKind::RateMismatch => "rate mismatch",
-            FindingKind::RepeatedRows => "repeated rows",
-            FindingKind::NotFinite => "not finite",
-            FindingKind::BeyondPositionLimit => "beyond position limit",
-            FindingKind::BeyondVelocityLimit => "beyond velocity limit",
-            FindingKind::SuspectUnit => "suspect unit",
-            FindingKind::ConstantSignal => "constant signal",
-            FindingKind::FrozenTarget => "frozen target",
-            FindingKind::VelocityMismatch => "velocity mismatch",
+            FindingKind::MissingJoint => "missing-joint",
+            FindingKind::ExtraJoint => "extra-joint",
+            FindingKind::JointOrder => "joint-order",
+            FindingKind::TooShort => "too-short",
+            FindingKind::NonMonotonicTime => "non-monotonic-time",
+            FindingKind::TimeGap => "time-gap",
+            FindingKind::IrregularTime => "irregular-time",
+            FindingKind::CoarseTime => "coarse-time",
+            FindingKind::TimeUnit => "time-unit",
+            FindingKind::RateMismatch => "rate-mismatch",
+            FindingKind::RepeatedRows => "repeated-rows",
+            FindingKind::NotFinite => "not-finite",
+            FindingKind::BeyondPositionLimit => "beyond-position-limit",
+            FindingKind::BeyondVelocityLimit => "beyond-velocity-limit",
+            FindingKind::SuspectUnit => "suspect-unit",
+            FindingKind::ConstantSignal => "constant-signal",
+            FindingKind::FrozenTarget => "frozen-target",
+            FindingKind::VelocityMismatch => "velocity-mismatch",
+            FindingKind::VelocityLag => "velocity-lag",
             FindingKind::Saturated => "saturated",
-            FindingKind::JointNotFollowing => "joint not following",
+            FindingKind::JointNotFollowing => "joint-not-following",
             FindingKind::Stuck => "stuck",
             FindingKind::Lying => "lying",
             FindingKind::Fallen => "fallen",
-        })
+            FindingKind::Hanging => "hanging",
+            FindingKind::TargetIsPosition => "target-is-position",
+            FindingKind::JumpsToZero => "jumps-to-zero",
+            FindingKind::GainsChange => "gains-change",
+            FindingKind::FeedForward => "feed-forward",
+            FindingKind::QuaternionOrder => "quaternion-order",
+            FindingKind::ImuFrame => "imu-frame",
+            FindingKind::ImuUnit => "imu-unit",
+            FindingKind::ImuSign => "imu-sign",
+            FindingKind::ImuMounting => "imu-mounting",
+            FindingKind::ImuMismatch => "imu-mismatch",
+            FindingKind::GyroBias => "gyro-bias",
+            FindingKind::GyroLag => "gyro-lag",
+            FindingKind::JointSign => "joint-sign",
+        }
+    }
+}
+
+impl std::fmt::Display for FindingKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
     }
 }
 
 impl std::fmt::Display for Finding {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}: {}: {}", self.severity, self.kind, self.message)
+    }
+}
+
+/// Makes warnings of errors whose kinds are `allowed`: someone has looked at them and wants the log used.
+pub fn allow(findings: &mut [Finding], allowed: &[FindingKind]) {
+    for finding in findings {
+        if finding.severity == Severity::Error && allowed.contains(&finding.kind) {
+            finding.severity = Severity::Warning;
+            finding.message.push_str(" (allowed)");
+        }
     }
 }
 
@@ -210,7 +281,10 @@ pub fn check(log: &Trajectory, spec: &CheckSpec) -> Vec<Finding> {
     let scales = scales(&log.time, &log.position, &log.velocity, log.joints.len());
     let rate_is_said = time::check(&mut findings, scales.shared);
     values::check(&mut findings, spec);
+    copies::check(&mut findings);
+    imu::check(&mut findings, scales.shared.is_none_or(|shared| scale::equal(shared, 1.0)));
     velocity::check(&mut findings, &scales, rate_is_said);
+    lag::check(&mut findings, &scales);
     saturation::check(&mut findings, spec);
     following::check(&mut findings, spec);
     findings.list.sort_by_key(|finding| std::cmp::Reverse(finding.severity));

@@ -12,6 +12,26 @@ pub(crate) const BASE_QUATERNION: [&str; 4] = ["base_quat_w", "base_quat_x", "ba
 const ROLL_PITCH_YAW: [&str; 3] = ["roll", "pitch", "yaw"];
 pub(crate) const BASE_VELOCITY: [&str; 3] = ["base_vel_x", "base_vel_y", "base_vel_z"];
 pub(crate) const BASE_RATES: [&str; 3] = ["wx", "wy", "wz"];
+/// Names of a gravity vector in the base's frame, without `_x` or `_0`.
+const GRAVITY: [&str; 9] = [
+    "projected_gravity",
+    "proj_gravity",
+    "gravity",
+    "gravity_ori",
+    "gravity_vec",
+    "gravity_vector",
+    "gravity_body",
+    "base_gravity",
+    "gravity_b",
+];
+
+/// The axis (0 to 2) of a gravity vector in the base's frame that a column called `name` holds, as other programs name them.
+pub fn gravity_axis(name: &str) -> Option<usize> {
+    let endings = [["_x", "_0", "[0]"], ["_y", "_1", "[1]"], ["_z", "_2", "[2]"]];
+    endings.iter().position(|axis| {
+        axis.iter().any(|end| name.strip_suffix(end).is_some_and(|stem| GRAVITY.contains(&stem)))
+    })
+}
 
 /// Column numbers (from 0) of everything the reader takes.
 #[derive(Debug)]
@@ -31,6 +51,14 @@ pub(crate) struct Layout {
     pub roll_pitch_yaw: Option<Vec<usize>>,
     pub base_velocity: Option<Vec<usize>>,
     pub base_rates: Option<Vec<usize>>,
+    /// Gravity in the base's frame; taken where there is no other orientation.
+    pub gravity: Option<Vec<usize>>,
+    /// Gains of each joint and sample.
+    pub kp: Option<Vec<usize>>,
+    pub kd: Option<Vec<usize>>,
+    /// Desired velocities and feed-forward torques.
+    pub target_velocity: Option<Vec<usize>>,
+    pub feed_forward: Option<Vec<usize>>,
     pub ignored: Vec<IgnoredColumn>,
 }
 
@@ -126,6 +154,9 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
     let velocity = per_joint("dq_", true)?.unwrap_or_default();
     let target = per_joint("qdes_", false)?;
     let action = per_joint("act_", false)?;
+    let (kp, kd) = (per_joint("kp_", false)?, per_joint("kd_", false)?);
+    let target_velocity = per_joint("dqdes_", false)?;
+    let feed_forward = per_joint("tauff_", false)?;
 
     let mut group = |wanted: &[&str]| -> Option<Vec<usize>> {
         let columns: Vec<usize> = wanted.iter().filter_map(|name| index.get(name).copied()).collect();
@@ -144,6 +175,16 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
     let mut roll_pitch_yaw = group(&ROLL_PITCH_YAW);
     let base_velocity = group(&BASE_VELOCITY);
     let base_rates = group(&BASE_RATES);
+    let of_axis =
+        |axis: usize| names.iter().find(|name| gravity_axis(name) == Some(axis)).map(String::as_str);
+    let named_gravity: Option<Vec<&str>> = (0..3).map(of_axis).collect();
+    let mut gravity = named_gravity.and_then(|names| group(&names));
+    if (base_quaternion.is_some() || roll_pitch_yaw.is_some())
+        && let Some(columns) = gravity.take()
+    {
+        let why = "the orientation has it already";
+        orphans.extend(columns.into_iter().map(|column| (column, why.to_owned())));
+    }
     if base_quaternion.is_some()
         && let Some(columns) = roll_pitch_yaw.take()
     {
@@ -174,6 +215,11 @@ pub(crate) fn layout(path: &Path, line: u64, names: Vec<String>) -> Result<Layou
         roll_pitch_yaw,
         base_velocity,
         base_rates,
+        gravity,
+        kp,
+        kd,
+        target_velocity,
+        feed_forward,
         ignored,
         names,
     })

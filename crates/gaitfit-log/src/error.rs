@@ -43,13 +43,28 @@ pub enum LogError {
     },
     /// The file is larger than the reader will take into memory.
     #[error(
-        "{}: larger than {limit} bytes; split the log, or raise `max_bytes` if there is memory for it", shown_path(.path)
+        "{}: larger than {limit} bytes; split the log, take one row of many (`gaitfit import LOG.csv --every 10 --out \
+         LESS.csv`), or raise `max_bytes` if there is memory for it", shown_path(.path)
     )]
     TooLarge {
         /// The file.
         path: PathBuf,
         /// `ReadOptions::max_bytes`.
         limit: u64,
+    },
+    /// More rows than are taken into memory.
+    #[error(
+        "{}: more than {limit} rows of {columns} columns, which is what is taken into memory; cut it into shorter logs, or, \
+         where it is faster than the policy, take one row of many: `gaitfit import LOG.csv --every 10 --out LESS.csv`",
+        shown_path(.path)
+    )]
+    TooManyRows {
+        /// The file.
+        path: PathBuf,
+        /// How many rows of so many columns are taken.
+        limit: usize,
+        /// Columns that are read.
+        columns: usize,
     },
     /// A line longer than any log's line: not a CSV file.
     #[error("{}:{line}: line longer than {limit} bytes; is this a CSV file?", shown_path(.path))]

@@ -1,8 +1,11 @@
 //! A folder of logs at a glance: which logs, which joints and rates they share, and what is wrong with how many.
 
+use crate::check::lag::LagSums;
 use crate::files::entries;
+use crate::scale::scales;
 use crate::{
-    CheckSpec, Finding, FindingKind, LogError, ReadOptions, Severity, Trajectory, check, read_csv_report,
+    CheckSpec, Finding, FindingKind, LogError, ReadOptions, Severity, Trajectory, VelocityLag, allow, check,
+    read_csv_report,
 };
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -31,6 +34,9 @@ pub struct FolderSummary {
     pub samples: usize,
     /// Length of all logs together, s.
     pub duration_s: f64,
+    /// How far velocities are behind positions in all logs together, where that is known and matters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity_lag: Option<VelocityLag>,
     /// Findings by kind, the worst first.
     pub findings: Vec<FindingGroup>,
 }
@@ -116,11 +122,13 @@ pub fn summarise_folder(
         rates: Vec::new(),
         samples: 0,
         duration_s: 0.0,
+        velocity_lag: None,
         findings: Vec::new(),
     };
     let mut joints = SharedJoints::default();
     let mut rates = Vec::new();
     let mut groups = BTreeMap::new();
+    let mut lag = LagSums::default();
     for (number, (path, wrong)) in files.into_iter().enumerate() {
         if progress(number, count).is_break() {
             return Err(LogError::Stopped);
@@ -130,6 +138,10 @@ pub fn summarise_folder(
             Ok((log, report)) => {
                 let mut findings = report.findings();
                 findings.extend(check(&log, &spec(&log)));
+                if log.validate().is_ok() {
+                    lag.add(&log, &scales(&log.time, &log.position, &log.velocity, log.joints.len()));
+                }
+                allow(&mut findings, &report.allowed);
                 summary.samples += log.len();
                 summary.duration_s += log.duration();
                 summary.robots.extend(log.robot.clone());
@@ -149,6 +161,7 @@ pub fn summarise_folder(
         summary.logs.push(LogEntry { path, content });
     }
     (summary.common_joints, summary.other_joints) = joints.split();
+    summary.velocity_lag = lag.lag().filter(VelocityLag::matters);
     summary.rates = count_rates(rates);
     summary.findings = groups.into_values().collect();
     summary.findings.sort_by_key(|group| std::cmp::Reverse((group.severity, group.logs.len())));

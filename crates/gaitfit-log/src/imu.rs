@@ -6,6 +6,8 @@ const OFF_UNIT: f64 = 0.02;
 const MOST_ANGLE: f64 = 2.0 * std::f64::consts::PI;
 /// Largest body rate, rad/s: gyros of robots end at a third of it.
 const MOST_RATE: f64 = 200.0;
+/// The same in degrees per second.
+const MOST_DEGREES: f64 = 12_000.0;
 
 const NOT_FINITE: &str =
     "no reading of an inertial unit; delete the row, or leave the cell empty where a sample was lost";
@@ -32,13 +34,30 @@ pub(crate) fn angles(angles: &[f64]) -> Option<(usize, &'static str)> {
         .or_else(|| Some((beyond()?, "more than a full turn; give radians, or delete the row")))
 }
 
-/// The first of the body rates that cannot be, and why.
-pub(crate) fn rates(rates: &[f64]) -> Option<(usize, &'static str)> {
-    let beyond = || rates.iter().position(|rate| rate.abs() > MOST_RATE);
-    infinite(rates).map(|place| (place, NOT_FINITE)).or_else(|| {
-        Some((beyond()?, "beyond 200 rad/s, faster than any robot turns; give rad/s, or delete the row"))
+/// The first cell of a gravity vector that cannot be, and why.
+pub(crate) fn gravity(vector: &[f64]) -> Option<(usize, &'static str)> {
+    let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+    infinite(vector).map(|place| (place, NOT_FINITE)).or_else(|| {
+        (!(0.1..20.0).contains(&length) && !length.is_nan()).then_some((
+            0,
+            "part of no gravity vector: its length must be 1 or 9.81; delete the row, or leave the cells empty where a sample \
+             was lost",
+        ))
     })
 }
+
+/// The first of the body rates that cannot be, and why.
+pub(crate) fn rates(rates: &[f64]) -> Option<(usize, &'static str)> {
+    let beyond = || rates.iter().position(|rate| rate.abs() > MOST_DEGREES);
+    infinite(rates).map(|place| (place, NOT_FINITE)).or_else(|| Some((beyond()?, TOO_FAST)))
+}
+
+/// The first of the body rates that can be one in degrees per second only, and why.
+pub(crate) fn fast(rates: &[f64]) -> Option<(usize, &'static str)> {
+    Some((rates.iter().position(|rate| rate.abs() > MOST_RATE)?, TOO_FAST))
+}
+
+const TOO_FAST: &str = "beyond 200 rad/s, faster than any robot turns; give rad/s, or delete the row";
 
 fn infinite(values: &[f64]) -> Option<usize> {
     values.iter().position(|value| value.is_infinite())

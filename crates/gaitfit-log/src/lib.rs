@@ -14,10 +14,14 @@
 //! | `roll`, `pitch`, `yaw` | base orientation, rad, R = Rz(yaw)·Ry(pitch)·Rx(roll); read where there is no `base_quat_` |
 //! | `base_vel_x` … `z` | base linear velocity, m/s, world frame |
 //! | `wx`, `wy`, `wz` | base angular velocity, rad/s, body frame |
+//! | `projected_gravity_x` … `z` (or `gravity_x`, …) | gravity in the body frame, (0, 0, −1) when upright; read where there is no other orientation |
+//! | `kp_J`, `kd_J` | gains of joint J at each sample, N·m/rad and N·m·s/rad; for all joints or none |
+//! | `dqdes_J`, `tauff_J` | desired velocity (rad/s) and feed-forward torque (N·m) of joint J; for all joints or none |
 //!
 //! Comment lines above the header, or a sidecar file `<stem>.toml` or `log.toml` beside the log, state the rest:
 //! `robot = "go2"`, `rate_hz = 200`, `kp = 25` or `kp = [20, 20, 40]` (in the order of the `q_` columns) or
-//! `kp = { "*_hip" = 20, "*_thigh" = 20, "*_calf" = 40 }`, and `kd` likewise.
+//! `kp = { "*_hip" = 20, "*_thigh" = 20, "*_calf" = 40 }`, and `kd` likewise;
+//! `target_lead_s = 0.0003`, how long after its row's time a target was sent ([`Lead`]).
 //!
 //! # Use
 //! ```no_run
@@ -32,33 +36,51 @@
 //! ```
 
 mod assemble;
+mod attitude;
 mod check;
 mod columns;
 mod error;
 mod files;
 mod folder;
 mod imu;
+mod imu_fit;
+mod imu_settings;
 mod lines;
 mod metadata;
+mod motor;
 mod names;
 mod ops;
 mod read;
+mod regular;
+pub mod regular_file;
 mod scale;
 mod sensors;
+mod spacing;
+mod stamps;
 mod summary;
 mod time_unit;
 mod trajectory;
 mod write;
 
 pub use assemble::measured_rate;
-pub use check::{CheckSpec, Fall, FallSign, Finding, FindingKind, Severity, Span, check, falls};
+pub use attitude::orientation_of_gravity;
+pub use check::{
+    CheckSpec, Fall, FallSign, Finding, FindingKind, Severity, Span, VelocityLag, allow, check, falls,
+    settle_imu, zero_rows,
+};
+pub use columns::gravity_axis;
 pub use error::LogError;
 pub use files::{check_entry, csv_files};
 pub use folder::{FindingGroup, FolderSummary, LogContent, LogEntry, RateCount, summarise_folder};
+pub use imu_settings::{ImuSettings, QuaternionOrder, RateFrame, RateUnit};
 pub use metadata::PerJoint;
+pub use motor::{MotorColumns, fold, gains as gains_of_columns};
 pub use ops::Signal;
 pub use read::{Hole, IgnoredColumn, ReadOptions, ReadReport, read_csv, read_csv_report};
+pub use regular::Regular;
 pub use sensors::{Estimate, Sensors, gyro_bias, velocity_lag};
+pub use spacing::{Lost, Spacing, spacing};
+pub use stamps::{CoarseStamps, EvenRows, Stamps, look as look_at_stamps, rate_of_velocities};
 pub use summary::{JointSummary, LogSummary, SignalSummary, summary, summary_with_report};
 pub use time_unit::{ConvertedTime, TimeUnit, recognise as recognise_time_unit};
 pub use trajectory::*;

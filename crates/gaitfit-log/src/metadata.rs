@@ -1,7 +1,7 @@
 //! What a log says about itself besides samples: robot, rate, gains. From header comments, sidecar TOML
 //! files and the caller's options.
 
-use crate::LogError;
+use crate::{FindingKind, ImuSettings, LogError};
 use gaitfit_model::{escaped, patterns, shown, shown_number, shown_path};
 use indexmap::IndexMap;
 use serde::Deserialize;
@@ -82,6 +82,12 @@ pub(crate) struct Metadata {
     pub kp: Option<Sourced<PerJoint>>,
     pub kd: Option<Sourced<PerJoint>>,
     pub fell: Option<Sourced<bool>>,
+    pub target_lead_s: Option<Sourced<f64>>,
+    pub target_lead_spread_s: Option<Sourced<f64>>,
+    /// How the inertial unit's columns are to be read, key by key.
+    pub imu: ImuSettings,
+    /// Findings that do not forbid using the log.
+    pub allow: Option<Sourced<Vec<FindingKind>>>,
 }
 
 /// The keys of header comments and sidecar files.
@@ -93,6 +99,10 @@ pub(crate) struct Statements {
     pub kp: Option<PerJoint>,
     pub kd: Option<PerJoint>,
     pub fell: Option<bool>,
+    pub target_lead_s: Option<f64>,
+    pub target_lead_spread_s: Option<f64>,
+    pub imu: Option<ImuSettings>,
+    pub allow: Option<Vec<FindingKind>>,
     /// Free remarks of the recorder; not used.
     #[serde(rename = "notes")]
     pub _notes: Option<toml::Table>,
@@ -101,7 +111,21 @@ pub(crate) struct Statements {
 /// Most characters of what the TOML reader says.
 const REASON: usize = 200;
 
-const KEYS: [&str; 5] = ["robot", "rate_hz", "kp", "kd", "fell"];
+const KEYS: [&str; 13] = [
+    "robot",
+    "rate_hz",
+    "kp",
+    "kd",
+    "fell",
+    "target_lead_s",
+    "target_lead_spread_s",
+    "allow",
+    "imu.order",
+    "imu.frame",
+    "imu.unit",
+    "imu.negated",
+    "imu.mounting",
+];
 
 impl Metadata {
     /// Takes what `statements` says and nothing stronger has said.
@@ -116,6 +140,10 @@ impl Metadata {
         fill(&mut self.kp, statements.kp, place);
         fill(&mut self.kd, statements.kd, place);
         fill(&mut self.fell, statements.fell, place);
+        fill(&mut self.target_lead_s, statements.target_lead_s, place);
+        fill(&mut self.target_lead_spread_s, statements.target_lead_spread_s, place);
+        fill(&mut self.allow, statements.allow, place);
+        self.imu = self.imu.or(statements.imu.unwrap_or_default());
     }
 
     /// One header comment, without its `#`. Returns the key of a `key = value` line that means nothing here.
@@ -135,6 +163,7 @@ impl Metadata {
                 "kp" | "pgain" => "kp",
                 "kd" | "dgain" => "kd",
                 "fell" | "fall" | "fallen" => "fell",
+                "lead" | "leads" | "targetlead" | "targetleads" => "target_lead_s",
                 _ => return Ok(Some(key.to_owned())),
             };
             return Err(refuse(format!("`{}` is not a key of log headers; write `{meant} = …`", shown(key))));
@@ -152,7 +181,11 @@ impl Metadata {
             "rate_hz" => self.rate_hz.as_ref().map(|said| &said.place),
             "kp" => self.kp.as_ref().map(|said| &said.place),
             "kd" => self.kd.as_ref().map(|said| &said.place),
-            _ => self.fell.as_ref().map(|said| &said.place),
+            "target_lead_s" => self.target_lead_s.as_ref().map(|said| &said.place),
+            "target_lead_spread_s" => self.target_lead_spread_s.as_ref().map(|said| &said.place),
+            "fell" => self.fell.as_ref().map(|said| &said.place),
+            "allow" => self.allow.as_ref().map(|said| &said.place),
+            _ => None,
         };
         if let Some(first) = repeated {
             return Err(refuse(format!("`{key}` is stated twice, first at {first}; keep one")));
@@ -169,6 +202,10 @@ impl Metadata {
             kp: self.kp.or(other.kp),
             kd: self.kd.or(other.kd),
             fell: self.fell.or(other.fell),
+            target_lead_s: self.target_lead_s.or(other.target_lead_s),
+            target_lead_spread_s: self.target_lead_spread_s.or(other.target_lead_spread_s),
+            imu: self.imu.or(other.imu),
+            allow: self.allow.or(other.allow),
         }
     }
 }
@@ -207,7 +244,9 @@ pub(crate) fn read_sidecars(path: &Path) -> Result<(Metadata, Vec<PathBuf>), Log
         let text = std::fs::read_to_string(&sidecar).map_err(io)?;
         let statements: Statements = toml::from_str(&text).map_err(|error| {
             refuse(format!(
-                "{}. A log's sidecar has the keys robot, rate_hz, kp, kd, fell and the table notes. If this file is \
+                "{}. A log's sidecar has the keys robot, rate_hz, kp, kd, fell, target_lead_s, \
+                 target_lead_spread_s, allow and the tables imu (order, frame, unit, negated, mounting) and notes. \
+                 If this file is \
                  something else, rename it, or read without sidecar files",
                 reason(&text, &error)
             ))

@@ -47,8 +47,11 @@ impl std::fmt::Display for Signal {
     }
 }
 
+/// Largest time between a row and its target's message, s.
+const MOST_LEAD_S: f64 = 1.0;
+
 /// Largest resampled trajectory, values (400 MB).
-const RESAMPLE_LIMIT: f64 = 5e7;
+pub(crate) const RESAMPLE_LIMIT: f64 = 5e7;
 
 impl Trajectory {
     /// Nominal sample interval 1 / `rate_hz`, s.
@@ -137,6 +140,19 @@ impl Trajectory {
                 format!("{}; give a positive sample rate in Hz", shown_number(self.rate_hz)),
             );
         }
+        if let Some(lead) = &self.lead {
+            let usable = lead.seconds.abs() <= MOST_LEAD_S && (0.0..=MOST_LEAD_S).contains(&lead.spread);
+            if !usable {
+                return refuse(
+                    "lead",
+                    format!(
+                        "{} s, spread {} s; a target is stamped within a second of its row",
+                        shown_number(lead.seconds),
+                        shown_number(lead.spread)
+                    ),
+                );
+            }
+        }
         if let Some(gains) = &self.gains {
             for (what, values) in [("gains.kp", &gains.kp), ("gains.kd", &gains.kd)] {
                 if values.len() != joints {
@@ -169,6 +185,16 @@ impl Trajectory {
             values[range.start * width..range.end * width].to_vec()
         });
         Ok(Trajectory { fell: self.fell && range.end == self.len(), ..part })
+    }
+
+    /// One sample of `every`, the first among them, at that rate.
+    #[must_use]
+    pub fn thinned(&self, every: usize) -> Trajectory {
+        let every = every.max(1);
+        let part = self.map_arrays(self.joints.clone(), self.gains.clone(), |values, width| {
+            values.chunks_exact(width).step_by(every).flatten().copied().collect()
+        });
+        Trajectory { rate_hz: self.rate_hz / every as f64, ..part }
     }
 
     /// Samples with `from <= time < to`, s. Needs increasing time.
@@ -225,6 +251,15 @@ impl Trajectory {
     /// holding the last value, as the controller does. No low-pass filter: lowering the rate aliases motion
     /// above half of it. Needs finite, strictly increasing time.
     pub fn resample(&self, rate_hz: f64) -> Result<Trajectory, LogError> {
+        self.resample_early(rate_hz, 0.0)
+    }
+
+    /// As [`Trajectory::resample`]; what a controller set counts from `early` s before its sample on. Where stamps jitter, a
+    /// value that is set at a new sample's time may be stamped a little after it.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn resample_early(&self, rate_hz: f64, early: f64) -> Result<Trajectory, LogError> {
         self.validate()?;
         self.require_increasing_time("resample")?;
         if !(rate_hz.is_finite() && rate_hz > 0.0) || self.is_empty() {
@@ -252,26 +287,30 @@ impl Trajectory {
         let start = self.time[0];
         let time: Vec<f64> = (0..=periods as usize).map(|i| start + i as f64 / rate_hz).collect();
         // For each new time: the sample at or before it, and the fraction of the way to the next.
-        let places: Vec<(usize, f64)> = time
-            .iter()
-            .map(|&at| {
-                let after = self.time.partition_point(|known| *known <= at + 1e-9);
-                let before = after.saturating_sub(1);
-                match self.time.get(before + 1) {
-                    Some(next) => {
-                        let known = self.time[before];
-                        (before, ((at - known) / (next - known)).clamp(0.0, 1.0))
-                    }
-                    None => (before, 0.0),
+        let last = |at: f64| self.time.partition_point(|known| *known <= at + 1e-9).saturating_sub(1);
+        let measured = time.iter().map(|&at| {
+            let before = last(at);
+            match self.time.get(before + 1) {
+                Some(next) => {
+                    let known = self.time[before];
+                    (before, ((at - known) / (next - known)).clamp(0.0, 1.0))
                 }
-            })
-            .collect();
+                None => (before, 0.0),
+            }
+        });
+        let measured = measured.collect();
+        let held = time.iter().map(|&at| last(at + early)).collect();
+        Ok(self.at(time, rate_hz, &Places { held, measured, curved: false }))
+    }
+
+    /// The samples at `places`.
+    pub(crate) fn at(&self, time: Vec<f64>, rate_hz: f64, places: &Places) -> Trajectory {
         let hold = |values: &[f64], width: usize| -> Vec<f64> {
-            places.iter().flat_map(|&(at, _)| values[at * width..(at + 1) * width].iter().copied()).collect()
+            places.held.iter().flat_map(|&at| values[at * width..(at + 1) * width].iter().copied()).collect()
         };
         let blend = |values: &[f64], width: usize| -> Vec<f64> {
-            let mut out = Vec::with_capacity(places.len() * width);
-            for &(at, fraction) in &places {
+            let mut out = Vec::with_capacity(places.measured.len() * width);
+            for &(at, fraction) in &places.measured {
                 for column in 0..width {
                     let here = values[at * width + column];
                     out.push(match fraction {
@@ -284,15 +323,31 @@ impl Trajectory {
             out
         };
         let joints = self.joints.len();
-        Ok(Trajectory {
-            position: blend(&self.position, joints),
+        let mut position = blend(&self.position, joints);
+        if places.curved {
+            let rows = position.chunks_exact_mut(joints.max(1));
+            for (row, &(at, fraction)) in rows.zip(&places.measured) {
+                let Some(step) = self.time.get(at + 1).map(|next| next - self.time[at]) else { continue };
+                for (joint, position) in row.iter_mut().enumerate() {
+                    let value =
+                        |values: &[f64]| [values[at * joints + joint], values[(at + 1) * joints + joint]];
+                    *position +=
+                        bend(value(&self.position), value(&self.velocity).map(|v| v * step), fraction);
+                }
+            }
+        }
+        Trajectory {
+            position,
             velocity: blend(&self.velocity, joints),
             target: self.target.as_deref().map(|values| hold(values, joints)),
             action: self.action.as_deref().map(|values| hold(values, joints)),
             command: self.command.as_deref().map(|values| hold(values, 3)),
             base: self.base.as_ref().map(|base| BaseState {
                 position: base.position.as_deref().map(|values| blend(values, 3)),
-                quaternion: base.quaternion.as_deref().map(|values| blend_quaternions(values, &places)),
+                quaternion: base
+                    .quaternion
+                    .as_deref()
+                    .map(|values| blend_quaternions(values, &places.measured)),
                 linear_velocity: base.linear_velocity.as_deref().map(|values| blend(values, 3)),
                 angular_velocity: base.angular_velocity.as_deref().map(|values| blend(values, 3)),
             }),
@@ -302,11 +357,12 @@ impl Trajectory {
             robot: self.robot.clone(),
             joints: self.joints.clone(),
             gains: self.gains.clone(),
+            lead: self.lead,
             fell: self.fell,
-        })
+        }
     }
 
-    fn require_increasing_time(&self, what: &'static str) -> Result<(), LogError> {
+    pub(crate) fn require_increasing_time(&self, what: &'static str) -> Result<(), LogError> {
         let bad = self.time.windows(2).position(|pair| !(pair[1] > pair[0] && pair[1].is_finite()));
         match bad {
             Some(i) => Err(LogError::Range {
@@ -349,9 +405,29 @@ impl Trajectory {
                 angular_velocity: optional(&base.angular_velocity, 3),
             }),
             gains,
+            lead: self.lead,
             fell: self.fell,
         }
     }
+}
+
+/// Where the samples of a new trajectory are in an old one; one entry each a new sample.
+pub(crate) struct Places {
+    /// The sample whose targets, actions and commands hold.
+    pub held: Vec<usize>,
+    /// The sample at or before, and the fraction of the way to the next, of what is measured.
+    pub measured: Vec<(usize, f64)>,
+    /// Whether positions between samples follow their velocities.
+    pub curved: bool,
+}
+
+/// What a cubic with the slopes of the samples (a step long) adds to the straight line between two values.
+fn bend([from, to]: [f64; 2], [slope_from, slope_to]: [f64; 2], fraction: f64) -> f64 {
+    let rise = to - from;
+    let rest = 1.0 - fraction;
+    // Hermite's cubic less the line.
+    let bend = fraction * rest * (rest * (slope_from - rise) - fraction * (slope_to - rise));
+    if fraction == 0.0 || !bend.is_finite() { 0.0 } else { bend }
 }
 
 /// Quaternions between samples: `places` are samples and how far behind them.

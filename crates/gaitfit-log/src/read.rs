@@ -5,7 +5,7 @@ use crate::columns::{Layout, layout};
 use crate::imu;
 use crate::lines::Lines;
 use crate::metadata::{Metadata, Statements, read_sidecars};
-use crate::{ConvertedTime, LogError, PerJoint, Trajectory};
+use crate::{ConvertedTime, EvenRows, Finding, FindingKind, LogError, PerJoint, Trajectory};
 use gaitfit_model::shown_path;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -28,6 +28,10 @@ pub struct ReadOptions {
     pub max_bytes: u64,
     /// Largest number of columns taken.
     pub max_columns: usize,
+    /// Most numbers taken: rows times columns that are read. Each takes 8 bytes.
+    pub max_values: usize,
+    /// Take one row of so many, the first among them. The rate is that of the rows that are taken.
+    pub every: usize,
 }
 
 impl Default for ReadOptions {
@@ -40,6 +44,8 @@ impl Default for ReadOptions {
             sidecar: true,
             max_bytes: 512 << 20,
             max_columns: 4096,
+            max_values: usize::MAX,
+            every: 1,
         }
     }
 }
@@ -70,6 +76,14 @@ pub struct ReadReport {
     pub rate_from: Option<String>,
     /// The time column's unit, where it was not seconds. The trajectory has seconds.
     pub converted_time: Option<ConvertedTime>,
+    /// Rows that were spaced evenly, because the time column had lost its digits. The trajectory has the even times.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub even_rows: Option<EvenRows>,
+    /// What reading changed or could not use, as the checks would put it.
+    #[serde(skip)]
+    pub noticed: Vec<Finding>,
+    /// Findings that the log's own settings allow.
+    pub allowed: Vec<FindingKind>,
     /// The first cell without a number among those of an inertial unit that has numbers elsewhere.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub imu_hole: Option<Hole>,
@@ -94,7 +108,7 @@ pub fn read_csv(path: &Path, options: &ReadOptions) -> Result<Trajectory, LogErr
 /// Reads a log and says what was left out.
 ///
 /// The file: optional `#` comment lines (of these, `key = value` lines in TOML give `robot`, `rate_hz`, `kp`,
-/// `kd`), a header line that names the quantities (`time`, `q_FL_hip`, `dq_FL_hip`, `qdes_FL_hip`,
+/// `kd`, `fell`, `target_lead_s`), a header line that names the quantities (`time`, `q_FL_hip`, `dq_FL_hip`, `qdes_FL_hip`,
 /// `act_FL_hip`, `vx_cmd`, …; in any order; table in the [crate documentation](crate)), then one row of numbers a sample. Joints
 /// keep the order of the `q_` columns. `nan` and `inf` are read as they are, for the checks to report; an empty cell is
 /// NaN in base columns and an error elsewhere; a base channel with nothing but NaN is left out. What no inertial unit
@@ -127,12 +141,18 @@ pub fn read_csv_report(path: &Path, options: &ReadOptions) -> Result<(Trajectory
         }
     };
     let layout = layout(path, header_line, names)?;
-    let (samples, imu_hole) = read_rows(path, &mut lines, &layout)?;
-    report.imu_hole = imu_hole;
+    let Rows { samples, hole, too_fast } = read_rows(path, &mut lines, &layout, options)?;
+    report.imu_hole = hole;
 
     let (sidecar, sidecars) = if options.sidecar { read_sidecars(path)? } else { Default::default() };
     report.sidecars = sidecars;
-    assemble(path, layout, samples, stated.or(comments).or(sidecar), report)
+    let (log, report) =
+        assemble(path, layout, samples, stated.or(comments).or(sidecar), options.every, report)?;
+    let rates = log.base.as_ref().and_then(|base| base.angular_velocity.as_deref());
+    match too_fast.filter(|_| rates.is_some_and(|rates| imu::fast(rates).is_some())) {
+        Some(refused) => Err(refused),
+        None => Ok((log, report)),
+    }
 }
 
 fn header_cells(path: &Path, line: u64, text: &str, limit: usize) -> Result<Vec<String>, LogError> {
@@ -168,7 +188,7 @@ struct Channel<'a> {
 /// The first cell of a row that cannot be, and why.
 type Refuse = fn(&[f64]) -> Option<(usize, &'static str)>;
 
-fn channels(layout: &Layout) -> [Channel<'_>; 10] {
+fn channels(layout: &Layout) -> [Channel<'_>; 15] {
     fn some(columns: &Option<Vec<usize>>) -> &[usize] {
         columns.as_deref().unwrap_or_default()
     }
@@ -186,19 +206,51 @@ fn channels(layout: &Layout) -> [Channel<'_>; 10] {
         sensed(&layout.roll_pitch_yaw, imu::angles),
         base(&layout.base_velocity),
         sensed(&layout.base_rates, imu::rates),
+        sensed(&layout.gravity, imu::gravity),
+        needed(some(&layout.kp)),
+        needed(some(&layout.kd)),
+        needed(some(&layout.target_velocity)),
+        needed(some(&layout.feed_forward)),
     ]
 }
 
-/// The samples, and the first hole in a channel of the inertial unit that has numbers elsewhere.
-fn read_rows(path: &Path, lines: &mut Lines, layout: &Layout) -> Result<(Samples, Option<Hole>), LogError> {
+/// Place of the body rates among the channels.
+const RATES: usize = 9;
+
+/// What the rows of a file hold.
+struct Rows {
+    samples: Samples,
+    /// The first hole in a channel of the inertial unit that has numbers elsewhere.
+    hole: Option<Hole>,
+    /// The first body rate that none in rad/s can be.
+    too_fast: Option<LogError>,
+}
+
+fn read_rows(
+    path: &Path,
+    lines: &mut Lines,
+    layout: &Layout,
+    options: &ReadOptions,
+) -> Result<Rows, LogError> {
     let plan = channels(layout);
+    let mut too_fast = None;
     let mut samples = Samples { time: Vec::new(), channels: plan.iter().map(|_| Vec::new()).collect() };
     let width = layout.names.len();
     let mut cells: Vec<std::ops::Range<usize>> = Vec::with_capacity(width);
     let mut holes: Vec<Option<Hole>> = plan.iter().map(|_| None).collect();
+    let columns = 1 + plan.iter().map(|channel| channel.columns.len()).sum::<usize>();
+    let max_rows = options.max_values / columns;
+    let mut row = 0;
     while let Some((line, text)) = lines.next()? {
         if text.trim().is_empty() {
             continue;
+        }
+        row += 1;
+        if !(row - 1usize).is_multiple_of(options.every.max(1)) {
+            continue;
+        }
+        if samples.time.len() >= max_rows {
+            return Err(LogError::TooManyRows { path: path.to_owned(), limit: max_rows, columns });
         }
         split_cells(text, &mut cells);
         if cells.len() != width {
@@ -255,17 +307,16 @@ fn read_rows(path: &Path, lines: &mut Lines, layout: &Layout) -> Result<(Samples
                 let column = channel.columns[place];
                 (column, layout.names[column].clone())
             };
-            if let Some((at, problem)) = refuse(&values[row..]) {
+            let refused = |(at, problem): (usize, &'static str)| {
                 let (column, name) = place(at);
                 let text = short_cell(unquote(&text[cells[column].clone()]));
-                return Err(LogError::Cell {
-                    path: path.to_owned(),
-                    line,
-                    column: column + 1,
-                    name,
-                    text,
-                    problem,
-                });
+                LogError::Cell { path: path.to_owned(), line, column: column + 1, name, text, problem }
+            };
+            if let Some(cell) = refuse(&values[row..]) {
+                return Err(refused(cell));
+            }
+            if channel.columns == plan[RATES].columns && too_fast.is_none() {
+                too_fast = imu::fast(&values[row..]).map(refused);
             }
             if let Some(at) = values[row..].iter().position(|value| value.is_nan())
                 && hole.is_none()
@@ -281,7 +332,7 @@ fn read_rows(path: &Path, lines: &mut Lines, layout: &Layout) -> Result<(Samples
     let partly = |values: &Vec<f64>| values.iter().any(|value| !value.is_nan());
     let channels = samples.channels.iter().zip(holes).filter(|(values, _)| partly(values));
     let hole = channels.filter_map(|(_, hole)| hole).min_by_key(|hole| hole.line);
-    Ok((samples, hole))
+    Ok(Rows { samples, hole, too_fast })
 }
 
 /// Byte ranges of the comma-separated cells. Cells hold numbers, so a comma inside quotes is not one.

@@ -30,7 +30,19 @@ pub(crate) struct Scale {
     pub factor: f64,
     /// Standard error of the regression's slope, relative to `factor`.
     pub error: f64,
+    /// Factor by which sampling alone may put it off: what a velocity does between samples the trapezoidal rule does not see.
+    pub tolerance: f64,
 }
+
+/// Error of a factor by sampling, over the roughness: the mean square change of the velocity from sample to sample over four
+/// times its mean square. Exact data of legs of a hung-up robot are 1.10 off at a roughness of 0.10 and 1.13 at 0.13.
+const SAMPLING: f64 = 1.25;
+/// Roughness from which on more makes no factor more doubtful.
+const MOST_ROUGH: f64 = 0.25;
+/// Sample interval, s, of logs at a policy's rate: their velocities are those of the ends of answers to steps, up to a tenth
+/// beside the mean.
+const SLOW_S: f64 = 0.0099;
+const SLOW: f64 = 1.1;
 
 impl Scale {
     /// Whether the two are one signal, up to a positive factor.
@@ -47,7 +59,7 @@ impl Scale {
     /// Whether the true factor may be `factor`, within the tolerance.
     pub fn may_be(&self, factor: f64) -> bool {
         let [low, high] = self.bounds();
-        low <= factor * TOLERANCE && high >= factor / TOLERANCE
+        low <= factor * self.tolerance && high >= factor / self.tolerance
     }
 }
 
@@ -102,6 +114,7 @@ fn scale(time: &[f64], q: &[f64], dq: &[f64], typical: f64, span: usize) -> Opti
     let mut integral = vec![0.0; time.len()];
     let mut unbroken = 0;
     let (mut changes, mut integrals) = (Vec::new(), Vec::new());
+    let (mut steps_squared, mut squared) = (0.0, 0.0);
     for i in 1..time.len() {
         let step = time[i] - time[i - 1];
         let regular = step > 0.0 && step <= GAP * typical;
@@ -111,6 +124,8 @@ fn scale(time: &[f64], q: &[f64], dq: &[f64], typical: f64, span: usize) -> Opti
             integral[i] = 0.0;
             continue;
         }
+        steps_squared += (dq[i] - dq[i - 1]).powi(2);
+        squared += 4.0 * dq[i] * dq[i];
         integral[i] = integral[i - 1] + part;
         unbroken += 1;
         if unbroken >= span {
@@ -124,10 +139,13 @@ fn scale(time: &[f64], q: &[f64], dq: &[f64], typical: f64, span: usize) -> Opti
     let correlation = stats::correlation(&changes, &integrals);
     // Spans overlap: as many are independent as fit one after the other.
     let independent = (changes.len() as f64 / span as f64).max(1.0);
+    // sin²(ωh/2) of a wave.
+    let roughness = if squared > 0.0 { (steps_squared / squared).min(MOST_ROUGH) } else { 0.0 };
     let scale = Scale {
         correlation,
         factor: deviation(&integrals) / deviation(&changes),
         error: ((1.0 - correlation * correlation).max(0.0) / independent).sqrt(),
+        tolerance: TOLERANCE.max(if typical >= SLOW_S { SLOW } else { 0.0 }).max(1.0 + SAMPLING * roughness),
     };
     (scale.correlation.is_finite() && scale.factor.is_finite() && scale.factor > 0.0).then_some(scale)
 }

@@ -294,6 +294,7 @@ mod tests {
             turn = normalize(product(turn, axis_angle(middle.map(|x| x / speed), 0.005 * speed)));
         }
         Trajectory {
+            lead: None,
             source: None,
             robot: None,
             joints: vec!["hip".into(), "calf".into()],

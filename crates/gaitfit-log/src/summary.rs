@@ -1,7 +1,7 @@
 //! A log at a glance.
 
 use crate::check::stats::{median, range, rms};
-use crate::{ReadReport, Signal, Trajectory};
+use crate::{Lead, ReadReport, Signal, Trajectory};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -24,6 +24,9 @@ pub struct LogSummary {
     pub jitter_s: Option<f64>,
     /// Longest sample interval, s.
     pub longest_interval_s: Option<f64>,
+    /// How long after its row each target was stamped; absent where the log does not say it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lead: Option<Lead>,
     /// Channels present, such as `position`, `target`, `base orientation`.
     pub channels: Vec<&'static str>,
     /// Joints, in the log's order.
@@ -103,6 +106,7 @@ pub fn summary_with_report(log: &Trajectory, reading: ReadReport) -> LogSummary 
         measured_rate_hz: typical.map(|typical| 1.0 / typical),
         jitter_s: deviations.map(|deviations| rms(&deviations)),
         longest_interval_s: range(&steps).map(|(_, longest)| longest),
+        lead: log.lead,
         channels: channels.into_iter().filter_map(|(name, present)| present.then_some(name)).collect(),
         joints: (0..log.joints.len()).map(|joint| joint_summary(log, joint)).collect(),
         tracking_rms_rad: log.target.as_deref().and_then(|target| tracking(&log.position, target)),

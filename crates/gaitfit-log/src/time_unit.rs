@@ -85,7 +85,7 @@ pub fn recognise(
     rate_hz: Option<f64>,
     velocity_over_derivative: impl FnOnce() -> Option<f64>,
 ) -> Result<Option<ConvertedTime>, String> {
-    let Some(step) = typical_step(time) else { return Ok(None) };
+    let Some(step) = usual_step(time) else { return Ok(None) };
     let rate = |unit: TimeUnit| unit.per_second() / step;
     let within = |rate: f64, (low, high): (f64, f64)| (low..=high).contains(&rate);
     let possible = |unit: &TimeUnit| within(rate(*unit), POSSIBLE_HZ);
@@ -148,6 +148,17 @@ pub fn recognise(
         "the unit of `time` is not clear: {what}.{velocities} State the rate as `# rate_hz = 200` above the header, or \
          name the column `time_s`, `time_ms`, `time_us` or `time_ns`"
     ))
+}
+
+/// The interval between samples; of stamps that stand still for several rows the mean one.
+fn usual_step(time: &[f64]) -> Option<f64> {
+    let standing = time.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    if standing * 20 <= time.len() {
+        return typical_step(time);
+    }
+    let (first, last) = (time.first()?, time.last()?);
+    let mean = (last - first) / (time.len() - 1) as f64;
+    (mean.is_finite() && mean > 0.0).then_some(mean)
 }
 
 #[cfg(test)]

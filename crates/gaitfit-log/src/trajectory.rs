@@ -1,5 +1,6 @@
 //! One recorded run of one robot.
 
+use serde::Serialize;
 use std::path::PathBuf;
 
 /// Joint signals of one robot over time. All matrices are row-major, one row a sample, one column a joint
@@ -31,8 +32,20 @@ pub struct Trajectory {
     pub base: Option<BaseState>,
     /// PD gains in force while recording, one a joint; may be absent.
     pub gains: Option<Gains>,
+    /// How long after its row's time each target (or action) was sent, where the log knows it; absent: at the row's time.
+    pub lead: Option<Lead>,
     /// The recording ends because the robot fell. A log that goes on after a fall shows it and need not say so.
     pub fell: bool,
+}
+
+/// How long after the time of its row a controller's message was stamped. A control loop reads a state, computes, and
+/// publishes a target that answers it: the target is in the state's row, and its own time is the row's plus this.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Lead {
+    /// The middle one, s. Negative: the message was stamped before the state.
+    pub seconds: f64,
+    /// Half of the range that holds nine of ten, s.
+    pub spread: f64,
 }
 
 /// PD gains of the recording, one entry a joint in the trajectory's joint order.

@@ -31,6 +31,7 @@ fn simulate(
         command: None,
         base: None,
         gains: Some(Gains { kp: vec![20.0; joints], kd: vec![1.0; joints] }),
+        lead: None,
         fell: false,
     };
     let mut q: Vec<f64> = (0..joints).map(|joint| target(0.0, joint) - load / 20.0).collect();

@@ -20,6 +20,7 @@ fn log(rate: f64, scale: [f64; 2]) -> Trajectory {
         command: None,
         base: None,
         gains: None,
+        lead: None,
         fell: false,
     };
     for t in &log.time {

@@ -44,6 +44,7 @@ fn full_trajectory() -> Trajectory {
             angular_velocity: Some([0.1 + 0.2, -0.0, 123.456_789_123_456_79].repeat(3)),
         }),
         gains: Some(Gains { kp: vec![20.0, 1.0 / 7.0], kd: vec![0.0, 1e-9] }),
+        lead: Some(Lead { seconds: 0.0003, spread: 1e-5 }),
         fell: true,
     }
 }
@@ -69,6 +70,7 @@ fn what_is_written_reads_back_to_the_same_bits() {
         command: None,
         base: None,
         gains: None,
+        lead: None,
         fell: false,
         position: vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, 1.0, 2.0],
         ..log

@@ -19,6 +19,7 @@ fn walk(stuck: f64) -> Trajectory {
         command: None,
         base: None,
         gains: None,
+        lead: None,
         fell: false,
         time,
     };

@@ -5,5 +5,7 @@ mod clock;
 mod csv;
 mod falls;
 mod folder;
+mod imu;
+mod motors;
 mod ops;
 mod recorded;

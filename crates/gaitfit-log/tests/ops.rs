@@ -28,6 +28,7 @@ fn log() -> Trajectory {
             ..BaseState::default()
         }),
         gains: Some(Gains { kp: vec![1.0, 2.0], kd: vec![3.0, 4.0] }),
+        lead: None,
         fell: false,
     }
 }

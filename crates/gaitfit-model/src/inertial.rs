@@ -38,14 +38,14 @@ pub(crate) fn read_inertial(
     a.finish(ctx)?;
     let inertia = match (diagonal, full) {
         // Checked before `boundinertia`, which would quietly lift it to zero.
-        (Some(diagonal), None) if diagonal.iter().any(|i| *i < 0.0) => {
+        (Some(diagonal), None) if without_rounding(diagonal).iter().any(|i| *i < 0.0) => {
             return Err(ctx.invalid(
                 element.at,
                 "`diaginertia` has a negative principal moment",
                 "give zero or more",
             ));
         }
-        (Some(diagonal), None) => diagonal,
+        (Some(diagonal), None) => without_rounding(diagonal),
         (None, None) => [0.0; 3],
         (None, Some(full)) if !oriented => {
             let (values, axes) = principal(full);
@@ -70,6 +70,27 @@ pub(crate) fn read_inertial(
     Ok(Inertial { mass, pos, quat, inertia })
 }
 
+/// Size up to which a moment of inertia is rounding, kg·m²: programs that compute the principal moments of a link almost
+/// without mass write −1e−22. A grain of sand has more.
+pub(crate) const ROUNDING: f64 = 1e-15;
+/// The same as a share of the largest moment.
+const ROUNDING_SHARE: f64 = 1e-12;
+
+/// The moments without what is only rounding: a small negative moment is zero, and moments that violate A + B ≥ C by less
+/// than that are on its border.
+pub(crate) fn without_rounding(moments: [f64; 3]) -> [f64; 3] {
+    let largest = moments.iter().fold(0.0_f64, |largest, moment| largest.max(moment.abs()));
+    let small = ROUNDING.max(ROUNDING_SHARE * largest);
+    let mut kept = moments.map(|moment| if moment < 0.0 && moment >= -small { 0.0 } else { moment });
+    for one in 0..3 {
+        let others = kept[(one + 1) % 3] + kept[(one + 2) % 3];
+        if kept[one] > others && kept[one] - others <= small {
+            kept[one] = others;
+        }
+    }
+    kept
+}
+
 /// Non-negative, and physical: no principal moment exceeds the sum of the other two.
 pub(crate) fn check_inertia(
     ctx: &Context,
@@ -78,6 +99,7 @@ pub(crate) fn check_inertia(
     mut inertial: Inertial,
     balance: bool,
 ) -> Result<Inertial, ModelError> {
+    inertial.inertia = without_rounding(inertial.inertia);
     let [a, b, c] = inertial.inertia;
     let moments = || format!("[{}]", [a, b, c].map(shown_number).join(", "));
     let finite = inertial.mass.is_finite() && (a + b + c).is_finite();

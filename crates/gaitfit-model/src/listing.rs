@@ -7,6 +7,10 @@ use serde::Serialize;
 use crate::model::{Model, Root};
 use crate::shown::shown;
 use crate::summary::symmetric;
+use crate::urdf::COLLISION_MESH;
+
+/// Max number of links that a message names.
+const NAMED_LINKS: usize = 4;
 
 /// Things of one kind that a file has and its model does not.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -80,14 +84,42 @@ impl Model {
             found.push(uneven);
         }
         if self.root == Root::Floating && self.pairs.is_empty() {
-            let why = match (self.planes.is_empty() && self.obstacles.is_empty(), self.geoms.is_empty()) {
-                (true, _) => "the file has no floor",
-                (_, true) => "no geom of it collides here",
-                _ => "contacts are off, or `contype` and `conaffinity` of floor and robot do not meet",
-            };
-            found.push(format!("nothing of the robot touches the ground ({why}): it falls without end"));
+            found.push(match self.feet_of_meshes() {
+                Some(meshes) => {
+                    format!("nothing of the robot touches the ground, so it falls without end: {meshes}")
+                }
+                None => {
+                    let no_floor = self.planes.is_empty() && self.obstacles.is_empty();
+                    let why = match (no_floor, self.geoms.is_empty()) {
+                        (true, _) => "the file has no floor",
+                        (_, true) => "no geom of it collides here",
+                        _ => {
+                            "contacts are off, or `contype` and `conaffinity` of floor and robot do not meet"
+                        }
+                    };
+                    format!("nothing of the robot touches the ground ({why}): it falls without end")
+                }
+            });
         }
         found
+    }
+
+    /// Why nothing of a robot touches the ground whose links collide as meshes alone, and what to write into its file;
+    /// `None` of another robot.
+    pub fn feet_of_meshes(&self) -> Option<String> {
+        let all = self.dropped.iter().filter_map(|one| one.what.strip_prefix(COLLISION_MESH));
+        let links: Vec<&str> = all.collect();
+        if links.is_empty() || !self.pairs.is_empty() {
+            return None;
+        }
+        let named = links.iter().take(NAMED_LINKS).copied().collect::<Vec<_>>().join(", ");
+        let more = links.len().saturating_sub(NAMED_LINKS);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        Some(format!(
+            "the collision shapes of {named}{more} are meshes, and meshes do not collide here. Give each foot's link a ball \
+             as well, where the foot is: <collision><origin xyz=\"0 0 -0.2\"/><geometry><sphere \
+             radius=\"0.02\"/></geometry></collision>"
+        ))
     }
 
     /// Torque ranges that are not the same to both sides, in words: the simulation clamps alike.

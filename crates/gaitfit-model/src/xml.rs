@@ -189,6 +189,15 @@ impl Loader<'_> {
                 remedy: "correct the XML at this place".into(),
             }
         })?;
+        if let Some(byte) = xacro(&document) {
+            let place = self.sources.place(At { file, byte: byte as u32 });
+            let remedy = xacro_remedy(&place.file);
+            return Err(ModelError::Unsupported {
+                place,
+                message: "this is xacro, a template that makes a URDF, and not a URDF".into(),
+                remedy,
+            });
+        }
         self.convert(document.root_element(), file, depth)
     }
 
@@ -264,4 +273,31 @@ impl Loader<'_> {
 /// One name for one file, so that `a/../x.xml` and `x.xml` are the same include.
 fn canonical(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
+}
+
+/// Where a file is seen to be xacro: an element or attribute of its namespace.
+fn xacro(document: &Document) -> Option<usize> {
+    let of = |namespace: Option<&str>| namespace.is_some_and(|name| name.contains("xacro"));
+    let root = document.root_element();
+    // The namespace alone is left over in URDFs that xacro made.
+    let used = document.descendants().filter(Node::is_element).find(|node| {
+        of(node.tag_name().namespace()) || node.attributes().any(|attribute| of(attribute.namespace()))
+    });
+    let declared = root.namespaces().any(|namespace| of(Some(namespace.uri())));
+    let filled = |node: &Node| node.attributes().any(|attribute| attribute.value().contains("${"));
+    let template = || document.descendants().find(|node| declared && node.is_element() && filled(node));
+    used.or_else(template).map(|node| node.range().start)
+}
+
+/// The command that makes a URDF of the xacro file `name`.
+fn xacro_remedy(name: &str) -> String {
+    let name = shown_path(Path::new(name));
+    let stem = name.strip_suffix(".xacro").unwrap_or(&name);
+    let made = match stem.strip_suffix(".urdf") {
+        // A xacro file under a URDF's name.
+        Some(stem) if name.ends_with(".urdf") => format!("{stem}.expanded.urdf"),
+        Some(stem) => format!("{stem}.urdf"),
+        None => format!("{stem}.urdf"),
+    };
+    format!("run xacro, a program of ROS: `xacro {name} > {made}`, and give {made}")
 }

@@ -5,6 +5,7 @@ mod hostile;
 mod mujoco;
 mod refuse;
 mod robots;
+mod templates;
 mod terrain;
 mod urdf;
 mod work;

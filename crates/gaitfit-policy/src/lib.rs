@@ -21,8 +21,8 @@ pub mod walker;
 
 pub use error::PolicyError;
 pub use files::{
-    DescribedTerm, Description, EncoderTensors, MemoryTensors, NormaliserTensors, Passes, PerJoint, deploy,
-    files_of, interface_of, onnx, read, weights,
+    DescribedTerm, Description, EncoderTensors, MemoryTensors, NormaliserTensors, Passes, PerJoint, checksum,
+    deploy, files_of, interface_of, onnx, read, unsealed, weights,
 };
 pub use front::{Encoder, Front, Latent};
 pub use function::{Act, Function};
@@ -30,4 +30,4 @@ pub use held::{ActionClip, Held};
 pub use history::{FrameOrder, History, HistoryStart};
 pub use interface::{Interface, InterfaceError, Quantity, Term};
 pub use pilot::Pilot;
-pub use policy::{Policy, Provenance};
+pub use policy::{Policy, Provenance, RobotFile};

@@ -43,7 +43,7 @@ pub struct Provenance {
     /// Settings of the task it was trained on, as TOML.
     #[serde(default)]
     pub task: String,
-    /// SHA-256 of the policy that its training began with, as [`crate::weights::write`] writes it, hexadecimal; empty where
+    /// SHA-256 of the policy that its training began with, as [`crate::weights::plain`] writes it, hexadecimal; empty where
     /// it began with new networks.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub parent: String,
@@ -51,6 +51,21 @@ pub struct Provenance {
     /// was trained on the robot of the file.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub theta: String,
+    /// The robot's file; absent where the robot was the built-in one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot_file: Option<RobotFile>,
+}
+
+/// The robot file of a training.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RobotFile {
+    /// Where it was: an absolute path.
+    pub path: String,
+    /// SHA-256 of it and of what it includes, hexadecimal.
+    pub sha256: String,
+    /// Whether what the engine does not honour was dropped from it.
+    pub lenient: bool,
 }
 
 impl Policy {

@@ -101,6 +101,53 @@ fn flipped_bytes_never_panic() {
     }
 }
 
+/// One bit of every byte of the header, and of many others: no other policy comes out, and no file of another program.
+#[test]
+fn a_flipped_bit_is_never_another_policy() {
+    let policy = policy(Activation::Elu);
+    for (bytes, read) in [
+        (weights::write(&policy).unwrap(), weights::read as fn(&[u8]) -> _),
+        (onnx::write(&policy).unwrap(), onnx::read),
+    ] {
+        for at in (0..1500).chain((1500..bytes.len()).step_by(5)) {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 1 << (at % 8);
+            let found: Result<Policy, _> = read(&damaged);
+            assert!(found.is_err(), "byte {at} of {}", bytes.len());
+        }
+    }
+}
+
+#[test]
+fn files_without_a_checksum_are_read_and_told_apart() {
+    let policy = policy(Activation::Elu);
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let plain = weights::plain(&policy).unwrap();
+    assert_eq!(weights::read(&plain).unwrap(), policy);
+    std::fs::write(path("plain.safetensors"), &plain).unwrap();
+    std::fs::write(path("own.safetensors"), weights::write(&policy).unwrap()).unwrap();
+    std::fs::write(path("own.onnx"), onnx::write(&policy).unwrap()).unwrap();
+    let foreign = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/policies/mjlab.onnx");
+    std::fs::copy(foreign, path("foreign.onnx")).unwrap();
+    for (name, sealed) in
+        [("plain.safetensors", false), ("own.safetensors", true), ("own.onnx", true), ("foreign.onnx", false)]
+    {
+        let expected = if sealed { Vec::new() } else { vec![path(name)] };
+        assert_eq!(gaitfit_policy::unsealed(&path(name)).unwrap(), expected, "{name}");
+        gaitfit_policy::read(&path(name)).unwrap();
+    }
+    // Damage is seen where a description names the file, too.
+    let mut damaged = weights::write(&policy).unwrap();
+    *damaged.last_mut().unwrap() ^= 1;
+    std::fs::write(path("own.safetensors"), &damaged).unwrap();
+    std::fs::write(path("own.toml"), "file = \"own.safetensors\"\n").unwrap();
+    for name in ["own.safetensors", "own.toml"] {
+        let error = gaitfit_policy::read(&path(name)).unwrap_err().to_string();
+        assert!(error.contains("its checksum does not fit"), "{name}: {error}");
+    }
+}
+
 #[test]
 fn parts_that_do_not_fit_are_named() {
     let good = policy(Activation::Elu);
@@ -133,9 +180,9 @@ fn parts_that_do_not_fit_are_named() {
     }
 }
 
-/// The file of a policy with its JSON header changed.
+/// What is said of the file of a policy with its JSON header changed: without a checksum, which would be wrong first.
 fn edited(from: &str, to: &str) -> String {
-    let bytes = weights::write(&policy(Activation::Elu)).unwrap();
+    let bytes = weights::plain(&policy(Activation::Elu)).unwrap();
     let length = usize::try_from(u64::from_le_bytes(bytes[..8].try_into().unwrap())).unwrap();
     let header = std::str::from_utf8(&bytes[8..8 + length]).unwrap();
     assert!(header.contains(from), "{header}");

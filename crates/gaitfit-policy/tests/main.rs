@@ -2,6 +2,7 @@
 
 mod common;
 mod deploy;
+mod exported;
 mod files;
 mod foreign;
 mod import;

@@ -84,15 +84,14 @@ impl Form {
     /// A file that is none, rows that are half filled, cells that are no numbers or have another unit, no filled row.
     pub fn read(path: &Path) -> Result<Self, FormError> {
         let refuse = |problem: String| FormError { path: path.to_owned(), problem };
-        // Neither devices and pipes, which may never end, nor what no person has filled in.
-        let size = std::fs::metadata(path).map_err(|error| refuse(error.to_string()))?;
-        if !size.is_file() || size.len() > MOST_BYTES {
-            return Err(refuse(
-                "this is no form: name the CSV file that `gaitfit run --drift` wrote".to_owned(),
-            ));
-        }
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| refuse(format!("{error}; save the form as CSV in UTF-8")))?;
+        let text = gaitfit_log::regular_file::read_text(path, MOST_BYTES).map_err(|error| {
+            refuse(match error.kind() {
+                std::io::ErrorKind::InvalidInput => {
+                    format!("this is no form ({error}): name the CSV file that `gaitfit run --drift` wrote")
+                }
+                _ => format!("{error}; save the form as CSV in UTF-8"),
+            })
+        })?;
         Self::parse(&text, path).map_err(refuse)
     }
 

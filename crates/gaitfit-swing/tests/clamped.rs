@@ -52,6 +52,7 @@ fn log(model: &Model, phase: f64) -> Trajectory {
         }
     }
     Trajectory {
+        lead: None,
         source: None,
         robot: None,
         joints: model.joints.iter().map(|joint| joint.name.clone()).collect(),

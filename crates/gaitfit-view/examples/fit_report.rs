@@ -138,9 +138,9 @@ fn comparison(parameters: &[Parameter]) -> Comparison {
             name: p.name.clone(),
             unit: p.unit.clone(),
             first: p.value,
-            first_spread: p.spread,
+            first_half: p.spread,
             second,
-            second_spread: 1.8 * p.spread,
+            second_half: 1.8 * p.spread,
             agrees: Some((second - p.value).abs() <= 3.6 * p.spread),
         }
     };

@@ -61,15 +61,16 @@ fn the_page_holds_the_numbers_given() {
         "0.0121 against 0.0118 ± 0.0009",
         "explained variance",
         "the cost stopped falling",
+        "Predicts walks that were not fitted 5.3 times better than the robot file.",
     ] {
         assert!(shown.contains(expected), "{expected} is missing");
     }
     let wanted = [
         "result",
+        "parameters",
         "tracking",
         "drift",
         "motion",
-        "parameters",
         "convergence",
         "heldout",
         "distributions",
@@ -95,7 +96,8 @@ fn the_page_holds_the_numbers_given() {
 fn where_it_was_measured_comes_first() {
     let mut report = invented_loop::two_rounds(1, 5, 5);
     let shown = text(&parse(&loop_html(&report).unwrap()));
-    let place = shown.find("π₀ → π₂, measured on the robot (MuJoCo): 10000 trajectories of 4 s").unwrap();
+    let place =
+        shown.find("before → after, measured on the robot (MuJoCo): 10000 trajectories of 4 s").unwrap();
     assert!(place < shown.find("Linear-velocity error").unwrap());
     report.doubts = vec![
         Doubt::new(DoubtKind::WorseThanNominal, "worse"),
@@ -130,7 +132,7 @@ fn the_replay_plays_within_the_page() {
     let packed = document.descendants().find(|n| n.attribute("id") == Some("replay")).unwrap();
     let data: serde_json::Value = serde_json::from_str(packed.text().unwrap()).unwrap();
     assert_eq!(data["robots"].as_array().unwrap().len(), 2);
-    assert_eq!(data["robots"][1]["name"], "π₂");
+    assert_eq!(data["robots"][1]["name"], "after");
     // One clock for all robots.
     for id in ["play", "time", "clock"] {
         assert_eq!(document.descendants().filter(|n| n.attribute("id") == Some(id)).count(), 1);
@@ -151,7 +153,7 @@ fn every_section_may_be_missing() {
     assert_eq!(sections(&html), ["result", "tracking", "settings"]);
     let shown = text(&parse(&html));
     assert!(
-        shown.contains("π₀, measured on target") && !shown.contains("% less"),
+        shown.contains("before, measured on target") && !shown.contains("% less"),
         "one policy has nothing beside it"
     );
     let only = LoopReport { drift: full.drift.clone(), ..LoopReport::default() };
@@ -177,7 +179,7 @@ fn a_replay_that_cannot_be_drawn_costs_only_itself() {
     let html = loop_html(&report).unwrap();
     assert!(!sections(&html).contains(&"motion".to_string()));
     let shown = text(&parse(&html));
-    assert!(shown.contains("The page has no replay: replay of robot \"π₂\": has 0 frames"), "{shown}");
+    assert!(shown.contains("The page has no replay: replay of robot \"after\": has 0 frames"), "{shown}");
     report.replay = Some(Replay::default());
     assert!(text(&parse(&loop_html(&report).unwrap())).contains("The page has no replay"));
 }

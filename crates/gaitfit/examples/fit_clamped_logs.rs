@@ -1,4 +1,4 @@
-//! Fits the simulator to a log of a robot whose base is clamped, as `gaitfit adapt` does.
+//! Fits the simulator to a log of a robot whose base is clamped, as `gaitfit fit` does.
 //!
 //! Run it from the repository's root: `cargo run --release -p gaitfit --example fit_clamped_logs`.
 

@@ -1,13 +1,14 @@
 //! Logs of a policy in a simulator.
 
+use crate::Error;
 use crate::device::{Device, rollout_error};
 use crate::excite::playlist::{self, Sequence};
 use crate::log_folder::write_logs;
+use crate::run::Owned;
 use crate::walk::recorder::Recorded;
 use crate::walk::simulator::script;
 use crate::watch::Watch;
 use crate::world::{World, WorldSettings};
-use crate::{Access, Error};
 use gaitfit_learn::collect::{CollectOptions, Collected as Recording};
 use gaitfit_learn::evaluate::Subject;
 use gaitfit_log::{BaseState, Gains, Trajectory, csv_files};
@@ -89,21 +90,17 @@ pub fn collect_in(
     }
     let count = played.as_ref().map_or(count, Vec::len);
     check_length("`seconds` (--seconds)", count, seconds, world.scene.walker.interface.control_dt)?;
-    if folder.is_dir() && !csv_files(folder)?.is_empty() {
+    if played.is_none() {
+        settings.device.check()?;
+    }
+    // Until the logs are written.
+    let _owned = Owned::for_logs(folder)?;
+    if !csv_files(folder)?.is_empty() {
         return Err(Error::settings(format!(
             "--out {}: holds CSV files already, and logs of two runs would be mixed; give another folder, or empty it",
             folder.display()
         )));
     }
-    if played.is_none() {
-        settings.device.check()?;
-    }
-    std::fs::create_dir_all(folder).map_err(|source| Error::File {
-        access: Access::Make,
-        path: folder.to_owned(),
-        source,
-        remedy: String::new(),
-    })?;
     let options = CollectOptions { count, seconds, shift: [low, high], privileged };
     let threads = settings.world.threads();
     let logs = match &played {
@@ -200,6 +197,7 @@ fn play(
             command: Some((0..all).flat_map(|sample| sequence.at(sample as f64 * dt)).collect()),
             base: None,
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
+            lead: None,
             fell: false,
         }
     };

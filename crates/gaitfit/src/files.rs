@@ -2,51 +2,13 @@
 
 use crate::{Access, Error};
 use std::fs::{self, File};
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+
+pub use gaitfit_log::regular_file::{read, read_text, regular};
 
 /// Most bytes of a file that a run may have written, and of one that is only hashed.
 pub const MOST_BYTES: u64 = 2 << 30;
-
-/// The bytes of a regular file of at most `most` bytes. It is asked what it is before it is opened: a pipe would hang, a
-/// device would fill the memory.
-///
-/// # Errors
-/// What the system says, and `InvalidInput` for what is no regular file or too large.
-pub fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    let too_large = || {
-        let why = format!("larger than {} MiB, more than such a file has", most >> 20);
-        io::Error::new(ErrorKind::InvalidInput, why)
-    };
-    if regular(path)?.len() > most {
-        return Err(too_large());
-    }
-    let mut bytes = Vec::new();
-    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
-    // It may have grown.
-    if bytes.len() as u64 > most { Err(too_large()) } else { Ok(bytes) }
-}
-
-/// The text of a regular file of at most `most` bytes; see [`read`].
-///
-/// # Errors
-/// As [`read`], and `InvalidData` for bytes that are no UTF-8.
-pub fn read_text(path: &Path, most: u64) -> io::Result<String> {
-    let not_text = |_| io::Error::new(ErrorKind::InvalidData, "not a text in UTF-8");
-    String::from_utf8(read(path, most)?).map_err(not_text)
-}
-
-/// Refuses what is there and is no regular file; what is not there is an error of the system's.
-///
-/// # Errors
-/// As it says.
-pub fn regular(path: &Path) -> io::Result<fs::Metadata> {
-    let data = fs::metadata(path)?;
-    if data.is_file() {
-        return Ok(data);
-    }
-    Err(io::Error::new(ErrorKind::InvalidInput, "not a regular file"))
-}
 
 /// A file that a command writes.
 #[derive(Clone, Copy, Debug)]
@@ -130,6 +92,16 @@ fn place(path: &Path) -> PathBuf {
     })
 }
 
+/// What to do about an error that says that a file has no room; else nothing.
+pub(crate) fn room(error: &io::Error) -> &'static str {
+    match error.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
+            "; free some space, or raise the limit of file sizes (`ulimit -f`)"
+        }
+        _ => "",
+    }
+}
+
 /// Writes a file whole or not at all.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), Error> {
     write_with(path, |file| file.write_all(bytes))
@@ -147,8 +119,8 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut File) -> io::Result<()>) -
     whole().map_err(|source| Error::File {
         access: Access::Write,
         path: path.to_owned(),
+        remedy: format!("; nothing was changed{}", room(&source)),
         source,
-        remedy: "; nothing was changed".to_owned(),
     })
 }
 
@@ -156,19 +128,6 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut File) -> io::Result<()>) -
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
     use super::*;
-
-    #[test]
-    fn only_regular_files_of_moderate_size_are_read() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a");
-        fs::write(&path, "four").unwrap();
-        assert_eq!(read_text(&path, 4).unwrap(), "four");
-        assert!(read(&path, 3).unwrap_err().to_string().contains("larger than"));
-        assert!(read(folder.path(), 4).unwrap_err().to_string().contains("not a regular file"));
-        fs::write(&path, [0xff]).unwrap();
-        assert!(read_text(&path, 4).unwrap_err().to_string().contains("UTF-8"));
-        assert_eq!(read(&folder.path().join("b"), 4).unwrap_err().kind(), ErrorKind::NotFound);
-    }
 
     #[cfg(unix)]
     #[test]

@@ -20,7 +20,7 @@ pub struct Written {
 /// Writes one CSV a trajectory into a folder that exists.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// A file that cannot be written. None is left then: part of the logs is taken for all of them.
 pub fn write_logs(folder: &Path, logs: &[Collected]) -> Result<Written, Error> {
     let mut files = Vec::with_capacity(logs.len());
     let mut without = Vec::new();
@@ -31,7 +31,11 @@ pub fn write_logs(folder: &Path, logs: &[Collected]) -> Result<Written, Error> {
             continue;
         }
         let path = folder.join(format!("trajectory_{number:0digits$}.csv"));
-        write_csv(&path, &log.trajectory)?;
+        if let Err(error) = write_csv(&path, &log.trajectory) {
+            // What cannot be removed keeps a later call from the folder, and is seen there.
+            files.iter().for_each(|path| drop(fs::remove_file(path)));
+            return Err(error.into());
+        }
         files.push(path);
     }
     Ok(Written { files, falls: logs.iter().filter(|log| log.fell).count(), without })

@@ -1,7 +1,15 @@
-//! Where a configuration's relative paths lead.
+//! Where a configuration's relative paths lead, and how it names a file.
 
 use crate::Error;
 use std::path::{Path, PathBuf};
+
+/// `file` as the configuration `out`, which is to be written, names it: paths are looked up in the current folder first,
+/// then in the configuration's. One that is written elsewhere gets the whole path.
+pub fn named(file: &Path, out: &Path) -> String {
+    let here = out.parent().is_none_or(|folder| folder.as_os_str().is_empty() || folder == Path::new("."));
+    let whole = if here { None } else { std::fs::canonicalize(file).ok() };
+    whole.as_deref().unwrap_or(file).display().to_string()
+}
 
 /// The file `named` in the configuration `config`: as seen from the current directory, or else from the
 /// configuration's own folder.

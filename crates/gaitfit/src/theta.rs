@@ -15,7 +15,7 @@ pub fn read(path: &Path) -> Result<ThetaFile, Error> {
         access: Access::Read,
         path: path.to_owned(),
         source,
-        remedy: "; give the theta.toml of a `gaitfit adapt` run".to_owned(),
+        remedy: "; give the theta.toml of a `gaitfit fit` run".to_owned(),
     })?;
     ThetaFile::parse(&text).map_err(|error| Error::failed(format!("{}: {error}", path.display())))
 }

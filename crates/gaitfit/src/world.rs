@@ -2,7 +2,9 @@
 
 use crate::Error;
 use crate::draws;
+use crate::policy_file;
 use crate::robot::{self, Hold};
+use crate::robot_file;
 use crate::settings::{Preset, check_torque_noise, load_task};
 use crate::spring::Spring;
 use crate::theta;
@@ -16,9 +18,9 @@ use std::path::{Path, PathBuf};
 /// A policy and the simulator it runs in.
 #[derive(Clone, Debug)]
 pub struct WorldSettings {
-    /// The policy's file.
+    /// The policy's file, or the run folder of its training.
     pub policy: PathBuf,
-    /// Robot file; the built-in Go2 without one.
+    /// Robot file; that of the policy's training without one, or else the built-in Go2.
     pub robot: Option<PathBuf>,
     /// Drop what the engine does not honour in the robot file, instead of refusing it.
     pub lenient: bool,
@@ -77,16 +79,24 @@ pub struct World {
 impl World {
     /// Reads everything the arguments name.
     pub fn open(args: &WorldSettings) -> Result<Self, Error> {
-        Self::of(args, gaitfit_policy::read(&args.policy)?)
+        let found = policy_file::find(&args.policy)?;
+        let args = WorldSettings { policy: found.path, ..args.clone() };
+        let mut world = Self::of(&args, gaitfit_policy::read(&args.policy)?)?;
+        world.warnings.splice(0..0, found.note);
+        Ok(world)
     }
 
     /// As [`World::open`], for a policy that is read already; the arguments say what it is called.
     pub fn of(args: &WorldSettings, policy: Policy) -> Result<Self, Error> {
+        let (args, notes) = robot_file::settled(args, &policy)?;
+        let args = &args;
         let mut settings = task(args, &policy)?;
         // Uneven ground is measured on its own.
         settings.terrain = None;
         let world = Self::with_task(args, policy, if args.randomised { settings } else { settings.calm() });
-        world.map_err(|error| args.of_task(error))
+        let mut world = world.map_err(|error| args.of_task(error))?;
+        world.warnings.splice(0..0, notes);
+        Ok(world)
     }
 
     /// The simulator that the arguments name, for a policy and a task that are read already.

@@ -2,7 +2,7 @@
 
 use super::covariance::EPS;
 use super::settings::MEAN_MAX;
-use super::stop::{history_length, reason};
+use super::stop::reason;
 use super::{
     AddressedNormals, Best, BoundHandling, CmaError, Constants, NormalSource, Settings, State, StopReason,
 };
@@ -46,21 +46,18 @@ impl Cma {
     /// As [`Settings::check`].
     pub fn new(settings: Settings) -> Result<Self, CmaError> {
         settings.check()?;
-        let mean: Vec<f64> = settings.start.iter().zip(&settings.deviation).map(|(x, s)| x / s).collect();
-        let history = history_length(mean.len(), settings.population);
-        let state = State::new(settings.covariance, mean, settings.sigma, history);
+        let state = State::new(&settings);
         Ok(Self::assemble(settings, state))
     }
 
     /// Continues from a saved `state` of a run with the same `settings`: the results are the same bits as those of
-    /// an undisturbed run.
+    /// an undisturbed run. When to stop (`tolerances`) may have changed.
     ///
     /// # Errors
     /// [`CmaError::State`] if the state does not fit the settings, and as [`Settings::check`].
     pub fn resume(settings: Settings, state: State) -> Result<Self, CmaError> {
         settings.check()?;
-        let n = settings.start.len();
-        state.check(settings.covariance, n, history_length(n, settings.population))?;
+        state.check(&settings)?;
         Ok(Self::assemble(settings, state))
     }
 

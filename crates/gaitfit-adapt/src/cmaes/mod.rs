@@ -23,6 +23,7 @@
 //! ```
 
 mod algorithm;
+mod begun;
 mod constants;
 mod covariance;
 mod error;
@@ -33,6 +34,7 @@ mod state;
 mod stop;
 
 pub use algorithm::{Cma, Population};
+pub use begun::Begun;
 pub use constants::{Constants, default_population};
 pub use covariance::Covariance;
 pub use error::CmaError;

@@ -93,19 +93,21 @@ impl Search {
         Ok(Self { settings, plan, finished: Vec::new(), current })
     }
 
-    /// Continues from a saved `state` of a search with the same `settings` and `plan`, to the same bits.
+    /// Continues from a saved `state` of a search with the same `settings` and `plan`, to the same bits. The limit of
+    /// generations may have changed: a last run that ended at it resumes where it is higher now.
     ///
     /// # Errors
     /// [`CmaError::State`] if the state does not fit, and as [`Self::new`].
     pub fn resume(settings: Settings, plan: RestartPlan, state: SearchState) -> Result<Self, CmaError> {
         check(&settings, plan)?;
-        let ended = state.finished.len() as u64;
-        let complete = ended == u64::from(plan.runs) || has_target(&state.finished);
+        let mut finished = state.finished;
+        let ended = finished.len() as u64;
+        let mut complete = ended == u64::from(plan.runs) || has_target(&finished);
         if ended > u64::from(plan.runs) {
             return Err(CmaError::State(format!("it has {ended} finished runs of {}", plan.runs)));
         }
         let n = settings.start.len();
-        for (number, run) in (0_u32..).zip(&state.finished) {
+        for (number, run) in (0_u32..).zip(&finished) {
             let bests = run.best.as_ref().map(|best| best.x.len());
             if run.run != number
                 || run.mean.len() != n
@@ -117,7 +119,31 @@ impl Search {
         }
         let run = if complete { ended.saturating_sub(1) } else { ended } as u32;
         let current = Cma::resume(run_settings(&settings, plan, run), state.current)?;
-        Ok(Self { settings, plan, finished: state.finished, current })
+        let limit = settings.tolerances.max_generations.unwrap_or(u32::MAX);
+        let cut = |run: &RunSummary| run.stop == StopReason::MaxGenerations && run.generations < limit;
+        if complete && finished.last().is_some_and(cut) {
+            finished.pop();
+            complete = false;
+        }
+        let other_limit = |run: &&RunSummary| cut(run) || run.generations > limit;
+        if let Some(other) = finished.iter().find(other_limit) {
+            let (run, done) = (other.run, other.generations);
+            return Err(CmaError::State(format!(
+                "its run {run} ended after {done} generations, and the limit is {limit} now"
+            )));
+        }
+        if current.generation() > limit {
+            let done = current.generation();
+            return Err(CmaError::State(format!(
+                "it has done {done} generations, and the limit is {limit} now"
+            )));
+        }
+        let mut search = Self { settings, plan, finished, current };
+        // A lower limit that is reached already, or a criterion that was met together with the lower limit.
+        if let (false, Some(stop)) = (complete, search.current.stop()) {
+            search.conclude(stop)?;
+        }
+        Ok(search)
     }
 
     /// Everything to save for [`Self::resume`].

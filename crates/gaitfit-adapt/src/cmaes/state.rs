@@ -1,6 +1,7 @@
 //! Everything that changes during a run.
 
-use super::{CmaError, Covariance, CovarianceKind};
+use super::stop::history_length;
+use super::{Begun, CmaError, Covariance, Settings};
 use serde::{Deserialize, Serialize};
 
 /// The best candidate so far.
@@ -14,10 +15,12 @@ pub struct Best {
     pub generation: u32,
 }
 
-/// State of a run; with the settings, all there is to save. Every number is finite, so JSON keeps it exactly.
+/// State of a run; with the settings, all there is to save. It knows which settings it belongs to. Every number is finite, so JSON keeps it exactly.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct State {
+    /// The settings that the run was begun with.
+    pub begun: Begun,
     /// Generations told.
     pub generation: u32,
     /// Mean in scaled coordinates.
@@ -39,23 +42,28 @@ pub struct State {
 }
 
 impl State {
-    pub(crate) fn new(kind: CovarianceKind, mean: Vec<f64>, sigma: f64, history: usize) -> Self {
+    /// The state of a run at generation 0.
+    pub(crate) fn new(settings: &Settings) -> Self {
+        let mean: Vec<f64> = settings.start.iter().zip(&settings.deviation).map(|(x, s)| x / s).collect();
         let n = mean.len();
         Self {
+            begun: Begun::of(settings),
             generation: 0,
             mean,
-            sigma,
+            sigma: settings.sigma,
             p_sigma: vec![0.0; n],
             p_c: vec![0.0; n],
-            covariance: Covariance::identity(kind, n),
-            history: vec![[0.0; 2]; history],
+            covariance: Covariance::identity(settings.covariance, n),
+            history: vec![[0.0; 2]; history_length(n, settings.population)],
             best: None,
             numerical_failure: false,
         }
     }
 
     /// Checks a state read from a file against the run it should continue.
-    pub(crate) fn check(&self, kind: CovarianceKind, n: usize, history: usize) -> Result<(), CmaError> {
+    pub(crate) fn check(&self, settings: &Settings) -> Result<(), CmaError> {
+        let (kind, n) = (settings.covariance, settings.start.len());
+        let history = history_length(n, settings.population);
         let fail = |reason: String| Err(CmaError::State(reason));
         for (name, vector) in [("mean", &self.mean), ("p_sigma", &self.p_sigma), ("p_c", &self.p_c)] {
             if vector.len() != n {
@@ -83,6 +91,6 @@ impl State {
         if self.best.as_ref().is_some_and(|best| best.x.len() != n || !best.cost.is_finite()) {
             return fail(format!("its best candidate does not have {n} coordinates and a finite cost"));
         }
-        Ok(())
+        self.begun.check(settings)
     }
 }

@@ -1,7 +1,7 @@
 //! The time-aligned cost with what the robot's own sensors read.
 
 use super::aligned::{AlignedSums, Norm};
-use super::{Accumulator, Cost, CostError, CostKind, Differences, Reference, Weights};
+use super::{Accumulator, Compared, Cost, CostError, CostKind, Differences, Reference, Weights};
 use crate::Resets;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
@@ -47,6 +47,10 @@ impl Cost for MatchR {
 
     fn differences(&self) -> Option<Differences<'_>> {
         Some(Differences::new(&self.reference, Weights::JOINTS))
+    }
+
+    fn compared(&self) -> Option<Compared<'_>> {
+        Some(Compared { reference: &self.reference, weights: Weights::JOINTS })
     }
 
     fn lost(&self) -> f64 {

@@ -83,6 +83,12 @@ pub trait Cost: Send + Sync {
         None
     }
 
+    /// The recordings that it compares with, and how signals are weighted: a checkpoint is resumed only where both are the
+    /// same. `None` if the cost has no [`Reference`].
+    fn compared(&self) -> Option<Compared<'_>> {
+        self.pieces().map(|pieces| pieces.compared())
+    }
+
     /// An empty accumulator for one candidate. It can be reused for the next after [`Accumulator::finish`], which
     /// saves its allocations.
     fn begin(&self) -> Box<dyn Accumulator + '_>;

@@ -2,6 +2,7 @@
 
 use super::{CostError, Signal};
 use crate::Signals;
+use crate::checksum::Sum;
 use gaitfit_log::Trajectory;
 
 /// Ranges below this (rad, rad/s, unitless) count as constant: nothing of a joint's motion is that small, and the
@@ -143,6 +144,19 @@ impl Reference {
             }
         }
         self
+    }
+
+    /// SHA-256 of the recordings and their scaling, hexadecimal: the same only for the same numbers. Pre-roll does not count.
+    pub fn fingerprint(&self) -> String {
+        let mut sum = Sum::default();
+        for (signal, recorded) in Signal::ALL.iter().zip(&self.signals) {
+            let Some(recorded) = recorded else { continue };
+            sum.text(&signal.to_string());
+            let scales = recorded.dimensions.iter().map(|one| one.scale.unwrap_or(f64::NAN));
+            sum.numbers(&scales.collect::<Vec<_>>());
+            recorded.recordings.iter().for_each(|matrix| sum.numbers(matrix));
+        }
+        sum.digits()
     }
 
     /// Joint names in column order.
@@ -398,6 +412,7 @@ mod tests {
             command: None,
             base: None,
             gains: None,
+            lead: None,
             fell: false,
         };
         let recorded = Recorded::from_trajectory(&trajectory, &names(&["hip", "calf"]), 0).unwrap();

@@ -12,13 +12,16 @@ pub struct Agreement {
     pub unit: String,
     /// Value of the first fit.
     pub first: f64,
-    /// Its spread.
-    pub first_spread: Option<f64>,
+    /// The longer side of its interval; absent where it was not measured.
+    #[serde(default)]
+    pub first_half: Option<f64>,
     /// Value of the second fit.
     pub second: f64,
-    /// Its spread.
-    pub second_spread: Option<f64>,
-    /// Whether they differ by at most twice the larger spread; `None` when there is no spread.
+    /// The longer side of its interval.
+    #[serde(default)]
+    pub second_half: Option<f64>,
+    /// Whether they differ by at most twice the larger spread over runs, or the larger half of an interval; `None` where
+    /// neither is known.
     pub agrees: Option<bool>,
     /// Why they do not agree, measured: how much each cost minds the other's value.
     pub reason: Option<String>,
@@ -39,8 +42,9 @@ pub fn compare(
     let pairs: Vec<(&ParameterOutcome, &ParameterOutcome)> =
         first.parameters.iter().zip(&second.parameters).collect();
     let verdict = |(a, b): &(&ParameterOutcome, &ParameterOutcome)| {
-        let spread = a.spread.into_iter().chain(b.spread).reduce(f64::max)?;
-        Some((a.value - b.value).abs() <= 2.0 * spread)
+        let spreads = a.spread.into_iter().chain(b.spread).map(|spread| 2.0 * spread);
+        let room = spreads.chain(a.half()).chain(b.half()).reduce(f64::max)?;
+        Some((a.value - b.value).abs() <= room)
     };
     let verdicts: Vec<Option<bool>> = pairs.iter().map(verdict).collect();
     let apart: Vec<usize> = (0..pairs.len()).filter(|&index| verdicts[index] == Some(false)).collect();
@@ -74,9 +78,9 @@ pub fn compare(
             name: a.name.clone(),
             unit: a.unit.clone(),
             first: a.value,
-            first_spread: a.spread,
+            first_half: a.half(),
             second: b.value,
-            second_spread: b.spread,
+            second_half: b.half(),
             agrees: verdicts[index],
             reason,
         });

@@ -36,7 +36,7 @@ pub fn unsettled(outcome: &CostOutcome, course: &[f64]) -> Vec<String> {
     }
     let best = outcome.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
     let ended = best.and_then(|run| run.stop);
-    if matches!(ended, Some(Stop::Tolerance | Stop::Converged)) {
+    if matches!(ended, Some(Stop::Tolerance | Stop::Patience | Stop::Converged)) {
         reasons.extend(elsewhere(outcome));
         return reasons;
     }

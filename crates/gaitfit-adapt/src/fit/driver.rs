@@ -3,12 +3,13 @@
 use super::evaluate::{Job, evaluate};
 use super::least_squares::{MOST_ENTRIES, Problem};
 use super::run::{Checkpoint, Run, Stop};
-use super::{CostOutcome, FallPenalty, FitError};
+use super::{CostOutcome, FallPenalty, FitError, Origin};
 use crate::cmaes::{BoundHandling, CovarianceKind};
 use crate::cost::Cost;
 use crate::{Cancel, Resets, Simulator, Theta};
 use gaitfit_random::{Purpose, derive_seed};
 use serde::{Deserialize, Serialize};
+use std::sync::OnceLock;
 
 /// Settings of a fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -29,6 +30,9 @@ pub struct FitOptions {
     /// What happens to draws outside the bounds. A start or an optimum on bounds (dry friction of 0) is common,
     /// and wants [`BoundHandling::Reflect`].
     pub bounds: BoundHandling,
+    /// A run of CMA-ES stops once its smallest cost fell by less than a hundredth over so many generations; 0 never.
+    #[serde(default)]
+    pub patience: usize,
     /// A run stops once the largest standard deviation of any parameter, or its next step of least squares, fell to
     /// this part of its initial deviation; 0 never stops early.
     pub tolerance: f64,
@@ -49,6 +53,7 @@ impl Default for FitOptions {
             seeds: vec![1],
             covariance: CovarianceKind::Full,
             bounds: BoundHandling::Reflect,
+            patience: 0,
             tolerance: 1e-4,
             falls: FallPenalty::default(),
             random_numbers: RandomNumbers::default(),
@@ -137,6 +142,8 @@ pub struct Fit<'a> {
     options: FitOptions,
     runs: Vec<Run>,
     generation: usize,
+    /// What it depends on; long logs take a moment to sum.
+    origin: OnceLock<Origin>,
 }
 
 /// What one generation of all runs did.
@@ -194,10 +201,15 @@ impl<'a> Fit<'a> {
                 runs.push(Run::new(number, seed, least_squares, theta, &options)?);
             }
         }
-        Ok(Self { simulator, theta, costs, options, runs, generation: 0 })
+        Ok(Self { simulator, theta, costs, options, runs, generation: 0, origin: OnceLock::new() })
     }
 
-    /// Goes on from a checkpoint of a fit with the same arguments.
+    /// Resumes from a checkpoint of a fit with the same arguments. `options` may ask for more generations: the fit then ends
+    /// with the bits of one that was begun with them, if it has no restarts.
+    ///
+    /// # Errors
+    /// [`FitError::Checkpoint`] that names what differs (logs, joints, parameters, costs, options), or of a checkpoint
+    /// that is damaged or has more generations than `options`.
     pub fn resume(
         simulator: &'a dyn Simulator,
         theta: &'a Theta,
@@ -206,9 +218,11 @@ impl<'a> Fit<'a> {
         checkpoint: Checkpoint,
     ) -> Result<Self, FitError> {
         let mut fit = Self::new(simulator, theta, costs, options)?;
-        if checkpoint.parameters != fit.parameters() || checkpoint.runs.len() != fit.runs.len() {
-            let found = format!("{} runs of {}", checkpoint.runs.len(), checkpoint.parameters.join(", "));
-            return Err(FitError::Checkpoint(format!("it holds {found}")));
+        if let Some(difference) = fit.origin().difference(&checkpoint.origin) {
+            return Err(FitError::Checkpoint(difference));
+        }
+        if checkpoint.runs.len() != fit.runs.len() {
+            return Err(FitError::Checkpoint(format!("it holds {} runs", checkpoint.runs.len())));
         }
         for (run, saved) in fit.runs.iter_mut().zip(checkpoint.runs) {
             *run = run.restored(costs[run.cost].name(), saved, theta, &fit.options)?;
@@ -221,13 +235,13 @@ impl<'a> Fit<'a> {
     pub fn checkpoint(&self) -> Checkpoint {
         Checkpoint {
             generation: self.generation,
-            parameters: self.parameters(),
+            origin: self.origin().clone(),
             runs: self.runs.iter().map(|run| run.save(self.costs[run.cost].name())).collect(),
         }
     }
 
-    fn parameters(&self) -> Vec<String> {
-        self.theta.entries().iter().map(|entry| entry.name.clone()).collect()
+    fn origin(&self) -> &Origin {
+        self.origin.get_or_init(|| Origin::of(self.simulator, self.theta, self.costs, &self.options))
     }
 
     /// Generations done.

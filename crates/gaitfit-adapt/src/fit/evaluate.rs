@@ -20,7 +20,7 @@ pub struct Job {
 /// What a candidate was found to cost.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// The cost, with what falls and the modifications' regularisation add; `None` if the simulation diverged.
+    /// The cost, with what falls, the modifications' regularisation and priors add; `None` if the simulation diverged.
     pub cost: Option<f64>,
     /// Recordings in which the simulated robot fell.
     pub falls: usize,
@@ -56,7 +56,9 @@ pub fn evaluate(
     }
     for (found, job) in found.iter_mut().zip(jobs) {
         let charge = falls.charge(costs[job.cost].as_ref(), found.falls, recordings);
-        let charged = found.cost.map(|cost| cost + charge + theta.regularisation(&job.values));
+        let charged = found
+            .cost
+            .map(|cost| cost + charge + theta.regularisation(&job.values) + theta.prior_cost(&job.values));
         found.cost = charged.filter(|cost| cost.is_finite());
     }
     Ok(found)

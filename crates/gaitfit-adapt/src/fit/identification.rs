@@ -55,6 +55,13 @@ impl Identification {
         self.identified = narrow(entry, self.lower, self.upper);
     }
 
+    /// Extends the interval to `other`, a value that fits as well.
+    pub fn reach(&mut self, entry: &Entry, other: f64) {
+        let other = other.clamp(entry.lower, entry.upper);
+        (self.lower, self.upper) = (self.lower.min(other), self.upper.max(other));
+        self.identified = narrow(entry, self.lower, self.upper);
+    }
+
     /// Of an entry with the 95 % interval `interval`, which `noise` gave.
     pub(super) fn of_interval(entry: &Entry, interval: [f64; 2], noise: NoiseSource) -> Self {
         let [lower, upper] = interval.map(|end| end.clamp(entry.lower, entry.upper));

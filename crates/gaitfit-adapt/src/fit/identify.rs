@@ -116,7 +116,8 @@ pub fn identify(
         let charged = |value: f64| {
             let mut moved = values.to_vec();
             moved[at] = value;
-            theta.regularisation(&moved) - theta.regularisation(values)
+            let of = |values: &[f64]| theta.regularisation(values) + theta.prior_cost(values);
+            of(&moved) - of(values)
         };
         verdict(entry, values[at], &own, noise, charged)
     };
@@ -124,6 +125,26 @@ pub fn identify(
     let around = Around { simulator, theta, values, views: &views, centre: &centre, draw, cancel };
     joint(&around, alternatives, &mut found)?;
     Ok(found)
+}
+
+/// Standard error of `cost` at `values`: jackknife over groups of recordings. `None` of a single recording, and if the
+/// simulation diverges. Sets of values whose costs differ by less fit equally well.
+///
+/// # Errors
+/// As [`super::evaluate`].
+pub fn cost_error(
+    simulator: &dyn Simulator,
+    theta: &Theta,
+    cost: &dyn Cost,
+    values: &[f64],
+    draw: u64,
+    cancel: &Cancel<'_>,
+) -> Result<Option<f64>, FitError> {
+    let views = Views::new(cost, simulator.recordings());
+    let rollout = Rollout { values: values.to_vec(), resets: cost.resets(), draw };
+    let (costs, _) = simulator.views(theta, &views, &[rollout], &|| (), cancel)?;
+    let costs = costs.into_iter().next().flatten();
+    Ok(costs.filter(|costs| costs.len() > 1).map(|costs| jackknife(&costs[1..])))
 }
 
 /// The first of [`DRAWS`] draws from `first` with the fewest falls.
@@ -168,7 +189,7 @@ fn scan(at: usize, entry: &Entry, value: f64) -> Vec<Point> {
     points
 }
 
-/// `charged` is what regularisation adds at a value: part of what the search minimises, not of what the data say.
+/// `charged` is what regularisation and priors add at a value: part of what the search minimises, not of what the data say.
 fn verdict(
     entry: &Entry,
     value: f64,

@@ -14,6 +14,7 @@ mod identification;
 mod identify;
 mod joint;
 mod least_squares;
+mod origin;
 mod outcome;
 mod predicted;
 mod regression;
@@ -28,12 +29,13 @@ pub use error::FitError;
 pub use evaluate::{Evaluation, Job, accumulate, evaluate, simulate_one};
 pub use falls::FallPenalty;
 pub use identification::{Identification, NoiseSource};
-pub use identify::{MOST_SCANNED, identify};
+pub use identify::{MOST_SCANNED, cost_error, identify};
 pub use least_squares::{
     Alternative, Comparison, Correction, Failure, GaussNewton, Problem, Question, Replicate, Round,
     Sensitivity, Shift, Slope, Uncertainty, World, answers, correct, off_bounds, sensitivity, sets,
     uncertainty,
 };
+pub use origin::{Against, Origin, Searched};
 pub use outcome::{CostOutcome, ParameterOutcome, RunOutcome};
 pub use predicted::Predicted;
 pub use regression::{Distributions, Drawn, Logs, MOST_REGRESSED, Regression, Walks, regress};

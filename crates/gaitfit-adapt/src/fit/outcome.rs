@@ -61,6 +61,14 @@ pub struct ParameterOutcome {
     pub identification: Option<Identification>,
 }
 
+impl ParameterOutcome {
+    /// The longer side of the interval; absent where it was not measured.
+    pub fn half(&self) -> Option<f64> {
+        let found = self.identification.as_ref()?;
+        Some((self.value - found.lower).max(found.upper - self.value).max(0.0))
+    }
+}
+
 /// What one run found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RunOutcome {
@@ -139,6 +147,21 @@ impl CostOutcome {
             parameter.identification = Some(found);
         }
         Ok(true)
+    }
+
+    /// Widens the intervals to all of `others` that fit as well: whose costs are at most `error` above the smallest. Where
+    /// a cost has many minima, the ground around one of them says too little of what the logs leave open. `others`: costs
+    /// and values that the search came by.
+    pub fn widen<'a>(&mut self, theta: &Theta, others: impl Iterator<Item = (f64, &'a [f64])>, error: f64) {
+        let best = self.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
+        for (_, values) in others.filter(|(cost, _)| *cost <= best + error) {
+            let entries = theta.entries().iter().zip(values);
+            for (parameter, (entry, &value)) in self.parameters.iter_mut().zip(entries) {
+                if let Some(found) = &mut parameter.identification {
+                    found.reach(entry, value);
+                }
+            }
+        }
     }
 
     /// The random draws of the best run, by which least squares compares.
@@ -240,6 +263,36 @@ impl CostOutcome {
 mod tests {
     use super::*;
     use crate::ParameterRule;
+
+    #[test]
+    fn intervals_reach_to_values_that_fit_as_well_and_no_further() {
+        let joints = ["FL_hip".to_owned()];
+        let groups = [("hip".to_owned(), vec!["*_hip".to_owned()])];
+        let theta = Theta::from_rules(&ParameterRule::fric_arm(), &groups, &joints).unwrap();
+        let run = RunOutcome {
+            seed: 1,
+            best_cost: 0.5,
+            values: vec![0.2, 0.1],
+            generations: 9,
+            stop: None,
+            diverged: 0,
+            falls: 0,
+        };
+        let mut outcome = CostOutcome::new("wass".into(), &theta, vec![run]).unwrap();
+        for (parameter, entry) in outcome.parameters.iter_mut().zip(theta.entries()) {
+            let interval = [parameter.value - 0.01, parameter.value + 0.01];
+            let found = Identification::of_interval(entry, interval, NoiseSource::Recordings);
+            parameter.identification = Some(found);
+        }
+        let others = [(0.55, [0.3, 0.1]), (0.51, [0.2, 0.4]), (0.7, [0.0, 0.0])];
+        outcome.widen(&theta, others.iter().map(|(cost, values)| (*cost, &values[..])), 0.1);
+        let found = |at: usize| outcome.parameters[at].identification.clone().unwrap();
+        let reaches = |at: usize, lower: f64, upper: f64| {
+            (found(at).lower - lower).abs() < 1e-12 && (found(at).upper - upper).abs() < 1e-12
+        };
+        assert!(reaches(0, 0.19, 0.3) && found(0).identified, "{:?}", found(0));
+        assert!(reaches(1, 0.09, 0.4) && !found(1).identified, "{:?}", found(1));
+    }
 
     #[test]
     fn the_best_runs_value_and_the_spread_over_all() {

@@ -2,7 +2,7 @@
 
 use super::driver::{FitOptions, RunGeneration};
 use super::least_squares::{GaussNewton, Problem};
-use super::{Evaluation, FitError, RunOutcome};
+use super::{Evaluation, FitError, Origin, RunOutcome};
 use crate::Theta;
 use crate::cmaes::{
     Best, CmaError, Population, RestartPlan, RestartStart, Search, SearchState, Settings, StopReason,
@@ -18,6 +18,8 @@ pub enum Stop {
     Generations,
     /// Its deviations shrank to the tolerance.
     Tolerance,
+    /// Its best cost no longer fell, see [`FitOptions::patience`].
+    Patience,
     /// The optimiser's own criteria: nothing changes any more.
     Converged,
     /// The optimiser's own criteria: it cannot go on (steps without bound, degenerate covariance).
@@ -33,6 +35,8 @@ pub(super) struct Run {
     pub stop: Option<Stop>,
     diverged: usize,
     falls: usize,
+    /// Smallest cost after each generation of the present start, where patience is limited.
+    course: Vec<f64>,
     by: By,
 }
 
@@ -57,7 +61,7 @@ impl Run {
             let search = Search::new(settings(seed, theta, options), plan(options));
             By::CmaEs { search: Box::new(search.map_err(FitError::Optimizer)?), asked: None }
         };
-        Ok(Self { cost, seed, stop: None, diverged: 0, falls: 0, by })
+        Ok(Self { cost, seed, stop: None, diverged: 0, falls: 0, course: Vec::new(), by })
     }
 
     /// Number of the next generation, from 1, restarts counted on.
@@ -138,10 +142,20 @@ impl Run {
         if finite.is_empty() {
             return Err(all_diverged());
         }
-        if !restarted && settled(search, options) {
-            search.end().map_err(FitError::Optimizer)?;
+        let mut stuck = false;
+        if restarted {
+            self.course.clear();
+        } else {
+            if options.patience > 0 {
+                self.course.extend(search.current().best().map(|best| best.cost));
+                stuck = is_flat(&self.course, options.patience);
+            }
+            if stuck || settled(search, options) {
+                search.end().map_err(FitError::Optimizer)?;
+                self.course.clear();
+            }
         }
-        self.stop = why_stop(search);
+        self.stop = why_stop(search).map(|stop| if stuck { Stop::Patience } else { stop });
         let best = search.best().ok_or_else(all_diverged)?;
         Ok(RunGeneration {
             cost: name.to_owned(),
@@ -188,6 +202,7 @@ impl Run {
             stop: self.stop,
             diverged: self.diverged,
             falls: self.falls,
+            course: self.course.clone(),
             state: match &self.by {
                 By::CmaEs { search, .. } => SavedSearch::CmaEs(search.state()),
                 By::LeastSquares(search) => SavedSearch::LeastSquares(search.clone()),
@@ -208,23 +223,40 @@ impl Run {
             return Err(FitError::Checkpoint(format!("{found} where {cost} with seed {} is due", self.seed)));
         }
         let broken = |what: String| FitError::Checkpoint(what);
-        let by = match (&self.by, saved.state) {
+        let refused = |error: CmaError| match error {
+            CmaError::State(what) => broken(what),
+            other => broken(other.to_string()),
+        };
+        let (by, stop) = match (&self.by, saved.state) {
             (By::CmaEs { .. }, SavedSearch::CmaEs(state)) => {
-                let search = Search::resume(settings(self.seed, theta, options), plan(options), state)
-                    .map_err(|error: CmaError| broken(error.to_string()))?;
-                By::CmaEs { search: Box::new(search), asked: None }
+                let mut search = Search::resume(settings(self.seed, theta, options), plan(options), state)
+                    .map_err(refused)?;
+                // A run that had ended at the limit of generations, which is higher now, may have settled there.
+                if saved.stop == Some(Stop::Generations) && !search.is_finished() && settled(&search, options)
+                {
+                    search.end().map_err(refused)?;
+                }
+                let patient = saved.stop == Some(Stop::Patience);
+                let stop = why_stop(&search).map(|stop| match stop {
+                    Stop::Tolerance if patient => Stop::Patience,
+                    other => other,
+                });
+                (By::CmaEs { search: Box::new(search), asked: None }, stop)
             }
-            (By::LeastSquares(_), SavedSearch::LeastSquares(search)) if search.fits(theta) => {
-                By::LeastSquares(search)
+            (By::LeastSquares(_), SavedSearch::LeastSquares(mut search)) if search.fits(theta) => {
+                search.limit(options.generations).map_err(broken)?;
+                let stop = search.stop();
+                (By::LeastSquares(search), stop)
             }
             _ => return Err(broken("its search is another one".into())),
         };
         Ok(Self {
             cost: self.cost,
             seed: self.seed,
-            stop: saved.stop,
+            stop,
             diverged: saved.diverged,
             falls: saved.falls,
+            course: saved.course,
             by,
         })
     }
@@ -236,6 +268,17 @@ fn settled(search: &Search, options: &FitOptions) -> bool {
     let first = &current.settings().deviation;
     let left = current.deviations().iter().zip(first).map(|(now, first)| now / first).fold(0.0, f64::max);
     left <= options.tolerance
+}
+
+/// A best cost that falls by less than this part over the patience is flat.
+const FLAT: f64 = 0.01;
+
+/// Whether the smallest cost, one a generation, has hardly fallen over the last `patience` of them.
+fn is_flat(course: &[f64], patience: usize) -> bool {
+    let before = course.len().checked_sub(patience + 1).and_then(|at| course.get(at));
+    before
+        .zip(course.last())
+        .is_some_and(|(before, now)| now.is_finite() && before - now < FLAT * before.abs())
 }
 
 /// Why the last restart ended, once it has.
@@ -272,8 +315,8 @@ fn plan(options: &FitOptions) -> RestartPlan {
 pub struct Checkpoint {
     /// Generations done.
     pub generation: usize,
-    /// Names of θ's entries.
-    pub parameters: Vec<String>,
+    /// What the fit was begun with.
+    pub origin: Origin,
     /// The runs, costs first, then seeds.
     pub runs: Vec<SavedRun>,
 }
@@ -293,6 +336,9 @@ pub struct SavedRun {
     /// Falls of candidates so far.
     #[serde(default)]
     pub falls: usize,
+    /// Smallest cost after each generation of the present start, where patience is limited.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub course: Vec<f64>,
     /// The optimiser.
     pub state: SavedSearch,
 }
@@ -305,4 +351,19 @@ pub enum SavedSearch {
     CmaEs(SearchState),
     /// Least squares.
     LeastSquares(GaussNewton),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_course_is_flat_once_it_fell_by_less_than_a_hundredth_over_the_patience() {
+        let course = [1.0, 0.5, 0.4, 0.399, 0.398, 0.397];
+        assert!(!is_flat(&course[..3], 3), "it is shorter than the patience");
+        assert!(!is_flat(&course[..4], 3), "from 1.0 to 0.399");
+        assert!(!is_flat(&course[..5], 3), "from 0.5 to 0.398");
+        assert!(is_flat(&course, 3), "from 0.4 to 0.397");
+        assert!(!is_flat(&[f64::INFINITY; 9], 3), "nothing was simulated to the end");
+    }
 }

@@ -1,8 +1,8 @@
 //! `theta.toml`: what a fit found, for programs that use it.
 
-use super::{Found, NetworkName, Theta, joint_parameters, networks, robot_numbers};
+use super::{Found, NetworkName, Theta, checksum, joint_parameters, networks, robot_numbers};
 use gaitfit_model::patterns::{PatternError, covered};
-use gaitfit_model::{Model, shown, shown_number};
+use gaitfit_model::{Model, escaped, shown, shown_number};
 use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
@@ -12,9 +12,13 @@ const FORMAT: u32 = 2;
 
 /// What a fit found: a file that can be written, read and applied to a robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ThetaFile {
     /// Version of the format.
     pub format: u32,
+    /// The checksum in a text that is being read; `None` everywhere else: [`Self::to_toml`] computes it.
+    #[serde(default, skip_serializing)]
+    pub checksum: Option<String>,
     /// Robot name.
     #[serde(default)]
     pub robot: String,
@@ -27,6 +31,9 @@ pub struct ThetaFile {
     /// Physics step of the fit, s. What `resid_act` remembers is in steps, so another step gives another network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub physics_step: Option<f64>,
+    /// Why walks that were not fitted contradict the fit, in words; absent if they do not, or there were none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contradicted: Option<String>,
     /// Single numbers.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub parameter: Vec<SavedParameter>,
@@ -37,6 +44,7 @@ pub struct ThetaFile {
 
 /// A number.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SavedParameter {
     /// Name.
     pub name: String,
@@ -72,6 +80,7 @@ pub struct SavedParameter {
 
 /// A joint's network.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SavedNetwork {
     /// Name, for example `resid_act_RR_calf`.
     pub name: String,
@@ -91,6 +100,9 @@ pub struct SavedNetwork {
     pub weights: Vec<f64>,
 }
 
+/// Most characters of a file's reason that are shown.
+const MOST_REASON: usize = 1000;
+
 /// Largest value of any number: beyond it no robot is meant, and single precision may overflow.
 pub(super) const MOST: f64 = 1e6;
 
@@ -100,6 +112,12 @@ pub enum ThetaFileError {
     /// It is not such a file.
     #[error("{0}; give the theta.toml of a `gaitfit adapt` run")]
     Syntax(String),
+    /// It is not what was written.
+    #[error(
+        "its checksum does not fit the rest of it: the file was damaged, or edited by hand. If you edited it, delete the \
+         line that begins with `checksum`; if not, restore the file or fit again"
+    )]
+    Checksum,
     /// It is of another version.
     #[error("it has format {0}, and this program reads 1 and 2")]
     Format(u32),
@@ -268,13 +286,10 @@ impl ThetaFile {
     /// The file of what a fit of `theta` found, one an entry.
     pub fn new(theta: &Theta, found: &[Found], robot: &str, cost_name: &str, cost: f64) -> Self {
         let mut file = Self {
-            format: FORMAT,
             robot: robot.to_owned(),
             cost_name: cost_name.to_owned(),
             cost: Some(cost),
-            physics_step: None,
-            parameter: Vec::new(),
-            network: Vec::new(),
+            ..Self::nominal()
         };
         for (modification, part) in theta.parts() {
             if let Some(found) = found.get(part) {
@@ -282,6 +297,21 @@ impl ThetaFile {
             }
         }
         file
+    }
+
+    /// The file of a robot as it is, without any number of a fit.
+    pub fn nominal() -> Self {
+        Self {
+            format: FORMAT,
+            checksum: None,
+            robot: String::new(),
+            cost_name: String::new(),
+            cost: None,
+            physics_step: None,
+            contradicted: None,
+            parameter: Vec::new(),
+            network: Vec::new(),
+        }
     }
 
     /// A doubt, in words, about using the file's networks at a physics step of `step` s: those that act at every
@@ -297,7 +327,7 @@ impl ThetaFile {
         })
     }
 
-    /// Doubts, in words, about single values: parameters that do nothing without another one, and lengths and angles that
+    /// Doubts, in words: that walks contradict it; parameters that do nothing without another one, and lengths and angles that
     /// no robot has.
     pub fn value_doubts(&self) -> Vec<String> {
         let has = |kind: &str| self.parameter.iter().any(|parameter| parameter.kind == kind);
@@ -317,7 +347,11 @@ impl ThetaFile {
                 format!("`{}` is {} {unit}, which no robot has", shown(&parameter.name), parameter.value)
             })
         });
-        alone.chain(far).collect()
+        let contradicted = self
+            .contradicted
+            .as_ref()
+            .map(|why| format!("walks that were not fitted contradict it: {}", escaped(why, MOST_REASON)));
+        contradicted.into_iter().chain(alone).chain(far).collect()
     }
 
     /// A doubt, in words, about using the file on the robot of `model`, whose joints may have the same names.
@@ -335,22 +369,27 @@ impl ThetaFile {
     /// Reads a file's text.
     ///
     /// # Errors
-    /// [`ThetaFileError::Syntax`] with line and column, [`ThetaFileError::Format`].
+    /// [`ThetaFileError::Syntax`] with line and column, also of an unknown key; [`ThetaFileError::Format`];
+    /// [`ThetaFileError::Checksum`] of a file that has a checksum and is not as it was written.
     pub fn parse(text: &str) -> Result<Self, ThetaFileError> {
-        let file: Self = toml::from_str(text)
-            .map_err(|error| ThetaFileError::Syntax(error.to_string().trim_end().to_owned()))?;
+        let mut file: Self =
+            toml::from_str(text).map_err(|error| ThetaFileError::Syntax(checksum::at(text, &error)))?;
         if !(1..=FORMAT).contains(&file.format) {
             return Err(ThetaFileError::Format(file.format));
         }
-        Ok(file)
+        match file.checksum.take() {
+            Some(sum) if sum != checksum::of(text) => Err(ThetaFileError::Checksum),
+            _ => Ok(file),
+        }
     }
 
-    /// The file's text.
+    /// The file's text, with its checksum.
     ///
     /// # Errors
     /// [`ThetaFileError::Write`].
     pub fn to_toml(&self) -> Result<String, ThetaFileError> {
-        toml::to_string(self).map_err(|error| ThetaFileError::Write(error.to_string()))
+        let text = toml::to_string(self).map_err(|error| ThetaFileError::Write(error.to_string()))?;
+        Ok(checksum::sealed(&text))
     }
 
     /// The robot of `model` with everything the file says.

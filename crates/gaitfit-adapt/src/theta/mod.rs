@@ -5,12 +5,14 @@
 //! counts. A new modification is a file here with its rule, a line in [`Rules`], and, if its numbers are not single
 //! ones, a table of its own in [`ThetaFile`].
 
+mod checksum;
 mod entry;
 mod features;
 mod file;
 mod joint_parameters;
 mod modification;
 mod networks;
+mod prior;
 mod robot_numbers;
 mod rules;
 mod sharing;
@@ -22,12 +24,13 @@ pub use gaitfit_physics::{JointParameter, SearchDefaults as Defaults};
 pub use joint_parameters::ParameterRule;
 pub use modification::{Found, LinearSpring, Modification};
 pub use networks::{NetworkName, NetworkRule, NetworkStart};
+pub use prior::Prior;
 pub use robot_numbers::{RobotNumber, RobotRule};
 pub use rules::Rules;
 pub use sharing::Sharing;
 
 use gaitfit_model::patterns::PatternError;
-use gaitfit_model::shown_number;
+use gaitfit_model::{shown, shown_number};
 use gaitfit_sim::Candidate;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -38,6 +41,10 @@ use std::sync::Arc;
 pub struct Theta {
     modifications: Vec<Arc<dyn Modification>>,
     entries: Vec<Entry>,
+    /// What is known of each entry before the fit; empty without any such knowledge.
+    priors: Vec<Option<Prior>>,
+    /// What a distance of one standard error from a prior adds to the cost.
+    prior_weight: f64,
 }
 
 /// Why θ cannot be built.
@@ -144,6 +151,14 @@ pub enum ThetaError {
         /// Joints.
         joints: usize,
     },
+    /// What is known of an entry cannot be used.
+    #[error("the prior of `{}` {why}", shown(name))]
+    Prior {
+        /// The name it was given for.
+        name: String,
+        /// What is wrong.
+        why: String,
+    },
     /// Two entries have the same name.
     #[error(
         "two rules give `{0}`; leave one out, limit one to other `joints`, or give a [[parameter]] another `name`"
@@ -166,7 +181,7 @@ impl Theta {
         if entries.is_empty() {
             return Err(ThetaError::Empty);
         }
-        let theta = Self { modifications, entries };
+        let theta = Self { modifications, entries, priors: Vec::new(), prior_weight: 0.0 };
         theta.check()?;
         Ok(theta)
     }
@@ -237,7 +252,9 @@ impl Theta {
 
     /// The first mean of the search of a run with `seed`, one value an entry.
     pub fn start(&self, seed: u64) -> Vec<f64> {
-        self.modifications.iter().flat_map(|modification| modification.start(seed)).collect()
+        let starts = self.modifications.iter().flat_map(|modification| modification.start(seed));
+        let known = |at: usize| self.prior(at).map(|_| self.entries[at].start);
+        starts.enumerate().map(|(at, start)| known(at).unwrap_or(start)).collect()
     }
 
     /// Largest value any entry of `parameter` may take; `None` without such an entry.

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
 use super::*;
+use std::collections::BTreeMap;
 
 /// A robot of `joints` joints on which nothing is set.
 fn tests_candidate(joints: usize) -> Candidate {
@@ -282,4 +283,29 @@ fn a_value_on_a_bound_is_seen() {
     let theta = Theta::from_rules(&ParameterRule::fric_arm(), &groups(), &joints()).unwrap();
     assert!(theta.entries()[0].at_bound(0.0) && theta.entries()[0].at_bound(0.4999));
     assert!(!theta.entries()[0].at_bound(0.01));
+}
+
+#[test]
+fn a_prior_moves_the_start_and_charges_by_standard_errors() {
+    let theta = || Theta::from_rules(&ParameterRule::fric_arm(), &groups(), &joints()).unwrap();
+    let prior =
+        |name: &str, value, deviation| BTreeMap::from([(name.to_owned(), Prior { value, deviation })]);
+    let known = theta().with_priors(&prior("frictionloss_calf", 0.4, 0.02), 0.5).unwrap();
+    let at = known.entries().iter().position(|entry| entry.name == "frictionloss_calf").unwrap();
+    assert_eq!((known.start(7)[at], known.entries()[at].deviation), (0.4, 0.02));
+    let mut values = known.start(7);
+    assert_eq!(known.prior_cost(&values), 0.0);
+    values[at] = 0.34;
+    assert!((known.prior_cost(&values) - 0.5 * 9.0).abs() < 1e-9, "three standard errors");
+    let others = (0..known.len()).filter(|other| *other != at);
+    assert!(others.into_iter().all(|other| known.start(7)[other] == theta().start(7)[other]));
+    let beyond = theta().with_priors(&prior("frictionloss_calf", 0.8, 0.1), 1.0).unwrap();
+    assert_eq!(beyond.start(7)[at], 0.5, "the upper bound");
+    assert!((beyond.prior_cost(&beyond.start(7)) - 9.0).abs() < 1e-9, "it pulls towards 0.8 still");
+    for (name, deviation) in
+        [("frictionloss_knee", 0.1), ("frictionloss_calf", 0.0), ("frictionloss_calf", f64::NAN)]
+    {
+        let error = theta().with_priors(&prior(name, 0.1, deviation), 1.0).unwrap_err();
+        assert!(matches!(error, ThetaError::Prior { .. }) && error.to_string().contains(name), "{error}");
+    }
 }

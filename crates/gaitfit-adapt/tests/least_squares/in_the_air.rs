@@ -66,6 +66,24 @@ fn logged(simulator: &ReplaySimulator, theta: &Theta) -> Arc<Reference> {
 }
 
 #[test]
+fn delays_count_from_the_stamps_of_targets() {
+    let model = go2();
+    let (theta, simulator) = (theta_of(&model), air(&model, 100, Preset::Fast));
+    let positions = |simulator: &ReplaySimulator, delay: f64| {
+        let mut values = TRUE;
+        values[9] = delay;
+        simulate_one(simulator, &theta, &values, Resets::Never).unwrap().remove(0).position
+    };
+    let want = positions(&simulator, 0.0073);
+    let late = simulator.late(0.003);
+    let apart = |delay: f64| {
+        let found = positions(&late, delay);
+        found.iter().zip(&want).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    };
+    assert!(apart(0.0043) < 1e-5 && apart(0.0073) > 1e-3, "{} {}", apart(0.0043), apart(0.0073));
+}
+
+#[test]
 fn a_replays_derivatives_are_those_of_its_signals_also_on_bounds() {
     let model = go2();
     let (theta, simulator) = (theta_of(&model), air(&model, 200, Preset::Accurate));

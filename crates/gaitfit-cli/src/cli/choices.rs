@@ -28,7 +28,7 @@ impl From<Preset> for gaitfit_physics::Preset {
 #[derive(Debug, Args)]
 pub struct Config {
     /// Which command's settings
-    #[arg(value_enum, default_value_t = ConfigOf::Adapt)]
+    #[arg(value_enum, default_value_t = ConfigOf::Fit)]
     pub of: ConfigOf,
     /// With `train`: the built-in task to start from
     #[arg(long, value_enum, default_value_t = Task::Velocity)]
@@ -38,8 +38,9 @@ pub struct Config {
 /// Commands with a configuration.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum ConfigOf {
-    /// Settings of `gaitfit adapt`
-    Adapt,
+    /// Settings of `gaitfit fit`
+    #[value(alias = "adapt")]
+    Fit,
     /// Settings of `gaitfit train`
     Train,
     /// Settings of `gaitfit finetune`

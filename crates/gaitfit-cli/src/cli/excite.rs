@@ -25,11 +25,11 @@ pub struct Excite {
     #[arg(long, value_name = "N", default_value_t = 8, requires = "policy")]
     pub trajectories: usize,
     /// With --policy: sequences to choose from
-    #[arg(long, value_name = "N", default_value_t = 128, requires = "policy")]
+    #[arg(long, value_name = "N", default_value_t = 128, requires = "policy", hide = true)]
     pub pool: usize,
     /// With --policy: greatest commands to choose from over those of the policy's task; those under which it falls in
     /// simulation are left out
-    #[arg(long, value_name = "X", default_value_t = 1.0, requires = "policy")]
+    #[arg(long, value_name = "X", default_value_t = 1.0, requires = "policy", hide = true)]
     pub reach: f64,
     /// With --policy: parameters whose spread is to be small, names or patterns, separated by commas [default: those that
     /// the configuration's logs leave unidentified, or all]
@@ -39,10 +39,10 @@ pub struct Excite {
     #[arg(long, value_name = "FILE", requires = "policy")]
     pub theta: Option<PathBuf>,
     /// With --policy: standard deviation of random torques at every joint and physics step, N·m
-    #[arg(long, value_name = "NM", default_value_t = 1.0, requires = "policy")]
+    #[arg(long, value_name = "NM", default_value_t = 1.0, requires = "policy", hide = true)]
     pub torque_noise: f64,
     /// With --policy: change one setting of the configuration (repeatable)
-    #[arg(long = "set", value_name = "KEY=VALUE", requires = "policy")]
+    #[arg(long = "set", value_name = "KEY=VALUE", requires = "policy", hide = true)]
     pub set: Vec<String>,
     /// Joints that move, names or patterns, separated by commas [default: all]
     #[arg(long, value_name = "PATTERNS", value_delimiter = ',', conflicts_with = "policy")]
@@ -60,10 +60,10 @@ pub struct Excite {
     #[arg(long, value_name = "RAD", default_value_t = 0.3, conflicts_with = "policy")]
     pub amplitude: f64,
     /// Targets a second
-    #[arg(long, value_name = "HZ", default_value_t = 200.0, conflicts_with = "policy")]
+    #[arg(long, value_name = "HZ", default_value_t = 200.0, conflicts_with = "policy", hide = true)]
     pub rate: f64,
     /// Time in which the amplitude rises at the beginning of a turn and falls at its end, s
-    #[arg(long, value_name = "S", default_value_t = 1.0, conflicts_with = "policy")]
+    #[arg(long, value_name = "S", default_value_t = 1.0, conflicts_with = "policy", hide = true)]
     pub ease: f64,
     /// Position gains, N·m/rad: a number, or a table such as '{ "*_hip" = 20, "*" = 40 }' [default: the fit's, or those of
     /// the robot's usual task]
@@ -73,35 +73,35 @@ pub struct Excite {
     #[arg(long, value_name = "KD", requires = "kp", conflicts_with = "policy")]
     pub kd: Option<Gain>,
     /// Middle of the motion of joints, rad (repeatable) [default: the robot's usual pose, moved off its ranges' ends]
-    #[arg(long, value_name = "JOINT=RAD", conflicts_with = "policy")]
+    #[arg(long, value_name = "JOINT=RAD", conflicts_with = "policy", hide = true)]
     pub pose: Vec<Angle>,
     /// Part of every limit that stays free
-    #[arg(long, value_name = "PART", default_value_t = 0.1, conflicts_with = "policy")]
+    #[arg(long, value_name = "PART", default_value_t = 0.1, conflicts_with = "policy", hide = true)]
     pub margin: f64,
     /// Speed limit of all joints, where the file has no lower one, rad/s [default: the file's, or 10]
-    #[arg(long, value_name = "RAD_S", conflicts_with = "policy")]
+    #[arg(long, value_name = "RAD_S", conflicts_with = "policy", hide = true)]
     pub velocity_limit: Option<f64>,
     /// Torque limit of all joints, where the file has no lower one, N·m [default: the file's]
-    #[arg(long, value_name = "NM", conflicts_with = "policy")]
+    #[arg(long, value_name = "NM", conflicts_with = "policy", hide = true)]
     pub torque_limit: Option<f64>,
     /// Configuration of a fit of legs in the air: its parameters and their bounds are the robots that are tried, its gains
     /// count [default: friction, armature, damping and delay]
     #[arg(long, value_name = "FILE.toml", conflicts_with = "policy")]
     pub fit: Option<PathBuf>,
     /// How much the fitted simulator will differ from the log, where a joint's range is 2
-    #[arg(long, value_name = "X", default_value_t = 2e-3, conflicts_with = "policy")]
+    #[arg(long, value_name = "X", default_value_t = 2e-3, conflicts_with = "policy", hide = true)]
     pub difference: f64,
     /// Drop what the engine does not honour in the robot file, instead of refusing it
     #[arg(long, conflicts_with = "policy")]
     pub lenient: bool,
     /// Seed of the joints' phases and of the robots that are tried
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, hide = true)]
     pub seed: u64,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
     /// Threads [default: one for each core]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", hide = true)]
     pub threads: Option<NonZeroUsize>,
 }
 

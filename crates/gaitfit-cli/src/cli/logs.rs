@@ -1,10 +1,10 @@
-//! Arguments of the commands about logs.
+//! Arguments of the commands about logs and runs.
 
 use clap::Args;
 use std::path::PathBuf;
 
 /// Arguments of `import`.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub struct Import {
     /// A recording: a file, a ROS 2 bag's folder, or several files that were recorded together
     #[arg(required = true, value_name = "FILE")]
@@ -21,56 +21,67 @@ pub struct Import {
     /// Robot: drop what the engine does not honour, instead of refusing the file
     #[arg(long)]
     pub lenient: bool,
+    /// Policy whose observations the recording holds: they are unpacked by its interface, and numbered joints are its own
+    #[arg(long, value_name = "FILE")]
+    pub policy: Option<PathBuf>,
     /// Read only these topics, columns or arrays, by the beginning of their names, separated by commas
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub take: Vec<String>,
     /// Add this to the times of what holds no joint positions, s [default: what the recorder's clock shows]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub clock_offset: Option<f64>,
-    /// Samples a second of a file without times
+    /// Samples a second of a file without times, or whose times lost their digits
     #[arg(long, value_name = "HZ")]
     pub rate: Option<f64>,
+    /// Take one row of N
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub every: Option<u32>,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
 }
 
-/// Arguments of `export-log`.
+/// Arguments of `new`.
 #[derive(Debug, Args)]
-pub struct ExportLog {
-    /// Log (.csv)
-    pub log: PathBuf,
-    /// MCAP file to write, of ROS 2 messages
-    #[arg(long, value_name = "FILE.mcap")]
-    pub out: PathBuf,
-    /// Print one JSON document
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Arguments of `export-theta`.
-#[derive(Debug, Args)]
-pub struct ExportTheta {
-    /// Fitted parameters: the theta.toml of an `adapt` run
-    pub theta: PathBuf,
-    /// Folder for the files; it is made if it is not there
-    #[arg(long, value_name = "FOLDER")]
-    pub out: PathBuf,
-    /// Robot (.xml, .mjcf, .urdf) that was fitted [default: the built-in Go2]
+pub struct New {
+    /// Robot (.xml, .mjcf, .urdf); `unitree-go2` is the built-in Go2
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
+    /// Policy that walked: .safetensors, .onnx, or a .toml; without it the logs are of legs in the air
+    #[arg(long, value_name = "POLICY")]
+    pub policy: Option<PathBuf>,
+    /// Logs (.csv), recordings of other programs, or folders of them
+    #[arg(long, value_name = "PATH", num_args = 1..)]
+    pub logs: Vec<PathBuf>,
+    /// Configuration to write
+    #[arg(long, value_name = "FILE.toml")]
+    pub out: Option<PathBuf>,
+    /// What recordings do not say: joints, units, columns (see `gaitfit import --mapping`)
+    #[arg(long, value_name = "FILE.toml")]
+    pub mapping: Option<PathBuf>,
+    /// Position gain, N·m/rad, if the logs do not state it
+    #[arg(long, value_name = "KP")]
+    pub kp: Option<f64>,
+    /// Velocity gain, N·m·s/rad, if the logs do not state it
+    #[arg(long, value_name = "KD")]
+    pub kd: Option<f64>,
     /// Drop what the engine does not honour in the robot file, instead of refusing it
     #[arg(long)]
     pub lenient: bool,
-    /// Position gain of the controller on every joint, N·m/rad
-    #[arg(long, value_name = "KP", requires = "kd")]
-    pub kp: Option<f64>,
-    /// Velocity gain of the controller on every joint, N·m·s/rad
-    #[arg(long, value_name = "KD", requires = "kp")]
-    pub kd: Option<f64>,
-    /// Policy whose gains the controller has
-    #[arg(long, value_name = "POLICY", conflicts_with_all = ["kp", "kd"])]
-    pub policy: Option<PathBuf>,
+    /// Write over a file that is there
+    #[arg(long)]
+    pub force: bool,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `runs`.
+#[derive(Debug, Args)]
+pub struct Runs {
+    /// Folder of the run folders
+    #[arg(default_value = "runs", value_name = "FOLDER")]
+    pub folder: PathBuf,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,

@@ -1,9 +1,10 @@
 //! The words of a command line: how they are read, and what is said of those that cannot be.
 
 use super::Cli;
+use super::groups::{ALL, command};
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue};
-use clap::{Command, CommandFactory, FromArgMatches};
+use clap::{Command, FromArgMatches};
 use std::error::Error as _;
 use std::ffi::OsString;
 use std::num::{IntErrorKind, ParseFloatError, ParseIntError};
@@ -14,7 +15,9 @@ impl Cli {
     /// # Errors
     /// Help that was asked for, or what is wrong with a word.
     pub fn read(arguments: &[OsString]) -> Result<Self, clap::Error> {
-        let matches = negative(Self::command()).try_get_matches_from(arguments).map_err(advised)?;
+        let all = arguments.iter().any(|word| word == ALL);
+        let words = arguments.iter().map(|word| if word == ALL { "--help".into() } else { word.clone() });
+        let matches = negative(command(all)).try_get_matches_from(words).map_err(advised)?;
         Self::from_arg_matches(&matches)
     }
 }

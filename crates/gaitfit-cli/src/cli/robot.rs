@@ -24,19 +24,19 @@ pub struct LinkArgs {
     #[arg(long, value_name = "NAME", required_if_eq("robot", "unitree-go2"))]
     pub interface: Option<String>,
     /// DDS domain: robots are in 0, simulators in 1
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=232), hide = true)]
     pub domain: u16,
     /// How long the robot stands under the policy between trajectories, s [default: 2]
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", hide = true)]
     pub pause: Option<f64>,
     /// Compute everything and send nothing; its logs go into the folder dry-run within --out
     #[arg(long)]
     pub dry_run: bool,
     /// Do not ask before the robot moves; for simulators only, which are in another domain than 0
-    #[arg(long)]
+    #[arg(long, hide = true)]
     pub yes: bool,
     /// How old a state and how late a loop may be, ms; for simulators only, on busy machines. A robot has 20
-    #[arg(long, value_name = "MS", default_value_t = PATIENCE, value_parser = clap::value_parser!(u16).range(20..=1000))]
+    #[arg(long, value_name = "MS", default_value_t = PATIENCE, value_parser = clap::value_parser!(u16).range(20..=1000), hide = true)]
     pub patience: u16,
 }
 
@@ -79,13 +79,13 @@ pub struct Run {
     /// Speeds of the drift trials: ahead and aside, m/s, and turning, rad/s; 0 leaves a direction out [default: the
     /// paper's, 1,1,0.3925]
     #[arg(long, value_name = "X,Y,YAW", requires = "drift", value_delimiter = ',', num_args = 1, allow_hyphen_values = true,
-        conflicts_with_all = ["commands", "random", "remote", "keyboard"])]
+        conflicts_with_all = ["commands", "random", "remote", "keyboard"], hide = true)]
     pub drift_speeds: Vec<f32>,
     /// So many random walks, with pauses between, each in a log of its own
     #[arg(long, value_name = "N", requires = "random", conflicts_with_all = ["commands", "remote", "keyboard", "drift"])]
     pub trajectories: Option<NonZeroUsize>,
     /// Seed of the random commands
-    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with_all = ["commands", "remote", "keyboard", "drift"])]
+    #[arg(long, value_name = "N", default_value_t = 0, conflicts_with_all = ["commands", "remote", "keyboard", "drift"], hide = true)]
     pub seed: u64,
     /// Folder for the logs and the summary; it must not hold a run already
     #[arg(long, value_name = "FOLDER")]
@@ -94,7 +94,7 @@ pub struct Run {
     #[arg(long)]
     pub json: bool,
     /// Play commands that are beyond what the policy was trained for
-    #[arg(long, conflicts_with_all = ["random", "remote", "keyboard"])]
+    #[arg(long, conflicts_with_all = ["random", "remote", "keyboard"], hide = true)]
     pub beyond_training: bool,
     /// Whether `collect` asks: its options have other names.
     #[arg(skip)]

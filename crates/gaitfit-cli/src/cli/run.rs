@@ -1,13 +1,14 @@
 //! Arguments of the commands that work in a run folder.
 
-use clap::Args;
+use clap::{Arg, Args};
+use gaitfit::settings::{AdaptConfig, Configuration, FinetuneConfig, LoopConfig, TrainConfig};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 /// What all commands share that work in a run folder.
 #[derive(Debug, Args)]
 pub struct RunArgs {
-    /// Change one setting, for example --set optimizer.seeds=3 (repeatable)
+    /// Change one setting (repeatable)
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
     /// Continue the latest run of this name where it was left, to the same result
@@ -39,9 +40,15 @@ impl RunArgs {
     }
 }
 
-/// Arguments of `adapt`.
+/// The help of `--set` in a command whose configuration is a `C`.
+fn set_help<C: Configuration>(set: Arg) -> Arg {
+    set.help(format!("Change one setting, for example --set {} (repeatable)", C::EXAMPLE))
+}
+
+/// Arguments of `fit`.
 #[derive(Debug, Args)]
-pub struct Adapt {
+#[command(mut_arg("set", set_help::<AdaptConfig>))]
+pub struct Fit {
     /// Configuration (TOML); `gaitfit config` prints one with every default
     pub config: PathBuf,
     /// What simulates: cpu, cuda (the first GPU), cuda:N, cuda:0,1 (several GPUs, which share the candidates), or auto (a
@@ -58,7 +65,7 @@ pub struct Adapt {
 pub struct Sensitivity {
     /// Configuration (TOML) of a fit: its robot, logs, parameters and first cost are looked at
     pub config: PathBuf,
-    /// Values to look around: the theta.toml of an `adapt` run [default: the configuration's truth, or the search's start]
+    /// Values to look around: the theta.toml of a fit [default: the configuration's truth, or the search's start]
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
     /// How much the fitted simulator will differ from the logs, where a joint's range is 2 [default: as these values do]
@@ -78,7 +85,7 @@ pub struct Sensitivity {
 /// Arguments of `validate`.
 #[derive(Debug, Args)]
 pub struct Validate {
-    /// Fitted parameters: the theta.toml of an `adapt` run
+    /// Fitted parameters: the theta.toml of a fit
     pub theta: PathBuf,
     /// Logs to validate on: files; of a walking robot also folders and patterns
     #[arg(required = true)]
@@ -99,6 +106,7 @@ pub struct Validate {
 
 /// Arguments of `train`.
 #[derive(Debug, Args)]
+#[command(mut_arg("set", set_help::<TrainConfig>))]
 pub struct Train {
     /// Configuration (TOML); `gaitfit config train` prints one with every default
     pub config: Option<PathBuf>,
@@ -119,13 +127,15 @@ pub struct Train {
 
 /// Arguments of `finetune`.
 #[derive(Debug, Args)]
+#[command(mut_arg("set", set_help::<FinetuneConfig>))]
 pub struct Finetune {
-    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere [default: the configuration's]
+    /// Policy: .safetensors, .onnx, a .toml that describes one trained elsewhere, or the run folder of a training
+    /// [default: the configuration's]
     pub policy: Option<PathBuf>,
-    /// Fitted parameters: the theta.toml of an `adapt` run
+    /// Fitted parameters: the theta.toml of a fit
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
-    /// Robot (.xml, .mjcf, .urdf) [default: the built-in Go2]
+    /// Robot (.xml, .mjcf, .urdf) [default: the configuration's, that of the policy's training, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
     /// Drop what the engine does not honour in the robot file, instead of refusing it
@@ -157,6 +167,7 @@ pub struct Finetune {
 
 /// Arguments of `loop`.
 #[derive(Debug, Args)]
+#[command(mut_arg("set", set_help::<LoopConfig>))]
 pub struct Loop {
     /// Configuration (TOML); `gaitfit config loop` prints one with every default
     pub config: PathBuf,

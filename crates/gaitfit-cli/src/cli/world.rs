@@ -8,37 +8,37 @@ use std::path::{Path, PathBuf};
 /// A policy and the simulator it runs in.
 #[derive(Debug, Args)]
 pub struct WorldArgs {
-    /// Policy: .safetensors, .onnx, or a .toml that describes one trained elsewhere
+    /// Policy: .safetensors, .onnx, a .toml that describes one trained elsewhere, or the run folder of a training
     pub policy: PathBuf,
-    /// Robot (.xml, .mjcf, .urdf) [default: the built-in Go2]
+    /// Robot (.xml, .mjcf, .urdf) [default: that of the policy's training, or the built-in Go2]
     #[arg(long, value_name = "FILE")]
     pub robot: Option<PathBuf>,
     /// Drop what the engine does not honour in the robot file, instead of refusing it
-    #[arg(long)]
+    #[arg(long, hide = true)]
     pub lenient: bool,
     /// Task: velocity, biped, or a file with a task's settings [default: the policy's own]
     #[arg(long, value_name = "TASK")]
     pub task: Option<String>,
-    /// Fitted parameters: the theta.toml of an `adapt` run
+    /// Fitted parameters: the theta.toml of a fit
     #[arg(long, value_name = "FILE")]
     pub theta: Option<PathBuf>,
     /// A spring on a joint, N·m/rad, about its default angle or REST, rad (repeatable)
-    #[arg(long, value_name = "JOINT=STIFFNESS[@REST]")]
+    #[arg(long, value_name = "JOINT=STIFFNESS[@REST]", hide = true)]
     pub spring: Vec<gaitfit::Spring>,
     /// Standard deviation of Gaussian torques at every joint and physics step, N·m
-    #[arg(long, value_name = "NM", default_value_t = 0.0)]
+    #[arg(long, value_name = "NM", default_value_t = 0.0, hide = true)]
     pub torque_noise: f64,
     /// Vary robots, starts and observations as in training, with pushes
-    #[arg(long)]
+    #[arg(long, hide = true)]
     pub randomised: bool,
     /// Solver effort
-    #[arg(long, value_enum, default_value_t = Preset::Fast)]
+    #[arg(long, value_enum, default_value_t = Preset::Fast, hide = true)]
     pub preset: Preset,
     /// Seed of commands, starts and noise
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, hide = true)]
     pub seed: u64,
     /// Threads [default: one for each core]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", hide = true)]
     pub threads: Option<std::num::NonZeroUsize>,
 }
 
@@ -83,14 +83,21 @@ pub struct Evaluate {
     #[arg(long, value_name = "N", default_value_t = 64)]
     pub drift: usize,
     /// Speeds of these: ahead and to the side, m/s, and turning, rad/s [default: half of the task's greatest commands]
-    #[arg(long, value_name = "X,Y,YAW", value_delimiter = ',', num_args = 1, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "X,Y,YAW",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true,
+        hide = true
+    )]
     pub drift_speeds: Vec<f64>,
     /// Uneven ground to cross besides: kinds (flat, slopes, stairs, rough) with commas between, a .toml file with
     /// [terrain], none, or own, the task's
-    #[arg(long, value_name = "GROUND", default_value = "own")]
+    #[arg(long, value_name = "GROUND", default_value = "own", hide = true)]
     pub terrain: String,
     /// Robots on each cell of it
-    #[arg(long, value_name = "N", default_value_t = 32)]
+    #[arg(long, value_name = "N", default_value_t = 32, hide = true)]
     pub terrain_robots: usize,
     /// What simulates the trajectories with random commands: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000
     /// trajectories or more, if one can be used)
@@ -114,7 +121,7 @@ pub struct Evaluate {
 #[derive(Debug, Args)]
 #[command(mut_arg("robot", |robot| robot.value_name("FILE|ROBOT").help(
     "Robot (.xml, .mjcf, .urdf); or unitree-go2, a real one, or simulated, its rehearsal on the clock, as in `gaitfit run` \
-     [default: the built-in Go2]"
+     [default: the robot of the policy's training, or the built-in Go2]"
 )))]
 pub struct Collect {
     /// The policy and its simulator
@@ -133,10 +140,10 @@ pub struct Collect {
     #[arg(long, value_name = "S", default_value_t = 4.0)]
     pub seconds: f64,
     /// Begin each log this long after the robot, drawn between the two times, s
-    #[arg(long, value_names = ["FROM", "TO"], num_args = 1..=2, default_values_t = [0.0])]
+    #[arg(long, value_names = ["FROM", "TO"], num_args = 1..=2, default_values_t = [0.0], hide = true)]
     pub log_shift: Vec<f64>,
     /// Record the base's pose and velocity too, which a robot does not measure
-    #[arg(long)]
+    #[arg(long, hide = true)]
     pub privileged: bool,
     /// What simulates walks under random commands: cpu, cuda (the first GPU), cuda:N, or auto (a GPU for 1,000 trajectories
     /// or more, if one can be used)

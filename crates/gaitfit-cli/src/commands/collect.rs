@@ -62,7 +62,14 @@ pub fn run(args: &cli::Collect) -> Result<(), Failure> {
         args.out.display(),
         document.falls,
         document.simulator
-    ))
+    ))?;
+    let robot =
+        args.world.robot.as_ref().map_or(String::new(), |robot| format!(" --robot {}", robot.display()));
+    let policy = args.world.policy.display();
+    output::next(&[format!(
+        "gaitfit new --policy {policy}{robot} --logs {} --out my-robot.toml",
+        args.out.display()
+    )])
 }
 
 /// The same on a robot: what only a simulator can do is refused.

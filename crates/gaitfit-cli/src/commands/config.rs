@@ -8,7 +8,7 @@ use gaitfit::settings::{DEFAULTS, FINETUNE_DEFAULTS, LOOP_DEFAULTS, train_defaul
 /// Prints the settings of a command, commented, as a file to start from.
 pub fn run(args: &crate::cli::Config) -> Result<(), Failure> {
     match args.of {
-        ConfigOf::Adapt => output::print(DEFAULTS),
+        ConfigOf::Fit => output::print(DEFAULTS),
         ConfigOf::Finetune => output::print(FINETUNE_DEFAULTS),
         ConfigOf::Loop => output::print(LOOP_DEFAULTS),
         ConfigOf::Train => output::print(&train_defaults(args.task.into())),

@@ -1,17 +1,22 @@
 //! `gaitfit import`: any recording as a log.
 
-use crate::cli::Import;
+use crate::cli::{Import, New};
 use crate::exit::{Exit, Failure};
 use crate::output;
 use crate::table::table;
 use gaitfit::files::{self, Output};
 use gaitfit::robot::{self, Hold};
-use gaitfit_import::{ImportError, ImportReport, MOST_MAPPING_BYTES, Mapping, Options};
-use gaitfit_log::{CheckSpec, Finding, Severity, check, write_csv};
-use gaitfit_model::{shown, shown_path};
+use gaitfit::weight::{self, Order};
+use gaitfit_import::{
+    ImportError, ImportReport, Imported, MOST_MAPPING_BYTES, Mapping, ObservedNumber, Options,
+};
+use gaitfit_log::{CheckSpec, Finding, FindingKind, Severity, check, write_csv};
+use gaitfit_model::{Model, shown, shown_path};
+use gaitfit_policy::observation::Layout;
+use gaitfit_policy::{Interface, Quantity};
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What was read, as `--json` prints it.
 #[derive(Serialize)]
@@ -28,20 +33,32 @@ struct Document {
 
 /// Reads the recording, writes the log, prints what was assumed and what is wrong with it.
 pub fn run(args: &Import) -> Result<(), Failure> {
-    let mapping = mapping(args)?;
-    let inputs = args.files.iter().chain(&args.mapping).chain(&args.robot).map(PathBuf::as_path);
+    let model = match &args.robot {
+        Some(path) => Some(robot::read(path, args.lenient, Hold::File)?),
+        None => None,
+    };
+    let (mapping, order_is_assumed) = mapping(args, model.as_ref())?;
+    let inputs =
+        args.files.iter().chain(&args.mapping).chain(&args.robot).chain(&args.policy).map(PathBuf::as_path);
     files::check(&[Output { path: &args.out, option: "--out", ending: Some("csv") }], inputs)?;
-    let options = Options { mapping, ..Options::default() };
-    let imported = gaitfit_import::import(&args.files, &options).map_err(|error| match error {
-        ImportError::Mapping { .. }
-        | ImportError::NoJointNames { .. }
-        | ImportError::MotorsBeyond { .. }
-        | ImportError::NoSuchStream { .. }
-        | ImportError::NothingToShift
-        | ImportError::Ambiguous { .. } => Failure::usage(error),
-        error => Failure::failed(error),
-    })?;
+    let (imported, order) = in_order(&args.files, mapping, model.as_ref().filter(|_| order_is_assumed))?;
     let log = &imported.trajectory;
+    let spec =
+        model.as_ref().map_or_else(CheckSpec::default, |model| CheckSpec::of_robot(model, &log.joints));
+    let mut findings = imported.report.noticed.clone();
+    findings.extend(order);
+    let lost =
+        |finding: &&Finding| finding.severity == Severity::Error && finding.kind == FindingKind::GainsChange;
+    if let Some(lost) = findings.iter().find(lost) {
+        let message = format!(
+            "{}: {}. Nothing was written. If the gains of the first sample hold, give allow = [\"{}\"] in a mapping file",
+            lost.kind, lost.message, lost.kind
+        );
+        return Err(Failure { exit: Exit::Check, message });
+    }
+    findings.extend(check(log, &spec));
+    findings.extend(model.iter().flat_map(|model| weight::signs(log, model)));
+    findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     write_csv(&args.out, log).map_err(Failure::failed)?;
     let document = Document {
         written: args.out.display().to_string(),
@@ -50,7 +67,7 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         rate_hz: log.rate_hz,
         joints: log.joints.clone(),
         report: imported.report,
-        findings: check(log, &CheckSpec::default()),
+        findings,
     };
     if args.json { output::print_json(&document) } else { output::print(&text(&document)) }?;
     let errors = document.findings.iter().filter(|finding| finding.severity == Severity::Error).count();
@@ -58,11 +75,90 @@ pub fn run(args: &Import) -> Result<(), Failure> {
         let message = format!("{} is written, and {errors} finding(s) forbid using it", document.written);
         return Err(Failure { exit: Exit::Check, message });
     }
-    Ok(())
+    if args.json {
+        return Ok(());
+    }
+    let robot = args.robot.as_ref().map_or("ROBOT".into(), |robot| robot.to_string_lossy());
+    output::next(&[format!("gaitfit inspect {} --robot {robot} --plot log.svg", document.written)])
 }
 
-/// The mapping of the file and what the command line says beside it.
-fn mapping(args: &Import) -> Result<Mapping, Failure> {
+/// Reads a recording. Where nobody states the order of its numbered joints, `assumed` is the robot whose order was taken:
+/// then limits and the weight of the legs decide, and a finding says what they showed.
+fn in_order(
+    files: &[PathBuf],
+    mut mapping: Mapping,
+    assumed: Option<&Model>,
+) -> Result<(Imported, Option<Finding>), Failure> {
+    let imported = read(files, mapping.clone())?;
+    let numbered = imported.report.assumed.iter().any(|line| line.starts_with(NUMBERED));
+    let Some(model) = assumed.filter(|_| numbered) else { return Ok((imported, None)) };
+    match weight::order(&imported.trajectory, model) {
+        Order::Shown => Ok((imported, None)),
+        Order::Unknown => {
+            let message = "nothing in the recording shows whether its numbered joints are in the order of the robot's file, as \
+                           was assumed; many robots number them FR, FL, RR, RL or by joint type. State it: `joints = [...]` \
+                           of a mapping file";
+            Ok((imported, Some(finding(Severity::Warning, message.to_owned()))))
+        }
+        Order::Other(joints) => {
+            let message = format!(
+                "the numbered joints are not in the order of the robot's file: limits and the weight of the legs fit the \
+                 order {}, which was taken. State it: `joints = [...]` of a mapping file",
+                joints.join(", ")
+            );
+            mapping.joints = Some(joints);
+            Ok((read(files, mapping)?, Some(finding(Severity::Warning, message))))
+        }
+    }
+}
+
+/// Reads a recording; what the caller must state is wrong usage.
+fn read(files: &[PathBuf], mapping: Mapping) -> Result<Imported, Failure> {
+    let options = Options { mapping, ..Options::default() };
+    gaitfit_import::import(files, &options).map_err(|error| match error {
+        ImportError::Mapping { .. }
+        | ImportError::NoJointNames { .. }
+        | ImportError::MotorsBeyond { .. }
+        | ImportError::NoSuchStream { .. }
+        | ImportError::NothingToShift
+        | ImportError::Ambiguous { .. } => Failure::usage(error),
+        error => Failure::failed(error),
+    })
+}
+
+/// Writes `recording` as the log `out` for `gaitfit new`, and gives what was assumed and left out.
+pub fn convert(recording: &Path, out: &Path, args: &New) -> Result<Vec<String>, Failure> {
+    let model = match &args.robot {
+        Some(path) => Some(robot::read(path, args.lenient, Hold::File)?),
+        None => None,
+    };
+    let (mapping, order_is_assumed) = mapping(
+        &Import {
+            mapping: args.mapping.clone(),
+            robot: args.robot.clone(),
+            lenient: args.lenient,
+            ..Import::default()
+        },
+        model.as_ref(),
+    )?;
+    let assumed = model.as_ref().filter(|_| order_is_assumed);
+    let (imported, order) = in_order(&[recording.to_owned()], mapping, assumed)?;
+    write_csv(out, &imported.trajectory).map_err(Failure::failed)?;
+    let left_out = imported.report.left_out.iter().map(|line| format!("left out: {line}"));
+    let order = order.map(|finding| finding.message);
+    Ok(imported.report.assumed.iter().cloned().chain(left_out).chain(order).collect())
+}
+
+/// How the line about numbered joints begins.
+const NUMBERED: &str = "joints 0 to ";
+
+fn finding(severity: Severity, message: String) -> Finding {
+    Finding { kind: FindingKind::JointOrder, severity, joints: Vec::new(), span: None, message }
+}
+
+/// The mapping of the file and what the command line says beside it; and whether the order of numbered joints is the
+/// robot's because nobody states one.
+fn mapping(args: &Import, model: Option<&Model>) -> Result<(Mapping, bool), Failure> {
     let mut mapping = match &args.mapping {
         None => Mapping::default(),
         Some(path) => {
@@ -71,8 +167,17 @@ fn mapping(args: &Import) -> Result<Mapping, Failure> {
             Mapping::parse(&text).map_err(|error| Failure::usage(format!("{}: {error}", path.display())))?
         }
     };
-    if let Some(path) = &args.robot {
-        let model = robot::read(path, args.lenient, Hold::File)?;
+    if let Some(path) = &args.policy {
+        let policy = gaitfit_policy::read(path).map_err(Failure::failed)?;
+        let interface = &policy.interface;
+        mapping.observation = Some(observed(interface));
+        mapping.usual_rate_hz = Some(1.0 / interface.control_dt);
+        mapping.joints = mapping.joints.or_else(|| Some(interface.joints.clone()));
+        mapping.robot =
+            mapping.robot.or_else(|| Some(interface.robot.clone()).filter(|robot| !robot.is_empty()));
+    }
+    let assumed = mapping.joints.is_none() && model.is_some();
+    if let Some(model) = model {
         let joints = model.joints.iter().map(|joint| joint.name.clone()).collect();
         mapping.joints = mapping.joints.or(Some(joints));
         mapping.robot = mapping.robot.or(Some(model.name.clone()));
@@ -81,6 +186,7 @@ fn mapping(args: &Import) -> Result<Mapping, Failure> {
         mapping.streams.take.clone_from(&args.take);
     }
     mapping.clock_offset_s = args.clock_offset.or(mapping.clock_offset_s);
+    mapping.every = args.every.map(|every| every as usize).or(mapping.every);
     mapping.rate_hz = args.rate.or(mapping.rate_hz);
     if let Some(rate) = args.rate.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
         return Err(Failure::usage(format!("--rate {rate}: give a positive number of samples a second")));
@@ -88,7 +194,34 @@ fn mapping(args: &Import) -> Result<Mapping, Failure> {
     if let Some(offset) = args.clock_offset.filter(|offset| !offset.is_finite()) {
         return Err(Failure::usage(format!("--clock-offset {offset}: give seconds")));
     }
-    Ok(mapping)
+    Ok((mapping, assumed))
+}
+
+/// The log's columns that the numbers of a policy's observation hold: those of the present, and none for its last action,
+/// gait clock and velocity, which logs have otherwise or not at all.
+fn observed(interface: &Interface) -> Vec<Option<ObservedNumber>> {
+    let layout = Layout::new(interface, &interface.observation);
+    let scales = layout.scales();
+    let mut parts: Vec<Option<ObservedNumber>> = vec![None; layout.width()];
+    for slot in layout.slots() {
+        let names: Vec<String> = match slot.quantity {
+            Quantity::BaseAngularVelocity => ["wx", "wy", "wz"].map(str::to_owned).to_vec(),
+            Quantity::ProjectedGravity => {
+                ["x", "y", "z"].map(|axis| format!("projected_gravity_{axis}")).to_vec()
+            }
+            Quantity::Command => ["vx_cmd", "vy_cmd", "wz_cmd"].map(str::to_owned).to_vec(),
+            Quantity::JointPosition => interface.joints.iter().map(|joint| format!("q_{joint}")).collect(),
+            Quantity::JointVelocity => interface.joints.iter().map(|joint| format!("dq_{joint}")).collect(),
+            Quantity::LastAction | Quantity::BaseLinearVelocity | Quantity::GaitPhase => continue,
+        };
+        for (number, (place, column)) in slot.present.clone().zip(names).enumerate() {
+            let is_position = slot.quantity == Quantity::JointPosition;
+            let offset = if is_position { interface.default_pose[number] } else { 0.0 };
+            let scale = f64::from(scales[place]);
+            parts[place] = (scale != 0.0).then_some(ObservedNumber { column, scale, offset });
+        }
+    }
+    parts
 }
 
 fn text(document: &Document) -> String {
@@ -120,6 +253,14 @@ fn text(document: &Document) -> String {
     }
     for line in &document.report.left_out {
         let _ = writeln!(text, "left out: {line}");
+    }
+    if let Some(lead) = &document.report.lead {
+        let _ = writeln!(
+            text,
+            "targets: stamped {:.3} ms after their rows (±{:.3} ms)",
+            1e3 * lead.seconds,
+            1e3 * lead.spread
+        );
     }
     let [before, after] = document.report.dropped;
     if before + after > 0 {

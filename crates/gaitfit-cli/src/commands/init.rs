@@ -5,9 +5,10 @@ use crate::exit::Failure;
 use crate::output;
 use gaitfit::files::{self, Output};
 use gaitfit::init::{Guess, look};
+use gaitfit::paths;
 use gaitfit::robot::{self, Hold};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// What was found, as `--json` prints it.
 #[derive(Serialize)]
@@ -32,7 +33,7 @@ pub fn run(args: &Init) -> Result<(), Failure> {
     }
     let found =
         look(&model).map_err(|error| Failure::failed(format!("{}: {error}", args.robot.display())))?;
-    let text = found.configuration(&named(&args.robot, &out), args.lenient);
+    let text = found.configuration(&paths::named(&args.robot, &out), args.lenient);
     files::write(&out, text.as_bytes())?;
     let document = Document {
         robot: model.name.clone(),
@@ -51,14 +52,6 @@ fn file_for(robot: &str) -> PathBuf {
     let name: String = robot.chars().map(plain).take(64).collect();
     let name = name.trim_matches(['.', '-']);
     PathBuf::from(format!("{}.toml", if name.is_empty() { "robot" } else { name }))
-}
-
-/// The robot's file as the configuration names it: paths are looked up in the current folder first, then in the
-/// configuration's. One that is written elsewhere gets the whole path.
-fn named(robot: &Path, out: &Path) -> String {
-    let here = out.parent().is_none_or(|folder| folder.as_os_str().is_empty() || folder == Path::new("."));
-    let whole = if here { None } else { std::fs::canonicalize(robot).ok() };
-    whole.as_deref().unwrap_or(robot).display().to_string()
 }
 
 fn shown(document: &Document) -> String {

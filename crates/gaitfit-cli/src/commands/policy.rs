@@ -6,6 +6,7 @@ use gaitfit_policy::observation::{Layout, Slot};
 use gaitfit_policy::{ActionClip, Held, Policy, Provenance, Quantity, Term};
 use serde::Serialize;
 use std::fmt::Write as _;
+use std::path::PathBuf;
 
 /// A policy, as `--json` prints it.
 #[derive(Serialize)]
@@ -28,12 +29,20 @@ pub struct Document {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     notes: Vec<String>,
     written: Vec<String>,
+    /// Files of the policy that carry no checksum.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    without_checksum: Vec<String>,
     /// What the written files do not say.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     not_said: Vec<String>,
 }
 
 impl Document {
+    /// With the files that carry no checksum.
+    pub fn unsealed(self, files: &[PathBuf]) -> Self {
+        Self { without_checksum: files.iter().map(|file| file.display().to_string()).collect(), ..self }
+    }
+
     /// With what its files do not say.
     pub fn without(self, not_said: Vec<String>) -> Self {
         Self { not_said, ..self }
@@ -130,6 +139,7 @@ pub fn document(policy: &Policy, written: Vec<String>) -> Document {
         provenance: policy.provenance.clone(),
         notes: policy.notes.clone(),
         written,
+        without_checksum: Vec::new(),
         not_said: Vec::new(),
     }
 }
@@ -213,6 +223,13 @@ pub fn text(document: &Document) -> String {
     }
     for note in &document.notes {
         let _ = writeln!(text, "note: {note}");
+    }
+    for path in &document.without_checksum {
+        let _ = writeln!(
+            text,
+            "no checksum: {path} is of another program or an earlier version, and damage to it would not be noticed; \
+             `gaitfit export` writes files with one"
+        );
     }
     for path in &document.written {
         let _ = writeln!(text, "wrote {path}");

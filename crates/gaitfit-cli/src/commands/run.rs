@@ -7,6 +7,8 @@ use crate::exit::{Exit, Failure};
 use crate::keyboard::{self, Keyboard};
 use crate::output::{self, note};
 use crate::signals;
+use gaitfit::policy_file::{self, PolicyFile};
+use gaitfit::run::Owned;
 use gaitfit_robot::guard::{GuardSettings, Reason};
 use gaitfit_robot::link::{Link, Simulated, simulation};
 use gaitfit_robot::run::{
@@ -49,7 +51,9 @@ pub fn run(args: &Run) -> Result<(), Failure> {
         return Err(Failure::usage("--keyboard: standard input is no terminal, so no key can be read"));
     }
     signals::listen()?;
-    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
+    let PolicyFile { path, note: chosen } = policy_file::find(&args.policy)?;
+    chosen.iter().for_each(|chosen| note(chosen));
+    let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
     suits(&policy, &GuardSettings::go2(Duration::ZERO).limits)
         .map_err(|error| Failure::usage(format!("{}: {error}", args.policy.display())))?;
     let who = walks::who(args, &policy)?;
@@ -64,7 +68,8 @@ pub fn run(args: &Run) -> Result<(), Failure> {
     let guard = GuardSettings { stale: patience, late: patience, simulator, ..GuardSettings::go2(control) };
     let guard = GuardSettings { late_policy: guard.late_policy.max(2 * control + patience), ..guard };
     let out = logs_of(args);
-    new_folder(&out)?;
+    // Until the summary is written: two walks into one folder would destroy each other's logs.
+    let _owned = new_folder(&out)?;
     let motors = motors_of(&policy.interface.joints).map_err(usage)?;
     let recorder = match who.logs() {
         Some(count) => Recorder::of_walks(&out, count, &policy.interface, motors),
@@ -180,19 +185,18 @@ fn logs_of(args: &Run) -> PathBuf {
     if args.link.dry_run { args.out.join(DRY) } else { args.out.clone() }
 }
 
-/// A folder without a run in it.
-fn new_folder(path: &Path) -> Result<(), Failure> {
+/// A folder without a run in it, which no other process writes into.
+fn new_folder(path: &Path) -> Result<Owned, Failure> {
     folder(path, "the logs go")?;
-    let logs =
-        if path.is_dir() { gaitfit_log::csv_files(path).map_err(Failure::failed)? } else { Vec::new() };
+    let owned = Owned::for_logs(path)?;
+    let logs = gaitfit_log::csv_files(path).map_err(Failure::failed)?;
     if !logs.is_empty() || path.join(RUN).join(WHOLE).exists() {
         return Err(Failure::usage(format!(
             "{}: holds a run already; name another folder, so that no log is lost",
             path.display()
         )));
     }
-    std::fs::create_dir_all(path)
-        .map_err(|error| Failure::failed(format!("cannot make the folder {}: {error}", path.display())))
+    Ok(owned)
 }
 
 /// Shows the robot's state and asks for the word.

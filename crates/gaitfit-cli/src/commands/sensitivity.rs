@@ -19,7 +19,11 @@ pub fn run(args: &cli::Sensitivity) -> Result<(), Failure> {
         return Err(Failure::usage(format!("--difference is {bad}; it must be positive")));
     }
     let results = sensitivity(&setup, args.theta.as_deref(), args.difference)?;
-    if args.json { output::print_json(&results) } else { output::print(&text(&results)) }
+    if args.json {
+        return output::print_json(&results);
+    }
+    output::print(&text(&results))?;
+    output::next(&[format!("gaitfit fit {}", args.config.display())])
 }
 
 fn text(results: &SensitivityResults) -> String {

@@ -1,15 +1,14 @@
 //! `gaitfit completions` and `gaitfit man`: what shells and manuals know of the program.
 
 use super::folder;
-use crate::cli::{Cli, Completions, Man};
+use crate::cli::{Completions, Man, command};
 use crate::exit::Failure;
 use crate::output;
-use clap::CommandFactory;
 
 /// Prints what completes commands in a shell.
 pub fn completions(args: &Completions) -> Result<(), Failure> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut Cli::command(), "gaitfit", &mut script);
+    clap_complete::generate(args.shell, &mut command(true), "gaitfit", &mut script);
     output::print_bytes(&script)
 }
 
@@ -20,5 +19,5 @@ pub fn man(args: &Man) -> Result<(), Failure> {
         Failure::failed(format!("cannot write manual pages into {}: {error}", args.folder.display()))
     };
     std::fs::create_dir_all(&args.folder).map_err(unwritable)?;
-    clap_mangen::generate_to(Cli::command(), &args.folder).map_err(unwritable)
+    clap_mangen::generate_to(command(true), &args.folder).map_err(unwritable)
 }

@@ -24,6 +24,9 @@ pub fn run(args: &cli::Validate) -> Result<(), Failure> {
         output::print_json(&results)?;
     } else {
         output::print(&text(&results))?;
+        if results.failed_check().is_none() {
+            output::next(&[format!("gaitfit export {} --out FOLDER", args.theta.display())])?;
+        }
     }
     checked(results.failed_check())
 }
@@ -32,9 +35,20 @@ fn text(results: &ValidateResults) -> String {
     let mut text = format!("{}\n\n", results.headline);
     let _ = writeln!(text, "{}\n", validation(&results.validation, &results.cost_name));
     let cost = format!("{} cost", results.cost_name);
-    let mut all = table(&["all logs", &cost, "rmse rad"], &[1, 2]);
-    all.add_row(["fitted simulator".to_owned(), number(results.cost), number(results.rmse_rad)]);
-    all.add_row(["nominal model".to_owned(), number(results.nominal_cost), number(results.nominal_rmse_rad)]);
+    // Samples of walks that run freely are not compared one by one; there is no error then.
+    let errors = results.rmse_rad.is_some() || results.nominal_rmse_rad.is_some();
+    let mut all = match errors {
+        true => table(&["all logs", &cost, "rmse rad"], &[1, 2]),
+        false => table(&["all logs", &cost], &[1]),
+    };
+    for (robot, cost, rmse) in [
+        ("fitted simulator", results.cost, results.rmse_rad),
+        ("nominal model", results.nominal_cost, results.nominal_rmse_rad),
+    ] {
+        let mut row = vec![robot.to_owned(), number(cost)];
+        row.extend(errors.then(|| number(rmse)));
+        all.add_row(row);
+    }
     let _ = writeln!(text, "{all}\n");
     if let Some(held) = &results.held_out {
         let _ = writeln!(text, "{}\n", distances(held));

@@ -105,7 +105,7 @@ fn motors(message: &Value, out: &mut Columns) {
         }
     };
     add("motor_state", &[("q", "q_"), ("dq", "dq_")]);
-    add("motor_cmd", &[("q", "qdes_"), ("kp", "kp_"), ("kd", "kd_")]);
+    add("motor_cmd", &[("q", "qdes_"), ("dq", "dqdes_"), ("tau", "tauff_"), ("kp", "kp_"), ("kd", "kd_")]);
 }
 
 /// Unitree's imu_state: the quaternion is w, x, y, z; the gyroscope is in the base's frame.

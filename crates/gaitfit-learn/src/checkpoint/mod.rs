@@ -10,7 +10,6 @@
 //! The metadata has one entry, `gaitfit-checkpoint`: a JSON object with the file's checksum, format version, origin,
 //! instruction set, iteration, wall time, the learner's scalars and, where commands grow, how far they have.
 
-mod checksum;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests;
@@ -18,6 +17,7 @@ mod tests;
 use std::collections::HashMap;
 use std::sync::PoisonError;
 
+use gaitfit_policy::checksum;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use serde::{Deserialize, Serialize};
 
@@ -30,6 +30,8 @@ use crate::training::Training;
 const FORMAT: u32 = 2;
 /// Where the metadata keeps the header.
 const KEY: &str = "gaitfit-checkpoint";
+/// What stands before the digits of the checksum: the metadata's key and the beginning of its JSON, as JSON text.
+const BEFORE: &[u8] = br#""gaitfit-checkpoint":"{\"sha256\":\""#;
 
 /// What a checkpoint belongs to: it is taken up by no other training.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -146,7 +148,7 @@ impl Training<'_> {
         });
         let views: Vec<_> = views.collect::<Result<_, _>>().map_err(damaged)?;
         let mut bytes = serialize(views, Some(HashMap::from([(KEY.to_owned(), header)]))).map_err(damaged)?;
-        if !checksum::seal(&mut bytes) {
+        if !checksum::seal(&mut bytes, BEFORE) {
             return Err(damaged("its metadata has no place for the checksum"));
         }
         Ok(bytes)
@@ -229,7 +231,7 @@ fn header(bytes: &[u8]) -> Result<Header, CheckpointError> {
     if version.format != FORMAT {
         return Err(CheckpointError::Format { found: version.format });
     }
-    if !checksum::intact(bytes) {
+    if !checksum::intact(bytes, BEFORE) {
         return Err(damaged("its checksum does not match: a bit has flipped, or a value was edited"));
     }
     serde_json::from_str(text).map_err(damaged)

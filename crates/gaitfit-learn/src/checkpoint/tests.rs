@@ -3,7 +3,7 @@
 use gaitfit_physics::Preset;
 use safetensors::SafeTensors;
 
-use super::{Origin, checksum};
+use super::{BEFORE, Origin, checksum};
 use crate::task::{Task, TaskSettings};
 use crate::{Training, TrainingSettings, ppo};
 
@@ -22,7 +22,7 @@ fn numbers_that_cannot_be_are_refused() {
         let data = SafeTensors::deserialize(&bytes).unwrap().tensor(tensor).unwrap().data().as_ptr();
         let place = data as usize - bytes.as_ptr() as usize;
         bytes[place..place + 4].copy_from_slice(&number);
-        assert!(checksum::seal(&mut bytes));
+        assert!(checksum::seal(&mut bytes, BEFORE));
         training.restore(&bytes, &origin).unwrap_err().to_string()
     };
     let longest = task.episode_steps();

@@ -175,7 +175,6 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
         ("start.angular_velocity", settings.start.angular_velocity),
         ("start.tilt", settings.start.tilt),
         ("start.yaw", settings.start.yaw),
-        ("height", settings.height),
         ("push.seconds", settings.push.seconds),
         ("push.velocity", settings.push.velocity),
         ("randomisation.base_com", settings.randomisation.base_com),
@@ -185,7 +184,13 @@ pub(super) fn check(settings: &TaskSettings) -> Result<(), TaskError> {
             return refuse(setting, format!("is {}; it must be from 0 to 10000", shown_number(value)));
         }
     }
-    for (setting, value) in [("start.pitch", settings.start.pitch), ("fall.height", settings.fall.height)] {
+    // A base's origin may lie below the floor.
+    let signed = [
+        ("height", settings.height),
+        ("start.pitch", settings.start.pitch),
+        ("fall.height", settings.fall.height),
+    ];
+    for (setting, value) in signed {
         if !(-1e4..=1e4).contains(&value) {
             return refuse(setting, format!("is {}; it must be from -10000 to 10000", shown_number(value)));
         }

@@ -4,6 +4,7 @@
 //! ([`expression`]). A [`Task`] is
 //! both on a robot; an [`Environment`] is one tile of its robots, stepped as a batch.
 
+mod bounds;
 mod check;
 mod command;
 mod environment;

@@ -22,6 +22,8 @@ pub enum FallSign {
     Stuck,
     /// At rest far from the targets.
     Lying,
+    /// The base stands still while the legs walk: the robot hangs.
+    Hanging,
     /// The log says that it ends in a fall.
     Stated,
 }
@@ -33,6 +35,7 @@ impl std::fmt::Display for FallSign {
             Self::Height => "the base is on the ground",
             Self::Stuck => "most joints do not do what they are asked",
             Self::Lying => "the robot rests far from its targets",
+            Self::Hanging => "the base does not move while the legs walk: the robot hangs or is held",
             Self::Stated => "the log says so",
         })
     }
@@ -105,6 +108,7 @@ fn of_joints(log: &Trajectory) -> Vec<Fall> {
             falls.push(Fall { samples: first.start..last.end, sign });
         }
     };
+    add(windows.iter().map(|window| super::imu::hangs(log, window)).collect(), FallSign::Hanging);
     add(windows.iter().map(is_stuck).collect(), FallSign::Stuck);
     add(windows.iter().map(Window::collapsed).collect(), FallSign::Lying);
     falls

@@ -28,7 +28,10 @@ pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     not_following(findings, &windows, &stuck);
     single_joints(findings, &windows, &stuck);
     resting(findings, &windows, spec);
-    base(findings, spec);
+    super::imu::hanging(findings);
+    if !super::imu::mounting(findings, spec) {
+        base(findings, spec);
+    }
 }
 
 /// More than half of the joints that are asked to move, and at least two, do not.

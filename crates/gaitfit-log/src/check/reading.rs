@@ -1,7 +1,7 @@
 //! What reading a log found worth knowing.
 
 use super::{Finding, FindingKind, Severity};
-use crate::{ConvertedTime, ReadReport};
+use crate::{ConvertedTime, EvenRows, ReadReport};
 
 impl ReadReport {
     /// Notes about the reading, in the form of the checks' findings.
@@ -13,6 +13,14 @@ impl ReadReport {
             span: None,
             message: format!("the time column is in {unit} ({because}); it was converted to seconds"),
         };
-        self.converted_time.iter().map(note).collect()
+        let even = |even: &EvenRows| Finding {
+            kind: FindingKind::CoarseTime,
+            severity: Severity::Warning,
+            joints: Vec::new(),
+            span: None,
+            message: even.to_string(),
+        };
+        let converted = self.converted_time.iter().map(note);
+        converted.chain(self.even_rows.iter().map(even)).chain(self.noticed.iter().cloned()).collect()
     }
 }

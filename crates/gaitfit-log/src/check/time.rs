@@ -1,8 +1,9 @@
 //! Is time increasing and regular, at the stated rate, with new data in every row?
 
-use super::stats::{decimals, rms};
+use super::stats::decimals;
 use super::{FindingKind, Findings, Severity};
-use crate::scale::{GAP, equal, typical_step};
+use crate::scale::equal;
+use crate::spacing::spacing;
 use gaitfit_model::shown_number;
 
 /// A gap this long, s, ends a joint's free motion: replaying across it means nothing.
@@ -21,8 +22,21 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
     let steps: Vec<f64> = log.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let backward: Vec<usize> = (0..steps.len()).filter(|&i| steps[i] <= 0.0).collect();
     if let Some(&first) = backward.first() {
+        let width = log.joints.len();
+        let row = |values: &[f64], row: usize| values[row * width..(row + 1) * width].to_vec();
+        // Rows with the same time are copies, or were written late.
+        let new = backward.iter().any(|&i| {
+            steps[i] == 0.0
+                && (row(&log.position, i) != row(&log.position, i + 1)
+                    || row(&log.velocity, i) != row(&log.velocity, i + 1))
+        });
+        let remedy = if new {
+            "their values differ, so they are no copies: `gaitfit import` places them between their neighbours"
+        } else {
+            "cut the log there, or remove the repeated rows"
+        };
         let message = format!(
-            "time goes from {:?} s to {:?} s at sample {}{}; cut the log there, or remove the repeated rows",
+            "time goes from {:?} s to {:?} s at sample {}{}; {remedy}",
             log.time[first],
             log.time[first + 1],
             first + 1,
@@ -35,7 +49,8 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
         findings.add(FindingKind::NonMonotonicTime, Severity::Error, &[], Some(span), message);
     }
 
-    let Some(typical) = typical_step(&log.time) else { return false };
+    let Some(spacing) = spacing(&log.time) else { return false };
+    let typical = spacing.step;
     let ratio = typical * log.rate_hz;
     let mut clock_is_wrong = false;
     if (ratio - 1.0).abs() > RATE_ERROR {
@@ -64,14 +79,13 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
         findings.add(FindingKind::RateMismatch, Severity::Error, &[], None, message);
     }
 
-    let gaps: Vec<usize> = (0..steps.len()).filter(|&i| steps[i] > GAP * typical).collect();
+    let gaps: Vec<usize> = spacing.lost.iter().map(|lost| lost.after).collect();
     if let Some(&longest) = gaps.iter().max_by(|&&a, &&b| steps[a].total_cmp(&steps[b])) {
-        let lost: f64 = gaps.iter().map(|&i| (steps[i] / typical).round() - 1.0).sum();
         let message = format!(
-            "{} gap(s), about {} samples lost; the longest is {} s after {:?} s; use the stretches between \
-             gaps, or resample the log if a held value will do",
+            "{} gap(s), about {} samples lost; the longest is {} s after {:?} s; fits leave gaps out, better \
+             logs have none",
             gaps.len(),
-            decimals(lost, 0),
+            spacing.count(),
             decimals(steps[longest], 4),
             log.time[longest]
         );
@@ -80,17 +94,13 @@ pub(super) fn check(findings: &mut Findings, velocity_over_derivative: Option<f6
         findings.add(FindingKind::TimeGap, severity, &[], Some(longest..longest + 2), message);
     }
 
-    let regular: Vec<f64> = steps
-        .iter()
-        .filter(|step| **step > 0.0 && **step <= GAP * typical)
-        .map(|step| step / typical - 1.0)
-        .collect();
-    let jitter = rms(&regular);
+    let jitter = spacing.jitter / typical;
     if jitter > JITTER {
         let message = format!(
-            "sample intervals vary by {:.1} % RMS around {} s; record from a real-time loop, or resample",
+            "jitter: sample intervals vary by {:.1} % RMS around {} s{}; record from a real-time loop if you can",
             100.0 * jitter,
-            decimals(typical, 6)
+            decimals(typical, 6),
+            if gaps.is_empty() { ", and no sample is lost" } else { "" }
         );
         findings.add(FindingKind::IrregularTime, Severity::Warning, &[], None, message);
     }

@@ -5,6 +5,7 @@ use super::stats::{decimals, deviation, range};
 use super::{CheckSpec, FindingKind, Findings, Severity};
 use crate::{Signal, Trajectory};
 use gaitfit_model::{shown, shown_number};
+use std::collections::HashSet;
 
 /// Overshoot of a position limit that compliance and calibration explain, rad.
 const POSITION_SLACK: f64 = 0.02;
@@ -16,6 +17,8 @@ const POSITION_IMPOSSIBLE: f64 = 0.2;
 const SPEED_IMPOSSIBLE: f64 = 2.0;
 /// No leg joint turns two full turns, rad; in degrees it does so in any step.
 const TWO_TURNS: f64 = 12.6;
+/// Faster than this, rad/s, only a wheel's motor turns; a leg in degrees does so in any step.
+const FASTER: f64 = 60.0;
 /// Fewer samples may be equal by chance or rest.
 const ENOUGH: usize = 20;
 /// A position that moves more than this, rad, moves.
@@ -23,9 +26,9 @@ const MOVES: f64 = 0.01;
 
 pub(super) fn check(findings: &mut Findings, spec: &CheckSpec) {
     not_finite(findings);
+    units(findings, spec);
     position_limits(findings, spec);
     velocity_limits(findings, spec);
-    units(findings, spec);
     if findings.log.len() >= ENOUGH {
         constant(findings);
     }
@@ -182,21 +185,42 @@ fn velocity_limits(findings: &mut Findings, spec: &CheckSpec) {
 
 fn units(findings: &mut Findings, spec: &CheckSpec) {
     let log = findings.log;
+    // A joint that the robot's file knows without limits may turn as far as it likes.
+    let known: HashSet<&String> = spec.joints.iter().flatten().collect();
+    let turns = |joint: usize| known.contains(&log.joints[joint]);
     for signal in [Signal::Position, Signal::Target] {
         let joints: Vec<usize> = (0..log.joints.len())
-            .filter(|&joint| !spec.position_limits.contains_key(&log.joints[joint]))
             .filter(|&joint| {
                 let column = log.column_at(signal, joint).unwrap_or_default();
-                range(&column).is_some_and(|(low, high)| high.max(-low) > TWO_TURNS)
+                let Some((low, high)) = range(&column) else { return false };
+                // Limits tell degrees: beyond them by far, and within them as radians.
+                let within = |[least, most]: &[f64; 2]| {
+                    low.to_radians() > least - POSITION_IMPOSSIBLE
+                        && high.to_radians() < most + POSITION_IMPOSSIBLE
+                };
+                let possible = spec.position_limits.get(&log.joints[joint]).map_or(!turns(joint), within);
+                high.max(-low) > TWO_TURNS && possible
             })
             .collect();
-        if !joints.is_empty() {
-            let message = format!(
-                "{signal} of {} exceeds two full turns; it is in degrees, it seems: multiply by π/180",
-                findings.names(&joints)
-            );
-            findings.add(FindingKind::SuspectUnit, Severity::Error, &joints, None, message);
+        if joints.is_empty() {
+            continue;
         }
+        let speed = |joint: &usize| {
+            let column = log.column_at(Signal::Velocity, *joint).unwrap_or_default();
+            range(&column).map_or(0.0, |(low, high)| high.max(-low))
+        };
+        let most = joints.len() >= 2 && 2 * joints.len() > log.joints.len();
+        let (severity, remedy) = if most || joints.iter().any(|joint| speed(joint) > FASTER) {
+            (Severity::Error, "it is in degrees, it seems: multiply by π/180")
+        } else {
+            (
+                Severity::Note,
+                "a wheel or a pendulum may turn so far; if it is in degrees, multiply by π/180 (`--robot` says which \
+                 joints have limits)",
+            )
+        };
+        let message = format!("{signal} of {} exceeds two full turns; {remedy}", findings.names(&joints));
+        findings.add(FindingKind::SuspectUnit, severity, &joints, None, message);
     }
 }
 

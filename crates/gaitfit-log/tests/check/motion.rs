@@ -192,6 +192,7 @@ fn summary_counts_by_hand() {
         velocity: vec![0.0; 4],
         target: Some(vec![1.0, 0.0, 0.0, 0.0]),
         gains: Some(Gains { kp: vec![3.0], kd: vec![4.0] }),
+        lead: None,
         fell: false,
         source: None,
         robot: None,

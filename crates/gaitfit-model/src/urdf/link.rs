@@ -3,7 +3,7 @@
 use crate::attributes::{Attributes, Context};
 use crate::error::ModelError;
 use crate::inertia::{Inertial, principal, rotated};
-use crate::inertial::check_inertia;
+use crate::inertial::{check_inertia, without_rounding};
 use crate::model::Shape;
 use crate::options::Compiler;
 use crate::rotation::{IDENTITY, Quat, product};
@@ -14,6 +14,9 @@ use crate::xml::Element;
 use super::foreign::{list_attributes, list_element};
 use super::mend::Impossible;
 use super::{Link, read_origin, required};
+
+/// How the entry of a collision mesh in [`crate::Model::dropped`] begins; its link follows.
+pub(crate) const COLLISION_MESH: &str = "collision mesh of ";
 
 /// Reads one link, not yet hung on anything.
 pub(super) fn read_link(
@@ -109,7 +112,7 @@ fn check(
     inertial: Inertial,
     balance: bool,
 ) -> Result<Inertial, ModelError> {
-    if inertial.inertia[2] < 0.0 {
+    if without_rounding(inertial.inertia)[2] < 0.0 {
         return Err(ctx.invalid(
             element.at,
             format!("<inertia> of {label} has a principal moment of {}", shown_number(inertial.inertia[2])),
@@ -192,7 +195,7 @@ fn read_shape(ctx: &mut Context, element: &Element, link: &Element) -> Result<Op
         "mesh" => {
             ctx.drop_quietly(
                 element.at,
-                format!("collision mesh of {}", link.label()),
+                format!("{COLLISION_MESH}{}", link.label()),
                 "meshes do not collide here",
             );
             return Ok(None);

@@ -23,6 +23,7 @@ use crate::xml::{At, Element};
 
 use foreign::list_element;
 use joint::{Connection, read_joint};
+pub(crate) use link::COLLISION_MESH;
 use link::read_link;
 use mend::{Impossible, mend_inertias};
 

@@ -3,7 +3,7 @@
 use super::layers::{assemble, take_apart};
 use super::read::{bytes, ending};
 use super::tensors::Tensors;
-use super::{EncoderTensors, onnx, weights};
+use super::{EncoderTensors, onnx, torch, weights};
 use crate::error::invalid;
 use crate::network::{Activation, Cell, LayerNorm, Network};
 use crate::{ActionClip, Front, Held, History, Interface, InterfaceError, Quantity, Term};
@@ -216,7 +216,7 @@ impl Description {
     /// # Errors
     /// Weights that are no multilayer perceptron, or do not fit the description.
     pub fn load(&self, folder: &Path) -> Result<Policy, PolicyError> {
-        let interface = self.interface()?;
+        let mut interface = self.interface()?;
         if !(self.std > 0.0 && self.std.is_finite()) {
             return Err(invalid(format!("std is {}; give a positive number", self.std)));
         }
@@ -229,9 +229,10 @@ impl Description {
                 return self.other_interface(interface, weights::read(&bytes).map_err(inside)?);
             }
         }
-        let Loaded { front, actor, critic, log_std } = match ending.as_deref() {
+        let Loaded { front, actor, critic, log_std, clip } = match ending.as_deref() {
             Some("onnx") => {
-                let mut loaded = self.onnx(&bytes(&path)?).map_err(inside)?;
+                let home = path.parent().unwrap_or(folder);
+                let mut loaded = self.onnx(&bytes(&path)?, home).map_err(inside)?;
                 if let Some(encoder) = &self.encoder {
                     if loaded.front.is_some() {
                         return Err(inside(invalid(
@@ -243,8 +244,16 @@ impl Description {
                 loaded
             }
             Some("safetensors") => self.safetensors(&interface, &bytes(&path)?).map_err(inside)?,
+            Some(ending) if torch::ENDINGS.contains(&ending) => {
+                return Err(inside(torch::refuse(
+                    &path,
+                    &bytes(&path)?,
+                    Some(interface.observation_width()),
+                )));
+            }
             _ => return Err(inside(invalid("`file` must name an .onnx or .safetensors file"))),
         };
+        let notes = clip.map(|clip| clipped(&mut interface, clip)).into_iter().collect();
         let policy = Policy {
             log_std: log_std.unwrap_or_else(|| vec![self.std.ln() as f32; interface.joints.len()]),
             interface,
@@ -254,7 +263,7 @@ impl Description {
             normaliser: None,
             critic_normaliser: None,
             provenance: Provenance::default(),
-            notes: Vec::new(),
+            notes,
         };
         policy.check()?;
         Ok(policy)
@@ -286,7 +295,7 @@ impl Description {
         Ok(policy)
     }
 
-    fn onnx(&self, bytes: &[u8]) -> Result<Loaded, PolicyError> {
+    fn onnx(&self, bytes: &[u8], folder: &Path) -> Result<Loaded, PolicyError> {
         let other = [
             ("activation", self.activation.is_some()),
             ("output_activation", self.output_activation.is_some()),
@@ -301,8 +310,9 @@ impl Description {
                 "`{key}` is for safetensors; the ONNX graph itself says it: leave it out"
             )));
         }
-        let (memory, actor) = onnx::read_chain(bytes)?.parts(None)?;
-        Ok(Loaded { front: memory.map(Front::Recurrent), actor, critic: None, log_std: None })
+        let onnx::Read { memory, network, clip } = onnx::read_chain(bytes, folder)?.read(None)?;
+        let front = memory.map(Front::Recurrent);
+        Ok(Loaded { front, actor: network, critic: None, log_std: None, clip })
     }
 
     fn safetensors(&self, interface: &Interface, bytes: &[u8]) -> Result<Loaded, PolicyError> {
@@ -333,7 +343,7 @@ impl Description {
             None
         };
         let log_std = log_std.map(|values| values.into_iter().map(|value| value as f32).collect());
-        Ok(Loaded { front, actor, critic, log_std })
+        Ok(Loaded { front, actor, critic, log_std, clip: None })
     }
 
     /// What stands before the actor.
@@ -365,6 +375,27 @@ struct Loaded {
     actor: Network,
     critic: Option<Network>,
     log_std: Option<Vec<f32>>,
+    /// Largest magnitude of each output, where the graph clips them.
+    clip: Option<Vec<f64>>,
+}
+
+/// Gives the interface the clip of a graph's outputs, as well as its own. What to know of it, in words.
+fn clipped(interface: &mut Interface, clip: Vec<f64>) -> String {
+    let clips: Vec<f64> =
+        clip.iter().enumerate().map(|(joint, &clip)| clip.min(interface.clip(joint))).collect();
+    let shown = match clips[..] {
+        [first, ref rest @ ..] if rest.iter().all(|&one| one == first) => {
+            interface.action_clip = Some(ActionClip::All(first));
+            format!("±{first}")
+        }
+        _ => {
+            interface.action_clip = Some(ActionClip::Each(clips));
+            "limits of each joint".to_owned()
+        }
+    };
+    let seen = interface.observation.iter().any(|term| term.quantity == Quantity::LastAction);
+    let seen = if seen { "; last_action is observed before the clip" } else { "" };
+    format!("its graph clips the actions: read as action_clip ({shown}){seen}")
 }
 
 /// The network of `prefix`, its normaliser made part of the first layer.

@@ -79,8 +79,14 @@ impl EncoderTensors {
         }
         let path = folder.join(file);
         let inside = |source| PolicyError::In { path: path.clone(), source: Box::new(source) };
-        let (memory, network) =
-            onnx::read_chain(&bytes(&path)?).and_then(|chain| chain.parts(None)).map_err(inside)?;
+        let home = path.parent().unwrap_or(folder);
+        let onnx::Read { memory, network, clip } =
+            onnx::read_chain(&bytes(&path)?, home).and_then(|chain| chain.read(None)).map_err(inside)?;
+        if clip.is_some() {
+            return Err(inside(invalid(
+                "an encoder whose output is clipped is not read; export it without its Clip",
+            )));
+        }
         if memory.is_some() {
             return Err(inside(invalid(
                 "an encoder with recurrent layers is not read; only multilayer perceptrons are",

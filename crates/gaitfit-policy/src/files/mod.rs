@@ -3,6 +3,7 @@
 //!
 //! Everything here reads untrusted files: sizes are bounded, nothing panics, and errors name the mismatch.
 
+pub mod checksum;
 pub mod deploy;
 mod description;
 mod encoder;
@@ -16,4 +17,4 @@ pub mod weights;
 
 pub use description::{DescribedTerm, Description, MemoryTensors, NormaliserTensors, PerJoint};
 pub use encoder::{EncoderTensors, Passes};
-pub use read::{files_of, interface_of, read};
+pub use read::{files_of, interface_of, read, unsealed};

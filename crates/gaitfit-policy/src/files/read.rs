@@ -26,10 +26,13 @@ pub fn read(path: &Path) -> Result<Policy, PolicyError> {
         Some("onnx") => onnx_file(path, &bytes(path)?).map_err(inside),
         Some("toml") => {
             let (description, notes) = description(path)?;
-            let policy = description.load(folder(path)).map_err(inside)?;
-            Ok(Policy { notes, ..policy })
+            let mut policy = description.load(folder(path)).map_err(inside)?;
+            policy.notes.splice(0..0, notes);
+            Ok(policy)
         }
-        Some("pt" | "pth" | "jit" | "ptl") => Err(inside(torch::refuse(path, &bytes(path)?))),
+        Some(ending) if torch::ENDINGS.contains(&ending) => {
+            Err(inside(torch::refuse(path, &bytes(path)?, None)))
+        }
         _ => Err(inside(invalid("no policy by its ending; give a .safetensors, .onnx or .toml file"))),
     }
 }
@@ -65,12 +68,40 @@ pub fn files_of(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
         files
             .extend(description.encoder.and_then(|encoder| encoder.file).map(|file| folder(path).join(file)));
     }
+    let graphs: Vec<PathBuf> =
+        files.iter().filter(|file| ending(file).as_deref() == Some("onnx")).cloned().collect();
+    for graph in graphs {
+        // What cannot be read is refused with its reason when the policy is.
+        let others = bytes(&graph).and_then(|bytes| onnx::others(&bytes)).unwrap_or_default();
+        files.extend(others.into_iter().map(|file| folder(&graph).join(file)));
+    }
     if let Some(beside) =
         files.iter().take(2).next_back().filter(|file| ending(file).as_deref() == Some("onnx"))
     {
         files.extend(foreign::unitree_file(beside));
     }
     Ok(files)
+}
+
+/// The files of a policy that carry no checksum, so that damage to them cannot be seen: those of other programs, and of
+/// earlier versions of this one.
+///
+/// # Errors
+/// Files that cannot be read.
+pub fn unsealed(path: &Path) -> Result<Vec<PathBuf>, PolicyError> {
+    let mut found = Vec::new();
+    for file in files_of(path)? {
+        let sealed = match ending(&file).as_deref() {
+            Some("safetensors") => weights::is_sealed(&bytes(&file)?),
+            Some("onnx") => onnx::is_sealed(&bytes(&file)?),
+            // Texts that people write.
+            _ => true,
+        };
+        if !sealed {
+            found.push(file);
+        }
+    }
+    Ok(found)
 }
 
 /// The ending of a file's name, in small letters.
@@ -84,21 +115,22 @@ fn folder(path: &Path) -> &Path {
 
 /// A policy from an ONNX file alone.
 fn onnx_file(path: &Path, bytes: &[u8]) -> Result<Policy, PolicyError> {
-    if let Some(policy) = onnx::read_own(bytes)? {
+    if let Some(policy) = onnx::read_own(bytes, Some(folder(path)))? {
         return Ok(policy);
     }
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let Some(Known { mut table, notes }) = known_of_foreign(path, bytes)? else {
-        return Err(onnx::without_metadata(&name, bytes));
+        return Err(onnx::without_metadata(&name, bytes, Some(folder(path))));
     };
     table.insert("file".into(), name.into());
-    let policy = Description::from_table(table)?.load(folder(path))?;
-    Ok(Policy { notes, ..policy })
+    let mut policy = Description::from_table(table)?.load(folder(path))?;
+    policy.notes.splice(0..0, notes);
+    Ok(policy)
 }
 
 /// What another program says of an ONNX file, inside or beside it.
 fn known_of_foreign(path: &Path, bytes: &[u8]) -> Result<Option<Known>, PolicyError> {
-    if let Some(known) = onnx::foreign(bytes)? {
+    if let Some(known) = onnx::foreign(bytes, Some(folder(path)))? {
         return Ok(Some(known));
     }
     let Some(beside) = foreign::unitree_file(path) else { return Ok(None) };

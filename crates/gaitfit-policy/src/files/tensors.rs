@@ -30,6 +30,7 @@ impl<'a> Tensors<'a> {
                 shown(&error.to_string())
             ))
         })?;
+        super::weights::check(bytes)?;
         Ok(Self { file, used: BTreeSet::new() })
     }
 

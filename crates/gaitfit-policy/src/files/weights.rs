@@ -8,8 +8,10 @@
 //! | `log_std` | F32 `joints` |
 //! | `normaliser.mean`, `.variance`, `.count` | F64 `width`, `width`, 1; `critic_normaliser.…` likewise |
 //!
-//! The metadata has one entry, `gaitfit`: a JSON object with format version, interface, activation, provenance.
+//! The metadata has one entry, `gaitfit`: a JSON object with the file's checksum, format version, interface, activation,
+//! provenance. Files of earlier versions have no checksum, and are read.
 
+use super::checksum;
 use super::layers::{take_apart, transpose};
 use super::tensors::Tensors;
 use crate::Interface;
@@ -24,10 +26,15 @@ use std::collections::HashMap;
 const FORMAT: u32 = 1;
 /// Where the metadata keeps the header.
 const KEY: &str = "gaitfit";
+/// What stands before the digits of the checksum: the metadata's key and the beginning of its JSON, as JSON text.
+const BEFORE: &[u8] = br#""gaitfit":"{\"sha256\":\""#;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
+    /// First, where [`checksum`] looks for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sha256: Option<String>,
     format: u32,
     interface: Interface,
     activation: Activation,
@@ -60,11 +67,28 @@ enum FrontHeader {
 }
 
 /// The bytes of a policy's file. The same policy gives the same bytes, and [`read`] gives the same policy, bit for
-/// bit.
+/// bit. The file carries a checksum, so that damage to any bit of it is an error when it is read.
 ///
 /// # Errors
 /// A policy whose parts do not fit ([`Policy::check`]).
 pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
+    let mut bytes = written(policy, Some(checksum::blank()))?;
+    if !checksum::seal(&mut bytes, BEFORE) {
+        return Err(invalid("its metadata has no place for the checksum"));
+    }
+    Ok(bytes)
+}
+
+/// The same file without a checksum: what a policy's own SHA-256 is of ([`crate::Provenance::parent`]), the same in every
+/// version of the program.
+///
+/// # Errors
+/// As [`write`].
+pub fn plain(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
+    written(policy, None)
+}
+
+fn written(policy: &Policy, sha256: Option<String>) -> Result<Vec<u8>, PolicyError> {
     policy.check()?;
     policy.refuse_function("a policy's file")?;
     let mut tensors: Vec<(String, Vec<usize>, Dtype, Vec<u8>)> = Vec::new();
@@ -139,6 +163,7 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
         }
     }
     let header = Header {
+        sha256,
         format: FORMAT,
         interface: policy.interface.clone(),
         activation: policy.actor.shape.activation,
@@ -178,8 +203,8 @@ fn epsilon(policy: &Policy) -> Result<Option<f32>, PolicyError> {
 /// Reads a policy from its file's bytes.
 ///
 /// # Errors
-/// A file that is cut short, of another program or version, with tensors missing, unknown or of wrong shape, or
-/// whose parts do not fit each other.
+/// A file that is cut short, damaged in any bit, of another program or version, with tensors missing, unknown or of wrong
+/// shape, or whose parts do not fit each other.
 pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
     let mut tensors = Tensors::parse(bytes)?;
     let header = header(bytes)?;
@@ -211,6 +236,21 @@ pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
         Policy { interface, front, actor, log_std, critic, normaliser, critic_normaliser, provenance, notes };
     policy.check()?;
     Ok(policy)
+}
+
+/// Whether a file carries a checksum.
+pub(super) fn is_sealed(bytes: &[u8]) -> bool {
+    let Ok((_, metadata)) = safetensors::SafeTensors::read_metadata(bytes) else { return false };
+    let entry = metadata.metadata().as_ref().and_then(|entries| entries.get(KEY));
+    entry.is_some_and(|text| checksum::Sealed::is(text))
+}
+
+/// Refuses a file with a checksum whose bytes are not those that [`write`] sealed.
+///
+/// # Errors
+/// As it says.
+pub(super) fn check(bytes: &[u8]) -> Result<(), PolicyError> {
+    if is_sealed(bytes) && !checksum::intact(bytes, BEFORE) { Err(checksum::damaged()) } else { Ok(()) }
 }
 
 /// The interface in a file that [`write`] wrote; `None` for other files and damaged ones.

@@ -112,6 +112,11 @@ pub fn policy(activation: Activation) -> Policy {
             task: "episode_seconds = 20.0\n".into(),
             parent: "4567".into(),
             theta: "89ef".into(),
+            robot_file: Some(gaitfit_policy::RobotFile {
+                path: "/robots/go2.xml".into(),
+                sha256: "0f1e".into(),
+                lenient: true,
+            }),
         },
         notes: Vec::new(),
     }

@@ -13,7 +13,7 @@ use std::process::{Command, Stdio};
 
 /// Compiles `source` beside the policy's files.
 fn compile(folder: &Path, policy: &Policy, source: &str) -> PathBuf {
-    for (name, bytes) in deploy::cxx(policy).unwrap().files {
+    for (name, bytes) in deploy::cxx(policy, None).unwrap().files {
         std::fs::write(folder.join(name), bytes).unwrap();
     }
     let program = folder.join("program");
@@ -228,6 +228,6 @@ fn cxx_example_gives_targets_and_refuses_what_is_no_observation() {
 #[test]
 fn a_network_too_large_for_a_compiler_is_refused() {
     let huge = seeing(interface(), &[2000, 1200]);
-    let error = deploy::cxx(&huge).unwrap_err().to_string();
+    let error = deploy::cxx(&huge, None).unwrap_err().to_string();
     assert!(error.contains("use the ONNX file"), "{error}");
 }

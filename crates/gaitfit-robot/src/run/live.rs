@@ -242,7 +242,10 @@ fn control(
         return Ok((false, jitter, ask.limits));
     }
     // What cannot be written is found before the robot moves.
-    controller.open_logs()?;
+    if let Err(error) = controller.open_logs() {
+        controller.remove_logs();
+        return Err(error);
+    }
     lock(board).arm = true;
     let mut beat = Beat::new(begin, ask.control);
     let mut phase = Phase::Idle;

@@ -258,8 +258,9 @@ impl Log {
             if let Some(folder) = path.parent() {
                 std::fs::create_dir_all(folder)?;
             }
-            let mut file = File::create(&path)?;
-            file.write_all(head)?;
+            // A log that is there already is a walk that nobody can repeat.
+            let mut file = File::create_new(&path)?;
+            file.write_all(head).inspect_err(|_| drop(std::fs::remove_file(&path)))?;
             Ok(file)
         };
         match written() {

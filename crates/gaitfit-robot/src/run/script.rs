@@ -6,6 +6,8 @@ use crate::RobotError;
 
 /// Most rows of a script.
 const MOST_ROWS: usize = 100_000;
+/// Largest script, bytes: 160 a row.
+const MAX_BYTES: u64 = 16 << 20;
 /// Longest walk, s.
 const LONGEST: f64 = 3600.0;
 /// Largest part of a command, m/s or rad/s.
@@ -84,11 +86,12 @@ impl Script {
     /// A file that cannot be read or lacks a column, a cell that is no number, and what [`Script::new`] refuses.
     pub fn read(path: &Path) -> Result<Self, RobotError> {
         let refuse = |problem: String| RobotError::Script(format!("{}: {problem}", path.display()));
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .comment(Some(b'#'))
-            .from_path(path)
-            .map_err(|error| refuse(error.to_string()))?;
+        let text = gaitfit_log::regular_file::read_text(path, MAX_BYTES).map_err(|error| {
+            refuse(format!("{error}; name a CSV file with the header t,vx,vy,wz (s, m/s, m/s, rad/s)"))
+        })?;
+        let text = text.trim_start_matches('\u{feff}');
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
         let header = reader.headers().map_err(|error| refuse(error.to_string()))?.clone();
         let mut columns = [0; 4];
         for (column, name) in columns.iter_mut().zip(["t", "vx", "vy", "wz"]) {
@@ -104,7 +107,7 @@ impl Script {
                 let cell = record.get(column).unwrap_or("");
                 *number = cell.parse().map_err(|_| {
                     let line = record.position().map_or(0, csv::Position::line);
-                    refuse(format!("line {line}: `{}` is no number", cell.escape_debug()))
+                    refuse(format!("line {line}: `{}` is no number", gaitfit_model::shown(cell)))
                 })?;
             }
             let [time, vx, vy, wz] = numbers;

@@ -80,6 +80,7 @@ impl View {
         let temperature = motors.map(|motor| f64::from(state.temperature[motor]));
         let row = McapRow {
             time: acted.time,
+            lead: 0.0,
             position: &of_motors(&state.q),
             velocity: &of_motors(&state.dq),
             torque: &of_motors(&state.torque),

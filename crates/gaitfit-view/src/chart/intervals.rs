@@ -55,7 +55,19 @@ pub(crate) fn shared_scale(rows: &[Row]) -> Scale {
         let profiles = rows.iter().filter_map(|r| r.profile).flat_map(|(a, b)| [a, b]).filter(near(2.0));
         hull = scale::extent(starts.chain(profiles).chain(bounds().filter(near(1.0))).chain([low, high]));
     }
-    Scale::linear(hull, ENDS.0, ENDS.1)
+    Scale::linear(hull.map(wide), ENDS.0, ENDS.1)
+}
+
+/// An axis of errors or shares: it begins at zero and holds no values below.
+pub(crate) fn scale_from_zero(rows: &[Row]) -> Scale {
+    let (_, high) = shared_scale(rows).domain();
+    Scale::linear(Some((0.0, high)), ENDS.0, ENDS.1)
+}
+
+/// An axis that is not so short that its ticks say nothing: at least a tenth of its values' size.
+fn wide((low, high): (f64, f64)) -> (f64, f64) {
+    let missing = 0.1 * low.abs().max(high.abs()) - (high - low);
+    if missing > 0.0 { (low - 0.5 * missing, high + 0.5 * missing) } else { (low, high) }
 }
 
 /// One row's picture on the shared axis.

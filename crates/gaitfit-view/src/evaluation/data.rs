@@ -103,9 +103,9 @@ pub struct Drift {
     /// Mean final error in x (m), y (m), yaw (rad), in the frame of the start.
     #[serde(with = "nullable::array")]
     pub error: [f64; 3],
-    /// Standard deviation of each over the trials; NaN with one trial.
+    /// Half the width of the 95 % interval of each mean; NaN with one trial.
     #[serde(with = "nullable::array")]
-    pub spread: [f64; 3],
+    pub ci95: [f64; 3],
     /// Base positions x, y of one trial over time, m, in the frame of the start.
     pub path: Vec<[f64; 2]>,
     /// Where the command leads, in the same frame.
@@ -192,7 +192,7 @@ impl Default for Drift {
             trials: 0,
             falls: 0,
             error: [f64::NAN; 3],
-            spread: [f64::NAN; 3],
+            ci95: [f64::NAN; 3],
             path: Vec::new(),
             intended: Vec::new(),
         }

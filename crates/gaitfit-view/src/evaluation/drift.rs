@@ -15,7 +15,7 @@ pub(crate) struct DriftTable {
     rows: Vec<Row>,
     /// Paths from above; none without any.
     svg: Option<String>,
-    has_spread: bool,
+    has_ci95: bool,
     left_out: usize,
 }
 
@@ -25,7 +25,7 @@ struct Row {
     color: usize,
     trials: u32,
     falls: u32,
-    /// x and y in m, yaw in rad, each with its spread.
+    /// x and y in m, yaw in rad, each with half its 95 % interval.
     errors: Vec<String>,
     yaw_degrees: String,
 }
@@ -37,27 +37,27 @@ pub(crate) fn build(drift: &[Drift]) -> Option<DriftTable> {
         color: i % 8,
         trials: d.trials,
         falls: d.falls,
-        errors: d.error.iter().zip(&d.spread).map(|(e, s)| error(*e, *s)).collect(),
+        errors: d.error.iter().zip(&d.ci95).map(|(e, s)| error(*e, *s)).collect(),
         yaw_degrees: fixed(d.error[2].to_degrees(), 1),
     });
     (!shown.is_empty()).then(|| DriftTable {
         rows: rows.collect(),
         svg: picture(shown),
-        has_spread: shown.iter().any(|d| d.spread.iter().any(|s| s.is_finite())),
+        has_ci95: shown.iter().any(|d| d.ci95.iter().any(|s| s.is_finite())),
         left_out: drift.len() - shown.len(),
     })
 }
 
-/// An error with its spread, where known.
-pub(crate) fn error(value: f64, spread: f64) -> String {
+/// A mean error with half its 95 % interval, where known.
+pub(crate) fn error(value: f64, ci95: f64) -> String {
     if !value.is_finite() {
         return UNKNOWN.into();
     }
-    if !spread.is_finite() {
+    if !ci95.is_finite() {
         return fixed(value, 3);
     }
-    let (value, spread) = with_spread(value, spread);
-    format!("{value} ± {spread}")
+    let (value, ci95) = with_spread(value, ci95);
+    format!("{value} ± {ci95}")
 }
 
 /// All paths from above, solid; what the commands ask for, dashed.

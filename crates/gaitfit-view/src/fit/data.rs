@@ -218,16 +218,16 @@ pub struct ComparisonEntry {
     /// Value of the first fit.
     #[serde(with = "nullable::scalar")]
     pub first: f64,
-    /// Spread of the first fit over its runs.
+    /// The longer side of the first fit's interval.
     #[serde(with = "nullable::scalar")]
-    pub first_spread: f64,
+    pub first_half: f64,
     /// Value of the second fit.
     #[serde(with = "nullable::scalar")]
     pub second: f64,
-    /// Spread of the second fit over its runs.
+    /// The longer side of the second fit's interval.
     #[serde(with = "nullable::scalar")]
-    pub second_spread: f64,
-    /// Whether they agree by the caller's criterion (two spreads); `None` when it cannot be said.
+    pub second_half: f64,
+    /// Whether they agree by the caller's criterion; `None` when it cannot be said.
     pub agrees: Option<bool>,
 }
 
@@ -300,9 +300,9 @@ impl Default for ComparisonEntry {
             name: String::new(),
             unit: String::new(),
             first: f64::NAN,
-            first_spread: f64::NAN,
+            first_half: f64::NAN,
             second: f64::NAN,
-            second_spread: f64::NAN,
+            second_half: f64::NAN,
             agrees: None,
         }
     }

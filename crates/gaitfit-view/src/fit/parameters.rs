@@ -50,7 +50,8 @@ struct ParameterRow {
     name: String,
     unit: String,
     value: String,
-    spread: String,
+    /// What stands after ±: the interval's longer side.
+    half: String,
     profile: String,
     truth: String,
     lower: String,
@@ -76,9 +77,9 @@ struct ComparisonRow {
     name: String,
     unit: String,
     first: String,
-    first_spread: String,
+    first_half: String,
     second: String,
-    second_spread: String,
+    second_half: String,
     agrees: Option<bool>,
 }
 
@@ -126,7 +127,8 @@ fn entry(parameter: &Parameter) -> Entry {
     let flagged = parameter.at_bound.is_some() || is_open;
     let mark = Mark {
         value: parameter.value,
-        spread: parameter.spread,
+        // The interval is the box behind the dot.
+        spread: f64::NAN,
         runs: parameter.per_run.iter().copied().take(100).collect(),
         look: match parameter.at_bound {
             _ if is_open => Look::OPEN,
@@ -142,10 +144,17 @@ fn entry(parameter: &Parameter) -> Entry {
         truth: truth(parameter),
         marks: vec![mark],
     };
-    let (value, spread) = with_spread(parameter.value, parameter.spread);
-    let text = if spread == UNKNOWN { value } else { format!("{value} ± {spread}") };
+    let (value, half) = with_spread(parameter.value, half(parameter));
+    let text = if half == UNKNOWN { value } else { format!("{value} ± {half}") };
     let truth = truth(parameter).map_or(String::new(), round_number);
     Entry { unit: clean(&parameter.unit), name: clean(&parameter.name), text, truth, flagged, row }
+}
+
+/// The longer side of a parameter's interval, which stands after ±; NaN where it was not measured. What runs of the
+/// optimiser differ by says how well it searched, not what the logs leave open.
+fn half(parameter: &Parameter) -> f64 {
+    let side = |(low, high): (f64, f64)| (parameter.value - low).max(high - parameter.value).max(0.0);
+    interval(parameter).map_or(f64::NAN, side)
 }
 
 /// The parameter's interval where both ends are known.
@@ -158,7 +167,7 @@ fn truth(parameter: &Parameter) -> Option<f64> {
 }
 
 fn table_row(parameter: &Parameter) -> ParameterRow {
-    let (value, spread) = with_spread(parameter.value, parameter.spread);
+    let (value, half) = with_spread(parameter.value, half(parameter));
     let mut notes = Vec::new();
     match parameter.at_bound {
         Some(Bound::Lower) => notes.push("at the lower bound"),
@@ -183,7 +192,7 @@ fn table_row(parameter: &Parameter) -> ParameterRow {
         name: clean(&parameter.name),
         unit: clean(&parameter.unit),
         value,
-        spread,
+        half,
         profile: interval(parameter).map_or(UNKNOWN.to_string(), |(low, high)| range(low, high)),
         truth: round_number(truth(parameter).unwrap_or(f64::NAN)),
         lower: round_number(parameter.lower),
@@ -228,10 +237,8 @@ pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
     let drawn = entries
         .iter()
         .map(|e| {
-            let marks = vec![
-                mark(e.first, e.first_spread, Look::FIRST),
-                mark(e.second, e.second_spread, Look::SECOND),
-            ];
+            let marks =
+                vec![mark(e.first, e.first_half, Look::FIRST), mark(e.second, e.second_half, Look::SECOND)];
             let text = match e.agrees {
                 Some(true) => "agrees",
                 Some(false) => "differs",
@@ -246,10 +253,10 @@ pub(super) fn compare(comparison: &Comparison) -> Option<ComparisonTable> {
     let rows = entries
         .iter()
         .map(|e| {
-            let (first, first_spread) = with_spread(e.first, e.first_spread);
-            let (second, second_spread) = with_spread(e.second, e.second_spread);
+            let (first, first_half) = with_spread(e.first, e.first_half);
+            let (second, second_half) = with_spread(e.second, e.second_half);
             let (name, unit) = (clean(&e.name), clean(&e.unit));
-            ComparisonRow { name, unit, first, first_spread, second, second_spread, agrees: e.agrees }
+            ComparisonRow { name, unit, first, first_half, second, second_half, agrees: e.agrees }
         })
         .collect();
     Some(ComparisonTable {
@@ -284,8 +291,22 @@ mod tests {
             row.notes,
             ["at the upper bound", "not determined by these logs", "outside the published range"]
         );
-        assert_eq!((row.spread.as_str(), row.lower.as_str()), ("–", "–"));
+        assert_eq!((row.half.as_str(), row.lower.as_str()), ("–", "–"));
         assert_eq!((row.profile.as_str(), row.truth.as_str()), ("–", "0.15"));
+    }
+
+    #[test]
+    fn what_stands_after_plus_minus_is_the_interval_and_not_the_spread_over_runs() {
+        let parameter = Parameter {
+            value: 0.24786,
+            spread: 0.000051,
+            interval: Some([0.2387, 0.2541]),
+            ..Parameter::default()
+        };
+        assert_eq!(entry(&parameter).text, "0.2479 ± 0.0092");
+        assert_eq!(table_row(&parameter).half, "0.0092");
+        let unmeasured = Parameter { interval: None, ..parameter };
+        assert_eq!(entry(&unmeasured).text, "0.2479");
     }
 
     #[test]

@@ -3,12 +3,14 @@
 use super::{FitReport, Score, standing};
 use crate::chart::{extent, strip};
 use crate::format::{UNKNOWN, clean, fixed, significant};
-use crate::page::DoubtKind;
+use crate::loop_report::held_out;
 use serde::Serialize;
 
 /// Headline and score table.
 #[derive(Serialize)]
 pub(super) struct Scores {
+    /// How much better it predicts than the robot file, in a sentence; empty beside a doubt.
+    gain: String,
     before: String,
     after: String,
     unit: &'static str,
@@ -138,6 +140,7 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
     let rows = rows(report, yardstick);
     let all = || [&report.nominal, &report.fitted].into_iter().chain(&report.baselines);
     Scores {
+        gain: if doubted { String::new() } else { gain(report, yardstick, nominal / fitted) },
         before: significant(nominal, 3),
         after: significant(fitted, 3),
         unit: if yardstick == Yardstick::Cost { "" } else { "rad" },
@@ -177,6 +180,22 @@ pub(super) fn build(report: &FitReport, doubted: bool) -> Scores {
     }
 }
 
+/// What the fit is worth on logs that it did not see, or else on its own.
+fn gain(report: &FitReport, yardstick: Yardstick, ratio: f64) -> String {
+    if let Some(gain) = report.held_out.as_ref().and_then(held_out::gain) {
+        return held_out::gain_text(gain, "walks");
+    }
+    let digits = if ratio < 10.0 { 1 } else { 0 };
+    match yardstick {
+        _ if !(1.1..1e9).contains(&ratio) => String::new(),
+        Yardstick::ValidationRmse => held_out::gain_text(ratio, "motions"),
+        Yardstick::FitRmse => {
+            format!("Predicts the motion that was fitted {ratio:.digits$} times better than the robot file")
+        }
+        Yardstick::Cost => String::new(),
+    }
+}
+
 /// Every predictor, the longest bar first and the fit last: the eye runs down to it.
 fn rows(report: &FitReport, yardstick: Yardstick) -> Vec<ScoreRow> {
     let nominal = Score { cost: cost(report, Who::Nominal), ..report.nominal.clone() };
@@ -203,9 +222,9 @@ fn rows(report: &FitReport, yardstick: Yardstick) -> Vec<ScoreRow> {
     rows
 }
 
-/// Not converged is said by a doubt.
+/// That the search converged is no praise of a result that is in doubt.
 fn state(report: &FitReport) -> String {
-    let doubted = report.doubts.iter().any(|doubt| doubt.kind == DoubtKind::NotConverged);
+    let doubted = report.doubts.iter().any(|doubt| doubt.kind.is_severe());
     if report.converged == Some(true) && !doubted { "The search converged".into() } else { String::new() }
 }
 

@@ -45,13 +45,24 @@ fn bad(text: String) -> Verdict {
     Verdict { text, good: false }
 }
 
-/// Whether a value would have gone on but for a bound: 0 is an end of many quantities and no such bound.
+/// Whether a value would have gone on but for a bound. 0 is an end of many quantities and no such bound, except of friction
+/// and delay, of which every real robot has some, where the logs exclude more.
 fn rests(parameter: &Parameter) -> bool {
     match parameter.at_bound {
         Some(Bound::Upper) => true,
-        Some(Bound::Lower) => parameter.lower != 0.0,
+        Some(Bound::Lower) => parameter.lower != 0.0 || wants_nothing(parameter),
         None => false,
     }
+}
+
+/// An interval below this part of the bounds excludes more than 0.
+const TIGHT: f64 = 0.05;
+
+/// Whether friction or a delay is 0 with an interval that excludes more, and is not known to be 0.
+fn wants_nothing(parameter: &Parameter) -> bool {
+    let real = ["frictionloss", "delay"].iter().any(|kind| parameter.name.starts_with(kind));
+    let tight = |[_, upper]: [f64; 2]| upper < TIGHT * parameter.upper;
+    real && parameter.truth != Some(0.0) && parameter.interval.is_some_and(tight)
 }
 
 /// How many parameters are so, and the first of their names; none if none is.
@@ -87,6 +98,15 @@ mod tests {
         let sound = of(vec![parameter("a", 0.0, Some(Bound::Lower), Some(true))], None);
         let wanted = ["no parameter rests on a bound of its search", "the logs determine all parameters"];
         assert_eq!(sound, wanted.map(|text| (text.to_string(), true)));
+        let nothing = Parameter {
+            interval: Some([0.0, 0.01]),
+            upper: 2.0,
+            ..parameter("frictionloss_hip", 0.0, Some(Bound::Lower), Some(true))
+        };
+        let said = of(vec![nothing.clone()], None);
+        assert!(!said[0].1 && said[0].0.contains("1 of 1 parameters rests on a bound"), "{said:?}");
+        let known = of(vec![Parameter { truth: Some(0.0), ..nothing }], None);
+        assert!(known[0].1, "a robot without friction: {known:?}");
         let floor = HeldOut { sentence: "Worse.".into(), explained: Some(false), ..HeldOut::default() };
         let doubtful = of(
             vec![

@@ -90,6 +90,8 @@ pub struct HeldOut {
     pub sentence: String,
     /// Whether the fit is as close to these logs as the robot is to itself; none: unknown.
     pub explained: Option<bool>,
+    /// How many times closer the fitted simulator is to these logs than the one before the fit.
+    pub gain: Option<f64>,
     /// Wasserstein-1 distances, one a joint and signal.
     pub distances: Vec<JointDistance>,
 }

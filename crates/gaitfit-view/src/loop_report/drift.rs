@@ -77,7 +77,7 @@ fn find<'a>(set: &'a DriftTrials, command: &str) -> Option<&'a Drift> {
 
 fn cells(trial: Option<&Drift>) -> [Cell; 3] {
     std::array::from_fn(|k| Cell {
-        text: trial.map_or(UNKNOWN.to_string(), |t| error(t.error[k], t.spread[k])),
+        text: trial.map_or(UNKNOWN.to_string(), |t| error(t.error[k], t.ci95[k])),
         first: k == 0,
     })
 }

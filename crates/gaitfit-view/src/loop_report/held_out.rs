@@ -34,6 +34,17 @@ struct Cell {
     first: bool,
 }
 
+/// The gain that is worth a sentence.
+pub(crate) fn gain(held: &HeldOut) -> Option<f64> {
+    held.gain.filter(|gain| (1.1..1e9).contains(gain))
+}
+
+/// A gain as a sentence.
+pub(crate) fn gain_text(gain: f64, motion: &str) -> String {
+    let digits = if gain < 10.0 { 1 } else { 0 };
+    format!("Predicts {motion} that were not fitted {gain:.digits$} times better than the robot file")
+}
+
 pub(crate) fn view(held: &HeldOut) -> HeldOutView {
     let of = |signal: Signal| held.distances.iter().filter(move |one| one.signal == signal);
     let known: Vec<(Signal, &str)> =
@@ -87,11 +98,17 @@ mod tests {
         let held = HeldOut {
             sentence: "as well".into(),
             explained: Some(true),
+            gain: Some(4.44),
             distances: vec![
                 distance("hip", Signal::Position, 0.02),
                 distance("calf", Signal::Velocity, f64::NAN),
             ],
         };
+        assert_eq!(
+            gain(&held).map(|gain| gain_text(gain, "walks")).as_deref(),
+            Some("Predicts walks that were not fitted 4.4 times better than the robot file")
+        );
+        assert_eq!(gain(&HeldOut { gain: Some(1.0), ..HeldOut::default() }), None);
         let view = view(&held);
         assert_eq!(view.signals, ["Position (rad)", "Velocity (rad/s)"]);
         let texts = |row: &Row| row.cells.iter().map(|cell| cell.text.clone()).collect::<Vec<_>>();

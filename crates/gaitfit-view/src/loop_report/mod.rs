@@ -5,12 +5,14 @@ mod data;
 mod drift;
 mod headline;
 pub(crate) mod held_out;
+mod names;
 mod page;
 mod policies;
 mod rounds;
 mod tracking;
 
 pub use data::{Difference, DriftTrials, Estimate, HeldOut, JointDistance, LoopReport, Round, Tracking};
+pub use names::plain as plain_names;
 
 use crate::page::ReportError;
 
@@ -19,5 +21,6 @@ use crate::page::ReportError;
 /// # Errors
 /// [`ReportError::Template`] if the embedded template cannot be filled in.
 pub fn loop_html(report: &LoopReport) -> Result<String, ReportError> {
-    crate::page::render(include_str!("loop.html"), page::Page::new(report))
+    let page = crate::page::render(include_str!("loop.html"), page::Page::new(report))?;
+    Ok(names::plain(&page, &report.after))
 }

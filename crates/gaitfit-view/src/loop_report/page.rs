@@ -3,6 +3,7 @@
 use super::LoopReport;
 use super::drift::{self, DriftSection};
 use super::headline::{self, Headline};
+use super::held_out;
 use super::policies::Cast;
 use super::rounds::{self, RoundLine, RoundSection};
 use super::tracking::{self, TrackingSection};
@@ -20,6 +21,8 @@ pub(super) struct Page {
     doubts: Vec<ShownDoubt>,
     headline: Option<Headline>,
     bought: String,
+    /// How much better the last fit predicts than the robot file; empty if it does not.
+    predicts: String,
     facts: Vec<Setting>,
     links: Vec<ShownLink>,
     warnings: Vec<String>,
@@ -67,6 +70,7 @@ impl Page {
             doubts: page::doubts(&report.doubts),
             headline: headline::build(report, &cast),
             bought: clean_prose(&report.bought),
+            predicts: predicts(report),
             facts: page::facts(report.wall_seconds, &report.facts),
             links: page::links(&report.links),
             warnings,
@@ -80,4 +84,11 @@ impl Page {
             versions: page::settings(&report.versions),
         }
     }
+}
+
+/// What the last round's fit is worth on walks that it did not see; empty beside a doubt.
+fn predicts(report: &LoopReport) -> String {
+    let held = report.rounds.last().and_then(|round| round.held_out.as_ref());
+    let gain = held.and_then(held_out::gain).filter(|_| !page::is_severe(&report.doubts));
+    gain.map_or(String::new(), |gain| held_out::gain_text(gain, "walks"))
 }

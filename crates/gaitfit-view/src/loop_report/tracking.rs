@@ -155,7 +155,10 @@ fn card(column: &Column, shown: &[Tracking], cast: &Cast) -> Card {
         Row { marks: vec![Mark { value: mean, spread: ci95, look, ..Mark::default() }], ..Row::default() }
     };
     let drawn: Vec<Row> = shown.iter().map(row).collect();
-    let scale = intervals::shared_scale(&drawn);
+    let scale = match column.is_error {
+        true => intervals::scale_from_zero(&drawn),
+        false => intervals::shared_scale(&drawn),
+    };
     let group = |simulator: &&str| {
         let rows =
             shown.iter().zip(&drawn).filter(|(t, _)| t.simulator == **simulator).map(|(t, row)| CardRow {

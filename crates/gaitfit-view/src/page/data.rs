@@ -54,10 +54,18 @@ pub enum DoubtKind {
     NotLearnt,
     /// The robot falls, or does not go where it is told.
     NoWalk,
+    /// A guess that needs no simulator predicts the logs better.
+    Trivial,
+    /// Simulated robots fall in logs that were not fitted, where the robot walks.
+    Falls,
     /// The result is farther from the robot than what it began with.
     WorseThanNominal,
     /// The result is much farther from the robot than the robot is from itself.
     Misfit,
+    /// Errors of the result go with what the robot does: the simulator lacks something.
+    Unexplained,
+    /// Parts of the data give different values, by more than their errors.
+    Disagreement,
     /// The search or the training was still changing when it ended.
     NotConverged,
     /// Nothing but this project's own simulator judged the result.
@@ -80,8 +88,12 @@ impl DoubtKind {
             DoubtKind::Untrained => "Not trained",
             DoubtKind::NotLearnt => "Has not learnt to walk yet",
             DoubtKind::NoWalk => "Does not walk",
+            DoubtKind::Trivial => "Worse than a guess",
+            DoubtKind::Falls => "Falls where the robot walks",
             DoubtKind::WorseThanNominal => "Worse than the nominal robot",
             DoubtKind::Misfit => "Misfit",
+            DoubtKind::Unexplained => "The model lacks something",
+            DoubtKind::Disagreement => "Parts of the data disagree",
             DoubtKind::NotConverged => "Not converged",
             DoubtKind::OwnSimulatorOnly => "Measured in gaitfit's own simulator only",
         }
@@ -99,12 +111,23 @@ impl DoubtKind {
             DoubtKind::Untrained => "The policy is the one that the training began with.",
             DoubtKind::NotLearnt => "The policy falls, or stands where it is to walk. Train longer.",
             DoubtKind::NoWalk => "The robot falls, or stands where it is to walk.",
+            DoubtKind::Trivial => {
+                "A guess that needs no simulator predicts the logs better. Do not use this fit."
+            }
+            DoubtKind::Falls => "The fitted robot falls where the real one walks. Do not use this fit.",
             DoubtKind::WorseThanNominal => {
                 "The robot file without any fit is closer to the logs. Do not use this fit."
             }
             DoubtKind::Misfit => {
                 "The simulator does not explain the logs. What was fitted stands for what the simulator lacks: fit more \
                  of what may differ."
+            }
+            DoubtKind::Unexplained => {
+                "What the fit leaves goes with what the robot does. Values stand for what the simulator lacks, and their \
+                 intervals are too narrow: fit more of what may differ."
+            }
+            DoubtKind::Disagreement => {
+                "Parts of the data give different values by more than their errors: the simulator lacks something."
             }
             DoubtKind::NotConverged => {
                 "The search was still changing the values when it ended. They can be far from the best ones: \

@@ -142,7 +142,7 @@ pub fn evaluation(count: usize) -> EvaluationReport {
             trials: 10,
             falls: 0,
             error: [path(200)[0] - 4.0 * command[0], path(200)[1] - 4.0 * command[1], 0.1 * noise(k, 10)],
-            spread: [0.02, 0.03, 0.011],
+            ci95: [0.02, 0.03, 0.011],
             path: (0..=200).map(path).collect(),
             intended: (0..=200).map(|i| [command[0] * time(i), command[1] * time(i)]).collect(),
         }

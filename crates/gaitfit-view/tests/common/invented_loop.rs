@@ -113,7 +113,7 @@ fn drift() -> Vec<DriftTrials> {
             trials: 10,
             falls: u32::from(skill < 0.9 && k == 3),
             error: [path(200)[0] - intended(200)[0], path(200)[1] - intended(200)[1], side * 2.0],
-            spread: [0.021, 0.034, 0.016],
+            ci95: [0.021, 0.034, 0.016],
             path: (0..=200).map(path).collect(),
             intended: (0..=200).map(intended).collect(),
         }
@@ -165,6 +165,7 @@ fn held_out() -> HeldOut {
                    0.0118 ± 0.0009."
                 .into(),
         explained: Some(true),
+        gain: Some(5.3),
         distances: distances.to_vec(),
     }
 }

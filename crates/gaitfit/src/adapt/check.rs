@@ -1,5 +1,10 @@
 //! Checks that a configuration states.
 
+use super::results::CostFit;
+use super::score::{Score, Validation, mean};
+use super::setup::Setup;
+use crate::settings::CheckConfig;
+use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 
 /// A check the configuration states.
@@ -43,6 +48,53 @@ impl Check {
             None => format!("not {}: {}", self.name, self.found),
         }
     }
+}
+
+/// The evidence of doubts of a kind.
+fn evidence_of(doubts: &[Doubt], kind: DoubtKind) -> String {
+    let of_kind = doubts.iter().filter(|doubt| doubt.kind == kind);
+    of_kind.map(|doubt| doubt.text.as_str()).collect::<Vec<_>>().join(" ")
+}
+
+/// The checks that the configuration states.
+pub(super) fn checks(setup: &Setup, first: &CostFit, doubts: &[Doubt], fitted: &Score) -> Vec<Check> {
+    let check = &setup.config.check;
+    let mut checks = Vec::new();
+    if check.better_than_nominal {
+        let found = evidence_of(doubts, DoubtKind::WorseThanNominal);
+        checks.push(Check::holds("better than the nominal robot", found.is_empty(), &found));
+    }
+    if check.converged {
+        let found = evidence_of(doubts, DoubtKind::NotConverged);
+        checks.push(Check::holds("converged", first.converged, &found));
+    }
+    if check.sound {
+        let all = doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
+        let found = all.collect::<Vec<_>>().join(" ");
+        checks.push(Check::holds("sound", doubts.is_empty(), &found));
+    }
+    if let Some(limit) = check.cost {
+        checks.push(Check::at_most("cost", limit, Some(first.cost)));
+    }
+    checks.extend(validation_checks(check, &first.validation, fitted.cost_validation));
+    checks
+}
+
+/// The checks on validation logs that the configuration states.
+pub(super) fn validation_checks(
+    check: &CheckConfig,
+    validation: &[Validation],
+    cost: Option<f64>,
+) -> Vec<Check> {
+    let mut checks = Vec::new();
+    if let Some(limit) = check.validation_cost {
+        checks.push(Check::at_most("validation_cost", limit, cost));
+    }
+    if let Some(limit) = check.rmse_rad {
+        let value = mean(validation.iter().map(|log| log.rmse_rad));
+        checks.push(Check::at_most("rmse_rad (mean over validation logs)", limit, value));
+    }
+    checks
 }
 
 /// The checks that failed, in words; none if all hold.

@@ -1,6 +1,8 @@
 //! Why a fit must not be taken as it stands, and what else to know of it.
 
-use super::results::{CostFit, Parameter};
+use super::parameter::Parameter;
+use super::results::CostFit;
+use super::standing::stopped_by_bound;
 use gaitfit_adapt::fit::{CostOutcome, RunGeneration, Stop, unsettled};
 use gaitfit_view::{Doubt, DoubtKind};
 
@@ -37,13 +39,6 @@ pub fn doubts(
         doubts.push(Doubt::new(DoubtKind::NotConverged, text));
     }
     doubts
-}
-
-/// Whether a value would have gone on but for a bound of its search: 0 is an end of many quantities and no such bound.
-pub fn stopped_by_bound(parameter: &Parameter) -> bool {
-    let found = &parameter.found;
-    let upper = found.value - found.lower >= found.upper - found.value;
-    found.at_bound && (upper || found.lower != 0.0)
 }
 
 /// What a reader must know of one fit besides its doubts, the most important first.

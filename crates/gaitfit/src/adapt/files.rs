@@ -1,9 +1,11 @@
 //! The files of a fit's run folder besides metrics and checkpoint.
 
+use super::parameter::Parameter;
 use super::report;
-use super::results::{AdaptResults, Parameter};
+use super::results::AdaptResults;
 use super::score::Validation;
 use super::setup::Setup;
+use super::standing::Standing;
 use crate::Error;
 use crate::run::{Inputs, Protocol, RunFolder, Whole};
 use gaitfit_adapt::fit::{RunGeneration, Uncertainty};
@@ -83,8 +85,10 @@ fn theta(setup: &Setup, results: &AdaptResults) -> ThetaFile {
     let found =
         |parameter: &Parameter| Found { value: parameter.found.value, spread: parameter.found.spread };
     let found: Vec<Found> = results.parameters.iter().map(found).collect();
+    let held = results.held_out.as_ref().filter(|_| results.standing == Standing::Contradicted);
     let mut file = ThetaFile {
         physics_step: setup.method.physics_step(),
+        contradicted: held.map(super::held_out::HeldOut::sentence),
         ..ThetaFile::new(&setup.theta, &found, &results.robot, &results.cost_name, results.cost)
     };
     for saved in &mut file.parameter {

@@ -25,6 +25,7 @@ fn changed(config: &AdaptConfig) -> Vec<&'static str> {
     let (own, default) = (&config.optimizer, OptimizerConfig::default());
     let settings = [
         ("optimizer.population", own.population != default.population),
+        ("optimizer.patience", own.patience != default.patience),
         ("optimizer.restarts", own.restarts != default.restarts),
         ("optimizer.covariance", own.covariance != default.covariance),
         ("optimizer.bounds", own.bounds != default.bounds),

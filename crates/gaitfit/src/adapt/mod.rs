@@ -4,14 +4,18 @@
 //! walked again by its policy. All else is one path.
 
 mod alternatives;
+mod audit;
 mod check;
+mod cost_fit;
 mod doubts;
 mod files;
 mod held_out;
 mod ignored;
+mod known;
 mod log_set;
 mod method;
 mod odd;
+mod parameter;
 mod replicas;
 mod report;
 pub mod results;
@@ -24,18 +28,22 @@ mod setup;
 mod share;
 mod signals;
 mod springs;
+mod standing;
 mod swing;
 mod trust;
 mod validate;
 
 pub use alternatives::Alternatives;
+pub use audit::Audit;
 pub use check::Check;
-pub use held_out::{Distance, Floor, HeldOut, Verdict};
+pub use held_out::{Distance, Floor, HeldOut, Trials, Verdict};
+pub use known::{Measured, priors};
 pub use log_set::LogSet;
 pub use method::Method;
 pub use odd::{JointSpring, OddJoints};
+pub use parameter::Parameter;
 pub use report::{held_out_shown, round};
-pub use results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};
+pub use results::{AdaptResults, CostFit, MOST_SHOWN};
 pub use score::{Score, Validation};
 pub use search::{METRICS, metrics};
 pub use sensitivity::{SensitivityResults, Told, sensitivity};
@@ -44,6 +52,7 @@ pub use setup::Setup;
 pub(crate) use setup::{Robot, method as simulated};
 pub use share::{Crew, Done, Helper, Shares};
 pub use springs::FoundSpring;
+pub use standing::{CONTRADICTED, Standing};
 pub use validate::{ValidateRequest, ValidateResults, validate};
 
 use crate::Error;

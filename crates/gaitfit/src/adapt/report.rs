@@ -1,7 +1,8 @@
 //! From results to the page's plain data.
 
 use super::held_out::{Distance, HeldOut, Verdict};
-use super::results::{AdaptResults, CostFit, MOST_SHOWN, Parameter};
+use super::parameter::Parameter;
+use super::results::{AdaptResults, CostFit, MOST_SHOWN};
 use super::score::{self, Robot};
 use super::setup::Setup;
 use super::signals;
@@ -34,7 +35,7 @@ pub(super) fn page(setup: &Setup, results: &AdaptResults, course: &[RunGeneratio
         robot,
         created: now(),
         wall_seconds: results.wall_seconds,
-        doubts: results.doubts(),
+        doubts: results.doubts.clone(),
         converged: Some(results.converged),
         held_out: results.held_out.as_ref().map(held_out_shown),
         fit_logs: setup.config.logs.clone(),
@@ -100,7 +101,8 @@ pub fn held_out_shown(found: &HeldOut) -> ShownHeldOut {
     };
     let explained = (found.verdict() != Verdict::Unknown).then(|| found.verdict() == Verdict::Explained);
     let distances = found.distances.iter().map(row).collect();
-    ShownHeldOut { sentence: sentence(&found.sentence()), explained, distances }
+    let gain = found.nominal_cost.zip(found.cost).map(|(nominal, fitted)| nominal / fitted);
+    ShownHeldOut { sentence: sentence(&found.sentence()), explained, gain, distances }
 }
 
 /// With a capital letter and a full stop.
@@ -212,9 +214,9 @@ fn comparison(first: &str, other: &CostFit) -> Comparison {
         name: one.name.clone(),
         unit: one.unit.clone(),
         first: one.first,
-        first_spread: unknown(one.first_spread),
+        first_half: unknown(one.first_half),
         second: one.second,
-        second_spread: unknown(one.second_spread),
+        second_half: unknown(one.second_half),
         agrees: one.agrees,
     };
     Comparison {

@@ -1,26 +1,27 @@
 //! What a fit found, as the one document that `--json` prints, `result.json` keeps, and tables and report show.
 
-use super::check::Check;
+use super::audit::Audit;
+use super::check::{Check, checks};
+use super::cost_fit::{beside, fit};
 use super::doubts;
-use super::held_out::{HeldOut, held_out};
+use super::held_out::{HeldOut, Verdict, held_out};
 use super::odd::OddJoints;
-use super::score::{Robot, Score, Validation, baselines, mean, score, validation};
+use super::parameter::Parameter;
+use super::score::{Robot, Score, Validation, baselines, score};
 use super::setup::Setup;
 use super::springs::FoundSpring;
+use super::standing::{self, CONTRADICTED, Evidence, Standing, standing};
 use super::swing;
 use super::trust::identified;
 use crate::Error;
 use crate::run::RunFolder;
-use crate::settings::CheckConfig;
 use crate::walk::swing::{Beside, SwingFindings, doubt};
 use crate::watch::Watch;
 use gaitfit_adapt::Theta;
 use gaitfit_adapt::fit::{
-    Agreement, Correction, CostOutcome, Evaluation, FallPenalty, FitError, Job, ParameterOutcome, Regression,
-    RunGeneration, RunOutcome, Uncertainty, compare, evaluate,
+    Agreement, Correction, CostOutcome, Regression, RunGeneration, RunOutcome, Uncertainty,
 };
-use gaitfit_adapt::never;
-use gaitfit_view::{Doubt, DoubtKind};
+use gaitfit_view::Doubt;
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -37,6 +38,16 @@ pub struct AdaptResults {
     pub robot: String,
     /// The result in a sentence, its doubts first.
     pub headline: String,
+    /// How firmly it stands.
+    #[serde(default)]
+    pub standing: Standing,
+    /// What walks that were not fitted say of it; absent without such walks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
+    /// Why the fit whose θ is kept must not be taken as it stands, the worst first: what its search says, what the logs
+    /// say that were not fitted, what its errors go with, and values that the search would have taken further.
+    #[serde(default)]
+    pub doubts: Vec<Doubt>,
     /// Whether the search came to its end.
     pub converged: bool,
     /// Whether the fitted robot is closer to the logs than the robot before the fit.
@@ -132,27 +143,12 @@ pub struct CostFit {
     /// How simulated robots moved the values, where they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub regression: Option<Regression>,
+    /// What its errors go with, where it predicts single samples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub audit: Option<Audit>,
     /// Each parameter beside the first cost's; empty of the first cost.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub comparison: Vec<Agreement>,
-}
-
-/// One entry of θ as found, with what is known of it from elsewhere.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Parameter {
-    /// Value, unit, spread, bounds, and how its interval was measured.
-    #[serde(flatten)]
-    pub found: ParameterOutcome,
-    /// The values that fit as well, all others held: lower and upper end; absent where it was not measured.
-    pub interval: Option<[f64; 2]>,
-    /// Whether the logs determine it; absent where it was not measured.
-    pub identified: Option<bool>,
-    /// True value, from the configuration's `[truth]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub truth: Option<f64>,
-    /// Published values, [smallest, largest], from the configuration's `[published]`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub published: Option<[f64; 2]>,
 }
 
 impl CostFit {
@@ -161,16 +157,10 @@ impl CostFit {
         self.parameters.iter().map(|parameter| parameter.found.value).collect()
     }
 
-    /// The evidence of its doubts of a kind.
-    fn doubt(&self, kind: DoubtKind) -> String {
-        let of_kind = self.doubts.iter().filter(|doubt| doubt.kind == kind);
-        of_kind.map(|doubt| doubt.text.as_str()).collect::<Vec<_>>().join(" ")
-    }
-
-    /// The fit in a sentence, its doubts first.
-    pub fn headline(&self) -> String {
-        if !self.doubts.is_empty() {
-            let doubts = self.doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
+    /// The fit in a sentence, its `doubts` first.
+    fn headline(&self, doubts: &[Doubt]) -> String {
+        if !doubts.is_empty() {
+            let doubts = doubts.iter().map(|doubt| format!("{}: {}", doubt.kind.headline(), doubt.text));
             return doubts.collect::<Vec<_>>().join(" ");
         }
         let cost = format!("{} {:.5}", self.cost_name, self.cost);
@@ -192,24 +182,13 @@ impl AdaptResults {
         super::check::failed(&self.checks)
     }
 
-    /// Why the fit whose θ is kept must not be taken as it stands, the worst first: what its search says, what the logs
-    /// say that were not fitted, and values that the search would have taken further.
-    pub fn doubts(&self) -> Vec<Doubt> {
-        let mut doubts = self.fits.first().map(|fit| fit.doubts.clone()).unwrap_or_default();
-        doubts.extend(self.held_out.as_ref().and_then(HeldOut::doubt));
-        let bound = |found: &&Parameter| doubts::stopped_by_bound(found);
-        let bounded: Vec<&str> =
-            self.parameters.iter().filter(bound).map(|found| found.found.name.as_str()).collect();
-        if !bounded.is_empty() && doubts.iter().all(|doubt| doubt.kind != DoubtKind::Misfit) {
-            let rest = if bounded.len() == 1 { "rests on a bound" } else { "rest on bounds" };
-            let text = format!(
-                "{} {rest} of the search: widen it, or fit what else may differ.",
-                bounded.join(", ")
-            );
-            doubts.push(Doubt::new(DoubtKind::Misfit, text));
-        }
-        doubts.sort_by_key(|doubt| doubt.kind);
-        doubts
+    /// Why no policy may be trained in the fit, in words; absent unless walks that were not fitted contradict it.
+    pub fn contradiction(&self) -> Option<String> {
+        let held = self.held_out.as_ref().filter(|_| self.standing == Standing::Contradicted)?;
+        Some(format!(
+            "walks that were not fitted contradict the fit: {}. Trainings refuse it unless `allow` names \"{CONTRADICTED}\"",
+            held.sentence()
+        ))
     }
 
     /// What a fit must be known by elsewhere: the doubts of every cost, then the warnings.
@@ -239,7 +218,11 @@ pub(super) fn results(
     let mut uncorrected: Vec<String> = Vec::new();
     for outcome in outcomes {
         let Some(cost) = setup.costs.iter().position(|cost| cost.name() == outcome.cost) else { continue };
-        let (outcome, refused) = identified(setup, cost, outcome.clone(), folder, watch)?;
+        let (mut outcome, refused) = identified(setup, cost, outcome.clone(), course, folder, watch)?;
+        if outcome.correction.is_none() && outcome.regression.is_none() {
+            // What the search paid for going away from what was known is no distance from the logs.
+            outcome.best_cost -= setup.theta.prior_cost(&outcome.values());
+        }
         uncorrected.extend(refused.map(|reason| doubts::uncorrected(&outcome, &reason)));
         let mut fit = fit(setup, cost, &outcome, course)?;
         if let Some(first) = found.first().filter(|_| setup.theta.len() <= MOST_SHOWN) {
@@ -248,6 +231,7 @@ pub(super) fn results(
         fits.push(fit);
         found.push(outcome);
     }
+    standing::reconcile(&mut fits);
     let Some(first) = fits.first().cloned() else {
         return Err(Error::failed(
             "no candidate of the fit could be simulated to the end: narrow the bounds, lower the deviations or take \
@@ -264,6 +248,16 @@ pub(super) fn results(
     for fit in &fits {
         warnings.extend(doubts::warnings(fit, fits.len() > 1));
     }
+    let (baselines, held) = (baselines(setup, first.nominal_cost)?, beside_others(setup, robot)?);
+    let efforts =
+        (0..setup.method.model().joints.len()).filter_map(|joint| setup.method.model().effort(joint));
+    let evidence = Evidence {
+        fitted: &fitted,
+        baselines: &baselines,
+        held_out: held.as_ref(),
+        effort: efforts.filter(|effort| effort.is_finite()).reduce(f64::min),
+    };
+    let doubts = standing::doubts(&first, &evidence);
     let swings = swing::findings(setup);
     let beside_swings = swings
         .as_ref()
@@ -274,7 +268,9 @@ pub(super) fn results(
     Ok(AdaptResults {
         name: setup.config.name.clone().unwrap_or_else(|| folder.name()),
         robot: setup.method.model().name.clone(),
-        headline: first.headline(),
+        headline: first.headline(&doubts),
+        standing: standing(&doubts, held.as_ref()),
+        verdict: held.as_ref().map(HeldOut::verdict),
         converged: first.converged,
         better_than_nominal: first.better_than_nominal,
         cost_name: first.cost_name.clone(),
@@ -282,11 +278,12 @@ pub(super) fn results(
         nominal_cost: first.nominal_cost,
         parameters: first.parameters.clone(),
         springs: FoundSpring::of(&setup.theta, &first.values(), first.uncertainty.as_ref()),
-        checks: checks(setup, &first, &fitted),
-        baselines: baselines(setup, first.nominal_cost)?,
+        checks: checks(setup, &first, &doubts, &fitted),
+        doubts,
+        baselines,
         fitted,
         validation: first.validation.clone(),
-        held_out: beside_others(setup, robot)?,
+        held_out: held,
         swings,
         beside_swings,
         fits,
@@ -309,128 +306,5 @@ fn beside_others(setup: &Setup, robot: Robot<'_>) -> Result<Option<HeldOut>, Err
     let Some(set) = setup.validate.first() else { return Ok(None) };
     let (theta, values): (Theta, &[f64]) = (Theta::default(), &[]);
     let before = Robot { theta: &theta, values };
-    held_out(&setup.config, &setup.method, [(set, robot), (set, before)])
-}
-
-/// One evaluation of a robot by cost number `cost`, without a charge for falls.
-fn evaluated(
-    setup: &Setup,
-    cost: usize,
-    theta: &Theta,
-    values: Vec<f64>,
-) -> Result<Option<Evaluation>, Error> {
-    let jobs = [Job { cost, values, draw: 0 }];
-    let simulator = setup.fit.simulator.as_ref();
-    let found =
-        evaluate(simulator, theta, &setup.costs, &FallPenalty::NONE, &jobs, &never).map_err(Error::failed)?;
-    Ok(found.into_iter().next())
-}
-
-fn fit(
-    setup: &Setup,
-    cost: usize,
-    outcome: &CostOutcome,
-    course: &[RunGeneration],
-) -> Result<CostFit, Error> {
-    let config = &setup.config;
-    let values = outcome.values();
-    let fitted = evaluated(setup, cost, &setup.theta, values.clone())?;
-    let nominal = evaluated(setup, cost, &Theta::default(), Vec::new())?;
-    let (nominal_cost, nominal_falls) = nominal.map_or((None, 0), |nominal| (nominal.cost, nominal.falls));
-    let doubts = doubts::doubts(outcome, nominal_cost, nominal_falls, course);
-    let has = |kind| doubts.iter().any(|doubt| doubt.kind == kind);
-    let parameters: Vec<Parameter> = outcome
-        .parameters
-        .iter()
-        .map(|found| Parameter {
-            truth: config.truth.get(&found.name).copied(),
-            published: config.published.get(&found.name).copied(),
-            interval: found.identification.as_ref().map(|one| [one.lower, one.upper]),
-            identified: found.identification.as_ref().map(|one| one.identified),
-            found: found.clone(),
-        })
-        .collect();
-    let error = |parameter: &Parameter| {
-        let truth = parameter.truth.filter(|truth| *truth != 0.0)?;
-        Some(100.0 * (parameter.found.value / truth - 1.0).abs())
-    };
-    let errors = parameters.iter().filter_map(error).map(Some);
-    let theta = Theta::default();
-    let (robot, before) =
-        (Robot { theta: &setup.theta, values: &values }, Robot { theta: &theta, values: &[] });
-    Ok(CostFit {
-        cost_name: outcome.cost.clone(),
-        cost: outcome.best_cost,
-        nominal_cost,
-        converged: !has(DoubtKind::NotConverged),
-        better_than_nominal: !has(DoubtKind::WorseThanNominal),
-        doubts,
-        falls: fitted.map_or(0, |fitted| fitted.falls),
-        nominal_falls,
-        mean_error_percent: mean(errors),
-        validation: validation(
-            config.costs[cost],
-            &setup.validate,
-            setup.aligned(),
-            |set| robot.simulate(set.simulator.as_ref(), config.costs[cost].given()),
-            |set| before.simulate(set.simulator.as_ref(), config.costs[cost].given()),
-        )?,
-        parameters,
-        runs: outcome.runs.clone(),
-        uncertainty: outcome.uncertainty.clone(),
-        correction: outcome.correction.clone(),
-        regression: outcome.regression.clone(),
-        comparison: Vec::new(),
-    })
-}
-
-/// The parameters of `other` beside those of `first`.
-fn beside(setup: &Setup, first: &CostOutcome, other: &CostOutcome) -> Result<Vec<Agreement>, Error> {
-    let cost_of = |name: &str| {
-        let cost = setup.costs.iter().position(|cost| cost.name() == name).unwrap_or_default();
-        move |candidates: &[Vec<f64>]| -> Result<Vec<Option<f64>>, FitError> {
-            let jobs: Vec<Job> =
-                candidates.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
-            let (simulator, falls) = (setup.fit.simulator.as_ref(), &setup.options.falls);
-            let found = evaluate(simulator, &setup.theta, &setup.costs, falls, &jobs, &never)?;
-            Ok(found.into_iter().map(|found| found.cost).collect())
-        }
-    };
-    compare(first, other, cost_of(&first.cost), cost_of(&other.cost)).map_err(Error::failed)
-}
-
-/// The checks that the configuration states.
-fn checks(setup: &Setup, first: &CostFit, fitted: &Score) -> Vec<Check> {
-    let check = &setup.config.check;
-    let mut checks = Vec::new();
-    if check.better_than_nominal {
-        let found = first.doubt(DoubtKind::WorseThanNominal);
-        checks.push(Check::holds("better than the nominal robot", first.better_than_nominal, &found));
-    }
-    if check.converged {
-        let found = first.doubt(DoubtKind::NotConverged);
-        checks.push(Check::holds("converged", first.converged, &found));
-    }
-    if let Some(limit) = check.cost {
-        checks.push(Check::at_most("cost", limit, Some(first.cost)));
-    }
-    checks.extend(validation_checks(check, &first.validation, fitted.cost_validation));
-    checks
-}
-
-/// The checks on validation logs that the configuration states.
-pub(super) fn validation_checks(
-    check: &CheckConfig,
-    validation: &[Validation],
-    cost: Option<f64>,
-) -> Vec<Check> {
-    let mut checks = Vec::new();
-    if let Some(limit) = check.validation_cost {
-        checks.push(Check::at_most("validation_cost", limit, cost));
-    }
-    if let Some(limit) = check.rmse_rad {
-        let value = mean(validation.iter().map(|log| log.rmse_rad));
-        checks.push(Check::at_most("rmse_rad (mean over validation logs)", limit, value));
-    }
-    checks
+    held_out(&setup.config, &setup.method, [(set, robot), (set, before)], &setup.fit.logs)
 }

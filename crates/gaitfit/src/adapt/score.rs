@@ -4,7 +4,8 @@ use super::log_set::LogSet;
 use super::setup::Setup;
 use crate::Error;
 use crate::air::predictors;
-use gaitfit_adapt::cost::{Cost, CostKind, PositionRmse, position_rmse};
+use crate::log::Log;
+use gaitfit_adapt::cost::{Cost, CostKind, PositionRmse, Recorded, position_rmse};
 use gaitfit_adapt::fit::{Predicted, simulate_one};
 use gaitfit_adapt::{Resets, Simulator, Theta};
 use indexmap::IndexMap;
@@ -179,8 +180,26 @@ pub(super) fn score(
     Ok(score)
 }
 
+/// Name of the predictor that takes the last reading for the next one.
+const LAST_VALUE: &str = "last reading";
+
+/// The last reading in place of every sample until the next one is given, every `horizon` samples.
+fn last_value(log: &Log, joints: &[String], horizon: usize) -> Option<Predicted> {
+    let read = Recorded::from_trajectory(&log.trajectory, joints, 0).ok()?;
+    let width = joints.len().max(1);
+    let held = |values: &[f64]| -> Vec<f32> {
+        let row = |row: usize| {
+            let from = row.saturating_sub(1) / horizon.max(1) * horizon.max(1);
+            values[from * width..(from + 1) * width].iter().map(|value| *value as f32)
+        };
+        (0..values.len() / width).flat_map(row).collect()
+    };
+    Some(Predicted { position: held(&read.position), velocity: held(&read.velocity), ..Predicted::default() })
+}
+
 /// The predictors that a fit has to beat, the robot before the fit first. Those that need no simulator repeat the log's
-/// targets: they mean something where the simulator is given the targets too, which is in a replay.
+/// targets, which means something where the simulator is given the targets too: in a replay; or the last reading, where it
+/// is given readings.
 pub(super) fn baselines(setup: &Setup, nominal_cost: Option<f64>) -> Result<Vec<Score>, Error> {
     let theta = Theta::default();
     let nominal = Robot { theta: &theta, values: &[] };
@@ -189,6 +208,14 @@ pub(super) fn baselines(setup: &Setup, nominal_cost: Option<f64>) -> Result<Vec<
         nominal.simulate(set.simulator.as_ref(), given)
     })?];
     if setup.method.walking().is_some() {
+        if let Resets::Sensors(horizon) = given {
+            let joints = setup.method.joints();
+            let held = |set: &LogSet| -> Vec<Predicted> {
+                set.logs.iter().filter_map(|log| last_value(log, &joints, horizon)).collect()
+            };
+            let cost = setup.costs.first().and_then(|cost| cost_of(cost.as_ref(), &held(&setup.fit)));
+            found.push(score(LAST_VALUE, setup, cost, |set| Ok(held(set)))?);
+        }
         return Ok(found);
     }
     let late = |set: &LogSet, delay: f64| predictors::late(&set.logs, delay);

@@ -9,12 +9,12 @@ use super::robots;
 use super::share::Shares;
 use crate::air::{Clamped, logs as air_logs};
 use crate::device::{Device, Devices};
-use crate::log::Log;
+use crate::log::{self, Log};
 use crate::robot::Hold;
 use crate::settings::{AdaptConfig, Base, check};
 use crate::walk::logs::{self as walk_logs, LogNotes, Purpose};
 use crate::walk::walking::{Walking, rest_angles};
-use crate::{Error, machine, paths, robot, theta};
+use crate::{Error, machine, paths, policy_file, robot, theta};
 use gaitfit_adapt::cost::Cost;
 use gaitfit_adapt::fit::{FitOptions, Method as Search};
 use gaitfit_adapt::{JointParameter, ParameterRule, RobotRule, Sharing, Theta, ThetaFile};
@@ -140,14 +140,26 @@ impl Setup {
             warnings.extend(theta::doubts(file, path, method.model(), method.physics_step()));
         }
         let logs = Logs::read(&config, config_path, &method)?;
+        // Delays count from the targets' stamps, so the simulator has to remember targets for longer.
+        let lead = logs.longest_lead();
+        let reach = log::reaching(&base, &theta, lead);
+        let method = if lead > 0.0 {
+            self::method(&config, walker.clone(), robot.clone(), &theta, &reach, threads)?.on(gpus.clone())
+        } else {
+            method
+        };
         files.extend(logs.files());
         warnings.extend(logs.warnings.iter().cloned());
+        // What legs in the air say of joints (`known::priors`) joins the settings' own here, once the logs are read.
+        let theta = theta
+            .with_priors(&config.prior, config.optimizer.prior_weight)
+            .map_err(|error| Error::settings(format!("{}: {error}", config_path.display())))?;
         let named =
             if config.odd_joints { sprung(&config, &method, &method.joints())? } else { theta.clone() };
         warnings.extend(unused(&config, &named, &logs.validate)?);
         let fit = LogSet::new(&config, &method, &base, logs.fit)?;
         let other = |config: &AdaptConfig| {
-            self::method(config, walker.clone(), robot.clone(), &theta, &base, threads)
+            self::method(config, walker.clone(), robot.clone(), &theta, &reach, threads)
                 .map(|method| method.on(gpus.clone()))
         };
         let alternatives = alternatives(&config, &method, &other, &base, &fit.logs)?;
@@ -226,6 +238,7 @@ fn sprung(config: &AdaptConfig, method: &Method, joints: &[String]) -> Result<Th
     rules.resolve();
     rules
         .theta(&config.groups(), &names, &rest)
+        .and_then(|theta| theta.with_priors(&config.prior, config.optimizer.prior_weight))
         .map_err(|error| Error::settings(format!("`odd_joints` puts a spring on every joint: {error}")))
 }
 
@@ -280,7 +293,10 @@ impl Robot {
             None => model,
         };
         let mut read = |named: &String, what: &str| -> Result<PathBuf, Error> {
-            let path = paths::find(named, what, config_path)?;
+            let mut path = paths::find(named, what, config_path)?;
+            if what == "policy" {
+                path = policy_file::find(&path)?.path;
+            }
             files.push(path.clone());
             Ok(path)
         };
@@ -361,7 +377,17 @@ impl Logs {
             }
         }
         warnings.extend(doubts);
+        warnings.extend(log::lead_note(&fit)?);
+        for logs in &validate {
+            log::lead_note(logs)?;
+        }
         Ok(Self { fit, validate, notes, warnings })
+    }
+
+    /// The longest time from a row to the stamp of its target, s.
+    fn longest_lead(&self) -> f64 {
+        let logs = self.fit.iter().chain(self.validate.iter().flatten());
+        logs.filter_map(|log| log.trajectory.lead).map(|lead| lead.seconds).fold(0.0, f64::max)
     }
 
     /// Every file that was read.

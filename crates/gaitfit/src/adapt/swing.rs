@@ -1,6 +1,6 @@
 //! What legs in the air say, beside the values of a fit of walking logs.
 
-use super::results::Parameter;
+use super::parameter::Parameter;
 use super::setup::Setup;
 use crate::walk::swing::{Beside, Fitted, SwingFindings, SwingSettings, beside};
 use gaitfit_adapt::Theta;

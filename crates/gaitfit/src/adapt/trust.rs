@@ -8,14 +8,15 @@ use crate::Error;
 use crate::run::RunFolder;
 use crate::watch::Watch;
 use gaitfit_adapt::Resets;
-use gaitfit_adapt::fit::{Alternative, CostOutcome, FitError, Problem};
+use gaitfit_adapt::fit::{Alternative, CostOutcome, FitError, Problem, RunGeneration, cost_error};
 
 /// The outcome of cost number `cost`, corrected where that can be, with the interval of each parameter, where there are not
-/// too many; and why it is not corrected where it should be.
+/// too many; and why it is not corrected where it should be. `course`: the generations of its runs.
 pub(super) fn identified(
     setup: &Setup,
     cost: usize,
     mut outcome: CostOutcome,
+    course: &[RunGeneration],
     folder: &RunFolder,
     watch: &Watch<'_>,
 ) -> Result<(CostOutcome, Option<String>), Error> {
@@ -27,7 +28,7 @@ pub(super) fn identified(
         let problem = Problem { simulator: &scan, theta, cost, draw, cancel: &stop };
         trusted(setup, number, &mut outcome, problem, watch)
     } else {
-        measured(setup, number, &mut outcome, &scan, watch)
+        measured(setup, number, &mut outcome, course, &scan, watch)
     };
     match measured {
         Ok(refused) => Ok((outcome, refused)),
@@ -42,11 +43,12 @@ pub(super) fn identified(
 }
 
 /// Corrects what CMA-ES found by simulated robots, where that can be, or else scans the cost around it. Returns why it does
-/// not correct, if it should.
+/// not correct, if it should. Intervals reach to all values on the search's way that fit as well.
 fn measured(
     setup: &Setup,
     number: usize,
     outcome: &mut CostOutcome,
+    course: &[RunGeneration],
     scan: &Scan<'_>,
     watch: &Watch<'_>,
 ) -> Result<Option<String>, FitError> {
@@ -65,6 +67,13 @@ fn measured(
     let others = setup.alternatives.iter().filter(|other| other.walks() || cost.resets() != Resets::Never);
     let others: Vec<_> = others.map(Other::alternative).collect();
     outcome.identify(scan, theta, cost, &others, 0, &stop)?;
+    let name = outcome.cost.clone();
+    let own = course.iter().filter(|one| one.cost == name);
+    let others = own.map(|one| (one.best_so_far, one.best_values.as_slice()));
+    let simulator = setup.fit.simulator.as_ref();
+    if let Some(error) = cost_error(simulator, theta, cost, &outcome.values(), 0, &stop)? {
+        outcome.widen(theta, others, error);
+    }
     Ok(refused)
 }
 

@@ -1,16 +1,16 @@
 //! Validation of a finished fit on other logs, without fitting again.
 
-use super::check::Check;
+use super::check::{Check, validation_checks};
 use super::files::CONFIG;
 use super::held_out::{HeldOut, Verdict, held_out};
 use super::log_set::LogSet;
-use super::results::validation_checks;
 use super::score::{Robot as Predictor, Validation, cost_of_sets, mean, validation};
 use super::setup::{Robot, aligned, method, validation as read_logs};
 use crate::settings::{self, AdaptConfig, check};
-use crate::{Error, theta};
+use crate::{Error, log, theta};
 use gaitfit_adapt::Theta;
 use gaitfit_policy::Policy;
+use gaitfit_sim::Candidate;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -58,6 +58,9 @@ pub struct ValidateResults {
     /// Walking logs: their distributions beside those of simulated walks, and a floor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOut>,
+    /// What these walks say of the fit; absent of a clamped robot's logs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
     /// Checks the configuration states.
     pub checks: Vec<Check>,
     /// What to know before trusting the numbers.
@@ -89,11 +92,21 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let fitted = theta::on(base.clone(), &file, &request.theta, &model)?;
     let nothing = Theta::default();
     let longest = if most_delay(&fitted) > most_delay(&base) { &fitted } else { &base };
-    let method = method(&config, policy, model, &nothing, longest, request.threads)?;
+    let of_robot =
+        |reach: &Candidate| method(&config, policy.clone(), model.clone(), &nothing, reach, request.threads);
+    let mut method = of_robot(longest)?;
     // Logs named on the command line are seen from the current directory.
     let (sets, mut warnings) = read_logs(&request.logs, &config, Path::new("validate"), &method)?;
+    for logs in &sets {
+        log::lead_note(logs)?;
+    }
+    let leads = sets.iter().flatten().filter_map(|log| log.trajectory.lead);
+    let lead = leads.map(|lead| lead.seconds).fold(0.0, f64::max);
+    if lead > 0.0 {
+        method = of_robot(&log::reaching(longest, &nothing, lead))?;
+    }
     warnings.extend(theta::doubts(&file, &request.theta, method.model(), method.physics_step()));
-    let of = |robot: &gaitfit_sim::Candidate| -> Result<Vec<LogSet>, Error> {
+    let of = |robot: &Candidate| -> Result<Vec<LogSet>, Error> {
         sets.iter().map(|logs| LogSet::new(&config, &method, robot, logs.clone())).collect()
     };
     let (after, before) = (of(&fitted)?, of(&base)?);
@@ -110,7 +123,9 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
     let rmse_rad = mean(found.iter().map(|log| log.rmse_rad));
     let nominal_rmse_rad = mean(found.iter().map(|log| log.nominal_rmse_rad));
     let held_out = match (after.first(), before.first()) {
-        (Some(fitted), Some(nominal)) => held_out(&config, &method, [(fitted, itself), (nominal, itself)])?,
+        (Some(fitted), Some(nominal)) => {
+            held_out(&config, &method, [(fitted, itself), (nominal, itself)], &[])?
+        }
         _ => None,
     };
     let mut results = ValidateResults {
@@ -127,6 +142,7 @@ pub fn validate(request: &ValidateRequest) -> Result<ValidateResults, Error> {
         nominal_rmse_rad,
         checks: validation_checks(&config.check, &found, cost),
         validation: found,
+        verdict: held_out.as_ref().map(HeldOut::verdict),
         held_out,
         warnings,
     };
@@ -154,7 +170,7 @@ fn config_path(request: &ValidateRequest) -> Result<PathBuf, Error> {
     )))
 }
 
-fn most_delay(robot: &gaitfit_sim::Candidate) -> f64 {
+fn most_delay(robot: &Candidate) -> f64 {
     robot.robot.delay.iter().fold(0.0, |most, &delay| f64::max(most, delay))
 }
 
@@ -185,6 +201,9 @@ fn headline(results: &ValidateResults, numbers: &str) -> String {
         }
         Some(found) if found.verdict() == Verdict::WorseThanNominal => {
             format!("Whole walks worse than the nominal robot's: {}. {numbers}.", found.sentence())
+        }
+        Some(found) if found.verdict() == Verdict::Falls => {
+            format!("Falls where the robot walks: {}. {numbers}.", found.sentence())
         }
         Some(found) => format!("{numbers}. On whole walks {}.", found.sentence()),
     }

@@ -2,7 +2,7 @@
 
 use super::logs;
 use crate::Error;
-use crate::log::Log;
+use crate::log::{self, Log};
 use crate::settings::AdaptConfig;
 use gaitfit_adapt::{JointParameter, ReplaySimulator, Theta};
 use gaitfit_model::Model;
@@ -50,12 +50,14 @@ impl Clamped {
                 self.timestep
             )));
         }
-        let options = ReplayOptions { substeps, preset: self.preset, max_delay: self.max_delay, isa: None };
+        let lead = log::lead(logs.iter().map(|log| &log.trajectory));
+        let max_delay = self.max_delay + lead.max(0.0);
+        let options = ReplayOptions { substeps, preset: self.preset, max_delay, isa: None };
         let recordings =
             logs.iter().map(|log| logs::recording(&log.trajectory, &log.path)).collect::<Result<_, _>>()?;
         let names = || logs.iter().map(|log| log.name.as_str()).collect::<Vec<_>>().join(", ");
         ReplaySimulator::new(&self.model, recordings, options, self.threads)
-            .map(|simulator| simulator.changing(base))
+            .map(|simulator| simulator.changing(base).late(lead))
             .map_err(|error| Error::failed(format!("{}: {error}.", names())))
     }
 }

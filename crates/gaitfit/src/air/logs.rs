@@ -3,10 +3,9 @@
 use crate::Error;
 use crate::log::Log;
 use crate::settings::{AdaptConfig, FileGains};
-use crate::{log_joints, paths};
+use crate::{log_check, log_joints, paths, weight};
 use gaitfit_log::{
-    CheckSpec, Finding, FindingKind, PerJoint, ReadOptions, ReadReport, Severity, Trajectory, check,
-    read_csv_report,
+    CheckSpec, PerJoint, ReadOptions, ReadReport, Regular, Severity, Trajectory, check, read_csv_report,
 };
 use gaitfit_model::Model;
 use gaitfit_sim::Recording;
@@ -53,15 +52,13 @@ pub fn read(
     let (trajectory, joints) = log_joints::of_robot(&trajectory, &path, &config.joint_names, model, &all)?;
     let mut findings = report.findings();
     findings.extend(check(&trajectory, &CheckSpec::of_robot(model, &trajectory.joints)));
+    findings.extend(weight::signs(&trajectory, model));
     recording(&trajectory, &path)?;
-    if let Some(broken) = findings.iter().find(|finding| unusable(finding)) {
-        return Err(Error::failed(format!(
-            "{}: {}: {}. `gaitfit inspect` shows the log; cut or repair it.",
-            path.display(),
-            broken.kind,
-            broken.message.trim_end_matches('.')
-        )));
-    }
+    let findings = log_check::allowed(findings, &config.allow, &report.allowed);
+    log_check::refuse(&findings, &path, &[])?;
+    // A replay has a row every interval: what was lost would shift all that follows.
+    let Regular { trajectory, filled, .. } =
+        trajectory.regular().map_err(|error| Error::failed(format!("{}: {error}", path.display())))?;
     let doubts = findings.iter().filter(|finding| finding.severity != Severity::Note);
     let mut doubts: Vec<String> = doubts.map(|finding| format!("{named}: {finding}")).collect();
     if trajectory.command.as_ref().is_some_and(|command| command.iter().any(|part| part.abs() > 0.0)) {
@@ -70,21 +67,7 @@ pub fn read(
              base = \"free\" and `policy`"
         ));
     }
-    Ok((Log { name: named.to_owned(), path, sidecars: report.sidecars, joints, trajectory }, doubts))
-}
-
-/// Findings after which a replay means nothing. Others, such as a robot that does not follow, are warnings: an
-/// in-air log with strong friction looks like one that is held.
-fn unusable(finding: &Finding) -> bool {
-    let broken = [
-        FindingKind::Malformed,
-        FindingKind::TooShort,
-        FindingKind::NonMonotonicTime,
-        FindingKind::TimeGap,
-        FindingKind::RateMismatch,
-        FindingKind::NotFinite,
-    ];
-    finding.severity == Severity::Error && broken.contains(&finding.kind)
+    Ok((Log { name: named.to_owned(), path, sidecars: report.sidecars, joints, trajectory, filled }, doubts))
 }
 
 fn open(path: &Path, options: &ReadOptions) -> Result<(Trajectory, ReadReport), Error> {

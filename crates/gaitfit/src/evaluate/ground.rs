@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::files::read_text;
+use crate::robot_file;
 use crate::watch::Watch;
 use crate::world::{self, World, WorldSettings};
 use gaitfit_learn::evaluate::{CrossingSummary, crossings, summarise_crossings};
@@ -170,6 +171,8 @@ pub(super) fn open(
     choice: &GroundChoice,
     policy: &Policy,
 ) -> Result<Option<World>, Error> {
+    let (args, _) = robot_file::settled(args, policy)?;
+    let args = &args;
     let mut settings = world::task(args, policy)?;
     let Some(terrain) = choice.settings(settings.terrain.take()) else { return Ok(None) };
     if !args.randomised {

@@ -252,10 +252,6 @@ impl DriftResult {
     pub fn drawn(&self, robots: usize) -> Drift {
         let [x, y, yaw] = self.command;
         let falls = (self.fall_rate.mean * robots as f64).round();
-        // Half a confidence interval is 1.96 standard deviations over the root of the count; one robot has none.
-        let standing = robots as f64 - falls;
-        let factor = if standing < 2.0 { f64::NAN } else { standing.sqrt() / 1.96 };
-        let spread = [self.x, self.y, self.yaw].map(|estimate| estimate.ci95 * factor);
         let unit = if yaw == 0.0 { "m/s" } else { "rad/s" };
         let name = if self.name == "stand" { self.label() } else { format!("{} {unit}", self.label()) };
         Drift {
@@ -264,7 +260,7 @@ impl DriftResult {
             trials: robots as u32,
             falls: falls as u32,
             error: [self.x.mean, self.y.mean, self.yaw.mean],
-            spread,
+            ci95: [self.x, self.y, self.yaw].map(|estimate| estimate.ci95),
             path: self.path.iter().map(|[x, y, _]| [*x, *y]).collect(),
             intended: vec![[0.0, 0.0], [4.0 * x, 4.0 * y]],
         }

@@ -126,6 +126,7 @@ impl Body {
             command: None,
             base: None,
             gains: Some(self.gains.clone()),
+            lead: None,
             fell: false,
         }
     }

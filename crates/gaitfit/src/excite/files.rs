@@ -65,7 +65,7 @@ fn player(settings: &ChirpSettings, body: &Body) -> Result<String, Error> {
     Ok(PLAYER.replacen(NUMBERS, &format!("CHIRP = {numbers}"), 1))
 }
 
-/// A configuration of `gaitfit adapt` for the log that the script writes.
+/// A configuration of `gaitfit fit` for the log that the script writes.
 fn fit(settings: &ChirpSettings, body: &Body) -> String {
     let text = |text: &str| toml::Value::from(text).to_string();
     let table = |values: &[f64]| {
@@ -78,7 +78,7 @@ fn fit(settings: &ChirpSettings, body: &Body) -> String {
         format!("{{ {} }}", entries.join(", "))
     };
     let mut out = format!(
-        "# Fits the log of the chirp: play.py writes log.csv, then `gaitfit adapt fit.toml`.\n\nrobot = {}\n",
+        "# Fits the log of the chirp: play.py writes log.csv, then `gaitfit fit fit.toml`.\n\nrobot = {}\n",
         text(&settings.robot.display().to_string())
     );
     if settings.lenient {

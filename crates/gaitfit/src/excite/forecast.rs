@@ -34,6 +34,7 @@ pub(super) fn forecast(
         sidecars: Vec::new(),
         joints: body.names.clone(),
         trajectory: body.trajectory(settings.rate, targets, start),
+        filled: Vec::new(),
     };
     let simulator = clamped.simulator(base.clone(), std::slice::from_ref(&log))?;
     let made = Mutex::new([Vec::new(), Vec::new()]);

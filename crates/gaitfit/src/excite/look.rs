@@ -58,6 +58,7 @@ impl Look<'_> {
             sidecars: Vec::new(),
             joints: trajectory.joints.clone(),
             trajectory,
+            filled: Vec::new(),
         };
         let one = |(template, made): (&Trajectory, Recorded)| {
             made.fell_at.is_none().then(|| log(made.instead_of(template)))
@@ -139,6 +140,7 @@ impl Look<'_> {
             command: Some((0..samples).flat_map(|sample| sequence.at(sample as f64 * dt)).collect()),
             base: None,
             gains: Some(Gains { kp: interface.kp.clone(), kd: interface.kd.clone() }),
+            lead: None,
             fell: false,
         }
     }

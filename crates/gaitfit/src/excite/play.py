@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Plays a chirp on a robot whose base is clamped and whose legs hang in the air, and writes a log for `gaitfit adapt`.
+"""Plays a chirp on a robot whose base is clamped and whose legs hang in the air, and writes a log for `gaitfit fit`.
 
 Written by `gaitfit excite`. The targets are in chirp.csv beside this file.
 

@@ -53,6 +53,17 @@ pub(super) fn motors(joints: &[JointNumbers]) -> Result<(), Error> {
     )))
 }
 
+/// Refuses a physics step that no simulator takes.
+pub(super) fn step(given: Option<f64>) -> Result<Option<f64>, Error> {
+    match given.filter(|step| !(1e-5..=0.1).contains(step)) {
+        Some(step) => Err(Error::settings(format!(
+            "--step {}: give the simulator's physics step in seconds, from 0.00001 to 0.1",
+            shown_number(step)
+        ))),
+        None => Ok(given),
+    }
+}
+
 /// Refuses gains that no controller has.
 pub(super) fn gains(option: &str, gains: &[f64]) -> Result<(), Error> {
     let Some(wrong) = gains.iter().find(|gain| !(0.0..=MOST_GAIN).contains(*gain)) else { return Ok(()) };

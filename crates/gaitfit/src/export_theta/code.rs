@@ -1,6 +1,7 @@
 //! Python code that says what robot files cannot.
 
 use super::joint::JointNumbers;
+use gaitfit_model::shown_number;
 use gaitfit_sim::Candidate;
 use std::fmt::Write;
 
@@ -20,6 +21,32 @@ fn table(joints: &[JointNumbers], of: impl Fn(&JointNumbers) -> f64) -> String {
     format!("{{{}}}", entries.join(", "))
 }
 
+/// A delay that is written as another one: below this part of a physics step it is rounding.
+const EXACT_LAG: f64 = 0.02;
+
+/// That actuators with delays of whole physics steps cannot have the fitted delays, with the numbers and what to do; `None`
+/// where they can.
+pub(super) fn lag_note(joints: &[JointNumbers], step: f64) -> Option<String> {
+    let written = lag(joints, step) as f64 * step;
+    let farthest = joints
+        .iter()
+        .map(|joint| joint.delay)
+        .max_by(|a, b| (a - written).abs().total_cmp(&(b - written).abs()))?;
+    ((farthest - written).abs() > EXACT_LAG * step).then(|| {
+        format!(
+            "DELAY ROUNDED: isaac_lab.py and mjlab_robot.py write {:.2} ms ({} physics steps of {:.2} ms), and the fitted \
+             delay is {:.2} ms{}. Their actuators know whole steps only. Take a physics step that divides the delay \
+             and give it here, for example --step {}; drive.py and theta.json have the exact value",
+            1e3 * written,
+            lag(joints, step),
+            1e3 * step,
+            1e3 * farthest,
+            if joints.iter().all(|joint| joint.delay == farthest) { "" } else { " (joints differ)" },
+            shown_number((1e6 * farthest / (farthest / step).ceil().max(1.0)).round() / 1e6)
+        )
+    })
+}
+
 /// Physics steps of the longest delay.
 fn lag(joints: &[JointNumbers], step: f64) -> usize {
     let longest = joints.iter().map(|joint| joint.delay).fold(0.0, f64::max);
@@ -29,7 +56,7 @@ fn lag(joints: &[JointNumbers], step: f64) -> usize {
 /// Isaac Lab's actuators with the fitted numbers.
 pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candidate: &Candidate) -> String {
     let names: Vec<String> = joints.iter().map(|joint| format!("{:?}", joint.name)).collect();
-    let lag = lag(joints, step);
+    let (lag, rounded) = (lag(joints, step), lag_note(joints, step));
     let gain = |of: fn(&JointNumbers) -> f64| if gains { table(joints, of) } else { "None".to_owned() };
     let limited: Vec<&JointNumbers> = joints.iter().filter(|joint| joint.torque_limit.is_finite()).collect();
     let limits: Vec<String> =
@@ -40,6 +67,9 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
          None takes what the asset says.\n\"\"\"\n\nfrom isaaclab.actuators import DelayedPDActuatorCfg\n\n",
     );
     let _ = writeln!(text, "# Lags are in physics steps of this length, s.\nPHYSICS_STEP = {step:?}\n");
+    if let Some(note) = rounded {
+        let _ = writeln!(text, "# {note}.\n");
+    }
     let _ = writeln!(text, "ACTUATORS = {{\n    \"joints\": DelayedPDActuatorCfg(");
     let _ = writeln!(text, "        joint_names_expr=[{}],", names.join(", "));
     let _ = writeln!(text, "        stiffness={},", gain(|joint| joint.kp));
@@ -127,6 +157,9 @@ pub(super) fn mjlab(joints: &[JointNumbers], gains: bool, step: f64) -> String {
         text,
         "# Lags are in physics steps of this length, s.\nPHYSICS_STEP = {step:?}\nLAG = {lag}\n"
     );
+    if let Some(note) = lag_note(joints, step) {
+        let _ = writeln!(text, "# {note}.\n");
+    }
     text.push_str(
         "\ndef spec():\n    spec = mujoco.MjSpec.from_file(str(pathlib.Path(__file__).with_name(\"robot.xml\")))\n    \
          for actuator in list(spec.actuators):  # mjlab makes its own\n        spec.delete(actuator)\n    return spec\n\n\n\

@@ -39,6 +39,9 @@ pub struct ExportSettings {
     pub kd: Option<PerJoint>,
     /// A policy whose gains these are, instead.
     pub policy: Option<PathBuf>,
+    /// Physics step of the simulator that takes the files, s; that of the fit, or else of the robot file, when absent. Delays
+    /// are written in such steps where a simulator knows no others.
+    pub step: Option<f64>,
 }
 
 /// A parameter and where it is said.
@@ -94,7 +97,8 @@ pub fn export_theta(settings: &ExportSettings) -> Result<Exported, Error> {
     checks::parameters(&file, &settings.theta)?;
     let candidate = theta::candidate(&file, &settings.theta, &model)?;
     let gains = gains(settings, &model)?;
-    let mut exported = files_of(&file, &model, &text, is_urdf, &candidate, gains.as_ref())?;
+    let step = checks::step(settings.step)?.or(file.physics_step).unwrap_or(model.options.timestep);
+    let mut exported = files_of(&file, &model, &text, is_urdf, &candidate, gains.as_ref(), step)?;
     exported.notes.extend(theta::doubts(&file, &settings.theta, &model, None));
     Ok(exported)
 }
@@ -138,10 +142,11 @@ fn files_of(
     is_urdf: bool,
     candidate: &Candidate,
     gains: Option<&Gains>,
+    step: f64,
 ) -> Result<Exported, Error> {
     let joints = joint::numbers(model, candidate, gains);
     checks::motors(&joints)?;
-    let mut notes = Vec::new();
+    let mut notes = Vec::from_iter(code::lag_note(&joints, step));
     let (robot_name, robot_text, said) = match is_urdf {
         true => ("robot.urdf", urdf::patched(text, model, &joints, candidate)?, urdf::said(text, model)?),
         false => {
@@ -178,7 +183,6 @@ fn files_of(
             file.network.len()
         ));
     }
-    let step = file.physics_step.unwrap_or(model.options.timestep);
     let texts = [
         (robot_name.to_owned(), robot_text),
         ("theta.json".to_owned(), document(file, &joints, model, candidate)?),

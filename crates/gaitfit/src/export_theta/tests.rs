@@ -17,6 +17,9 @@ const GO2_URDF: &str = include_str!("../../../../assets/go2.urdf");
 /// Kinds that a robot file has no words for.
 const BY_CODE: [&str; 4] = ["stiction", "stribeck_velocity", "no_load_speed", "stall_torque"];
 
+/// Physics step of the simulators that take the files, s.
+const STEP: f64 = 0.005;
+
 /// A theta.toml with one of each kind, some on all joints and some on the second alone.
 fn theta_of(model: &Model, delay: f64) -> ThetaFile {
     let all: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
@@ -90,7 +93,7 @@ fn an_exported_mjcf_is_the_fitted_robot() {
         let file = theta_of(&model, 0.0);
         let candidate = file.candidate(&model).unwrap();
         let gains = gains(&model);
-        let exported = files_of(&file, &model, text, false, &candidate, Some(&gains)).unwrap();
+        let exported = files_of(&file, &model, text, false, &candidate, Some(&gains), STEP).unwrap();
         let again = read_mjcf_str(content(&exported, "robot.xml"), &ReadOptions::default()).unwrap();
         let (own, want) = (Robot::nominal(&again), &candidate.robot);
         assert_eq!(own.armature, want.armature, "{}", model.name);
@@ -147,7 +150,8 @@ fn friction_at_rest_and_falling_torque_are_said_by_code() {
     let model = read_mjcf_str(builtin::GO2, &ReadOptions::default()).unwrap();
     let file = theta_of(&model, 0.004);
     let candidate = file.candidate(&model).unwrap();
-    let exported = files_of(&file, &model, builtin::GO2, false, &candidate, Some(&gains(&model))).unwrap();
+    let exported =
+        files_of(&file, &model, builtin::GO2, false, &candidate, Some(&gains(&model)), STEP).unwrap();
     assert!(
         BY_CODE.iter().all(|kind| exported.rows.iter().any(|row| row.name == *kind && !row.in_robot_file))
     );
@@ -167,7 +171,7 @@ fn friction_at_rest_and_falling_torque_are_said_by_code() {
     let motor = |more: &str| {
         let file =
             ThetaFile::parse(&format!("{falling}{}", more.replace("no_load_speed", "stall_torque"))).unwrap();
-        files_of(&file, &model, &bare, true, &file.candidate(&model).unwrap(), None).map(|_| ())
+        files_of(&file, &model, &bare, true, &file.candidate(&model).unwrap(), None, STEP).map(|_| ())
     };
     let error = motor("").unwrap_err().to_string();
     assert!(error.contains(&model.joints[0].name) && error.contains("stall_torque"), "{error}");
@@ -180,12 +184,12 @@ fn friction_at_rest_and_falling_torque_are_said_by_code() {
         "format = 2\n[[parameter]]\nname = \"s\"\nkind = \"stiction\"\njoints = [\"*\"]\nvalue = 0.3\n";
     let file = ThetaFile::parse(text).unwrap();
     let candidate = file.candidate(&model).unwrap();
-    let sticky = files_of(&file, &model, &off, false, &candidate, None).unwrap();
+    let sticky = files_of(&file, &model, &off, false, &candidate, None, STEP).unwrap();
     assert!(content(&sticky, "robot.xml").contains("frictionloss=\"enable\""));
     // A robot whose torque does not fall says so by a null.
     let plain = theta_of(&model, 0.0);
     let candidate = plain.candidate(&model).unwrap();
-    let exported = files_of(&plain, &model, builtin::GO2, false, &candidate, None).unwrap();
+    let exported = files_of(&plain, &model, builtin::GO2, false, &candidate, None, STEP).unwrap();
     let document: serde_json::Value = serde_json::from_str(content(&exported, "theta.json")).unwrap();
     assert!(document["joints"][&model.joints[0].name]["no_load_speed"].is_null());
     assert!(!content(&exported, "isaac_lab.py").contains("velocity_limit"));
@@ -196,7 +200,7 @@ fn an_exported_urdf_has_friction_and_damping() {
     let model = read_urdf_str(GO2_URDF, &ReadOptions::default()).unwrap();
     let file = theta_of(&model, 0.0);
     let candidate = file.candidate(&model).unwrap();
-    let exported = files_of(&file, &model, GO2_URDF, true, &candidate, None).unwrap();
+    let exported = files_of(&file, &model, GO2_URDF, true, &candidate, None, STEP).unwrap();
     let again = read_urdf_str(content(&exported, "robot.urdf"), &ReadOptions::default()).unwrap();
     let own = Robot::nominal(&again);
     assert_eq!((&own.damping, &own.frictionloss), (&candidate.robot.damping, &candidate.robot.frictionloss));
@@ -245,7 +249,7 @@ fn an_exported_urdf_is_whole_whatever_its_layout() {
     }
     let file = ThetaFile::parse(&said).unwrap();
     let candidate = file.candidate(&model).unwrap();
-    let exported = files_of(&file, &model, &text, true, &candidate, None).unwrap();
+    let exported = files_of(&file, &model, &text, true, &candidate, None, STEP).unwrap();
     let again = read_urdf_str(content(&exported, "robot.urdf"), &ReadOptions::default()).unwrap();
     assert_eq!(again.joints[0].damping, 0.3);
     let arm = again.bodies.iter().find(|body| body.name == "arm").unwrap();
@@ -274,8 +278,9 @@ fn robots_of_several_files_are_refused_with_a_remedy() {
     let model = robot::as_written(&path, false).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     let candidate = theta_of(&model, 0.0).candidate(&model).unwrap();
-    let error =
-        files_of(&theta_of(&model, 0.0), &model, &text, false, &candidate, None).unwrap_err().to_string();
+    let error = files_of(&theta_of(&model, 0.0), &model, &text, false, &candidate, None, STEP)
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("included file") && error.contains("to_xml()"), "{error}");
 }
 
@@ -340,7 +345,7 @@ fn python_mujoco_moves_as_the_fitted_robot() {
             )
             .unwrap();
         let floating = read_mjcf_str(text, &ReadOptions::default()).unwrap();
-        let exported = files_of(&file, &floating, text, false, &candidate, Some(&gains)).unwrap();
+        let exported = files_of(&file, &floating, text, false, &candidate, Some(&gains), STEP).unwrap();
         let folder = tempfile::tempdir().unwrap();
         for (name, text) in &exported.files {
             std::fs::write(folder.path().join(name), text).unwrap();
@@ -367,7 +372,8 @@ fn python_mujoco_moves_as_the_fitted_robot() {
 fn written(file: &ThetaFile) -> (Exported, tempfile::TempDir) {
     let model = read_mjcf_str(builtin::GO2, &ReadOptions::default()).unwrap();
     let candidate = file.candidate(&model).unwrap();
-    let exported = files_of(file, &model, builtin::GO2, false, &candidate, Some(&gains(&model))).unwrap();
+    let exported =
+        files_of(file, &model, builtin::GO2, false, &candidate, Some(&gains(&model)), STEP).unwrap();
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes) in &exported.files {
         std::fs::write(folder.path().join(name), bytes).unwrap();
@@ -398,4 +404,27 @@ fn python_configurations_are_loaded_where_their_simulators_are() {
     let said = python(interpreter, &script, folder.path());
     assert!(said.contains("mjlab_robot.py: ") && said.contains("isaac_lab.py: "), "{said}");
     eprintln!("{said}");
+}
+
+#[test]
+fn a_delay_between_two_steps_is_never_rounded_in_silence() {
+    let model = robot::go2().unwrap();
+    let notes = |delay: f64, step: f64| {
+        let file = theta_of(&model, delay);
+        let candidate = file.candidate(&model).unwrap();
+        let found =
+            files_of(&file, &model, builtin::GO2, false, &candidate, Some(&gains(&model)), step).unwrap();
+        let code = ["isaac_lab.py", "mjlab_robot.py"].map(|wanted| {
+            let (_, bytes) = found.files.iter().find(|(name, _)| name == wanted).unwrap();
+            String::from_utf8(bytes.clone()).unwrap().contains("DELAY ROUNDED")
+        });
+        (found.notes.into_iter().find(|note| note.contains("DELAY ROUNDED")), code)
+    };
+    let (note, code) = notes(0.008, 0.005);
+    let note = note.unwrap();
+    assert!(note.contains("10.00 ms") && note.contains("8.00 ms") && note.contains("--step 0.004"), "{note}");
+    assert_eq!(code, [true; 2]);
+    for (delay, step) in [(0.008, 0.004), (0.01, 0.005), (0.0, 0.005)] {
+        assert_eq!(notes(delay, step), (None, [false; 2]), "{delay} {step}");
+    }
 }

@@ -12,7 +12,7 @@ const CRITIC_WARMUP: [u32; 2] = [5, 20];
 /// Reads a policy, and its SHA-256 as the program writes it: weights and description count, in one file or two.
 pub fn read(path: &Path) -> Result<(Policy, String), Error> {
     let policy = gaitfit_policy::read(path)?;
-    let bytes = weights::write(&policy)?;
+    let bytes = weights::plain(&policy)?;
     Ok((policy, inputs::hash(&bytes)))
 }
 

@@ -2,21 +2,26 @@
 
 use super::policy;
 use crate::Error;
+use crate::adapt::CONTRADICTED;
 use crate::device::Devices;
 use crate::draws;
 use crate::paths;
+use crate::policy_file::{self, PolicyFile};
+use crate::robot_file;
 use crate::run::inputs::{Inputs, hash_file};
 use crate::settings::{FinetuneConfig, changed, tamed};
 use crate::train::{Parent, Plan, Setup, Start, advice, configuration, refused};
 use crate::world::{self, World, WorldSettings};
 use gaitfit_learn::Training;
 use gaitfit_learn::task::TaskSettings;
-use gaitfit_model::shown_number;
+use gaitfit_model::{escaped, shown_number};
 use gaitfit_policy::Policy;
 use std::path::{Path, PathBuf};
 use toml::Table;
 
 const PRINTED_BY: &str = "gaitfit config finetune";
+/// Most characters of a file's reason that are shown.
+const MOST_REASON: usize = 1000;
 
 /// What is asked of a fine-tuning.
 #[derive(Clone, Debug)]
@@ -37,20 +42,41 @@ pub struct Request {
     pub devices: Devices,
 }
 
+/// Refuses fitted parameters that walks contradict, unless that is allowed.
+fn uncontradicted(path: &Path, allow: &[String]) -> Result<(), Error> {
+    let file = crate::theta::read(path)?;
+    match file.contradicted.filter(|_| !allow.iter().any(|name| name == CONTRADICTED)) {
+        None => Ok(()),
+        Some(why) => Err(Error::settings(format!(
+            "{}: walks that were not fitted contradict it: {}. A policy that is trained there can be worse than before. Fit \
+             again with other parameters or logs; or, knowing this, set `allow = [\"{CONTRADICTED}\"]` (--set \
+             'allow=[\"{CONTRADICTED}\"]')",
+            path.display(),
+            escaped(&why, MOST_REASON)
+        ))),
+    }
+}
+
 /// Reads policy, robot and fitted parameters, and checks the settings.
 pub fn setup(request: Request) -> Result<Setup, Error> {
     let Request { mut config, path, name: run, files, task, threads, devices } = request;
     let path = path.as_deref();
     let wrong = |wrong: String| Error::settings(advice(path, &wrong, PRINTED_BY));
     config.name = Some(run.clone());
-    let files = Found::find(&files, &mut config, path)?;
+    let mut files = Found::find(&files, &mut config, path)?;
     let (mut policy, policy_sha256) = policy::read(&files.policy)?;
     let theta_sha256 = files.theta.as_deref().map(hash_file).transpose()?;
     pinned(&mut config.policy_sha256, Some(&policy_sha256), &files.policy)?;
     if let Some(theta) = &files.theta {
         pinned(&mut config.theta_sha256, theta_sha256.as_ref(), theta)?;
+        uncontradicted(theta, &config.allow)?;
     }
-    let arguments = WorldSettings {
+    if let Some(name) = config.allow.iter().find(|name| *name != CONTRADICTED) {
+        return Err(wrong(format!(
+            "`allow` has {name:?}; the finding that a training may pass over is \"{CONTRADICTED}\""
+        )));
+    }
+    let asked = WorldSettings {
         policy: files.policy.clone(),
         robot: files.robot.clone(),
         lenient: config.lenient,
@@ -63,9 +89,16 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         seed: 0,
         threads,
     };
+    let (arguments, notes) = robot_file::settled(&asked, &policy)?;
+    files.robot.clone_from(&arguments.robot);
+    config.robot = files.robot.as_ref().map(|path| path.display().to_string());
+    config.lenient = arguments.lenient;
+    let robot_file =
+        files.robot.as_deref().map(|path| robot_file::record(path, config.lenient)).transpose()?;
     let changed = !config.task.is_empty();
     let (plan, settings, new_critic) = plan(&mut config, &arguments, &mut policy, run).map_err(&wrong)?;
-    let mut warnings: Vec<String> = plan.untrained().into_iter().collect();
+    let mut warnings: Vec<String> =
+        plan.untrained().into_iter().chain(files.notes.clone()).chain(notes).collect();
     let drawn = if config.randomise_theta { Some(files.draws().map_err(&wrong)?) } else { None };
     let of_task = |error: Error| {
         // Settings of [task] lie upon those of the file.
@@ -91,6 +124,7 @@ pub fn setup(request: Request) -> Result<Setup, Error> {
         scene: world.scene,
         start: Some(Start { policy: world.policy, parent }),
         inputs,
+        robot_file,
         threads: arguments.threads(),
         devices,
         warnings,
@@ -168,6 +202,8 @@ struct Found {
     policy: PathBuf,
     theta: Option<PathBuf>,
     robot: Option<PathBuf>,
+    /// What to know of the choice of the policy.
+    notes: Vec<String>,
 }
 
 impl Found {
@@ -192,13 +228,15 @@ impl Found {
             };
         let policy = find(&asked.policy, &mut config.policy, "policy")?.ok_or_else(|| {
             Error::settings(
-                "no policy to go on from; give one, for example `gaitfit finetune runs/velocity/seed-1/policy.safetensors \
-                 --theta runs/fit/theta.toml`",
+                "no policy to go on from; give one, for example `gaitfit finetune runs/velocity --theta \
+                 runs/fit/theta.toml`",
             )
         })?;
+        let PolicyFile { path: policy, note } = policy_file::find(&policy)?;
+        config.policy = Some(policy.display().to_string());
         let theta = find(&asked.theta, &mut config.theta, "theta")?;
         let robot = find(&asked.robot, &mut config.robot, "robot")?;
-        Ok(Self { policy, theta, robot })
+        Ok(Self { policy, theta, robot, notes: note.into_iter().collect() })
     }
 
     /// The draws of the fit.

@@ -49,7 +49,13 @@ impl Anatomy {
         contacts.sort_unstable();
         contacts.dedup();
         if contacts.is_empty() {
-            return Err(InitError::NoContact { robot: shown(&model.name) });
+            let usual = || {
+                "give the file with the floor (often `scene.xml`), or give the feet spheres, capsules, boxes or cylinders \
+                 that collide"
+                    .to_owned()
+            };
+            let why = model.feet_of_meshes().unwrap_or_else(usual);
+            return Err(InitError::NoContact { robot: shown(&model.name), why });
         }
         let paths: Vec<Vec<usize>> = (0..model.bodies.len()).map(|body| path(model, body)).collect();
         let path_of = |geom: usize| &paths[model.geoms[geom].body];
@@ -60,7 +66,7 @@ impl Anatomy {
         };
         let mut ends: Vec<usize> = contacts.iter().copied().filter(|&geom| last(path_of(geom))).collect();
         let ground = ends.iter().map(|&geom| lowest(geom)).fold(f64::INFINITY, f64::min);
-        let height = -ground;
+        let height = height_above(model, &frames, ground);
         ends.retain(|&geom| lowest(geom) <= ground + NEAR_GROUND * height);
         let mut legs: Vec<Leg> = Vec::new();
         for &geom in &ends {
@@ -128,6 +134,17 @@ impl Anatomy {
             .collect();
         format!("{name}: {}; forward is x, left is y", groups.join(", then "))
     }
+}
+
+/// Share of the highest joint's height above the ground below which the base's origin does not show how tall a robot is.
+const LOW_ORIGIN: f64 = 0.25;
+
+/// How tall a robot is, m: its base above `ground`, which is seen from the base's origin. Where a file has that origin at
+/// the floor, its highest joint counts.
+fn height_above(model: &Model, frames: &[Frame], ground: f64) -> f64 {
+    let anchor = |joint: &gaitfit_model::Joint| frames[joint.body].point(joint.pos)[2];
+    let highest = model.joints.iter().map(anchor).fold(f64::NEG_INFINITY, f64::max);
+    if -ground < LOW_ORIGIN * (highest - ground) { highest - ground } else { -ground }
 }
 
 fn leg(

@@ -6,14 +6,17 @@
 
 mod anatomy;
 mod gains;
+#[cfg(test)]
+mod odd_test;
 mod pose;
 mod sizes;
 mod text;
 
 use crate::settings::{Configuration, TrainConfig};
-use gaitfit_learn::task::{Task, TaskSettings};
+use gaitfit_learn::task::{Task, TaskError, TaskSettings};
 use gaitfit_model::{Cone, Model, Root, shown};
 use gaitfit_physics::Preset;
+use gaitfit_sim::Candidate;
 use serde::Serialize;
 
 use anatomy::Anatomy;
@@ -32,13 +35,12 @@ pub enum InitError {
         robot: String,
     },
     /// Nothing can touch the ground.
-    #[error(
-        "no geom of {robot} may touch the ground, so it has no feet: give the file with the floor (often `scene.xml`), or \
-         give the feet spheres, capsules, boxes or cylinders that collide"
-    )]
+    #[error("no geom of {robot} may touch the ground, so it has no feet: {why}")]
     NoContact {
         /// The robot.
         robot: String,
+        /// Why, or what to do.
+        why: String,
     },
     /// No leg ends in a foot.
     #[error(
@@ -87,6 +89,9 @@ pub enum InitError {
 
 /// What a robot with elliptic cones trains with: those take the solver three times as many steps.
 const CONE: &str = "cone = \"pyramidal\"              # the file's elliptic cones take longer in training\n";
+
+/// Number of randomised robots that are made of what is written, as a training would make them.
+const VARIED: usize = 64;
 
 /// Something that was found or guessed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -150,8 +155,9 @@ pub fn look(model: &Model) -> Result<Look, InitError> {
     let text = text::task(model, &anatomy, &pose, &sizes, &gains);
     let settings = read(&text).map_err(|why| InitError::Task { robot: robot(), why })?;
     // What a training would refuse, in a robot of odd sizes, is said now.
-    let task = Task::new(model, &settings, Preset::Fast);
-    task.map_err(|error| InitError::Task { robot: robot(), why: error.to_string() })?;
+    let refused = |error: TaskError| InitError::Task { robot: robot(), why: error.to_string() };
+    let task = Task::new(model, &settings, Preset::Fast).map_err(refused)?;
+    task.robots(&[Candidate::nominal(model)], 0, 0, VARIED).map_err(refused)?;
     let elliptic = model.options.cone == Cone::Elliptic;
     Ok(Look { settings, guesses: guesses(model, &anatomy, &pose, &sizes, &gains), elliptic, text })
 }

@@ -90,6 +90,11 @@ impl Sizes {
         }
     }
 
+    /// How far the base is above the ground, m, or the leg is long where the base's origin lies near the ground.
+    pub fn tall(&self) -> f64 {
+        if self.height < 0.5 * self.leg { self.leg } else { self.height }
+    }
+
     /// Leg length over the Go2's.
     pub fn length(&self) -> f64 {
         self.leg / GO2_LEG

@@ -10,6 +10,9 @@ use std::fmt::Write as _;
 /// Iterations of a robot on two legs: it takes longer to learn.
 const BIPED_ITERATIONS: u32 = 1500;
 
+/// Share of the base's own mass that randomised robots may lack.
+const LEAST_SHARE: f64 = 0.5;
+
 /// A basic string of TOML, which may be a key too: its escapes are those of JSON.
 pub fn quoted(text: &str) -> String {
     serde_json::Value::String(text.to_owned()).to_string()
@@ -119,12 +122,15 @@ pub fn task(model: &Model, anatomy: &Anatomy, pose: &Pose, sizes: &Sizes, gains:
     let contacts = list(anatomy.base_geoms.iter().map(|&geom| quoted(&model.geoms[geom].name)));
     line(&mut text, "contacts", contacts, "geoms of the base: they must not touch the ground");
     let share = if biped { 0.6 } else { 0.4 };
-    line(&mut text, "height", float(tidy(share * sizes.height)), "m, lowest base");
+    line(&mut text, "height", float(tidy(sizes.height - (1.0 - share) * sizes.tall())), "m, lowest base");
     line(&mut text, "tilt", 60.0, "degrees");
 
     let _ = writeln!(text, "\n[task.randomisation]");
     let mass = sizes.mass / super::sizes::GO2_MASS;
-    line(&mut text, "base_mass", format!("[{:?}, {:?}]", tidy(-mass), tidy(3.0 * mass)), "kg added");
+    // Some files have a base of little mass that the rest is fixed to: more than it has cannot be taken away.
+    let own = model.bodies.first().map_or(0.0, |base| base.mass);
+    let least = -mass.min(LEAST_SHARE * own);
+    line(&mut text, "base_mass", format!("[{:?}, {:?}]", tidy(least), tidy(3.0 * mass)), "kg added");
     line(&mut text, "base_com", float(tidy(0.02 * sizes.length())), "m, half range along each axis");
     if let Some([least, most]) = gains.armature {
         let comment = "kg·m² added: the file has no rotor inertia (a guess)";

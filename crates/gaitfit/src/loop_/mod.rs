@@ -1,6 +1,7 @@
 //! The whole method: collect, adapt, fine-tune, evaluate, repeated while it helps.
 
 pub(crate) mod controls;
+mod fallback;
 pub mod files;
 mod presence;
 mod report;

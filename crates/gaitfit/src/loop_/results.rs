@@ -67,8 +67,11 @@ pub struct RoundResult {
     pub after: String,
     /// The fit.
     pub adapt: AdaptResults,
-    /// The fitted parameters' file.
+    /// The file of the parameters that the policy was trained with: those of the fit, unless `fallback` says otherwise.
     pub theta: String,
+    /// Why the policy was trained in another simulator than the fit's, and in which; absent if it was not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fallback: Option<String>,
     /// The training.
     pub finetune: train::Results,
     /// The seed of it whose policy was taken; absent in results of earlier versions.
@@ -126,6 +129,12 @@ impl Results {
     /// That robots diverged while a policy was measured, in sentences; none if none did.
     pub fn divergence(&self) -> Option<String> {
         divergence(&self.evaluations)
+    }
+
+    /// That the last policy was not trained in its round's fit, and why; absent if it was.
+    pub fn fallback(&self) -> Option<String> {
+        let round = self.rounds.last()?;
+        round.fallback.as_ref().map(|why| format!("round {}: {why}", round.round))
     }
 
     /// That the policies were measured, but not on the robot; none if they were.

@@ -5,10 +5,10 @@
 //! logs of different policies, each scaled by its own range. Where only logs can be had, it is the cost of the fit.
 
 use super::controls;
+use super::fallback::{self, Model};
 use super::files;
 use super::presence;
 use super::results::{self, Measurement, REFERENCE, Results, RoundResult, TARGET, adapted, policy_name};
-use super::settled;
 use super::setup::Setup;
 use super::stages::{Stages, measurement};
 use super::training_robot::TrainingRobot;
@@ -59,7 +59,7 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
     let mut fits = Vec::new();
     let mut stopped_because = "all rounds are done".to_owned();
     for number in 1..=most {
-        let (round, fit) = one_round(&mut stages, number, &mut policies, &mut evaluations)?;
+        let (round, fit) = one_round(&mut stages, number, &rounds, &mut policies, &mut evaluations)?;
         rounds.push(round);
         fits.push(fit);
         if let (true, Some(after)) = (most > 1, policies.last()) {
@@ -89,7 +89,7 @@ pub fn run(setup: &Setup, folder: &RunFolder, watch: &Watch<'_>) -> Result<Done,
         stopped_because,
         walked: walked(&stages, &policies)?,
         next: next(stages.target.as_ref(), absent.as_deref(), after),
-        doubts: rounds.last().map(|round| round.adapt.doubts()).unwrap_or_default(),
+        doubts: rounds.last().map(|round| round.adapt.doubts.clone()).unwrap_or_default(),
         warnings: warnings(&rounds, &fits, &evaluations, &comparisons),
         bought: controls::bought(&comparisons, &evaluations),
         comparisons,
@@ -117,6 +117,7 @@ fn count(setup: &Setup, rounds: u32, target: Option<&Target>) -> usize {
 fn one_round(
     stages: &mut Stages<'_>,
     number: u32,
+    rounds: &[RoundResult],
     policies: &mut Vec<PolicyFiles>,
     evaluations: &mut Vec<Measurement>,
 ) -> Result<(RoundResult, adapt::Setup), Error> {
@@ -138,7 +139,10 @@ fn one_round(
     config.runs = stages.path(&round).display().to_string();
     add_truth(setup, &mut config);
     let (fit, adapt, theta) = stages.adapt(&round, &config)?;
-    let robot = TrainingRobot::fitted(theta.clone(), settled::of_fit(&adapt, &theta)?);
+    let Model { robot, theta, fallback } = fallback::model(stages, &round, &adapt, &theta, rounds)?;
+    if let Some(fallback) = &fallback {
+        stages.note(&format!("{round}: {fallback}"));
+    }
     let (finetune, seed, bytes) = stages.finetune(&round, before, &robot)?;
     let stem = |number: u32| format!("policy-{number}");
     let after = stages.keep(&policy_name(number), &stem(number), &bytes)?;
@@ -152,6 +156,7 @@ fn one_round(
         after: after.name.clone(),
         adapt,
         theta: theta.display().to_string(),
+        fallback,
         finetune,
         seed: Some(seed),
     };
@@ -325,6 +330,9 @@ fn warnings(
     comparisons: &[Comparison],
 ) -> Vec<String> {
     let mut found = Vec::from_iter(results::divergence(evaluations));
+    let elsewhere =
+        |round: &RoundResult| round.fallback.as_ref().map(|why| format!("round {}: {why}", round.round));
+    found.extend(rounds.iter().filter_map(elsewhere));
     found.extend(comparisons.iter().filter_map(controls::warning));
     for round in rounds {
         let (before, after) = (measured(evaluations, &round.before), measured(evaluations, &round.after));
@@ -348,7 +356,7 @@ fn warnings(
     }
     let last = rounds.last().map(|round| round.round);
     for round in rounds.iter().filter(|round| Some(round.round) != last) {
-        let doubts = round.adapt.doubts();
+        let doubts = &round.adapt.doubts;
         let said =
             doubts.iter().map(|doubt| format!("{}{}: {}", which(round), doubt.kind.headline(), doubt.text));
         found.extend(said);

@@ -1,14 +1,17 @@
-//! What a training need not draw at random any more: the numbers of the robot that a fit found.
+//! What a training need not draw at random any more: the numbers of the robot that a fit found, if it stands firmly.
 
 use super::results::RoundResult;
-use crate::adapt::AdaptResults;
+use crate::adapt::{AdaptResults, Standing};
 use crate::{Error, theta};
 use gaitfit_adapt::{JointParameter, RobotNumber};
 use std::path::Path;
 use toml::{Table, Value};
 
-/// Kinds of parameters that logs have determined.
+/// Kinds of parameters that logs have determined; none of a fit in doubt, whose values may stand for something else.
 pub fn of_fit(results: &AdaptResults, file: &Path) -> Result<Vec<String>, Error> {
+    if results.standing != Standing::Sound {
+        return Ok(Vec::new());
+    }
     let unknown = |name: &str| {
         results.parameters.iter().any(|one| one.found.name == name && one.identified == Some(false))
     };
@@ -18,6 +21,9 @@ pub fn of_fit(results: &AdaptResults, file: &Path) -> Result<Vec<String>, Error>
 
 /// The same of a round that is over.
 pub fn of_round(round: &RoundResult) -> Result<Vec<String>, Error> {
+    if round.fallback.is_some() {
+        return Ok(Vec::new());
+    }
     of_fit(&round.adapt, Path::new(&round.theta))
 }
 

@@ -9,7 +9,7 @@ use crate::settings::{LOOP_FREE, LoopConfig, MOST_SEED, TargetConfig, TargetKind
 use crate::target::{self, Command, PolicyFiles, Robot, Simulated, Target};
 use crate::walk::log_files;
 use crate::world::{self, World, WorldSettings};
-use crate::{collect, finetune, paths, robot, theta};
+use crate::{collect, finetune, paths, policy_file, robot, robot_file, theta};
 use gaitfit_adapt::ThetaFile;
 use gaitfit_learn::task::TaskSettings;
 use gaitfit_model::Model;
@@ -52,15 +52,18 @@ pub struct Setup {
 
 impl Setup {
     /// Reads policy and robot, finds the logs, and checks that settings fit them.
-    pub fn open(config: LoopConfig, config_path: &Path, threads: usize) -> Result<Self, Error> {
+    pub fn open(mut config: LoopConfig, config_path: &Path, threads: usize) -> Result<Self, Error> {
         let mut files = Vec::new();
         let mut find = |named: &str, what: &str| {
-            let path = paths::find(named, what, config_path)?;
+            let mut path = paths::find(named, what, config_path)?;
+            if what == "policy" {
+                path = policy_file::find(&path)?.path;
+            }
             files.push(path.clone());
             Ok::<_, Error>(path)
         };
         let policy_path = find(&config.policy, "policy")?;
-        let robot = if config.robot.is_empty() { None } else { Some(find(&config.robot, "robot")?) };
+        let mut robot = if config.robot.is_empty() { None } else { Some(find(&config.robot, "robot")?) };
         if let Some(theta) = config.target.as_ref().and_then(|target| target.theta.as_deref()) {
             find(theta, "target.theta")?;
         }
@@ -76,6 +79,14 @@ impl Setup {
         }
         let policy = gaitfit_policy::read(&policy_path)?;
         let policy_bytes = weights::write(&policy)?;
+        if let (None, Some(recorded)) = (&robot, &policy.provenance.robot_file) {
+            let (path, note) = robot_file::find(&policy_path, recorded, &policy.interface.robot)?;
+            config.robot = path.display().to_string();
+            config.lenient |= recorded.lenient;
+            files.push(path.clone());
+            doubts.extend(note);
+            robot = Some(path);
+        }
         let model = match &robot {
             Some(path) => robot::read(path, config.lenient, Hold::File)?,
             None => robot::go2()?,

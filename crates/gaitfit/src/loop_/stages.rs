@@ -65,6 +65,11 @@ impl<'a> Stages<'a> {
         }
     }
 
+    /// Tells something that the results say too.
+    pub fn note(&self, text: &str) {
+        self.watch.note(text);
+    }
+
     /// Comes to the next stage, or stops before it when that was asked for.
     fn pause(&mut self) -> Result<(), Error> {
         self.steps.0 += 1;

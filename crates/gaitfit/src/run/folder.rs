@@ -1,6 +1,7 @@
 //! The folder of one run. Every file in it is written whole or not at all, and no run writes into another's.
 
 use super::absent;
+use super::owned::{LOCK, Owned};
 use crate::{Access, Error, files};
 use gaitfit_model::shown;
 use serde::Serialize;
@@ -12,8 +13,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug)]
 pub struct RunFolder {
     path: PathBuf,
-    /// Held open for its lock, which the system drops with the process.
-    _lock: File,
+    owned: Owned,
 }
 
 /// Most runs of one name.
@@ -72,19 +72,15 @@ impl RunFolder {
     }
 
     fn lock(path: PathBuf) -> Result<Self, Error> {
-        let file = path.join(".lock");
-        let lock =
-            no_pipe(&file).and_then(|()| File::create(&file)).map_err(|error| unwritable(&file, error))?;
-        match lock.try_lock() {
-            Ok(()) => {
+        match Owned::take(&path).map_err(|error| unwritable(&path.join(LOCK), error))? {
+            Some(owned) => {
                 sweep(&path);
-                Ok(Self { path, _lock: lock })
+                Ok(Self { path, owned })
             }
-            Err(fs::TryLockError::WouldBlock) => Err(Error::failed(format!(
+            None => Err(Error::failed(format!(
                 "another process is working on {}; wait for it, or take another --name",
                 path.display()
             ))),
-            Err(fs::TryLockError::Error(error)) => Err(unwritable(&file, error)),
         }
     }
 
@@ -98,14 +94,34 @@ impl RunFolder {
         self.path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
     }
 
+    /// Refuses to work on where another folder has been put in this one's place.
+    fn same(&self) -> Result<(), Error> {
+        if self.owned.is(&self.path) {
+            return Ok(());
+        }
+        Err(Error::failed(format!(
+            "{} is no longer the folder of this run: it was moved, removed or exchanged for another one while the run \
+             worked, so nothing more is written there. Put the run's own folder back and continue with --resume.",
+            self.path.display()
+        )))
+    }
+
     /// Makes a folder in this one, if it is not there yet. Files in it have names such as `seed-1/metrics.jsonl`.
+    ///
+    /// # Errors
+    /// A folder that cannot be made; another folder in this one's place.
     pub fn make(&self, name: &str) -> Result<(), Error> {
+        self.same()?;
         let path = self.path.join(name);
         fs::create_dir_all(&path).map_err(|error| unwritable(&path, error))
     }
 
     /// Writes a file whole: a temporary file beside it, synced, then renamed.
+    ///
+    /// # Errors
+    /// A file that cannot be written; another folder in this one's place.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Error> {
+        self.same()?;
         let path = self.path.join(name);
         let folder = path.parent().unwrap_or(&self.path);
         let whole = || -> std::io::Result<()> {
@@ -142,6 +158,7 @@ impl RunFolder {
         name: &str,
         read: impl Fn(&Path, u64) -> std::io::Result<T>,
     ) -> Result<Option<T>, Error> {
+        self.same()?;
         let path = self.path.join(name);
         match read(&path, files::MOST_BYTES) {
             Ok(content) => Ok(Some(content)),
@@ -154,7 +171,11 @@ impl RunFolder {
     }
 
     /// Adds lines to a file. A line cut short by a crash is mended by [`RunFolder::write`] on resuming.
+    ///
+    /// # Errors
+    /// A file that cannot be written; another folder in this one's place.
     pub fn append(&self, name: &str, text: &str) -> Result<(), Error> {
+        self.same()?;
         let path = self.path.join(name);
         let add = || {
             no_pipe(&path)?;
@@ -172,7 +193,7 @@ impl RunFolder {
 }
 
 /// Refuses what is there and is no regular file: opening a pipe would wait for ever.
-fn no_pipe(path: &Path) -> std::io::Result<()> {
+pub(super) fn no_pipe(path: &Path) -> std::io::Result<()> {
     match files::regular(path) {
         Err(error) if error.kind() == ErrorKind::InvalidInput => {
             Err(std::io::Error::new(ErrorKind::AlreadyExists, error))
@@ -262,7 +283,7 @@ fn sweep(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
         let kind = entry.file_type();
-        if kind.as_ref().is_ok_and(fs::FileType::is_dir) && !path.join(".lock").exists() {
+        if kind.as_ref().is_ok_and(fs::FileType::is_dir) && !path.join(LOCK).exists() {
             sweep(&path);
         } else if kind.is_ok_and(|kind| kind.is_file())
             && entry.file_name().to_string_lossy().starts_with(WRITING)
@@ -275,7 +296,9 @@ fn sweep(folder: &Path) {
 
 fn unwritable(path: &Path, source: std::io::Error) -> Error {
     let remedy = match source.kind() {
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free some space, then continue with --resume",
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
+            "free some space, or raise the limit of file sizes (`ulimit -f`), then continue with --resume"
+        }
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
             "make it writable, or write elsewhere with --set runs=FOLDER"
         }
@@ -331,6 +354,32 @@ mod tests {
         fs::remove_dir_all(runs.path().join("a-4")).unwrap();
         assert_eq!(RunFolder::latest(runs.path(), "a").unwrap().unwrap().name(), "a-3");
         assert_eq!(RunFolder::latest(runs.path(), "a-8").unwrap().unwrap().name(), "a-8");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_folder_exchanged_for_another_is_an_error_and_gets_nothing() {
+        let runs = tempfile::tempdir().unwrap();
+        let folder = RunFolder::fresh(runs.path(), "a").unwrap();
+        folder.write("checkpoint.json", b"own").unwrap();
+        fs::rename(folder.path(), runs.path().join("aside")).unwrap();
+        let gone = folder.write("checkpoint.json", b"own").unwrap_err().to_string();
+        assert!(gone.contains("no longer the folder of this run"), "{gone}");
+        // Another run, with a lock of its own.
+        fs::create_dir(runs.path().join("a")).unwrap();
+        fs::write(runs.path().join("a/.lock"), "").unwrap();
+        for error in [
+            folder.write("checkpoint.json", b"own").unwrap_err(),
+            folder.append("metrics.jsonl", "own").unwrap_err(),
+            folder.make("seed-1").unwrap_err(),
+            folder.read("checkpoint.json").unwrap_err(),
+        ] {
+            assert!(error.to_string().contains("exchanged for another"), "{error}");
+        }
+        assert_eq!(fs::read_dir(runs.path().join("a")).unwrap().count(), 1);
+        fs::remove_dir_all(runs.path().join("a")).unwrap();
+        fs::rename(runs.path().join("aside"), folder.path()).unwrap();
+        folder.write("checkpoint.json", b"own again").unwrap();
     }
 
     #[test]

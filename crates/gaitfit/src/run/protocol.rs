@@ -111,11 +111,14 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
         without(&self.inputs).difference(&without(saved))
     }
 
-    /// Refuses to go on with other settings or inputs, naming what differs.
+    /// Refuses settings that are no numbers, and to go on with other settings or inputs, naming what differs.
     ///
     /// # Errors
     /// As it says, or files that are damaged.
     pub fn check(&self) -> Result<(), Error> {
+        if let Some(name) = no_number("", &self.settings) {
+            return Err(Error::settings(format!("`{name}` is not a number; give one, or leave it out")));
+        }
         match self.difference()? {
             None => Ok(()),
             Some(difference) => Err(self.refusal(&difference)),
@@ -171,6 +174,23 @@ impl<A: Clone + PartialEq + Serialize + DeserializeOwned> Protocol<'_, A> {
     }
 }
 
+/// The dotted name of the first number that is none (NaN): no setting means that, and comparisons with it pass unseen.
+fn no_number(path: &str, table: &Table) -> Option<String> {
+    fn within(path: String, value: &toml::Value) -> Option<String> {
+        match value {
+            toml::Value::Table(table) => no_number(&path, table),
+            toml::Value::Array(array) => {
+                array.iter().enumerate().find_map(|(place, value)| within(format!("{path}.{place}"), value))
+            }
+            toml::Value::Float(number) => number.is_nan().then_some(path),
+            _ => None,
+        }
+    }
+    table.iter().find_map(|(key, value)| {
+        within(if path.is_empty() { key.clone() } else { format!("{path}.{key}") }, value)
+    })
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 mod tests {
@@ -206,6 +226,8 @@ mod tests {
         let other = protocol(&folder, "x = 2\nrounds = 2\n", 2).run(&silent, || Ok(1)).unwrap_err();
         assert!(other.to_string().contains("`x` was 1, now it is 2"), "{other}");
         assert!(folder.read(CONFIG).unwrap().unwrap().contains("x = 1"), "a refusal writes nothing");
+        let none = protocol(&folder, "x = 1\ny = [{ z = nan }]\n", 2).run(&silent, || Ok(1)).unwrap_err();
+        assert_eq!((none.key(), none.kind()), (Some("y.0.z"), crate::ErrorKind::Settings), "{none}");
     }
 
     #[test]

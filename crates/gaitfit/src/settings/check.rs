@@ -1,11 +1,11 @@
-//! Settings of `gaitfit adapt` that do not go together, and what they mean to the optimiser.
+//! Settings of `gaitfit fit` that do not go together, and what they mean to the optimiser.
 
 use super::{AdaptConfig, Base, LEAST_STRETCH_S, MOST_SEED};
 use crate::Error;
 use gaitfit_adapt::fit::{FallPenalty, FitOptions, Method};
 use gaitfit_adapt::{NetworkStart, RobotNumber};
 use gaitfit_log::PerJoint;
-use gaitfit_model::shown_number;
+use gaitfit_model::{shown, shown_number};
 use std::path::Path;
 
 /// Refuses settings out of range, and those that a kind of log does not have.
@@ -17,6 +17,9 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
     let limits = [check.cost, check.validation_cost, check.rmse_rad];
     let not_negative = |value: f64| value.is_finite() && value >= 0.0;
     if let Some(wrong) = wrong_gains(config) {
+        return Err(refused(path, &wrong));
+    }
+    if let Some(wrong) = wrong_known(config) {
         return Err(refused(path, &wrong));
     }
     let wrong = if !free && config.robot.is_empty() {
@@ -64,6 +67,8 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`optimizer.population` must be 0 (chosen by the number of parameters) or 2 to 10000"
     } else if optimizer.replicates > 100 {
         "`optimizer.replicates` must be 0 (no correction by simulated logs) to 100"
+    } else if !not_negative(optimizer.prior_weight) {
+        "`optimizer.prior_weight` must be at least 0"
     } else if optimizer.restarts > 20 {
         "`optimizer.restarts` must be 0 to 20: each doubles the population"
     } else if !not_negative(optimizer.tolerance) || optimizer.tolerance >= 1.0 {
@@ -120,6 +125,16 @@ fn wrong_gains(config: &AdaptConfig) -> Option<String> {
     })
 }
 
+/// A true or published value that is none.
+fn wrong_known(config: &AdaptConfig) -> Option<String> {
+    let truth = config.truth.iter().map(|(name, value)| (format!("truth.{name}"), *value));
+    let published = config.published.iter().flat_map(|(name, ends)| {
+        ends.iter().enumerate().map(move |(end, value)| (format!("published.{name}.{end}"), *value))
+    });
+    let (name, value) = truth.chain(published).find(|(_, value)| !value.is_finite())?;
+    Some(format!("`{}` is {value}; give a finite number, or leave it out", shown(&name)))
+}
+
 /// Settings of the fit; the robot fell in `falls` of the logs.
 pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
     let optimizer = &config.optimizer;
@@ -131,6 +146,7 @@ pub fn options(config: &AdaptConfig, falls: usize) -> FitOptions {
         seeds: (0..optimizer.seeds as u64).map(|offset| optimizer.seed + offset).collect(),
         covariance: optimizer.covariance,
         bounds: optimizer.bounds,
+        patience: optimizer.patience,
         tolerance: optimizer.tolerance,
         falls: FallPenalty { penalty: config.falls.penalty, robot: falls },
         random_numbers: optimizer.random_numbers,

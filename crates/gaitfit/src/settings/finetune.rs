@@ -36,6 +36,9 @@ pub struct FinetuneConfig {
     pub robot: Option<String>,
     /// Drop what the engine does not honour in the robot file instead of refusing it.
     pub lenient: bool,
+    /// Findings that a training may pass over, by name: `contradicted`, that walks contradict the fit.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub allow: Vec<String>,
     /// Whether each robot takes a row of `draws.csv` beside the fitted parameters instead of these.
     #[serde(default, skip_serializing_if = "is_off")]
     pub randomise_theta: bool,

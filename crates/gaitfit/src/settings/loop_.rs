@@ -3,6 +3,7 @@
 use super::finetune::FINETUNE_DEFAULTS;
 use super::load::{Configuration, merge, taken};
 use super::target::{TargetConfig, TargetKind};
+use super::walking;
 use super::{AdaptConfig, Base, ControlsConfig, FinetuneConfig, Preset, check};
 use gaitfit_adapt::fit::Method;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -108,6 +109,9 @@ pub const FREE: [&str; 8] = [
     "target.yes",
 ];
 
+/// How a loop searches with another cost than that of its defaults.
+const SHORT: &str = "optimizer = { generations = 100, seeds = 2 }";
+
 /// Settings of `[adapt]` and `[finetune]` that the loop decides.
 const DECIDED: [(&str, &[&str]); 2] = [
     (
@@ -164,6 +168,16 @@ impl Configuration for LoopConfig {
             }
         }
         let mut defaults = DeTable::parse(LOOP_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
+        if let (Some(DeValue::Table(fitted)), Some(DeValue::Table(own))) =
+            (defaults.get_mut("adapt").map(Spanned::get_mut), own.get("adapt").map(Spanned::get_ref))
+        {
+            let distributions = walking::searches_distributions(own);
+            walking::trim(fitted, own);
+            if !distributions {
+                let short = DeTable::parse(SHORT).map(Spanned::into_inner).unwrap_or_default();
+                merge(fitted, short);
+            }
+        }
         if let Some(finetune) = defaults.get_mut("finetune") {
             let mut whole = DeTable::parse(FINETUNE_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
             let span = finetune.span();
@@ -246,7 +260,7 @@ impl LoopConfig {
             && first.is_some_and(|cost| cost.needs_imu() || method == Method::LeastSquares)
     }
 
-    /// Holds `[adapt]` to the rules of `gaitfit adapt`, before there are logs.
+    /// Holds `[adapt]` to the rules of `gaitfit fit`, before there are logs.
     fn check_adapt(&self, path: &Path) -> Result<(), Error> {
         let mut adapt = self.adapt(1, String::new(), vec!["recorded.csv".to_owned()]);
         adapt.runs = ".".to_owned();

@@ -1,33 +1,17 @@
 //! What is said of a configuration that is wrong: where, and which name was meant.
 
 use crate::Error;
+use crate::brief::short_numbers;
 use gaitfit_model::escaped;
 use std::path::Path;
 
 /// Most characters of a message, and of a `--set` in one.
 pub const MOST_MESSAGE: usize = 4000;
 pub const MOST_SET: usize = 200;
-/// Digits of a number that a message shows, and how many there may be before it is cut.
-const SHOWN_DIGITS: usize = 12;
-const MOST_DIGITS: usize = 40;
 
 /// A text for a message: without control characters, and without numbers of hundreds of digits.
 pub fn tamed(text: &str, most: usize) -> String {
-    let mut out = String::new();
-    let mut rest = text;
-    while let Some(start) = rest.find(|letter: char| letter.is_ascii_digit()) {
-        let (before, digits) = rest.split_at(start);
-        let length = digits.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(digits.len());
-        out.push_str(before);
-        if length > MOST_DIGITS {
-            out.push_str(&format!("{}... ({length} digits)", &digits[..SHOWN_DIGITS]));
-        } else {
-            out.push_str(&digits[..length]);
-        }
-        rest = &digits[length..];
-    }
-    out.push_str(rest);
-    escaped(&out, most)
+    escaped(&short_numbers(text), most)
 }
 
 /// What a reader of TOML says, with the nearest name that there is.

@@ -1,4 +1,4 @@
-//! The configuration of `gaitfit adapt`: its settings and their defaults, and how any configuration is read.
+//! The configuration of `gaitfit fit`: its settings and their defaults, and how any configuration is read.
 //! `gaitfit config` prints them.
 
 pub mod check;
@@ -13,6 +13,7 @@ mod target;
 mod task;
 mod text;
 mod train;
+mod walking;
 
 pub use controls::{ControlsConfig, TruthConfig};
 pub use finetune::{FINETUNE_DEFAULTS, FinetuneConfig, changed};
@@ -27,12 +28,13 @@ pub use train::TrainConfig;
 use gaitfit_adapt::cmaes::{BoundHandling, CovarianceKind};
 use gaitfit_adapt::cost::CostKind;
 use gaitfit_adapt::fit::{Method, RandomNumbers};
-use gaitfit_adapt::{NetworkRule, ParameterRule, RobotRule, Rules};
-use gaitfit_log::PerJoint;
+use gaitfit_adapt::{JointParameter, NetworkRule, ParameterRule, Prior, RobotRule, Rules, Sharing};
+use gaitfit_log::{FindingKind, PerJoint};
 use gaitfit_model::SelfContact;
 pub use gaitfit_physics::Preset;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use toml::de::DeTable;
 
 /// All settings of one adaptation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,6 +59,9 @@ pub struct AdaptConfig {
     pub logs: Vec<String>,
     /// Logs to validate on, not used in the fit.
     pub validate: Vec<String>,
+    /// Findings of `gaitfit inspect` that do not forbid using a log.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub allow: Vec<FindingKind>,
     /// Costs to fit, one independent fit each.
     pub costs: Vec<CostKind>,
     /// Whether to look for joints that differ from the same joint of other legs, and to fit a spring on those.
@@ -82,6 +87,9 @@ pub struct AdaptConfig {
     /// Numbers of the whole robot to fit.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub number: Vec<RobotRule>,
+    /// What is known of entries before the fit, by their names: the search begins there and pays for going away.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub prior: BTreeMap<String, Prior>,
     /// How logs are replayed.
     pub simulation: SimulationConfig,
     /// Walking logs: falls.
@@ -204,6 +212,10 @@ pub struct OptimizerConfig {
     /// Sets of simulated logs a round, which correct fits of walking logs by least squares, and a twentieth of the simulated
     /// robots a round, which correct those by distributions; 0: no correction.
     pub replicates: u32,
+    /// A seed of CMA-ES stops once its best cost has fallen by less than a hundredth over so many generations; 0 never.
+    pub patience: usize,
+    /// What a distance of one standard error from a `[prior]` adds to the cost.
+    pub prior_weight: f64,
     /// A seed stops once its search distribution is this small: largest standard deviation of any
     /// parameter, relative to its initial deviation. 0 never stops early.
     pub tolerance: f64,
@@ -219,6 +231,8 @@ pub struct CheckConfig {
     pub converged: bool,
     /// Whether the fitted robot must be closer to the logs than the robot before the fit.
     pub better_than_nominal: bool,
+    /// Whether nothing may speak against the fit: no doubt of any kind.
+    pub sound: bool,
     /// Largest cost on the fitted logs, of the first cost.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cost: Option<f64>,
@@ -273,6 +287,11 @@ impl AdaptConfig {
 impl Configuration for AdaptConfig {
     const PRINTED_BY: &'static str = "gaitfit config";
     const EXAMPLE: &'static str = "optimizer.seeds=3";
+
+    /// Walking logs have defaults of their own.
+    fn complete(table: &mut DeTable<'_>) {
+        walking::complete(table);
+    }
 }
 
 impl Default for AdaptConfig {
@@ -288,6 +307,7 @@ impl Default for AdaptConfig {
             logs: Vec::new(),
             validate: Vec::new(),
             costs: vec![CostKind::MatchO],
+            allow: Vec::new(),
             odd_joints: false,
             runs: "runs".to_owned(),
             checkpoint_seconds: 5.0,
@@ -295,9 +315,10 @@ impl Default for AdaptConfig {
             gains: GainsConfig::default(),
             validate_gains: Vec::new(),
             groups: ["hip", "thigh", "calf"].map(group).into(),
-            parameter: ParameterRule::fric_arm(),
+            parameter: clamped(),
             network: Vec::new(),
             number: Vec::new(),
+            prior: BTreeMap::new(),
             simulation: SimulationConfig::default(),
             falls: FallsConfig::default(),
             optimizer: OptimizerConfig::default(),
@@ -307,6 +328,16 @@ impl Default for AdaptConfig {
         }
     }
 }
+
+/// What is fitted to logs of a clamped robot. A delay that is left out comes out as friction.
+fn clamped() -> Vec<ParameterRule> {
+    let delay = ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Delay) };
+    ParameterRule::fric_arm().into_iter().chain([delay]).collect()
+}
+
+/// Cost of one standard error from a prior: about the noise of `wass` on a dozen walks, so that walks and the prior weigh
+/// as their errors say.
+const PRIOR_WEIGHT: f64 = 0.002;
 
 impl Default for SimulationConfig {
     fn default() -> Self {
@@ -335,6 +366,8 @@ impl Default for OptimizerConfig {
             bounds: BoundHandling::Reflect,
             random_numbers: RandomNumbers::default(),
             replicates: 4,
+            patience: 0,
+            prior_weight: PRIOR_WEIGHT,
             tolerance: 1e-4,
             max_seconds: 0.0,
         }

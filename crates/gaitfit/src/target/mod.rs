@@ -53,7 +53,11 @@ impl Target {
     ) -> Result<(), Error> {
         match self {
             Self::Simulated(target) => {
-                write_whole(into, |folder| target.collect(policy, seed, folder, watch))
+                // What a simulator left is made again, to the same bits.
+                let remove = |folder: &Path| drop(std::fs::remove_dir_all(folder));
+                write_whole(into, |folder| {
+                    target.collect(policy, seed, folder, watch).inspect_err(|_| remove(folder))
+                })
             }
             Self::Command(target) => write_whole(into, |folder| target.collect(policy, seed, folder, watch)),
             Self::Robot(target) => target.collect(policy, seed, into, watch),

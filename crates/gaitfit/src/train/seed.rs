@@ -134,6 +134,7 @@ impl Session<'_> {
             trainer.store(&mut self.training).map_err(rollout_error)?;
         }
         let mut policy = self.training.policy(&self.setup.inputs.settings, env!("CARGO_PKG_VERSION"));
+        policy.provenance.robot_file.clone_from(&self.setup.robot_file);
         if let Some(start) = &self.setup.start {
             policy.provenance.parent = start.parent.policy_sha256.clone();
             policy.provenance.theta = start.parent.theta_sha256.clone().unwrap_or_default();

@@ -6,12 +6,12 @@ use crate::device::Devices;
 use crate::robot::Hold;
 use crate::run::inputs::Inputs;
 use crate::settings::{MOST_SEED, Preset, TrainConfig};
-use crate::{paths, robot};
+use crate::{paths, robot, robot_file};
 use gaitfit_learn::ppo::{self, Learner};
 use gaitfit_learn::task::Task;
 use gaitfit_learn::{Origin, Training, TrainingError, TrainingSettings};
 use gaitfit_model::{Cone, Model};
-use gaitfit_policy::Policy;
+use gaitfit_policy::{Policy, RobotFile};
 use gaitfit_sim::Candidate;
 use serde::Serialize;
 use std::path::Path;
@@ -34,6 +34,8 @@ pub struct Setup {
     pub start: Option<Start>,
     /// What the result depends on.
     pub inputs: Inputs,
+    /// The robot's file, for the policies; absent for the built-in robot.
+    pub robot_file: Option<RobotFile>,
     /// Threads.
     pub threads: usize,
     /// What computes; several share the seeds.
@@ -124,6 +126,8 @@ pub fn setup(
         return Err(Error::settings(advice(path, wrong, printed_by)));
     }
     let inputs = Inputs::new(robot_path.as_deref(), &model, &settings(&config))?;
+    let robot_file =
+        robot_path.as_deref().map(|path| robot_file::record(path, config.lenient)).transpose()?;
     let mut warnings = robot::remarks(&model);
     warnings.extend(scene.remarks.iter().cloned());
     let mut setup = Setup {
@@ -134,6 +138,7 @@ pub fn setup(
         scene,
         start: None,
         inputs,
+        robot_file,
         threads,
         devices: devices.clone(),
         warnings,

@@ -110,10 +110,13 @@ pub fn cut_felt(
         for range in kept {
             let failed =
                 |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", log.path.display()));
+            let rows = range.clone();
+            let filled =
+                log.filled.iter().filter(|row| rows.contains(row)).map(|row| row - rows.start).collect();
             let trajectory = log.trajectory.slice(range).map_err(failed)?;
             let name =
                 format!("{} from {:.2} s", log.name, trajectory.time.first().copied().unwrap_or_default());
-            left.push(Log { name, trajectory, ..log.clone() });
+            left.push(Log { name, trajectory, filled, ..log.clone() });
         }
     }
     Ok(left)

@@ -20,6 +20,7 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
         FindingKind::Stuck,
         FindingKind::Lying,
         FindingKind::Fallen,
+        FindingKind::Hanging,
         FindingKind::NotFinite,
         FindingKind::ConstantSignal,
         FindingKind::MissingJoint,
@@ -28,7 +29,7 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
     for read in reads {
         let spec = CheckSpec::of_robot(scene.walker.batch.model(), &read.trajectory.joints);
         let mut seen = Vec::new();
-        for finding in check(&read.trajectory, &spec) {
+        for finding in read.noticed.iter().cloned().chain(check(&read.trajectory, &spec)) {
             if finding.severity == Severity::Note
                 || told.contains(&finding.kind)
                 || seen.contains(&finding.kind)
@@ -41,7 +42,8 @@ pub fn findings(reads: &[Read], scene: &Task) -> Vec<String> {
         }
     }
     kinds.retain(|kind, (count, _)| {
-        let noisy = [FindingKind::JointNotFollowing, FindingKind::VelocityMismatch].contains(kind);
+        let noisy = [FindingKind::JointNotFollowing, FindingKind::VelocityMismatch, FindingKind::VelocityLag]
+            .contains(kind);
         !noisy || 2 * *count > reads.len()
     });
     let text = |(count, text): (usize, String)| match count {

@@ -59,6 +59,7 @@ pub fn puppet(policy: &Policy, number: usize, seconds: f64) -> Trajectory {
         command: Some(command.repeat(samples)),
         base: None,
         gains: None,
+        lead: None,
         fell: false,
     };
     let mut scratch = Scratch::default();

@@ -4,17 +4,19 @@
 use super::coverage::Coverage;
 use super::cuts::{self, Cut};
 use super::log_files::{self, LogFile};
+use super::mounting;
 use super::policy_check::{self, PolicyMatch};
 use super::simulator::IMU_COLUMNS;
 use super::{doubts, rate};
 use crate::Error;
 use crate::log::Log;
+use crate::log_check;
 use crate::log_joints;
 use crate::settings::AdaptConfig;
 use gaitfit_learn::task::Task;
 use gaitfit_log::{
-    BaseState, CheckSpec, FindingKind, ReadOptions, Severity, Signal, Trajectory, check, falls,
-    read_csv_report,
+    BaseState, CheckSpec, Fall, FallSign, Finding, FindingKind, ReadOptions, Regular, Signal, Trajectory,
+    check, falls, read_csv_report,
 };
 use gaitfit_policy::Interface;
 use gaitfit_policy::Policy;
@@ -23,8 +25,25 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+/// Findings about parts of a log that are cut out of it, about joints that the policy does not move, and about parts of the
+/// base's state that are not used where they have holes.
+const CUT: [FindingKind; 8] = [
+    // Judged once all logs are read: the policy may show how the unit is mounted.
+    FindingKind::ImuMounting,
+    FindingKind::TimeGap,
+    FindingKind::Stuck,
+    FindingKind::Lying,
+    FindingKind::Fallen,
+    FindingKind::Hanging,
+    FindingKind::MissingJoint,
+    FindingKind::TooShort,
+];
+
 /// Counted data that a fit needs, s.
 const LEAST_S: f64 = 10.0;
+
+/// Most numbers of all logs of a fit together: a fit takes about ten times their memory, 0.8 GB.
+const MOST_VALUES: usize = 10_000_000;
 
 /// What logs are read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,8 +94,31 @@ pub struct Read {
     sidecars: Vec<PathBuf>,
     /// The log's own names of the joints.
     joints: Vec<String>,
+    /// What reading the log changed.
+    pub noticed: Vec<Finding>,
+    /// Findings that the log itself allows.
+    allowed: Vec<FindingKind>,
     /// Its samples as recorded.
     pub trajectory: Trajectory,
+    /// What reading it did to its times, in words.
+    even: Option<String>,
+}
+
+#[cfg(test)]
+impl Read {
+    /// A log that no file holds.
+    pub fn of(file: LogFile, trajectory: Trajectory) -> Self {
+        let joints = trajectory.joints.clone();
+        Self {
+            file,
+            sidecars: Vec::new(),
+            joints,
+            noticed: Vec::new(),
+            allowed: Vec::new(),
+            trajectory,
+            even: None,
+        }
+    }
 }
 
 /// Reads the logs `named` for a fit of `policy` in `scene`, or for its validation.
@@ -94,6 +136,7 @@ pub fn read(
 ) -> Result<LogNotes, Error> {
     let (files, mut warnings) = log_files::find(named, config_path)?;
     let mut reads: Vec<Read> = Vec::with_capacity(files.len());
+    let mut values = 0;
     for file in files {
         let read = open(file, config, scene)?;
         if let Some(other) = reads.iter().find(|other| same_data(&other.trajectory, &read.trajectory)) {
@@ -101,7 +144,25 @@ pub fn read(
                 .push(format!("{}: the same data as {}; it counts once", read.file.name, other.file.name));
             continue;
         }
+        values += numbers(&read.trajectory);
+        if values > MOST_VALUES {
+            return Err(Error::failed(format!(
+                "{}: the logs up to here hold more than {MOST_VALUES} numbers, which is what a fit takes into memory. Name \
+                 fewer logs, or, where they are faster than the policy, take one row of many: `gaitfit import LOG.csv \
+                 --every 10 --out LESS.csv`.",
+                read.file.path.display()
+            )));
+        }
         reads.push(read);
+    }
+    warnings.extend(reads.iter().filter_map(|read| read.even.clone()));
+    warnings.extend(mounting::settle(&mut reads, policy));
+    for read in &reads {
+        // What a turn of the unit has mended is no fall and no turned unit any more.
+        let findings = check(&read.trajectory, &CheckSpec::default());
+        let turned = |finding: &&Finding| finding.kind == FindingKind::ImuMounting;
+        let findings: Vec<Finding> = findings.iter().filter(turned).cloned().collect();
+        log_check::refuse(&log_check::allowed(findings, &config.allow, &read.allowed), &read.file.path, &[])?;
     }
     warnings.extend(doubts::findings(&reads, scene));
     warnings.extend(doubts::other_robots(&reads, &scene.walker.interface));
@@ -120,6 +181,7 @@ pub fn read(
     for read in &reads {
         let fallen: Vec<_> = falls(&read.trajectory, &spec)
             .into_iter()
+            .filter(|fall| !is_allowed(fall, &config.allow))
             .map(|fall| (fall.samples, fall.sign.to_string()))
             .collect();
         let (kept, cut) = cuts::keep(&read.file.name, &read.trajectory, &fallen, margin);
@@ -129,6 +191,7 @@ pub fn read(
         removed.extend(cut);
     }
     let mut logs = long_enough(stretches, config, &mut warnings);
+    warnings.extend(filled(&logs));
     enough(purpose, config, config_path, reads.len(), &logs, &removed)?;
 
     let trajectories: Vec<&Trajectory> = logs.iter().map(|log| &log.trajectory).collect();
@@ -165,7 +228,8 @@ pub fn read(
 
 fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error> {
     let model = scene.walker.batch.model();
-    let (trajectory, report) = read_csv_report(&file.path, &ReadOptions::default()).map_err(Error::failed)?;
+    let options = ReadOptions { max_values: MOST_VALUES, ..ReadOptions::default() };
+    let (trajectory, report) = read_csv_report(&file.path, &options).map_err(Error::failed)?;
     let (mut trajectory, joints) =
         log_joints::of_robot(&trajectory, &file.path, &config.joint_names, model, &scene.walker.joints)?;
     let shown = file.path.display();
@@ -203,19 +267,43 @@ fn open(file: LogFile, config: &AdaptConfig, scene: &Task) -> Result<Read, Error
         )));
     }
     plausible(&trajectory, &shown.to_string())?;
-    let findings = check(&trajectory, &CheckSpec::default());
-    let broken = [FindingKind::Malformed, FindingKind::NonMonotonicTime, FindingKind::RateMismatch];
-    if let Some(finding) =
-        findings.iter().find(|finding| finding.severity == Severity::Error && broken.contains(&finding.kind))
+    let mut findings = report.findings();
+    findings.extend(check(&trajectory, &CheckSpec::of_robot(model, &trajectory.joints)));
+    let findings = log_check::allowed(findings, &config.allow, &report.allowed);
+    log_check::refuse(&findings, &file.path, &CUT)?;
+    let drives = |finding: &&Finding| finding.kind == FindingKind::FeedForward;
+    if let Some(drives) =
+        findings.iter().find(drives).filter(|_| !config.allow.contains(&FindingKind::FeedForward))
     {
         return Err(Error::failed(format!(
-            "{shown}: {}: {}. `gaitfit inspect` shows the log; cut or repair it.",
-            finding.kind,
-            finding.message.trim_end_matches('.')
+            "{shown}: {}: {}. A walking robot is simulated by its policy's actions alone: record a walk whose motors get \
+             position targets only.",
+            drives.kind, drives.message
         )));
     }
     rate::check(trajectory.rate_hz, scene.walker.interface.control_dt, &shown.to_string())?;
-    Ok(Read { file, sidecars: report.sidecars, joints, trajectory })
+    let even = report.even_rows.map(|even| format!("{}: {even}", file.name));
+    Ok(Read {
+        file,
+        sidecars: report.sidecars,
+        joints,
+        noticed: report.noticed,
+        allowed: report.allowed,
+        trajectory,
+        even,
+    })
+}
+
+/// Whether the configuration allows what the fall shows.
+fn is_allowed(fall: &Fall, allowed: &[FindingKind]) -> bool {
+    let kind = match fall.sign {
+        FallSign::Tilt => FindingKind::Fallen,
+        FallSign::Height | FallSign::Lying => FindingKind::Lying,
+        FallSign::Stuck => FindingKind::Stuck,
+        FallSign::Hanging => FindingKind::Hanging,
+        FallSign::Stated => return false,
+    };
+    allowed.contains(&kind)
 }
 
 /// Actions that give these targets: (target − default pose) / scale; 0 where the scale is.
@@ -253,6 +341,24 @@ fn plausible(trajectory: &Trajectory, shown: &str) -> Result<(), Error> {
     }
 }
 
+/// How many numbers a log holds.
+fn numbers(log: &Trajectory) -> usize {
+    let base = log.base.as_ref();
+    let optional = [
+        log.target.as_ref(),
+        log.action.as_ref(),
+        log.command.as_ref(),
+        base.and_then(|base| base.position.as_ref()),
+        base.and_then(|base| base.quaternion.as_ref()),
+        base.and_then(|base| base.linear_velocity.as_ref()),
+        base.and_then(|base| base.angular_velocity.as_ref()),
+    ];
+    log.len()
+        + log.position.len()
+        + log.velocity.len()
+        + optional.into_iter().flatten().map(Vec::len).sum::<usize>()
+}
+
 fn same_data(a: &Trajectory, b: &Trajectory) -> bool {
     a.position == b.position && a.velocity == b.velocity && a.action == b.action
 }
@@ -272,13 +378,28 @@ fn long_enough(logs: Vec<Log>, config: &AdaptConfig, warnings: &mut Vec<String>)
     long
 }
 
+/// What was done about rows that were lost within the logs, if some were.
+fn filled(logs: &[Log]) -> Option<String> {
+    let rows: usize = logs.iter().map(|log| log.filled.len()).sum();
+    let with: Vec<&Log> = logs.iter().filter(|log| !log.filled.is_empty()).collect();
+    let first = with.first()?;
+    Some(format!(
+        "{rows} lost rows within {} of {} logs (the first: {}); they are filled by interpolation, and short predictions of \
+         them and from them do not count",
+        with.len(),
+        logs.len(),
+        first.name
+    ))
+}
+
 /// A stretch at the policy's rate.
 fn count(read: &Read, stretch: Range<usize>, scene: &Task) -> Result<Log, Error> {
     let whole = stretch.len() == read.trajectory.len();
     let failed =
         |error: gaitfit_log::LogError| Error::failed(format!("{}: {error}", read.file.path.display()));
     let trajectory = read.trajectory.slice(stretch).map_err(failed)?;
-    let trajectory = rate::to_control(&trajectory, scene.walker.interface.control_dt).map_err(failed)?;
+    let Regular { trajectory, filled, .. } =
+        rate::to_control(&trajectory, scene.walker.interface.control_dt).map_err(failed)?;
     let name = if whole {
         read.file.name.clone()
     } else {
@@ -290,6 +411,7 @@ fn count(read: &Read, stretch: Range<usize>, scene: &Task) -> Result<Log, Error>
         sidecars: read.sidecars.clone(),
         joints: read.joints.clone(),
         trajectory,
+        filled,
     })
 }
 
@@ -333,7 +455,11 @@ fn enough(
             cuts.first().map_or("", |cut| &cut.reason)
         )
     } else {
-        let mut because = if fell > 0.0 { format!(" ({fell:.1} s of falls are cut)") } else { String::new() };
+        let mut because = if fell > 0.0 {
+            format!(" ({fell:.1} s of falls or of a robot that hangs are cut)")
+        } else {
+            String::new()
+        };
         if skipped > 0.0 {
             because += &format!(
                 " after the first {skipped} s of each (`simulation.skip_seconds`), in pieces of {} s or more",

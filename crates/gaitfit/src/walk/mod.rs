@@ -6,6 +6,7 @@ pub mod doubts;
 pub mod imu_search;
 pub mod log_files;
 pub mod logs;
+pub mod mounting;
 pub mod observation;
 pub mod policy_check;
 pub mod rate;
@@ -19,3 +20,5 @@ pub mod walking;
 mod fixtures;
 #[cfg(test)]
 mod logs_test;
+#[cfg(test)]
+mod times_test;

@@ -65,6 +65,13 @@ pub fn check(policy: &Policy, logs: &[&Trajectory]) -> PolicyMatch {
     }
 }
 
+/// [`PolicyMatch::mismatch`] alone; `None` where too few samples say anything.
+pub fn mismatch(policy: &Policy, logs: &[&Trajectory]) -> Option<f64> {
+    let here = Comparison::new(policy, logs, 0);
+    let mismatch = here.mismatch(None);
+    (here.samples.len() >= LEAST_SAMPLES && mismatch.is_finite()).then_some(mismatch)
+}
+
 /// Logged actions beside the policy's.
 struct Comparison {
     joints: usize,
@@ -276,8 +283,8 @@ impl PolicyMatch {
             if fits(shifted) {
                 return Ok(vec![format!(
                     "the logs' actions follow from {policy} one sample {how} than they are logged ({shifted:.3} there; \
-                     {numbers}): log an action in the row of the state it was chosen in, or shift the columns act_… \
-                     {remedy}",
+                     {numbers}): log an action in the row of the state it was chosen in, shift the columns act_… \
+                     {remedy}, or import the recording again with the clocks' offset (`--clock-offset`)",
                 )]);
             }
         }

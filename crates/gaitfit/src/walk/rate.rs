@@ -1,7 +1,7 @@
 //! Logs at the policy's rate.
 
 use crate::Error;
-use gaitfit_log::{LogError, Trajectory};
+use gaitfit_log::{LogError, Regular, Trajectory};
 
 /// Rates this close, relative, are the same.
 const SAME: f64 = 0.02;
@@ -28,24 +28,28 @@ pub fn text(rates: impl Iterator<Item = f64>) -> String {
     rates.iter().map(|rate| format!("{rate:.4}")).collect::<Vec<_>>().join(", ")
 }
 
-/// The same run with one sample a control period. A faster log begins where its actions change, so that a sample holds
-/// the state in which the action was chosen.
+/// The same run with one sample a control period. A log of about that rate keeps its rows, with lost ones filled, and
+/// measurements moved to even times where they were sampled at uneven ones. A faster log begins where its actions change,
+/// so that a sample holds the state in which the action was chosen.
 ///
 /// # Errors
 /// A trajectory that cannot be resampled.
-pub fn to_control(log: &Trajectory, control_dt: f64) -> Result<Trajectory, LogError> {
+pub fn to_control(log: &Trajectory, control_dt: f64) -> Result<Regular, LogError> {
     let needed = 1.0 / control_dt;
     let ratio = log.rate_hz / needed;
-    let regular = log.time.windows(2).all(|pair| (pair[1] - pair[0]) < 1.5 * log.dt());
-    if (ratio - 1.0).abs() <= SAME && regular {
+    if (ratio - 1.0).abs() <= SAME {
+        let mut same = log.regular()?;
         // A sample a step, whatever its clock says.
         let start = log.time.first().copied().unwrap_or_default();
-        let mut same = log.clone();
-        same.rate_hz = needed;
-        same.time = (0..log.len()).map(|sample| start + sample as f64 * control_dt).collect();
+        let rows = same.trajectory.len();
+        same.trajectory.rate_hz = needed;
+        same.trajectory.time = (0..rows).map(|sample| start + sample as f64 * control_dt).collect();
         return Ok(same);
     }
-    log.slice(first_change(log, ratio)..log.len())?.resample(needed)
+    // An action that is stamped a little after the new sample's time was chosen there.
+    let early = if ratio > 1.0 { 0.5 * log.dt() } else { 0.0 };
+    let trajectory = log.slice(first_change(log, ratio)..log.len())?.resample_early(needed, early)?;
+    Ok(Regular { trajectory, filled: Vec::new(), moved: false })
 }
 
 /// Sample of the first control period: that at which actions change most often, of every `ratio` samples.
@@ -93,6 +97,7 @@ mod tests {
             command: None,
             base: None,
             gains: None,
+            lead: None,
             fell: false,
         }
     }
@@ -100,7 +105,7 @@ mod tests {
     #[test]
     fn a_fast_log_is_taken_where_its_actions_change() {
         for first in [0, 3, 9] {
-            let log = to_control(&fast(first, 500.0), 0.02).unwrap();
+            let log = to_control(&fast(first, 500.0), 0.02).unwrap().trajectory;
             assert_eq!(log.rate_hz, 50.0);
             let expected: Vec<f64> = (0..log.len()).map(|k| (first + 10 * k) as f64).collect();
             for (found, expected) in log.position.iter().zip(&expected) {
@@ -113,7 +118,7 @@ mod tests {
 
     #[test]
     fn a_log_at_the_rate_keeps_its_samples() {
-        let log = to_control(&fast(0, 50.3), 0.02).unwrap();
+        let log = to_control(&fast(0, 50.3), 0.02).unwrap().trajectory;
         assert_eq!(log.len(), 200);
         assert!((log.time[199] - 3.0 - 199.0 * 0.02).abs() < 1e-9);
     }

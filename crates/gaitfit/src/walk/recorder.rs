@@ -2,6 +2,7 @@
 
 use super::simulator::{in_model, script};
 use super::walking::Walking;
+use crate::log;
 use gaitfit_adapt::fit::Predicted;
 use gaitfit_adapt::{Cancel, Theta};
 use gaitfit_log::{BaseState, Trajectory};
@@ -22,6 +23,8 @@ pub struct Recorder {
     walking: Arc<Walking>,
     /// What θ changes.
     base: Candidate,
+    /// How long after the samples the robot's targets are sent, s.
+    lead: f64,
     scripts: Vec<Script>,
     /// The same, as if the logs had joints and commands alone.
     plain: Vec<Script>,
@@ -38,6 +41,7 @@ impl Recorder {
         let joints = &walker.batch.model().joints;
         Self {
             base,
+            lead: log::lead(logs.iter().copied()),
             scripts: logs.iter().map(|log| begun(walker, log)).collect(),
             plain: logs.iter().map(|log| plain(walker, log)).collect(),
             model_joints: joints.iter().map(|joint| joint.name.clone()).collect(),
@@ -48,6 +52,13 @@ impl Recorder {
     /// Physics step of the robot, s.
     pub fn physics_step(&self) -> f64 {
         self.walking.task.walker.physics_step()
+    }
+
+    /// The robot with these values of θ.
+    fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
+        let mut candidate = self.base.clone();
+        theta.apply(values, &self.model_joints, &mut candidate);
+        log::late(candidate, self.lead, self.walking.task.walker.batch.options().max_delay)
     }
 
     /// Sets of logs of the robot with `values` of θ and normal torques of the deviation `noise` at its joints, N·m, one set
@@ -64,8 +75,7 @@ impl Recorder {
         cancel: &Cancel<'_>,
     ) -> Result<Vec<Vec<Recorded>>, WalkerError> {
         let Walking { policy, task, threads, .. } = self.walking.as_ref();
-        let mut candidate = self.base.clone();
-        theta.apply(values, &self.model_joints, &mut candidate);
+        let mut candidate = self.candidate(theta, values);
         candidate.torque_noise = noise;
         let job = |&seed: &u64| follow::Job { candidate: candidate.clone(), reset_every: None, seed };
         let jobs: Vec<follow::Job> = seeds.iter().map(job).collect();
@@ -100,8 +110,7 @@ impl Recorder {
         let failed: Mutex<Option<(usize, WalkerError)>> = Mutex::new(None);
         let one = |robot: usize| {
             let number = u32::try_from(first + robot as u64).unwrap_or(u32::MAX);
-            let mut candidate = self.base.clone();
-            theta.apply(&robots[robot], &self.model_joints, &mut candidate);
+            let candidate = self.candidate(theta, &robots[robot]);
             let job = follow::Job {
                 candidate,
                 reset_every: None,

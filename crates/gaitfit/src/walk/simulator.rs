@@ -1,6 +1,7 @@
 //! The policy in the simulator, under the logs' commands: what a fit of walking logs compares with them.
 
 use super::walking::Walking;
+use crate::log::{self, Log};
 use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_log::Trajectory;
@@ -15,7 +16,11 @@ pub struct WalkSimulator {
     walking: Arc<Walking>,
     /// What θ changes.
     base: Candidate,
+    /// How long after the samples the robot's targets were sent, s.
+    lead: f64,
     scripts: Vec<Script>,
+    /// Rows that logs lost, one entry a log; none where no log lost some.
+    filled: Vec<Filled>,
     /// What the logs' sensors read; empty if a log lacks what an IMU measures.
     courses: Vec<Course>,
     /// How far standing feet say how the base moves, see [`predict::Job::feet_trust`].
@@ -33,6 +38,8 @@ impl WalkSimulator {
         let joints = &walking.task.walker.batch.model().joints;
         Self {
             base,
+            lead: log::lead(logs.iter().copied()),
+            filled: Vec::new(),
             scripts: logs.iter().map(|log| script(&walking.task.walker, log)).collect(),
             courses: logs.iter().map_while(|log| course(&walking.task.walker, log)).collect(),
             feet_trust: predict::FEET_TRUST,
@@ -52,6 +59,12 @@ impl WalkSimulator {
         &self.scripts
     }
 
+    /// The simulator with what it must know of rows that were lost and are filled in its logs: short predictions of them
+    /// and from them are what the log has there, so they cost nothing.
+    pub fn with_filled(self, logs: &[Log]) -> Self {
+        Self { filled: logs.iter().map(Filled::new).collect(), ..self }
+    }
+
     /// The simulator with other trust in standing feet.
     pub fn with_feet_trust(self, feet_trust: f64) -> Self {
         Self { feet_trust, ..self }
@@ -61,7 +74,7 @@ impl WalkSimulator {
     pub fn candidate(&self, theta: &Theta, values: &[f64]) -> Candidate {
         let mut candidate = self.base.clone();
         theta.apply(values, &self.model_joints, &mut candidate);
-        candidate
+        log::late(candidate, self.lead, self.walking.task.walker.batch.options().max_delay)
     }
 }
 
@@ -128,10 +141,51 @@ impl Simulator for WalkSimulator {
         }
         followed.map_err(SimulatorError::failed)?;
         let (places, jobs): (Vec<usize>, Vec<predict::Job>) = corrected.into_iter().unzip();
-        let to = |job: usize, course: usize, track: &Track| pass(places[job], course, track);
+        let every: Vec<usize> = jobs.iter().map(|job| job.every).collect();
+        let to = |job: usize, course: usize, track: &Track| match self.filled.get(course) {
+            Some(filled) if !filled.rows.is_empty() => {
+                pass(places[job], course, &filled.instead(track, every[job]));
+            }
+            _ => pass(places[job], course, track),
+        };
         predict::predict(walker, &self.courses, &jobs, threads, &to, cancel)
             .map_err(SimulatorError::failed)?;
         if cancel() { Err(SimulatorError::Cancelled) } else { Ok(()) }
+    }
+}
+
+/// Rows that a log lost, and what stands in them.
+#[derive(Default)]
+struct Filled {
+    rows: Vec<usize>,
+    /// Joint positions and velocities of the log, `samples × joints`.
+    position: Vec<f32>,
+    velocity: Vec<f32>,
+}
+
+impl Filled {
+    fn new(log: &Log) -> Self {
+        if log.filled.is_empty() {
+            return Self::default();
+        }
+        let single = |values: &[f64]| values.iter().map(|&x| x as f32).collect();
+        let (position, velocity) = (single(&log.trajectory.position), single(&log.trajectory.velocity));
+        Self { rows: log.filled.clone(), position, velocity }
+    }
+
+    /// `track` with the log's own values in the filled rows, and in the `every` rows after each that are predicted from it.
+    fn instead(&self, track: &Track, every: usize) -> Track {
+        let mut track = track.clone();
+        let samples = (track.base_position.len() / 3).max(1);
+        let width = track.position.len() / samples;
+        for &row in &self.rows {
+            for (own, log) in [(&mut track.position, &self.position), (&mut track.velocity, &self.velocity)] {
+                let end = ((row + every + 1) * width).min(own.len()).min(log.len());
+                let cells = (row * width).min(end)..end;
+                own[cells.clone()].copy_from_slice(&log[cells]);
+            }
+        }
+        track
     }
 }
 

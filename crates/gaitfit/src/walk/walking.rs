@@ -78,7 +78,7 @@ impl Walking {
     /// Runs the policy on candidates under the commands of `logs`. `base`: the robot that θ changes.
     pub fn simulator(self: &Arc<Self>, base: Candidate, logs: &[Log]) -> WalkSimulator {
         let trajectories: Vec<_> = logs.iter().map(|log| &log.trajectory).collect();
-        WalkSimulator::new(Arc::clone(self), base, &trajectories)
+        WalkSimulator::new(Arc::clone(self), base, &trajectories).with_filled(logs)
     }
 }
 

@@ -122,6 +122,23 @@ impl GaussNewton {
         whole(&self.values) && best && (LEAST_DAMPING..=MOST_DAMPING).contains(&self.damping)
     }
 
+    /// Puts another limit of generations in the place of the one that the state was saved under.
+    ///
+    /// # Errors
+    /// In words: more generations are done than that.
+    pub(super) fn limit(&mut self, generations: usize) -> Result<(), String> {
+        let done = self.generation as usize;
+        if done > generations {
+            return Err(format!("it has done {done} generations, and the limit is {generations} now"));
+        }
+        match self.stop {
+            Some(Stop::Generations) if done < generations => self.stop = None,
+            None if done == generations && done > 0 => self.stop = Some(Stop::Generations),
+            _ => {}
+        }
+        Ok(())
+    }
+
     /// One step. `None` if the simulation of the present θ diverges.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! `gaitfit adapt`: fits the simulator's parameters to logs of a robot.
+//! `gaitfit fit`: fits the simulator's parameters to logs of a robot.
 
 mod text;
 
@@ -16,8 +16,8 @@ use gaitfit::settings::{self, AdaptConfig};
 use std::num::NonZeroUsize;
 use std::path::Path;
 
-/// Runs or continues a fit and reports what it found.
-pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
+/// Runs or continues a fit and prints its result.
+pub fn run(args: &cli::Fit) -> Result<(), Failure> {
     let mut config: AdaptConfig = settings::load(Some(&args.config), &args.run.set)?;
     let name = run_name(args.run.name.as_ref(), config.name.as_ref(), Some(&args.config)).unwrap_or_default();
     config.name = Some(name.clone());
@@ -33,10 +33,21 @@ pub fn run(args: &cli::Adapt) -> Result<(), Failure> {
             output::print_json(&results)?;
         } else {
             output::print(&text::text(&results, &setup.warnings))?;
+            if results.failed_check().is_none() {
+                output::next(&next(&results.run_folder, config.policy.as_deref()))?;
+            }
         }
         viewer::report(args.run.open, &results.run_folder);
-        checked(results.failed_check())
+        checked(results.failed_check().or_else(|| results.contradiction()))
     })
+}
+
+/// What to do with a fit in the folder `run`.
+fn next(run: &str, policy: Option<&str>) -> Vec<String> {
+    let theta = format!("{run}/theta.toml");
+    let training = policy.map(|policy| format!("gaitfit finetune {policy} --theta {theta}"));
+    let validation = format!("gaitfit validate {theta} OTHER_LOG.csv");
+    [validation].into_iter().chain(training).chain([format!("gaitfit export {theta} --out FOLDER")]).collect()
 }
 
 /// Ends with the exit code of a failed check, if one failed.

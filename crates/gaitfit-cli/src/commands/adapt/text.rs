@@ -4,6 +4,7 @@ use crate::swings;
 use crate::table::table;
 use comfy_table::Table;
 use gaitfit::adapt::{AdaptResults, Check, CostFit, MOST_SHOWN, Validation};
+use gaitfit_view::Doubt;
 use std::fmt::Write;
 
 /// Parameters that are listed where there are too many.
@@ -13,8 +14,7 @@ const FEW: usize = 20;
 /// already.
 pub fn text(results: &AdaptResults, said: &[String]) -> String {
     let mut text = String::new();
-    let doubted = results.fits.first().is_some_and(|fit| !fit.doubts.is_empty());
-    if doubted {
+    if !results.doubts.is_empty() {
         let _ = writeln!(text, "{}\n", results.headline);
     }
     let logs = results.trajectories;
@@ -27,8 +27,9 @@ pub fn text(results: &AdaptResults, said: &[String]) -> String {
         results.seconds,
         results.wall_seconds
     );
-    for fit in &results.fits {
-        let _ = writeln!(text, "\n{}\n\n{}", headline(fit), parameters(fit));
+    for (number, fit) in results.fits.iter().enumerate() {
+        let doubts = if number == 0 { &results.doubts } else { &fit.doubts };
+        let _ = writeln!(text, "\n{}\n\n{}", headline(fit, doubts), parameters(fit));
     }
     for sentence in results.springs_in_words() {
         let _ = writeln!(text, "\n{sentence}");
@@ -69,7 +70,7 @@ fn plural(count: usize) -> &'static str {
     if count == 1 { "" } else { "s" }
 }
 
-fn headline(fit: &CostFit) -> String {
+fn headline(fit: &CostFit, doubts: &[Doubt]) -> String {
     let seeds = fit.runs.len();
     let nominal =
         fit.nominal_cost.map_or_else(|| "a simulation that diverges".to_owned(), |cost| format!("{cost:.5}"));
@@ -82,14 +83,15 @@ fn headline(fit: &CostFit) -> String {
     if let Some(error) = fit.mean_error_percent {
         let _ = write!(text, "; mean error {error:.2} %");
     }
-    for doubt in &fit.doubts {
+    for doubt in doubts {
         let _ = write!(text, "; {}", doubt.kind.headline().to_uppercase());
     }
     text
 }
 
-fn spread(spread: Option<f64>) -> String {
-    spread.map_or_else(|| "–".to_owned(), |spread| format!("±{spread:.4}"))
+/// What stands after ±: the longer side of the interval, not what runs of the optimiser differ by.
+fn half(half: Option<f64>) -> String {
+    half.map_or_else(|| "–".to_owned(), |half| format!("±{half:.4}"))
 }
 
 fn parameters(fit: &CostFit) -> Table {
@@ -97,7 +99,7 @@ fn parameters(fit: &CostFit) -> Table {
     let published = fit.parameters.iter().any(|parameter| parameter.published.is_some());
     let corrected = fit.correction.is_some() || fit.regression.is_some();
     let value = if corrected { "corrected" } else { "value" };
-    let mut header = vec!["parameter", value, "spread", "interval", "unit", "bounds"];
+    let mut header = vec!["parameter", value, "±", "interval", "unit", "bounds"];
     if known {
         header.extend(["truth", "error"]);
     }
@@ -117,7 +119,7 @@ fn parameters(fit: &CostFit) -> Table {
         let mut row = vec![
             found.name.clone(),
             format!("{:.4}", found.value),
-            spread(found.spread),
+            half(parameter.half()),
             interval.unwrap_or_else(|| "–".to_owned()),
             found.unit.clone(),
             format!("[{}, {}]", found.lower, found.upper),
@@ -206,14 +208,14 @@ pub fn validation(validation: &[Validation], cost_name: &str) -> Table {
 
 fn comparison(first: &str, other: &CostFit) -> Table {
     let second = other.cost_name.as_str();
-    let mut table = table(&["parameter", first, "spread", second, "spread", "unit", "agrees"], &[1, 2, 3, 4]);
+    let mut table = table(&["parameter", first, "±", second, "±", "unit", "agrees"], &[1, 2, 3, 4]);
     for one in &other.comparison {
         table.add_row([
             one.name.clone(),
             format!("{:.4}", one.first),
-            spread(one.first_spread),
+            half(one.first_half),
             format!("{:.4}", one.second),
-            spread(one.second_spread),
+            half(one.second_half),
             one.unit.clone(),
             match one.agrees {
                 Some(true) => "yes".to_owned(),
@@ -236,5 +238,5 @@ fn comparison(first: &str, other: &CostFit) -> Table {
 
 /// A number that may be missing.
 pub fn number(value: Option<f64>) -> String {
-    value.map_or_else(|| "diverged or none".to_owned(), |value| format!("{value:.5}"))
+    value.map_or_else(|| "diverged".to_owned(), |value| format!("{value:.5}"))
 }

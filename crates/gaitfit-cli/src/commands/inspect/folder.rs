@@ -114,7 +114,9 @@ fn text(summary: &FolderSummary) -> String {
         };
     }
     let _ = writeln!(text, "\n{logs}\n");
-    if summary.findings.iter().all(|group| group.severity == Severity::Note) {
+    if let Some(lag) = &summary.velocity_lag {
+        let _ = writeln!(text, "warning: all logs together: {lag}");
+    } else if summary.findings.iter().all(|group| group.severity == Severity::Note) {
         text.push_str("nothing suspicious\n");
     }
     for group in &summary.findings {

@@ -6,10 +6,10 @@ use crate::exit::{Exit, Failure};
 use crate::table::table;
 use crate::{output, viewer};
 use gaitfit::files::{self, Output};
-use gaitfit::robot;
 use gaitfit::walk::swing::SwingFindings;
+use gaitfit::{robot, weight};
 use gaitfit_log::{
-    CheckSpec, Finding, LogSummary, ReadOptions, Severity, Signal, Trajectory, check, read_csv_report,
+    CheckSpec, Finding, LogSummary, ReadOptions, Severity, Signal, Trajectory, allow, check, read_csv_report,
     summary_with_report,
 };
 use gaitfit_model::shown;
@@ -34,12 +34,17 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
         [Some(&args.file), args.robot.as_ref()].into_iter().flatten().map(PathBuf::as_path),
     )?;
     let (log, report) = read_csv_report(&args.file, &ReadOptions::default()).map_err(Failure::failed)?;
-    let spec = match &args.robot {
-        None => CheckSpec::default(),
-        Some(path) => CheckSpec::of_robot(&robot::read(path, args.lenient, robot::Hold::File)?, &log.joints),
-    };
     let mut findings = report.findings();
-    findings.extend(check(&log, &spec));
+    match &args.robot {
+        None => findings.extend(check(&log, &CheckSpec::default())),
+        Some(path) => {
+            let model = robot::read(path, args.lenient, robot::Hold::File)?;
+            findings.extend(check(&log, &CheckSpec::of_robot(&model, &log.joints)));
+            findings.extend(weight::signs(&log, &model));
+        }
+    }
+    allow(&mut findings, &report.allowed);
+    findings.sort_by_key(|finding| std::cmp::Reverse(finding.severity));
     let summary = summary_with_report(&log, report);
     if let Some(path) = &args.plot {
         plot::write(&log, &findings, path)?;
@@ -51,6 +56,11 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     } else {
         output::print(&text(&log, &summary, &findings))?;
         swings::print(swings.as_ref())?;
+        if findings.iter().all(|finding| finding.severity != Severity::Error) {
+            let robot = args.robot.as_ref().map_or("ROBOT".into(), |robot| robot.to_string_lossy());
+            let log = args.file.display();
+            output::next(&[format!("gaitfit new --robot {robot} --logs {log} --out my-robot.toml")])?;
+        }
     }
     if let Some(path) = &args.plot {
         viewer::show(args.open, path);
@@ -75,6 +85,14 @@ fn text(log: &Trajectory, summary: &LogSummary, findings: &[Finding]) -> String 
         number(summary.longest_interval_s.map(|seconds| 1e3 * seconds)),
         summary.channels.join(", ")
     );
+    if let Some(lead) = &summary.lead {
+        let _ = writeln!(
+            text,
+            "targets: stamped {} ms after their rows (±{} ms)",
+            number(Some(1e3 * lead.seconds)),
+            number(Some(1e3 * lead.spread))
+        );
+    }
     let mut joints = table(
         &[
             "joint",

@@ -10,11 +10,20 @@ use super::policy::{document, text};
 use crate::cli::Inspect;
 use crate::exit::Failure;
 use crate::output;
+use gaitfit::policy_file::{self, PolicyFile};
 
 /// Tells robots, logs and policies by the file's ending, and prints what they hold; a folder is one of logs.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
     std::fs::metadata(&args.file)
         .map_err(|error| Failure::failed(format!("cannot read {}: {error}", args.file.display())))?;
+    let path = &args.file;
+    // A folder with CSV files is one of logs, whatever else is in it.
+    if path.is_dir()
+        && policy_file::holds_policy(path)
+        && gaitfit_log::csv_files(path).is_ok_and(|all| all.is_empty())
+    {
+        return policy(args);
+    }
     if args.file.is_dir() {
         if args.plot.is_some() || (args.lenient && args.robot.is_none()) {
             return Err(Failure::usage("--plot is for one log (.csv), --lenient for robot files"));
@@ -23,7 +32,8 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
     }
     let ending = args.file.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     match ending.as_deref() {
-        Some("xml" | "mjcf" | "urdf") => {
+        // A xacro file is refused by what reads robots, with the command that expands it.
+        Some("xml" | "mjcf" | "urdf" | "xacro") => {
             if args.plot.is_some() || args.robot.is_some() {
                 return Err(Failure::usage("--plot and --robot are for logs (.csv)"));
             }
@@ -35,12 +45,16 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
             }
             log::run(args)
         }
-        Some("safetensors" | "onnx" | "toml") => {
-            if args.plot.is_some() || args.robot.is_some() || args.lenient {
-                return Err(Failure::usage("--plot, --robot and --lenient are for robots and logs"));
-            }
-            policy(args)
-        }
+        Some("safetensors" | "onnx" | "toml") => policy(args),
+        Some(
+            "npz" | "npy" | "mcap" | "db3" | "pt" | "pkl" | "pickle" | "parquet" | "feather" | "arrow" | "h5"
+            | "hdf5" | "mat" | "bag",
+        ) => Err(Failure::usage(format!(
+            "{}: a recording of another program, it seems; `gaitfit import {} --out log.csv` makes a log of it, which inspect \
+             shows",
+            args.file.display(),
+            args.file.display()
+        ))),
         _ => Err(Failure::usage(format!(
             "{}: neither a robot (.xml, .mjcf, .urdf), a log (.csv), a folder of logs, nor a policy (.safetensors, \
              .onnx, .toml)",
@@ -51,8 +65,14 @@ pub fn run(args: &Inspect) -> Result<(), Failure> {
 
 /// Prints what a policy sees and does.
 fn policy(args: &Inspect) -> Result<(), Failure> {
-    let policy = gaitfit_policy::read(&args.file).map_err(Failure::failed)?;
-    let document = document(&policy, Vec::new());
+    if args.plot.is_some() || args.robot.is_some() || args.lenient {
+        return Err(Failure::usage("--plot, --robot and --lenient are for robots and logs"));
+    }
+    let PolicyFile { path, note } = policy_file::find(&args.file)?;
+    note.iter().for_each(|note| output::note(note));
+    let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
+    let unsealed = gaitfit_policy::unsealed(&path).map_err(Failure::failed)?;
+    let document = document(&policy, Vec::new()).unsealed(&unsealed);
     if args.json { output::print_json(&document) } else { output::print(&text(&document)) }
 }
 

@@ -12,7 +12,11 @@ use std::fmt::Write;
 /// Prints bodies, joints, actuators, contact geoms and what was left out.
 pub fn run(args: &Inspect) -> Result<(), Failure> {
     let summary = robot::read(&args.file, args.lenient, robot::Hold::File)?.summary();
-    if args.json { output::print_json(&summary) } else { output::print(&text(&summary)) }
+    if args.json {
+        return output::print_json(&summary);
+    }
+    output::print(&text(&summary))?;
+    output::next(&[format!("gaitfit new --robot {} --logs LOGS --out my-robot.toml", args.file.display())])
 }
 
 fn text(summary: &Summary) -> String {

@@ -11,6 +11,7 @@ use crate::watcher::watched;
 use crate::{interrupt, output, viewer};
 use gaitfit::loop_::{self, Setup};
 use gaitfit::settings::{self, LoopConfig, TargetKind};
+use gaitfit_view::loop_report::plain_names;
 
 /// Runs or continues a loop and reports what came out.
 pub fn run(args: &cli::Loop) -> Result<(), Failure> {
@@ -34,10 +35,10 @@ pub fn run(args: &cli::Loop) -> Result<(), Failure> {
     if args.run.json {
         output::print_json(&results)?;
     } else {
-        output::print(&table::text(&results))?;
+        output::print(&plain_names(&table::text(&results), &results.after))?;
     }
     viewer::report(args.run.open, &results.run_folder);
-    match results.divergence() {
+    match results.divergence().or_else(|| results.fallback()) {
         Some(message) => Err(Failure { exit: Exit::Check, message }),
         None => Ok(()),
     }

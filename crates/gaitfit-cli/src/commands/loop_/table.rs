@@ -47,6 +47,9 @@ pub fn text(results: &Results) -> String {
     for place in places(results).into_iter().filter_map(|name| place(results, name)) {
         let _ = writeln!(text, "{place}");
     }
+    if let Some(promise) = promise(results) {
+        let _ = writeln!(text, "\n{promise}");
+    }
     if !results.walked.is_empty() {
         let _ = writeln!(text, "\nOn the robot\n{}", walked::sentences(&results.walked).join("\n"));
     }
@@ -77,6 +80,25 @@ pub fn text(results: &Results) -> String {
     }
     let _ = writeln!(text, "report: {}/report.html", results.run_folder);
     text
+}
+
+/// What the fitted simulator predicts of both policies, beside what the robot showed.
+fn promise(results: &Results) -> Option<String> {
+    let error = |on: &str, policy: &str| {
+        let found = results.evaluations.iter().find(|one| one.on == on && one.evaluation.policy == policy)?;
+        let mean = found.evaluation.linear_velocity_error.mean;
+        mean.is_finite().then_some(mean)
+    };
+    let pair = |on: &str| Some((error(on, &results.before)?, error(on, &results.after)?));
+    let simulated =
+        results.evaluations.iter().rev().find_map(|one| pair(&one.on).filter(|_| one.on != TARGET))?;
+    let (before, after) = simulated;
+    let text =
+        format!("Velocity error: the fitted simulator predicts {before:.3} before and {after:.3} m/s after;");
+    Some(match pair(TARGET) {
+        Some((before, after)) => format!("{text} the robot showed {before:.3} and {after:.3} m/s."),
+        None => format!("{text} the robot has not been measured."),
+    })
 }
 
 /// Names of where policies were measured, the target's first.

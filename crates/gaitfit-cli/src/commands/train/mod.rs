@@ -40,6 +40,9 @@ pub fn print(results: &Results, run: &cli::RunArgs) -> Result<(), Failure> {
         output::print_json(results)?;
     } else {
         output::print(&table::text(results))?;
+        if let Some(seed) = results.seeds.first().filter(|_| results.trained) {
+            output::next(&[format!("gaitfit evaluate {} --report evaluation.html", seed.policy)])?;
+        }
     }
     viewer::report(run.open, &results.run_folder);
     Ok(())

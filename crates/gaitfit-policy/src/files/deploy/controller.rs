@@ -1,6 +1,6 @@
 //! The interface of a policy as parameters of a ROS 2 node, in the manner of ros2_control's controllers.
 
-use super::{NETWORK, list, number, numbers, quoted, render, scale_of, unmeasured};
+use super::{Efforts, NETWORK, efforts, list, number, numbers, quoted, render, scale_of, unmeasured};
 use crate::observation::Layout;
 use crate::{FrameOrder, HistoryStart, Policy, PolicyError};
 use gaitfit_model::Model;
@@ -52,7 +52,7 @@ pub(super) fn write(
 ) -> Result<String, PolicyError> {
     let interface = &policy.interface;
     let layout = Layout::new(interface, &interface.observation);
-    let (moved, held) = efforts(policy, model, unsaid)?;
+    let Efforts { moved, held } = efforts("controller.yaml", policy, model, unsaid)?;
     let terms = &interface.observation;
     let joints = interface.joints.len();
     unsaid.extend(unmeasured(interface).map(|why| format!("controller.yaml: {why}")));
@@ -79,13 +79,13 @@ pub(super) fn write(
                 .map(|clip| numbers((0..joints).map(|joint| clip.of(joint)))),
             kp: numbers(&interface.kp),
             kd: numbers(&interface.kd),
-            effort_limit: moved,
+            effort_limit: moved.map(numbers),
             held: (!of_held.is_empty()).then(|| Held {
                 joints: names(&mut of_held.iter().map(|held| &held.joint)),
                 position: numbers(of_held.iter().map(|held| held.position)),
                 kp: numbers(of_held.iter().map(|held| held.kp)),
                 kd: numbers(of_held.iter().map(|held| held.kd)),
-                effort_limit: held,
+                effort_limit: held.map(numbers),
             }),
             width: layout.width(),
             terms: list(terms.iter().map(|term| quoted(term.quantity.name()))),
@@ -105,31 +105,4 @@ pub(super) fn write(
             gait_frequency: interface.gait_frequency.map(number),
         },
     )
-}
-
-/// Effort limits of the joints that are moved and of those that are held, N·m; none where one of them is not known.
-fn efforts(
-    policy: &Policy,
-    model: Option<&Model>,
-    unsaid: &mut Vec<String>,
-) -> Result<(Option<String>, Option<String>), PolicyError> {
-    let Some(model) = model else {
-        unsaid.push("controller.yaml: effort limits; give the robot with --robot".to_owned());
-        return Ok((None, None));
-    };
-    let interface = &policy.interface;
-    let joints = interface.resolve(model)?;
-    let held = interface.resolve_held(model, &joints)?;
-    let mut limits = |joints: &[usize]| {
-        let found: Option<Vec<f64>> =
-            joints.iter().map(|&joint| model.effort(joint).filter(|limit| limit.is_finite())).collect();
-        if found.is_none() {
-            unsaid.push(format!(
-                "controller.yaml: effort limits, as robot `{}` does not limit each of these joints",
-                gaitfit_model::shown(&model.name)
-            ));
-        }
-        found.map(numbers)
-    };
-    Ok((limits(&joints), if held.is_empty() { None } else { limits(&held) }))
 }

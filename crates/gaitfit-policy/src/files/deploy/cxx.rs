@@ -25,6 +25,7 @@ struct Page {
     action_clip: String,
     kp: String,
     kd: String,
+    effort_limit: Option<String>,
     held: Vec<Held>,
     slots: Vec<Seen>,
     scale: String,
@@ -68,7 +69,8 @@ struct TwoPart {
 }
 
 /// The text of the header, of a policy that passes [`Policy::check`].
-pub(super) fn header(policy: &Policy) -> Result<String, PolicyError> {
+/// `efforts`: the effort limit of each joint that it moves, N·m.
+pub(super) fn header(policy: &Policy, efforts: Option<&[f64]>) -> Result<String, PolicyError> {
     policy.refuse_function("a header")?;
     let count = numbers_of(policy);
     if count > MOST_NUMBERS {
@@ -107,6 +109,7 @@ pub(super) fn header(policy: &Policy) -> Result<String, PolicyError> {
         action_clip: array(&(0..joints).map(clip).collect::<Vec<_>>()),
         kp: single(&interface.kp),
         kd: single(&interface.kd),
+        effort_limit: efforts.map(single),
         held: interface.held.iter().map(held).collect(),
         slots: layout.slots().iter().map(seen).collect(),
         scale: array(&layout.scales()),

@@ -57,20 +57,63 @@ pub fn bundle(policy: &Policy, model: Option<&Model>) -> Result<Deployment, Poli
 
 /// A C++17 header with the policy inside, `policy.hpp`, and `example.cpp` that runs it on numbers from standard input.
 /// The header needs nothing but the standard library, and allocates nothing. Histories, recurrent and two-part policies
-/// are in it.
+/// are in it. `model`: the robot, whose effort limits are written.
 ///
 /// # Errors
-/// A policy whose parts do not fit ([`Policy::check`]), and one of more than two million numbers.
-pub fn cxx(policy: &Policy) -> Result<Deployment, PolicyError> {
+/// A policy whose parts do not fit ([`Policy::check`]), one of more than two million numbers, and a robot that lacks a
+/// joint of the policy.
+pub fn cxx(policy: &Policy, model: Option<&Model>) -> Result<Deployment, PolicyError> {
     policy.check()?;
-    let unsaid = vec![
-        "policy.hpp: effort limits and limits of joint angles; clamp what you send to motors".to_owned(),
-    ];
+    let mut unsaid = Vec::new();
+    let efforts = efforts("policy.hpp", policy, model, &mut unsaid)?;
+    if efforts.held.is_some() {
+        unsaid.push("policy.hpp: effort limits of the held joints".to_owned());
+    }
+    unsaid.push("policy.hpp: limits of joint angles; clamp what you send to motors".to_owned());
     let files = vec![
-        ("policy.hpp".to_owned(), cxx::header(policy)?.into_bytes()),
+        ("policy.hpp".to_owned(), cxx::header(policy, efforts.moved.as_deref())?.into_bytes()),
         ("example.cpp".to_owned(), include_bytes!("example.cpp").to_vec()),
     ];
     Ok(Deployment { files, unsaid })
+}
+
+/// Effort limits, N·m; absent where one of the joints has no known limit.
+struct Efforts {
+    /// Of the joints that the policy moves.
+    moved: Option<Vec<f64>>,
+    /// Of the joints that are held.
+    held: Option<Vec<f64>>,
+}
+
+/// The effort limits of `model` that `file` takes.
+///
+/// # Errors
+/// A robot that lacks a joint of the policy.
+fn efforts(
+    file: &str,
+    policy: &Policy,
+    model: Option<&Model>,
+    unsaid: &mut Vec<String>,
+) -> Result<Efforts, PolicyError> {
+    let Some(model) = model else {
+        unsaid.push(format!("{file}: effort limits; give the robot with --robot"));
+        return Ok(Efforts { moved: None, held: None });
+    };
+    let interface = &policy.interface;
+    let joints = interface.resolve(model)?;
+    let held = interface.resolve_held(model, &joints)?;
+    let mut limits = |joints: &[usize]| {
+        let found: Option<Vec<f64>> =
+            joints.iter().map(|&joint| model.effort(joint).filter(|limit| limit.is_finite())).collect();
+        if found.is_none() {
+            unsaid.push(format!(
+                "{file}: effort limits, as robot `{}` does not limit each of these joints",
+                gaitfit_model::shown(&model.name)
+            ));
+        }
+        found
+    };
+    Ok(Efforts { moved: limits(&joints), held: if held.is_empty() { None } else { limits(&held) } })
 }
 
 /// A number as YAML and C++ read it in double precision: with a point, without an exponent.

@@ -1,10 +1,12 @@
 //! A network under construction, operator by operator.
 
+use super::bounds::Bounds;
 use super::constant::Constant;
 use crate::PolicyError;
 use crate::error::invalid;
 use crate::files::layers::{Affine, MOST_LAYERS, assemble};
 use crate::network::{Activation, Cell, LayerNorm, Network, Normaliser, Recurrent, RecurrentLayer};
+use std::ops::Range;
 
 /// x ↦ x ∘ factor + offset; vectors of one number or of the width.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +28,19 @@ pub struct Chain {
     activation: Option<Activation>,
     /// Of the last layer so far.
     last: Option<Activation>,
+    /// Between which numbers each output is clipped, behind everything else.
+    bounds: Option<Bounds>,
+}
+
+/// What a graph's layers are.
+#[derive(Clone, Debug)]
+pub struct Read {
+    /// Recurrent layers before the network.
+    pub memory: Option<Recurrent>,
+    /// The network.
+    pub network: Network,
+    /// Largest magnitude of each output, where the graph clips its outputs.
+    pub clip: Option<Vec<f64>>,
 }
 
 impl Chain {
@@ -74,7 +89,14 @@ impl Chain {
         };
         let (factor, offset) = (row(factor)?, row(offset)?);
         if self.last.is_some() {
-            return Err("it stands behind an activation".to_owned());
+            return Err(
+                "it stands behind an activation: export the actor without it, and let the description's action_scale have \
+                 its factor"
+                    .to_owned(),
+            );
+        }
+        if let Some(bounds) = &mut self.bounds {
+            bounds.scale(&factor, &offset)?;
         }
         let normed = self.norms.len() == self.layers.len();
         if let Some(Some(norm)) = self.norms.last_mut().filter(|_| normed) {
@@ -131,6 +153,7 @@ impl Chain {
 
     /// x ↦ x W + b; `weight` is `inputs × outputs`, row-major.
     pub fn layer(&mut self, layer: Affine) -> Result<(), String> {
+        self.not_clipped()?;
         if layer.inputs == 0 || layer.outputs == 0 {
             return Err("its weight is empty".to_owned());
         }
@@ -169,6 +192,7 @@ impl Chain {
 
     /// A layer norm of the last layer's output.
     pub fn norm(&mut self, norm: LayerNorm) -> Result<(), String> {
+        self.not_clipped()?;
         let Some(width) = self.width().filter(|_| self.last.is_none() && !self.layers.is_empty()) else {
             return Err("it does not follow a layer".to_owned());
         };
@@ -185,6 +209,7 @@ impl Chain {
 
     /// The function behind a layer; the same behind all but the last.
     pub fn activate(&mut self, activation: Activation) -> Result<(), String> {
+        self.not_clipped()?;
         if self.layers.is_empty() {
             return Err("it stands before the first layer".to_owned());
         }
@@ -198,22 +223,72 @@ impl Chain {
         Ok(())
     }
 
-    /// The network of a graph without memory; see [`Chain::parts`].
-    pub fn network(self, normaliser: Option<&Normaliser>) -> Result<Network, PolicyError> {
-        match self.parts(normaliser)? {
-            (None, network) => Ok(network),
-            (Some(_), _) => {
-                Err(invalid("its graph is recurrent; describe it in a TOML file (docs/policies.md)"))
-            }
+    /// x ↦ max(low, min(x, high)) of every number.
+    pub fn clip(&mut self, low: f64, high: f64) -> Result<(), String> {
+        if self.layers.is_empty() {
+            return Err(
+                "it clips the observation, which is not read: export the actor without it, or run the whole file as a \
+                 function in Python (gaitfit.Policy, docs/python.md)"
+                    .to_owned(),
+            );
+        }
+        if low.is_nan() || high.is_nan() || low > high {
+            return Err(format!("it clips to [{low}, {high}], which is no interval"));
+        }
+        // Nothing changes behind a tanh.
+        if self.last == Some(Activation::Tanh) && low <= -1.0 && high >= 1.0 {
+            return Ok(());
+        }
+        let width = self.width().unwrap_or(0);
+        self.bounds.get_or_insert_with(|| Bounds::new(width)).narrow(low, high);
+        Ok(())
+    }
+
+    /// Only the numbers `range` of what the last layer gives.
+    pub fn select(&mut self, range: Range<usize>) -> Result<(), String> {
+        let normed = self.norms.len() == self.layers.len() && self.norms.last().is_some_and(Option::is_some);
+        let Some(layer) = self.layers.last_mut().filter(|_| !normed) else {
+            return Err("it takes a part of what a memory or a layer norm gives".to_owned());
+        };
+        if range.is_empty() || range.end > layer.outputs {
+            return Err(format!("it takes numbers {range:?} of {}", layer.outputs));
+        }
+        let rows = layer.weight.chunks_exact(layer.outputs);
+        layer.weight = rows.flat_map(|row| row[range.clone()].to_vec()).collect();
+        layer.bias = layer.bias[range.clone()].to_vec();
+        layer.outputs = range.len();
+        if let Some(bounds) = &mut self.bounds {
+            bounds.select(range);
+        }
+        Ok(())
+    }
+
+    /// Refuses what stands behind a clip.
+    fn not_clipped(&self) -> Result<(), String> {
+        match self.bounds {
+            None => Ok(()),
+            Some(_) => Err("it stands behind a Clip; only actions are clipped, behind all layers".to_owned()),
         }
     }
 
-    /// The memory, if there is one, and the network. With `normaliser`, what stands before the first layer must be that
-    /// normaliser; without, it becomes part of the first layer.
-    pub fn parts(
-        mut self,
-        normaliser: Option<&Normaliser>,
-    ) -> Result<(Option<Recurrent>, Network), PolicyError> {
+    /// The network of a graph without memory and clip; see [`Chain::read`].
+    pub fn network(self, normaliser: Option<&Normaliser>) -> Result<Network, PolicyError> {
+        let read = self.read(normaliser)?;
+        if read.memory.is_some() {
+            return Err(invalid("its graph is recurrent; describe it in a TOML file (docs/policies.md)"));
+        }
+        if read.clip.is_some() {
+            return Err(invalid(
+                "its graph clips its outputs; describe it in a TOML file (docs/policies.md)",
+            ));
+        }
+        Ok(read.network)
+    }
+
+    /// The memory, if there is one, the network, and the clip of its outputs. With `normaliser`, what stands before the
+    /// first layer must be that normaliser; without, it becomes part of the first layer.
+    pub fn read(mut self, normaliser: Option<&Normaliser>) -> Result<Read, PolicyError> {
+        let clip = self.bounds.take().map(|bounds| bounds.magnitudes()).transpose()?;
         match (self.before.take(), normaliser) {
             (before, Some(normaliser)) => {
                 let expected: (Vec<f64>, Vec<f64>) = normaliser
@@ -260,6 +335,6 @@ impl Chain {
             ));
         }
         let network = assemble(&self.layers, self.activation.unwrap_or_default(), self.norms)?;
-        Ok((self.memory, Network { output: self.last, ..network }))
+        Ok(Read { memory: self.memory, network: Network { output: self.last, ..network }, clip })
     }
 }

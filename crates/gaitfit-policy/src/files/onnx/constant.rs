@@ -3,11 +3,10 @@
 use super::proto::{DOUBLE, FLOAT, INT64, Tensor};
 use crate::PolicyError;
 use crate::error::invalid;
-use crate::files::layers::transpose;
 use gaitfit_model::shown;
 
-/// Most numbers of one constant.
-const MOST_NUMBERS: usize = 16 << 20;
+/// Max number of numbers of one constant.
+pub(super) const MAX_NUMBERS: usize = 16 << 20;
 
 /// A constant: its shape, and its numbers row-major, whatever their type in the file.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,21 +21,15 @@ impl Constant {
         Self { dims: Vec::new(), values: vec![value] }
     }
 
-    /// From the file's form: F32, F64 (later rounded to F32) or I64, in any of its containers.
+    /// From the file's form: F32, F64 (later rounded to F32) or I64, in any of its containers but another file.
     pub fn read(tensor: Tensor) -> Result<Self, PolicyError> {
         let name = shown(&tensor.name);
-        if tensor.data_location != 0 {
-            return Err(invalid(format!(
-                "the numbers of tensor {name} lie in another file; export the model as one file \
-                 (external_data=False)"
-            )));
-        }
         let length = |&length: &i64| usize::try_from(length).ok();
         let dims: Option<Vec<usize>> = tensor.dims.iter().map(length).collect();
         let count = dims
             .as_ref()
             .and_then(|dims| dims.iter().try_fold(1_usize, |count, &length| count.checked_mul(length)))
-            .filter(|&count| count <= MOST_NUMBERS);
+            .filter(|&count| count <= MAX_NUMBERS);
         let (Some(dims), Some(count)) = (dims, count) else {
             return Err(invalid(format!("tensor {name} has an impossible shape")));
         };
@@ -88,20 +81,13 @@ impl Constant {
         (last == self.values.len()).then_some(&self.values[..])
     }
 
-    /// The result of `operator` on constants; `None` where it is not one of the few that exporters leave.
+    /// The result of arithmetic on constants; `None` where `operator` is not one of the few that exporters leave.
     pub fn fold(operator: &str, inputs: &[&Constant]) -> Option<Constant> {
         match (operator, inputs) {
             ("Identity" | "Cast", [one]) => Some((*one).clone()),
             ("Sqrt", [one]) => Some(one.map(f64::sqrt)),
             ("Reciprocal", [one]) => Some(one.map(f64::recip)),
             ("Neg", [one]) => Some(one.map(|x| -x)),
-            ("Transpose", [matrix]) => match matrix.dims[..] {
-                [rows, columns] => Some(Constant {
-                    dims: vec![columns, rows],
-                    values: transpose(&matrix.values, rows, columns),
-                }),
-                _ => None,
-            },
             ("Add", [a, b]) => a.zip(b, |a, b| a + b),
             ("Sub", [a, b]) => a.zip(b, |a, b| a - b),
             ("Mul", [a, b]) => a.zip(b, |a, b| a * b),

@@ -2,8 +2,8 @@
 //!
 //! A function that is found becomes one node in the place of its last; nodes that nothing else needs go.
 
+use super::attributes::Attributes;
 use super::constant::Constant;
-use super::graph::Attributes;
 use super::proto::{Attribute, Node};
 use prost::Message;
 use std::collections::{HashMap, HashSet};

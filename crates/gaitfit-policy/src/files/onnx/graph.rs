@@ -1,17 +1,23 @@
 //! Walking a graph from its input to its output, one node after the other.
 
+use super::attributes::Attributes;
 use super::chain::Chain;
 use super::constant::Constant;
+use super::external::{self, Beside};
 use super::fuse::fuse;
-use super::proto::{Attribute, Dimension, FLOAT, Graph, Model, Node, Tensor, ValueInfo};
+use super::linear::{gemm, keeps_rows, linear};
+use super::metadata;
+use super::moves::moved;
+use super::parts::Parts;
+use super::proto::{Dimension, FLOAT, Graph, Model, Node, Tensor, ValueInfo};
 use super::recurrent::{Remembered, is_recurrent};
 use crate::PolicyError;
 use crate::error::invalid;
-use crate::files::layers::{Affine, transpose};
 use crate::network::{Activation, LayerNorm, SELU};
 use gaitfit_model::shown;
 use prost::Message;
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
 /// Most nodes and constants of a graph, entries of metadata, attributes and inputs of a node.
 const MOST_PARTS: usize = 1024;
@@ -45,26 +51,48 @@ fn decode_all<T: Message + Default>(all: &[Vec<u8>], what: &str) -> Result<Vec<T
     all.iter().map(|bytes| decode_message(bytes, what)).collect()
 }
 
-/// Takes a file apart, without understanding the graph yet.
-pub fn decode(bytes: &[u8]) -> Result<Decoded, PolicyError> {
+/// Takes a file apart, without understanding the graph yet. `folder`: where the file lies; tensors in other files are
+/// looked for there.
+pub fn decode(bytes: &[u8], folder: Option<&Path>) -> Result<Decoded, PolicyError> {
+    let graph = graph_of(bytes)?;
+    let mut beside = Beside::new(folder);
+    let mut constants = HashMap::new();
+    for mut tensor in decode_all::<Tensor>(&graph.0.initializer, "initializer")? {
+        beside.fill(&mut tensor)?;
+        constants.insert(tensor.name.clone(), Constant::read(tensor)?);
+    }
+    Ok(Decoded {
+        nodes: decode_all(&graph.0.node, "node")?,
+        constants,
+        inputs: decode_all(&graph.0.input, "input")?,
+        outputs: decode_all(&graph.0.output, "output")?,
+        metadata: graph.1,
+    })
+}
+
+/// The files beside a graph's own that hold its tensors' numbers, in the order of the tensors.
+pub fn others(bytes: &[u8]) -> Result<Vec<PathBuf>, PolicyError> {
+    let mut files = Vec::new();
+    for tensor in decode_all::<Tensor>(&graph_of(bytes)?.0.initializer, "initializer")? {
+        if let Some(place) = external::place(&tensor)?
+            && !files.contains(&place.file)
+        {
+            files.push(place.file);
+        }
+    }
+    Ok(files)
+}
+
+/// The graph of a file, and its encoded metadata.
+fn graph_of(bytes: &[u8]) -> Result<(Graph, Vec<Vec<u8>>), PolicyError> {
     let model: Model = decode_message(bytes, "model")?;
     if model.metadata_props.len() > MOST_PARTS {
         return Err(invalid(format!("it has more than {MOST_PARTS} entries of metadata")));
     }
+    metadata::check(bytes, &model)?;
     let graph =
         model.graph.ok_or_else(|| invalid("it holds no graph, so it is no ONNX model or it is cut short"))?;
-    let graph: Graph = decode_message(&graph, "graph")?;
-    let mut constants = HashMap::new();
-    for tensor in decode_all::<Tensor>(&graph.initializer, "initializer")? {
-        constants.insert(tensor.name.clone(), Constant::read(tensor)?);
-    }
-    Ok(Decoded {
-        nodes: decode_all(&graph.node, "node")?,
-        constants,
-        inputs: decode_all(&graph.input, "input")?,
-        outputs: decode_all(&graph.output, "output")?,
-        metadata: model.metadata_props,
-    })
+    Ok((decode_message(&graph, "graph")?, model.metadata_props))
 }
 
 /// The layers between the graph's one input and its one output.
@@ -95,9 +123,11 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
         steps: false,
         input_width: last_dimension(input)?,
         chain: Chain::default(),
+        parts: Parts::default(),
     };
     let ends: Vec<String> = model.outputs.iter().map(|output| output.name.clone()).collect();
     let nodes = fuse(model.nodes.clone(), &model.constants, &ends);
+    walk.parts.need(&nodes, &ends);
     for node in &nodes {
         walk.node(node).map_err(|why| {
             let name =
@@ -105,6 +135,8 @@ pub fn walk(model: &Decoded) -> Result<Chain, PolicyError> {
             invalid(format!("node {} ({}): {why}", shown(name), shown(&node.op_type)))
         })?;
     }
+    walk.take_part(&output.name)
+        .map_err(|why| invalid(format!("its output {}: {why}", shown(&output.name))))?;
     if walk.head != output.name {
         return Err(invalid(format!(
             "its output {} is not what the last layer gives; only {UNDERSTOOD} is read",
@@ -137,6 +169,8 @@ pub(super) struct Walk {
     /// The observation's width, where the file states it.
     input_width: Option<usize>,
     pub(super) chain: Chain,
+    /// Parts of the chain's value, by name, and what only unneeded parts lead to.
+    pub(super) parts: Parts,
 }
 
 impl Walk {
@@ -164,6 +198,12 @@ impl Walk {
         if self.remembers(node) {
             return Ok(());
         }
+        if self.parts.is_unneeded(node) {
+            return Ok(());
+        }
+        for name in &node.input {
+            self.take_part(name)?;
+        }
         // Optional inputs that are left out have empty names.
         let inputs: Vec<&str> =
             node.input.iter().map(String::as_str).filter(|name| !name.is_empty()).collect();
@@ -179,13 +219,18 @@ impl Walk {
             let constants: Vec<&Constant> =
                 inputs.iter().filter_map(|&name| self.constants.get(name)).collect();
             let folded = Constant::fold(&node.op_type, &constants)
+                .or_else(|| moved(&node.op_type, &constants, &attributes))
                 .ok_or_else(|| format!("it computes a constant; only {UNDERSTOOD} is read"))?;
             return self.keep(output, folded);
+        }
+        if self.cuts(node, &attributes)? {
+            return Ok(());
         }
         if !self.changes_steps(node, &attributes) {
             self.apply(node, &inputs, &attributes)?;
         }
         self.head = output;
+        self.parts.clear();
         Ok(())
     }
 
@@ -261,6 +306,31 @@ impl Walk {
                 let layer = gemm(weight, constant(2), attributes)?;
                 self.chain.layer(layer)
             }
+            ("Clip", true) => {
+                // Operator sets before 11 have attributes.
+                let limit = |number: usize, key: &str, other: f64| {
+                    let Some(name) = node.input.get(number).filter(|name| !name.is_empty()) else {
+                        return Ok(if attributes.has(key) {
+                            f64::from(attributes.number(key, 0.0))
+                        } else {
+                            other
+                        });
+                    };
+                    let constant = self.constants.get(name).and_then(Constant::as_scalar);
+                    constant.ok_or("its limits are not constants")
+                };
+                let low = limit(1, "min", f64::NEG_INFINITY)?;
+                let high = limit(2, "max", f64::INFINITY)?;
+                self.chain.clip(low, high)
+            }
+            ("Max" | "Min", _) if inputs.len() == 2 => {
+                let other = constant(usize::from(first)).and_then(Constant::as_scalar);
+                let limit = other.ok_or("it needs one constant number beside the layers' value")?;
+                match node.op_type.as_str() {
+                    "Max" => self.chain.clip(limit, f64::INFINITY),
+                    _ => self.chain.clip(f64::NEG_INFINITY, limit),
+                }
+            }
             ("Add" | "Sub" | "Mul" | "Div", _) => {
                 let other =
                     constant(usize::from(first)).ok_or("it needs a constant beside the layers' value")?;
@@ -276,114 +346,10 @@ impl Walk {
                     _ => Err("it divides by what the layers give".to_owned()),
                 }
             }
-            _ => Err(format!("it is not understood here; only {UNDERSTOOD} is read")),
+            _ => Err(format!(
+                "it is not understood here; only {UNDERSTOOD} is read. Export the actor's layers without what stands around \
+                 them, or run the whole file as a function in Python (gaitfit.Policy, docs/python.md)"
+            )),
         }
     }
-}
-
-/// A weight matrix; `transposed` is `outputs × inputs`.
-fn linear(weight: &Constant, transposed: bool) -> Result<Affine, String> {
-    let [rows, columns] = weight.dims[..] else {
-        return Err(format!("its weight has shape {:?}; a matrix is needed", weight.dims));
-    };
-    let single: Vec<f32> = weight.values.iter().map(|&x| x as f32).collect();
-    let (inputs, outputs, weight) =
-        if transposed { (columns, rows, transpose(&single, rows, columns)) } else { (rows, columns, single) };
-    Ok(Affine { inputs, outputs, weight, bias: vec![0.0; outputs] })
-}
-
-/// alpha · x W + beta · c.
-fn gemm(weight: &Constant, bias: Option<&Constant>, attributes: &Attributes) -> Result<Affine, String> {
-    if attributes.integer("transA", 0) != 0 {
-        return Err("it transposes the layers' value (transA), which mixes rows".to_owned());
-    }
-    let mut layer = linear(weight, attributes.integer("transB", 0) != 0)?;
-    let (alpha, beta) = (attributes.number("alpha", 1.0), attributes.number("beta", 1.0));
-    for weight in &mut layer.weight {
-        *weight *= alpha;
-    }
-    if let Some(bias) = bias {
-        let row = bias.as_row().ok_or("its bias does not act alike on every row")?;
-        if row.len() != 1 && row.len() != layer.outputs {
-            return Err(format!("its bias has {} numbers, its weight gives {}", row.len(), layer.outputs));
-        }
-        layer.bias = (0..layer.outputs).map(|index| beta * row[index.min(row.len() - 1)] as f32).collect();
-    }
-    Ok(layer)
-}
-
-/// Whether a reshape to `shape` leaves rows of `width` as they are.
-fn keeps_rows(shape: &[f64], width: Option<usize>) -> bool {
-    let width = width.map(|width| width as f64);
-    match *shape {
-        // 0 keeps the length of that axis.
-        [rows, last] => {
-            (rows == -1.0 && (Some(last) == width || last == 0.0))
-                || (rows == 0.0 && (last == -1.0 || last == 0.0 || Some(last) == width))
-        }
-        _ => false,
-    }
-}
-
-/// A node's attributes.
-pub(super) struct Attributes(Vec<Attribute>);
-
-impl Attributes {
-    pub(super) fn decode(node: &Node) -> Result<Self, String> {
-        let all = node.attribute.iter().map(|bytes| Attribute::decode(bytes.as_slice()));
-        all.collect::<Result<_, _>>()
-            .map(Self)
-            .map_err(|error| format!("its attributes are damaged ({error})"))
-    }
-
-    fn find(&self, name: &str) -> Option<&Attribute> {
-        self.0.iter().find(|attribute| attribute.name == name)
-    }
-
-    pub(super) fn text(&self, name: &str) -> &[u8] {
-        self.find(name).map_or(b"", |attribute| &attribute.s)
-    }
-
-    /// A list of whole numbers.
-    pub(super) fn list(&self, name: &str) -> Option<&[i64]> {
-        self.find(name).map(|attribute| &attribute.ints[..])
-    }
-
-    /// Whether there is an attribute of this name.
-    pub(super) fn has(&self, name: &str) -> bool {
-        self.find(name).is_some()
-    }
-
-    /// The one number of a list.
-    pub(super) fn one_of(&self, name: &str) -> Option<i64> {
-        match self.find(name)?.ints[..] {
-            [one] => Some(one),
-            _ => None,
-        }
-    }
-
-    pub(super) fn integer(&self, name: &str, default: i64) -> i64 {
-        self.find(name).map_or(default, |attribute| attribute.i)
-    }
-
-    fn number(&self, name: &str, default: f32) -> f32 {
-        self.find(name).map_or(default, |attribute| attribute.f)
-    }
-
-    /// The value of a `Constant` node.
-    pub(super) fn constant(&self) -> Result<Constant, String> {
-        let attribute = self.0.first().filter(|_| self.0.len() == 1).ok_or("it has no single value")?;
-        match (attribute.name.as_str(), &attribute.t) {
-            ("value", Some(tensor)) => Constant::read(tensor.clone()).map_err(|error| error.to_string()),
-            ("value_float", _) => Ok(Constant::scalar(f64::from(attribute.f))),
-            ("value_int", _) => Ok(Constant::scalar(attribute.i as f64)),
-            ("value_floats", _) => Ok(vector(attribute.floats.iter().map(|&x| f64::from(x)).collect())),
-            ("value_ints", _) => Ok(vector(attribute.ints.iter().map(|&x| x as f64).collect())),
-            _ => Err("its value is not a tensor of numbers".to_owned()),
-        }
-    }
-}
-
-fn vector(values: Vec<f64>) -> Constant {
-    Constant { dims: vec![values.len()], values }
 }

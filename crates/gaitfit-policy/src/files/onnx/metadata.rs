@@ -4,21 +4,31 @@
 //! under the names that exporters of robot policies commonly use.
 
 use super::graph::{Decoded, decode_message};
-use super::proto::Entry;
+use super::proto::{Entry, Model};
 use crate::Interface;
 use crate::error::invalid;
+use crate::files::checksum::{self, Sealed};
 use crate::network::Normaliser;
 use crate::{Policy, PolicyError, Provenance};
+use prost::Message;
 use serde::{Deserialize, Serialize};
 
+/// Program that writes these files, as they name it.
+pub const PRODUCER: &str = "gaitfit";
 /// Version of the JSON object.
 const FORMAT: u32 = 1;
 const KEY: &str = "gaitfit";
+/// The first entry's key as it is encoded, and how its JSON begins; the length between them takes 1 to 5 bytes.
+const ENCODED_KEY: &[u8] = b"\x0a\x07gaitfit\x12";
+const JSON: &[u8] = br#"{"sha256":""#;
 
 /// The JSON object.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Header {
+    /// First, where the [`checksum`] is looked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
     pub format: u32,
     pub interface: Interface,
     pub log_std: Vec<f32>,
@@ -32,6 +42,7 @@ pub struct Header {
 pub fn entries(policy: &Policy) -> Result<Vec<Entry>, PolicyError> {
     let interface = &policy.interface;
     let header = Header {
+        sha256: Some(checksum::blank()),
         format: FORMAT,
         interface: interface.clone(),
         log_std: policy.log_std.clone(),
@@ -53,6 +64,46 @@ pub fn entries(policy: &Policy) -> Result<Vec<Entry>, PolicyError> {
         ("control_dt", interface.control_dt.to_string()),
     ];
     Ok(list.into_iter().map(|(key, value)| Entry { key: key.to_owned(), value }).collect())
+}
+
+/// What stands before the digits of the checksum in a file's bytes; `None` of a file without one.
+fn before(bytes: &[u8]) -> Option<&[u8]> {
+    let starts = bytes.windows(ENCODED_KEY.len()).enumerate().filter(|(_, window)| *window == ENCODED_KEY);
+    starts.map(|(start, _)| start).find_map(|start| {
+        let length = start + ENCODED_KEY.len();
+        let end = (length + 1..=length + 5)
+            .find(|&end| bytes.get(end..).is_some_and(|rest| rest.starts_with(JSON)))?;
+        bytes.get(start..end + JSON.len())
+    })
+}
+
+/// Writes the checksum of a policy's file into its place.
+pub fn seal(mut bytes: Vec<u8>) -> Result<Vec<u8>, PolicyError> {
+    let before = before(&bytes).map(<[u8]>::to_vec);
+    if !before.is_some_and(|before| checksum::seal(&mut bytes, &before)) {
+        return Err(invalid("its metadata has no place for the checksum"));
+    }
+    Ok(bytes)
+}
+
+/// Whether the metadata has a checksum.
+pub fn is_sealed(metadata: &[Vec<u8>]) -> bool {
+    let own = |bytes: &Vec<u8>| {
+        Entry::decode(bytes.as_slice()).is_ok_and(|one| one.key == KEY && Sealed::is(&one.value))
+    };
+    metadata.iter().any(own)
+}
+
+/// Refuses a file with a checksum whose bytes are not those that were sealed, and one by this program whose own metadata
+/// cannot be found: it may look like another program's then.
+pub fn check(bytes: &[u8], model: &Model) -> Result<(), PolicyError> {
+    let sealed = is_sealed(&model.metadata_props);
+    let entry = |bytes: &Vec<u8>| Entry::decode(bytes.as_slice()).is_ok_and(|one| one.key == KEY);
+    let lost = model.producer_name == PRODUCER
+        && !model.metadata_props.is_empty()
+        && !model.metadata_props.iter().any(entry);
+    let intact = || before(bytes).is_some_and(|before| checksum::intact(bytes, before));
+    if lost || sealed && !intact() { Err(checksum::damaged()) } else { Ok(()) }
 }
 
 /// Every entry.

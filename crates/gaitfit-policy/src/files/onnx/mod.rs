@@ -2,11 +2,17 @@
 //!
 //! Only multilayer perceptrons are read; everything else is refused by node and operator.
 
+mod attributes;
+mod bounds;
 mod chain;
 mod constant;
+mod external;
 mod fuse;
 mod graph;
+mod linear;
 mod metadata;
+mod moves;
+mod parts;
 mod proto;
 mod recurrent;
 #[cfg(test)]
@@ -14,26 +20,28 @@ mod recurrent;
 mod tests;
 mod write;
 
-pub(super) use chain::Chain;
+pub(super) use chain::{Chain, Read};
+pub(super) use graph::others;
 pub use write::{write, write_network, write_single};
 
 use super::foreign::{self, Known};
 use crate::error::invalid;
 use crate::{Interface, Policy, PolicyError};
 use gaitfit_model::shown;
+use std::path::Path;
 
 /// Reads a policy that [`write()`] wrote: the graph's network and the metadata's interface. The critic is not part
-/// of an ONNX file.
+/// of an ONNX file. All numbers must be in `bytes`.
 ///
 /// # Errors
 /// A graph that is no multilayer perceptron, one without this program's metadata, or parts that do not fit.
 pub fn read(bytes: &[u8]) -> Result<Policy, PolicyError> {
-    read_own(bytes)?.ok_or_else(|| without_metadata("policy.onnx", bytes))
+    read_own(bytes, None)?.ok_or_else(|| without_metadata("policy.onnx", bytes, None))
 }
 
-/// As [`read`]; `None` for a file without this program's metadata.
-pub(super) fn read_own(bytes: &[u8]) -> Result<Option<Policy>, PolicyError> {
-    let model = graph::decode(bytes)?;
+/// As [`read`]; `None` for a file without this program's metadata. `folder`: where the file lies.
+pub(super) fn read_own(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Policy>, PolicyError> {
+    let model = graph::decode(bytes, folder)?;
     let Some(header) = metadata::read(&model)? else { return Ok(None) };
     let chain = graph::walk(&model)?;
     let policy = Policy {
@@ -51,14 +59,19 @@ pub(super) fn read_own(bytes: &[u8]) -> Result<Option<Policy>, PolicyError> {
     Ok(Some(policy))
 }
 
+/// Whether a file carries a checksum.
+pub(super) fn is_sealed(bytes: &[u8]) -> bool {
+    graph::decode(bytes, None).is_ok_and(|model| metadata::is_sealed(&model.metadata))
+}
+
 /// The interface in a file that [`write()`] wrote; `None` for other files and damaged ones.
 pub(super) fn interface(bytes: &[u8]) -> Option<Interface> {
-    metadata::read(&graph::decode(bytes).ok()?).ok()?.map(|header| header.interface)
+    metadata::read(&graph::decode(bytes, None).ok()?).ok()?.map(|header| header.interface)
 }
 
 /// What another program's metadata says; `None` where it is not known.
-pub(super) fn foreign(bytes: &[u8]) -> Result<Option<Known>, PolicyError> {
-    let model = graph::decode(bytes)?;
+pub(super) fn foreign(bytes: &[u8], folder: Option<&Path>) -> Result<Option<Known>, PolicyError> {
+    let model = graph::decode(bytes, folder)?;
     let chain = graph::walk(&model)?;
     match (chain.inputs(), chain.width()) {
         (Some(inputs), Some(outputs)) => foreign::mjlab(&metadata::all(&model)?, inputs, outputs),
@@ -67,8 +80,8 @@ pub(super) fn foreign(bytes: &[u8]) -> Result<Option<Known>, PolicyError> {
 }
 
 /// What is missing in a file that says nothing of joints, gains and observation, with the description to write.
-pub(super) fn without_metadata(name: &str, bytes: &[u8]) -> PolicyError {
-    let sizes = graph::decode(bytes).and_then(|model| graph::walk(&model));
+pub(super) fn without_metadata(name: &str, bytes: &[u8], folder: Option<&Path>) -> PolicyError {
+    let sizes = graph::decode(bytes, folder).and_then(|model| graph::walk(&model));
     let (inputs, outputs) = match &sizes {
         Ok(chain) => (chain.inputs().unwrap_or(0), chain.width().unwrap_or(0)),
         Err(error) => return invalid(error.to_string()),
@@ -94,7 +107,7 @@ pub(super) fn without_metadata(name: &str, bytes: &[u8]) -> PolicyError {
     ))
 }
 
-/// The layers of any ONNX multilayer perceptron.
-pub(super) fn read_chain(bytes: &[u8]) -> Result<Chain, PolicyError> {
-    graph::walk(&graph::decode(bytes)?)
+/// The layers of any ONNX multilayer perceptron. `folder`: where the file lies.
+pub(super) fn read_chain(bytes: &[u8], folder: &Path) -> Result<Chain, PolicyError> {
+    graph::walk(&graph::decode(bytes, Some(folder))?)
 }

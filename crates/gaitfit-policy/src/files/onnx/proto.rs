@@ -114,6 +114,9 @@ pub struct Tensor {
     pub raw_data: Vec<u8>,
     #[prost(double, repeated, tag = "10")]
     pub double_data: Vec<f64>,
+    /// [`Entry`]: where in another file the numbers lie.
+    #[prost(bytes = "vec", repeated, tag = "13")]
+    pub external_data: Vec<Vec<u8>>,
     /// 1 where the numbers lie in another file.
     #[prost(int32, tag = "14")]
     pub data_location: i32,

@@ -1,7 +1,8 @@
 //! `LSTM` and `GRU` nodes, and what exporters put around them: an axis for time steps, and states cut into layers.
 
+use super::attributes::Attributes;
 use super::constant::Constant;
-use super::graph::{Attributes, Walk};
+use super::graph::Walk;
 use super::proto::Node;
 use crate::files::layers::transpose;
 use crate::network::{Cell, RecurrentLayer};
@@ -40,11 +41,27 @@ impl Walk {
         true
     }
 
-    /// Whether an `Unsqueeze` or `Squeeze` only gives rows an axis of one time step, or takes it away.
+    /// Whether a node only gives rows an axis of one time step, or takes it or that of directions away. Of the axes of
+    /// what a memory gives (steps, directions, rows, units) only rows and units are longer than one, so that nodes which
+    /// keep the units last leave the order of the numbers alone.
     pub(super) fn changes_steps(&mut self, node: &Node, attributes: &Attributes) -> bool {
-        if node.input.first() != Some(&self.head) || !matches!(node.op_type.as_str(), "Unsqueeze" | "Squeeze")
-        {
+        if node.input.first() != Some(&self.head) {
             return false;
+        }
+        let behind_memory = self.chain.remembering() > 0 && self.chain.is_empty();
+        match node.op_type.as_str() {
+            "Unsqueeze" | "Squeeze" => {}
+            "Transpose" if behind_memory => {
+                let order = attributes.list("perm").unwrap_or_default();
+                return order.len() >= 3 && order.iter().max() == order.last();
+            }
+            "Reshape" if behind_memory => {
+                let shape = node.input.get(1).and_then(|name| self.constants.get(name));
+                let units = self.chain.width().map(|units| units as f64);
+                return shape
+                    .is_some_and(|shape| shape.values.len() >= 3 && shape.values.last().copied() == units);
+            }
+            _ => return false,
         }
         let listed = attributes.list("axes").map(<[i64]>::to_vec);
         let given = node.input.get(1).and_then(|name| self.constants.get(name));
@@ -54,8 +71,7 @@ impl Walk {
             self.steps |= first;
             return first;
         }
-        self.chain.remembering() > 0
-            && self.chain.is_empty()
+        behind_memory
             && axes.is_some_and(|axes| !axes.is_empty() && axes.iter().all(|axis| matches!(axis, 0 | 1)))
     }
 

@@ -65,7 +65,7 @@ fn model(nodes: &[Node], constants: &[Tensor]) -> Vec<u8> {
 }
 
 fn network(nodes: &[Node]) -> Result<Network, String> {
-    let chain = decode(&model(nodes, &constants())).and_then(|model| walk(&model));
+    let chain = decode(&model(nodes, &constants()), None).and_then(|model| walk(&model));
     chain.and_then(|chain| chain.network(None)).map_err(|error| error.to_string())
 }
 
@@ -182,7 +182,7 @@ fn tensors_that_lie_about_their_size_are_refused() {
         (Tensor { data_location: 1, ..good }, "lie in another file"),
     ];
     for (tensor, message) in cases {
-        let found = decode(&model(&[], &[tensor])).map(|_| ()).unwrap_err().to_string();
+        let found = decode(&model(&[], &[tensor]), None).map(|_| ()).unwrap_err().to_string();
         assert!(found.contains(message) && found.contains("tensor w"), "`{message}` is not in `{found}`");
     }
 }
@@ -192,7 +192,7 @@ fn double_precision_is_rounded() {
     let double =
         Tensor { data_type: DOUBLE, float_data: vec![], double_data: vec![0.1; 6], ..constants()[0].clone() };
     let bytes = model(&[node("MatMul", &["x", "w"], "y")], &[double]);
-    let network = walk(&decode(&bytes).unwrap()).unwrap().network(None).unwrap();
+    let network = walk(&decode(&bytes, None).unwrap()).unwrap().network(None).unwrap();
     assert_eq!(network.parameters[..6], [0.1_f32; 6]);
 }
 
@@ -202,7 +202,7 @@ fn a_network_alone_comes_back() {
     let network = Network::random(shape, 3, 0, 1.0).unwrap();
     let scale: Vec<(f32, f32)> = (0..6).map(|i| (0.5 + 0.1 * i as f32, 0.2 - 0.3 * i as f32)).collect();
     let bytes = write_network("resid", &network, &scale).unwrap();
-    let back = walk(&decode(&bytes).unwrap()).unwrap().network(None).unwrap();
+    let back = walk(&decode(&bytes, None).unwrap()).unwrap().network(None).unwrap();
     let input: Vec<f32> = (0..6 * 20).map(|i| (0.37 * i as f32).sin()).collect();
     let scaled: Vec<f32> =
         input.iter().enumerate().map(|(i, x)| x * scale[i % 6].0 + scale[i % 6].1).collect();
@@ -222,10 +222,13 @@ fn constants_cannot_multiply_without_end() {
     for index in 1..1000 {
         nodes.push(node("Identity", &[&format!("c{}", index - 1)], &format!("c{index}")));
     }
-    let found =
-        decode(&model(&nodes, &[big])).and_then(|model| walk(&model)).map(|_| ()).unwrap_err().to_string();
+    let found = decode(&model(&nodes, &[big]), None)
+        .and_then(|model| walk(&model))
+        .map(|_| ())
+        .unwrap_err()
+        .to_string();
     assert!(found.contains("constants have more than"), "{found}");
     let many = vec![node("Identity", &["x"], "y"); 2000];
-    let found = decode(&model(&many, &[])).map(|_| ()).unwrap_err().to_string();
+    let found = decode(&model(&many, &[]), None).map(|_| ()).unwrap_err().to_string();
     assert!(found.contains("it has 2000 nodes"), "{found}");
 }

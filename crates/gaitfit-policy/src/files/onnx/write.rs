@@ -50,7 +50,7 @@ fn whole(policy: &Policy, rows: Option<i64>) -> Result<Vec<u8>, PolicyError> {
     // A graph must have a name, a policy need not know its robot.
     let robot = &policy.interface.robot;
     let name = if robot.is_empty() { "policy" } else { robot };
-    Ok(model(name, &policy.actor, scale, metadata::entries(policy)?, rows))
+    metadata::seal(model(name, &policy.actor, scale, metadata::entries(policy)?, rows))
 }
 
 /// The bytes of an ONNX model of a network alone: `obs` (F32, N × inputs) to `actions` (F32, N × outputs). Before its
@@ -122,7 +122,7 @@ fn model(
     };
     let model = Model {
         ir_version: IR_VERSION,
-        producer_name: "gaitfit".to_owned(),
+        producer_name: metadata::PRODUCER.to_owned(),
         producer_version: env!("CARGO_PKG_VERSION").to_owned(),
         graph: Some(graph.encode_to_vec()),
         opset_import: vec![OperatorSet { domain: String::new(), version: OPSET }.encode_to_vec()],

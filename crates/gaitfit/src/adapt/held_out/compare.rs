@@ -3,6 +3,7 @@
 use super::super::Method;
 use super::super::log_set::LogSet;
 use super::super::score::Robot;
+use super::trials::{Trials, pairs, tail};
 use super::{Distance, Floor, HeldOut};
 use crate::Error;
 use crate::log::Log;
@@ -25,7 +26,8 @@ const RANGE: f64 = 1.96;
 const SEED: u64 = 15;
 
 /// Compares walks under the commands of held-out logs with them. Each of `sets` has these logs and the simulator of the
-/// robot after and before the fit; beside it stands what θ changes of it.
+/// robot after and before the fit; beside it stands what θ changes of it. `fitted_logs`: other logs of the robot, among
+/// which trials of the same commands are looked for.
 ///
 /// # Errors
 /// A simulation that cannot be made. Logs that cannot be compared in this way (constant joints) give none.
@@ -33,6 +35,7 @@ pub fn held_out(
     config: &AdaptConfig,
     method: &Method,
     [fitted, nominal]: [(&LogSet, Robot<'_>); 2],
+    fitted_logs: &[Log],
 ) -> Result<Option<HeldOut>, Error> {
     if method.walking().is_none() {
         return Ok(None);
@@ -55,6 +58,7 @@ pub fn held_out(
     let (after, before) = (walk(fitted)?, walk(nominal)?);
     let falls = |walked: &[Predicted]| walked.iter().filter(|log| log.fell_at.is_some()).count();
     let (falls, nominal_falls) = (falls(&after), falls(&before));
+    let trials = trials(set, fitted_logs, &joints, skip, [&recorded, &after]);
     let (after, before) = (cut(&after), cut(&before));
     let all: Vec<usize> = (0..blocks.len()).collect();
     let (fitted, nominal) = (of(cost, &after, &all), of(cost, &before, &all));
@@ -67,6 +71,7 @@ pub fn held_out(
         cost: total(&fitted),
         nominal_cost: total(&nominal),
         floor,
+        trials,
         falls,
         nominal_falls,
         distances: distances(reference, [&fitted, &nominal], &drawn),
@@ -122,6 +127,38 @@ fn recorded(log: &Log, joints: &[String]) -> Option<Predicted> {
         action: found.action.as_deref().map(single),
         ..Predicted::default()
     })
+}
+
+/// Held-out logs beside other trials of their commands. `recorded` and `after`: the held-out logs and the fitted robot's
+/// walks; `skip`: the samples that do not count.
+fn trials(
+    set: &LogSet,
+    others: &[Log],
+    joints: &[String],
+    skip: usize,
+    [recorded, after]: [&[Predicted]; 2],
+) -> Option<Trials> {
+    let pairs = pairs(&set.logs, others);
+    let count = joints.len();
+    if pairs.is_empty() {
+        return None;
+    }
+    let paired = |walks: &[Predicted]| -> Option<Vec<Predicted>> {
+        pairs.iter().map(|(log, _)| Some(tail(walks.get(*log)?, skip, count))).collect()
+    };
+    let (own, walked) = (paired(recorded)?, paired(after)?);
+    let other =
+        |(_, other): &(usize, usize)| Some(tail(&self::recorded(&others[*other], joints)?, skip, count));
+    let other: Vec<Predicted> = pairs.iter().map(other).collect::<Option<_>>()?;
+    let (_, cost) = cost_against(&own, joints, set)?;
+    let all: Vec<usize> = (0..own.len()).collect();
+    let distances = |walks: &[Predicted]| -> Option<[f64; 2]> {
+        let pooled = total(&of(cost.as_ref(), walks, &all))?;
+        let one = |log: usize| total(&of(cost.subset(&[log])?.as_ref(), walks, &[log]));
+        let each = all.iter().map(|&log| one(log)).collect::<Option<Vec<f64>>>()?;
+        Some([pooled, stats::mean(&each)?])
+    };
+    Some(Trials { pairs: pairs.len(), itself: distances(&other)?, fitted: distances(&walked)? })
 }
 
 /// The cost against blocks, each a recording; none if they cannot be compared.

@@ -4,19 +4,27 @@
 //! The measure is [`Wass`](gaitfit_adapt::cost::Wass) on whole walks, whatever cost was fitted. It needs no clocks, so a
 //! robot can be compared with itself: the logs are cut into blocks of half a second, about a stride, and one half of
 //! each log's blocks is compared with the other half. Commands are the same on both sides. No simulator need be closer to the
-//! robot than that. (Whole logs against other logs would not do: their commands differ, which makes more than most
-//! simulators' errors.)
+//! robot than that. Where logs that were fitted have the same commands, whole walks are compared with them too: a robot
+//! differs from one trial to the next by more than within one. (Logs of other commands would not do: commands make more
+//! of a difference than most simulators' errors.)
 
 mod compare;
+mod trials;
 
 pub(super) use compare::held_out;
+pub use trials::Trials;
 
 use gaitfit_adapt::cost::Signal;
 use gaitfit_view::{Doubt, DoubtKind};
 use serde::{Deserialize, Serialize};
 
-/// A cost of so many times the floor's upper end is a misfit.
-const FAR: f64 = 3.0;
+/// A cost of so many times the floor's upper end is a misfit. Of fits of a real Go2's walks those with a missing load and
+/// floor are 1.7 times as far, those with all of what differs 1.0; the robot before the fit is 5 times as far.
+const FAR: f64 = 1.5;
+/// A fit that leaves more than this part of what the robot before the fit was off by, beyond the floor, is a misfit too.
+const LEFT: f64 = 0.5;
+/// Largest share of logs in which a fitted robot may fall by chance.
+const CHANCE: f64 = 0.02;
 /// How far simulated walks are from held-out logs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HeldOut {
@@ -30,6 +38,9 @@ pub struct HeldOut {
     pub nominal_cost: Option<f64>,
     /// How far the robot is from itself; absent if the logs are too short.
     pub floor: Option<Floor>,
+    /// How far it is from itself in other trials of the same commands; absent without such logs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub trials: Option<Trials>,
     /// Logs in which the fitted robot falls.
     pub falls: usize,
     /// The same before the fit.
@@ -66,7 +77,8 @@ pub struct Distance {
 }
 
 /// Whether the fit explains the logs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// No worse than the robot explains itself.
     Explained,
@@ -76,6 +88,8 @@ pub enum Verdict {
     Misfit,
     /// Worse than the robot before the fit.
     WorseThanNominal,
+    /// It falls where the robot walks.
+    Falls,
     /// There is no floor to judge by.
     Unknown,
 }
@@ -87,13 +101,28 @@ impl HeldOut {
         if self.nominal_cost.is_some_and(|nominal| cost > nominal) {
             return Verdict::WorseThanNominal;
         }
+        if self.falls > self.nominal_falls && self.falls as f64 > CHANCE * self.logs as f64 {
+            return Verdict::Falls;
+        }
+        if self.trials.as_ref().is_some_and(Trials::explained) {
+            return Verdict::Explained;
+        }
         let Some(floor) = &self.floor else { return Verdict::Unknown };
         let upper = floor.mean + floor.range95;
+        let left = |cost: f64| {
+            self.nominal_cost
+                .is_some_and(|nominal| cost - floor.mean > LEFT * (nominal - floor.mean).max(0.0))
+        };
         match floor.cost {
             Some(cost) if cost <= upper => Verdict::Explained,
-            Some(cost) if cost <= FAR * upper => Verdict::Worse,
+            Some(cost) if cost <= FAR * upper && !left(cost) => Verdict::Worse,
             _ => Verdict::Misfit,
         }
+    }
+
+    /// Whether whole walks contradict the fit: no policy is to be trained in it.
+    pub fn contradicts(&self) -> bool {
+        matches!(self.verdict(), Verdict::WorseThanNominal | Verdict::Falls)
     }
 
     /// Why the fit must not be taken as it stands; none if it explains the logs nearly as well as the robot does.
@@ -101,6 +130,7 @@ impl HeldOut {
         let kind = match self.verdict() {
             Verdict::Misfit => DoubtKind::Misfit,
             Verdict::WorseThanNominal => DoubtKind::WorseThanNominal,
+            Verdict::Falls => DoubtKind::Falls,
             Verdict::Explained | Verdict::Worse | Verdict::Unknown => return None,
         };
         Some(Doubt::new(kind, format!("On whole walks {}.", self.sentence())))
@@ -119,6 +149,19 @@ impl HeldOut {
                 number(self.cost),
                 number(self.nominal_cost)
             );
+        }
+        if verdict == Verdict::Falls {
+            return format!(
+                "the fitted robot falls in {} of {logs}, in which the robot walks{}",
+                self.falls,
+                match self.nominal_falls {
+                    0 => " and the robot before the fit does not fall".to_owned(),
+                    falls => format!("; the robot before the fit falls in {falls}"),
+                }
+            );
+        }
+        if let Some(trials) = self.trials.as_ref().filter(|trials| trials.explained()) {
+            return format!("the fit explains {logs} {} (wass; {nominal})", trials.words());
         }
         let Some(floor) = &self.floor else {
             return format!(
@@ -156,6 +199,7 @@ mod tests {
             cost: Some(cost),
             nominal_cost: Some(nominal),
             floor: floor.map(|(mean, range95)| Floor { mean, range95, cost: Some(cost) }),
+            trials: None,
             falls: 0,
             nominal_falls: 0,
             distances: Vec::new(),
@@ -169,10 +213,18 @@ mod tests {
         let (verdict, text, doubt) = said(found(0.0121, 0.2, floor));
         assert!(verdict == Verdict::Explained && doubt.is_none());
         assert!(text.contains("as well as") && text.contains("0.0121 against 0.0118 ± 0.0009"), "{text}");
-        let (verdict, text, doubt) = said(found(0.0236, 0.2, floor));
+        let (verdict, text, doubt) = said(found(0.0177, 0.2, floor));
         assert!(
-            verdict == Verdict::Worse && doubt.is_none() && text.contains("2.0 times as far off"),
+            verdict == Verdict::Worse && doubt.is_none() && text.contains("1.5 times as far off"),
             "{text}"
+        );
+        let (verdict, _, doubt) = said(found(0.0236, 0.2, floor));
+        assert!(verdict == Verdict::Misfit && doubt == Some(DoubtKind::Misfit), "twice as far as the robot");
+        let (verdict, ..) = said(found(0.0177, 0.022, floor));
+        assert_eq!(
+            verdict,
+            Verdict::Misfit,
+            "more than half of what the robot before the fit was off by is left"
         );
         let (verdict, _, doubt) = said(found(0.1, 0.2, floor));
         assert!(verdict == Verdict::Misfit && doubt == Some(DoubtKind::Misfit));
@@ -181,6 +233,17 @@ mod tests {
         assert!(text.contains("worse than the robot before the fit does: 0.3000 against 0.2000"), "{text}");
         let (verdict, text, _) = said(found(0.1, 0.2, None));
         assert!(verdict == Verdict::Unknown && text.contains("too short"), "{text}");
+        let falls = |falls, nominal_falls| HeldOut { falls, nominal_falls, ..found(0.0121, 0.2, floor) };
+        let (verdict, text, doubt) = said(falls(1, 0));
+        assert!(verdict == Verdict::Falls && doubt == Some(DoubtKind::Falls) && falls(1, 0).contradicts());
+        assert!(text.contains("falls in 1 of 16 held-out logs"), "{text}");
+        assert_eq!(falls(1, 3).verdict(), Verdict::Explained, "the robot before the fit falls more often");
+        let trials = Trials { pairs: 12, itself: [0.04, 0.29], fitted: [0.035, 0.2] };
+        let (verdict, text, _) = said(HeldOut { trials: Some(trials), ..found(0.1, 0.2, floor) });
+        assert!(
+            verdict == Verdict::Explained && text.contains("another trial of the same commands"),
+            "{text}"
+        );
         let diverged = HeldOut { cost: None, ..found(0.1, 0.2, floor) };
         assert_eq!(diverged.verdict(), Verdict::WorseThanNominal);
     }

@@ -1,7 +1,7 @@
-//! `gaitfit export-theta`: fitted parameters for other simulators.
+//! Fitted parameters for other simulators.
 
-use super::folder;
-use crate::cli::ExportTheta;
+use crate::cli::Export;
+use crate::commands::folder;
 use crate::exit::Failure;
 use crate::output;
 use crate::table::table;
@@ -22,23 +22,25 @@ struct Document {
 }
 
 /// Writes the files and prints which of them says which parameter.
-pub fn run(args: &ExportTheta) -> Result<(), Failure> {
-    folder(&args.out, "the files go")?;
+pub fn run(args: &Export) -> Result<(), Failure> {
+    let out = super::needed(args, "for-simulators")?;
+    folder(out, "the files go")?;
     let settings = ExportSettings {
-        theta: args.theta.clone(),
+        theta: args.file.clone(),
         robot: args.robot.clone(),
         lenient: args.lenient,
         kp: args.kp.map(PerJoint::All),
         kd: args.kd.map(PerJoint::All),
         policy: args.policy.clone(),
+        step: args.step,
     };
     let exported = gaitfit::export_theta(&settings)?;
-    let paths: Vec<PathBuf> = exported.files.iter().map(|(name, _)| args.out.join(name)).collect();
+    let paths: Vec<PathBuf> = exported.files.iter().map(|(name, _)| out.join(name)).collect();
     let outputs: Vec<Output<'_>> =
         paths.iter().map(|path| Output { path, option: "--out", ending: None }).collect();
-    let inputs = [Some(&args.theta), args.robot.as_ref(), args.policy.as_ref()];
-    std::fs::create_dir_all(&args.out)
-        .map_err(|error| Failure::failed(format!("cannot make {}: {error}", args.out.display())))?;
+    let inputs = [Some(&args.file), args.robot.as_ref(), args.policy.as_ref()];
+    std::fs::create_dir_all(out)
+        .map_err(|error| Failure::failed(format!("cannot make {}: {error}", out.display())))?;
     // A file of the robot's in the same folder may have a name of these.
     files::check(&outputs, inputs.into_iter().flatten().map(PathBuf::as_path))?;
     let mut written = Vec::new();

@@ -1,12 +1,14 @@
-//! `gaitfit export`: a policy in other programs' formats, and at a glance.
+//! A policy in other programs' formats, and at a glance.
 
-use super::folder;
-use super::policy::{document, text};
 use crate::cli::Export;
+use crate::commands::folder;
+use crate::commands::policy::{document, text};
 use crate::exit::Failure;
 use crate::output;
 use gaitfit::files::{self, Output};
+use gaitfit::policy_file::{self, PolicyFile};
 use gaitfit::robot::{self, Hold};
+use gaitfit::robot_file;
 use gaitfit_model::{Model, builtin};
 use gaitfit_policy::{Policy, PolicyError, deploy, onnx, weights};
 use std::path::{Path, PathBuf};
@@ -31,9 +33,18 @@ pub fn run(args: &Export) -> Result<(), Failure> {
                 .to_owned(),
         ));
     }
-    let policy = gaitfit_policy::read(&args.policy).map_err(Failure::failed)?;
-    let read = gaitfit_policy::files_of(&args.policy).map_err(Failure::failed)?;
-    let (files, unsaid) = made(args, &policy)?;
+    let deployed = args.bundle.is_some() || args.cpp.is_some();
+    if (args.robot.is_some() || args.lenient) && !deployed {
+        return Err(Failure::usage(
+            "--robot and --lenient are for --bundle and --cpp, which have effort limits of the robot; leave them out",
+        ));
+    }
+    let PolicyFile { path, note } = policy_file::find(&args.file)?;
+    note.iter().for_each(|note| output::note(note));
+    let policy = gaitfit_policy::read(&path).map_err(Failure::failed)?;
+    let read = gaitfit_policy::files_of(&path).map_err(Failure::failed)?;
+    let model = if deployed { model(args, &path, &policy)? } else { None };
+    let (files, unsaid) = made(args, &policy, model.as_ref())?;
     if let Some(file) = files.iter().find(|file| file.ending.is_none() && !args.force && file.path.exists()) {
         return Err(Failure::usage(format!(
             "{} is there already; give another {}, or --force to write over it",
@@ -62,9 +73,9 @@ pub fn run(args: &Export) -> Result<(), Failure> {
 }
 
 /// All files that are asked for, and what they do not say.
-fn made(args: &Export, policy: &Policy) -> Result<(Vec<File>, Vec<String>), Failure> {
+fn made(args: &Export, policy: &Policy, model: Option<&Model>) -> Result<(Vec<File>, Vec<String>), Failure> {
     type Writer = fn(&Policy) -> Result<Vec<u8>, PolicyError>;
-    let failed = |error| Failure::failed(format!("{}: {error}", args.policy.display()));
+    let failed = |error| Failure::failed(format!("{}: {error}", args.file.display()));
     let single: [(&Option<PathBuf>, _, _, Writer); 2] = [
         (&args.onnx, "--onnx", "onnx", onnx::write),
         (&args.safetensors, "--safetensors", "safetensors", weights::write),
@@ -91,19 +102,27 @@ fn made(args: &Export, policy: &Policy) -> Result<(Vec<File>, Vec<String>), Fail
         unsaid.extend(deployment.unsaid);
     };
     if let Some(folder) = &args.bundle {
-        let model = model(args, policy)?;
-        add(folder, "--bundle", deploy::bundle(policy, model.as_ref()).map_err(failed)?);
+        add(folder, "--bundle", deploy::bundle(policy, model).map_err(failed)?);
     }
     if let Some(folder) = &args.cpp {
-        add(folder, "--cpp", deploy::cxx(policy).map_err(failed)?);
+        add(folder, "--cpp", deploy::cxx(policy, model).map_err(failed)?);
     }
     Ok((made, unsaid))
 }
 
-/// The robot whose effort limits are written: the one named, or the built-in Go2 for a policy that names it.
-fn model(args: &Export, policy: &Policy) -> Result<Option<Model>, Failure> {
-    if let Some(path) = &args.robot {
-        return Ok(Some(robot::read(path, args.lenient, Hold::File)?));
+/// The robot whose effort limits are written: the one named, that of the policy's training, or the built-in Go2 for a
+/// policy that names it.
+fn model(args: &Export, path: &Path, policy: &Policy) -> Result<Option<Model>, Failure> {
+    let recorded = policy.provenance.robot_file.as_ref();
+    if let Some(robot) = &args.robot {
+        let lenient =
+            args.lenient || recorded.is_some_and(|recorded| robot_file::as_leniently(robot, recorded));
+        return Ok(Some(robot::read(robot, lenient, Hold::File)?));
+    }
+    if let Some(recorded) = recorded {
+        let (robot, note) = robot_file::find(path, recorded, &policy.interface.robot)?;
+        note.iter().for_each(|note| output::note(note));
+        return Ok(Some(robot::read(&robot, args.lenient || recorded.lenient, Hold::File)?));
     }
     let go2 = builtin::go2().map_err(Failure::failed)?;
     let interface = &policy.interface;

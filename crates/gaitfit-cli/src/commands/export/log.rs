@@ -1,6 +1,6 @@
-//! `gaitfit export-log`: a log for viewers.
+//! A log for viewers.
 
-use crate::cli::ExportLog;
+use crate::cli::Export;
 use crate::exit::Failure;
 use crate::output;
 use gaitfit::files::{self, Output};
@@ -16,13 +16,14 @@ struct Document {
 }
 
 /// Reads the log and writes it as MCAP.
-pub fn run(args: &ExportLog) -> Result<(), Failure> {
-    files::check(&[Output { path: &args.out, option: "--out", ending: Some("mcap") }], [args.log.as_path()])?;
-    let log = read_csv(&args.log, &ReadOptions::default()).map_err(Failure::failed)?;
+pub fn run(args: &Export) -> Result<(), Failure> {
+    let out = super::needed(args, "log.mcap")?;
+    files::check(&[Output { path: out, option: "--out", ending: Some("mcap") }], [args.file.as_path()])?;
+    let log = read_csv(&args.file, &ReadOptions::default()).map_err(Failure::failed)?;
     let (bytes, left_out) = gaitfit_import::mcap_bytes(&log)
-        .map_err(|error| Failure::failed(format!("{}: {error}", args.log.display())))?;
-    files::write(&args.out, &bytes)?;
-    let document = Document { written: args.out.display().to_string(), samples: log.len(), left_out };
+        .map_err(|error| Failure::failed(format!("{}: {error}", args.file.display())))?;
+    files::write(out, &bytes)?;
+    let document = Document { written: out.display().to_string(), samples: log.len(), left_out };
     if args.json {
         return output::print_json(&document);
     }

@@ -1,0 +1,55 @@
+//! Arguments of `export`.
+
+use clap::Args;
+use std::path::PathBuf;
+
+/// Arguments of `export`: those of a policy, of a log and of fitted parameters.
+#[derive(Debug, Args)]
+pub struct Export {
+    /// Policy (.safetensors, .onnx, .toml, or the run folder of a training), log (.csv), or fitted parameters (the
+    /// theta.toml of a fit)
+    pub file: PathBuf,
+    /// Policy: write the actor as an ONNX graph, the interface in its metadata
+    #[arg(long, value_name = "FILE.onnx")]
+    pub onnx: Option<PathBuf>,
+    /// Policy: write the whole policy in the project's own format
+    #[arg(long, value_name = "FILE.safetensors")]
+    pub safetensors: Option<PathBuf>,
+    /// Policy: write a folder for programs that run it without gaitfit: ONNX, controller.yaml for ROS 2, and deploy.yaml
+    /// of unitree_rl_lab
+    #[arg(long, value_name = "FOLDER")]
+    pub bundle: Option<PathBuf>,
+    /// Policy: write it as C++17, the network inside: policy.hpp, and example.cpp that uses it
+    #[arg(long, value_name = "FOLDER")]
+    pub cpp: Option<PathBuf>,
+    /// Policy: write over files of an earlier bundle or C++ folder
+    #[arg(long)]
+    pub force: bool,
+    /// Log: MCAP file to write, for Foxglove and PlotJuggler. Parameters: folder for the files of MuJoCo, Isaac Lab and
+    /// mjlab
+    #[arg(long, value_name = "PATH")]
+    pub out: Option<PathBuf>,
+    /// Robot (.xml, .mjcf, .urdf) that was fitted, or whose effort limits the bundle and the C++ have [default: that of the
+    /// policy's training, or the built-in Go2]
+    #[arg(long, value_name = "FILE")]
+    pub robot: Option<PathBuf>,
+    /// Drop what the engine does not honour in the robot file, instead of refusing it
+    #[arg(long)]
+    pub lenient: bool,
+    /// Parameters: position gain of the controller on every joint, N·m/rad
+    #[arg(long, value_name = "KP", requires = "kd")]
+    pub kp: Option<f64>,
+    /// Parameters: velocity gain of the controller on every joint, N·m·s/rad
+    #[arg(long, value_name = "KD", requires = "kp")]
+    pub kd: Option<f64>,
+    /// Parameters: policy whose gains the controller has
+    #[arg(long, value_name = "POLICY", conflicts_with_all = ["kp", "kd"])]
+    pub policy: Option<PathBuf>,
+    /// Parameters: physics step of the simulator that takes the files, in which Isaac Lab and mjlab count delays [default:
+    /// the fit's]
+    #[arg(long, value_name = "SECONDS")]
+    pub step: Option<f64>,
+    /// Print one JSON document
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,117 @@
+//! The commands in groups, and options that only `--help-all` lists.
+
+use super::Cli;
+use clap::builder::StyledStr;
+use clap::{Command, CommandFactory};
+use std::fmt::Write;
+
+/// The option that lists all options of a command.
+pub(super) const ALL: &str = "--help-all";
+
+/// Commands in the order of work.
+const GROUPS: [(&str, &[&str]); 5] = [
+    ("Look", &["inspect", "import", "runs", "doctor"]),
+    ("Fit", &["new", "fit", "sensitivity", "excite", "validate"]),
+    ("Train", &["init", "train", "finetune", "loop"]),
+    ("Measure", &["evaluate", "drift"]),
+    ("Deploy", &["collect", "run", "export"]),
+];
+/// Commands of which the help shows the names alone.
+const MORE: [&str; 7] = ["config", "forward", "bench", "reproduce", "completions", "man", "help"];
+
+/// The command line with grouped help; with `all` no option is hidden.
+pub fn command(all: bool) -> Command {
+    let shown = |command: Command| match all {
+        true => command.mut_args(|option| option.hide(false)),
+        false => hint(command),
+    };
+    let plain = Cli::command();
+    let groups = groups(&plain);
+    shown(plain.mut_subcommands(shown)).override_help(groups)
+}
+
+/// Names the option that lists the options that this help leaves out.
+fn hint(command: Command) -> Command {
+    let rare = command.get_arguments().any(|option| option.is_hide_set() && !option.is_global_set());
+    if !rare {
+        return command;
+    }
+    let name = command.get_name().to_owned();
+    command.after_help(format!("More options: gaitfit {name} {ALL}"))
+}
+
+/// The help of the program itself.
+fn groups(program: &Command) -> StyledStr {
+    let mut text = format!(
+        "{}\n\nUsage: gaitfit COMMAND ...\n",
+        program.get_about().map(ToString::to_string).unwrap_or_default()
+    );
+    for (group, commands) in GROUPS {
+        let mut heading = group;
+        text.push('\n');
+        for name in commands {
+            let about = program.find_subcommand(name).and_then(Command::get_about);
+            let _ = writeln!(
+                text,
+                "{heading:<9}{name:<13}{}",
+                about.map(ToString::to_string).unwrap_or_default()
+            );
+            heading = "";
+        }
+    }
+    let _ = write!(
+        text,
+        "\nMore     {}\n\n\
+         Start with `gaitfit new`, or try `gaitfit loop examples/go2-ground/loop.toml`.\n\
+         Help on a command: gaitfit COMMAND --help; all its options: gaitfit COMMAND {ALL}.\n\
+         Options of all commands: -h, --help; -V, --version; --isa SET (avx512, avx2 or portable).\n\
+         Results go to standard output, progress to standard error. Exit codes: 0 done, 1 failed\n\
+         or broken input, 2 wrong usage or configuration, 3 a check failed, 4 hardware or library\n\
+         missing, 130 interrupted.\n",
+        MORE.join(", ")
+    );
+    StyledStr::from(text)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_is_in_one_group_and_the_help_fits_a_screen() {
+        let mut listed: Vec<&str> =
+            GROUPS.iter().flat_map(|(_, commands)| commands.iter()).chain(&MORE).copied().collect();
+        let text = command(false).render_help().to_string();
+        let lines: Vec<&str> = text.lines().collect();
+        assert!(lines.len() <= 40, "{} lines", lines.len());
+        let widest = lines.iter().max_by_key(|line| line.chars().count()).unwrap();
+        assert!(widest.chars().count() <= 90, "{widest}");
+        let program = Cli::command();
+        let mut there: Vec<&str> = program.get_subcommands().map(Command::get_name).collect();
+        there.push("help");
+        listed.sort_unstable();
+        there.sort_unstable();
+        assert_eq!(listed, there);
+    }
+
+    #[test]
+    fn rare_options_stand_in_the_whole_help_alone() {
+        for (name, option) in [
+            ("evaluate", "--preset"),
+            ("collect", "--log-shift"),
+            ("excite", "--margin"),
+            ("run", "--domain"),
+        ] {
+            let help = |all: bool| {
+                let mut program = command(all);
+                program.find_subcommand_mut(name).unwrap().render_long_help().to_string()
+            };
+            assert!(
+                !help(false).contains(option) && help(false).contains(&format!("{name} {ALL}")),
+                "{name}"
+            );
+            assert!(help(true).contains(option), "{name}");
+        }
+    }
+}

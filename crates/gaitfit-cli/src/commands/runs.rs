@@ -1,0 +1,38 @@
+//! `gaitfit runs`: what was run, with numbers.
+
+use crate::cli::Runs;
+use crate::exit::Failure;
+use crate::output;
+use crate::table::table;
+use gaitfit::runs;
+use gaitfit_model::shown;
+
+/// Lists the run folders and their results.
+pub fn run(args: &Runs) -> Result<(), Failure> {
+    let runs = runs::list(&args.folder)?;
+    if args.json {
+        return output::print_json(&runs);
+    }
+    if runs.is_empty() {
+        return output::print(&format!(
+            "{} holds no runs; `gaitfit fit`, `train`, `finetune` and `loop` write them\n",
+            args.folder.display()
+        ));
+    }
+    let mut rows = table(&["run", "command", "begun", "time", "robot", "cost", "result"], &[3]);
+    for run in &runs {
+        let cost = run.cost.as_ref().map(|(name, before, after)| format!("{name} {before:.3} → {after:.4}"));
+        rows.add_row([
+            shown(&run.folder),
+            run.kind.name().to_owned(),
+            shown(run.begun.get(..16).unwrap_or(&run.begun)).replace('T', " "),
+            run.wall_seconds.map_or("–".to_owned(), |seconds| format!("{seconds:.0} s")),
+            run.robot.as_deref().map_or("–".to_owned(), shown),
+            cost.unwrap_or_else(|| "–".to_owned()),
+            shown(&run.summary),
+        ]);
+    }
+    output::print(&format!(
+        "{rows}\n\nNext: open a run's report.html, or `gaitfit runs RUN --json` for its parameters.\n"
+    ))
+}

@@ -1,0 +1,132 @@
+//! What real loggers write: gains of every sample, gravity vectors, observations, zeros of a second publisher.
+#![allow(clippy::unwrap_used)]
+
+use gaitfit_import::{ImportError, Imported, Mapping, ObservedNumber, Options, import};
+use gaitfit_log::{FindingKind, Severity};
+use std::fmt::Write;
+
+/// Imports a CSV file of 200 rows at 100 Hz with `columns` beside `timestamp`, and their values of each row and time.
+fn csv(
+    columns: &str,
+    values: impl Fn(usize, f64) -> Vec<f64>,
+    mapping: Mapping,
+) -> Result<Imported, ImportError> {
+    let mut text = format!("timestamp,{columns}\n");
+    for i in 0..200 {
+        let t = i as f64 / 100.0;
+        let _ = write!(text, "{t}");
+        values(i, t).iter().for_each(|value| text.push_str(&format!(",{value}")));
+        text.push('\n');
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording.csv");
+    std::fs::write(&path, text).unwrap();
+    import(&[&path], &Options { mapping, ..Options::default() })
+}
+
+fn joints() -> Mapping {
+    Mapping { joints: Some(vec!["a".into(), "b".into()]), ..Mapping::default() }
+}
+
+fn wave(t: f64) -> f64 {
+    0.4 * (7.3 * t).sin() + 0.1
+}
+
+#[test]
+fn gains_of_each_sample_are_the_logs_and_a_change_forbids() {
+    let columns = "actual_q_0,actual_q_1,actual_dq_0,actual_dq_1,target_q_0,target_q_1,kp_0,kp_1,kd_0,kd_1";
+    let row = |kp: f64| {
+        move |t: f64| {
+            vec![wave(t), wave(t + 1.0), 0.0, 0.0, wave(t + 0.03), wave(t + 1.03), kp, 2.0 * kp, 0.5, 1.0]
+        }
+    };
+    let imported = csv(columns, |_, t| row(20.0)(t), joints()).unwrap();
+    let gains = imported.trajectory.gains.unwrap();
+    assert_eq!((gains.kp, gains.kd), (vec![20.0, 40.0], vec![0.5, 1.0]));
+    assert_eq!(imported.report.noticed, []);
+    assert!(imported.report.assumed.iter().any(|line| line == "joints 0 to 1 are, in this order, a, b"));
+
+    let change = |i: usize, t: f64| row(if i < 120 { 20.0 } else { 60.0 })(t);
+    let imported = csv(columns, change, joints()).unwrap();
+    let finding = &imported.report.noticed[0];
+    assert_eq!((finding.kind, finding.severity), (FindingKind::GainsChange, Severity::Error));
+    assert!(finding.message.contains("kp of a changes from 20 to 60 at 1.2 s"), "{finding}");
+    let mapping = Mapping { allow: vec![FindingKind::GainsChange], ..joints() };
+    assert_eq!(csv(columns, change, mapping).unwrap().report.noticed[0].severity, Severity::Warning);
+}
+
+#[test]
+fn gravity_rates_and_commands_by_usual_names() {
+    let columns = "q_0,q_1,gravity_ori_x,gravity_ori_y,gravity_ori_z,ang_vel_0,ang_vel_1,ang_vel_2,vel_cmd_x,vel_cmd_y,vel_cmd_yaw";
+    let row = |_: usize, t: f64| vec![wave(t), wave(t + 1.0), 0.1, 0.0, -0.995, 0.0, 0.0, 0.2, 0.5, 0.0, 0.2];
+    let log = csv(columns, row, joints()).unwrap().trajectory;
+    assert_eq!(log.command.unwrap()[..3], [0.5, 0.0, 0.2]);
+    let base = log.base.unwrap();
+    assert_eq!(base.angular_velocity.unwrap()[..3], [0.0, 0.0, 0.2]);
+    // Pitch asin(0.1), heading 0.
+    let quaternion = base.quaternion.unwrap();
+    assert!((quaternion[2] - (0.5 * 0.1f64.asin()).sin()).abs() < 1e-3, "{:?}", &quaternion[..4]);
+}
+
+#[test]
+fn observations_are_unpacked_by_the_policys_interface() {
+    let part =
+        |column: &str, scale: f64, offset: f64| Some(ObservedNumber { column: column.into(), scale, offset });
+    let known = vec![
+        part("wx", 0.25, 0.0),
+        part("q_a", 1.0, 0.3),
+        part("q_b", 1.0, -0.2),
+        part("dq_a", 0.05, 0.0),
+        None,
+    ];
+    let columns = "obs_0,obs_1,obs_2,obs_3,obs_4,action_0,action_1";
+    let row = |_: usize, t: f64| vec![0.25 * 2.0, wave(t) - 0.3, wave(t) + 0.2, 0.05 * 3.0, 9.0, 1.0, t];
+    let mapping = Mapping { observation: Some(known.clone()), ..joints() };
+    let log = csv(columns, row, mapping).unwrap().trajectory;
+    assert_eq!(log.joints, ["a", "b"]);
+    for (q, t) in log.position.chunks_exact(2).zip(&log.time) {
+        assert!((q[0] - wave(*t)).abs() < 1e-12 && (q[1] - wave(*t)).abs() < 1e-12);
+    }
+    assert_eq!(log.action.unwrap()[..2], [1.0, 0.0]);
+    // Another policy's observation has another length; without a policy the remedy is named.
+    let mapping = Mapping { observation: Some(known[..4].to_vec()), ..joints() };
+    let error = csv(columns, row, mapping).unwrap_err().to_string();
+    assert!(error.contains("5 numbers") && error.contains("observes 4"), "{error}");
+    let error = csv(columns, row, joints()).unwrap_err().to_string();
+    assert!(error.contains("5 numbers of an observation") && error.contains("--policy"), "{error}");
+}
+
+#[test]
+fn zeros_of_a_second_publisher_are_refused_or_left_out() {
+    let row = |i: usize, t: f64| if i % 5 == 3 { vec![0.0; 2] } else { vec![wave(t), wave(t + 1.0)] };
+    let error = csv("q_0,q_1", row, joints()).unwrap_err();
+    assert!(matches!(&error, ImportError::TwoPublishers { zero: 40, samples: 200, .. }), "{error}");
+    assert!(error.to_string().contains("(after 0.03, 0.08, 0.13, … s)"), "{error}");
+    let mut mapping = joints();
+    mapping.streams.drop_zeros = true;
+    let imported = csv("q_0,q_1", row, mapping).unwrap();
+    assert_eq!(imported.trajectory.len(), 160);
+    assert!(imported.trajectory.position.chunks_exact(2).all(|q| q != [0.0, 0.0]));
+    assert!(imported.report.assumed.iter().any(|line| line.contains("40 of 200 samples")));
+    // A robot that rests at 0 is no second publisher.
+    assert_eq!(csv("q_0,q_1", |_, _| vec![0.0; 2], joints()).unwrap().trajectory.len(), 200);
+}
+
+#[test]
+fn desired_velocities_and_torques_of_motors_become_targets() {
+    let columns = "q_0,q_1,q_des_0,q_des_1,dq_des_0,dq_des_1,tau_ff_0,tau_ff_1,kp_0,kp_1,kd_0,kd_1";
+    let row =
+        |_: usize, t: f64| vec![wave(t), wave(t), wave(t), 0.5, 0.8, 0.0, 0.0, 3.0, 20.0, 30.0, 2.0, 1.0];
+    let imported = csv(columns, row, joints()).unwrap();
+    let target = imported.trajectory.target.unwrap();
+    assert!((target[0] - (wave(0.0) + 2.0 * 0.8 / 20.0)).abs() < 1e-12 && (target[1] - 0.6).abs() < 1e-12);
+    assert_eq!(imported.report.noticed[0].kind, FindingKind::FeedForward);
+}
+
+#[test]
+fn all_joints_without_positions_are_named() {
+    let mapping =
+        Mapping { joints: Some(["a", "b", "c", "d"].map(str::to_owned).to_vec()), ..Mapping::default() };
+    let error = csv("q_0,q_3,dq_3", |_, t| vec![wave(t), wave(t), 0.0], mapping).unwrap_err().to_string();
+    assert!(error.contains("joint 1, b; joint 2, c"), "{error}");
+}

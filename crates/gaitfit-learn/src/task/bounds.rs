@@ -1,0 +1,34 @@
+//! Which actions a robot can use.
+
+use super::Task;
+
+/// Largest action of a joint whose range or effort does not bound it, in units of the action scale.
+const LARGEST: f64 = 100.0;
+/// How far a joint without limits is sent, rad from the default pose: half a turn each way.
+const HALF_TURN: f64 = std::f64::consts::PI;
+
+impl Task {
+    /// For each joint of the policy the smallest and the largest action that makes a difference, in units of the action
+    /// scale; always finite, and 0 lies between. Targets go over the joint's range, and as far beyond it as the PD controller
+    /// needs for the motor's whole torque at the range's end (effort / kp); the action's clip bounds them, too.
+    pub fn action_bounds(&self) -> Vec<[f32; 2]> {
+        let (model, interface) = (self.walker.model(), &self.walker.interface);
+        let bounds = |(index, name): (usize, &String)| {
+            let joint = model.find_joint(name);
+            let (home, scale) = (interface.default_pose[index], interface.action_scale[index].abs());
+            let range = joint.and_then(|joint| model.joints[joint].range);
+            let [low, high] = range.unwrap_or([home - HALF_TURN, home + HALF_TURN]);
+            let effort = joint.and_then(|joint| model.effort(joint)).filter(|effort| effort.is_finite());
+            let kp = interface.kp[index];
+            let beyond = effort.filter(|_| range.is_some() && kp > 0.0).map_or(0.0, |effort| effort / kp);
+            let largest = interface.clip(index).min(LARGEST);
+            let action = |target: f64| {
+                let action = (target - home) / scale;
+                if action.is_nan() { 0.0 } else { action.clamp(-largest, largest) as f32 }
+            };
+            // A pose outside the range, as some robots start in, is within reach.
+            [action(low - beyond).min(0.0), action(high + beyond).max(0.0)]
+        };
+        interface.joints.iter().enumerate().map(bounds).collect()
+    }
+}

@@ -1,0 +1,372 @@
+//! Orientation and rates of a log against each other: which reading of the rates makes them the derivative of the
+//! orientation.
+//!
+//! Over a short span the base turns by a (from the orientation at both ends) and by c (the integral of the rates). If both
+//! are of one body, a = c. Other readings of the same columns (the other order of the quaternion, rates in the world frame,
+//! negated, in degrees, about other axes) are a = ± s P c with a signed permutation P, of a as that order and frame have it.
+//! What a reading leaves unexplained is the root of Σ|a − ± s P c|² / Σ|a|², about the means: a constant bias is no wrong
+//! reading.
+
+use crate::imu_settings::{ImuSettings, QuaternionOrder, RateFrame, RateUnit};
+use crate::scale::{GAP, typical_step};
+use crate::{BaseState, Trajectory};
+use gaitfit_model::rotation::{Quat, Vec3, inverse, normalize, product, quat_of};
+
+/// Length of a span, s: long against the noise of attitude filters, short against a step.
+const SPAN_S: f64 = 0.04;
+/// Fewest spans that say something, and shortest log, s.
+const ENOUGH: usize = 40;
+const LEAST_S: f64 = 0.8;
+/// RMS rate, rad/s, below which there is nothing to compare.
+const MOVES: f64 = 0.03;
+const FIVE_TIMES: f64 = 5.0;
+/// Unexplained part up to which a reading is right. Walks of simulated robots at 50 Hz leave 0.14, of a real Go2 0.10.
+pub(crate) const FITS: f64 = 0.25;
+/// A reading that leaves more than this part of what the columns' names leave is no improvement.
+const BETTER: f64 = 0.5;
+/// Unexplained part from which on orientation and rates do not belong together.
+pub(crate) const APART: f64 = 0.6;
+/// A reading counts as decided if every other one leaves so many times as much.
+const CLEAR: f64 = 1.5;
+/// A reading with turned axes must leave less than this part of what simpler ones leave: each of 24 turns may fit by chance.
+const SIMPLER: f64 = 0.6;
+
+/// One reading of the columns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Reading {
+    pub order: QuaternionOrder,
+    pub frame: RateFrame,
+    pub unit: RateUnit,
+    pub negated: bool,
+    /// Base axis (0 to 2) and sign of the rates' x, y and z.
+    pub axes: [(usize, f64); 3],
+}
+
+/// Rates about the base's own axes.
+const OWN: [(usize, f64); 3] = [(0, 1.0), (1, 1.0), (2, 1.0)];
+
+impl Reading {
+    const AS_NAMED: Reading = Reading {
+        order: QuaternionOrder::Wxyz,
+        frame: RateFrame::Body,
+        unit: RateUnit::Radians,
+        negated: false,
+        axes: OWN,
+    };
+
+    /// Whether the rates are about the axes that their names say.
+    pub fn own_axes(&self) -> bool {
+        self.axes == OWN
+    }
+
+    /// The settings that say it, where it has the rates' own axes.
+    pub fn settings(&self) -> ImuSettings {
+        let named = Self::AS_NAMED;
+        ImuSettings {
+            order: (self.order != named.order).then_some(self.order),
+            frame: (self.frame != named.frame).then_some(self.frame),
+            unit: (self.unit != named.unit).then_some(self.unit),
+            negated: self.negated.then_some(true),
+            mounting: None,
+        }
+    }
+}
+
+/// What a log's orientation and rates say of each other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Verdict {
+    /// Unexplained part of the columns as they are named.
+    pub as_named: f64,
+    /// The reading that explains more, if one does.
+    pub better: Option<(Reading, f64)>,
+    /// Whether no other reading explains nearly as much.
+    pub decided: bool,
+    /// RMS of the base's turning rate by orientation, and by the rates as they are named, rad/s.
+    pub rms: [f64; 2],
+}
+
+/// Sums over all spans, about the means.
+struct Moments {
+    /// Σ a cᵀ.
+    both: [[f64; 3]; 3],
+    /// Σ|a|², Σ|c|².
+    turned: f64,
+    integrated: f64,
+    count: usize,
+}
+
+impl Moments {
+    fn unexplained(&self, reading: &Reading) -> f64 {
+        let mut scale = if reading.unit == RateUnit::Degrees { std::f64::consts::PI / 180.0 } else { 1.0 };
+        if reading.negated {
+            scale = -scale;
+        }
+        let along: f64 =
+            reading.axes.iter().enumerate().map(|(of, (axis, sign))| sign * self.both[*axis][of]).sum();
+        let left = self.turned - 2.0 * scale * along + scale * scale * self.integrated;
+        (left.max(0.0) / self.turned.max(f64::MIN_POSITIVE)).sqrt()
+    }
+}
+
+/// Compares orientation and rates; `None` where one is missing or the base hardly turns.
+pub(crate) fn judge(log: &Trajectory) -> Option<Verdict> {
+    let base = log.base.as_ref()?;
+    let (quaternion, rates) = (base.quaternion.as_ref()?, base.angular_velocity.as_ref()?);
+    let spans = Spans::new(log, rates)?;
+    let named = Reading::AS_NAMED;
+    let own = spans.moments(quaternion, named.order, named.frame)?;
+    let rms = |sum: f64| (sum / own.count as f64).sqrt() / spans.seconds;
+    let rms = [rms(own.turned), rms(own.integrated)];
+    // One of them may stand still for a reason; not beside much of the other.
+    if rms[0].min(rms[1]) < MOVES && rms[0].max(rms[1]) < FIVE_TIMES * MOVES {
+        return None;
+    }
+    let as_named = own.unexplained(&named);
+    let mut all: Vec<(Reading, f64)> = Vec::new();
+    for order in [QuaternionOrder::Wxyz, QuaternionOrder::Xyzw] {
+        for frame in [RateFrame::Body, RateFrame::World] {
+            let Some(moments) = spans.moments(quaternion, order, frame) else { continue };
+            for unit in [RateUnit::Radians, RateUnit::Degrees] {
+                for negated in [false, true] {
+                    let reading = Reading { order, frame, unit, negated, axes: OWN };
+                    all.push((reading, moments.unexplained(&reading)));
+                }
+            }
+            if (order, frame) == (named.order, named.frame) {
+                for unit in [RateUnit::Radians, RateUnit::Degrees] {
+                    for axes in turns().into_iter().filter(|axes| *axes != OWN) {
+                        for negated in [false, true] {
+                            let reading = Reading { order, frame, unit, negated, axes };
+                            all.push((reading, moments.unexplained(&reading) / SIMPLER));
+                        }
+                    }
+                }
+            }
+        }
+    }
+    all.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let (reading, left) = *all.first()?;
+    let improves = reading != named && as_named > FITS && left < BETTER * as_named && left < APART * BETTER;
+    // A base that keeps its heading at 0 has the same rates in both frames, and either reading is right; negated, the other
+    // frame means an orientation that is the inverse of what it should be.
+    let same = |other: &Reading| !reading.negated && Reading { frame: reading.frame, ..*other } == reading;
+    let inverse = reading.negated && reading.frame == RateFrame::World;
+    let decided = !inverse && all[1..].iter().all(|(other, value)| same(other) || *value > CLEAR * left);
+    let better = improves.then_some((reading, left));
+    Some(Verdict { as_named, better, decided: decided && reading.own_axes() && left < FITS * CLEAR, rms })
+}
+
+/// The 24 turns of the axes by right angles, as signed permutations.
+fn turns() -> Vec<[(usize, f64); 3]> {
+    let orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+    let mut turns = Vec::with_capacity(24);
+    for (number, order) in orders.into_iter().enumerate() {
+        for signs in 0..8u32 {
+            let sign = |axis: u32| if signs >> axis & 1 == 1 { -1.0 } else { 1.0 };
+            // A turn keeps handedness: an even permutation has an even number of signs.
+            if (signs.count_ones() % 2 == 0) == (number < 3) {
+                turns.push([(order[0], sign(0)), (order[1], sign(1)), (order[2], sign(2))]);
+            }
+        }
+    }
+    turns
+}
+
+/// The spans of a log, and the integral of its rates over each.
+struct Spans {
+    /// First samples.
+    starts: Vec<usize>,
+    /// Samples in one.
+    length: usize,
+    /// Length of one, s.
+    seconds: f64,
+    /// Integral of the rates, rad.
+    integrated: Vec<Vec3>,
+}
+
+impl Spans {
+    fn new(log: &Trajectory, rates: &[f64]) -> Option<Self> {
+        let typical = typical_step(&log.time)?;
+        let length = ((SPAN_S / typical).round() as usize).max(1);
+        let samples = log.len();
+        if log.duration() < LEAST_S || samples < length + ENOUGH {
+            return None;
+        }
+        let seconds = length as f64 * typical;
+        let (mut starts, mut integrated) = (Vec::new(), Vec::new());
+        for start in 0..samples - length {
+            let part = log.time[start + length] - log.time[start];
+            if !(part > 0.0 && part <= GAP * seconds) {
+                continue;
+            }
+            let mut sum = [0.0; 3];
+            for i in start..start + length {
+                let step = log.time[i + 1] - log.time[i];
+                for axis in 0..3 {
+                    sum[axis] += 0.5 * step * (rates[3 * i + axis] + rates[3 * i + 3 + axis]);
+                }
+            }
+            if sum.iter().all(|x| x.is_finite()) {
+                starts.push(start);
+                integrated.push(sum);
+            }
+        }
+        (starts.len() >= ENOUGH).then_some(Self { starts, length, seconds, integrated })
+    }
+
+    /// How far the base turns over each span, rad; NaN where the orientation has no numbers.
+    fn turned(&self, quaternion: &[f64], order: QuaternionOrder, frame: RateFrame) -> Vec<Vec3> {
+        let at = |sample: usize| -> Quat {
+            let mut q: Quat = quat_of(&quaternion[4 * sample..4 * sample + 4]);
+            if order == QuaternionOrder::Xyzw {
+                q.rotate_right(1);
+            }
+            if q.iter().all(|x| x.is_finite()) { normalize(q) } else { [f64::NAN; 4] }
+        };
+        let turn = |&start: &usize| {
+            let (from, to) = (at(start), at(start + self.length));
+            match frame {
+                RateFrame::Body => turn_of(product(inverse(from), to)),
+                RateFrame::World => turn_of(product(to, inverse(from))),
+            }
+        };
+        self.starts.iter().map(turn).collect()
+    }
+
+    fn moments(&self, quaternion: &[f64], order: QuaternionOrder, frame: RateFrame) -> Option<Moments> {
+        let turned = self.turned(quaternion, order, frame);
+        let whole = |pair: &(&Vec3, &Vec3)| pair.0.iter().all(|x| x.is_finite());
+        let pairs = || turned.iter().zip(&self.integrated).filter(whole);
+        let count = pairs().count();
+        if count < ENOUGH {
+            return None;
+        }
+        let (mut of_a, mut of_c) = ([0.0; 3], [0.0; 3]);
+        for (a, c) in pairs() {
+            for axis in 0..3 {
+                of_a[axis] += a[axis] / count as f64;
+                of_c[axis] += c[axis] / count as f64;
+            }
+        }
+        let mut moments = Moments { both: [[0.0; 3]; 3], turned: 0.0, integrated: 0.0, count };
+        for (a, c) in pairs() {
+            for i in 0..3 {
+                let (x, y) = (a[i] - of_a[i], c[i] - of_c[i]);
+                moments.turned += x * x;
+                moments.integrated += y * y;
+                for k in 0..3 {
+                    moments.both[i][k] += x * (c[k] - of_c[k]);
+                }
+            }
+        }
+        Some(moments)
+    }
+}
+
+/// A small turn as axis times angle, rad.
+fn turn_of(q: Quat) -> Vec3 {
+    let sign = if q[0] < 0.0 { -1.0 } else { 1.0 };
+    let v = [sign * q[1], sign * q[2], sign * q[3]];
+    let sine = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let factor = if sine > 1e-12 { 2.0 * sine.atan2(sign * q[0]) / sine } else { 2.0 };
+    v.map(|x| factor * x)
+}
+
+/// Bias and lag of rates that are read rightly.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fine {
+    /// Bias, rad/s, and its standard error.
+    pub bias: f64,
+    pub bias_error: f64,
+    /// How much later the rates come than the orientation, s, and its standard error.
+    pub lag: f64,
+    pub lag_error: f64,
+}
+
+/// Parts of a log whose results are compared for the standard errors.
+const PARTS: usize = 5;
+/// Fewest spans of a part.
+const OF_A_PART: usize = 20;
+
+/// Bias and lag of the rates against the orientation: a = c + lag · dc/dt − bias · span, by least squares. The standard
+/// errors are those of the mean over five parts of the log.
+pub(crate) fn fine(log: &Trajectory) -> Option<Fine> {
+    let base = log.base.as_ref()?;
+    let BaseState { quaternion: Some(quaternion), angular_velocity: Some(rates), .. } = base else {
+        return None;
+    };
+    let spans = Spans::new(log, rates)?;
+    let turned = spans.turned(quaternion, QuaternionOrder::Wxyz, RateFrame::Body);
+    // Rates are composed in order here: over a span they do not quite add up.
+    let integrated: Vec<Vec3> =
+        spans.starts.iter().map(|start| composed(log, rates, *start, spans.length)).collect();
+    let part = |range: std::ops::Range<usize>| -> Option<(Vec3, f64)> {
+        let mut off = [0.0; 3];
+        let mut count = 0.0;
+        for i in range.clone() {
+            let difference: Vec3 = std::array::from_fn(|k| (integrated[i][k] - turned[i][k]) / spans.seconds);
+            if difference.iter().all(|x| x.is_finite()) {
+                (0..3).for_each(|k| off[k] += difference[k]);
+                count += 1.0;
+            }
+        }
+        if count < OF_A_PART as f64 {
+            return None;
+        }
+        off.iter_mut().for_each(|x| *x /= count);
+        // y = (a − c) about its mean against c and dc/dt.
+        let mut mean_c = [0.0; 3];
+        range.clone().for_each(|i| (0..3).for_each(|k| mean_c[k] += integrated[i][k] / range.len() as f64));
+        let (mut cc, mut cd, mut dd, mut cy, mut dy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for i in range.start.max(1)..range.end.min(integrated.len() - 1) {
+            let (before, after) = (spans.starts[i - 1], spans.starts[i + 1]);
+            if after - before != 2 {
+                continue;
+            }
+            let time = log.time[after] - log.time[before];
+            for k in 0..3 {
+                let c = integrated[i][k] - mean_c[k];
+                let d = (integrated[i + 1][k] - integrated[i - 1][k]) / time;
+                let y = turned[i][k] - integrated[i][k] + off[k] * spans.seconds;
+                if y.is_finite() && d.is_finite() {
+                    (cc, cd, dd) = (cc + c * c, cd + c * d, dd + d * d);
+                    (cy, dy) = (cy + c * y, dy + d * y);
+                }
+            }
+        }
+        let determinant = cc * dd - cd * cd;
+        (determinant > 0.0).then(|| (off, (cc * dy - cd * cy) / determinant))
+    };
+    let count = spans.starts.len();
+    let (bias, lag) = part(0..count)?;
+    let parts: Vec<(Vec3, f64)> =
+        (0..PARTS).filter_map(|k| part(k * count / PARTS..(k + 1) * count / PARTS)).collect();
+    if parts.len() < PARTS {
+        return None;
+    }
+    let spread = |of: &dyn Fn(&(Vec3, f64)) -> f64| {
+        let values: Vec<f64> = parts.iter().map(of).collect();
+        let mean = values.iter().sum::<f64>() / PARTS as f64;
+        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+        (squares / (PARTS - 1) as f64 / PARTS as f64).sqrt()
+    };
+    Some(Fine {
+        bias: bias.iter().map(|x| x * x).sum::<f64>().sqrt(),
+        bias_error: (0..3).map(|k| spread(&|part| part.0[k]).powi(2)).sum::<f64>().sqrt(),
+        lag,
+        lag_error: spread(&|part| part.1),
+    })
+}
+
+/// The turn that the rates make from sample `start` over `length` samples, rad.
+fn composed(log: &Trajectory, rates: &[f64], start: usize, length: usize) -> Vec3 {
+    let mut q: Quat = [1.0, 0.0, 0.0, 0.0];
+    for i in start..start + length {
+        let step = log.time[i + 1] - log.time[i];
+        let w: Vec3 = std::array::from_fn(|k| 0.5 * step * (rates[3 * i + k] + rates[3 * i + 3 + k]));
+        let angle = w.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let factor = if angle > 1e-12 { (0.5 * angle).sin() / angle } else { 0.5 };
+        q = product(q, [(0.5 * angle).cos(), factor * w[0], factor * w[1], factor * w[2]]);
+    }
+    turn_of(q)
+}

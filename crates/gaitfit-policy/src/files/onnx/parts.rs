@@ -1,0 +1,156 @@
+//! Nodes that cut a row into parts: an actor that gives mean and standard deviation in one row acts with the first half.
+
+use super::attributes::Attributes;
+use super::constant::Constant;
+use super::graph::Walk;
+use super::moves::range;
+use super::proto::Node;
+use std::collections::{HashMap, HashSet};
+use std::ops::Range;
+
+/// Parts of what the layers give now.
+#[derive(Default)]
+pub(super) struct Parts {
+    /// Which numbers of a row a value has.
+    ranges: HashMap<String, Range<usize>>,
+    /// Values that the graph's outputs are computed from.
+    needed: HashSet<String>,
+    /// Values that are made of parts that no output needs.
+    unneeded: HashSet<String>,
+}
+
+impl Parts {
+    /// Finds the values that `outputs` are computed from. Nodes are in the order in which they run.
+    pub fn need(&mut self, nodes: &[Node], outputs: &[String]) {
+        self.needed = outputs.iter().cloned().collect();
+        for node in nodes.iter().rev() {
+            if node.output.iter().any(|name| self.needed.contains(name)) {
+                self.needed.extend(node.input.iter().cloned());
+            }
+        }
+    }
+
+    /// Whether the node works on a part that no output needs; its outputs then are such values too.
+    pub fn is_unneeded(&mut self, node: &Node) -> bool {
+        let wanted = node.output.iter().any(|name| self.needed.contains(name));
+        let cut = |name: &String| self.ranges.contains_key(name) || self.unneeded.contains(name);
+        let unneeded = !wanted && node.input.iter().any(cut);
+        if unneeded {
+            self.unneeded.extend(node.output.iter().cloned());
+        }
+        unneeded
+    }
+
+    /// Forgets the parts: the layers give something else now.
+    pub fn clear(&mut self) {
+        self.unneeded
+            .extend(self.ranges.drain().map(|(name, _)| name).filter(|name| !self.needed.contains(name)));
+    }
+}
+
+impl Walk {
+    /// Whether the node only cuts rows. Its outputs then are parts.
+    ///
+    /// # Errors
+    /// A cut that is not known before the graph runs.
+    pub(super) fn cuts(&mut self, node: &Node, attributes: &Attributes) -> Result<bool, String> {
+        if node.input.first() != Some(&self.head) || !matches!(node.op_type.as_str(), "Split" | "Slice") {
+            return Ok(false);
+        }
+        let Some(width) = self.chain.width().filter(|_| !self.chain.is_empty()) else {
+            return Err(
+                "it cuts the observation into parts; only actors that see all of it in one network are read"
+                    .to_owned(),
+            );
+        };
+        let ranges = if node.op_type == "Split" {
+            split(node, attributes, width, |name| self.constants.get(name))?
+        } else {
+            vec![slice(node, width, |name| self.constants.get(name))?]
+        };
+        if ranges.len() != node.output.len() || ranges.iter().any(Range::is_empty) {
+            return Err(format!("it does not cut {width} numbers into {} parts", node.output.len()));
+        }
+        self.parts.ranges.extend(node.output.iter().cloned().zip(ranges));
+        Ok(true)
+    }
+
+    /// Leaves only the part `name` of what the layers give, if it is one.
+    ///
+    /// # Errors
+    /// A layer of which no part can be taken.
+    pub(super) fn take_part(&mut self, name: &str) -> Result<(), String> {
+        let Some(range) = self.parts.ranges.remove(name) else { return Ok(()) };
+        self.chain.select(range)?;
+        self.head = name.to_owned();
+        self.parts.clear();
+        Ok(())
+    }
+}
+
+/// Whether an axis of a row of numbers is that of the numbers: rows have two axes.
+fn of_numbers(axis: i64) -> Result<(), String> {
+    match axis {
+        -1 | 1 => Ok(()),
+        _ => Err("it cuts between rows, not a row".to_owned()),
+    }
+}
+
+/// The parts of a `Split`.
+fn split<'a>(
+    node: &Node,
+    attributes: &Attributes,
+    width: usize,
+    constant: impl Fn(&str) -> Option<&'a Constant>,
+) -> Result<Vec<Range<usize>>, String> {
+    of_numbers(attributes.integer("axis", 0))?;
+    let given = node.input.get(1).filter(|name| !name.is_empty());
+    let sizes: Vec<usize> = match (given, attributes.list("split")) {
+        (Some(name), _) => {
+            let sizes = constant(name).ok_or("its sizes are not constants")?;
+            sizes.values.iter().map(|&size| size as usize).collect()
+        }
+        (None, Some(sizes)) => sizes.iter().map(|&size| usize::try_from(size).unwrap_or(0)).collect(),
+        // Even parts, the last the rest.
+        (None, None) => {
+            let count = node.output.len().max(1);
+            let size = width.div_ceil(count);
+            (0..count).map(|number| size.min(width.saturating_sub(number * size))).collect()
+        }
+    };
+    let mut end = 0_usize;
+    let mut ranges = Vec::new();
+    for size in sizes {
+        let start = end;
+        end = end.saturating_add(size);
+        ranges.push(start..end);
+    }
+    if end != width {
+        return Err(format!("its parts have {end} numbers, the layer before it gives {width}"));
+    }
+    Ok(ranges)
+}
+
+/// The part of a `Slice`.
+fn slice<'a>(
+    node: &Node,
+    width: usize,
+    constant: impl Fn(&str) -> Option<&'a Constant>,
+) -> Result<Range<usize>, String> {
+    let number = |place: usize| {
+        let name = node.input.get(place).filter(|name| !name.is_empty())?;
+        Some(
+            constant(name)
+                .and_then(Constant::as_scalar)
+                .ok_or("its limits are not single constants".to_owned()),
+        )
+    };
+    let (Some(start), Some(end)) = (number(1), number(2)) else {
+        return Err("its limits are not inputs of it; export with operator set 10 or later".to_owned());
+    };
+    of_numbers(number(3).transpose()?.map_or(0, |axis| axis as i64))?;
+    if number(4).transpose()?.is_some_and(|step| step != 1.0) {
+        return Err("it takes steps; only whole parts are read".to_owned());
+    }
+    Ok(range(start?, end?, width))
+}

@@ -1,0 +1,224 @@
+//! What short predictions leave, tested for what noise does not have: memory, and a connection with what the robot does.
+//!
+//! A prediction of a model that lacks nothing is off by noise of motors and sensors. Noise of one sample knows nothing of
+//! the sample before, nor of velocity, acceleration, torque or command. A missing delay is off along the change of the
+//! target, missing friction along the velocity, missing strength along the torque. So the errors of each joint are
+//! regressed on these, as they were when the prediction began. The errors' largest part is made by feet that touch the
+//! ground a moment sooner or later; errors are limited to three deviations, so that they do not drown the rest.
+
+use super::log_set::LogSet;
+use crate::log::Log;
+use gaitfit_adapt::fit::Predicted;
+use gaitfit_log::Signal;
+use gaitfit_sim::stats;
+use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
+
+/// Deviations beyond which an error counts as three of them, by the median of the absolute errors.
+const LIMIT: f64 = 3.0;
+/// The median of the absolute values of normal numbers of deviation 1.
+const MEDIAN: f64 = 0.6745;
+/// Samples of a joint from which on anything is said of it.
+const LEAST_SAMPLES: usize = 100;
+/// Velocity at which dry friction is taken to change its sign, rad/s.
+const SLOW: f64 = 0.3;
+/// What errors are compared with.
+const MOTIONS: [&str; 8] = [
+    "velocity",
+    "direction of motion",
+    "acceleration",
+    "torque",
+    "change of the target",
+    "command ahead",
+    "command to the side",
+    "command to turn",
+];
+
+/// What short predictions of velocities leave.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Audit {
+    /// Correlation of an error with the joint's error a sample before, mean over joints.
+    pub memory: f64,
+    /// Part of the errors' variance that goes with what the robot does, mean over joints.
+    pub explained: f64,
+    /// With what it goes most: the name and the largest correlation, mean of the joints' sizes.
+    pub most: (String, f64),
+    /// The joint of whose errors most goes with motion, and how much of them.
+    pub worst_joint: (String, f64),
+}
+
+impl Audit {
+    /// Of the predictions of a set of logs, the first `skip` samples of each left out; `None` of too few samples.
+    pub(super) fn of(set: &LogSet, predicted: &[Predicted], skip: usize) -> Option<Self> {
+        let joints = set.logs.first()?.joints.len();
+        let mut found: Vec<(String, Joint)> = Vec::new();
+        for joint in 0..joints {
+            let name = set.logs.first()?.joints.get(joint)?.clone();
+            let logs = set.logs.iter().zip(predicted);
+            let series: Vec<Series> =
+                logs.filter_map(|(log, walk)| Series::of(log, walk, joint, joints, skip)).collect();
+            found.extend(Joint::of(&series).map(|one| (name, one)));
+        }
+        let mean = |of: &dyn Fn(&Joint) -> f64| {
+            stats::mean(&found.iter().map(|(_, joint)| of(joint)).collect::<Vec<_>>())
+        };
+        let sizes = (0..MOTIONS.len()).map(|motion| mean(&|joint| joint.correlations[motion].abs()));
+        let most = sizes.enumerate().filter_map(|(motion, size)| Some((motion, size?)));
+        let (motion, size) = most.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let worst = found.iter().max_by(|a, b| a.1.explained.total_cmp(&b.1.explained))?;
+        Some(Self {
+            memory: mean(&|joint| joint.memory)?,
+            explained: mean(&|joint| joint.explained)?,
+            most: (MOTIONS[motion].to_owned(), size),
+            worst_joint: (worst.0.clone(), worst.1.explained),
+        })
+    }
+}
+
+/// Errors of a joint in one log, and what the robot did when each prediction began.
+struct Series {
+    errors: Vec<f64>,
+    motions: Vec<[f64; MOTIONS.len()]>,
+}
+
+impl Series {
+    fn of(log: &Log, walk: &Predicted, joint: usize, joints: usize, skip: usize) -> Option<Self> {
+        let column = |signal| log.trajectory.column_at(signal, joint);
+        let (position, velocity) = (column(Signal::Position)?, column(Signal::Velocity)?);
+        let target = column(Signal::Target).or_else(|| column(Signal::Action))?;
+        let command = log.trajectory.command.as_deref().unwrap_or_default();
+        let end =
+            velocity.len().min(walk.velocity.len() / joints.max(1)).min(walk.fell_at.unwrap_or(usize::MAX));
+        let mut series = Self { errors: Vec::new(), motions: Vec::new() };
+        for at in skip.max(2)..end {
+            let (last, before) = (at - 1, at - 2);
+            let part = |part: usize| command.get(3 * last + part).copied().unwrap_or(0.0);
+            series.errors.push(f64::from(walk.velocity[at * joints + joint]) - velocity[at]);
+            series.motions.push([
+                velocity[last],
+                (velocity[last] / SLOW).tanh(),
+                velocity[last] - velocity[before],
+                target[last] - position[last],
+                target[last] - target[before],
+                part(0),
+                part(1),
+                part(2),
+            ]);
+        }
+        let finite = |numbers: &[f64]| numbers.iter().all(|number| number.is_finite());
+        let whole = finite(&series.errors) && series.motions.iter().all(|motion| finite(motion));
+        whole.then_some(series)
+    }
+}
+
+/// What is said of the errors of one joint.
+struct Joint {
+    memory: f64,
+    explained: f64,
+    correlations: [f64; MOTIONS.len()],
+}
+
+impl Joint {
+    fn of(series: &[Series]) -> Option<Self> {
+        let mut sizes: Vec<f64> =
+            series.iter().flat_map(|one| &one.errors).map(|error| error.abs()).collect();
+        if sizes.len() < LEAST_SAMPLES {
+            return None;
+        }
+        sizes.sort_by(f64::total_cmp);
+        let most = LIMIT * sizes[sizes.len() / 2] / MEDIAN;
+        let limited = |error: &f64| error.clamp(-most, most);
+        let errors: Vec<f64> = series.iter().flat_map(|one| &one.errors).map(limited).collect();
+        let mean = stats::mean(&errors)?;
+        let variance = stats::squares(&errors);
+        if variance <= 0.0 {
+            return None;
+        }
+        let pairs = series.iter().flat_map(|one| one.errors.windows(2));
+        let memory =
+            pairs.map(|pair| (limited(&pair[0]) - mean) * (limited(&pair[1]) - mean)).sum::<f64>() / variance;
+        let motions: Vec<[f64; MOTIONS.len()]> =
+            series.iter().flat_map(|one| one.motions.iter().copied()).collect();
+        let count = errors.len();
+        // Columns of mean 0 and length 1; those that never change are left out.
+        let columns: Vec<Option<DVector<f64>>> = (0..MOTIONS.len())
+            .map(|motion| {
+                let column = DVector::from_iterator(count, motions.iter().map(|one| one[motion]));
+                let column = column.add_scalar(-column.mean());
+                let length = column.norm();
+                (length > 1e-9 * (count as f64).sqrt()).then(|| column / length)
+            })
+            .collect();
+        let wanted = DVector::from_vec(errors).add_scalar(-mean) / variance.sqrt();
+        let correlations =
+            std::array::from_fn(|motion| columns[motion].as_ref().map_or(0.0, |column| column.dot(&wanted)));
+        let kept: Vec<&DVector<f64>> = columns.iter().flatten().collect();
+        let explained = explained(&kept, &wanted);
+        Some(Self { memory, explained, correlations })
+    }
+}
+
+/// The part of the variance of `wanted` (length 1) that a regression on `columns` explains, less what as many columns of
+/// noise would (the adjusted R² of Theil 1961).
+fn explained(columns: &[&DVector<f64>], wanted: &DVector<f64>) -> f64 {
+    let entries = columns.len();
+    if entries == 0 || wanted.len() <= entries + 1 {
+        return 0.0;
+    }
+    let matrix = DMatrix::from_fn(entries, entries, |i, j| {
+        columns[i].dot(columns[j]) + if i == j { 1e-9 } else { 0.0 }
+    });
+    let right = DVector::from_iterator(entries, columns.iter().map(|column| column.dot(wanted)));
+    let Some(cholesky) = matrix.cholesky() else { return 0.0 };
+    let share = cholesky.solve(&right).dot(&right).clamp(0.0, 1.0);
+    let count = wanted.len() as f64;
+    (1.0 - (1.0 - share) * (count - 1.0) / (count - entries as f64 - 1.0)).max(0.0)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_random::{Purpose, Stream};
+
+    /// Errors that are noise plus `along` times the velocity plus `memory` times the error before.
+    fn series(along: f64, memory: f64) -> Vec<Series> {
+        let stream = Stream::new(3, Purpose(77));
+        let one = |log: u32| {
+            let draw = |row: u32, place: u32| stream.environment(log).step(row).normal(place);
+            let mut one = Series { errors: Vec::new(), motions: Vec::new() };
+            for row in 0..400 {
+                let motion: [f64; MOTIONS.len()] = std::array::from_fn(|place| draw(row, 1 + place as u32));
+                let last = one.errors.last().copied().unwrap_or(0.0);
+                one.errors.push(draw(row, 0) + along * motion[0] + memory * last);
+                one.motions.push(motion);
+            }
+            one
+        };
+        (0..4).map(one).collect()
+    }
+
+    #[test]
+    fn noise_goes_with_nothing() {
+        let found = Joint::of(&series(0.0, 0.0)).unwrap();
+        assert!(found.explained < 0.01 && found.memory.abs() < 0.06, "{} {}", found.explained, found.memory);
+    }
+
+    #[test]
+    fn what_goes_with_the_velocity_or_the_error_before_is_seen() {
+        // Of noise of variance 1 and half the velocity a fifth is explained.
+        let found = Joint::of(&series(0.5, 0.0)).unwrap();
+        assert!((found.explained - 0.2).abs() < 0.04, "{}", found.explained);
+        assert!((found.correlations[0] - 0.2f64.sqrt()).abs() < 0.05 && found.correlations[1].abs() < 0.06);
+        let found = Joint::of(&series(0.0, 0.6)).unwrap();
+        assert!((found.memory - 0.6).abs() < 0.07, "{}", found.memory);
+    }
+
+    #[test]
+    fn few_samples_say_nothing() {
+        let few = vec![Series { errors: vec![1.0; 50], motions: vec![[0.0; MOTIONS.len()]; 50] }];
+        assert!(Joint::of(&few).is_none());
+        let still = vec![Series { errors: vec![0.5; 200], motions: vec![[0.0; MOTIONS.len()]; 200] }];
+        assert!(Joint::of(&still).is_none(), "errors that do not vary");
+    }
+}

@@ -1,0 +1,132 @@
+//! What one cost found, from the outcome of its search.
+
+use super::audit::Audit;
+use super::doubts;
+use super::parameter::Parameter;
+use super::results::CostFit;
+use super::score::{Robot, mean, validation};
+use super::setup::Setup;
+use super::standing::widening;
+use crate::Error;
+use gaitfit_adapt::Theta;
+use gaitfit_adapt::fit::{
+    Agreement, CostOutcome, Evaluation, FallPenalty, FitError, Job, RunGeneration, compare, evaluate,
+};
+use gaitfit_adapt::never;
+use gaitfit_view::DoubtKind;
+
+/// One evaluation of a robot by cost number `cost`, without a charge for falls.
+fn evaluated(
+    setup: &Setup,
+    cost: usize,
+    theta: &Theta,
+    values: Vec<f64>,
+) -> Result<Option<Evaluation>, Error> {
+    let jobs = [Job { cost, values, draw: 0 }];
+    let simulator = setup.fit.simulator.as_ref();
+    let found =
+        evaluate(simulator, theta, &setup.costs, &FallPenalty::NONE, &jobs, &never).map_err(Error::failed)?;
+    Ok(found.into_iter().next())
+}
+
+/// The fit by cost number `cost`; `course`: the generations of its runs.
+///
+/// # Errors
+/// A simulation that fails.
+pub(super) fn fit(
+    setup: &Setup,
+    cost: usize,
+    outcome: &CostOutcome,
+    course: &[RunGeneration],
+) -> Result<CostFit, Error> {
+    let config = &setup.config;
+    let values = outcome.values();
+    let fitted = evaluated(setup, cost, &setup.theta, values.clone())?;
+    let nominal = evaluated(setup, cost, &Theta::default(), Vec::new())?;
+    let (nominal_cost, nominal_falls) = nominal.map_or((None, 0), |nominal| (nominal.cost, nominal.falls));
+    let doubts = doubts::doubts(outcome, nominal_cost, nominal_falls, course);
+    let audit = audited(setup, cost, &values)?;
+    let has = |kind| doubts.iter().any(|doubt| doubt.kind == kind);
+    let wider = audit.as_ref().map_or(1.0, widening);
+    let parameters: Vec<Parameter> = outcome
+        .parameters
+        .iter()
+        .zip(setup.theta.priors())
+        .map(|(found, prior)| {
+            let mut parameter = Parameter {
+                truth: config.truth.get(&found.name).copied(),
+                published: config.published.get(&found.name).copied(),
+                prior: prior.copied(),
+                interval: found.identification.as_ref().map(|one| [one.lower, one.upper]),
+                identified: found.identification.as_ref().map(|one| one.identified),
+                found: found.clone(),
+            };
+            parameter.widen(wider);
+            parameter
+        })
+        .collect();
+    let error = |parameter: &Parameter| {
+        let truth = parameter.truth.filter(|truth| *truth != 0.0)?;
+        Some(100.0 * (parameter.found.value / truth - 1.0).abs())
+    };
+    let errors = parameters.iter().filter_map(error).map(Some);
+    let theta = Theta::default();
+    let (robot, before) =
+        (Robot { theta: &setup.theta, values: &values }, Robot { theta: &theta, values: &[] });
+    Ok(CostFit {
+        cost_name: outcome.cost.clone(),
+        cost: outcome.best_cost,
+        nominal_cost,
+        converged: !has(DoubtKind::NotConverged),
+        better_than_nominal: !has(DoubtKind::WorseThanNominal),
+        doubts,
+        falls: fitted.map_or(0, |fitted| fitted.falls),
+        nominal_falls,
+        mean_error_percent: mean(errors),
+        validation: validation(
+            config.costs[cost],
+            &setup.validate,
+            setup.aligned(),
+            |set| robot.simulate(set.simulator.as_ref(), config.costs[cost].given()),
+            |set| before.simulate(set.simulator.as_ref(), config.costs[cost].given()),
+        )?,
+        parameters,
+        runs: outcome.runs.clone(),
+        uncertainty: outcome.uncertainty.clone(),
+        correction: outcome.correction.clone(),
+        regression: outcome.regression.clone(),
+        audit,
+        comparison: Vec::new(),
+    })
+}
+
+/// What the errors of short predictions of the fitted logs go with; absent of other costs.
+fn audited(setup: &Setup, cost: usize, values: &[f64]) -> Result<Option<Audit>, Error> {
+    let kind = setup.config.costs[cost];
+    if !kind.needs_imu() {
+        return Ok(None);
+    }
+    let robot = Robot { theta: &setup.theta, values };
+    let predicted = robot.simulate(setup.fit.simulator.as_ref(), kind.given())?;
+    let skip = setup.method.samples(setup.config.skip_seconds(), &setup.fit.logs);
+    Ok(Audit::of(&setup.fit, &predicted, skip))
+}
+
+/// The parameters of `other` beside those of `first`.
+pub(super) fn beside(
+    setup: &Setup,
+    first: &CostOutcome,
+    other: &CostOutcome,
+) -> Result<Vec<Agreement>, Error> {
+    let cost_of = |name: &str| {
+        let cost = setup.costs.iter().position(|cost| cost.name() == name).unwrap_or_default();
+        move |candidates: &[Vec<f64>]| -> Result<Vec<Option<f64>>, FitError> {
+            let jobs: Vec<Job> =
+                candidates.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
+            let (simulator, falls) = (setup.fit.simulator.as_ref(), &setup.options.falls);
+            let found = evaluate(simulator, &setup.theta, &setup.costs, falls, &jobs, &never)?;
+            Ok(found.into_iter().map(|found| found.cost).collect())
+        }
+    };
+    compare(first, other, cost_of(&first.cost), cost_of(&other.cost)).map_err(Error::failed)
+}

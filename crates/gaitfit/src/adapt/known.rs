@@ -1,0 +1,96 @@
+//! What is measured of joints without a simulation, legs in the air for one, as priors of a fit.
+
+use gaitfit_adapt::{JointParameter, Prior, Theta};
+use std::collections::BTreeMap;
+
+/// Least standard error of a prior, as a part of the entry's bounds: an estimate that is surer than this leaves walks no say.
+const LEAST_ERROR: f64 = 0.005;
+
+/// An estimate of a parameter of some joints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// The parameter.
+    pub kind: JointParameter,
+    /// The joints that it is of, by the robot's names; empty: all of them.
+    pub joints: Vec<String>,
+    /// The estimate, in the parameter's unit; it may be beyond the parameter's bounds by noise.
+    pub value: f64,
+    /// Its standard error; an estimate without a finite positive one is left out.
+    pub error: f64,
+}
+
+impl Measured {
+    fn says(&self, kind: &str, joints: &[String]) -> bool {
+        let covers = |joint| self.joints.is_empty() || self.joints.contains(joint);
+        self.kind.name() == kind && !joints.is_empty() && joints.iter().all(covers)
+    }
+}
+
+/// `given` priors, which win, and those that `measured` estimates give for the other entries of `theta`. An entry that
+/// covers joints of several estimates takes none of them.
+pub fn priors(
+    theta: &Theta,
+    measured: &[Measured],
+    given: &BTreeMap<String, Prior>,
+) -> BTreeMap<String, Prior> {
+    let mut priors = given.clone();
+    for entry in theta.entries() {
+        let own = measured.iter().find(|one| {
+            one.says(entry.kind, &entry.joints)
+                && one.value.is_finite()
+                && one.error.is_finite()
+                && one.error > 0.0
+        });
+        if let Some(one) = own {
+            let deviation = one.error.max(LEAST_ERROR * (entry.upper - entry.lower));
+            priors.entry(entry.name.clone()).or_insert(Prior { value: one.value, deviation });
+        }
+    }
+    priors
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_adapt::{ParameterRule, Sharing};
+
+    #[test]
+    fn estimates_reach_the_entries_of_their_joints_and_what_is_given_wins() {
+        let joints = ["FL_hip", "FR_hip", "FL_calf", "FR_calf"].map(str::to_owned).to_vec();
+        let groups = ["hip", "calf"].map(|name| (name.to_owned(), vec![format!("*_{name}")]));
+        let rules = [
+            ParameterRule::new(JointParameter::FrictionLoss),
+            ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Delay) },
+            ParameterRule { per: Sharing::All, ..ParameterRule::new(JointParameter::Armature) },
+        ];
+        let theta = Theta::from_rules(&rules, &groups, &joints).unwrap();
+        let measured = |kind, of: &[usize], value, error| Measured {
+            kind,
+            joints: of.iter().map(|joint| joints[*joint].clone()).collect(),
+            value,
+            error,
+        };
+        let all = [
+            measured(JointParameter::FrictionLoss, &[0, 1], -0.01, 0.05),
+            measured(JointParameter::FrictionLoss, &[2, 3], 0.55, 1e-6),
+            measured(JointParameter::Armature, &[0, 1], 0.01, 0.002),
+            measured(JointParameter::Delay, &[], 0.009, f64::NAN),
+            measured(JointParameter::Delay, &[], 0.008, 0.002),
+        ];
+        let found = priors(&theta, &all, &BTreeMap::new());
+        assert_eq!(found["frictionloss_hip"], Prior { value: -0.01, deviation: 0.05 });
+        assert_eq!(
+            found["frictionloss_calf"],
+            Prior { value: 0.55, deviation: 0.0025 },
+            "half a hundredth of [0, 0.5]"
+        );
+        assert_eq!(found["delay"], Prior { value: 0.008, deviation: 0.002 });
+        assert!(
+            !found.contains_key("armature"),
+            "one value for all joints, measured of hips alone: {found:?}"
+        );
+        let own = BTreeMap::from([("delay".to_owned(), Prior { value: 0.02, deviation: 0.001 })]);
+        assert_eq!(priors(&theta, &all, &own)["delay"], own["delay"]);
+    }
+}

@@ -1,0 +1,65 @@
+//! One entry of θ as found.
+
+use super::standing::APART;
+use gaitfit_adapt::Prior;
+use gaitfit_adapt::fit::ParameterOutcome;
+use serde::{Deserialize, Serialize};
+
+/// A parameter whose interval is narrower than this part of its bounds is identified, as in `gaitfit-adapt`.
+const NARROW: f64 = 0.5;
+
+/// One entry of θ as found, with what is known of it from elsewhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// Value, unit, spread, bounds, and how its interval was measured.
+    #[serde(flatten)]
+    pub found: ParameterOutcome,
+    /// The values that fit as well, all others held: lower and upper end; absent where it was not measured.
+    pub interval: Option<[f64; 2]>,
+    /// Whether the logs determine it; absent where it was not measured.
+    pub identified: Option<bool>,
+    /// True value, from the configuration's `[truth]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truth: Option<f64>,
+    /// Published values, [smallest, largest], from the configuration's `[published]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub published: Option<[f64; 2]>,
+    /// What was known of it before the fit, from the configuration's `[prior]` or from legs in the air.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior: Option<Prior>,
+}
+
+impl Parameter {
+    /// The longer side of its interval, which stands after ±; absent where it was not measured.
+    pub fn half(&self) -> Option<f64> {
+        self.interval.map(|[lower, upper]| (self.found.value - lower).max(upper - self.found.value).max(0.0))
+    }
+
+    /// Extends the interval to `value`, within the bounds.
+    pub(super) fn reach(&mut self, value: f64) {
+        if let Some([lower, upper]) = self.interval {
+            let value = value.clamp(self.found.lower, self.found.upper);
+            self.take([lower.min(value), upper.max(value)]);
+        }
+    }
+
+    /// Takes a wider interval.
+    fn take(&mut self, ends: [f64; 2]) {
+        if self.interval.is_some_and(|own| own != ends) {
+            self.interval = Some(ends);
+            self.identified = Some(ends[1] - ends[0] < NARROW * (self.found.upper - self.found.lower));
+        }
+    }
+
+    /// Widens the interval by `factor`, within the bounds, and to what was known before where that is far away.
+    pub(super) fn widen(&mut self, factor: f64) {
+        let (Some([lower, upper]), value) = (self.interval, self.found.value) else { return };
+        let known =
+            self.prior.filter(|prior| prior.away(value).abs() > APART).map_or(value, |prior| prior.value);
+        let ends = [
+            (value - factor * (value - lower)).min(known).max(self.found.lower).min(lower),
+            (value + factor * (upper - value)).max(known).min(self.found.upper).max(upper),
+        ];
+        self.take(ends);
+    }
+}

@@ -1,0 +1,434 @@
+//! Whether a fit may be used: its doubts in one list, and how firmly it stands.
+
+use super::audit::Audit;
+use super::held_out::HeldOut;
+use super::parameter::Parameter;
+use super::results::CostFit;
+use super::score::Score;
+use gaitfit_view::{Doubt, DoubtKind};
+use serde::{Deserialize, Serialize};
+
+/// How firmly a fit stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Standing {
+    /// Nothing speaks against it.
+    #[default]
+    Sound,
+    /// It has doubts: use it with another test.
+    Doubtful,
+    /// Walks that were not fitted contradict it: no policy is trained in it unless that is asked for by name.
+    Contradicted,
+}
+
+/// The name with which settings let a contradicted fit pass.
+pub const CONTRADICTED: &str = "contradicted";
+
+/// Torques besides those that motors are told which are large for a robot, as a part of what its weakest joint can give.
+/// Simulated robots without such effects are below 0.1, a real one's walks at 0.3 to 0.4.
+const LOUD: f64 = 0.2;
+/// Part of the errors' variance that goes with what the robot does, and memory of errors, from which on the model lacks
+/// something. Of simulated robots that differ only in what is fitted both are below half of this.
+const GOES_WITH: f64 = 0.1;
+const REMEMBERS: f64 = 0.3;
+/// How much wider than measured an interval is for each root of the part of the variance that goes with motion.
+const WIDER: f64 = 10.0;
+/// Standard errors between a fit and what was known before that are a disagreement.
+pub(super) const APART: f64 = 3.0;
+/// An interval below this part of the bounds says that 0 was wanted, and not only allowed.
+const TIGHT: f64 = 0.05;
+/// Parameters that a doubt names.
+const NAMED: usize = 6;
+
+/// What is known of a fit besides its search.
+pub(super) struct Evidence<'a> {
+    /// The predictor that the fit is.
+    pub fitted: &'a Score,
+    /// The robot before the fit, then predictors that need no simulator.
+    pub baselines: &'a [Score],
+    /// Walks that were not fitted.
+    pub held_out: Option<&'a HeldOut>,
+    /// Torque that the weakest joint can give, N·m; absent where nothing limits it.
+    pub effort: Option<f64>,
+}
+
+/// Why a fit must not be taken as it stands, the worst first.
+pub(super) fn doubts(fit: &CostFit, evidence: &Evidence<'_>) -> Vec<Doubt> {
+    let mut doubts = fit.doubts.clone();
+    doubts.extend(trivial(evidence));
+    doubts.extend(evidence.held_out.and_then(HeldOut::doubt));
+    doubts.extend(unexplained(fit, evidence.effort));
+    doubts.extend(known_otherwise(&fit.parameters));
+    doubts.extend(bounded(&fit.parameters));
+    doubts.sort_by_key(|doubt| doubt.kind);
+    doubts
+}
+
+/// How firmly a fit with these doubts stands.
+pub(super) fn standing(doubts: &[Doubt], held_out: Option<&HeldOut>) -> Standing {
+    if held_out.is_some_and(HeldOut::contradicts) {
+        Standing::Contradicted
+    } else if doubts.is_empty() {
+        Standing::Sound
+    } else {
+        Standing::Doubtful
+    }
+}
+
+/// That a predictor without a simulator is nearer to the logs: by errors of logs that were not fitted, or else of those that
+/// were, or else by the cost.
+fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
+    let measures: [(&str, fn(&Score) -> Option<f64>); 3] = [
+        ("position error on logs that were not fitted, rad", |score| score.rmse_validation_rad),
+        ("position error on the fitted logs, rad", |score| score.rmse_fit_rad),
+        ("cost on the fitted logs", |score| score.cost),
+    ];
+    let guesses = evidence.baselines.iter().skip(1);
+    let (what, fitted, guess, found) = guesses
+        .filter_map(|guess| {
+            let (what, fitted, of) =
+                measures.iter().find_map(|(what, of)| Some((*what, of(evidence.fitted)?, of(guess)?)))?;
+            Some((what, fitted, &guess.name, of))
+        })
+        .min_by(|a, b| a.3.total_cmp(&b.3))?;
+    (found < fitted).then(|| {
+        let text = format!(
+            "\"{guess}\" needs no simulator and predicts the logs better: {found:.5} against {fitted:.5} ({what}). Nothing of \
+             this fit can be used: check targets, gains and joint order with `gaitfit inspect`, and fit what else may differ."
+        );
+        Doubt::new(DoubtKind::Trivial, text)
+    })
+}
+
+/// That what the fit leaves is no noise, or too much of it.
+fn unexplained(fit: &CostFit, effort: Option<f64>) -> Option<Doubt> {
+    let mut reasons: Vec<String> = Vec::new();
+    let noise = fit.correction.as_ref().map(|correction| correction.torque_noise);
+    if let Some((noise, effort)) = noise.zip(effort).filter(|(noise, effort)| *noise > LOUD * effort) {
+        reasons.push(format!(
+            "What it leaves is as large as torque noise of {noise:.1} N·m, {:.0} % of what the weakest joint can give.",
+            100.0 * noise / effort
+        ));
+    }
+    if let Some(audit) = fit.audit.as_ref().filter(|audit| audit.explained > GOES_WITH) {
+        reasons.push(format!(
+            "{:.0} % of the variance of its errors go with what the robot does ({:.0} % at {}), most with {}.",
+            100.0 * audit.explained,
+            100.0 * audit.worst_joint.1,
+            audit.worst_joint.0,
+            audit.most.0
+        ));
+    }
+    if let Some(audit) = fit.audit.as_ref().filter(|audit| audit.memory.abs() > REMEMBERS) {
+        reasons.push(format!(
+            "Its errors remember: correlation of {:.2} with those a sample before.",
+            audit.memory
+        ));
+    }
+    (!reasons.is_empty()).then(|| {
+        reasons.push(missing(&fit.parameters).to_owned());
+        Doubt::new(DoubtKind::Unexplained, reasons.join(" "))
+    })
+}
+
+/// What to do about it.
+fn missing(parameters: &[Parameter]) -> &'static str {
+    if parameters.iter().any(|one| one.found.name.starts_with("delay")) {
+        "The intervals are widened for it. Fit what else may differ, and let whole walks decide (cost \"wass\", logs in \
+         `validate`)."
+    } else {
+        "No delay is fitted, and a delay that is left out comes out as friction and armature: add a [[parameter]] of kind \
+         \"delay\". The intervals are widened for it."
+    }
+}
+
+/// Factor on the sides of the intervals of a fit whose errors go with what the robot does.
+pub(super) fn widening(audit: &Audit) -> f64 {
+    let goes_with = if audit.explained > GOES_WITH { audit.explained } else { 0.0 };
+    let remembers = if audit.memory.abs() > REMEMBERS { audit.memory * audit.memory } else { 0.0 };
+    1.0 + WIDER * goes_with.max(remembers).sqrt()
+}
+
+/// Widens the intervals of the first fit to the values of another one that sees the same logs otherwise: whole walks and
+/// short predictions. Says where the two disagree, if they do.
+pub(super) fn reconcile(fits: &mut [CostFit]) {
+    let Some((first, others)) = fits.split_first_mut() else { return };
+    let short = |fit: &CostFit| fit.cost_name.starts_with("matchr");
+    let first_is_short = short(first);
+    for other in others.iter().filter(|other| short(other) != first_is_short) {
+        let mut apart = Vec::new();
+        for one in other.comparison.iter().filter(|one| one.agrees == Some(false)) {
+            let own = first.parameters.iter_mut().find(|own| own.found.name == one.name);
+            if let Some(own) = own.filter(|own| own.identified == Some(true)) {
+                own.reach(one.second);
+                apart.push(format!("{} {:.4} and {:.4}", one.name, one.first, one.second));
+            }
+        }
+        if !apart.is_empty() {
+            let text = format!(
+                "{} and {} give different values, by more than their errors: {}. The simulator lacks something; the intervals \
+                 reach to both.",
+                first.cost_name,
+                other.cost_name,
+                listed(&apart)
+            );
+            first.doubts.push(Doubt::new(DoubtKind::Disagreement, text));
+        }
+    }
+}
+
+/// That values are far from what was known of them before.
+fn known_otherwise(parameters: &[Parameter]) -> Option<Doubt> {
+    let far = |one: &Parameter| {
+        let prior = one.prior?;
+        let away = prior.away(one.found.value);
+        (away.abs() > APART).then(|| {
+            format!(
+                "{} {:.4} for {:.4} ± {:.4}",
+                one.found.name, one.found.value, prior.value, prior.deviation
+            )
+        })
+    };
+    let far: Vec<String> = parameters.iter().filter_map(far).collect();
+    (!far.is_empty()).then(|| {
+        let text = format!(
+            "Walks ask for other values than those that were known before: {}. The simulator lacks something, or what was \
+             known is of another robot. The intervals reach to both.",
+            listed(&far)
+        );
+        Doubt::new(DoubtKind::Disagreement, text)
+    })
+}
+
+/// That values rest on bounds of their search. 0 is an end of many quantities; a value rests there where the logs exclude
+/// all others.
+fn bounded(parameters: &[Parameter]) -> Option<Doubt> {
+    let named = |is_so: fn(&Parameter) -> bool| -> Vec<String> {
+        parameters.iter().filter(|one| is_so(one)).map(|one| one.found.name.clone()).collect()
+    };
+    let (stopped, empty) = (named(stopped_by_bound), named(wants_nothing));
+    let mut reasons = Vec::new();
+    if !stopped.is_empty() {
+        let rest = if stopped.len() == 1 { "rests on a bound" } else { "rest on bounds" };
+        reasons.push(format!(
+            "{} {rest} of the search: widen it, or fit what else may differ.",
+            listed(&stopped)
+        ));
+    }
+    if !empty.is_empty() {
+        let (rest, exclude) = if empty.len() == 1 {
+            ("rests", "its interval excludes")
+        } else {
+            ("rest", "the intervals exclude")
+        };
+        reasons.push(format!(
+            "{} {rest} at 0 and {exclude} all else, which no real joint does: something that the simulator lacks has \
+             the place of it.",
+            listed(&empty)
+        ));
+    }
+    (!reasons.is_empty()).then(|| Doubt::new(DoubtKind::Misfit, reasons.join(" ")))
+}
+
+/// Whether a value would have gone on but for a bound of its search. 0 is an end of many quantities and no such bound; see
+/// [`wants_nothing`].
+pub(super) fn stopped_by_bound(parameter: &Parameter) -> bool {
+    let found = &parameter.found;
+    let upper = found.value - found.lower >= found.upper - found.value;
+    found.at_bound && (upper || found.lower != 0.0)
+}
+
+/// Whether friction or delay, of which every real robot has some, rests at 0 and the logs exclude more. Where it is known to be 0,
+/// nothing is wrong.
+pub(super) fn wants_nothing(parameter: &Parameter) -> bool {
+    let found = &parameter.found;
+    let real = ["frictionloss", "delay"].iter().any(|kind| found.name.starts_with(kind));
+    let narrow = |[_, upper]: [f64; 2]| upper - found.lower < TIGHT * (found.upper - found.lower);
+    real && found.at_bound
+        && found.lower == 0.0
+        && found.value < 0.5 * found.upper
+        && parameter.truth != Some(0.0)
+        && parameter.interval.is_some_and(narrow)
+}
+
+fn listed(names: &[String]) -> String {
+    let shown = names[..names.len().min(NAMED)].join(", ");
+    if names.len() > NAMED { format!("{shown} and {} more", names.len() - NAMED) } else { shown }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gaitfit_adapt::Prior;
+    use gaitfit_adapt::fit::ParameterOutcome;
+
+    fn parameter(name: &str, value: f64, interval: [f64; 2]) -> Parameter {
+        let found = ParameterOutcome {
+            name: name.to_owned(),
+            value,
+            uncorrected: None,
+            unit: "N·m".to_owned(),
+            spread: None,
+            lower: 0.0,
+            upper: 2.0,
+            start: 0.0,
+            at_bound: value <= 0.0 || value >= 2.0,
+            per_run: vec![value],
+            identification: None,
+        };
+        let (interval, identified) = (Some(interval), Some(true));
+        Parameter { found, interval, identified, truth: None, published: None, prior: None }
+    }
+
+    fn fit(parameters: Vec<Parameter>) -> CostFit {
+        CostFit {
+            cost_name: "matchr1".to_owned(),
+            cost: 0.1,
+            nominal_cost: Some(0.2),
+            converged: true,
+            better_than_nominal: true,
+            doubts: Vec::new(),
+            falls: 0,
+            nominal_falls: 0,
+            parameters,
+            mean_error_percent: None,
+            runs: Vec::new(),
+            validation: Vec::new(),
+            uncertainty: None,
+            correction: None,
+            regression: None,
+            audit: None,
+            comparison: Vec::new(),
+        }
+    }
+
+    fn score(name: &str, cost: f64, rmse: Option<f64>) -> Score {
+        Score {
+            name: name.to_owned(),
+            cost: Some(cost),
+            rmse_fit_rad: rmse,
+            rmse_validation_rad: None,
+            cost_validation: None,
+            delay_seconds: None,
+        }
+    }
+
+    fn kinds(fit: &CostFit, baselines: &[Score], fitted: &Score) -> Vec<(DoubtKind, String)> {
+        let evidence = Evidence { fitted, baselines, held_out: None, effort: Some(23.7) };
+        doubts(fit, &evidence).into_iter().map(|doubt| (doubt.kind, doubt.text)).collect()
+    }
+
+    #[test]
+    fn a_fit_without_doubts_is_sound() {
+        let sound = fit(vec![parameter("frictionloss_hip", 0.2, [0.1, 0.3])]);
+        let found = kinds(&sound, &[score("nominal", 0.2, None)], &score("fitted", 0.1, None));
+        assert!(found.is_empty(), "{found:?}");
+        assert_eq!(standing(&[], None), Standing::Sound);
+        assert_eq!(standing(&[Doubt::new(DoubtKind::Misfit, "")], None), Standing::Doubtful);
+    }
+
+    #[test]
+    fn a_guess_that_predicts_better_is_said_first() {
+        let doubted = CostFit { doubts: vec![Doubt::new(DoubtKind::NotConverged, "so")], ..fit(Vec::new()) };
+        let guesses = [
+            score("nominal", 0.2, Some(0.3)),
+            score("echo", 0.5, Some(0.08)),
+            score("late", 0.5, Some(0.04)),
+        ];
+        let found = kinds(&doubted, &guesses, &score("fitted", 0.1, Some(0.06)));
+        assert!(found[0].0 == DoubtKind::Trivial && found[0].1.contains("\"late\""), "{found:?}");
+        assert!(found[0].1.contains("0.04000 against 0.06000"), "errors count, not costs: {found:?}");
+        let better = kinds(&fit(Vec::new()), &guesses, &score("fitted", 0.1, Some(0.02)));
+        assert!(better.is_empty(), "{better:?}");
+    }
+
+    #[test]
+    fn errors_that_go_with_motion_are_a_doubt_and_widen_intervals() {
+        let audit = Audit {
+            memory: 0.05,
+            explained: 0.25,
+            most: ("change of the target".to_owned(), 0.4),
+            worst_joint: ("FL_calf".to_owned(), 0.4),
+        };
+        assert_eq!(widening(&audit), 6.0);
+        let lacking = CostFit {
+            audit: Some(audit.clone()),
+            ..fit(vec![parameter("frictionloss_hip", 0.4, [0.38, 0.42])])
+        };
+        let found = kinds(&lacking, &[], &score("fitted", 0.1, None));
+        assert!(found.len() == 1 && found[0].0 == DoubtKind::Unexplained, "{found:?}");
+        let text = &found[0].1;
+        assert!(
+            text.contains("25 %") && text.contains("change of the target") && text.contains("\"delay\""),
+            "{text}"
+        );
+        let quiet = Audit { explained: 0.03, ..audit };
+        assert_eq!(widening(&quiet), 1.0);
+        assert!(
+            kinds(&CostFit { audit: Some(quiet), ..fit(Vec::new()) }, &[], &score("f", 0.1, None)).is_empty()
+        );
+    }
+
+    #[test]
+    fn values_at_bounds_and_at_nothing_count() {
+        let at = |name, value, interval| {
+            kinds(&fit(vec![parameter(name, value, interval)]), &[], &score("f", 0.1, None))
+        };
+        assert!(at("frictionloss_hip", 2.0, [1.9, 2.0])[0].1.contains("rests on a bound"));
+        let nothing = at("frictionloss_hip", 0.0, [0.0, 0.01]);
+        assert!(nothing.len() == 1 && nothing[0].1.contains("rests at 0"), "{nothing:?}");
+        assert!(at("frictionloss_hip", 0.0, [0.0, 0.3]).is_empty(), "0 is allowed, and so is more");
+        assert!(at("damping_hip", 0.0, [0.0, 0.01]).is_empty(), "joints without damping exist");
+        let known = Parameter { truth: Some(0.0), ..parameter("frictionloss_hip", 0.0, [0.0, 0.01]) };
+        assert!(kinds(&fit(vec![known]), &[], &score("f", 0.1, None)).is_empty());
+    }
+
+    #[test]
+    fn whole_walks_and_short_predictions_that_disagree_say_so_and_reach_to_both() {
+        let agreement = |agrees| gaitfit_adapt::fit::Agreement {
+            name: "frictionloss_hip".to_owned(),
+            unit: "N·m".to_owned(),
+            first: 0.2,
+            first_half: Some(0.1),
+            second: 0.9,
+            second_half: Some(0.1),
+            agrees: Some(agrees),
+            reason: None,
+        };
+        let fits = |other: &str, agrees| {
+            let first = CostFit {
+                cost_name: "wass".into(),
+                ..fit(vec![parameter("frictionloss_hip", 0.2, [0.1, 0.3])])
+            };
+            let other =
+                CostFit { cost_name: other.into(), comparison: vec![agreement(agrees)], ..fit(Vec::new()) };
+            let mut both = vec![first, other];
+            reconcile(&mut both);
+            both.swap_remove(0)
+        };
+        let apart = fits("matchr1", false);
+        assert_eq!(apart.parameters[0].interval, Some([0.1, 0.9]));
+        assert!(
+            apart.doubts[0].kind == DoubtKind::Disagreement
+                && apart.doubts[0].text.contains("0.2000 and 0.9000")
+        );
+        assert!(fits("matchr1", true).doubts.is_empty());
+    }
+
+    #[test]
+    fn walks_that_contradict_what_was_known_say_so() {
+        let prior = Some(Prior { value: 0.55, deviation: 0.1 });
+        let of = |value| {
+            fit(vec![Parameter {
+                prior,
+                ..parameter("frictionloss_calf", value, [value - 0.1, value + 0.1])
+            }])
+        };
+        let found = kinds(&of(1.25), &[], &score("f", 0.1, None));
+        assert!(
+            found[0].0 == DoubtKind::Disagreement && found[0].1.contains("1.2500 for 0.5500 ± 0.1000"),
+            "{found:?}"
+        );
+        assert!(kinds(&of(0.7), &[], &score("f", 0.1, None)).is_empty());
+    }
+}

@@ -1,0 +1,105 @@
+//! Messages of bounded length: what they quote may be as long as a file.
+
+use std::borrow::Cow;
+
+/// Max characters of a message.
+const MAX: usize = 4000;
+/// Characters of its end that are kept: the remedy is there.
+const END: usize = 800;
+/// Digits of a number that a message shows, and how many there may be before it is cut.
+const SHOWN_DIGITS: usize = 12;
+const MAX_DIGITS: usize = 40;
+
+/// The message with its middle left out where it is long, and without numbers of hundreds of digits.
+pub fn brief(message: &str) -> Cow<'_, str> {
+    let message = short_numbers(message);
+    let count = message.chars().count();
+    if count <= MAX {
+        return message;
+    }
+    let place = |number: usize| message.char_indices().nth(number).map_or(message.len(), |(place, _)| place);
+    let (head, tail) = (place(MAX - END), place(count - END));
+    let left_out = count - MAX;
+    Cow::Owned(format!("{} [… {left_out} characters left out …] {}", &message[..head], &message[tail..]))
+}
+
+/// The text without numbers of hundreds of digits: as `1e300` where a few digits and zeros make it up, else cut.
+pub fn short_numbers(text: &str) -> Cow<'_, str> {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some(start) = rest.find(|letter: char| letter.is_ascii_digit()) {
+        let (before, digits) = rest.split_at(start);
+        let length = digits.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(digits.len());
+        let (number, after) = digits.split_at(length);
+        out.push_str(before);
+        if length <= MAX_DIGITS {
+            out.push_str(number);
+        } else if let Some(small) =
+            out.strip_suffix("0.").map(str::len).filter(|_| fraction(number).is_some())
+        {
+            out.truncate(small);
+            out.push_str(&fraction(number).unwrap_or_default());
+        } else {
+            out.push_str(&whole(number));
+        }
+        rest = after;
+    }
+    if out.is_empty() {
+        return Cow::Borrowed(text);
+    }
+    out.push_str(rest);
+    Cow::Owned(out)
+}
+
+/// A whole number of many digits.
+fn whole(digits: &str) -> String {
+    match scientific(digits.trim_end_matches('0'), digits.len() as i64 - 1) {
+        Some(short) => short,
+        None => format!("{}... ({} digits)", &digits[..SHOWN_DIGITS], digits.len()),
+    }
+}
+
+/// A number below 1 by its digits after the point; `None` if more than a few of them count.
+fn fraction(digits: &str) -> Option<String> {
+    let significant = digits.trim_start_matches('0');
+    let zeros = (digits.len() - significant.len()) as i64;
+    scientific(significant.trim_end_matches('0'), -zeros - 1)
+}
+
+/// `123` and 300 as `1.23e300`; `None` if there are more digits than a double has.
+fn scientific(significant: &str, exponent: i64) -> Option<String> {
+    const DOUBLE: usize = 17;
+    let first = significant.get(..1).filter(|_| significant.len() <= DOUBLE)?;
+    let others = &significant[1..];
+    let point = if others.is_empty() { "" } else { "." };
+    Some(format!("{first}{point}{others}e{exponent}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_message_keeps_its_beginning_and_its_remedy() {
+        let long = format!("x.toml: `{}` is unknown; correct it", "ä".repeat(90_000));
+        let brief = brief(&long);
+        assert!(brief.chars().count() < MAX + 60, "{}", brief.len());
+        assert!(brief.starts_with("x.toml: `ää") && brief.ends_with("ä` is unknown; correct it"));
+        assert!(brief.contains("[… 86"), "{}", &brief[..200]);
+        assert_eq!(super::brief("at most 1,000 of 64 digits"), "at most 1,000 of 64 digits");
+        assert!(matches!(super::brief("short"), Cow::Borrowed("short")));
+    }
+
+    #[test]
+    fn numbers_of_hundreds_of_digits_have_an_exponent_or_are_cut() {
+        let text = format!("`upper` is {}; give less", 1e300);
+        assert_eq!(brief(&text), "`upper` is 1e300; give less");
+        assert_eq!(brief(&format!("from {} to {}", -1.25e-200, 3.5e120)), "from -1.25e-200 to 3.5e120");
+        assert_eq!(
+            brief(&format!("{} of {}", "12".repeat(30), f64::MIN_POSITIVE)),
+            "121212121212... (60 digits) of 2.2250738585072014e-308"
+        );
+        let hash = "sha256 0123456789012345678901234567890123456789";
+        assert_eq!(brief(hash), hash);
+    }
+}

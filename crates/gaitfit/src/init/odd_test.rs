@@ -1,0 +1,91 @@
+//! Robots whose files are laid out oddly: a root of little mass, a base frame at the floor, feet of meshes.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use super::{InitError, look};
+use gaitfit_learn::task::Task;
+use gaitfit_model::{Model, ReadOptions, read_urdf_str};
+use gaitfit_physics::Preset;
+use gaitfit_sim::Candidate;
+
+fn inertial(mass: f64, inertia: f64) -> String {
+    format!(
+        "<inertial><mass value=\"{mass}\"/><inertia ixx=\"{inertia}\" ixy=\"0\" ixz=\"0\" iyy=\"{inertia}\" iyz=\"0\" \
+         izz=\"{inertia}\"/></inertial>"
+    )
+}
+
+fn joint(name: &str, kind: &str, parent: &str, child: &str, at: [f64; 3]) -> String {
+    let [x, y, z] = at;
+    format!(
+        "<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/><origin xyz=\"{x} {y} \
+         {z}\"/><axis xyz=\"0 1 0\"/><limit lower=\"-2.5\" upper=\"2.5\" effort=\"20\" velocity=\"20\"/></joint>"
+    )
+}
+
+/// A robot of four legs whose root link has `mass`, beside a trunk of 30 kg, and its frame `below` the hips; `foot` is what
+/// its feet collide with.
+fn robot(mass: f64, below: f64, foot: &str) -> Model {
+    let mut text = format!("<robot name=\"quad\"><link name=\"root\">{}</link>", inertial(mass, 0.01 * mass));
+    text += &format!("<link name=\"trunk\">{}</link>", inertial(30.0, 0.5));
+    text += &joint("weld", "fixed", "root", "trunk", [0.0, 0.0, below]);
+    for (leg, x, y) in [("FL", 0.2, 0.1), ("FR", 0.2, -0.1), ("RL", -0.2, 0.1), ("RR", -0.2, -0.1)] {
+        let (thigh, shank) = (format!("{leg}_thigh"), format!("{leg}_shank"));
+        text += &format!("<link name=\"{thigh}\">{}</link>", inertial(1.0, 0.004));
+        text += &format!(
+            "<link name=\"{shank}\">{}<collision><origin xyz=\"0 0 -0.2\"/><geometry>{foot}</geometry></collision></link>",
+            inertial(0.3, 0.001)
+        );
+        text += &joint(&format!("{leg}_hip"), "revolute", "trunk", &thigh, [x, y, 0.0]);
+        text += &joint(&format!("{leg}_knee"), "revolute", &thigh, &shank, [0.0, 0.0, -0.2]);
+    }
+    read_urdf_str(&(text + "</robot>"), &ReadOptions::default()).unwrap()
+}
+
+const BALL: &str = "<sphere radius=\"0.02\"/>";
+
+/// Robots as a training makes them of the settings.
+fn varied(model: &Model, settings: &gaitfit_learn::task::TaskSettings) -> Result<usize, String> {
+    let task = Task::new(model, settings, Preset::Fast).map_err(|error| error.to_string())?;
+    let robots = task.robots(&[Candidate::nominal(model)], 1, 0, 300);
+    robots.map(|robots| robots.len()).map_err(|error| error.to_string())
+}
+
+#[test]
+fn no_more_mass_is_taken_from_the_base_than_it_has() {
+    for mass in [1e-3, 1.0, 30.0] {
+        let model = robot(mass, 0.0, BALL);
+        let mut settings = look(&model).unwrap().settings;
+        let [low, high] = settings.randomisation.base_mass;
+        assert!(low >= -0.51 * mass && low <= 0.0 && high > 5.0, "{mass}: {low} to {high}");
+        assert_eq!(varied(&model, &settings), Ok(300), "{mass}");
+        // As it was written before.
+        settings.randomisation.base_mass = [-2.3, 7.0];
+        assert_eq!(varied(&model, &settings).is_err(), mass < 2.0, "{mass}");
+    }
+}
+
+#[test]
+fn a_base_frame_at_the_floor_is_no_missing_foot() {
+    let usual = look(&robot(1.0, 0.0, BALL)).unwrap().settings;
+    for below in [0.42, 0.40, 0.45] {
+        let model = robot(1.0, below, BALL);
+        let settings = look(&model).unwrap().settings;
+        assert_eq!((&settings.feet, &settings.gait), (&usual.feet, &usual.gait), "{below}");
+        // The base's origin is as much lower as the file has it.
+        assert!((settings.height - (usual.height - below)).abs() < 0.01, "{below}: {}", settings.height);
+        // A robot that stands has not fallen, and one that lies has.
+        assert!(settings.fall.height < settings.height - 0.1, "{below}: {:?}", settings.fall);
+        assert!(settings.fall.height > -below, "{below}: {:?}", settings.fall);
+        assert_eq!(varied(&model, &settings), Ok(300), "{below}");
+    }
+}
+
+#[test]
+fn feet_of_meshes_are_said_with_what_to_write() {
+    let error = look(&robot(1.0, 0.0, "<mesh filename=\"package://quad/foot.stl\"/>")).unwrap_err();
+    assert!(matches!(&error, InitError::NoContact { .. }), "{error}");
+    let said = error.to_string();
+    for words in ["\"FL_shank\"", "are meshes", "<sphere"] {
+        assert!(said.contains(words), "`{words}` is not in `{said}`");
+    }
+}

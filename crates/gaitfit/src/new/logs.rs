@@ -1,0 +1,118 @@
+//! The logs of a new configuration, at a glance.
+
+use crate::Error;
+use gaitfit_log::{CheckSpec, FindingKind, ReadOptions, Severity, check, csv_files, read_csv_report};
+use gaitfit_model::Model;
+use std::path::PathBuf;
+
+/// What the logs hold.
+#[derive(Debug)]
+pub struct Logs {
+    /// The files, one a log.
+    pub files: Vec<PathBuf>,
+    /// Whether all state their PD gains.
+    pub gains: bool,
+    /// Whether one of them has a command that is not zero.
+    pub commands: bool,
+    /// What reading them assumed, each in a sentence.
+    pub assumed: Vec<String>,
+    imu: bool,
+    seconds: f64,
+    rates: Vec<f64>,
+    joints: Vec<String>,
+}
+
+impl Logs {
+    /// Reads the logs and compares their joints with the robot's.
+    ///
+    /// # Errors
+    /// A file or folder that cannot be read, or without logs; joints that are not the robot's.
+    pub fn read(named: &[PathBuf], model: &Model) -> Result<Self, Error> {
+        let mut files = Vec::new();
+        for path in named {
+            if path.is_dir() {
+                let inside = csv_files(path)?;
+                if inside.is_empty() {
+                    return Err(Error::settings(format!(
+                        "{}: the folder holds no logs (.csv)",
+                        path.display()
+                    )));
+                }
+                files.extend(inside);
+            } else {
+                files.push(path.clone());
+            }
+        }
+        let mut logs = Self {
+            files,
+            gains: true,
+            commands: false,
+            assumed: Vec::new(),
+            imu: true,
+            seconds: 0.0,
+            rates: Vec::new(),
+            joints: Vec::new(),
+        };
+        for file in logs.files.clone() {
+            logs.add(&file, model)?;
+        }
+        logs.rates.sort_by(f64::total_cmp);
+        Ok(logs)
+    }
+
+    fn add(&mut self, file: &PathBuf, model: &Model) -> Result<(), Error> {
+        let (log, report) = read_csv_report(file, &ReadOptions::default())?;
+        let strange: Vec<&str> =
+            log.joints.iter().filter(|name| model.find_joint(name).is_none()).map(String::as_str).collect();
+        if !strange.is_empty() {
+            let robot: Vec<&str> = model.joints.iter().map(|joint| joint.name.as_str()).collect();
+            return Err(Error::settings(format!(
+                "{}: the robot has no joints {}; it has {}. Rename the log's columns, or give --mapping with `joints` \
+                 (docs/logs.md)",
+                file.display(),
+                strange.join(", "),
+                robot.join(", ")
+            )));
+        }
+        let mut findings = report.findings();
+        findings.extend(check(&log, &CheckSpec::of_robot(model, &log.joints)));
+        let told = [FindingKind::TimeUnit, FindingKind::SuspectUnit, FindingKind::RateMismatch];
+        for finding in
+            findings.iter().filter(|one| told.contains(&one.kind) || one.severity == Severity::Error)
+        {
+            self.assumed.push(format!("{}: {finding}", file.display()));
+        }
+        let base = log.base.as_ref();
+        self.imu &= base.is_some_and(|base| base.quaternion.is_some() && base.angular_velocity.is_some());
+        self.gains &= log.gains.is_some();
+        self.commands |= log.command.as_ref().is_some_and(|all| all.iter().any(|part| part.abs() > 0.0));
+        self.seconds += log.duration();
+        self.rates.push(log.rate_hz);
+        if self.joints.is_empty() {
+            self.joints = log.joints;
+        }
+        Ok(())
+    }
+
+    /// Number, length, rate and sensors.
+    pub fn text(&self) -> String {
+        let rate = match (self.rates.first(), self.rates.last()) {
+            (Some(low), Some(high)) if (high / low - 1.0).abs() < 0.01 => format!("{low:.0} Hz"),
+            (Some(low), Some(high)) => format!("{low:.0} to {high:.0} Hz"),
+            _ => String::new(),
+        };
+        let imu = if self.imu { "with an IMU" } else { "without an IMU" };
+        let many = if self.files.len() == 1 { "log" } else { "logs" };
+        format!("{} {many}, {:.1} s in all at {rate}, {imu}", self.files.len(), self.seconds)
+    }
+
+    /// How the joints of the logs are those of the robot.
+    pub fn joints_text(&self, model: &Model) -> String {
+        let order: Vec<Option<usize>> = self.joints.iter().map(|name| model.find_joint(name)).collect();
+        let same = order.iter().enumerate().all(|(place, joint)| *joint == Some(place));
+        match same {
+            true => format!("{} matched by name, in the robot's order", self.joints.len()),
+            false => format!("matched by name; the logs have the order {}", self.joints.join(", ")),
+        }
+    }
+}

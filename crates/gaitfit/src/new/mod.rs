@@ -1,0 +1,245 @@
+//! A first configuration for a robot's logs: a fit of legs in the air, or with a policy the loop of a robot that walked.
+//! What is assumed is reported; what is missing is asked for by name.
+
+mod groups;
+mod logs;
+mod text;
+
+use crate::adapt::Setup;
+use crate::robot::{self, Hold};
+use crate::settings::{self, AdaptConfig, LoopConfig};
+use crate::{Error, files, init, paths};
+use gaitfit_log::PerJoint;
+use gaitfit_model::{Model, shown};
+use gaitfit_policy::Policy;
+use logs::Logs;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Period of the boards that control a robot's motors, s: 1 ms on most robots.
+const BOARD_SECONDS: f64 = 0.001;
+
+/// What is known at the start.
+#[derive(Clone, Debug, Default)]
+pub struct NewSettings {
+    /// Robot file (MJCF or URDF); without one the built-in Go2, if the policy is of that robot.
+    pub robot: Option<PathBuf>,
+    /// The policy that walked; without one the logs are of legs in the air.
+    pub policy: Option<PathBuf>,
+    /// Logs (.csv), or folders of them.
+    pub logs: Vec<PathBuf>,
+    /// Where the configuration goes.
+    pub out: Option<PathBuf>,
+    /// Position gain of all joints, N·m/rad, where the logs do not state theirs.
+    pub kp: Option<f64>,
+    /// Velocity gain of all joints, N·m·s/rad.
+    pub kd: Option<f64>,
+    /// Drop what the engine does not honour in the robot file.
+    pub lenient: bool,
+}
+
+/// Something that was assumed or measured.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Assumed {
+    /// What it is about.
+    pub what: &'static str,
+    /// The value, and where it comes from.
+    pub value: String,
+}
+
+/// A configuration that was written.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Written {
+    /// The file.
+    pub file: String,
+    /// What was assumed, in the order of the configuration.
+    pub assumed: Vec<Assumed>,
+    /// What to know before trusting the logs or the robot file.
+    pub warnings: Vec<String>,
+    /// Why the configuration cannot be run as it stands; absent if it can.
+    pub problem: Option<String>,
+    /// The command that runs it.
+    pub next: String,
+}
+
+/// What the configuration is made from.
+struct Found<'a> {
+    settings: &'a NewSettings,
+    out: &'a Path,
+    model: Model,
+    policy: Option<Policy>,
+    logs: Logs,
+    gains: Option<Gains>,
+    groups: Option<Vec<(String, Vec<String>)>>,
+}
+
+/// PD gains that the configuration states.
+struct Gains {
+    kp: PerJoint,
+    kd: PerJoint,
+    source: &'static str,
+}
+
+/// Writes a configuration and opens it as its command would.
+///
+/// # Errors
+/// What is missing, by name; robot, policy or logs that cannot be read; a file that cannot be written.
+pub fn write(settings: &NewSettings) -> Result<Written, Error> {
+    let policy = settings.policy.as_deref().map(gaitfit_policy::read).transpose().map_err(Error::failed)?;
+    let out = complete(settings, policy.as_ref())?;
+    let hold = if policy.is_some() { Hold::File } else { Hold::Clamped };
+    let model = match &settings.robot {
+        Some(path) => robot::read(path, settings.lenient, hold)?,
+        None => robot::go2()?,
+    };
+    let logs = Logs::read(&settings.logs, &model)?;
+    if policy.is_none() && logs.commands {
+        return Err(Error::settings(
+            "the logs have commands, so the robot walked; also give --policy, the policy that walked \
+             (.safetensors, .onnx, or a .toml that describes it)",
+        ));
+    }
+    let gains = if policy.is_some() { None } else { gains(settings, &model, &logs)? };
+    let groups = groups::of(&model);
+    let found = Found { settings, out, model, policy, logs, gains, groups };
+    files::write(out, found.text().as_bytes())?;
+    Ok(found.checked())
+}
+
+/// The output, if everything is given that cannot be guessed.
+fn complete<'a>(settings: &'a NewSettings, policy: Option<&Policy>) -> Result<&'a Path, Error> {
+    let builtin = policy.map(|policy| policy.interface.robot.as_str()) == Some("go2");
+    let mut missing = Vec::new();
+    if settings.robot.is_none() && !builtin {
+        missing.push("--robot FILE, the robot's MJCF or URDF file");
+    }
+    if settings.logs.is_empty() {
+        missing.push(match policy {
+            Some(_) => "--logs PATH, logs of walks: a .csv, a recording, or a folder of them",
+            None => "--logs PATH, logs of legs in the air (and --policy POLICY if the robot walked)",
+        });
+    }
+    if settings.out.is_none() {
+        missing.push("--out FILE.toml, the configuration to write");
+    }
+    match (&settings.out, missing.is_empty()) {
+        (Some(out), true) => Ok(out),
+        _ => Err(Error::settings(format!("missing: {}", missing.join("; ")))),
+    }
+}
+
+/// The gains of logs that do not state theirs: as asked, or those of the robot file's position actuators.
+fn gains(settings: &NewSettings, model: &Model, logs: &Logs) -> Result<Option<Gains>, Error> {
+    match (settings.kp, settings.kd) {
+        (Some(kp), Some(kd)) => {
+            return Ok(Some(Gains { kp: PerJoint::All(kp), kd: PerJoint::All(kd), source: "as given" }));
+        }
+        (None, None) => {}
+        _ => return Err(Error::settings("missing: --kp and --kd belong together; give both")),
+    }
+    if logs.gains {
+        return Ok(None);
+    }
+    let servos: Option<Vec<[f64; 2]>> =
+        (0..model.joints.len()).map(|joint| init::servo(model, joint)).collect();
+    let Some(servos) = servos.filter(|servos| !servos.is_empty()) else {
+        return Err(Error::settings(
+            "missing: --kp N and --kd N, the PD gains while the logs were recorded; neither the logs nor the robot \
+             file's actuators state them",
+        ));
+    };
+    let named = |column: usize| {
+        let values =
+            model.joints.iter().zip(&servos).map(|(joint, gains)| (joint.name.clone(), gains[column]));
+        PerJoint::Named(values.collect())
+    };
+    Ok(Some(Gains { kp: named(0), kd: named(1), source: "the robot file's position actuators" }))
+}
+
+impl Found<'_> {
+    /// The command's name, and its whole line.
+    fn next(&self) -> String {
+        let command = if self.policy.is_some() { "loop" } else { "fit" };
+        format!("gaitfit {command} {}", self.out.display())
+    }
+
+    /// Opens the configuration as its command would, and reports.
+    fn checked(self) -> Written {
+        let (opened, problem) = match self.open() {
+            Ok(setup) => (Some(setup), None),
+            Err(error) => (None, Some(error.to_string())),
+        };
+        let mut warnings = match &opened {
+            Some(setup) => setup.warnings.clone(),
+            None => robot::remarks(&self.model),
+        };
+        warnings.extend(self.logs.assumed.iter().cloned());
+        Written {
+            file: self.out.display().to_string(),
+            assumed: self.assumed(opened.as_ref()),
+            warnings,
+            problem,
+            next: self.next(),
+        }
+    }
+
+    fn open(&self) -> Result<Setup, Error> {
+        let config: AdaptConfig = match &self.settings.policy {
+            None => settings::load(Some(self.out), &[])?,
+            Some(_) => {
+                let config: LoopConfig = settings::load(Some(self.out), &[])?;
+                config.adapt(1, config.policy.clone(), config.logs.clone())
+            }
+        };
+        Setup::open(&config, self.out, None)
+    }
+
+    /// What was assumed, and what the opened fit shows.
+    fn assumed(&self, setup: Option<&Setup>) -> Vec<Assumed> {
+        let mut lines = Vec::new();
+        let mut add = |what, value: String| lines.push(Assumed { what, value });
+        let robot =
+            self.settings.robot.as_ref().map_or("built-in".to_owned(), |path| path.display().to_string());
+        add("robot", format!("{} ({robot}), {} joints", shown(&self.model.name), self.model.joints.len()));
+        add("logs", self.logs.text());
+        add("joints", self.logs.joints_text(&self.model));
+        add("units", "rad, rad/s and s, as the logs' values are plausible for this robot".to_owned());
+        if self.policy.is_none() {
+            let source = self.gains.as_ref().map_or("stated by the logs", |gains| gains.source);
+            add("gains", source.to_owned());
+        }
+        let Some(setup) = setup else { return lines };
+        if let (Some(policy), Some(notes)) = (&self.policy, &setup.notes) {
+            let found = &notes.policy_match;
+            let rate = 1.0 / policy.interface.control_dt;
+            let verdict = if found.agrees() { "it walked in these logs" } else { "see the warnings" };
+            add(
+                "policy",
+                format!(
+                    "{rate:.0} Hz; differs from the logged actions by {:.3} of their spread: {verdict}",
+                    found.mismatch
+                ),
+            );
+        }
+        let costs: Vec<String> = setup.config.costs.iter().map(ToString::to_string).collect();
+        add("cost", costs.join(", "));
+        let parameters: Vec<&str> = setup.config.parameter.iter().map(|rule| rule.kind.name()).collect();
+        let numbers = setup.config.number.iter().map(|rule| rule.kind.name());
+        let all: Vec<&str> = parameters.into_iter().chain(numbers).collect();
+        let delay = if all.contains(&"delay") { "" } else { "; the delay is taken as 0" };
+        add("fitted", format!("{}{delay}", all.join(", ")));
+        let simulation = &setup.config.simulation;
+        let robot =
+            simulation.robot_timestep.map(|step| format!(", the robot's boards {:.1} ms", 1e3 * step));
+        add("physics", format!("steps of {:.1} ms{}", 1e3 * simulation.timestep, robot.unwrap_or_default()));
+        lines
+    }
+}
+
+/// `path` as the configuration `out` names it, as a TOML string.
+fn quoted(path: &Path, out: &Path) -> String {
+    toml::Value::from(paths::named(path, out)).to_string()
+}
+
+#[cfg(test)]
+mod tests;

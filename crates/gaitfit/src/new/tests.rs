@@ -1,0 +1,100 @@
+//! Configurations of the examples' logs, and of logs that lack something.
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+use super::{NewSettings, write};
+use crate::ErrorKind;
+use crate::settings::{AdaptConfig, LoopConfig, load};
+use std::path::{Path, PathBuf};
+
+fn root(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path)
+}
+
+fn air(folder: &Path) -> NewSettings {
+    NewSettings {
+        robot: Some(root("assets/go2.xml")),
+        logs: vec![root("examples/go2-demo/fit.csv"), root("examples/go2-demo/validate.csv")],
+        out: Some(folder.join("new.toml")),
+        ..NewSettings::default()
+    }
+}
+
+/// The error of settings that lack something, which is wrong usage.
+fn refused(settings: &NewSettings) -> String {
+    let error = write(settings).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Settings, "{error}");
+    if let Some(out) = &settings.out {
+        assert!(!out.exists(), "nothing is written");
+    }
+    error.to_string()
+}
+
+#[test]
+fn legs_in_the_air_give_a_fit_with_a_log_kept_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = air(folder.path());
+    let written = write(&settings).unwrap();
+    assert_eq!(written.problem, None);
+    assert_eq!(written.next, format!("gaitfit fit {}", written.file));
+    let config: AdaptConfig = load(settings.out.as_deref(), &[]).unwrap();
+    assert_eq!((config.logs.len(), config.validate.len()), (1, 1));
+    let kinds: Vec<&str> = config.parameter.iter().map(|rule| rule.kind.name()).collect();
+    assert_eq!(kinds, ["frictionloss", "armature", "damping", "delay"]);
+    assert_eq!(config.parameter[0].upper, Some(2.0), "5 % of the calves' 45.43 N·m");
+    let line = |what: &str| written.assumed.iter().find(|one| one.what == what).unwrap().value.clone();
+    assert_eq!(line("gains"), "stated by the logs");
+    assert!(line("logs").starts_with("2 logs, 17.0 s in all at 200 Hz"), "{}", line("logs"));
+}
+
+#[test]
+fn a_policy_gives_a_loop_and_is_checked_against_the_logs() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = NewSettings {
+        policy: Some(root("assets/go2-walk.safetensors")),
+        logs: vec![root("examples/go2-ground/logs")],
+        out: Some(folder.path().join("new.toml")),
+        ..NewSettings::default()
+    };
+    let written = write(&settings).unwrap();
+    assert_eq!(written.problem, None);
+    assert!(written.next.starts_with("gaitfit loop "), "{}", written.next);
+    let config: LoopConfig = load(settings.out.as_deref(), &[]).unwrap();
+    assert_eq!(config.adapt.simulation.robot_timestep, Some(0.001));
+    let policy = written.assumed.iter().find(|one| one.what == "policy").unwrap();
+    assert!(policy.value.contains("it walked in these logs"), "{}", policy.value);
+
+    // The file is kept for another policy's logs too, with what is wrong.
+    let other = NewSettings { policy: Some(root("assets/go2-biped.safetensors")), ..settings };
+    let written = write(&other).unwrap();
+    assert!(written.problem.is_some(), "{written:?}");
+    assert!(other.out.unwrap().exists());
+}
+
+#[test]
+fn what_is_missing_is_asked_for_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = refused(&NewSettings::default());
+    for option in ["--robot FILE", "--logs PATH", "--policy POLICY", "--out FILE.toml"] {
+        assert!(all.contains(option), "{option}: {all}");
+    }
+    let walks = NewSettings { logs: vec![root("examples/go2-ground/logs")], ..air(folder.path()) };
+    assert!(refused(&walks).contains("also give --policy"));
+
+    // Logs that do not state their gains, and a robot file without position actuators.
+    let text = std::fs::read_to_string(root("examples/go2-demo/fit.csv")).unwrap();
+    let lines: Vec<&str> = text.lines().filter(|line| !line.starts_with('#')).collect();
+    let bare = folder.path().join("bare.csv");
+    std::fs::write(&bare, lines.join("\n")).unwrap();
+    let settings = NewSettings { logs: vec![bare.clone()], ..air(folder.path()) };
+    let asked = refused(&settings);
+    assert!(asked.contains("--kp N and --kd N"), "{asked}");
+    assert!(refused(&NewSettings { kp: Some(20.0), ..settings.clone() }).contains("--kp and --kd"));
+    let given = NewSettings { kp: Some(20.0), kd: Some(1.0), ..settings };
+    assert_eq!(write(&given).unwrap().problem, None);
+    std::fs::remove_file(given.out.as_ref().unwrap()).unwrap();
+
+    // Joints that the robot does not have.
+    std::fs::write(&bare, lines.join("\n").replace("FL_hip", "arm")).unwrap();
+    let asked = refused(&given);
+    assert!(asked.contains("no joints arm") && asked.contains("--mapping"), "{asked}");
+}

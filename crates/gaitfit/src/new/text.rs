@@ -1,0 +1,145 @@
+//! The configuration as commented TOML.
+
+use super::{BOARD_SECONDS, Found, quoted};
+use gaitfit_log::PerJoint;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+/// What a fit of legs in the air looks for, with what it is. The delay is of all joints alike.
+const IN_THE_AIR: [(&str, &str, &str); 4] = [
+    ("frictionloss", "group", "dry friction, N·m"),
+    ("armature", "group", "rotor inertia, kg·m²"),
+    ("damping", "group", "viscous friction, N·m·s/rad"),
+    ("delay", "all", "from target to motor, s"),
+];
+
+impl Found<'_> {
+    /// The whole file.
+    pub(super) fn text(&self) -> String {
+        let walks = self.policy.is_some();
+        let (what, command) = if walks {
+            ("the loop of a robot that walked", "loop")
+        } else {
+            ("a fit of legs in the air", "fit")
+        };
+        let mut text = format!(
+            "# Written by `gaitfit new`: {what}.\n# Run it with `{}`. `gaitfit config {command}` prints all other settings.\n\n",
+            self.next()
+        );
+        if let Some(policy) = &self.settings.policy {
+            line(&mut text, "policy", &quoted(policy, self.out), "it walked while the logs were recorded");
+        }
+        if let Some(robot) = &self.settings.robot {
+            line(&mut text, "robot", &quoted(robot, self.out), "");
+        }
+        if self.settings.lenient {
+            line(&mut text, "lenient", "true", "leave out what the engine cannot simulate in the robot file");
+        }
+        if walks {
+            self.walk(&mut text)
+        } else {
+            self.air(&mut text)
+        }
+        text
+    }
+
+    fn walk(&self, text: &mut String) {
+        list(text, "logs", &self.settings.logs, self, "every fourth is not fitted but predicted at the end");
+        text.push_str(
+            "\n[adapt]\n# costs = [\"wass\"]              # what is compared: docs/loop.md, \"Which cost\"\n",
+        );
+        self.write_groups(text, "adapt.groups");
+        text.push_str("\n[adapt.simulation]\n");
+        line(
+            text,
+            "robot_timestep",
+            &format!("{BOARD_SECONDS:?}"),
+            "s, assumed period of the robot's motor boards",
+        );
+        text.push_str("\n[finetune.train]\n# iterations = 160               # of the training in the fitted simulator\n");
+    }
+
+    fn air(&self, text: &mut String) {
+        // One log that is not fitted shows how well the fit predicts.
+        let (fit, other) = match self.logs.files.as_slice() {
+            [fit @ .., last] if !fit.is_empty() => (fit, std::slice::from_ref(last)),
+            all => (all, &[][..]),
+        };
+        list(text, "logs", fit, self, "");
+        if !other.is_empty() {
+            list(text, "validate", other, self, "not fitted; predicted at the end");
+        }
+        if let Some(gains) = &self.gains {
+            let _ = writeln!(text, "\n[gains]                          # PD gains: {}", gains.source);
+            line(text, "kp", &per_joint(&gains.kp), "N·m/rad");
+            line(text, "kd", &per_joint(&gains.kd), "N·m·s/rad");
+        }
+        self.write_groups(text, "groups");
+        for (kind, per, what) in IN_THE_AIR {
+            let _ = writeln!(
+                text,
+                "\n[[parameter]]                    # {what}\nkind = \"{kind}\"\nper = \"{per}\""
+            );
+            if kind == "frictionloss" {
+                let bound = format!("{:?}", self.max_friction());
+                line(text, "upper", &bound, "the search's bound: 5 % of the largest torque limit");
+            }
+        }
+        text.push_str("\n[check]\n");
+        line(text, "converged", "true", "exit code 3 if the search has not converged");
+    }
+
+    /// Upper bound of dry friction, N·m, to one digit; that of a real Go2 is 1 % of its torque limits.
+    fn max_friction(&self) -> f64 {
+        let efforts = (0..self.model.joints.len()).filter_map(|joint| self.model.effort(joint));
+        let bound = 0.05 * efforts.filter(|effort| effort.is_finite()).fold(0.0, f64::max);
+        let digit = 10_f64.powf(bound.max(0.5).log10().floor());
+        (bound.max(0.5) / digit).round() * digit
+    }
+
+    fn write_groups(&self, text: &mut String, table: &str) {
+        let Some(groups) = &self.groups else { return };
+        let _ = writeln!(
+            text,
+            "\n[{table}]                         # joints that share a value, by name without their leg"
+        );
+        for (name, joints) in groups {
+            let joints: Vec<String> =
+                joints.iter().map(|joint| toml::Value::from(joint.as_str()).to_string()).collect();
+            let _ = writeln!(text, "{} = [{}]", toml::Value::from(name.as_str()), joints.join(", "));
+        }
+    }
+}
+
+/// A setting with a comment.
+fn line(text: &mut String, key: &str, value: &str, comment: &str) {
+    let setting = format!("{key} = {value}");
+    let _ = match comment {
+        "" => writeln!(text, "{setting}"),
+        comment => writeln!(text, "{setting:<32} # {comment}"),
+    };
+}
+
+/// A list of files, one a line.
+fn list(text: &mut String, key: &str, files: &[PathBuf], found: &Found<'_>, comment: &str) {
+    let comment = if comment.is_empty() { String::new() } else { format!("  # {comment}") };
+    let _ = writeln!(text, "{key} = [{comment}");
+    for file in files {
+        let _ = writeln!(text, "    {},", quoted(file, found.out));
+    }
+    text.push_str("]\n");
+}
+
+fn per_joint(values: &PerJoint) -> String {
+    match values {
+        PerJoint::All(value) => format!("{value:?}"),
+        PerJoint::List(values) => format!("{values:?}"),
+        PerJoint::Named(values) => {
+            let entries: Vec<String> = values
+                .iter()
+                .map(|(name, value)| format!("{} = {value:?}", toml::Value::from(name.as_str())))
+                .collect();
+            format!("{{ {} }}", entries.join(", "))
+        }
+    }
+}

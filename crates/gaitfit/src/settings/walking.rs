@@ -1,0 +1,120 @@
+//! Defaults of fits of walking logs: what is fitted, by which cost, and how long. They stand in for settings that a file
+//! leaves out, and differ from those of a clamped robot's logs.
+//!
+//! On walks of a real Go2 the distributions of whole walks (`wass`) with the load, the floor and the strength among the
+//! parameters come as near to walks that were not fitted as the robot comes to itself; short predictions (`matchr`) with
+//! friction and armature alone come out further off than the robot before the fit. See docs/accuracy.md.
+
+use super::load::merge;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// The defaults as a configuration has them.
+pub(super) const WALK_DEFAULTS: &str = include_str!("walk.toml");
+/// Lists of what is fitted. Who gives one of them chooses all of it.
+const FITTED: [&str; 3] = ["parameter", "network", "number"];
+/// Tables of how `wass` is searched.
+const SEARCH: [&str; 2] = ["optimizer", "simulation"];
+/// The cost of the defaults.
+const COST: &str = "wass";
+
+/// Whether the settings are of walking logs: `base` says so, or there is a policy that walked.
+fn walks(table: &DeTable<'_>) -> bool {
+    match table.get("base").map(Spanned::get_ref) {
+        Some(DeValue::String(base)) => base == "free",
+        Some(_) => false,
+        None => table.contains_key("policy"),
+    }
+}
+
+/// Fills in what settings of walking logs leave out.
+pub(super) fn complete(table: &mut DeTable<'_>) {
+    if !walks(table) {
+        return;
+    }
+    let own = std::mem::take(table);
+    let mut defaults = DeTable::parse(WALK_DEFAULTS).map(Spanned::into_inner).unwrap_or_default();
+    trim(&mut defaults, &own);
+    merge(&mut defaults, own);
+    *table = defaults;
+}
+
+/// Takes from the `defaults` of walking logs what does not go with the settings that a file has: parameters beside those
+/// that it chooses, the search of another cost.
+pub(super) fn trim(defaults: &mut DeTable<'_>, own: &DeTable<'_>) {
+    if FITTED.iter().any(|list| own.contains_key(*list)) {
+        FITTED.iter().for_each(|list| drop(defaults.remove(*list)));
+    }
+    if !searches_distributions(own) {
+        SEARCH.iter().for_each(|name| drop(defaults.remove(*name)));
+    }
+}
+
+/// Whether the first cost is that of the defaults.
+pub(super) fn searches_distributions(own: &DeTable<'_>) -> bool {
+    match own.get("costs").map(Spanned::get_ref) {
+        Some(DeValue::Array(costs)) => {
+            matches!(costs.iter().next().map(Spanned::get_ref), Some(DeValue::String(first)) if first == COST)
+        }
+        Some(_) => false,
+        None => true,
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use crate::settings::{AdaptConfig, Base, DEFAULTS, load};
+    use gaitfit_adapt::cost::CostKind;
+    use gaitfit_adapt::{JointParameter, RobotNumber};
+    use std::io::Write;
+
+    fn read(text: &str) -> AdaptConfig {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        load(Some(file.path()), &[]).unwrap()
+    }
+
+    #[test]
+    fn policy_and_logs_alone_give_the_walking_fit() {
+        let found = read("policy = \"p.safetensors\"\nlogs = [\"a.csv\"]\n");
+        assert_eq!((found.base, found.costs.as_slice()), (Base::Free, &[CostKind::Wass][..]));
+        let fitted: Vec<JointParameter> = found.parameter.iter().map(|rule| rule.kind).collect();
+        use JointParameter::{Armature, Damping, Delay, FrictionLoss, TorqueScale};
+        assert_eq!(fitted, [FrictionLoss, Armature, Damping, Delay, TorqueScale]);
+        let numbers: Vec<RobotNumber> = found.number.iter().map(|rule| rule.kind).collect();
+        assert_eq!(numbers, [RobotNumber::FloorFriction, RobotNumber::BaseMass]);
+        assert!(found.optimizer.patience > 0 && found.optimizer.population > 0);
+        assert_eq!(read("base = \"free\"\n").parameter, found.parameter);
+        assert_eq!(read("base = \"fixed\"\npolicy = \"p\"\n").base, Base::Fixed, "what a file has stays");
+    }
+
+    #[test]
+    fn what_a_file_chooses_stays_alone() {
+        let own = read("policy = \"p\"\n[[parameter]]\nkind = \"armature\"\n[optimizer]\nseeds = 3\n");
+        assert!(own.parameter.len() == 1 && own.number.is_empty());
+        assert_eq!(
+            (own.optimizer.seeds, own.optimizer.population),
+            (3, read("policy = \"p\"\n").optimizer.population)
+        );
+        let short = read("policy = \"p\"\ncosts = [\"matchr1\"]\n");
+        assert_eq!(short.optimizer, AdaptConfig::default().optimizer, "another search");
+        assert!(short.parameter.iter().any(|rule| rule.kind == JointParameter::Delay));
+    }
+
+    #[test]
+    fn the_printed_settings_have_the_walking_defaults_as_a_comment() {
+        let commented: String = super::WALK_DEFAULTS
+            .lines()
+            .map(|line| format!("# {line}").trim_end().to_owned() + "\n")
+            .collect();
+        assert!(DEFAULTS.ends_with(&commented), "adapt.toml ends with walk.toml, each line behind `# `");
+    }
+
+    #[test]
+    fn the_printed_settings_list_every_cost() {
+        for cost in ["\"wass\"", "\"matcho\"", "\"matchs", "\"matchr"] {
+            assert!(DEFAULTS.contains(cost), "{cost}");
+        }
+    }
+}
