@@ -1,8 +1,11 @@
 //! What logs say of joints and sensors without a simulation, as tables.
 
 use crate::table::table;
-use gaitfit::walk::swing::{Beside, Estimate, FrictionLaw, SwingFindings, SwingReport};
+use gaitfit::walk::swing::{Beside, Estimate, FrictionLaw, SwingFindings, SwingReport, prior_toml};
 use std::fmt::Write;
+
+/// Usual physics step of a fit, s.
+const STEP_S: f64 = 0.005;
 
 /// Sensors, then joints; `beside`: values of a fit that swings say something of.
 pub fn text(found: &SwingFindings, beside: &[Beside]) -> String {
@@ -89,6 +92,7 @@ fn joints(text: &mut String, report: &SwingReport, beside: &[Beside]) {
         let _ = writeln!(text, "not in the air long enough to say anything: {}", report.unseen.join(", "));
     }
     if beside.is_empty() {
+        let _ = writeln!(text, "\n{}", prior_toml(report, STEP_S));
         return;
     }
     let mut rows = table(&["parameter", "fitted", "in swings", "unit", ""], &[1, 2]);

@@ -47,6 +47,26 @@ fn a_healthy_log_is_summarised_and_drawn() {
 }
 
 #[test]
+fn walks_show_joints_and_sensors_without_a_simulation() {
+    let folder = tempfile::tempdir().unwrap();
+    for file in ["trajectory_00.csv", "trajectory_01.csv", "trajectory_02.csv", "log.toml"] {
+        std::fs::copy(root().join("examples/go2-ground/logs").join(file), folder.path().join(file)).unwrap();
+    }
+    let logs = folder.path().to_str().unwrap();
+    let output = run(&["inspect", logs, "--robot", "assets/go2.xml"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    for word in ["joint velocities later than positions", "legs in the air", "delay of targets", "[prior]"] {
+        assert!(text.contains(word), "`{word}` is not in:\n{text}");
+    }
+    let found = json(&run(&["inspect", logs, "--robot", "assets/go2.xml", "--json"]));
+    let groups = found["without_simulation"]["swings"]["groups"].as_array().unwrap();
+    let armature = groups[0]["armature"]["value"].as_f64().unwrap();
+    assert!(groups.len() == 3 && (armature - 0.02).abs() < 0.003, "{groups:?}");
+    let alone = json(&run(&["inspect", logs, "--json"]));
+    assert!(alone.get("without_simulation").is_none(), "a robot is needed for it");
+}
+
+#[test]
 #[ignore = "needs recordings of real robots and reference numbers in ../shared"]
 fn shared_a_robot_that_lies_or_is_stuck_is_told_from_one_that_trots() {
     let folder = root().join("../shared/data/go2_ground");

@@ -218,6 +218,20 @@ impl<'m> Motion<'m> {
         rotate(turn, std::array::from_fn(|k| body.inertia[k] * inner[k]))
     }
 
+    /// How each joint's momentum changes with the velocity of the base's origin, kg·m, world axes, model order.
+    pub fn base_levers(&self) -> Vec<Vec3> {
+        // Mass in the place of the force's first component: a subtree's mass and its first moment.
+        let sums = self.subtree(|body, link| {
+            let part = &self.model.bodies[body];
+            [[part.mass, 0.0, 0.0], link.point(part.ipos).map(|x| x * part.mass)]
+        });
+        let lever = |(joint, hinge): (&gaitfit_model::Joint, &Hinge)| {
+            let [[mass, ..], moment] = sums[joint.body];
+            cross(hinge.axis, sub(moment, hinge.anchor.map(|x| x * mass)))
+        };
+        self.model.joints.iter().zip(&self.hinges).map(lever).collect()
+    }
+
     /// Momentum of the whole robot, N·s, world axes.
     pub fn total_momentum(&self) -> Vec3 {
         self.links.iter().zip(&self.model.bodies).fold([0.0; 3], |sum, (link, body)| {
@@ -325,6 +339,15 @@ mod tests {
             let rate = (after[joint].momentum - before[joint].momentum) / (2.0 * h);
             let found = rate + here[joint].rest;
             assert!((found - torques[joint]).abs() < 1e-5, "joint {joint}: {found}, not {}", torques[joint]);
+        }
+        let push: Vec3 = [0.3, -0.2, 0.5];
+        let [q, dq, ddq] = joints(t, count);
+        let moved =
+            BaseMotion { quaternion: start, linear_velocity: add(base(t).linear_velocity, push), ..base(t) };
+        let faster = Motion::new(&model, &moved, &q, &dq, &ddq).momentum();
+        for (joint, lever) in at(start, t).base_levers().into_iter().enumerate() {
+            let change = faster[joint].momentum - here[joint].momentum;
+            assert!((change - dot(lever, push)).abs() < 1e-12, "joint {joint}: {change}");
         }
     }
 

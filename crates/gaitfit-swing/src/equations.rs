@@ -5,11 +5,13 @@
 //! the momentum and q̇. So nothing is differentiated, and the noise of differences does not pull armature towards 0 (the
 //! weak form: Messenger & Bortz 2021, "Weak SINDy", Multiscale Modeling & Simulation 19(3)).
 
+use crate::dynamics::{BaseMotion, Motion};
 use crate::feet::Ground;
 use crate::report::SwingSettings;
 use crate::torques::{Bump, Drag, Needed, driven, friction_lead};
 use crate::walk::Walk;
 use gaitfit_model::Model;
+use std::collections::BTreeMap;
 
 /// Share of a torque limit from which on a motor counts as saturated.
 const SATURATED: f64 = 0.97;
@@ -34,6 +36,10 @@ pub(crate) struct Window {
     pub signs: [f64; 2],
     /// What damping and armature are multiplied by.
     pub rates: [f64; 2],
+    /// Position gain, N·m/rad.
+    pub stiffness: f64,
+    /// How an error of the base's acceleration changes the torque, kg·m, world axes.
+    pub lever: [f64; 3],
     /// Torque without the target's part, less what inertia and gravity need, N·m.
     pub known: f64,
     /// The target's part of the torque at each delay, N·m.
@@ -68,6 +74,7 @@ pub(crate) fn windows(
     let skip = (settings.skip_s / walk.step).round() as usize;
     let least = settings.clearances_m.first().copied().unwrap_or_default();
     let delays: Vec<f64> = settings.delays().collect();
+    let mut levers = Levers { model, walk, known: BTreeMap::new() };
     let mut found = Vec::new();
     for joint in (0..joints).filter(|&joint| walk.gains[joint].iter().all(|gain| gain.is_finite())) {
         let [kp, kd] = walk.gains[joint];
@@ -107,6 +114,8 @@ pub(crate) fn windows(
                         .fold(f64::INFINITY, f64::min),
                     signs: [0.0; 2],
                     rates: [0.0; 2],
+                    stiffness: kp,
+                    lever: levers.of(centre)[joint],
                     known: 0.0,
                     driven: Vec::new(),
                 };
@@ -138,4 +147,21 @@ pub(crate) fn windows(
         }
     }
     found
+}
+
+/// Levers of all joints, computed where they are asked for.
+struct Levers<'a> {
+    model: &'a Model,
+    walk: &'a Walk,
+    known: BTreeMap<usize, Vec<[f64; 3]>>,
+}
+
+impl Levers<'_> {
+    fn of(&mut self, point: usize) -> &[[f64; 3]] {
+        self.known.entry(point).or_insert_with(|| {
+            let base = BaseMotion::at_rest(self.walk.quaternion[point]);
+            let zeros = vec![0.0; self.walk.joints];
+            Motion::new(self.model, &base, self.walk.q_at(point), &zeros, &zeros).base_levers()
+        })
+    }
 }

@@ -3,12 +3,14 @@
 use crate::SwingError;
 use crate::equations::{Window, windows};
 use crate::feet::Ground;
-use crate::regression::{Group, Solution, covariance, solve};
+use crate::regression::{Group, SHARED, solve};
 use crate::report::{FrictionLaw, GroupEstimate, SwingReport, SwingSettings, usual_groups};
+use crate::together::{Together, together};
 use crate::torques::Drag;
 use crate::walk::Walk;
 use gaitfit_log::{Estimate, Trajectory};
 use gaitfit_model::Model;
+use nalgebra::DVector;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Passes before the last one. Each judges with the joints of the one before which feet stand.
@@ -21,6 +23,12 @@ const LENGTHS: [f64; 2] = [0.75, 1.5];
 const NEAR: f64 = 3.0;
 /// Another choice of swings counts for the error if its own error is at most this many times that of the best.
 const AS_SURE: f64 = 2.0;
+/// Swings of each group that are enough.
+const SWINGS: usize = 40;
+/// No number is known better than this share of itself: links' masses and lengths, gains.
+const KNOWN: f64 = 0.02;
+/// Readings are from times that are known to this, s: a feedback that is late by it damps less by kp times it.
+const CLOCK_S: f64 = 1e-4;
 /// Logs from which errors are also judged by how logs differ.
 const LOGS: usize = 8;
 /// Samples nearer than this are not independent, s.
@@ -82,7 +90,7 @@ struct Choice {
 }
 
 impl Choice {
-    /// The clearance with the smallest errors, with the law that leaves less unexplained.
+    /// The lowest clearance whose numbers are those of higher ones, with the law that leaves less unexplained.
     /// `around`: the delay as known, s; `all`: every clearance and law is tried, else every third clearance and one law.
     fn best(
         model: &Model,
@@ -99,17 +107,27 @@ impl Choice {
             None => 1..2,
         };
         let every = if all { 1 } else { 3 };
-        let mut best: Option<Self> = None;
-        for clearance in (0..settings.clearances_m.len()).step_by(every) {
-            let fits = laws
-                .clone()
-                .filter_map(|law| Some((law, Fit::new(windows, &groups, settings, clearance, law, around)?)));
-            let Some((law, fit)) = fits.min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost)) else { continue };
-            if best.as_ref().is_none_or(|best| fit.uncertainty() < best.fit.uncertainty()) {
-                best = Some(Self { clearance, law, fit });
-            }
+        let choice = |clearance: usize| {
+            laws.clone()
+                .filter_map(|law| Some((law, Fit::new(windows, &groups, settings, clearance, law, around)?)))
+                .min_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost))
+                .map(|(law, fit)| Self { clearance, law, fit })
+        };
+        let mut choices: Vec<Self> =
+            (0..settings.clearances_m.len()).step_by(every).filter_map(choice).collect();
+        // Low feet may touch: from high feet, of which there must be enough, to lower ones as long as they agree.
+        let logs = choices.iter().map(|choice| choice.fit.logs).max()?;
+        let seen = choices.iter().map(|choice| choice.fit.names.len()).max()?;
+        choices.retain(|choice| choice.fit.names.len() == seen);
+        let enough = |choice: &Self| {
+            3 * choice.fit.logs >= 2 * logs && choice.fit.counts.iter().all(|[swings, _]| *swings >= SWINGS)
+        };
+        let mut best = choices.iter().rposition(enough).unwrap_or_default();
+        let highest = best;
+        while best > 0 && (best..=highest).all(|high| choices[best - 1].fit.agrees(&choices[high].fit)) {
+            best -= 1;
         }
-        best
+        Some(choices.swap_remove(best))
     }
 
     /// With errors that hold how much neighbouring choices change the numbers.
@@ -122,7 +140,7 @@ impl Choice {
     ) -> SwingReport {
         let groups = &self.fit.names;
         let around = Some(self.fit.delay(settings));
-        let mut others = Vec::new();
+        let mut others = vec![self.fit.unbounded()];
         for clearance in [self.clearance.wrapping_sub(1), self.clearance + 1] {
             if clearance < settings.clearances_m.len() {
                 others.extend(Fit::new(windows, groups, settings, clearance, self.law, around));
@@ -159,7 +177,16 @@ impl Choice {
             others_of(|group| &mut group.friction);
             others_of(|group| &mut group.damping);
             others_of(|group| &mut group.armature);
+            let stiffest = self.fit.stiffest[place];
+            for (number, least) in [
+                (&mut group.friction, 0.0),
+                (&mut group.damping, stiffest * CLOCK_S),
+                (&mut group.armature, 0.0),
+            ] {
+                number.error = number.error.hypot(KNOWN * number.value).hypot(least);
+            }
         }
+        delay.error = delay.error.hypot(CLOCK_S);
         let named = if settings.groups.is_empty() { usual_groups(model) } else { settings.groups.clone() };
         let seen: BTreeSet<&str> = groups.iter().map(|(name, _)| name.as_str()).collect();
         SwingReport {
@@ -180,21 +207,27 @@ impl Choice {
 /// A joint group: its name and the indices of its joints.
 type Named = (String, Vec<usize>);
 
-/// A solution of all groups, and its covariance.
+/// A solution of all groups, and its variances.
+#[derive(Clone)]
 struct Fit {
     names: Vec<Named>,
-    solutions: Vec<Solution>,
+    /// All unknowns, the delay in steps last; and without the bounds at 0.
+    values: DVector<f64>,
+    free: DVector<f64>,
+    scales: Vec<f64>,
+    /// Largest position gain of each group, N·m/rad.
+    stiffest: Vec<f64>,
     /// Swings and windows of each group.
     counts: Vec<[usize; 2]>,
     /// First unknown of each group in the covariance.
     first: Vec<usize>,
-    /// In steps.
-    delay: f64,
     /// Variances of all unknowns.
     variances: Vec<f64>,
     /// Logarithm of what is left unexplained.
     cost: f64,
     logs: usize,
+    /// Variances without the bounds at 0.
+    loose: Vec<f64>,
 }
 
 impl Fit {
@@ -242,48 +275,79 @@ impl Fit {
             return None;
         }
         let block = |window: &Window| ((window.log as u64) << 32) + (window.at / BLOCK_S) as u64;
-        let fine = covariance(&groups, &solutions, delay, block)?;
         let logs: BTreeSet<usize> =
             groups.iter().flat_map(|group| group.windows.iter().map(|window| window.log)).collect();
-        let coarse = (logs.len() >= LOGS)
-            .then(|| covariance(&groups, &solutions, delay, |window| window.log as u64))
-            .flatten();
-        let variance = |place: usize| {
-            let coarse = coarse.as_ref().map_or(0.0, |coarse| coarse[(place, place)]);
-            fine[(place, place)].max(coarse).max(0.0)
-        };
+        let log = |window: &Window| window.log as u64;
+        let kinds: &[&dyn Fn(&Window) -> u64] = if logs.len() >= LOGS { &[&block, &log] } else { &[&block] };
+        let free = together(&groups, &solutions, delay, kinds, &[])?;
         let mut first = vec![0];
         for group in &groups {
             first.push(first[first.len() - 1] + group.columns());
+        }
+        // No joint has less than no friction, damping or armature, and knowing that tells a delay from damping.
+        let negative: Vec<usize> = first[..groups.len()]
+            .iter()
+            .flat_map(|first| *first..first + SHARED)
+            .filter(|&place| free.values[place] < 0.0)
+            .collect();
+        let held =
+            if negative.is_empty() { None } else { together(&groups, &solutions, delay, kinds, &negative) };
+        let larger = |of: &Together, place: usize| {
+            of.covariances
+                .iter()
+                .flatten()
+                .map(|covariance| covariance[(place, place)])
+                .fold(f64::NAN, f64::max)
+        };
+        let loose: Vec<f64> = (0..free.values.len()).map(|place| larger(&free, place)).collect();
+        let variance = |place: usize| {
+            let of = if negative.contains(&place) { &free } else { held.as_ref().unwrap_or(&free) };
+            larger(of, place)
+        };
+        let variances: Vec<f64> = (0..free.values.len()).map(variance).collect();
+        if !variances.iter().all(|variance| *variance > 0.0) {
+            return None;
         }
         let count = |group: &Group<'_>| {
             let swings: BTreeSet<_> =
                 group.windows.iter().map(|window| (window.log, window.joint, window.swing)).collect();
             [swings.len(), group.windows.len()]
         };
+        let stiffest =
+            |group: &Group<'_>| group.windows.iter().map(|window| window.stiffness).fold(0.0, f64::max);
         Some(Self {
             counts: groups.iter().map(count).collect(),
-            variances: (0..fine.nrows()).map(variance).collect(),
+            stiffest: groups.iter().map(stiffest).collect(),
             cost: cost(delay) / groups.iter().map(|group| group.windows.len() as f64).sum::<f64>(),
             logs: logs.len(),
+            loose,
             names,
-            solutions,
             first,
-            delay,
+            variances,
+            scales: held.as_ref().unwrap_or(&free).scales.clone(),
+            values: held.map_or_else(|| free.values.clone(), |held| held.values),
+            free: free.values,
         })
     }
 
-    /// Mean logarithm of the errors of all numbers; less is better. A group that is not seen counts as not known at all.
-    fn uncertainty(&self) -> f64 {
-        const UNSEEN: f64 = 10.0;
-        let shared =
-            |first: &usize| (*first..*first + 3).map(|place| 0.5 * self.variances[place].ln()).sum::<f64>();
-        let groups = self.names.len();
-        self.first[..groups].iter().map(shared).sum::<f64>() - UNSEEN * groups as f64
+    /// Whether the numbers are those of a fit with fewer of the same swings, within what the others bring (Hausman 1978,
+    /// "Specification tests in econometrics": the variance of the difference is the difference of variances).
+    fn agrees(&self, fewer: &Self) -> bool {
+        let shared = self.names.len();
+        (0..shared).flat_map(|group| (0..SHARED).map(move |k| (group, k))).all(|(group, k)| {
+            let (mine, theirs) = (self.first[group] + k, fewer.first[group] + k);
+            let spread = (fewer.loose[theirs] - self.loose[mine]).max(0.25 * fewer.loose[theirs]);
+            (self.free[mine] - fewer.free[theirs]).abs() < 2.0 * spread.sqrt()
+        })
+    }
+
+    /// The same without the bounds at 0.
+    fn unbounded(&self) -> Self {
+        Self { values: self.free.clone(), ..self.clone() }
     }
 
     fn delay(&self, settings: &SwingSettings) -> f64 {
-        settings.delay_range_s[0] + self.delay * settings.delay_step_s
+        settings.delay_range_s[0] + self.values[self.values.len() - 1] * settings.delay_step_s
     }
 
     fn delay_estimate(&self, settings: &SwingSettings) -> Estimate {
@@ -296,7 +360,7 @@ impl Fit {
             .map(|place| {
                 let (name, joints) = &self.names[place];
                 let number = |unknown: usize| Estimate {
-                    value: self.solutions[place].values[unknown],
+                    value: self.values[self.first[place] + unknown],
                     error: self.variances[self.first[place] + unknown].sqrt(),
                 };
                 GroupEstimate {
@@ -307,7 +371,7 @@ impl Fit {
                     armature: number(2),
                     swings: self.counts[place][0],
                     windows: self.counts[place][1],
-                    residual: self.solutions[place].scale,
+                    residual: self.scales[place],
                 }
             })
             .collect()

@@ -17,6 +17,7 @@ mod feet;
 mod regression;
 mod report;
 mod standing;
+mod together;
 mod torques;
 mod walk;
 

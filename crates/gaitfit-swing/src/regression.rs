@@ -1,4 +1,4 @@
-//! Robust least squares of the averaged equations, and errors that know that samples of one swing are not independent.
+//! Robust least squares of the averaged equations of one group.
 
 use crate::equations::Window;
 use crate::estimate::offsets;
@@ -6,12 +6,12 @@ use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
 /// Residuals beyond so many standard deviations count less (Huber 1964).
-const HUBER: f64 = 2.0;
+pub(crate) const HUBER: f64 = 2.0;
 /// Rounds of reweighting.
 const ROUNDS: usize = 4;
 
 /// Unknowns that all windows of a group share: friction, damping, armature.
-const SHARED: usize = 3;
+pub(crate) const SHARED: usize = 3;
 
 /// One group's windows; its unknowns are friction, damping, armature and an offset for each joint.
 pub(crate) struct Group<'a> {
@@ -31,7 +31,8 @@ impl<'a> Group<'a> {
         SHARED + self.offsets.len()
     }
 
-    fn row(&self, window: &Window) -> Vec<f64> {
+    /// What the unknowns are multiplied by in a window.
+    pub fn row(&self, window: &Window) -> Vec<f64> {
         let mut row = vec![0.0; self.columns()];
         row[..SHARED].copy_from_slice(&[window.signs[self.law], window.rates[0], window.rates[1]]);
         if let Some(place) = self.offsets.get(&window.joint) {
@@ -99,46 +100,4 @@ fn accumulate(normal: &mut DMatrix<f64>, row: &[f64], weight: f64) {
 
 fn product(row: &[f64], values: &DVector<f64>) -> f64 {
     row.iter().zip(values.iter()).map(|(a, b)| a * b).sum()
-}
-
-/// Covariance of all groups' unknowns, group after group, and of the delay (in steps) at the end, by clusters: a sum over
-/// `cluster` of the outer products of its scores (Liang & Zeger 1986).
-pub(crate) fn covariance(
-    groups: &[Group<'_>],
-    solutions: &[Solution],
-    delay: f64,
-    cluster: impl Fn(&Window) -> u64,
-) -> Option<DMatrix<f64>> {
-    let columns: usize = groups.iter().map(Group::columns).sum::<usize>() + 1;
-    let mut normal = DMatrix::zeros(columns, columns);
-    let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();
-    let mut first = 0;
-    for (group, solution) in groups.iter().zip(solutions) {
-        let precision = solution.scale.powi(-2);
-        for (window, weight) in group.windows.iter().zip(&solution.weights) {
-            let own = group.row(window);
-            let residual = window.torque(delay) - product(&own, &solution.values);
-            let mut row = vec![0.0; columns];
-            row[first..first + own.len()].copy_from_slice(&own);
-            // Residual = torque(delay) − row·values, so the delay's column is −d(torque)/d(delay).
-            row[columns - 1] = -0.5 * (window.torque(delay + 1.0) - window.torque(delay - 1.0));
-            let weight = weight * precision;
-            accumulate(&mut normal, &row, weight);
-            let score = scores.entry(cluster(window)).or_insert_with(|| DVector::zeros(columns));
-            for (sum, value) in score.iter_mut().zip(&row) {
-                *sum += weight * residual * value;
-            }
-        }
-        first += group.columns();
-    }
-    let clusters = scores.len() as f64;
-    if clusters < 4.0 {
-        return None;
-    }
-    let bread = normal.try_inverse()?;
-    let mut meat = DMatrix::zeros(columns, columns);
-    for score in scores.values() {
-        meat += score * score.transpose();
-    }
-    Some((&bread * meat * &bread) * (clusters / (clusters - 1.0)))
 }

@@ -112,7 +112,8 @@ impl GroupEstimate {
 pub struct SwingReport {
     /// Groups that swing.
     pub groups: Vec<GroupEstimate>,
-    /// Time from a target's row in the log to the torque, s. Negative: targets acted before their row. A simulation with
+    /// Time from sending a target (its row in the log, or its stamp where the log has one) to the torque, s. Negative:
+    /// targets acted before their row. A simulation with
     /// semi-implicit steps of h acts as if targets came h/2 earlier; its delay is longer by that.
     pub delay: Estimate,
     /// Friction law that explains the logs better.

@@ -67,6 +67,7 @@ fn area(x: f64) -> f64 {
 /// `middle`. Exact, however coarse the log.
 pub(crate) fn driven(walk: &Walk, bump: &Bump, joint: usize, middle: f64, delay: f64) -> f64 {
     let half = bump.half as f64 * walk.step;
+    let delay = delay + walk.lead;
     let times = &walk.sample_times;
     let at = |time: f64| area((time + delay - middle) / half);
     let first = times.partition_point(|time| *time <= middle - half - delay).saturating_sub(1);

@@ -31,6 +31,8 @@ pub struct Walk {
     pub rates: Vec<Vec3>,
     /// Times of the log's samples, s, from the first.
     pub sample_times: Vec<f64>,
+    /// How long after its row a target was sent, s.
+    pub lead: f64,
     /// Targets at the log's samples, rad; `samples × joints`. NaN for joints that the log lacks.
     pub targets: Vec<f64>,
     /// Gains, one a joint: N·m/rad and N·m·s/rad. NaN for joints that the log lacks.
@@ -109,6 +111,7 @@ impl Walk {
             quaternion: vec![model.bodies.first().map_or(IDENTITY, |body| body.quat); points],
             rates: vec![[0.0; 3]; points],
             sample_times: log.time.iter().map(|time| time - start).collect(),
+            lead: log.lead.as_ref().map_or(0.0, |lead| lead.seconds),
             targets: vec![f64::NAN; samples * joints],
             gains: vec![[f64::NAN; 2]; joints],
             joints,
@@ -167,7 +170,8 @@ impl Walk {
     /// Target of a joint at a time (s from the log's start) if it acts `delay` s after it was sent; the first target
     /// before there is one.
     pub fn target(&self, joint: usize, at: f64, delay: f64) -> f64 {
-        let sample = self.sample_times.partition_point(|time| *time <= at - delay + 1e-9).saturating_sub(1);
+        let sent = at - delay - self.lead;
+        let sample = self.sample_times.partition_point(|time| *time <= sent + 1e-9).saturating_sub(1);
         self.targets[sample * self.joints + joint]
     }
 }

@@ -37,7 +37,7 @@ fn shared_two_trials_of_a_real_robot_show_the_same_joints() {
         for (group, friction) in report.groups.iter().zip([0.18, 0.14, 0.60]) {
             let [low, high] = group.friction.interval();
             assert!(low < 1.5 * friction && high > friction / 1.5, "{group:?}");
-            assert!(group.friction.error < 0.12, "{group:?}");
+            assert!(group.friction.error < 0.2, "{group:?}");
             assert!(group.damping.holds(0.0) || group.damping.value.abs() < 0.15, "{group:?}");
         }
         assert!((0.004..0.0125).contains(&report.delay.value), "{:?}", report.delay);

@@ -114,6 +114,23 @@ pub fn numbers(report: &SwingReport, step: f64) -> Vec<SwingNumber> {
     numbers
 }
 
+/// The numbers as the table `[prior]` of a fit with physics steps of `step` s. Lines of what a fit does not change must be
+/// left out there.
+pub fn prior_toml(report: &SwingReport, step: f64) -> String {
+    let mut text = format!("[prior] # by legs in the air, for physics steps of {} ms\n", 1e3 * step);
+    let mut line = |kind: JointParameter, group: &str, Estimate { value, error }: Estimate| {
+        let name = if group.is_empty() { kind.name().to_owned() } else { format!("{}_{group}", kind.name()) };
+        text += &format!("{name} = {{ value = {value:.5}, deviation = {:.5} }}\n", error.max(1e-5));
+    };
+    for group in &report.groups {
+        line(JointParameter::FrictionLoss, &group.group, group.friction);
+        line(JointParameter::Armature, &group.group, group.armature);
+        line(JointParameter::Damping, &group.group, group.damping);
+    }
+    line(JointParameter::Delay, "", Estimate { value: report.delay.value + step / 2.0, ..report.delay });
+    text
+}
+
 /// A value of a fit beside what swings say of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Beside {
@@ -228,6 +245,16 @@ mod tests {
             logs: 12,
             unseen: vec![],
         }
+    }
+
+    #[test]
+    fn swings_are_priors_that_settings_read() {
+        let text = prior_toml(&report(), 0.005);
+        let settings: crate::settings::AdaptConfig = toml::from_str(&text).unwrap();
+        let calf = settings.prior["frictionloss_calf"];
+        assert_eq!((calf.value, calf.deviation), (0.65, 0.05));
+        assert!((settings.prior["delay"].value - 0.0087).abs() < 1e-9);
+        assert_eq!(settings.prior.len(), 4);
     }
 
     #[test]

@@ -1,0 +1,188 @@
+//! All groups together, with what the legs have in common: errors of the base's acceleration.
+//!
+//! An error of the base's acceleration pulls on every leg that is in the air at that moment, on hips and thighs more than on
+//! calves, by masses and levers that are known. So residuals of one moment are Λ a + ε with an unknown a of known spread:
+//! a linear mixed model, by generalised least squares, with spreads by expectation and maximisation (Laird & Ware 1982,
+//! "Random-effects models for longitudinal data", Biometrics 38).
+
+use crate::equations::Window;
+use crate::regression::{Group, HUBER, Solution};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use std::collections::BTreeMap;
+
+/// Rounds of expectation and maximisation.
+const ROUNDS: usize = 10;
+/// First spread of the base's acceleration, m/s².
+const FIRST: f64 = 1.0;
+
+/// Values of all groups, group after group, and the delay in steps at the end.
+#[derive(Clone, Debug)]
+pub(crate) struct Together {
+    pub values: DVector<f64>,
+    /// What the equations of each group leave unexplained beside the base's acceleration, N·m.
+    pub scales: Vec<f64>,
+    /// Covariances by each kind of clusters that was asked for; absent where there are too few.
+    pub covariances: Vec<Option<DMatrix<f64>>>,
+}
+
+/// One window among all groups.
+struct Row<'a> {
+    window: &'a Window,
+    group: usize,
+    first: usize,
+    own: Vec<f64>,
+    weight: f64,
+    /// Size of what is left beside the base's acceleration, N·m.
+    left: f64,
+}
+
+impl Row<'_> {
+    /// Residual and the row of all unknowns, at these values.
+    fn at(&self, values: &DVector<f64>) -> (f64, DVector<f64>) {
+        let last = values.len() - 1;
+        let delay = values[last];
+        let mut row = DVector::zeros(values.len());
+        let mut residual = self.window.torque(delay);
+        for (place, value) in self.own.iter().enumerate() {
+            row[self.first + place] = *value;
+            residual -= value * values[self.first + place];
+        }
+        row[last] = -0.5 * (self.window.torque(delay + 1.0) - self.window.torque(delay - 1.0));
+        (residual, row)
+    }
+}
+
+/// Solves all groups, from the solutions of each alone at `delay` (in steps), and gives covariances by `clusters`. The
+/// unknowns `held` are 0.
+pub(crate) fn together(
+    groups: &[Group<'_>],
+    solutions: &[Solution],
+    delay: f64,
+    clusters: &[&dyn Fn(&Window) -> u64],
+    held: &[usize],
+) -> Option<Together> {
+    let columns: usize = groups.iter().map(Group::columns).sum::<usize>() + 1;
+    let mut values = DVector::zeros(columns);
+    values[columns - 1] = delay;
+    let mut moments: BTreeMap<(usize, u64), Vec<Row<'_>>> = BTreeMap::new();
+    let mut first = 0;
+    for (group, (of, solution)) in groups.iter().zip(solutions).enumerate() {
+        values.rows_mut(first, of.columns()).copy_from(&solution.values);
+        for (window, weight) in of.windows.iter().zip(&solution.weights) {
+            let mut own = of.row(window);
+            held.iter().filter_map(|place| place.checked_sub(first)).for_each(|place| {
+                own.get_mut(place).into_iter().for_each(|value| *value = 0.0);
+            });
+            let row = Row { window, group, first, own, weight: *weight, left: 0.0 };
+            moments.entry((window.log, (window.at * 1e4).round() as u64)).or_default().push(row);
+        }
+        first += of.columns();
+    }
+    held.iter().for_each(|&place| values[place] = 0.0);
+    let mut variances: Vec<f64> = solutions.iter().map(|solution| solution.scale.powi(2)).collect();
+    let mut shaking = Vector3::repeat(FIRST * FIRST);
+    let mut normal = DMatrix::zeros(columns, columns);
+    for round in 0..=ROUNDS {
+        normal.fill(0.0);
+        let mut right = DVector::zeros(columns);
+        let mut sums = vec![[0.0; 2]; groups.len()];
+        let mut shakes = Vector3::zeros();
+        let mut sizes: Vec<Vec<f64>> = vec![Vec::new(); groups.len()];
+        for rows in moments.values_mut() {
+            let seen: Vec<(f64, DVector<f64>)> = rows.iter().map(|row| row.at(&values)).collect();
+            let Common { answer, spread } = Common::of(rows, &seen, &variances, &shaking)?;
+            let mean = spread * &answer.1;
+            // (Xᵀ D⁻¹ X − Xᵀ D⁻¹ Λ C Λᵀ D⁻¹ X), and the same with residuals.
+            for (row, (residual, unknowns)) in rows.iter().zip(&seen) {
+                let precision = row.weight / variances[row.group];
+                normal.ger(precision, unknowns, unknowns, 1.0);
+                right.axpy(precision * residual, unknowns, 1.0);
+            }
+            let projected = &answer.0 * spread;
+            normal.gemm(-1.0, &projected, &answer.0.transpose(), 1.0);
+            right -= &projected * &answer.1;
+            shakes += mean.component_mul(&mean) + spread.diagonal();
+            for (row, (residual, _)) in rows.iter_mut().zip(&seen) {
+                let lever = Vector3::from(row.window.lever);
+                let left = residual - lever.dot(&mean);
+                let square = left * left + (lever.transpose() * spread * lever)[0];
+                sums[row.group][0] += row.weight * square;
+                sums[row.group][1] += row.weight;
+                sizes[row.group].push(left.abs());
+                row.left = left.abs();
+            }
+        }
+        held.iter().for_each(|&place| normal[(place, place)] = 1.0);
+        if round == ROUNDS {
+            break;
+        }
+        // A spread that single large residuals do not move.
+        let spread = |sizes: &mut Vec<f64>| {
+            let middle = sizes.len() / 2;
+            1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
+        let spreads: Vec<f64> = sizes.iter_mut().map(spread).collect();
+        for row in moments.values_mut().flatten() {
+            row.weight = (HUBER * spreads[row.group] / row.left.max(1e-300)).min(1.0);
+        }
+        values += normal.clone().cholesky()?.solve(&right);
+        variances = sums.iter().map(|[square, weight]| square / weight).collect();
+        shaking = shakes / moments.len() as f64;
+    }
+    let bread = normal.try_inverse()?;
+    let covariance = |cluster: &&dyn Fn(&Window) -> u64| -> Option<DMatrix<f64>> {
+        let mut scores: BTreeMap<u64, DVector<f64>> = BTreeMap::new();
+        for rows in moments.values() {
+            let seen: Vec<(f64, DVector<f64>)> = rows.iter().map(|row| row.at(&values)).collect();
+            let Common { answer, spread } = Common::of(rows, &seen, &variances, &shaking)?;
+            let score = scores.entry(cluster(rows[0].window)).or_insert_with(|| DVector::zeros(columns));
+            for (row, (residual, unknowns)) in rows.iter().zip(&seen) {
+                score.axpy(row.weight / variances[row.group] * residual, unknowns, 1.0);
+            }
+            *score -= &answer.0 * (spread * &answer.1);
+        }
+        let count = scores.len() as f64;
+        if count < 4.0 {
+            return None;
+        }
+        let mut meat = DMatrix::zeros(columns, columns);
+        scores.values().for_each(|score| meat.ger(1.0, score, score, 1.0));
+        Some((&bread * meat * &bread) * (count / (count - 1.0)))
+    };
+    Some(Together {
+        covariances: clusters.iter().map(covariance).collect(),
+        scales: variances.iter().map(|variance| variance.sqrt()).collect(),
+        values,
+    })
+    .filter(|found| found.values.iter().all(|value| value.is_finite()))
+}
+
+/// What the equations of one moment say of the base's acceleration.
+struct Common {
+    /// Xᵀ D⁻¹ Λ, and Λᵀ D⁻¹ r.
+    answer: (nalgebra::OMatrix<f64, nalgebra::Dyn, nalgebra::U3>, Vector3<f64>),
+    /// Covariance of the acceleration's error.
+    spread: Matrix3<f64>,
+}
+
+impl Common {
+    fn of(
+        rows: &[Row<'_>],
+        seen: &[(f64, DVector<f64>)],
+        variances: &[f64],
+        shaking: &Vector3<f64>,
+    ) -> Option<Self> {
+        let columns = seen.first()?.1.len();
+        let mut across = nalgebra::OMatrix::<f64, nalgebra::Dyn, nalgebra::U3>::zeros(columns);
+        let mut pull = Vector3::zeros();
+        let mut precision = Matrix3::from_diagonal(&shaking.map(|variance| 1.0 / variance.max(1e-12)));
+        for (row, (residual, unknowns)) in rows.iter().zip(seen) {
+            let lever = Vector3::from(row.window.lever);
+            let weight = row.weight / variances[row.group];
+            across.ger(weight, unknowns, &lever, 1.0);
+            pull += lever * (weight * residual);
+            precision += lever * lever.transpose() * weight;
+        }
+        Some(Self { answer: (across, pull), spread: precision.try_inverse()? })
+    }
+}
