@@ -64,6 +64,7 @@ class Task:
     observation_width: int
     critic_width: int
     action_width: int
+    action_bounds: list[list[float]]
     joints: list[str]
     control_dt: float
     episode_steps: int
@@ -107,7 +108,7 @@ class Robots:
     def restart(self) -> None: ...
     def commands(self) -> list[list[float]]: ...
 
-def wasserstein(a: NDArray[np.float32], b: NDArray[np.float64]) -> list[float]: ...
+def wasserstein(a: NDArray[np.float64], b: NDArray[np.float64]) -> list[float]: ...
 def read_log(path: str, allow: list[str]) -> dict[str, Any]: ...
 def fit_simulator(
     simulate: Callable[[NDArray[np.float64]], Sequence[Mapping[str, Any]]],

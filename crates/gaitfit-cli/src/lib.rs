@@ -47,10 +47,16 @@ pub fn program(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 
 /// Prints help that was asked for, or what is wrong with the command line.
 fn usage(asked: &clap::Error) -> u8 {
-    let printed = asked.print().and_then(|()| std::io::stdout().flush());
     if asked.use_stderr() {
+        let text = asked.render().to_string();
+        match gaitfit::brief(&text) {
+            // In colour, where the terminal has it.
+            brief if brief == text => drop(asked.print()),
+            brief => output::note(&brief),
+        }
         return Exit::Usage as u8;
     }
+    let printed = asked.print().and_then(|()| std::io::stdout().flush());
     match printed {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             output::note(&format!("error: cannot write to standard output: {error}"));

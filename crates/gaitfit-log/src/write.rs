@@ -23,7 +23,7 @@ pub fn write_csv(path: &Path, trajectory: &Trajectory) -> Result<(), LogError> {
             path: path.to_owned(),
             action,
             source,
-            remedy: "what was there before is unchanged; check the folder, its permissions and the free space",
+            remedy: "what was there before is unchanged; check the folder, its permissions, the free space and `ulimit -f`",
         }
     };
     let folder = match path.parent() {

@@ -9,6 +9,8 @@ const END: usize = 800;
 /// Digits of a number that a message shows, and how many there may be before it is cut.
 const SHOWN_DIGITS: usize = 12;
 const MAX_DIGITS: usize = 40;
+/// Digits up to which a number is shown as it is: no whole number of 64 bits has more.
+const PLAIN_DIGITS: usize = 20;
 
 /// The message with its middle left out where it is long, and without numbers of hundreds of digits.
 pub fn brief(message: &str) -> Cow<'_, str> {
@@ -32,7 +34,7 @@ pub fn short_numbers(text: &str) -> Cow<'_, str> {
         let length = digits.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(digits.len());
         let (number, after) = digits.split_at(length);
         out.push_str(before);
-        if length <= MAX_DIGITS {
+        if length <= PLAIN_DIGITS {
             out.push_str(number);
         } else if let Some(small) =
             out.strip_suffix("0.").map(str::len).filter(|_| fraction(number).is_some())
@@ -55,6 +57,7 @@ pub fn short_numbers(text: &str) -> Cow<'_, str> {
 fn whole(digits: &str) -> String {
     match scientific(digits.trim_end_matches('0'), digits.len() as i64 - 1) {
         Some(short) => short,
+        None if digits.len() <= MAX_DIGITS => digits.to_owned(),
         None => format!("{}... ({} digits)", &digits[..SHOWN_DIGITS], digits.len()),
     }
 }
@@ -94,6 +97,7 @@ mod tests {
     fn numbers_of_hundreds_of_digits_have_an_exponent_or_are_cut() {
         let text = format!("`upper` is {}; give less", 1e300);
         assert_eq!(brief(&text), "`upper` is 1e300; give less");
+        assert_eq!(brief(&format!("{} and {}", 1e30, u64::MAX)), "1e30 and 18446744073709551615");
         assert_eq!(brief(&format!("from {} to {}", -1.25e-200, 3.5e120)), "from -1.25e-200 to 3.5e120");
         assert_eq!(
             brief(&format!("{} of {}", "12".repeat(30), f64::MIN_POSITIVE)),
