@@ -112,7 +112,7 @@ fn a_policy_becomes_a_bundle_and_cpp_and_nothing_is_replaced_silently() {
     let not_said = json(&run(&robot))["not_said"].to_string();
     assert!(!not_said.contains("effort limits"), "{not_said}");
     let header = std::fs::read_to_string(format!("{limited}/policy.hpp")).unwrap();
-    assert!(header.contains("kEffortLimit[kJoints]") && header.contains("45.43"), "effort limits");
+    assert!(header.contains("kEffortLimit[kJoints]") && header.contains("4.543e1f"), "effort limits");
 
     let onnx = path("not-written.onnx");
     let lstm = "crates/gaitfit-policy/tests/fixtures/policies/lstm.toml";

@@ -209,7 +209,7 @@ fn flags_switch_physics_off() {
 
 #[test]
 fn a_default_class_meant_for_hinges_must_not_reach_the_free_joint() {
-    let text = with("top", "<default><joint damping=\"1\"/></default>");
+    let text = with("top", "<default><joint stiffness=\"1\"/></default>");
     assert!(strict(&text).is_ok(), "<freejoint/> takes no defaults");
     let error = strict(&text.replace("<freejoint/>", "<joint type=\"free\"/>")).unwrap_err();
     assert!(error.to_string().contains("<freejoint/>"), "{error}");

@@ -82,7 +82,7 @@ fn light(moments: [&str; 3]) -> Result<Model, ModelError> {
 
 #[test]
 fn negative_moments_of_the_size_of_rounding_are_zero() {
-    for moments in [["1e-10", "1e-10", "-1e-22"], ["-1e-22", "-1e-22", "-1e-22"], ["1e-22", "-1e-22", "0"]] {
+    for moments in [["1e-10", "1e-10", "-1e-22"], ["1e-10", "-1e-22", "1e-10"]] {
         let model = light(moments).unwrap();
         let tip = &model.bodies[model.body("tip").unwrap()];
         let [a, b, c] = tip.inertia;

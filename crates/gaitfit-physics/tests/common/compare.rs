@@ -135,10 +135,11 @@ fn compare_rows(
 
     let mut at = 0;
     while at < count && (kinds[at] == FRICTION || kinds[at] == LIMIT) {
-        let want = if kinds[at] == FRICTION {
-            RowKind::Friction(ids[at] as usize - first_dof)
-        } else {
-            RowKind::Limit(ids[at] as usize - first_joint)
+        let id = ids[at] as usize;
+        let want = match kinds[at] == FRICTION {
+            true if id < first_dof => RowKind::Free(id),
+            true => RowKind::Friction(id - first_dof),
+            false => RowKind::Limit(id - first_joint),
         };
         assert_eq!(rows[at].kind, want, "kind of row {at}, {}", place(""));
         let want = reference(at);
