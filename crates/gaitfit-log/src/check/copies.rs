@@ -35,8 +35,10 @@ fn copies(findings: &mut Findings) {
     }
     let copied = |joint: usize| -> Option<bool> {
         let column = log.column_at(Signal::Position, joint)?;
+        // The deviation of what is huge and constant is not 0.
+        let (low, high) = range(&column)?;
         let moves = deviation(&column);
-        if moves.is_nan() || moves < MOVES {
+        if moves.is_nan() || moves < MOVES || high - low < MOVES {
             return None;
         }
         let close = |old: usize| {
