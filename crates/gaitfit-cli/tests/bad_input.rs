@@ -126,7 +126,14 @@ fn logs() {
         path.display().to_string()
     };
     let set = format!("logs=[{:?}, {:?}]", still("still.csv"), still("stiller.csv"));
-    refused(&adapt(&runs, &["--set", &set]), 1, &["still.csv, ", "stiller.csv: recorded", "constant"]);
+    refused(
+        &adapt(&runs, &["--set", &set]),
+        1,
+        &["still.csv: beyond-position-limit", "allow = [\"beyond-position-limit\"]"],
+    );
+    let allow = r#"allow=["beyond-position-limit", "beyond-velocity-limit", "constant-signal"]"#;
+    let arguments = ["--set", &set, "--set", allow];
+    refused(&adapt(&runs, &arguments), 1, &["still.csv, ", "stiller.csv: recorded", "constant"]);
     let set = changed_log(folder.path(), |lines| lines.truncate(8));
     refused(&adapt(&runs, &["--set", &set]), 1, &["log.csv: 2 samples are too few", "at least 20"]);
 
@@ -137,7 +144,7 @@ fn logs() {
         }
     });
     let output = adapt(&runs, &["--set", &set]);
-    refused(&output, 1, &["time gap"]);
+    refused(&output, 1, &["time-gap"]);
     assert!(errors(&output).len() < 600, "{}", errors(&output));
     assert!(!runs.exists());
 }

@@ -95,10 +95,13 @@ fn a_right_unit_raises_nothing() {
     }
 }
 
+/// What is done to orientation and rates of a sample.
+type Change<'a> = dyn Fn(Quat, [f64; 3]) -> (Quat, [f64; 3]) + 'a;
+
 #[test]
 fn readings_without_doubt_are_mended_and_said() {
     let degrees = |w: [f64; 3]| w.map(f64::to_degrees);
-    let cases: [(FindingKind, &str, &dyn Fn(Quat, [f64; 3]) -> (Quat, [f64; 3])); 5] = [
+    let cases: [(FindingKind, &str, &Change<'_>); 5] = [
         (FindingKind::ImuFrame, "frame = \"world\"", &|q, w| (q, rotate(q, w))),
         (FindingKind::ImuSign, "negated = true", &|q, w| (q, w.map(|x| -x))),
         (FindingKind::ImuUnit, "unit = \"deg\"", &|q, w| (q, degrees(w))),

@@ -283,3 +283,52 @@ fn text(document: &Document) -> String {
     );
     text
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_policy::observation::Sensed;
+
+    /// What a policy's observation is made of comes back from it.
+    #[test]
+    fn an_observation_is_unpacked_into_what_was_sensed() {
+        let policy = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/go2-walk.safetensors");
+        let policy = gaitfit_policy::read(policy.as_ref()).unwrap();
+        let interface = &policy.interface;
+        let joints = interface.joints.len();
+        let ramp = |start: f32| (0..joints).map(|joint| start + 0.1 * joint as f32).collect::<Vec<f32>>();
+        let sensed = Sensed {
+            base_angular_velocity: [0.1, -0.2, 0.3],
+            projected_gravity: [0.0, 0.1, -0.99],
+            base_linear_velocity: [0.0; 3],
+            command: [0.5, 0.1, -0.4],
+            joint_position: ramp(-0.5),
+            joint_velocity: ramp(2.0),
+            last_action: ramp(0.0),
+            clock: 0.0,
+        };
+        let layout = Layout::new(interface, &interface.observation);
+        let mut row = vec![0.0f32; layout.width()];
+        layout.write(&sensed, None, |_, _| (), &mut row);
+        let parts = observed(interface);
+        assert_eq!(parts.len(), row.len());
+        let found = |column: &str| {
+            let place = parts
+                .iter()
+                .position(|part| part.as_ref().is_some_and(|part| part.column == column))
+                .unwrap();
+            let part = parts[place].as_ref().unwrap();
+            f64::from(row[place]) / part.scale + part.offset
+        };
+        for (joint, name) in interface.joints.iter().enumerate() {
+            assert!((found(&format!("q_{name}")) - f64::from(sensed.joint_position[joint])).abs() < 1e-5);
+            assert!((found(&format!("dq_{name}")) - f64::from(sensed.joint_velocity[joint])).abs() < 1e-5);
+        }
+        for (column, value) in
+            [("wy", -0.2), ("projected_gravity_z", -0.99), ("vx_cmd", 0.5), ("wz_cmd", -0.4)]
+        {
+            assert!((found(column) - value).abs() < 1e-6, "{column}");
+        }
+    }
+}

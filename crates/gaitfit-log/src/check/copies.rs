@@ -35,8 +35,10 @@ fn copies(findings: &mut Findings) {
     }
     let copied = |joint: usize| -> Option<bool> {
         let column = log.column_at(Signal::Position, joint)?;
+        // The deviation of what is huge and constant is not 0.
+        let (low, high) = range(&column)?;
         let moves = deviation(&column);
-        if moves.is_nan() || moves < MOVES {
+        if moves.is_nan() || moves < MOVES || high - low < MOVES {
             return None;
         }
         let close = |old: usize| {
@@ -60,7 +62,7 @@ fn copies(findings: &mut Findings) {
 
 /// Rows whose positions are all exactly 0 between rows that are not: first and last of each run.
 pub fn zero_rows(position: &[f64], width: usize) -> Vec<std::ops::Range<usize>> {
-    let rows = if width == 0 { 0 } else { position.len() / width };
+    let rows = position.len().checked_div(width).unwrap_or(0);
     let row = |i: usize| &position[i * width..(i + 1) * width];
     let zero = |i: usize| row(i).iter().all(|q| *q == 0.0);
     let away = |i: usize| row(i).iter().any(|q| q.abs() > AWAY);
