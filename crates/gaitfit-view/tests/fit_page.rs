@@ -121,7 +121,7 @@ fn a_full_page_is_well_formed_and_says_the_result() {
         "at the lower bound",
         "not determined by these logs",
         "0.0200",
-        "0.0012",
+        "0.0050",
         "one warning",
         "no time axis",
     ] {

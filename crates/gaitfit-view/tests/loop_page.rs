@@ -41,8 +41,8 @@ fn the_page_holds_the_numbers_given() {
         // Drift: the first command's error before.
         "−0.336 ± 0.021",
         "1 of 60",
-        // A parameter: value, spread, profile, truth.
-        "0.1970 ± 0.0040",
+        // A parameter: value, the longer side of its interval, interval, truth.
+        "0.197 ± 0.010",
         "0.1882 … 0.2074",
         "not determined by these logs",
         "6 of 7",

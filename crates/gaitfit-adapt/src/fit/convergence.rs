@@ -126,6 +126,7 @@ mod tests {
             stop,
             diverged: 0,
             falls: 0,
+            deviations: Vec::new(),
         };
         let parameter = ParameterOutcome {
             name: "p".into(),

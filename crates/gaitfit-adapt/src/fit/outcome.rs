@@ -87,6 +87,10 @@ pub struct RunOutcome {
     /// Falls of candidates, over all recordings.
     #[serde(default)]
     pub falls: usize,
+    /// Standard deviations of the search where it was left, in the entries' units: values between which it had not yet
+    /// chosen. Empty of a search that came to its end, and of least squares.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub deviations: Vec<f64>,
 }
 
 impl CostOutcome {
@@ -150,16 +154,29 @@ impl CostOutcome {
     }
 
     /// Widens the intervals to all of `others` that fit as well: whose costs are at most `error` above the smallest. Where
-    /// a cost has many minima, the ground around one of them says too little of what the logs leave open. `others`: costs
+    /// a cost has many minima, the ground around one of them says too little of what the logs leave open. A search that was
+    /// left before its end reaches two of its deviations to both sides too. `others`: costs
     /// and values that the search came by.
     pub fn widen<'a>(&mut self, theta: &Theta, others: impl Iterator<Item = (f64, &'a [f64])>, error: f64) {
         let best = self.runs.iter().map(|run| run.best_cost).fold(f64::INFINITY, f64::min);
         for (_, values) in others.filter(|(cost, _)| *cost <= best + error) {
-            let entries = theta.entries().iter().zip(values);
-            for (parameter, (entry, &value)) in self.parameters.iter_mut().zip(entries) {
-                if let Some(found) = &mut parameter.identification {
-                    found.reach(entry, value);
-                }
+            self.reach(theta, values);
+        }
+        let run = self.runs.iter().min_by(|a, b| a.best_cost.total_cmp(&b.best_cost));
+        let left = run.map(|run| run.deviations.clone()).unwrap_or_default();
+        for side in [-2.0, 2.0] {
+            let moved =
+                self.values().iter().zip(&left).map(|(value, left)| value + side * left).collect::<Vec<_>>();
+            self.reach(theta, &moved);
+        }
+    }
+
+    /// Extends every interval to `values`, one an entry.
+    fn reach(&mut self, theta: &Theta, values: &[f64]) {
+        let entries = theta.entries().iter().zip(values);
+        for (parameter, (entry, &value)) in self.parameters.iter_mut().zip(entries) {
+            if let Some(found) = &mut parameter.identification {
+                found.reach(entry, value);
             }
         }
     }
@@ -277,6 +294,7 @@ mod tests {
             stop: None,
             diverged: 0,
             falls: 0,
+            deviations: Vec::new(),
         };
         let mut outcome = CostOutcome::new("wass".into(), &theta, vec![run]).unwrap();
         for (parameter, entry) in outcome.parameters.iter_mut().zip(theta.entries()) {
@@ -292,6 +310,13 @@ mod tests {
         };
         assert!(reaches(0, 0.19, 0.3) && found(0).identified, "{:?}", found(0));
         assert!(reaches(1, 0.09, 0.4) && !found(1).identified, "{:?}", found(1));
+        outcome.runs[0].deviations = vec![0.08, 0.001];
+        outcome.widen(&theta, std::iter::empty(), 0.1);
+        let found = outcome.parameters[0].identification.clone().unwrap();
+        assert!(
+            (found.lower - 0.04).abs() < 1e-12 && (found.upper - 0.36).abs() < 1e-12,
+            "two deviations: {found:?}"
+        );
     }
 
     #[test]
@@ -307,6 +332,7 @@ mod tests {
             stop: None,
             diverged: 0,
             falls: 0,
+            deviations: Vec::new(),
         };
         let runs = vec![run(1, 0.5, 0.1), run(2, 0.2, 0.2), run(3, 0.4, 0.3)];
         let outcome = CostOutcome::new("matcho".into(), &theta, runs).unwrap();

@@ -183,7 +183,18 @@ impl Run {
             stop: self.stop,
             diverged: self.diverged,
             falls: self.falls,
+            deviations: self.deviations(),
         })
+    }
+
+    /// Where the search was left, see [`RunOutcome::deviations`].
+    fn deviations(&self) -> Vec<f64> {
+        match &self.by {
+            By::CmaEs { search, .. } if !matches!(self.stop, Some(Stop::Tolerance | Stop::Converged)) => {
+                search.current().deviations()
+            }
+            _ => Vec::new(),
+        }
     }
 
     /// The best candidate so far.

@@ -325,3 +325,26 @@ fn bound(config: &FinetuneConfig) -> FinetuneConfig {
     bound.train.iterations = 0;
     bound
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+mod tests {
+    use super::*;
+    use gaitfit_adapt::ThetaFile;
+
+    #[test]
+    fn a_fit_that_walks_contradict_is_refused_unless_it_is_allowed_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("theta.toml");
+        let write = |contradicted: Option<&str>| {
+            let file = ThetaFile { contradicted: contradicted.map(str::to_owned), ..ThetaFile::nominal() };
+            std::fs::write(&path, file.to_toml().unwrap()).unwrap();
+        };
+        write(Some("1.54 against 0.34"));
+        let error = uncontradicted(&path, &[]).unwrap_err().to_string();
+        assert!(error.contains("1.54 against 0.34") && error.contains("allow"), "{error}");
+        assert!(uncontradicted(&path, &[CONTRADICTED.to_owned()]).is_ok());
+        write(None);
+        assert!(uncontradicted(&path, &[]).is_ok());
+    }
+}
