@@ -91,7 +91,7 @@ pub(crate) fn together(
         for rows in moments.values_mut() {
             let seen: Vec<(f64, DVector<f64>)> = rows.iter().map(|row| row.at(&values)).collect();
             let Common { answer, spread } = Common::of(rows, &seen, &variances, &shaking)?;
-            let mean = spread * &answer.1;
+            let mean = spread * answer.1;
             // (Xᵀ D⁻¹ X − Xᵀ D⁻¹ Λ C Λᵀ D⁻¹ X), and the same with residuals.
             for (row, (residual, unknowns)) in rows.iter().zip(&seen) {
                 let precision = row.weight / variances[row.group];
@@ -100,7 +100,7 @@ pub(crate) fn together(
             }
             let projected = &answer.0 * spread;
             normal.gemm(-1.0, &projected, &answer.0.transpose(), 1.0);
-            right -= &projected * &answer.1;
+            right -= &projected * answer.1;
             shakes += mean.component_mul(&mean) + spread.diagonal();
             for (row, (residual, _)) in rows.iter_mut().zip(&seen) {
                 let lever = Vector3::from(row.window.lever);
@@ -139,7 +139,7 @@ pub(crate) fn together(
             for (row, (residual, unknowns)) in rows.iter().zip(&seen) {
                 score.axpy(row.weight / variances[row.group] * residual, unknowns, 1.0);
             }
-            *score -= &answer.0 * (spread * &answer.1);
+            *score -= &answer.0 * (spread * answer.1);
         }
         let count = scores.len() as f64;
         if count < 4.0 {
