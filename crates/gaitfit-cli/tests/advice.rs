@@ -47,6 +47,7 @@ fn quick_commands_of_the_documentation_run() {
     let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap());
     let mut pages: Vec<_> =
         std::fs::read_dir(root().join("docs")).unwrap().map(|page| page.unwrap().path()).collect();
+    pages.retain(|page| page.extension().is_some_and(|ending| ending == "md"));
     pages.push(root().join("README.md"));
     pages.sort();
     let mut count = 0;

@@ -254,8 +254,8 @@ fn commands_are_chosen_and_played() {
     assert!(output.status.success(), "{}", errors(&output));
     let found = json(&output);
     assert!(found["ratio"].as_f64().unwrap() < 1.0, "{found}");
-    // Two rounds of three variants.
-    assert_eq!((found["parameters"].as_array().unwrap().len(), &found["pool"]), (6, &18.into()));
+    // Friction and armature of three groups and the delay; two rounds of three variants.
+    assert_eq!((found["parameters"].as_array().unwrap().len(), &found["pool"]), (7, &18.into()));
     assert!(found["parameters"][0]["chosen"].as_f64().unwrap() > 0.0);
     assert!(found["recorded_seconds"].is_null() && found["parameters"][0]["recorded"].is_null(), "{found}");
     let text = std::fs::read_to_string(at("commands.csv")).unwrap();

@@ -66,7 +66,7 @@ pub(crate) fn windows(
     delay: f64,
     log: usize,
 ) -> Vec<Window> {
-    let (points, joints) = (walk.len(), walk.joints);
+    let (points, joints) = (walk.points(), walk.joints);
     let needed = Needed::new(model, walk, &ground.velocity, &vec![Drag::default(); joints]);
     let bump = Bump::new(length, walk.step);
     let hop = (settings.hop_s / walk.step).round().max(1.0) as usize;

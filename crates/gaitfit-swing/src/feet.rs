@@ -94,7 +94,7 @@ fn is_below(model: &Model, mut body: usize, ancestor: usize) -> bool {
 impl Ground {
     /// Of a walk whose targets act after `delay` s. The base of a clamped robot rests and its limbs touch nothing.
     pub fn new(model: &Model, walk: &Walk, delay: f64, drag: &[Drag], before: Option<&Self>) -> Self {
-        let points = walk.len();
+        let points = walk.points();
         if model.root == Root::Fixed {
             return Self {
                 clearance: vec![f64::INFINITY; points * walk.joints],

@@ -89,7 +89,7 @@ fn tilt(model: &Model, logs: &[&Trajectory]) -> Result<Option<[Estimate; 2]>, Sw
     for (number, log) in logs.iter().enumerate() {
         let walk = Walk::new(model, log)?;
         let ground = Ground::new(model, &walk, DELAY_S, &drag, None);
-        for point in (0..walk.len()).filter(|&point| walk.valid[point]) {
+        for point in (0..walk.points()).filter(|&point| walk.valid[point]) {
             let block = ((number as u64) << 32) + (point as f64 * walk.step / BLOCK_S) as u64;
             let turn = walk.quaternion[point];
             let feet: Vec<_> = ground.feet[point].iter().filter(|foot| foot.stands > STANDS).collect();

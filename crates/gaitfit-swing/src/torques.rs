@@ -97,12 +97,12 @@ impl Needed {
     /// For a base that moves at `velocity`, m/s, world axes, and joints with these properties (model order).
     pub fn new(model: &Model, walk: &Walk, velocity: &[Vec3], drag: &[Drag]) -> Self {
         let joints = walk.joints;
-        let nothing = vec![f64::NAN; walk.len() * joints];
+        let nothing = vec![f64::NAN; walk.points() * joints];
         let mut needed = Self { momentum: nothing.clone(), rest: nothing };
         let zeros = vec![0.0; joints];
         let lead: Vec<usize> =
             model.joints.iter().map(|joint| (friction_lead(joint) / walk.step).round() as usize).collect();
-        for point in 0..walk.len() {
+        for point in 0..walk.points() {
             if !walk.valid[point] || !velocity[point].iter().all(|v| v.is_finite()) {
                 continue;
             }
@@ -129,7 +129,7 @@ impl Needed {
     /// friction, armature and contact take. NaN where a bump meets a gap or a joint has no gains.
     pub fn left(&self, walk: &Walk, bump: &Bump, joint: usize, centre: usize, delay: f64) -> f64 {
         let Some(first) = centre.checked_sub(bump.half) else { return f64::NAN };
-        if centre + bump.half >= walk.len() {
+        if centre + bump.half >= walk.points() {
             return f64::NAN;
         }
         let [kp, kd] = walk.gains[joint];

@@ -45,7 +45,7 @@ pub struct Walk {
 
 impl Walk {
     /// Grid points.
-    pub fn len(&self) -> usize {
+    pub fn points(&self) -> usize {
         self.valid.len()
     }
 
@@ -163,7 +163,7 @@ impl Walk {
 
     /// Sign of a joint's velocity `lead` grid points later, smooth where it is not sure.
     pub(crate) fn sign(&self, joint: usize, point: usize, lead: usize) -> f64 {
-        let dq = self.dq[(point + lead).min(self.len() - 1) * self.joints + joint];
+        let dq = self.dq[(point + lead).min(self.points() - 1) * self.joints + joint];
         dq / dq.hypot(self.sign_rate)
     }
 

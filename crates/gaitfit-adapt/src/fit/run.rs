@@ -215,7 +215,7 @@ impl Run {
             falls: self.falls,
             course: self.course.clone(),
             state: match &self.by {
-                By::CmaEs { search, .. } => SavedSearch::CmaEs(search.state()),
+                By::CmaEs { search, .. } => SavedSearch::CmaEs(Box::new(search.state())),
                 By::LeastSquares(search) => SavedSearch::LeastSquares(search.clone()),
             },
         }
@@ -240,7 +240,7 @@ impl Run {
         };
         let (by, stop) = match (&self.by, saved.state) {
             (By::CmaEs { .. }, SavedSearch::CmaEs(state)) => {
-                let mut search = Search::resume(settings(self.seed, theta, options), plan(options), state)
+                let mut search = Search::resume(settings(self.seed, theta, options), plan(options), *state)
                     .map_err(refused)?;
                 // A run that had ended at the limit of generations, which is higher now, may have settled there.
                 if saved.stop == Some(Stop::Generations) && !search.is_finished() && settled(&search, options)
@@ -359,7 +359,7 @@ pub struct SavedRun {
 #[serde(rename_all = "snake_case")]
 pub enum SavedSearch {
     /// CMA-ES.
-    CmaEs(SearchState),
+    CmaEs(Box<SearchState>),
     /// Least squares.
     LeastSquares(GaussNewton),
 }

@@ -93,7 +93,11 @@ fn words(line: &str) -> Vec<String> {
 
 /// The commands in a text.
 fn commands(file: &str, text: &str) -> Vec<Advice> {
-    let known: Vec<String> = Cli::command().get_subcommands().map(|one| one.get_name().to_owned()).collect();
+    let names = |one: &clap::Command| {
+        let aliases = one.get_all_aliases().map(str::to_owned);
+        aliases.chain([one.get_name().to_owned()]).collect::<Vec<_>>()
+    };
+    let known: Vec<String> = Cli::command().get_subcommands().flat_map(names).collect();
     let mut found = Vec::new();
     let mut add = |line: &str, whole: bool| {
         let words = words(line);
@@ -176,7 +180,7 @@ fn read_settings(command: &str, sets: &[String]) -> Option<Result<(), String>> {
         load::<C>(file, sets).map(|_| ()).map_err(|error| error.to_string())
     }
     Some(match command {
-        "adapt" | "sensitivity" | "validate" => read::<AdaptConfig>(sets),
+        "fit" | "adapt" | "sensitivity" | "validate" => read::<AdaptConfig>(sets),
         "train" => read::<TrainConfig>(sets),
         "finetune" => read::<FinetuneConfig>(sets),
         // A loop's settings need a target to change.
@@ -200,7 +204,7 @@ fn sets(words: &[String]) -> Vec<String> {
 fn every_command_of_messages_help_and_documentation_can_be_given() {
     let all = all();
     assert!(all.len() > 100, "only {} commands were found", all.len());
-    for command in ["adapt", "export", "finetune", "init", "loop", "run", "train"] {
+    for command in ["fit", "export", "finetune", "init", "loop", "run", "train"] {
         let named = all.iter().any(|advice| advice.words[1] == command && advice.words.len() > 2);
         assert!(named, "no `gaitfit {command}` with arguments was found");
     }
@@ -228,7 +232,7 @@ fn the_settings_that_help_texts_give_as_examples_are_those_of_the_command() {
             tried.extend(sets.iter().map(|set| format!("{name} {set}")));
         }
     }
-    for wanted in ["adapt optimizer.seeds=3", "train train.iterations=600", "finetune train.iterations=300"] {
+    for wanted in ["fit optimizer.seeds=3", "train train.iterations=600", "finetune train.iterations=300"] {
         assert!(tried.iter().any(|one| one == wanted), "`{wanted}` is not in {tried:?}");
     }
 }

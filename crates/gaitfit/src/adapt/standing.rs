@@ -78,7 +78,8 @@ pub(super) fn standing(doubts: &[Doubt], held_out: Option<&HeldOut>) -> Standing
 /// That a predictor without a simulator is nearer to the logs: by errors of logs that were not fitted, or else of those that
 /// were, or else by the cost.
 fn trivial(evidence: &Evidence<'_>) -> Option<Doubt> {
-    let measures: [(&str, fn(&Score) -> Option<f64>); 3] = [
+    type Measure = fn(&Score) -> Option<f64>;
+    let measures: [(&str, Measure); 3] = [
         ("position error on logs that were not fitted, rad", |score| score.rmse_validation_rad),
         ("position error on the fitted logs, rad", |score| score.rmse_fit_rad),
         ("cost on the fitted logs", |score| score.cost),
