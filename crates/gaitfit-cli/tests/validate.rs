@@ -49,7 +49,8 @@ fn a_fit_without_its_configuration_and_logs_that_are_not_there_are_named() {
     assert_eq!(found["better_than_nominal"], false, "{}", errors(&output));
 }
 
-/// A quick fit of the walking logs of the example: some of them fitted, others to validate on.
+/// A quick fit of the walking logs of the example: some of them fitted, others to validate on. Narrow bounds keep it from
+/// robots that fall.
 fn walking(runs: &Path) -> (Vec<String>, Vec<String>) {
     let mut logs: Vec<String> = std::fs::read_dir(root().join("examples/go2-ground/logs"))
         .unwrap()
@@ -62,7 +63,8 @@ fn walking(runs: &Path) -> (Vec<String>, Vec<String>) {
     let config = format!(
         "name = \"walk\"\nrobot = \"assets/go2.xml\"\nbase = \"free\"\npolicy = \"assets/go2-walk.safetensors\"\n\
          logs = {}\nvalidate = {}\ncosts = [\"wass\"]\nruns = \"{}\"\n[optimizer]\ngenerations = 2\nseeds = 1\n\
-         population = 4\nreplicates = 0\n[simulation]\ntimestep = 0.01\npreset = \"fast\"\n",
+         population = 4\nreplicates = 0\n[simulation]\ntimestep = 0.01\npreset = \"fast\"\n\
+         [[parameter]]\nkind = \"frictionloss\"\nupper = 0.05\n[[parameter]]\nkind = \"armature\"\nupper = 0.01\n",
         quoted(fit),
         quoted(other),
         runs.display()
@@ -77,8 +79,7 @@ fn walking_logs_are_validated_too() {
     let runs = tempfile::tempdir().unwrap();
     let (args, other) = walking(runs.path());
     let output = run(&args);
-    // Two generations are a poor fit: it may fall in walks that were not fitted.
-    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", errors(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", errors(&output));
     let fitted = json(&output);
     let validation = fitted["validation"].as_array().unwrap();
     assert!(validation.len() > other.len() / 2, "{validation:?}");
