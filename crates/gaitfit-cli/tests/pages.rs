@@ -295,7 +295,13 @@ fn shows_evaluation(rows: &Value, result: &Value) {
 fn shows_loop(rows: &Value, result: &Value) {
     for one in result["evaluations"].as_array().unwrap() {
         let (policy, on) = (one["policy"].as_str().unwrap(), one["on"].as_str().unwrap());
-        let cells = row(rows, &[policy, on]);
+        // Pages have words for the first and the last policy.
+        let shown = match policy {
+            "π₀" => "before",
+            last if result["after"] == last => "after",
+            other => other,
+        };
+        let cells = row(rows, &[shown, on]);
         shows(cells[2], &one["trajectories"], policy);
         shows(cells[3], &one["linear_velocity_error"]["mean"], policy);
         shows(cells[4], &one["angular_velocity_error"]["mean"], policy);

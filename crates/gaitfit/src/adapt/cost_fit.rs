@@ -62,6 +62,7 @@ pub(super) fn fit(
                 found: found.clone(),
             };
             parameter.widen(wider);
+            parameter.combine();
             parameter
         })
         .collect();

@@ -43,7 +43,16 @@ impl Parameter {
         }
     }
 
-    /// Takes a wider interval.
+    /// Cuts the interval to two standard errors around what was known before, where the fit agrees with that: the logs of
+    /// whole walks alone may leave open what legs in the air show.
+    pub(super) fn combine(&mut self) {
+        let agrees = |prior: &Prior| prior.away(self.found.value).abs() <= APART;
+        let (Some([lower, upper]), Some(prior)) = (self.interval, self.prior.filter(agrees)) else { return };
+        let (value, reach) = (self.found.value, 2.0 * prior.deviation);
+        self.take([lower.max(prior.value - reach).min(value), upper.min(prior.value + reach).max(value)]);
+    }
+
+    /// Takes another interval.
     fn take(&mut self, ends: [f64; 2]) {
         if self.interval.is_some_and(|own| own != ends) {
             self.interval = Some(ends);
@@ -61,5 +70,53 @@ impl Parameter {
             (value + factor * (upper - value)).max(known).min(self.found.upper).max(upper),
         ];
         self.take(ends);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn friction(value: f64, interval: [f64; 2], prior: Prior) -> Parameter {
+        let found = ParameterOutcome {
+            name: "frictionloss_calf".to_owned(),
+            unit: "N·m".to_owned(),
+            value,
+            uncorrected: None,
+            spread: None,
+            lower: 0.0,
+            upper: 2.0,
+            start: 0.0,
+            at_bound: false,
+            per_run: vec![value],
+            identification: None,
+        };
+        let interval = Some(interval);
+        Parameter {
+            found,
+            interval,
+            identified: Some(false),
+            truth: None,
+            published: None,
+            prior: Some(prior),
+        }
+    }
+
+    #[test]
+    fn what_is_known_cuts_the_interval_where_the_fit_agrees() {
+        let known = Prior { value: 0.6, deviation: 0.05 };
+        let mut one = friction(0.64, [0.1, 2.0], known);
+        one.combine();
+        let [lower, upper] = one.interval.unwrap_or_default();
+        assert!((lower - 0.5).abs() < 1e-12 && (upper - 0.7).abs() < 1e-12, "{lower} {upper}");
+        assert_eq!(one.identified, Some(true));
+        // A narrower interval of the walks stays.
+        let mut sure = friction(0.64, [0.62, 0.66], known);
+        sure.combine();
+        assert_eq!(sure.interval, Some([0.62, 0.66]));
+        // Walks that ask for something else keep what they say.
+        let mut other = friction(1.3, [1.1, 1.4], known);
+        other.combine();
+        assert_eq!(other.interval, Some([1.1, 1.4]));
     }
 }
