@@ -3,7 +3,7 @@
 //! Everything else is inlined into one function for each scalar. The compiler's time grows faster than a function's
 //! length, so large parts, parts that are called from several places and parts that few robots need are kept apart.
 
-/// The body of a separate function with the arguments `A` and the result `R`; made by [`separate!`].
+/// The body of a separate function with the arguments `A` and the result `R`; made by `separate!`.
 pub trait Part<A, R> {
     /// Runs it. It is `#[inline(always)]`, so that it is compiled with the features of its caller.
     fn run(arguments: A) -> R;

@@ -82,7 +82,7 @@ pub fn write(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
 /// The same file without a checksum, as earlier versions wrote it.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn plain(policy: &Policy) -> Result<Vec<u8>, PolicyError> {
     written(policy, None)
 }
