@@ -16,6 +16,7 @@ import json
 import pathlib
 
 import numpy as np
+import onnx
 import onnxruntime
 import torch
 
@@ -74,6 +75,16 @@ def save(out, name, observation, actions):
     fixtures.describe(out, name, f"{name}.onnx")
 
 
+def without_paths(path: pathlib.Path) -> None:
+    """Drops the exporter's stack traces, which name the folders of the machine."""
+    model = onnx.load(path, load_external_data=False)
+    for node in model.graph.node:
+        del node.metadata_props[:]
+    for value in [*model.graph.value_info, *model.graph.input, *model.graph.output, *model.graph.initializer]:
+        del value.metadata_props[:]
+    path.write_bytes(model.SerializeToString())
+
+
 def session(path):
     return onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
 
@@ -101,6 +112,7 @@ def main():
         torch.onnx.export(
             module.eval(), example, str(path), input_names=["obs"], output_names=["actions"], external_data=outside
         )
+        without_paths(path)
         observation, run = rows(number, ROWS), session(path)
         save(out, name, observation, [run.run(None, {"obs": row[None]})[0][0] for row in observation])
     for number, (name, module) in enumerate({"lstm": Lstm("lstm", 1), "gru": Gru("gru", 2)}.items()):
@@ -112,6 +124,7 @@ def main():
         torch.onnx.export(
             module.eval(), example, str(path), input_names=inputs, output_names=outputs, external_data=False
         )
+        without_paths(path)
         observation, run, memory = rows(10 + number, STEPS), session(path), [zero.numpy() for zero in zeros]
         actions = []
         for row in observation:
