@@ -7,7 +7,7 @@ const MOST_ANGLE: f64 = 2.0 * std::f64::consts::PI;
 /// Largest body rate, rad/s: gyros of robots end at a third of it.
 const MOST_RATE: f64 = 200.0;
 /// The same in degrees per second.
-const MOST_DEGREES: f64 = 12_000.0;
+const MAX_DEGREES: f64 = 12_000.0;
 
 const NOT_FINITE: &str =
     "no reading of an inertial unit; delete the row, or leave the cell empty where a sample was lost";
@@ -53,7 +53,7 @@ pub(crate) fn gravity(vector: &[f64]) -> Option<(usize, &'static str)> {
 
 /// The first of the body rates that cannot be, and why.
 pub(crate) fn rates(rates: &[f64]) -> Option<(usize, &'static str)> {
-    let beyond = || rates.iter().position(|rate| rate.abs() > MOST_DEGREES);
+    let beyond = || rates.iter().position(|rate| rate.abs() > MAX_DEGREES);
     infinite(rates).map(|place| (place, NOT_FINITE)).or_else(|| Some((beyond()?, TOO_FAST)))
 }
 

@@ -48,7 +48,7 @@ impl std::fmt::Display for Signal {
 }
 
 /// Largest time between a row and its target's message, s.
-const MOST_LEAD_S: f64 = 1.0;
+const MAX_LEAD_S: f64 = 1.0;
 
 /// Largest resampled trajectory, values (400 MB).
 pub(crate) const RESAMPLE_LIMIT: f64 = 5e7;
@@ -141,7 +141,7 @@ impl Trajectory {
             );
         }
         if let Some(lead) = &self.lead {
-            let usable = lead.seconds.abs() <= MOST_LEAD_S && (0.0..=MOST_LEAD_S).contains(&lead.spread);
+            let usable = lead.seconds.abs() <= MAX_LEAD_S && (0.0..=MAX_LEAD_S).contains(&lead.spread);
             if !usable {
                 return refuse(
                     "lead",

@@ -38,7 +38,7 @@ pub(crate) struct Scale {
 /// times its mean square. Exact data of legs of a hung-up robot are 1.10 off at a roughness of 0.10 and 1.13 at 0.13.
 const SAMPLING: f64 = 1.25;
 /// Roughness from which on more makes no factor more doubtful.
-const MOST_ROUGH: f64 = 0.25;
+const MAX_ROUGH: f64 = 0.25;
 /// Sample interval, s, of logs at a policy's rate: their velocities are those of the ends of answers to steps, up to a tenth
 /// beside the mean.
 const SLOW_S: f64 = 0.0099;
@@ -140,7 +140,7 @@ fn scale(time: &[f64], q: &[f64], dq: &[f64], typical: f64, span: usize) -> Opti
     // Spans overlap: as many are independent as fit one after the other.
     let independent = (changes.len() as f64 / span as f64).max(1.0);
     // sin²(ωh/2) of a wave.
-    let roughness = if squared > 0.0 { (steps_squared / squared).min(MOST_ROUGH) } else { 0.0 };
+    let roughness = if squared > 0.0 { (steps_squared / squared).min(MAX_ROUGH) } else { 0.0 };
     let scale = Scale {
         correlation,
         factor: deviation(&integrals) / deviation(&changes),

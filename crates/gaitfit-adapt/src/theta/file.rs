@@ -101,7 +101,7 @@ pub struct SavedNetwork {
 }
 
 /// Most characters of a file's reason that are shown.
-const MOST_REASON: usize = 1000;
+const MAX_REASON: usize = 1000;
 
 /// Largest value of any number: beyond it no robot is meant, and single precision may overflow.
 pub(super) const MOST: f64 = 1e6;
@@ -350,7 +350,7 @@ impl ThetaFile {
         let contradicted = self
             .contradicted
             .as_ref()
-            .map(|why| format!("walks that were not fitted contradict it: {}", escaped(why, MOST_REASON)));
+            .map(|why| format!("walks that were not fitted contradict it: {}", escaped(why, MAX_REASON)));
         contradicted.into_iter().chain(alone).chain(far).collect()
     }
 

@@ -21,7 +21,7 @@ use toml::Table;
 
 const PRINTED_BY: &str = "gaitfit config finetune";
 /// Most characters of a file's reason that are shown.
-const MOST_REASON: usize = 1000;
+const MAX_REASON: usize = 1000;
 
 /// What is asked of a fine-tuning.
 #[derive(Clone, Debug)]
@@ -52,7 +52,7 @@ fn uncontradicted(path: &Path, allow: &[String]) -> Result<(), Error> {
              again with other parameters or logs; or, knowing this, set `allow = [\"{CONTRADICTED}\"]` (--set \
              'allow=[\"{CONTRADICTED}\"]')",
             path.display(),
-            escaped(&why, MOST_REASON)
+            escaped(&why, MAX_REASON)
         ))),
     }
 }
