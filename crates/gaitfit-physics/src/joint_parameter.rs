@@ -26,6 +26,10 @@ macro_rules! joint_parameters {
                 StribeckVelocity stribeck_velocity; "rad/s"; 1e-3; |_, _| 0.1;
                 Some((0.01, 1.0, 0.1, 0.05))
 
+                /// Dry friction that grows with load: N·m of friction for each N·m of the motor's torque.
+                LoadFriction load_friction; "-"; 0.0; |_, _| 0.0;
+                Some((0.0, 0.5, 0.0, 0.05))
+
                 /// Reflected rotor inertia, kg·m².
                 Armature armature; "kg·m²"; 0.0; |model, j| model.joints[j].armature;
                 Some((0.0, 0.5, 0.0, 0.05))

@@ -12,6 +12,8 @@ pub struct Kept {
     pub links: bool,
     /// That no joint has more friction at rest than in motion.
     pub stiction: bool,
+    /// That no joint has friction that grows with load.
+    pub load_friction: bool,
     /// That no motor's largest torque falls with its speed.
     pub motors: bool,
 }
@@ -24,6 +26,7 @@ impl Kept {
         Self {
             links: all(&robot.link_mass, 1.0) && shifts.into_iter().all(|shift| all(shift, 0.0)),
             stiction: all(&robot.stiction, 0.0),
+            load_friction: all(&robot.load_friction, 0.0),
             motors: robot.no_load_speed.iter().all(|&speed| speed >= MOST_SPEED),
         }
     }
@@ -33,6 +36,7 @@ impl Kept {
         Self {
             links: self.links && other.links,
             stiction: self.stiction && other.stiction,
+            load_friction: self.load_friction && other.load_friction,
             motors: self.motors && other.motors,
         }
     }
@@ -44,6 +48,7 @@ impl Kept {
             let kept = match (slot.owner, slot.name) {
                 (Owner::Link(link), _) => self.links && link > 0,
                 (_, "stiction") => self.stiction,
+                (_, "load_friction") => self.load_friction,
                 (_, "no_load_speed") => self.motors,
                 _ => false,
             };

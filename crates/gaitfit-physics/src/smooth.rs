@@ -332,6 +332,13 @@ fn joint_rows<T: Real>(
         T::leave(sticky);
         out.frictionloss = bound.merge(sticky, p.frictionloss);
     }
+    // Gears that carry more rub more (Hamon, Gautier and Garrec 2010): the torque is that of the motor in this step.
+    let loaded = p.load_friction.unless_zero();
+    if T::enter(loaded) {
+        let bound = p.load_friction.fma(drives[j].torque.abs(), out.frictionloss);
+        T::leave(loaded);
+        out.frictionloss = bound.merge(loaded, out.frictionloss);
+    }
     if let Some(limit) = &link.limit {
         let (low, high) = (q - T::k(limit.lower), T::k(limit.upper) - q);
         let sign = T::select_lt(high, low, -one, one);

@@ -164,6 +164,7 @@ pub fn samples_with(
         if all.len() % 2 == 1 {
             robot.stiction.fill(0.2);
             robot.stribeck_velocity.fill(0.5);
+            robot.load_friction.fill(0.1);
             (0..joints).step_by(2).for_each(|j| robot.no_load_speed[j] = 6.0);
             robot.stall_torque.fill(15.0);
             robot.link_mass.fill(1.2);

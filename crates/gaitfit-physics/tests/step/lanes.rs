@@ -50,6 +50,7 @@ fn cases(model: &Model, file: &str, count: usize) -> Cases {
         if index % 3 == 1 {
             robot.stiction.fill(0.2);
             robot.stribeck_velocity.fill(0.5);
+            robot.load_friction.fill(0.1);
         }
         if index % 4 == 2 {
             robot.no_load_speed.fill(12.0);

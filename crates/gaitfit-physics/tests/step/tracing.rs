@@ -47,6 +47,7 @@ fn compare(model: &Model, preset: Preset, file: &str) -> BTreeSet<usize> {
         robot.base_mass = random.uniform(-1.0, 2.0);
         if index % 2 == 1 {
             robot.stiction.fill(0.3);
+            robot.load_friction.fill(0.1);
             (robot.no_load_speed[1], robot.stall_torque[1]) = (9.0, 12.0);
         }
         robot.friction_scale = random.uniform(0.5, 1.5);

@@ -108,6 +108,10 @@ pub(super) fn isaac_lab(joints: &[JointNumbers], gains: bool, step: f64, candida
         "stribeck_velocity: friction falls from `friction` to `dynamic_friction` there at once",
     );
     say(
+        joints.iter().any(|joint| joint.load_friction != 0.0),
+        "load_friction: add it times the absolute joint effort to `friction` and `dynamic_friction` at every physics step",
+    );
+    say(
         joints.iter().any(|joint| joint.no_load_speed.is_finite()),
         "no_load_speed, stall_torque: DCMotorCfg's velocity_limit and saturation_effort; it has no delay",
     );

@@ -26,6 +26,8 @@ pub(super) struct JointNumbers {
     pub stiction: f64,
     /// rad/s
     pub stribeck_velocity: f64,
+    /// Friction for each N·m of the motor's torque.
+    pub load_friction: f64,
     /// Of all springs on the joint, N·m/rad.
     pub stiffness: f64,
     /// Their torque at angle 0, N·m.
@@ -75,6 +77,7 @@ pub(super) fn numbers(model: &Model, candidate: &Candidate, gains: Option<&Gains
             frictionloss: robot.frictionloss[j],
             stiction: robot.stiction[j],
             stribeck_velocity: robot.stribeck_velocity[j],
+            load_friction: robot.load_friction[j],
             stiffness: own + robot.stiffness[j],
             spring_torque: own * rest + robot.spring_torque[j],
             kp,

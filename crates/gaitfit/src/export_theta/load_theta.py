@@ -37,12 +37,14 @@ def apply(model, theta):
 
 
 def stribeck(model, data, theta):
-    """Dry friction of joints with stiction at their present velocities: call it before every mj_step."""
+    """Dry friction of joints with stiction or load_friction, at their present velocities and the actuators' last torques:
+    call it before every mj_step."""
     for name, joint in theta["joints"].items():
-        if joint["stiction"]:
+        if joint["stiction"] or joint["load_friction"]:
             dof = model.joint(name).dofadr[0]
             left = math.exp(-((data.qvel[dof] / joint["stribeck_velocity"]) ** 2))
-            model.dof_frictionloss[dof] = joint["frictionloss"] + joint["stiction"] * left
+            load = joint["load_friction"] * abs(data.qfrc_actuator[dof])
+            model.dof_frictionloss[dof] = joint["frictionloss"] + joint["stiction"] * left + load
 
 
 def friction(model, theta):

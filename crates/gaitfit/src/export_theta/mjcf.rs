@@ -95,8 +95,10 @@ pub(super) fn patched(
         }
         switched
     };
-    let friction =
-        switch(&["frictionloss"], joints.iter().any(|joint| joint.frictionloss + joint.stiction != 0.0));
+    let friction = switch(
+        &["frictionloss"],
+        joints.iter().any(|joint| joint.frictionloss + joint.stiction + joint.load_friction != 0.0),
+    );
     let passive = joints.iter().any(|joint| joint.damping != 0.0 || joint.sprung);
     let passive = switch(&["passive", "damper", "spring"], passive);
     for (joint, own) in joints.iter().zip(&model.joints) {

@@ -15,7 +15,8 @@ const ARM: &str = include_str!("../../../gaitfit-model/tests/robots/arm.xml");
 const GO2_URDF: &str = include_str!("../../../../assets/go2.urdf");
 
 /// Kinds that a robot file has no words for.
-const BY_CODE: [&str; 4] = ["stiction", "stribeck_velocity", "no_load_speed", "stall_torque"];
+const BY_CODE: [&str; 5] =
+    ["stiction", "stribeck_velocity", "load_friction", "no_load_speed", "stall_torque"];
 
 /// Physics step of the simulators that take the files, s.
 const STEP: f64 = 0.005;
@@ -39,6 +40,7 @@ fn theta_of(model: &Model, delay: f64) -> ThetaFile {
         ("delay", &all, delay),
         ("stiction", &all, 0.3),
         ("stribeck_velocity", second, 0.5),
+        ("load_friction", second, 0.05),
         ("no_load_speed", &all, 4.0),
         ("stall_torque", &all, 6.0),
         ("link_mass", second, 1.3),
@@ -158,6 +160,7 @@ fn friction_at_rest_and_falling_torque_are_said_by_code() {
     let document: serde_json::Value = serde_json::from_str(content(&exported, "theta.json")).unwrap();
     let [first, second] = [0, 1].map(|j: usize| &document["joints"][&model.joints[j].name]);
     assert_eq!((&first["stiction"], &second["stribeck_velocity"]), (&0.3.into(), &0.5.into()));
+    assert_eq!(second["load_friction"], 0.05);
     assert_eq!((&second["no_load_speed"], &second["stall_torque"]), (&4.0.into(), &6.0.into()));
     let isaac = content(&exported, "isaac_lab.py");
     assert!(isaac.contains("friction=0.55,") && isaac.contains("dynamic_friction=0.25,"), "{isaac}");

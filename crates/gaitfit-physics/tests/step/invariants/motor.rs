@@ -117,6 +117,34 @@ fn a_no_load_speed_needs_a_stall_torque() {
     assert!(error.contains("stribeck_velocity") && error.contains("0.001"), "{error}");
 }
 
+/// A step is that of a robot whose friction is constant at what the drives' torques make it.
+#[test]
+fn friction_grows_with_the_motors_torque() {
+    let model = clamped("go2");
+    let mut random = Random(9);
+    let tree = compile::<f64>(&model, &converged(&model)).unwrap();
+    let joints = tree.joints();
+    let mut state = State::new(&tree);
+    state.qvel = random.signed(joints, 0.5);
+    let drives: Vec<Drive<f64>> =
+        (0..joints).map(|j| Drive { torque: 1.3 * j as f64 - 7.0, ..Drive::zero() }).collect();
+    let after = |robot: &Robot| {
+        let mut state = state.clone();
+        step(&tree, &robot.params(&model).unwrap(), &drives, &mut state, &mut Work::new(&tree));
+        state.qvel
+    };
+    let mut loaded = Robot::nominal(&model);
+    loaded.frictionloss.fill(0.2);
+    let without = after(&loaded);
+    loaded.load_friction = (0..joints).map(|j| 0.02 * j as f64).collect();
+    let mut constant = Robot::nominal(&model);
+    constant.frictionloss =
+        (0..joints).map(|j| 0.2 + loaded.load_friction[j] * drives[j].torque.abs()).collect();
+    let (found, wanted) = (after(&loaded), after(&constant));
+    assert!(difference(&found, &wanted) < 1e-12, "{found:?} and not {wanted:?}");
+    assert!(difference(&found, &without) > 1e-3, "friction under load does nothing");
+}
+
 /// The bound is that of the step's start: the step is that of a robot whose friction is constant at F(q̇).
 #[test]
 fn friction_falls_from_rest_to_motion() {

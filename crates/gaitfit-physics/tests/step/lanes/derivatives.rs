@@ -20,10 +20,11 @@ struct Direction {
     of_state: bool,
 }
 
-const DIRECTIONS: [(&str, bool); 19] = [
+const DIRECTIONS: [(&str, bool); 20] = [
     ("frictionloss", false),
     ("stiction", false),
     ("stribeck_velocity", false),
+    ("load_friction", false),
     ("no_load_speed", false),
     ("stall_torque", false),
     ("armature", false),
@@ -124,6 +125,7 @@ fn compare(model: &Model, file: &str, preset: Preset, centred: bool, lift: f64) 
         for j in 0..joints {
             if j % 2 == 0 {
                 (robot.stiction[j], robot.stribeck_velocity[j]) = (0.2, 0.7);
+                robot.load_friction[j] = 0.05;
             }
             // With no speed at all a difference would go to and fro across where it begins.
             (robot.no_load_speed[j], robot.stall_torque[j]) =
