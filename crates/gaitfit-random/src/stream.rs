@@ -43,6 +43,8 @@ impl Purpose {
     pub const PLACE: Self = Self(15);
     /// Phases of chirps, and the robots that they are tried on.
     pub const EXCITATION: Self = Self(16);
+    /// Starts near those of logs (environment = log).
+    pub const START: Self = Self(18);
     /// Values of simulated robots, and starts of their logs.
     pub const SIMULATED_ROBOTS: Self = Self(17);
 }

@@ -23,7 +23,7 @@ fn evaluated(
     values: Vec<f64>,
 ) -> Result<Option<Evaluation>, Error> {
     let jobs = [Job { cost, values, draw: 0 }];
-    let simulator = setup.fit.simulator.as_ref();
+    let simulator = setup.searched().simulator.as_ref();
     let found =
         evaluate(simulator, theta, &setup.costs, &FallPenalty::NONE, &jobs, &never).map_err(Error::failed)?;
     Ok(found.into_iter().next())
@@ -124,7 +124,7 @@ pub(super) fn beside(
         move |candidates: &[Vec<f64>]| -> Result<Vec<Option<f64>>, FitError> {
             let jobs: Vec<Job> =
                 candidates.iter().map(|values| Job { cost, values: values.clone(), draw: 0 }).collect();
-            let (simulator, falls) = (setup.fit.simulator.as_ref(), &setup.options.falls);
+            let (simulator, falls) = (setup.searched().simulator.as_ref(), &setup.options.falls);
             let found = evaluate(simulator, &setup.theta, &setup.costs, falls, &jobs, &never)?;
             Ok(found.into_iter().map(|found| found.cost).collect())
         }

@@ -28,6 +28,32 @@ impl LogSet {
         logs: Vec<Log>,
     ) -> Result<Self, Error> {
         let simulator = method.simulator(base.clone(), &logs)?;
+        Self::simulated_by(simulator, config, method, logs)
+    }
+
+    /// What the search compares where it takes each log from several starts (`simulation.starts`): `logs`, and as many
+    /// copies of each as there are further starts; `None` where each log is simulated once.
+    pub(super) fn from_several_starts(
+        config: &AdaptConfig,
+        method: &Method,
+        base: &Candidate,
+        logs: &[Log],
+    ) -> Result<Option<Self>, Error> {
+        let starts = config.starts();
+        if starts < 2 {
+            return Ok(None);
+        }
+        let copies = vec![logs; starts].concat();
+        let simulator = method.simulator_from_near(base.clone(), &copies, logs.len())?;
+        Self::simulated_by(simulator, config, method, copies).map(Some)
+    }
+
+    fn simulated_by(
+        simulator: Box<dyn Simulator>,
+        config: &AdaptConfig,
+        method: &Method,
+        logs: Vec<Log>,
+    ) -> Result<Self, Error> {
         let joints = method.joints();
         let skip = method.samples(config.skip_seconds(), &logs);
         if let Some(short) = logs.iter().find(|log| log.trajectory.len() <= skip) {

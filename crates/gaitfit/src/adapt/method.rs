@@ -75,6 +75,25 @@ impl Method {
         })
     }
 
+    /// As [`Method::simulator`]; the first `once` of `logs` start as their robots did, the others near there.
+    ///
+    /// # Errors
+    /// As there.
+    pub(super) fn simulator_from_near(
+        &self,
+        base: Candidate,
+        logs: &[Log],
+        once: usize,
+    ) -> Result<Box<dyn Simulator>, Error> {
+        Ok(match self {
+            Self::Replay(_) => self.simulator(base, logs)?,
+            Self::Walk(walking) => {
+                let simulator = walking.simulator(base, logs).with_starts_near(once);
+                on(simulator, &walking.gpus, walking.threads)?
+            }
+        })
+    }
+
     /// Samples of `logs` that make up `seconds`.
     pub fn samples(&self, seconds: f64, logs: &[Log]) -> usize {
         let period = match self {

@@ -113,7 +113,8 @@ pub fn fit(
 
 /// A fresh fit, or the checkpoint's with the metrics cut back to it.
 fn start<'a>(setup: &'a Setup, folder: &RunFolder, inputs: &Inputs) -> Result<(Fit<'a>, f64), Error> {
-    let (simulator, theta, costs) = (setup.fit.simulator.as_ref(), &setup.theta, setup.costs.as_slice());
+    let (simulator, theta, costs) =
+        (setup.searched().simulator.as_ref(), &setup.theta, setup.costs.as_slice());
     let options = setup.options.clone();
     let Some(text) = folder.read(CHECKPOINT)? else {
         folder.write(METRICS, b"")?;

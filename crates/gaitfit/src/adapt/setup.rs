@@ -36,6 +36,8 @@ pub struct Setup {
     pub theta: Theta,
     /// The logs that are fitted.
     pub fit: LogSet,
+    /// The same logs from several starts, where the search compares them so.
+    pub several: Option<LogSet>,
     /// The logs that are not, in sets that are compared together: logs of a clamped robot one by one, as they may
     /// differ in sample rate.
     pub validate: Vec<LogSet>,
@@ -164,6 +166,7 @@ impl Setup {
         let named =
             if config.odd_joints { sprung(&config, &method, &method.joints())? } else { theta.clone() };
         warnings.extend(unused(&config, &named, &logs.validate)?);
+        let several = LogSet::from_several_starts(&config, &method, &base, &logs.fit)?;
         let fit = LogSet::new(&config, &method, &base, logs.fit)?;
         let other = |config: &AdaptConfig| {
             self::method(config, walker.clone(), robot.clone(), &theta, &reach, threads)
@@ -186,7 +189,7 @@ impl Setup {
             warnings.push(format!("{signal} of {column} is constant in the logs and left out of the costs"));
         }
         let mut setup = Self {
-            costs: fit.costs(&config)?,
+            costs: several.as_ref().unwrap_or(&fit).costs(&config)?,
             options: check::options(&config, logs.notes.as_ref().map_or(0, LogNotes::falls)),
             notes: logs.notes,
             alternatives,
@@ -195,6 +198,7 @@ impl Setup {
             method,
             theta,
             fit,
+            several,
             validate,
             files,
             warnings,
@@ -217,6 +221,11 @@ impl Setup {
             }
         }
         Ok(setup)
+    }
+
+    /// What the costs compare.
+    pub(crate) fn searched(&self) -> &LogSet {
+        self.several.as_ref().unwrap_or(&self.fit)
     }
 
     /// What is fitted, with a spring on each of `joints` besides.

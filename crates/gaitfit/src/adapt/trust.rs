@@ -21,7 +21,7 @@ pub(super) fn identified(
     watch: &Watch<'_>,
 ) -> Result<(CostOutcome, Option<String>), Error> {
     let (number, cost) = (cost, setup.costs[cost].as_ref());
-    let scan = Scan::new(setup.fit.simulator.as_ref(), cost.name(), watch);
+    let scan = Scan::new(setup.searched().simulator.as_ref(), cost.name(), watch);
     let stop = || watch.stop();
     let measured = if setup.options.method.least_squares(cost, &setup.theta).map_err(Error::failed)? {
         let (theta, draw) = (&setup.theta, outcome.draw());

@@ -1,6 +1,9 @@
 //! Settings of `gaitfit fit` that do not go together, and what they mean to the optimiser.
 
 use super::{AdaptConfig, Base, LEAST_STRETCH_S, MOST_SEED};
+
+/// Largest `simulation.starts`.
+const MAX_STARTS: usize = 64;
 use crate::Error;
 use gaitfit_adapt::fit::{FallPenalty, FitOptions, Method};
 use gaitfit_adapt::{NetworkStart, RobotNumber};
@@ -79,6 +82,10 @@ pub fn check(config: &AdaptConfig, path: &Path) -> Result<(), Error> {
         "`checkpoint_seconds` must be at least 0"
     } else if !config.simulation.timestep.is_finite() || config.simulation.timestep < 1e-6 {
         "`simulation.timestep` must be at least 1e-6 s"
+    } else if !(1..=MAX_STARTS).contains(&config.simulation.starts) {
+        "`simulation.starts` must be 1 to 64"
+    } else if !free && config.simulation.starts > 1 {
+        "`simulation.starts` is for walking logs; add base = \"free\" if the robot walked"
     } else if !not_negative(config.skip_seconds()) {
         "`simulation.skip_seconds` must be at least 0"
     } else if horizon != 0.0 && !(horizon >= LEAST_STRETCH_S && horizon.is_finite()) {

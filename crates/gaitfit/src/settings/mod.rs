@@ -170,6 +170,9 @@ pub struct SimulationConfig {
     /// Seconds at the start of each log that do not count in costs and errors; see [`AdaptConfig::skip_seconds`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub skip_seconds: Option<f64>,
+    /// Walking logs compared by distributions (`wass`) alone: how often a candidate walks each log, from the start that the
+    /// joints show and from starts near it.
+    pub starts: usize,
     /// Seconds of each walking log, after the skipped ones, that count; 0 counts all of it.
     pub horizon_seconds: f64,
     /// Threads; 0 takes one for each core.
@@ -250,6 +253,12 @@ impl AdaptConfig {
     /// What is fitted.
     pub fn rules(&self) -> Rules {
         Rules { parameter: self.parameter.clone(), network: self.network.clone(), robot: self.number.clone() }
+    }
+
+    /// How often a candidate walks each log, see [`SimulationConfig::starts`]; 1 where a cost compares samples.
+    pub fn starts(&self) -> usize {
+        let distributions = self.base == Base::Free && self.costs.iter().all(|&cost| cost == CostKind::Wass);
+        if distributions { self.simulation.starts } else { 1 }
     }
 
     /// Seconds at the start of each log that do not count. How a walking robot's base moved when the log began no log of
@@ -350,6 +359,7 @@ impl Default for SimulationConfig {
             self_contact: None,
             preset: Preset::Accurate,
             skip_seconds: None,
+            starts: 1,
             horizon_seconds: 0.0,
             threads: 0,
         }

@@ -13,6 +13,9 @@ use toml::de::{DeTable, DeValue};
 pub(super) const WALK_DEFAULTS: &str = include_str!("walk.toml");
 /// Lists of what is fitted. Who gives one of them chooses all of it.
 const FITTED: [&str; 3] = ["parameter", "network", "number"];
+/// The list of numbers of the whole robot, and the one that `wass` alone can see.
+const NUMBERS: &str = "number";
+const NOISE: &str = "torque_noise";
 /// Tables of how `wass` is searched.
 const SEARCH: [&str; 2] = ["optimizer", "simulation"];
 /// Whether legs in the air give priors: with the default parameters and cost alone.
@@ -51,7 +54,17 @@ pub(super) fn trim(defaults: &mut DeTable<'_>, own: &DeTable<'_>) {
     if !searches_distributions(own) {
         SEARCH.iter().for_each(|name| drop(defaults.remove(*name)));
         defaults.remove(SWINGS);
+        if let Some(DeValue::Array(numbers)) = defaults.get_mut(NUMBERS).map(Spanned::get_mut) {
+            let kept = numbers.iter().filter(|one| !of_distributions(one.get_ref())).cloned();
+            *numbers = kept.collect();
+        }
     }
+}
+
+/// Whether only distributions show a number of the robot: torque noise makes predictions worse, whatever it is.
+fn of_distributions(number: &DeValue<'_>) -> bool {
+    let DeValue::Table(table) = number else { return false };
+    matches!(table.get("kind").map(Spanned::get_ref), Some(DeValue::String(kind)) if kind == NOISE)
 }
 
 /// Whether the first cost is that of the defaults.
@@ -84,10 +97,10 @@ mod tests {
         let found = read("policy = \"p.safetensors\"\nlogs = [\"a.csv\"]\n");
         assert_eq!((found.base, found.costs.as_slice()), (Base::Free, &[CostKind::Wass][..]));
         let fitted: Vec<JointParameter> = found.parameter.iter().map(|rule| rule.kind).collect();
-        use JointParameter::{Armature, Damping, Delay, FrictionLoss, TorqueScale};
-        assert_eq!(fitted, [FrictionLoss, Armature, Damping, Delay, TorqueScale]);
+        use JointParameter::{Armature, Damping, Delay, FrictionLoss, LoadFriction, TorqueScale};
+        assert_eq!(fitted, [FrictionLoss, LoadFriction, Armature, Damping, Delay, TorqueScale]);
         let numbers: Vec<RobotNumber> = found.number.iter().map(|rule| rule.kind).collect();
-        assert_eq!(numbers, [RobotNumber::FloorFriction, RobotNumber::BaseMass]);
+        assert_eq!(numbers, [RobotNumber::FloorFriction, RobotNumber::BaseMass, RobotNumber::TorqueNoise]);
         assert!(found.optimizer.patience > 0 && found.optimizer.population > 0);
         assert_eq!(read("base = \"free\"\n").parameter, found.parameter);
         assert_eq!(read("base = \"fixed\"\npolicy = \"p\"\n").base, Base::Fixed, "what a file has stays");
@@ -103,6 +116,7 @@ mod tests {
         );
         let short = read("policy = \"p\"\ncosts = [\"matchr1\"]\n");
         assert_eq!(short.optimizer, AdaptConfig::default().optimizer, "another search");
+        assert!(short.number.iter().all(|rule| rule.kind != RobotNumber::TorqueNoise), "{:?}", short.number);
         assert!(short.parameter.iter().any(|rule| rule.kind == JointParameter::Delay));
     }
 

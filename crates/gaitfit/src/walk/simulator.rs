@@ -5,9 +5,11 @@ use crate::log::{self, Log};
 use gaitfit_adapt::cost::Signal;
 use gaitfit_adapt::{Cancel, Consume, Resets, Rollout, Signals, Simulator, SimulatorError, Theta};
 use gaitfit_log::Trajectory;
+use gaitfit_model::rotation;
 use gaitfit_policy::follow::{self, Script, Track};
 use gaitfit_policy::predict::{self, Course};
 use gaitfit_policy::walker::Walker;
+use gaitfit_random::{Purpose, Stream};
 use gaitfit_sim::{Candidate, Start};
 use std::sync::Arc;
 
@@ -63,6 +65,35 @@ impl WalkSimulator {
     /// and from them are what the log has there, so they cost nothing.
     pub fn with_filled(self, logs: &[Log]) -> Self {
         Self { filled: logs.iter().map(Filled::new).collect(), ..self }
+    }
+
+    /// The simulator with logs after the first `once` started near where their joint sensors say: with other angles,
+    /// velocities and speeds of the base, the same in every simulation. How a robot walks after a second hardly depends on
+    /// them, and whether it falls does where it is about to.
+    pub fn with_starts_near(mut self, once: usize) -> Self {
+        let walker = &self.walking.task.walker;
+        for (number, script) in self.scripts.iter_mut().enumerate().skip(once) {
+            let stream =
+                Stream::new(0, Purpose::START).environment(u32::try_from(number).unwrap_or(u32::MAX));
+            let joints = script.start.joint_position.len();
+            let near = |values: &[f32], spread: f64, first: usize| -> Vec<f64> {
+                let drawn = |(k, &value): (usize, &f32)| {
+                    f64::from(value) + spread * stream.normal((first + k) as u32)
+                };
+                values.iter().enumerate().map(drawn).collect()
+            };
+            let angles = near(&script.start.joint_position, START_ANGLE, 0);
+            let velocities = near(&script.start.joint_velocity, START_VELOCITY, joints);
+            script.start = Start {
+                base_angular: script.start.base_angular,
+                joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
+                ..walker.standing([0.0; 2], script.start.base_quaternion.map(f64::from), &angles)
+            };
+            for (axis, speed) in script.start.base_linear.iter_mut().take(2).enumerate() {
+                *speed = (START_SPEED * stream.normal((2 * joints + axis) as u32)) as f32;
+            }
+        }
+        self
     }
 
     /// The simulator with other trust in standing feet.
@@ -189,6 +220,15 @@ impl Filled {
     }
 }
 
+/// Least cosine of the angle from upright at which a log's orientation is where its simulation starts.
+const START_UPRIGHT: f64 = 0.87;
+/// Deviation of a joint's angle at a start near the log's, rad.
+const START_ANGLE: f64 = 0.02;
+/// Deviation of a joint's velocity there, rad/s.
+const START_VELOCITY: f64 = 0.3;
+/// Deviation of the base's velocity there along each horizontal axis, m/s.
+const START_SPEED: f64 = 0.1;
+
 /// What logs call the measurements of an IMU.
 pub const IMU_COLUMNS: &str =
     "base_quat_w, base_quat_x, base_quat_y, base_quat_z (or roll, pitch, yaw) and wx, wy, wz";
@@ -237,8 +277,8 @@ pub(super) fn in_model(walker: &Walker, values: &[f64], others: &[f32]) -> Vec<f
     all
 }
 
-/// What the simulated robot follows: the log's commands, from the log's first joint angles and velocities. Where the
-/// base is at the start no robot knows: upright in the task's posture, feet on the ground, at rest.
+/// What the simulated robot follows: the log's commands, from the log's first joint angles and velocities. Its base is as
+/// the log's inertial unit says, or else in the task's posture and at rest. How fast it moves no robot knows: it does not.
 pub(crate) fn script(walker: &Walker, log: &Trajectory) -> Script {
     let joints = walker.joints.len();
     let samples = log.len();
@@ -257,8 +297,27 @@ pub(crate) fn script(walker: &Walker, log: &Trajectory) -> Script {
     let posture =
         |row: usize| (model_order(&log.position, row, &home), model_order(&log.velocity, row, &still));
     let (angles, velocities) = posture(0);
-    let start = walker.start_from_joints(&angles, &velocities);
+    let start = match inertial_start(log) {
+        Some((quaternion, rates)) => Start {
+            base_angular: rates,
+            joint_velocity: velocities.iter().map(|&x| x as f32).collect(),
+            ..walker.standing([0.0; 2], quaternion, &angles)
+        },
+        None => walker.start_from_joints(&angles, &velocities),
+    };
     Script { commands, start, states: states(log, posture), actions: actions(log) }
+}
+
+/// Orientation (heading 0) and body rates (rad/s) at the log's first sample, where it has them and the base is not far from
+/// upright.
+fn inertial_start(log: &Trajectory) -> Option<([f64; 4], [f32; 3])> {
+    let base = log.base.as_ref()?;
+    let (quaternion, rates) = (base.quaternion.as_ref()?, base.angular_velocity.as_ref()?);
+    let quaternion = rotation::normalize(*quaternion.first_chunk::<4>()?);
+    let rates = rates.first_chunk::<3>()?.map(|x| x as f32);
+    let numbers = quaternion.iter().all(|x| x.is_finite()) && rates.iter().all(|x| x.is_finite());
+    let level = rotation::product(rotation::turn(2, -rotation::heading(quaternion)), quaternion);
+    (numbers && rotation::up(level)[2] > START_UPRIGHT).then_some((level, rates))
 }
 
 /// The whole state at every sample, where the log has it.

@@ -22,7 +22,7 @@ pub(super) fn mark(setup: &Setup) -> Result<String, Error> {
     let job = |cost: usize| Job { cost, values: setup.theta.start(0), draw: 0 };
     let jobs: Vec<Job> = (0..setup.costs.len()).map(job).collect();
     let found =
-        setup.fit.simulator.costs(&setup.theta, &setup.costs, &jobs, &never).map_err(Error::failed)?;
+        setup.searched().simulator.costs(&setup.theta, &setup.costs, &jobs, &never).map_err(Error::failed)?;
     let shown = setup.costs.iter().zip(found).map(|(cost, found)| {
         let bits =
             found.cost.map_or_else(|| "diverges".to_owned(), |cost| format!("{:016x}", cost.to_bits()));
@@ -113,7 +113,7 @@ impl Helper {
 
     fn simulator(&self, number: usize) -> Result<&dyn Simulator, FitError> {
         if number == 0 {
-            return Ok(self.setup.fit.simulator.as_ref());
+            return Ok(self.setup.searched().simulator.as_ref());
         }
         let other = self.setup.alternatives.get(number - 1).map(|other| other.alternative().simulator);
         other.ok_or_else(|| {

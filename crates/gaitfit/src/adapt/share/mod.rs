@@ -13,6 +13,7 @@ mod task;
 
 pub use helper::Helper;
 
+use super::log_set::LogSet;
 use super::setup::Setup;
 use crate::Error;
 use gaitfit_adapt::fit::{Comparison, Failure, FitError, Problem, Question};
@@ -59,7 +60,10 @@ impl Setup {
         let entries = self.theta.entries().iter().map(|entry| entry.name.clone()).collect();
         let shares = Shares { crew, costs, entries };
         let share = |own, number| Box::new(Shared { own, number, shares: shares.clone() });
-        self.fit.simulator = share(self.fit.simulator, 0);
+        match self.several.take() {
+            Some(set) => self.several = Some(LogSet { simulator: share(set.simulator, 0), ..set }),
+            None => self.fit.simulator = share(self.fit.simulator, 0),
+        }
         let others = self.alternatives.into_iter().enumerate();
         self.alternatives = others.map(|(at, other)| other.with(|own| share(own, at + 1))).collect();
         self.shares = Some(shares);
