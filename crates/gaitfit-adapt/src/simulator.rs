@@ -88,6 +88,12 @@ pub trait Simulator {
     /// Number of recordings; samples of each are those of the recording.
     fn recordings(&self) -> usize;
 
+    /// Number of logs that the recordings are of: recording `r` is a simulation of log `r % logs`, from another start than
+    /// the ones before. By default each recording is a log of its own.
+    fn logs(&self) -> usize {
+        self.recordings()
+    }
+
     /// Whether [`Signals`] holds `signal`. By default the joints' positions and velocities only.
     fn provides(&self, signal: Signal) -> bool {
         matches!(signal, Signal::Position | Signal::Velocity)

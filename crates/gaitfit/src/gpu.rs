@@ -202,6 +202,10 @@ impl<S: OnGpu> Simulator for GpuSimulator<S> {
         self.host.recordings()
     }
 
+    fn logs(&self) -> usize {
+        self.host.logs()
+    }
+
     fn provides(&self, signal: Signal) -> bool {
         self.host.provides(signal)
     }

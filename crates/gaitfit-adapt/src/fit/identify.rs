@@ -67,7 +67,7 @@ pub fn identify(
         )));
     }
     let recordings = simulator.recordings();
-    let views = Views::new(cost, recordings);
+    let views = Views::new(cost, recordings, simulator.logs());
     let rollout = |values: Vec<f64>, draw: u64| Rollout { values, resets: cost.resets(), draw };
     let draw = steadiest(simulator, theta, draw, |draw| rollout(values.to_vec(), draw), cancel)?;
     let more = if views.count() > 1 { 0 } else { DRAWS };
@@ -140,7 +140,7 @@ pub fn cost_error(
     draw: u64,
     cancel: &Cancel<'_>,
 ) -> Result<Option<f64>, FitError> {
-    let views = Views::new(cost, simulator.recordings());
+    let views = Views::new(cost, simulator.recordings(), simulator.logs());
     let rollout = Rollout { values: values.to_vec(), resets: cost.resets(), draw };
     let (costs, _) = simulator.views(theta, &views, &[rollout], &|| (), cancel)?;
     let costs = costs.into_iter().next().flatten();

@@ -20,11 +20,14 @@ pub struct Views<'a> {
 }
 
 impl<'a> Views<'a> {
-    /// All `recordings`, and all but a group, if there are at least two and the cost can be had of fewer.
-    pub fn new(cost: &'a dyn Cost, recordings: usize) -> Self {
-        let groups = recordings.min(GROUPS);
+    /// All `recordings` of so many `logs` ([`Simulator::logs`]), and all but a group of logs, if there are at least two and
+    /// the cost can be had of fewer. Recordings of one log are in one group: they do not differ by chance alone.
+    pub fn new(cost: &'a dyn Cost, recordings: usize, logs: usize) -> Self {
+        let logs = logs.clamp(1, recordings.max(1));
+        let groups = logs.min(GROUPS);
         let without = |group: usize| {
-            let kept: Vec<usize> = (0..recordings).filter(|recording| recording % groups != group).collect();
+            let kept: Vec<usize> =
+                (0..recordings).filter(|recording| recording % logs % groups != group).collect();
             Some((cost.subset(&kept)?, kept))
         };
         let all = if groups < 2 { None } else { (0..groups).map(without).collect::<Option<_>>() };

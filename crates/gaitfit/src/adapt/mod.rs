@@ -19,6 +19,7 @@ mod outliers;
 mod parameter;
 mod replicas;
 mod report;
+mod reselect;
 pub mod results;
 mod robots;
 mod scan;

@@ -37,6 +37,10 @@ impl Simulator for Scan<'_> {
         self.simulator.recordings()
     }
 
+    fn logs(&self) -> usize {
+        self.simulator.logs()
+    }
+
     fn provides(&self, signal: Signal) -> bool {
         self.simulator.provides(signal)
     }

@@ -1,6 +1,7 @@
 //! How far the values of a fit can be trusted: their correction and their intervals.
 
 use super::alternatives::Other;
+use super::reselect::reselect;
 use super::robots;
 use super::scan::Scan;
 use super::setup::Setup;
@@ -55,10 +56,11 @@ fn measured(
     let (cost, theta, stop) = (setup.costs[number].as_ref(), &setup.theta, || watch.stop());
     let replicas =
         setup.replicas.as_ref().filter(|_| robots::applies(&setup.config, setup.config.costs[number]));
+    reselect(setup, number, outcome, course, watch)?;
     let mut refused = None;
     if let Some(replicas) = replicas {
         let problem =
-            Problem { simulator: setup.fit.simulator.as_ref(), theta, cost, draw: 0, cancel: &stop };
+            Problem { simulator: setup.searched().simulator.as_ref(), theta, cost, draw: 0, cancel: &stop };
         refused = robots::correct(setup, replicas, outcome, problem, watch)?;
         if refused.is_none() {
             return Ok(None);
@@ -70,7 +72,7 @@ fn measured(
     let name = outcome.cost.clone();
     let own = course.iter().filter(|one| one.cost == name);
     let others = own.map(|one| (one.best_so_far, one.best_values.as_slice()));
-    let simulator = setup.fit.simulator.as_ref();
+    let simulator = setup.searched().simulator.as_ref();
     if let Some(error) = cost_error(simulator, theta, cost, &outcome.values(), 0, &stop)? {
         outcome.widen(theta, others, error);
     }

@@ -21,6 +21,8 @@ pub struct WalkSimulator {
     /// How long after the samples the robot's targets were sent, s.
     lead: f64,
     scripts: Vec<Script>,
+    /// Logs that the scripts are of, see [`Simulator::logs`].
+    logs: usize,
     /// Rows that logs lost, one entry a log; none where no log lost some.
     filled: Vec<Filled>,
     /// What the logs' sensors read; empty if a log lacks what an IMU measures.
@@ -42,6 +44,7 @@ impl WalkSimulator {
             base,
             lead: log::lead(logs.iter().copied()),
             filled: Vec::new(),
+            logs: logs.len(),
             scripts: logs.iter().map(|log| script(&walking.task.walker, log)).collect(),
             courses: logs.iter().map_while(|log| course(&walking.task.walker, log)).collect(),
             feet_trust: predict::FEET_TRUST,
@@ -70,11 +73,12 @@ impl WalkSimulator {
     /// The simulator with logs after the first `once` started near where their joint sensors say: with other angles,
     /// velocities and speeds of the base, the same in every simulation. How a robot walks after a second hardly depends on
     /// them, and whether it falls does where it is about to.
-    pub fn with_starts_near(mut self, once: usize) -> Self {
+    pub fn with_starts_near(mut self, once: usize, seed: u64) -> Self {
+        self.logs = once;
         let walker = &self.walking.task.walker;
         for (number, script) in self.scripts.iter_mut().enumerate().skip(once) {
             let stream =
-                Stream::new(0, Purpose::START).environment(u32::try_from(number).unwrap_or(u32::MAX));
+                Stream::new(seed, Purpose::START).environment(u32::try_from(number).unwrap_or(u32::MAX));
             let joints = script.start.joint_position.len();
             let near = |values: &[f32], spread: f64, first: usize| -> Vec<f64> {
                 let drawn = |(k, &value): (usize, &f32)| {
@@ -116,6 +120,10 @@ impl Simulator for WalkSimulator {
 
     fn recordings(&self) -> usize {
         self.scripts.len()
+    }
+
+    fn logs(&self) -> usize {
+        self.logs
     }
 
     fn provides(&self, _signal: Signal) -> bool {

@@ -89,8 +89,10 @@ impl Helper {
             Work::Costs(_) => return Err(unknown()),
             Work::Views { cost, whole, rollouts } => {
                 let cost = costs.get(cost).ok_or_else(unknown)?.as_ref();
-                let make = if whole { Views::whole } else { Views::new };
-                let views = make(cost, simulator.recordings());
+                let views = match whole {
+                    true => Views::whole(cost, simulator.recordings()),
+                    false => Views::new(cost, simulator.recordings(), simulator.logs()),
+                };
                 bytes(&simulator.views(theta, &views, &rollouts, &|| (), cancel)?.0)?
             }
             Work::Signals(rollouts) => signals::write(&predicted(simulator, theta, &rollouts, cancel)?),

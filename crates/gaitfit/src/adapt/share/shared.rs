@@ -87,6 +87,10 @@ impl Simulator for Shared {
         self.own.recordings()
     }
 
+    fn logs(&self) -> usize {
+        self.own.logs()
+    }
+
     fn provides(&self, signal: Signal) -> bool {
         self.own.provides(signal)
     }
