@@ -240,16 +240,6 @@ impl CostOutcome {
         Ok(None)
     }
 
-    /// Takes other values of the search, and their cost, as its result.
-    pub fn choose(&mut self, theta: &Theta, values: &[f64], cost: f64) {
-        self.best_cost = cost;
-        let entries = theta.entries().iter().zip(values);
-        for (parameter, (entry, &value)) in self.parameters.iter_mut().zip(entries) {
-            parameter.value = value;
-            parameter.at_bound = entry.at_bound(value);
-        }
-    }
-
     /// Takes corrected values.
     fn take(&mut self, theta: &Theta, corrected: &[f64]) {
         let entries = theta.entries().iter().zip(corrected);

@@ -31,18 +31,21 @@ impl LogSet {
         Self::simulated_by(simulator, config, method, logs)
     }
 
-    /// Each of `logs` from so many starts: that of the log and others near it, which `seed` draws.
+    /// What the search compares where it takes each log from several starts (`simulation.starts`): `logs`, and as many
+    /// copies of each as there are further starts; `None` where each log is simulated once.
     pub(super) fn from_several_starts(
         config: &AdaptConfig,
         method: &Method,
         base: &Candidate,
         logs: &[Log],
-        starts: usize,
-        seed: u64,
-    ) -> Result<Self, Error> {
+    ) -> Result<Option<Self>, Error> {
+        let starts = config.starts();
+        if starts < 2 {
+            return Ok(None);
+        }
         let copies = vec![logs; starts].concat();
-        let simulator = method.simulator_from_near(base.clone(), &copies, logs.len(), seed)?;
-        Self::simulated_by(simulator, config, method, copies)
+        let simulator = method.simulator_from_near(base.clone(), &copies, logs.len())?;
+        Self::simulated_by(simulator, config, method, copies).map(Some)
     }
 
     fn simulated_by(

@@ -75,7 +75,7 @@ impl Method {
         })
     }
 
-    /// As [`Method::simulator`]; the first `once` of `logs` start as their robots did, the others near there, as `seed` draws.
+    /// As [`Method::simulator`]; the first `once` of `logs` start as their robots did, the others near there.
     ///
     /// # Errors
     /// As there.
@@ -84,12 +84,11 @@ impl Method {
         base: Candidate,
         logs: &[Log],
         once: usize,
-        seed: u64,
     ) -> Result<Box<dyn Simulator>, Error> {
         Ok(match self {
             Self::Replay(_) => self.simulator(base, logs)?,
             Self::Walk(walking) => {
-                let simulator = walking.simulator(base, logs).with_starts_near(once, seed);
+                let simulator = walking.simulator(base, logs).with_starts_near(once);
                 on(simulator, &walking.gpus, walking.threads)?
             }
         })

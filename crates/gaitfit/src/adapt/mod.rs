@@ -19,7 +19,6 @@ mod outliers;
 mod parameter;
 mod replicas;
 mod report;
-mod reselect;
 pub mod results;
 mod robots;
 mod scan;

@@ -26,15 +26,6 @@ use gaitfit_sim::Candidate;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Starts of each log by which the last candidates of a search are compared once more.
-const UNSEEN_STARTS: usize = 16;
-
-/// Logs that are only compared after a search, and the fit's cost of them.
-pub(super) struct Unseen {
-    pub set: LogSet,
-    pub cost: Box<dyn Cost>,
-}
-
 /// Everything a fit needs.
 pub struct Setup {
     /// The settings, with every default of what is fitted.
@@ -47,8 +38,6 @@ pub struct Setup {
     pub fit: LogSet,
     /// The same logs from several starts, where the search compares them so.
     pub several: Option<LogSet>,
-    /// The same logs from starts that the search has not seen, to choose among its last candidates.
-    pub(super) unseen: Option<Unseen>,
     /// The logs that are not, in sets that are compared together: logs of a clamped robot one by one, as they may
     /// differ in sample rate.
     pub validate: Vec<LogSet>,
@@ -177,17 +166,7 @@ impl Setup {
         let named =
             if config.odd_joints { sprung(&config, &method, &method.joints())? } else { theta.clone() };
         warnings.extend(unused(&config, &named, &logs.validate)?);
-        let (several, unseen) = match config.starts() {
-            0 | 1 => (None, None),
-            starts => {
-                let of = |starts, seed| {
-                    LogSet::from_several_starts(&config, &method, &base, &logs.fit, starts, seed)
-                };
-                let set = of(UNSEEN_STARTS, 1)?;
-                let cost = set.costs(&config)?.into_iter().next();
-                (Some(of(starts, 0)?), cost.map(|cost| Unseen { set, cost }))
-            }
-        };
+        let several = LogSet::from_several_starts(&config, &method, &base, &logs.fit)?;
         let fit = LogSet::new(&config, &method, &base, logs.fit)?;
         let other = |config: &AdaptConfig| {
             self::method(config, walker.clone(), robot.clone(), &theta, &reach, threads)
@@ -220,7 +199,6 @@ impl Setup {
             theta,
             fit,
             several,
-            unseen,
             validate,
             files,
             warnings,

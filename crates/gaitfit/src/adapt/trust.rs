@@ -1,7 +1,6 @@
 //! How far the values of a fit can be trusted: their correction and their intervals.
 
 use super::alternatives::Other;
-use super::reselect::reselect;
 use super::robots;
 use super::scan::Scan;
 use super::setup::Setup;
@@ -56,7 +55,6 @@ fn measured(
     let (cost, theta, stop) = (setup.costs[number].as_ref(), &setup.theta, || watch.stop());
     let replicas =
         setup.replicas.as_ref().filter(|_| robots::applies(&setup.config, setup.config.costs[number]));
-    reselect(setup, number, outcome, course, watch)?;
     let mut refused = None;
     if let Some(replicas) = replicas {
         let problem =
